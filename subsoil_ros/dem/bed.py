@@ -1,0 +1,78 @@
+"""Bed preparation: a cubic grid that stands still from the first step."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import SceneError
+from ..scene.limits import pair_values, particle_mass_kg
+from ..scene.soil import Soil
+
+
+@dataclass(frozen=True)
+class Bed:
+    """Prepared particles and the box they stand in. World axes, z = 0 at the mean top."""
+
+    positions_m: np.ndarray  # (n, 3) float64
+    lower_m: tuple[float, float, float]  # x, y, z of the walls x = 0, right side, floor
+    upper_m: tuple[float, float]  # x, y of the far wall and the left side; the top is open
+
+
+def grid_shape(soil: Soil) -> tuple[int, int, int]:
+    """Particles along x, y and z that the bin holds at the bed's spacing.
+
+    Raises:
+        SceneError: the bin holds none.
+    """
+    radius, spacing = soil.particles.radius_m, soil.bed.spacing_m
+    _, boundary = pair_values(soil)
+    wall = radius - boundary.rest_overlap  # centre to wall, unloaded
+
+    def count(extent: float, free: float) -> int:
+        return int(np.floor((extent - free) / spacing + 1e-9)) + 1 if extent >= free else 0
+
+    shape = (
+        count(soil.bin.length_m, 2.0 * wall),
+        count(soil.bin.width_m, 2.0 * wall),
+        count(soil.bin.depth_m, wall + radius),
+    )
+    if min(shape) < 1:
+        raise SceneError(
+            f"soil.bin: {soil.bin.length_m:g} x {soil.bin.width_m:g} x {soil.bin.depth_m:g} m holds no "
+            f"particle of radius {radius:g} m; make every side larger than {2 * radius:g} m"
+        )
+    return shape
+
+
+def prepare_grid(soil: Soil, gravity_m_per_s2: float) -> Bed:
+    """Cubic grid at the given spacing, walls moved in to fit it.
+
+    A row of n spheres touches both walls at the unloaded overlap, so a wall stands up to one spacing
+    inside the bin's nominal size. At the stress-free spacing 2 r - delta_c the layers are lowered by what
+    the weight above presses them together (n m g / K_X under n layers), and the bed is in equilibrium.
+    """
+    pair, boundary = pair_values(soil)
+    radius, spacing = soil.particles.radius_m, soil.bed.spacing_m
+    nx, ny, nz = grid_shape(soil)
+    wall = radius - boundary.rest_overlap
+    weight = particle_mass_kg(soil) * gravity_m_per_s2
+    above = nz - 1.0 - np.arange(nz)  # layers above layer k
+    step_up = np.full(nz - 1, spacing)
+    floor_gap = wall - nz * weight / boundary.stiffness
+    if spacing <= 2.0 * radius - pair.rest_overlap + 1e-12:
+        step_up -= above[:-1] * weight / pair.stiffness
+    heights = np.concatenate(([0.0], np.cumsum(step_up)))
+    heights -= heights[-1] + radius  # top of the uppermost spheres at z = 0
+
+    x = wall + spacing * np.arange(nx)
+    y = spacing * (np.arange(ny) - 0.5 * (ny - 1))
+    grid = np.stack(np.meshgrid(x, y, heights, indexing="ij"), axis=-1).reshape(-1, 3)
+    if soil.bed.jitter_m > 0.0:
+        generator = np.random.default_rng(soil.bed.seed)
+        grid = grid + generator.uniform(-soil.bed.jitter_m, soil.bed.jitter_m, grid.shape)
+    half_width = 0.5 * spacing * (ny - 1) + wall
+    return Bed(
+        positions_m=np.ascontiguousarray(grid),
+        lower_m=(0.0, -half_width, float(heights[0] - floor_gap)),
+        upper_m=(float(x[-1] + wall), half_width),
+    )

@@ -1,0 +1,344 @@
+"""The soil engine: motions of the tools in, wrenches on the tools out."""
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from ..errors import InputError, PhysicsError
+from ..messages import SoilCloud, SoilState, ToolMotion, ToolWrench
+from ..scene.limits import particle_mass_kg
+from ..scene.loader import ResolvedScene
+from ..scene.meshes import load_tool_mesh
+from .bed import Bed, prepare_grid
+from .contact import SINKS, soil_laws
+from .integration import kick, kick_drift, motion_sums
+from .neighbours import carry_pairs, carry_rows, cell_grid, half_list, slab_starts, sort_by_cell
+from .pairs import pair_forces, pair_scan
+from .state import PairList, Particles, WallList
+from .tool_surface import ToolSurface, motion_within
+from .walls import near_walls, wall_forces, wall_planes, wall_scan
+
+_CELLS_PER_SLAB = 2
+"""Slab width in cells: wider than the reach, narrow enough to keep threads equally busy (chosen)."""
+
+_TOOL_SKIN = 2.0
+"""Skin of the tool search over that of the pairs: tools are faster and their lists short (chosen)."""
+
+
+@dataclass(frozen=True)
+class EnergyBook:
+    """Where the soil's energy is and went [J]. Sinks count from the start, with `book` only."""
+
+    kinetic_joule: float
+    gravity_joule: float  # zero at z = 0
+    stored_joule: float  # in contacts: normal, tangential and rolling springs
+    sinks_joule: dict[str, float]  # by dem.contact.SINKS
+    tool_work_joule: float  # done by the tools on the soil
+
+    @property
+    def total_joule(self) -> float:
+        """What stays constant: stored, moving and dissipated energy less the work put in."""
+        inside = self.kinetic_joule + self.gravity_joule + self.stored_joule
+        return inside + sum(self.sinks_joule.values()) - self.tool_work_joule
+
+
+class SoilEngine:
+    """Discrete elements in a bin, touched by tools.
+
+    Results do not depend on `threads`. With `book`, every energy sink is booked (slower).
+    """
+
+    def __init__(self, resolved: ResolvedScene, threads: int = 1, *, book: bool = False) -> None:
+        soil = resolved.scene.soil
+        if soil is None:
+            raise InputError(f"{resolved.path}: has no 'soil', so it needs no soil engine")
+        if not 1 <= threads <= numba.config.NUMBA_NUM_THREADS:
+            raise InputError(
+                f"threads: {threads} given, this machine allows 1 to {numba.config.NUMBA_NUM_THREADS}; "
+                "give fewer, or set NUMBA_NUM_THREADS"
+            )
+        self._resolved, self._soil, self._threads = resolved, soil, threads
+        self._step_s = resolved.timing.soil_step_s
+        self._gravity = resolved.scene.gravity_m_per_s2
+        self._radius = soil.particles.radius_m
+        self._mass = particle_mass_kg(soil)
+        self._inertia = 0.4 * self._mass * self._radius**2
+        self._law, self._boundary, self._features = soil_laws(soil, book=book)
+        self._overlap_bound = soil.largest_tool_overlap_m or 2.0 * self._radius
+        self.bed: Bed = prepare_grid(soil, self._gravity)
+        self._planes = wall_planes(self.bed.lower_m, self.bed.upper_m)
+        self._tools: tuple[ToolSurface, ...] = ()
+        self._rebuilds = 0
+        self._tool_work = 0.0
+        self._sinks = np.zeros(len(SINKS))  # of pairs and walls
+        self._load(self.bed.positions_m, np.arange(len(self.bed.positions_m)))
+
+    def _load(self, position: np.ndarray, identity: np.ndarray) -> None:
+        """Start from particles at rest without contact history."""
+        self._particles = Particles.at_rest(np.ascontiguousarray(position), identity)
+        self._forget_contacts()
+        self._rebuild(())
+
+    def _keep(self, kept: np.ndarray) -> None:
+        """Only the particles where `kept` (n,) bool, without contact history."""
+        p = self._particles
+        p.reorder(np.flatnonzero(kept))
+        self._forget_contacts()
+
+    def _forget_contacts(self) -> None:
+        none = np.empty((0, 3))
+        rows = np.zeros(self._particles.count + 1, np.int64)
+        self._pairs = PairList(rows, np.empty(0, np.int32), none, none.copy(), np.zeros(1, np.int64))
+        walls = np.empty((0, len(self._planes), 3))
+        self._walls = WallList(np.empty(0, np.int64), walls, walls.copy())
+
+    def place(
+        self,
+        position_m: np.ndarray,
+        velocity_m_per_s: np.ndarray | None = None,
+        spin_rad_per_s: np.ndarray | None = None,
+    ) -> None:
+        """Put these particles into the bin instead of the prepared bed: (n, 3) arrays, world axes.
+
+        Call it before `start`, which then must not remove any of them.
+        """
+        position = np.array(position_m, dtype=np.float64).reshape(-1, 3)
+        self._load(position, np.arange(len(position)))
+        back = self._particles.identity
+        if velocity_m_per_s is not None:
+            self._particles.velocity = np.array(velocity_m_per_s, np.float64).reshape(-1, 3)[back]
+        if spin_rad_per_s is not None:
+            self._particles.spin = np.array(spin_rad_per_s, np.float64).reshape(-1, 3)[back]
+
+    @property
+    def particle_count(self) -> int:
+        """Particles in the bin."""
+        return self._particles.count
+
+    @property
+    def mass_kg(self) -> float:
+        """Mass of one particle."""
+        return self._mass
+
+    @property
+    def wall_force_newton(self) -> np.ndarray:
+        """(3,) sum of what the walls put on the particles in the last soil step, world axes."""
+        return self._wall_force.sum(axis=0)
+
+    @property
+    def momentum_kg_m_per_s(self) -> np.ndarray:
+        """(3,) of all particles, world axes."""
+        p = self._particles
+        return self._mass * motion_sums(p.position, p.velocity, p.spin)[3]
+
+    def positions_m(self) -> np.ndarray:
+        """(n, 3) float64, world axes, in the order of the prepared bed."""
+        return self._particles.position[np.argsort(self._particles.identity)]
+
+    def velocities_m_per_s(self) -> np.ndarray:
+        """(n, 3) float64, world axes, in the order of the prepared bed."""
+        return self._particles.velocity[np.argsort(self._particles.identity)]
+
+    def spins_rad_per_s(self) -> np.ndarray:
+        """(n, 3) float64, world axes, in the order of the prepared bed."""
+        return self._particles.spin[np.argsort(self._particles.identity)]
+
+    def forces_newton(self) -> np.ndarray:
+        """(n, 3) float64, world axes, sum on each particle at the end of the last step, weight included."""
+        return self._particles.force[np.argsort(self._particles.identity)]
+
+    def start(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
+        """Wrenches of the initial state. Particles that the tools overlap are removed; no time advances.
+
+        A particle goes when its centre is inside a tool or so near that the contact would press.
+        """
+        scene = self._resolved.scene
+        bodies = scene.mechanism.bodies if scene.mechanism else {}
+        numba.set_num_threads(self._threads)
+        tools = []
+        for (name, tool), motion in zip(scene.tools.items(), motions, strict=True):
+            mesh = load_tool_mesh(self._resolved.directory, scene, name)
+            reference = bodies[tool.body].angle_rad if tool.body else 0.0
+            tools.append(ToolSurface(name, mesh, reference, motion))
+        clearance = self._radius - self._boundary.rest_overlap
+        kept = np.ones(self._particles.count, np.bool_)
+        for surface in tools:
+            kept[surface.overlapped(self._particles, clearance)] = False
+        if not kept.any():
+            raise InputError("tools: they overlap every particle of the bed; check their scale and position")
+        self._tools = tuple(tools)
+        self._keep(kept)
+        self._rebuild(motions)
+        self._begin_tick()
+        self._add_forces(motions, step=0.0)
+        return self._wrenches()
+
+    def advance(self, tick: int, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
+        """Wrenches of `tick`, the tools moving from where they stand to `motions`.
+
+        Raises:
+            PhysicsError: a state that is not a number, or a tool sunk too deep into a particle.
+        """
+        numba.set_num_threads(self._threads)
+        steps = self._resolved.timing.soil_steps
+        starts = tuple(tool.last for tool in self._tools)
+        self._begin_tick()
+        for s in range(1, steps + 1):
+            if s == steps and self._resolved.scene.coupling.force == "tick_end":
+                self._keep_last_step_only()
+            now = tuple(
+                motion_within(a, b, self._resolved.timing.interval_s, s / steps)
+                for a, b in zip(starts, motions, strict=True)
+            )
+            self._advance_step(tick, now)
+        return self._wrenches()
+
+    def _begin_tick(self) -> None:
+        for tool in self._tools:
+            tool.begin_tick()
+
+    def _keep_last_step_only(self) -> None:
+        """`tick_end`: the exchanged force is that of the last step; work is still summed over all."""
+        for tool in self._tools:
+            work = tool.felt.work_joule
+            tool.begin_tick()
+            tool.felt.work_joule = work
+
+    def _wrenches(self) -> tuple[ToolWrench, ...]:
+        return tuple(tool.wrench() for tool in self._tools)
+
+    def _advance_step(self, tick: int, motions: tuple[ToolMotion, ...]) -> None:
+        p, skin = self._particles, self._soil.skin_m
+        far = kick_drift(
+            p.position, p.velocity, p.spin, p.force, p.torque, p.built_position,
+            self._mass, self._inertia, self._gravity, self._step_s, (0.5 * skin) ** 2,
+        )  # fmt: skip
+        allowed = (_TOOL_SKIN - 0.5) * skin
+        if far or any(t.moved_m(m) > allowed for t, m in zip(self._tools, motions, strict=True)):
+            self._refuse_lost_numbers(tick)
+            self._rebuild(motions)
+        self._add_forces(motions, self._step_s)
+        kick(p.velocity, p.spin, p.force, p.torque, self._mass, self._inertia, self._step_s)
+        deepest = max((tool.largest_overlap_m for tool in self._tools), default=0.0)
+        if deepest > self._overlap_bound:
+            raise PhysicsError(
+                f"tick {tick}: a tool overlaps a particle by {deepest:.3g} m, allowed is "
+                f"soil.largest_tool_overlap_m {self._overlap_bound:.3g} m; use a stiffer boundary, a slower "
+                "tool or a smaller step"
+            )
+
+    def _add_forces(self, motions: tuple[ToolMotion, ...], step: float) -> None:
+        p, pairs, walls, features = self._particles, self._pairs, self._walls, self._features
+        motion = (p.position, p.velocity, p.spin, p.force, p.torque)
+        if step == 0.0:
+            p.force[:] = 0.0
+            p.force[:, 2] = -self._mass * self._gravity
+            p.torque[:] = 0.0
+        pair_forces(
+            pairs.slab_start, pairs.row_start, pairs.neighbour, *motion, pairs.shear, pairs.roll,
+            self._radius, step, self._law, features, self._pair_book,
+        )  # fmt: skip
+        wall_forces(
+            walls.particle, self._planes, *motion, walls.shear, walls.roll,
+            self._radius, step, self._boundary, features, self._wall_force, self._wall_book,
+        )  # fmt: skip
+        for tool, at in zip(self._tools, motions, strict=True):
+            work = tool.felt.work_joule
+            tool.add_forces(p, at, self._radius, step, self._boundary, features)
+            self._tool_work -= tool.felt.work_joule - work
+
+    def _rebuild(self, motions: tuple[ToolMotion, ...]) -> None:
+        """Sort particles into cells, find pairs, walls and tool candidates, carry histories over."""
+        p, skin = self._particles, self._soil.skin_m
+        adhesive = self._features.adhesion.ndim == 2
+        reach = 2.0 * self._radius + (self._law.reach if adhesive else 0.0) + skin
+        boundary_reach = self._radius + (self._boundary.reach if adhesive else 0.0)
+        grid = cell_grid(p.position, reach)
+        order, cell_start = sort_by_cell(p.position, grid)
+        p.reorder(order)
+        row_start, neighbour = half_list(p.position, grid, cell_start, reach)
+        old = self._pairs
+        shear, roll = carry_pairs(
+            order, old.row_start, old.neighbour, old.shear, old.roll, row_start, neighbour
+        )
+        slabs = slab_starts(cell_start, grid, _CELLS_PER_SLAB)
+        self._flush_books()
+        self._pairs = PairList(row_start, neighbour, shear, roll, slabs)
+        particle = near_walls(p.position, self._planes, boundary_reach + skin)
+        histories = carry_rows(order, self._walls.particle, particle, (self._walls.shear, self._walls.roll))
+        self._walls = WallList(particle, *histories)
+        for tool, motion in zip(self._tools, motions, strict=True):
+            tool.search(motion, p, order, cell_start, grid, boundary_reach + _TOOL_SKIN * skin)
+        self._wall_force = np.zeros((len(particle), 3))
+        self._pair_book = np.zeros((len(slabs) - 1, len(SINKS)))
+        self._wall_book = np.zeros((len(particle), len(SINKS)))
+        self._rebuilds += 1
+
+    def _flush_books(self) -> None:
+        if self._features.book.ndim == 2 and self._rebuilds > 0:
+            self._sinks += self._pair_book.sum(axis=0) + self._wall_book.sum(axis=0)
+            self._pair_book[:] = 0.0
+            self._wall_book[:] = 0.0
+
+    def _refuse_lost_numbers(self, tick: int) -> None:
+        p = self._particles
+        finite = np.isfinite(p.position).all(axis=1) & np.isfinite(p.velocity).all(axis=1)
+        if not finite.all():
+            k = int(np.flatnonzero(~finite)[0])
+            raise PhysicsError(
+                f"tick {tick}: particle {p.identity[k]} is no longer a number: position {p.position[k]}, "
+                f"velocity {p.velocity[k]}, last forces {p.force[k]}; use a smaller soil.time_step_s"
+            )
+
+    def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
+        """Monitors at the end of `tick`."""
+        p, n = self._particles, self._particles.count
+        speed2, spin2, _, _ = motion_sums(p.position, p.velocity, p.spin)
+        contacts, largest, _ = self._scan_pairs()
+        gap = self._planes[:, 3] - p.position @ self._planes[:, :3].T
+        return SoilState(
+            run_id,
+            tick,
+            end_time_ns,
+            particle_count=n,
+            contact_count=contacts,
+            lost_particle_count=int((gap < -self._radius).any(axis=1).sum()),
+            rebuild_count=self._rebuilds,
+            kinetic_energy_joule=0.5 * (self._mass * speed2 + self._inertia * spin2),
+            rms_speed_m_per_s=float(np.sqrt(speed2 / n)),
+            rms_spin_rad_per_s=float(np.sqrt(spin2 / n)),
+            largest_overlap_m=largest,
+            largest_tool_overlap_m=max((t.largest_overlap_m for t in self._tools), default=0.0),
+        )
+
+    def _scan_pairs(self) -> tuple[int, float, float]:
+        pairs = self._pairs
+        return pair_scan(
+            pairs.row_start, pairs.neighbour, self._particles.position, pairs.shear, pairs.roll,
+            self._radius, self._law, self._features,
+        )  # fmt: skip
+
+    def energy(self) -> EnergyBook:
+        """The energy book at the end of the last tick."""
+        p, walls = self._particles, self._walls
+        self._flush_books()
+        speed2, spin2, height, _ = motion_sums(p.position, p.velocity, p.spin)
+        at_walls = wall_scan(
+            walls.particle, self._planes, p.position, walls.shear, walls.roll,
+            self._radius, self._boundary, self._features,
+        )[2]  # fmt: skip
+        at_tools = sum(t.stored_joule(p, self._radius, self._boundary, self._features) for t in self._tools)
+        sinks = self._sinks + sum((t.sinks_joule for t in self._tools), np.zeros(len(SINKS)))
+        return EnergyBook(
+            kinetic_joule=0.5 * (self._mass * speed2 + self._inertia * spin2),
+            gravity_joule=self._mass * self._gravity * height,
+            stored_joule=self._scan_pairs()[2] + at_walls + at_tools,
+            sinks_joule=dict(zip(SINKS, sinks.tolist(), strict=True)),
+            tool_work_joule=self._tool_work,
+        )
+
+    def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:
+        """Particles in the order of the prepared bed, float32."""
+        speed = np.linalg.norm(self.velocities_m_per_s(), axis=1)
+        return SoilCloud(tick, end_time_ns, self.positions_m().astype(np.float32), speed.astype(np.float32))

@@ -1,0 +1,157 @@
+"""Neighbour search: cells, half list, walls. Histories are carried over from the lists before."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit, prange
+
+
+class CellGrid(NamedTuple):
+    """Cells of edge >= the search reach over the bed, x-major, z fastest."""
+
+    origin_x: float  # [m]
+    origin_y: float
+    origin_z: float
+    edge: float  # [m]
+    nx: int
+    ny: int
+    nz: int
+
+
+def cell_grid(position: np.ndarray, edge: float) -> CellGrid:
+    """Grid that covers every particle of `position` (n, 3) [m]."""
+    low = position.min(axis=0)
+    count = np.floor((position.max(axis=0) - low) / edge).astype(np.int64) + 1
+    return CellGrid(low[0], low[1], low[2], edge, int(count[0]), int(count[1]), int(count[2]))
+
+
+@njit(cache=True, inline="always")
+def _axis_cell(value, origin, edge, count):
+    return min(max(int((value - origin) / edge), 0), count - 1)
+
+
+@njit(cache=True)
+def sort_by_cell(position, grid):
+    """Stable counting sort. Returns order (n,) and cell_start (cells + 1,)."""
+    n = position.shape[0]
+    cells = grid.nx * grid.ny * grid.nz
+    cell = np.empty(n, np.int64)
+    start = np.zeros(cells + 1, np.int64)
+    for i in range(n):
+        cx = _axis_cell(position[i, 0], grid.origin_x, grid.edge, grid.nx)
+        cy = _axis_cell(position[i, 1], grid.origin_y, grid.edge, grid.ny)
+        cz = _axis_cell(position[i, 2], grid.origin_z, grid.edge, grid.nz)
+        cell[i] = (cx * grid.ny + cy) * grid.nz + cz
+        start[cell[i] + 1] += 1
+    for c in range(cells):
+        start[c + 1] += start[c]
+    place = start[:-1].copy()
+    order = np.empty(n, np.int64)
+    for i in range(n):
+        order[place[cell[i]]] = i
+        place[cell[i]] += 1
+    return order, start
+
+
+@njit(cache=True, inline="always")
+def _forward_range(grid, cx, cy, cz, k, cell_start):
+    """k-th of the five runs of particles that may follow a particle of cell (cx, cy, cz)."""
+    dx = 0 if k < 2 else 1
+    dy = (0, 1, -1, 0, 1)[k]
+    x, y = cx + dx, cy + dy
+    if x >= grid.nx or y < 0 or y >= grid.ny:
+        return 0, 0
+    column = (x * grid.ny + y) * grid.nz
+    low = max(cz - 1, 0) if k > 0 else cz
+    high = min(cz + 1, grid.nz - 1)
+    return cell_start[column + low], cell_start[column + high + 1]
+
+
+@njit(cache=True, parallel=True)
+def half_list(position, grid, cell_start, reach):
+    """Pairs i < j closer than `reach` [m] of particles sorted by cell: row_start (n + 1,), neighbour (p,)."""
+    n = position.shape[0]
+    row_start = np.zeros(n + 1, np.int64)
+    reach2 = reach * reach
+    for i in prange(n):
+        cx = _axis_cell(position[i, 0], grid.origin_x, grid.edge, grid.nx)
+        cy = _axis_cell(position[i, 1], grid.origin_y, grid.edge, grid.ny)
+        cz = _axis_cell(position[i, 2], grid.origin_z, grid.edge, grid.nz)
+        count = 0
+        for k in range(5):
+            low, high = _forward_range(grid, cx, cy, cz, k, cell_start)
+            for j in range(max(low, i + 1), high):
+                dx = position[j, 0] - position[i, 0]
+                dy = position[j, 1] - position[i, 1]
+                dz = position[j, 2] - position[i, 2]
+                if dx * dx + dy * dy + dz * dz < reach2:
+                    count += 1
+        row_start[i + 1] = count
+    for i in range(n):
+        row_start[i + 1] += row_start[i]
+    neighbour = np.empty(row_start[n], np.int32)
+    for i in prange(n):
+        cx = _axis_cell(position[i, 0], grid.origin_x, grid.edge, grid.nx)
+        cy = _axis_cell(position[i, 1], grid.origin_y, grid.edge, grid.ny)
+        cz = _axis_cell(position[i, 2], grid.origin_z, grid.edge, grid.nz)
+        slot = row_start[i]
+        for k in range(5):
+            low, high = _forward_range(grid, cx, cy, cz, k, cell_start)
+            for j in range(max(low, i + 1), high):
+                dx = position[j, 0] - position[i, 0]
+                dy = position[j, 1] - position[i, 1]
+                dz = position[j, 2] - position[i, 2]
+                if dx * dx + dy * dy + dz * dz < reach2:
+                    neighbour[slot] = j
+                    slot += 1
+    return row_start, neighbour
+
+
+def slab_starts(cell_start: np.ndarray, grid: CellGrid, cells_per_slab: int) -> np.ndarray:
+    """First particle of each slab of `cells_per_slab` cells along x, and the particle count."""
+    planes = cell_start[:: grid.ny * grid.nz]
+    starts = planes[:-1:cells_per_slab]
+    return np.append(starts, cell_start[-1])
+
+
+@njit(cache=True, parallel=True)
+def carry_pairs(order, old_row, old_neighbour, old_shear, old_roll, row_start, neighbour):
+    """Histories of the pairs that were in the lists before the particles were put in `order`.
+
+    A pair whose particles changed places sees its springs from the other side: the sign turns.
+    """
+    pairs = neighbour.shape[0]
+    shear = np.zeros((pairs, 3))
+    roll = np.zeros((pairs, 3))
+    for i in prange(order.shape[0]):
+        for k in range(row_start[i], row_start[i + 1]):
+            first, second = order[i], order[neighbour[k]]
+            sign = 1.0
+            if first > second:
+                first, second, sign = second, first, -1.0
+            for m in range(old_row[first], old_row[first + 1]):
+                if old_neighbour[m] == second:
+                    for a in range(3):
+                        shear[k, a] = sign * old_shear[m, a]
+                        roll[k, a] = sign * old_roll[m, a]
+                    break
+    return shear, roll
+
+
+def carry_rows(
+    order: np.ndarray, old_particle: np.ndarray, particle: np.ndarray, old: tuple[np.ndarray, ...]
+) -> tuple[np.ndarray, ...]:
+    """Rows of per-particle histories for `particle`, taken from the rows of `old_particle` (before `order`).
+
+    Each array of `old` has one row per old particle; a particle that was not there gets zeros.
+    """
+    row_of = np.full(len(order), -1, np.int64)
+    row_of[old_particle] = np.arange(len(old_particle))
+    rows = row_of[order[particle]]
+    known = rows >= 0
+    carried = []
+    for array in old:
+        new = np.zeros((len(particle), *array.shape[1:]), array.dtype)
+        new[known] = array[rows[known]]
+        carried.append(new)
+    return tuple(carried)

@@ -1,0 +1,43 @@
+"""One exception tree. The class decides the exit status of the command line."""
+
+
+class SubsoilError(Exception):
+    """Base of every error this package raises on purpose."""
+
+    exit_status = 3
+
+
+class InputError(SubsoilError):
+    """What the user gave cannot be used: says where, what was given, what is allowed, what to do."""
+
+    exit_status = 2
+
+
+class SceneError(InputError):
+    """A scene file (or an override of it) is wrong."""
+
+
+class RunError(SubsoilError):
+    """A run that had started cannot go on."""
+
+
+class PhysicsError(RunError):
+    """The numbers are no longer physics: NaN, an overlap too deep, a residual above its bound."""
+
+
+class SingularMechanismError(RunError):
+    """The mechanism stands in a position where its motion is not determined."""
+
+
+class ProtocolError(RunError):
+    """A lockstep message is missing, repeated, foreign or malformed."""
+
+
+class RecordingError(RunError):
+    """A bag cannot be written or read."""
+
+
+class InterruptedRunError(RunError):
+    """The user ended the run (Ctrl-C)."""
+
+    exit_status = 130

@@ -1,0 +1,228 @@
+"""What the parts of a run tell each other: one frozen record per message of subsoil_msgs.
+
+The direct run hands these objects over; the nodes copy their fields into ROS messages and back
+(nodes/convert.py), and so the ways of running cannot differ. Floats are float64. World axes
+(x forward, y left, z up); the planar angle phi is counter-clockwise seen with x right and z up,
+a rotation about -y. A wrench acts on the body, about its centre of mass.
+"""
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+
+class Command(IntEnum):
+    """What a Grant asks for. Values stand in Grant.msg."""
+
+    RUN = 0
+    END = 1
+    ABORT = 2
+
+
+class NodeState(IntEnum):
+    """Where a node is in its life. Values stand in NodeHello.msg."""
+
+    STARTING = 0
+    READY = 1
+    RUNNING = 2
+    ENDED = 3
+    FAULT = 4
+
+
+@dataclass(frozen=True, slots=True)
+class ToolMotion:
+    """Pose and twist of a tool's body at its centre of mass, at the end of a tick."""
+
+    tool: str
+    x_m: float
+    y_m: float  # lateral offset of the tool, constant
+    z_m: float
+    phi_rad: float  # not wrapped: a wheel turns past pi
+    velocity_x_m_per_s: float
+    velocity_z_m_per_s: float
+    phi_rate_rad_per_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class ToolMotions:
+    """All tools, in scene order, at the end of a tick (INITIAL_TICK: before the run)."""
+
+    run_id: str
+    tick: int
+    end_time_ns: int
+    tools: tuple[ToolMotion, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class GroupForce:
+    """Force of the soil on one facet group of a tool (share, blade, ...), mean over the tick."""
+
+    group: str
+    force_x_newton: float
+    force_y_newton: float
+    force_z_newton: float
+
+
+@dataclass(frozen=True, slots=True)
+class ToolWrench:
+    """Soil on tool: force, torque about the body's centre of mass, mean or end of the tick."""
+
+    tool: str
+    force_x_newton: float
+    force_y_newton: float
+    force_z_newton: float
+    torque_x_newton_m: float
+    torque_y_newton_m: float
+    torque_z_newton_m: float
+    work_joule: float  # done by the soil on the tool in this tick, summed soil step by soil step
+    contact_count: int
+    groups: tuple[GroupForce, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ToolWrenches:
+    """The soil's answer to ToolMotions of the same tick."""
+
+    run_id: str
+    tick: int
+    end_time_ns: int
+    tools: tuple[ToolWrench, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SoilState:
+    """Monitors of the soil at the end of a tick (every record.series_ticks ticks)."""
+
+    run_id: str
+    tick: int
+    end_time_ns: int
+    particle_count: int
+    contact_count: int
+    lost_particle_count: int  # left the domain since the start
+    rebuild_count: int  # neighbour lists built since the start
+    kinetic_energy_joule: float  # translation and spin
+    rms_speed_m_per_s: float
+    rms_spin_rad_per_s: float
+    largest_overlap_m: float
+    largest_tool_overlap_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class BodyState:
+    """A body's centre of mass: position, velocity, acceleration."""
+
+    name: str
+    x_m: float
+    z_m: float
+    phi_rad: float
+    velocity_x_m_per_s: float
+    velocity_z_m_per_s: float
+    phi_rate_rad_per_s: float
+    acceleration_x_m_per_s2: float
+    acceleration_z_m_per_s2: float
+    phi_acceleration_rad_per_s2: float
+
+
+@dataclass(frozen=True, slots=True)
+class JointReaction:
+    """What a joint puts on its second body (body_b), at the joint point, world axes.
+
+    For a driver it is the driver's force (or moment) on the driven body.
+    """
+
+    name: str
+    force_x_newton: float
+    force_z_newton: float
+    moment_newton_m: float  # about the joint point, phi sense
+    unique: bool = True  # False: redundant constraints, the minimum-norm share is given
+
+
+@dataclass(frozen=True, slots=True)
+class ForceState:
+    """A force element: spring_damper (length, rate, axial force, compression positive),
+    wheel_contact (penetration, its rate, normal force), coordinate_spring (coordinate, rate, force).
+    """
+
+    name: str
+    length_m: float
+    rate_m_per_s: float
+    force_newton: float
+
+
+@dataclass(frozen=True, slots=True)
+class MechanismState:
+    """The whole mechanism at the end of a tick."""
+
+    run_id: str
+    tick: int
+    end_time_ns: int
+    draft_newton: float  # force of the draft driver along +x
+    kinetic_energy_joule: float
+    gravity_energy_joule: float  # zero at z = 0
+    spring_energy_joule: float
+    dissipated_joule: float  # by dampers, wheel contacts, friction, since the start
+    driver_work_joule: float  # by all drivers on the machine, since the start
+    external_work_joule: float  # by the soil's wrenches and prescribed loads, since the start
+    position_residual_m: float  # largest violation of a position constraint
+    velocity_residual_m_per_s: float
+    bodies: tuple[BodyState, ...] = ()
+    joints: tuple[JointReaction, ...] = ()
+    forces: tuple[ForceState, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class CouplingReport:
+    """Interface account of a tick, by the coupler."""
+
+    run_id: str
+    tick: int
+    end_time_ns: int
+    mechanism_work_joule: float  # wrench the mechanism held x tool displacement, this tick
+    soil_work_joule: float  # as the soil summed it, this tick
+    residual_joule: float  # cumulative mechanism - soil
+    absolute_work_joule: float  # cumulative sum of |soil work|
+    residual_ratio: float  # |residual| / absolute work; 0 while no work was done
+    wall_time_s: float  # since tick 0; differs between runs
+
+
+@dataclass(frozen=True, slots=True)
+class Grant:
+    """The coupler's permission to advance up to and including `tick`, or the end of the run."""
+
+    run_id: str
+    tick: int
+    command: Command = Command.RUN
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class TickAck:
+    """The recorder has taken every lockstep message up to and including `tick`."""
+
+    run_id: str
+    tick: int
+
+
+@dataclass(frozen=True, slots=True)
+class NodeHello:
+    """Who a node is, what it runs and how it is; sent at the start and as heartbeat."""
+
+    run_id: str
+    node: str
+    state: NodeState
+    scene_hash: str  # resolved scene with mesh and bed bytes
+    package_version: str
+    process_id: int
+    tick: int  # last tick this node has finished
+    message: str = ""  # the fault, in one line
+    initial_motions: tuple[ToolMotion, ...] = ()  # from the source of motion
+    initial_wrenches: tuple[ToolWrench, ...] = ()  # from the soil: its answer to initial_motions
+
+
+@dataclass(frozen=True, slots=True)
+class SoilCloud:
+    """Particles for people: positions [m] (n, 3) and speeds [m/s] (n,), float32 arrays."""
+
+    tick: int
+    end_time_ns: int
+    positions_m: object = field(repr=False)
+    speeds_m_per_s: object = field(repr=False)

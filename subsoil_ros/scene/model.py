@@ -1,0 +1,89 @@
+"""The scene: one frozen tree of everything a run needs."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from .base import Finite, NonNegative, Part, Positive
+from .mechanism import Mechanism, WheelContact
+from .soil import Auto, Soil
+from .tools import Tool
+
+
+class Coupling(Part):
+    """Exchange between soil and mechanism."""
+
+    interval_ns: Annotated[int, Field(gt=0)] | Auto = "auto"  # auto: one soil step
+    mechanism_steps: int = Field(default=1, ge=1, le=1000)  # per exchange
+    force: Literal["tick_end", "tick_mean"] = "tick_end"
+    grant_window: int = Field(default=8, ge=1, le=64)  # ticks the coupler grants ahead
+    residual_bound: Positive = 0.02  # of the interface work, DESIGN.md
+    residual_grace_joule: NonNegative = 1.0  # the bound is not applied to less work than this
+
+
+class Record(Part):
+    """What goes into the bag, and how often. Lockstep messages are always recorded, all of them."""
+
+    series_ticks: int = Field(default=20, ge=1)  # series, poses, wrenches, /tf every so many ticks
+    cloud_hz: NonNegative = 10.0  # soil clouds per simulated second; 0: only none
+
+
+class Report(Part):
+    """What the summary and the figures speak of."""
+
+    shank: str | None = None  # body whose angle and height are shown
+    spring: str | None = None  # force element
+    tip_m: tuple[Finite, Finite] | None = None  # (x, z) of the share tip in the reference pose
+    window_inside_m: NonNegative = 0.3  # metrics: tip this far inside both ends of the bin
+    settle_s: NonNegative = 0.0  # metrics start after this
+    paper: bool = False  # print the paper's values beside
+    note: str = ""  # a warning that the summary must carry
+
+
+class Scene(Part):
+    """A whole scene. No `soil`: no soil engine. No `mechanism`: tools follow their paths."""
+
+    name: str = Field(min_length=1)
+    description: str = ""
+    duration_s: Positive
+    gravity_m_per_s2: NonNegative = 9.81
+    soil: Soil | None = None
+    mechanism: Mechanism | None = None
+    tools: dict[str, Tool] = {}
+    coupling: Coupling = Coupling()
+    record: Record = Record()
+    report: Report = Report()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "Scene":
+        if self.soil is None and self.mechanism is None:
+            raise ValueError("give 'soil', 'mechanism' or both: there is nothing to simulate")
+        if self.soil is None and self.tools:
+            raise ValueError("tools: given without 'soil'; tools act on soil only")
+        bodies = self.mechanism.bodies if self.mechanism else {}
+        carried = set()
+        for name, tool in self.tools.items():
+            if tool.body is None:
+                continue
+            if tool.body not in bodies:
+                raise ValueError(
+                    f"tools.{name}.body: no body '{tool.body}'; bodies are {', '.join(bodies) or 'none'}"
+                )
+            if tool.body in carried:
+                raise ValueError(f"tools.{name}.body: '{tool.body}' already carries a tool; use groups")
+            carried.add(tool.body)
+        if self.mechanism and self.tools and any(t.body is None for t in self.tools.values()):
+            raise ValueError("tools: with a mechanism every tool needs a 'body'")
+        for name, force in (self.mechanism.forces if self.mechanism else {}).items():
+            if isinstance(force, WheelContact) and force.body in carried:
+                raise ValueError(
+                    f"mechanism.forces.{name}: body '{force.body}' touches the soil twice, as a tool "
+                    "and through wheel_contact; keep one of them"
+                )
+        report = self.report
+        if report.shank is not None and report.shank not in bodies:
+            raise ValueError(f"report.shank: no body '{report.shank}'")
+        forces = self.mechanism.forces if self.mechanism else {}
+        if report.spring is not None and report.spring not in forces:
+            raise ValueError(f"report.spring: no force '{report.spring}'")
+        return self

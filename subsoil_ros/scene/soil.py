@@ -1,0 +1,79 @@
+"""Soil: bin, particles, bed and contact law."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from .base import Finite, NonNegative, Part, Positive
+
+
+class Bin(Part):
+    """Open box: x in [0, length], y in [-width/2, width/2]; particles only, tools may cross it.
+
+    z = 0 is the mean top of the prepared bed; the floor follows from the bed.
+    """
+
+    length_m: Positive
+    width_m: Positive
+    depth_m: Positive  # of the bed
+
+
+class Particles(Part):
+    """Equal spheres."""
+
+    radius_m: Positive
+    density_kg_per_m3: Positive
+
+
+class GridBed(Part):
+    """Cubic grid, at rest when the spacing is 2 r - rest overlap; seeded jitter of each centre."""
+
+    kind: Literal["grid"]
+    spacing_m: Positive
+    jitter_m: NonNegative = 0.0
+    seed: int = Field(default=0, ge=0)
+
+
+class WetValues(Part):
+    """One row of table 3 of the paper."""
+
+    stiffness_newton_per_m: Positive  # K_X
+    tangential_stiffness_newton_per_m: NonNegative  # K_Y, K_Z
+    damping_newton_s_per_m: NonNegative  # C_X
+    tangential_damping_newton_s_per_m: NonNegative  # C_Y, C_Z
+    adhesion_newton_per_m: NonNegative  # K_B
+    static_friction: NonNegative
+    sliding_friction: NonNegative
+    rolling_friction: NonNegative
+    rest_overlap_m: Positive  # delta_c
+    reach_m: Positive  # delta_B
+
+
+class WetLaw(Part):
+    """The paper's law of wet particles (eq. 12-21), its adjustment distance Delta being 0.
+
+    `values_are` says how the two rows are read: `body`, combined by eq. 15, 16 and 18 (a pair of
+    equal bodies has half of each value), or `pair`, used as they stand.
+    """
+
+    kind: Literal["wet"]
+    values_are: Literal["body", "pair"] = "body"
+    particle: WetValues
+    boundary: WetValues
+    friction_normal: Literal["total", "repulsive", "absolute"] = "total"
+    damped_zones: Literal["repulsive", "all"] = "repulsive"
+
+
+Auto = Literal["auto"]
+
+
+class Soil(Part):
+    """Everything the soil engine needs."""
+
+    bin: Bin
+    particles: Particles
+    bed: GridBed
+    law: WetLaw
+    time_step_s: Annotated[Positive | Auto, Field(union_mode="left_to_right")] = "auto"
+    skin_m: Positive = 0.003
+    largest_tool_overlap_m: Positive | None = None  # alarm; default: one particle radius

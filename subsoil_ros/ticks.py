@@ -1,0 +1,21 @@
+"""Integer simulation time: tick k covers [k H, (k + 1) H), H a whole number of nanoseconds."""
+
+NANOSECONDS_PER_SECOND = 1_000_000_000
+INITIAL_TICK = -1
+"""Tick of the initial state: its end time is 0."""
+
+
+def tick_end_ns(tick: int, interval_ns: int) -> int:
+    """Simulated time at the end of `tick` [ns]; 0 for INITIAL_TICK."""
+    return (tick + 1) * interval_ns
+
+
+def tick_end_s(tick: int, interval_ns: int) -> float:
+    """Simulated time at the end of `tick` [s], derived from the integer, never accumulated."""
+    return tick_end_ns(tick, interval_ns) * 1e-9
+
+
+def tick_count(duration_s: float, interval_ns: int) -> int:
+    """Number of whole ticks that cover `duration_s`; at least one."""
+    duration_ns = round(duration_s * NANOSECONDS_PER_SECOND)
+    return max(1, -(-duration_ns // interval_ns))

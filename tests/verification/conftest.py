@@ -1,0 +1,107 @@
+"""Small soils for the verification tests: the paper's law unless a test changes it."""
+
+import copy
+from pathlib import Path
+
+import pytest
+import trimesh
+import yaml
+
+from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.messages import ToolMotion
+from subsoil_ros.scene.loader import ResolvedScene, load_scene
+
+PARTICLE = {
+    "stiffness_newton_per_m": 10_000.0,
+    "tangential_stiffness_newton_per_m": 8_000.0,
+    "damping_newton_s_per_m": 20.0,
+    "tangential_damping_newton_s_per_m": 20.0,
+    "adhesion_newton_per_m": 7_000.0,
+    "static_friction": 0.5,
+    "sliding_friction": 0.5,
+    "rolling_friction": 0.3,
+    "rest_overlap_m": 0.002,
+    "reach_m": 0.002,
+}
+BOUNDARY = {
+    **PARTICLE,
+    "stiffness_newton_per_m": 16_000.0,
+    "tangential_stiffness_newton_per_m": 12_000.0,
+    "adhesion_newton_per_m": 3_000.0,
+}
+
+
+class SoilMaker:
+    """Writes small scenes and builds their soil engines."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def scene(self, *overrides: str, law: dict | None = None, **changes: object) -> ResolvedScene:
+        """A bin of 0.12 x 0.1 x 0.1 m at a step of 50 us; `law` changes both rows of the law."""
+        document = {
+            "name": "verification",
+            "duration_s": 1.0,
+            "soil": {
+                "bin": {"length_m": 0.12, "width_m": 0.1, "depth_m": 0.1},
+                "particles": {"radius_m": 0.01, "density_kg_per_m3": 1800.0},
+                "bed": {"kind": "grid", "spacing_m": 0.018},
+                "law": {
+                    "kind": "wet",
+                    "particle": PARTICLE | (law or {}),
+                    "boundary": BOUNDARY | (law or {}),
+                },
+                "time_step_s": 5.0e-5,
+            },
+            **copy.deepcopy(changes),
+        }
+        path = self.folder / f"scene_{len(list(self.folder.iterdir()))}.yaml"
+        path.write_text(yaml.safe_dump(document))
+        return load_scene(path, overrides)
+
+    def engine(self, *overrides: str, threads: int = 1, book: bool = False, **kw: object) -> SoilEngine:
+        """The soil engine of `scene` with the same arguments."""
+        return SoilEngine(self.scene(*overrides, **kw), threads, book=book)
+
+    def box(self, x_m: float, y_m: float, z_m: float, *, subdivide: int = 0) -> str:
+        """STL of a box about its centre; `subdivide` cuts every facet in four, so many times."""
+        mesh = trimesh.creation.box((x_m, y_m, z_m))
+        for _ in range(subdivide):
+            mesh = mesh.subdivide()
+        path = self.folder / f"box_{x_m}_{y_m}_{z_m}_{subdivide}.stl"
+        mesh.export(path)
+        return str(path)
+
+
+@pytest.fixture
+def soil(tmp_path: Path) -> SoilMaker:
+    """Maker of small soils in the test's own folder."""
+    return SoilMaker(tmp_path)
+
+
+def tool_at(
+    x_m: float = 0.0, z_m: float = 0.0, phi_rad: float = 0.0, **rates: float
+) -> tuple[ToolMotion, ...]:
+    """Motion of a single tool named 'tool'; rates: vx, vz, rate."""
+    return (
+        ToolMotion(
+            "tool", x_m, 0.0, z_m, phi_rad, rates.get("vx", 0.0), rates.get("vz", 0.0), rates.get("rate", 0.0)
+        ),
+    )
+
+
+@pytest.fixture
+def at() -> object:
+    """The function tool_at."""
+    return tool_at
+
+
+def one_tool(mesh: str) -> dict:
+    """A scene's `tools` with one mesh at the origin of its path."""
+    return {"tool": {"path": {}, "groups": {"body": {"mesh": mesh}}}}
+
+
+@pytest.fixture
+def one() -> object:
+    """The function one_tool."""
+    return one_tool

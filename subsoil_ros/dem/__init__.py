@@ -1,0 +1,7 @@
+"""Discrete-element soil."""
+
+import os
+
+# OpenMP threads would spin between parallel regions and take the cores of the other nodes. OpenMP reads
+# this once, when numba first uses it.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")

@@ -1,0 +1,95 @@
+# `make run` on a fresh machine sets up .venv, then simulates. `make help` lists the rest.
+# Needs Python 3.10 to 3.13 with its headers, a C++ compiler and the package registry; no ROS installation, no root.
+
+VENV ?= .venv
+SCENE ?= config/scenes/subsoiler_1s300_quick.yaml
+OUT ?= runs/$(shell date +%Y%m%d-%H%M%S)
+RUN_FLAGS ?=
+PYTEST_FLAGS ?=
+
+# A candidate counts when it runs: version managers leave stand-ins on the path that only print an error.
+python_fits = $(shell $(1) -c 'import ensurepip, sys, venv; print((3, 10) <= sys.version_info < (3, 14))' 2>/dev/null)
+first_python = $(if $(1),$(if $(filter True,$(call python_fits,$(firstword $(1)))),$(firstword $(1)),$(call \
+	first_python,$(wordlist 2,$(words $(1)),$(1)))))
+PYTHON ?= $(call first_python,python3.12 python3.11 python3.13 python3.10 python3)
+
+prefix := $(abspath $(VENV))
+bin := $(prefix)/bin
+out := $(OUT)
+set_up := $(prefix)/.set-up-packages $(prefix)/.set-up-messages $(prefix)/.set-up-subsoil
+
+# Another ROS or Python environment must not mix with this one: its folders would come first.
+ifneq (,$(AMENT_PREFIX_PATH)$(_ROS_WHEELS_BOOTSTRAP_COMPLETE))
+unexport LD_LIBRARY_PATH
+endif
+unexport PYTHONPATH PYTHONHOME AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH
+unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
+export PATH := $(bin):$(PATH)
+export VIRTUAL_ENV := $(prefix)
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+# rclpy, numba and matplotlib want a home to write to.
+ifneq (yes,$(shell test -n "$$HOME" -a -d "$$HOME" -a -w "$$HOME" && echo yes))
+export HOME := $(prefix)/home
+endif
+
+ros_prefix := AMENT_PREFIX_PATH=$(prefix) CMAKE_PREFIX_PATH=$(prefix)
+pip := $(bin)/python -m pip
+
+.DEFAULT_GOAL := setup
+.PHONY: setup run test check format colcon bench clean help
+
+setup: $(set_up)  ## make .venv: ROS 2 Jazzy, subsoil_msgs, subsoil_ros (again only when their files change)
+
+run: setup  ## simulate SCENE (the quick one) into OUT (runs/<time>), then report; RUN_FLAGS go to subsoil run
+	$(bin)/subsoil run $(SCENE) --out $(out) $(RUN_FLAGS)
+	$(bin)/subsoil report $(out)
+
+test: setup  ## all tests; PYTEST_FLAGS='-m "not slow"' leaves out the slow ones
+	$(bin)/python -m pytest $(PYTEST_FLAGS)
+
+check: setup  ## style, types, layers
+	$(bin)/ruff check .
+	$(bin)/ruff format --check .
+	$(bin)/python -m mypy
+	$(bin)/lint-imports
+
+format: setup  ## put the sources in the style that check wants
+	$(bin)/ruff check --fix .
+	$(bin)/ruff format .
+
+colcon: setup  ## build both packages as a ROS 2 workspace into build/ and install/
+	$(ros_prefix) $(bin)/colcon build --base-paths . msg_defs
+
+bench: setup  ## throughput of the engines, as JSON
+	@for script in benchmarks/*.py; do echo "== $$script"; $(bin)/python "$$script" || exit; done
+
+clean:  ## remove .venv and all that was built; runs/ stays
+	rm -rf $(VENV) build install log *.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+help:  ## this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+$(prefix)/.set-up-packages: $(wildcard requirements/*.txt)
+	@test -n "$(PYTHON)" || { echo "No Python 3.10 to 3.13 with venv found. Install one (Debian: python3-venv)," \
+		"or name it: make PYTHON=/path/to/python3" >&2; exit 2; }
+	@test "$(call python_fits,$(PYTHON))" = True || { echo "PYTHON=$(PYTHON) does not run, or is not Python 3.10 to" \
+		"3.13 with venv. Name another, or leave PYTHON out." >&2; exit 2; }
+	@command -v c++ g++ clang++ >/dev/null || { echo "No C++ compiler found; subsoil_msgs is compiled." \
+		"Install one (Debian: g++)." >&2; exit 2; }
+	@test -f "$$($(PYTHON) -c 'import sysconfig; print(sysconfig.get_path("include"))')/Python.h" || { echo "$(PYTHON)" \
+		"has no Python.h; subsoil_msgs is compiled. Install its headers (Debian: python3-dev)." >&2; exit 2; }
+	$(PYTHON) -m venv --clear $(prefix)
+	mkdir -p $(prefix)/home
+	$(pip) install --quiet --no-compile $(patsubst %,-r requirements/%.txt,run build dev) -c requirements/lock.txt
+	touch $@
+
+$(prefix)/.set-up-messages: $(prefix)/.set-up-packages $(wildcard msg_defs/* msg_defs/msg/*.msg)
+	$(ros_prefix) $(pip) install --quiet --no-build-isolation --no-deps --force-reinstall ./msg_defs
+	touch $@
+
+# Editable: a change of Python sources needs no new set-up. Launch files, scenes and meshes are copied to share/.
+$(prefix)/.set-up-subsoil: $(prefix)/.set-up-messages setup.py setup.cfg package.xml \
+		$(wildcard resource/* scripts/* launch/*.py config/scenes/*.yaml config/meshes/*.stl)
+	$(pip) install --quiet --no-build-isolation --no-deps --force-reinstall --editable .
+	touch $@

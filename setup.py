@@ -1,0 +1,35 @@
+"""Installs subsoil_ros, by pip or colcon. Metadata is in setup.cfg; here are the files of a ROS 2 package."""
+
+from pathlib import Path
+
+from setuptools import Distribution, setup
+
+SHARE = "share/subsoil_ros"
+
+
+def files(pattern: str) -> list[str]:
+    """Files of this tree that match `pattern`, relative to it."""
+    return sorted(str(path) for path in Path().glob(pattern) if path.is_file())
+
+
+class RosPackage(Distribution):
+    """A distribution whose data files are installed with an editable install too."""
+
+    def has_data(self) -> bool:
+        """Whether there are data files: the name that setuptools' editable_wheel asks for, and lacks."""
+        return self.has_data_files()
+
+
+setup(
+    distclass=RosPackage,
+    python_requires=">=3.10",  # here, because colcon cannot read it from setup.cfg
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/subsoil_ros"]),
+        (SHARE, ["package.xml"]),
+        (f"{SHARE}/launch", files("launch/*.py")),
+        (f"{SHARE}/config/scenes", files("config/scenes/*.yaml")),
+        (f"{SHARE}/config/meshes", files("config/meshes/*.stl")),
+        # `ros2 run` looks in lib/subsoil_ros, console scripts are in bin.
+        ("lib/subsoil_ros", files("scripts/*")),
+    ],
+)

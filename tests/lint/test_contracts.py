@@ -1,0 +1,108 @@
+"""Rules of the repository that a machine can check."""
+
+import dataclasses
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+
+import subsoil_ros
+from subsoil_ros import messages
+
+ROOT = Path(__file__).parents[2]
+MESSAGE_FILES = sorted((ROOT / "msg_defs" / "msg").glob("*.msg"))
+RECORD_FILES = [path for path in MESSAGE_FILES if path.stem != "DriverCommand"]  # no record yet
+UNIT_IN_NAME = re.compile(
+    r"_(m|s|ns|kg|rad|newton|newton_m|joule|m_per_s|m_per_s2|rad_per_s|rad_per_s2|kg_per_m3|pa)$|_count$"
+)
+UNIT_IN_COMMENT = re.compile(r"\[[^\]]+\]")
+
+
+def field_lines(text: str) -> list[tuple[str, str, str]]:
+    """Fields of a message text: (type, name, comment). Comments, constants and blank lines are left out."""
+    found = []
+    for line in text.splitlines():
+        declaration, _, comment = line.partition("#")
+        if declaration.strip() and "=" not in declaration:
+            kind, name = declaration.split()
+            found.append((kind, name, comment))
+    return found
+
+
+def constants(text: str) -> dict[str, int]:
+    """Constants of a message text."""
+    return {name: int(value) for name, value in re.findall(r"^uint8 ([A-Z]+)=(\d+)$", text, re.MULTILINE)}
+
+
+def test_imports_keep_the_layers():
+    """The import contracts of pyproject.toml hold."""
+    lint_imports = Path(sys.executable).with_name("lint-imports")
+    result = subprocess.run(
+        [lint_imports, "--no-cache"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert result.returncode == 0, result.stdout + result.stderr
+
+
+@pytest.mark.parametrize("path", MESSAGE_FILES, ids=lambda path: path.stem)
+def test_every_message_field_has_a_unit(path):
+    """A reader of a message needs no other document to know its units."""
+    without = [
+        name
+        for _, name, comment in field_lines(path.read_text())
+        if not UNIT_IN_NAME.search(name) and not UNIT_IN_COMMENT.search(comment)
+    ]
+    assert not without
+
+
+@pytest.mark.parametrize("path", RECORD_FILES, ids=lambda path: path.stem)
+def test_messages_have_the_fields_of_their_records(path):
+    """Message and record cannot drift apart: same names in the same order, standard types where they fit."""
+    expected = [field.name for field in dataclasses.fields(getattr(messages, path.stem))]
+    if "run_id" in expected:
+        expected = ["header"] + [name for name in expected if name != "end_time_ns"]
+    standard = {
+        "GroupForce": ["group", "force"],
+        "ToolMotion": ["tool", "pose", "twist", "phi_rad"],
+        "ToolWrench": ["tool", "wrench", "work_joule", "contact_count", "groups"],
+    }
+    assert [name for _, name, _ in field_lines(path.read_text())] == standard.get(path.stem, expected)
+
+
+@pytest.mark.parametrize(
+    ("message", "enumeration"), [("Grant", messages.Command), ("NodeHello", messages.NodeState)]
+)
+def test_constants_are_those_of_the_records(message, enumeration):
+    """A number on the wire means the same on both sides."""
+    text = (ROOT / "msg_defs" / "msg" / f"{message}.msg").read_text()
+    assert constants(text) == {member.name: member.value for member in enumeration}
+
+
+def test_cmake_builds_every_message():
+    """No message file is forgotten in CMakeLists.txt."""
+    listed = re.findall(r'"msg/(\w+)\.msg"', (ROOT / "msg_defs" / "CMakeLists.txt").read_text())
+    assert sorted(listed) == [path.stem for path in MESSAGE_FILES]
+
+
+def test_one_version_everywhere():
+    """Both ROS packages and the Python package carry the same version."""
+    found = {
+        "package.xml": ElementTree.parse(ROOT / "package.xml").findtext("version"),
+        "msg_defs/package.xml": ElementTree.parse(ROOT / "msg_defs" / "package.xml").findtext("version"),
+    }
+    pyproject = (ROOT / "msg_defs" / "pyproject.toml").read_text()
+    found["msg_defs/pyproject.toml"] = re.search(r'^version = "(.+)"$', pyproject, re.MULTILINE).group(1)
+    assert set(found.values()) == {subsoil_ros.__version__}, found
+
+
+@pytest.mark.parametrize("name", ["run", "build", "dev"])
+def test_every_requirement_is_locked(name):
+    """Set-up installs exact versions only, and lock.txt is the one place that names them."""
+    lock = (ROOT / "requirements" / "lock.txt").read_text().lower()
+    wanted = (ROOT / "requirements" / f"{name}.txt").read_text().splitlines()
+    names = [
+        line.split("[")[0].lower().replace("_", "-") for line in wanted if line and not line.startswith("#")
+    ]
+    assert [name for name in names if f"\n{name}==" not in lock] == []

@@ -1,0 +1,110 @@
+"""Where `ros2 run` and launch files look for the package: after set-up by pip, after a build by colcon."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SOURCES = [
+    "LICENSE",
+    "README.md",
+    "config",
+    "launch",
+    "msg_defs",
+    "package.xml",
+    "pyproject.toml",
+    "resource",
+    "scripts",
+    "setup.cfg",
+    "setup.py",
+    "subsoil_ros",
+]
+PROGRAMS = ["coupler_node", "mechanism_node", "recorder_node", "soil_node", "subsoil"]
+
+
+def shell_environment() -> dict[str, str]:
+    """Environment of a shell in which .venv is activated.
+
+    This process carries the library path of the ROS wheels and their mark that it is set: a build must not
+    inherit them.
+    """
+    inherited = {key: os.environ[key] for key in ("HOME", "LANG", "TMPDIR") if key in os.environ}
+    return {
+        **inherited,
+        "PATH": f"{sys.prefix}/bin:/usr/local/bin:/usr/bin:/bin",
+        "VIRTUAL_ENV": sys.prefix,
+        "AMENT_PREFIX_PATH": sys.prefix,
+        "CMAKE_PREFIX_PATH": sys.prefix,
+    }
+
+
+def run(command: list[str | Path], directory: Path) -> str:
+    """Standard output of a command that must succeed."""
+    result = subprocess.run(
+        command, cwd=directory, env=shell_environment(), capture_output=True, text=True, check=False
+    )
+    assert result.returncode == 0, result.stdout + result.stderr
+    return result.stdout
+
+
+def assert_is_ros_package(prefix: Path) -> None:
+    """Fails unless `prefix` has what ROS tools look for: programs, marker, description, scenes, meshes."""
+    programs = prefix / "lib" / "subsoil_ros"
+    assert sorted(path.name for path in programs.iterdir()) == PROGRAMS
+    assert all(os.access(path, os.X_OK) for path in programs.iterdir())
+    share = prefix / "share"
+    assert (share / "ament_index" / "resource_index" / "packages" / "subsoil_ros").is_file()
+    assert (share / "subsoil_ros" / "package.xml").is_file()
+    for folder, pattern in (("config/scenes", "*.yaml"), ("config/meshes", "*.stl"), ("launch", "*.py")):
+        expected = {path.name for path in (ROOT / folder).glob(pattern)}
+        assert {path.name for path in (share / "subsoil_ros" / folder).glob(pattern)} == expected
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory):
+    """A copy of the sources, built as the documentation says."""
+    directory = tmp_path_factory.mktemp("workspace")
+    for name in SOURCES:
+        source = ROOT / name
+        if source.is_dir():
+            ignored = shutil.ignore_patterns("__pycache__")
+            shutil.copytree(source, directory / name, symlinks=True, ignore=ignored)
+        else:
+            shutil.copy2(source, directory / name)
+    run(["colcon", "build", "--base-paths", ".", "msg_defs"], directory)
+    return directory
+
+
+def test_set_up_puts_the_package_where_ros2_looks():
+    """After `make setup` the environment is a ROS prefix that holds this package."""
+    assert_is_ros_package(Path(sys.prefix))
+
+
+@pytest.mark.slow
+def test_colcon_puts_the_package_where_ros2_looks(workspace):
+    """After `colcon build` install/subsoil_ros is a ROS prefix that holds this package."""
+    assert_is_ros_package(workspace / "install" / "subsoil_ros")
+
+
+@pytest.mark.slow
+def test_colcon_workspace_runs_its_own_code(workspace):
+    """With install/setup.bash sourced, program, package and messages come from the workspace."""
+    ask = "import subsoil_ros, subsoil_msgs.msg as m; print(subsoil_ros.__file__, m.Grant().tick, m.__file__)"
+    lines = run(
+        [
+            "bash",
+            "-c",
+            f". install/setup.bash && cd / && python3 -c '{ask}' && "
+            f"{workspace}/install/subsoil_ros/lib/subsoil_ros/subsoil --help",
+        ],
+        workspace,
+    ).splitlines()
+    package, tick, message = lines[0].split()
+    assert Path(package).is_relative_to(workspace / "install" / "subsoil_ros")
+    assert Path(message).is_relative_to(workspace / "install" / "subsoil_msgs")
+    assert tick == "0"
+    assert "usage: subsoil" in lines[1]

@@ -56,7 +56,7 @@ class SoilMaker:
             **copy.deepcopy(changes),
         }
         path = self.folder / f"scene_{len(list(self.folder.iterdir()))}.yaml"
-        path.write_text(yaml.safe_dump(document))
+        path.write_text(yaml.safe_dump(document, sort_keys=False))
         return load_scene(path, overrides)
 
     def engine(self, *overrides: str, threads: int = 1, book: bool = False, **kw: object) -> SoilEngine:

@@ -1,0 +1,1 @@
+"""From a bag to series, metrics and figures."""

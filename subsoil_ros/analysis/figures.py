@@ -1,0 +1,150 @@
+"""Figures of a run over time, as PNG (paper, figures 5 and 6; figure 7 is soil_cut.py)."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from ..scene.loader import ResolvedScene
+from ..scene.model import Scene
+from . import paper
+from .plotting import COLOURS, new_figure, save_figure
+from .series import Series, read_series
+from .soil_cut import draw_soil_cut
+from .window import metrics_window, window_span_s
+
+_SMOOTHED_S = 0.05  # over the noise of single contacts (chosen: a quarter of the paper's shortest rise)
+
+
+def draw_figures(
+    bag: Path, resolved: ResolvedScene, directory: Path, series: Series | None = None
+) -> list[Path]:
+    """Draws every figure the run has something for into `directory`; returns their paths.
+
+    series: of the bag, if it has been read already.
+
+    Raises:
+        InputError, RecordingError: as read_series.
+    """
+    scene = resolved.scene
+    series = series if series is not None else read_series(bag, scene)
+    window = metrics_window(series, scene)
+    span_s = window_span_s(series, window)
+    directory.mkdir(parents=True, exist_ok=True)
+    painters: dict[str, Callable[[Axes, Series, Scene], bool]] = {
+        "draft.png": _paint_draft,
+        "spring_force.png": _paint_spring_force,
+        "share_angle.png": _paint_share_angle,
+        "shank_height.png": _paint_shank_height,
+    }
+    paths = []
+    for name, paint in painters.items():
+        figure = new_figure(9.0, 4.2)
+        axes = figure.add_subplot()
+        if not paint(axes, series, scene):
+            continue
+        if not window.whole_run and scene.soil is not None:
+            axes.axvspan(*span_s, color="#f2e6c9", zorder=0, label="metrics window (tip well inside the bin)")
+        axes.set_xlabel("simulated time [s]")
+        axes.set_xlim(0.0, series["time_s"][-1])
+        axes.grid(alpha=0.3)
+        # below the curves, so that it covers none
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, frameon=False, fontsize=9)
+        paths.append(save_figure(figure, directory / name))
+    cut = draw_soil_cut(bag, resolved, directory / "soil_cut.png", span_s)
+    return paths if cut is None else [*paths, cut]
+
+
+def running_mean(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Centred mean over `count` (made odd) values, over fewer at the ends; (n,) -> (n,)."""
+    half = min(count // 2, (len(values) - 1) // 2)
+    if half < 1:
+        return values
+    kernel = np.ones(2 * half + 1)
+    return np.convolve(values, kernel, "same") / np.convolve(np.ones_like(values), kernel, "same")
+
+
+def _smooth(series: Series, name: str) -> NDArray[np.float64]:
+    times = series["time_s"]
+    interval_s = float(np.median(np.diff(times))) if len(times) > 1 else _SMOOTHED_S
+    return running_mean(series[name], max(1, round(_SMOOTHED_S / interval_s)))
+
+
+def _title(axes: Axes, scene: Scene, text: str) -> None:
+    axes.set_title(f"{text}\n{scene.name}", fontsize=11)
+
+
+def _paint_draft(axes: Axes, series: Series, scene: Scene) -> bool:
+    if "draft_newton" not in series:
+        return False
+    times = series["time_s"]
+    axes.plot(
+        times, series["draft_newton"], color=COLOURS["main"], lw=0.7, alpha=0.5, label="draft as recorded"
+    )
+    smoothed = f"mean over {_SMOOTHED_S:g} s"
+    axes.plot(
+        times, _smooth(series, "draft_newton"), color=COLOURS["main"], lw=1.8, label=f"draft, {smoothed}"
+    )
+    if scene.mechanism is not None:  # otherwise the tools are all there is of it
+        for part, label in (("share", "soil on share and shank"), ("wheels", "soil on wheels")):
+            if (name := f"draft.{part}_newton") in series:
+                axes.plot(
+                    times, _smooth(series, name), color=COLOURS[part], lw=1.2, label=f"{label}, {smoothed}"
+                )
+    if scene.report.paper:
+        low, high = paper.DRAFT_CYCLE_NEWTON
+        _band(axes, low, high, f"paper: cycle {low:g} to {high:g} N")
+    axes.set_ylabel("pull along travel [N]")
+    _title(axes, scene, "Draft: forward pull that moves the tool, positive while soil resists")
+    return True
+
+
+def _paint_spring_force(axes: Axes, series: Series, scene: Scene) -> bool:
+    name = f"spring.{scene.report.spring}.force_newton"
+    if name not in series:
+        return False
+    axes.plot(
+        series["time_s"], series[name], color=COLOURS["main"], lw=1.2, label=f"spring {scene.report.spring}"
+    )
+    axes.axhline(0.0, color="black", lw=0.6)
+    if scene.report.paper:
+        low, high = paper.SPRING_NEWTON
+        _band(axes, low, high, f"paper: {low:g} to {high:g} N")
+    axes.set_ylabel("force [N], compression positive")
+    _title(axes, scene, "Force of the spring between frame and shank")
+    return True
+
+
+def _paint_share_angle(axes: Axes, series: Series, scene: Scene) -> bool:
+    shank = scene.report.shank
+    if shank is None or scene.mechanism is None:
+        return False
+    turn = series[f"body.{shank}.angle_rad"] - scene.mechanism.bodies[shank].angle_rad
+    axes.plot(series["time_s"], turn, color=COLOURS["main"], lw=1.2, label="share, from its working pose")
+    if scene.report.paper:
+        low, high = paper.ANGLE_RAD
+        _band(axes, low, high, f"paper: {low:g} to {high:g} rad (its zero is ambiguous)")
+    axes.set_ylabel("entry angle [rad], negative: tip back")
+    _title(axes, scene, "Entry angle of the share")
+    return True
+
+
+def _paint_shank_height(axes: Axes, series: Series, scene: Scene) -> bool:
+    shank = scene.report.shank
+    if shank is None or scene.mechanism is None:
+        return False
+    height_mm = 1e3 * series[f"body.{shank}.z_m"]
+    travel = f"{height_mm.max() - height_mm.min():.1f} mm from lowest to highest"
+    if scene.report.paper:
+        travel += f" (paper: {1e3 * paper.HEIGHT_TRAVEL_M:.0f} mm)"
+    axes.plot(series["time_s"], height_mm, color=COLOURS["main"], lw=1.2, label=f"centre of mass: {travel}")
+    axes.set_ylabel("height over the bed's surface [mm]")
+    _title(axes, scene, "Height of the shank's centre of mass")
+    return True
+
+
+def _band(axes: Axes, low: float, high: float, label: str) -> None:
+    axes.axhline(low, color=COLOURS["paper"], lw=1.0, ls="--", label=label)
+    axes.axhline(high, color=COLOURS["paper"], lw=1.0, ls="--")

@@ -1,0 +1,187 @@
+"""The series of a run: columns of numbers over time, read back from its bag."""
+
+import csv
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import RecordingError
+from ..messages import (
+    CouplingReport,
+    ForceState,
+    MechanismState,
+    SoilState,
+    ToolMotions,
+    ToolWrench,
+    ToolWrenches,
+)
+from ..recording.bag_reader import BagReader
+from ..scene.limits import derive_timing
+from ..scene.model import Scene
+
+Number = int | float
+Cells = Iterator[tuple[str, Number]]
+
+_BODY_COLUMNS = {
+    "x_m": "x_m",
+    "z_m": "z_m",
+    "phi_rad": "angle_rad",
+    "velocity_x_m_per_s": "velocity_x_m_per_s",
+    "velocity_z_m_per_s": "velocity_z_m_per_s",
+    "phi_rate_rad_per_s": "angular_velocity_rad_per_s",
+    "acceleration_x_m_per_s2": "acceleration_x_m_per_s2",
+    "acceleration_z_m_per_s2": "acceleration_z_m_per_s2",
+    "phi_acceleration_rad_per_s2": "angular_acceleration_rad_per_s2",
+}
+_TOOL_MOTION_COLUMNS = {key: name for key, name in _BODY_COLUMNS.items() if "acceleration" not in key}
+_JOINT_COLUMNS = ("force_x_newton", "force_z_newton", "moment_newton_m")
+_FORCE_COLUMNS = ("force_newton", "length_m", "rate_m_per_s")
+_GROUP_COLUMNS = ("force_x_newton", "force_y_newton", "force_z_newton")
+_WRENCH_COLUMNS = tuple(
+    item.name for item in fields(ToolWrench) if item.name not in ("tool", "work_joule", "groups")
+)
+_MECHANISM_COLUMNS = tuple(
+    item.name for item in fields(MechanismState) if item.name.endswith("_joule") or "residual" in item.name
+)
+_SOIL_COLUMNS = tuple(
+    item.name for item in fields(SoilState) if item.name not in ("run_id", "tick", "end_time_ns")
+)
+# what is of one tick alone says little on its own, and wall time differs between equal runs
+_COUPLING_COLUMNS = ("residual_joule", "absolute_work_joule", "residual_ratio")
+
+
+@dataclass(frozen=True)
+class Series:
+    """One row per series tick of a run.
+
+    columns: by name, each (n,), float64 or (counts) int64; the unit is in the name. The first is time_s.
+    wall_time_s: of the coupling up to the last row [s]; not a column, it differs between equal runs.
+    """
+
+    columns: dict[str, NDArray[Any]]
+    run_id: str
+    wall_time_s: float
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        return self.columns[name]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.columns
+
+    def __len__(self) -> int:
+        return len(self.columns["time_s"])
+
+
+def read_series(bag: Path, scene: Scene) -> Series:
+    """The series of a bag that `scene` was recorded into; a run cut short has fewer rows.
+
+    Raises:
+        InputError: there is no bag.
+        RecordingError: it is damaged, or holds not one complete series tick.
+    """
+    timing = derive_timing(scene)
+    last_ns = timing.tick_count * timing.interval_ns
+    step_ns = scene.record.series_ticks * timing.interval_ns
+    kinds: list[type] = [ToolMotions]
+    if scene.mechanism is not None:
+        kinds.append(MechanismState)
+    if scene.soil is not None:
+        kinds += [ToolWrenches, SoilState]
+    kinds.append(CouplingReport)
+
+    reader = BagReader(bag)
+    by_tick: dict[int, dict[type, Any]] = {}
+    columns: dict[str, list[Number]] = {}
+    last: CouplingReport | None = None
+    for record in reader.records(*kinds, at=lambda time_ns: time_ns % step_ns == 0 or time_ns == last_ns):
+        records = by_tick.setdefault(record.tick, {})
+        records[type(record)] = record
+        if len(records) == len(kinds):
+            del by_tick[record.tick]
+            for name, value in _row(scene, records):
+                columns.setdefault(name, []).append(value)
+            last = records[CouplingReport]
+    if last is None:
+        raise RecordingError(
+            f"{reader.path}: not one complete series tick is in it (every {scene.record.series_ticks} "
+            f"ticks of {timing.interval_ns} ns); the run ended before, or another scene was recorded"
+        )
+    _refuse_ragged(columns, reader.path)
+    return Series({name: np.array(values) for name, values in columns.items()}, last.run_id, last.wall_time_s)
+
+
+def write_series_csv(series: Series, path: Path) -> None:
+    """Every column with the shortest digits that give back the same bits."""
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(series.columns)
+        for row in zip(*(column.tolist() for column in series.columns.values()), strict=True):
+            writer.writerow([repr(value) for value in row])
+
+
+def _row(scene: Scene, records: dict[type, Any]) -> Cells:
+    report: CouplingReport = records[CouplingReport]
+    yield "time_s", report.end_time_ns * 1e-9
+    state: MechanismState | None = records.get(MechanismState)
+    wrenches: ToolWrenches | None = records.get(ToolWrenches)
+    yield from _draft(scene, state, wrenches)
+    if state is not None:
+        yield from _mechanism(scene, state)
+    yield from _tools(records[ToolMotions], wrenches)
+    soil: SoilState | None = records.get(SoilState)
+    if soil is not None:
+        yield from ((f"soil.{name}", getattr(soil, name)) for name in _SOIL_COLUMNS)
+    yield from ((f"coupling.{name}", getattr(report, name)) for name in _COUPLING_COLUMNS)
+
+
+def _draft(scene: Scene, state: MechanismState | None, wrenches: ToolWrenches | None) -> Cells:
+    """Draft, and what the soil takes of it by kind of tool: the pull along +x, so minus the soil's force."""
+    tools = wrenches.tools if wrenches is not None else ()
+    if state is not None and scene.mechanism is not None and scene.mechanism.draft_driver is not None:
+        yield "draft_newton", state.draft_newton
+    elif tools:
+        yield "draft_newton", -sum(tool.force_x_newton for tool in tools)
+    for name, share in (("share", True), ("wheels", False)):
+        forces = [tool.force_x_newton for tool in tools if scene.tools[tool.tool].share is share]
+        if forces:
+            yield f"draft.{name}_newton", -sum(forces)
+
+
+def _mechanism(scene: Scene, state: MechanismState) -> Cells:
+    for force in state.forces:
+        prefix = f"{_force_kind(scene, force)}.{force.name}"
+        yield from ((f"{prefix}.{name}", getattr(force, name)) for name in _FORCE_COLUMNS)
+    for body in state.bodies:
+        yield from ((f"body.{body.name}.{name}", getattr(body, key)) for key, name in _BODY_COLUMNS.items())
+    for joint in state.joints:
+        yield from ((f"joint.{joint.name}.{name}", getattr(joint, name)) for name in _JOINT_COLUMNS)
+    yield from ((f"mechanism.{name}", getattr(state, name)) for name in _MECHANISM_COLUMNS)
+
+
+def _force_kind(scene: Scene, force: ForceState) -> str:
+    kind = scene.mechanism.forces[force.name].kind if scene.mechanism is not None else "force"
+    return "spring" if kind == "spring_damper" else kind
+
+
+def _tools(motions: ToolMotions, wrenches: ToolWrenches | None) -> Cells:
+    answers = wrenches.tools if wrenches is not None else ()
+    for motion, wrench in zip(motions.tools, answers, strict=True):
+        prefix = f"tool.{motion.tool}"
+        yield from ((f"{prefix}.{name}", getattr(motion, key)) for key, name in _TOOL_MOTION_COLUMNS.items())
+        yield from ((f"{prefix}.{name}", getattr(wrench, name)) for name in _WRENCH_COLUMNS)
+        for group in wrench.groups:
+            yield from ((f"{prefix}.{group.group}.{name}", getattr(group, name)) for name in _GROUP_COLUMNS)
+
+
+def _refuse_ragged(columns: dict[str, list[Number]], path: Path) -> None:
+    row_count = len(columns["time_s"])
+    for name, values in columns.items():
+        if len(values) != row_count:
+            raise RecordingError(
+                f"{path}: column {name} has {len(values)} values for {row_count} series ticks; "
+                "the bag was not recorded from one scene"
+            )

@@ -1,0 +1,171 @@
+"""The metrics of a run: summary.json, and the table that people see."""
+
+import json
+import math
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from ..scene.loader import ResolvedScene
+from ..scene.model import Scene
+from . import paper
+from .series import Series, read_series
+from .window import metrics_window, window_span_s
+
+Summary = dict[str, Any]
+
+RUN_FACTS = ("mode", "threads", "whole_wall_s", "failure")
+"""What a summary has from the run itself, and a later report takes over."""
+
+
+def summarize(
+    bag: Path, resolved: ResolvedScene, run_info: Mapping[str, Any], series: Series | None = None
+) -> Summary:
+    """Metrics of a finished run, as summary.json holds them.
+
+    NAME_mean, NAME_min, NAME_max of every column of the series over the metrics window, run.NAME_... over
+    the whole run, and what the run was.
+
+    run_info: what only the one who ran it knows, taken over as it is: keys of RUN_FACTS.
+    series: of the bag, if it has been read already.
+
+    Raises:
+        InputError, RecordingError: as read_series.
+    """
+    scene, timing = resolved.scene, resolved.timing
+    series = series if series is not None else read_series(bag, scene)
+    window = metrics_window(series, scene)
+    start_s, end_s = window_span_s(series, window)
+    simulated_s = float(series["time_s"][-1])
+    tick_count = round(simulated_s / timing.interval_s)
+    wall_s = series.wall_time_s  # of the ticks alone: without start-up and compilation
+    summary: Summary = {
+        "scene": scene.name,
+        "scene_hash": resolved.scene_hash,
+        "run_id": series.run_id,
+        **run_info,
+        "note": scene.report.note,
+        "simulated_s": simulated_s,
+        "complete": tick_count == timing.tick_count,
+        "wall_s": wall_s,
+        "real_time_factor": simulated_s / wall_s if wall_s > 0.0 else 0.0,
+        "ticks": tick_count,
+        "steps": tick_count * (timing.soil_steps or timing.mechanism_steps),
+        "particle_count": int(series["soil.particle_count"][-1]) if "soil.particle_count" in series else 0,
+        "interface_residual_joule": float(series["coupling.residual_joule"][-1]),
+        "interface_residual_ratio": float(series["coupling.residual_ratio"][-1]),
+        "window": {
+            "rule": window.rule,
+            "whole_run": window.whole_run,
+            "start_s": start_s,
+            "end_s": end_s,
+            "rows": int(window.rows.sum()),
+        },
+    }
+    names = [name for name in series.columns if name != "time_s"]
+    for name in names:
+        summary.update(_statistics(name, series[name][window.rows]))
+    for name in names:
+        summary.update(_statistics(f"run.{name}", series[name]))
+    return summary
+
+
+def run_facts(document: Mapping[str, Any]) -> Summary:
+    """The part of a summary, or of a run_info, that no bag tells."""
+    return {key: document[key] for key in RUN_FACTS if key in document}
+
+
+def write_summary(summary: Summary, path: Path) -> None:
+    """summary.json; numbers with all their digits, null for what is not finite."""
+    finite = {
+        key: None if isinstance(value, float) and not math.isfinite(value) else value
+        for key, value in summary.items()
+    }
+    path.write_text(json.dumps(finite, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def print_summary(summary: Summary, scene: Scene, directory: Path, console: Console | None = None) -> None:
+    """The table for people: metrics, the paper's values where the scene is the paper's, and where all is."""
+    console = console or Console(width=None if sys.stdout.isatty() else 140, highlight=False)
+    compared = scene.report.paper
+    table = Table(title=f"{summary['scene']}: {summary['simulated_s']:.4g} s simulated", title_justify="left")
+    table.add_column("quantity", no_wrap=True)
+    for heading in ("mean", "min", "max", "range"):
+        table.add_column(heading, justify="right")
+    table.add_column("run min", justify="right")
+    table.add_column("run max", justify="right")
+    if compared:
+        table.add_column("paper")
+    for label, name, scale, digits, value in _lines(scene, summary):
+        cells = [_cell(summary, f"{name}_{key}", scale, digits) for key in ("mean", "min", "max")]
+        low, high = summary[f"{name}_min"], summary[f"{name}_max"]
+        cells.append(f"{(high - low) * scale:.{digits}f}")
+        cells += [_cell(summary, f"run.{name}_{key}", scale, digits) for key in ("min", "max")]
+        table.add_row(escape(label), *cells, *([value.printed if value else ""] if compared else []))
+    if table.row_count:
+        console.print(table)
+    for line in _facts(summary, compared):
+        console.print(line, soft_wrap=True, markup=False)
+    console.print(f"bag: {directory / 'bag'}", soft_wrap=True, markup=False)
+    figures = directory / "figures"
+    if figures.is_dir():
+        console.print(f"figures: {figures}", soft_wrap=True, markup=False)
+    else:
+        console.print(
+            f"figures: none yet, `subsoil report {directory}` draws them", soft_wrap=True, markup=False
+        )
+
+
+def _statistics(name: str, values: np.ndarray) -> Summary:
+    return {
+        f"{name}_mean": float(np.mean(values)),
+        f"{name}_min": values.min().item(),
+        f"{name}_max": values.max().item(),
+    }
+
+
+def _cell(summary: Summary, key: str, scale: float, digits: int) -> str:
+    return f"{summary[key] * scale:.{digits}f}"
+
+
+def _lines(scene: Scene, summary: Summary) -> list[tuple[str, str, float, int, paper.PaperValue | None]]:
+    """(label, column, scale, digits, printed value) of the table, without what the run does not have."""
+    shank, spring = scene.report.shank, scene.report.spring
+    lines: list[tuple[str, str, float, int, paper.PaperValue | None]] = [
+        ("draft [N]", "draft_newton", 1.0, 1, paper.DRAFT),
+        ("  of it share [N]", "draft.share_newton", 1.0, 1, None),
+        ("  of it wheels [N]", "draft.wheels_newton", 1.0, 1, None),
+        ("spring force, compression + [N]", f"spring.{spring}.force_newton", 1.0, 1, paper.SPRING),
+        ("share angle [rad]", f"body.{shank}.angle_rad", 1.0, 4, paper.ANGLE),
+        ("shank centre of mass, height [mm]", f"body.{shank}.z_m", 1e3, 2, paper.HEIGHT),
+    ]
+    return [line for line in lines if f"{line[1]}_mean" in summary]
+
+
+def _facts(summary: Summary, compared: bool) -> list[str]:
+    window = summary["window"]
+    if window["whole_run"]:
+        span = f"the whole run, because no row of it lies in the window ({window['rule']})"
+    else:
+        span = f"{window['start_s']:.4g} to {window['end_s']:.4g} s ({window['rule']})"
+    whole = f" ({summary['whole_wall_s']:.1f} s with start-up)" if "whole_wall_s" in summary else ""
+    lines = [
+        f"mean, min, max, range: {span}; run min, run max: everything recorded",
+        f"{summary['particle_count']} particles, {summary['steps']} steps, {summary['wall_s']:.1f} s wall "
+        f"time{whole}, real-time factor {summary['real_time_factor']:.3g}",
+        f"interface energy residual {summary['interface_residual_joule']:.3g} J, "
+        f"{100.0 * summary['interface_residual_ratio']:.3g} % of the work done there",
+    ]
+    if not summary["complete"]:
+        lines.append("The run ended before its last tick.")
+    if compared:
+        lines.append(paper.CONTRADICTIONS)
+    if summary["note"]:
+        lines.append(f"NOTE: {summary['note']}")
+    return lines

@@ -1,0 +1,71 @@
+"""The part of a run that its metrics speak of: the tip well inside the bin, the wheels clear of its end."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scene.model import Scene
+from .series import Series
+
+WHEEL_CLEARANCE_M = 0.25
+"""Centres of wheels stay this far before the end of the bin (chosen: a wheel and the soil it pushes)."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """Rows of a series that count, and why."""
+
+    rows: NDArray[np.bool_]  # (n,)
+    rule: str  # in words, for the summary
+    whole_run: bool  # the rule left no row, so all of them count
+
+
+def metrics_window(series: Series, scene: Scene) -> Window:
+    """The window of a run; a run too short for it counts whole, and says so."""
+    report = scene.report
+    rules = []
+    rows = np.ones(len(series), dtype=bool)
+    if report.settle_s > 0.0:
+        rows &= series["time_s"] > report.settle_s
+        rules.append(f"after {report.settle_s:g} s")
+    tip = tip_x_m(series, scene)
+    if scene.soil is not None and tip is not None:
+        inside, length = report.window_inside_m, scene.soil.bin.length_m
+        rows &= (tip >= inside) & (tip <= length - inside)
+        rules.append(f"tip {inside:g} m or more inside both ends of the bin")
+    if scene.soil is not None:
+        wheels = [name for name, tool in scene.tools.items() if not tool.share]
+        for name in wheels:
+            rows &= series[f"tool.{name}.x_m"] <= scene.soil.bin.length_m - WHEEL_CLEARANCE_M
+        if wheels:
+            rules.append(f"wheels {WHEEL_CLEARANCE_M:g} m or more before its end")
+    rule = ", ".join(rules) or "the whole run"
+    if rows.any():
+        return Window(rows, rule, False)
+    return Window(np.ones(len(series), dtype=bool), rule, True)
+
+
+def tip_x_m(series: Series, scene: Scene) -> NDArray[np.float64] | None:
+    """Forward position of the share tip (n,) [m]; None if the scene names no tip, or no carrier of it."""
+    if scene.report.tip_m is None:
+        return None
+    tip_x, tip_z = scene.report.tip_m
+    tool = next((name for name, item in scene.tools.items() if item.share), None)
+    body = scene.report.shank or (scene.tools[tool].body if tool is not None else None)
+    if body is not None and scene.mechanism is not None:
+        reference = scene.mechanism.bodies[body]
+        prefix, angle = f"body.{body}", reference.angle_rad
+        arm_x, arm_z = tip_x - reference.position_m[0], tip_z - reference.position_m[1]
+    elif tool is not None:
+        prefix, angle, arm_x, arm_z = f"tool.{tool}", 0.0, tip_x, tip_z
+    else:
+        return None
+    turn = series[f"{prefix}.angle_rad"] - angle
+    return series[f"{prefix}.x_m"] + np.cos(turn) * arm_x - np.sin(turn) * arm_z
+
+
+def window_span_s(series: Series, window: Window) -> tuple[float, float]:
+    """First and last time of a window's rows [s]."""
+    times = series["time_s"][window.rows]
+    return float(times[0]), float(times[-1])

@@ -1,0 +1,1 @@
+"""The command line: verbs that declare arguments, call the library and print."""

@@ -1,0 +1,201 @@
+"""subsoil check SCENE: says what a run would be, and what is wrong with it, without running it."""
+
+import argparse
+import sys
+from collections.abc import Iterable
+
+from rich.console import Console
+from rich.table import Table
+
+from ..dem.bed import grid_shape, prepare_grid
+from ..errors import SceneError
+from ..mbd.topology import Topology, analyse_topology
+from ..scene.coupling_bounds import CouplingBound, coupling_bounds
+from ..scene.limits import step_limits
+from ..scene.loader import ResolvedScene, load_scene
+from ..scene.mechanism import Mechanism
+from ..scene.meshes import load_tool_mesh
+
+SUMMARY = "validate a scene and print what a run of it would cost; runs nothing"
+
+BYTES_PER_PARTICLE = 600
+"""State, neighbour list and contact history of one particle."""
+
+BYTES_OF_PROCESS = 250e6
+"""A Python process with the compiled kernels (measured)."""
+
+PARTICLE_STEPS_PER_S = 6.0e6
+"""One core, float64, all features of the wet law (measured: 7.2e6 on a free core of a cloud machine)."""
+
+LOCKSTEP_S_PER_TICK = 4.0e-4
+"""Exchange of one tick between processes, wall time (rough)."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `subsoil check`."""
+    parser.add_argument("scene", help="scene file (.yaml)")
+    parser.add_argument(
+        "--set",
+        dest="overrides",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="change a value of the scene, as soil.bed.seed=3 or start=lowered; may be repeated",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Validate the scene and print its tables. Raises SceneError for whatever would stop a run."""
+    resolved = load_scene(args.scene, args.overrides)
+    mechanism = resolved.scene.mechanism
+    try:
+        counts = analyse_topology(mechanism, resolved.scene.gravity_m_per_s2) if mechanism else None
+        bounds = _bounds(resolved)
+    except SceneError as error:
+        raise SceneError(f"{args.scene}: {error}") from error
+    console = Console(width=None if sys.stdout.isatty() else 140)
+    console.print(_table(resolved.scene.name, _general(resolved)))
+    if resolved.scene.soil is not None:
+        console.print(_table("soil", _soil(resolved)))
+        console.print(_limits(resolved))
+    if mechanism and counts:
+        console.print(_table("mechanism", _mechanism(mechanism, counts)))
+    if bounds:
+        console.print(_coupling(resolved, bounds))
+    console.print(_table("cost", _cost(resolved)))
+    for bound in bounds:
+        if resolved.timing.interval_s > bound.undamped_s:
+            console.print(
+                f"warning: coupling.interval_ns: {resolved.timing.interval_ns} is above "
+                f"{bound.undamped_s * 1e9:.0f} ns for tool '{bound.tool}': the held force outweighs the "
+                "contact's damper and can fake vibration"
+            )
+    return 0
+
+
+def _bounds(resolved: ResolvedScene) -> tuple[CouplingBound, ...]:
+    scene = resolved.scene
+    meshes = {name: load_tool_mesh(resolved.directory, scene, name) for name in scene.tools}
+    bounds = coupling_bounds(scene, meshes)
+    for bound in bounds:
+        if resolved.timing.interval_s > bound.unstable_s:
+            raise SceneError(
+                f"coupling.interval_ns: {resolved.timing.interval_ns} is above the stable limit "
+                f"{bound.unstable_s * 1e9:.0f} ns of tool '{bound.tool}' (effective mass "
+                f"{bound.effective_mass_kg:.3g} kg under {bound.contact_count:.0f} contacts). "
+                "Use 'auto', or less."
+            )
+    return bounds
+
+
+def _table(title: str, rows: Iterable[tuple[str, str]]) -> Table:
+    table = Table(title=title, title_justify="left", title_style="bold", show_header=False, box=None)
+    table.add_column(style="dim")
+    table.add_column(overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def _general(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
+    scene, timing = resolved.scene, resolved.timing
+    yield "file", str(resolved.path)
+    if "start" in resolved.document:
+        yield "start", str(resolved.document["start"])
+    yield "scene hash", resolved.scene_hash[:16]
+    yield "duration", f"{scene.duration_s:g} s"
+    yield "ticks", f"{timing.tick_count:,} of {timing.interval_ns:,} ns"
+    if timing.soil_steps:
+        yield "soil steps", f"{timing.soil_steps * timing.tick_count:,} ({timing.soil_steps} per tick)"
+    if timing.mechanism_steps:
+        steps = timing.mechanism_steps
+        yield "mechanism steps", f"{steps * timing.tick_count:,} ({steps} per tick)"
+    for name, tool in scene.tools.items():
+        facets = len(load_tool_mesh(resolved.directory, scene, name).facets)
+        carrier = f"body {tool.body}" if tool.body else "path"
+        yield f"tool {name}", f"{', '.join(tool.groups)} ({facets} facets) on {carrier}"
+    if scene.report.note:
+        yield "note", scene.report.note
+
+
+def _soil(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
+    soil = resolved.scene.soil
+    if soil is None:
+        return
+    nx, ny, nz = grid_shape(soil)
+    bed = prepare_grid(soil, resolved.scene.gravity_m_per_s2)
+    radius_mm = soil.particles.radius_m * 1e3
+    yield "particles", f"{nx * ny * nz:,} of radius {radius_mm:g} mm, less those that tools overlap"
+    yield "bed", f"{nz} layers of {nx} x {ny}, spacing {soil.bed.spacing_m * 1e3:g} mm, top at z = 0"
+    length, width = bed.upper_m[0] - bed.lower_m[0], bed.upper_m[1] - bed.lower_m[1]
+    yield (
+        "bin",
+        (
+            f"{soil.bin.length_m:g} x {soil.bin.width_m:g} x {soil.bin.depth_m:g} m; fitted to the bed: "
+            f"{length:.4g} x {width:.4g} m, floor at z = {bed.lower_m[2]:.4f} m"
+        ),
+    )
+
+
+def _limits(resolved: ResolvedScene) -> Table:
+    """Every limit on the soil step; the smallest binds."""
+    soil, used_s = resolved.scene.soil, resolved.timing.soil_step_s
+    table = Table(title="soil step", title_justify="left", title_style="bold", box=None)
+    for heading in ("limit", "cause", ""):
+        table.add_column(heading, justify="left")
+    for index, limit in enumerate(step_limits(soil) if soil else ()):
+        binding = f"binds: used {used_s * 1e6:.4g} us" if index == 0 else ""
+        table.add_row(f"{limit.limit_s * 1e6:.4g} us", limit.cause, binding)
+    return table
+
+
+def _mechanism(mechanism: Mechanism, counts: Topology) -> Iterable[tuple[str, str]]:
+    yield "bodies", f"{len(mechanism.bodies)}: {', '.join(mechanism.bodies)}"
+    yield "coordinates", f"{counts.coordinate_count}"
+    yield "constraints", f"{counts.constraint_count}"
+    yield "degrees of freedom", f"{counts.freedom_count}"
+    if counts.redundant_count:
+        joints = ", ".join(counts.redundant_joints)
+        yield "redundant", f"{counts.redundant_count}; reactions not unique: {joints}"
+
+
+def _coupling(resolved: ResolvedScene, bounds: tuple[CouplingBound, ...]) -> Table:
+    title = f"coupling, interval {resolved.timing.interval_ns * 1e-3:g} us"
+    table = Table(title=title, title_justify="left", title_style="bold", box=None)
+    for heading in ("tool", "damper outweighs the held force up to", "stable up to", "estimated from"):
+        table.add_column(heading, justify="left")
+    for bound in bounds:
+        table.add_row(
+            bound.tool,
+            f"{bound.undamped_s * 1e6:.4g} us",
+            f"{bound.unstable_s * 1e6:.4g} us",
+            f"effective mass {bound.effective_mass_kg:.3g} kg, {bound.contact_count:.0f} contacts",
+        )
+    return table
+
+
+def _cost(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
+    scene, timing = resolved.scene, resolved.timing
+    lockstep_s = timing.tick_count * LOCKSTEP_S_PER_TICK
+    if scene.soil is None:
+        yield "memory", f"{BYTES_OF_PROCESS / 1e9:.2f} GB for each process"
+        yield "wall time", f"about {_duration(lockstep_s)} as separate processes"
+        return
+    nx, ny, nz = grid_shape(scene.soil)
+    memory = BYTES_OF_PROCESS + nx * ny * nz * BYTES_PER_PARTICLE
+    others = BYTES_OF_PROCESS / 1e9
+    yield "memory", f"{memory / 1e9:.2f} GB for the soil, {others:.2f} GB for each other process"
+    soil_s = nx * ny * nz * timing.soil_steps * timing.tick_count / PARTICLE_STEPS_PER_S
+    yield (
+        "wall time",
+        (
+            f"about {_duration(soil_s)} for the soil on one core, and {_duration(lockstep_s)} of exchange "
+            "between separate processes"
+        ),
+    )
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 120.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 7200.0 else f"{seconds / 3600.0:.1f} h"

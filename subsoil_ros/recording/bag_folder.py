@@ -1,0 +1,178 @@
+"""A rosbag2 bag folder with one MCAP file: the format, without knowledge of what is recorded.
+
+The `mcap` writer is used rather than rosbags' because that one has fixed chunks of 1 MiB, no sequence
+numbers and no checksums. rosbags, rosbag2 and mcap's own readers read the result.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+from mcap.writer import CompressionType, Writer
+
+from ..errors import InputError, RecordingError
+
+CHUNK_BYTES = 128 * 1024
+"""Size of a chunk before compression; a killed writer loses at most the one being filled."""
+
+_ROSBAG2_VERSION = 9
+_SCHEMA_ENCODING = "ros2msg"
+
+
+@dataclass(frozen=True)
+class TopicInfo:
+    """What a bag says about a topic."""
+
+    name: str
+    message_type: str  # "geometry_msgs/msg/Pose"
+    schema: str  # full ros2msg text
+    type_hash: str  # RIHS01
+    qos_profiles: list[dict[str, Any]]
+
+
+@dataclass
+class _Channel:
+    info: TopicInfo
+    number: int
+    message_count: int = 0
+
+
+class BagFolder:
+    """Writes metadata.yaml and one .mcap; every chunk goes to the disk as soon as it is full.
+
+    Raises (all methods):
+        RecordingError: the disk refuses.
+    """
+
+    def __init__(self, directory: Path, file_name: str | None = None) -> None:
+        """Creates the folder, and in it `file_name` (default: as rosbag2 names it, FOLDER_0.mcap).
+
+        Raises:
+            InputError: it exists, or cannot be created.
+        """
+        self.directory = directory
+        self.path = directory / (file_name or f"{directory.name}_0.mcap")
+        try:
+            directory.mkdir(parents=True)
+            self._stream = self.path.open("xb")
+        except FileExistsError:
+            raise InputError(
+                f"{directory}: exists already; a bag is never written over, name another folder"
+            ) from None
+        except OSError as error:
+            raise InputError(
+                f"{directory}: cannot be created ({error.strerror}); name a folder that can"
+            ) from error
+        self._channels: dict[str, _Channel] = {}
+        self._schema_ids: dict[str, int] = {}
+        self._times_ns: list[int] = []  # [first, last]
+        self._open = True
+        self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._writer.start(profile="ros2", library="subsoil_ros")
+        self._stream.flush()
+        self._on_disk = self._stream.tell()
+
+    def __contains__(self, topic: str) -> bool:
+        return topic in self._channels
+
+    def add_topic(self, info: TopicInfo) -> None:
+        """Declares a topic; before its first message."""
+        schema_id = self._schema_ids.get(info.message_type)
+        if schema_id is None:
+            schema_id = self._writer.register_schema(
+                info.message_type, _SCHEMA_ENCODING, info.schema.encode()
+            )
+            self._schema_ids[info.message_type] = schema_id
+        number = self._writer.register_channel(
+            info.name,
+            "cdr",
+            schema_id,
+            {"offered_qos_profiles": _yaml(info.qos_profiles).strip(), "topic_type_hash": info.type_hash},
+        )
+        self._channels[info.name] = _Channel(info, number)
+
+    def write(self, topic: str, time_ns: int, data: bytes) -> None:
+        """One CDR message, logged and published at a simulated time; sequence counts from 0."""
+        channel = self._channels[topic]
+        try:
+            self._writer.add_message(channel.number, time_ns, data, time_ns, channel.message_count)
+            if (position := self._stream.tell()) != self._on_disk:  # a chunk was ended
+                self._stream.flush()
+                self._on_disk = position
+        except OSError as error:
+            raise self._refused(error) from error
+        channel.message_count += 1
+        if not self._times_ns:
+            self._times_ns = [time_ns, time_ns]
+        elif time_ns > self._times_ns[1]:
+            self._times_ns[1] = time_ns
+        elif time_ns < self._times_ns[0]:
+            self._times_ns[0] = time_ns
+
+    def close(self) -> None:
+        """Writes index and metadata. Idempotent."""
+        if not self._open:
+            return
+        self._open = False
+        try:
+            with self._stream:
+                information = self._information()
+                self._writer.add_metadata("rosbag2", {"serialized_metadata": _yaml(information).strip()})
+                self._writer.finish()
+            partial = self.directory / "metadata.yaml.tmp"
+            partial.write_text(_yaml({"rosbag2_bagfile_information": information}), encoding="utf-8")
+            partial.replace(self.directory / "metadata.yaml")
+        except OSError as error:
+            raise self._refused(error) from error
+
+    def _refused(self, error: OSError) -> RecordingError:
+        return RecordingError(
+            f"{self.path}: cannot be written ({error.strerror}). What reached the disk can be mended with "
+            f"`subsoil bag recover {self.directory}`"
+        )
+
+    def _information(self) -> dict[str, Any]:
+        """rosbag2's metadata, version 9."""
+        start_ns, end_ns = self._times_ns or (0, 0)
+        message_count = sum(channel.message_count for channel in self._channels.values())
+        span: dict[str, Any] = {
+            "starting_time": {"nanoseconds_since_epoch": start_ns},
+            "duration": {"nanoseconds": end_ns - start_ns},
+            "message_count": message_count,
+        }
+        return {
+            "version": _ROSBAG2_VERSION,
+            "storage_identifier": "mcap",
+            **span,
+            "topics_with_message_count": [
+                {
+                    "topic_metadata": {
+                        "name": channel.info.name,
+                        "type": channel.info.message_type,
+                        "serialization_format": "cdr",
+                        "offered_qos_profiles": channel.info.qos_profiles,
+                        "type_description_hash": channel.info.type_hash,
+                    },
+                    "message_count": channel.message_count,
+                }
+                for channel in self._channels.values()
+            ],
+            "compression_format": "",
+            "compression_mode": "",
+            "relative_file_paths": [self.path.name],
+            "files": [{"path": self.path.name, **span}],
+            "custom_data": None,
+            "ros_distro": "jazzy",
+        }
+
+
+class _PlainDumper(yaml.SafeDumper):
+    """Without anchors, which not every YAML reader of bags follows."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+def _yaml(content: Any) -> str:
+    return yaml.dump(content, Dumper=_PlainDumper, sort_keys=False, width=1000)

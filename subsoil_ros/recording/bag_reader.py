@@ -1,0 +1,124 @@
+"""Records back out of a bag, one at a time."""
+
+import struct
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import zstandard
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+from mcap.records import Statistics
+from mcap.summary import Summary
+
+from ..errors import InputError, RecordingError
+from ..messages import SoilCloud
+from .conversion import cloud_from_message, from_message, message_type
+from .topics import RECORD_OF, TOPIC_OF, bag_topic
+from .types import deserialize
+
+_BROKEN = (McapError, struct.error, zstandard.ZstdError, ValueError)
+_KIND_OF_BAG_TOPIC = {bag_topic(topic): kind for topic, kind in RECORD_OF.items()}
+
+
+class TopicCount(NamedTuple):
+    """A topic of a bag."""
+
+    name: str
+    message_type: str
+    message_count: int
+
+
+def mcap_path(path: Path) -> Path:
+    """The MCAP file of a bag: `path` itself, or the one in the bag folder `path` or in `path`/bag.
+
+    Raises:
+        InputError: there is none, or several.
+    """
+    if path.is_file():
+        return path
+    for folder in (path, path / "bag"):
+        files = sorted(folder.glob("*.mcap")) if folder.is_dir() else []
+        if len(files) == 1:
+            return files[0]
+        if files:
+            raise InputError(f"{folder}: holds {len(files)} .mcap files; name one of them")
+    raise InputError(f"{path}: no bag there; give a bag folder, an .mcap file or the folder of a run")
+
+
+class BagReader:
+    """Reads a finished bag. Memory is bounded by a few chunks, not by the bag."""
+
+    def __init__(self, path: Path) -> None:
+        """Opens a bag folder, its .mcap file, or the folder of a run.
+
+        Raises:
+            InputError: there is no bag.
+            RecordingError: the bag was not closed, or is damaged.
+        """
+        self.path = mcap_path(path)
+        try:
+            with self.path.open("rb") as stream:
+                summary = make_reader(stream).get_summary()
+        except _BROKEN as error:
+            raise self._damaged(error) from error
+        if summary is None or summary.statistics is None:
+            raise self._damaged("it has no index")
+        self._summary: Summary = summary
+        self._statistics: Statistics = summary.statistics
+
+    def topics(self) -> list[TopicCount]:
+        """Every topic, in the order of their first messages."""
+        counts = self._statistics.channel_message_counts
+        return [
+            TopicCount(channel.topic, self._summary.schemas[channel.schema_id].name, counts.get(number, 0))
+            for number, channel in self._summary.channels.items()
+        ]
+
+    def schema_texts(self) -> dict[str, str]:
+        """Schema of every message type in the bag."""
+        return {schema.name: schema.data.decode() for schema in self._summary.schemas.values()}
+
+    @property
+    def end_time_ns(self) -> int:
+        """Simulated time of the last message [ns]."""
+        return self._statistics.message_end_time
+
+    def records(self, *kinds: type, at: Callable[[int], bool] | None = None) -> Iterator[Any]:
+        """Records of `kinds` in order of simulated time, decoded one by one.
+
+        `at` says from a record's time [ns] whether it is wanted; what is not is not decoded. Clouds are
+        given by `clouds`.
+
+        Raises:
+            RecordingError: the bag is damaged.
+        """
+        for topic, time_ns, data in self._raw([bag_topic(TOPIC_OF[kind]) for kind in kinds]):
+            if at is None or at(time_ns):
+                kind = _KIND_OF_BAG_TOPIC[topic]
+                yield from_message(kind, deserialize(data, message_type(kind)))
+
+    def clouds(self, interval_ns: int, at: Callable[[int], bool] | None = None) -> Iterator[SoilCloud]:
+        """Soil clouds in order of simulated time; positions (n, 3) [m], speeds (n,) [m/s], float32."""
+        for _, time_ns, data in self._raw([bag_topic(TOPIC_OF[SoilCloud])]):
+            if at is None or at(time_ns):
+                yield cloud_from_message(deserialize(data, message_type(SoilCloud)), interval_ns)
+
+    def cloud_times_ns(self) -> list[int]:
+        """Simulated times of the soil clouds [ns]; decodes none."""
+        return [time_ns for _, time_ns, _ in self._raw([bag_topic(TOPIC_OF[SoilCloud])])]
+
+    def _raw(self, topics: list[str]) -> Iterator[tuple[str, int, bytes]]:
+        try:
+            with self.path.open("rb") as stream:
+                reader = make_reader(stream, validate_crcs=True)
+                for _, channel, message in reader.iter_messages(topics):
+                    yield channel.topic, message.log_time, message.data
+        except _BROKEN as error:
+            raise self._damaged(error) from error
+
+    def _damaged(self, why: object) -> RecordingError:
+        return RecordingError(
+            f"{self.path}: the bag was not closed or is damaged ({why}); mend it with "
+            f"`subsoil bag recover {self.path}`"
+        )

@@ -1,0 +1,153 @@
+"""Records of a run into a bag: the same content whether records or CDR bytes come in."""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..errors import ProtocolError
+from ..messages import Grant, MechanismState, ToolMotions, ToolWrenches
+from ..scene.limits import Timing
+from ..scene.model import Scene
+from ..ticks import INITIAL_TICK, tick_end_ns
+from .bag_folder import BagFolder, TopicInfo
+from .conversion import from_message, message_type, to_message
+from .standard import body_frame, clock, pose_stamped, transforms, wrench_stamped
+from .topics import (
+    CLOCK,
+    RECORD_OF,
+    TOPIC_OF,
+    TRANSFORMS,
+    bag_topic,
+    derived_topics,
+    pose_topic,
+    qos_profile,
+    wrench_topic,
+)
+from .types import deserialize, message_class, schema_text, serialize, type_hash
+
+_RANK = {topic: rank for rank, topic in enumerate(RECORD_OF)}
+_NEEDED_FOR_PEOPLE = {TOPIC_OF[kind] for kind in (ToolMotions, ToolWrenches, MechanismState)}
+
+
+class _Held(NamedTuple):
+    rank: int
+    topic: str
+    data: bytes
+    record: Any  # None if it came as bytes
+
+
+class BagWriter:
+    """Writes a run's bag tick by tick, and derives the messages for people.
+
+    Ticks come in ascending order, the records of one tick in any order: a tick is written when the next
+    one begins. In the bag they have the order of recording/topics.py, on series ticks followed by poses,
+    wrenches and /tf, then by /clock. Not for use from several threads at once.
+    """
+
+    def __init__(self, directory: Path, scene: Scene, timing: Timing) -> None:
+        """Creates `directory` with the bag in it.
+
+        Raises:
+            InputError: it exists or cannot be created.
+            RecordingError: subsoil_msgs is not there.
+        """
+        self._scene = scene
+        self._interval_ns = timing.interval_ns
+        self._last_tick = timing.tick_count - 1
+        self._series_ticks = scene.record.series_ticks
+        self._types = {topic: message_type(kind) for topic, kind in RECORD_OF.items()}
+        self._types.update(derived_topics(scene))
+        self._tick = INITIAL_TICK
+        self._held: list[_Held] = []  # of self._tick
+        schema_text(message_type(Grant))  # without message definitions there is no bag
+        self._folder = BagFolder(directory)
+
+    def write(self, record: Any) -> None:
+        """Takes any record of messages.py.
+
+        Raises:
+            RecordingError: there is no message for it, or the disk refuses.
+            ProtocolError: its tick is over.
+        """
+        message = to_message(message_class, record, self._interval_ns)
+        topic = TOPIC_OF[type(record)]
+        kept = record if topic in _NEEDED_FOR_PEOPLE else None
+        self._hold(record.tick, _Held(_RANK[topic], topic, serialize(message), kept))
+
+    def write_raw(self, topic: str, tick: int, cdr: bytes) -> None:
+        """Takes the CDR bytes of a message on one of the topics of records (topics.TOPIC_OF).
+
+        Raises:
+            ProtocolError: the topic carries no record (what is derived is not taken), or its tick is over.
+            RecordingError: the disk refuses.
+        """
+        rank = _RANK.get(topic)
+        if rank is None:
+            raise ProtocolError(f"topic '{topic}' is not recorded as it is; recorded are {', '.join(_RANK)}")
+        self._hold(tick, _Held(rank, topic, cdr, None))
+
+    def close(self) -> None:
+        """Finishes the bag. Idempotent."""
+        held, self._held = self._held, []
+        try:
+            if held:
+                self._write_tick(self._tick, held)
+        finally:
+            self._folder.close()
+
+    def _hold(self, tick: int, held: _Held) -> None:
+        if tick < self._tick:
+            raise ProtocolError(
+                f"{held.topic}: tick {tick} comes after tick {self._tick}; a bag is written in order of ticks"
+            )
+        if tick > self._tick:
+            finished, self._held = self._held, []
+            if finished:
+                self._write_tick(self._tick, finished)
+            self._tick = tick
+        self._held.append(held)
+
+    def _write_tick(self, tick: int, held: list[_Held]) -> None:
+        time_ns = tick_end_ns(tick, self._interval_ns)
+        held.sort(key=lambda item: item.rank)  # stable: equal topics stay in their order
+        for item in held:
+            self._emit(item.topic, time_ns, item.data)
+        if tick == INITIAL_TICK:
+            return
+        if (tick + 1) % self._series_ticks == 0 or tick == self._last_tick:
+            self._write_for_people(time_ns, held)
+        self._emit_message(CLOCK, time_ns, clock(message_class, time_ns))
+
+    def _write_for_people(self, time_ns: int, held: list[_Held]) -> None:
+        records = {
+            RECORD_OF[item.topic]: item.record
+            if item.record is not None
+            else from_message(RECORD_OF[item.topic], deserialize(item.data, self._types[item.topic]))
+            for item in held
+            if item.topic in _NEEDED_FOR_PEOPLE
+        }
+        motions: ToolMotions | None = records.get(ToolMotions)
+        wrenches: ToolWrenches | None = records.get(ToolWrenches)
+        state: MechanismState | None = records.get(MechanismState)
+        motion_of = {motion.tool: motion for motion in motions.tools} if motions else {}
+        for tool, motion in motion_of.items():
+            self._emit_message(pose_topic(tool), time_ns, pose_stamped(message_class, motion, time_ns))
+        for wrench in wrenches.tools if wrenches else ():
+            if wrench.tool in motion_of:
+                frame = body_frame(self._scene, wrench.tool)
+                message = wrench_stamped(message_class, wrench, motion_of[wrench.tool], frame, time_ns)
+                self._emit_message(wrench_topic(wrench.tool), time_ns, message)
+        if state is not None or motion_of:
+            message = transforms(message_class, self._scene, state, motions, time_ns)
+            self._emit_message(TRANSFORMS, time_ns, message)
+
+    def _emit_message(self, topic: str, time_ns: int, message: Any) -> None:
+        self._emit(topic, time_ns, serialize(message))
+
+    def _emit(self, topic: str, time_ns: int, data: bytes) -> None:
+        name = bag_topic(topic)
+        if name not in self._folder:
+            kind = self._types[topic]
+            self._folder.add_topic(
+                TopicInfo(name, kind, schema_text(kind), type_hash(kind), [qos_profile(topic)])
+            )
+        self._folder.write(name, time_ns, data)

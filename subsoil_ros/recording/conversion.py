@@ -1,0 +1,283 @@
+"""Records of subsoil_ros.messages to subsoil_msgs messages and back, for both message families.
+
+`types(name)` gives the class of a message type: rosbags' generated dataclasses (recording/types.py) in
+direct mode, rclpy's classes in the nodes. Both take keyword arguments and have the same attributes, so
+one function serves both and the ways of running cannot differ. float64 values are only copied.
+"""
+
+import math
+from array import array
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from ..errors import RecordingError
+from ..messages import (
+    BodyState,
+    Command,
+    CouplingReport,
+    ForceState,
+    Grant,
+    GroupForce,
+    JointReaction,
+    MechanismState,
+    NodeHello,
+    NodeState,
+    SoilCloud,
+    SoilState,
+    TickAck,
+    ToolMotion,
+    ToolMotions,
+    ToolWrench,
+    ToolWrenches,
+)
+from ..ticks import NANOSECONDS_PER_SECOND, tick_end_ns
+
+Types = Callable[[str], Any]
+"""From a message type name, "geometry_msgs/msg/Pose", to its class."""
+
+PACKAGE = "subsoil_msgs/msg/"
+WORLD_FRAME = "world"
+POINT_FIELDS = ("x", "y", "z", "speed")
+_FLOAT32 = 7  # sensor_msgs/PointField.FLOAT32
+_POINT_BYTES = 4 * len(POINT_FIELDS)
+
+_PARTS: dict[type, dict[str, type]] = {
+    ToolMotions: {"tools": ToolMotion},
+    ToolWrenches: {"tools": ToolWrench},
+    MechanismState: {"bodies": BodyState, "joints": JointReaction, "forces": ForceState},
+    NodeHello: {"initial_motions": ToolMotion, "initial_wrenches": ToolWrench},
+}
+_ENUMS: dict[tuple[type, str], type] = {(Grant, "command"): Command, (NodeHello, "state"): NodeState}
+_TOP_LEVEL = (
+    Grant, TickAck, NodeHello, ToolMotions, ToolWrenches, SoilState, MechanismState, CouplingReport,
+)  # fmt: skip
+_RECORD_OF_NAME = {PACKAGE + kind.__name__: kind for kind in _TOP_LEVEL}
+
+
+def _plain_names(kind: type) -> tuple[str, ...]:
+    """Fields that a message takes over unchanged."""
+    apart = {"end_time_ns", *_PARTS.get(kind, {}), *(name for owner, name in _ENUMS if owner is kind)}
+    return tuple(item.name for item in fields(kind) if item.name not in apart)
+
+
+_PLAIN: dict[type, tuple[str, ...]] = {
+    kind: _plain_names(kind) for kind in (*_TOP_LEVEL, BodyState, JointReaction, ForceState)
+}
+_STAMPED_BY_TICK = (Grant, TickAck, NodeHello)
+
+
+def message_type(kind: type) -> str:
+    """Type name of the message that carries records of `kind`, "subsoil_msgs/msg/Grant"."""
+    return "sensor_msgs/msg/PointCloud2" if kind is SoilCloud else PACKAGE + kind.__name__
+
+
+def end_time_of(record: Any, interval_ns: int) -> int:
+    """Simulated time a record is stamped with [ns]: the end of its tick."""
+    if type(record) in _STAMPED_BY_TICK:
+        return tick_end_ns(record.tick, interval_ns)
+    return record.end_time_ns
+
+
+def header(types: Types, time_ns: int, frame: str = WORLD_FRAME) -> Any:
+    """std_msgs/Header stamped with a simulated time [ns]."""
+    return types("std_msgs/msg/Header")(stamp=stamp(types, time_ns), frame_id=frame)
+
+
+def stamp(types: Types, time_ns: int) -> Any:
+    """builtin_interfaces/Time of a simulated time [ns]."""
+    seconds, nanoseconds = divmod(time_ns, NANOSECONDS_PER_SECOND)
+    return types("builtin_interfaces/msg/Time")(sec=seconds, nanosec=nanoseconds)
+
+
+def time_ns_of(message_stamp: Any) -> int:
+    """Simulated time [ns] of a builtin_interfaces/Time."""
+    return message_stamp.sec * NANOSECONDS_PER_SECOND + message_stamp.nanosec
+
+
+def pose(types: Types, x_m: float, y_m: float, z_m: float, phi_rad: float) -> Any:
+    """geometry_msgs/Pose of a planar pose: phi turns about -y."""
+    return types("geometry_msgs/msg/Pose")(
+        position=types("geometry_msgs/msg/Point")(x=x_m, y=y_m, z=z_m),
+        orientation=rotation(types, phi_rad),
+    )
+
+
+def rotation(types: Types, phi_rad: float) -> Any:
+    """geometry_msgs/Quaternion of a rotation by phi about -y."""
+    half = 0.5 * phi_rad
+    return types("geometry_msgs/msg/Quaternion")(x=0.0, y=-math.sin(half), z=0.0, w=math.cos(half))
+
+
+def vector(types: Types, x: float, y: float, z: float) -> Any:
+    """geometry_msgs/Vector3."""
+    return types("geometry_msgs/msg/Vector3")(x=x, y=y, z=z)
+
+
+def to_message(types: Types, record: Any, interval_ns: int) -> Any:
+    """The message of a record; `interval_ns` stamps the records that carry no time of their own.
+
+    A SoilCloud becomes a sensor_msgs/PointCloud2, every other record the message of its name.
+
+    Raises:
+        RecordingError: there is no message for this kind of record.
+    """
+    kind = type(record)
+    if kind is SoilCloud:
+        return point_cloud(types, record)
+    if kind not in _TOP_LEVEL:
+        raise RecordingError(f"no message carries a {kind.__name__}; give one of the records of messages.py")
+    values = {name: getattr(record, name) for name in _PLAIN[kind]}
+    for owner, name in _ENUMS:
+        if owner is kind:
+            values[name] = int(getattr(record, name))
+    for name, part in _PARTS.get(kind, {}).items():
+        values[name] = [_PART_TO_MESSAGE[part](types, item) for item in getattr(record, name)]
+    return types(PACKAGE + kind.__name__)(header=header(types, end_time_of(record, interval_ns)), **values)
+
+
+def _motion_to_message(types: Types, motion: ToolMotion) -> Any:
+    return types("subsoil_msgs/msg/ToolMotion")(
+        tool=motion.tool,
+        pose=pose(types, motion.x_m, motion.y_m, motion.z_m, motion.phi_rad),
+        twist=types("geometry_msgs/msg/Twist")(
+            linear=vector(types, motion.velocity_x_m_per_s, 0.0, motion.velocity_z_m_per_s),
+            angular=vector(types, 0.0, -motion.phi_rate_rad_per_s, 0.0),
+        ),
+        phi_rad=motion.phi_rad,
+    )
+
+
+def _wrench_to_message(types: Types, wrench: ToolWrench) -> Any:
+    return types("subsoil_msgs/msg/ToolWrench")(
+        tool=wrench.tool,
+        wrench=types("geometry_msgs/msg/Wrench")(
+            force=vector(types, wrench.force_x_newton, wrench.force_y_newton, wrench.force_z_newton),
+            torque=vector(
+                types, wrench.torque_x_newton_m, wrench.torque_y_newton_m, wrench.torque_z_newton_m
+            ),
+        ),
+        work_joule=wrench.work_joule,
+        contact_count=wrench.contact_count,
+        groups=[
+            types("subsoil_msgs/msg/GroupForce")(
+                group=group.group,
+                force=vector(types, group.force_x_newton, group.force_y_newton, group.force_z_newton),
+            )
+            for group in wrench.groups
+        ],
+    )
+
+
+def _plain_to_message(kind: type) -> Callable[[Types, Any], Any]:
+    names = _PLAIN[kind]
+    type_name = PACKAGE + kind.__name__
+    return lambda types, item: types(type_name)(**{name: getattr(item, name) for name in names})
+
+
+_PART_TO_MESSAGE: dict[type, Callable[[Types, Any], Any]] = {
+    ToolMotion: _motion_to_message,
+    ToolWrench: _wrench_to_message,
+    BodyState: _plain_to_message(BodyState),
+    JointReaction: _plain_to_message(JointReaction),
+    ForceState: _plain_to_message(ForceState),
+}
+
+
+def point_cloud(types: Types, cloud: SoilCloud) -> Any:
+    """sensor_msgs/PointCloud2 of the particles: x, y, z [m] and speed [m/s], float32, little-endian."""
+    positions = np.asarray(cloud.positions_m)
+    points = np.empty((len(positions), 4), dtype="<f4")
+    points[:, :3] = positions
+    points[:, 3] = cloud.speeds_m_per_s
+    cls = types("sensor_msgs/msg/PointCloud2")
+    # rclpy takes bytes as array.array, rosbags as numpy; the other one is refused or slow
+    of_rclpy = hasattr(cls, "get_fields_and_field_types")
+    data = array("B", points.tobytes()) if of_rclpy else points.reshape(-1).view(np.uint8)
+    return cls(
+        header=header(types, cloud.end_time_ns),
+        height=1,
+        width=len(points),
+        fields=[
+            types("sensor_msgs/msg/PointField")(name=name, offset=4 * i, datatype=_FLOAT32, count=1)
+            for i, name in enumerate(POINT_FIELDS)
+        ],
+        is_bigendian=False,
+        point_step=_POINT_BYTES,
+        row_step=_POINT_BYTES * len(points),
+        data=data,
+        is_dense=True,
+    )
+
+
+def from_message(kind: type | str, message: Any) -> Any:
+    """The record of `kind` that a message of either family carries; undoes `to_message`.
+
+    `kind` is the record's class, or its message type name ("subsoil_msgs/msg/Grant").
+    """
+    if isinstance(kind, str):
+        kind = _RECORD_OF_NAME[kind]
+    values = {name: getattr(message, name) for name in _PLAIN[kind]}
+    if kind not in _STAMPED_BY_TICK:
+        values["end_time_ns"] = time_ns_of(message.header.stamp)
+    for owner, name in _ENUMS:
+        if owner is kind:
+            values[name] = _ENUMS[owner, name](getattr(message, name))
+    for name, part in _PARTS.get(kind, {}).items():
+        values[name] = tuple(_PART_FROM_MESSAGE[part](item) for item in getattr(message, name))
+    return kind(**values)
+
+
+def _motion_from_message(message: Any) -> ToolMotion:
+    position, twist = message.pose.position, message.twist
+    return ToolMotion(
+        tool=message.tool,
+        x_m=position.x,
+        y_m=position.y,
+        z_m=position.z,
+        phi_rad=message.phi_rad,
+        velocity_x_m_per_s=twist.linear.x,
+        velocity_z_m_per_s=twist.linear.z,
+        phi_rate_rad_per_s=-twist.angular.y,
+    )
+
+
+def _wrench_from_message(message: Any) -> ToolWrench:
+    force, torque = message.wrench.force, message.wrench.torque
+    return ToolWrench(
+        tool=message.tool,
+        force_x_newton=force.x,
+        force_y_newton=force.y,
+        force_z_newton=force.z,
+        torque_x_newton_m=torque.x,
+        torque_y_newton_m=torque.y,
+        torque_z_newton_m=torque.z,
+        work_joule=message.work_joule,
+        contact_count=message.contact_count,
+        groups=tuple(
+            GroupForce(item.group, item.force.x, item.force.y, item.force.z) for item in message.groups
+        ),
+    )
+
+
+def _plain_from_message(kind: type) -> Callable[[Any], Any]:
+    names = _PLAIN[kind]
+    return lambda message: kind(*(getattr(message, name) for name in names))
+
+
+_PART_FROM_MESSAGE: dict[type, Callable[[Any], Any]] = {
+    ToolMotion: _motion_from_message,
+    ToolWrench: _wrench_from_message,
+    BodyState: _plain_from_message(BodyState),
+    JointReaction: _plain_from_message(JointReaction),
+    ForceState: _plain_from_message(ForceState),
+}
+
+
+def cloud_from_message(message: Any, interval_ns: int) -> SoilCloud:
+    """The SoilCloud of a PointCloud2 made by `point_cloud`: positions (n, 3), speeds (n,), float32."""
+    points = np.frombuffer(memoryview(message.data), dtype="<f4").reshape(-1, 4)
+    time_ns = time_ns_of(message.header.stamp)
+    return SoilCloud(time_ns // interval_ns - 1, time_ns, points[:, :3], points[:, 3])

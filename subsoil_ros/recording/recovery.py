@@ -1,0 +1,113 @@
+"""Mends a bag whose writer was killed: every whole chunk is read in sequence and written anew."""
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+import zstandard
+from mcap.exceptions import McapError
+from mcap.records import Channel, Message, Schema
+from mcap.stream_reader import StreamReader
+
+from ..errors import InputError, RecordingError
+from .bag_folder import BagFolder, TopicInfo
+from .bag_reader import mcap_path
+
+# what the readers of MCAP, its strings and its chunks meet where a file is cut or overwritten
+_BROKEN = (McapError, struct.error, zstandard.ZstdError, ValueError)
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """What was mended."""
+
+    path: Path  # the mended .mcap file
+    damaged_path: Path | None  # where the damaged one was moved to; None: nothing had to be mended
+    message_count: int
+    end_time_ns: int
+
+
+def recover(path: Path) -> Recovery:
+    """Mends the bag at `path` (bag folder, .mcap file or folder of a run) in its place.
+
+    The damaged file is kept as NAME.damaged. A bag that is whole is left as it is. The messages of the
+    chunk that was being written are lost.
+
+    Raises:
+        InputError: there is no bag, or an earlier recovery's remains are in the way.
+        RecordingError: not a single message can be read.
+    """
+    source = mcap_path(path)
+    directory = source.parent
+    whole = _is_whole(source) and (directory / "metadata.yaml").is_file()
+    kept = source.with_name(source.name + ".damaged")
+    fresh = directory / (directory.name + ".mended")
+    if not whole:
+        for obstacle in (kept, fresh):
+            if obstacle.exists():
+                raise InputError(f"{obstacle}: is left from an earlier recovery; move it away first")
+    channels: dict[int, str] = {}
+    schemas: dict[int, Schema] = {}
+    folder = None if whole else BagFolder(fresh, source.name)
+    count, end_ns = 0, 0
+    for record in _readable(source):
+        if isinstance(record, Schema):
+            schemas[record.id] = record
+        elif isinstance(record, Channel):
+            channels[record.id] = record.topic
+            if folder is not None and record.topic not in folder:
+                folder.add_topic(_topic_info(record, schemas))
+        elif isinstance(record, Message):
+            count += 1
+            end_ns = max(end_ns, record.log_time)
+            if folder is not None:
+                folder.write(channels[record.channel_id], record.log_time, record.data)
+    if folder is None:
+        return Recovery(source, None, count, end_ns)
+    folder.close()
+    if count == 0:
+        _remove(folder)
+        raise RecordingError(f"{source}: not one whole chunk is in it; there is nothing to recover")
+    source.rename(kept)
+    folder.path.rename(source)
+    (fresh / "metadata.yaml").replace(directory / "metadata.yaml")
+    fresh.rmdir()
+    return Recovery(source, kept, count, end_ns)
+
+
+def _remove(folder: BagFolder) -> None:
+    for item in folder.directory.iterdir():
+        item.unlink()
+    folder.directory.rmdir()
+
+
+def _topic_info(channel: Channel, schemas: dict[int, Schema]) -> TopicInfo:
+    schema = schemas[channel.schema_id]
+    return TopicInfo(
+        name=channel.topic,
+        message_type=schema.name,
+        schema=schema.data.decode(),
+        type_hash=channel.metadata.get("topic_type_hash", ""),
+        qos_profiles=yaml.safe_load(channel.metadata.get("offered_qos_profiles", "")) or [],
+    )
+
+
+def _is_whole(path: Path) -> bool:
+    try:
+        with path.open("rb") as stream:
+            for _ in StreamReader(stream, validate_crcs=True).records:
+                pass
+    except _BROKEN:
+        return False
+    return True
+
+
+def _readable(path: Path) -> Iterator[object]:
+    """Records up to the first that is cut off or damaged."""
+    with path.open("rb") as stream:
+        try:
+            yield from StreamReader(stream, validate_crcs=True).records
+        except _BROKEN:
+            return  # the end of what can be read

@@ -1,0 +1,75 @@
+"""Standard messages for people and other tools, derived from the records: poses, wrenches, /tf, /clock.
+
+For both message families, see recording/conversion.py for `types`.
+"""
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+from ..messages import MechanismState, ToolMotion, ToolMotions, ToolWrench
+from ..scene.model import Scene
+from .conversion import Types, header, pose, rotation, stamp, vector
+
+
+def clock(types: Types, time_ns: int) -> Any:
+    """rosgraph_msgs/Clock."""
+    return types("rosgraph_msgs/msg/Clock")(clock=stamp(types, time_ns))
+
+
+def body_frame(scene: Scene, tool: str) -> str:
+    """Frame of a tool: the name of its body, or its own along a prescribed path."""
+    return scene.tools[tool].body or tool
+
+
+def pose_stamped(types: Types, motion: ToolMotion, time_ns: int) -> Any:
+    """geometry_msgs/PoseStamped of a tool's body in the world frame."""
+    return types("geometry_msgs/msg/PoseStamped")(
+        header=header(types, time_ns),
+        pose=pose(types, motion.x_m, motion.y_m, motion.z_m, motion.phi_rad),
+    )
+
+
+def wrench_stamped(types: Types, wrench: ToolWrench, motion: ToolMotion, frame: str, time_ns: int) -> Any:
+    """geometry_msgs/WrenchStamped: soil on tool about the centre of mass, components in the body frame."""
+    cosine, sine = math.cos(motion.phi_rad), math.sin(motion.phi_rad)
+
+    def in_body(x: float, y: float, z: float) -> Any:
+        return vector(types, cosine * x + sine * z, y, cosine * z - sine * x)
+
+    return types("geometry_msgs/msg/WrenchStamped")(
+        header=header(types, time_ns, frame),
+        wrench=types("geometry_msgs/msg/Wrench")(
+            force=in_body(wrench.force_x_newton, wrench.force_y_newton, wrench.force_z_newton),
+            torque=in_body(wrench.torque_x_newton_m, wrench.torque_y_newton_m, wrench.torque_z_newton_m),
+        ),
+    )
+
+
+def transforms(
+    types: Types, scene: Scene, state: MechanismState | None, motions: ToolMotions | None, time_ns: int
+) -> Any:
+    """tf2_msgs/TFMessage: every body of the mechanism, or every tool on a path, in the world frame."""
+    if state is not None:
+        lateral = {tool.body: tool.lateral_m for tool in scene.tools.values()}
+        places: Iterable[tuple[str, float, float, float, float]] = (
+            (body.name, body.x_m, lateral.get(body.name, 0.0), body.z_m, body.phi_rad)
+            for body in state.bodies
+        )
+    else:
+        places = (
+            (body_frame(scene, item.tool), item.x_m, item.y_m, item.z_m, item.phi_rad)
+            for item in (motions.tools if motions else ())
+        )
+    return types("tf2_msgs/msg/TFMessage")(
+        transforms=[
+            types("geometry_msgs/msg/TransformStamped")(
+                header=header(types, time_ns),
+                child_frame_id=name,
+                transform=types("geometry_msgs/msg/Transform")(
+                    translation=vector(types, x_m, y_m, z_m), rotation=rotation(types, phi_rad)
+                ),
+            )
+            for name, x_m, y_m, z_m, phi_rad in places
+        ]
+    )

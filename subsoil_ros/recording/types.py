@@ -1,0 +1,96 @@
+"""Message types without ROS: rosbags' store of Jazzy types with subsoil_msgs added from its .msg texts."""
+
+import os
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from ..errors import RecordingError
+
+_NAMES = (
+    "BodyState", "CouplingReport", "DriverCommand", "ForceState", "Grant", "GroupForce", "JointReaction",
+    "MechanismState", "NodeHello", "SoilState", "TickAck", "ToolMotion", "ToolMotions", "ToolWrench",
+    "ToolWrenches",
+)  # fmt: skip
+_OWN = "subsoil_msgs/msg/"
+_RULE = "=" * 80
+
+
+def _search_path() -> list[Path]:
+    prefixes = [item for item in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if item]
+    installed = [Path(prefix) / "share/subsoil_msgs/msg" for prefix in (*prefixes, sys.prefix)]
+    return [*installed, Path(__file__).parents[2] / "msg_defs/msg"]
+
+
+@cache
+def message_folder() -> Path:
+    """Folder of the .msg files of subsoil_msgs: of the installed package, else of the source checkout.
+
+    Raises:
+        RecordingError: neither is there.
+    """
+    folders = _search_path()
+    for folder in folders:
+        if all((folder / f"{name}.msg").is_file() for name in _NAMES):
+            return folder
+    looked = "\n  ".join(str(folder) for folder in folders)
+    raise RecordingError(
+        f"the message definitions of subsoil_msgs were not found; looked for {_NAMES[0]}.msg and "
+        f"{len(_NAMES) - 1} others in\n  {looked}\nInstall subsoil_msgs (`make`), or source its workspace."
+    )
+
+
+@cache
+def _texts() -> dict[str, str]:
+    return {_OWN + name: (message_folder() / f"{name}.msg").read_text(encoding="utf-8") for name in _NAMES}
+
+
+@cache
+def typestore() -> Typestore:
+    """Jazzy's types and those of subsoil_msgs."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for name, text in _texts().items():
+        store.register(get_types_from_msg(text, name))
+    return store
+
+
+@cache
+def message_class(name: str) -> Any:
+    """rosbags' class of a message type: the `types` of recording/conversion.py without ROS."""
+    return typestore().types[name]
+
+
+@cache
+def schema_text(name: str) -> str:
+    """Full ros2msg schema: the type's own text, then every type it uses, each after a ruled heading.
+
+    Types of subsoil_msgs keep their text with its comments, where the units are.
+    """
+    definition, _ = typestore().generate_msgdef(name, ros_version=2)
+    first, *others = definition.split(f"{_RULE}\nMSG: ")
+    parts = [_texts().get(name, first).rstrip("\n") + "\n"]
+    for other in others:
+        short, _, body = other.partition("\n")
+        text = _texts().get(short.replace("/", "/msg/"), body).rstrip("\n")
+        parts.append(f"{_RULE}\nMSG: {short}\n{text}\n")
+    return "".join(parts)
+
+
+@cache
+def type_hash(name: str) -> str:
+    """RIHS01 hash of a message type, as ROS 2 computes it."""
+    return typestore().hash_rihs01(name)
+
+
+def serialize(message: Any) -> bytes:
+    """CDR bytes of a rosbags message."""
+    return bytes(typestore().serialize_cdr(message, message.__msgtype__))
+
+
+def deserialize(data: bytes, name: str) -> Any:
+    """rosbags message of type `name` from CDR bytes."""
+    return typestore().deserialize_cdr(data, name)

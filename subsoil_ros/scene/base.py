@@ -1,0 +1,16 @@
+"""Base of every scene part: frozen, closed, SI units in the key names."""
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Point = tuple[Finite, Finite]  # (x, z) in world axes, metres, in the reference pose
+
+
+class Part(BaseModel):
+    """A frozen, closed piece of a scene: an unknown key is an error."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=False)

@@ -1,0 +1,70 @@
+"""How long soil and mechanism may go without exchange: bounds of the serial scheme, per tool.
+
+A force held over an interval H acts like negative damping. On a soil spring k with damper c under a mass
+m, for k H^2 / m << 1, the exchange of the force at the tick's end is stable for k H / 2 <= c <= 2 m / H, that
+of its mean from k H <= c. n contacts share one law, k = n K and c = n C, so the lower bound on the damper
+does not depend on n.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .limits import pair_values
+from .meshes import ToolMesh
+from .model import Scene
+from .soil import Soil
+
+PRESSED_PART = 0.5
+"""Part of a tool's surface that presses on particles at once (chosen: the front half)."""
+
+
+@dataclass(frozen=True)
+class CouplingBound:
+    """Longest intervals for one tool [s]."""
+
+    tool: str
+    undamped_s: float  # above: the contact's damper no longer outweighs the held force
+    unstable_s: float  # above: the damper's held force moves the tool by more than it should
+    effective_mass_kg: float
+    contact_count: float
+
+
+def coupling_bounds(scene: Scene, meshes: dict[str, ToolMesh]) -> tuple[CouplingBound, ...]:
+    """Bounds of every tool that a body carries; empty without soil or mechanism.
+
+    The effective mass is that of the free body at its farthest point, 1 / (1/m + d^2/J): joints only add
+    to it, so the estimate is on the safe side.
+    """
+    if scene.soil is None or scene.mechanism is None:
+        return ()
+    _, boundary = pair_values(scene.soil)
+    share = 2.0 if scene.coupling.force == "tick_end" else 1.0
+    found = []
+    for name, tool in scene.tools.items():
+        if tool.body is None:
+            continue
+        body = scene.mechanism.bodies[tool.body]
+        arm = float(np.linalg.norm(meshes[name].vertices_m[:, [0, 2]], axis=1).max())
+        mass = 1.0 / (1.0 / body.mass_kg + arm**2 / body.inertia_kg_m2)
+        count = _contact_count(scene.soil, meshes[name])
+        damping = count * boundary.damping
+        found.append(
+            CouplingBound(
+                tool=name,
+                undamped_s=share * boundary.damping / boundary.stiffness,
+                unstable_s=2.0 * mass / damping,
+                effective_mass_kg=mass,
+                contact_count=count,
+            )
+        )
+    return tuple(found)
+
+
+def _contact_count(soil: Soil, mesh: ToolMesh) -> float:
+    """Particles that press on a tool at once, one per spacing squared of its pressed surface."""
+    corners = mesh.vertices_m[mesh.facets]
+    area = 0.5 * np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    return max(1.0, PRESSED_PART * float(area.sum()) / soil.bed.spacing_m**2)

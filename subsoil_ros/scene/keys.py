@@ -1,0 +1,89 @@
+"""What keys a scene may have at a place, found from the typed model; for errors and overrides."""
+
+import difflib
+import types
+from collections.abc import Iterable
+from typing import Annotated, Any, Union, get_args, get_origin
+
+from pydantic import BaseModel
+
+
+def members(annotation: Any) -> list[Any]:
+    """The alternatives of an annotation, without Annotated, Union and None."""
+    origin = get_origin(annotation)
+    if origin is Annotated:
+        return members(get_args(annotation)[0])
+    if origin is Union or origin is types.UnionType:
+        return [m for part in get_args(annotation) if part is not type(None) for m in members(part)]
+    return [annotation]
+
+
+def is_model(annotation: Any) -> bool:
+    """Whether the annotation is a part of the scene (and not a number, text or mapping)."""
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+
+
+def kinds(annotation: Any) -> list[str]:
+    """The values `kind` may have at a place of this annotation; empty where there is no choice."""
+    found: list[str] = []
+    for member in members(annotation):
+        if is_model(member) and "kind" in member.model_fields:
+            found.extend(get_args(member.model_fields["kind"].annotation))
+    return found
+
+
+def model_at(annotation: Any, value: object) -> type[BaseModel] | None:
+    """The model that a value of this annotation is read by; None if it is no model, or unknown."""
+    models = [m for m in members(annotation) if is_model(m)]
+    if len(models) == 1:
+        return models[0]
+    kind = value.get("kind") if isinstance(value, dict) else None
+    for model in models:
+        if kind is not None and kind in kinds(model):
+            return model
+    return None
+
+
+def item_annotation(annotation: Any) -> Any:
+    """The annotation of the items of a mapping such as dict[str, Body]; None if it is no mapping."""
+    for member in members(annotation):
+        if get_origin(member) is dict:
+            return get_args(member)[1]
+    return None
+
+
+def annotation_at(root: type[BaseModel], document: object, path: Iterable[object]) -> Any:
+    """The annotation at a path of the document; None where the path leaves the model."""
+    annotation: Any = root
+    value = document
+    for key in path:
+        if annotation is None:
+            return None
+        model = model_at(annotation, value)
+        if model is not None:
+            field = model.model_fields.get(str(key))
+            annotation = None if field is None else field.annotation
+        else:
+            annotation = item_annotation(annotation)
+        value = value.get(key) if isinstance(value, dict) else None
+    return annotation
+
+
+def known_keys(annotation: Any, value: object) -> list[str]:
+    """The keys that may stand at a place: fields of its model, or the names given in the scene."""
+    model = model_at(annotation, value)
+    if model is not None:
+        return list(model.model_fields)
+    return list(value) if isinstance(value, dict) else []
+
+
+def suggestion(key: str, known: Iterable[str]) -> str:
+    """'did you mean ...?' with the nearest known key, else the list of known keys."""
+    known = list(known)
+    lowered = {name.lower(): name for name in known}
+    near = difflib.get_close_matches(key.lower(), lowered, n=1, cutoff=0.6)
+    if near:
+        return f"did you mean '{lowered[near[0]]}'?"
+    if not known:
+        return "no key is allowed here"
+    return f"known here are {', '.join(known)}"

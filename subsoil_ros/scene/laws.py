@@ -1,0 +1,59 @@
+"""Functions of time named in a scene: constant, ramp, sine, table."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from .base import Finite, NonNegative, Part, Positive
+
+
+class ConstantLaw(Part):
+    """value."""
+
+    kind: Literal["constant"]
+    value: Finite
+
+
+class RampLaw(Part):
+    """start_value until start_s, then linear to end_value at end_s, then end_value."""
+
+    kind: Literal["ramp"]
+    start_value: Finite = 0.0
+    end_value: Finite
+    start_s: NonNegative = 0.0
+    end_s: Positive
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "RampLaw":
+        if self.end_s <= self.start_s:
+            raise ValueError(f"end_s {self.end_s} must be later than start_s {self.start_s}")
+        return self
+
+
+class SineLaw(Part):
+    """mean + amplitude * sin(2 pi frequency t + phase)."""
+
+    kind: Literal["sine"]
+    mean: Finite = 0.0
+    amplitude: Finite
+    frequency_hz: Positive
+    phase_rad: Finite = 0.0
+
+
+class TableLaw(Part):
+    """Linear between (time, value) pairs; the end values hold outside."""
+
+    kind: Literal["table"]
+    times_s: tuple[Finite, ...] = Field(min_length=2)
+    values: tuple[Finite, ...] = Field(min_length=2)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "TableLaw":
+        if len(self.times_s) != len(self.values):
+            raise ValueError(f"times_s has {len(self.times_s)} entries, values {len(self.values)}")
+        if any(b <= a for a, b in zip(self.times_s[:-1], self.times_s[1:], strict=True)):
+            raise ValueError("times_s must increase")
+        return self
+
+
+Law = Annotated[ConstantLaw | RampLaw | SineLaw | TableLaw, Field(discriminator="kind")]

@@ -1,0 +1,117 @@
+"""Tool meshes: STL files, checked, and placed in the frame of the body that carries them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from ..errors import SceneError
+from .model import Scene
+from .tools import MeshPart
+
+LARGEST_SIZE_M = 20.0
+"""A larger mesh is taken to be in millimetres (chosen: no tool for a soil bin is as large)."""
+
+SMALLEST_HEIGHT = 1e-6
+"""A facet lower than this part of the mesh's size is degenerate (chosen: ten times the round-off of
+the float32 of an STL file)."""
+
+
+@dataclass(frozen=True)
+class ToolMesh:
+    """Surface of one tool, all its groups, closed group by group.
+
+    In the frame of its body: origin at the body's centre of mass in the reference pose, axes parallel to
+    the world's in that pose, y including the tool's lateral offset. A tool on a path: in the path's frame.
+    World position of a vertex: (x, 0, z) + R vertex, with R a rotation by phi - phi of the reference pose
+    about -y (x' = c x - s z, z' = s x + c z).
+    """
+
+    vertices_m: NDArray[np.float64]  # (n, 3)
+    facets: NDArray[np.int32]  # (m, 3), counter-clockwise seen from outside: normals point outward
+    facet_group: NDArray[np.int32]  # (m,), index into groups
+    groups: tuple[str, ...]
+
+
+def load_tool_mesh(directory: Path, scene: Scene, tool_name: str) -> ToolMesh:
+    """Load, check and place the meshes of a tool; relative paths are seen from `directory`.
+
+    Raises:
+        SceneError: a mesh is missing, unreadable, open, degenerate, inside out or far too large.
+    """
+    tool = scene.tools[tool_name]
+    origin = np.array([0.0, -tool.lateral_m, 0.0])
+    if tool.body is not None and scene.mechanism is not None:
+        x_m, z_m = scene.mechanism.bodies[tool.body].position_m
+        origin += (x_m, 0.0, z_m)
+    vertices, facets, facet_group = [], [], []
+    vertex_count = 0
+    for index, (group, part) in enumerate(tool.groups.items()):
+        mesh = _checked(directory, part, f"tools.{tool_name}.groups.{group}")
+        vertices.append(np.asarray(mesh.vertices) * part.scale + part.position_m - origin)
+        facets.append(np.asarray(mesh.faces) + vertex_count)
+        facet_group.append(np.full(len(mesh.faces), index))
+        vertex_count += len(mesh.vertices)
+    return ToolMesh(
+        vertices_m=np.ascontiguousarray(np.concatenate(vertices), dtype=np.float64),
+        facets=np.ascontiguousarray(np.concatenate(facets), dtype=np.int32),
+        facet_group=np.concatenate(facet_group).astype(np.int32),
+        groups=tuple(tool.groups),
+    )
+
+
+def _checked(directory: Path, part: MeshPart, place: str) -> trimesh.Trimesh:
+    """The mesh of one group, equal vertices merged, in file units."""
+    path = directory / part.mesh
+    where = f"{place}.mesh: {path}"
+    mesh = _read(path, where)
+    if not np.isfinite(mesh.vertices).all():
+        raise SceneError(f"{where}: has coordinates that are not finite; export it again")
+    size = float(np.max(np.ptp(mesh.vertices, axis=0)))
+    if size * part.scale > LARGEST_SIZE_M:
+        raise SceneError(
+            f"{where}: is {size * part.scale:.4g} m large, allowed are {LARGEST_SIZE_M:g} m; a file in "
+            f"millimetres needs 'scale: 0.001' (given {part.scale:g})"
+        )
+    edges = np.linalg.norm(mesh.triangles - np.roll(mesh.triangles, 1, axis=1), axis=2)
+    flat = 2.0 * mesh.area_faces <= SMALLEST_HEIGHT * size * edges.max(axis=1)
+    if flat.any():
+        raise SceneError(
+            f"{where}: facet {int(np.argmax(flat))} and {int(flat.sum()) - 1} others have no area; "
+            "remove degenerate facets before exporting"
+        )
+    if not mesh.is_watertight:
+        open_count = len(trimesh.grouping.group_rows(mesh.edges_sorted, require_count=1))
+        raise SceneError(
+            f"{where}: is not watertight ({open_count} open edges of {len(mesh.edges_unique)}); "
+            "a tool needs a closed surface: mend the mesh, each edge shared by exactly two facets"
+        )
+    inward = not mesh.is_winding_consistent or (_volumes(mesh) <= 0.0).any()
+    if inward:
+        raise SceneError(
+            f"{where}: facets point inward (volume {mesh.volume * part.scale**3:.3g} m3); normals must "
+            "point outward: turn the winding of the facets round, for example by trimesh's fix_normals()"
+        )
+    return mesh
+
+
+def _read(path: Path, where: str) -> trimesh.Trimesh:
+    if path.suffix.lower() != ".stl":
+        raise SceneError(f"{where}: given a '{path.suffix}' file, allowed are .stl files")
+    try:
+        mesh = trimesh.load_mesh(str(path), file_type="stl", process=True)
+    except Exception as error:  # trimesh raises whatever its parsers meet
+        raise SceneError(f"{where}: cannot be read as STL: {' '.join(str(error).split())}") from error
+    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
+        raise SceneError(f"{where}: holds no facets; it is empty or no STL file")
+    return mesh
+
+
+def _volumes(mesh: trimesh.Trimesh) -> NDArray[np.float64]:
+    """Signed volume of each connected piece [file units^3], (pieces,)."""
+    piece = trimesh.graph.connected_component_labels(mesh.face_adjacency, node_count=len(mesh.faces))
+    corners = mesh.triangles - mesh.vertices.mean(axis=0)
+    sixfold = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
+    return np.bincount(piece, weights=sixfold) / 6.0

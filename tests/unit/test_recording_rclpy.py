@@ -1,0 +1,99 @@
+"""Messages made without ROS and with rclpy are the same messages."""
+
+import json
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from subsoil_ros.messages import (
+    BodyState,
+    CouplingReport,
+    ForceState,
+    Grant,
+    GroupForce,
+    JointReaction,
+    MechanismState,
+    NodeHello,
+    NodeState,
+    SoilCloud,
+    SoilState,
+    TickAck,
+    ToolMotion,
+    ToolMotions,
+    ToolWrench,
+    ToolWrenches,
+)
+from subsoil_ros.recording.conversion import cloud_from_message, from_message, message_type, to_message
+from subsoil_ros.recording.types import deserialize, message_class, serialize, type_hash
+
+pytest.importorskip("subsoil_msgs.msg", reason="rclpy and subsoil_msgs are not installed")
+serialization = pytest.importorskip("rclpy.serialization")
+
+INTERVAL_NS = 48_000
+THIRD = 1.0 / 3.0
+MOTION = ToolMotion("shank", THIRD, 0.2, -0.0, 7.1, -0.5, 1e-300, 2 * THIRD)
+WRENCH = ToolWrench(
+    "shank", 1.0, 2.0, THIRD, 4.0, -5.0, 6.0, 1e300, 2**32 - 1, (GroupForce("share", THIRD, 0.0, 1.0),)
+)
+RECORDS = [
+    Grant("run", 3),
+    TickAck("run", 2),
+    NodeHello("run", "soil", NodeState.READY, "ab" * 32, "0.1", 12, -1, "", (MOTION,), (WRENCH,)),
+    ToolMotions("run", 41, 42 * INTERVAL_NS, (MOTION, MOTION)),
+    ToolWrenches("run", 41, 42 * INTERVAL_NS, (WRENCH,)),
+    MechanismState(
+        "run", 41, 42 * INTERVAL_NS, *(THIRD * k for k in range(9)),
+        (BodyState("frame", *(THIRD * k for k in range(9))),),
+        (JointReaction("pin", 1.0, THIRD, 3.0, False),), (ForceState("spring", 1.0, THIRD, 3.0),),
+    ),
+    SoilState("run", 41, 42 * INTERVAL_NS, 1, 2, 3, 4, 0.1, 0.2, 0.3, 0.4, THIRD),
+    CouplingReport("run", 41, 42 * INTERVAL_NS, 0.1, 0.2, 0.3, 0.4, 0.5, THIRD),
+]  # fmt: skip
+
+
+def rclpy_class(name: str):
+    """rclpy's class of a message type."""
+    package, _, short = name.partition("/msg/")
+    return getattr(import_module(f"{package}.msg"), short)
+
+
+@pytest.mark.parametrize("record", RECORDS, ids=lambda record: type(record).__name__)
+def test_both_families_read_each_others_bytes(record):
+    """A record sent by rclpy and read by rosbags, and the other way round, comes back bit for bit."""
+    kind, name = type(record), message_type(type(record))
+    by_rclpy = serialization.serialize_message(to_message(rclpy_class, record, INTERVAL_NS))
+    by_rosbags = serialize(to_message(message_class, record, INTERVAL_NS))
+    assert from_message(kind, deserialize(by_rclpy, name)) == record
+    assert from_message(kind, serialization.deserialize_message(by_rosbags, rclpy_class(name))) == record
+
+
+def test_cloud_of_both_families_is_the_same():
+    """The point cloud made for rclpy has the bytes of the one made for rosbags."""
+    rng = np.random.default_rng(1)
+    cloud = SoilCloud(
+        9, 10 * INTERVAL_NS, rng.random((50, 3)).astype(np.float32), rng.random(50).astype(np.float32)
+    )
+    data = serialization.serialize_message(to_message(rclpy_class, cloud, INTERVAL_NS))
+    read = cloud_from_message(deserialize(data, message_type(SoilCloud)), INTERVAL_NS)
+    np.testing.assert_array_equal(read.positions_m, cloud.positions_m)
+    np.testing.assert_array_equal(read.speeds_m_per_s, cloud.speeds_m_per_s)
+    assert read.tick == 9
+    ours = serialize(to_message(message_class, cloud, INTERVAL_NS))
+    message = serialization.deserialize_message(ours, rclpy_class(message_type(SoilCloud)))
+    assert message == to_message(rclpy_class, cloud, INTERVAL_NS)
+
+
+@pytest.mark.parametrize("record", RECORDS, ids=lambda record: type(record).__name__)
+def test_type_hash_is_that_of_rosidl(record):
+    """The hash in the bag is the one that the installed interface package declares."""
+    declared = Path(sys.prefix) / "share/subsoil_msgs/msg" / f"{type(record).__name__}.json"
+    if not declared.is_file():
+        pytest.skip("rosidl's type descriptions are not installed in this prefix")
+    name = message_type(type(record))
+    hashes = {
+        item["type_name"]: item["hash_string"] for item in json.loads(declared.read_text())["type_hashes"]
+    }
+    assert type_hash(name) == hashes[name]

@@ -1,0 +1,119 @@
+"""The shipped scenes: they load, come back from a written scene, and start as their text says."""
+
+from math import cos, sin
+from pathlib import Path
+
+import pytest
+from numpy.testing import assert_allclose
+
+from subsoil_ros.mbd.engine import MechanismEngine
+from subsoil_ros.messages import BodyState
+from subsoil_ros.scene.coupling_bounds import coupling_bounds
+from subsoil_ros.scene.loader import ResolvedScene, load_scene
+from subsoil_ros.scene.meshes import load_tool_mesh
+
+SCENES = Path(__file__).parents[2] / "config" / "scenes"
+NAMES = sorted(path.stem for path in SCENES.glob("*.yaml"))
+
+
+def shipped(name: str, *overrides: str) -> ResolvedScene:
+    return load_scene(SCENES / f"{name}.yaml", overrides)
+
+
+def first_bodies(resolved: ResolvedScene) -> dict[str, BodyState]:
+    state = MechanismEngine(resolved.scene, resolved.timing).state("run", -1, 0)
+    return {body.name: body for body in state.bodies}
+
+
+def tip_m(resolved: ResolvedScene, shank: BodyState) -> tuple[float, float]:
+    scene = resolved.scene
+    assert scene.mechanism is not None
+    assert scene.report.tip_m is not None
+    reference = scene.mechanism.bodies["shank"].position_m
+    dx, dz = scene.report.tip_m[0] - reference[0], scene.report.tip_m[1] - reference[1]
+    c, s = cos(shank.phi_rad), sin(shank.phi_rad)
+    return shank.x_m + c * dx - s * dz, shank.z_m + s * dx + c * dz
+
+
+def test_names() -> None:
+    """The scenes that the documentation names are there."""
+    assert {"subsoiler_1s300", "subsoiler_1s300_quick", "tine", "mechanism_only"} <= set(NAMES)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_round_trip(name: str, tmp_path: Path) -> None:
+    """Written as a run writes it, a scene loads from another folder with the same hash."""
+    first = shipped(name)
+    first.write(tmp_path / "scene.yaml")
+    second = load_scene(tmp_path / "scene.yaml")
+    assert second.scene_hash == first.scene_hash
+    assert second.document == first.document
+    assert second.timing == first.timing
+
+
+def test_same_machine_and_soil_law() -> None:
+    """The quick scene differs from the paper's in bin and wheels, not in bodies, joints, spring or law."""
+    full, quick = shipped("subsoiler_1s300", "start=lowered").scene, shipped("subsoiler_1s300_quick").scene
+    assert full.mechanism is not None
+    assert quick.mechanism is not None
+    assert full.soil is not None
+    assert quick.soil is not None
+    assert quick.mechanism.bodies == full.mechanism.bodies
+    assert quick.mechanism.joints == full.mechanism.joints
+    assert quick.mechanism.forces["H9_spring"] == full.mechanism.forces["H9_spring"]
+    assert quick.soil.law == full.soil.law
+    assert quick.tools == {"shank": full.tools["shank"]}
+    assert "not the paper's" in quick.report.note
+
+
+def test_end_wall_start() -> None:
+    """At rest; the wheels touch the surface inside the bin, the tip is behind x = 0 at 0.30 m."""
+    resolved = shipped("subsoiler_1s300")
+    bodies = first_bodies(resolved)
+    assert_allclose([bodies["wheel_left"].z_m, bodies["wheel_right"].z_m], 0.20, atol=1e-9)
+    assert bodies["wheel_left"].x_m - 0.20 > 0.0
+    x, z = tip_m(resolved, bodies["shank"])
+    assert x < -0.1
+    assert_allclose(z, -0.305, atol=0.005)  # turned on the spring by 0.05 rad: 5 mm below -0.30
+    assert_allclose([body.velocity_x_m_per_s for body in bodies.values()], 0.0, atol=1e-12)
+
+
+def test_lowered_start() -> None:
+    """Moving at 0.5 m/s, the tip within 10 mm above the surface inside the bin, the wheels above it."""
+    resolved = shipped("subsoiler_1s300", "start=lowered")
+    bodies = first_bodies(resolved)
+    x, z = tip_m(resolved, bodies["shank"])
+    assert 0.1 < x < 0.3
+    assert 0.0 < z < 0.01
+    assert bodies["wheel_left"].z_m > 0.20
+    assert_allclose([body.velocity_x_m_per_s for body in bodies.values()], 0.5, atol=1e-9)
+
+
+def test_quick_start() -> None:
+    """In equilibrium on sunk wheels, the tip 50 mm before the bin and above its floor."""
+    resolved = shipped("subsoiler_1s300_quick")
+    assert resolved.scene.soil is not None
+    bodies = first_bodies(resolved)
+    x, z = tip_m(resolved, bodies["shank"])
+    assert_allclose(x, -0.05, atol=0.005)
+    assert -resolved.scene.soil.bin.depth_m + 0.03 < z < -0.30
+    assert_allclose(bodies["wheel_left"].z_m, 0.187, atol=0.001)  # 781 N on 60 kN/m
+    accelerations = [abs(body.acceleration_z_m_per_s2) for body in bodies.values()]
+    assert_allclose(accelerations, 0.0, atol=1e-3)
+
+
+def test_coupling_bounds_of_the_full_scene() -> None:
+    """The bounds follow from the law and the mass, and the default interval is far below them."""
+    resolved = shipped("subsoiler_1s300")
+    scene = resolved.scene
+    meshes = {name: load_tool_mesh(resolved.directory, scene, name) for name in scene.tools}
+    bounds = {bound.tool: bound for bound in coupling_bounds(scene, meshes)}
+    stiffness, damping = 10e3 * 16e3 / 26e3, 20.0 * 20.0 / 40.0
+    wheel = bounds["wheel_left"]
+    assert_allclose(wheel.undamped_s, 2.0 * damping / stiffness, rtol=1e-12)
+    mass_kg = 1.0 / (1.0 / 25.0 + 0.20**2 / 0.5585)  # the rim is the farthest point
+    assert_allclose(wheel.effective_mass_kg, mass_kg, rtol=1e-6)
+    assert_allclose(wheel.unstable_s, 2.0 * mass_kg / (wheel.contact_count * damping), rtol=1e-6)
+    assert all(10.0 * resolved.timing.interval_s < min(b.undamped_s, b.unstable_s) for b in bounds.values())
+    mean = scene.model_copy(update={"coupling": scene.coupling.model_copy(update={"force": "tick_mean"})})
+    assert_allclose(coupling_bounds(mean, meshes)[0].undamped_s, damping / stiffness, rtol=1e-12)

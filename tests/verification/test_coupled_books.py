@@ -1,0 +1,127 @@
+"""Soil and mechanism together: the whole energy book and the momentum of the interface."""
+
+import pytest
+from numpy.testing import assert_allclose
+from scipy.integrate import trapezoid
+
+from subsoil_ros.coupling.exchange import InterfaceAccount
+from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.mbd.engine import MechanismEngine
+
+DURATION_S = 0.06
+
+
+def machine(mesh: str) -> dict:
+    """A block of 6 kg on a spring behind a driven trolley, sliding in x over the bed's surface layer."""
+    return {
+        "mechanism": {
+            "bodies": {
+                "trolley": {"mass_kg": 20.0, "inertia_kg_m2": 1.0, "position_m": [0.3, 0.2]},
+                "block": {"mass_kg": 6.0, "inertia_kg_m2": 0.05, "position_m": [0.05, -0.03]},
+            },
+            "joints": {
+                "rail": {
+                    "kind": "prismatic", "body_a": "ground", "body_b": "trolley", "point_m": [0.3, 0.2],
+                    "axis": [1, 0],
+                },
+                "drive": {
+                    "kind": "driver", "body": "trolley", "coordinate": "x",
+                    "speed": {"kind": "constant", "value": 0.4},
+                },
+                "hinge": {"kind": "revolute", "body_a": "trolley", "body_b": "block", "point_m": [0.05, 0.2]},
+            },
+            "forces": {
+                "spring": {
+                    "kind": "spring_damper", "body_a": "trolley", "point_a_m": [0.3, 0.05], "body_b": "block",
+                    "point_b_m": [0.05, 0.05], "stiffness_newton_per_m": 4000.0,
+                    "damping_newton_s_per_m": 20.0, "free_length_m": 0.25,
+                },
+            },
+            "draft_driver": "drive",
+        },
+        "tools": {
+            "block": {"body": "block", "groups": {"body": {"mesh": mesh, "position_m": [0.05, 0.0, -0.03]}}},
+        },
+    }  # fmt: skip
+
+
+def coupled(soil, step):
+    """The serial scheme of a run, without a bag. Yields engines, wrenches held and answered, account."""
+    resolved = soil.scene(
+        f"soil.time_step_s={step}", "soil.bin.length_m=0.3", "soil.bed.jitter_m=0.0003",
+        **machine(soil.box(0.03, 0.05, 0.06)),
+    )  # fmt: skip
+    mechanism = MechanismEngine(resolved.scene, resolved.timing)
+    bed = SoilEngine(resolved, 1, book=True)
+    motions = mechanism.initial_motions()
+    wrenches = bed.start(motions)
+    account = InterfaceAccount(motions, wrenches, None, 1.0)
+    for tick in range(round(DURATION_S / step)):
+        held = wrenches
+        motions = mechanism.advance(tick, held)
+        wrenches = bed.advance(tick, motions)
+        yield tick, mechanism, bed, held, wrenches, account.add(motions, wrenches)
+
+
+def test_the_whole_book_closes_better_when_the_step_halves(soil):
+    """Machine and soil energy + every sink - driver work is constant up to first order in the step."""
+
+    def defect(step):
+        start, work = None, None
+        for tick, mechanism, bed, _, _, work in coupled(soil, step):  # noqa: B007
+            if start is None:
+                start = whole(tick, mechanism, bed)
+        end = whole(tick, mechanism, bed)
+        driver = mechanism.state("r", tick, 0).driver_work_joule
+        assert driver > 0.2
+        assert bed.energy().tool_work_joule > 0.1
+        return abs(end - start) / driver, work.report("r", tick, 1, 0.0).residual_ratio
+
+    coarse, fine = defect(4e-5), defect(2e-5)
+    assert coarse[0] < 0.01
+    assert fine[0] < 0.7 * coarse[0]
+    # the force is held over a tick: the interface loses work in proportion to the interval
+    assert coarse[1] < 0.02
+    assert fine[1] < 0.7 * coarse[1] + 1e-4
+
+
+def whole(tick, mechanism, bed):
+    """Everything but what the driver put in [J]."""
+    m, s = mechanism.state("r", tick, 0), bed.energy()
+    inside = m.kinetic_energy_joule + m.gravity_energy_joule + m.spring_energy_joule + m.dissipated_joule
+    return inside - m.driver_work_joule + s.total_joule + s.tool_work_joule
+
+
+def test_the_machine_gains_the_impulses_of_driver_and_held_wrench(soil):
+    """Momentum of both bodies in x = impulse of the driver + sum of held wrench times interval."""
+    step = 4e-5
+    impulse, driver, before = 0.0, [], None
+    for tick, mechanism, _, held, _, _ in coupled(soil, step):
+        state = mechanism.state("r", tick, 0)
+        now = sum(m * b.velocity_x_m_per_s for m, b in zip((20.0, 6.0), state.bodies, strict=True))
+        if before is None:
+            before = now
+        else:
+            impulse += held[0].force_x_newton * step
+        driver.append(state.draft_newton)
+    # the driver's force varies within a tick: its impulse by the trapezoid rule is good to second order
+    pull = trapezoid(driver, dx=step)
+    assert_allclose(now - before, impulse + pull, atol=2e-3 * abs(pull) + 1e-6)
+    assert abs(impulse) > 0.05
+
+
+@pytest.mark.parametrize("step", [4e-5])
+def test_soil_work_reported_is_force_times_displacement(soil, step):
+    """The work a wrench reports is the work its force does on the tool's displacement of that tick."""
+    last = None
+    for _, mechanism, _, _, wrenches, _ in coupled(soil, step):
+        now = mechanism.state("r", 0, 0).bodies[1]
+        if last is not None:
+            w = wrenches[0]
+            work = (
+                w.force_x_newton * (now.x_m - last.x_m)
+                + w.force_z_newton * (now.z_m - last.z_m)
+                - w.torque_y_newton_m * (now.phi_rad - last.phi_rad)
+            )
+            assert_allclose(w.work_joule, work, rtol=1e-12, atol=1e-15)
+        last = now

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from .base import Finite, NonNegative, Part, Positive
+from .base import NonNegative, Part, Positive
 
 
 class Bin(Part):
@@ -76,4 +76,4 @@ class Soil(Part):
     law: WetLaw
     time_step_s: Annotated[Positive | Auto, Field(union_mode="left_to_right")] = "auto"
     skin_m: Positive = 0.003
-    largest_tool_overlap_m: Positive | None = None  # alarm; default: one particle radius
+    largest_tool_overlap_m: Positive | None = None  # the run stops beyond it; default: two radii

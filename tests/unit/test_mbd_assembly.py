@@ -134,6 +134,18 @@ def test_wheel_above_the_ground_settles_onto_it(mechanism_engine):
     assert (body.x_m, body.phi_rad) == (0.0, 0.0)
 
 
+def test_rest_is_a_pose_that_is_stable(mechanism_engine):
+    """A rod that leans a little from upright comes to rest hanging, not standing."""
+    machine = {
+        "bodies": {"rod": _body(0.05, 0.5)},
+        "joints": {"pin": _pin("ground", "rod", 0.0, 0.0)},
+        "initial": {"static_equilibrium": True},
+    }
+    body = mechanism_engine(machine).state("run", -1, 0).bodies[0]
+    assert body.x_m == pytest.approx(0.0, abs=1e-9)
+    assert body.z_m == pytest.approx(-math.hypot(0.05, 0.5), abs=1e-12)
+
+
 def _run(engine, ticks):
     for tick in range(ticks):
         engine.advance(tick, ())

@@ -1,0 +1,45 @@
+"""Where numba keeps compiled kernels: one folder per state of the sources.
+
+numba looks only at the file of the function it compiles, not at those it calls. With one cache, a changed
+contact law would go on running as it was, compiled into the pair kernel. So the folder's name is a digest
+of every kernel source. It stands outside the package, which may be read-only.
+"""
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+
+import numba
+
+_PACKAGE = Path(__file__).parent
+KERNEL_FOLDERS = (_PACKAGE / "dem", _PACKAGE / "mbd")
+
+
+def kernel_cache_folder(sources: Iterable[Path] = KERNEL_FOLDERS) -> Path:
+    """The cache folder for the kernels in the folders `sources`, under the user's cache folder."""
+    digest = hashlib.sha256(numba.__version__.encode())
+    for folder in sources:
+        for path in sorted(folder.glob("*.py")):
+            digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+    return _user_cache() / "subsoil_ros" / digest.hexdigest()[:16]
+
+
+def _user_cache() -> Path:
+    """A folder of the user's own that can be written to."""
+    given = os.environ.get("XDG_CACHE_HOME")
+    place = Path(given) if given else Path(os.path.expanduser("~")) / ".cache"
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+        if os.access(place, os.W_OK):
+            return place
+    except OSError:
+        pass  # no home: the temporary folder serves
+    return Path(tempfile.gettempdir()) / f"cache-{os.getuid()}"
+
+
+def use_kernel_cache() -> None:
+    """Let numba keep kernels in kernel_cache_folder(); NUMBA_CACHE_DIR, where set, stands."""
+    if not os.environ.get("NUMBA_CACHE_DIR"):
+        numba.config.CACHE_DIR = str(kernel_cache_folder())

@@ -1,0 +1,123 @@
+"""What is reported of a machine: body states, joint reactions, forces, the energy book."""
+
+import numpy as np
+
+from ..messages import BodyState, ForceState, JointReaction, MechanismState
+from .build import Machine
+from .constraints import evaluate_jacobian, evaluate_residual, evaluate_speed, turned
+from .forces import evaluate_forces, report_forces
+from .tables import (
+    BY_DRIVERS,
+    BY_LOADS,
+    BY_WRENCHES,
+    DISSIPATED,
+    DRIVER,
+    FIXED,
+    POINT_LOAD,
+    PRISMATIC,
+    State,
+)
+
+
+def body_states(machine: Machine, state: State) -> tuple[BodyState, ...]:
+    """All bodies, in the order of the scene."""
+    return tuple(
+        BodyState(
+            name,
+            *(float(array[3 * i + k]) for array in (state.q, state.v, state.a) for k in range(3)),
+        )
+        for i, name in enumerate(machine.bodies)
+    )
+
+
+def multipliers(machine: Machine, state: State, time: float, select: float) -> np.ndarray:
+    """Lagrange multipliers (m,) [N, N m] of eq. 6; the smallest ones where they are not unique."""
+    model = machine.model
+    if len(state.rows) == len(model.row_scale):
+        return state.multipliers
+    count = len(model.mass)
+    jacobian = np.zeros((len(model.row_scale), count + 3))
+    evaluate_jacobian(model, state.q, jacobian)
+    total = np.zeros(count + 3)
+    evaluate_forces(model, time, select, state.q, state.v, total, np.zeros(3))
+    rest = total[:count] + state.wrench - model.mass * state.a[:count]
+    scaled = np.linalg.lstsq(jacobian[:, :count].T, model.column_scale * rest, rcond=1e-9)[0]
+    return model.row_scale * scaled
+
+
+def joint_reactions(
+    machine: Machine, state: State, row_multipliers: np.ndarray, redundant: tuple[str, ...]
+) -> tuple[JointReaction, ...]:
+    """What every joint puts on its body_b: -Phi_q^T lambda, seen at the joint point."""
+    reactions = []
+    for name, joint in zip(machine.joints, machine.model.joints, strict=True):
+        row, kind = int(joint["row"]), int(joint["kind"])
+        first = -float(row_multipliers[row])
+        if kind == DRIVER:
+            parts = [0.0, 0.0, 0.0]
+            parts[int(joint["coordinate"]) % 3] = first
+            x, z, moment = parts
+        elif kind == PRISMATIC:
+            nx, nz = turned(float(state.q[3 * joint["body_a"] + 2]), joint["normal"])
+            x, z, moment = first * nx, first * nz, -float(row_multipliers[row + 1])
+        else:
+            x, z = first, -float(row_multipliers[row + 1])
+            moment = -float(row_multipliers[row + 2]) if kind == FIXED else 0.0
+        reactions.append(JointReaction(name, x, z, moment, unique=name not in redundant))
+    return tuple(reactions)
+
+
+def mechanism_state(
+    machine: Machine,
+    state: State,
+    redundant: tuple[str, ...],
+    draft_driver: str | None,
+    stamp: tuple[str, int, int],
+    select: float,
+) -> MechanismState:
+    """Everything about the machine at the time of `stamp` = (run id, tick, end time [ns]).
+
+    select: a time [s] that chooses the pieces of laws at a corner.
+    """
+    model = machine.model
+    time = stamp[2] * 1e-9
+    report = np.zeros((len(machine.forces), 3))
+    stored = report_forces(model, time, select, state.q, state.v, report)
+    reactions = joint_reactions(machine, state, multipliers(machine, state, time, select), redundant)
+    draft = next((r.force_x_newton for r in reactions if r.name == draft_driver), 0.0)
+    count = len(model.mass)
+    position, velocity = residuals(machine, state, time, select)
+    forces = tuple(
+        ForceState(name, *(float(value) for value in values))
+        for name, values, kind in zip(machine.forces, report, model.forces["kind"], strict=True)
+        if kind != POINT_LOAD
+    )
+    work = [float(value) for value in state.work]
+    return MechanismState(
+        *stamp,
+        draft_newton=draft,
+        kinetic_energy_joule=float(0.5 * np.sum(model.mass * state.v[:count] ** 2)),
+        gravity_energy_joule=float(model.gravity * np.sum(model.mass[1::3] * state.q[1:count:3])),
+        spring_energy_joule=float(stored),
+        dissipated_joule=work[DISSIPATED],
+        driver_work_joule=work[BY_DRIVERS],
+        external_work_joule=work[BY_LOADS] + work[BY_WRENCHES],
+        position_residual_m=position,
+        velocity_residual_m_per_s=velocity,
+        bodies=body_states(machine, state),
+        joints=reactions,
+        forces=forces,
+    )
+
+
+def residuals(machine: Machine, state: State, time: float, select: float) -> tuple[float, float]:
+    """Largest violation of all constraints [m] and of their rates [m/s], redundant ones included."""
+    model = machine.model
+    count = len(model.mass)
+    phi = np.zeros(len(model.row_scale))
+    position = float(evaluate_residual(model, time, select, state.q, phi))
+    jacobian = np.zeros((len(phi), count + 3))
+    evaluate_jacobian(model, state.q, jacobian)
+    evaluate_speed(model, time, select, phi)
+    rates = jacobian[:, :count] @ (state.v[:count] / model.column_scale) - phi
+    return position, float(np.abs(rates).max(initial=0.0))

@@ -1,0 +1,162 @@
+"""The mechanism engine: a scene's machine, advanced tick by tick under the soil's wrenches."""
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import PhysicsError, ProtocolError, RunError, SceneError, SingularMechanismError
+from ..messages import MechanismState, ToolMotion, ToolWrench
+from ..scene.model import Scene
+from ..ticks import INITIAL_TICK, tick_end_s
+from .adams_moulton import advance_tick
+from .assembly import Start, assemble, weakest_joints
+from .closure import Closure
+from .constraints import evaluate_residual
+from .diagnostics import mechanism_state
+from .tables import CONTRADICTION, NOT_CLOSED, OK, SINGULAR, State, make_state, make_workspace
+from .topology import Topology
+
+if TYPE_CHECKING:
+    from ..scene.limits import Timing
+
+
+class MechanismEngine:
+    """Advances the machine of a scene. One tick is one call; the state is in one place."""
+
+    def __init__(self, scene: Scene, timing: "Timing") -> None:
+        """Assemble the machine and bring it to its initial state.
+
+        Raises:
+            SceneError: no mechanism in the scene, or one that cannot be assembled.
+            SingularMechanismError: it starts in a singular position.
+        """
+        if scene.mechanism is None:
+            raise SceneError("mechanism: is missing, and this run needs one")
+        self._interval_ns = timing.interval_ns
+        self._steps = max(1, timing.mechanism_steps)
+        step_s = timing.interval_ns * 1e-9 / self._steps
+        start = assemble(scene.mechanism, scene.gravity_m_per_s2, step_s)
+        self._machine, self._redundant = start.machine, start.redundant
+        self._draft_driver = scene.mechanism.draft_driver
+        self._tools = [(name, tool.lateral_m) for name, tool in scene.tools.items()]
+        self._tool_bodies = [self._machine.bodies.index(str(tool.body)) for tool in scene.tools.values()]
+        self._tick = INITIAL_TICK
+        self.topology = Topology.of(start)
+        self._begin(start)
+
+    def _begin(self, start: Start) -> None:
+        """State and accelerations at time 0, without wrenches."""
+        model = self._machine.model
+        coordinates, rows, forces = len(model.mass), len(model.row_scale), len(model.forces)
+        order = model.weights.shape[1]
+        self._state = make_state(coordinates, rows, start.rank, forces, order)
+        self._work = make_workspace(coordinates, rows, start.rank, forces)
+        state, work = self._state, self._work
+        state.q[:], state.v[:] = start.q, start.v
+        status = advance_tick(model, state, work, 0.0, 0)
+        if status != OK:
+            raise self._fault(int(status), 0.0)
+
+    def initial_motions(self) -> tuple[ToolMotion, ...]:
+        """Motions of the tools at time 0, in scene order."""
+        return self._motions()
+
+    def advance(self, tick: int, wrenches: tuple[ToolWrench, ...]) -> tuple[ToolMotion, ...]:
+        """Advance `tick` with the wrenches held constant (none: empty); motions at its end.
+
+        Raises:
+            ProtocolError: not the next tick, or a wrench of an unknown tool.
+            PhysicsError: a wrench or an acceleration that is not finite, or contradicting constraints.
+            SingularMechanismError: the motion is not determined any more, or cannot go on.
+        """
+        if tick != self._tick + 1:
+            raise ProtocolError(
+                f"mechanism: asked to advance tick {tick}, but the next one is {self._tick + 1}"
+            )
+        self._hold(tick, wrenches)
+        start = tick_end_s(tick - 1, self._interval_ns)
+        status = advance_tick(self._machine.model, self._state, self._work, start, self._steps)
+        if status != OK:
+            raise self._fault(int(status), start)
+        self._tick = tick
+        return self._motions()
+
+    def state(self, run_id: str, tick: int, end_time_ns: int) -> MechanismState:
+        """The whole machine as it stands now, stamped with what the caller says."""
+        time = end_time_ns * 1e-9
+        behind = -0.5 if self._tick > INITIAL_TICK else 0.5
+        return mechanism_state(
+            self._machine,
+            self._state,
+            self._redundant,
+            self._draft_driver,
+            (run_id, tick, end_time_ns),
+            time + behind * self._machine.model.step,
+        )
+
+    @property
+    def arrays(self) -> State:
+        """All that changes during a run, in the arrays that the kernels write (not a copy)."""
+        return self._state
+
+    def _hold(self, tick: int, wrenches: tuple[ToolWrench, ...]) -> None:
+        """The wrenches as generalised forces; the planar moment is -torque_y (a turn about -y)."""
+        self._state.wrench[:] = 0.0
+        if not wrenches:
+            return
+        names = [name for name, _ in self._tools]
+        if [wrench.tool for wrench in wrenches] != names:
+            raise ProtocolError(
+                f"mechanism: tick {tick}: wrenches of {', '.join(w.tool for w in wrenches)}, but the tools "
+                f"are {', '.join(names)}"
+            )
+        for body, wrench in zip(self._tool_bodies, wrenches, strict=True):
+            planar = (wrench.force_x_newton, wrench.force_z_newton, -wrench.torque_y_newton_m)
+            if not all(math.isfinite(part) for part in planar):
+                raise PhysicsError(
+                    f"mechanism: tick {tick}: the wrench on tool '{wrench.tool}' is not finite: force x "
+                    f"{planar[0]:g} N, z {planar[1]:g} N, torque y {-planar[2]:g} N m"
+                )
+            self._state.wrench[3 * body : 3 * body + 3] += planar
+
+    def _motions(self) -> tuple[ToolMotion, ...]:
+        q, v = self._state.q, self._state.v
+        motions = []
+        for (name, lateral), body in zip(self._tools, self._tool_bodies, strict=True):
+            x, z, phi = (float(value) for value in q[3 * body : 3 * body + 3])
+            motions.append(
+                ToolMotion(name, x, lateral, z, phi, *(float(value) for value in v[3 * body : 3 * body + 3]))
+            )
+        return tuple(motions)
+
+    def _fault(self, status: int, time: float) -> RunError:
+        """The error for a status of a kernel, naming joints."""
+        model, q = self._machine.model, self._state.q
+        where = f"mechanism: after {time:.6f} s"
+        joints = ", ".join(weakest_joints(self._machine, q))
+        if status == SINGULAR:
+            return SingularMechanismError(
+                f"{where}: joints {joints} have come into a singular position (a dead centre or a stretched "
+                "linkage), where they do not determine the motion. Keep the machine away from it: limit the "
+                "drivers, or change the geometry."
+            )
+        if status == NOT_CLOSED:
+            return SingularMechanismError(
+                f"{where}: the joints cannot be closed any more; nearest to a singular position are "
+                f"{joints}. The drivers ask for a position out of reach, or the motion is too fast for the "
+                "step: change the drivers' laws, or raise coupling.mechanism_steps."
+            )
+        if status == CONTRADICTION:
+            phi = np.zeros(len(model.row_scale))
+            evaluate_residual(model, time + model.step, time + model.step, q, phi)
+            worst = int(np.abs(phi).argmax())
+            name = Closure(self._machine).names()[worst]
+            return PhysicsError(
+                f"{where}: redundant constraints contradict each other: {name} is open by "
+                f"{abs(phi[worst]):.3g} m. Remove one of {', '.join(self._redundant)}."
+            )
+        return PhysicsError(
+            f"{where}: an acceleration is not finite or above 1e300; a spring of zero length, or a step too "
+            "large for a stiff force: raise coupling.mechanism_steps."
+        )

@@ -1,0 +1,115 @@
+"""Generalized coordinate partitioning: independent and dependent coordinates (paper eq. 9, 10).
+
+All of it works in scaled coordinates (tables.py), so that pivots, residuals and condition compare.
+"""
+
+import numpy as np
+
+from .compiled import inner_kernel
+from .constraints import evaluate_jacobian, evaluate_residual, evaluate_speed
+from .linear import inverse_norm, lu_factor, lu_solve, pivot_fully
+from .tables import NOT_CLOSED, OK, PARTITION_COUNT, SINGULAR
+
+CLOSURE = 1e-12
+"""Positions are closed to this part of the machine's size."""
+
+ROUND_OFF = 2e-15
+"""... or to this part of the largest coordinate, where a machine stands far from the origin."""
+
+STALE_ITERATIONS = 2
+"""Position iterations that use the factors of the last evaluation before new ones are made."""
+
+LAST_ITERATION = 25
+"""The position Newton gives up here: the machine cannot reach this position."""
+
+SMALLEST_PIVOT = 1e-7
+"""A full-pivot elimination whose last pivot is this part of its first: a singular position."""
+
+
+@inner_kernel
+def condition_estimate(state, work):
+    """Condition (1-norm) of the scaled Phi_u; its factor and the Jacobian must be current."""
+    largest = 0.0
+    for j in state.dependent:
+        total = 0.0
+        for row in state.rows:
+            total += abs(work.jacobian[row, j])
+        largest = max(largest, total)
+    return largest * inverse_norm(work.factor, work.pivots, work.right, work.other)
+
+
+@inner_kernel
+def factor_dependent(model, state, work, q):
+    """Jacobian at `q`, and the LU of its dependent part; False if that is singular."""
+    evaluate_jacobian(model, q, work.jacobian)
+    for i in range(state.rows.shape[0]):
+        for j in range(state.dependent.shape[0]):
+            work.factor[i, j] = work.jacobian[state.rows[i], state.dependent[j]]
+    return lu_factor(work.factor, work.pivots)
+
+
+@inner_kernel
+def choose_partition(model, state, work, q):
+    """Choose dependent coordinates and independent rows at `q` by full pivoting; OK or SINGULAR."""
+    evaluate_jacobian(model, q, work.jacobian)
+    rank = state.rows.shape[0]
+    matrix = work.jacobian[:, : model.mass.shape[0]].copy()
+    rows = np.arange(matrix.shape[0])
+    columns = np.arange(matrix.shape[1])
+    pivot_fully(matrix, rows, columns)
+    state.rows[:] = rows[:rank]
+    state.dependent[:] = columns[:rank]
+    state.independent[:] = columns[rank:]
+    state.counters[PARTITION_COUNT] += 1
+    if rank == 0:
+        return OK
+    first, last = matrix[rows[0], columns[0]], matrix[rows[rank - 1], columns[rank - 1]]
+    if not abs(last) > SMALLEST_PIVOT * abs(first) or not factor_dependent(model, state, work, q):
+        return SINGULAR
+    state.condition[0] = 0.0  # measured after the next step
+    return OK
+
+
+@inner_kernel
+def close_positions(model, state, work, time, select, q):
+    """Move the dependent coordinates of `q` onto the constraints by Newton's method.
+
+    The first iterations use the factors in `work`; it leaves those of the closed pose. Answers
+    (status, iterations).
+    """
+    reach = 0.0
+    for i in range(q.shape[0]):
+        reach = max(reach, abs(q[i]))
+    tolerance = max(CLOSURE * model.size, ROUND_OFF * reach)
+    for iteration in range(LAST_ITERATION):
+        evaluate_residual(model, time, select, q, work.residual)
+        closed = True
+        for i in range(state.rows.shape[0]):
+            work.right[i] = -work.residual[state.rows[i]]
+            closed = closed and abs(work.right[i]) <= tolerance
+        fresh = closed or iteration >= STALE_ITERATIONS
+        if fresh and not factor_dependent(model, state, work, q):
+            return SINGULAR, iteration
+        if closed:
+            return OK, iteration
+        lu_solve(work.factor, work.pivots, work.right)
+        for i in range(state.dependent.shape[0]):
+            j = state.dependent[i]
+            q[j] += model.column_scale[j] * work.right[i]
+    return NOT_CLOSED, LAST_ITERATION
+
+
+@inner_kernel
+def close_velocities(model, state, work, time, select, v):
+    """Dependent velocities from the independent ones (eq. 4); factor and Jacobian must be current."""
+    evaluate_speed(model, time, select, work.residual)
+    for i in range(state.rows.shape[0]):
+        row = state.rows[i]
+        total = work.residual[row]
+        for j in state.independent:
+            total -= work.jacobian[row, j] * v[j] / model.column_scale[j]
+        work.right[i] = total
+    lu_solve(work.factor, work.pivots, work.right)
+    for i in range(state.dependent.shape[0]):
+        j = state.dependent[i]
+        v[j] = model.column_scale[j] * work.right[i]

@@ -1,0 +1,68 @@
+"""Tools on prescribed paths: closed-form integrals of the laws of their speeds."""
+
+from typing import TYPE_CHECKING
+
+from ..errors import ProtocolError
+from ..messages import ToolMotion, ToolWrench
+from ..scene.laws import Law
+from ..scene.model import Scene
+from ..ticks import INITIAL_TICK, tick_end_s
+from .laws import NO_LAW, law_integral, law_value, tabulate
+
+if TYPE_CHECKING:
+    from ..scene.limits import Timing
+
+
+class PathEngine:
+    """Moves tools without a mechanism; nothing pushes them back."""
+
+    def __init__(self, scene: Scene, timing: "Timing") -> None:
+        self._interval_ns = timing.interval_ns
+        self._tick = INITIAL_TICK
+        self._paths = [
+            (name, tool.lateral_m, tool.path) for name, tool in scene.tools.items() if tool.path is not None
+        ]
+        laws: list[Law] = []
+        self._indices: list[list[int]] = []  # of the laws of every tool: x, z, angle
+        for _, _, path in self._paths:
+            triple = []
+            for law in (path.speed_x_m_per_s, path.speed_z_m_per_s, path.angular_speed_rad_per_s):
+                triple.append(NO_LAW if law is None else len(laws))
+                if law is not None:
+                    laws.append(law)
+            self._indices.append(triple)
+        self._laws, _ = tabulate(laws)
+
+    def initial_motions(self) -> tuple[ToolMotion, ...]:
+        """Poses and twists at time 0, in scene order."""
+        return self._motions(0.0)
+
+    def advance(self, tick: int, wrenches: tuple[ToolWrench, ...] = ()) -> tuple[ToolMotion, ...]:
+        """Poses and twists at the end of `tick`; the wrenches change nothing.
+
+        Raises:
+            ProtocolError: not the next tick.
+        """
+        if tick != self._tick + 1:
+            raise ProtocolError(f"path: asked to advance tick {tick}, but the next one is {self._tick + 1}")
+        self._tick = tick
+        return self._motions(tick_end_s(tick, self._interval_ns))
+
+    def _motions(self, time: float) -> tuple[ToolMotion, ...]:
+        motions = []
+        for (name, lateral_m, path), laws in zip(self._paths, self._indices, strict=True):
+            travel = [law_integral(self._laws, law, time, time) for law in laws]
+            speed = [law_value(self._laws, law, time, time) for law in laws]
+            motions.append(
+                ToolMotion(
+                    tool=name,
+                    x_m=path.start_x_m + travel[0],
+                    y_m=lateral_m,
+                    z_m=path.start_z_m + travel[1],
+                    phi_rad=path.start_angle_rad + travel[2],
+                    velocity_x_m_per_s=speed[0],
+                    velocity_z_m_per_s=speed[1],
+                    phi_rate_rad_per_s=speed[2],
+                )
+            )
+        return tuple(motions)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import SceneError
-from ..scene.limits import pair_values, particle_mass_kg
+from ..scene.pairs import pair_values, particle_mass_kg
 from ..scene.soil import Soil
 
 
@@ -58,9 +58,9 @@ def prepare_grid(soil: Soil, gravity_m_per_s2: float) -> Bed:
     weight = particle_mass_kg(soil) * gravity_m_per_s2
     above = nz - 1.0 - np.arange(nz)  # layers above layer k
     step_up = np.full(nz - 1, spacing)
-    floor_gap = wall - nz * weight / boundary.stiffness
+    floor_gap = wall - boundary.loaded_m(nz * weight)
     if spacing <= 2.0 * radius - pair.rest_overlap + 1e-12:
-        step_up -= above[:-1] * weight / pair.stiffness
+        step_up -= [pair.loaded_m(layers * weight) for layers in above[:-1]]
     heights = np.concatenate(([0.0], np.cumsum(step_up)))
     heights -= heights[-1] + radius  # top of the uppermost spheres at z = 0
 

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from ..scene.limits import PairValues, pair_values
-from ..scene.soil import Soil
+from ..scene.pairs import PairValues, pair_values
+from ..scene.soil import Soil, WetLaw
 
 SINKS = ("normal_dashpot", "tangential_dashpot", "sliding", "rolling", "separation")
 """Energy sinks a contact books, in this order, joule."""
@@ -44,6 +44,7 @@ class Features(NamedTuple):
     adhesion: np.ndarray
     tangential: np.ndarray
     rolling: np.ndarray
+    hertz: np.ndarray  # stiffness grows with the root of the overlap
     damp_all_zones: np.ndarray
     friction_repulsive: np.ndarray  # neither of the two: friction is limited by F_n + F_peak
     friction_absolute: np.ndarray
@@ -63,7 +64,7 @@ def pair_law(values: PairValues, effective_radius: float, *, has_adhesion: bool)
         damping=values.damping,
         tangential_damping=values.tangential_damping,
         adhesion=adhesion,
-        contact_adhesion=adhesion * values.reach / values.rest_overlap,
+        contact_adhesion=values.contact_adhesion if has_adhesion else 0.0,
         rest_overlap=values.rest_overlap,
         reach=values.reach,
         peak_attraction=adhesion * values.reach,
@@ -78,15 +79,17 @@ def soil_laws(soil: Soil, *, book: bool = False) -> tuple[PairLaw, PairLaw, Feat
     """Laws of particle-particle and particle-boundary, and the features both are compiled with."""
     pair, boundary = pair_values(soil)
     both = (pair, boundary)
+    wet = soil.law if isinstance(soil.law, WetLaw) else None
     has_adhesion = any(v.adhesion > 0.0 for v in both)
     radius = soil.particles.radius_m
     features = Features(
         adhesion=YES if has_adhesion else NO,
         tangential=YES if any(v.tangential_stiffness + v.tangential_damping > 0.0 for v in both) else NO,
         rolling=YES if any(v.rolling_friction * v.tangential_stiffness > 0.0 for v in both) else NO,
-        damp_all_zones=YES if soil.law.damped_zones == "all" else NO,
-        friction_repulsive=YES if soil.law.friction_normal == "repulsive" else NO,
-        friction_absolute=YES if soil.law.friction_normal == "absolute" else NO,
+        hertz=YES if pair.hertzian else NO,
+        damp_all_zones=YES if wet and wet.damped_zones == "all" else NO,
+        friction_repulsive=YES if wet and wet.friction_normal == "repulsive" else NO,
+        friction_absolute=YES if wet and wet.friction_normal == "absolute" else NO,
         book=YES if book else NO,
     )
     return (
@@ -102,6 +105,8 @@ def normal_elastic(overlap, law, features):
 
     overlap [m] is negative across a gap.
     """
+    if features.hertz.ndim == 2:
+        return law.stiffness * np.sqrt(max(overlap, 0.0)) * overlap
     if overlap > law.rest_overlap:
         return law.stiffness * (overlap - law.rest_overlap)
     if features.adhesion.ndim == 1:
@@ -116,6 +121,8 @@ def normal_elastic(overlap, law, features):
 @njit(cache=True, error_model="numpy")
 def normal_potential(overlap, law, features):
     """Energy of the elastic normal force [J], zero out of reach; its derivative is normal_elastic."""
+    if features.hertz.ndim == 2:
+        return 0.4 * law.stiffness * max(overlap, 0.0) ** 2.5
     energy = 0.0
     if features.adhesion.ndim == 2:
         near = min(max(law.reach + overlap, 0.0), law.reach)
@@ -144,7 +151,13 @@ def contact(overlap, normal, velocity, spin, shear, roll, step, law, features):
 
     force_n = normal_elastic(overlap, law, features)
     damped = 0.0
-    if overlap > law.rest_overlap or features.damp_all_zones.ndim == 2:
+    grown, held_part = 1.0, 1.0  # Hertz: stiffness over its coefficient, and that of a step ago over it
+    if features.hertz.ndim == 2:
+        grown = np.sqrt(max(overlap, 0.0))
+        before = np.sqrt(max(overlap - step * overlap_rate, 0.0))
+        held_part = min(before / grown, 1.0) if grown > 0.0 else 0.0
+        damped = law.damping * np.sqrt(grown) * overlap_rate
+    elif overlap > law.rest_overlap or features.damp_all_zones.ndim == 2:
         damped = law.damping * overlap_rate
     force_n += damped
     fx, fy, fz = -force_n * nx, -force_n * ny, -force_n * nz
@@ -157,13 +170,20 @@ def contact(overlap, normal, velocity, spin, shear, roll, step, law, features):
         pressing = max(force_n + law.peak_attraction, 0.0)
 
     sx, sy, sz = 0.0, 0.0, 0.0
-    tangential_loss, sliding_loss = 0.0, 0.0
+    tangential_loss, sliding_loss, released = 0.0, 0.0, 0.0
     if features.tangential.ndim == 2:
         sx, sy, sz = shear
         along = sx * nx + sy * ny + sz * nz  # keep the spring in the turning tangent plane
         sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz
         tx, ty, tz = ux - overlap_rate * nx, uy - overlap_rate * ny, uz - overlap_rate * nz
         k, c = law.tangential_stiffness, law.tangential_damping
+        if features.hertz.ndim == 2:
+            # Mindlin: a stiffer contact keeps its force, a softer one loses it, so no energy comes in
+            if features.book.ndim == 2:
+                stored = 0.5 * k * (sx * sx + sy * sy + sz * sz)
+                released = stored * (before - grown * held_part * held_part)
+            sx, sy, sz = held_part * sx, held_part * sy, held_part * sz
+            k, c = k * grown, c * np.sqrt(grown)
         yielding = k * step + c
         # trial force if the slider held
         qx, qy, qz = k * sx + yielding * tx, k * sy + yielding * ty, k * sz + yielding * tz
@@ -194,7 +214,7 @@ def contact(overlap, normal, velocity, spin, shear, roll, step, law, features):
         rx = rx - along * nx + step * wx
         ry = ry - along * ny + step * wy
         rz = rz - along * nz + step * wz
-        stiffness = law.rolling_stiffness
+        stiffness = law.rolling_stiffness * grown
         size = stiffness * np.sqrt(rx * rx + ry * ry + rz * rz)
         limit = law.rolling_arm * pressing
         if size > limit:
@@ -203,13 +223,14 @@ def contact(overlap, normal, velocity, spin, shear, roll, step, law, features):
             rx, ry, rz = held * rx, held * ry, held * rz
         mx, my, mz = -stiffness * rx, -stiffness * ry, -stiffness * rz
 
-    sinks = (damped * overlap_rate * step, tangential_loss, sliding_loss, rolling_loss)
+    sinks = (damped * overlap_rate * step, tangential_loss, sliding_loss, rolling_loss, released)
     return (fx, fy, fz), (mx, my, mz), (sx, sy, sz), (rx, ry, rz), sinks
 
 
 @njit(cache=True, inline="always", error_model="numpy")
-def spring_energy(shear, roll, law):
+def spring_energy(overlap, shear, roll, law, features):
     """Energy in the tangential and the rolling spring [J]; lost when a contact separates."""
-    return 0.5 * law.tangential_stiffness * (
+    grown = np.sqrt(max(overlap, 0.0)) if features.hertz.ndim == 2 else 1.0
+    return 0.5 * grown * law.tangential_stiffness * (
         shear[0] * shear[0] + shear[1] * shear[1] + shear[2] * shear[2]
-    ) + 0.5 * law.rolling_stiffness * (roll[0] * roll[0] + roll[1] * roll[1] + roll[2] * roll[2])
+    ) + 0.5 * grown * law.rolling_stiffness * (roll[0] * roll[0] + roll[1] * roll[1] + roll[2] * roll[2])

@@ -7,9 +7,9 @@ import numpy as np
 
 from ..errors import InputError, PhysicsError
 from ..messages import SoilCloud, SoilState, ToolMotion, ToolWrench
-from ..scene.limits import particle_mass_kg
 from ..scene.loader import ResolvedScene
 from ..scene.meshes import load_tool_mesh
+from ..scene.pairs import particle_mass_kg
 from .bed import Bed, prepare_grid
 from .contact import SINKS, soil_laws
 from .integration import kick, kick_drift, motion_sums

@@ -25,7 +25,7 @@ def _slab_forces(
             distance2 = dx * dx + dy * dy + dz * dz
             if distance2 >= reach2:
                 if features.book.ndim == 2:
-                    book[4] += spring_energy(shear[k], roll[k], law)
+                    book[4] += spring_energy(0.0, shear[k], roll[k], law, features)
                 for a in range(3):
                     shear[k, a] = 0.0
                     roll[k, a] = 0.0
@@ -60,7 +60,7 @@ def _slab_forces(
             ax, ay, az = ax + f[0], ay + f[1], az + f[2]
             bx, by, bz = bx + qx + m[0], by + qy + m[1], bz + qz + m[2]
             if features.book.ndim == 2:
-                for a in range(4):
+                for a in range(5):
                     book[a] += sinks[a]
         force[i, 0] += ax
         force[i, 1] += ay
@@ -101,5 +101,6 @@ def pair_scan(row_start, neighbour, position, shear, roll, radius, law, features
             if overlap > -reach:
                 contacts += 1
                 largest = max(largest, overlap)
-                energy += normal_potential(overlap, law, features) + spring_energy(shear[k], roll[k], law)
+                energy += normal_potential(overlap, law, features)
+                energy += spring_energy(overlap, shear[k], roll[k], law, features)
     return contacts, largest, energy

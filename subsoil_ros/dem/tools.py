@@ -145,11 +145,11 @@ def _candidate(
         moment[2] -= rx * f[1] - ry * f[0] + m[2]
         sums[5] += 1.0
         sums[6] = max(sums[6], radius - distance)
-        for a in range(4):
+        for a in range(5):
             sums[a] += sinks[a]
     if features.book.ndim == 2:
         for s in range(CONTACTS):
-            sums[4] += spring_energy(old_shear[s], old_roll[s], law)
+            sums[4] += spring_energy(0.0, old_shear[s], old_roll[s], law, features)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -222,9 +222,7 @@ def tool_scan(
             facet_start[row], facet_start[row + 1], facet, radius + law.reach, active[row], normal[row],
             seen, out,
         )  # fmt: skip
-        for k in range(found):
+        for k in range(found):  # in the order in which the last step stored them
             energy += normal_potential(radius - out[k, 3], law, features)
-        for s in range(CONTACTS):
-            if active[row, s]:
-                energy += spring_energy(shear[row, s], roll[row, s], law)
+            energy += spring_energy(radius - out[k, 3], shear[row, k], roll[row, k], law, features)
     return energy

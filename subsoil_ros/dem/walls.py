@@ -46,7 +46,7 @@ def _rows_forces(
             distance = planes[wall, 3] - (nx * position[i, 0] + ny * position[i, 1] + nz * position[i, 2])
             if distance >= reach:
                 if features.book.ndim == 2:
-                    book[row, 4] += spring_energy(shear[row, wall], roll[row, wall], law)
+                    book[row, 4] += spring_energy(0.0, shear[row, wall], roll[row, wall], law, features)
                 for a in range(3):
                     shear[row, wall, a] = 0.0
                     roll[row, wall, a] = 0.0
@@ -73,7 +73,7 @@ def _rows_forces(
             torque[i, 1] += arm * (nz * f[0] - nx * f[2]) + m[1]
             torque[i, 2] += arm * (nx * f[1] - ny * f[0]) + m[2]
             if features.book.ndim == 2:
-                for a in range(4):
+                for a in range(5):
                     book[row, a] += sinks[a]
 
 
@@ -107,5 +107,5 @@ def wall_scan(particle, planes, position, shear, roll, radius, law, features):
                 contacts += 1
                 largest = max(largest, overlap)
                 energy += normal_potential(overlap, law, features)
-                energy += spring_energy(shear[row, wall], roll[row, wall], law)
+                energy += spring_energy(overlap, shear[row, wall], roll[row, wall], law, features)
     return contacts, largest, energy

@@ -10,13 +10,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .limits import pair_values
 from .meshes import ToolMesh
 from .model import Scene
+from .pairs import pair_values
 from .soil import Soil
 
 PRESSED_PART = 0.5
 """Part of a tool's surface that presses on particles at once (chosen: the front half)."""
+
+
+REFERENCE_OVERLAP = 0.01
+"""Overlap over radius at which a Hertzian contact is taken for a linear one (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +42,7 @@ def coupling_bounds(scene: Scene, meshes: dict[str, ToolMesh]) -> tuple[Coupling
     """
     if scene.soil is None or scene.mechanism is None:
         return ()
-    _, boundary = pair_values(scene.soil)
+    boundary = pair_values(scene.soil)[1].linear_at(REFERENCE_OVERLAP * scene.soil.particles.radius_m)
     share = 2.0 if scene.coupling.force == "tick_end" else 1.0
     found = []
     for name, tool in scene.tools.items():
@@ -53,7 +57,7 @@ def coupling_bounds(scene: Scene, meshes: dict[str, ToolMesh]) -> tuple[Coupling
             CouplingBound(
                 tool=name,
                 undamped_s=share * boundary.damping / boundary.stiffness,
-                unstable_s=2.0 * mass / damping,
+                unstable_s=2.0 * mass / damping if damping > 0.0 else np.inf,
                 effective_mass_kg=mass,
                 contact_count=count,
             )

@@ -1,4 +1,4 @@
-"""What follows from a scene: pair laws, stable soil steps, ticks, coupling bounds."""
+"""What follows from a scene: stable soil steps and ticks."""
 
 import math
 from dataclasses import dataclass
@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from ..errors import SceneError
 from ..ticks import NANOSECONDS_PER_SECOND, tick_count
 from .model import Scene
-from .soil import Soil, WetValues
+from .pairs import pair_values, particle_mass_kg
+from .soil import HertzMindlinLaw, Soil
 
 DENSE_COORDINATION = 10.4
 """Damped contacts per particle of random close packing under the wet law (SOIL_FINDINGS.md). A cubic
@@ -15,74 +16,11 @@ grid starts with 6, but where a tool compacts it, it comes near this, so the lim
 SAFETY = 0.9
 """Part of the smallest limit that `time_step_s: auto` takes (chosen)."""
 
+RAYLEIGH_PART = 0.2
+"""Part of the Rayleigh time that a step may take under the Hertz law (usual: 0.1 to 0.2)."""
+
 MECHANISM_INTERVAL_NS = 500_000
 """Tick of a scene without soil (chosen: 1/250 of the fastest mode of the paper's machine, 8 Hz)."""
-
-
-@dataclass(frozen=True)
-class PairValues:
-    """Law of one kind of pair, SI; what the contact kernels take."""
-
-    stiffness: float  # K_X [N/m]
-    tangential_stiffness: float  # K_Y = K_Z [N/m]
-    damping: float  # C_X [N s/m]
-    tangential_damping: float  # C_Y = C_Z [N s/m]
-    adhesion: float  # K_B [N/m]
-    rest_overlap: float  # delta_c [m]
-    reach: float  # delta_B [m]
-    static_friction: float
-    sliding_friction: float
-    rolling_friction: float
-
-    @property
-    def contact_adhesion(self) -> float:
-        """K_C = K_B delta_B / delta_c [N/m] (eq. 20)."""
-        return self.adhesion * self.reach / self.rest_overlap
-
-    @property
-    def peak_attraction(self) -> float:
-        """Largest attraction, at touch: K_B delta_B [N]."""
-        return self.adhesion * self.reach
-
-
-def _series(first: float, second: float) -> float:
-    """Two springs (or dampers) in series, eq. 15, 16, 18; zero if either is."""
-    total = first + second
-    return first * second / total if total > 0.0 else 0.0
-
-
-def pair_values(soil: Soil) -> tuple[PairValues, PairValues]:
-    """Laws of the pairs particle-particle and particle-boundary.
-
-    Body values are combined as two springs in series. Distances and friction are not combined: those
-    of the row stand for the pair.
-    """
-    law = soil.law
-    combined = law.values_are == "body"
-
-    def pair(first: WetValues, second: WetValues) -> PairValues:
-        def value(key: str) -> float:
-            return _series(getattr(first, key), getattr(second, key)) if combined else getattr(second, key)
-
-        return PairValues(
-            stiffness=value("stiffness_newton_per_m"),
-            tangential_stiffness=value("tangential_stiffness_newton_per_m"),
-            damping=value("damping_newton_s_per_m"),
-            tangential_damping=value("tangential_damping_newton_s_per_m"),
-            adhesion=value("adhesion_newton_per_m"),
-            rest_overlap=second.rest_overlap_m,
-            reach=second.reach_m,
-            static_friction=second.static_friction,
-            sliding_friction=second.sliding_friction,
-            rolling_friction=second.rolling_friction,
-        )
-
-    return pair(law.particle, law.particle), pair(law.particle, law.boundary)
-
-
-def particle_mass_kg(soil: Soil) -> float:
-    """Mass of one sphere [kg]."""
-    return soil.particles.density_kg_per_m3 * 4.0 / 3.0 * math.pi * soil.particles.radius_m**3
 
 
 @dataclass(frozen=True)
@@ -100,6 +38,8 @@ def step_limits(soil: Soil, coordination: float = DENSE_COORDINATION) -> tuple[S
     (4/3) z C l^2 / I with I = 0.4 m r^2 and the arm l = r - delta_c / 2; stable for step x rate <= 2.
     Springs: the same modes, omega^2 = 2 z (K_X + 2 K_Y) / (3 m) and (4/3) z K_Y l^2 / I; step <= 2 / omega.
     """
+    if isinstance(soil.law, HertzMindlinLaw):
+        return (_rayleigh_limit(soil, soil.law),)
     pair, _ = pair_values(soil)
     mass = particle_mass_kg(soil)
     radius = soil.particles.radius_m
@@ -132,6 +72,18 @@ def step_limits(soil: Soil, coordination: float = DENSE_COORDINATION) -> tuple[S
     )
     add(f"stiffness {pair.stiffness:g} N/m of a single pair", 2.0 * pair.stiffness / mass, spring=True)
     return tuple(sorted(limits, key=lambda item: item.limit_s))
+
+
+def _rayleigh_limit(soil: Soil, law: HertzMindlinLaw) -> StepLimit:
+    """Time of a Rayleigh wave around half a sphere, pi r sqrt(rho / G) / (0.1631 nu + 0.8766).
+
+    Source: Y. Li, Y. Xu, C. Thornton, Powder Technology 160 (2005) 219-228.
+    """
+    nu = law.particle.poisson_ratio
+    shear = law.particle.youngs_modulus_pa / (2.0 * (1.0 + nu))
+    radius, density = soil.particles.radius_m, soil.particles.density_kg_per_m3
+    time = math.pi * radius * math.sqrt(density / shear) / (0.1631 * nu + 0.8766)
+    return StepLimit(f"{RAYLEIGH_PART:g} of the Rayleigh time {time:.3g} s", RAYLEIGH_PART * time)
 
 
 @dataclass(frozen=True)

@@ -117,9 +117,7 @@ class WheelContact(Part):
     slip_speed_m_per_s: Positive = 0.02  # chosen: friction reaches 76 % of its limit at this slip
 
 
-Force = Annotated[
-    SpringDamper | CoordinateSpring | PointLoad | WheelContact, Field(discriminator="kind")
-]
+Force = Annotated[SpringDamper | CoordinateSpring | PointLoad | WheelContact, Field(discriminator="kind")]
 
 
 class InitialState(Part):
@@ -168,9 +166,7 @@ class Mechanism(Part):
         for key in self.initial.coordinates:
             body, _, coordinate = key.rpartition(".")
             if body not in self.bodies or coordinate not in ("x_m", "z_m", "angle_rad"):
-                raise ValueError(
-                    f"initial.coordinates: '{key}' is not BODY.x_m, BODY.z_m or BODY.angle_rad"
-                )
+                raise ValueError(f"initial.coordinates: '{key}' is not BODY.x_m, BODY.z_m or BODY.angle_rad")
         driver = self.draft_driver
         if driver is not None and getattr(self.joints.get(driver), "kind", None) != "driver":
             raise ValueError(f"draft_driver: no driver joint '{driver}'")

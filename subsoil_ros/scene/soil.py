@@ -64,6 +64,47 @@ class WetLaw(Part):
     damped_zones: Literal["repulsive", "all"] = "repulsive"
 
 
+class LinearValues(Part):
+    """A spring and a dashpot, as they stand for the pair."""
+
+    stiffness_newton_per_m: Positive
+    tangential_stiffness_newton_per_m: NonNegative
+    damping_newton_s_per_m: NonNegative
+    tangential_damping_newton_s_per_m: NonNegative
+    static_friction: NonNegative
+    sliding_friction: NonNegative
+    rolling_friction: NonNegative = 0.0
+
+
+class LinearLaw(Part):
+    """Dry spheres with linear springs and dashpots, acting while they overlap."""
+
+    kind: Literal["linear"]
+    particle: LinearValues
+    boundary: LinearValues
+
+
+class HertzValues(Part):
+    """A material; restitution and friction of the `boundary` row stand for particle and boundary."""
+
+    youngs_modulus_pa: Positive
+    poisson_ratio: Annotated[float, Field(gt=-1.0, le=0.5)]
+    restitution: Annotated[float, Field(gt=0.0, le=1.0)]
+    static_friction: NonNegative
+    sliding_friction: NonNegative
+    rolling_friction: NonNegative = 0.0
+
+
+class HertzMindlinLaw(Part):
+    """Elastic spheres (Hertz) with Mindlin's tangential stiffness and a dashpot of given restitution."""
+
+    kind: Literal["hertz_mindlin"]
+    particle: HertzValues
+    boundary: HertzValues
+
+
+ContactLaw = Annotated[WetLaw | LinearLaw | HertzMindlinLaw, Field(discriminator="kind")]
+
 Auto = Literal["auto"]
 
 
@@ -73,7 +114,7 @@ class Soil(Part):
     bin: Bin
     particles: Particles
     bed: GridBed
-    law: WetLaw
+    law: ContactLaw
     time_step_s: Annotated[Positive | Auto, Field(union_mode="left_to_right")] = "auto"
     skin_m: Positive = 0.003
     largest_tool_overlap_m: Positive | None = None  # the run stops beyond it; default: two radii

@@ -21,7 +21,7 @@ LAW = PairLaw(
     rolling_stiffness=4000.0 * 0.005**2,
     rolling_arm=0.3 * 0.005,
 )
-ALL = Features(YES, YES, YES, NO, NO, NO, NO)
+ALL = Features(YES, YES, YES, NO, NO, NO, NO, YES)
 NORMAL = (1.0, 0.0, 0.0)
 NONE = (0.0, 0.0, 0.0)
 

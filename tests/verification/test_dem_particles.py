@@ -132,6 +132,31 @@ def test_the_grid_bed_stands_still(soil):
     assert engine.state("r", 0, 0).kinetic_energy_joule < 1e-18
 
 
+@pytest.mark.parametrize("kind", ["linear", "hertz_mindlin"])
+def test_a_dry_grid_bed_stands_still(soil, kind):
+    """Touching spheres without adhesion rest on each other at the overlap that carries the layers above."""
+    rows = {
+        "linear": {
+            "stiffness_newton_per_m": 1e5, "tangential_stiffness_newton_per_m": 8e4,
+            "damping_newton_s_per_m": 5.0, "tangential_damping_newton_s_per_m": 5.0,
+        },
+        "hertz_mindlin": {"youngs_modulus_pa": 1e7, "poisson_ratio": 0.25, "restitution": 0.5},
+    }  # fmt: skip
+    row = rows[kind] | {"static_friction": 0.5, "sliding_friction": 0.4, "rolling_friction": 0.1}
+    engine = soil.engine(
+        soil={
+            "bin": {"length_m": 0.12, "width_m": 0.1, "depth_m": 0.1},
+            "particles": {"radius_m": 0.01, "density_kg_per_m3": 1800.0},
+            "bed": {"kind": "grid", "spacing_m": 0.02},
+            "law": {"kind": kind, "particle": row, "boundary": row},
+        }
+    )
+    before = engine.positions_m()
+    engine.start(())
+    run(engine, 300)
+    assert np.abs(engine.positions_m() - before).max() < 1e-11
+
+
 def test_a_touching_grid_contracts(soil):
     """Spheres that just touch pull together towards the rest overlap: such a bed is not at rest."""
     engine = soil.engine("soil.bed.spacing_m=0.02")

@@ -65,6 +65,9 @@ class SoilEngine:
         self._mass = particle_mass_kg(soil)
         self._inertia = 0.4 * self._mass * self._radius**2
         self._law, self._boundary, self._features = soil_laws(soil, book=book)
+        self._at_tools = self._boundary._replace(
+            stiffness=self._boundary.stiffness * soil.tool_stiffness_factor
+        )
         self._overlap_bound = soil.largest_tool_overlap_m or 2.0 * self._radius
         self.bed: Bed = prepare_grid(soil, self._gravity)
         self._planes = wall_planes(self.bed.lower_m, self.bed.upper_m)
@@ -224,8 +227,8 @@ class SoilEngine:
         if deepest > self._overlap_bound:
             raise PhysicsError(
                 f"tick {tick}: a tool overlaps a particle by {deepest:.3g} m, allowed is "
-                f"soil.largest_tool_overlap_m {self._overlap_bound:.3g} m; use a stiffer boundary, a slower "
-                "tool or a smaller step"
+                f"soil.largest_tool_overlap_m {self._overlap_bound:.3g} m; raise "
+                "soil.tool_stiffness_factor, or make the tool slower or thicker"
             )
 
     def _add_forces(self, motions: tuple[ToolMotion, ...], step: float) -> None:
@@ -245,7 +248,7 @@ class SoilEngine:
         )  # fmt: skip
         for tool, at in zip(self._tools, motions, strict=True):
             work = tool.felt.work_joule
-            tool.add_forces(p, at, self._radius, step, self._boundary, features)
+            tool.add_forces(p, at, self._radius, step, self._at_tools, features)
             self._tool_work -= tool.felt.work_joule - work
 
     def _rebuild(self, motions: tuple[ToolMotion, ...]) -> None:
@@ -328,7 +331,7 @@ class SoilEngine:
             walls.particle, self._planes, p.position, walls.shear, walls.roll,
             self._radius, self._boundary, self._features,
         )[2]  # fmt: skip
-        at_tools = sum(t.stored_joule(p, self._radius, self._boundary, self._features) for t in self._tools)
+        at_tools = sum(t.stored_joule(p, self._radius, self._at_tools, self._features) for t in self._tools)
         sinks = self._sinks + sum((t.sinks_joule for t in self._tools), np.zeros(len(SINKS)))
         return EnergyBook(
             kinetic_joule=0.5 * (self._mass * speed2 + self._inertia * spin2),

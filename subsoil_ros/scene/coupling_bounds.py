@@ -12,7 +12,7 @@ import numpy as np
 
 from .meshes import ToolMesh
 from .model import Scene
-from .pairs import pair_values
+from .pairs import tool_values
 from .soil import Soil
 
 PRESSED_PART = 0.5
@@ -42,7 +42,7 @@ def coupling_bounds(scene: Scene, meshes: dict[str, ToolMesh]) -> tuple[Coupling
     """
     if scene.soil is None or scene.mechanism is None:
         return ()
-    boundary = pair_values(scene.soil)[1].linear_at(REFERENCE_OVERLAP * scene.soil.particles.radius_m)
+    boundary = tool_values(scene.soil).linear_at(REFERENCE_OVERLAP * scene.soil.particles.radius_m)
     share = 2.0 if scene.coupling.force == "tick_end" else 1.0
     found = []
     for name, tool in scene.tools.items():

@@ -73,6 +73,12 @@ def pair_values(soil: Soil) -> tuple[PairValues, PairValues]:
     )
 
 
+def tool_values(soil: Soil) -> PairValues:
+    """Law of particle and tool: that of the boundary with its normal stiffness times the tool's factor."""
+    boundary = pair_values(soil)[1]
+    return replace(boundary, stiffness=boundary.stiffness * soil.tool_stiffness_factor)
+
+
 def _series(first: float, second: float) -> float:
     """Two springs (or dampers) in series, eq. 15, 16, 18; zero if either is."""
     total = first + second

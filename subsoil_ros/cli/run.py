@@ -1,0 +1,207 @@
+"""subsoil run SCENE --out DIR: simulates a scene and leaves a bag, a series and a summary."""
+
+import argparse
+import os
+import signal
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from ..analysis.series import read_series, write_series_csv
+from ..analysis.summary import print_summary, summarize, write_summary
+from ..coupling.direct import run_direct
+from ..coupling.engines import Mover, build_mechanism, build_paths, build_soil
+from ..coupling.protocol import COUPLER, RECORDER, SOIL, participants
+from ..errors import InputError, SceneError, SubsoilError
+from ..nodes.domain import run_domain
+from ..recording.bag_writer import BagWriter
+from ..recording.recovery import recover
+from ..scene.loader import ResolvedScene, load_scene
+from .progress import RunProgress
+from .supervisor import Parameters, Supervisor, node_program, start_node
+
+SUMMARY = "simulate a scene; DIR gets bag/, scene.yaml, series.csv, summary.json and log/"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `subsoil run`."""
+    parser.add_argument("scene", help="scene file (.yaml)")
+    parser.add_argument("--out", required=True, metavar="DIR", help="folder for the results; must not exist")
+    parser.add_argument(
+        "--mode",
+        choices=("nodes", "composed", "direct"),
+        default="nodes",
+        help="nodes: one process per node over DDS; composed: the same nodes in one process; "
+        "direct: no ROS (default: nodes; the results are the same bits)",
+    )
+    parser.add_argument(
+        "--set",
+        dest="overrides",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="change a value of the scene, as soil.bed.seed=3 or start=lowered; may be repeated",
+    )
+    parser.add_argument(
+        "--threads",
+        type=_thread_count,
+        default=1,
+        metavar="N",
+        help="threads of the soil engine (default: 1)",
+    )
+
+
+def _thread_count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"'{text}' is no number of threads; give 1 or more")
+    return int(text)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the scene.
+
+    Raises:
+        InputError: the scene or the folder cannot be used; nothing was written.
+        RunError: the run failed; what was recorded before is in the folder.
+    """
+    resolved = load_scene(args.scene, args.overrides)
+    try:
+        mover = build_mechanism(resolved) or build_paths(resolved)
+    except SceneError as error:
+        raise SceneError(f"{args.scene}: {error}") from error
+    out = _create_folder(Path(args.out))
+    resolved.write(out / "scene.yaml")
+    run_id = uuid.uuid4().hex[:12]
+    failure: SubsoilError | None = None
+    start = time.monotonic()
+    try:
+        with _caught_signals() as stop_signal, RunProgress(resolved.scene.name, resolved.timing) as progress:
+            if args.mode == "direct":
+                _run_direct(resolved, mover, run_id, out, args.threads, progress, stop_signal)
+            elif args.mode == "composed":
+                _run_composed(resolved, run_id, out, args.threads, progress, stop_signal)
+            else:
+                _run_nodes(resolved, run_id, out, args.threads, progress, stop_signal)
+    except SubsoilError as error:
+        failure = error
+    wall_s = time.monotonic() - start
+    _summarize(resolved, out, {"mode": args.mode, "threads": args.threads, "whole_wall_s": wall_s}, failure)
+    if failure is not None:
+        raise failure
+    return 0
+
+
+def _create_folder(out: Path) -> Path:
+    try:
+        out.mkdir(parents=True)
+    except FileExistsError:
+        raise InputError(
+            f"--out {out}: exists already; results are never written over, name another"
+        ) from None
+    except OSError as error:
+        raise InputError(
+            f"--out {out}: cannot be created ({error.strerror}); name a folder that can"
+        ) from error
+    return out
+
+
+@contextmanager
+def _caught_signals() -> Iterator[Callable[[], int]]:
+    """Within it SIGINT and SIGTERM end the run in order; gives what tells the first that came, 0 before."""
+    received: list[int] = []
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, lambda number, _: received.append(number)) for number in numbers]
+    try:
+        yield lambda: received[0] if received else 0
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
+
+
+def _run_direct(
+    resolved: ResolvedScene,
+    mover: Mover,
+    run_id: str,
+    out: Path,
+    threads: int,
+    progress: RunProgress,
+    stop_signal: Callable[[], int],
+) -> None:
+    writer = BagWriter(out / "bag", resolved.scene, resolved.timing)
+    try:
+        soil = build_soil(resolved, threads)
+        run_direct(resolved, run_id, mover, soil, writer, progress, stop_signal)
+    finally:
+        writer.close()
+
+
+def _run_composed(
+    resolved: ResolvedScene,
+    run_id: str,
+    out: Path,
+    threads: int,
+    progress: RunProgress,
+    stop_signal: Callable[[], int],
+) -> None:
+    with run_domain() as domain:
+        os.environ["ROS_DOMAIN_ID"] = str(domain)
+        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        from ..nodes.composed import run_composed, scene_builds  # the other modes need no ROS here
+        from ..nodes.lifeline import NodeRun
+
+        node_run = NodeRun(run_id, resolved)
+        ending = run_composed(node_run, scene_builds(node_run, out / "bag", threads, progress), stop_signal)
+    if ending.exit_status:
+        raise ending.error()
+
+
+def _run_nodes(
+    resolved: ResolvedScene,
+    run_id: str,
+    out: Path,
+    threads: int,
+    progress: RunProgress,
+    stop_signal: Callable[[], int],
+) -> None:
+    logs = out / "log"
+    logs.mkdir()
+    parameters: Parameters = {
+        "scene": str((out / "scene.yaml").resolve()),
+        "run_id": run_id,
+        "supervised": True,
+    }
+    own: dict[str, Parameters] = {
+        SOIL: {"threads": threads},
+        RECORDER: {"bag": str((out / "bag").resolve())},
+    }
+    with run_domain() as domain:
+        processes = [
+            start_node(
+                name, node_program(name), logs / f"{name}.log", {**parameters, **own.get(name, {})}, domain
+            )
+            for name in (*participants(resolved.scene), COUPLER)
+        ]
+        ending = Supervisor(processes, progress).follow(stop_signal)
+    if ending.exit_status:
+        raise ending.error()
+
+
+def _summarize(
+    resolved: ResolvedScene, out: Path, run_info: dict[str, object], failure: SubsoilError | None
+) -> None:
+    """Makes series and summary from the bag; of a run that failed, if there is anything to show."""
+    bag = out / "bag"
+    try:
+        if failure is not None:
+            recover(bag)  # its writer may have been killed; a whole bag is left as it is
+            run_info = run_info | {"failure": str(failure)}
+        series = read_series(bag, resolved.scene)
+        write_series_csv(series, out / "series.csv")
+        summary = summarize(bag, resolved, run_info, series)
+        write_summary(summary, out / "summary.json")
+        print_summary(summary, resolved.scene, out)
+    except SubsoilError:
+        if failure is None:
+            raise

@@ -1,0 +1,29 @@
+"""How a run ended: exit status and reason."""
+
+import signal
+from dataclasses import dataclass
+
+from ..errors import InterruptedRunError, RunError
+
+SIGNAL_STATUS = 128
+"""A run ended by a signal has the exit status a shell gives it: this plus the signal's number."""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """Exit status and, unless all went well, the reason in one line."""
+
+    exit_status: int = 0
+    reason: str = ""
+
+    def error(self) -> RunError:
+        """The ending as an error with this exit status."""
+        kind = InterruptedRunError if self.exit_status > SIGNAL_STATUS else RunError
+        error = kind(self.reason)
+        error.exit_status = self.exit_status
+        return error
+
+
+def interrupted(signal_number: int) -> Ending:
+    """The ending of a run by a signal."""
+    return Ending(SIGNAL_STATUS + signal_number, f"ended by {signal.Signals(signal_number).name}")

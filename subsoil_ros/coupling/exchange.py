@@ -1,0 +1,129 @@
+"""Energy account of the interface between soil and mechanism.
+
+The mechanism holds the wrench of tick k-1 while it moves through tick k, the soil works against it
+with the force of its own steps. Both works would be equal in an exchange without delay; their
+difference is energy that the exchange invents or loses.
+"""
+
+from dataclasses import dataclass
+
+from ..errors import PhysicsError
+from ..messages import CouplingReport, ToolMotion, ToolWrench
+from ..scene.model import Scene
+from ..ticks import tick_end_ns
+
+
+def held_work_joule(wrench: ToolWrench, before: ToolMotion, after: ToolMotion) -> float:
+    """Work of a wrench held constant while its tool moves [J]; only what acts in the plane."""
+    return (
+        wrench.force_x_newton * (after.x_m - before.x_m)
+        + wrench.force_z_newton * (after.z_m - before.z_m)
+        - wrench.torque_y_newton_m * (after.phi_rad - before.phi_rad)
+    )
+
+
+@dataclass(frozen=True)
+class InterfaceWork:
+    """The account after a tick [J]."""
+
+    mechanism_work_joule: float = 0.0  # this tick, as the mechanism took it
+    soil_work_joule: float = 0.0  # this tick, as the soil summed it
+    residual_joule: float = 0.0  # since the start, mechanism less soil
+    absolute_work_joule: float = 0.0  # since the start, sum of |soil work| of each tool and tick
+
+    @property
+    def residual_ratio(self) -> float:
+        """|residual| over the work done; 0 while there is none."""
+        if self.absolute_work_joule == 0.0:
+            return 0.0
+        return abs(self.residual_joule) / self.absolute_work_joule
+
+    def report(self, run_id: str, tick: int, interval_ns: int, wall_time_s: float) -> CouplingReport:
+        """The account as the record of `tick`."""
+        return CouplingReport(
+            run_id=run_id,
+            tick=tick,
+            end_time_ns=tick_end_ns(tick, interval_ns),
+            mechanism_work_joule=self.mechanism_work_joule,
+            soil_work_joule=self.soil_work_joule,
+            residual_joule=self.residual_joule,
+            absolute_work_joule=self.absolute_work_joule,
+            residual_ratio=self.residual_ratio,
+            wall_time_s=wall_time_s,
+        )
+
+
+class InterfaceAccount:
+    """Adds up the interface work tick by tick, and judges it.
+
+    Args:
+        motions: of the tools before tick 0, in scene order.
+        wrenches: the soil's answer to them; empty without soil.
+        bound: largest residual, as a part of the absolute work; None: not judged.
+        grace_joule: absolute work below which the bound is not applied.
+    """
+
+    def __init__(
+        self,
+        motions: tuple[ToolMotion, ...],
+        wrenches: tuple[ToolWrench, ...],
+        bound: float | None,
+        grace_joule: float,
+    ) -> None:
+        self._motions = motions
+        self._wrenches = wrenches
+        self._bound = bound
+        self._grace_joule = grace_joule
+        self.work = InterfaceWork()
+
+    def add(self, motions: tuple[ToolMotion, ...], wrenches: tuple[ToolWrench, ...]) -> InterfaceWork:
+        """Takes a finished tick: motions at its end and the soil's answer. Returns the account."""
+        held = soil = absolute = 0.0
+        for wrench, before, after in zip(self._wrenches, self._motions, motions, strict=True):
+            held += held_work_joule(wrench, before, after)
+        for wrench in wrenches:
+            soil += wrench.work_joule
+            absolute += abs(wrench.work_joule)
+        self._motions, self._wrenches = motions, wrenches
+        self.work = InterfaceWork(
+            held,
+            soil,
+            self.work.residual_joule + (held - soil),
+            self.work.absolute_work_joule + absolute,
+        )
+        return self.work
+
+    def check(self, tick: int) -> None:
+        """Judges the account after `tick`.
+
+        Raises:
+            PhysicsError: the residual is above its bound, or a number is not finite.
+        """
+        work = self.work
+        if not abs(work.residual_joule) < float("inf"):
+            raise PhysicsError(
+                f"tick {tick}: interface energy residual {work.residual_joule} J; motion or force of a tool "
+                "is not finite. Look at the last recorded ticks; a smaller step is the usual cure"
+            )
+        if self._bound is None or work.absolute_work_joule <= self._grace_joule:
+            return
+        if work.residual_ratio > self._bound:
+            raise PhysicsError(
+                f"tick {tick}: interface energy residual {work.residual_joule:.3g} J is "
+                f"{100.0 * work.residual_ratio:.3g} % of {work.absolute_work_joule:.3g} J interface work, "
+                f"above coupling.residual_bound {100.0 * self._bound:.3g} %. The exchange invents energy: "
+                "lower coupling.interval_ns, or set coupling.force: tick_mean when a tick has several soil "
+                "steps"
+            )
+
+
+def account_of(
+    scene: Scene, motions: tuple[ToolMotion, ...], wrenches: tuple[ToolWrench, ...]
+) -> InterfaceAccount:
+    """The interface account of a scene, from the initial exchange.
+
+    The bound holds where somebody feels the force: not for tools on prescribed paths.
+    """
+    coupling = scene.coupling
+    bound = coupling.residual_bound if scene.mechanism is not None else None
+    return InterfaceAccount(motions, wrenches, bound, coupling.residual_grace_joule)

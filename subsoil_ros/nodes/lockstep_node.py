@@ -1,0 +1,153 @@
+"""What the nodes of a run have in common: their readiness, their end, and that no error is lost."""
+
+import threading
+import traceback
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.subscription import Subscription
+
+from ..coupling.ending import Ending
+from ..coupling.protocol import COUPLER
+from ..errors import RunError, SubsoilError
+from ..messages import Grant, NodeHello, NodeState
+from ..recording.topics import TOPIC_OF
+from .convert import class_of, reader, writer
+from .lifeline import Lifeline, NodeRun
+from .message_loop import serve
+from .qos import qos_of
+
+POLL_S = 0.1
+"""How often a node looks after what no message brings: matched endpoints, wishes to stop, silence."""
+
+LAST_WORD_S = 0.5
+"""Time given to a last message to arrive."""
+
+
+def one_line(error: BaseException) -> str:
+    """An error as a message of one line; unexpected kinds with their name."""
+    text = " ".join(str(error).split())
+    return text if isinstance(error, SubsoilError) and text else f"{type(error).__name__}: {text}"
+
+
+class LockstepNode(Node):
+    """A node of a run. Subclasses add topics, `on_poll` and `on_coupler_end`.
+
+    Everything runs in the one thread that calls `spin`. An error in a callback is the node's fault: it is
+    said in a NodeHello, and the node ends with the error's exit status.
+    """
+
+    rest_s = 0.0
+    """Pause after every wake-up; for nodes that nobody waits for."""
+
+    def __init__(self, name: str, run: NodeRun, lifeline: Lifeline, context: Context | None = None) -> None:
+        super().__init__(name, context=context, start_parameter_services=False)
+        self.run = run
+        self.lifeline = lifeline
+        self.ended = threading.Event()
+        self.ending = Ending()
+        self._interval_ns = run.resolved.timing.interval_ns
+        self._writers: dict[type, Callable[[Any], bytes]] = {}
+        self._partners: list[tuple[Publisher | Subscription, tuple[str, ...]]] = []
+
+    def spin(self) -> None:
+        """Serves until the node ends."""
+        serve(self, self._guarded(self._poll), POLL_S, self.ended.is_set, self.rest_s)
+
+    def listen(self, kind: type, handle: Callable[[Any], None], partners: tuple[str, ...]) -> None:
+        """Hands records of `kind`, from the nodes named, to `handle`."""
+
+        read = reader(kind)
+        self.listen_raw(kind, lambda cdr: handle(read(cdr)), partners)
+
+    def listen_raw(self, kind: type, handle: Callable[[bytes], None], partners: tuple[str, ...]) -> None:
+        """Hands the CDR bytes of records of `kind`, from the nodes named, to `handle`."""
+        subscription = self.create_subscription(
+            class_of(kind), TOPIC_OF[kind], self._guarded(handle), qos_of(kind), raw=True
+        )
+        self._partners.append((subscription, partners))
+
+    def publisher(self, kind: type, partners: tuple[str, ...]) -> Publisher:
+        """A publisher of records of `kind` that the nodes named must be listening to before tick 0."""
+        publisher = self.create_publisher(class_of(kind), TOPIC_OF[kind], qos_of(kind))
+        self._partners.append((publisher, partners))
+        self._writers[kind] = writer(kind, self._interval_ns)
+        return publisher
+
+    def bytes_of(self, record: Any) -> bytes:
+        """The message of a record of a kind that the node publishes, ready to be published."""
+        return self._writers[type(record)](record)
+
+    @property
+    def matched(self) -> bool:
+        """Whether every publisher and subscription has found its partners."""
+        return all(self._has_found(endpoint, names) for endpoint, names in self._partners)
+
+    def on_poll(self) -> None:
+        """Looks after what no message brings."""
+
+    def on_fault(self, error: BaseException) -> None:
+        """Does what must be done before the node's fault is said."""
+
+    def fail(self, error: BaseException) -> None:
+        """Ends the node with a fault that the others hear of."""
+        if self.ended.is_set():
+            return
+        reason = one_line(error)
+        if not isinstance(error, SubsoilError):
+            self.get_logger().error("".join(traceback.format_exception(error)))
+        self.on_fault(error)
+        self.lifeline.say(NodeState.FAULT, reason)
+        self.lifeline.flush(LAST_WORD_S)
+        self.finish(getattr(error, "exit_status", RunError.exit_status), reason)
+
+    def finish(self, exit_status: int, reason: str = "") -> None:
+        """Ends the node."""
+        self.ending = Ending(exit_status, reason)
+        self.ended.set()
+
+    def finish_aborted(self, grant: Grant) -> None:
+        """Ends the node because the coupler aborted the run."""
+        self.lifeline.say(NodeState.ENDED)
+        self.finish(RunError.exit_status, f"run aborted at tick {grant.tick}: {grant.reason}")
+
+    def note_tick(self, tick: int, last: bool) -> None:
+        """Lets the heartbeat say how far the node is."""
+        self.lifeline.tick = tick
+        if tick == 0 and not last:
+            self.lifeline.say(NodeState.RUNNING)
+        elif last:
+            self.lifeline.say(NodeState.ENDED)
+
+    def follow_coupler_end(self, hello: NodeHello) -> None:
+        """Ends the node, its work being done, when the coupler says that the run is over."""
+        if hello.node == COUPLER and hello.state is NodeState.ENDED and hello.run_id == self.run.run_id:
+            self.finish(0)
+
+    def _has_found(self, endpoint: Publisher | Subscription, names: tuple[str, ...]) -> bool:
+        if isinstance(endpoint, Subscription):
+            return endpoint.get_publisher_count() >= len(names)
+        listeners = {info.node_name for info in self.get_subscriptions_info_by_topic(endpoint.topic_name)}
+        return endpoint.get_subscription_count() >= len(names) and listeners.issuperset(names)
+
+    def _poll(self) -> None:
+        stop = self.lifeline.stop
+        if stop is not None:
+            raise stop.error()
+        if self.lifeline.lost:
+            raise RunError(self.lifeline.lost)
+        self.on_poll()
+
+    def _guarded(self, handle: Callable[..., None]) -> Callable[..., None]:
+        def guarded(*arguments: Any) -> None:
+            if self.ended.is_set():
+                return
+            try:
+                handle(*arguments)
+            except Exception as error:  # a node's fault is everybody's: it is said, not swallowed
+                self.fail(error)
+
+        return guarded

@@ -1,0 +1,96 @@
+"""The mechanism as a node: advances each granted tick with the soil's last answer."""
+
+from rclpy.context import Context
+
+from ..coupling.engines import Mechanism, build_mechanism
+from ..coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL, Needs, Participant
+from ..coupling.schedule import schedule_of
+from ..errors import SceneError
+from ..messages import Command, Grant, MechanismState, NodeHello, NodeState, ToolMotions, ToolWrenches
+from ..ticks import tick_end_ns
+from .lifeline import Lifeline, NodeRun
+from .lockstep_node import LockstepNode
+from .process import NodeSettings, run_process
+
+
+class MechanismNode(LockstepNode):
+    """Answers every grant with the motions of its tick; owns no clock and no physics."""
+
+    def __init__(
+        self, engine: Mechanism, run: NodeRun, lifeline: Lifeline, context: Context | None = None
+    ) -> None:
+        super().__init__(MECHANISM, run, lifeline, context)
+        scene, timing = run.resolved.scene, run.resolved.timing
+        self._engine = engine
+        self._schedule = schedule_of(scene, timing)
+        self._with_soil = scene.soil is not None
+        needs = Needs.WRENCHES if self._with_soil else Needs.NOTHING
+        self._participant = Participant(run.run_id, timing.tick_count, needs, tuple(scene.tools))
+        listeners = (SOIL, COUPLER, RECORDER) if self._with_soil else (COUPLER, RECORDER)
+        self._motions = self.publisher(ToolMotions, listeners)
+        self._states = self.publisher(MechanismState, (RECORDER,))
+        self._initial_motions = engine.initial_motions()
+        self.lifeline.say(NodeState.STARTING, motions=self._initial_motions)
+        self.listen(NodeHello, self._on_hello, ())
+        self.listen(Grant, self._on_grant, (COUPLER,))
+        if self._with_soil:
+            self.listen(ToolWrenches, self._on_wrenches, (SOIL,))
+        self._started = not self._with_soil
+
+    def on_poll(self) -> None:
+        """Says that it is ready once it has what tick 0 needs and everybody listens."""
+        if self.lifeline.state is NodeState.STARTING and self._started and self.matched:
+            self.lifeline.say(NodeState.READY, motions=self._initial_motions)
+
+    def _on_hello(self, hello: NodeHello) -> None:
+        if hello.node == SOIL and hello.state is NodeState.READY and hello.run_id == self.run.run_id:
+            if not self._started:
+                self._participant.start(hello.initial_wrenches)
+                self._started = True
+        else:
+            self.follow_coupler_end(hello)
+
+    def _on_grant(self, grant: Grant) -> None:
+        self._participant.accept_grant(grant)
+        if grant.command is Command.ABORT:
+            self.finish_aborted(grant)
+            return
+        self._work()
+
+    def _on_wrenches(self, wrenches: ToolWrenches) -> None:
+        self._participant.accept_wrenches(wrenches)
+        self._work()
+
+    def _work(self) -> None:
+        while (work := self._participant.next_work()) is not None:
+            tick = work.tick
+            end_ns = tick_end_ns(tick, self._interval_ns)
+            motions = self._engine.advance(tick, work.wrenches)
+            self._motions.publish(self.bytes_of(ToolMotions(self.run.run_id, tick, end_ns, motions)))
+            if self._schedule.series_due(tick):
+                self._states.publish(self.bytes_of(self._engine.state(self.run.run_id, tick, end_ns)))
+            self._participant.finish(tick)
+            self.note_tick(tick, self._participant.finished)
+
+
+def build(
+    settings: NodeSettings, run: NodeRun, lifeline: Lifeline, context: Context | None = None
+) -> MechanismNode:
+    """The node with its engine.
+
+    Raises:
+        SceneError: the scene has no mechanism, or it cannot be assembled.
+    """
+    engine = build_mechanism(run.resolved)
+    if engine is None:
+        raise SceneError(f"{run.resolved.path}: has no 'mechanism'; no mechanism node is needed for it")
+    return MechanismNode(engine, run, lifeline, context)
+
+
+def main() -> int:
+    """Runs the node as a process."""
+    return run_process(MECHANISM, build)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,129 @@
+"""A node as an operating-system process: parameters, signals, supervision, exit status."""
+
+import json
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import rclpy
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from ..coupling.ending import Ending, interrupted
+from ..coupling.protocol import COUPLER, participants
+from ..errors import InputError, RunError
+from ..scene.loader import load_scene
+from .lifeline import Lifeline, NodeRun
+from .lockstep_node import LAST_WORD_S, LockstepNode, one_line
+from .service import Service
+
+GRACE_S = 2.0
+"""Time for a node that computes to come back and end in order; then the process ends itself."""
+
+
+@dataclass(frozen=True)
+class NodeSettings:
+    """Parameters of a node's process, all read-only."""
+
+    scene: str
+    run_id: str
+    threads: int
+    bag: str
+    supervised: bool
+
+
+_DESCRIPTIONS: dict[str, tuple[Any, str]] = {
+    "scene": ("", "scene file, the same for all nodes"),
+    "run_id": ("run", "name of the run, the same for all nodes; other runs' messages are refused"),
+    "threads": (1, "threads of the soil engine; results do not depend on it"),
+    "bag": ("", "folder for the recorder's bag; it must not exist"),
+    "supervised": (False, "end when standard input ends, take wishes to stop from it"),
+}
+
+
+def read_settings(node: Node) -> NodeSettings:
+    """Declares the parameters on `node` and reads them.
+
+    Raises:
+        InputError: no scene is given.
+    """
+    values = {
+        name: node.declare_parameter(
+            name, default, ParameterDescriptor(description=description, read_only=True)
+        ).value
+        for name, (default, description) in _DESCRIPTIONS.items()
+    }
+    if not values["scene"]:
+        raise InputError(f"{node.get_name()}: parameter 'scene' is empty; name a scene, -p scene:=FILE")
+    return NodeSettings(**values)
+
+
+def watched_by(name: str, run: NodeRun) -> tuple[str, ...]:
+    """Whose silence ends a node."""
+    return participants(run.resolved.scene) if name == COUPLER else (COUPLER,)
+
+
+def report_to_supervisor(**event: Any) -> None:
+    """Writes an event to standard output, one JSON object per line."""
+    with suppress(BrokenPipeError):  # the supervisor is gone, and standard input says so too
+        os.write(sys.stdout.fileno(), (json.dumps(event) + "\n").encode())
+
+
+def run_process(name: str, build: Callable[..., LockstepNode]) -> int:
+    """Runs one node until the run ends. Returns the exit status.
+
+    Args:
+        build: makes the node from its NodeSettings, NodeRun and Lifeline.
+    """
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+    node = Node(f"{name}_process")
+    try:
+        settings = read_settings(node)
+        run = NodeRun(settings.run_id, load_scene(settings.scene))
+    except InputError as error:
+        print(f"{name}: {one_line(error)}", file=sys.stderr, flush=True)
+        return error.exit_status
+    lifeline = Lifeline(node, name, run, watched_by(name, run))
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, _: lifeline.request_stop(interrupted(number)))
+    if settings.supervised:
+        threading.Thread(target=_obey, args=(lifeline,), daemon=True).start()
+    lifeline.start()
+    service = Service(name, partial(build, settings, run, lifeline), lifeline)
+    service.start()
+    _wait(service, lifeline)
+    ending = service.ending
+    if ending.reason:
+        print(f"{name}: {ending.reason}", file=sys.stderr, flush=True)
+    if settings.supervised and name == COUPLER:
+        report_to_supervisor(exit_status=ending.exit_status, reason=ending.reason)
+    lifeline.close()
+    rclpy.shutdown()
+    return ending.exit_status
+
+
+def _obey(lifeline: Lifeline) -> None:
+    """Takes wishes to stop from standard input; its end means that the supervisor is gone."""
+    for line in sys.stdin:
+        event = json.loads(line)
+        lifeline.request_stop(Ending(event["exit_status"], event["stop"]))
+    lifeline.request_stop(Ending(RunError.exit_status, "the supervisor is gone"))
+
+
+def _wait(service: Service, lifeline: Lifeline) -> None:
+    """Waits for the service; one that does not come back from its engine is left behind."""
+    while service.is_alive() and lifeline.stop is None and not lifeline.lost:
+        service.join(0.2)
+    service.join(GRACE_S + LAST_WORD_S)
+    if service.is_alive():
+        ending = lifeline.stop or Ending(RunError.exit_status, lifeline.lost)
+        print(f"{service.name}: {ending.reason}", file=sys.stderr, flush=True)
+        os._exit(ending.exit_status)  # nothing here needs closing

@@ -1,0 +1,73 @@
+"""The same scene run in every way, in fresh processes: the same bits."""
+
+from pathlib import Path
+
+import pytest
+
+from subsoil_ros.scene.loader import load_scene
+
+from ..ros.conftest import Run, lockstep_ticks, messages
+
+DURATION_S = 0.02
+WAYS = {
+    "direct": ("direct", "1"),
+    "direct_two_threads": ("direct", "2"),
+    "composed": ("composed", "1"),
+    "nodes": ("nodes", "1"),
+    "nodes_two_threads": ("nodes", "2"),
+}
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Result folders, by way."""
+    folders = {}
+    for name, (mode, threads) in WAYS.items():
+        run = Run(tmp_path_factory.mktemp(name) / "out", mode, DURATION_S, "--threads", threads)
+        status, _, err = run.finish()
+        assert status == 0, err
+        folders[name] = run.out
+    return folders
+
+
+def without_run(out: Path) -> list[tuple[str, int, bytes]]:
+    """All messages of a bag without the name of the run, the wall time, and the zeros DDS pads with."""
+    everything = messages(out / "bag")
+    grant = next(data for topic, _, data in everything if topic.endswith("/grant"))
+    run_id = grant[28:40]  # after encapsulation, stamp, frame "world" and the length
+    assert run_id.isalnum()
+    return [
+        (topic, time_ns, data.replace(run_id, b"")[: -8 if "report" in topic else None].rstrip(b"\0"))
+        for topic, time_ns, data in everything
+    ]
+
+
+def test_the_share_meets_soil_while_the_machine_moves(results: dict[str, Path]) -> None:
+    """The comparison below is not one of zeros."""
+    head, *rows = (results["direct"] / "series.csv").read_text().splitlines()
+    last = dict(zip(head.split(","), rows[-1].split(","), strict=True))
+    first = dict(zip(head.split(","), rows[0].split(","), strict=True))
+    assert float(last["tool.shank.force_x_newton"]) < -1.0
+    assert float(last["tool.shank.x_m"]) > float(first["tool.shank.x_m"])
+
+
+@pytest.mark.parametrize("way", [name for name in WAYS if name != "direct"])
+def test_series_are_equal_byte_for_byte(results: dict[str, Path], way: str) -> None:
+    """series.csv does not depend on the way of running, nor on the number of threads."""
+    assert (results[way] / "series.csv").read_bytes() == (results["direct"] / "series.csv").read_bytes()
+
+
+@pytest.mark.parametrize("way", [name for name in WAYS if name != "direct"])
+def test_bags_are_equal_message_for_message(results: dict[str, Path], way: str) -> None:
+    """Every message of the bag, clouds included, in the same order with the same bytes."""
+    assert without_run(results[way]) == without_run(results["direct"])
+
+
+@pytest.mark.parametrize("way", list(WAYS))
+def test_every_tick_is_recorded_once_in_order(results: dict[str, Path], way: str) -> None:
+    """The bag has each lockstep message of each tick exactly once."""
+    timing = load_scene(results[way] / "scene.yaml").timing
+    ticks = lockstep_ticks(results[way] / "bag", timing.interval_ns)
+    assert ticks == {name: list(range(timing.tick_count)) for name in ticks}

@@ -1,0 +1,100 @@
+"""Runs as separate processes that are interrupted or lose a part: all end, the bag can be read."""
+
+import json
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from subsoil_ros.cli.main import main
+from subsoil_ros.scene.loader import load_scene
+
+from .conftest import is_alive, lockstep_ticks, run_arguments, wait_until_gone
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+
+def assert_readable(out: Path) -> int:
+    """The bag has every tick up to its end once, in order. Returns the number of ticks."""
+    interval_ns = load_scene(out / "scene.yaml").timing.interval_ns
+    ticks = lockstep_ticks(out / "bag", interval_ns)
+    count = len(ticks["grant"])
+    assert count > 10
+    assert ticks == {name: list(range(count)) for name in ticks}
+    return count
+
+
+@pytest.mark.parametrize("victim", ["mechanism", "soil", "recorder", "coupler"])
+def test_a_node_that_dies_ends_the_run(start_run: Callable, victim: str) -> None:
+    """kill -9 of a node: exit 3, one message that names it, no process left, bag readable."""
+    run, pids = start_run()
+    assert sorted(pids) == ["coupler", "mechanism", "recorder", "soil"]
+    os.kill(pids[victim], signal.SIGKILL)
+    status, _, err = run.finish()
+    assert status == 3, err
+    last = err.strip().splitlines()[-1]
+    assert last.startswith(f"subsoil run: {victim} node (process {pids[victim]}) was ended by SIGKILL")
+    assert not any(is_alive(pid) for pid in pids.values())
+    assert_readable(run.out)
+    assert victim in json.loads((run.out / "summary.json").read_text())["failure"]
+
+
+def test_a_node_that_stands_still_ends_the_run(start_run: Callable) -> None:
+    """SIGSTOP of a node: its silence is noticed and named, and it is ended too."""
+    run, pids = start_run()
+    os.kill(pids["soil"], signal.SIGSTOP)
+    status, _, err = run.finish()
+    assert status == 3, err
+    assert "soil has not been heard of" in err.strip().splitlines()[-1]
+    assert not any(is_alive(pid) for pid in pids.values())
+    assert_readable(run.out)
+
+
+@pytest.mark.parametrize("mode", ["nodes", "composed", "direct"])
+@pytest.mark.parametrize(("number", "expected"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_an_interrupted_run_leaves_a_finished_bag(
+    start_run: Callable, mode: str, number: signal.Signals, expected: int
+) -> None:
+    """Ctrl-C and SIGTERM: the shell's exit status, bag closed and readable, no process left."""
+    run, pids = start_run(mode)
+    run.process.send_signal(number)
+    status, _, err = run.finish()
+    assert status == expected, err
+    assert err.strip().splitlines()[-1] == f"subsoil run: ended by {number.name}"
+    assert not any(is_alive(pid) for pid in pids.values())
+    assert not list(run.out.glob("bag/*.damaged"))  # it did not have to be mended
+    assert_readable(run.out)
+
+
+def test_nodes_end_when_their_supervisor_is_killed(start_run: Callable) -> None:
+    """kill -9 of `subsoil run` itself: the nodes notice, end, and the recorder closes its bag."""
+    run, pids = start_run()
+    run.process.kill()
+    wait_until_gone(pids)
+    assert_readable(run.out)
+
+
+def test_an_existing_folder_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """--out that exists: exit 2, nothing is written into it."""
+    assert main(run_arguments(tmp_path, "nodes", 0.01)) == 2
+    assert "exists already" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_cannot_be_created_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """--out below a file: exit 2 with the system's reason."""
+    (tmp_path / "file").write_text("")
+    assert main(run_arguments(tmp_path / "file/out", "nodes", 0.01)) == 2
+    assert "cannot be created (Not a directory)" in capsys.readouterr().err
+
+
+def test_a_bad_scene_leaves_no_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A scene that is refused: exit 2, the output folder is not created."""
+    out = tmp_path / "out"
+    assert main([*run_arguments(out, "nodes", 0.01), "--set", "soil.particles.radius_m=-1"]) == 2
+    assert "radius_m" in capsys.readouterr().err
+    assert not out.exists()

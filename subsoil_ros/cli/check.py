@@ -8,8 +8,11 @@ from rich.console import Console
 from rich.table import Table
 
 from ..dem.bed import grid_shape, prepare_grid
+from ..dem.beds.prepare import expected_particle_count
 from ..errors import SceneError
 from ..mbd.topology import Topology, analyse_topology
+from ..scene.bed_spacing import particle_spacing_m
+from ..scene.beds import GridBed
 from ..scene.coupling_bounds import CouplingBound, coupling_bounds
 from ..scene.limits import step_limits
 from ..scene.loader import ResolvedScene, load_scene
@@ -122,11 +125,20 @@ def _soil(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
     soil = resolved.scene.soil
     if soil is None:
         return
+    count, radius_mm = expected_particle_count(soil), soil.particles.radius_m * 1e3
+    if not isinstance(soil.bed, GridBed):
+        yield "particles", f"about {count:,} of radius {radius_mm:g} mm, less those that tools overlap"
+        yield "bed", f"dense random, seed {soil.bed.seed}; prepared when it is first used"
+        yield (
+            "bin",
+            f"{soil.bin.length_m:g} x {soil.bin.width_m:g} x {soil.bin.depth_m:g} m, walls fitted to the bed",
+        )
+        return
     nx, ny, nz = grid_shape(soil)
     bed = prepare_grid(soil, resolved.scene.gravity_m_per_s2)
-    radius_mm = soil.particles.radius_m * 1e3
-    yield "particles", f"{nx * ny * nz:,} of radius {radius_mm:g} mm, less those that tools overlap"
-    yield "bed", f"{nz} layers of {nx} x {ny}, spacing {soil.bed.spacing_m * 1e3:g} mm, top at z = 0"
+    yield "particles", f"{count:,} of radius {radius_mm:g} mm, less those that tools overlap"
+    spacing_mm = particle_spacing_m(soil) * 1e3
+    yield "bed", f"{nz} layers of {nx} x {ny}, spacing {spacing_mm:g} mm, top at z = 0"
     length, width = bed.upper_m[0] - bed.lower_m[0], bed.upper_m[1] - bed.lower_m[1]
     yield (
         "bin",
@@ -181,11 +193,11 @@ def _cost(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
         yield "memory", f"{BYTES_OF_PROCESS / 1e9:.2f} GB for each process"
         yield "wall time", f"about {_duration(lockstep_s)} as separate processes"
         return
-    nx, ny, nz = grid_shape(scene.soil)
-    memory = BYTES_OF_PROCESS + nx * ny * nz * BYTES_PER_PARTICLE
+    count = expected_particle_count(scene.soil)
+    memory = BYTES_OF_PROCESS + count * BYTES_PER_PARTICLE
     others = BYTES_OF_PROCESS / 1e9
     yield "memory", f"{memory / 1e9:.2f} GB for the soil, {others:.2f} GB for each other process"
-    soil_s = nx * ny * nz * timing.soil_steps * timing.tick_count / PARTICLE_STEPS_PER_S
+    soil_s = count * timing.soil_steps * timing.tick_count / PARTICLE_STEPS_PER_S
     yield (
         "wall time",
         (

@@ -1,10 +1,12 @@
-"""Bed preparation: a cubic grid that stands still from the first step."""
+"""A prepared bed, and the simplest one: a cubic grid that stands still from the first step."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..errors import SceneError
+from ..scene.bed_spacing import particle_spacing_m
+from ..scene.beds import GridBed
 from ..scene.limits import pair_values, particle_mass_kg
 from ..scene.soil import Soil
 
@@ -16,6 +18,7 @@ class Bed:
     positions_m: np.ndarray  # (n, 3) float64
     lower_m: tuple[float, float, float]  # x, y, z of the walls x = 0, right side, floor
     upper_m: tuple[float, float]  # x, y of the far wall and the left side; the top is open
+    kinetic_energy_joule: float = 0.0  # left when its preparation ended; a run starts from rest
 
 
 def grid_shape(soil: Soil) -> tuple[int, int, int]:
@@ -24,7 +27,7 @@ def grid_shape(soil: Soil) -> tuple[int, int, int]:
     Raises:
         SceneError: the bin holds none.
     """
-    radius, spacing = soil.particles.radius_m, soil.bed.spacing_m
+    radius, spacing = soil.particles.radius_m, particle_spacing_m(soil)
     _, boundary = pair_values(soil)
     wall = radius - boundary.rest_overlap  # centre to wall, unloaded
 
@@ -52,7 +55,7 @@ def prepare_grid(soil: Soil, gravity_m_per_s2: float) -> Bed:
     the weight above presses them together (n m g / K_X under n layers), and the bed is in equilibrium.
     """
     pair, boundary = pair_values(soil)
-    radius, spacing = soil.particles.radius_m, soil.bed.spacing_m
+    radius, spacing = soil.particles.radius_m, particle_spacing_m(soil)
     nx, ny, nz = grid_shape(soil)
     wall = radius - boundary.rest_overlap
     weight = particle_mass_kg(soil) * gravity_m_per_s2
@@ -67,7 +70,7 @@ def prepare_grid(soil: Soil, gravity_m_per_s2: float) -> Bed:
     x = wall + spacing * np.arange(nx)
     y = spacing * (np.arange(ny) - 0.5 * (ny - 1))
     grid = np.stack(np.meshgrid(x, y, heights, indexing="ij"), axis=-1).reshape(-1, 3)
-    if soil.bed.jitter_m > 0.0:
+    if isinstance(soil.bed, GridBed) and soil.bed.jitter_m > 0.0:
         generator = np.random.default_rng(soil.bed.seed)
         grid = grid + generator.uniform(-soil.bed.jitter_m, soil.bed.jitter_m, grid.shape)
     half_width = 0.5 * spacing * (ny - 1) + wall

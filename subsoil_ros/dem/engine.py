@@ -10,7 +10,8 @@ from ..messages import SoilCloud, SoilState, ToolMotion, ToolWrench
 from ..scene.limits import particle_mass_kg
 from ..scene.loader import ResolvedScene
 from ..scene.meshes import load_tool_mesh
-from .bed import Bed, prepare_grid
+from .bed import Bed
+from .beds.prepare import prepare_bed
 from .contact import SINKS, soil_laws
 from .integration import kick, kick_drift, motion_sums
 from .neighbours import carry_pairs, carry_rows, cell_grid, half_list, slab_starts, sort_by_cell
@@ -46,10 +47,13 @@ class EnergyBook:
 class SoilEngine:
     """Discrete elements in a bin, touched by tools.
 
-    Results do not depend on `threads`. With `book`, every energy sink is booked (slower).
+    Results do not depend on `threads`. With `book`, every energy sink is booked (slower). `bed` stands
+    for the one the scene describes.
     """
 
-    def __init__(self, resolved: ResolvedScene, threads: int = 1, *, book: bool = False) -> None:
+    def __init__(
+        self, resolved: ResolvedScene, threads: int = 1, *, book: bool = False, bed: Bed | None = None
+    ) -> None:
         soil = resolved.scene.soil
         if soil is None:
             raise InputError(f"{resolved.path}: has no 'soil', so it needs no soil engine")
@@ -66,7 +70,7 @@ class SoilEngine:
         self._inertia = 0.4 * self._mass * self._radius**2
         self._law, self._boundary, self._features = soil_laws(soil, book=book)
         self._overlap_bound = soil.largest_tool_overlap_m or 2.0 * self._radius
-        self.bed: Bed = prepare_grid(soil, self._gravity)
+        self.bed: Bed = bed or prepare_bed(resolved, SoilEngine, threads)
         self._planes = wall_planes(self.bed.lower_m, self.bed.upper_m)
         self._tools: tuple[ToolSurface, ...] = ()
         self._rebuilds = 0
@@ -110,6 +114,11 @@ class SoilEngine:
             self._particles.velocity = np.array(velocity_m_per_s, np.float64).reshape(-1, 3)[back]
         if spin_rad_per_s is not None:
             self._particles.spin = np.array(spin_rad_per_s, np.float64).reshape(-1, 3)[back]
+
+    def damp(self, kept: float) -> None:
+        """Global damping: every velocity and spin times `kept`. For the preparation of beds."""
+        self._particles.velocity *= kept
+        self._particles.spin *= kept
 
     @property
     def particle_count(self) -> int:
@@ -337,6 +346,11 @@ class SoilEngine:
             sinks_joule=dict(zip(SINKS, sinks.tolist(), strict=True)),
             tool_work_joule=self._tool_work,
         )
+
+    def potential_joule(self) -> float:
+        """Energy of position: stored in contacts, and gravity."""
+        book = self.energy()
+        return book.stored_joule + book.gravity_joule
 
     def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:
         """Particles in the order of the prepared bed, float32."""

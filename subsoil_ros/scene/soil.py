@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from .base import NonNegative, Part, Positive
+from .beds import Bed
 
 
 class Bin(Part):
@@ -23,15 +24,6 @@ class Particles(Part):
 
     radius_m: Positive
     density_kg_per_m3: Positive
-
-
-class GridBed(Part):
-    """Cubic grid, at rest when the spacing is 2 r - rest overlap; seeded jitter of each centre."""
-
-    kind: Literal["grid"]
-    spacing_m: Positive
-    jitter_m: NonNegative = 0.0
-    seed: int = Field(default=0, ge=0)
 
 
 class WetValues(Part):
@@ -72,7 +64,7 @@ class Soil(Part):
 
     bin: Bin
     particles: Particles
-    bed: GridBed
+    bed: Bed
     law: WetLaw
     time_step_s: Annotated[Positive | Auto, Field(union_mode="left_to_right")] = "auto"
     skin_m: Positive = 0.003

@@ -1,0 +1,90 @@
+"""Dense random beds: packed as random close packing is, at rest under the full law, the same for any
+number of threads."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial import cKDTree
+
+from subsoil_ros.dem.beds.surface import top_surface_m
+from subsoil_ros.dem.engine import SoilEngine
+
+RADIUS = 0.01
+REACH = 2.0 * RADIUS + 0.002  # delta_B
+
+
+def dense(maker, seed=0, bed=None, **changes):
+    """A scene with a dense random bed of about 1,100 particles."""
+    soil = {
+        **maker.scene().document["soil"],
+        "bin": {"length_m": 0.2, "width_m": 0.18, "depth_m": 0.14},
+        "bed": bed or {"kind": "dense_random", "seed": seed},
+        **changes,
+    }
+    return maker.scene(soil=soil)
+
+
+@pytest.fixture
+def engine(soil):
+    """Engine on the dense bed of seed 0."""
+    return SoilEngine(dense(soil))
+
+
+def test_dense_bed_has_the_neighbours_of_random_close_packing(engine):
+    """Inside: 11 to 11.5 bonds in reach (10.4 with the surfaces of a bed of 9,000), none at all ordered."""
+    x = engine.bed.positions_m
+    bonds = np.array(sorted(cKDTree(x).query_pairs(REACH)))
+    degree = np.bincount(bonds.ravel(), minlength=len(x))
+    low = np.array(engine.bed.lower_m) + 3.0 * RADIUS
+    high = np.array([*engine.bed.upper_m, 0.0]) - 3.0 * RADIUS
+    inside = ((x > low) & (x < high)).all(axis=1)
+    assert inside.sum() > 100
+    assert 10.7 < degree[inside].mean() < 11.8
+    # spheres of the rest distance: 0.64 when settled, denser by what the bonds pull together
+    volume = np.prod(high - low)
+    assert 0.64 < inside.sum() * np.pi / 6.0 * 0.018**3 / volume < 0.73
+
+
+def test_dense_bed_stands_still_under_the_full_law(engine):
+    """Friction, rolling and dampers switched on: nobody moves farther than the rest speed, 1 % of the
+    radius in a second, would carry it."""
+    engine.start(())
+    before = engine.positions_m()
+    duration_s = 400 * 5e-5
+    for tick in range(400):
+        engine.advance(tick, ())
+    moved = np.linalg.norm(engine.positions_m() - before, axis=1)
+    assert np.sqrt((moved**2).mean()) < 0.01 * RADIUS * duration_s
+    state = engine.state("r", 0, 0)
+    assert state.rms_speed_m_per_s < 0.01 * RADIUS
+    assert state.lost_particle_count == 0
+
+
+def test_dense_bed_fills_its_bin(engine):
+    """Top at z = 0 in the mean, walls within half a diameter of the bin, every wall touched."""
+    bed = engine.bed
+    assert_allclose(top_surface_m(bed, RADIUS).mean(), 0.0, atol=1e-12)
+    assert_allclose(bed.upper_m[0], 0.2, atol=RADIUS)
+    assert_allclose(2.0 * bed.upper_m[1], 0.18, atol=RADIUS)
+    assert_allclose(-bed.lower_m[2], 0.14, atol=RADIUS)
+    gaps = [
+        (bed.positions_m[:, :2] - RADIUS - bed.lower_m[:2]).min(axis=0),
+        (bed.upper_m - bed.positions_m[:, :2] - RADIUS).min(axis=0),
+    ]
+    assert np.max(gaps) < 0.0
+    assert bed.positions_m[:, 2].min() - RADIUS < bed.lower_m[2]
+
+
+def test_dense_bed_is_the_same_for_any_number_of_threads(soil, engine):
+    """Bit for bit; another seed gives another bed."""
+    scene = dense(soil)
+    assert_array_equal(SoilEngine(scene, 2).bed.positions_m, engine.bed.positions_m)
+    other = SoilEngine(dense(soil, seed=1)).bed.positions_m
+    assert other.shape != engine.bed.positions_m.shape or not np.allclose(other, engine.bed.positions_m)
+
+
+def test_rest_spacing_is_that_of_the_law(soil):
+    """`spacing_m: rest` is 2 r - delta_c: the same grid, standing still."""
+    named = SoilEngine(dense(soil, bed={"kind": "grid", "spacing_m": "rest"}))
+    given = SoilEngine(dense(soil, bed={"kind": "grid", "spacing_m": 0.018}))
+    assert_allclose(named.bed.positions_m, given.bed.positions_m, rtol=0.0, atol=1e-15)

@@ -8,16 +8,18 @@ from rich.console import Console
 from rich.table import Table
 
 from ..dem.bed import grid_shape, prepare_grid
+from ..dem.beds.cache import cached_bed_path
 from ..dem.beds.prepare import expected_particle_count
 from ..errors import SceneError
 from ..mbd.topology import Topology, analyse_topology
 from ..scene.bed_spacing import particle_spacing_m
-from ..scene.beds import GridBed
+from ..scene.beds import GridBed, SavedBed
 from ..scene.coupling_bounds import CouplingBound, coupling_bounds
 from ..scene.limits import step_limits
 from ..scene.loader import ResolvedScene, load_scene
 from ..scene.mechanism import Mechanism
 from ..scene.meshes import load_tool_mesh
+from ..scene.soil import Soil
 
 SUMMARY = "validate a scene and print what a run of it would cost; runs nothing"
 
@@ -54,18 +56,20 @@ def run(args: argparse.Namespace) -> int:
     try:
         counts = analyse_topology(mechanism, resolved.scene.gravity_m_per_s2) if mechanism else None
         bounds = _bounds(resolved)
+        soil = resolved.scene.soil
+        particle_count = expected_particle_count(soil) if soil else 0
     except SceneError as error:
         raise SceneError(f"{args.scene}: {error}") from error
     console = Console(width=None if sys.stdout.isatty() else 140)
     console.print(_table(resolved.scene.name, _general(resolved)))
-    if resolved.scene.soil is not None:
-        console.print(_table("soil", _soil(resolved)))
+    if soil is not None:
+        console.print(_table("soil", _soil(resolved, soil, particle_count)))
         console.print(_limits(resolved))
     if mechanism and counts:
         console.print(_table("mechanism", _mechanism(mechanism, counts)))
     if bounds:
         console.print(_coupling(resolved, bounds))
-    console.print(_table("cost", _cost(resolved)))
+    console.print(_table("cost", _cost(resolved, particle_count)))
     for bound in bounds:
         if resolved.timing.interval_s > bound.undamped_s:
             console.print(
@@ -121,18 +125,19 @@ def _general(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
         yield "note", scene.report.note
 
 
-def _soil(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
-    soil = resolved.scene.soil
-    if soil is None:
-        return
-    count, radius_mm = expected_particle_count(soil), soil.particles.radius_m * 1e3
+def _soil(resolved: ResolvedScene, soil: Soil, count: int) -> Iterable[tuple[str, str]]:
+    radius_mm = soil.particles.radius_m * 1e3
     if not isinstance(soil.bed, GridBed):
-        yield "particles", f"about {count:,} of radius {radius_mm:g} mm, less those that tools overlap"
-        yield "bed", f"dense random, seed {soil.bed.seed}; prepared when it is first used"
-        yield (
-            "bin",
-            f"{soil.bin.length_m:g} x {soil.bin.width_m:g} x {soil.bin.depth_m:g} m, walls fitted to the bed",
-        )
+        about = "" if isinstance(soil.bed, SavedBed) else "about "
+        yield "particles", f"{about}{count:,} of radius {radius_mm:g} mm, less those that tools overlap"
+        if isinstance(soil.bed, SavedBed):
+            yield "bed", f"from {soil.bed.file}"
+        else:
+            kept = cached_bed_path(resolved)
+            when = f"kept in {kept}" if kept.is_file() else "prepared when it is first used"
+            yield "bed", f"dense random, seed {soil.bed.seed}; {when}"
+        size = soil.bin
+        yield "bin", f"{size.length_m:g} x {size.width_m:g} x {size.depth_m:g} m, walls fitted to the bed"
         return
     nx, ny, nz = grid_shape(soil)
     bed = prepare_grid(soil, resolved.scene.gravity_m_per_s2)
@@ -186,18 +191,17 @@ def _coupling(resolved: ResolvedScene, bounds: tuple[CouplingBound, ...]) -> Tab
     return table
 
 
-def _cost(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
+def _cost(resolved: ResolvedScene, particle_count: int) -> Iterable[tuple[str, str]]:
     scene, timing = resolved.scene, resolved.timing
     lockstep_s = timing.tick_count * LOCKSTEP_S_PER_TICK
     if scene.soil is None:
         yield "memory", f"{BYTES_OF_PROCESS / 1e9:.2f} GB for each process"
         yield "wall time", f"about {_duration(lockstep_s)} as separate processes"
         return
-    count = expected_particle_count(scene.soil)
-    memory = BYTES_OF_PROCESS + count * BYTES_PER_PARTICLE
+    memory = BYTES_OF_PROCESS + particle_count * BYTES_PER_PARTICLE
     others = BYTES_OF_PROCESS / 1e9
     yield "memory", f"{memory / 1e9:.2f} GB for the soil, {others:.2f} GB for each other process"
-    soil_s = count * timing.soil_steps * timing.tick_count / PARTICLE_STEPS_PER_S
+    soil_s = particle_count * timing.soil_steps * timing.tick_count / PARTICLE_STEPS_PER_S
     yield (
         "wall time",
         (

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from ..errors import InputError, PhysicsError
+from ..errors import InputError, PhysicsError, SceneError
 from ..messages import SoilCloud, SoilState, ToolMotion, ToolWrench
-from ..scene.limits import particle_mass_kg
+from ..scene.limits import DENSE_COORDINATION, particle_mass_kg, step_limits
 from ..scene.loader import ResolvedScene
 from ..scene.meshes import load_tool_mesh
 from .bed import Bed
@@ -77,6 +77,24 @@ class SoilEngine:
         self._tool_work = 0.0
         self._sinks = np.zeros(len(SINKS))  # of pairs and walls
         self._load(self.bed.positions_m, np.arange(len(self.bed.positions_m)))
+        if bed is None:
+            self._refuse_step_too_large()
+
+    @property
+    def coordination(self) -> float:
+        """Contacts in reach per particle, those between particles only."""
+        return 2.0 * self._scan_pairs()[0] / self._particles.count
+
+    def _refuse_step_too_large(self) -> None:
+        """The scene's step was chosen for dense packing; a bed denser still needs a smaller one."""
+        if self.coordination <= DENSE_COORDINATION:
+            return
+        limit = step_limits(self._soil, self.coordination)[0]
+        if self._step_s > limit.limit_s:
+            raise SceneError(
+                f"soil.time_step_s: {self._step_s:.3g} s is above the stable limit {limit.limit_s:.3g} s of "
+                f"the prepared bed ({limit.cause}); use at most {0.9 * limit.limit_s:.2g} s"
+            )
 
     def _load(self, position: np.ndarray, identity: np.ndarray) -> None:
         """Start from particles at rest without contact history."""

@@ -25,4 +25,11 @@ class DenseRandomBed(Part):
     seed: Seed = 0
 
 
-Bed = Annotated[GridBed | DenseRandomBed, Field(discriminator="kind")]
+class SavedBed(Part):
+    """A bed prepared before, under the same law and for the same bin."""
+
+    kind: Literal["saved"]
+    file: str = Field(min_length=1)  # relative to the scene file
+
+
+Bed = Annotated[GridBed | DenseRandomBed | SavedBed, Field(discriminator="kind")]

@@ -1,23 +1,51 @@
 """The bed a scene describes."""
 
 import math
+from pathlib import Path
 
-from ...scene.bed_spacing import rest_spacing_m
-from ...scene.beds import GridBed
+from ...errors import SceneError
+from ...scene.bed_spacing import particle_spacing_m, rest_spacing_m
+from ...scene.beds import GridBed, SavedBed
 from ...scene.loader import ResolvedScene
 from ...scene.soil import Soil
 from ..bed import Bed, grid_shape, prepare_grid
+from .bed_file import LARGEST_OVERLAP, read_bed
+from .cache import cached_bed_path, keep, load_cached
 from .dense import prepare_dense
 from .settling import EngineOf
 
 
 def prepare_bed(resolved: ResolvedScene, engine_of: EngineOf, threads: int = 1) -> Bed:
-    """The bed of the scene's soil; `engine_of` is the class SoilEngine, which settles particles."""
+    """The bed of the scene's soil; `engine_of` is the class SoilEngine, which settles particles.
+
+    One that takes long to prepare is kept in the user's cache folder and taken from there the next time.
+
+    Raises:
+        SceneError: a bin too small for a particle, particles that overlap too far, an unfit bed file.
+    """
     soil = resolved.scene.soil
     assert soil is not None
     if isinstance(soil.bed, GridBed):
+        _refuse_tight_grid(soil)
         return prepare_grid(soil, resolved.scene.gravity_m_per_s2)
-    return prepare_dense(resolved, soil.bed.seed, engine_of, threads)
+    if isinstance(soil.bed, SavedBed):
+        return read_bed(Path(soil.bed.file), soil)
+    path = cached_bed_path(resolved)
+    bed = load_cached(path, soil)
+    if bed is None:
+        bed = prepare_dense(resolved, soil.bed.seed, engine_of, threads)
+        keep(path, bed, soil)
+    return bed
+
+
+def _refuse_tight_grid(soil: Soil) -> None:
+    smallest = rest_spacing_m(soil) - LARGEST_OVERLAP * soil.particles.radius_m
+    given = particle_spacing_m(soil)
+    if given < smallest:
+        raise SceneError(
+            f"soil.bed.spacing_m: {given:g} m makes neighbours overlap so far that they would be shot apart; "
+            f"allowed is at least {smallest:.4g} m, 'rest' stands still"
+        )
 
 
 DENSE_FRACTION = 0.69
@@ -26,8 +54,10 @@ DENSE_FRACTION = 0.69
 
 
 def expected_particle_count(soil: Soil) -> int:
-    """Particles of the bed before tools remove any: exact for a grid, within 2 % for a dense random bed."""
+    """Particles of the bed before tools remove any: within 2 % for a dense random bed, else exact."""
     if isinstance(soil.bed, GridBed):
         return math.prod(grid_shape(soil))
+    if isinstance(soil.bed, SavedBed):
+        return len(read_bed(Path(soil.bed.file), soil).positions_m)
     volume = soil.bin.length_m * soil.bin.width_m * soil.bin.depth_m
     return round(DENSE_FRACTION * volume / (math.pi / 6.0 * rest_spacing_m(soil) ** 3))

@@ -3,6 +3,7 @@
 import argparse
 import sys
 from collections.abc import Iterable
+from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
@@ -20,8 +21,9 @@ from ..scene.loader import ResolvedScene, load_scene
 from ..scene.mechanism import Mechanism
 from ..scene.meshes import load_tool_mesh
 from ..scene.soil import Soil
+from .bed_table import print_bed
 
-SUMMARY = "validate a scene and print what a run of it would cost; runs nothing"
+SUMMARY = "validate a scene and print what a run of it would cost"
 
 BYTES_PER_PARTICLE = 600
 """State, neighbour list and contact history of one particle."""
@@ -48,6 +50,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="change a value of the scene, as soil.bed.seed=3 or start=lowered; may be repeated",
     )
 
+    parser.add_argument(
+        "--bed", action="store_true", help="prepare the bed, look at it, and leave it alone for 20 ms"
+    )
+    parser.add_argument(
+        "--bed-out", type=Path, metavar="FILE", help="prepare the bed and write it as a file for kind: saved"
+    )
+    parser.add_argument("--threads", type=int, default=1, help="threads that prepare the bed (default: 1)")
+
 
 def run(args: argparse.Namespace) -> int:
     """Validate the scene and print its tables. Raises SceneError for whatever would stop a run."""
@@ -70,6 +80,8 @@ def run(args: argparse.Namespace) -> int:
     if bounds:
         console.print(_coupling(resolved, bounds))
     console.print(_table("cost", _cost(resolved, particle_count)))
+    if args.bed or args.bed_out:
+        print_bed(console, resolved, args.threads, args.bed_out)
     for bound in bounds:
         if resolved.timing.interval_s > bound.undamped_s:
             console.print(

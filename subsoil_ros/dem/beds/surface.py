@@ -1,4 +1,4 @@
-"""The top surface of a bed: its height over a lattice of columns, and how a bed is cut to a depth."""
+"""The top surface of a bed over a lattice of columns, and how a bed is cut to a depth."""
 
 import numpy as np
 
@@ -6,8 +6,10 @@ from ..bed import Bed
 
 
 def top_surface_m(bed: Bed, radius_m: float) -> np.ndarray:
-    """(nx, ny) [m] height of the highest sphere over each column; the floor where there is none.
+    """(nx, ny) [m] top of the bed in columns, as a sphere of the particles' size feels it from above.
 
+    Lowered onto the bed in the middle of a column, the lowest point of the sphere comes to rest at this
+    height; a ray would fall through the aligned gaps of a grid. The floor where there is no particle.
     Columns stand one radius apart, or a little more, so that they fill the box.
     """
     low = np.array(bed.lower_m[:2])
@@ -16,13 +18,13 @@ def top_surface_m(bed: Bed, radius_m: float) -> np.ndarray:
     pitch = size / count
     top = np.full(count, bed.lower_m[2])
     nearest = np.floor((bed.positions_m[:, :2] - low) / pitch).astype(np.int64)
-    for dx in (-1, 0, 1):
-        for dy in (-1, 0, 1):
+    for dx in range(-2, 3):
+        for dy in range(-2, 3):
             node = nearest + np.array((dx, dy))
             offset = low + (node + 0.5) * pitch - bed.positions_m[:, :2]
-            below = radius_m**2 - (offset**2).sum(axis=1)
+            below = 4.0 * radius_m**2 - (offset**2).sum(axis=1)
             hit = ((node >= 0) & (node < count)).all(axis=1) & (below >= 0.0)
-            height = bed.positions_m[hit, 2] + np.sqrt(below[hit])
+            height = bed.positions_m[hit, 2] + np.sqrt(below[hit]) - radius_m
             np.maximum.at(top, (node[hit, 0], node[hit, 1]), height)
     return top
 

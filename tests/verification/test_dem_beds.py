@@ -1,11 +1,15 @@
 """Dense random beds: packed as random close packing is, at rest under the full law, the same for any
 number of threads."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
 
+from subsoil_ros.dem.beds.dense import scaled
+from subsoil_ros.dem.beds.report import report_bed
 from subsoil_ros.dem.beds.surface import top_surface_m
 from subsoil_ros.dem.engine import SoilEngine
 
@@ -60,19 +64,33 @@ def test_dense_bed_stands_still_under_the_full_law(engine):
     assert state.lost_particle_count == 0
 
 
-def test_dense_bed_fills_its_bin(engine):
-    """Top at z = 0 in the mean, walls within half a diameter of the bin, every wall touched."""
+def test_dense_bed_fills_its_bin(soil, engine):
+    """Top at z = 0 in the mean, walls within half a diameter of the bin, all of every wall touched."""
     bed = engine.bed
     assert_allclose(top_surface_m(bed, RADIUS).mean(), 0.0, atol=1e-12)
     assert_allclose(bed.upper_m[0], 0.2, atol=RADIUS)
     assert_allclose(2.0 * bed.upper_m[1], 0.18, atol=RADIUS)
     assert_allclose(-bed.lower_m[2], 0.14, atol=RADIUS)
-    gaps = [
-        (bed.positions_m[:, :2] - RADIUS - bed.lower_m[:2]).min(axis=0),
-        (bed.upper_m - bed.positions_m[:, :2] - RADIUS).min(axis=0),
-    ]
-    assert np.max(gaps) < 0.0
-    assert bed.positions_m[:, 2].min() - RADIUS < bed.lower_m[2]
+    gaps = report_bed(bed, dense(soil).scene.soil).wall_gaps
+    assert max(gap.largest_m for gap in gaps.values()) < 0.0
+
+
+def test_dense_bed_is_neither_stretched_nor_pressed(soil, engine):
+    """Scaled with its walls by one part in a thousand, larger or smaller, its energy grows: the least lies
+    at the size it has, to what the relaxation after the last change of size leaves (0.05 %)."""
+    scene, step = dense(soil), 1e-3
+    x, y, floor = engine.bed.lower_m
+    standing = dataclasses.replace(
+        engine.bed, positions_m=engine.bed.positions_m - (0.0, 0.0, floor), lower_m=(x, y, 0.0)
+    )  # scaled about its floor, for weight to count
+
+    def energy(scale):
+        return SoilEngine(scene, bed=scaled(standing, scale)).potential_joule()
+
+    smaller, here, larger = energy(1.0 - step), energy(1.0), energy(1.0 + step)
+    assert here < min(smaller, larger)
+    least = 0.5 * step * (smaller - larger) / (smaller - 2.0 * here + larger)
+    assert abs(least) < 5e-4
 
 
 def test_dense_bed_is_the_same_for_any_number_of_threads(soil, engine):

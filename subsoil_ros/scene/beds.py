@@ -1,10 +1,11 @@
 """How the bed is made."""
 
+import itertools
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from .base import NonNegative, Part, Positive
+from .base import Finite, NonNegative, Part, Positive
 
 Seed = Annotated[int, Field(ge=0)]
 
@@ -30,6 +31,24 @@ class SavedBed(Part):
 
     kind: Literal["saved"]
     file: str = Field(min_length=1)  # relative to the scene file
+
+
+class SurfaceProfile(Part):
+    """Height of the surface over x, the same for every y: linear between the points, constant outside.
+
+    z = 0 is the surface of the bed before it is trimmed, so no height is above 0.
+    """
+
+    x_m: tuple[Finite, ...] = Field(min_length=1)
+    z_m: tuple[Annotated[float, Field(le=0.0, allow_inf_nan=False)], ...] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _table(self) -> "SurfaceProfile":
+        if len(self.x_m) != len(self.z_m):
+            raise ValueError(f"z_m: has {len(self.z_m)} heights for the {len(self.x_m)} places of x_m")
+        if any(b <= a for a, b in itertools.pairwise(self.x_m)):
+            raise ValueError("x_m: must grow from one point to the next")
+        return self
 
 
 Bed = Annotated[GridBed | DenseRandomBed | SavedBed, Field(discriminator="kind")]

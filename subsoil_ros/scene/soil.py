@@ -2,10 +2,10 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from .base import NonNegative, Part, Positive
-from .beds import Bed
+from .beds import Bed, SavedBed, SurfaceProfile
 
 
 class Bin(Part):
@@ -69,3 +69,18 @@ class Soil(Part):
     time_step_s: Annotated[Positive | Auto, Field(union_mode="left_to_right")] = "auto"
     skin_m: Positive = 0.003
     largest_tool_overlap_m: Positive | None = None  # the run stops beyond it; default: two radii
+    surface: SurfaceProfile | None = None  # trims the bed
+
+    @model_validator(mode="after")
+    def _surface_above_floor(self) -> "Soil":
+        if self.surface is None:
+            return self
+        if isinstance(self.bed, SavedBed):
+            raise ValueError("surface: a saved bed has its surface already; leave out 'surface'")
+        lowest = 2.0 * self.particles.radius_m - self.bin.depth_m
+        if min(self.surface.z_m) < lowest:
+            raise ValueError(
+                f"surface.z_m: {min(self.surface.z_m):g} m leaves less than a particle on the floor of the "
+                f"bin, {self.bin.depth_m:g} m deep; allowed is at least {lowest:g} m"
+            )
+        return self

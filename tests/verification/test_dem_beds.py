@@ -12,6 +12,7 @@ from subsoil_ros.dem.beds.dense import scaled
 from subsoil_ros.dem.beds.report import report_bed
 from subsoil_ros.dem.beds.surface import top_surface_m
 from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.errors import SceneError
 
 RADIUS = 0.01
 REACH = 2.0 * RADIUS + 0.002  # delta_B
@@ -106,3 +107,54 @@ def test_rest_spacing_is_that_of_the_law(soil):
     named = SoilEngine(dense(soil, bed={"kind": "grid", "spacing_m": "rest"}))
     given = SoilEngine(dense(soil, bed={"kind": "grid", "spacing_m": 0.018}))
     assert_allclose(named.bed.positions_m, given.bed.positions_m, rtol=0.0, atol=1e-15)
+
+
+RAMP = {"x_m": [0.05, 0.15], "z_m": [0.0, -0.06]}
+
+
+def top_over_x(bed):
+    """Place and mean height over y of the columns."""
+    top = top_surface_m(bed, RADIUS).mean(axis=1)
+    return (np.arange(len(top)) + 0.5) / len(top) * bed.upper_m[0], top
+
+
+def test_surface_profile_trims_a_grid(soil):
+    """No particle of the grid reaches above the profile, every one below it stays where it was."""
+    grid = {"kind": "grid", "spacing_m": "rest"}
+    whole = SoilEngine(dense(soil, bed=grid)).bed
+    cut = SoilEngine(dense(soil, bed=grid, surface=RAMP)).bed
+    x, _, z = whole.positions_m.T
+    below = z + RADIUS <= np.interp(x, RAMP["x_m"], RAMP["z_m"]) + 1e-9
+    assert 0.5 < below.mean() < 0.95
+    assert_array_equal(cut.positions_m, whole.positions_m[below])
+    assert cut.lower_m == whole.lower_m
+
+
+def test_surface_profile_trims_a_dense_bed_before_it_relaxes(soil):
+    """The top follows the profile to a third of a radius in the mean and one radius everywhere; at rest."""
+    scene = dense(soil, surface=RAMP)
+    engine = SoilEngine(scene)
+    x, top = top_over_x(engine.bed)
+    off = top - np.interp(x, RAMP["x_m"], RAMP["z_m"])
+    assert_allclose(off.mean(), 0.0, atol=1e-12)
+    assert np.sqrt((off**2).mean()) < RADIUS / 3.0
+    assert np.abs(off).max() < RADIUS
+    engine.start(())
+    for tick in range(100):
+        engine.advance(tick, ())
+    assert engine.state("r", 0, 0).rms_speed_m_per_s < 0.01 * RADIUS
+
+
+@pytest.mark.parametrize(
+    ("surface", "message"),
+    [
+        ({"x_m": [0.0, 0.1], "z_m": [0.0, 0.01]}, r"soil.surface.z_m.*needed is a number at most 0"),
+        ({"x_m": [0.0, 0.1], "z_m": [0.0]}, r"soil.surface.z_m: has 1 heights for the 2 places"),
+        ({"x_m": [0.1, 0.1], "z_m": [0.0, -0.1]}, r"soil.surface.x_m: must grow"),
+        ({"x_m": [0.0], "z_m": [-0.13]}, r"soil.surface.z_m: -0.13 m .* at least -0.12 m"),
+    ],
+)
+def test_a_wrong_surface_profile_is_refused(soil, surface, message):
+    """Above the bed, of unequal lengths, not growing, below the floor."""
+    with pytest.raises(SceneError, match=message):
+        dense(soil, surface=surface)

@@ -17,12 +17,13 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from ...scene.bed_spacing import rest_spacing_m
+from ...scene.beds import SurfaceProfile
 from ...scene.limits import pair_values, particle_mass_kg
 from ...scene.loader import ResolvedScene
 from ...scene.soil import Bin, Soil
 from ..bed import Bed, grid_shape
 from .settling import EngineOf, Rest, Settling
-from .surface import cut_to_depth, top_surface_m
+from .surface import cut_to_depth, mean_above_profile_m
 
 CLOSE_PACKING = 0.64
 """Solid fraction of random close packing, spheres of the rest distance 2 r - delta_c. Walls loosen it, so
@@ -82,7 +83,7 @@ def prepare_dense(resolved: ResolvedScene, seed: int, engine_of: EngineOf, threa
 
     box = soil.bin
     larger = Bin(length_m=box.length_m / shrink, width_m=box.width_m / shrink, depth_m=box.depth_m / shrink)
-    return _bonded(_settled(soil, larger, seed, loose), box.depth_m, soil, bonded)
+    return _bonded(_settled(soil, larger, seed, loose), box.depth_m, soil, bonded, soil.surface)
 
 
 def _settled(soil: Soil, box: Bin, seed: int, loose: Settling) -> Bed:
@@ -103,11 +104,13 @@ def _settled(soil: Soil, box: Bin, seed: int, loose: Settling) -> Bed:
     return loose.run(bed, settled_rest(radius), FALL_DAMPING * math.sqrt(SETTLING_GRAVITY / box.depth_m))
 
 
-def _bonded(bed: Bed, depth_m: float, soil: Soil, bonded: Settling) -> Bed:
-    """The settled bed cut to `depth_m`, with adhesion and at rest; z = 0 at its mean top."""
+def _bonded(
+    bed: Bed, depth_m: float, soil: Soil, bonded: Settling, surface: SurfaceProfile | None = None
+) -> Bed:
+    """The settled bed cut to `depth_m`, with adhesion and at rest; z = 0 at its mean top over the profile."""
     radius = soil.particles.radius_m
     bed, _ = _least_energy(bed, bonded)
-    bed = cut_to_depth(bed, radius, depth_m)
+    bed = cut_to_depth(bed, radius, depth_m, surface)
     rest = relaxed_rest(radius)
     damping = RELAX_DAMPING * math.sqrt(pair_values(soil)[0].stiffness / particle_mass_kg(soil))
     for _ in range(LARGEST_RESIZES):
@@ -116,7 +119,7 @@ def _bonded(bed: Bed, depth_m: float, soil: Soil, bonded: Settling) -> Bed:
         if abs(scale - 1.0) < SCALE_TOLERANCE:
             break
     bed = bonded.run(bed, rest, damping)
-    top = float(top_surface_m(bed, radius).mean())
+    top = mean_above_profile_m(bed, radius, surface)
     lower = (bed.lower_m[0], bed.lower_m[1], bed.lower_m[2] - top)
     return dataclasses.replace(bed, positions_m=bed.positions_m - (0.0, 0.0, top), lower_m=lower)
 

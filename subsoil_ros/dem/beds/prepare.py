@@ -3,6 +3,8 @@
 import math
 from pathlib import Path
 
+import numpy as np
+
 from ...errors import SceneError
 from ...scene.bed_spacing import particle_spacing_m, rest_spacing_m
 from ...scene.beds import GridBed, SavedBed
@@ -13,6 +15,7 @@ from .bed_file import LARGEST_OVERLAP, read_bed
 from .cache import cached_bed_path, keep, load_cached
 from .dense import prepare_dense
 from .settling import EngineOf
+from .surface import profile_m, trimmed
 
 
 def prepare_bed(resolved: ResolvedScene, engine_of: EngineOf, threads: int = 1) -> Bed:
@@ -27,7 +30,9 @@ def prepare_bed(resolved: ResolvedScene, engine_of: EngineOf, threads: int = 1) 
     assert soil is not None
     if isinstance(soil.bed, GridBed):
         _refuse_tight_grid(soil)
-        return prepare_grid(soil, resolved.scene.gravity_m_per_s2)
+        return trimmed(
+            prepare_grid(soil, resolved.scene.gravity_m_per_s2), soil.particles.radius_m, soil.surface
+        )
     if isinstance(soil.bed, SavedBed):
         return read_bed(Path(soil.bed.file), soil)
     path = cached_bed_path(resolved)
@@ -55,9 +60,14 @@ DENSE_FRACTION = 0.69
 
 def expected_particle_count(soil: Soil) -> int:
     """Particles of the bed before tools remove any: within 2 % for a dense random bed, else exact."""
+    radius = soil.particles.radius_m
     if isinstance(soil.bed, GridBed):
-        return math.prod(grid_shape(soil))
+        if soil.surface is None:
+            return math.prod(grid_shape(soil))
+        return len(trimmed(prepare_grid(soil, 0.0), radius, soil.surface).positions_m)
     if isinstance(soil.bed, SavedBed):
         return len(read_bed(Path(soil.bed.file), soil).positions_m)
-    volume = soil.bin.length_m * soil.bin.width_m * soil.bin.depth_m
+    x = np.linspace(0.0, soil.bin.length_m, 1001)
+    depth = soil.bin.depth_m + float(profile_m(soil.surface, x).mean())
+    volume = soil.bin.length_m * soil.bin.width_m * depth
     return round(DENSE_FRACTION * volume / (math.pi / 6.0 * rest_spacing_m(soil) ** 3))

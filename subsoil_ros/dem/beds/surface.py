@@ -1,7 +1,10 @@
 """The top surface of a bed over a lattice of columns, and how a bed is cut to a depth."""
 
+import dataclasses
+
 import numpy as np
 
+from ...scene.beds import SurfaceProfile
 from ..bed import Bed
 
 
@@ -29,24 +32,46 @@ def top_surface_m(bed: Bed, radius_m: float) -> np.ndarray:
     return top
 
 
-def cut_to_depth(bed: Bed, radius_m: float, depth_m: float) -> Bed:
-    """The bed without the particles that reach above a level, such that its mean top is `depth_m` high.
+def profile_m(surface: SurfaceProfile | None, x_m: np.ndarray) -> np.ndarray:
+    """Height of a surface profile at `x_m`; zero without one [m]."""
+    return np.zeros_like(x_m) if surface is None else np.interp(x_m, surface.x_m, surface.z_m)
 
-    A bed that is not as high stays as it is. The order of the particles stays.
+
+def mean_above_profile_m(bed: Bed, radius_m: float, surface: SurfaceProfile | None) -> float:
+    """Mean of the bed's top over the profile's height, z as the bed has it [m]."""
+    top = top_surface_m(bed, radius_m)
+    columns = (np.arange(top.shape[0]) + 0.5) / top.shape[0]
+    x = bed.lower_m[0] + columns * (bed.upper_m[0] - bed.lower_m[0])
+    return float((top - profile_m(surface, x)[:, None]).mean())
+
+
+def trimmed(bed: Bed, radius_m: float, surface: SurfaceProfile | None, level_m: float = 0.0) -> Bed:
+    """The bed without the particles that reach above `level_m` + profile. Their order stays."""
+    ceiling = level_m + profile_m(surface, bed.positions_m[:, 0]) + 1e-9 * radius_m
+    kept = bed.positions_m[:, 2] + radius_m <= ceiling
+    return dataclasses.replace(bed, positions_m=bed.positions_m[kept])
+
+
+def cut_to_depth(bed: Bed, radius_m: float, depth_m: float, surface: SurfaceProfile | None = None) -> Bed:
+    """The bed trimmed at the level where its mean top stands `depth_m` + profile over its floor.
+
+    A bed that is not as high stays as it is.
     """
 
-    def below(level_m: float) -> Bed:
-        kept = bed.positions_m[:, 2] + radius_m <= level_m
-        return Bed(bed.positions_m[kept], bed.lower_m, bed.upper_m)
+    def height_of(cut: Bed) -> float:
+        return mean_above_profile_m(cut, radius_m, surface)
 
-    low, high = bed.lower_m[2], float(bed.positions_m[:, 2].max()) + radius_m
+    low = bed.lower_m[2]
+    high = (
+        float(bed.positions_m[:, 2].max()) + radius_m - float(profile_m(surface, bed.positions_m[:, 0]).min())
+    )
     wanted = bed.lower_m[2] + depth_m
-    if top_surface_m(bed, radius_m).mean() <= wanted:
+    if height_of(bed) <= wanted:
         return bed
     while high - low > 1e-3 * radius_m:
         level = 0.5 * (low + high)
-        if top_surface_m(below(level), radius_m).mean() > wanted:
+        if height_of(trimmed(bed, radius_m, surface, level)) > wanted:
             high = level
         else:
             low = level
-    return below(low)
+    return trimmed(bed, radius_m, surface, low)

@@ -51,7 +51,7 @@ def _rows(report: BedReport, motion: FreeMotion) -> Iterable[tuple[str, str]]:
     yield "floor", f"z = {_mm(report.floor_m)}"
     for wall, gap in report.wall_gaps.items():
         yield (
-            f"gap at {wall} wall",
+            "gap at floor" if wall == "floor" else f"gap at {wall} wall",
             f"mean {_mm(gap.mean_m)}, largest {_mm(gap.largest_m)} (negative: overlap)",
         )
     x, y, z = report.largest_void_at_m

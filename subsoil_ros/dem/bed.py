@@ -47,35 +47,49 @@ def grid_shape(soil: Soil) -> tuple[int, int, int]:
     return shape
 
 
+def _layers(soil: Soil, x_m: np.ndarray, layers: int, spacing_m: float) -> list[int]:
+    """Layers of the grid that stand below the surface profile, at least one, in each slice of `x_m`."""
+    if soil.surface is None:
+        return [layers] * len(x_m)
+    taken = np.ceil(-np.interp(x_m, soil.surface.x_m, soil.surface.z_m) / spacing_m - 1e-9).astype(np.int64)
+    return np.maximum(layers - taken, 1).tolist()
+
+
 def prepare_grid(soil: Soil, gravity_m_per_s2: float) -> Bed:
     """Cubic grid at the given spacing, walls moved in to fit it.
 
     A row of n spheres touches both walls at the unloaded overlap, so a wall stands up to one spacing
     inside the bin's nominal size. At the stress-free spacing 2 r - delta_c the layers are lowered by what
     the weight above presses them together (n m g / K_X under n layers), and the bed is in equilibrium.
+    Where a surface profile takes layers away, those below carry that much less.
     """
     pair, boundary = pair_values(soil)
     radius, spacing = soil.particles.radius_m, particle_spacing_m(soil)
     nx, ny, nz = grid_shape(soil)
     wall = radius - boundary.rest_overlap
     weight = particle_mass_kg(soil) * gravity_m_per_s2
-    above = nz - 1.0 - np.arange(nz)  # layers above layer k
-    step_up = np.full(nz - 1, spacing)
-    floor_gap = wall - nz * weight / boundary.stiffness
-    if spacing <= 2.0 * radius - pair.rest_overlap + 1e-12:
-        step_up -= above[:-1] * weight / pair.stiffness
-    heights = np.concatenate(([0.0], np.cumsum(step_up)))
-    heights -= heights[-1] + radius  # top of the uppermost spheres at z = 0
+    lowered = weight / pair.stiffness if spacing <= 2.0 * radius - pair.rest_overlap + 1e-12 else 0.0
 
+    def column(layers: int) -> np.ndarray:
+        """Heights over the floor of the layers that stand on each other."""
+        above = layers - 1.0 - np.arange(layers)  # layers above layer k
+        steps_up = spacing - above[:-1] * lowered
+        return wall - layers * weight / boundary.stiffness + np.concatenate(([0.0], np.cumsum(steps_up)))
+
+    floor = -float(column(nz)[-1]) - radius  # top of the uppermost spheres at z = 0
     x = wall + spacing * np.arange(nx)
     y = spacing * (np.arange(ny) - 0.5 * (ny - 1))
-    grid = np.stack(np.meshgrid(x, y, heights, indexing="ij"), axis=-1).reshape(-1, 3)
+    slices = [
+        np.stack(np.meshgrid([x[i]], y, floor + column(layers), indexing="ij"), axis=-1).reshape(-1, 3)
+        for i, layers in enumerate(_layers(soil, x, nz, spacing))
+    ]
+    grid = np.concatenate(slices)
     if isinstance(soil.bed, GridBed) and soil.bed.jitter_m > 0.0:
         generator = np.random.default_rng(soil.bed.seed)
         grid = grid + generator.uniform(-soil.bed.jitter_m, soil.bed.jitter_m, grid.shape)
     half_width = 0.5 * spacing * (ny - 1) + wall
     return Bed(
         positions_m=np.ascontiguousarray(grid),
-        lower_m=(0.0, -half_width, float(heights[0] - floor_gap)),
+        lower_m=(0.0, -half_width, floor),
         upper_m=(float(x[-1] + wall), half_width),
     )

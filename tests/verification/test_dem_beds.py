@@ -9,12 +9,13 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
 
 from subsoil_ros.dem.beds.dense import scaled
-from subsoil_ros.dem.beds.report import report_bed
+from subsoil_ros.dem.beds.report import free_motion, report_bed
 from subsoil_ros.dem.beds.surface import top_surface_m
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.errors import SceneError
 
 RADIUS = 0.01
+MASS = 1800.0 * 4.0 / 3.0 * np.pi * RADIUS**3
 REACH = 2.0 * RADIUS + 0.002  # delta_B
 
 
@@ -119,15 +120,24 @@ def top_over_x(bed):
 
 
 def test_surface_profile_trims_a_grid(soil):
-    """No particle of the grid reaches above the profile, every one below it stays where it was."""
+    """Without weight: no particle reaches above the profile, every one below it stays where it was."""
     grid = {"kind": "grid", "spacing_m": "rest"}
-    whole = SoilEngine(dense(soil, bed=grid)).bed
-    cut = SoilEngine(dense(soil, bed=grid, surface=RAMP)).bed
+    part = dense(soil, bed=grid).document["soil"]
+    whole = SoilEngine(soil.scene("gravity_m_per_s2=0", soil=part)).bed
+    cut = SoilEngine(soil.scene("gravity_m_per_s2=0", soil={**part, "surface": RAMP})).bed
     x, _, z = whole.positions_m.T
     below = z + RADIUS <= np.interp(x, RAMP["x_m"], RAMP["z_m"]) + 1e-9
     assert 0.5 < below.mean() < 0.95
-    assert_array_equal(cut.positions_m, whole.positions_m[below])
+    assert_allclose(cut.positions_m, whole.positions_m[below], rtol=0.0, atol=1e-15)
     assert cut.lower_m == whole.lower_m
+
+
+def test_a_trimmed_grid_carries_the_weight_that_is_left(soil):
+    """Columns side by side differ by their weight only: nobody moves farther in 5 ms than what the weight
+    of one layer presses one contact together, m g / K."""
+    scene = dense(soil, bed={"kind": "grid", "spacing_m": "rest"}, surface=RAMP)
+    motion = free_motion(scene, SoilEngine(scene).bed, SoilEngine, 1, 0.005)
+    assert motion.largest_move_m < MASS * 9.81 / 5000.0
 
 
 def test_surface_profile_trims_a_dense_bed_before_it_relaxes(soil):

@@ -10,12 +10,12 @@ from ...scene.bed_spacing import particle_spacing_m, rest_spacing_m
 from ...scene.beds import GridBed, SavedBed
 from ...scene.loader import ResolvedScene
 from ...scene.soil import Soil
-from ..bed import Bed, grid_shape, prepare_grid
+from ..bed import Bed, prepare_grid
 from .bed_file import LARGEST_OVERLAP, read_bed
 from .cache import cached_bed_path, keep, load_cached
 from .dense import prepare_dense
 from .settling import EngineOf
-from .surface import profile_m, trimmed
+from .surface import profile_m
 
 
 def prepare_bed(resolved: ResolvedScene, engine_of: EngineOf, threads: int = 1) -> Bed:
@@ -30,9 +30,7 @@ def prepare_bed(resolved: ResolvedScene, engine_of: EngineOf, threads: int = 1) 
     assert soil is not None
     if isinstance(soil.bed, GridBed):
         _refuse_tight_grid(soil)
-        return trimmed(
-            prepare_grid(soil, resolved.scene.gravity_m_per_s2), soil.particles.radius_m, soil.surface
-        )
+        return prepare_grid(soil, resolved.scene.gravity_m_per_s2)
     if isinstance(soil.bed, SavedBed):
         return read_bed(Path(soil.bed.file), soil)
     path = cached_bed_path(resolved)
@@ -60,11 +58,8 @@ DENSE_FRACTION = 0.69
 
 def expected_particle_count(soil: Soil) -> int:
     """Particles of the bed before tools remove any: within 2 % for a dense random bed, else exact."""
-    radius = soil.particles.radius_m
     if isinstance(soil.bed, GridBed):
-        if soil.surface is None:
-            return math.prod(grid_shape(soil))
-        return len(trimmed(prepare_grid(soil, 0.0), radius, soil.surface).positions_m)
+        return len(prepare_grid(soil, 0.0).positions_m)
     if isinstance(soil.bed, SavedBed):
         return len(read_bed(Path(soil.bed.file), soil).positions_m)
     x = np.linspace(0.0, soil.bin.length_m, 1001)

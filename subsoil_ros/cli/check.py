@@ -21,6 +21,7 @@ from ..scene.loader import ResolvedScene, load_scene
 from ..scene.mechanism import Mechanism
 from ..scene.meshes import load_tool_mesh
 from ..scene.soil import Soil
+from ..scene.tool_mass import tool_mass
 from .bed_table import print_bed
 
 SUMMARY = "validate a scene and print what a run of it would cost"
@@ -130,9 +131,22 @@ def _general(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
         steps = timing.mechanism_steps
         yield "mechanism steps", f"{steps * timing.tick_count:,} ({steps} per tick)"
     for name, tool in scene.tools.items():
-        facets = len(load_tool_mesh(resolved.directory, scene, name).facets)
+        mesh = load_tool_mesh(resolved.directory, scene, name)
         carrier = f"body {tool.body}" if tool.body else "path"
-        yield f"tool {name}", f"{', '.join(tool.groups)} ({facets} facets) on {carrier}"
+        yield f"tool {name}", f"{', '.join(tool.groups)} ({len(mesh.facets)} facets) on {carrier}"
+        if tool.density_kg_per_m3 is not None:
+            found = tool_mass(mesh, tool.density_kg_per_m3)
+            x, y, z = found.centre_m
+            yield (
+                f"at {tool.density_kg_per_m3:g} kg/m3",
+                (
+                    f"{found.mass_kg:.4g} kg, {found.inertia_kg_m2:.4g} kg m2 about y through its centre, "
+                    f"({x:.4f}, {y:.4f}, {z:.4f}) m from the origin of the {'body' if tool.body else 'path'}"
+                ),
+            )
+            if tool.body and scene.mechanism:
+                body = scene.mechanism.bodies[tool.body]
+                yield f"body {tool.body}, typed", f"{body.mass_kg:.4g} kg, {body.inertia_kg_m2:.4g} kg m2"
     if scene.report.note:
         yield "note", scene.report.note
 

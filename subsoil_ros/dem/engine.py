@@ -99,6 +99,7 @@ class SoilEngine:
     def _load(self, position: np.ndarray, identity: np.ndarray) -> None:
         """Start from particles at rest without contact history."""
         self._particles = Particles.at_rest(np.ascontiguousarray(position), identity)
+        self._loaded_position = position.copy()
         self._forget_contacts()
         self._rebuild(())
 
@@ -162,6 +163,12 @@ class SoilEngine:
     def positions_m(self) -> np.ndarray:
         """(n, 3) float64, world axes, in the order of the prepared bed."""
         return self._particles.position[np.argsort(self._particles.identity)]
+
+    def displacements_m(self) -> np.ndarray:
+        """(n, 3) float64, world axes: from the place in the prepared bed, in its order. The disturbance."""
+        p = self._particles
+        back = np.argsort(p.identity)
+        return p.position[back] - self._loaded_position[p.identity[back]]
 
     def velocities_m_per_s(self) -> np.ndarray:
         """(n, 3) float64, world axes, in the order of the prepared bed."""

@@ -19,11 +19,21 @@ KERNEL_FOLDERS = (_PACKAGE / "dem", _PACKAGE / "mbd")
 
 def kernel_cache_folder(sources: Iterable[Path] = KERNEL_FOLDERS) -> Path:
     """The cache folder for the kernels in the folders `sources`, under the user's cache folder."""
+    return user_cache_folder() / source_digest(sources)[:16]
+
+
+def source_digest(sources: Iterable[Path]) -> str:
+    """sha256 hex of numba's version and of the Python files in `sources`, each a folder or a file."""
     digest = hashlib.sha256(numba.__version__.encode())
-    for folder in sources:
-        for path in sorted(folder.glob("*.py")):
+    for source in sources:
+        for path in sorted(source.glob("*.py")) if source.is_dir() else (source,):
             digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
-    return _user_cache() / "subsoil_ros" / digest.hexdigest()[:16]
+    return digest.hexdigest()
+
+
+def user_cache_folder() -> Path:
+    """This package's folder among the user's own caches, where it can be written to."""
+    return _user_cache() / "subsoil_ros"
 
 
 def _user_cache() -> Path:

@@ -3,20 +3,28 @@
 import argparse
 import sys
 from collections.abc import Iterable
+from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 
 from ..dem.bed import grid_shape, prepare_grid
+from ..dem.beds.cache import cached_bed_path
+from ..dem.beds.prepare import expected_particle_count
 from ..errors import SceneError
 from ..mbd.topology import Topology, analyse_topology
+from ..scene.bed_spacing import particle_spacing_m
+from ..scene.beds import GridBed, SavedBed
 from ..scene.coupling_bounds import CouplingBound, coupling_bounds
 from ..scene.limits import step_limits
 from ..scene.loader import ResolvedScene, load_scene
 from ..scene.mechanism import Mechanism
 from ..scene.meshes import load_tool_mesh
+from ..scene.soil import Soil
+from ..scene.tool_mass import tool_mass
+from .bed_table import print_bed
 
-SUMMARY = "validate a scene and print what a run of it would cost; runs nothing"
+SUMMARY = "validate a scene and print what a run of it would cost"
 
 BYTES_PER_PARTICLE = 600
 """State, neighbour list and contact history of one particle."""
@@ -43,6 +51,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="change a value of the scene, as soil.bed.seed=3 or start=lowered; may be repeated",
     )
 
+    parser.add_argument(
+        "--bed", action="store_true", help="prepare the bed, look at it, and leave it alone for 20 ms"
+    )
+    parser.add_argument(
+        "--bed-out", type=Path, metavar="FILE", help="prepare the bed and write it as a file for kind: saved"
+    )
+    parser.add_argument("--threads", type=int, default=1, help="threads that prepare the bed (default: 1)")
+
 
 def run(args: argparse.Namespace) -> int:
     """Validate the scene and print its tables. Raises SceneError for whatever would stop a run."""
@@ -51,18 +67,22 @@ def run(args: argparse.Namespace) -> int:
     try:
         counts = analyse_topology(mechanism, resolved.scene.gravity_m_per_s2) if mechanism else None
         bounds = _bounds(resolved)
+        soil = resolved.scene.soil
+        particle_count = expected_particle_count(soil) if soil else 0
     except SceneError as error:
         raise SceneError(f"{args.scene}: {error}") from error
     console = Console(width=None if sys.stdout.isatty() else 140)
     console.print(_table(resolved.scene.name, _general(resolved)))
-    if resolved.scene.soil is not None:
-        console.print(_table("soil", _soil(resolved)))
+    if soil is not None:
+        console.print(_table("soil", _soil(resolved, soil, particle_count)))
         console.print(_limits(resolved))
     if mechanism and counts:
         console.print(_table("mechanism", _mechanism(mechanism, counts)))
     if bounds:
         console.print(_coupling(resolved, bounds))
-    console.print(_table("cost", _cost(resolved)))
+    console.print(_table("cost", _cost(resolved, particle_count)))
+    if args.bed or args.bed_out:
+        print_bed(console, resolved, args.threads, args.bed_out)
     for bound in bounds:
         if resolved.timing.interval_s > bound.undamped_s:
             console.print(
@@ -111,22 +131,45 @@ def _general(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
         steps = timing.mechanism_steps
         yield "mechanism steps", f"{steps * timing.tick_count:,} ({steps} per tick)"
     for name, tool in scene.tools.items():
-        facets = len(load_tool_mesh(resolved.directory, scene, name).facets)
+        mesh = load_tool_mesh(resolved.directory, scene, name)
         carrier = f"body {tool.body}" if tool.body else "path"
-        yield f"tool {name}", f"{', '.join(tool.groups)} ({facets} facets) on {carrier}"
+        yield f"tool {name}", f"{', '.join(tool.groups)} ({len(mesh.facets)} facets) on {carrier}"
+        if tool.density_kg_per_m3 is not None:
+            found = tool_mass(mesh, tool.density_kg_per_m3)
+            x, y, z = found.centre_m
+            yield (
+                f"at {tool.density_kg_per_m3:g} kg/m3",
+                (
+                    f"{found.mass_kg:.4g} kg, {found.inertia_kg_m2:.4g} kg m2 about y through its centre, "
+                    f"({x:.4f}, {y:.4f}, {z:.4f}) m from the origin of the {'body' if tool.body else 'path'}"
+                ),
+            )
+            if tool.body and scene.mechanism:
+                body = scene.mechanism.bodies[tool.body]
+                yield f"body {tool.body}, typed", f"{body.mass_kg:.4g} kg, {body.inertia_kg_m2:.4g} kg m2"
     if scene.report.note:
         yield "note", scene.report.note
 
 
-def _soil(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
-    soil = resolved.scene.soil
-    if soil is None:
+def _soil(resolved: ResolvedScene, soil: Soil, count: int) -> Iterable[tuple[str, str]]:
+    radius_mm = soil.particles.radius_m * 1e3
+    if not isinstance(soil.bed, GridBed):
+        about = "" if isinstance(soil.bed, SavedBed) else "about "
+        yield "particles", f"{about}{count:,} of radius {radius_mm:g} mm, less those that tools overlap"
+        if isinstance(soil.bed, SavedBed):
+            yield "bed", f"from {soil.bed.file}"
+        else:
+            kept = cached_bed_path(resolved)
+            when = f"kept in {kept}" if kept.is_file() else "prepared when it is first used"
+            yield "bed", f"dense random, seed {soil.bed.seed}; {when}"
+        size = soil.bin
+        yield "bin", f"{size.length_m:g} x {size.width_m:g} x {size.depth_m:g} m, walls fitted to the bed"
         return
     nx, ny, nz = grid_shape(soil)
     bed = prepare_grid(soil, resolved.scene.gravity_m_per_s2)
-    radius_mm = soil.particles.radius_m * 1e3
-    yield "particles", f"{nx * ny * nz:,} of radius {radius_mm:g} mm, less those that tools overlap"
-    yield "bed", f"{nz} layers of {nx} x {ny}, spacing {soil.bed.spacing_m * 1e3:g} mm, top at z = 0"
+    yield "particles", f"{count:,} of radius {radius_mm:g} mm, less those that tools overlap"
+    spacing_mm = particle_spacing_m(soil) * 1e3
+    yield "bed", f"{nz} layers of {nx} x {ny}, spacing {spacing_mm:g} mm, top at z = 0"
     length, width = bed.upper_m[0] - bed.lower_m[0], bed.upper_m[1] - bed.lower_m[1]
     yield (
         "bin",
@@ -174,18 +217,17 @@ def _coupling(resolved: ResolvedScene, bounds: tuple[CouplingBound, ...]) -> Tab
     return table
 
 
-def _cost(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
+def _cost(resolved: ResolvedScene, particle_count: int) -> Iterable[tuple[str, str]]:
     scene, timing = resolved.scene, resolved.timing
     lockstep_s = timing.tick_count * LOCKSTEP_S_PER_TICK
     if scene.soil is None:
         yield "memory", f"{BYTES_OF_PROCESS / 1e9:.2f} GB for each process"
         yield "wall time", f"about {_duration(lockstep_s)} as separate processes"
         return
-    nx, ny, nz = grid_shape(scene.soil)
-    memory = BYTES_OF_PROCESS + nx * ny * nz * BYTES_PER_PARTICLE
+    memory = BYTES_OF_PROCESS + particle_count * BYTES_PER_PARTICLE
     others = BYTES_OF_PROCESS / 1e9
     yield "memory", f"{memory / 1e9:.2f} GB for the soil, {others:.2f} GB for each other process"
-    soil_s = nx * ny * nz * timing.soil_steps * timing.tick_count / PARTICLE_STEPS_PER_S
+    soil_s = particle_count * timing.soil_steps * timing.tick_count / PARTICLE_STEPS_PER_S
     yield (
         "wall time",
         (

@@ -1,10 +1,12 @@
-"""Bed preparation: a cubic grid that stands still from the first step."""
+"""A prepared bed, and the simplest one: a cubic grid that stands still from the first step."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..errors import SceneError
+from ..scene.bed_spacing import particle_spacing_m
+from ..scene.beds import GridBed
 from ..scene.pairs import pair_values, particle_mass_kg
 from ..scene.soil import Soil
 
@@ -16,6 +18,7 @@ class Bed:
     positions_m: np.ndarray  # (n, 3) float64
     lower_m: tuple[float, float, float]  # x, y, z of the walls x = 0, right side, floor
     upper_m: tuple[float, float]  # x, y of the far wall and the left side; the top is open
+    kinetic_energy_joule: float = 0.0  # left when its preparation ended; a run starts from rest
 
 
 def grid_shape(soil: Soil) -> tuple[int, int, int]:
@@ -24,7 +27,7 @@ def grid_shape(soil: Soil) -> tuple[int, int, int]:
     Raises:
         SceneError: the bin holds none.
     """
-    radius, spacing = soil.particles.radius_m, soil.bed.spacing_m
+    radius, spacing = soil.particles.radius_m, particle_spacing_m(soil)
     _, boundary = pair_values(soil)
     wall = radius - boundary.rest_overlap  # centre to wall, unloaded
 
@@ -44,35 +47,51 @@ def grid_shape(soil: Soil) -> tuple[int, int, int]:
     return shape
 
 
+def _layers(soil: Soil, x_m: np.ndarray, layers: int, spacing_m: float) -> list[int]:
+    """Layers of the grid that stand below the surface profile, at least one, in each slice of `x_m`."""
+    if soil.surface is None:
+        return [layers] * len(x_m)
+    taken = np.ceil(-np.interp(x_m, soil.surface.x_m, soil.surface.z_m) / spacing_m - 1e-9).astype(np.int64)
+    return np.maximum(layers - taken, 1).tolist()
+
+
 def prepare_grid(soil: Soil, gravity_m_per_s2: float) -> Bed:
     """Cubic grid at the given spacing, walls moved in to fit it.
 
     A row of n spheres touches both walls at the unloaded overlap, so a wall stands up to one spacing
     inside the bin's nominal size. At the stress-free spacing 2 r - delta_c the layers are lowered by what
     the weight above presses them together (n m g / K_X under n layers), and the bed is in equilibrium.
+    Where a surface profile takes layers away, those below carry that much less.
     """
     pair, boundary = pair_values(soil)
-    radius, spacing = soil.particles.radius_m, soil.bed.spacing_m
+    radius, spacing = soil.particles.radius_m, particle_spacing_m(soil)
     nx, ny, nz = grid_shape(soil)
     wall = radius - boundary.rest_overlap
     weight = particle_mass_kg(soil) * gravity_m_per_s2
-    above = nz - 1.0 - np.arange(nz)  # layers above layer k
-    step_up = np.full(nz - 1, spacing)
-    floor_gap = wall - boundary.loaded_m(nz * weight)
-    if spacing <= 2.0 * radius - pair.rest_overlap + 1e-12:
-        step_up -= [pair.loaded_m(layers * weight) for layers in above[:-1]]
-    heights = np.concatenate(([0.0], np.cumsum(step_up)))
-    heights -= heights[-1] + radius  # top of the uppermost spheres at z = 0
+    unloaded = spacing > 2.0 * radius - pair.rest_overlap + 1e-12
 
+    def column(layers: int) -> np.ndarray:
+        """Heights over the floor of the layers that stand on each other."""
+        above = layers - 1.0 - np.arange(layers)  # layers above layer k
+        steps_up = np.full(layers - 1, spacing)
+        if not unloaded:
+            steps_up -= [pair.loaded_m(n * weight) for n in above[:-1]]
+        return wall - boundary.loaded_m(layers * weight) + np.concatenate(([0.0], np.cumsum(steps_up)))
+
+    floor = -float(column(nz)[-1]) - radius  # top of the uppermost spheres at z = 0
     x = wall + spacing * np.arange(nx)
     y = spacing * (np.arange(ny) - 0.5 * (ny - 1))
-    grid = np.stack(np.meshgrid(x, y, heights, indexing="ij"), axis=-1).reshape(-1, 3)
-    if soil.bed.jitter_m > 0.0:
+    slices = [
+        np.stack(np.meshgrid([x[i]], y, floor + column(layers), indexing="ij"), axis=-1).reshape(-1, 3)
+        for i, layers in enumerate(_layers(soil, x, nz, spacing))
+    ]
+    grid = np.concatenate(slices)
+    if isinstance(soil.bed, GridBed) and soil.bed.jitter_m > 0.0:
         generator = np.random.default_rng(soil.bed.seed)
         grid = grid + generator.uniform(-soil.bed.jitter_m, soil.bed.jitter_m, grid.shape)
     half_width = 0.5 * spacing * (ny - 1) + wall
     return Bed(
         positions_m=np.ascontiguousarray(grid),
-        lower_m=(0.0, -half_width, float(heights[0] - floor_gap)),
+        lower_m=(0.0, -half_width, floor),
         upper_m=(float(x[-1] + wall), half_width),
     )

@@ -5,12 +5,14 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from ..errors import InputError, PhysicsError
+from ..errors import InputError, PhysicsError, SceneError
 from ..messages import SoilCloud, SoilState, ToolMotion, ToolWrench
+from ..scene.limits import DENSE_COORDINATION, step_limits
 from ..scene.loader import ResolvedScene
 from ..scene.meshes import load_tool_mesh
 from ..scene.pairs import particle_mass_kg
-from .bed import Bed, prepare_grid
+from .bed import Bed
+from .beds.prepare import prepare_bed
 from .contact import SINKS, soil_laws
 from .integration import kick, kick_drift, motion_sums
 from .neighbours import carry_pairs, carry_rows, cell_grid, half_list, slab_starts, sort_by_cell
@@ -46,10 +48,13 @@ class EnergyBook:
 class SoilEngine:
     """Discrete elements in a bin, touched by tools.
 
-    Results do not depend on `threads`. With `book`, every energy sink is booked (slower).
+    Results do not depend on `threads`. With `book`, every energy sink is booked (slower). `bed` stands
+    for the one the scene describes.
     """
 
-    def __init__(self, resolved: ResolvedScene, threads: int = 1, *, book: bool = False) -> None:
+    def __init__(
+        self, resolved: ResolvedScene, threads: int = 1, *, book: bool = False, bed: Bed | None = None
+    ) -> None:
         soil = resolved.scene.soil
         if soil is None:
             raise InputError(f"{resolved.path}: has no 'soil', so it needs no soil engine")
@@ -69,17 +74,36 @@ class SoilEngine:
             stiffness=self._boundary.stiffness * soil.tool_stiffness_factor
         )
         self._overlap_bound = soil.largest_tool_overlap_m or 2.0 * self._radius
-        self.bed: Bed = prepare_grid(soil, self._gravity)
+        self.bed: Bed = bed or prepare_bed(resolved, SoilEngine, threads)
         self._planes = wall_planes(self.bed.lower_m, self.bed.upper_m)
         self._tools: tuple[ToolSurface, ...] = ()
         self._rebuilds = 0
         self._tool_work = 0.0
         self._sinks = np.zeros(len(SINKS))  # of pairs and walls
         self._load(self.bed.positions_m, np.arange(len(self.bed.positions_m)))
+        if bed is None:
+            self._refuse_step_too_large()
+
+    @property
+    def coordination(self) -> float:
+        """Contacts in reach per particle, those between particles only."""
+        return 2.0 * self._scan_pairs()[0] / self._particles.count
+
+    def _refuse_step_too_large(self) -> None:
+        """The scene's step was chosen for dense packing; a bed denser still needs a smaller one."""
+        if self.coordination <= DENSE_COORDINATION:
+            return
+        limit = step_limits(self._soil, self.coordination)[0]
+        if self._step_s > limit.limit_s:
+            raise SceneError(
+                f"soil.time_step_s: {self._step_s:.3g} s is above the stable limit {limit.limit_s:.3g} s of "
+                f"the prepared bed ({limit.cause}); use at most {0.9 * limit.limit_s:.2g} s"
+            )
 
     def _load(self, position: np.ndarray, identity: np.ndarray) -> None:
         """Start from particles at rest without contact history."""
         self._particles = Particles.at_rest(np.ascontiguousarray(position), identity)
+        self._loaded_position = position.copy()
         self._forget_contacts()
         self._rebuild(())
 
@@ -114,6 +138,11 @@ class SoilEngine:
         if spin_rad_per_s is not None:
             self._particles.spin = np.array(spin_rad_per_s, np.float64).reshape(-1, 3)[back]
 
+    def damp(self, kept: float) -> None:
+        """Global damping: every velocity and spin times `kept`. For the preparation of beds."""
+        self._particles.velocity *= kept
+        self._particles.spin *= kept
+
     @property
     def particle_count(self) -> int:
         """Particles in the bin."""
@@ -138,6 +167,12 @@ class SoilEngine:
     def positions_m(self) -> np.ndarray:
         """(n, 3) float64, world axes, in the order of the prepared bed."""
         return self._particles.position[np.argsort(self._particles.identity)]
+
+    def displacements_m(self) -> np.ndarray:
+        """(n, 3) float64, world axes: from the place in the prepared bed, in its order. The disturbance."""
+        p = self._particles
+        back = np.argsort(p.identity)
+        return p.position[back] - self._loaded_position[p.identity[back]]
 
     def velocities_m_per_s(self) -> np.ndarray:
         """(n, 3) float64, world axes, in the order of the prepared bed."""
@@ -340,6 +375,11 @@ class SoilEngine:
             sinks_joule=dict(zip(SINKS, sinks.tolist(), strict=True)),
             tool_work_joule=self._tool_work,
         )
+
+    def potential_joule(self) -> float:
+        """Energy of position: stored in contacts, and gravity."""
+        book = self.energy()
+        return book.stored_joule + book.gravity_joule
 
     def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:
         """Particles in the order of the prepared bed, float32."""

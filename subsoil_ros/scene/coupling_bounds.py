@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .bed_spacing import particle_spacing_m
 from .meshes import ToolMesh
 from .model import Scene
 from .pairs import tool_values
@@ -71,4 +72,4 @@ def _contact_count(soil: Soil, mesh: ToolMesh) -> float:
     area = 0.5 * np.linalg.norm(
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
     )
-    return max(1.0, PRESSED_PART * float(area.sum()) / soil.bed.spacing_m**2)
+    return max(1.0, PRESSED_PART * float(area.sum()) / particle_spacing_m(soil) ** 2)

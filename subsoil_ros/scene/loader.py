@@ -15,6 +15,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from ..errors import SceneError
+from .beds import SavedBed
 from .complaints import describe
 from .document import Document, dump_yaml, merge, read_document
 from .keys import suggestion
@@ -31,8 +32,8 @@ class ResolvedScene:
     scene: Scene
     path: Path  # the scene file
     directory: Path  # of the scene file
-    document: Document  # merged, as run; meshes by absolute path; loads to the same scene and hash
-    scene_hash: str  # sha256 hex of the validated scene with the bytes of its meshes, without paths
+    document: Document  # merged, as run; files by absolute path; loads to the same scene and hash
+    scene_hash: str  # sha256 hex of the validated scene with the bytes of its files, without paths
     timing: Timing
 
     def write(self, path: Path) -> None:
@@ -57,7 +58,7 @@ def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> ResolvedScene
     changes = [c for c in changes if c.path != "start"]
     kept = {key: document.pop(key) for key in ("start", "starts") if key in document}
     for change in changes:
-        document = _with_absolute_meshes(apply_override(document, change), path.resolve().parent)
+        document = _with_absolute_files(apply_override(document, change), path.resolve().parent)
     scene = _validated(document, shown, changes)
     try:
         timing = derive_timing(scene)
@@ -91,9 +92,9 @@ def _with_base(path: Path, shown: str, above: tuple[Path, ...]) -> Document:
     ):
         raise SceneError(f"{shown}: starts: needed is a mapping of names, each with the keys it changes")
     base = document.pop("base", None)
-    own_starts = {name: _with_absolute_meshes(s or {}, resolved.parent) for name, s in starts.items()}
+    own_starts = {name: _with_absolute_files(s or {}, resolved.parent) for name, s in starts.items()}
     drops_starts = "starts" in document and not starts
-    document = _with_absolute_meshes(
+    document = _with_absolute_files(
         {key: value for key, value in document.items() if key != "starts"}, resolved.parent
     )
     merged = document
@@ -126,9 +127,13 @@ def _with_start(document: Document, shown: str, changes: Sequence[Override]) -> 
     return {**merged, "start": name, "starts": {name: {}}}
 
 
-def _with_absolute_meshes(document: Document, directory: Path) -> Document:
-    """A copy with every mesh of `tools` by absolute path, seen from the folder it was written in."""
+def _with_absolute_files(document: Document, directory: Path) -> Document:
+    """A copy with meshes and the bed file by absolute path, seen from the folder it was written in."""
     copied = copy.deepcopy(document)
+    soil = copied.get("soil")
+    bed = soil.get("bed") if isinstance(soil, dict) else None
+    if isinstance(bed, dict) and isinstance(bed.get("file"), str):
+        bed["file"] = str((directory / bed["file"]).resolve())
     tools = copied.get("tools")
     for tool in tools.values() if isinstance(tools, dict) else ():
         groups = tool.get("groups") if isinstance(tool, dict) else None
@@ -147,16 +152,23 @@ def _validated(document: Document, shown: str, changes: Sequence[Override]) -> S
 
 
 def _scene_hash(scene: Scene) -> str:
-    """Hash of what is run: defaults filled in, order of bodies kept, meshes by content."""
+    """Hash of what is run: defaults filled in, order of bodies kept, meshes and bed file by content."""
     content = scene.model_dump(mode="json")
     for name, tool in content["tools"].items():
         for group, part in tool["groups"].items():
-            try:
-                mesh = Path(part["mesh"]).read_bytes()
-            except OSError as error:
-                raise SceneError(
-                    f"tools.{name}.groups.{group}.mesh: {part['mesh']}: {error.strerror}; give the path "
-                    "of an .stl file, seen from the folder of the scene file"
-                ) from error
-            part["mesh"] = hashlib.sha256(mesh).hexdigest()
+            advice = "an .stl file"
+            part["mesh"] = _file_hash(part["mesh"], f"tools.{name}.groups.{group}.mesh", advice)
+    if scene.soil is not None and isinstance(scene.soil.bed, SavedBed):
+        bed = content["soil"]["bed"]
+        bed["file"] = _file_hash(bed["file"], "soil.bed.file", "a bed file")
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()
+
+
+def _file_hash(path: str, place: str, needed: str) -> str:
+    try:
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    except OSError as error:
+        raise SceneError(
+            f"{place}: {path}: {error.strerror}; give the path of {needed}, seen from the folder of the "
+            "scene file"
+        ) from error

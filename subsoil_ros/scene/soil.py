@@ -2,9 +2,10 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from .base import NonNegative, Part, Positive
+from .beds import Bed, DenseRandomBed, SavedBed, SurfaceProfile
 
 
 class Bin(Part):
@@ -23,15 +24,6 @@ class Particles(Part):
 
     radius_m: Positive
     density_kg_per_m3: Positive
-
-
-class GridBed(Part):
-    """Cubic grid, at rest when the spacing is 2 r - rest overlap; seeded jitter of each centre."""
-
-    kind: Literal["grid"]
-    spacing_m: Positive
-    jitter_m: NonNegative = 0.0
-    seed: int = Field(default=0, ge=0)
 
 
 class WetValues(Part):
@@ -113,9 +105,33 @@ class Soil(Part):
 
     bin: Bin
     particles: Particles
-    bed: GridBed
+    bed: Bed
     law: ContactLaw
     time_step_s: Annotated[Positive | Auto, Field(union_mode="left_to_right")] = "auto"
     skin_m: Positive = 0.003
     tool_stiffness_factor: Positive = 1.0  # on the boundary's normal stiffness, at tools only
     largest_tool_overlap_m: Positive | None = None  # the run stops beyond it; default: two radii
+    surface: SurfaceProfile | None = None  # trims the bed
+
+    @model_validator(mode="after")
+    def _bed_of_linear_springs(self) -> "Soil":
+        if isinstance(self.bed, DenseRandomBed) and isinstance(self.law, HertzMindlinLaw):
+            raise ValueError(
+                "bed.kind: 'dense_random' settles under linear springs and cannot be prepared under law "
+                "'hertz_mindlin'; use 'grid', or law 'wet' or 'linear'"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _surface_above_floor(self) -> "Soil":
+        if self.surface is None:
+            return self
+        if isinstance(self.bed, SavedBed):
+            raise ValueError("surface: a saved bed has its surface already; leave out 'surface'")
+        lowest = 2.0 * self.particles.radius_m - self.bin.depth_m
+        if min(self.surface.z_m) < lowest:
+            raise ValueError(
+                f"surface.z_m: {min(self.surface.z_m):g} m leaves less than a particle on the floor of the "
+                f"bin, {self.bin.depth_m:g} m deep; allowed is at least {lowest:g} m"
+            )
+        return self

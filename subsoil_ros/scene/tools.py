@@ -36,6 +36,7 @@ class Tool(Part):
     path: Path | None = None
     lateral_m: Finite = 0.0  # y of the body the tool belongs to
     groups: dict[str, MeshPart] = Field(min_length=1)
+    density_kg_per_m3: Positive | None = None  # of the solid: `subsoil check` prints mass and inertia from it
     share: bool = True  # counted as share in the split of the draft; wheels: false
 
     @model_validator(mode="after")

@@ -191,3 +191,16 @@ def test_the_energy_a_collision_loses_is_in_the_sinks(soil):
     # the dashpot's time constant m / C = 0.4 ms over a step of 20 us: half a step's share is 2.7 %
     assert coarse < 0.03
     assert 1.8 < coarse / fine < 2.2
+
+
+def test_displacements_count_from_the_prepared_bed_whoever_is_removed(soil, one, at):
+    """A free particle is displaced by velocity times time; one that the tool removed leaves no shift."""
+    engine = soil.engine("gravity_m_per_s2=0", tools=one(soil.box(0.02, 0.02, 0.02)))
+    engine.place(
+        [(0.02, 0.0, -0.05), (0.06, 0.0, -0.05), (0.09, 0.03, -0.05)], [(0.1, 0, 0), (0, 0, 0), (0, -0.2, 0)]
+    )
+    motions = at(x_m=0.06, z_m=-0.05)
+    engine.start(motions)
+    assert engine.particle_count == 2
+    run(engine, 200, motions)
+    assert_allclose(engine.displacements_m(), [(1e-3, 0, 0), (0, -2e-3, 0)], atol=1e-15)

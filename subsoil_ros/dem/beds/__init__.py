@@ -1,0 +1,1 @@
+"""Beds: how the soil is put into the bin before a run."""

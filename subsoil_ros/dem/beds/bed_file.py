@@ -1,0 +1,144 @@
+"""A prepared bed as one file: written whole or not at all, and read with every check a run relies on."""
+
+import hashlib
+import json
+import os
+import tempfile
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ...errors import SceneError
+from ...scene.bed_spacing import rest_spacing_m
+from ...scene.soil import Soil
+from ..bed import Bed
+
+FORMAT = "subsoil_ros bed"
+VERSION = 1
+
+LARGEST_OVERLAP = 0.5
+"""A start whose particles overlap by more than this part of the radius beyond rest is refused (chosen: such
+a pair would fly apart at several m/s under the paper's law)."""
+
+_ARRAYS = {"positions_m": 2, "lower_m": 1, "upper_m": 1, "kinetic_energy_joule": 0}
+
+
+def law_hash(soil: Soil) -> str:
+    """What the particles of a bed are and how they touch: sha256 hex of law and particles."""
+    content = soil.model_dump(mode="json", include={"law", "particles"})
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def write_bed(path: Path, bed: Bed, soil: Soil) -> None:
+    """Write `bed`, prepared under the law of `soil`, as a compressed .npz; atomic.
+
+    Raises:
+        OSError: the folder cannot be written to; nothing is left behind.
+    """
+    with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
+        try:
+            np.savez_compressed(
+                file,
+                format=np.array(FORMAT),
+                version=np.array(VERSION),
+                law_hash=np.array(law_hash(soil)),
+                positions_m=bed.positions_m,
+                lower_m=np.array(bed.lower_m),
+                upper_m=np.array(bed.upper_m),
+                kinetic_energy_joule=np.array(bed.kinetic_energy_joule),
+            )
+            file.flush()
+            os.chmod(file.name, 0o644)
+            os.replace(file.name, path)
+        except BaseException:
+            os.unlink(file.name)
+            raise
+
+
+def read_bed(path: Path, soil: Soil) -> Bed:
+    """The bed of a file that `write_bed` made, checked against the soil it is to stand for.
+
+    Raises:
+        SceneError: file missing, damaged, of another kind, version or law; a bed that does not fit the
+            bin, a particle outside it, or particles that overlap beyond LARGEST_OVERLAP.
+    """
+    where = f"soil.bed.file: {path}"
+    content = _content(path, where)
+    if content["law_hash"] != law_hash(soil):
+        raise SceneError(
+            f"{where}: was prepared under another law or with other particles (hash "
+            f"{str(content['law_hash'])[:12]}, this scene has {law_hash(soil)[:12]}); prepare it anew with "
+            "this scene's soil.law and soil.particles"
+        )
+    lower, upper = content["lower_m"].tolist(), content["upper_m"].tolist()
+    bed = Bed(
+        np.ascontiguousarray(content["positions_m"]),
+        (lower[0], lower[1], lower[2]),
+        (upper[0], upper[1]),
+        float(content["kinetic_energy_joule"]),
+    )
+    _refuse_wrong_bin(bed, soil, where)
+    _refuse_wrong_particles(bed, soil, where)
+    return bed
+
+
+def _content(path: Path, where: str) -> dict[str, Any]:
+    """The arrays of a bed file, their types and shapes as written."""
+    damaged = f"{where}: is damaged or no bed file; copy it again, or prepare the bed anew"
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            content = {key: file[key] for key in file.files}
+    except (ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error, AttributeError) as error:
+        raise SceneError(f"{damaged} ({' '.join(str(error).split())})") from error
+    except OSError as error:
+        raise SceneError(f"{where}: cannot be read ({error.strerror or error}); give a bed file") from error
+    if content.get("format", np.array("")).tolist() != FORMAT:
+        raise SceneError(f"{damaged} (it does not say '{FORMAT}')")
+    version = content.get("version", np.array(None)).tolist()
+    if version != VERSION:
+        raise SceneError(f"{where}: has version {version}, readable is {VERSION}; prepare the bed anew")
+    for key, dimensions in _ARRAYS.items():
+        array = content.get(key)
+        if array is None or array.ndim != dimensions or array.dtype != np.float64:
+            raise SceneError(f"{damaged} ('{key}' is missing or no array of {dimensions} dimensions)")
+    shapes = [content[key].shape for key in ("positions_m", "lower_m", "upper_m")]
+    if shapes[0][0] < 1 or shapes[0][1:] != (3,) or shapes[1:] != [(3,), (2,)]:
+        raise SceneError(f"{damaged} (arrays of shape {shapes})")
+    content["law_hash"] = str(content.get("law_hash", ""))
+    return content
+
+
+def _refuse_wrong_bin(bed: Bed, soil: Soil, where: str) -> None:
+    """A fitted bed may be smaller or larger than its bin by one particle spacing."""
+    low, high = bed.lower_m, bed.upper_m
+    found = (high[0] - low[0], high[1] - low[1], -low[2])
+    wanted = (soil.bin.length_m, soil.bin.width_m, soil.bin.depth_m)
+    if not np.allclose(found, wanted, rtol=0.0, atol=1.001 * rest_spacing_m(soil)):
+        raise SceneError(
+            f"{where}: is a bed of {found[0]:.4g} x {found[1]:.4g} x {found[2]:.4g} m, soil.bin is "
+            f"{wanted[0]:g} x {wanted[1]:g} x {wanted[2]:g} m; give soil.bin the size of the bed"
+        )
+
+
+def _refuse_wrong_particles(bed: Bed, soil: Soil, where: str) -> None:
+    x, radius = bed.positions_m, soil.particles.radius_m
+    inside = (x > bed.lower_m).all(axis=1) & (x[:, :2] < bed.upper_m).all(axis=1)  # not a number: outside
+    if not inside.all():
+        k = int(np.argmin(inside))
+        raise SceneError(
+            f"{where}: particle {k} at {x[k].tolist()} m is outside the bin, {np.sum(~inside) - 1} others "
+            "too; prepare the bed anew"
+        )
+    if len(x) > 1:
+        nearest, other = cKDTree(x).query(x, k=2)
+        k = int(np.argmin(nearest[:, 1]))
+        excess = rest_spacing_m(soil) - nearest[k, 1]
+        if excess > LARGEST_OVERLAP * radius:
+            raise SceneError(
+                f"{where}: particles {k} and {other[k, 1]} overlap by {excess:.3g} m more than at rest, "
+                f"allowed is {LARGEST_OVERLAP * radius:.3g} m; they would be shot apart: prepare the bed anew"
+            )

@@ -1,0 +1,52 @@
+"""Prepared beds kept in the user's cache folder, by the hash of everything that made them."""
+
+import contextlib
+import hashlib
+import json
+from pathlib import Path
+
+from ...errors import SceneError
+from ...kernel_cache import source_digest, user_cache_folder
+from ...scene.loader import ResolvedScene
+from ...scene.soil import Soil
+from ..bed import Bed
+from .bed_file import VERSION, read_bed, write_bed
+
+_DEM = Path(__file__).parents[1]
+_SCENE = _DEM.parent / "scene"
+SOURCES = (_DEM, _DEM / "beds", _SCENE / "limits.py", _SCENE / "bed_spacing.py")
+"""Code that a bed depends on."""
+
+_OF_THE_RUN = {"time_step_s", "skin_m", "largest_tool_overlap_m"}
+"""Keys of the soil that its bed does not depend on."""
+
+
+def cached_bed_path(resolved: ResolvedScene) -> Path:
+    """Where the bed of a scene is kept once it is prepared."""
+    soil = resolved.scene.soil
+    assert soil is not None
+    content = {
+        "soil": soil.model_dump(mode="json", exclude=_OF_THE_RUN),
+        "gravity_m_per_s2": resolved.scene.gravity_m_per_s2,
+        "code": source_digest(SOURCES),
+        "version": VERSION,
+    }
+    key = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    return user_cache_folder() / "beds" / f"{key[:32]}.npz"
+
+
+def load_cached(path: Path, soil: Soil) -> Bed | None:
+    """The bed kept at `path`; none if it is not there, or damaged."""
+    if not path.is_file():
+        return None
+    try:
+        return read_bed(path, soil)
+    except SceneError:
+        return None  # it is prepared again and replaces the damaged file
+
+
+def keep(path: Path, bed: Bed, soil: Soil) -> None:
+    """Keep a bed for later runs; where the folder cannot be written to, they prepare it again."""
+    with contextlib.suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_bed(path, bed, soil)

@@ -1,0 +1,174 @@
+"""What a bed is like: density, bonds, surface, gaps at walls, voids, and whether it stands still."""
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ...scene.bed_spacing import rest_spacing_m
+from ...scene.limits import step_limits
+from ...scene.pairs import pair_values, particle_mass_kg
+from ...scene.loader import ResolvedScene
+from ...scene.soil import Soil
+from ..bed import Bed
+from ..walls import WALLS, wall_planes
+from .settling import EngineOf
+from .surface import top_surface_m
+
+GAP_CELL = 4.0
+"""Edge of the cells a wall is looked at through, in radii: each holds some four particles of a dense layer,
+so its nearest one touches (chosen)."""
+
+VOID_REFINEMENTS = 5
+"""Halvings of the lattice, one radius wide at first, about the largest voids: to r / 32."""
+
+VOID_CANDIDATES = 64
+"""Lattice points the search for the largest void goes on from (chosen)."""
+
+
+@dataclass(frozen=True)
+class WallGap:
+    """Free distance from a wall to the nearest particle, over cells GAP_CELL wide; negative: overlap."""
+
+    mean_m: float
+    largest_m: float
+
+
+@dataclass(frozen=True)
+class BedReport:
+    """State of a bed; world axes."""
+
+    particle_count: int
+    density_kg_per_m3: float  # mass over the volume between walls, floor and mean top
+    coordination: float  # particles in reach of a particle, mean
+    largest_overlap_m: float  # beyond rest
+    top_mean_m: float
+    top_spread_m: float  # standard deviation over columns one radius apart
+    floor_m: float
+    wall_gaps: dict[str, WallGap]  # by dem.walls.WALLS
+    largest_void_radius_m: float  # of a sphere between particles, walls and surface
+    largest_void_at_m: tuple[float, float, float]
+    kinetic_energy_joule: float  # left when the preparation ended
+    stable_step_s: float  # at the measured coordination
+
+
+def report_bed(bed: Bed, soil: Soil) -> BedReport:
+    """Looks at a bed as prepared, or at any state of it: replace `positions_m`."""
+    radius = soil.particles.radius_m
+    top = top_surface_m(bed, radius)
+    length, width = bed.upper_m[0] - bed.lower_m[0], bed.upper_m[1] - bed.lower_m[1]
+    volume = length * width * (float(top.mean()) - bed.lower_m[2])
+    count = len(bed.positions_m)
+    tree = cKDTree(bed.positions_m)
+    reach = 2.0 * radius + pair_values(soil)[0].reach
+    coordination = float(tree.count_neighbors(tree, reach)) / count - 1.0
+    nearest = tree.query(bed.positions_m, k=2)[0][:, 1].min() if count > 1 else math.inf
+    void, at = _largest_void(bed, tree, top, radius)
+    return BedReport(
+        particle_count=count,
+        density_kg_per_m3=count * particle_mass_kg(soil) / volume,
+        coordination=coordination,
+        largest_overlap_m=max(0.0, rest_spacing_m(soil) - float(nearest)),
+        top_mean_m=float(top.mean()),
+        top_spread_m=float(top.std()),
+        floor_m=bed.lower_m[2],
+        wall_gaps=_wall_gaps(bed, top, radius),
+        largest_void_radius_m=void,
+        largest_void_at_m=at,
+        kinetic_energy_joule=bed.kinetic_energy_joule,
+        stable_step_s=step_limits(soil, max(coordination, 1.0))[0].limit_s,
+    )
+
+
+def _wall_gaps(bed: Bed, top: np.ndarray, radius: float) -> dict[str, WallGap]:
+    """Gaps at the five walls, at the sides below the surface only."""
+    planes = wall_planes(bed.lower_m, bed.upper_m)
+    low = np.array(bed.lower_m)
+    floor = bed.lower_m[2]
+    edge_top = [_first_top(side, floor) for side in (top, top[::-1], top.T, top.T[::-1])]  # along side walls
+    found = {}
+    for wall, name in enumerate(WALLS):
+        gap = planes[wall, 3] - bed.positions_m @ planes[wall, :3] - radius
+        first, second = ((1, 2), (1, 2), (0, 2), (0, 2), (0, 1))[wall]
+        high = [*bed.upper_m, float(np.mean(edge_top[wall]) if name != "floor" else 0.0)]
+        if name != "floor" and edge_top[wall].max() <= floor:
+            continue  # no bed at all
+        size = np.array([high[first] - low[first], high[second] - low[second]])
+        cells = np.maximum(1, np.floor(size / (GAP_CELL * radius)).astype(np.int64))
+        place = np.floor((bed.positions_m[:, [first, second]] - low[[first, second]]) / (size / cells))
+        place = place.astype(np.int64)
+        inside = ((place >= 0) & (place < cells)).all(axis=1)
+        nearest = np.full(cells, float(np.ptp(planes[wall, :3] @ bed.positions_m.T)))
+        np.minimum.at(nearest, (place[inside, 0], place[inside, 1]), gap[inside])
+        kept = nearest.ravel()
+        if name != "floor":
+            surface = np.array([part.min() for part in np.array_split(edge_top[wall], cells[0])])
+            ceiling = low[2] + size[1] / cells[1] * (1 + np.arange(cells[1]))
+            below = ceiling[None, :] <= surface[:, None] + radius
+            kept = nearest[below] if below.any() else kept
+        found[name] = WallGap(float(kept.mean()), float(kept.max()))
+    return found
+
+
+def _first_top(top: np.ndarray, floor: float) -> np.ndarray:
+    """(n,) the first column of each row across `top` (m, n), seen from a wall, that holds a particle."""
+    return top[np.argmax(top > floor, axis=0), np.arange(top.shape[1])]
+
+
+def _largest_void(
+    bed: Bed, tree: cKDTree, top: np.ndarray, radius: float
+) -> tuple[float, tuple[float, float, float]]:
+    """Radius [m] and centre of the largest sphere found between particles, walls and surface."""
+    low, high = np.array(bed.lower_m), np.array([*bed.upper_m, float(top.max())])
+    planes = wall_planes(bed.lower_m, bed.upper_m)
+    pitch = (high[:2] - low[:2]) / top.shape
+
+    def free(points: np.ndarray) -> np.ndarray:
+        column = np.clip(((points[:, :2] - low[:2]) / pitch).astype(np.int64), 0, np.array(top.shape) - 1)
+        under_top = top[column[:, 0], column[:, 1]] - points[:, 2]
+        to_wall = (planes[:, 3] - points @ planes[:, :3].T).min(axis=1)
+        return np.minimum(np.minimum(tree.query(points)[0] - radius, to_wall), under_top)
+
+    axes = [np.arange(a + 0.5 * radius, b, radius) for a, b in zip(low, high, strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    steps = np.stack(np.meshgrid(*[(-1.0, 0.0, 1.0)] * 3, indexing="ij"), axis=-1).reshape(1, -1, 3)
+    size = free(points)
+    for level in range(VOID_REFINEMENTS):
+        best = np.argsort(-size, kind="stable")[:VOID_CANDIDATES]
+        points = (points[best, None, :] + 0.5 ** (level + 1) * radius * steps).reshape(-1, 3)
+        size = free(points)
+    k = int(np.argmax(size))
+    x, y, z = points[k].tolist()
+    return max(0.0, float(size[k])), (x, y, z)
+
+
+@dataclass(frozen=True)
+class FreeMotion:
+    """What a bed does when it is left alone under the full law."""
+
+    duration_s: float
+    kinetic_energy_joule: float
+    rms_move_m: float
+    largest_move_m: float
+
+
+def free_motion(
+    resolved: ResolvedScene, bed: Bed, engine_of: EngineOf, threads: int, duration_s: float
+) -> FreeMotion:
+    """Runs the bed without tools for `duration_s` at the scene's step."""
+    scene = resolved.scene.model_copy(update={"mechanism": None, "tools": {}})
+    engine = engine_of(dataclasses.replace(resolved, scene=scene), threads, bed=bed)
+    engine.start(())
+    before = engine.positions_m()
+    ticks = max(1, round(duration_s / resolved.timing.interval_s))
+    for tick in range(ticks):
+        engine.advance(tick, ())
+    moved = np.linalg.norm(engine.positions_m() - before, axis=1)
+    return FreeMotion(
+        duration_s=ticks * resolved.timing.interval_s,
+        kinetic_energy_joule=engine.state("", ticks - 1, 0).kinetic_energy_joule,
+        rms_move_m=float(np.sqrt((moved**2).mean())),
+        largest_move_m=float(moved.max()),
+    )

@@ -1,0 +1,148 @@
+"""The soil engine without friction and under global damping: how particles find their places.
+
+The law is that of the scene with what resists sliding and turning taken out, and its adhesion too where
+asked. The damper of the contacts only shapes the way to rest: it is lowered to what lets the step be large.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from ...messages import SoilState
+from ...scene.base import Part
+from ...scene.limits import Timing
+from ...scene.loader import ResolvedScene
+from ...scene.pairs import pair_values, particle_mass_kg
+from ...scene.soil import Soil
+from ..bed import Bed
+
+_SLIDING = (
+    "tangential_stiffness_newton_per_m", "tangential_damping_newton_s_per_m", "static_friction",
+    "sliding_friction", "rolling_friction",
+)  # fmt: skip
+_ADHESION = "adhesion_newton_per_m"
+_DAMPING = "damping_newton_s_per_m"
+
+DAMPING_RATIO = 0.3
+"""Largest damping ratio of a contact while settling (chosen: the step grows five times, C = 2.6 N s/m)."""
+
+COORDINATION = 12.0
+"""Contacts per particle that the step while settling is made for: no packing of equal spheres has more
+touching neighbours."""
+
+STEP_SAFETY = 0.8
+"""Part of the stable step that is taken while settling (chosen)."""
+
+STEPS_PER_DAMPING = 5
+"""Soil steps between two applications of the global damping (chosen)."""
+
+TICKS_PER_LOOK = 20
+"""Applications of the global damping between two looks at the speed (chosen)."""
+
+SKIN = 0.3
+"""Skin of the neighbour lists over the radius while settling (chosen; the scene's may differ from run to
+run, and the bed must not)."""
+
+
+class Rest(NamedTuple):
+    """What counts as rest, and how long it may take to come there."""
+
+    speed_m_per_s: float  # rms
+    longest_s: float
+
+
+class SettlingEngine(Protocol):
+    """What the preparation of beds needs of the soil engine."""
+
+    def start(self, motions: tuple[()]) -> object: ...
+    def advance(self, tick: int, motions: tuple[()]) -> object: ...
+    def damp(self, kept: float) -> None: ...
+    def positions_m(self) -> np.ndarray: ...
+    def forces_newton(self) -> np.ndarray: ...
+    def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState: ...
+    def potential_joule(self) -> float: ...
+
+
+EngineOf = Callable[..., SettlingEngine]
+"""The class SoilEngine: called with a scene, threads and `bed`."""
+
+
+def smooth_soil(soil: Soil, *, adhesive: bool) -> Soil:
+    """The soil without friction, without adhesion unless `adhesive`, its contacts damped DAMPING_RATIO."""
+    without = _SLIDING if adhesive else (*_SLIDING, _ADHESION)
+    pair, _ = pair_values(soil)
+    wanted = 2.0 * DAMPING_RATIO * math.sqrt(0.5 * particle_mass_kg(soil) * pair.stiffness)
+    lowered = min(1.0, wanted / pair.damping) if pair.damping > 0.0 else 1.0
+
+    def smooth(row: Part) -> Part:
+        changes = {key: 0.0 for key in without if key in type(row).model_fields}
+        if _DAMPING in type(row).model_fields:
+            changes[_DAMPING] = lowered * getattr(row, _DAMPING)
+        return row.model_copy(update=changes)
+
+    rows = {
+        key: smooth(getattr(soil.law, key))
+        for key in type(soil.law).model_fields
+        if isinstance(getattr(soil.law, key), Part)
+    }
+    law = soil.law.model_copy(update=rows)
+    return soil.model_copy(update={"law": law, "skin_m": SKIN * soil.particles.radius_m})
+
+
+def settling_step_s(soil: Soil) -> float:
+    """Stable step of a smooth soil [s]: dampers m / (z C), springs 2 / sqrt(2 z K / (3 m))."""
+    mass, limits = particle_mass_kg(soil), []
+    for values in pair_values(soil):
+        stiffest = max(values.stiffness, values.contact_adhesion, values.adhesion)
+        limits.append(2.0 / math.sqrt(2.0 * COORDINATION * stiffest / (3.0 * mass)))
+        if values.damping > 0.0:
+            limits.append(mass / (COORDINATION * values.damping))
+    return STEP_SAFETY * min(limits)
+
+
+class Settling:
+    """Particles in a box on their way to rest."""
+
+    def __init__(
+        self,
+        resolved: ResolvedScene,
+        engine_of: EngineOf,
+        threads: int,
+        *,
+        adhesive: bool,
+        gravity_m_per_s2: float,
+    ) -> None:
+        assert resolved.scene.soil is not None
+        soil = smooth_soil(resolved.scene.soil, adhesive=adhesive)
+        self._interval_s = STEPS_PER_DAMPING * settling_step_s(soil)
+        scene = resolved.scene.model_copy(
+            update={"soil": soil, "mechanism": None, "tools": {}, "gravity_m_per_s2": gravity_m_per_s2}
+        )
+        nanoseconds = max(STEPS_PER_DAMPING, round(self._interval_s * 1e9))
+        timing = Timing(nanoseconds, tick_count=1, soil_steps=STEPS_PER_DAMPING, mechanism_steps=0)
+        self._resolved = dataclasses.replace(resolved, scene=scene, timing=timing)
+        self._engine_of, self._threads = engine_of, threads
+
+    def potential_joule(self, bed: Bed) -> float:
+        """Energy of position of a bed: contacts, walls and gravity."""
+        return self._engine_of(self._resolved, self._threads, bed=bed).potential_joule()
+
+    def run(self, bed: Bed, rest: Rest, damping_per_s: float) -> Bed:
+        """The bed at rest, or after the longest time it is given; its particles in the same order."""
+        engine = self._engine_of(self._resolved, self._threads, bed=bed)
+        engine.start(())
+        kept = math.exp(-damping_per_s * self._interval_s)
+        for tick in range(math.ceil(rest.longest_s / self._interval_s)):
+            engine.advance(tick, ())
+            engine.damp(kept)
+            if tick % TICKS_PER_LOOK == TICKS_PER_LOOK - 1 and _rms_speed(engine) < rest.speed_m_per_s:
+                break
+        kinetic = engine.state("", 0, 0).kinetic_energy_joule
+        return dataclasses.replace(bed, positions_m=engine.positions_m(), kinetic_energy_joule=kinetic)
+
+
+def _rms_speed(engine: SettlingEngine) -> float:
+    return engine.state("", 0, 0).rms_speed_m_per_s

@@ -1,0 +1,77 @@
+"""The top surface of a bed over a lattice of columns, and how a bed is cut to a depth."""
+
+import dataclasses
+
+import numpy as np
+
+from ...scene.beds import SurfaceProfile
+from ..bed import Bed
+
+
+def top_surface_m(bed: Bed, radius_m: float) -> np.ndarray:
+    """(nx, ny) [m] top of the bed in columns, as a sphere of the particles' size feels it from above.
+
+    Lowered onto the bed in the middle of a column, the lowest point of the sphere comes to rest at this
+    height; a ray would fall through the aligned gaps of a grid. The floor where there is no particle.
+    Columns stand one radius apart, or a little more, so that they fill the box.
+    """
+    low = np.array(bed.lower_m[:2])
+    size = np.array(bed.upper_m) - low
+    count = np.maximum(1, np.floor(size / radius_m).astype(np.int64))
+    pitch = size / count
+    top = np.full(count, bed.lower_m[2])
+    nearest = np.floor((bed.positions_m[:, :2] - low) / pitch).astype(np.int64)
+    for dx in range(-2, 3):
+        for dy in range(-2, 3):
+            node = nearest + np.array((dx, dy))
+            offset = low + (node + 0.5) * pitch - bed.positions_m[:, :2]
+            below = 4.0 * radius_m**2 - (offset**2).sum(axis=1)
+            hit = ((node >= 0) & (node < count)).all(axis=1) & (below >= 0.0)
+            height = bed.positions_m[hit, 2] + np.sqrt(below[hit]) - radius_m
+            np.maximum.at(top, (node[hit, 0], node[hit, 1]), height)
+    return top
+
+
+def profile_m(surface: SurfaceProfile | None, x_m: np.ndarray) -> np.ndarray:
+    """Height of a surface profile at `x_m`; zero without one [m]."""
+    return np.zeros_like(x_m) if surface is None else np.interp(x_m, surface.x_m, surface.z_m)
+
+
+def mean_above_profile_m(bed: Bed, radius_m: float, surface: SurfaceProfile | None) -> float:
+    """Mean of the bed's top over the profile's height, z as the bed has it [m]."""
+    top = top_surface_m(bed, radius_m)
+    columns = (np.arange(top.shape[0]) + 0.5) / top.shape[0]
+    x = bed.lower_m[0] + columns * (bed.upper_m[0] - bed.lower_m[0])
+    return float((top - profile_m(surface, x)[:, None]).mean())
+
+
+def trimmed(bed: Bed, radius_m: float, surface: SurfaceProfile | None, level_m: float = 0.0) -> Bed:
+    """The bed without the particles that reach above `level_m` + profile. Their order stays."""
+    ceiling = level_m + profile_m(surface, bed.positions_m[:, 0]) + 1e-9 * radius_m
+    kept = bed.positions_m[:, 2] + radius_m <= ceiling
+    return dataclasses.replace(bed, positions_m=bed.positions_m[kept])
+
+
+def cut_to_depth(bed: Bed, radius_m: float, depth_m: float, surface: SurfaceProfile | None = None) -> Bed:
+    """The bed trimmed at the level where its mean top stands `depth_m` + profile over its floor.
+
+    A bed that is not as high stays as it is.
+    """
+
+    def height_of(cut: Bed) -> float:
+        return mean_above_profile_m(cut, radius_m, surface)
+
+    low = bed.lower_m[2]
+    high = (
+        float(bed.positions_m[:, 2].max()) + radius_m - float(profile_m(surface, bed.positions_m[:, 0]).min())
+    )
+    wanted = bed.lower_m[2] + depth_m
+    if height_of(bed) <= wanted:
+        return bed
+    while high - low > 1e-3 * radius_m:
+        level = 0.5 * (low + high)
+        if height_of(trimmed(bed, radius_m, surface, level)) > wanted:
+            high = level
+        else:
+            low = level
+    return trimmed(bed, radius_m, surface, low)

@@ -1,0 +1,54 @@
+"""How the bed is made."""
+
+import itertools
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from .base import Finite, NonNegative, Part, Positive
+
+Seed = Annotated[int, Field(ge=0)]
+
+
+class GridBed(Part):
+    """Cubic grid, at rest when the spacing is `rest`, 2 r - rest overlap; seeded jitter of each centre."""
+
+    kind: Literal["grid"]
+    spacing_m: Annotated[Positive | Literal["rest"], Field(union_mode="left_to_right")]
+    jitter_m: NonNegative = 0.0
+    seed: Seed = 0
+
+
+class DenseRandomBed(Part):
+    """Random close packing, bonded and relaxed to rest."""
+
+    kind: Literal["dense_random"]
+    seed: Seed = 0
+
+
+class SavedBed(Part):
+    """A bed prepared before, under the same law and for the same bin."""
+
+    kind: Literal["saved"]
+    file: str = Field(min_length=1)  # relative to the scene file
+
+
+class SurfaceProfile(Part):
+    """Height of the surface over x, the same for every y: linear between the points, constant outside.
+
+    z = 0 is the surface of the bed before it is trimmed, so no height is above 0.
+    """
+
+    x_m: tuple[Finite, ...] = Field(min_length=1)
+    z_m: tuple[Annotated[float, Field(le=0.0, allow_inf_nan=False)], ...] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _table(self) -> "SurfaceProfile":
+        if len(self.x_m) != len(self.z_m):
+            raise ValueError(f"z_m: has {len(self.z_m)} heights for the {len(self.x_m)} places of x_m")
+        if any(b <= a for a, b in itertools.pairwise(self.x_m)):
+            raise ValueError("x_m: must grow from one point to the next")
+        return self
+
+
+Bed = Annotated[GridBed | DenseRandomBed | SavedBed, Field(discriminator="kind")]

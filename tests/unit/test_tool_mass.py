@@ -1,0 +1,34 @@
+"""Mass properties of tools against closed forms."""
+
+import numpy as np
+import trimesh
+from numpy.testing import assert_allclose
+
+from subsoil_ros.scene.meshes import ToolMesh
+from subsoil_ros.scene.tool_mass import tool_mass
+
+
+def box(size, centre):
+    """Vertices and outward facets of a box."""
+    mesh = trimesh.creation.box(size)
+    return np.asarray(mesh.vertices) + centre, np.asarray(mesh.faces)
+
+
+def test_two_boxes_have_the_mass_centre_and_inertia_of_a_dumbbell():
+    """Steiner: m (a^2 + c^2) / 12 of each box about its centre, and m d^2 about the common one."""
+    (va, fa), (vb, fb) = box((0.2, 0.1, 0.3), (0.5, 0.02, 0.0)), box((0.1, 0.1, 0.1), (-0.5, 0.02, 0.4))
+    mesh = ToolMesh(
+        np.concatenate((va, vb)),
+        np.concatenate((fa, fb + len(va))).astype(np.int32),
+        np.repeat([0, 1], [len(fa), len(fb)]).astype(np.int32),
+        ("blade", "share"),
+    )
+    found = tool_mass(mesh, 7850.0)
+    masses = 7850.0 * np.array([0.2 * 0.1 * 0.3, 0.1**3])
+    centres = np.array([(0.5, 0.02, 0.0), (-0.5, 0.02, 0.4)])
+    common = masses @ centres / masses.sum()
+    own = masses * np.array([(0.2**2 + 0.3**2) / 12.0, 2.0 * 0.1**2 / 12.0])
+    distance2 = ((centres - common)[:, [0, 2]] ** 2).sum(axis=1)
+    assert_allclose(found.mass_kg, masses.sum(), rtol=1e-12)
+    assert_allclose(found.centre_m, common, rtol=1e-12)
+    assert_allclose(found.inertia_kg_m2, (own + masses * distance2).sum(), rtol=1e-12)

@@ -6,7 +6,6 @@ from collections import deque
 from collections.abc import Callable
 
 from rclpy.context import Context
-from rclpy.duration import Duration
 
 from ..coupling.exchange import InterfaceAccount, account_of
 from ..coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL, Coupler, FinishedTick, participants
@@ -19,7 +18,7 @@ from ..recording.types import message_class, serialize
 from ..ticks import INITIAL_TICK, tick_end_ns
 from .convert import rclpy_class
 from .lifeline import STARTUP_S, Lifeline, NodeRun
-from .lockstep_node import LAST_WORD_S, LockstepNode, one_line
+from .lockstep_node import LockstepNode, one_line
 from .process import NodeSettings, report_to_supervisor, run_process
 from .qos import PEOPLE_QOS
 
@@ -28,6 +27,9 @@ DEADLINE_S = 60.0
 
 DEADLINE_MEDIANS = 50.0
 """A tick may take so many times the median of the last ones."""
+
+END_WORD_S = 10.0
+"""Time for the word that the run is over to reach everybody."""
 
 REST_S = 0.001
 REST_WINDOW = 4
@@ -96,7 +98,6 @@ class CouplerNode(LockstepNode):
     def on_fault(self, error: BaseException) -> None:
         """Tells everybody the tick at which the record is cut, and why."""
         self._grants.publish(self.bytes_of(self._coupler.abort(one_line(error))))
-        self._grants.wait_for_all_acked(Duration(seconds=LAST_WORD_S))
 
     @property
     def done_tick(self) -> int:
@@ -162,7 +163,7 @@ class CouplerNode(LockstepNode):
     def _end(self) -> None:
         self._on_progress(self._coupler.done_tick)
         self.lifeline.say(NodeState.ENDED)
-        self.lifeline.flush(LAST_WORD_S)
+        self.lifeline.flush(END_WORD_S)
         self.finish(0)
 
 

@@ -7,6 +7,7 @@ import os
 import threading
 import time
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -26,7 +27,10 @@ from .qos import HELLO_QOS
 
 HEARTBEAT_S = 0.4
 SILENCE_S = 2.5
-"""Silence after which a node that was heard before is taken for dead."""
+"""Silence after which a node that was heard before is taken for dead, if its process is not here."""
+
+STALL_S = 10.0
+"""The same if its process is here and lives: it may be short of processor time, or be stopped."""
 
 STARTUP_S = 300.0
 """Time for all nodes to be heard and ready: engines may have to be compiled."""
@@ -71,6 +75,7 @@ class Lifeline:
         now = time.monotonic()
         self._started = self._checked = now
         self._heard: dict[str, float] = {}
+        self._process_ids: dict[str, int] = {}
         self._ended: dict[str, float] = {}  # when a node said that it ends
         self._lost = ""
         self._said = threading.Lock()
@@ -144,6 +149,7 @@ class Lifeline:
         hello = self._read(cdr)
         if hello.run_id == self._run.run_id and hello.node in self._watched:
             self._heard[hello.node] = time.monotonic()
+            self._process_ids[hello.node] = hello.process_id
             if hello.state in (NodeState.ENDED, NodeState.FAULT):
                 self._ended.setdefault(hello.node, time.monotonic())
 
@@ -164,5 +170,19 @@ class Lifeline:
             heard = self._heard.get(name)
             if heard is None and now - self._started > STARTUP_S:
                 self._lost = f"{name} was not heard of within {STARTUP_S:g} s"
-            elif heard is not None and now - heard > SILENCE_S:
+            elif heard is not None and now - heard > self._patience_s(name, now - heard):
                 self._lost = f"{name} has not been heard of for {now - heard:.1f} s"
+
+    def _patience_s(self, name: str, silence_s: float) -> float:
+        if silence_s < SILENCE_S:
+            return SILENCE_S
+        return STALL_S if _lives(self._process_ids[name]) else SILENCE_S
+
+
+def _lives(process_id: int) -> bool:
+    """Whether a process of this machine has that number and has not ended."""
+    try:
+        status = Path(f"/proc/{process_id}/stat").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return False
+    return status.rpartition(")")[2].split()[0] not in ("Z", "X")  # ended, not yet collected

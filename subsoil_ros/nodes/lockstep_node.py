@@ -23,8 +23,8 @@ from .qos import qos_of
 POLL_S = 0.1
 """How often a node looks after what no message brings: matched endpoints, wishes to stop, silence."""
 
-LAST_WORD_S = 0.5
-"""Time given to a last message to arrive."""
+LAST_WORD_S = 1.5
+"""Time given to a last message to arrive; it is used up if somebody is dead."""
 
 
 def one_line(error: BaseException) -> str:
@@ -137,6 +137,9 @@ class LockstepNode(Node):
         stop = self.lifeline.stop
         if stop is not None:
             raise stop.error()
+        if self.lifeline.lost and self.lifeline.state is NodeState.ENDED:
+            self.finish(0)  # its work is done, nothing is lost
+            return
         if self.lifeline.lost:
             raise RunError(self.lifeline.lost)
         self.on_poll()

@@ -18,8 +18,8 @@ from scipy.optimize import minimize_scalar
 
 from ...scene.bed_spacing import rest_spacing_m
 from ...scene.beds import SurfaceProfile
-from ...scene.pairs import pair_values, particle_mass_kg
 from ...scene.loader import ResolvedScene
+from ...scene.pairs import pair_values, particle_mass_kg
 from ...scene.soil import Bin, Soil
 from ..bed import Bed, grid_shape
 from .settling import EngineOf, Rest, Settling

@@ -9,8 +9,8 @@ from scipy.spatial import cKDTree
 
 from ...scene.bed_spacing import rest_spacing_m
 from ...scene.limits import step_limits
-from ...scene.pairs import pair_values, particle_mass_kg
 from ...scene.loader import ResolvedScene
+from ...scene.pairs import pair_values, particle_mass_kg
 from ...scene.soil import Soil
 from ..bed import Bed
 from ..walls import WALLS, wall_planes

@@ -1,6 +1,5 @@
 """Tools: triangle meshes that touch the soil, carried by a body or along a prescribed path."""
 
-
 from pydantic import Field, model_validator
 
 from .base import Finite, Part, Positive
@@ -44,5 +43,3 @@ class Tool(Part):
         if (self.body is None) == (self.path is None):
             raise ValueError("give either 'body' (carried by the mechanism) or 'path', not both")
         return self
-
-

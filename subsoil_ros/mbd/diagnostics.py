@@ -21,6 +21,7 @@ from .tables import (
     RELATIVE_DRIVER,
     ROD,
     TURN_LOCK,
+    Model,
     State,
 )
 
@@ -52,14 +53,14 @@ def multipliers(machine: Machine, state: State, time: float, select: float) -> n
     return model.row_scale * scaled
 
 
-def joint_reactions(
-    machine: Machine, state: State, row_multipliers: np.ndarray, redundant: tuple[str, ...]
+def reactions_at(
+    machine: Machine, q: np.ndarray, row_multipliers: np.ndarray, redundant: tuple[str, ...]
 ) -> tuple[JointReaction, ...]:
     """What every joint puts on its body_b: -Phi_q^T lambda, seen at the joint point."""
-    turns = turns_of(state.q)
+    turns = turns_of(q)
     reactions = []
     for name, joint in zip(machine.joints, machine.model.joints, strict=True):
-        x, z, moment = _reaction(joint, state.q, turns, -row_multipliers)
+        x, z, moment = _reaction(joint, q, turns, -row_multipliers)
         reactions.append(JointReaction(name, float(x), float(z), float(moment), unique=name not in redundant))
     return tuple(reactions)
 
@@ -98,6 +99,13 @@ def _point(joint: np.void, side: str, q: np.ndarray, turns: np.ndarray) -> np.nd
     return np.asarray(q[3 * body : 3 * body + 2] + _turned(turns[body], joint[f"point_{side}"]))
 
 
+def locked_forces(model: Model, row_multipliers: np.ndarray, report: np.ndarray) -> None:
+    """The forces of locked springs, those of their constraints, into `report` (forces, 3)."""
+    for values, force in zip(report, model.forces, strict=True):
+        if force["kind"] in (LOCKED_SPRING, LOCKED_TORSION):
+            values[2] = -row_multipliers[model.joints["row"][force["joint"]]]
+
+
 def mechanism_state(
     machine: Machine,
     state: State,
@@ -115,10 +123,8 @@ def mechanism_state(
     report = np.zeros((len(machine.forces), 3))
     stored = report_forces(model, state, time, select, state.q, turns_of(state.q), state.v, report)
     row_multipliers = multipliers(machine, state, time, select)
-    for values, force in zip(report, model.forces, strict=True):
-        if force["kind"] in (LOCKED_SPRING, LOCKED_TORSION):
-            values[2] = -row_multipliers[model.joints["row"][force["joint"]]]
-    reactions = joint_reactions(machine, state, row_multipliers, redundant)
+    locked_forces(model, row_multipliers, report)
+    reactions = reactions_at(machine, state.q, row_multipliers, redundant)
     draft = next((r.force_x_newton for r in reactions if r.name == draft_driver), 0.0)
     count = len(model.mass)
     position, velocity = residuals(machine, state, time, select)

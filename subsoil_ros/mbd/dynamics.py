@@ -21,6 +21,9 @@ from .tables import (
     TURN_FRICTION,
 )
 
+FEW_COLUMNS = 8
+"""Up to so many right-hand sides are solved one by one, more of them side by side (both measured)."""
+
 LAST_FRICTION = 60
 """Joint friction depends on the reactions and they on it: iterated, at most so often."""
 
@@ -37,9 +40,18 @@ def _eliminate(model, state, work):
     for i in range(state.rows.shape[0]):
         row = state.rows[i]
         work.right[i] = work.gamma[row]
-        for j in range(state.independent.shape[0]):
-            work.dependence[i, j] = -work.jacobian[row, state.independent[j]]
     lu_solve(work.factor, work.pivots, work.right)
+    if state.independent.shape[0] <= FEW_COLUMNS:
+        for j in range(state.independent.shape[0]):
+            for i in range(state.rows.shape[0]):
+                work.other[i] = -work.jacobian[state.rows[i], state.independent[j]]
+            lu_solve(work.factor, work.pivots, work.other)
+            for i in range(state.rows.shape[0]):
+                work.dependence[i, j] = work.other[i]
+        return
+    for i in range(state.rows.shape[0]):
+        for j in range(state.independent.shape[0]):
+            work.dependence[i, j] = -work.jacobian[state.rows[i], state.independent[j]]
     lu_solve_columns(work.factor, work.pivots, work.dependence)
 
 

@@ -14,6 +14,7 @@ from .assembly import Start, assemble, weakest_joints
 from .closure import Closure
 from .constraints import evaluate_residual, turns_of
 from .diagnostics import mechanism_state
+from .stability import refuse_unstable_step
 from .tables import (
     CONTRADICTION,
     JAMMED,
@@ -38,7 +39,7 @@ class MechanismEngine:
         """Assemble the machine and bring it to its initial state.
 
         Raises:
-            SceneError: no mechanism in the scene, or one that cannot be assembled.
+            SceneError: no mechanism in the scene, one that cannot be assembled, or a step too large for it.
             SingularMechanismError: it starts in a singular position.
         """
         if scene.mechanism is None:
@@ -47,6 +48,7 @@ class MechanismEngine:
         self._steps = max(1, timing.mechanism_steps)
         step_s = timing.interval_ns * 1e-9 / self._steps
         start = assemble(scene.mechanism, scene.gravity_m_per_s2, step_s)
+        refuse_unstable_step(start, timing.interval_ns * 1e-9)
         self._machine, self._redundant = start.machine, start.redundant
         self._draft_driver = scene.mechanism.draft_driver
         self._tools = [(name, tool.lateral_m) for name, tool in scene.tools.items()]

@@ -105,11 +105,14 @@ def close_positions(model, state, work, time, select, q):
 def close_velocities(model, state, work, time, select, v):
     """Dependent velocities from the independent ones (eq. 4); factor and Jacobian must be current."""
     evaluate_speed(model, time, select, work.residual)
+    for k in range(state.independent.shape[0]):
+        j = state.independent[k]
+        work.reduced_force[k] = v[j] / model.column_scale[j]
     for i in range(state.rows.shape[0]):
         row = state.rows[i]
         total = work.residual[row]
-        for j in state.independent:
-            total -= work.jacobian[row, j] * v[j] / model.column_scale[j]
+        for k in range(state.independent.shape[0]):
+            total -= work.jacobian[row, state.independent[k]] * work.reduced_force[k]
         work.right[i] = total
     lu_solve(work.factor, work.pivots, work.right)
     for i in range(state.dependent.shape[0]):

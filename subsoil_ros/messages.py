@@ -138,8 +138,10 @@ class JointReaction:
 
 @dataclass(frozen=True, slots=True)
 class ForceState:
-    """A force element: spring_damper (length, rate, axial force, compression positive),
-    wheel_contact (penetration, its rate, normal force), coordinate_spring (coordinate, rate, force).
+    """A force element: spring_damper (length, rate, axial force, compression positive), torsion_spring
+    (angle, rate, moment on body_b), wheel_contact (penetration, its rate, normal force), coordinate_spring
+    (coordinate, rate, force), JOINT.friction and JOINT.stops (turn or travel, rate, moment or force on
+    body_b along it).
     """
 
     name: str

@@ -163,7 +163,8 @@ def _mechanism(scene: Scene, state: MechanismState) -> Cells:
 
 
 def _force_kind(scene: Scene, force: ForceState) -> str:
-    kind = scene.mechanism.forces[force.name].kind if scene.mechanism is not None else "force"
+    given = scene.mechanism.forces.get(force.name) if scene.mechanism is not None else None
+    kind = given.kind if given is not None else "joint"  # JOINT.friction, JOINT.stops
     return "spring" if kind == "spring_damper" else kind
 
 

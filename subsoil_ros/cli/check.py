@@ -12,7 +12,7 @@ from ..dem.bed import grid_shape, prepare_grid
 from ..dem.beds.cache import cached_bed_path
 from ..dem.beds.prepare import expected_particle_count
 from ..errors import SceneError
-from ..mbd.topology import Topology, analyse_topology
+from ..mbd.statics import Rest, Survey, survey
 from ..scene.bed_spacing import particle_spacing_m
 from ..scene.beds import GridBed, SavedBed
 from ..scene.coupling_bounds import CouplingBound, coupling_bounds
@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
     resolved = load_scene(args.scene, args.overrides)
     mechanism = resolved.scene.mechanism
     try:
-        counts = analyse_topology(mechanism, resolved.scene.gravity_m_per_s2) if mechanism else None
+        found = survey(mechanism, resolved.scene.gravity_m_per_s2) if mechanism else None
         bounds = _bounds(resolved)
         soil = resolved.scene.soil
         particle_count = expected_particle_count(soil) if soil else 0
@@ -76,8 +76,11 @@ def run(args: argparse.Namespace) -> int:
     if soil is not None:
         console.print(_table("soil", _soil(resolved, soil, particle_count)))
         console.print(_limits(resolved))
-    if mechanism and counts:
-        console.print(_table("mechanism", _mechanism(mechanism, counts)))
+    if mechanism and found:
+        console.print(_table("mechanism", _mechanism(mechanism, found)))
+        if found.rest is not None:
+            for table in _at_rest(found.rest):
+                console.print(table)
     if bounds:
         console.print(_coupling(resolved, bounds))
     console.print(_table("cost", _cost(resolved, particle_count)))
@@ -192,7 +195,8 @@ def _limits(resolved: ResolvedScene) -> Table:
     return table
 
 
-def _mechanism(mechanism: Mechanism, counts: Topology) -> Iterable[tuple[str, str]]:
+def _mechanism(mechanism: Mechanism, found: Survey) -> Iterable[tuple[str, str]]:
+    counts = found.topology
     yield "bodies", f"{len(mechanism.bodies)}: {', '.join(mechanism.bodies)}"
     yield "coordinates", f"{counts.coordinate_count}"
     yield "constraints", f"{counts.constraint_count}"
@@ -200,6 +204,47 @@ def _mechanism(mechanism: Mechanism, counts: Topology) -> Iterable[tuple[str, st
     if counts.redundant_count:
         joints = ", ".join(counts.redundant_joints)
         yield "redundant", f"{counts.redundant_count}; reactions not unique: {joints}"
+    if found.rest is None:
+        yield "static equilibrium", f"none: {found.no_rest}"
+
+
+def _columns(title: str, headings: Iterable[str]) -> Table:
+    table = Table(title=title, title_justify="left", title_style="bold", box=None)
+    for index, heading in enumerate(headings):
+        table.add_column(heading, justify="right" if index else "left")
+    return table
+
+
+def _at_rest(rest: Rest) -> Iterable[Table]:
+    """Pose, joint forces and forces of static equilibrium; modes about it."""
+    poses = _columns("static equilibrium (drivers held, loads left out)", ("body", "x m", "z m", "angle rad"))
+    for body in rest.bodies:
+        poses.add_row(body.name, f"{body.x_m:.4f}", f"{body.z_m:.4f}", f"{body.phi_rad:.5f}")
+    yield poses
+    reactions = _columns("", ("joint, on its second body", "force x N", "force z N", "moment N m", ""))
+    for joint in rest.joints:
+        parts = (joint.force_x_newton, joint.force_z_newton, joint.moment_newton_m)
+        reactions.add_row(joint.name, *map(_number, parts), "" if joint.unique else "not unique")
+    yield reactions
+    forces = _columns("", ("force", "length m or angle rad", "force N or moment N m"))
+    for force in rest.forces:
+        forces.add_row(force.name, f"{force.length_m:.5f}", _number(force.force_newton))
+    yield forces
+    modes = _columns("modes about static equilibrium", ("frequency Hz", "damping ratio", "what moves"))
+    modes.columns[2].justify = "left"
+    for mode in rest.modes:
+        if mode.oscillates:
+            modes.add_row(f"{mode.frequency_hz:.4g}", f"{mode.damping_ratio:.3g}", mode.words)
+        elif mode.eigenvalue == 0.0:
+            modes.add_row("free", "", mode.words)
+        else:
+            rate = mode.eigenvalue.real
+            modes.add_row("grows" if rate > 0.0 else "creeps", f"in {1.0 / abs(rate):.3g} s", mode.words)
+    yield modes
+
+
+def _number(value: float) -> str:
+    return f"{value:.1f}" if abs(value) >= 0.05 else "0"
 
 
 def _coupling(resolved: ResolvedScene, bounds: tuple[CouplingBound, ...]) -> Table:

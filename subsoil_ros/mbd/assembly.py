@@ -9,10 +9,10 @@ from ..errors import SceneError, SingularMechanismError
 from ..scene.mechanism import Driver, Mechanism
 from .build import Machine, build_machine
 from .closure import RANK_TOLERANCE, Closure, scaled_mass
-from .constraints import evaluate_gamma, evaluate_speed
+from .constraints import evaluate_gamma, evaluate_residual, evaluate_speed, turns_of
 from .equilibrium import settle
 from .laws import law_value
-from .tables import DRIVER
+from .tables import DRIVER, RELATIVE_DRIVER, TRAVEL_FRICTION, TURN_FRICTION
 
 CONTRADICTION = 1e-9
 """Part of the largest entry by which Phi_q q' = -Phi_t may fail before constraints contradict."""
@@ -54,6 +54,7 @@ def assemble(mechanism: Mechanism, gravity: float, step_s: float) -> Start:
         q = settle(Closure(machine, held=held), q)
         machine = _drivers_from(machine, q)
     rank, redundant = _count(machine, q)
+    _refuse_unknown_pressure(machine, redundant)
     v = _velocities(machine, mechanism, q)
     if redundant:
         warnings.warn(
@@ -69,9 +70,16 @@ def assemble(mechanism: Mechanism, gravity: float, step_s: float) -> Start:
 def _drivers_from(machine: Machine, q: np.ndarray) -> Machine:
     """The machine with its drivers starting from their coordinates in `q`."""
     joints = machine.model.joints.copy()
+    model = machine.model._replace(joints=joints)
     driven = joints["kind"] == DRIVER
     joints["offset"][driven] = q[joints["coordinate"][driven]]
-    return replace(machine, model=machine.model._replace(joints=joints))
+    relative = joints["kind"] == RELATIVE_DRIVER
+    joints["offset"][relative] = 0.0
+    phi = np.zeros(len(model.row_scale))
+    evaluate_residual(model, 0.0, 0.0, q, turns_of(q), phi)
+    rows = joints["row"][relative]
+    joints["offset"][relative] = phi[rows] / model.row_scale[rows]
+    return replace(machine, model=model)
 
 
 def _close(machine: Machine, held: dict[int, float], q: np.ndarray) -> np.ndarray:
@@ -136,6 +144,19 @@ def _count(machine: Machine, q: np.ndarray) -> tuple[int, tuple[str, ...]]:
     return rank, _joints_of(machine, null, 1e-6)
 
 
+def _refuse_unknown_pressure(machine: Machine, redundant: tuple[str, ...]) -> None:
+    """SceneError where friction follows a reaction that is not unique."""
+    for force in machine.model.forces:
+        if force["kind"] in (TURN_FRICTION, TRAVEL_FRICTION) and force["friction"] > 0.0:
+            name = machine.joints[force["joint"]]
+            if name in redundant:
+                raise SceneError(
+                    f"mechanism.joints.{name}.friction.coefficient: its reaction is not unique, "
+                    f"as {', '.join(redundant)} repeat each other. Remove one of these joints, or give a "
+                    "preload instead of a coefficient."
+                )
+
+
 def _neighbour_rank(machine: Machine, q: np.ndarray) -> int:
     """Largest rank of the Jacobian in poses a little along the freedoms of the undriven machine."""
     closure = Closure(machine, drivers=False)
@@ -188,7 +209,7 @@ def _velocities(machine: Machine, mechanism: Mechanism, q: np.ndarray) -> np.nda
     v = np.zeros_like(q)
     v[: len(scaled)] = scaled * model.column_scale
     gamma = np.zeros(len(model.row_scale))
-    evaluate_gamma(model, 0.0, 0.0, q, v, gamma)
+    evaluate_gamma(model, 0.0, 0.0, q, turns_of(q), v, gamma)
     _refuse_contradiction(machine, matrix, gamma, "acceleration")
     return v
 
@@ -204,8 +225,8 @@ def _guessed_velocities(machine: Machine, mechanism: Mechanism) -> tuple[np.ndar
     """Guess (n,) [m/s, rad/s], and which of its entries the scene gives."""
     laws = machine.model.laws
     along: dict[str, list[float]] = {"x": [], "z": []}  # speeds of the drivers of translation
-    for row, joint in zip(machine.model.joints, mechanism.joints.values(), strict=True):
-        if isinstance(joint, Driver) and joint.coordinate in along:
+    for row, joint in zip(machine.model.joints, mechanism.joints.values(), strict=False):  # locks come last
+        if isinstance(joint, Driver) and joint.relative_to is None and joint.coordinate in along:
             along[joint.coordinate].append(law_value(laws, row["law"], 0.0, 0.0))
     common = [float(np.mean(along[key])) if along[key] else 0.0 for key in ("x", "z")]
     guess, given = [], []

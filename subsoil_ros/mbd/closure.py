@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .build import Machine
-from .constraints import evaluate_jacobian, evaluate_residual
+from .constraints import evaluate_jacobian, evaluate_residual, turns_of
 from .tables import DRIVER
 
 TOLERANCE = 1e-13
@@ -29,7 +29,7 @@ class Closure:
 
     def _rows(self) -> np.ndarray:
         kinds = self.machine.model.joints["kind"][self.machine.row_joint]
-        return np.ones(len(kinds), dtype=bool) if self.drivers else kinds != DRIVER
+        return np.ones(len(kinds), dtype=bool) if self.drivers else kinds < DRIVER
 
     def names(self) -> list[str]:
         """What every row belongs to."""
@@ -43,7 +43,7 @@ class Closure:
         """Scaled residual [m] of all rows."""
         model = self.machine.model
         phi = np.zeros(len(model.row_scale))
-        evaluate_residual(model, 0.0, 0.0, q, phi)
+        evaluate_residual(model, 0.0, 0.0, q, turns_of(q), phi)
         held = [(q[i] - value) / model.column_scale[i] for i, value in self.held.items()]
         return np.concatenate([phi[self._rows()], held])
 
@@ -51,7 +51,7 @@ class Closure:
         """Scaled Jacobian (rows, n)."""
         model = self.machine.model
         matrix = np.zeros((len(model.row_scale), len(q)))
-        evaluate_jacobian(model, q, matrix)
+        evaluate_jacobian(model, q, turns_of(q), matrix)
         held = np.zeros((len(self.held), len(q)))
         held[np.arange(len(self.held)), list(self.held)] = 1.0
         return np.concatenate([matrix[self._rows()], held])[:, : len(model.mass)]

@@ -4,7 +4,7 @@ import numpy as np
 
 from ..messages import BodyState, ForceState, JointReaction, MechanismState
 from .build import Machine
-from .constraints import evaluate_jacobian, evaluate_residual, evaluate_speed, turned
+from .constraints import evaluate_jacobian, evaluate_residual, evaluate_speed, turns_of
 from .forces import evaluate_forces, report_forces
 from .tables import (
     BY_DRIVERS,
@@ -13,8 +13,15 @@ from .tables import (
     DISSIPATED,
     DRIVER,
     FIXED,
+    LOCKED_SPRING,
+    LOCKED_TORSION,
     POINT_LOAD,
+    POINT_ON_LINE,
     PRISMATIC,
+    RELATIVE_DRIVER,
+    ROD,
+    TURN_LOCK,
+    Model,
     State,
 )
 
@@ -37,34 +44,66 @@ def multipliers(machine: Machine, state: State, time: float, select: float) -> n
         return state.multipliers
     count = len(model.mass)
     jacobian = np.zeros((len(model.row_scale), count + 3))
-    evaluate_jacobian(model, state.q, jacobian)
+    turns = turns_of(state.q)
+    evaluate_jacobian(model, state.q, turns, jacobian)
     total = np.zeros(count + 3)
-    evaluate_forces(model, time, select, state.q, state.v, total, np.zeros(3))
+    evaluate_forces(model, state, time, select, state.q, turns, state.v, total, np.zeros(3))
     rest = total[:count] + state.wrench - model.mass * state.a[:count]
     scaled = np.linalg.lstsq(jacobian[:, :count].T, model.column_scale * rest, rcond=1e-9)[0]
     return model.row_scale * scaled
 
 
-def joint_reactions(
-    machine: Machine, state: State, row_multipliers: np.ndarray, redundant: tuple[str, ...]
+def reactions_at(
+    machine: Machine, q: np.ndarray, row_multipliers: np.ndarray, redundant: tuple[str, ...]
 ) -> tuple[JointReaction, ...]:
     """What every joint puts on its body_b: -Phi_q^T lambda, seen at the joint point."""
+    turns = turns_of(q)
     reactions = []
     for name, joint in zip(machine.joints, machine.model.joints, strict=True):
-        row, kind = int(joint["row"]), int(joint["kind"])
-        first = -float(row_multipliers[row])
-        if kind == DRIVER:
-            parts = [0.0, 0.0, 0.0]
-            parts[int(joint["coordinate"]) % 3] = first
-            x, z, moment = parts
-        elif kind == PRISMATIC:
-            nx, nz = turned(float(state.q[3 * joint["body_a"] + 2]), joint["normal"])
-            x, z, moment = first * nx, first * nz, -float(row_multipliers[row + 1])
-        else:
-            x, z = first, -float(row_multipliers[row + 1])
-            moment = -float(row_multipliers[row + 2]) if kind == FIXED else 0.0
-        reactions.append(JointReaction(name, x, z, moment, unique=name not in redundant))
+        x, z, moment = _reaction(joint, q, turns, -row_multipliers)
+        reactions.append(JointReaction(name, float(x), float(z), float(moment), unique=name not in redundant))
     return tuple(reactions)
+
+
+def _reaction(
+    joint: np.void, q: np.ndarray, turns: np.ndarray, pushes: np.ndarray
+) -> tuple[float, float, float]:
+    """Force and moment on body_b; `pushes` (m,) is what every row puts on its own residual."""
+    row, kind, coordinate = int(joint["row"]), int(joint["kind"]), int(joint["coordinate"])
+    push = pushes[row]
+    if kind == DRIVER:
+        parts = [0.0, 0.0, 0.0]
+        parts[coordinate % 3] = push
+        return parts[0], parts[1], parts[2]
+    if kind == TURN_LOCK or (kind == RELATIVE_DRIVER and coordinate == 2):
+        return 0.0, 0.0, push
+    if kind == ROD:
+        span = _point(joint, "b", q, turns) - _point(joint, "a", q, turns)
+        x, z = push * span / np.linalg.norm(span)
+        return x, z, 0.0
+    if kind in (PRISMATIC, POINT_ON_LINE, RELATIVE_DRIVER):
+        x, z = push * _turned(turns[joint["body_a"]], joint["normal"])
+        return x, z, pushes[row + 1] if kind == PRISMATIC else 0.0
+    return push, pushes[row + 1], pushes[row + 2] if kind == FIXED else 0.0
+
+
+def _turned(turn: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """A vector in the frame of a body of cosine and sine `turn` in world axes."""
+    c, s = turn
+    return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
+
+
+def _point(joint: np.void, side: str, q: np.ndarray, turns: np.ndarray) -> np.ndarray:
+    """World position (2,) of the point of body a or b."""
+    body = int(joint[f"body_{side}"])
+    return np.asarray(q[3 * body : 3 * body + 2] + _turned(turns[body], joint[f"point_{side}"]))
+
+
+def locked_forces(model: Model, row_multipliers: np.ndarray, report: np.ndarray) -> None:
+    """The forces of locked springs, those of their constraints, into `report` (forces, 3)."""
+    for values, force in zip(report, model.forces, strict=True):
+        if force["kind"] in (LOCKED_SPRING, LOCKED_TORSION):
+            values[2] = -row_multipliers[model.joints["row"][force["joint"]]]
 
 
 def mechanism_state(
@@ -82,8 +121,10 @@ def mechanism_state(
     model = machine.model
     time = stamp[2] * 1e-9
     report = np.zeros((len(machine.forces), 3))
-    stored = report_forces(model, time, select, state.q, state.v, report)
-    reactions = joint_reactions(machine, state, multipliers(machine, state, time, select), redundant)
+    stored = report_forces(model, state, time, select, state.q, turns_of(state.q), state.v, report)
+    row_multipliers = multipliers(machine, state, time, select)
+    locked_forces(model, row_multipliers, report)
+    reactions = reactions_at(machine, state.q, row_multipliers, redundant)
     draft = next((r.force_x_newton for r in reactions if r.name == draft_driver), 0.0)
     count = len(model.mass)
     position, velocity = residuals(machine, state, time, select)
@@ -115,9 +156,10 @@ def residuals(machine: Machine, state: State, time: float, select: float) -> tup
     model = machine.model
     count = len(model.mass)
     phi = np.zeros(len(model.row_scale))
-    position = float(evaluate_residual(model, time, select, state.q, phi))
+    turns = turns_of(state.q)
+    position = float(evaluate_residual(model, time, select, state.q, turns, phi))
     jacobian = np.zeros((len(phi), count + 3))
-    evaluate_jacobian(model, state.q, jacobian)
+    evaluate_jacobian(model, state.q, turns, jacobian)
     evaluate_speed(model, time, select, phi)
     rates = jacobian[:, :count] @ (state.v[:count] / model.column_scale) - phi
     return position, float(np.abs(rates).max(initial=0.0))

@@ -4,12 +4,31 @@ Coordinates, forces and masses are scaled here: y = q / s, mass s^2, force s, s 
 """
 
 from .compiled import inner_kernel
-from .constraints import evaluate_gamma
+from .constraints import evaluate_gamma, evaluate_turns
+from .elements import joint_pressure
 from .forces import evaluate_forces
 from .laws import law_value
 from .linear import lu_factor, lu_solve, lu_solve_columns, lu_solve_transposed
 from .partition import close_positions, close_velocities, factor_dependent
-from .tables import BY_DRIVERS, DRIVER, NOT_FINITE, OK, SINGULAR
+from .tables import (
+    BY_DRIVERS,
+    DRIVER,
+    JAMMED,
+    NOT_FINITE,
+    OK,
+    SINGULAR,
+    TRAVEL_FRICTION,
+    TURN_FRICTION,
+)
+
+FEW_COLUMNS = 8
+"""Up to so many right-hand sides are solved one by one, more of them side by side (both measured)."""
+
+LAST_FRICTION = 60
+"""Joint friction depends on the reactions and they on it: iterated, at most so often."""
+
+FRICTION_SETTLED = 1e-12
+"""... until the reactions change by no more than this part of the largest of them."""
 
 LARGEST = 1e300
 """An acceleration above this counts as not finite."""
@@ -21,9 +40,18 @@ def _eliminate(model, state, work):
     for i in range(state.rows.shape[0]):
         row = state.rows[i]
         work.right[i] = work.gamma[row]
-        for j in range(state.independent.shape[0]):
-            work.dependence[i, j] = -work.jacobian[row, state.independent[j]]
     lu_solve(work.factor, work.pivots, work.right)
+    if state.independent.shape[0] <= FEW_COLUMNS:
+        for j in range(state.independent.shape[0]):
+            for i in range(state.rows.shape[0]):
+                work.other[i] = -work.jacobian[state.rows[i], state.independent[j]]
+            lu_solve(work.factor, work.pivots, work.other)
+            for i in range(state.rows.shape[0]):
+                work.dependence[i, j] = work.other[i]
+        return
+    for i in range(state.rows.shape[0]):
+        for j in range(state.independent.shape[0]):
+            work.dependence[i, j] = -work.jacobian[state.rows[i], state.independent[j]]
     lu_solve_columns(work.factor, work.pivots, work.dependence)
 
 
@@ -75,19 +103,42 @@ def _solve_accelerations(model, state, work, a):
 
 
 @inner_kernel
+def _pressure_settled(model, state, work):
+    """Whether the reactions that friction depends on are those it was computed from."""
+    largest, change = 0.0, 0.0
+    for row in range(state.multipliers.shape[0]):
+        largest = max(largest, abs(state.multipliers[row]))
+    for i in range(model.forces.shape[0]):
+        force = model.forces[i]
+        if force.friction > 0.0 and (force.kind == TURN_FRICTION or force.kind == TRAVEL_FRICTION):
+            now = joint_pressure(model, force, state.multipliers)
+            change = max(change, abs(now - joint_pressure(model, force, work.previous)))
+    return change <= FRICTION_SETTLED * largest
+
+
+@inner_kernel
 def _accelerate(model, state, work, time, select):
     """Accelerations and powers of the state in `work`; factor and Jacobian must be current."""
-    evaluate_forces(model, time, select, work.q, work.v, work.force, work.powers)
-    for i in range(state.wrench.shape[0]):
-        work.force[i] += state.wrench[i]
-    evaluate_gamma(model, time, select, work.q, work.v, work.gamma)
+    evaluate_gamma(model, time, select, work.q, work.turns, work.v, work.gamma)
     _eliminate(model, state, work)
-    _reduce(model, state, work)
-    if not _solve_accelerations(model, state, work, work.a):
-        return SINGULAR
+    settled = False
+    for _ in range(LAST_FRICTION):
+        if model.pressed:
+            work.previous[:] = state.multipliers
+        evaluate_forces(model, state, time, select, work.q, work.turns, work.v, work.force, work.powers)
+        for i in range(state.wrench.shape[0]):
+            work.force[i] += state.wrench[i]
+        _reduce(model, state, work)
+        if not _solve_accelerations(model, state, work, work.a):
+            return SINGULAR
+        settled = not model.pressed or _pressure_settled(model, state, work)
+        if settled:
+            break
+    if not settled:
+        return JAMMED
     for i in range(model.joints.shape[0]):
         joint = model.joints[i]
-        if joint.kind == DRIVER:
+        if joint.kind >= DRIVER:
             speed = law_value(model.laws, joint.law, time, select)
             work.powers[BY_DRIVERS] -= state.multipliers[joint.row] * speed
     for i in range(state.wrench.shape[0]):
@@ -108,6 +159,8 @@ def complete(model, state, work, time, select, closing):
         if status != OK:
             return status, iterations
         close_velocities(model, state, work, time, select, work.v)
-    elif not factor_dependent(model, state, work, work.q):
-        return SINGULAR, iterations
+    else:
+        evaluate_turns(work.q, work.turns)
+        if not factor_dependent(model, state, work, work.q):
+            return SINGULAR, iterations
     return _accelerate(model, state, work, time, select), iterations

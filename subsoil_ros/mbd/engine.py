@@ -9,12 +9,23 @@ from ..errors import PhysicsError, ProtocolError, RunError, SceneError, Singular
 from ..messages import MechanismState, ToolMotion, ToolWrench
 from ..scene.model import Scene
 from ..ticks import INITIAL_TICK, tick_end_s
-from .adams_moulton import advance_tick
+from .advance import advance_tick
 from .assembly import Start, assemble, weakest_joints
 from .closure import Closure
-from .constraints import evaluate_residual
+from .constraints import evaluate_residual, turns_of
 from .diagnostics import mechanism_state
-from .tables import CONTRADICTION, NOT_CLOSED, OK, SINGULAR, State, make_state, make_workspace
+from .stability import refuse_unstable_step
+from .tables import (
+    CONTRADICTION,
+    JAMMED,
+    NOT_CLOSED,
+    NOT_SOLVED,
+    OK,
+    SINGULAR,
+    State,
+    make_state,
+    make_workspace,
+)
 from .topology import Topology
 
 if TYPE_CHECKING:
@@ -28,7 +39,7 @@ class MechanismEngine:
         """Assemble the machine and bring it to its initial state.
 
         Raises:
-            SceneError: no mechanism in the scene, or one that cannot be assembled.
+            SceneError: no mechanism in the scene, one that cannot be assembled, or a step too large for it.
             SingularMechanismError: it starts in a singular position.
         """
         if scene.mechanism is None:
@@ -37,6 +48,7 @@ class MechanismEngine:
         self._steps = max(1, timing.mechanism_steps)
         step_s = timing.interval_ns * 1e-9 / self._steps
         start = assemble(scene.mechanism, scene.gravity_m_per_s2, step_s)
+        refuse_unstable_step(start, timing.interval_ns * 1e-9)
         self._machine, self._redundant = start.machine, start.redundant
         self._draft_driver = scene.mechanism.draft_driver
         self._tools = [(name, tool.lateral_m) for name, tool in scene.tools.items()]
@@ -149,12 +161,22 @@ class MechanismEngine:
             )
         if status == CONTRADICTION:
             phi = np.zeros(len(model.row_scale))
-            evaluate_residual(model, time + model.step, time + model.step, q, phi)
+            evaluate_residual(model, time + model.step, time + model.step, q, turns_of(q), phi)
             worst = int(np.abs(phi).argmax())
             name = Closure(self._machine).names()[worst]
             return PhysicsError(
                 f"{where}: redundant constraints contradict each other: {name} is open by "
                 f"{abs(phi[worst]):.3g} m. Remove one of {', '.join(self._redundant)}."
+            )
+        if status == JAMMED:
+            return PhysicsError(
+                f"{where}: the friction of the joints does not settle: it asks for more reaction than it "
+                "leaves (the machine jams). Lower the coefficients, or give a preload instead."
+            )
+        if status == NOT_SOLVED:
+            return PhysicsError(
+                f"{where}: generalized_alpha: Newton's method does not converge at a step of "
+                f"{model.step:.3g} s. Raise coupling.mechanism_steps, or use another mechanism.integrator."
             )
         return PhysicsError(
             f"{where}: an acceleration is not finite or above 1e300; a spring of zero length, or a step too "

@@ -6,8 +6,9 @@ import numpy as np
 
 from ..errors import SceneError
 from .closure import RANK_TOLERANCE, Closure, scaled_mass
-from .forces import evaluate_forces, report_forces
-from .tables import POINT_LOAD, Model
+from .constraints import turns_of
+from .forces import evaluate_forces, held_at, report_forces
+from .tables import POINT_LOAD, TRAVEL_FRICTION, TURN_FRICTION, Model
 
 RESIDUAL = 1e-10
 """At rest the free part of the forces is below this part of all forces."""
@@ -85,8 +86,10 @@ def _newton_move(pull: _Pull, stiffness: np.ndarray, negligible: float, size: fl
 
 def _at_rest(model: Model) -> Model:
     """The model without loads, dampers and friction: only what has a potential energy."""
-    forces = model.forces[model.forces["kind"] != POINT_LOAD].copy()
+    lost = np.isin(model.forces["kind"], (POINT_LOAD, TURN_FRICTION, TRAVEL_FRICTION))
+    forces = model.forces[~lost].copy()
     forces["damping"] = 0.0
+    forces["stop_damping"] = 0.0
     forces["friction"] = 0.0
     return model._replace(forces=forces)
 
@@ -94,14 +97,17 @@ def _at_rest(model: Model) -> Model:
 def _energy(model: Model, q: np.ndarray) -> float:
     """Potential energy [J]."""
     count = len(model.mass)
-    stored = report_forces(model, 0.0, 0.0, q, np.zeros_like(q), np.zeros((len(model.forces), 3)))
+    turns, still = turns_of(q), np.zeros_like(q)
+    held = held_at(model, 0.0, 0.0, q, still)
+    stored = report_forces(model, held, 0.0, 0.0, q, turns, still, np.zeros((len(model.forces), 3)))
     return float(stored + model.gravity * np.sum(model.mass[1::3] * q[1:count:3]))
 
 
 def _forces(model: Model, q: np.ndarray) -> np.ndarray:
     """Scaled generalised forces (n,) [N]."""
-    total = np.zeros_like(q)
-    evaluate_forces(model, 0.0, 0.0, q, np.zeros_like(q), total, np.zeros(3))
+    total, still = np.zeros_like(q), np.zeros_like(q)
+    held = held_at(model, 0.0, 0.0, q, still)
+    evaluate_forces(model, held, 0.0, 0.0, q, turns_of(q), still, total, np.zeros(3))
     return total[: len(model.mass)] * model.column_scale
 
 

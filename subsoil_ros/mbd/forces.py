@@ -1,96 +1,99 @@
-"""Forces of the machine: gravity, spring-dampers, coordinate springs, loads, wheels on the ground.
+"""Forces of the machine: their sum, the branches they are on, and what is reported of them.
 
-Every kind has one function giving its force and the energy it handles; summing, reporting and the
-detection of switching all read that one.
+`held` is whatever has `regimes` and `multipliers`: the State, or Held. Summing, reporting and the detection
+of switching all read the elements' own functions (elements.py).
 """
 
-import math
+from typing import NamedTuple
+
+import numpy as np
 
 from .compiled import inner_kernel, kernel
-from .constraints import turned
-from .laws import law_rate, law_value
+from .constraints import turned, turns_of
+from .elements import (
+    coordinate_stretch,
+    joint_friction,
+    measure,
+    spring_push,
+    spring_regime,
+    stop_push,
+    wheel_contact,
+    wheel_regime,
+)
+from .laws import law_value
 from .tables import (
     BY_DRIVERS,
     BY_LOADS,
     COORDINATE_SPRING,
     DISSIPATED,
+    LOCKED_SPRING,
+    LOCKED_TORSION,
     POINT_LOAD,
     SPRING_DAMPER,
+    TORSION_SPRING,
+    TRAVEL_FRICTION,
+    TRAVEL_SPRING,
+    TURN_FRICTION,
     WHEEL_CONTACT,
+    Model,
 )
 
 
-@inner_kernel
-def spring_line(force, q, v):
-    """Direction from point a to point b, arms, length and its rate: (ux, uz, ax, az, bx, bz, L, L')."""
-    a, b = 3 * force.body_a, 3 * force.body_b
-    ax, az = turned(q[a + 2], force.point_a)
-    bx, bz = turned(q[b + 2], force.point_b)
-    dx, dz = q[b] + bx - q[a] - ax, q[b + 1] + bz - q[a + 1] - az
-    length = math.sqrt(dx * dx + dz * dz)
-    ux, uz = dx / length, dz / length
-    vx = v[b] - v[b + 2] * bz - v[a] + v[a + 2] * az
-    vz = v[b + 1] + v[b + 2] * bx - v[a + 1] - v[a + 2] * ax
-    return ux, uz, ax, az, bx, bz, length, ux * vx + uz * vz
+class Held(NamedTuple):
+    """What forces depend on beside position and velocity."""
+
+    regimes: np.ndarray  # (forces,) int64
+    multipliers: np.ndarray  # (m,) float64 [N or N m]
 
 
 @inner_kernel
-def coordinate_spring(model, force, time, select, q, v):
-    """Force on the coordinate, its elastic part, stretch e = target - q, e', and the target's rate.
+def _is_spring(force):
+    return force.kind == SPRING_DAMPER or force.kind == TORSION_SPRING or force.kind == TRAVEL_SPRING
 
-    With one way only, the whole force is cut at zero, and the elastic part too.
-    """
-    stretch = law_value(model.laws, force.laws[0], time, select) - q[force.coordinate]
-    target_rate = law_rate(model.laws, force.laws[0], time, select)
-    rate = target_rate - v[force.coordinate]
-    elastic = force.stiffness * stretch
-    total = elastic + force.damping * rate
-    if force.way * total < 0.0:
-        total = 0.0
-    if force.way * elastic < 0.0:
+
+@inner_kernel
+def _is_friction(force):
+    return force.kind == TURN_FRICTION or force.kind == TRAVEL_FRICTION
+
+
+@inner_kernel
+def _is_locked(force):
+    return force.kind == LOCKED_SPRING or force.kind == LOCKED_TORSION
+
+
+@inner_kernel
+def _add_between(model, held, i, q, turns, v, total, powers):
+    """A spring, stop or friction between two bodies."""
+    force = model.forces[i]
+    value, rate, ux, uz, ax, az, bx, bz = measure(force, q, turns, v)
+    if _is_friction(force):
+        push = joint_friction(model, force, held.multipliers, rate)
         elastic = 0.0
-    return total, elastic, stretch, rate, target_rate
-
-
-@inner_kernel
-def wheel_contact(force, q, v):
-    """Normal force, its elastic part, friction on the wheel along x, penetration, its rate, slip speed.
-
-    The ground pushes only. Friction acts at the rolling radius and follows tanh(slip / slip speed).
-    """
-    body = 3 * force.body_b
-    penetration = force.ground + force.length - q[body + 1]
-    rate = -v[body + 1]
-    slip = v[body] + force.length * v[body + 2]
-    if penetration <= 0.0:
-        return 0.0, 0.0, 0.0, penetration, rate, slip
-    elastic = force.stiffness * penetration
-    normal = max(0.0, elastic + force.damping * rate)
-    friction = -force.friction * normal * math.tanh(slip / force.slip_speed)
-    return normal, elastic, friction, penetration, rate, slip
-
-
-@inner_kernel
-def _add_spring_damper(force, q, v, total, powers):
-    ux, uz, ax, az, bx, bz, length, rate = spring_line(force, q, v)
-    push = force.stiffness * (force.length - length) - force.damping * rate  # compression positive
+    else:
+        push, elastic, _ = spring_push(model, force, held.regimes[i], force.length - value, -rate)
+        stop, stop_elastic, _ = stop_push(force, held.regimes[i], value, rate)
+        push, elastic = push + stop, elastic + stop_elastic
     a, b = 3 * force.body_a, 3 * force.body_b
-    fx, fz = push * ux, push * uz
-    total[b] += fx
-    total[b + 1] += fz
-    total[b + 2] += bx * fz - bz * fx
-    total[a] -= fx
-    total[a + 1] -= fz
-    total[a + 2] -= ax * fz - az * fx
-    powers[DISSIPATED] += force.damping * rate * rate
+    if ux == 0.0 and uz == 0.0:
+        total[b + 2] += push
+        total[a + 2] -= push
+    else:
+        fx, fz = push * ux, push * uz
+        total[b] += fx
+        total[b + 1] += fz
+        total[b + 2] += bx * fz - bz * fx
+        total[a] -= fx
+        total[a + 1] -= fz
+        total[a + 2] -= ax * fz - az * fx
+    powers[DISSIPATED] += (elastic - push) * rate
 
 
 @inner_kernel
-def _add_point_load(model, force, time, select, q, v, total, powers):
+def _add_point_load(model, force, time, select, q, turns, v, total, powers):
     body = 3 * force.body_b
     fx = law_value(model.laws, force.laws[0], time, select)
     fz = law_value(model.laws, force.laws[1], time, select)
-    px, pz = turned(q[body + 2], force.point_b)
+    px, pz = turned(turns, force.body_b, force.point_b)
     moment = law_value(model.laws, force.laws[2], time, select) + px * fz - pz * fx
     total[body] += fx
     total[body + 1] += fz
@@ -99,7 +102,7 @@ def _add_point_load(model, force, time, select, q, v, total, powers):
 
 
 @kernel
-def evaluate_forces(model, time, select, q, v, total, powers):
+def evaluate_forces(model, held, time, select, q, turns, v, total, powers):
     """Generalised forces [N, N, N m] into `total` (n + 3,), and their `powers` (3,) [W].
 
     A moving target of a coordinate spring works on the machine like a driver and is booked there.
@@ -110,17 +113,18 @@ def evaluate_forces(model, time, select, q, v, total, powers):
         total[i] = -model.mass[i] * model.gravity
     for i in range(model.forces.shape[0]):
         force = model.forces[i]
-        if force.kind == SPRING_DAMPER:
-            _add_spring_damper(force, q, v, total, powers)
+        if _is_spring(force) or _is_friction(force):
+            _add_between(model, held, i, q, turns, v, total, powers)
         elif force.kind == POINT_LOAD:
-            _add_point_load(model, force, time, select, q, v, total, powers)
+            _add_point_load(model, force, time, select, q, turns, v, total, powers)
         elif force.kind == COORDINATE_SPRING:
-            push, elastic, _, rate, target_rate = coordinate_spring(model, force, time, select, q, v)
+            stretch, rate, target_rate = coordinate_stretch(model, force, time, select, q, v)
+            push, elastic, _ = spring_push(model, force, held.regimes[i], stretch, rate)
             total[force.coordinate] += push
             powers[BY_DRIVERS] += push * target_rate
             powers[DISSIPATED] += (push - elastic) * rate
         elif force.kind == WHEEL_CONTACT:
-            normal, elastic, friction, _, rate, slip = wheel_contact(force, q, v)
+            normal, elastic, friction, _, rate, slip = wheel_contact(force, held.regimes[i], q, v)
             body = 3 * force.body_b
             total[body] += friction
             total[body + 1] += normal
@@ -129,42 +133,59 @@ def evaluate_forces(model, time, select, q, v, total, powers):
 
 
 @kernel
-def evaluate_regimes(model, time, select, q, v, regimes):
-    """The branch every unilateral force is on, into `regimes` (forces,): 0 off, 1 on, 2 cut at zero."""
+def evaluate_regimes(model, time, select, q, turns, v, regimes):
+    """The branch every force is on at this state, into `regimes` (forces,)."""
     for i in range(model.forces.shape[0]):
         force = model.forces[i]
         regimes[i] = 0
         if force.kind == WHEEL_CONTACT:
-            normal, _, _, penetration, _, _ = wheel_contact(force, q, v)
-            if penetration > 0.0:
-                regimes[i] = 1 if normal > 0.0 else 2
-        elif force.kind == COORDINATE_SPRING and force.way != 0:
-            push, _, _, _, _ = coordinate_spring(model, force, time, select, q, v)
-            regimes[i] = 1 if push != 0.0 else 0
+            regimes[i] = wheel_regime(force, q, v)
+        elif force.kind == COORDINATE_SPRING:
+            if force.way != 0:
+                stretch, rate, _ = coordinate_stretch(model, force, time, select, q, v)
+                regimes[i] = spring_regime(model, force, stretch, rate, 0.0, 0.0)
+        elif _is_spring(force) and (
+            force.way != 0 or force.curve_count > 0 or force.lower > -np.inf or force.upper < np.inf
+        ):
+            value, rate, _, _, _, _, _, _ = measure(force, q, turns, v)
+            regimes[i] = spring_regime(model, force, force.length - value, -rate, value, rate)
 
 
 @kernel
-def report_forces(model, time, select, q, v, report):
+def report_forces(model, held, time, select, q, turns, v, report):
     """Length, rate [m, m/s] (or rad) and force of every element into `report` (forces, 3).
 
-    Answers the energy stored in springs and wheel contacts [J].
+    Answers the energy stored in springs, stops and wheel contacts [J]. Of a locked spring the force is left
+    at zero: it is that of its constraint.
     """
-    stored = 0.0
+    total = 0.0
     for i in range(model.forces.shape[0]):
         force = model.forces[i]
-        if force.kind == SPRING_DAMPER:
-            _, _, _, _, _, _, length, rate = spring_line(force, q, v)
-            stretch = force.length - length
-            elastic = force.stiffness * stretch
-            report[i, 0], report[i, 1] = length, rate
-            report[i, 2] = elastic - force.damping * rate
+        regime = held.regimes[i]
+        if _is_spring(force) or _is_friction(force) or _is_locked(force):
+            value, rate, _, _, _, _, _, _ = measure(force, q, turns, v)
+            report[i, 0], report[i, 1], report[i, 2] = value, rate, 0.0
+            if _is_friction(force):
+                report[i, 2] = joint_friction(model, force, held.multipliers, rate)
+            elif _is_spring(force):
+                push, _, stored = spring_push(model, force, regime, force.length - value, -rate)
+                stop, _, stop_stored = stop_push(force, regime, value, rate)
+                report[i, 2] = push + stop
+                total += stored + stop_stored
         elif force.kind == COORDINATE_SPRING:
-            push, elastic, stretch, _, _ = coordinate_spring(model, force, time, select, q, v)
+            stretch, rate, _ = coordinate_stretch(model, force, time, select, q, v)
+            push, _, stored = spring_push(model, force, regime, stretch, rate)
             report[i, 0], report[i, 1], report[i, 2] = q[force.coordinate], v[force.coordinate], push
+            total += stored
         elif force.kind == WHEEL_CONTACT:
-            normal, elastic, _, stretch, rate, _ = wheel_contact(force, q, v)
-            report[i, 0], report[i, 1], report[i, 2] = stretch, rate, normal
-        else:
-            continue
-        stored += 0.5 * elastic * stretch
-    return stored
+            normal, elastic, _, penetration, rate, _ = wheel_contact(force, regime, q, v)
+            report[i, 0], report[i, 1], report[i, 2] = penetration, rate, normal
+            total += 0.5 * elastic * penetration
+    return total
+
+
+def held_at(model: Model, time: float, select: float, q: np.ndarray, v: np.ndarray) -> Held:
+    """The branches at a state; multipliers zero."""
+    regimes = np.zeros(len(model.forces), dtype=np.int64)
+    evaluate_regimes(model, time, select, q, turns_of(q), v, regimes)
+    return Held(regimes, np.zeros(len(model.row_scale)))

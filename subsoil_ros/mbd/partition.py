@@ -6,7 +6,7 @@ All of it works in scaled coordinates (tables.py), so that pivots, residuals and
 import numpy as np
 
 from .compiled import inner_kernel
-from .constraints import evaluate_jacobian, evaluate_residual, evaluate_speed
+from .constraints import evaluate_jacobian, evaluate_residual, evaluate_speed, evaluate_turns
 from .linear import inverse_norm, lu_factor, lu_solve, pivot_fully
 from .tables import NOT_CLOSED, OK, PARTITION_COUNT, SINGULAR
 
@@ -40,8 +40,8 @@ def condition_estimate(state, work):
 
 @inner_kernel
 def factor_dependent(model, state, work, q):
-    """Jacobian at `q`, and the LU of its dependent part; False if that is singular."""
-    evaluate_jacobian(model, q, work.jacobian)
+    """Jacobian at `q` (its turns current), and the LU of its dependent part; False if that is singular."""
+    evaluate_jacobian(model, q, work.turns, work.jacobian)
     for i in range(state.rows.shape[0]):
         for j in range(state.dependent.shape[0]):
             work.factor[i, j] = work.jacobian[state.rows[i], state.dependent[j]]
@@ -51,7 +51,8 @@ def factor_dependent(model, state, work, q):
 @inner_kernel
 def choose_partition(model, state, work, q):
     """Choose dependent coordinates and independent rows at `q` by full pivoting; OK or SINGULAR."""
-    evaluate_jacobian(model, q, work.jacobian)
+    evaluate_turns(q, work.turns)
+    evaluate_jacobian(model, q, work.turns, work.jacobian)
     rank = state.rows.shape[0]
     matrix = work.jacobian[:, : model.mass.shape[0]].copy()
     rows = np.arange(matrix.shape[0])
@@ -82,7 +83,8 @@ def close_positions(model, state, work, time, select, q):
         reach = max(reach, abs(q[i]))
     tolerance = max(CLOSURE * model.size, ROUND_OFF * reach)
     for iteration in range(LAST_ITERATION):
-        evaluate_residual(model, time, select, q, work.residual)
+        evaluate_turns(q, work.turns)
+        evaluate_residual(model, time, select, q, work.turns, work.residual)
         closed = True
         for i in range(state.rows.shape[0]):
             work.right[i] = -work.residual[state.rows[i]]
@@ -103,11 +105,14 @@ def close_positions(model, state, work, time, select, q):
 def close_velocities(model, state, work, time, select, v):
     """Dependent velocities from the independent ones (eq. 4); factor and Jacobian must be current."""
     evaluate_speed(model, time, select, work.residual)
+    for k in range(state.independent.shape[0]):
+        j = state.independent[k]
+        work.reduced_force[k] = v[j] / model.column_scale[j]
     for i in range(state.rows.shape[0]):
         row = state.rows[i]
         total = work.residual[row]
-        for j in state.independent:
-            total -= work.jacobian[row, j] * v[j] / model.column_scale[j]
+        for k in range(state.independent.shape[0]):
+            total -= work.jacobian[row, state.independent[k]] * work.reduced_force[k]
         work.right[i] = total
     lu_solve(work.factor, work.pivots, work.right)
     for i in range(state.dependent.shape[0]):

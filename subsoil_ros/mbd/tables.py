@@ -12,8 +12,13 @@ import numpy as np
 
 from .laws import LawTable
 
-REVOLUTE, PRISMATIC, FIXED, DRIVER = 0, 1, 2, 3
+# Kinds of joints; drivers come last. A rod is a locked spring_damper, a turn lock a locked torsion_spring.
+REVOLUTE, PRISMATIC, FIXED, POINT_ON_LINE, ROD, TURN_LOCK, DRIVER, RELATIVE_DRIVER = 0, 1, 2, 3, 4, 5, 6, 7
+
+# Kinds of forces.
 SPRING_DAMPER, COORDINATE_SPRING, POINT_LOAD, WHEEL_CONTACT = 0, 1, 2, 3
+TORSION_SPRING, TRAVEL_SPRING, TURN_FRICTION, TRAVEL_FRICTION = 4, 5, 6, 7
+LOCKED_SPRING, LOCKED_TORSION = 8, 9
 
 JOINT = np.dtype(
     [
@@ -21,12 +26,16 @@ JOINT = np.dtype(
         ("body_a", np.int64),
         ("body_b", np.int64),
         ("row", np.int64),  # its first row of Phi
-        ("coordinate", np.int64),  # driver: index into q
+        ("coordinate", np.int64),  # driver: index into q; relative driver: 0 x, 1 z, 2 angle
         ("law", np.int64),  # driver: its speed
         ("point_a", np.float64, 2),  # in the frame of body_a [m]
         ("point_b", np.float64, 2),  # in the frame of body_b [m]
-        ("normal", np.float64, 2),  # prismatic: unit normal of the line, in the frame of body_a
-        ("offset", np.float64),  # phi_b - phi_a [rad]; driver: start of the coordinate
+        (
+            "normal",
+            np.float64,
+            2,
+        ),  # unit vector in the frame of body_a: normal of a line; relative driver: its axis
+        ("offset", np.float64),  # phi_b - phi_a [rad]; rod: length [m]; driver: start of the coordinate
     ],
     align=True,
 )
@@ -38,29 +47,50 @@ FORCE = np.dtype(
         ("body_b", np.int64),  # the only body of a one-body force
         ("coordinate", np.int64),  # coordinate spring: index into q
         ("laws", np.int64, 3),  # coordinate spring: target; point load: x, z, moment
-        ("way", np.int64),  # coordinate spring: 0 both ways, 1 only positive, -1 only negative force
+        ("way", np.int64),  # spring: 0 both ways, 1 only positive, -1 only negative force
+        ("joint", np.int64),  # friction: the joint whose reaction presses; locked: the joint in its place
+        ("curve", np.int64),  # first row of its table in Model.curves
+        ("curve_count", np.int64),  # rows of its table, 0 without
         ("point_a", np.float64, 2),  # in the frame of body_a [m]
         ("point_b", np.float64, 2),  # in the frame of body_b [m]
+        ("origin", np.float64),  # phi_b - phi_a that counts as zero angle [rad]
+        ("axis", np.float64, 2),  # unit vector of the travel, in the frame of body_a
         ("stiffness", np.float64),  # [N/m] or [N m/rad]
         ("damping", np.float64),  # [N s/m] or [N m s/rad]
-        ("length", np.float64),  # spring: free length; wheel: radius [m]
+        ("preload", np.float64),  # [N] or [N m]
+        ("length", np.float64),  # spring: free length [m] or rest angle [rad]; wheel, pin: radius [m]
+        ("lower", np.float64),  # stops on length, angle or travel, -inf or inf without [m] or [rad]
+        ("upper", np.float64),
+        ("stop_stiffness", np.float64),
+        ("stop_damping", np.float64),
         ("ground", np.float64),  # wheel: height of the ground [m]
         ("friction", np.float64),
-        ("slip_speed", np.float64),  # [m/s]
+        ("slip_speed", np.float64),  # [m/s] or [rad/s]
     ],
     align=True,
 )
 
-ROWS_OF_KIND = {REVOLUTE: 2, PRISMATIC: 2, FIXED: 3, DRIVER: 1}
+ROWS_OF_KIND = {
+    REVOLUTE: 2,
+    PRISMATIC: 2,
+    FIXED: 3,
+    POINT_ON_LINE: 1,
+    ROD: 1,
+    TURN_LOCK: 1,
+    DRIVER: 1,
+    RELATIVE_DRIVER: 1,
+}
 
 # Entries of the books of energy: `powers` has the first three, `work` all four.
 BY_DRIVERS, DISSIPATED, BY_LOADS, BY_WRENCHES = 0, 1, 2, 3
 
 # Entries of State.counters.
-PAST_COUNT, PARTITION_COUNT, RESTART_COUNT = 0, 1, 2
+PAST_COUNT, PARTITION_COUNT, RESTART_COUNT, EVENT_COUNT = 0, 1, 2, 3
+
+ADAMS_MOULTON, RUNGE_KUTTA_4, GENERALIZED_ALPHA = 0, 1, 2
 
 # What a kernel answers.
-OK, NOT_CLOSED, SINGULAR, CONTRADICTION, NOT_FINITE = 0, 1, 2, 3, 4
+OK, NOT_CLOSED, SINGULAR, CONTRADICTION, NOT_FINITE, JAMMED, NOT_SOLVED = 0, 1, 2, 3, 4, 5, 6
 
 
 class Model(NamedTuple):
@@ -69,6 +99,9 @@ class Model(NamedTuple):
     mass: np.ndarray  # (n,) float64: mass [kg], mass, inertia [kg m^2] of every body
     joints: np.ndarray  # (joints,) JOINT
     forces: np.ndarray  # (forces,) FORCE
+    curves: (
+        np.ndarray
+    )  # (points, 3) float64: compression, force, energy stored from there to zero compression
     laws: LawTable
     corners: np.ndarray  # (corners,) float64 [s]: slopes of laws jump here
     row_scale: np.ndarray  # (m,) float64: 1, or `size` for a row in radians
@@ -77,6 +110,8 @@ class Model(NamedTuple):
     gravity: float  # [m/s^2], along -z
     size: float  # of the machine [m]
     step: float  # [s]
+    integrator: int  # ADAMS_MOULTON, RUNGE_KUTTA_4, GENERALIZED_ALPHA
+    pressed: bool  # some joint's friction depends on its reaction
 
 
 class State(NamedTuple):
@@ -95,13 +130,14 @@ class State(NamedTuple):
     dependent: np.ndarray  # (r,) int64: coordinates u
     independent: np.ndarray  # (n - r,) int64: coordinates v
     condition: np.ndarray  # (1,) float64: of Phi_u when chosen; 0: not measured yet
-    regimes: np.ndarray  # (forces,) int64: which branch each unilateral force is on
-    counters: np.ndarray  # (3,) int64
+    regimes: np.ndarray  # (forces,) int64: the branch each force is on, see forces.py
+    counters: np.ndarray  # (4,) int64
 
 
 class Workspace(NamedTuple):
     """Memory that kernels write before they read; carries nothing from tick to tick."""
 
+    turns: np.ndarray  # (bodies + 1, 2) float64: cosine and sine of every angle of `q`
     residual: np.ndarray  # (m,) float64, Phi, scaled
     jacobian: np.ndarray  # (m, n + 3) float64, Phi_q, scaled
     gamma: np.ndarray  # (m,) float64
@@ -118,9 +154,16 @@ class Workspace(NamedTuple):
     v: np.ndarray
     a: np.ndarray
     powers: np.ndarray  # (3,) float64
+    previous: np.ndarray  # (m,) float64: multipliers of the iteration before
     sums: np.ndarray  # (2, n + 3) float64
     power_sums: np.ndarray  # (3,) float64
     regimes: np.ndarray  # (forces,) int64
+    trial_q: np.ndarray  # (n + 3,) float64: inside a step, where a branch ends
+    trial_v: np.ndarray
+    newton: np.ndarray  # (n - r, n - r) float64: generalized-alpha
+    newton_pivots: np.ndarray  # (n - r,) int64
+    newton_right: np.ndarray  # (n - r,) float64
+    unknown: np.ndarray  # (n + 3,) float64 [m/s^2, rad/s^2]
 
 
 def make_state(coordinates: int, rows: int, rank: int, forces: int, order: int) -> State:
@@ -140,7 +183,7 @@ def make_state(coordinates: int, rows: int, rank: int, forces: int, order: int) 
         independent=np.zeros(coordinates - rank, dtype=np.int64),
         condition=np.ones(1),
         regimes=np.zeros(forces, dtype=np.int64),
-        counters=np.zeros(3, dtype=np.int64),
+        counters=np.zeros(4, dtype=np.int64),
     )
 
 
@@ -148,6 +191,7 @@ def make_workspace(coordinates: int, rows: int, rank: int, forces: int) -> Works
     """Memory for a machine of n = `coordinates`, m = `rows`, r = `rank`."""
     freedom = coordinates - rank
     return Workspace(
+        turns=np.zeros((coordinates // 3 + 1, 2)),
         residual=np.zeros(rows),
         jacobian=np.zeros((rows, coordinates + 3)),
         gamma=np.zeros(rows),
@@ -164,7 +208,14 @@ def make_workspace(coordinates: int, rows: int, rank: int, forces: int) -> Works
         v=np.zeros(coordinates + 3),
         a=np.zeros(coordinates + 3),
         powers=np.zeros(3),
+        previous=np.zeros(rows),
         sums=np.zeros((2, coordinates + 3)),
         power_sums=np.zeros(3),
         regimes=np.zeros(forces, dtype=np.int64),
+        trial_q=np.zeros(coordinates + 3),
+        trial_v=np.zeros(coordinates + 3),
+        newton=np.zeros((freedom, freedom)),
+        newton_pivots=np.zeros(freedom, dtype=np.int64),
+        newton_right=np.zeros(freedom),
+        unknown=np.zeros(coordinates + 3),
     )

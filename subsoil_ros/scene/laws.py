@@ -1,10 +1,13 @@
-"""Functions of time named in a scene: constant, ramp, sine, table."""
+"""Functions of time named in a scene: constant, ramp, sine, half-sine, polynomial, table, and sums."""
 
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from .base import Finite, NonNegative, Part, Positive
+
+LARGEST_DEGREE = 7
+"""Of a polynomial law: enough for rest-to-rest moves with continuous jerk."""
 
 
 class ConstantLaw(Part):
@@ -56,4 +59,43 @@ class TableLaw(Part):
         return self
 
 
-Law = Annotated[ConstantLaw | RampLaw | SineLaw | TableLaw, Field(discriminator="kind")]
+class HalfSineLaw(Part):
+    """peak * sin(pi (t - start) / duration) while that is positive for the first time, else zero: a knock."""
+
+    kind: Literal["half_sine"]
+    peak: Finite
+    start_s: NonNegative = 0.0
+    duration_s: Positive
+
+
+class PolynomialLaw(Part):
+    """Sum of coefficients[k] * (t - start_s)^k from start_s to end_s; the end values hold outside."""
+
+    kind: Literal["polynomial"]
+    coefficients: tuple[Finite, ...] = Field(min_length=1, max_length=LARGEST_DEGREE + 1)
+    start_s: NonNegative = 0.0
+    end_s: Positive | None = None  # None: it never ends
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "PolynomialLaw":
+        if self.end_s is not None and self.end_s <= self.start_s:
+            raise ValueError(f"end_s {self.end_s} must be later than start_s {self.start_s}")
+        return self
+
+
+SimpleLaw = Annotated[
+    ConstantLaw | RampLaw | SineLaw | HalfSineLaw | PolynomialLaw | TableLaw, Field(discriminator="kind")
+]
+
+
+class SumLaw(Part):
+    """The sum of its terms."""
+
+    kind: Literal["sum"]
+    terms: tuple[SimpleLaw, ...] = Field(min_length=1)
+
+
+Law = Annotated[
+    ConstantLaw | RampLaw | SineLaw | HalfSineLaw | PolynomialLaw | TableLaw | SumLaw,
+    Field(discriminator="kind"),
+]

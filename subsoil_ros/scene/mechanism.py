@@ -1,5 +1,6 @@
 """A planar machine: bodies, joints and forces, all given in one reference pose in world axes."""
 
+import itertools
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -23,6 +24,64 @@ class Body(Part):
     angular_velocity_rad_per_s: Finite | None = None
 
 
+class TurnStops(Part):
+    """Ends of the turn of body_b against body_a, zero in the reference pose: one-sided spring-dampers."""
+
+    lower_rad: Finite | None = None
+    upper_rad: Finite | None = None
+    stiffness_newton_m_per_rad: Positive
+    damping_newton_m_s_per_rad: NonNegative = 0.0
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "TurnStops":
+        _check_ends("rad", self.lower_rad, self.upper_rad)
+        return self
+
+
+class TravelStops(Part):
+    """Ends of a travel or of a length: one-sided spring-dampers."""
+
+    lower_m: Finite | None = None
+    upper_m: Finite | None = None
+    stiffness_newton_per_m: Positive
+    damping_newton_s_per_m: NonNegative = 0.0
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "TravelStops":
+        _check_ends("m", self.lower_m, self.upper_m)
+        return self
+
+
+def _check_ends(unit: str, lower: float | None, upper: float | None) -> None:
+    if lower is None and upper is None:
+        raise ValueError(f"give lower_{unit}, upper_{unit} or both")
+    if lower is not None and upper is not None and upper <= lower:
+        raise ValueError(f"upper_{unit} {upper} must be larger than lower_{unit} {lower}")
+
+
+class TurnFriction(Part):
+    """Moment (preload + coefficient * radius * force in the pin) * tanh(turning speed / slip speed)."""
+
+    preload_newton_m: NonNegative = 0.0
+    coefficient: NonNegative = 0.0
+    radius_m: NonNegative = 0.0  # of the pin
+    slip_speed_rad_per_s: Positive = 0.01  # chosen: friction reaches 76 % of its limit at this speed
+
+    @model_validator(mode="after")
+    def _whole(self) -> "TurnFriction":
+        if (self.coefficient > 0.0) != (self.radius_m > 0.0):
+            raise ValueError("coefficient and radius_m are needed together")
+        return self
+
+
+class TravelFriction(Part):
+    """Force (preload + coefficient * force across the line) * tanh(sliding speed / slip speed)."""
+
+    preload_newton: NonNegative = 0.0
+    coefficient: NonNegative = 0.0
+    slip_speed_m_per_s: Positive = 0.01  # chosen: friction reaches 76 % of its limit at this speed
+
+
 class Revolute(Part):
     """Two bodies share a point."""
 
@@ -31,6 +90,8 @@ class Revolute(Part):
     body_b: str
     point_m: Point  # used for both bodies unless point_b_m is given
     point_b_m: Point | None = None
+    friction: TurnFriction | None = None
+    stops: TurnStops | None = None
 
 
 class Prismatic(Part):
@@ -41,6 +102,20 @@ class Prismatic(Part):
     body_b: str
     point_m: Point
     axis: Point  # direction of the line in world axes, any length but zero
+    friction: TravelFriction | None = None
+    stops: TravelStops | None = None  # of the travel along the axis, zero in the reference pose
+
+
+class PointOnLine(Part):
+    """A point of body_b slides along a line fixed in body_a; body_b is free to turn."""
+
+    kind: Literal["point_on_line"]
+    body_a: str
+    body_b: str
+    point_m: Point  # of body_b, and a point of the line
+    axis: Point  # direction of the line in world axes, any length but zero
+    friction: TravelFriction | None = None
+    stops: TravelStops | None = None  # of the travel along the axis, zero in the reference pose
 
 
 class Fixed(Part):
@@ -53,28 +128,113 @@ class Fixed(Part):
 
 
 class Driver(Part):
-    """Prescribes the speed of one coordinate of a body: x, z (m/s) or angle (rad/s) in world axes."""
+    """Prescribes the speed of one coordinate of a body: x, z (m/s) or angle (rad/s).
+
+    Absolute: in world axes. With `relative_to`: the angle against that body, or the way of the centre of
+    mass along the x or z axis that is fixed in that body (and is the world's in the reference pose).
+    """
 
     kind: Literal["driver"]
     body: str
     coordinate: Literal["x", "z", "angle"]
     speed: Law  # m/s or rad/s; the coordinate starts from its initial value
+    relative_to: str | None = None
 
 
-Joint = Annotated[Revolute | Prismatic | Fixed | Driver, Field(discriminator="kind")]
+Joint = Annotated[Revolute | Prismatic | PointOnLine | Fixed | Driver, Field(discriminator="kind")]
+
+
+class ForceTable(Part):
+    """A spring's force against its compression: linear between the points and beyond the last two."""
+
+    compressions_m: tuple[Finite, ...] = Field(min_length=2)  # free length less length
+    forces_newton: tuple[Finite, ...] = Field(min_length=2)  # positive in compression
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "ForceTable":
+        _check_table("compressions_m", self.compressions_m, "forces_newton", self.forces_newton)
+        return self
+
+
+class MomentTable(Part):
+    """A torsion spring's moment against the angle back to rest: linear between the points and beyond."""
+
+    angles_rad: tuple[Finite, ...] = Field(min_length=2)  # rest angle less angle
+    moments_newton_m: tuple[Finite, ...] = Field(min_length=2)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "MomentTable":
+        _check_table("angles_rad", self.angles_rad, "moments_newton_m", self.moments_newton_m)
+        return self
+
+
+def _check_table(key: str, places: tuple[float, ...], value_key: str, values: tuple[float, ...]) -> None:
+    if len(places) != len(values):
+        raise ValueError(f"{key} has {len(places)} entries, {value_key} {len(values)}")
+    if any(b <= a for a, b in itertools.pairwise(places)):
+        raise ValueError(f"{key} must increase")
 
 
 class SpringDamper(Part):
-    """Linear spring and damper between two points; its force is positive in compression."""
+    """Spring and damper between two points; its force is positive in compression.
+
+    force = stiffness (free_length - length) + preload - damping * rate; `table` takes the place of
+    stiffness. With `only` it acts one way: as a rope (tension) or a bumper (compression). A locked one is
+    a rigid rod of the length it has in the reference pose, and counts as a constraint.
+    """
 
     kind: Literal["spring_damper"]
     body_a: str
     point_a_m: Point
     body_b: str
     point_b_m: Point
-    stiffness_newton_per_m: NonNegative
+    stiffness_newton_per_m: NonNegative | None = None
     damping_newton_s_per_m: NonNegative = 0.0
     free_length_m: Positive
+    preload_newton: Finite = 0.0  # at the free length
+    only: Literal["both", "tension", "compression"] = "both"
+    table: ForceTable | None = None
+    stops: TravelStops | None = None  # of the length
+    locked: bool = False
+
+    @model_validator(mode="after")
+    def _one_law(self) -> "SpringDamper":
+        _check_spring("stiffness_newton_per_m", self.stiffness_newton_per_m, self.only, self.table)
+        return self
+
+
+class TorsionSpring(Part):
+    """Spring and damper on the angle of body_b against body_a, which is zero in the reference pose.
+
+    moment on body_b = stiffness (rest_angle - angle) + preload - damping * rate; the rest as for
+    spring_damper.
+    """
+
+    kind: Literal["torsion_spring"]
+    body_a: str
+    body_b: str
+    stiffness_newton_m_per_rad: NonNegative | None = None
+    damping_newton_m_s_per_rad: NonNegative = 0.0
+    rest_angle_rad: Finite = 0.0
+    preload_newton_m: Finite = 0.0  # at the rest angle
+    only: Literal["both", "positive", "negative"] = "both"  # sign of the moment on body_b
+    table: MomentTable | None = None
+    stops: TurnStops | None = None
+    locked: bool = False
+
+    @model_validator(mode="after")
+    def _one_law(self) -> "TorsionSpring":
+        _check_spring("stiffness_newton_m_per_rad", self.stiffness_newton_m_per_rad, self.only, self.table)
+        return self
+
+
+def _check_spring(key: str, stiffness: float | None, only: str, table: Part | None) -> None:
+    if (stiffness is None) == (table is None):
+        raise ValueError(f"needs one of {key} (0 for a damper alone) and table")
+    if table is not None and only != "both":
+        raise ValueError(f"only: '{only}' does not go with a table; let the table be zero on that side")
+    if only != "both" and stiffness == 0.0:
+        raise ValueError(f"only: '{only}' needs a stiffness above 0")
 
 
 class CoordinateSpring(Part):
@@ -117,7 +277,9 @@ class WheelContact(Part):
     slip_speed_m_per_s: Positive = 0.02  # chosen: friction reaches 76 % of its limit at this slip
 
 
-Force = Annotated[SpringDamper | CoordinateSpring | PointLoad | WheelContact, Field(discriminator="kind")]
+Force = Annotated[
+    SpringDamper | TorsionSpring | CoordinateSpring | PointLoad | WheelContact, Field(discriminator="kind")
+]
 
 
 class InitialState(Part):
@@ -141,6 +303,7 @@ class Mechanism(Part):
     forces: dict[str, Force] = {}
     draft_driver: str | None = None  # the joint whose x force is the draft
     initial: InitialState = InitialState()
+    integrator: Literal["adams_moulton", "runge_kutta_4", "generalized_alpha"] = "adams_moulton"
     integrator_order: Literal[2, 3, 4] = 4  # of Adams-Moulton
 
     @model_validator(mode="after")
@@ -150,7 +313,7 @@ class Mechanism(Part):
         known = [*self.bodies, GROUND]
         for section, items in (("joints", self.joints), ("forces", self.forces)):
             for name, item in items.items():
-                for key in ("body", "body_a", "body_b"):
+                for key in ("body", "body_a", "body_b", "relative_to"):
                     body = getattr(item, key, None)
                     if body is not None and body not in known:
                         raise ValueError(
@@ -160,6 +323,8 @@ class Mechanism(Part):
                         raise ValueError(f"{section}.{name}.body: the ground cannot be loaded or driven")
                 if getattr(item, "body_a", 0) == getattr(item, "body_b", 1):
                     raise ValueError(f"{section}.{name}: body_a and body_b are the same body")
+                if getattr(item, "relative_to", None) == getattr(item, "body", 1):
+                    raise ValueError(f"{section}.{name}.relative_to: is the driven body itself")
                 axis = getattr(item, "axis", None)
                 if axis == (0.0, 0.0):
                     raise ValueError(f"{section}.{name}.axis: has no direction")

@@ -174,7 +174,11 @@ def test_override_of_a_default(scene_file: Path) -> None:
         ("duration_s: 1e-1", "duration_s: 1\nduration_s: 2", ["4:1", "'duration_s' is given twice", "3"]),
         ("duration_s: 1e-1", "2: 3", ["key 2 is not text"]),
         ("kind: revolute", "kind: revolut", ["joints.pivot.kind", "did you mean 'revolute'"]),
-        ("kind: revolute, ", "", ["joints.pivot: 'kind' is missing", "revolute, prismatic, fixed, driver"]),
+        (
+            "kind: revolute, ",
+            "",
+            ["joints.pivot: 'kind' is missing", "revolute, prismatic, point_on_line, fixed, driver"],
+        ),
         ("point_m: [0.0, 0.0]", "point_m: [0.0]", ["joints.pivot.point_m.1: is missing"]),
         ("point_m: [0.0, 0.0]", "pointm: [0.0, 0.0]", ["joints.pivot.pointm: unknown key", "'point_m'"]),
         ("kind: constant, value: 3.0", "kind: constant, valeu: 3", ["newton.valeu: unknown", "'value'"]),

@@ -1,0 +1,62 @@
+"""subsoil bench mechanism: CPU time of the mechanism engine, on its own and beside Exudyn."""
+
+import argparse
+import json
+import math
+import sys
+
+from rich.console import Console
+from rich.table import Table
+
+from ..mbd.benchmark import ChainCost, chain_costs, machine_cost
+from ..mbd.exudyn_peer import exudyn_cost
+
+SUMMARY = "measure the CPU time of an engine"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `subsoil bench`."""
+    parser.add_argument("engine", choices=["mechanism"], help="what to measure")
+    parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
+    parser.add_argument(
+        "--largest", type=int, default=200, metavar="N", help="most bodies of the chain (default 200)"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Measure and print."""
+    peer = exudyn_cost()  # right before and right after: the same load on the machine
+    ours = machine_cost()
+    if peer is not None:
+        peer = min(peer, exudyn_cost() or peer)
+    chain = chain_costs(args.largest)
+    result = {
+        "machine_us_per_step": ours,
+        "exudyn_us_per_step": peer,
+        "times_faster_than_exudyn": None if peer is None else peer / ours,
+        "chain": [{"bodies": cost.bodies, "us_per_step": cost.us_per_step} for cost in chain],
+        "chain_exponent": _exponent(chain),
+    }
+    if args.json:
+        print(json.dumps(result))
+        return 0
+    console = Console(width=None if sys.stdout.isatty() else 120)
+    table = Table(title="7-body machine, CPU us per step", title_justify="left", box=None, show_header=False)
+    table.add_row("Adams-Moulton PECE, order 4", f"{ours:.2f}")
+    table.add_row("Exudyn, generalized-alpha", "not installed" if peer is None else f"{peer:.2f}")
+    console.print(table)
+    curve = Table(title="chain of rods, CPU us per step", title_justify="left", box=None)
+    for heading in ("bodies", "us"):
+        curve.add_column(heading, justify="right")
+    for cost in chain:
+        curve.add_row(str(cost.bodies), f"{cost.us_per_step:.1f}")
+    console.print(curve)
+    return 0
+
+
+def _exponent(chain: tuple[ChainCost, ...]) -> float | None:
+    """Slope of log cost over log bodies between the last two points; 2: quadratic."""
+    if len(chain) < 2:
+        return None
+    first, last = chain[-2:]
+    return math.log(last.us_per_step / first.us_per_step) / math.log(last.bodies / first.bodies)

@@ -1,0 +1,265 @@
+"""One tick: steps, pieces of steps at corners of laws and where forces switch, supervision.
+
+A step sees every force on one branch (elements.py). Where its end lies on another, the instant of the first
+switch is found, the step is taken to there, and the rest begins anew without history.
+"""
+
+from .adams_moulton import guess_multistep, multistep_power
+from .compiled import inner_kernel, kernel
+from .constraints import evaluate_residual, evaluate_turns
+from .dynamics import complete
+from .events import differs, locate_switch
+from .forces import evaluate_regimes
+from .generalized_alpha import keep_auxiliary, step_generalized_alpha
+from .partition import choose_partition, condition_estimate
+from .runge_kutta import guess_runge_kutta
+from .tables import (
+    ADAMS_MOULTON,
+    BY_WRENCHES,
+    CONTRADICTION,
+    EVENT_COUNT,
+    GENERALIZED_ALPHA,
+    OK,
+    PARTITION_COUNT,
+    PAST_COUNT,
+    RESTART_COUNT,
+    RUNGE_KUTTA_4,
+)
+
+PATIENCE = 4
+"""Iterations of the position Newton after which the partition is chosen anew (DESIGN.md)."""
+
+WORSENING = 10.0
+"""Growth of the condition of Phi_u at which the partition is chosen anew (DESIGN.md)."""
+
+CORNER_MARGIN = 1e-6
+"""A corner of a law this part of a step away from the end of a step counts as being there."""
+
+SWITCH_MARGIN = 1e-9
+"""A switch this part of a step away from the end of a piece counts as being there."""
+
+MOST_SWITCHES = 30
+"""After so many switches in one step the rest of it is taken without looking for more."""
+
+CONTRADICTION_GAP = 1e-8
+"""Constraints left out as redundant may open by this part of the machine's size."""
+
+
+@inner_kernel
+def _take_start(state, work):
+    """The acceleration evaluated again at the state; history is shifted by what has changed."""
+    for k in range(state.counters[PAST_COUNT]):
+        for i in range(state.a.shape[0]):
+            state.past_a[k, i] += work.a[i] - state.a[i]
+        for i in range(state.powers.shape[0]):
+            state.past_powers[k, i] += work.powers[i] - state.powers[i]
+    state.a[:] = work.a
+    state.powers[:] = work.powers
+
+
+@inner_kernel
+def _refresh(model, state, work, time, select):
+    """The acceleration at the state itself, evaluated again; answers the status."""
+    work.q[:] = state.q
+    work.v[:] = state.v
+    status, _ = complete(model, state, work, time, select, False)
+    if status == OK:
+        _take_start(state, work)
+    return status
+
+
+@inner_kernel
+def _method(model, state, whole):
+    """The method of the next step: Adams-Moulton needs whole steps and enough history."""
+    if model.integrator != ADAMS_MOULTON:
+        return model.integrator
+    multistep = whole and state.counters[PAST_COUNT] == state.past_a.shape[0]
+    return ADAMS_MOULTON if multistep else RUNGE_KUTTA_4
+
+
+@inner_kernel
+def _try(model, state, work, start, span, select, method):
+    """One step from the state, its end into `work`: (status, most position iterations of a stage)."""
+    if method == GENERALIZED_ALPHA:
+        return step_generalized_alpha(model, state, work, start, span, select)
+    if method == RUNGE_KUTTA_4:
+        work.v[:] = state.v
+        work.a[:] = state.a
+        work.powers[:] = state.powers
+    most = 0
+    for stage in range(1, 3 if method == ADAMS_MOULTON else 5):
+        time = start + span
+        if method == ADAMS_MOULTON:
+            guess_multistep(model, state, work, span, stage)
+        else:
+            time = start + (0.5 * span if stage < 3 else span)
+            guess_runge_kutta(state, work, span, stage)
+        status, iterations = complete(model, state, work, time, select, True)
+        if status != OK:
+            return status, iterations
+        most = max(most, iterations)
+    return OK, most
+
+
+@inner_kernel
+def _book(model, state, work, step, method):
+    """Work of this step, by the formula that gave the velocities; that of constant wrenches exactly."""
+    for i in range(state.powers.shape[0]):
+        if method == ADAMS_MOULTON:
+            mean = multistep_power(model, state, work, i)
+        elif method == RUNGE_KUTTA_4:
+            mean = work.power_sums[i] / 6.0
+        else:
+            mean = 0.5 * (state.powers[i] + work.powers[i])
+        state.work[i] += step * mean
+    for i in range(state.wrench.shape[0]):
+        state.work[BY_WRENCHES] += state.wrench[i] * (work.q[i] - state.q[i])
+
+
+@inner_kernel
+def _accept(state, work, method):
+    """The state being tried becomes the state; the old accelerations become history."""
+    if method == GENERALIZED_ALPHA:
+        keep_auxiliary(state, work)
+    else:
+        past = state.past_a.shape[0]
+        for k in range(past - 1, 0, -1):
+            state.past_a[k] = state.past_a[k - 1]
+            state.past_powers[k] = state.past_powers[k - 1]
+        state.past_a[0] = state.a
+        state.past_powers[0] = state.powers
+        state.counters[PAST_COUNT] = min(past, state.counters[PAST_COUNT] + 1)
+    state.q[:] = work.q
+    state.v[:] = work.v
+    state.a[:] = work.a
+    state.powers[:] = work.powers
+
+
+@inner_kernel
+def _restart(state):
+    """Forget history; the next steps are Runge-Kutta until there is enough of it."""
+    state.counters[PAST_COUNT] = 0
+    state.counters[RESTART_COUNT] += 1
+
+
+@inner_kernel
+def _next_corner(model, time, end):
+    """The first corner after `time` and clearly before `end`, or `end`."""
+    margin = CORNER_MARGIN * model.step
+    for corner in model.corners:
+        if corner > time + margin and corner < end - margin:
+            return corner
+    return end
+
+
+@inner_kernel
+def _corner_at(model, time):
+    found = False
+    for corner in model.corners:
+        found = found or abs(corner - time) <= CORNER_MARGIN * model.step
+    return found
+
+
+@inner_kernel
+def _take_piece(model, state, work, start, span, select, locating):
+    """One step of at most `span`, to the first switch of a force if there is one.
+
+    Answers (status, span taken, most position iterations of a stage, whether a force has switched).
+    """
+    method = _method(model, state, span > (1.0 - CORNER_MARGIN) * model.step)
+    status, iterations = _try(model, state, work, start, span, select, method)
+    if status != OK:
+        return status, span, iterations, False
+    evaluate_regimes(model, start + span, select, work.q, work.turns, work.v, work.regimes)
+    switched = differs(work.regimes, state.regimes)
+    if switched and locating:
+        part = locate_switch(model, state, work, start, span, select)
+        if part * span < SWITCH_MARGIN * model.step:
+            span = 0.0
+        elif (1.0 - part) * span > SWITCH_MARGIN * model.step:
+            span *= part
+            method = _method(model, state, False)
+            status, more = _try(model, state, work, start, span, select, method)
+            iterations = max(iterations, more)
+            if status != OK:
+                return status, span, iterations, False
+    if span > 0.0:
+        _book(model, state, work, span, method)
+        _accept(state, work, method)
+    if switched:
+        state.regimes[:] = work.regimes
+        state.counters[EVENT_COUNT] += 1
+        _restart(state)
+    return OK, span, iterations, switched
+
+
+@inner_kernel
+def _supervise(model, state, work, time, select, iterations):
+    """After a piece: watch the constraints left out, choose the partition anew if due."""
+    if state.rows.shape[0] < work.residual.shape[0]:
+        evaluate_turns(state.q, work.turns)
+        gap = evaluate_residual(model, time, select, state.q, work.turns, work.residual)
+        if not gap <= CONTRADICTION_GAP * model.size:
+            return CONTRADICTION
+    estimate = condition_estimate(state, work)
+    if state.condition[0] == 0.0:
+        state.condition[0] = estimate
+    if estimate > WORSENING * state.condition[0] or iterations > PATIENCE:
+        return choose_partition(model, state, work, state.q)
+    return OK
+
+
+@inner_kernel
+def _take_step(model, state, work, start, end, fresh):
+    """From `start` to `end`, one step later, piece by piece; answers the status."""
+    time, switches = start, 0
+    while time < end:
+        corner = _next_corner(model, time, end)
+        select = 0.5 * (time + corner)
+        if _corner_at(model, time):
+            _restart(state)
+            evaluate_turns(state.q, work.turns)
+            evaluate_regimes(model, time, select, state.q, work.turns, state.v, state.regimes)
+        if fresh or state.counters[PAST_COUNT] == 0:
+            status = _refresh(model, state, work, time, select)
+            if status != OK:
+                return status
+        locating = switches < MOST_SWITCHES
+        status, span, iterations, switched = _take_piece(
+            model, state, work, time, corner - time, select, locating
+        )
+        if status != OK:
+            return status
+        status = _supervise(model, state, work, time + span, select, iterations)
+        if status != OK:
+            return status
+        if switched:
+            switches += 1
+            time = time + span if corner - time - span > SWITCH_MARGIN * model.step else corner
+        else:
+            time = corner
+        fresh = False
+    return OK
+
+
+@kernel
+def advance_tick(model, state, work, start, steps):
+    """One tick of `steps` steps from the time `start` [s], the wrench in the state held constant.
+
+    A step with corners of laws inside is taken piece by piece, each piece a restart. No steps: only
+    the acceleration at `start` is evaluated.
+    """
+    if state.counters[PARTITION_COUNT] == 0:
+        evaluate_turns(state.q, work.turns)
+        evaluate_regimes(model, start, start + 0.5 * model.step, state.q, work.turns, state.v, state.regimes)
+        status = choose_partition(model, state, work, state.q)
+        if status != OK:
+            return status
+    if steps == 0:
+        return _refresh(model, state, work, start, start + 0.5 * model.step)
+    for step in range(steps):
+        begin, end = start + step * model.step, start + (step + 1) * model.step
+        status = _take_step(model, state, work, begin, end, step == 0)
+        if status != OK:
+            return status
+    return OK

@@ -1,0 +1,98 @@
+"""Largest stable step of the explicit integrators, from the modes of a machine.
+
+A method is applied to one mode y'' = -(w^2) y - 2 zeta w y' exactly as advance.py applies it to a machine;
+the spectral radius of its one-step map tells by how much it makes the mode grow.
+"""
+
+import math
+
+import numpy as np
+
+from ..errors import SceneError
+from .adams_moulton import CORRECT_Q, CORRECT_V, PREDICT_Q, PREDICT_V
+from .assembly import Start
+from .modes import Mode, linearise, modes_of
+from .tables import ADAMS_MOULTON, GENERALIZED_ALPHA, Model
+
+LARGEST_GROWTH = 1.01
+"""A mode that decays or keeps its size may not grow by more than this in one step (chosen: just inside, the
+methods' own growth is far below, just outside it is explosive)."""
+
+
+def growth_per_step(model: Model, eigenvalue: complex, step: float) -> float:
+    """Spectral radius of one step of the model's integrator on a mode of this eigenvalue [1/s]."""
+    if model.integrator == GENERALIZED_ALPHA:
+        return 0.0  # stable for every step (Chung & Hulbert 1993)
+    z = eigenvalue * step
+    if model.integrator == ADAMS_MOULTON:
+        return _multistep_growth(model.weights, z)
+    return abs(1.0 + z * (1.0 + z / 2.0 * (1.0 + z / 3.0 * (1.0 + z / 4.0))))
+
+
+def _multistep_growth(weights: np.ndarray, z: complex) -> float:
+    """The same for Adams-Moulton PECE; the state is q, v and the accelerations of earlier steps, h = 1."""
+    order = weights.shape[1]
+    if z.imag != 0.0:
+        stiffness, damping = abs(z) ** 2, -2.0 * z.real
+    else:
+        stiffness, damping = 0.0, -z.real  # a creeping mode: v' = z v
+    matrix = np.zeros((order + 1, order + 1))
+    for column, (q, v, *past) in enumerate(np.eye(order + 1)):
+        now = -stiffness * q - damping * v
+        history = [now, *past]
+        ahead_q = q + v + weights[PREDICT_Q] @ history
+        ahead_v = v + weights[PREDICT_V] @ history
+        history = [-stiffness * ahead_q - damping * ahead_v, *history[:-1]]
+        matrix[:, column] = [
+            q + v + weights[CORRECT_Q] @ history,
+            v + weights[CORRECT_V] @ history,
+            *[now, *past][: order - 1],
+        ]
+    if stiffness == 0.0:
+        matrix = matrix[1:, 1:]  # the place of a creeping mode neither grows nor matters
+    return float(np.abs(np.linalg.eigvals(matrix)).max())
+
+
+def stable_step(model: Model, mode: Mode) -> float:
+    """Largest step [s] at which the integrator keeps a decaying or steady mode from growing."""
+    speed = abs(mode.eigenvalue)
+    if speed == 0.0 or mode.eigenvalue.real > 1e-6 * speed or model.integrator == GENERALIZED_ALPHA:
+        return math.inf
+    inside, outside = 0.0, 0.0
+    for reach in np.arange(0.02, 4.0, 0.02):
+        if growth_per_step(model, mode.eigenvalue, reach / speed) > LARGEST_GROWTH:
+            outside = float(reach) / speed
+            break
+        inside = float(reach) / speed
+    if outside == 0.0:
+        return inside
+    for _ in range(30):
+        middle = 0.5 * (inside + outside)
+        if growth_per_step(model, mode.eigenvalue, middle) > LARGEST_GROWTH:
+            outside = middle
+        else:
+            inside = middle
+    return inside
+
+
+def refuse_unstable_step(start: Start, interval_s: float) -> None:
+    """SceneError if the step is above the bound for a mode of the start, with all one-sided forces acting."""
+    machine, model = start.machine, start.machine.model
+    if model.integrator == GENERALIZED_ALPHA or len(model.forces) == 0:
+        return
+    modes = modes_of(machine, linearise(machine, start.q, engaged=True))
+    swift = [mode for mode in modes if abs(mode.eigenvalue) * model.step > 0.1]  # others are far inside
+    if not swift:
+        return
+    bound, worst = min(((stable_step(model, mode), mode) for mode in swift), key=lambda pair: pair[0])
+    if model.step <= bound:
+        return
+    name = "adams_moulton" if model.integrator == ADAMS_MOULTON else "runge_kutta_4"
+    order = f" of order {model.weights.shape[1]}" if model.integrator == ADAMS_MOULTON else ""
+    what = f"the mode of {worst.frequency_hz:.3g} Hz" if worst.oscillates else "a creeping motion"
+    raise SceneError(
+        f"coupling.mechanism_steps: the step of {model.step:.3g} s is above the stability bound of "
+        f"{bound:.3g} s of {name}{order} for {what} ({worst.words}), every one-sided force acting. Use at "
+        f"least {math.ceil(interval_s / bound)} steps in an interval of {interval_s:.3g} s, or "
+        "mechanism.integrator: generalized_alpha."
+    )

@@ -1,0 +1,179 @@
+"""Machines at the edges: extreme masses and stiffness, toggles, contradictions, bad input."""
+
+import math
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from subsoil_ros.errors import SceneError, SingularMechanismError, SubsoilError
+from subsoil_ros.scene.mechanism import Mechanism
+
+
+def _body(x, z, mass=1.0, inertia=0.1, **rest):
+    return {"mass_kg": mass, "inertia_kg_m2": inertia, "position_m": (x, z), **rest}
+
+
+def _pin(body_a, body_b, x, z, **rest):
+    return {"kind": "revolute", "body_a": body_a, "body_b": body_b, "point_m": (x, z), **rest}
+
+
+def _run(engine, ticks):
+    for tick in range(ticks):
+        engine.advance(tick, ())
+
+
+def _energy(state):
+    return state.kinetic_energy_joule + state.gravity_energy_joule + state.spring_energy_joule
+
+
+def test_masses_and_stiffness_over_many_decades(mechanism_engine):
+    """1e-3 and 1e5 kg pinned together on a spring of 1e9 N/m: rings at its frequency, keeps its energy."""
+    machine = {
+        "bodies": {"block": _body(0.0, -1.0, 1e5, 1e4), "pointer": _body(0.05, -1.0, 1e-3, 1e-6)},
+        "joints": {
+            "rail": {"kind": "prismatic", "body_a": "ground", "body_b": "block", "point_m": (0.0, 0.0),
+                     "axis": (0.0, 1.0)},
+            "pin": _pin("block", "pointer", 0.0, -1.0),
+        },
+        "forces": {"spring": {"kind": "spring_damper", "body_a": "ground", "point_a_m": (0.0, 0.0),
+                              "body_b": "block", "point_b_m": (0.0, -1.0), "free_length_m": 0.999,
+                              "stiffness_newton_per_m": 1e9}},
+    }  # fmt: skip
+    engine = mechanism_engine(machine, 100_000, gravity_m_per_s2=0.0)
+    first = _energy(engine.state("run", -1, 0))
+    for tick in range(2000):
+        engine.advance(tick, ())
+    state = engine.state("run", 1999, 200_000_000)
+    assert state.bodies[0].z_m == pytest.approx(-0.999 - 1e-3 * math.cos(100.0 * 0.2), abs=1e-8)
+    assert _energy(state) == pytest.approx(first, rel=1e-6)
+    assert state.position_residual_m < 1e-11
+
+
+def test_toggle_is_passed_or_named(mechanism_engine):
+    """A crank driven through both dead centres of its slider follows the closed form."""
+    machine = {
+        "bodies": {"crank": _body(0.0, 0.5), "rod": _body(0.6, 0.5), "slider": _body(1.2, 0.0)},
+        "joints": {
+            "main": _pin("ground", "crank", 0.0, 0.0), "big": _pin("crank", "rod", 0.0, 1.0),
+            "small": _pin("rod", "slider", 1.2, 0.0),
+            "rail": {"kind": "prismatic", "body_a": "ground", "body_b": "slider", "point_m": (1.2, 0.0),
+                     "axis": (1.0, 0.0)},
+            "motor": {"kind": "driver", "body": "crank", "coordinate": "angle",
+                      "speed": {"kind": "constant", "value": 5.0}},
+        },
+    }  # fmt: skip
+    engine = mechanism_engine(machine, 1_000_000)
+    rod = math.hypot(1.2, 1.0)
+    for tick in range(1300):
+        engine.advance(tick, ())
+        if tick % 100 == 99:
+            state = engine.state("run", tick, (tick + 1) * 1_000_000)
+            angle = 0.5 * math.pi + 5e-3 * (tick + 1)
+            place = math.cos(angle) + math.sqrt(rod**2 - math.sin(angle) ** 2)
+            assert state.bodies[2].x_m == pytest.approx(place, abs=1e-10)
+
+
+def test_overlong_drive_against_a_linkage_ends_by_name(mechanism_engine):
+    """A relative driver that asks a knee for more than it can stretch names the joints, never NaN."""
+    machine = {
+        "bodies": {"upper": _body(0.3, 0.4), "lower": _body(0.9, 0.4), "foot": _body(1.2, 0.0)},
+        "joints": {
+            "hip": _pin("ground", "upper", 0.0, 0.0), "knee": _pin("upper", "lower", 0.6, 0.8),
+            "ankle": _pin("lower", "foot", 1.2, 0.0),
+            "rail": {"kind": "prismatic", "body_a": "ground", "body_b": "foot", "point_m": (1.2, 0.0),
+                     "axis": (1.0, 0.0)},
+            "pull": {"kind": "driver", "body": "foot", "coordinate": "x", "relative_to": "ground",
+                     "speed": {"kind": "constant", "value": 1.0}},
+        },
+    }  # fmt: skip
+    engine = mechanism_engine(machine, 1_000_000)
+    with pytest.raises(SingularMechanismError, match="knee"):
+        _run(engine, 1000)
+    assert np.isfinite(engine.arrays.q).all()
+    assert np.isfinite(engine.arrays.a).all()
+
+
+def test_resting_contact_does_not_chatter(mechanism_engine):
+    """A dropped wheel comes to rest on its damped contact; the switches end, and it carries its weight."""
+    contact = {"kind": "wheel_contact", "body": "wheel", "radius_m": 0.2, "stiffness_newton_per_m": 2e4,
+               "damping_newton_s_per_m": 150.0, "friction": 0.3}  # fmt: skip
+    machine = {"bodies": {"wheel": _body(0.0, 0.25, 10.0)}, "forces": {"tread": contact}}
+    engine = mechanism_engine(machine, 500_000)
+    for tick in range(3000):
+        engine.advance(tick, ())
+    events = engine.arrays.counters[3]
+    for tick in range(3000, 4000):
+        engine.advance(tick, ())
+    assert engine.arrays.counters[3] == events < 20
+    state = engine.state("run", 3999, 2_000_000_000)
+    assert state.forces[0].force_newton == pytest.approx(98.1, rel=1e-5)
+
+
+def test_relative_drivers_that_disagree_contradict_each_other(mechanism_engine):
+    """An absolute and a relative driver of one angle with two speeds are refused by name."""
+    machine = {
+        "bodies": {"wheel": _body(0.0, 0.0)},
+        "joints": {
+            "pin": _pin("ground", "wheel", 0.0, 0.0),
+            "one": {"kind": "driver", "body": "wheel", "coordinate": "angle",
+                    "speed": {"kind": "constant", "value": 1.0}},
+            "two": {"kind": "driver", "body": "wheel", "coordinate": "angle", "relative_to": "ground",
+                    "speed": {"kind": "constant", "value": 2.0}},
+        },
+    }  # fmt: skip
+    with pytest.raises(SceneError, match="one, two contradict each other"):
+        mechanism_engine(machine)
+
+
+def test_friction_of_a_reaction_that_is_not_unique_is_refused(mechanism_engine):
+    """Three parallel links share the load in no unique way: a coefficient has no meaning there."""
+    machine = {"bodies": {"bar": _body(0.5, 1.0)}, "joints": {}}
+    for name, x in (("left", 0.0), ("middle", 0.5), ("right", 1.0)):
+        machine["bodies"][name] = _body(x, 0.5)
+        machine["joints"][f"{name}_foot"] = _pin("ground", name, x, 0.0)
+        machine["joints"][f"{name}_head"] = _pin(name, "bar", x, 1.0)
+    machine["joints"]["left_foot"]["friction"] = {"coefficient": 0.1, "radius_m": 0.01}
+    with pytest.raises(SceneError, match=r"left_foot\.friction\.coefficient.*not unique"):
+        mechanism_engine(machine)
+
+
+def test_locked_spring_of_no_length_is_refused(mechanism_engine):
+    """A rod needs a length; the error says what to use instead."""
+    spring = {"kind": "spring_damper", "body_a": "ground", "point_a_m": (0.0, 0.0), "body_b": "bob",
+              "point_b_m": (0.0, 0.0), "free_length_m": 1.0, "stiffness_newton_per_m": 1.0,
+              "locked": True}  # fmt: skip
+    with pytest.raises(SceneError, match=r"forces\.spring\.locked.*revolute"):
+        mechanism_engine({"bodies": {"bob": _body(0.0, 0.0)}, "forces": {"spring": spring}})
+
+
+SPRING = {"kind": "spring_damper", "body_a": "ground", "point_a_m": (0.0, 0.0), "body_b": "bob",
+          "point_b_m": (0.0, -1.0), "free_length_m": 1.0}  # fmt: skip
+TABLE = {"compressions_m": (0.0, 1.0), "forces_newton": (0.0, 5.0)}
+
+
+@pytest.mark.parametrize(("section", "part", "words"), [
+    ("forces", SPRING, "needs one of stiffness_newton_per_m"),
+    ("forces", {**SPRING, "stiffness_newton_per_m": 1.0, "table": TABLE}, "needs one of"),
+    ("forces", {**SPRING, "table": TABLE, "only": "tension"}, "does not go with a table"),
+    ("forces", {**SPRING, "table": {**TABLE, "compressions_m": (1.0, 0.0)}}, "compressions_m must increase"),
+    ("forces", {**SPRING, "stiffness_newton_per_m": 1.0, "stops": {"stiffness_newton_per_m": 1.0}},
+     "give lower_m, upper_m or both"),
+    ("forces", {**SPRING, "stiffness_newton_per_mm": 1.0}, "stiffness_newton_per_mm"),
+    ("forces", {**SPRING, "body_b": "bop", "stiffness_newton_per_m": 1.0}, "no body 'bop'"),
+    ("joints", _pin("ground", "bob", 0.0, 0.0, friction={"coefficient": 0.1}), "needed together"),
+    ("joints", _pin("ground", "bob", 0.0, 0.0, stops={"lower_rad": 1.0, "upper_rad": 0.0,
+                                                     "stiffness_newton_m_per_rad": 1.0}), "must be larger"),
+    ("joints", {"kind": "point_on_line", "body_a": "ground", "body_b": "bob", "point_m": (0.0, 0.0),
+                "axis": (0.0, 0.0)}, "has no direction"),
+    ("joints", {"kind": "driver", "body": "bob", "coordinate": "x", "relative_to": "bob",
+                "speed": {"kind": "constant", "value": 0.0}}, "is the driven body itself"),
+    ("joints", {"kind": "ball", "body_a": "ground", "body_b": "bob"}, "ball"),
+    ("bodies", {"mass_kg": 0.0, "inertia_kg_m2": 1.0, "position_m": (0.0, 0.0)}, "greater than 0"),
+])  # fmt: skip
+def test_bad_part_is_refused(section, part, words):
+    """What cannot be is refused by the model, with the reason."""
+    machine = {"bodies": {"bob": _body(0.0, -1.0)}, "joints": {}, "forces": {}}
+    machine[section]["part"] = part
+    with pytest.raises((ValidationError, SubsoilError), match=words):
+        Mechanism.model_validate(machine)

@@ -10,7 +10,6 @@ import tempfile
 from pathlib import Path
 
 from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
-
 from subsoil_ros.messages import (
     BodyState,
     GroupForce,
@@ -88,10 +87,9 @@ def serve(name: str) -> int:
 
 def measure() -> dict[str, float]:
     """Runs the four processes."""
+    from subsoil_ros.analysis.series import read_series
     from subsoil_ros.cli.supervisor import Supervisor, node_program, start_node
     from subsoil_ros.nodes.domain import run_domain
-
-    from subsoil_ros.analysis.series import read_series
 
     resolved = load_scene(SCENE, ["record.cloud_hz=0"])
     resolved = load_scene(SCENE, ["record.cloud_hz=0", f"duration_s={TICKS * resolved.timing.interval_s}"])

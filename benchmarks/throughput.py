@@ -6,7 +6,6 @@ import time
 from pathlib import Path
 
 from subsoil_ros.coupling.engines import build_mechanism, build_paths, build_soil
-
 from subsoil_ros.scene.loader import load_scene
 
 SCENES = Path(__file__).parents[1] / "config" / "scenes"

@@ -9,7 +9,7 @@ from types import ModuleType
 from .. import __version__
 from ..errors import InterruptedRunError, SubsoilError
 
-VERBS = ("check", "run", "report", "bag")
+VERBS = ("check", "run", "report", "bag", "bench")
 """Modules of this folder, each with SUMMARY, add_arguments(parser) and run(args) -> exit status."""
 
 

@@ -3,8 +3,8 @@
 import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import trapezoid
-from subsoil_ros.coupling.exchange import InterfaceAccount
 
+from subsoil_ros.coupling.exchange import InterfaceAccount
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.mbd.engine import MechanismEngine
 

@@ -4,7 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.mbd.engine import MechanismEngine
 from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.ticks import tick_end_ns
 
 from ..ros.conftest import Run, lockstep_ticks, messages
 
@@ -71,3 +74,30 @@ def test_every_tick_is_recorded_once_in_order(results: dict[str, Path], way: str
     timing = load_scene(results[way] / "scene.yaml").timing
     ticks = lockstep_ticks(results[way] / "bag", timing.interval_ns)
     assert ticks == {name: list(range(timing.tick_count)) for name in ticks}
+
+
+def test_the_series_is_what_the_engines_produced(results: dict[str, Path]) -> None:
+    """series.csv, made by reading the bag, has the engines' own numbers, bit for bit, in every row."""
+    out = results["nodes"]
+    resolved = load_scene(out / "scene.yaml")
+    head, *rows = (out / "series.csv").read_text().splitlines()
+    mechanism = MechanismEngine(resolved.scene, resolved.timing)
+    soil = SoilEngine(resolved, 1)
+    wrenches = soil.start(mechanism.initial_motions())
+    compared = 0
+    for tick in range(resolved.timing.tick_count):
+        wrenches = soil.advance(tick, mechanism.advance(tick, wrenches))
+        if (tick + 1) % resolved.scene.record.series_ticks and tick + 1 != resolved.timing.tick_count:
+            continue
+        row = dict(zip(head.split(","), rows[compared].split(","), strict=True))
+        end_ns = tick_end_ns(tick, resolved.timing.interval_ns)
+        machine, bed = mechanism.state("run", tick, end_ns), soil.state("run", tick, end_ns)
+        shank = next(body for body in machine.bodies if body.name == "shank")
+        spring = next(force for force in machine.forces if force.name == "H9_spring")
+        assert float(row["draft_newton"]) == machine.draft_newton
+        assert float(row["body.shank.angle_rad"]) == shank.phi_rad
+        assert float(row["spring.H9_spring.force_newton"]) == spring.force_newton
+        assert float(row["tool.shank.force_x_newton"]) == wrenches[0].force_x_newton
+        assert float(row["soil.kinetic_energy_joule"]) == bed.kinetic_energy_joule
+        compared += 1
+    assert compared == len(rows)

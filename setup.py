@@ -26,7 +26,6 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/subsoil_ros"]),
         (SHARE, ["package.xml"]),
-        (f"{SHARE}/launch", files("launch/*.py")),
         (f"{SHARE}/config/scenes", files("config/scenes/*.yaml")),
         (f"{SHARE}/config/meshes", files("config/meshes/*.stl")),
         # `ros2 run` looks in lib/subsoil_ros, console scripts are in bin.

@@ -1,4 +1,4 @@
-"""Where `ros2 run` and launch files look for the package: after set-up by pip, after a build by colcon."""
+"""Where `ros2 run` looks for the package: after set-up by pip, after a build by colcon."""
 
 import os
 import shutil
@@ -13,7 +13,6 @@ SOURCES = [
     "LICENSE",
     "README.md",
     "config",
-    "launch",
     "msg_defs",
     "package.xml",
     "pyproject.toml",
@@ -59,7 +58,7 @@ def assert_is_ros_package(prefix: Path) -> None:
     share = prefix / "share"
     assert (share / "ament_index" / "resource_index" / "packages" / "subsoil_ros").is_file()
     assert (share / "subsoil_ros" / "package.xml").is_file()
-    for folder, pattern in (("config/scenes", "*.yaml"), ("config/meshes", "*.stl"), ("launch", "*.py")):
+    for folder, pattern in (("config/scenes", "*.yaml"), ("config/meshes", "*.stl")):
         expected = {path.name for path in (ROOT / folder).glob(pattern)}
         assert {path.name for path in (share / "subsoil_ros" / folder).glob(pattern)} == expected
 

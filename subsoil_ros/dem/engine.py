@@ -16,7 +16,7 @@ from .beds.prepare import prepare_bed
 from .contact import SINKS, soil_laws
 from .integration import kick, kick_drift, motion_sums
 from .neighbours import carry_pairs, carry_rows, cell_grid, half_list, slab_starts, sort_by_cell
-from .pairs import pair_forces, pair_scan
+from .pairs import history_blocks, pair_forces, pair_scan
 from .state import PairList, Particles, WallList
 from .tool_surface import ToolSurface, motion_within
 from .walls import near_walls, wall_forces, wall_planes, wall_scan
@@ -114,9 +114,8 @@ class SoilEngine:
         self._forget_contacts()
 
     def _forget_contacts(self) -> None:
-        none = np.empty((0, 3))
         rows = np.zeros(self._particles.count + 1, np.int64)
-        self._pairs = PairList(rows, np.empty(0, np.int32), none, none.copy(), np.zeros(1, np.int64))
+        self._pairs = PairList(rows, np.empty(0, np.int32), history_blocks(0), np.zeros(1, np.int64))
         walls = np.empty((0, len(self._planes), 3))
         self._walls = WallList(np.empty(0, np.int64), walls, walls.copy())
 
@@ -274,7 +273,7 @@ class SoilEngine:
             p.force[:, 2] = -self._mass * self._gravity
             p.torque[:] = 0.0
         pair_forces(
-            pairs.slab_start, pairs.row_start, pairs.neighbour, *motion, pairs.shear, pairs.roll,
+            pairs.slab_start, pairs.row_start, pairs.neighbour, *motion, pairs.history,
             self._radius, step, self._law, features, self._pair_book,
         )  # fmt: skip
         wall_forces(
@@ -297,12 +296,11 @@ class SoilEngine:
         p.reorder(order)
         row_start, neighbour = half_list(p.position, grid, cell_start, reach)
         old = self._pairs
-        shear, roll = carry_pairs(
-            order, old.row_start, old.neighbour, old.shear, old.roll, row_start, neighbour
-        )
+        history = history_blocks(len(neighbour))
+        carry_pairs(order, old.row_start, old.neighbour, old.history, row_start, neighbour, history)
         slabs = slab_starts(cell_start, grid, _CELLS_PER_SLAB)
         self._flush_books()
-        self._pairs = PairList(row_start, neighbour, shear, roll, slabs)
+        self._pairs = PairList(row_start, neighbour, history, slabs)
         particle = near_walls(p.position, self._planes, boundary_reach + skin)
         histories = carry_rows(order, self._walls.particle, particle, (self._walls.shear, self._walls.roll))
         self._walls = WallList(particle, *histories)
@@ -353,7 +351,7 @@ class SoilEngine:
     def _scan_pairs(self) -> tuple[int, float, float]:
         pairs = self._pairs
         return pair_scan(
-            pairs.row_start, pairs.neighbour, self._particles.position, pairs.shear, pairs.roll,
+            pairs.row_start, pairs.neighbour, self._particles.position, pairs.history,
             self._radius, self._law, self._features,
         )  # fmt: skip
 

@@ -5,6 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, prange
 
+from .pairs import BLOCK, HISTORY, history_place
+
 
 class CellGrid(NamedTuple):
     """Cells of edge >= the search reach over the bed, x-major, z fastest."""
@@ -115,27 +117,29 @@ def slab_starts(cell_start: np.ndarray, grid: CellGrid, cells_per_slab: int) -> 
 
 
 @njit(cache=True, parallel=True)
-def carry_pairs(order, old_row, old_neighbour, old_shear, old_roll, row_start, neighbour):
-    """Histories of the pairs that were in the lists before the particles were put in `order`.
+def carry_pairs(order, old_row, old_neighbour, old_history, row_start, neighbour, history):
+    """Fills `history` with that of the pairs that were in the lists before the particles were put in `order`.
 
     A pair whose particles changed places sees its springs from the other side: the sign turns.
     """
-    pairs = neighbour.shape[0]
-    shear = np.zeros((pairs, 3))
-    roll = np.zeros((pairs, 3))
     for i in prange(order.shape[0]):
-        for k in range(row_start[i], row_start[i + 1]):
-            first, second = order[i], order[neighbour[k]]
-            sign = 1.0
-            if first > second:
-                first, second, sign = second, first, -1.0
-            for m in range(old_row[first], old_row[first + 1]):
-                if old_neighbour[m] == second:
-                    for a in range(3):
-                        shear[k, a] = sign * old_shear[m, a]
-                        roll[k, a] = sign * old_roll[m, a]
-                    break
-    return shear, roll
+        _carry_row(i, order, old_row, old_neighbour, old_history, row_start, neighbour, history)
+
+
+@njit(cache=True)
+def _carry_row(i, order, old_row, old_neighbour, old_history, row_start, neighbour, history):
+    for k in range(row_start[i], row_start[i + 1]):
+        first, second = order[i], order[neighbour[k]]
+        turned = first > second
+        if turned:
+            first, second = second, first
+        for m in range(old_row[first], old_row[first + 1]):
+            if old_neighbour[m] == second:
+                to, here = history_place(k), history_place(m)
+                for a in range(HISTORY):
+                    kept = old_history[here + a * BLOCK]
+                    history[to + a * BLOCK] = -kept if turned else kept
+                break
 
 
 def carry_rows(

@@ -46,8 +46,7 @@ class PairList:
 
     row_start: np.ndarray  # (n + 1,) int64
     neighbour: np.ndarray  # (p,) int32
-    shear: np.ndarray  # (p, 3) [m] tangential spring, i against j
-    roll: np.ndarray  # (p, 3) [rad] rolling spring, i against j
+    history: np.ndarray  # tangential and rolling springs in blocks (dem.pairs.history_blocks)
     slab_start: np.ndarray  # (slabs + 1,) int64
 
 

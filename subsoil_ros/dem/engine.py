@@ -13,7 +13,7 @@ from ..scene.meshes import load_tool_mesh
 from ..scene.pairs import particle_mass_kg
 from .bed import Bed
 from .beds.prepare import prepare_bed
-from .contact import SINKS, soil_laws
+from .contact import SINKS, PairLaw, soil_laws
 from .integration import kick, kick_drift, motion_sums
 from .neighbours import carry_pairs, carry_rows, cell_grid, half_list, slab_starts, sort_by_cell
 from .pairs import history_blocks, pair_forces, pair_scan
@@ -65,11 +65,13 @@ class SoilEngine:
             )
         self._resolved, self._soil, self._threads = resolved, soil, threads
         self._step_s = resolved.timing.soil_step_s
+        self._kind = np.float32 if soil.precision == "mixed" else np.float64  # of all but positions
         self._gravity = resolved.scene.gravity_m_per_s2
         self._radius = soil.particles.radius_m
         self._mass = particle_mass_kg(soil)
         self._inertia = 0.4 * self._mass * self._radius**2
         self._law, self._boundary, self._features = soil_laws(soil, book=book)
+        self._pair_law = PairLaw(*(self._kind(value) for value in self._law))
         self._at_tools = self._boundary._replace(
             stiffness=self._boundary.stiffness * soil.tool_stiffness_factor
         )
@@ -102,7 +104,7 @@ class SoilEngine:
 
     def _load(self, position: np.ndarray, identity: np.ndarray) -> None:
         """Start from particles at rest without contact history."""
-        self._particles = Particles.at_rest(np.ascontiguousarray(position), identity)
+        self._particles = Particles.at_rest(np.ascontiguousarray(position), identity, self._kind)
         self._loaded_position = position.copy()
         self._forget_contacts()
         self._rebuild(())
@@ -115,7 +117,9 @@ class SoilEngine:
 
     def _forget_contacts(self) -> None:
         rows = np.zeros(self._particles.count + 1, np.int64)
-        self._pairs = PairList(rows, np.empty(0, np.int32), history_blocks(0), np.zeros(1, np.int64))
+        self._pairs = PairList(
+            rows, np.empty(0, np.int32), history_blocks(0, self._kind), np.zeros(1, np.int64)
+        )
         walls = np.empty((0, len(self._planes), 3))
         self._walls = WallList(np.empty(0, np.int64), walls, walls.copy())
 
@@ -133,9 +137,9 @@ class SoilEngine:
         self._load(position, np.arange(len(position)))
         back = self._particles.identity
         if velocity_m_per_s is not None:
-            self._particles.velocity = np.array(velocity_m_per_s, np.float64).reshape(-1, 3)[back]
+            self._particles.velocity = np.array(velocity_m_per_s, self._kind).reshape(-1, 3)[back]
         if spin_rad_per_s is not None:
-            self._particles.spin = np.array(spin_rad_per_s, np.float64).reshape(-1, 3)[back]
+            self._particles.spin = np.array(spin_rad_per_s, self._kind).reshape(-1, 3)[back]
 
     def damp(self, kept: float) -> None:
         """Global damping: every velocity and spin times `kept`. For the preparation of beds."""
@@ -175,15 +179,15 @@ class SoilEngine:
 
     def velocities_m_per_s(self) -> np.ndarray:
         """(n, 3) float64, world axes, in the order of the prepared bed."""
-        return self._particles.velocity[np.argsort(self._particles.identity)]
+        return self._particles.velocity[np.argsort(self._particles.identity)].astype(np.float64)
 
     def spins_rad_per_s(self) -> np.ndarray:
         """(n, 3) float64, world axes, in the order of the prepared bed."""
-        return self._particles.spin[np.argsort(self._particles.identity)]
+        return self._particles.spin[np.argsort(self._particles.identity)].astype(np.float64)
 
     def forces_newton(self) -> np.ndarray:
         """(n, 3) float64, world axes, sum on each particle at the end of the last step, weight included."""
-        return self._particles.force[np.argsort(self._particles.identity)]
+        return self._particles.force[np.argsort(self._particles.identity)].astype(np.float64)
 
     def start(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
         """Wrenches of the initial state. Particles that the tools overlap are removed; no time advances.
@@ -274,7 +278,7 @@ class SoilEngine:
             p.torque[:] = 0.0
         pair_forces(
             pairs.slab_start, pairs.row_start, pairs.neighbour, *motion, pairs.history,
-            self._radius, step, self._law, features, self._pair_book,
+            self._kind(self._radius), self._kind(step), self._pair_law, features, self._pair_book,
         )  # fmt: skip
         wall_forces(
             walls.particle, self._planes, *motion, walls.shear, walls.roll,
@@ -296,7 +300,7 @@ class SoilEngine:
         p.reorder(order)
         row_start, neighbour = half_list(p.position, grid, cell_start, reach)
         old = self._pairs
-        history = history_blocks(len(neighbour))
+        history = history_blocks(len(neighbour), self._kind)
         carry_pairs(order, old.row_start, old.neighbour, old.history, row_start, neighbour, history)
         slabs = slab_starts(cell_start, grid, _CELLS_PER_SLAB)
         self._flush_books()

@@ -26,7 +26,7 @@ _GATHERED = 12
 _BOOKED = 5
 
 
-def history_blocks(pairs: int, kind: type = np.float64) -> np.ndarray:
+def history_blocks(pairs: int, kind: type) -> np.ndarray:
     """History of `pairs` pairs, at zero: component c of pair k stands at history_place(k) + c * BLOCK."""
     return np.zeros(-(-pairs // BLOCK) * BLOCK * HISTORY, kind)
 

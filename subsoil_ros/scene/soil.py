@@ -108,6 +108,7 @@ class Soil(Part):
     bed: Bed
     law: ContactLaw
     time_step_s: Annotated[Positive | Auto, Field(union_mode="left_to_right")] = "auto"
+    precision: Literal["float64", "mixed"] = "float64"  # mixed: all but positions and boundaries in float32
     skin_m: Positive = 0.003
     tool_stiffness_factor: Positive = 1.0  # on the boundary's normal stiffness, at tools only
     largest_tool_overlap_m: Positive | None = None  # the run stops beyond it; default: two radii

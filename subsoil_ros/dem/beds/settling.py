@@ -71,7 +71,10 @@ EngineOf = Callable[..., SettlingEngine]
 
 
 def smooth_soil(soil: Soil, *, adhesive: bool) -> Soil:
-    """The soil without friction, without adhesion unless `adhesive`, its contacts damped DAMPING_RATIO."""
+    """The soil without friction, without adhesion unless `adhesive`, its contacts damped DAMPING_RATIO.
+
+    Step, skin and precision are those of the preparation: a bed serves runs of every kind.
+    """
     without = _SLIDING if adhesive else (*_SLIDING, _ADHESION)
     pair, _ = pair_values(soil)
     wanted = 2.0 * DAMPING_RATIO * math.sqrt(0.5 * particle_mass_kg(soil) * pair.stiffness)
@@ -89,7 +92,9 @@ def smooth_soil(soil: Soil, *, adhesive: bool) -> Soil:
         if isinstance(getattr(soil.law, key), Part)
     }
     law = soil.law.model_copy(update=rows)
-    return soil.model_copy(update={"law": law, "skin_m": SKIN * soil.particles.radius_m})
+    return soil.model_copy(
+        update={"law": law, "skin_m": SKIN * soil.particles.radius_m, "precision": "float64"}
+    )
 
 
 def settling_step_s(soil: Soil) -> float:

@@ -21,7 +21,7 @@ from .state import PairList, Particles, WallList
 from .tool_surface import ToolSurface, motion_within
 from .walls import near_walls, wall_forces, wall_planes, wall_scan
 
-_CELLS_PER_SLAB = 2
+_CELLS_PER_SLAB = 1
 """Slab width in cells: wider than the reach, narrow enough to keep threads equally busy (chosen)."""
 
 _TOOL_SKIN = 2.0

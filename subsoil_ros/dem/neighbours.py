@@ -20,10 +20,20 @@ class CellGrid(NamedTuple):
     nz: int
 
 
+@njit(cache=True)
+def _bounds(position):
+    low, high = position[0].copy(), position[0].copy()
+    for i in range(position.shape[0]):
+        for a in range(3):
+            low[a] = min(low[a], position[i, a])
+            high[a] = max(high[a], position[i, a])
+    return low, high
+
+
 def cell_grid(position: np.ndarray, edge: float) -> CellGrid:
     """Grid that covers every particle of `position` (n, 3) [m]."""
-    low = position.min(axis=0)
-    count = np.floor((position.max(axis=0) - low) / edge).astype(np.int64) + 1
+    low, high = _bounds(position)
+    count = np.floor((high - low) / edge).astype(np.int64) + 1
     return CellGrid(low[0], low[1], low[2], edge, int(count[0]), int(count[1]), int(count[2]))
 
 
@@ -53,6 +63,16 @@ def sort_by_cell(position, grid):
         order[place[cell[i]]] = i
         place[cell[i]] += 1
     return order, start
+
+
+@njit(cache=True, parallel=True)
+def take_rows(array, order):
+    """Rows order[k] of `array` (n, m), in that order."""
+    taken = np.empty((order.shape[0], array.shape[1]), array.dtype)
+    for k in prange(order.shape[0]):
+        for a in range(array.shape[1]):
+            taken[k, a] = array[order[k], a]
+    return taken
 
 
 @njit(cache=True, inline="always")

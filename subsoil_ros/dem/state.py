@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .neighbours import take_rows
+
 
 @dataclass
 class Particles:
@@ -29,8 +31,9 @@ class Particles:
 
     def reorder(self, order: np.ndarray) -> None:
         """Put particle order[k] in place k."""
-        for name in ("position", "velocity", "spin", "force", "torque", "identity"):
-            setattr(self, name, getattr(self, name)[order])
+        for name in ("position", "velocity", "spin", "force", "torque"):
+            setattr(self, name, take_rows(getattr(self, name), order))
+        self.identity = self.identity[order]
         self.built_position = self.position.copy()
 
     @property

@@ -26,8 +26,20 @@ def wall_planes(lower: tuple[float, float, float], upper: tuple[float, float]) -
 
 def near_walls(position: np.ndarray, planes: np.ndarray, reach: float) -> np.ndarray:
     """Particles whose centre is closer than `reach` [m] to a wall, in increasing order."""
-    gap = planes[:, 3] - position @ planes[:, :3].T
-    return np.flatnonzero((gap < reach).any(axis=1))
+    return np.flatnonzero(_near(position, planes, reach))
+
+
+@njit(cache=True, parallel=True)
+def _near(position, planes, reach):
+    near = np.zeros(position.shape[0], np.bool_)
+    for i in prange(position.shape[0]):
+        for wall in range(planes.shape[0]):
+            gap = planes[wall, 3]
+            for a in range(3):
+                gap -= planes[wall, a] * position[i, a]
+            if gap < reach:
+                near[i] = True
+    return near
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

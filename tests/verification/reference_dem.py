@@ -19,7 +19,8 @@ TOTAL, REPULSIVE, ABSOLUTE = 0, 1, 2
 LINEAR, SOFTENING, TOTAL_SPRING, INCREMENTAL = 0, 1, 2, 3
 """Springs: linear, or Hertzian, stiffness growing with the root of the overlap. The tangential force of a
 Hertzian contact that softens shrinks with the stiffness, while one that stiffens keeps it (SOFTENING, as
-docs/physics.md says), or is stiffness times displacement (TOTAL_SPRING), or is kept (INCREMENTAL)."""
+docs/physics.md says; its rolling torque likewise), or is stiffness times displacement (TOTAL_SPRING), or is
+kept (INCREMENTAL)."""
 
 
 class Law(NamedTuple):
@@ -207,6 +208,8 @@ def _contact(overlap, n, velocity, spin, springs, effective_radius, step, law):
 
     turn = _plus(spin, -_dot(spin, n), n)
     roll = _row(springs, 1)
+    if law.springs == SOFTENING and before < stiffer:
+        roll = (before / stiffer * roll[0], before / stiffer * roll[1], before / stiffer * roll[2])
     roll = _plus(_plus(roll, -_dot(roll, n), n), step, turn)
     stiffness = k * effective_radius**2
     limit = law.rolling_friction * effective_radius * pressing

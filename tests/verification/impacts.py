@@ -20,7 +20,6 @@ def laboratory(soil, law, radius, density, step_ns, book=False, length=12.0, **c
     size = 12.0 * radius
     return soil.engine(
         book=book,
-        gravity_m_per_s2=0.0,
         soil={
             "bin": {"length_m": length * radius, "width_m": size, "depth_m": size},
             "particles": {"radius_m": radius, "density_kg_per_m3": density},
@@ -29,5 +28,15 @@ def laboratory(soil, law, radius, density, step_ns, book=False, length=12.0, **c
             "time_step_s": step_ns * 1e-9,
             "skin_m": 0.3 * radius,
         },
-        **changes,
+        **({"gravity_m_per_s2": 0.0} | changes),
     )
+
+
+def linear(k_n, k_t=0.0, c_n=0.0, c_t=0.0, mu=0.0, mu_r=0.0):
+    """A `linear` law, the same for particles and boundary: stiffness [N/m], damping [N s/m], frictions."""
+    row = {
+        "stiffness_newton_per_m": k_n, "tangential_stiffness_newton_per_m": k_t,
+        "damping_newton_s_per_m": c_n, "tangential_damping_newton_s_per_m": c_t,
+        "static_friction": mu, "sliding_friction": mu, "rolling_friction": mu_r,
+    }  # fmt: skip
+    return {"kind": "linear", "particle": row, "boundary": row}

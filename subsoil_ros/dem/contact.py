@@ -223,6 +223,11 @@ def contact(overlap, normal, velocity, spin, shear, roll, step, law, features):
     rolling_loss = zero
     if features.rolling.ndim == 2:
         rx, ry, rz = roll
+        if features.hertz.ndim == 2:  # as the tangential spring: stiffer keeps its torque, softer loses it
+            if features.book.ndim == 2:
+                stored = half * law.rolling_stiffness * (rx * rx + ry * ry + rz * rz)
+                released += stored * (before - grown * held_part * held_part)
+            rx, ry, rz = held_part * rx, held_part * ry, held_part * rz
         wx, wy, wz = spin
         along = wx * nx + wy * ny + wz * nz  # no twist
         wx, wy, wz = wx - along * nx, wy - along * ny, wz - along * nz

@@ -15,7 +15,7 @@ class Facets(NamedTuple):
     normal: np.ndarray  # (m, 3) outward unit
     edge: np.ndarray  # (m, 3) int32: edges ab, bc, ca by number
     vertex: np.ndarray  # (m, 3) int32
-    valence: np.ndarray  # (vertices,) int32: facets around a vertex
+    opposite: np.ndarray  # (m, 3) int32: facet across edge ab, bc, ca
     group: np.ndarray  # (m,) int32
 
 
@@ -27,13 +27,16 @@ def facets_of(mesh: ToolMesh) -> Facets:
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     ends = np.sort(np.stack([facets, np.roll(facets, -1, axis=1)], axis=-1), axis=-1)
     _, edge = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
-    valence = np.bincount(facets.ravel(), minlength=len(mesh.vertices_m))
+    edge = edge.ravel()
+    sides = np.argsort(edge, kind="stable").reshape(-1, 2)  # the two places of every edge
+    opposite = np.empty(len(edge), np.int32)
+    opposite[sides] = sides[:, ::-1] // 3
     return Facets(
         corner,
         np.ascontiguousarray(normal),
         np.ascontiguousarray(edge.reshape(-1, 3).astype(np.int32)),
         facets,
-        valence.astype(np.int32),
+        opposite.reshape(-1, 3),
         np.ascontiguousarray(mesh.facet_group, np.int32),
     )
 

@@ -16,6 +16,11 @@ EVENTS = (
 """What `ReferenceSoil.seen` counts, in this order. Zones, slip and yield are those of particle pairs."""
 
 TOTAL, REPULSIVE, ABSOLUTE = 0, 1, 2
+LINEAR, SOFTENING, TOTAL_SPRING, INCREMENTAL = 0, 1, 2, 3
+"""Springs: linear, or Hertzian, stiffness growing with the root of the overlap. The tangential force of a
+Hertzian contact that softens shrinks with the stiffness, while one that stiffens keeps it (SOFTENING, as
+docs/physics.md says; its rolling torque likewise), or is stiffness times displacement (TOTAL_SPRING), or is
+kept (INCREMENTAL)."""
 
 
 class Law(NamedTuple):
@@ -33,6 +38,7 @@ class Law(NamedTuple):
     reach: float = 0.0  # 0 without adhesion: a contact ends where the spheres part
     friction_normal: int = TOTAL
     damp_all: bool = False
+    springs: int = LINEAR
 
 
 def linear_law(row: dict) -> Law:
@@ -55,6 +61,21 @@ def wet_laws(particle: dict, boundary: dict, friction_normal: int = TOTAL, damp_
         )  # fmt: skip
 
     return law(particle), law(boundary)
+
+
+def hertz_law(first, second, restitution, friction, radius, mass, springs=SOFTENING) -> Law:
+    """Hertz and Mindlin; bodies (Young's modulus, nu), effective radius and mass.
+
+    Stiffness per root of overlap, dashpots per fourth root, 2 sqrt(5/6) beta sqrt(S m) with S_n = 1.5 k_n.
+    """
+    moduli = [
+        (young / (1.0 - nu**2), young / (2.0 * (1.0 + nu) * (2.0 - nu))) for young, nu in (first, second)
+    ]
+    normal, shear = (1.0 / (1.0 / a + 1.0 / b) for a, b in zip(*moduli, strict=True))
+    k_n, k_t = 4.0 / 3.0 * normal * np.sqrt(radius), 8.0 * shear * np.sqrt(radius)
+    damping = -2.0 * np.sqrt(5.0 / 6.0) * np.log(restitution) / np.hypot(np.log(restitution), np.pi)
+    c_n, c_t = damping * np.sqrt(1.5 * k_n * mass), damping * np.sqrt(k_t * mass)
+    return Law(k_n, k_t, c_n, c_t, friction, friction, 0.0, springs=springs)
 
 
 _LINEAR = (
@@ -133,6 +154,8 @@ def _row(array, i):
 @njit(cache=True)
 def _elastic(overlap, law):
     """Normal force without damping and the number of its zone."""
+    if law.springs != LINEAR:
+        return law.stiffness * np.sqrt(max(overlap, 0.0)) * overlap, 1
     if overlap > law.rest_overlap:
         return law.stiffness * (overlap - law.rest_overlap), 1
     if law.adhesion == 0.0:
@@ -151,8 +174,11 @@ def _contact(overlap, n, velocity, spin, springs, effective_radius, step, law):
     """
     approach = _dot(velocity, n)
     normal, zone = _elastic(overlap, law)
+    stiffer, before = 1.0, 1.0
+    if law.springs != LINEAR:
+        stiffer, before = np.sqrt(overlap), np.sqrt(max(overlap - step * approach, 0.0))
     if zone == 1 or law.damp_all:
-        normal += law.damping * approach
+        normal += law.damping * np.sqrt(stiffer) * approach
     if law.friction_normal == REPULSIVE:
         pressing = max(normal, 0.0)
     elif law.friction_normal == ABSOLUTE:
@@ -164,7 +190,9 @@ def _contact(overlap, n, velocity, spin, springs, effective_radius, step, law):
     tangent = _plus(velocity, -approach, n)
     shear = _row(springs, 0)
     shear = _plus(shear, -_dot(shear, n), n)
-    k, c = law.tangential_stiffness, law.tangential_damping
+    if law.springs == INCREMENTAL or (law.springs == SOFTENING and before < stiffer):
+        shear = (before / stiffer * shear[0], before / stiffer * shear[1], before / stiffer * shear[2])
+    k, c = law.tangential_stiffness * stiffer, law.tangential_damping * np.sqrt(stiffer)
     held = _plus(shear, step, tangent)
     held = (k * held[0] + c * tangent[0], k * held[1] + c * tangent[1], k * held[2] + c * tangent[2])
     size = np.sqrt(_dot(held, held))
@@ -180,6 +208,8 @@ def _contact(overlap, n, velocity, spin, springs, effective_radius, step, law):
 
     turn = _plus(spin, -_dot(spin, n), n)
     roll = _row(springs, 1)
+    if law.springs == SOFTENING and before < stiffer:
+        roll = (before / stiffer * roll[0], before / stiffer * roll[1], before / stiffer * roll[2])
     roll = _plus(_plus(roll, -_dot(roll, n), n), step, turn)
     stiffness = k * effective_radius**2
     limit = law.rolling_friction * effective_radius * pressing

@@ -85,6 +85,35 @@ def test_convex_edges_and_vertices_are_one_contact(soil, at, one, phi_rad):
         assert_allclose(force, -world(unit) * stiffness * 1e-4, rtol=2e-3, atol=1e-4)
 
 
+def test_edges_meshed_much_finer_than_a_particle_miss_no_contact(soil, at, one, tmp_path):
+    """Spheres along the edges of a bar, facets 1.6 mm by 0.3 mm in any order: every one has its one contact,
+    with the force of the coarse bar."""
+    half, off = np.array((0.05, 0.01, 0.01)), 0.01 + 0.0079 * math.sqrt(0.5)
+    place = [
+        (0.2 + 0.025 * k + 0.0007 * (y + 2 * z), y * off, -0.15 + z * off)
+        for k in (-1, 0, 1) for y in (-1, 1) for z in (-1, 1)
+    ]  # fmt: skip
+    mesh = trimesh.creation.box(2.0 * half)
+    forces = []
+    for cuts in (0, 6):
+        for _ in range(cuts):
+            mesh = mesh.subdivide()
+        mesh.faces = np.random.default_rng(1).permutation(mesh.faces)
+        path = tmp_path / f"bar_{cuts}.stl"
+        mesh.export(path)
+        engine = soil.engine(
+            "gravity_m_per_s2=0", "soil.bin.length_m=0.4", "soil.bin.width_m=0.3", "soil.bin.depth_m=0.3",
+            law=NO_ADHESION | {"rolling_friction": 0.0}, tools=one(str(path)),
+        )  # fmt: skip
+        engine.place(place)
+        engine.start(at(-0.3, -0.15))
+        assert engine.advance(0, at(0.2, -0.15))[0].contact_count == len(place)
+        forces.append(engine.forces_newton())
+    # corners of the mesh are float32: 1e-9 m, times the stiffness
+    assert_allclose(forces[1], forces[0], atol=1e-4)
+    assert_allclose(np.linalg.norm(forces[0], axis=1), 1e-4 * 10_000.0 * 16_000.0 / 26_000.0, rtol=2e-3)
+
+
 def groove() -> trimesh.Trimesh:
     """A block with a right-angled groove along y, open to +z: concave edge at the origin."""
     outline = [(0.0, 0.0), (0.05, 0.05), (0.05, -0.05), (-0.05, -0.05), (-0.05, 0.05)]

@@ -43,6 +43,20 @@ def print_bed(console: Console, resolved: ResolvedScene, threads: int, out: Path
 
 def _rows(report: BedReport, motion: FreeMotion) -> Iterable[tuple[str, str]]:
     yield "particles", f"{report.particle_count:,}"
+    if report.radii is not None:
+        radii = report.radii
+        yield (
+            "radii",
+            (
+                f"{_mm(radii.smallest_m)} to {_mm(radii.largest_m)}, mean {_mm(radii.mean_m)}, "
+                f"standard deviation {_mm(radii.deviation_m)}"
+            ),
+        )
+    for layer in report.layers:
+        yield (
+            f"layer {layer.name}",
+            f"{layer.particle_count:,} particles, density {layer.density_kg_per_m3:.4g} kg/m3",
+        )
     yield "density", f"{report.density_kg_per_m3:.4g} kg/m3"
     yield "coordination", f"{report.coordination:.2f} particles in reach, mean"
     yield "stable step", f"{report.stable_step_s * 1e6:.4g} us at this coordination"

@@ -20,6 +20,8 @@ from ..scene.limits import step_limits
 from ..scene.loader import ResolvedScene, load_scene
 from ..scene.mechanism import Mechanism
 from ..scene.meshes import load_tool_mesh
+from ..scene.pairs import layer_soils
+from ..scene.sizes import mean_power
 from ..scene.soil import Soil
 from ..scene.tool_mass import tool_mass
 from .bed_table import print_bed
@@ -155,10 +157,11 @@ def _general(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
 
 
 def _soil(resolved: ResolvedScene, soil: Soil, count: int) -> Iterable[tuple[str, str]]:
-    radius_mm = soil.particles.radius_m * 1e3
+    spheres = _spheres(soil)
     if not isinstance(soil.bed, GridBed):
         about = "" if isinstance(soil.bed, SavedBed) else "about "
-        yield "particles", f"{about}{count:,} of radius {radius_mm:g} mm, less those that tools overlap"
+        yield "particles", f"{about}{count:,} {spheres}, less those that tools overlap"
+        yield from _layer_rows(soil)
         if isinstance(soil.bed, SavedBed):
             yield "bed", f"from {soil.bed.file}"
         else:
@@ -170,7 +173,8 @@ def _soil(resolved: ResolvedScene, soil: Soil, count: int) -> Iterable[tuple[str
         return
     nx, ny, nz = grid_shape(soil)
     bed = prepare_grid(soil, resolved.scene.gravity_m_per_s2)
-    yield "particles", f"{count:,} of radius {radius_mm:g} mm, less those that tools overlap"
+    yield "particles", f"{count:,} {spheres}, less those that tools overlap"
+    yield from _layer_rows(soil)
     spacing_mm = particle_spacing_m(soil) * 1e3
     yield "bed", f"{nz} layers of {nx} x {ny}, spacing {spacing_mm:g} mm, top at z = 0"
     length, width = bed.upper_m[0] - bed.lower_m[0], bed.upper_m[1] - bed.lower_m[1]
@@ -181,6 +185,24 @@ def _soil(resolved: ResolvedScene, soil: Soil, count: int) -> Iterable[tuple[str
             f"{length:.4g} x {width:.4g} m, floor at z = {bed.lower_m[2]:.4f} m"
         ),
     )
+
+
+def _spheres(soil: Soil) -> str:
+    sizes, (smallest, largest) = soil.particles.sizes, soil.particles.bounds_m
+    if sizes is None:
+        return f"of radius {largest * 1e3:g} mm"
+    mean_mm = mean_power(sizes, 1) * 1e3
+    return f"of radius {smallest * 1e3:g} to {largest * 1e3:g} mm ({sizes.kind}, mean {mean_mm:.3g} mm)"
+
+
+def _layer_rows(soil: Soil) -> Iterable[tuple[str, str]]:
+    above = 0.0
+    for layer, whole in zip(soil.layers or (), layer_soils(soil), strict=False):
+        bottom = "the floor" if layer.thickness_m is None else f"{above + layer.thickness_m:g} m"
+        density = whole.particles.density_kg_per_m3
+        own = "" if layer.law is None else ", with a law of its own"
+        yield f"layer {layer.name}", f"{above:g} m down to {bottom}, particles of {density:g} kg/m3{own}"
+        above += layer.thickness_m or 0.0
 
 
 def _limits(resolved: ResolvedScene) -> Table:

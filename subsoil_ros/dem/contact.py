@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit, types
 from numba.extending import overload
 
-from ..scene.pairs import PairValues, pair_values
+from ..scene.pairs import PairValues, layer_soils, pair_values
 from ..scene.soil import Soil, WetLaw
 
 SINKS = ("normal_dashpot", "tangential_dashpot", "sliding", "rolling", "separation")
@@ -35,6 +35,10 @@ class PairLaw(NamedTuple):
     rolling_arm: float  # mu_r R_eff [m]: torque limit over normal force
 
 
+YES, NO = np.empty((1, 1)), np.empty(1)
+"""Values of Features."""
+
+
 class Features(NamedTuple):
     """What the law contains, told to the compiler: an array of two dimensions says yes, of one no.
 
@@ -50,10 +54,9 @@ class Features(NamedTuple):
     friction_repulsive: np.ndarray  # neither of the two: friction is limited by F_n + F_peak
     friction_absolute: np.ndarray
     book: np.ndarray  # book every energy sink
+    sizes: np.ndarray = NO  # radii differ: dem.mixture
+    materials: np.ndarray = NO  # laws or densities differ: dem.mixture
 
-
-YES, NO = np.empty((1, 1)), np.empty(1)
-"""Values of Features."""
 
 _TINY = 1e-30
 """Keeps a quotient finite whose numerator is zero too; far below any force [N], also in float32."""
@@ -91,27 +94,36 @@ def pair_law(values: PairValues, effective_radius: float, *, has_adhesion: bool)
     )
 
 
-def soil_laws(soil: Soil, *, book: bool = False) -> tuple[PairLaw, PairLaw, Features]:
-    """Laws of particle-particle and particle-boundary, and the features both are compiled with."""
-    pair, boundary = pair_values(soil)
-    both = (pair, boundary)
+def law_features(soil: Soil, *, book: bool = False) -> Features:
+    """What the laws of a soil contain, all layers together."""
+    values = [value for layer in layer_soils(soil) for value in pair_values(layer)]
     wet = soil.law if isinstance(soil.law, WetLaw) else None
-    has_adhesion = any(v.adhesion > 0.0 for v in both)
-    radius = soil.particles.radius_m
-    features = Features(
-        adhesion=YES if has_adhesion else NO,
-        tangential=YES if any(v.tangential_stiffness + v.tangential_damping > 0.0 for v in both) else NO,
-        rolling=YES if any(v.rolling_friction * v.tangential_stiffness > 0.0 for v in both) else NO,
-        hertz=YES if pair.hertzian else NO,
-        damp_all_zones=YES if wet and wet.damped_zones == "all" else NO,
-        friction_repulsive=YES if wet and wet.friction_normal == "repulsive" else NO,
-        friction_absolute=YES if wet and wet.friction_normal == "absolute" else NO,
-        book=YES if book else NO,
+
+    def given(yes: bool) -> np.ndarray:
+        return YES if yes else NO
+
+    return Features(
+        adhesion=given(any(v.adhesion > 0.0 for v in values)),
+        tangential=given(any(v.tangential_stiffness + v.tangential_damping > 0.0 for v in values)),
+        rolling=given(any(v.rolling_friction * v.tangential_stiffness > 0.0 for v in values)),
+        hertz=given(values[0].hertzian),
+        damp_all_zones=given(wet is not None and wet.damped_zones == "all"),
+        friction_repulsive=given(wet is not None and wet.friction_normal == "repulsive"),
+        friction_absolute=given(wet is not None and wet.friction_normal == "absolute"),
+        book=given(book),
+        sizes=given(soil.particles.sizes is not None),
+        materials=given(soil.layers is not None),
     )
+
+
+def soil_laws(soil: Soil, features: Features) -> tuple[PairLaw, PairLaw]:
+    """Laws of particle-particle and particle-boundary for equal spheres of one material."""
+    pair, boundary = pair_values(soil)
+    has_adhesion = features.adhesion.ndim == 2
+    radius = soil.particles.mean_volume_radius_m
     return (
         pair_law(pair, 0.5 * radius, has_adhesion=has_adhesion),
         pair_law(boundary, radius, has_adhesion=has_adhesion),
-        features,
     )
 
 

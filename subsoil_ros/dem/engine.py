@@ -10,11 +10,12 @@ from ..messages import SoilCloud, SoilState, ToolMotion, ToolWrench
 from ..scene.limits import DENSE_COORDINATION, step_limits
 from ..scene.loader import ResolvedScene
 from ..scene.meshes import load_tool_mesh
-from ..scene.pairs import particle_mass_kg
+from ..scene.pairs import layer_soils, particle_mass_kg
 from .bed import Bed
 from .beds.prepare import prepare_bed
-from .contact import SINKS, PairLaw, soil_laws
-from .integration import kick, kick_drift, motion_sums
+from .contact import SINKS, PairLaw, law_features, soil_laws
+from .integration import kick, kick_drift, mass_sums, motion_sums
+from .mixture import REACH, REST_OVERLAP, Mixture, law_tables, material_at
 from .neighbours import carry_pairs, carry_rows, cell_grid, half_list, slab_starts, sort_by_cell
 from .pairs import history_blocks, pair_forces, pair_scan
 from .state import PairList, Particles, WallList
@@ -67,22 +68,26 @@ class SoilEngine:
         self._step_s = resolved.timing.soil_step_s
         self._kind = np.float32 if soil.precision == "mixed" else np.float64  # of all but positions
         self._gravity = resolved.scene.gravity_m_per_s2
-        self._radius = soil.particles.radius_m
+        smallest, self._radius = soil.particles.bounds_m  # the largest where they are unequal
         self._mass = particle_mass_kg(soil)
         self._inertia = 0.4 * self._mass * self._radius**2
-        self._law, self._boundary, self._features = soil_laws(soil, book=book)
+        self._features = law_features(soil, book=book)
+        self._law, self._boundary = soil_laws(soil, self._features)
         self._pair_law = PairLaw(*(self._kind(value) for value in self._law))
-        self._at_tools = self._boundary._replace(
-            stiffness=self._boundary.stiffness * soil.tool_stiffness_factor
-        )
-        self._overlap_bound = soil.largest_tool_overlap_m or 2.0 * self._radius
+        factor = soil.tool_stiffness_factor
+        self._at_tools = self._boundary._replace(stiffness=self._boundary.stiffness * factor)
+        self._pair_laws, self._wall_laws = law_tables(soil, self._features)
+        self._tool_laws = self._wall_laws.copy()
+        self._tool_laws[:, 0] *= factor
+        self._density = np.array([layer.particles.density_kg_per_m3 for layer in layer_soils(soil)])
+        self._overlap_bound = soil.largest_tool_overlap_m or 2.0 * smallest
         self.bed: Bed = bed or prepare_bed(resolved, SoilEngine, threads)
         self._planes = wall_planes(self.bed.lower_m, self.bed.upper_m)
         self._tools: tuple[ToolSurface, ...] = ()
         self._rebuilds = 0
         self._tool_work = 0.0
         self._sinks = np.zeros(len(SINKS))  # of pairs and walls
-        self._load(self.bed.positions_m, np.arange(len(self.bed.positions_m)))
+        self._load(self.bed.positions_m, self.bed.radii_m, self.bed.materials)
         if bed is None:
             self._refuse_step_too_large()
 
@@ -102,9 +107,18 @@ class SoilEngine:
                 f"the prepared bed ({limit.cause}); use at most {0.9 * limit.limit_s:.2g} s"
             )
 
-    def _load(self, position: np.ndarray, identity: np.ndarray) -> None:
-        """Start from particles at rest without contact history."""
-        self._particles = Particles.at_rest(np.ascontiguousarray(position), identity, self._kind)
+    def _load(self, position: np.ndarray, radii: np.ndarray | None, materials: np.ndarray | None) -> None:
+        """Start from particles at rest without contact history; without `materials`, by their depth."""
+        self._particles = p = Particles.at_rest(
+            np.ascontiguousarray(position), np.arange(len(position)), self._kind
+        )
+        if self._soil.particles.sizes is not None or self._soil.layers is not None:
+            if radii is None and self._soil.particles.sizes is not None:
+                raise InputError("radii_m: is missing; a soil with particles.sizes needs one per particle")
+            radius = np.full(p.count, self._radius) if radii is None else np.array(radii, np.float64)
+            if materials is None:
+                materials = material_at(self._soil, -position[:, 2])
+            p.make_unequal(radius, np.array(materials, np.int64), self._density)
         self._loaded_position = position.copy()
         self._forget_contacts()
         self._rebuild(())
@@ -128,13 +142,15 @@ class SoilEngine:
         position_m: np.ndarray,
         velocity_m_per_s: np.ndarray | None = None,
         spin_rad_per_s: np.ndarray | None = None,
+        radii_m: np.ndarray | None = None,
     ) -> None:
         """Put these particles into the bin instead of the prepared bed: (n, 3) arrays, world axes.
 
-        Call it before `start`, which then must not remove any of them.
+        radii_m (n,) is for soils with sizes. Layers go by depth. Call it before `start`, which then must not
+        remove any particle.
         """
         position = np.array(position_m, dtype=np.float64).reshape(-1, 3)
-        self._load(position, np.arange(len(position)))
+        self._load(position, radii_m, None)
         back = self._particles.identity
         if velocity_m_per_s is not None:
             self._particles.velocity = np.array(velocity_m_per_s, self._kind).reshape(-1, 3)[back]
@@ -153,8 +169,18 @@ class SoilEngine:
 
     @property
     def mass_kg(self) -> float:
-        """Mass of one particle."""
+        """Mass of one particle; of one of mean volume where they are unequal."""
         return self._mass
+
+    def radii_m(self) -> np.ndarray:
+        """(n,) float64, in the order of the prepared bed."""
+        p = self._particles
+        return p.radius[np.argsort(p.identity)] if p.unequal else np.full(p.count, self._radius)
+
+    def materials(self) -> np.ndarray:
+        """(n,) int64 number of the layer of each particle, in the order of the prepared bed."""
+        p = self._particles
+        return p.material[np.argsort(p.identity)] if p.unequal else np.zeros(p.count, np.int64)
 
     @property
     def wall_force_newton(self) -> np.ndarray:
@@ -165,7 +191,18 @@ class SoilEngine:
     def momentum_kg_m_per_s(self) -> np.ndarray:
         """(3,) of all particles, world axes."""
         p = self._particles
+        if p.unequal:
+            return mass_sums(p.position, p.velocity, p.spin, p.mass, p.inertia)[2]
         return self._mass * motion_sums(p.position, p.velocity, p.spin)[3]
+
+    def _masses(self) -> tuple[float | np.ndarray, float | np.ndarray]:
+        """Mass [kg] and inertia [kg m2] for the kernels: of all particles, or arrays (n,)."""
+        p = self._particles
+        return (p.mass, p.inertia) if p.unequal else (self._mass, self._inertia)
+
+    def _mixture(self, laws: np.ndarray) -> Mixture:
+        p = self._particles
+        return Mixture(p.radius, p.mass, p.material, laws, len(self._density))
 
     def positions_m(self) -> np.ndarray:
         """(n, 3) float64, world axes, in the order of the prepared bed."""
@@ -202,10 +239,14 @@ class SoilEngine:
             mesh = load_tool_mesh(self._resolved.directory, scene, name)
             reference = bodies[tool.body].angle_rad if tool.body else 0.0
             tools.append(ToolSurface(name, mesh, reference, motion))
-        clearance = self._radius - self._boundary.rest_overlap
-        kept = np.ones(self._particles.count, np.bool_)
+        p = self._particles
+        if p.unequal:
+            clearance = p.radius - self._wall_laws[p.material, REST_OVERLAP]
+        else:
+            clearance = np.full(p.count, self._radius - self._boundary.rest_overlap)
+        kept = np.ones(p.count, np.bool_)
         for surface in tools:
-            kept[surface.overlapped(self._particles, clearance)] = False
+            kept[surface.overlapped(p, clearance)] = False
         if not kept.any():
             raise InputError("tools: they overlap every particle of the bed; check their scale and position")
         self._tools = tuple(tools)
@@ -251,16 +292,18 @@ class SoilEngine:
 
     def _advance_step(self, tick: int, motions: tuple[ToolMotion, ...]) -> None:
         p, skin = self._particles, self._soil.skin_m
+        mass, inertia = self._masses()
         far = kick_drift(
             p.position, p.velocity, p.spin, p.force, p.torque, p.built_position,
-            self._mass, self._inertia, self._gravity, self._step_s, (0.5 * skin) ** 2,
+            mass, inertia, self._gravity, self._step_s, (0.5 * skin) ** 2,
         )  # fmt: skip
         allowed = (_TOOL_SKIN - 0.5) * skin
         if far or any(t.moved_m(m) > allowed for t, m in zip(self._tools, motions, strict=True)):
             self._refuse_lost_numbers(tick)
             self._rebuild(motions)
         self._add_forces(motions, self._step_s)
-        kick(p.velocity, p.spin, p.force, p.torque, self._mass, self._inertia, self._step_s)
+        mass, inertia = self._masses()  # a rebuild may have sorted them
+        kick(p.velocity, p.spin, p.force, p.torque, mass, inertia, self._step_s)
         deepest = max((tool.largest_overlap_m for tool in self._tools), default=0.0)
         if deepest > self._overlap_bound:
             raise PhysicsError(
@@ -274,31 +317,35 @@ class SoilEngine:
         motion = (p.position, p.velocity, p.spin, p.force, p.torque)
         if step == 0.0:
             p.force[:] = 0.0
-            p.force[:, 2] = -self._mass * self._gravity
+            p.force[:, 2] = -self._masses()[0] * self._gravity
             p.torque[:] = 0.0
         pair_forces(
             pairs.slab_start, pairs.row_start, pairs.neighbour, *motion, pairs.history,
-            self._kind(self._radius), self._kind(step), self._pair_law, features, self._pair_book,
+            self._kind(self._radius), self._kind(step), self._pair_law, self._mixture(self._pair_laws),
+            features, self._pair_book,
         )  # fmt: skip
         wall_forces(
             walls.particle, self._planes, *motion, walls.shear, walls.roll,
-            self._radius, step, self._boundary, features, self._wall_force, self._wall_book,
+            self._radius, step, self._boundary, self._mixture(self._wall_laws), features,
+            self._wall_force, self._wall_book,
         )  # fmt: skip
+        at_tools = self._mixture(self._tool_laws)
         for tool, at in zip(self._tools, motions, strict=True):
             work = tool.felt.work_joule
-            tool.add_forces(p, at, self._radius, step, self._at_tools, features)
+            tool.add_forces(p, at, self._radius, step, self._at_tools, at_tools, features)
             self._tool_work -= tool.felt.work_joule - work
 
     def _rebuild(self, motions: tuple[ToolMotion, ...]) -> None:
         """Sort particles into cells, find pairs, walls and tool candidates, carry histories over."""
         p, skin = self._particles, self._soil.skin_m
         adhesive = self._features.adhesion.ndim == 2
-        reach = 2.0 * self._radius + (self._law.reach if adhesive else 0.0) + skin
-        boundary_reach = self._radius + (self._boundary.reach if adhesive else 0.0)
+        reach = 2.0 * self._radius + (float(self._pair_laws[:, REACH].max()) if adhesive else 0.0) + skin
+        boundary_reach = self._radius + (float(self._wall_laws[:, REACH].max()) if adhesive else 0.0)
         grid = cell_grid(p.position, reach)
         order, cell_start = sort_by_cell(p.position, grid)
         p.reorder(order)
-        row_start, neighbour = half_list(p.position, grid, cell_start, reach)
+        smaller = self._radius - p.radius if p.unequal else 0.0
+        row_start, neighbour = half_list(p.position, grid, cell_start, reach, smaller)
         old = self._pairs
         history = history_blocks(len(neighbour), self._kind)
         carry_pairs(order, old.row_start, old.neighbour, old.history, row_start, neighbour, history)
@@ -337,15 +384,16 @@ class SoilEngine:
         speed2, spin2, _, _ = motion_sums(p.position, p.velocity, p.spin)
         contacts, largest, _ = self._scan_pairs()
         gap = self._planes[:, 3] - p.position @ self._planes[:, :3].T
+        radius = p.radius[:, None] if p.unequal else self._radius
         return SoilState(
             run_id,
             tick,
             end_time_ns,
             particle_count=n,
             contact_count=contacts,
-            lost_particle_count=int((gap < -self._radius).any(axis=1).sum()),
+            lost_particle_count=int((gap < -radius).any(axis=1).sum()),
             rebuild_count=self._rebuilds,
-            kinetic_energy_joule=0.5 * (self._mass * speed2 + self._inertia * spin2),
+            kinetic_energy_joule=self._moving_joule()[0],
             rms_speed_m_per_s=float(np.sqrt(speed2 / n)),
             rms_spin_rad_per_s=float(np.sqrt(spin2 / n)),
             largest_overlap_m=largest,
@@ -356,23 +404,35 @@ class SoilEngine:
         pairs = self._pairs
         return pair_scan(
             pairs.row_start, pairs.neighbour, self._particles.position, pairs.history,
-            self._radius, self._law, self._features,
+            self._radius, self._law, self._mixture(self._pair_laws), self._features,
         )  # fmt: skip
+
+    def _moving_joule(self) -> tuple[float, float]:
+        """Kinetic energy and that of gravity, zero at z = 0."""
+        p = self._particles
+        if p.unequal:
+            kinetic, height, _ = mass_sums(p.position, p.velocity, p.spin, p.mass, p.inertia)
+            return kinetic, self._gravity * height
+        speed2, spin2, height, _ = motion_sums(p.position, p.velocity, p.spin)
+        return 0.5 * (self._mass * speed2 + self._inertia * spin2), self._mass * self._gravity * height
 
     def energy(self) -> EnergyBook:
         """The energy book at the end of the last tick."""
         p, walls = self._particles, self._walls
         self._flush_books()
-        speed2, spin2, height, _ = motion_sums(p.position, p.velocity, p.spin)
+        kinetic, gravity = self._moving_joule()
         at_walls = wall_scan(
             walls.particle, self._planes, p.position, walls.shear, walls.roll,
-            self._radius, self._boundary, self._features,
+            self._radius, self._boundary, self._mixture(self._wall_laws), self._features,
         )[2]  # fmt: skip
-        at_tools = sum(t.stored_joule(p, self._radius, self._at_tools, self._features) for t in self._tools)
+        mixture = self._mixture(self._tool_laws)
+        at_tools = sum(
+            t.stored_joule(p, self._radius, self._at_tools, mixture, self._features) for t in self._tools
+        )
         sinks = self._sinks + sum((t.sinks_joule for t in self._tools), np.zeros(len(SINKS)))
         return EnergyBook(
-            kinetic_joule=0.5 * (self._mass * speed2 + self._inertia * spin2),
-            gravity_joule=self._mass * self._gravity * height,
+            kinetic_joule=kinetic,
+            gravity_joule=gravity,
             stored_joule=self._scan_pairs()[2] + at_walls + at_tools,
             sinks_joule=dict(zip(SINKS, sinks.tolist(), strict=True)),
             tool_work_joule=self._tool_work,

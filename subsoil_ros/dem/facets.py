@@ -146,7 +146,9 @@ def near_facets(position, cell_start, grid, pose, corner, reach):
 
 @njit(cache=True)
 def inside_or_near(position, particle, pose, corner, clearance):
-    """Of `particle`, those inside the closed surface or closer than `clearance` [m] to it: bool (c,).
+    """Of `particle`, those inside the closed surface or closer to it than their clearance: bool (c,).
+
+    clearance [m]: (n,), of all particles.
 
     Inside is where the solid angles of the facets sum to more than 2 pi (A. van Oosterom, J. Strackee,
     IEEE Trans. Biomed. Eng. 30, 1983: the angle of one triangle).
@@ -161,7 +163,7 @@ def inside_or_near(position, particle, pose, corner, clearance):
         angle = 0.0
         for m in range(corner.shape[0]):
             qx, qy, qz, _ = closest_feature(p[0], p[1], p[2], corner[m])
-            if (p[0] - qx) ** 2 + (p[1] - qy) ** 2 + (p[2] - qz) ** 2 < clearance * clearance:
+            if (p[0] - qx) ** 2 + (p[1] - qy) ** 2 + (p[2] - qz) ** 2 < clearance[i] ** 2:
                 hit[k] = True
                 break
             for axis in range(3):

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit, prange
 
 from .pairs import BLOCK, HISTORY, history_place
+from .per_particle import of_particle
 
 
 class CellGrid(NamedTuple):
@@ -90,23 +91,28 @@ def _forward_range(grid, cx, cy, cz, k, cell_start):
 
 
 @njit(cache=True, parallel=True)
-def half_list(position, grid, cell_start, reach):
-    """Pairs i < j closer than `reach` [m] of particles sorted by cell: row_start (n + 1,), neighbour (p,)."""
+def half_list(position, grid, cell_start, reach, smaller):
+    """Pairs i < j closer than `reach` [m] of particles sorted by cell: row_start (n + 1,), neighbour (p,).
+
+    smaller [m]: how much less the radius of each particle is than that of the largest, (n,); zero for all
+    where they are equal.
+    """
     n = position.shape[0]
     row_start = np.zeros(n + 1, np.int64)
-    reach2 = reach * reach
     for i in prange(n):
         cx = _axis_cell(position[i, 0], grid.origin_x, grid.edge, grid.nx)
         cy = _axis_cell(position[i, 1], grid.origin_y, grid.edge, grid.ny)
         cz = _axis_cell(position[i, 2], grid.origin_z, grid.edge, grid.nz)
         count = 0
+        own_reach = reach - of_particle(smaller, i)
         for k in range(5):
             low, high = _forward_range(grid, cx, cy, cz, k, cell_start)
             for j in range(max(low, i + 1), high):
+                limit = own_reach - of_particle(smaller, j)
                 dx = position[j, 0] - position[i, 0]
                 dy = position[j, 1] - position[i, 1]
                 dz = position[j, 2] - position[i, 2]
-                if dx * dx + dy * dy + dz * dz < reach2:
+                if dx * dx + dy * dy + dz * dz < limit * limit:
                     count += 1
         row_start[i + 1] = count
     for i in range(n):
@@ -117,13 +123,15 @@ def half_list(position, grid, cell_start, reach):
         cy = _axis_cell(position[i, 1], grid.origin_y, grid.edge, grid.ny)
         cz = _axis_cell(position[i, 2], grid.origin_z, grid.edge, grid.nz)
         slot = row_start[i]
+        own_reach = reach - of_particle(smaller, i)
         for k in range(5):
             low, high = _forward_range(grid, cx, cy, cz, k, cell_start)
             for j in range(max(low, i + 1), high):
+                limit = own_reach - of_particle(smaller, j)
                 dx = position[j, 0] - position[i, 0]
                 dy = position[j, 1] - position[i, 1]
                 dz = position[j, 2] - position[i, 2]
-                if dx * dx + dy * dy + dz * dz < reach2:
+                if dx * dx + dy * dy + dz * dz < limit * limit:
                     neighbour[slot] = j
                     slot += 1
     return row_start, neighbour

@@ -9,7 +9,8 @@ numbers of each component, one after the other, so that no copy is needed.
 import numpy as np
 from numba import njit, prange
 
-from .contact import contact, like, normal_potential, spring_energy
+from .contact import PairLaw, contact, like, normal_potential, spring_energy
+from .mixture import pair_of
 
 BLOCK = 512
 """Pairs computed at a time (measured, 128 to 1024: one component of the histories is then a page, and a bed
@@ -23,6 +24,9 @@ _ROW = BLOCK + 8
 
 _GATHERED = 12
 """Scratch rows: x_j - x_i, v_i - v_j, w_i, w_j. Results take their place: force on i, torque on i, on j."""
+
+_OF_PAIR = 2 + len(PairLaw._fields)
+"""Further rows where particles are unequal: radii of i and j, and the law of the pair."""
 
 _BOOKED = 5
 
@@ -39,7 +43,10 @@ def history_place(pair):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _gather(first_row, pair, last, row_start, neighbour, position, velocity, spin, scratch):
+def _gather(
+    first_row, pair, last, row_start, neighbour, position, velocity, spin, scratch,
+    radius, law, mixture, features,
+):  # fmt: skip
     """States of the pairs pair <= k < last into the scratch rows; pair `pair` is in row `first_row`."""
     i, end = first_row, row_start[first_row + 1]
     start = pair
@@ -66,29 +73,52 @@ def _gather(first_row, pair, last, row_start, neighbour, position, velocity, spi
             scratch[9, b] = spin[j, 0]
             scratch[10, b] = spin[j, 1]
             scratch[11, b] = spin[j, 2]
+            if features.sizes.ndim == 2 or features.materials.ndim == 2:
+                scratch[12, b], scratch[13, b], of_pair = pair_of(i, j, radius, law, mixture, features)
+                for a, number in enumerate(of_pair):
+                    scratch[14 + a, b] = number
         start = stop
 
 
+@njit(cache=True, forceinline=True, error_model="numpy")
+def _law_of_pair(b, scratch):
+    """PairLaw in the scratch rows behind the radii."""
+    return PairLaw(
+        scratch[b + 14 * _ROW], scratch[b + 15 * _ROW], scratch[b + 16 * _ROW], scratch[b + 17 * _ROW],
+        scratch[b + 18 * _ROW], scratch[b + 19 * _ROW], scratch[b + 20 * _ROW], scratch[b + 21 * _ROW],
+        scratch[b + 22 * _ROW], scratch[b + 23 * _ROW], scratch[b + 24 * _ROW], scratch[b + 25 * _ROW],
+        scratch[b + 26 * _ROW],
+    )  # fmt: skip
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
-def _compute(count, scratch, history, radius, step, law, features, book):
+def _compute(count, scratch, history, radius, step, common_law, features, book):
     """Forces and torques of `count` pairs in the place of their states; new histories.
 
     `scratch` and `history` are flat, so that the compiler knows how far apart their rows are.
     """
-    reach = like(radius, 2.0) * radius
-    if features.adhesion.ndim == 2:
-        reach += law.reach
-    zero, half, one, two = like(radius, 0.0), like(radius, 0.5), like(radius, 1.0), like(radius, 2.0)
+    zero, half, one = like(radius, 0.0), like(radius, 0.5), like(radius, 1.0)
+    law, touch = common_law, radius + radius
     for b in range(count):
+        if features.sizes.ndim == 2 or features.materials.ndim == 2:
+            law = _law_of_pair(b, scratch)
+            touch = scratch[b + 12 * _ROW] + scratch[b + 13 * _ROW]
+        reach = touch + law.reach if features.adhesion.ndim == 2 else touch
         dx, dy, dz = scratch[b], scratch[b + _ROW], scratch[b + 2 * _ROW]
         distance = np.sqrt(dx * dx + dy * dy + dz * dz)
         inverse = one / distance
         nx, ny, nz = dx * inverse, dy * inverse, dz * inverse
-        arm = half * distance  # both bodies reach to the middle of overlap or gap
+        arm_i = arm_j = half * distance  # both bodies reach to the middle of overlap or gap
         wx, wy, wz = scratch[b + 6 * _ROW], scratch[b + 7 * _ROW], scratch[b + 8 * _ROW]
         ox, oy, oz = scratch[b + 9 * _ROW], scratch[b + 10 * _ROW], scratch[b + 11 * _ROW]
-        # velocity of i against j at the contact: v_i - v_j + arm (w_i + w_j) x n
-        cx, cy, cz = arm * (wx + ox), arm * (wy + oy), arm * (wz + oz)
+        # velocity of i against j at the contact: v_i - v_j + (arm_i w_i + arm_j w_j) x n
+        if features.sizes.ndim == 2:
+            longer = half * (scratch[b + 12 * _ROW] - scratch[b + 13 * _ROW])
+            arm_i += longer
+            arm_j -= longer
+            cx, cy, cz = arm_i * wx + arm_j * ox, arm_i * wy + arm_j * oy, arm_i * wz + arm_j * oz
+        else:
+            cx, cy, cz = arm_i * (wx + ox), arm_i * (wy + oy), arm_i * (wz + oz)
         relative = (
             scratch[b + 3 * _ROW] + cy * nz - cz * ny,
             scratch[b + 4 * _ROW] + cz * nx - cx * nz,
@@ -97,7 +127,7 @@ def _compute(count, scratch, history, radius, step, law, features, book):
         shear = history[b], history[b + BLOCK], history[b + 2 * BLOCK]
         roll = history[b + 3 * BLOCK], history[b + 4 * BLOCK], history[b + 5 * BLOCK]
         f, m, s, r, sinks = contact(
-            two * radius - distance, (nx, ny, nz), relative, (wx - ox, wy - oy, wz - oz),
+            touch - distance, (nx, ny, nz), relative, (wx - ox, wy - oy, wz - oz),
             shear, roll, step, law, features,
         )  # fmt: skip
         acts = one if distance < reach else zero
@@ -107,11 +137,15 @@ def _compute(count, scratch, history, radius, step, law, features, book):
         )  # fmt: skip
         fx, fy, fz = acts * f[0], acts * f[1], acts * f[2]
         mx, my, mz = acts * m[0], acts * m[1], acts * m[2]
-        # torque arm n x f is the same on both: opposite force on the opposite side
-        qx, qy, qz = arm * (ny * fz - nz * fy), arm * (nz * fx - nx * fz), arm * (nx * fy - ny * fx)
+        # torques arm n x f have one sign: opposite force on the opposite side
+        qx, qy, qz = ny * fz - nz * fy, nz * fx - nx * fz, nx * fy - ny * fx
         scratch[b], scratch[b + _ROW], scratch[b + 2 * _ROW] = fx, fy, fz
-        scratch[b + 3 * _ROW], scratch[b + 4 * _ROW], scratch[b + 5 * _ROW] = qx + mx, qy + my, qz + mz
-        scratch[b + 6 * _ROW], scratch[b + 7 * _ROW], scratch[b + 8 * _ROW] = qx - mx, qy - my, qz - mz
+        scratch[b + 3 * _ROW], scratch[b + 4 * _ROW], scratch[b + 5 * _ROW] = (
+            arm_i * qx + mx, arm_i * qy + my, arm_i * qz + mz,
+        )  # fmt: skip
+        scratch[b + 6 * _ROW], scratch[b + 7 * _ROW], scratch[b + 8 * _ROW] = (
+            arm_j * qx - mx, arm_j * qy - my, arm_j * qz - mz,
+        )  # fmt: skip
         if features.book.ndim == 2:
             for a in range(_BOOKED):
                 book[a] += acts * sinks[a]
@@ -151,16 +185,22 @@ def _scatter(first_row, pair, last, row_start, neighbour, force, torque, scratch
 @njit(cache=True, nogil=True, error_model="numpy")
 def _slab_forces(
     first, last, row_start, neighbour, position, velocity, spin, force, torque, history,
-    radius, step, law, features, book,
+    radius, step, law, mixture, features, book,
 ):  # fmt: skip
     """Pairs of the particles first <= i < last, in list order. `book` (5,) gathers the sinks [J]."""
-    rows = np.empty((_GATHERED, _ROW), history.dtype)
-    flat = rows.reshape(_GATHERED * _ROW)
+    count = _GATHERED
+    if features.sizes.ndim == 2 or features.materials.ndim == 2:
+        count += _OF_PAIR
+    rows = np.empty((count, _ROW), history.dtype)
+    flat = rows.reshape(count * _ROW)
     pair, end = row_start[first], row_start[last]
     row = first
     while pair < end:
         stop = min(end, pair - pair % BLOCK + BLOCK)
-        _gather(row, pair, stop, row_start, neighbour, position, velocity, spin, rows)
+        _gather(
+            row, pair, stop, row_start, neighbour, position, velocity, spin, rows,
+            radius, law, mixture, features,
+        )  # fmt: skip
         _compute(stop - pair, flat, history[history_place(pair) :], radius, step, law, features, book)
         row = _scatter(row, pair, stop, row_start, neighbour, force, torque, rows)
         pair = stop
@@ -169,32 +209,35 @@ def _slab_forces(
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def pair_forces(
     slab_start, row_start, neighbour, position, velocity, spin, force, torque, history,
-    radius, step, law, features, book,
+    radius, step, law, mixture, features, book,
 ):  # fmt: skip
-    """Adds the forces of all pairs. `book` (slabs, 5) [J] gathers the sinks slab by slab."""
+    """Adds the forces of all pairs. `book` (slabs, 5) [J] gathers the sinks slab by slab.
+
+    radius [m] and law are those of all particles, unless `features` say that `mixture` has their own.
+    """
     slabs = slab_start.shape[0] - 1
     for color in range(2):
         for half in prange((slabs + 1 - color) // 2):
             slab = 2 * half + color
             _slab_forces(
                 slab_start[slab], slab_start[slab + 1], row_start, neighbour, position, velocity, spin,
-                force, torque, history, radius, step, law, features, book[slab],
+                force, torque, history, radius, step, law, mixture, features, book[slab],
             )  # fmt: skip
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def pair_scan(row_start, neighbour, position, history, radius, law, features):
+def pair_scan(row_start, neighbour, position, history, radius, common_law, mixture, features):
     """Contacts in reach, largest overlap [m], stored energy: normal and springs [J]."""
     contacts, largest, energy = 0, 0.0, 0.0
-    reach = law.reach if features.adhesion.ndim == 2 else 0.0
     for i in range(position.shape[0]):
         for k in range(row_start[i], row_start[i + 1]):
             j = neighbour[k]
             dx = position[j, 0] - position[i, 0]
             dy = position[j, 1] - position[i, 1]
             dz = position[j, 2] - position[i, 2]
-            overlap = 2.0 * radius - np.sqrt(dx * dx + dy * dy + dz * dz)
-            if overlap > -reach:
+            radius_i, radius_j, law = pair_of(i, j, radius, common_law, mixture, features)
+            overlap = radius_i + radius_j - np.sqrt(dx * dx + dy * dy + dz * dz)
+            if overlap > (-law.reach if features.adhesion.ndim == 2 else 0.0):
                 contacts += 1
                 largest = max(largest, overlap)
                 energy += normal_potential(overlap, law, features)

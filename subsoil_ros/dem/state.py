@@ -22,18 +22,39 @@ class Particles:
     torque: np.ndarray  # [N m]
     built_position: np.ndarray  # [m] where the neighbour lists were built
     identity: np.ndarray  # (n,) int64: place in the bed as prepared
+    # Of length 0 where all particles are equal:
+    radius: np.ndarray  # (n,) [m]
+    mass: np.ndarray  # (n,) [kg]
+    inertia: np.ndarray  # (n,) [kg m2]
+    material: np.ndarray  # (n,) int64: number of the layer it came from
 
     @classmethod
     def at_rest(cls, position: np.ndarray, identity: np.ndarray, kind: type) -> "Particles":
-        """Particles that do not move, at `position` (n, 3) [m]; `kind` is float64 or float32."""
+        """Equal particles that do not move, at `position` (n, 3) [m]; `kind` is float64 or float32."""
         zeros = np.zeros(position.shape, kind)
-        return cls(position, zeros, zeros.copy(), zeros.copy(), zeros.copy(), position.copy(), identity)
+        none, of_none = np.empty(0), np.empty(0, np.int64)
+        return cls(
+            position, zeros, zeros.copy(), zeros.copy(), zeros.copy(), position.copy(), identity,
+            none, none.copy(), none.copy(), of_none,
+        )  # fmt: skip
+
+    def make_unequal(self, radius: np.ndarray, material: np.ndarray, density: np.ndarray) -> None:
+        """Give every particle a radius [m], a material, and the mass of its material's density [kg/m3]."""
+        self.radius, self.material = radius, material
+        self.mass = density[material] * 4.0 / 3.0 * np.pi * radius**3
+        self.inertia = 0.4 * self.mass * radius**2
+
+    @property
+    def unequal(self) -> bool:
+        """Whether the particles have sizes or materials of their own."""
+        return len(self.mass) > 0
 
     def reorder(self, order: np.ndarray) -> None:
         """Put particle order[k] in place k."""
         for name in ("position", "velocity", "spin", "force", "torque"):
             setattr(self, name, take_rows(getattr(self, name), order))
-        self.identity = self.identity[order]
+        for name in ["identity"] + self.unequal * ["radius", "mass", "inertia", "material"]:
+            setattr(self, name, getattr(self, name)[order])
         self.built_position = self.position.copy()
 
     @property

@@ -12,6 +12,7 @@ from numba import njit, prange
 
 from .contact import contact, normal_potential, spring_energy
 from .facets import closest_feature
+from .mixture import sphere_of
 
 CONTACTS = 4
 """Contacts of one particle with one tool that are kept; a convex body gives at most three."""
@@ -165,11 +166,11 @@ def _candidate(
 @njit(cache=True, nogil=True, error_model="numpy")
 def _rows_forces(
     first, last, particle, facet_start, facet, facets, motion, position, velocity, spin, force, torque,
-    active, normal, shear, roll, radius, step, law, features, group_force, moment, sums,
+    active, normal, shear, roll, common_radius, step, common_law, mixture, features,
+    group_force, moment, sums,
 ):  # fmt: skip
     """Candidates first <= row < last; group_force (groups, 3), moment (3,), sums (7,) are theirs alone."""
     x0, z0, cosine, sine = motion[0], motion[1], motion[2], motion[3]
-    reach = radius + (law.reach if features.adhesion.ndim == 2 else 0.0)
     out = np.empty((CONTACTS, 6))
     old_shear, old_roll = np.empty((CONTACTS, 3)), np.empty((CONTACTS, 3))
     group_force[:] = 0.0
@@ -177,6 +178,8 @@ def _rows_forces(
     sums[:] = 0.0
     for row in range(first, last):
         i = particle[row]
+        radius, law = sphere_of(i, common_radius, common_law, mixture, features)
+        reach = radius + (law.reach if features.adhesion.ndim == 2 else 0.0)
         dx, dz = position[i, 0] - x0, position[i, 2] - z0
         found = _find_contacts(
             cosine * dx + sine * dz, position[i, 1], cosine * dz - sine * dx, facets,
@@ -191,9 +194,9 @@ def _rows_forces(
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def tool_forces(
     particle, facet_start, facet, facets, motion, position, velocity, spin, force, torque,
-    active, normal, shear, roll, radius, step, law, features, group_force, moment, sums,
+    active, normal, shear, roll, radius, step, law, mixture, features, group_force, moment, sums,
 ):  # fmt: skip
-    """Adds the forces of one tool on its candidate particles.
+    """Adds the forces of one tool on its candidate particles. `mixture`: see pair_forces.
 
     motion: x [m], z [m], cosine, sine, velocity x, z [m/s], phi rate [rad/s], y [m] of the body. Filled
     per chunk, to be summed in order: group_force (chunks, groups, 3) [N] and moment (chunks, 3) [N m] of
@@ -205,7 +208,7 @@ def tool_forces(
         _rows_forces(
             chunk * count // _CHUNKS, (chunk + 1) * count // _CHUNKS, particle, facet_start, facet, facets,
             motion, position, velocity, spin, force, torque, active, normal, shear, roll, radius, step, law,
-            features, group_force[chunk], moment[chunk], sums[chunk],
+            mixture, features, group_force[chunk], moment[chunk], sums[chunk],
         )  # fmt: skip
 
 
@@ -216,14 +219,16 @@ def chunk_buffers(groups: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def tool_scan(
-    particle, facet_start, facet, facets, motion, position, active, normal, shear, roll, radius, law, features
-):
+    particle, facet_start, facet, facets, motion, position, active, normal, shear, roll,
+    common_radius, common_law, mixture, features,
+):  # fmt: skip
     """Stored energy of one tool's contacts [J]."""
     energy = 0.0
     out = np.empty((CONTACTS, 6))
     x0, z0, cosine, sine = motion[0], motion[1], motion[2], motion[3]
     for row in range(particle.shape[0]):
         i = particle[row]
+        radius, law = sphere_of(i, common_radius, common_law, mixture, features)
         dx, dz = position[i, 0] - x0, position[i, 2] - z0
         found = _find_contacts(
             cosine * dx + sine * dz, position[i, 1], cosine * dz - sine * dx, facets,

@@ -4,6 +4,7 @@ import numpy as np
 from numba import njit, prange
 
 from .contact import contact, normal_potential, spring_energy
+from .mixture import sphere_of
 
 WALLS = ("near", "far", "right", "left", "floor")
 
@@ -45,12 +46,13 @@ def _near(position, planes, reach):
 @njit(cache=True, nogil=True, error_model="numpy")
 def _rows_forces(
     first, last, particle, planes, position, velocity, spin, force, torque, shear, roll,
-    radius, step, law, features, wall_force, book,
+    common_radius, step, common_law, mixture, features, wall_force, book,
 ):  # fmt: skip
     """Walls on the listed particles first <= row < last."""
-    reach = radius + (law.reach if features.adhesion.ndim == 2 else 0.0)
     for row in range(first, last):
         i = particle[row]
+        radius, law = sphere_of(i, common_radius, common_law, mixture, features)
+        reach = radius + (law.reach if features.adhesion.ndim == 2 else 0.0)
         for a in range(3):
             wall_force[row, a] = 0.0
         for wall in range(5):
@@ -92,25 +94,26 @@ def _rows_forces(
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def wall_forces(
     particle, planes, position, velocity, spin, force, torque, shear, roll,
-    radius, step, law, features, wall_force, book,
+    radius, step, law, mixture, features, wall_force, book,
 ):  # fmt: skip
     """Adds the forces of the walls. `wall_force` (w, 3) [N] receives what the walls put on each particle,
-    `book` (w, 5) the sinks [J] of its wall contacts."""
+    `book` (w, 5) the sinks [J] of its wall contacts. `mixture`: see pair_forces."""
     count = particle.shape[0]
     for chunk in prange(_CHUNKS):
         _rows_forces(
             chunk * count // _CHUNKS, (chunk + 1) * count // _CHUNKS, particle, planes, position, velocity,
-            spin, force, torque, shear, roll, radius, step, law, features, wall_force, book,
+            spin, force, torque, shear, roll, radius, step, law, mixture, features, wall_force, book,
         )  # fmt: skip
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def wall_scan(particle, planes, position, shear, roll, radius, law, features):
+def wall_scan(particle, planes, position, shear, roll, common_radius, common_law, mixture, features):
     """Wall contacts in reach, largest overlap [m], stored energy [J]."""
     contacts, largest, energy = 0, 0.0, 0.0
-    reach = law.reach if features.adhesion.ndim == 2 else 0.0
     for row in range(particle.shape[0]):
         i = particle[row]
+        radius, law = sphere_of(i, common_radius, common_law, mixture, features)
+        reach = law.reach if features.adhesion.ndim == 2 else 0.0
         for wall in range(5):
             overlap = radius - planes[wall, 3]
             for a in range(3):

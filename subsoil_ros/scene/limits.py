@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from ..errors import SceneError
 from ..ticks import NANOSECONDS_PER_SECOND, tick_count
 from .model import Scene
-from .pairs import pair_values, particle_mass_kg
+from .pairs import layer_soils, particle_values, sphere_mass_kg
 from .soil import HertzMindlinLaw, Soil
 
 DENSE_COORDINATION = 10.4
@@ -37,51 +37,83 @@ def step_limits(soil: Soil, coordination: float = DENSE_COORDINATION) -> tuple[S
     Dampers, z contacts per particle: neighbours in opposite motion see the rate 2 z C / m, equal spins
     (4/3) z C l^2 / I with I = 0.4 m r^2 and the arm l = r - delta_c / 2; stable for step x rate <= 2.
     Springs: the same modes, omega^2 = 2 z (K_X + 2 K_Y) / (3 m) and (4/3) z K_Y l^2 / I; step <= 2 / omega.
+
+    Of unlike particles the worst one binds: (a + b)^2 <= 2 a^2 + 2 b^2, contact by contact, bounds each of
+    these rates of the whole bed by its largest over single particles, and the smallest of a layer has the
+    largest z / m (neighbours grow with the square of the radius at most, mass with its cube) under the
+    stiffest of its pairs.
     """
+    layers = layer_soils(soil)
     if isinstance(soil.law, HertzMindlinLaw):
-        return (_rayleigh_limit(soil, soil.law),)
-    pair, _ = pair_values(soil)
-    mass = particle_mass_kg(soil)
-    radius = soil.particles.radius_m
+        return (min((_rayleigh_limit(layer) for layer in layers), key=lambda item: item.limit_s),)
+    smallest: dict[str, StepLimit] = {}
+    for k, layer in enumerate(layers):
+        named = f", layer {soil.layers[k].name}" if soil.layers else ""
+        for other in layers:
+            for kind, found in _particle_limits(layer, other, coordination, named).items():
+                if kind not in smallest or found.limit_s < smallest[kind].limit_s:
+                    smallest[kind] = found
+    return tuple(sorted(smallest.values(), key=lambda item: item.limit_s))
+
+
+def _particle_limits(soil: Soil, other: Soil, z: float, named: str) -> dict[str, StepLimit]:
+    """Limits of the smallest particle of `soil` among z particles of `other`, by kind of motion."""
+    radius = soil.particles.bounds_m[0]
+    mass = sphere_mass_kg(soil, radius)
+    pair = particle_values(soil, other, 0.5 * radius, 0.5 * mass)
     arm = radius - 0.5 * pair.rest_overlap
     inertia = 0.4 * mass * radius**2
-    z = coordination
-    name = f"coordination {z:g}, particle {mass * 1e3:.3g} g"
-    limits = []
+    name = f"coordination {z:g}, particle {mass * 1e3:.3g} g{named}"
+    limits: dict[str, StepLimit] = {}
 
-    def add(cause: str, rate: float, *, spring: bool) -> None:
+    def add(kind: str, cause: str, rate: float, *, spring: bool) -> None:
         if rate > 0.0:
-            limits.append(StepLimit(cause, 2.0 / (math.sqrt(rate) if spring else rate)))
+            limits[kind] = StepLimit(cause, 2.0 / (math.sqrt(rate) if spring else rate))
 
     damping = max(pair.damping, pair.tangential_damping)
     add(
+        "spin, dampers",
         f"damping {pair.tangential_damping:g} N s/m acting on spin, {name}",
         4.0 / 3.0 * z * pair.tangential_damping * arm**2 / inertia,
         spring=False,
     )
-    add(f"damping {damping:g} N s/m acting on translation, {name}", 2.0 * z * damping / mass, spring=False)
     add(
+        "translation, dampers",
+        f"damping {damping:g} N s/m acting on translation, {name}",
+        2.0 * z * damping / mass,
+        spring=False,
+    )
+    add(
+        "translation, springs",
         f"stiffness {pair.stiffness:g} and {pair.tangential_stiffness:g} N/m of the bed, {name}",
         2.0 * z * (pair.stiffness + 2.0 * pair.tangential_stiffness) / (3.0 * mass),
         spring=True,
     )
     add(
+        "spin, springs",
         f"tangential stiffness {pair.tangential_stiffness:g} N/m acting on spin, {name}",
         4.0 / 3.0 * z * pair.tangential_stiffness * arm**2 / inertia,
         spring=True,
     )
-    add(f"stiffness {pair.stiffness:g} N/m of a single pair", 2.0 * pair.stiffness / mass, spring=True)
-    return tuple(sorted(limits, key=lambda item: item.limit_s))
+    add(
+        "pair",
+        f"stiffness {pair.stiffness:g} N/m of a single pair",
+        2.0 * pair.stiffness / mass,
+        spring=True,
+    )
+    return limits
 
 
-def _rayleigh_limit(soil: Soil, law: HertzMindlinLaw) -> StepLimit:
+def _rayleigh_limit(soil: Soil) -> StepLimit:
     """Time of a Rayleigh wave around half a sphere, pi r sqrt(rho / G) / (0.1631 nu + 0.8766).
 
     Source: Y. Li, Y. Xu, C. Thornton, Powder Technology 160 (2005) 219-228.
     """
+    law = soil.law
+    assert isinstance(law, HertzMindlinLaw)
     nu = law.particle.poisson_ratio
     shear = law.particle.youngs_modulus_pa / (2.0 * (1.0 + nu))
-    radius, density = soil.particles.radius_m, soil.particles.density_kg_per_m3
+    radius, density = soil.particles.bounds_m[0], soil.particles.density_kg_per_m3
     time = math.pi * radius * math.sqrt(density / shear) / (0.1631 * nu + 0.8766)
     return StepLimit(f"{RAYLEIGH_PART:g} of the Rayleigh time {time:.3g} s", RAYLEIGH_PART * time)
 

@@ -1,6 +1,5 @@
 """The bed a scene describes."""
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from ...scene.soil import Soil
 from ..bed import Bed, prepare_grid
 from .bed_file import LARGEST_OVERLAP, read_bed
 from .cache import cached_bed_path, keep, load_cached
-from .dense import prepare_dense
+from .dense import prepare_dense, rest_volume_m3
 from .settling import EngineOf
 from .surface import profile_m
 
@@ -42,7 +41,7 @@ def prepare_bed(resolved: ResolvedScene, engine_of: EngineOf, threads: int = 1) 
 
 
 def _refuse_tight_grid(soil: Soil) -> None:
-    smallest = rest_spacing_m(soil) - LARGEST_OVERLAP * soil.particles.radius_m
+    smallest = rest_spacing_m(soil) - LARGEST_OVERLAP * soil.particles.mean_volume_radius_m
     given = particle_spacing_m(soil)
     if given < smallest:
         raise SceneError(
@@ -65,4 +64,4 @@ def expected_particle_count(soil: Soil) -> int:
     x = np.linspace(0.0, soil.bin.length_m, 1001)
     depth = soil.bin.depth_m + float(profile_m(soil.surface, x).mean())
     volume = soil.bin.length_m * soil.bin.width_m * depth
-    return round(DENSE_FRACTION * volume / (math.pi / 6.0 * rest_spacing_m(soil) ** 3))
+    return round(DENSE_FRACTION * volume / rest_volume_m3(soil))

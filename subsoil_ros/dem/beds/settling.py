@@ -15,8 +15,8 @@ from ...messages import SoilState
 from ...scene.base import Part
 from ...scene.limits import Timing
 from ...scene.loader import ResolvedScene
-from ...scene.pairs import pair_values, particle_mass_kg
-from ...scene.soil import Soil
+from ...scene.pairs import layer_soils, pair_values, particle_mass_kg, particle_values, sphere_mass_kg
+from ...scene.soil import ContactLaw, Soil
 from ..bed import Bed
 
 _SLIDING = (
@@ -31,7 +31,7 @@ DAMPING_RATIO = 0.3
 
 COORDINATION = 12.0
 """Contacts per particle that the step while settling is made for: no packing of equal spheres has more
-touching neighbours."""
+touching neighbours (of unequal ones the large have more, but more mass still)."""
 
 STEP_SAFETY = 0.8
 """Part of the stable step that is taken while settling (chosen)."""
@@ -73,8 +73,20 @@ EngineOf = Callable[..., SettlingEngine]
 def smooth_soil(soil: Soil, *, adhesive: bool) -> Soil:
     """The soil without friction, without adhesion unless `adhesive`, its contacts damped DAMPING_RATIO.
 
-    Step, skin and precision are those of the preparation: a bed serves runs of every kind.
+    Layers keep what is left of their own laws. Step, skin and precision are those of the preparation: a bed
+    serves runs of every kind.
     """
+    law = _smooth_law(soil, adhesive=adhesive)
+    layers = soil.layers and tuple(
+        layer.model_copy(update={"law": _smooth_law(whole, adhesive=adhesive)})
+        for layer, whole in zip(soil.layers, layer_soils(soil), strict=True)
+    )
+    skin = SKIN * soil.particles.mean_volume_radius_m
+    return soil.model_copy(update={"law": law, "layers": layers, "skin_m": skin, "precision": "float64"})
+
+
+def _smooth_law(soil: Soil, *, adhesive: bool) -> ContactLaw:
+    """The law of a soil, its own layers apart, as smooth_soil leaves it."""
     without = _SLIDING if adhesive else (*_SLIDING, _ADHESION)
     pair, _ = pair_values(soil)
     wanted = 2.0 * DAMPING_RATIO * math.sqrt(0.5 * particle_mass_kg(soil) * pair.stiffness)
@@ -91,20 +103,23 @@ def smooth_soil(soil: Soil, *, adhesive: bool) -> Soil:
         for key in type(soil.law).model_fields
         if isinstance(getattr(soil.law, key), Part)
     }
-    law = soil.law.model_copy(update=rows)
-    return soil.model_copy(
-        update={"law": law, "skin_m": SKIN * soil.particles.radius_m, "precision": "float64"}
-    )
+    return soil.law.model_copy(update=rows)
 
 
 def settling_step_s(soil: Soil) -> float:
-    """Stable step of a smooth soil [s]: dampers m / (z C), springs 2 / sqrt(2 z K / (3 m))."""
-    mass, limits = particle_mass_kg(soil), []
-    for values in pair_values(soil):
-        stiffest = max(values.stiffness, values.contact_adhesion, values.adhesion)
-        limits.append(2.0 / math.sqrt(2.0 * COORDINATION * stiffest / (3.0 * mass)))
-        if values.damping > 0.0:
-            limits.append(mass / (COORDINATION * values.damping))
+    """Stable step of a smooth soil [s]: dampers m / (z C), springs 2 / sqrt(2 z K / (3 m)).
+
+    m is that of the smallest particle; the worst of all pairs of layers binds.
+    """
+    radius, limits, layers = soil.particles.bounds_m[0], [], layer_soils(soil)
+    for layer in layers:
+        mass = sphere_mass_kg(layer, radius)
+        others = [particle_values(layer, other, 0.5 * radius, 0.5 * mass) for other in layers]
+        for values in (*others, pair_values(layer)[1]):
+            stiffest = max(values.stiffness, values.contact_adhesion, values.adhesion)
+            limits.append(2.0 / math.sqrt(2.0 * COORDINATION * stiffest / (3.0 * mass)))
+            if values.damping > 0.0:
+                limits.append(mass / (COORDINATION * values.damping))
     return STEP_SAFETY * min(limits)
 
 

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from ..scene.pairs import PairValues, pair_values
+from ..scene.damping import integrated_values
+from ..scene.pairs import PairValues
 from ..scene.soil import Soil, WetLaw
 
 SINKS = ("normal_dashpot", "tangential_dashpot", "sliding", "rolling", "separation")
@@ -34,11 +35,16 @@ class PairLaw(NamedTuple):
     rolling_arm: float  # mu_r R_eff [m]: torque limit over normal force
 
 
+YES, NO = np.empty((1, 1)), np.empty(1)
+"""Values of Features."""
+
+
 class Features(NamedTuple):
     """What the law contains, told to the compiler: an array of two dimensions says yes, of one no.
 
     Number of dimensions is part of numba's type, so the code of an absent feature is not compiled; values
-    do not matter. (Tuples and literals would say it more plainly, but do not pass into parallel loops.)
+    matter in `periodic` only. (Tuples and literals would say it more plainly, but do not pass into parallel
+    loops.)
     """
 
     adhesion: np.ndarray
@@ -49,10 +55,7 @@ class Features(NamedTuple):
     friction_repulsive: np.ndarray  # neither of the two: friction is limited by F_n + F_peak
     friction_absolute: np.ndarray
     book: np.ndarray  # book every energy sink
-
-
-YES, NO = np.empty((1, 1)), np.empty(1)
-"""Values of Features."""
+    periodic: np.ndarray = NO  # sides; its one number is the period in y [m]
 
 
 def pair_law(values: PairValues, effective_radius: float, *, has_adhesion: bool) -> PairLaw:
@@ -75,9 +78,14 @@ def pair_law(values: PairValues, effective_radius: float, *, has_adhesion: bool)
     )
 
 
-def soil_laws(soil: Soil, *, book: bool = False) -> tuple[PairLaw, PairLaw, Features]:
-    """Laws of particle-particle and particle-boundary, and the features both are compiled with."""
-    pair, boundary = pair_values(soil)
+def soil_laws(
+    soil: Soil, step_s: float, *, book: bool = False, period_m: float | None = None
+) -> tuple[PairLaw, PairLaw, Features]:
+    """Laws of particle-particle and particle-boundary at a soil step, and the features of both.
+
+    period_m: in y, where the sides are periodic.
+    """
+    pair, boundary = integrated_values(soil, step_s)
     both = (pair, boundary)
     wet = soil.law if isinstance(soil.law, WetLaw) else None
     has_adhesion = any(v.adhesion > 0.0 for v in both)
@@ -91,6 +99,7 @@ def soil_laws(soil: Soil, *, book: bool = False) -> tuple[PairLaw, PairLaw, Feat
         friction_repulsive=YES if wet and wet.friction_normal == "repulsive" else NO,
         friction_absolute=YES if wet and wet.friction_normal == "absolute" else NO,
         book=YES if book else NO,
+        periodic=NO if period_m is None else np.full((1, 1), period_m),
     )
     return (
         pair_law(pair, 0.5 * radius, has_adhesion=has_adhesion),

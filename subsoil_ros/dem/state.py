@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .periodic import wrapped
+
 
 @dataclass
 class Particles:
@@ -16,16 +18,23 @@ class Particles:
     torque: np.ndarray  # [N m]
     built_position: np.ndarray  # [m] where the neighbour lists were built
     identity: np.ndarray  # (n,) int64: place in the bed as prepared
+    image: np.ndarray  # (n,) int64: periods by which it was moved back into the box, in y
 
     @classmethod
     def at_rest(cls, position: np.ndarray, identity: np.ndarray) -> "Particles":
         """Particles that do not move, at `position` (n, 3) [m]."""
         zeros = np.zeros_like(position)
-        return cls(position, zeros, zeros.copy(), zeros.copy(), zeros.copy(), position.copy(), identity)
+        rest = (zeros, zeros.copy(), zeros.copy(), zeros.copy(), position.copy())
+        return cls(position, *rest, identity, np.zeros(len(position), np.int64))
+
+    def wrap(self, low_m: float, period_m: float) -> None:
+        """Put everybody into low <= y < low + period [m], and keep count."""
+        self.position[:, 1], turns = wrapped(self.position[:, 1], low_m, period_m)
+        self.image += turns
 
     def reorder(self, order: np.ndarray) -> None:
         """Put particle order[k] in place k."""
-        for name in ("position", "velocity", "spin", "force", "torque", "identity"):
+        for name in ("position", "velocity", "spin", "force", "torque", "identity", "image"):
             setattr(self, name, getattr(self, name)[order])
         self.built_position = self.position.copy()
 

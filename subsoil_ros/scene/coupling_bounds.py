@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from .bed_spacing import particle_spacing_m
+from .damping import damping_ratios
+from .limits import derive_timing
 from .meshes import ToolMesh
 from .model import Scene
 from .pairs import tool_values
@@ -44,6 +46,8 @@ def coupling_bounds(scene: Scene, meshes: dict[str, ToolMesh]) -> tuple[Coupling
     if scene.soil is None or scene.mechanism is None:
         return ()
     boundary = tool_values(scene.soil).linear_at(REFERENCE_OVERLAP * scene.soil.particles.radius_m)
+    left = damping_ratios(scene.soil, derive_timing(scene).soil_step_s)[1].normal
+    contact_damping = left * boundary.damping
     share = 2.0 if scene.coupling.force == "tick_end" else 1.0
     found = []
     for name, tool in scene.tools.items():
@@ -53,11 +57,11 @@ def coupling_bounds(scene: Scene, meshes: dict[str, ToolMesh]) -> tuple[Coupling
         arm = float(np.linalg.norm(meshes[name].vertices_m[:, [0, 2]], axis=1).max())
         mass = 1.0 / (1.0 / body.mass_kg + arm**2 / body.inertia_kg_m2)
         count = _contact_count(scene.soil, meshes[name])
-        damping = count * boundary.damping
+        damping = count * contact_damping
         found.append(
             CouplingBound(
                 tool=name,
-                undamped_s=share * boundary.damping / boundary.stiffness,
+                undamped_s=share * contact_damping / boundary.stiffness,
                 unstable_s=2.0 * mass / damping if damping > 0.0 else np.inf,
                 effective_mass_kg=mass,
                 contact_count=count,

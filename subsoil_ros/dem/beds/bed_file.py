@@ -10,15 +10,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ...errors import SceneError
 from ...scene.bed_spacing import rest_spacing_m
 from ...scene.soil import Soil
 from ..bed import Bed
+from ..periodic import refuse_narrow_period
+from .tree import bed_tree, seen_from_corner
 
 FORMAT = "subsoil_ros bed"
-VERSION = 1
+VERSION = 2
 
 LARGEST_OVERLAP = 0.5
 """A start whose particles overlap by more than this part of the radius beyond rest is refused (chosen: such
@@ -50,6 +51,7 @@ def write_bed(path: Path, bed: Bed, soil: Soil) -> None:
                 lower_m=np.array(bed.lower_m),
                 upper_m=np.array(bed.upper_m),
                 kinetic_energy_joule=np.array(bed.kinetic_energy_joule),
+                sides=np.array(bed.sides),
             )
             file.flush()
             os.chmod(file.name, 0o644)
@@ -74,14 +76,21 @@ def read_bed(path: Path, soil: Soil) -> Bed:
             f"{str(content['law_hash'])[:12]}, this scene has {law_hash(soil)[:12]}); prepare it anew with "
             "this scene's soil.law and soil.particles"
         )
+    if content["sides"] != soil.bin.sides:
+        raise SceneError(
+            f"{where}: was prepared between sides '{content['sides']}', soil.bin.sides is "
+            f"'{soil.bin.sides}'; give the scene the sides of the bed, or prepare the bed anew"
+        )
     lower, upper = content["lower_m"].tolist(), content["upper_m"].tolist()
     bed = Bed(
         np.ascontiguousarray(content["positions_m"]),
         (lower[0], lower[1], lower[2]),
         (upper[0], upper[1]),
         float(content["kinetic_energy_joule"]),
+        soil.bin.sides,
     )
     _refuse_wrong_bin(bed, soil, where)
+    refuse_narrow_period(bed, soil)
     _refuse_wrong_particles(bed, soil, where)
     return bed
 
@@ -108,7 +117,8 @@ def _content(path: Path, where: str) -> dict[str, Any]:
     shapes = [content[key].shape for key in ("positions_m", "lower_m", "upper_m")]
     if shapes[0][0] < 1 or shapes[0][1:] != (3,) or shapes[1:] != [(3,), (2,)]:
         raise SceneError(f"{damaged} (arrays of shape {shapes})")
-    content["law_hash"] = str(content.get("law_hash", ""))
+    for key in ("law_hash", "sides"):
+        content[key] = str(content.get(key, ""))
     return content
 
 
@@ -126,7 +136,7 @@ def _refuse_wrong_bin(bed: Bed, soil: Soil, where: str) -> None:
 
 def _refuse_wrong_particles(bed: Bed, soil: Soil, where: str) -> None:
     x, radius = bed.positions_m, soil.particles.radius_m
-    inside = (x > bed.lower_m).all(axis=1) & (x[:, :2] < bed.upper_m).all(axis=1)  # not a number: outside
+    inside = (x >= bed.lower_m).all(axis=1) & (x[:, :2] <= bed.upper_m).all(axis=1)  # not a number: outside
     if not inside.all():
         k = int(np.argmin(inside))
         raise SceneError(
@@ -134,7 +144,7 @@ def _refuse_wrong_particles(bed: Bed, soil: Soil, where: str) -> None:
             "too; prepare the bed anew"
         )
     if len(x) > 1:
-        nearest, other = cKDTree(x).query(x, k=2)
+        nearest, other = bed_tree(bed).query(seen_from_corner(bed, x), k=2)
         k = int(np.argmin(nearest[:, 1]))
         excess = rest_spacing_m(soil) - nearest[k, 1]
         if excess > LARGEST_OVERLAP * radius:

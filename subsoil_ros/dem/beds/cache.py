@@ -17,7 +17,10 @@ _SCENE = _DEM.parent / "scene"
 SOURCES = (_DEM, _DEM / "beds", _SCENE / "limits.py", _SCENE / "bed_spacing.py")
 """Code that a bed depends on."""
 
-_OF_THE_RUN = {"time_step_s", "skin_m", "largest_tool_overlap_m"}
+_OF_THE_RUN = {
+    "time_step_s", "force_time_step", "damping", "force_lagged_damping", "skin_m", "largest_tool_overlap_m",
+    "largest_lost_particles", "monitors",
+}  # fmt: skip
 """Keys of the soil that its bed does not depend on."""
 
 

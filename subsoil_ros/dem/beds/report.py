@@ -16,6 +16,7 @@ from ..bed import Bed
 from ..walls import WALLS, wall_planes
 from .settling import EngineOf
 from .surface import top_surface_m
+from .tree import bed_tree, seen_from_corner
 
 GAP_CELL = 4.0
 """Edge of the cells a wall is looked at through, in radii: each holds some four particles of a dense layer,
@@ -61,10 +62,12 @@ def report_bed(bed: Bed, soil: Soil) -> BedReport:
     length, width = bed.upper_m[0] - bed.lower_m[0], bed.upper_m[1] - bed.lower_m[1]
     volume = length * width * (float(top.mean()) - bed.lower_m[2])
     count = len(bed.positions_m)
-    tree = cKDTree(bed.positions_m)
+    tree = bed_tree(bed)
     reach = 2.0 * radius + pair_values(soil)[0].reach
     coordination = float(tree.count_neighbors(tree, reach)) / count - 1.0
-    nearest = tree.query(bed.positions_m, k=2)[0][:, 1].min() if count > 1 else math.inf
+    nearest = (
+        tree.query(seen_from_corner(bed, bed.positions_m), k=2)[0][:, 1].min() if count > 1 else math.inf
+    )
     void, at = _largest_void(bed, tree, top, radius)
     return BedReport(
         particle_count=count,
@@ -83,13 +86,15 @@ def report_bed(bed: Bed, soil: Soil) -> BedReport:
 
 
 def _wall_gaps(bed: Bed, top: np.ndarray, radius: float) -> dict[str, WallGap]:
-    """Gaps at the five walls, at the sides below the surface only."""
-    planes = wall_planes(bed.lower_m, bed.upper_m)
+    """Gaps at the walls, at the sides below the surface only."""
+    planes = wall_planes(bed.lower_m, bed.upper_m, bed.sides)
     low = np.array(bed.lower_m)
     floor = bed.lower_m[2]
     edge_top = [_first_top(side, floor) for side in (top, top[::-1], top.T, top.T[::-1])]  # along side walls
     found = {}
     for wall, name in enumerate(WALLS):
+        if not np.isfinite(planes[wall, 3]):
+            continue  # a periodic side
         gap = planes[wall, 3] - bed.positions_m @ planes[wall, :3] - radius
         first, second = ((1, 2), (1, 2), (0, 2), (0, 2), (0, 1))[wall]
         high = [*bed.upper_m, float(np.mean(edge_top[wall]) if name != "floor" else 0.0)]
@@ -122,14 +127,15 @@ def _largest_void(
 ) -> tuple[float, tuple[float, float, float]]:
     """Radius [m] and centre of the largest sphere found between particles, walls and surface."""
     low, high = np.array(bed.lower_m), np.array([*bed.upper_m, float(top.max())])
-    planes = wall_planes(bed.lower_m, bed.upper_m)
+    planes = wall_planes(bed.lower_m, bed.upper_m, bed.sides)
     pitch = (high[:2] - low[:2]) / top.shape
 
     def free(points: np.ndarray) -> np.ndarray:
         column = np.clip(((points[:, :2] - low[:2]) / pitch).astype(np.int64), 0, np.array(top.shape) - 1)
         under_top = top[column[:, 0], column[:, 1]] - points[:, 2]
         to_wall = (planes[:, 3] - points @ planes[:, :3].T).min(axis=1)
-        return np.minimum(np.minimum(tree.query(points)[0] - radius, to_wall), under_top)
+        to_particle = tree.query(seen_from_corner(bed, points))[0] - radius
+        return np.minimum(np.minimum(to_particle, to_wall), under_top)
 
     axes = [np.arange(a + 0.5 * radius, b, radius) for a, b in zip(low, high, strict=True)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)

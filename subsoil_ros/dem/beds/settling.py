@@ -89,7 +89,8 @@ def smooth_soil(soil: Soil, *, adhesive: bool) -> Soil:
         if isinstance(getattr(soil.law, key), Part)
     }
     law = soil.law.model_copy(update=rows)
-    return soil.model_copy(update={"law": law, "skin_m": SKIN * soil.particles.radius_m})
+    changes = {"law": law, "skin_m": SKIN * soil.particles.radius_m, "damping": "explicit", "monitors": None}
+    return soil.model_copy(update=changes)
 
 
 def settling_step_s(soil: Soil) -> float:

@@ -4,6 +4,7 @@ import numpy as np
 from numba import njit, prange
 
 from .contact import contact, normal_potential, spring_energy
+from .periodic import nearest_image
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -14,6 +15,7 @@ def _slab_forces(
     """Pairs of the particles first <= i < last, in list order. `book` (5,) gathers the sinks [J]."""
     reach = 2.0 * radius + law.reach if features.adhesion.ndim == 2 else 2.0 * radius
     reach2 = reach * reach
+    period = features.periodic.item()
     for i in range(first, last):
         px, py, pz = position[i, 0], position[i, 1], position[i, 2]
         vx, vy, vz = velocity[i, 0], velocity[i, 1], velocity[i, 2]
@@ -22,6 +24,8 @@ def _slab_forces(
         for k in range(row_start[i], row_start[i + 1]):
             j = neighbour[k]
             dx, dy, dz = position[j, 0] - px, position[j, 1] - py, position[j, 2] - pz
+            if features.periodic.ndim == 2:
+                dy = nearest_image(dy, period)
             distance2 = dx * dx + dy * dy + dz * dz
             if distance2 >= reach2:
                 if features.book.ndim == 2:
@@ -91,12 +95,15 @@ def pair_scan(row_start, neighbour, position, shear, roll, radius, law, features
     """Contacts in reach, largest overlap [m], stored energy: normal and springs [J]."""
     contacts, largest, energy = 0, 0.0, 0.0
     reach = law.reach if features.adhesion.ndim == 2 else 0.0
+    period = features.periodic.item()
     for i in range(position.shape[0]):
         for k in range(row_start[i], row_start[i + 1]):
             j = neighbour[k]
             dx = position[j, 0] - position[i, 0]
             dy = position[j, 1] - position[i, 1]
             dz = position[j, 2] - position[i, 2]
+            if features.periodic.ndim == 2:
+                dy = nearest_image(dy, period)
             overlap = 2.0 * radius - np.sqrt(dx * dx + dy * dy + dz * dz)
             if overlap > -reach:
                 contacts += 1

@@ -34,6 +34,8 @@ def print_bed(console: Console, resolved: ResolvedScene, threads: int, out: Path
     motion = free_motion(resolved, bed, SoilEngine, threads, LEFT_ALONE_S)
     table = Table(title="bed", title_justify="left", title_style="bold", box=None, show_header=False)
     table.add_row("prepared in", f"{seconds:.1f} s")
+    if bed.period_m is not None:
+        table.add_row("period", f"{bed.period_m:.5g} m in y")
     for name, text in _rows(report_bed(bed, soil), motion):
         table.add_row(name, text)
     if out is not None:

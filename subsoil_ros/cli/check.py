@@ -10,13 +10,13 @@ from rich.table import Table
 
 from ..dem.bed import grid_shape, prepare_grid
 from ..dem.beds.cache import cached_bed_path
-from ..dem.beds.prepare import expected_particle_count
+from ..dem.beds.prepare import check_start
 from ..errors import SceneError
 from ..mbd.statics import Rest, Survey, survey
 from ..scene.bed_spacing import particle_spacing_m
 from ..scene.beds import GridBed, SavedBed
 from ..scene.coupling_bounds import CouplingBound, coupling_bounds
-from ..scene.limits import step_limits
+from ..scene.limits import step_limits, step_notes
 from ..scene.loader import ResolvedScene, load_scene
 from ..scene.mechanism import Mechanism
 from ..scene.meshes import load_tool_mesh
@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
         found = survey(mechanism, resolved.scene.gravity_m_per_s2) if mechanism else None
         bounds = _bounds(resolved)
         soil = resolved.scene.soil
-        particle_count = expected_particle_count(soil) if soil else 0
+        particle_count = check_start(resolved)
     except SceneError as error:
         raise SceneError(f"{args.scene}: {error}") from error
     console = Console(width=None if sys.stdout.isatty() else 140)
@@ -78,6 +78,8 @@ def run(args: argparse.Namespace) -> int:
     if soil is not None:
         console.print(_table("soil", _soil(resolved, soil, particle_count)))
         console.print(_limits(resolved))
+        for note in step_notes(soil, resolved.timing.soil_step_s):
+            console.print(note)
     if mechanism and found:
         console.print(_table("mechanism", _mechanism(mechanism, found)))
         if found.rest is not None:
@@ -169,7 +171,8 @@ def _soil(resolved: ResolvedScene, soil: Soil, count: int) -> Iterable[tuple[str
             when = f"kept in {kept}" if kept.is_file() else "prepared when it is first used"
             yield "bed", f"dense random, seed {soil.bed.seed}; {when}"
         size = soil.bin
-        yield "bin", f"{size.length_m:g} x {size.width_m:g} x {size.depth_m:g} m, walls fitted to the bed"
+        fitted = "walls" if size.sides == "walls" else "ends and period in y"
+        yield "bin", f"{size.length_m:g} x {size.width_m:g} x {size.depth_m:g} m, {fitted} fitted to the bed"
         return
     nx, ny, nz = grid_shape(soil)
     bed = prepare_grid(soil, resolved.scene.gravity_m_per_s2)
@@ -183,6 +186,7 @@ def _soil(resolved: ResolvedScene, soil: Soil, count: int) -> Iterable[tuple[str
         (
             f"{soil.bin.length_m:g} x {soil.bin.width_m:g} x {soil.bin.depth_m:g} m; fitted to the bed: "
             f"{length:.4g} x {width:.4g} m, floor at z = {bed.lower_m[2]:.4f} m"
+            + ("" if bed.period_m is None else f", y periodic with {width:.4g} m")
         ),
     )
 

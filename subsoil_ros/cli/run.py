@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import shutil
 import signal
 import time
 import uuid
@@ -14,10 +15,12 @@ from ..analysis.summary import print_summary, summarize, write_summary
 from ..coupling.direct import run_direct
 from ..coupling.engines import Mover, build_mechanism, build_paths, build_soil
 from ..coupling.protocol import COUPLER, RECORDER, SOIL, participants
+from ..dem.beds.prepare import check_start
 from ..errors import InputError, SceneError, SubsoilError
 from ..nodes.domain import run_domain
 from ..recording.bag_writer import BagWriter
 from ..recording.recovery import recover
+from ..scene.limits import step_notes
 from ..scene.loader import ResolvedScene, load_scene
 from .progress import RunProgress
 from .supervisor import Parameters, Supervisor, node_program, start_node
@@ -69,11 +72,15 @@ def run(args: argparse.Namespace) -> int:
     resolved = load_scene(args.scene, args.overrides)
     try:
         mover = build_mechanism(resolved) or build_paths(resolved)
+        check_start(resolved)
     except SceneError as error:
         raise SceneError(f"{args.scene}: {error}") from error
     out = _create_folder(Path(args.out))
     resolved.write(out / "scene.yaml")
     run_id = uuid.uuid4().hex[:12]
+    if resolved.scene.soil is not None:
+        for note in step_notes(resolved.scene.soil, resolved.timing.soil_step_s):
+            print(note, flush=True)
     failure: SubsoilError | None = None
     start = time.monotonic()
     try:
@@ -86,6 +93,9 @@ def run(args: argparse.Namespace) -> int:
                 _run_nodes(resolved, run_id, out, args.threads, progress, stop_signal)
     except SubsoilError as error:
         failure = error
+    if failure is not None and failure.exit_status == InputError.exit_status and not progress.started:
+        shutil.rmtree(out)  # bad input that showed only when the bed was there: nothing ran
+        raise failure
     wall_s = time.monotonic() - start
     _summarize(resolved, out, {"mode": args.mode, "threads": args.threads, "whole_wall_s": wall_s}, failure)
     if failure is not None:

@@ -2,10 +2,11 @@
 
 import dataclasses
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
-from ..errors import SceneError
+from ..errors import InputError, SceneError
 from ..scene.bed_spacing import particle_spacing_m
 from ..scene.beds import GridBed
 from ..scene.pairs import (
@@ -30,6 +31,12 @@ class Bed:
     kinetic_energy_joule: float = 0.0  # left when its preparation ended; a run starts from rest
     radii_m: np.ndarray | None = None  # (n,) float64; None: all are equal
     materials: np.ndarray | None = None  # (n,) int64 number of the layer from the top; None: there are none
+    sides: Literal["walls", "periodic"] = "walls"  # periodic: the box is one period wide
+
+    @property
+    def period_m(self) -> float | None:
+        """Period in y [m], None between walls."""
+        return self.upper_m[1] - self.lower_m[1] if self.sides == "periodic" else None
 
     def only(self, kept: np.ndarray) -> "Bed":
         """The bed without the particles where `kept` (n,) is false; the order of the others stays."""
@@ -54,9 +61,10 @@ def grid_shape(soil: Soil) -> tuple[int, int, int]:
     def count(extent: float, free: float) -> int:
         return int(np.floor((extent - free) / spacing + 1e-9)) + 1 if extent >= free else 0
 
+    between_sides = spacing if soil.bin.sides == "periodic" else 2.0 * wall  # as far as from one to the next
     shape = (
         count(soil.bin.length_m, 2.0 * wall),
-        count(soil.bin.width_m, 2.0 * wall),
+        count(soil.bin.width_m, between_sides),
         count(soil.bin.depth_m, wall + radius),
     )
     if min(shape) < 1:
@@ -81,7 +89,8 @@ def prepare_grid(soil: Soil, gravity_m_per_s2: float) -> Bed:
     A row of n spheres touches both walls at the unloaded overlap, so a wall stands up to one spacing
     inside the bin's nominal size. At the stress-free spacing 2 r - delta_c the layers are lowered by what
     the weight above presses them together (n m g / K_X under n layers), and the bed is in equilibrium.
-    Where a surface profile takes layers away, those below carry that much less.
+    Where a surface profile takes layers away, those below carry that much less. Between periodic sides the
+    bed is a whole number of spacings wide.
 
     Layers of the soil go by the depth of the centre in the unloaded grid.
     """
@@ -125,10 +134,40 @@ def prepare_grid(soil: Soil, gravity_m_per_s2: float) -> Bed:
     if isinstance(soil.bed, GridBed) and soil.bed.jitter_m > 0.0:
         generator = np.random.default_rng(soil.bed.seed)
         grid = grid + generator.uniform(-soil.bed.jitter_m, soil.bed.jitter_m, grid.shape)
-    half_width = 0.5 * spacing * (ny - 1) + wall
+    half_width = 0.5 * spacing * (ny - 1) + (0.5 * spacing if soil.bin.sides == "periodic" else wall)
     return Bed(
         positions_m=np.ascontiguousarray(grid),
         lower_m=(0.0, -half_width, floor),
         upper_m=(float(x[-1] + wall), half_width),
         materials=np.concatenate([np.tile(material[:n], ny) for n in heights]) if soil.layers else None,
+        sides=soil.bin.sides,
     )
+
+
+def refuse_outside(bed: Bed, planes: np.ndarray, position_m: np.ndarray) -> None:
+    """`position_m` (n, 3) must be inside the box of `bed`; it is open at the top and at periodic sides.
+
+    Raises:
+        InputError: a centre is outside, or no number, or there is none at all.
+    """
+    inside = (planes[:, 3] - position_m @ planes[:, :3].T >= 0.0).all(axis=1)  # not a number: outside
+    if len(position_m) == 0 or not inside.all():
+        given = "no particle" if len(position_m) == 0 else f"a particle at {position_m[np.argmin(inside)]} m"
+        raise InputError(
+            f"place: given {given}; allowed are centres inside the bin, from {bed.lower_m} to {bed.upper_m} m"
+        )
+
+
+def finite_rows(name: str, given: np.ndarray, count: int) -> np.ndarray:
+    """`given` as (count, 3) float64.
+
+    Raises:
+        InputError: rows are missing or not finite.
+    """
+    rows = np.array(given, np.float64).reshape(-1, 3)
+    finite = int(np.isfinite(rows).all(axis=1).sum())
+    if len(rows) != count or finite != count:
+        raise InputError(
+            f"place: given {len(rows)} rows of {name}, {finite} finite; needed are {count}, all finite"
+        )
+    return rows

@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit, types
 from numba.extending import overload
 
+from ..scene.damping import integrated_values
 from ..scene.pairs import PairValues, layer_soils, pair_values
 from ..scene.soil import Soil, WetLaw
 
@@ -43,7 +44,8 @@ class Features(NamedTuple):
     """What the law contains, told to the compiler: an array of two dimensions says yes, of one no.
 
     Number of dimensions is part of numba's type, so the code of an absent feature is not compiled; values
-    do not matter. (Tuples and literals would say it more plainly, but do not pass into parallel loops.)
+    matter in `periodic` only. (Tuples and literals would say it more plainly, but do not pass into parallel
+    loops.)
     """
 
     adhesion: np.ndarray
@@ -56,6 +58,7 @@ class Features(NamedTuple):
     book: np.ndarray  # book every energy sink
     sizes: np.ndarray = NO  # radii differ: dem.mixture
     materials: np.ndarray = NO  # laws or densities differ: dem.mixture
+    periodic: np.ndarray = NO  # sides; its one number is the period in y [m]
 
 
 _TINY = 1e-30
@@ -94,8 +97,8 @@ def pair_law(values: PairValues, effective_radius: float, *, has_adhesion: bool)
     )
 
 
-def law_features(soil: Soil, *, book: bool = False) -> Features:
-    """What the laws of a soil contain, all layers together."""
+def law_features(soil: Soil, *, book: bool = False, period_m: float | None = None) -> Features:
+    """What the laws of a soil contain, all layers together; period_m: in y, where the sides are periodic."""
     values = [value for layer in layer_soils(soil) for value in pair_values(layer)]
     wet = soil.law if isinstance(soil.law, WetLaw) else None
 
@@ -113,12 +116,13 @@ def law_features(soil: Soil, *, book: bool = False) -> Features:
         book=given(book),
         sizes=given(soil.particles.sizes is not None),
         materials=given(soil.layers is not None),
+        periodic=NO if period_m is None else np.full((1, 1), period_m),
     )
 
 
-def soil_laws(soil: Soil, features: Features) -> tuple[PairLaw, PairLaw]:
-    """Laws of particle-particle and particle-boundary for equal spheres of one material."""
-    pair, boundary = pair_values(soil)
+def soil_laws(soil: Soil, features: Features, step_s: float) -> tuple[PairLaw, PairLaw]:
+    """Laws of particle-particle and particle-boundary at a soil step, equal spheres of one material."""
+    pair, boundary = integrated_values(soil, step_s)
     has_adhesion = features.adhesion.ndim == 2
     radius = soil.particles.mean_volume_radius_m
     return (

@@ -1,7 +1,5 @@
 """The soil engine: motions of the tools in, wrenches on the tools out."""
 
-from dataclasses import dataclass
-
 import numba
 import numpy as np
 
@@ -11,13 +9,16 @@ from ..scene.limits import DENSE_COORDINATION, step_limits
 from ..scene.loader import ResolvedScene
 from ..scene.meshes import load_tool_mesh
 from ..scene.pairs import layer_soils, particle_mass_kg
-from .bed import Bed
+from .bed import Bed, finite_rows, refuse_outside
 from .beds.prepare import prepare_bed
 from .contact import SINKS, PairLaw, law_features, soil_laws
+from .energy import EnergyBook
 from .integration import kick, kick_drift, mass_sums, motion_sums
 from .mixture import REACH, REST_OVERLAP, Mixture, law_tables, material_at
+from .monitors import Domain, LostParticle, MotionSums, Watch, half_step_sums, refuse_lost_numbers
 from .neighbours import carry_pairs, carry_rows, cell_grid, half_list, slab_starts, sort_by_cell
 from .pairs import history_blocks, pair_forces, pair_scan
+from .periodic import TOOL_SKIN, refuse_narrow_period, refuse_tool_at_seam, wrapped
 from .state import PairList, Particles, WallList
 from .tool_surface import ToolSurface, motion_within
 from .walls import near_walls, wall_forces, wall_planes, wall_scan
@@ -25,32 +26,12 @@ from .walls import near_walls, wall_forces, wall_planes, wall_scan
 _CELLS_PER_SLAB = 1
 """Slab width in cells: wider than the reach, narrow enough to keep threads equally busy (chosen)."""
 
-_TOOL_SKIN = 2.0
-"""Skin of the tool search over that of the pairs: tools are faster and their lists short (chosen)."""
-
-
-@dataclass(frozen=True)
-class EnergyBook:
-    """Where the soil's energy is and went [J]. Sinks count from the start, with `book` only."""
-
-    kinetic_joule: float
-    gravity_joule: float  # zero at z = 0
-    stored_joule: float  # in contacts: normal, tangential and rolling springs
-    sinks_joule: dict[str, float]  # by dem.contact.SINKS
-    tool_work_joule: float  # done by the tools on the soil
-
-    @property
-    def total_joule(self) -> float:
-        """What stays constant: stored, moving and dissipated energy less the work put in."""
-        inside = self.kinetic_joule + self.gravity_joule + self.stored_joule
-        return inside + sum(self.sinks_joule.values()) - self.tool_work_joule
-
 
 class SoilEngine:
     """Discrete elements in a bin, touched by tools.
 
-    Results do not depend on `threads`. With `book`, every energy sink is booked (slower). `bed` stands
-    for the one the scene describes.
+    Results do not depend on `threads`. With `book`, or where the scene balances the energy, every energy sink
+    is booked (slower). `bed` stands for the one the scene describes.
     """
 
     def __init__(
@@ -71,9 +52,12 @@ class SoilEngine:
         smallest, self._radius = soil.particles.bounds_m  # the largest where they are unequal
         self._mass = particle_mass_kg(soil)
         self._inertia = 0.4 * self._mass * self._radius**2
-        self._features = law_features(soil, book=book)
-        self._law, self._boundary = soil_laws(soil, self._features)
-        self._pair_law = PairLaw(*(self._kind(value) for value in self._law))
+        self.bed: Bed = bed or prepare_bed(resolved, SoilEngine, threads)
+        refuse_narrow_period(self.bed, soil)
+        book = book or (soil.monitors is not None and soil.monitors.largest_energy_defect is not None)
+        self._features = law_features(soil, book=book, period_m=self.bed.period_m)
+        self._law, self._boundary = soil_laws(soil, self._features, self._step_s)
+        self._pair_law = PairLaw(*np.array(self._law, self._kind))
         factor = soil.tool_stiffness_factor
         self._at_tools = self._boundary._replace(stiffness=self._boundary.stiffness * factor)
         self._pair_laws, self._wall_laws = law_tables(soil, self._features)
@@ -81,8 +65,7 @@ class SoilEngine:
         self._tool_laws[:, 0] *= factor
         self._density = np.array([layer.particles.density_kg_per_m3 for layer in layer_soils(soil)])
         self._overlap_bound = soil.largest_tool_overlap_m or 2.0 * smallest
-        self.bed: Bed = bed or prepare_bed(resolved, SoilEngine, threads)
-        self._planes = wall_planes(self.bed.lower_m, self.bed.upper_m)
+        self._planes = wall_planes(self.bed.lower_m, self.bed.upper_m, self.bed.sides)
         self._tools: tuple[ToolSurface, ...] = ()
         self._rebuilds = 0
         self._tool_work = 0.0
@@ -101,7 +84,7 @@ class SoilEngine:
         if self.coordination <= DENSE_COORDINATION:
             return
         limit = step_limits(self._soil, self.coordination)[0]
-        if self._step_s > limit.limit_s:
+        if self._step_s > limit.limit_s and not self._soil.force_time_step:
             raise SceneError(
                 f"soil.time_step_s: {self._step_s:.3g} s is above the stable limit {limit.limit_s:.3g} s of "
                 f"the prepared bed ({limit.cause}); use at most {0.9 * limit.limit_s:.2g} s"
@@ -109,9 +92,7 @@ class SoilEngine:
 
     def _load(self, position: np.ndarray, radii: np.ndarray | None, materials: np.ndarray | None) -> None:
         """Start from particles at rest without contact history; without `materials`, by their depth."""
-        self._particles = p = Particles.at_rest(
-            np.ascontiguousarray(position), np.arange(len(position)), self._kind
-        )
+        self._particles = p = Particles.at_rest(np.array(position), np.arange(len(position)), self._kind)
         if self._soil.particles.sizes is not None or self._soil.layers is not None:
             if radii is None and self._soil.particles.sizes is not None:
                 raise InputError("radii_m: is missing; a soil with particles.sizes needs one per particle")
@@ -120,6 +101,8 @@ class SoilEngine:
                 materials = material_at(self._soil, -position[:, 2])
             p.make_unequal(radius, np.array(materials, np.int64), self._density)
         self._loaded_position = position.copy()
+        self._domain = Domain(self._planes, self.bed, position, self._radius)
+        self._watch = None if self._soil.monitors is None else Watch(self._soil, self._domain, len(position))
         self._forget_contacts()
         self._rebuild(())
 
@@ -148,14 +131,18 @@ class SoilEngine:
 
         radii_m (n,) is for soils with sizes. Layers go by depth. Call it before `start`, which then must not
         remove any particle.
+
+        Raises:
+            InputError: no particle, one outside the bin, or a number that is none.
         """
         position = np.array(position_m, dtype=np.float64).reshape(-1, 3)
+        refuse_outside(self.bed, self._planes, position)
         self._load(position, radii_m, None)
         back = self._particles.identity
-        if velocity_m_per_s is not None:
-            self._particles.velocity = np.array(velocity_m_per_s, self._kind).reshape(-1, 3)[back]
-        if spin_rad_per_s is not None:
-            self._particles.spin = np.array(spin_rad_per_s, self._kind).reshape(-1, 3)[back]
+        for name, given in (("velocity", velocity_m_per_s), ("spin", spin_rad_per_s)):
+            if given is not None:
+                rows = finite_rows(name, given, len(position))[back]
+                setattr(self._particles, name, rows.astype(self._kind))
 
     def damp(self, kept: float) -> None:
         """Global damping: every velocity and spin times `kept`. For the preparation of beds."""
@@ -205,14 +192,28 @@ class SoilEngine:
         return Mixture(p.radius, p.mass, p.material, laws, len(self._density))
 
     def positions_m(self) -> np.ndarray:
-        """(n, 3) float64, world axes, in the order of the prepared bed."""
-        return self._particles.position[np.argsort(self._particles.identity)]
+        """(n, 3) float64, world axes, in the order of the prepared bed; inside the box if it is periodic."""
+        position = self._particles.position[np.argsort(self._particles.identity)]
+        if self.bed.period_m is not None:
+            position[:, 1] = wrapped(position[:, 1], self.bed.lower_m[1], self.bed.period_m)[0]
+        return position
 
     def displacements_m(self) -> np.ndarray:
-        """(n, 3) float64, world axes: from the place in the prepared bed, in its order. The disturbance."""
+        """(n, 3) float64, world axes: from the place in the prepared bed, in its order. The disturbance.
+
+        It goes on growing where a particle passes from one periodic side to the other.
+        """
         p = self._particles
         back = np.argsort(p.identity)
-        return p.position[back] - self._loaded_position[p.identity[back]]
+        moved = p.position[back] - self._loaded_position[p.identity[back]]
+        if self.bed.period_m is not None:
+            moved[:, 1] += p.image[back] * self.bed.period_m
+        return moved
+
+    @property
+    def lost_particles(self) -> tuple[LostParticle, ...]:
+        """The first that left the domain."""
+        return tuple(self._watch.first_lost) if self._watch is not None else ()
 
     def velocities_m_per_s(self) -> np.ndarray:
         """(n, 3) float64, world axes, in the order of the prepared bed."""
@@ -237,6 +238,7 @@ class SoilEngine:
         tools = []
         for (name, tool), motion in zip(scene.tools.items(), motions, strict=True):
             mesh = load_tool_mesh(self._resolved.directory, scene, name)
+            refuse_tool_at_seam(name, mesh.vertices_m, self.bed, self._soil)
             reference = bodies[tool.body].angle_rad if tool.body else 0.0
             tools.append(ToolSurface(name, mesh, reference, motion))
         p = self._particles
@@ -254,13 +256,16 @@ class SoilEngine:
         self._rebuild(motions)
         self._begin_tick()
         self._add_forces(motions, step=0.0)
+        if self._watch is not None and self._watch.balances:
+            self._watch.begin(self.energy())
         return self._wrenches()
 
     def advance(self, tick: int, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
         """Wrenches of `tick`, the tools moving from where they stand to `motions`.
 
         Raises:
-            PhysicsError: a state that is not a number, or a tool sunk too deep into a particle.
+            PhysicsError: a state that is not a number, a tool sunk too deep into a particle, or a bound of
+                soil.monitors passed.
         """
         numba.set_num_threads(self._threads)
         steps = self._resolved.timing.soil_steps
@@ -273,8 +278,22 @@ class SoilEngine:
                 motion_within(a, b, self._resolved.timing.interval_s, s / steps)
                 for a, b in zip(starts, motions, strict=True)
             )
-            self._advance_step(tick, now)
+            where = f"tick {tick}" if steps == 1 else f"tick {tick}, soil step {s} of {steps}"
+            self._advance_step(where, now)
+            last = s == steps and tick == self._resolved.timing.tick_count - 1
+            if self._watch is not None and self._watch.due(last=last):
+                sums = self._motion_sums()
+                self._watch.look(where, tick, self._particles, sums, self._largest_overlap, self.energy)
         return self._wrenches()
+
+    def _motion_sums(self) -> MotionSums:
+        p = self._particles
+        return MotionSums(
+            *half_step_sums(p.position, p.velocity, p.spin, p.force, p.torque, *self._masses(), self._step_s)
+        )
+
+    def _largest_overlap(self) -> float:
+        return self._scan_pairs()[1]
 
     def _begin_tick(self) -> None:
         for tool in self._tools:
@@ -290,16 +309,16 @@ class SoilEngine:
     def _wrenches(self) -> tuple[ToolWrench, ...]:
         return tuple(tool.wrench() for tool in self._tools)
 
-    def _advance_step(self, tick: int, motions: tuple[ToolMotion, ...]) -> None:
+    def _advance_step(self, where: str, motions: tuple[ToolMotion, ...]) -> None:
         p, skin = self._particles, self._soil.skin_m
         mass, inertia = self._masses()
         far = kick_drift(
             p.position, p.velocity, p.spin, p.force, p.torque, p.built_position,
             mass, inertia, self._gravity, self._step_s, (0.5 * skin) ** 2,
         )  # fmt: skip
-        allowed = (_TOOL_SKIN - 0.5) * skin
+        allowed = (TOOL_SKIN - 0.5) * skin
         if far or any(t.moved_m(m) > allowed for t, m in zip(self._tools, motions, strict=True)):
-            self._refuse_lost_numbers(tick)
+            refuse_lost_numbers(where, self._particles)
             self._rebuild(motions)
         self._add_forces(motions, self._step_s)
         mass, inertia = self._masses()  # a rebuild may have sorted them
@@ -307,7 +326,7 @@ class SoilEngine:
         deepest = max((tool.largest_overlap_m for tool in self._tools), default=0.0)
         if deepest > self._overlap_bound:
             raise PhysicsError(
-                f"tick {tick}: a tool overlaps a particle by {deepest:.3g} m, allowed is "
+                f"{where}: a tool overlaps a particle by {deepest:.3g} m, allowed is "
                 f"soil.largest_tool_overlap_m {self._overlap_bound:.3g} m; raise "
                 "soil.tool_stiffness_factor, or make the tool slower or thicker"
             )
@@ -341,7 +360,12 @@ class SoilEngine:
         adhesive = self._features.adhesion.ndim == 2
         reach = 2.0 * self._radius + (float(self._pair_laws[:, REACH].max()) if adhesive else 0.0) + skin
         boundary_reach = self._radius + (float(self._wall_laws[:, REACH].max()) if adhesive else 0.0)
-        grid = cell_grid(p.position, reach)
+        low, high = np.array(self.bed.lower_m), np.array([*self.bed.upper_m, self._domain.ceiling_m])
+        period = np.inf
+        if self.bed.period_m is not None:
+            period = self.bed.period_m
+            p.wrap(low[1], period)
+        grid = cell_grid(p.position, reach, low, high, period)
         order, cell_start = sort_by_cell(p.position, grid)
         p.reorder(order)
         smaller = self._radius - p.radius if p.unequal else 0.0
@@ -356,7 +380,7 @@ class SoilEngine:
         histories = carry_rows(order, self._walls.particle, particle, (self._walls.shear, self._walls.roll))
         self._walls = WallList(particle, *histories)
         for tool, motion in zip(self._tools, motions, strict=True):
-            tool.search(motion, p, order, cell_start, grid, boundary_reach + _TOOL_SKIN * skin)
+            tool.search(motion, p, order, cell_start, grid, boundary_reach + TOOL_SKIN * skin)
         self._wall_force = np.zeros((len(particle), 3))
         self._pair_book = np.zeros((len(slabs) - 1, len(SINKS)))
         self._wall_book = np.zeros((len(particle), len(SINKS)))
@@ -368,34 +392,26 @@ class SoilEngine:
             self._pair_book[:] = 0.0
             self._wall_book[:] = 0.0
 
-    def _refuse_lost_numbers(self, tick: int) -> None:
-        p = self._particles
-        finite = np.isfinite(p.position).all(axis=1) & np.isfinite(p.velocity).all(axis=1)
-        if not finite.all():
-            k = int(np.flatnonzero(~finite)[0])
-            raise PhysicsError(
-                f"tick {tick}: particle {p.identity[k]} is no longer a number: position {p.position[k]}, "
-                f"velocity {p.velocity[k]}, last forces {p.force[k]}; use a smaller soil.time_step_s"
-            )
-
     def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
-        """Monitors at the end of `tick`."""
-        p, n = self._particles, self._particles.count
-        speed2, spin2, _, _ = motion_sums(p.position, p.velocity, p.spin)
+        """Monitors at the end of `tick`.
+
+        The rms spin is that half a step before and after: one that turns round from step to step is zero
+        in between.
+        """
+        n = self._particles.count
         contacts, largest, _ = self._scan_pairs()
-        gap = self._planes[:, 3] - p.position @ self._planes[:, :3].T
-        radius = p.radius[:, None] if p.unequal else self._radius
+        sums = self._motion_sums()
         return SoilState(
             run_id,
             tick,
             end_time_ns,
             particle_count=n,
             contact_count=contacts,
-            lost_particle_count=int((gap < -radius).any(axis=1).sum()),
+            lost_particle_count=self._watch.lost_count if self._watch is not None else 0,
             rebuild_count=self._rebuilds,
             kinetic_energy_joule=self._moving_joule()[0],
-            rms_speed_m_per_s=float(np.sqrt(speed2 / n)),
-            rms_spin_rad_per_s=float(np.sqrt(spin2 / n)),
+            rms_speed_m_per_s=float(np.sqrt(sums.speed2 / n)),
+            rms_spin_rad_per_s=float(np.sqrt((sums.spin2 + sums.half_spin2) / n)),
             largest_overlap_m=largest,
             largest_tool_overlap_m=max((t.largest_overlap_m for t in self._tools), default=0.0),
         )

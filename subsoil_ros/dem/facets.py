@@ -114,8 +114,8 @@ def near_facets(position, cell_start, grid, pose, corner, reach):
                     high[a] = max(high[a], world[a] + reach)
             first_x = max(int(np.floor((low[0] - grid.origin_x) / grid.edge)), 0)
             last_x = min(int(np.floor((high[0] - grid.origin_x) / grid.edge)), grid.nx - 1)
-            first_y = max(int(np.floor((low[1] - grid.origin_y) / grid.edge)), 0)
-            last_y = min(int(np.floor((high[1] - grid.origin_y) / grid.edge)), grid.ny - 1)
+            first_y = max(int(np.floor((low[1] - grid.origin_y) / grid.edge_y)), 0)
+            last_y = min(int(np.floor((high[1] - grid.origin_y) / grid.edge_y)), grid.ny - 1)
             first_z = max(int(np.floor((low[2] - grid.origin_z) / grid.edge)), 0)
             last_z = min(int(np.floor((high[2] - grid.origin_z) / grid.edge)), grid.nz - 1)
             if first_z > last_z:

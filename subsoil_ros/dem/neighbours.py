@@ -7,18 +7,25 @@ from numba import njit, prange
 
 from .pairs import BLOCK, HISTORY, history_place
 from .per_particle import of_particle
+from .periodic import nearest_image
 
 
 class CellGrid(NamedTuple):
-    """Cells of edge >= the search reach over the bed, x-major, z fastest."""
+    """Cells of edges >= the search reach over the bed, x-major, z fastest.
+
+    Particles outside it belong to its outermost cells; that keeps neighbours in neighbouring cells. With a
+    period, whole cells fill it in y, and the last one is beside the first.
+    """
 
     origin_x: float  # [m]
     origin_y: float
     origin_z: float
-    edge: float  # [m]
+    edge: float  # [m] along x and z
+    edge_y: float  # [m]
     nx: int
     ny: int
     nz: int
+    period: float  # [m] in y; infinite without
 
 
 @njit(cache=True)
@@ -31,11 +38,25 @@ def _bounds(position):
     return low, high
 
 
-def cell_grid(position: np.ndarray, edge: float) -> CellGrid:
-    """Grid that covers every particle of `position` (n, 3) [m]."""
-    low, high = _bounds(position)
-    count = np.floor((high - low) / edge).astype(np.int64) + 1
-    return CellGrid(low[0], low[1], low[2], edge, int(count[0]), int(count[1]), int(count[2]))
+def cell_grid(
+    position: np.ndarray, edge: float, low: np.ndarray, high: np.ndarray, period: float
+) -> CellGrid:
+    """Grid that covers the particles of `position` (n, 3) [m] between the corners `low` and `high` (3,) [m].
+
+    period: in y [m], from low[1] on; infinite: none.
+    """
+    first, last = (np.clip(corner, low, high) for corner in _bounds(position))
+    count = np.floor((last - first) / edge).astype(np.int64) + 1
+    edge_y = edge
+    if np.isfinite(period):
+        first[1], count[1] = low[1], int(period / edge)
+        edge_y = period / count[1]
+    nx, ny, nz = count.tolist()
+    return CellGrid(first[0], first[1], first[2], edge, edge_y, nx, ny, nz, period)
+
+
+_RUNS = 6
+"""Runs of _forward_range."""
 
 
 @njit(cache=True, inline="always")
@@ -52,7 +73,7 @@ def sort_by_cell(position, grid):
     start = np.zeros(cells + 1, np.int64)
     for i in range(n):
         cx = _axis_cell(position[i, 0], grid.origin_x, grid.edge, grid.nx)
-        cy = _axis_cell(position[i, 1], grid.origin_y, grid.edge, grid.ny)
+        cy = _axis_cell(position[i, 1], grid.origin_y, grid.edge_y, grid.ny)
         cz = _axis_cell(position[i, 2], grid.origin_z, grid.edge, grid.nz)
         cell[i] = (cx * grid.ny + cy) * grid.nz + cz
         start[cell[i] + 1] += 1
@@ -78,11 +99,21 @@ def take_rows(array, order):
 
 @njit(cache=True, inline="always")
 def _forward_range(grid, cx, cy, cz, k, cell_start):
-    """k-th of the five runs of particles that may follow a particle of cell (cx, cy, cz)."""
-    dx = 0 if k < 2 else 1
-    dy = (0, 1, -1, 0, 1)[k]
+    """k-th of the six runs of particles that may follow a particle of cell (cx, cy, cz).
+
+    Across the seam of a period the first row of cells looks back at the last one, so that the second of a
+    pair always comes later in the order.
+    """
+    dx = 0 if k < 3 else 1
+    dy = (0, 1, -1, -1, 0, 1)[k]
     x, y = cx + dx, cy + dy
-    if x >= grid.nx or y < 0 or y >= grid.ny:
+    if k == 2 and y >= 0:
+        return 0, 0
+    if y < 0 or (y >= grid.ny and dx == 1):
+        if grid.period == np.inf:
+            return 0, 0
+        y = y + grid.ny if y < 0 else 0
+    if x >= grid.nx or y >= grid.ny:
         return 0, 0
     column = (x * grid.ny + y) * grid.nz
     low = max(cz - 1, 0) if k > 0 else cz
@@ -101,16 +132,16 @@ def half_list(position, grid, cell_start, reach, smaller):
     row_start = np.zeros(n + 1, np.int64)
     for i in prange(n):
         cx = _axis_cell(position[i, 0], grid.origin_x, grid.edge, grid.nx)
-        cy = _axis_cell(position[i, 1], grid.origin_y, grid.edge, grid.ny)
+        cy = _axis_cell(position[i, 1], grid.origin_y, grid.edge_y, grid.ny)
         cz = _axis_cell(position[i, 2], grid.origin_z, grid.edge, grid.nz)
         count = 0
         own_reach = reach - of_particle(smaller, i)
-        for k in range(5):
+        for k in range(_RUNS):
             low, high = _forward_range(grid, cx, cy, cz, k, cell_start)
             for j in range(max(low, i + 1), high):
                 limit = own_reach - of_particle(smaller, j)
                 dx = position[j, 0] - position[i, 0]
-                dy = position[j, 1] - position[i, 1]
+                dy = nearest_image(position[j, 1] - position[i, 1], grid.period)
                 dz = position[j, 2] - position[i, 2]
                 if dx * dx + dy * dy + dz * dz < limit * limit:
                     count += 1
@@ -120,16 +151,16 @@ def half_list(position, grid, cell_start, reach, smaller):
     neighbour = np.empty(row_start[n], np.int32)
     for i in prange(n):
         cx = _axis_cell(position[i, 0], grid.origin_x, grid.edge, grid.nx)
-        cy = _axis_cell(position[i, 1], grid.origin_y, grid.edge, grid.ny)
+        cy = _axis_cell(position[i, 1], grid.origin_y, grid.edge_y, grid.ny)
         cz = _axis_cell(position[i, 2], grid.origin_z, grid.edge, grid.nz)
         slot = row_start[i]
         own_reach = reach - of_particle(smaller, i)
-        for k in range(5):
+        for k in range(_RUNS):
             low, high = _forward_range(grid, cx, cy, cz, k, cell_start)
             for j in range(max(low, i + 1), high):
                 limit = own_reach - of_particle(smaller, j)
                 dx = position[j, 0] - position[i, 0]
-                dy = position[j, 1] - position[i, 1]
+                dy = nearest_image(position[j, 1] - position[i, 1], grid.period)
                 dz = position[j, 2] - position[i, 2]
                 if dx * dx + dy * dy + dz * dz < limit * limit:
                     neighbour[slot] = j

@@ -11,6 +11,7 @@ from numba import njit, prange
 
 from .contact import PairLaw, contact, like, normal_potential, spring_energy
 from .mixture import pair_of
+from .periodic import nearest_image
 
 BLOCK = 512
 """Pairs computed at a time (measured, 128 to 1024: one component of the histories is then a page, and a bed
@@ -48,6 +49,7 @@ def _gather(
     radius, law, mixture, features,
 ):  # fmt: skip
     """States of the pairs pair <= k < last into the scratch rows; pair `pair` is in row `first_row`."""
+    period = features.periodic.item()
     i, end = first_row, row_start[first_row + 1]
     start = pair
     while start < last:
@@ -62,7 +64,10 @@ def _gather(
             j = np.uint32(neighbour[k])
             b = np.uint64(k - pair)
             scratch[0, b] = position[j, 0] - px
-            scratch[1, b] = position[j, 1] - py
+            dy = position[j, 1] - py
+            if features.periodic.ndim == 2:
+                dy = nearest_image(dy, period)
+            scratch[1, b] = dy
             scratch[2, b] = position[j, 2] - pz
             scratch[3, b] = vx - velocity[j, 0]
             scratch[4, b] = vy - velocity[j, 1]
@@ -229,12 +234,15 @@ def pair_forces(
 def pair_scan(row_start, neighbour, position, history, radius, common_law, mixture, features):
     """Contacts in reach, largest overlap [m], stored energy: normal and springs [J]."""
     contacts, largest, energy = 0, 0.0, 0.0
+    period = features.periodic.item()
     for i in range(position.shape[0]):
         for k in range(row_start[i], row_start[i + 1]):
             j = neighbour[k]
             dx = position[j, 0] - position[i, 0]
             dy = position[j, 1] - position[i, 1]
             dz = position[j, 2] - position[i, 2]
+            if features.periodic.ndim == 2:
+                dy = nearest_image(dy, period)
             radius_i, radius_j, law = pair_of(i, j, radius, common_law, mixture, features)
             overlap = radius_i + radius_j - np.sqrt(dx * dx + dy * dy + dz * dz)
             if overlap > (-law.reach if features.adhesion.ndim == 2 else 0.0):

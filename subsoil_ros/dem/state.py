@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .neighbours import take_rows
+from .periodic import wrapped
 
 
 @dataclass
@@ -22,6 +23,7 @@ class Particles:
     torque: np.ndarray  # [N m]
     built_position: np.ndarray  # [m] where the neighbour lists were built
     identity: np.ndarray  # (n,) int64: place in the bed as prepared
+    image: np.ndarray  # (n,) int64: periods by which it was moved back into the box, in y
     # Of length 0 where all particles are equal:
     radius: np.ndarray  # (n,) [m]
     mass: np.ndarray  # (n,) [kg]
@@ -31,11 +33,11 @@ class Particles:
     @classmethod
     def at_rest(cls, position: np.ndarray, identity: np.ndarray, kind: type) -> "Particles":
         """Equal particles that do not move, at `position` (n, 3) [m]; `kind` is float64 or float32."""
-        zeros = np.zeros(position.shape, kind)
+        zeros: np.ndarray = np.zeros(position.shape, kind)
         none, of_none = np.empty(0), np.empty(0, np.int64)
         return cls(
             position, zeros, zeros.copy(), zeros.copy(), zeros.copy(), position.copy(), identity,
-            none, none.copy(), none.copy(), of_none,
+            np.zeros(len(position), np.int64), none, none.copy(), none.copy(), of_none,
         )  # fmt: skip
 
     def make_unequal(self, radius: np.ndarray, material: np.ndarray, density: np.ndarray) -> None:
@@ -49,11 +51,16 @@ class Particles:
         """Whether the particles have sizes or materials of their own."""
         return len(self.mass) > 0
 
+    def wrap(self, low_m: float, period_m: float) -> None:
+        """Put everybody into low <= y < low + period [m], and keep count."""
+        self.position[:, 1], turns = wrapped(self.position[:, 1], low_m, period_m)
+        self.image += turns
+
     def reorder(self, order: np.ndarray) -> None:
         """Put particle order[k] in place k."""
         for name in ("position", "velocity", "spin", "force", "torque"):
             setattr(self, name, take_rows(getattr(self, name), order))
-        for name in ["identity"] + self.unequal * ["radius", "mass", "inertia", "material"]:
+        for name in ["identity", "image"] + self.unequal * ["radius", "mass", "inertia", "material"]:
             setattr(self, name, getattr(self, name)[order])
         self.built_position = self.position.copy()
 

@@ -12,9 +12,14 @@ _CHUNKS = 16
 """Split of the listed particles among threads."""
 
 
-def wall_planes(lower: tuple[float, float, float], upper: tuple[float, float]) -> np.ndarray:
-    """(5, 4) rows (nx, ny, nz, offset): normal towards the wall, n . x = offset on it [m]."""
-    return np.array(
+def wall_planes(
+    lower: tuple[float, float, float], upper: tuple[float, float], sides: str = "walls"
+) -> np.ndarray:
+    """(5, 4) rows (nx, ny, nz, offset): normal towards the wall, n . x = offset on it [m].
+
+    `sides` that are periodic are walls infinitely far away.
+    """
+    planes = np.array(
         [
             (-1.0, 0.0, 0.0, -lower[0]),
             (1.0, 0.0, 0.0, upper[0]),
@@ -23,6 +28,9 @@ def wall_planes(lower: tuple[float, float, float], upper: tuple[float, float]) -
             (0.0, 0.0, -1.0, -lower[2]),
         ]
     )
+    if sides == "periodic":
+        planes[2:4, 3] = np.inf
+    return planes
 
 
 def near_walls(position: np.ndarray, planes: np.ndarray, reach: float) -> np.ndarray:

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from .bed_spacing import particle_spacing_m
+from .damping import damping_ratios
+from .limits import derive_timing
 from .meshes import ToolMesh
 from .model import Scene
 from .pairs import layer_soils, tool_values
@@ -45,8 +47,9 @@ def coupling_bounds(scene: Scene, meshes: dict[str, ToolMesh]) -> tuple[Coupling
         return ()
     overlap = REFERENCE_OVERLAP * scene.soil.particles.mean_volume_radius_m
     boundaries = [tool_values(layer).linear_at(overlap) for layer in layer_soils(scene.soil)]
-    relaxation = min(boundary.damping / boundary.stiffness for boundary in boundaries)
-    largest_damping = max(boundary.damping for boundary in boundaries)
+    left = damping_ratios(scene.soil, derive_timing(scene).soil_step_s)[1].normal
+    relaxation = left * min(boundary.damping / boundary.stiffness for boundary in boundaries)
+    largest_damping = left * max(boundary.damping for boundary in boundaries)
     share = 2.0 if scene.coupling.force == "tick_end" else 1.0
     found = []
     for name, tool in scene.tools.items():

@@ -15,6 +15,7 @@ from ...errors import SceneError
 from ...scene.bed_spacing import rest_spacing_m
 from ...scene.soil import Soil
 from ..bed import Bed
+from ..periodic import refuse_narrow_period
 from .bonds import bonds_of
 
 FORMAT = "subsoil_ros bed"
@@ -59,6 +60,7 @@ def write_bed(path: Path, bed: Bed, soil: Soil) -> None:
                 kinetic_energy_joule=np.array(bed.kinetic_energy_joule),
                 radii_m=np.empty(0) if bed.radii_m is None else bed.radii_m,
                 materials=np.empty(0, np.int64) if bed.materials is None else bed.materials,
+                sides=np.array(bed.sides),
             )
             file.flush()
             os.chmod(file.name, 0o644)
@@ -83,6 +85,11 @@ def read_bed(path: Path, soil: Soil) -> Bed:
             f"{str(content['law_hash'])[:12]}, this scene has {law_hash(soil)[:12]}); prepare it anew with "
             "this scene's soil.law, soil.particles and soil.layers"
         )
+    if content["sides"] != soil.bin.sides:
+        raise SceneError(
+            f"{where}: was prepared between sides '{content['sides']}', soil.bin.sides is "
+            f"'{soil.bin.sides}'; give the scene the sides of the bed, or prepare the bed anew"
+        )
     lower, upper = content["lower_m"].tolist(), content["upper_m"].tolist()
     bed = Bed(
         np.ascontiguousarray(content["positions_m"]),
@@ -91,8 +98,10 @@ def read_bed(path: Path, soil: Soil) -> Bed:
         float(content["kinetic_energy_joule"]),
         content["radii_m"] if soil.particles.sizes else None,
         content["materials"] if soil.layers else None,
+        soil.bin.sides,
     )
     _refuse_wrong_bin(bed, soil, where)
+    refuse_narrow_period(bed, soil)
     _refuse_wrong_particles(bed, soil, where)
     return bed
 
@@ -119,7 +128,8 @@ def _content(path: Path, where: str) -> dict[str, Any]:
     shapes = [content[key].shape for key in ("positions_m", "lower_m", "upper_m")]
     if shapes[0][0] < 1 or shapes[0][1:] != (3,) or shapes[1:] != [(3,), (2,)]:
         raise SceneError(f"{damaged} (arrays of shape {shapes})")
-    content["law_hash"] = str(content.get("law_hash", ""))
+    for key in ("law_hash", "sides"):
+        content[key] = str(content.get(key, ""))
     return content
 
 
@@ -149,7 +159,7 @@ def _refuse_wrong_particles(bed: Bed, soil: Soil, where: str) -> None:
                 f"{where}: has {len(array)} {key} for {count} particles, each to be from {allowed[0]:g} to "
                 f"{allowed[1]:g}; prepare the bed anew"
             )
-    inside = (x > bed.lower_m).all(axis=1) & (x[:, :2] < bed.upper_m).all(axis=1)  # not a number: outside
+    inside = (x >= bed.lower_m).all(axis=1) & (x[:, :2] <= bed.upper_m).all(axis=1)  # not a number: outside
     if not inside.all():
         k = int(np.argmin(inside))
         raise SceneError(

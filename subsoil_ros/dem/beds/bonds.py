@@ -3,12 +3,13 @@
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ...scene.soil import Soil
 from ..bed import Bed
 from ..contact import law_features
 from ..mixture import REACH, REST_OVERLAP, law_tables
+from ..periodic import wrapped
+from .tree import bed_tree
 
 
 class Bonds(NamedTuple):
@@ -32,11 +33,14 @@ def bonds_of(bed: Bed, soil: Soil) -> Bonds:
     radius, x = radii_of(bed, soil), bed.positions_m
     material = np.zeros(len(x), np.int64) if bed.materials is None else bed.materials
     farthest = 2.0 * float(radius.max()) + float(laws[:, REACH].max())
-    pair = cKDTree(x).query_pairs(farthest, output_type="ndarray").astype(np.int64)
+    pair = bed_tree(bed).query_pairs(farthest, output_type="ndarray").astype(np.int64)
     first, second = pair.T
     law = laws[material[first] * len(boundaries) + material[second]]
     touch = radius[first] + radius[second]
-    distance = np.linalg.norm(x[first] - x[second], axis=1)
+    apart = x[first] - x[second]
+    if bed.period_m is not None:
+        apart[:, 1] = wrapped(apart[:, 1], -0.5 * bed.period_m, bed.period_m)[0]
+    distance = np.linalg.norm(apart, axis=1)
     near = distance <= touch + law[:, REACH]
     excess = touch - law[:, REST_OVERLAP] - distance
     return Bonds(pair[near], excess[near], np.minimum(radius[first], radius[second])[near])

@@ -92,11 +92,12 @@ def prepare_dense(resolved: ResolvedScene, seed: int, engine_of: EngineOf, threa
         resolved, engine_of, threads, adhesive=True, gravity_m_per_s2=resolved.scene.gravity_m_per_s2
     )
     edge = PILOT_DIAMETERS * rest_spacing_m(soil)
-    pilot = _settled(soil, Bin(length_m=edge, width_m=edge, depth_m=edge), seed, loose)
+    pilot = _settled(soil, Bin(length_m=edge, width_m=edge, depth_m=edge, sides=soil.bin.sides), seed, loose)
     shrink = _bonded(pilot, edge, soil, bonded).upper_m[0] / edge
 
     box = soil.bin
-    larger = Bin(length_m=box.length_m / shrink, width_m=box.width_m / shrink, depth_m=box.depth_m / shrink)
+    sizes = (box.length_m / shrink, box.width_m / shrink, box.depth_m / shrink)
+    larger = Bin(length_m=sizes[0], width_m=sizes[1], depth_m=sizes[2], sides=box.sides)
     return _bonded(_settled(soil, larger, seed, loose), box.depth_m, soil, bonded, soil.surface)
 
 
@@ -113,11 +114,13 @@ def _settled(soil: Soil, box: Bin, seed: int, loose: Settling) -> Bed:
     stiffness, mass = pair_values(soil)[0].stiffness, particle_mass_kg(soil)
     count = math.ceil(packing * area * (box.depth_m + rest) / sphere)
     half_width = 0.5 * box.width_m
-    low = (wall, wall - half_width, wall)
-    high = (box.length_m - wall, half_width - wall, count * sphere / (POURED * area))
+    side = 0.0 if box.sides == "periodic" else wall
+    low = (wall, side - half_width, wall)
+    high = (box.length_m - wall, half_width - side, count * sphere / (POURED * area))
     points = np.random.default_rng(seed).uniform(low, high, (count, 3))
     radii = None if sizes is None else sampled_radii_m(sizes, count)
-    bed = Bed(points, (0.0, -half_width, 0.0), (box.length_m, half_width), radii_m=radii)
+    sides = (0.0, -half_width, 0.0), (box.length_m, half_width)
+    bed = Bed(points, *sides, sides=box.sides, radii_m=radii)
     # Far above the critical damping of a pair, so that no particle flies out of the top.
     bed = loose.run(bed, Rest(0.0, QUENCH_S), QUENCH_DAMPING * math.sqrt(stiffness / mass))
     bed = loose.run(bed, settled_rest(radius), FALL_DAMPING * math.sqrt(SETTLING_GRAVITY / box.depth_m))

@@ -4,7 +4,6 @@ import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ...scene.limits import step_limits
 from ...scene.loader import ResolvedScene
@@ -15,6 +14,7 @@ from ..walls import WALLS, wall_planes
 from .bonds import bonds_of, radii_of
 from .settling import EngineOf
 from .surface import top_surface_m
+from .tree import bed_tree, seen_from_corner
 
 GAP_CELL = 4.0
 """Edge of the cells a wall is looked at through, in radii: each holds some four particles of a dense layer,
@@ -138,13 +138,15 @@ def _layers(
 
 
 def _wall_gaps(bed: Bed, radii: np.ndarray, top: np.ndarray, radius: float) -> dict[str, WallGap]:
-    """Gaps at the five walls, at the sides below the surface only."""
-    planes = wall_planes(bed.lower_m, bed.upper_m)
+    """Gaps at the walls, at the sides below the surface only."""
+    planes = wall_planes(bed.lower_m, bed.upper_m, bed.sides)
     low = np.array(bed.lower_m)
     floor = bed.lower_m[2]
     edge_top = [_first_top(side, floor) for side in (top, top[::-1], top.T, top.T[::-1])]  # along side walls
     found = {}
     for wall, name in enumerate(WALLS):
+        if not np.isfinite(planes[wall, 3]):
+            continue  # a periodic side
         gap = planes[wall, 3] - bed.positions_m @ planes[wall, :3] - radii
         first, second = ((1, 2), (1, 2), (0, 2), (0, 2), (0, 1))[wall]
         high = [*bed.upper_m, float(np.mean(edge_top[wall]) if name != "floor" else 0.0)]
@@ -179,16 +181,16 @@ def _largest_void(
 
     Of unequal particles the one of least distance less radius is sought among the VOID_NEIGHBOURS nearest.
     """
-    tree = cKDTree(bed.positions_m)
+    tree = bed_tree(bed)
     candidates = 1 if bed.radii_m is None else min(VOID_NEIGHBOURS, len(radii))
     low, high = np.array(bed.lower_m), np.array([*bed.upper_m, float(top.max())])
-    planes = wall_planes(bed.lower_m, bed.upper_m)
+    planes = wall_planes(bed.lower_m, bed.upper_m, bed.sides)
     pitch = (high[:2] - low[:2]) / top.shape
 
     def free(points: np.ndarray) -> np.ndarray:
         column = np.clip(((points[:, :2] - low[:2]) / pitch).astype(np.int64), 0, np.array(top.shape) - 1)
         under_top = top[column[:, 0], column[:, 1]] - points[:, 2]
-        distance, at = tree.query(points, k=[*range(1, candidates + 1)])
+        distance, at = tree.query(seen_from_corner(bed, points), k=[*range(1, candidates + 1)])
         to_particle = (distance - radii[at]).min(axis=1)
         to_wall = (planes[:, 3] - points @ planes[:, :3].T).min(axis=1)
         return np.minimum(np.minimum(to_particle, to_wall), under_top)

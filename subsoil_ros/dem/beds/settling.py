@@ -82,7 +82,8 @@ def smooth_soil(soil: Soil, *, adhesive: bool) -> Soil:
         for layer, whole in zip(soil.layers, layer_soils(soil), strict=True)
     )
     skin = SKIN * soil.particles.mean_volume_radius_m
-    return soil.model_copy(update={"law": law, "layers": layers, "skin_m": skin, "precision": "float64"})
+    changes = {"law": law, "layers": layers, "skin_m": skin, "precision": "float64"}
+    return soil.model_copy(update=changes | {"damping": "explicit", "monitors": None})
 
 
 def _smooth_law(soil: Soil, *, adhesive: bool) -> ContactLaw:

@@ -11,6 +11,7 @@ from .dynamics import complete
 from .events import differs, locate_switch
 from .forces import evaluate_regimes
 from .generalized_alpha import keep_auxiliary, step_generalized_alpha
+from .linear import copy
 from .partition import choose_partition, condition_estimate
 from .runge_kutta import guess_runge_kutta
 from .tables import (
@@ -53,15 +54,15 @@ def _take_start(state, work):
             state.past_a[k, i] += work.a[i] - state.a[i]
         for i in range(state.powers.shape[0]):
             state.past_powers[k, i] += work.powers[i] - state.powers[i]
-    state.a[:] = work.a
-    state.powers[:] = work.powers
+    copy(state.a, work.a)
+    copy(state.powers, work.powers)
 
 
 @inner_kernel
 def _refresh(model, state, work, time, select):
     """The acceleration at the state itself, evaluated again; answers the status."""
-    work.q[:] = state.q
-    work.v[:] = state.v
+    copy(work.q, state.q)
+    copy(work.v, state.v)
     status, _ = complete(model, state, work, time, select, False)
     if status == OK:
         _take_start(state, work)
@@ -83,9 +84,9 @@ def _try(model, state, work, start, span, select, method):
     if method == GENERALIZED_ALPHA:
         return step_generalized_alpha(model, state, work, start, span, select)
     if method == RUNGE_KUTTA_4:
-        work.v[:] = state.v
-        work.a[:] = state.a
-        work.powers[:] = state.powers
+        copy(work.v, state.v)
+        copy(work.a, state.a)
+        copy(work.powers, state.powers)
     most = 0
     for stage in range(1, 3 if method == ADAMS_MOULTON else 5):
         time = start + span
@@ -124,15 +125,15 @@ def _accept(state, work, method):
     else:
         past = state.past_a.shape[0]
         for k in range(past - 1, 0, -1):
-            state.past_a[k] = state.past_a[k - 1]
-            state.past_powers[k] = state.past_powers[k - 1]
-        state.past_a[0] = state.a
-        state.past_powers[0] = state.powers
+            copy(state.past_a[k], state.past_a[k - 1])
+            copy(state.past_powers[k], state.past_powers[k - 1])
+        copy(state.past_a[0], state.a)
+        copy(state.past_powers[0], state.powers)
         state.counters[PAST_COUNT] = min(past, state.counters[PAST_COUNT] + 1)
-    state.q[:] = work.q
-    state.v[:] = work.v
-    state.a[:] = work.a
-    state.powers[:] = work.powers
+    copy(state.q, work.q)
+    copy(state.v, work.v)
+    copy(state.a, work.a)
+    copy(state.powers, work.powers)
 
 
 @inner_kernel
@@ -187,7 +188,7 @@ def _take_piece(model, state, work, start, span, select, locating):
         _book(model, state, work, span, method)
         _accept(state, work, method)
     if switched:
-        state.regimes[:] = work.regimes
+        copy(state.regimes, work.regimes)
         state.counters[EVENT_COUNT] += 1
         _restart(state)
     return OK, span, iterations, switched

@@ -8,7 +8,7 @@ from .constraints import evaluate_gamma, evaluate_turns
 from .elements import joint_pressure
 from .forces import evaluate_forces
 from .laws import law_value
-from .linear import lu_factor, lu_solve, lu_solve_columns, lu_solve_transposed
+from .linear import copy, lu_factor, lu_solve, lu_solve_columns, lu_solve_transposed
 from .partition import close_positions, close_velocities, factor_dependent
 from .tables import (
     BY_DRIVERS,
@@ -124,7 +124,7 @@ def _accelerate(model, state, work, time, select):
     settled = False
     for _ in range(LAST_FRICTION):
         if model.pressed:
-            work.previous[:] = state.multipliers
+            copy(work.previous, state.multipliers)
         evaluate_forces(model, state, time, select, work.q, work.turns, work.v, work.force, work.powers)
         for i in range(state.wrench.shape[0]):
             work.force[i] += state.wrench[i]

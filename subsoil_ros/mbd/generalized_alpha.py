@@ -7,7 +7,7 @@ accelerations of the independent coordinates, so nothing is left of the index of
 
 from .compiled import inner_kernel
 from .dynamics import complete
-from .linear import lu_factor, lu_solve
+from .linear import copy, lu_factor, lu_solve
 from .tables import NOT_SOLVED, OK, PAST_COUNT, SINGULAR
 
 DAMPING_RADIUS = 0.8
@@ -57,7 +57,7 @@ def step_generalized_alpha(model, state, work, start, step, select):
     Newton's method; the Jacobian by differences, once a step.
     """
     time, freedom = start + step, state.independent.shape[0]
-    work.unknown[:] = state.a
+    copy(work.unknown, state.a)
     status, most = _evaluate(model, state, work, time, select, step)
     if status != OK or freedom == 0:
         return status, most

@@ -4,6 +4,13 @@ from .compiled import inner_kernel
 
 
 @inner_kernel
+def copy(target, source):
+    """The first entries of `source` (any number more) into all of `target`; both 1-D."""
+    for i in range(target.shape[0]):
+        target[i] = source[i]
+
+
+@inner_kernel
 def lu_factor(matrix, pivots):
     """LU of a square matrix in place, rows exchanged for the largest pivot; False if singular."""
     size = matrix.shape[0]

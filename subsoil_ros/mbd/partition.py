@@ -3,11 +3,9 @@
 All of it works in scaled coordinates (tables.py), so that pivots, residuals and condition compare.
 """
 
-import numpy as np
-
 from .compiled import inner_kernel
 from .constraints import evaluate_jacobian, evaluate_residual, evaluate_speed, evaluate_turns
-from .linear import inverse_norm, lu_factor, lu_solve, pivot_fully
+from .linear import copy, inverse_norm, lu_factor, lu_solve, pivot_fully
 from .tables import NOT_CLOSED, OK, PARTITION_COUNT, SINGULAR
 
 CLOSURE = 1e-12
@@ -54,13 +52,13 @@ def choose_partition(model, state, work, q):
     evaluate_turns(q, work.turns)
     evaluate_jacobian(model, q, work.turns, work.jacobian)
     rank = state.rows.shape[0]
-    matrix = work.jacobian[:, : model.mass.shape[0]].copy()
-    rows = np.arange(matrix.shape[0])
-    columns = np.arange(matrix.shape[1])
+    matrix, rows, columns = work.pivoted, work.row_order, work.column_order
+    for row in range(matrix.shape[0]):
+        copy(matrix[row], work.jacobian[row])
     pivot_fully(matrix, rows, columns)
-    state.rows[:] = rows[:rank]
-    state.dependent[:] = columns[:rank]
-    state.independent[:] = columns[rank:]
+    copy(state.rows, rows)
+    copy(state.dependent, columns)
+    copy(state.independent, columns[rank:])
     state.counters[PARTITION_COUNT] += 1
     if rank == 0:
         return OK

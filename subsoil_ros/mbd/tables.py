@@ -160,6 +160,9 @@ class Workspace(NamedTuple):
     regimes: np.ndarray  # (forces,) int64
     trial_q: np.ndarray  # (n + 3,) float64: inside a step, where a branch ends
     trial_v: np.ndarray
+    pivoted: np.ndarray  # (m, n) float64: Phi_q being eliminated with full pivoting
+    row_order: np.ndarray  # (m,) int64
+    column_order: np.ndarray  # (n,) int64
     newton: np.ndarray  # (n - r, n - r) float64: generalized-alpha
     newton_pivots: np.ndarray  # (n - r,) int64
     newton_right: np.ndarray  # (n - r,) float64
@@ -214,6 +217,9 @@ def make_workspace(coordinates: int, rows: int, rank: int, forces: int) -> Works
         regimes=np.zeros(forces, dtype=np.int64),
         trial_q=np.zeros(coordinates + 3),
         trial_v=np.zeros(coordinates + 3),
+        pivoted=np.zeros((rows, coordinates)),
+        row_order=np.zeros(rows, dtype=np.int64),
+        column_order=np.zeros(coordinates, dtype=np.int64),
         newton=np.zeros((freedom, freedom)),
         newton_pivots=np.zeros(freedom, dtype=np.int64),
         newton_right=np.zeros(freedom),

@@ -202,7 +202,7 @@ def _supervise(model, state, work, time, select, iterations):
         gap = evaluate_residual(model, time, select, state.q, work.turns, work.residual)
         if not gap <= CONTRADICTION_GAP * model.size:
             return CONTRADICTION
-    estimate = condition_estimate(state, work)
+    estimate = condition_estimate(model, state, work)
     if state.condition[0] == 0.0:
         state.condition[0] = estimate
     if estimate > WORSENING * state.condition[0] or iterations > PATIENCE:

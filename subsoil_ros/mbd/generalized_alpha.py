@@ -74,12 +74,12 @@ def step_generalized_alpha(model, state, work, start, step, select):
             return status, iterations
         for i in range(freedom):
             change = _defect(state, work, state.independent[i]) - work.newton_right[i]
-            work.newton[i, k] = change / (DIFFERENCE * largest)
+            work.newton[k, i] = change / (DIFFERENCE * largest)
         work.unknown[j] -= DIFFERENCE * largest
-    if not lu_factor(work.newton, work.newton_pivots):
+    if not lu_factor(work.newton, work.newton_pivots, freedom - 1, freedom - 1):
         return SINGULAR, most
     for _ in range(LAST_ITERATION):
-        lu_solve(work.newton, work.newton_pivots, work.newton_right)
+        lu_solve(work.newton, work.newton_pivots, freedom - 1, freedom - 1, work.newton_right)
         change = 0.0
         for i in range(freedom):
             work.unknown[state.independent[i]] -= work.newton_right[i]

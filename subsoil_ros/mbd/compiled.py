@@ -1,8 +1,8 @@
 """How kernels of the mechanism are compiled: cached on disk, IEEE division, no fast-math.
 
-Without numba's reference counts (`_nrt`): nothing is allocated in a kernel, and two thirds of the time went into
-counting, one locked instruction for every array of the model, the state and the workspace at every call. So a
-kernel makes no array, and copies one with linear.copy.
+Without numba's reference counts (`_nrt`): two thirds of the time went into counting, a locked instruction for
+every array of model, state and workspace at every call. So a kernel makes no array, and copies one with
+linear.copy.
 """
 
 from numba import njit

@@ -34,7 +34,7 @@ LARGEST = 1e300
 
 @inner_kernel
 def _eliminate(model, state, work):
-    """Phi_u^-1 gamma into `right`, B = -Phi_u^-1 Phi_v (eq. 10), and the LU of Mhat (eq. 11, with M diagonal).
+    """Phi_u^-1 gamma into `right`, B = -Phi_u^-1 Phi_v (eq. 10), the LU of Mhat (eq. 11, with M diagonal).
 
     Answers whether Mhat is regular.
     """
@@ -113,11 +113,7 @@ def _accelerate(model, state, work, time, select):
     """Accelerations and powers of the state in `work`; factor and Jacobian must be current."""
     evaluate_gamma(model, time, select, work.q, work.turns, work.v, work.gamma)
     whole = work.whole.shape[0] > 0
-    if whole:
-        regular = factor_whole(model, state, work)
-    else:
-        regular = _eliminate(model, state, work)
-    if not regular:
+    if not (factor_whole(model, state, work) if whole else _eliminate(model, state, work)):
         return SINGULAR
     settled = False
     for _ in range(LAST_FRICTION):

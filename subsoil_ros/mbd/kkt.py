@@ -13,7 +13,7 @@ from .linear import lu_factor, lu_solve
 
 @inner_kernel
 def factor_whole(model, state, work):
-    """LU of the whole matrix from the Jacobian in `work`; False if singular. A row left out gets lambda = 0."""
+    """LU of the whole matrix from the Jacobian in `work`; False if singular. Rows left out get lambda = 0."""
     shape, matrix = model.sparsity, work.whole
     size, band, coordinates = matrix.shape[0], model.sparsity.band, model.mass.shape[0]
     for j in range(size):
@@ -42,7 +42,7 @@ def factor_whole(model, state, work):
 
 @inner_kernel
 def solve_whole(model, state, work, a):
-    """Accelerations [m/s^2, rad/s^2] into `a` from `force` and `gamma`, multipliers [N, N m] into the state."""
+    """From `force`, `gamma`: accelerations [m/s^2, rad/s^2] into `a`, multipliers [N, N m] to the state."""
     shape, right, coordinates = model.sparsity, work.whole_right, model.mass.shape[0]
     for c in range(coordinates):
         right[shape.place[c]] = model.column_scale[c] * work.force[c] / model.root_mass[c]

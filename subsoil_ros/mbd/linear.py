@@ -45,6 +45,17 @@ def lu_factor(columns, pivots, lower, upper):
 
 
 @inner_kernel
+def pivot_ratio(columns):
+    """Smallest over largest pivot of a matrix as lu_factor leaves it; 1 for none."""
+    smallest, largest = 1.0, 1.0
+    for k in range(columns.shape[0]):
+        size = abs(columns[k, k])
+        smallest = size if k == 0 else min(smallest, size)
+        largest = size if k == 0 else max(largest, size)
+    return smallest / largest
+
+
+@inner_kernel
 def lu_solve(columns, pivots, lower, upper, right):
     """Solve A x = right in place, A given by lu_factor."""
     size = columns.shape[0]

@@ -5,11 +5,12 @@ All of it works in scaled coordinates (tables.py), so that pivots, residuals and
 
 from .compiled import inner_kernel
 from .constraints import evaluate_jacobian, evaluate_residual, evaluate_speed, evaluate_turns
-from .linear import copy, inverse_norm, lu_factor, lu_solve, pivot_fully
-from .tables import NOT_CLOSED, OK, PARTITION_COUNT, SINGULAR
+from .linear import copy, inverse_norm, lu_factor, lu_solve, pivot_fully, pivot_ratio
+from .tables import DOUBTFUL, NOT_CLOSED, OK, PARTITION_COUNT, SINGULAR
 
-CLOSURE = 1e-12
-"""Positions are closed to this part of the machine's size."""
+CLOSURE = 1e-14
+"""Positions are closed to this part of the machine's size. 1e-12 would do for the constraints themselves, but
+next to a singular position what is left open is divided by small pivots."""
 
 ROUND_OFF = 2e-15
 """... or to this part of the largest coordinate, where a machine stands far from the origin."""
@@ -22,6 +23,11 @@ LAST_ITERATION = 25
 
 SMALLEST_PIVOT = 1e-7
 """A full-pivot elimination whose last pivot is this part of its first: a singular position."""
+
+
+NEAR = 1e-3
+"""Pivots below this part of the best ones seen: too near to a singular position to trust (chosen: round-off
+over its square is 1e-10, and a step of the usual sizes leaves the place)."""
 
 
 @inner_kernel
@@ -94,7 +100,7 @@ def _adopt(model, state, work):
 
 @inner_kernel
 def choose_partition(model, state, work, q):
-    """Choose dependent coordinates and independent rows at `q` by full pivoting; OK or SINGULAR."""
+    """Choose dependent coordinates and independent rows at `q` by full pivoting; OK, DOUBTFUL or SINGULAR."""
     evaluate_turns(q, work.turns)
     evaluate_jacobian(model, q, work.turns, work.jacobian)
     rank = state.rows.shape[0]
@@ -110,7 +116,10 @@ def choose_partition(model, state, work, q):
     if not abs(last) > SMALLEST_PIVOT * abs(first) or not factor_dependent(model, state, work, q):
         return SINGULAR
     state.condition[0] = 0.0  # measured after the next step
-    return OK
+    ratio = abs(last / first)
+    state.condition[1] = max(state.condition[1], ratio)
+    state.condition[2] = max(state.condition[2], pivot_ratio(work.factor))
+    return DOUBTFUL if ratio < NEAR * state.condition[1] else OK
 
 
 @inner_kernel

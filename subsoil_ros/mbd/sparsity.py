@@ -1,8 +1,8 @@
-"""Which entries of Phi_q can differ from zero, and an order of coordinates and constraints with a narrow band.
+"""Which entries of Phi_q can differ from zero; an order of coordinates and constraints with a narrow band.
 
-The order is the reverse Cuthill-McKee order of the graph whose nodes are bodies and joints (George & Liu 1981,
-Computer Solution of Large Sparse Positive Definite Systems). A chain gets a band of a few diagonals however
-long it is, and its equations are solved at a cost proportional to its length.
+The order is the reverse Cuthill-McKee order of the graph whose nodes are bodies and joints (George & Liu
+1981, Computer Solution of Large Sparse Positive Definite Systems). A chain gets a band of a few diagonals
+however long it is, and its equations are solved at a cost proportional to its length.
 """
 
 import numpy as np

@@ -86,6 +86,7 @@ BY_DRIVERS, DISSIPATED, BY_LOADS, BY_WRENCHES = 0, 1, 2, 3
 
 # Entries of State.counters.
 PAST_COUNT, PARTITION_COUNT, RESTART_COUNT, EVENT_COUNT = 0, 1, 2, 3
+SKIPPED_COUNT = 4  # steps in a row that were extrapolated past a singular pose (bridge.py)
 
 ADAMS_MOULTON, RUNGE_KUTTA_4, GENERALIZED_ALPHA = 0, 1, 2
 
@@ -94,6 +95,7 @@ MANY_FREEDOMS = 8
 
 # What a kernel answers.
 OK, NOT_CLOSED, SINGULAR, CONTRADICTION, NOT_FINITE, JAMMED, NOT_SOLVED = 0, 1, 2, 3, 4, 5, 6
+DOUBTFUL = 7  # too near to a singular pose; never leaves advance.py
 
 
 class Sparsity(NamedTuple):
@@ -122,7 +124,7 @@ class Model(NamedTuple):
     column_scale: np.ndarray  # (n,) float64: 1, or 1 / `size` for an angle
     root_mass: np.ndarray  # (n,) float64: roots of the masses of the scaled coordinates [kg^0.5]
     sparsity: Sparsity
-    weights: np.ndarray  # (4, order) float64: multistep weights, see adams_moulton.py
+    weights: np.ndarray  # (5, order) float64: multistep weights, see adams_moulton.py
     gravity: float  # [m/s^2], along -z
     size: float  # of the machine [m]
     step: float  # [s]
@@ -148,9 +150,11 @@ class State(NamedTuple):
     row_place: np.ndarray  # (m,) int64: place in `rows`, -1 for a row left out
     place: np.ndarray  # (n,) int64: place in `dependent`, or -1 - place in `independent`
     band: np.ndarray  # (2,) int64: diagonals of Phi_u below and above the main one
-    condition: np.ndarray  # (1,) float64: of Phi_u when chosen; 0: not measured yet
+    condition: (
+        np.ndarray
+    )  # (3,) float64: of Phi_u when chosen (0: not measured yet); best pivots of Phi_q, Phi_u
     regimes: np.ndarray  # (forces,) int64: the branch each force is on, see forces.py
-    counters: np.ndarray  # (4,) int64
+    counters: np.ndarray  # (5,) int64
 
 
 class Workspace(NamedTuple):
@@ -177,6 +181,7 @@ class Workspace(NamedTuple):
     v: np.ndarray
     a: np.ndarray
     powers: np.ndarray  # (3,) float64
+    kept: np.ndarray  # (m,) float64: multipliers at the start of the step
     previous: np.ndarray  # (m,) float64: multipliers of the iteration before
     sums: np.ndarray  # (2, n + 3) float64
     power_sums: np.ndarray  # (3,) float64
@@ -210,9 +215,9 @@ def make_state(coordinates: int, rows: int, rank: int, forces: int, order: int) 
         row_place=np.zeros(rows, dtype=np.int64),
         place=np.zeros(coordinates, dtype=np.int64),
         band=np.zeros(2, dtype=np.int64),
-        condition=np.ones(1),
+        condition=np.zeros(3),
         regimes=np.zeros(forces, dtype=np.int64),
-        counters=np.zeros(4, dtype=np.int64),
+        counters=np.zeros(5, dtype=np.int64),
     )
 
 
@@ -242,6 +247,7 @@ def make_workspace(coordinates: int, rows: int, rank: int, forces: int) -> Works
         v=np.zeros(coordinates + 3),
         a=np.zeros(coordinates + 3),
         powers=np.zeros(3),
+        kept=np.zeros(rows),
         previous=np.zeros(rows),
         sums=np.zeros((2, coordinates + 3)),
         power_sums=np.zeros(3),

@@ -91,13 +91,17 @@ def _drift(engine, ticks, interval_ns):
 @pytest.mark.parametrize(("count", "interval_ns", "integrator"), [
     (1, 1_000_000, "adams_moulton"), (2, 1_000_000, "adams_moulton"), (10, 2_000_000, "adams_moulton"),
     (40, 5_000_000, "adams_moulton"), (1, 1_000_000, "runge_kutta_4"),
+    (1, 250_000, "adams_moulton"), (2, 250_000, "adams_moulton"), (2, 250_000, "runge_kutta_4"),
 ])  # fmt: skip
 def test_windows_turn_for_ten_seconds(mechanism_engine, count, interval_ns, integrator):
-    """10 s with ten passages of the flat, singular pose; energy within the benchmark's 0.1 J."""
+    """10 s with ten passages of the flat, singular pose; energy within a hundredth of the benchmark's 0.1 J.
+
+    Small steps end nearer to the pose itself: they are the ones that a step over it (bridge.py) has to save.
+    """
     engine = mechanism_engine(_windows(count, integrator), interval_ns)
     assert engine.topology.freedom_count == 1
     drift, state = _drift(engine, 10_000_000_000 // interval_ns, interval_ns)
-    assert drift < 0.1
+    assert drift < 1e-3
     # all windows turn as one body: m v^2 / 2 over the turns is that of a compound pendulum
     inertia = (count + 1) / 3.0 + count
     weight = 9.81 * ((count + 1) * 0.5 + count)

@@ -157,7 +157,7 @@ def _crank_rate(beta):
 
 
 def _time(beta):
-    """Time [s] to reach `beta` from rest: the integral of 1 / rate, with beta - start = s^2 (no singularity)."""
+    """Time [s] to reach `beta` from rest: the integral of 1 / rate, regular in s, s^2 = beta - start."""
     nodes, weights = np.polynomial.legendre.leggauss(16)
     edges = np.sqrt(beta - BETA) * np.linspace(0.0, 1.0, 301)
     half = 0.5 * np.diff(edges)[:, None]
@@ -197,7 +197,7 @@ def test_squeezer_meets_its_exact_motion(mechanism_engine, integrator, exact):
 
 
 def test_squeezer_converges_to_the_exact_motion(mechanism_engine, exact):
-    """The largest relative error of a speed falls by 16 or more when the step halves (Adams-Moulton of order 4)."""
+    """The largest relative error of a speed falls by 16 or more when the step halves (order 4)."""
     errors = []
     for interval_ns in (20_000, 10_000, 5_000):
         engine = mechanism_engine(_squeezer("adams_moulton"), interval_ns, gravity_m_per_s2=0.0)

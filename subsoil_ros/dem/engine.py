@@ -149,6 +149,11 @@ class SoilEngine:
         return self._particles.count
 
     @property
+    def listed_pair_count(self) -> int:
+        """Pairs in the neighbour list, the skin included."""
+        return len(self._pairs.neighbour)
+
+    @property
     def mass_kg(self) -> float:
         """Mass of one particle."""
         return self._mass

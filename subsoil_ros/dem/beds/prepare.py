@@ -14,14 +14,17 @@ from ..bed import Bed, prepare_grid
 from .bed_file import LARGEST_OVERLAP, read_bed
 from .cache import cached_bed_path, keep, load_cached
 from .dense import prepare_dense
-from .settling import EngineOf
+from .settling import EngineOf, Watch, unwatched
 from .surface import profile_m
 
 
-def prepare_bed(resolved: ResolvedScene, engine_of: EngineOf, threads: int = 1) -> Bed:
+def prepare_bed(
+    resolved: ResolvedScene, engine_of: EngineOf, threads: int = 1, watch: Watch = unwatched
+) -> Bed:
     """The bed of the scene's soil; `engine_of` is the class SoilEngine, which settles particles.
 
-    One that takes long to prepare is kept in the user's cache folder and taken from there the next time.
+    One that takes long to prepare is kept in the user's cache folder and taken from there the next time;
+    `watch` is told how its preparation goes.
 
     Raises:
         SceneError: a bin too small for a particle, particles that overlap too far, an unfit bed file.
@@ -36,7 +39,7 @@ def prepare_bed(resolved: ResolvedScene, engine_of: EngineOf, threads: int = 1) 
     path = cached_bed_path(resolved)
     bed = load_cached(path, soil)
     if bed is None:
-        bed = prepare_dense(resolved, soil.bed.seed, engine_of, threads)
+        bed = prepare_dense(resolved, soil.bed.seed, engine_of, threads, watch)
         keep(path, bed, soil)
     return bed
 

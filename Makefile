@@ -81,7 +81,7 @@ $(prefix)/.set-up-packages: $(wildcard requirements/*.txt)
 		"has no Python.h; subsoil_msgs is compiled. Install its headers (Debian: python3-dev)." >&2; exit 2; }
 	$(PYTHON) -m venv --clear $(prefix)
 	mkdir -p $(prefix)/home
-	$(pip) install --quiet --no-compile $(patsubst %,-r requirements/%.txt,run build dev) -c requirements/lock.txt
+	$(pip) install --quiet $(patsubst %,-r requirements/%.txt,run build dev) -c requirements/lock.txt
 	touch $@
 
 $(prefix)/.set-up-messages: $(prefix)/.set-up-packages $(wildcard msg_defs/* msg_defs/msg/*.msg)

@@ -32,7 +32,6 @@ def source_digest(sources: Iterable[Path]) -> str:
     return digest.hexdigest()
 
 
-@functools.cache
 def user_cache_folder() -> Path:
     """This package's folder among the user's own caches.
 
@@ -46,6 +45,11 @@ def user_cache_folder() -> Path:
     shared = Path(tempfile.gettempdir()) / f"cache-{os.getuid()}"
     if _is_ours(shared):
         return shared
+    return _folder_of_this_process()
+
+
+@functools.cache
+def _folder_of_this_process() -> Path:
     return Path(tempfile.mkdtemp(prefix="cache-"))
 
 

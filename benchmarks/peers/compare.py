@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 
 from subsoil_ros.cli.preparation import KernelAnnouncer, prepare_bed_first
+from subsoil_ros.dem.beds.prepare import prepare_bed
 from subsoil_ros.dem.bench.cases import Case, stirred_velocities, throughput_cases
 from subsoil_ros.dem.bench.measure import bed_hash
-from subsoil_ros.dem.beds.prepare import prepare_bed
 from subsoil_ros.dem.engine import SoilEngine
 
 from . import lammps_granular, liggghts, subsoil, yade_viscoelastic
@@ -74,7 +74,9 @@ def compare(case: Case, repeats: int) -> list[dict[str, Any]]:
 
 def main() -> None:
     """Prints a table, or JSON."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON list instead of a table")
     parser.add_argument("--quick", action="store_true", help="one short run each, to see that it works")
     parser.add_argument("--repeats", type=int, default=5, metavar="N", help="runs of each code (default 5)")
@@ -93,9 +95,7 @@ def main() -> None:
     print(f"{'case':32}{'code':14}{'million particle-steps per CPU s':>34}{'ours/it':>9}", end="")
     print(f"{'rebuilds':>10}{'end energy J':>14}")
     for line in lines:
-        low, middle, high = (
-            line[f"particle_steps_per_cpu_s{kind}"] / 1e6 for kind in ("_min", "", "_max")
-        )
+        low, middle, high = (line[f"particle_steps_per_cpu_s{kind}"] / 1e6 for kind in ("_min", "", "_max"))
         speed = f"{middle:.2f} ({low:.2f} to {high:.2f})"
         print(f"{line['case']:32}{line['code']:14}{speed:>34}{line['ours_times_faster']:>9.2f}", end="")
         print(f"{line['rebuild_count'] or '-':>10}{line['end_kinetic_energy_joule']:>14.4g}")

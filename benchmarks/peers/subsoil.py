@@ -51,7 +51,7 @@ def _resolved(job: Job) -> ResolvedScene:
     case = linear_case({"kind": "grid", "spacing_m": "rest"}, any_size, job.steps, "job")
     soil = case.resolved.scene.soil
     assert soil is not None
-    law, row = job.law, soil.law.particle.model_copy(update=_row(job.law))
+    row = soil.law.particle.model_copy(update=_row(job.law))
     tools = {}
     if job.plate is not None:
         document = {"path": {}, "groups": {"plate": {"mesh": str(job.plate.stl)}}}

@@ -20,12 +20,13 @@ def find() -> str | None:
     return program("yade", "SUBSOIL_YADE")
 
 
-def run(job):  # type: ignore[no-untyped-def]
+def run(job):
     """Runs a job without plate; CPU time is that of the steps, taken inside Yade."""
     from .job import Result, run_program
 
     path = find()
-    assert path is not None and job.plate is None
+    assert path is not None
+    assert job.plate is None
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         law = job.law
@@ -46,12 +47,20 @@ def _inside_yade(path: str) -> None:
     import math
     import time
 
-    import yade  # type: ignore[import-not-found]
-    from yade import utils  # type: ignore[import-not-found]
-    from yade.wrapper import (  # type: ignore[import-not-found]
-        Bo1_Sphere_Aabb, Bo1_Wall_Aabb, ForceResetter, Ig2_Sphere_Sphere_ScGeom, Ig2_Wall_Sphere_ScGeom,
-        InsertionSortCollider, InteractionLoop, Ip2_ViscElMat_ViscElMat_ViscElPhys,
-        Law2_ScGeom_ViscElPhys_Basic, NewtonIntegrator, ViscElMat,
+    import yade
+    from yade import utils
+    from yade.wrapper import (
+        Bo1_Sphere_Aabb,
+        Bo1_Wall_Aabb,
+        ForceResetter,
+        Ig2_Sphere_Sphere_ScGeom,
+        Ig2_Wall_Sphere_ScGeom,
+        InsertionSortCollider,
+        InteractionLoop,
+        Ip2_ViscElMat_ViscElMat_ViscElPhys,
+        Law2_ScGeom_ViscElPhys_Basic,
+        NewtonIntegrator,
+        ViscElMat,
     )  # fmt: skip
 
     scene, job = yade.wrapper.Omega(), np.load(path)

@@ -19,6 +19,7 @@ from ..dem.bench.cases import Case, scaling_cases, throughput_cases
 from ..dem.bench.machine import flops_per_s, triad_bytes_per_s
 from ..dem.bench.measure import Throughput, measure
 from ..dem.bench.phases import phase_parts
+from ..dem.bench.roofline import roofline
 from ..dem.engine import SoilEngine
 from .preparation import KernelAnnouncer, prepare_bed_first, say
 
@@ -42,6 +43,7 @@ def run(args: argparse.Namespace) -> int:
         for case in scaling_cases(folder, (*counts, LARGEST_COUNT) if args.large else counts):
             say(f"measuring {case.name}")
             scaling.append(measure(case, 1, repeats, _bed(case)))
+    bandwidth, flops = triad_bytes_per_s(), flops_per_s()
     result = {
         "throughput": [dataclasses.asdict(line) for line in lines],
         "phases": phases,
@@ -49,7 +51,8 @@ def run(args: argparse.Namespace) -> int:
         "thread_speed_up": _speed_up(threads),
         "scaling": [dataclasses.asdict(line) for line in scaling],
         "peak_rss_bytes": 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss,
-        "machine": {"triad_bytes_per_s": triad_bytes_per_s(), "flops_per_s": flops_per_s()},
+        "machine": {"triad_bytes_per_s": bandwidth, "flops_per_s": flops},
+        "roofline": [dataclasses.asdict(roofline(line, bandwidth, flops)) for line in lines],
     }
     if args.json:
         print(json.dumps(result))
@@ -59,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _bed(case: Case) -> Bed:
-    prepare_bed_first(case.resolved, 1)
+    prepare_bed_first(case.resolved, len(os.sched_getaffinity(0)))
     return prepare_bed(case.resolved, SoilEngine)
 
 
@@ -104,6 +107,20 @@ def _print(
         f"one core of this machine: {machine['triad_bytes_per_s'] / 1e9:.1f} GB/s (triad), "
         f"{machine['flops_per_s'] / 1e9:.1f} Gflop/s (float64 multiply-add)"
     )
+    bounds = Table(title="what bounds a particle-step", title_justify="left", box=None)
+    bounds.add_column("case")
+    for heading in ("bytes", "flops", "by bandwidth M/s", "by arithmetic M/s", "reached of the lower, %"):
+        bounds.add_column(heading, justify="right")
+    for bound in result["roofline"]:
+        bounds.add_row(
+            bound["name"],
+            f"{bound['bytes_per_particle_step']:.0f}",
+            f"{bound['flops_per_particle_step']:.0f}",
+            f"{1e-6 * bound['bandwidth_bound_per_s']:.1f}",
+            f"{1e-6 * bound['arithmetic_bound_per_s']:.1f}",
+            f"{100.0 * bound['part_reached']:.0f}",
+        )
+    console.print(bounds)
 
 
 def _table(title: str, lines: list[Throughput]) -> Table:

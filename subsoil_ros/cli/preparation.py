@@ -28,7 +28,7 @@ def say(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
 
 
-class KernelAnnouncer(event.Listener):  # type: ignore[misc]
+class KernelAnnouncer(event.Listener):
     """Says before the first kernel is compiled that this happens, and in `done` how long it took.
 
     Kernels that come from the cache on disk are not compiled and pass in silence. Use as context manager.

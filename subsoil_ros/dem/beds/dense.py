@@ -68,9 +68,7 @@ def relaxed_rest(radius_m: float) -> Rest:
     return Rest(0.01 * radius_m, 2.0)
 
 
-def prepare_dense(
-    resolved: ResolvedScene, seed: int, engine_of: EngineOf, threads: int, watch: Watch
-) -> Bed:
+def prepare_dense(resolved: ResolvedScene, seed: int, engine_of: EngineOf, threads: int, watch: Watch) -> Bed:
     """Dense random bed that fills the bin of the scene; z = 0 at its mean top."""
     soil = resolved.scene.soil
     assert soil is not None

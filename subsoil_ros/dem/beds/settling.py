@@ -164,4 +164,3 @@ class Settling:
                     break
         kinetic = engine.state("", 0, 0).kinetic_energy_joule
         return dataclasses.replace(bed, positions_m=engine.positions_m(), kinetic_energy_joule=kinetic)
-

@@ -24,7 +24,7 @@ PHASES: dict[str, tuple[tuple[Any, str], ...]] = {
 def phase_parts(case: Case, bed: Bed) -> dict[str, float]:
     """Part of the CPU time of the case's steps in each phase, and in `other`; one thread, sum 1."""
     engine = prepared_engine(case, bed, 1)
-    with _clocked() as spent:
+    with clocked() as spent:
         start = time.process_time()
         run_steps(engine, case, case.steps)
         whole = time.process_time() - start
@@ -33,12 +33,12 @@ def phase_parts(case: Case, bed: Bed) -> dict[str, float]:
 
 
 @contextmanager
-def _clocked() -> Iterator[dict[str, float]]:
-    """Seconds of CPU by phase, while the context lasts."""
+def clocked(clock: Callable[[], float] = time.process_time) -> Iterator[dict[str, float]]:
+    """Seconds by phase that engines spend while the context lasts."""
     spent = dict.fromkeys(PHASES, 0.0)
     plain = [(phase, owner, name, getattr(owner, name)) for phase, c in PHASES.items() for owner, name in c]
     for phase, owner, name, function in plain:
-        setattr(owner, name, _timed(function, phase, spent))
+        setattr(owner, name, _timed(function, phase, spent, clock))
     try:
         yield spent
     finally:
@@ -46,12 +46,14 @@ def _clocked() -> Iterator[dict[str, float]]:
             setattr(owner, name, function)
 
 
-def _timed(function: Callable[..., Any], phase: str, spent: dict[str, float]) -> Callable[..., Any]:
+def _timed(
+    function: Callable[..., Any], phase: str, spent: dict[str, float], clock: Callable[[], float]
+) -> Callable[..., Any]:
     def timed(*args: Any, **kwargs: Any) -> Any:
-        start = time.process_time()
+        start = clock()
         try:
             return function(*args, **kwargs)
         finally:
-            spent[phase] += time.process_time() - start
+            spent[phase] += clock() - start
 
     return timed

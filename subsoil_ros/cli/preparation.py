@@ -31,18 +31,20 @@ def say(line: str) -> None:
 class KernelAnnouncer(event.Listener):
     """Says before the first kernel is compiled that this happens, and in `done` how long it took.
 
-    Kernels that come from the cache on disk are not compiled and pass in silence. Use as context manager.
+    Kernels that come from the cache on disk are not compiled and pass in silence; so does what is still
+    compiled after `done`, which is little. Use as context manager.
     """
 
     def __init__(self) -> None:
         self._depth = self._compiled = 0
         self._since = self._seconds = 0.0
+        self._told = False
 
     def on_start(self, event: object) -> None:
         """A kernel, or one it calls, is compiled from here."""
+        if self._compiled == 0:
+            say(f"compiling kernels, once: kept in {numba.config.CACHE_DIR}")
         if self._depth == 0:
-            if self._compiled == 0:
-                say(f"compiling kernels, once: kept in {numba.config.CACHE_DIR}")
             self._since = time.monotonic()
         self._depth += 1
         self._compiled += 1
@@ -54,10 +56,10 @@ class KernelAnnouncer(event.Listener):
             self._seconds += time.monotonic() - self._since
 
     def done(self) -> None:
-        """What was compiled so far; silent if nothing was since the last time."""
-        if self._compiled:
+        """Says how long it took; once, and nothing if nothing was compiled."""
+        if self._compiled and not self._told:
+            self._told = True
             say(f"compiled {self._compiled} kernels in {self._seconds:.0f} s")
-        self._compiled, self._seconds = 0, 0.0
 
     def before(self, on_tick: Callable[[int], None]) -> Callable[[int], None]:
         """`on_tick`, told first what the tick was waiting for."""
@@ -77,10 +79,22 @@ class KernelAnnouncer(event.Listener):
         self.done()
 
 
-def announce_kernels_of_nodes() -> None:
-    """Says what the first ticks of other processes wait for, where no kernel of these sources is kept yet."""
-    if not any(Path(numba.config.CACHE_DIR).glob("dem_*/*.nbc")):
-        say(f"the nodes compile their kernels, once: kept in {numba.config.CACHE_DIR}")
+def announce_kernels_of_nodes(on_tick: Callable[[int], None]) -> Callable[[int], None]:
+    """Where the soil's kernels are not kept yet: says what the other processes do before their first tick.
+
+    Returns `on_tick`, which then says at the first tick how long it took.
+    """
+    if any(Path(numba.config.CACHE_DIR).glob("dem_*/*.nbc")):
+        return on_tick
+    say(f"the nodes compile their kernels, once: kept in {numba.config.CACHE_DIR}")
+    waiting = [time.monotonic()]
+
+    def told(tick: int) -> None:
+        while waiting:
+            say(f"first tick of the nodes after {time.monotonic() - waiting.pop():.0f} s")
+        on_tick(tick)
+
+    return told
 
 
 def prepare_bed_first(resolved: ResolvedScene, threads: int) -> None:

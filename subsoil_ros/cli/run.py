@@ -173,7 +173,7 @@ def _run_nodes(
     progress: Callable[[int], None],
     stop_signal: Callable[[], int],
 ) -> None:
-    announce_kernels_of_nodes()
+    progress = announce_kernels_of_nodes(progress)
     logs = out / "log"
     logs.mkdir()
     parameters: Parameters = {

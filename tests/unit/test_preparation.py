@@ -20,9 +20,10 @@ def test_a_compilation_is_announced_before_and_timed_after(capsys: pytest.Captur
 
     with KernelAnnouncer():
         assert outer(1) == 4
+        assert inner(0.5) == 1.5
     first, last = capsys.readouterr().err.splitlines()
     assert first.startswith("compiling kernels, once: kept in ")
-    assert last.startswith("compiled 2 kernels in ")
+    assert last.startswith("compiled 3 kernels in ")
 
 
 def test_kernels_that_are_there_pass_in_silence(capsys: pytest.CaptureFixture[str]) -> None:
@@ -35,13 +36,18 @@ def test_kernels_that_are_there_pass_in_silence(capsys: pytest.CaptureFixture[st
 
 
 def test_nodes_announce_only_a_cold_cache(tmp_path, monkeypatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """Kernels of the soil engine in the cache: no word."""
+    """A line before and one at the first tick; with kernels of the soil engine in the cache, no word."""
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
-    announce_kernels_of_nodes()
+    ticks = []
+    on_tick = announce_kernels_of_nodes(ticks.append)
     assert str(tmp_path) in capsys.readouterr().err
+    for tick in (0, 1):
+        on_tick(tick)
+    assert ticks == [0, 1]
+    assert len(capsys.readouterr().err.splitlines()) == 1
     (tmp_path / "dem_0").mkdir()
     (tmp_path / "dem_0" / "pairs.nbc").touch()
-    announce_kernels_of_nodes()
+    assert announce_kernels_of_nodes(print) is print
     assert capsys.readouterr().err == ""
 
 

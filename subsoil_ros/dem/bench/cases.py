@@ -171,6 +171,6 @@ def scaling_cases(folder: Path, counts: tuple[int, ...]) -> list[Case]:
     for count in counts:
         columns = math.sqrt(count / layers / 2.0)
         size = (2.0 * columns * spacing, columns * spacing, (layers - 1) * spacing + 2.0 * RADIUS_M)
-        steps = max(100, min(1000, 30_000_000 // count))
+        steps = max(200, min(1000, 30_000_000 // count))
         cases.append(wet_case(GRID, size, steps, f"wet, grid {count:,}", folder))
     return cases

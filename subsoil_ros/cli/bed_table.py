@@ -12,6 +12,7 @@ from ..dem.beds.report import BedReport, FreeMotion, free_motion, report_bed
 from ..dem.engine import SoilEngine
 from ..errors import InputError
 from ..scene.loader import ResolvedScene
+from .preparation import KernelAnnouncer, prepare_bed_first
 
 LEFT_ALONE_S = 0.02
 """How long the bed runs without tools: waves cross some 0.3 m of it (chosen)."""
@@ -22,9 +23,10 @@ def print_bed(console: Console, resolved: ResolvedScene, threads: int, out: Path
     soil = resolved.scene.soil
     if soil is None:
         raise InputError(f"{resolved.path}: has no 'soil', so there is no bed to look at; leave out --bed")
-    console.print("preparing the bed ...")
     started = time.perf_counter()
-    bed = SoilEngine(resolved, threads).bed
+    with KernelAnnouncer():
+        prepare_bed_first(resolved, threads)
+        bed = SoilEngine(resolved, threads).bed  # refuses a step too large for it
     seconds = time.perf_counter() - started
     if out is not None:
         try:

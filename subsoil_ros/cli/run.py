@@ -22,6 +22,7 @@ from ..recording.bag_writer import BagWriter
 from ..recording.recovery import recover
 from ..scene.limits import step_notes
 from ..scene.loader import ResolvedScene, load_scene
+from .preparation import KernelAnnouncer, announce_kernels_of_nodes, prepare_bed_first
 from .progress import RunProgress
 from .supervisor import Parameters, Supervisor, node_program, start_node
 
@@ -69,10 +70,16 @@ def run(args: argparse.Namespace) -> int:
         InputError: the scene or the folder cannot be used; nothing was written.
         RunError: the run failed; what was recorded before is in the folder.
     """
+    with KernelAnnouncer() as kernels:
+        return _run(args, kernels)
+
+
+def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
     resolved = load_scene(args.scene, args.overrides)
     try:
         mover = build_mechanism(resolved) or build_paths(resolved)
         check_start(resolved)
+        prepare_bed_first(resolved, args.threads)
     except SceneError as error:
         raise SceneError(f"{args.scene}: {error}") from error
     out = _create_folder(Path(args.out))
@@ -84,7 +91,8 @@ def run(args: argparse.Namespace) -> int:
     failure: SubsoilError | None = None
     start = time.monotonic()
     try:
-        with _caught_signals() as stop_signal, RunProgress(resolved.scene.name, resolved.timing) as progress:
+        with _caught_signals() as stop_signal, RunProgress(resolved.scene.name, resolved.timing) as bar:
+            progress = kernels.before(bar)
             if args.mode == "direct":
                 _run_direct(resolved, mover, run_id, out, args.threads, progress, stop_signal)
             elif args.mode == "composed":
@@ -93,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
                 _run_nodes(resolved, run_id, out, args.threads, progress, stop_signal)
     except SubsoilError as error:
         failure = error
-    if failure is not None and failure.exit_status == InputError.exit_status and not progress.started:
+    if failure is not None and failure.exit_status == InputError.exit_status and not bar.started:
         shutil.rmtree(out)  # bad input that showed only when the bed was there: nothing ran
         raise failure
     wall_s = time.monotonic() - start
@@ -136,7 +144,7 @@ def _run_direct(
     run_id: str,
     out: Path,
     threads: int,
-    progress: RunProgress,
+    progress: Callable[[int], None],
     stop_signal: Callable[[], int],
 ) -> None:
     writer = BagWriter(out / "bag", resolved.scene, resolved.timing)
@@ -152,7 +160,7 @@ def _run_composed(
     run_id: str,
     out: Path,
     threads: int,
-    progress: RunProgress,
+    progress: Callable[[int], None],
     stop_signal: Callable[[], int],
 ) -> None:
     with run_domain() as domain:
@@ -172,9 +180,10 @@ def _run_nodes(
     run_id: str,
     out: Path,
     threads: int,
-    progress: RunProgress,
+    progress: Callable[[int], None],
     stop_signal: Callable[[], int],
 ) -> None:
+    progress = announce_kernels_of_nodes(progress)
     logs = out / "log"
     logs.mkdir()
     parameters: Parameters = {

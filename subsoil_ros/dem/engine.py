@@ -155,6 +155,11 @@ class SoilEngine:
         return self._particles.count
 
     @property
+    def listed_pair_count(self) -> int:
+        """Pairs in the neighbour list, the skin included."""
+        return len(self._pairs.neighbour)
+
+    @property
     def mass_kg(self) -> float:
         """Mass of one particle; of one of mean volume where they are unequal."""
         return self._mass

@@ -28,7 +28,7 @@ from ...scene.sizes import mean_power, sampled_radii_m
 from ...scene.soil import Bin, Soil
 from ..bed import Bed, grid_shape
 from ..mixture import material_at
-from .settling import EngineOf, Rest, Settling
+from .settling import EngineOf, Rest, Settling, Watch
 from .surface import cut_to_depth, mean_above_profile_m
 
 CLOSE_PACKING = 0.64
@@ -78,19 +78,18 @@ def relaxed_rest(radius_m: float) -> Rest:
     return Rest(0.01 * radius_m, 2.0)
 
 
-def prepare_dense(resolved: ResolvedScene, seed: int, engine_of: EngineOf, threads: int) -> Bed:
+def prepare_dense(resolved: ResolvedScene, seed: int, engine_of: EngineOf, threads: int, watch: Watch) -> Bed:
     """Dense random bed that fills the bin of the scene; z = 0 at its mean top."""
     soil = resolved.scene.soil
     assert soil is not None
     grid_shape(soil)  # refuses a bin too small for a particle
     common = resolved.scene.model_copy(update={"soil": soil.model_copy(update={"layers": None})})
+    gravity = resolved.scene.gravity_m_per_s2
     loose = Settling(
         dataclasses.replace(resolved, scene=common), engine_of, threads, adhesive=False,
-        gravity_m_per_s2=SETTLING_GRAVITY,
+        gravity_m_per_s2=SETTLING_GRAVITY, watch=watch,
     )  # fmt: skip
-    bonded = Settling(
-        resolved, engine_of, threads, adhesive=True, gravity_m_per_s2=resolved.scene.gravity_m_per_s2
-    )
+    bonded = Settling(resolved, engine_of, threads, adhesive=True, gravity_m_per_s2=gravity, watch=watch)
     edge = PILOT_DIAMETERS * rest_spacing_m(soil)
     pilot = _settled(soil, Bin(length_m=edge, width_m=edge, depth_m=edge, sides=soil.bin.sides), seed, loose)
     shrink = _bonded(pilot, edge, soil, bonded).upper_m[0] / edge
@@ -122,8 +121,9 @@ def _settled(soil: Soil, box: Bin, seed: int, loose: Settling) -> Bed:
     sides = (0.0, -half_width, 0.0), (box.length_m, half_width)
     bed = Bed(points, *sides, sides=box.sides, radii_m=radii)
     # Far above the critical damping of a pair, so that no particle flies out of the top.
-    bed = loose.run(bed, Rest(0.0, QUENCH_S), QUENCH_DAMPING * math.sqrt(stiffness / mass))
-    bed = loose.run(bed, settled_rest(radius), FALL_DAMPING * math.sqrt(SETTLING_GRAVITY / box.depth_m))
+    bed = loose.run(bed, Rest(0.0, QUENCH_S), QUENCH_DAMPING * math.sqrt(stiffness / mass), "parting")
+    damping = FALL_DAMPING * math.sqrt(SETTLING_GRAVITY / box.depth_m)
+    bed = loose.run(bed, settled_rest(radius), damping, "settling")
     if soil.layers is None:
         return bed
     depth = soil.bin.depth_m * (1.0 - bed.positions_m[:, 2] / box.depth_m)
@@ -149,11 +149,11 @@ def _bonded(
     rest = relaxed_rest(radius)
     damping = RELAX_DAMPING * math.sqrt(pair_values(soil)[0].stiffness / particle_mass_kg(soil))
     for _ in range(LARGEST_RESIZES):
-        bed = bonded.run(bed, Rest(rest.speed_m_per_s, RESIZE_S), damping)
+        bed = bonded.run(bed, Rest(rest.speed_m_per_s, RESIZE_S), damping, "fitting")
         bed, scale = _least_energy(bed, bonded)
         if abs(scale - 1.0) < SCALE_TOLERANCE:
             break
-    bed = bonded.run(bed, rest, damping)
+    bed = bonded.run(bed, rest, damping, "relaxing")
     top = mean_above_profile_m(bed, radius, surface)
     lower = (bed.lower_m[0], bed.lower_m[1], bed.lower_m[2] - top)
     return dataclasses.replace(bed, positions_m=bed.positions_m - (0.0, 0.0, top), lower_m=lower)

@@ -54,6 +54,24 @@ class Rest(NamedTuple):
     longest_s: float
 
 
+class Look(NamedTuple):
+    """How far one phase of a preparation is."""
+
+    phase: str
+    simulated_s: float
+    longest_s: float  # the phase ends then at the latest
+    rms_speed_m_per_s: float
+    rest_speed_m_per_s: float  # the phase ends below it
+
+
+Watch = Callable[[Look], None]
+"""Told now and then how a preparation goes."""
+
+
+def unwatched(look: Look) -> None:
+    """Nobody looks."""
+
+
 class SettlingEngine(Protocol):
     """What the preparation of beds needs of the soil engine."""
 
@@ -135,6 +153,7 @@ class Settling:
         *,
         adhesive: bool,
         gravity_m_per_s2: float,
+        watch: Watch = unwatched,
     ) -> None:
         assert resolved.scene.soil is not None
         soil = smooth_soil(resolved.scene.soil, adhesive=adhesive)
@@ -145,13 +164,13 @@ class Settling:
         nanoseconds = max(STEPS_PER_DAMPING, round(self._interval_s * 1e9))
         timing = Timing(nanoseconds, tick_count=1, soil_steps=STEPS_PER_DAMPING, mechanism_steps=0)
         self._resolved = dataclasses.replace(resolved, scene=scene, timing=timing)
-        self._engine_of, self._threads = engine_of, threads
+        self._engine_of, self._threads, self._watch = engine_of, threads, watch
 
     def potential_joule(self, bed: Bed) -> float:
         """Energy of position of a bed: contacts, walls and gravity."""
         return self._engine_of(self._resolved, self._threads, bed=bed).potential_joule()
 
-    def run(self, bed: Bed, rest: Rest, damping_per_s: float) -> Bed:
+    def run(self, bed: Bed, rest: Rest, damping_per_s: float, phase: str) -> Bed:
         """The bed at rest, or after the longest time it is given; its particles in the same order."""
         engine = self._engine_of(self._resolved, self._threads, bed=bed)
         engine.start(())
@@ -159,11 +178,10 @@ class Settling:
         for tick in range(math.ceil(rest.longest_s / self._interval_s)):
             engine.advance(tick, ())
             engine.damp(kept)
-            if tick % TICKS_PER_LOOK == TICKS_PER_LOOK - 1 and _rms_speed(engine) < rest.speed_m_per_s:
-                break
+            if tick % TICKS_PER_LOOK == TICKS_PER_LOOK - 1:
+                speed = engine.state("", 0, 0).rms_speed_m_per_s
+                self._watch(Look(phase, tick * self._interval_s, rest.longest_s, speed, rest.speed_m_per_s))
+                if speed < rest.speed_m_per_s:
+                    break
         kinetic = engine.state("", 0, 0).kinetic_energy_joule
         return dataclasses.replace(bed, positions_m=engine.positions_m(), kinetic_energy_joule=kinetic)
-
-
-def _rms_speed(engine: SettlingEngine) -> float:
-    return engine.state("", 0, 0).rms_speed_m_per_s

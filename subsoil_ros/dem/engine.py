@@ -67,7 +67,7 @@ class SoilEngine:
         self._resolved, self._soil, self._threads = resolved, soil, threads
         self._step_s = resolved.timing.soil_step_s
         self._gravity = resolved.scene.gravity_m_per_s2
-        smallest, self._radius = soil.particles.bounds_m  # the largest where they are unequal
+        self._radius = soil.particles.bounds_m[1]  # the largest where they are unequal
         self._mass = particle_mass_kg(soil)
         self._inertia = 0.4 * self._mass * self._radius**2
         self._features = law_features(soil, book=book)
@@ -78,7 +78,7 @@ class SoilEngine:
         self._tool_laws = self._wall_laws.copy()
         self._tool_laws[:, 0] *= factor
         self._density = np.array([layer.particles.density_kg_per_m3 for layer in layer_soils(soil)])
-        self._overlap_bound = soil.largest_tool_overlap_m or 2.0 * smallest
+        self._overlap_bound = soil.largest_tool_overlap_m or 2.0 * soil.particles.mean_volume_radius_m
         self.bed: Bed = bed or prepare_bed(resolved, SoilEngine, threads)
         self._planes = wall_planes(self.bed.lower_m, self.bed.upper_m)
         self._tools: tuple[ToolSurface, ...] = ()

@@ -89,7 +89,6 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
         for note in step_notes(resolved.scene.soil, resolved.timing.soil_step_s):
             print(note, flush=True)
     failure: SubsoilError | None = None
-    failure: SubsoilError | None = None
     start = time.monotonic()
     try:
         with _caught_signals() as stop_signal, RunProgress(resolved.scene.name, resolved.timing) as bar:

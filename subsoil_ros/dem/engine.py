@@ -49,7 +49,7 @@ class SoilEngine:
         self._step_s = resolved.timing.soil_step_s
         self._kind = np.float32 if soil.precision == "mixed" else np.float64  # of all but positions
         self._gravity = resolved.scene.gravity_m_per_s2
-        smallest, self._radius = soil.particles.bounds_m  # the largest where they are unequal
+        self._radius = soil.particles.bounds_m[1]  # the largest where they are unequal
         self._mass = particle_mass_kg(soil)
         self._inertia = 0.4 * self._mass * self._radius**2
         self.bed: Bed = bed or prepare_bed(resolved, SoilEngine, threads)
@@ -64,7 +64,7 @@ class SoilEngine:
         self._tool_laws = self._wall_laws.copy()
         self._tool_laws[:, 0] *= factor
         self._density = np.array([layer.particles.density_kg_per_m3 for layer in layer_soils(soil)])
-        self._overlap_bound = soil.largest_tool_overlap_m or 2.0 * smallest
+        self._overlap_bound = soil.largest_tool_overlap_m or 2.0 * soil.particles.mean_volume_radius_m
         self._planes = wall_planes(self.bed.lower_m, self.bed.upper_m, self.bed.sides)
         self._tools: tuple[ToolSurface, ...] = ()
         self._rebuilds = 0

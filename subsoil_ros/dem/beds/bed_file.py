@@ -112,7 +112,15 @@ def _content(path: Path, where: str) -> dict[str, Any]:
     try:
         with np.load(path, allow_pickle=False) as file:
             content = {key: file[key] for key in file.files}
-    except (ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error, AttributeError) as error:
+    except (
+        ValueError,
+        EOFError,
+        KeyError,
+        zipfile.BadZipFile,
+        zlib.error,
+        AttributeError,
+        RuntimeError,
+    ) as error:
         raise SceneError(f"{damaged} ({' '.join(str(error).split())})") from error
     except OSError as error:
         raise SceneError(f"{where}: cannot be read ({error.strerror or error}); give a bed file") from error

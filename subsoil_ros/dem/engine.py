@@ -5,7 +5,7 @@ import numpy as np
 
 from ..errors import InputError, PhysicsError, SceneError
 from ..messages import SoilCloud, SoilState, ToolMotion, ToolWrench
-from ..scene.limits import DENSE_COORDINATION, step_limits
+from ..scene.limits import DENSE_COORDINATION, SAFETY, step_limits
 from ..scene.loader import ResolvedScene
 from ..scene.meshes import load_tool_mesh
 from ..scene.pairs import layer_soils, particle_mass_kg
@@ -87,7 +87,7 @@ class SoilEngine:
         if self._step_s > limit.limit_s and not self._soil.force_time_step:
             raise SceneError(
                 f"soil.time_step_s: {self._step_s:.3g} s is above the stable limit {limit.limit_s:.3g} s of "
-                f"the prepared bed ({limit.cause}); use at most {0.9 * limit.limit_s:.2g} s"
+                f"the prepared bed ({limit.cause}); use at most {SAFETY * limit.limit_s:.2g} s"
             )
 
     def _load(self, position: np.ndarray, radii: np.ndarray | None, materials: np.ndarray | None) -> None:

@@ -49,7 +49,7 @@ def cell_grid(
     count = np.floor((last - first) / edge).astype(np.int64) + 1
     edge_y = edge
     if np.isfinite(period):
-        first[1], count[1] = low[1], int(period / edge)
+        first[1], count[1] = low[1], int(period / edge + 1e-9)
         edge_y = period / count[1]
     nx, ny, nz = count.tolist()
     return CellGrid(first[0], first[1], first[2], edge, edge_y, nx, ny, nz, period)

@@ -10,7 +10,6 @@ import math
 import sys
 
 from subsoil_ros.dem.engine import SoilEngine
-from subsoil_ros.kernel_cache import use_kernel_cache
 from subsoil_ros.messages import ToolMotion
 from subsoil_ros.scene.loader import load_scene
 
@@ -43,5 +42,4 @@ def digest(scene: str, threads: int) -> dict[str, object]:
 
 
 if __name__ == "__main__":
-    use_kernel_cache()
     print(json.dumps({n: digest(sys.argv[1], int(n)) for n in sys.argv[2:]}))

@@ -82,7 +82,7 @@ DENSE_FRACTION = 0.69
 def check_start(resolved: ResolvedScene) -> int:
     """Looks at what a run would start from without preparing it.
 
-    Returns the number of particles before tools remove any: within 2 % for a dense random bed, else exact.
+    Returns the number of particles before tools remove any: near enough for a dense random bed, else exact.
 
     Raises:
         SceneError: whatever can be said to stop the preparation, and tools too near periodic sides.
@@ -106,7 +106,7 @@ def check_start(resolved: ResolvedScene) -> int:
 
 
 def expected_dense_count(soil: Soil) -> int:
-    """Particles of a dense random bed before tools remove any, within 2 %."""
+    """Particles of a dense random bed before tools remove any, within 2 % (of several sizes: 5 %)."""
     x = np.linspace(0.0, soil.bin.length_m, 1001)
     depth = soil.bin.depth_m + float(profile_m(soil.surface, x).mean())
     volume = soil.bin.length_m * soil.bin.width_m * depth

@@ -39,6 +39,21 @@ class PairValues:
         """Overlap beyond rest at which the elastic part carries `force_newton` [m]."""
         return (force_newton / self.stiffness) ** (2.0 / 3.0 if self.hertzian else 1.0)
 
+    def scaled(self, ratio: float) -> "PairValues":
+        """Of spheres `ratio` times as large that make soil of the same strength and modulus (scaling.py)."""
+        if self.hertzian:  # follows from the materials: moduli, not stiffnesses, are given
+            return self
+        return replace(
+            self,
+            stiffness=ratio * self.stiffness,
+            tangential_stiffness=ratio * self.tangential_stiffness,
+            damping=ratio**2 * self.damping,
+            tangential_damping=ratio**2 * self.tangential_damping,
+            adhesion=ratio * self.adhesion,
+            rest_overlap=ratio * self.rest_overlap,
+            reach=ratio * self.reach,
+        )
+
     def linear_at(self, overlap_m: float) -> "PairValues":
         """Springs and dashpots in N/m and N s/m at this overlap; themselves unless Hertzian."""
         if not self.hertzian:
@@ -59,13 +74,18 @@ def particle_mass_kg(soil: Soil) -> float:
     return soil.particles.density_kg_per_m3 * 4.0 / 3.0 * math.pi * soil.particles.radius_m**3
 
 
+def size_ratio(soil: Soil) -> float:
+    """Radius of the particles over the radius that the law's values hold for."""
+    return soil.particles.radius_m / (soil.particles.law_radius_m or soil.particles.radius_m)
+
+
 def pair_values(soil: Soil) -> tuple[PairValues, PairValues]:
-    """Laws of the pairs particle-particle and particle-boundary."""
-    law = soil.law
+    """Laws of the pairs particle-particle and particle-boundary, scaled to the radius of the particles."""
+    law, ratio = soil.law, size_ratio(soil)
     if isinstance(law, WetLaw):
-        return _wet(law, law.particle), _wet(law, law.boundary)
+        return _wet(law, law.particle).scaled(ratio), _wet(law, law.boundary).scaled(ratio)
     if isinstance(law, LinearLaw):
-        return _linear(law.particle), _linear(law.boundary)
+        return _linear(law.particle).scaled(ratio), _linear(law.boundary).scaled(ratio)
     radius, mass = soil.particles.radius_m, particle_mass_kg(soil)
     return (
         _hertz(law, law.particle, 0.5 * radius, 0.5 * mass),

@@ -24,6 +24,7 @@ class Particles(Part):
 
     radius_m: Positive
     density_kg_per_m3: Positive
+    law_radius_m: Positive | None = None  # radius the law was found for; it is scaled from there (scaling.py)
 
 
 class WetValues(Part):

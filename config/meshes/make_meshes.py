@@ -27,8 +27,8 @@ RESOLUTION_M = 1e-7
 
 # Specimens stand in the middle of their bins and are 12 x 8 x 6 and 8 x 8 x 10 particle diameters large;
 # walls and plates reach past the bin, so that at the start all soil outside is in them and removed (chosen).
-SHEAR_BOX = ShearBox((0.10, -0.08, -0.13), (0.34, 0.08, -0.01), wall_m=0.12, gap_m=0.03)
-TENSION_BOX = ShearBox((0.10, -0.08, -0.21), (0.26, 0.08, -0.01), wall_m=0.12, gap_m=0.03)
+SHEAR_BOX = ShearBox((0.10, -0.08, -0.13), (0.34, 0.08, -0.01), wall_m=0.12, gap_m=0.035)
+TENSION_BOX = ShearBox((0.10, -0.08, -0.21), (0.26, 0.08, -0.01), wall_m=0.12, gap_m=0.035)
 
 _STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 

@@ -36,9 +36,9 @@ INERTIAL_NUMBER = 3e-3
 BAND_DIAMETERS = 6.0
 """Height over which the rate of shear is counted (chosen: the least height of a specimen)."""
 
-GAP_DIAMETERS = {True: 1.5, False: 0.75}
-"""Gap between the frames. With adhesion: no particle is glued to both frames, also when they have come
-nearer under the load; without: none slips out (chosen)."""
+GAP_DIAMETERS = {True: 1.75, False: 1.0}
+"""Gap between the frames. With adhesion: no particle is glued to both when they have come nearer under the
+load; without: none slips out (chosen)."""
 
 LID_PART = 0.5
 """Mass of upper frame and lid over that of the soil in it (chosen: less than a load, yet not too light)."""
@@ -222,6 +222,7 @@ def run_shear(
     series = _run(resolved, specimen, threads, watch(name, resolved.timing))[0]
     moving = np.array(series.times_s) >= loading.start_s
     drive, upper, z = series.column("drive"), series.column("upper_x"), series.column("z")
+    _refuse_closed_gap(specimen, normal_pa, box.gap_m, float(z[0] - z[int(np.argmax(moving))]))
     displacement = series.column("x") - box.centre_m[0]
     section = (box.length_m - displacement) * box.width_m
     normal = series.column("upper_z") + soil_above_kg * gravity
@@ -236,6 +237,18 @@ def run_shear(
         speed_m_per_s=loading.speed_m_per_s,
         imbalance=float(np.abs((drive + upper)[moving]).mean() / np.abs(drive).max()),
     )
+
+
+def _refuse_closed_gap(specimen: Specimen, normal_pa: float, gap_m: float, settled_m: float) -> None:
+    """A particle held by both frames makes a soil stronger than it is."""
+    pair, boundary = pair_values(specimen.soil)
+    reach = 2.0 * (specimen.soil.particles.radius_m + boundary.reach) if pair.adhesion > 0.0 else 0.0
+    if gap_m - settled_m < reach:
+        raise InputError(
+            f"normal stress: under {normal_pa:g} Pa the specimen settles by {settled_m:.3g} m, and of the gap "
+            f"of {gap_m:.3g} m between the frames less than {reach:.3g} m is left, so that they hold the same "
+            "particles; give smaller stresses, or make the specimen lower"
+        )
 
 
 def _gap_m(specimen: Specimen) -> float:

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 
 from ..errors import InputError
 from .plotting import COLOURS, new_figure, save_figure
-from .soil_tests import SoilTests, affine_modulus_pa, rumpf_strength_pa
+from .soil_tests import SoilTests, rumpf_strength_pa
 
 LEAST_POINTS = 3
 """A line through two points has no error to show."""
@@ -68,8 +68,9 @@ class SoilStrength:
     density_kg_per_m3: float
     solid_fraction: float
     coordination: float
-    constrained_modulus_pa: float  # d stress / d strain of the settlement under the loads
-    affine_modulus_pa: float  # its upper bound
+    settlement_modulus_pa: (
+        float  # d stress / d strain of the height under the loads; glued walls carry a part
+    )
     peak: CoulombFit
     residual: CoulombFit
     tensile_strength_pa: float | None
@@ -90,8 +91,7 @@ class SoilStrength:
             density_kg_per_m3=specimen.density_kg_per_m3,
             solid_fraction=specimen.solid_fraction,
             coordination=specimen.coordination,
-            constrained_modulus_pa=float(1.0 / softness),
-            affine_modulus_pa=affine_modulus_pa(specimen, float(np.mean(nominal))),
+            settlement_modulus_pa=float(1.0 / softness),
             peak=peak,
             residual=residual,
             tensile_strength_pa=pull.strength_pa if pull else None,

@@ -211,13 +211,14 @@ def shear_machine(box: ShearBox, loading: ShearLoading, gravity_m_per_s2: float)
 class TensionLoading:
     """What is done to the specimen in tension."""
 
+    rest_s: float  # before it is pulled: the glue snaps on
     speed_m_per_s: float
     travel_m: float
 
     @property
     def duration_s(self) -> float:
         """Of the whole test; the speed grows over a twentieth of the travel."""
-        return 1.025 * self.travel_m / self.speed_m_per_s
+        return self.rest_s + 1.025 * self.travel_m / self.speed_m_per_s
 
 
 def tension_machine(box: ShearBox, loading: TensionLoading) -> Document:
@@ -239,7 +240,8 @@ def tension_machine(box: ShearBox, loading: TensionLoading) -> Document:
                 "drive": {
                     "kind": "driver", "body": "upper", "coordinate": "z",
                     "speed": {
-                        "kind": "table", "times_s": [0.0, rise], "values": [0.0, loading.speed_m_per_s],
+                        "kind": "table", "times_s": [loading.rest_s, loading.rest_s + rise],
+                        "values": [0.0, loading.speed_m_per_s],
                     },
                 },
             },

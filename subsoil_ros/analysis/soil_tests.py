@@ -23,7 +23,7 @@ from ..scene.loader import ResolvedScene
 from ..scene.pairs import pair_values, tool_values
 from ..scene.soil import WetLaw
 from .figures import running_mean
-from .shear_box import GLUE, ShearLoading, TensionLoading, shear_machine, tension_machine
+from .shear_box import GLUE, ShearBox, ShearLoading, TensionLoading, shear_machine, tension_machine
 from .specimen import Size, Specimen, box_around, prepare_specimen, write_scene
 
 Watch = Callable[[str, Timing], AbstractContextManager[Callable[[int], None]]]
@@ -197,24 +197,7 @@ def run_shear(
     travel = float(np.ptp(specimen.bed.positions_m[:, 0])) / 3.0
     box, bed = box_around(specimen, travel + 2.0 * diameter, _gap_m(specimen))
     gravity = specimen.resolved.scene.gravity_m_per_s2
-    soil_above_kg = 0.5 * specimen.mass_kg
-    lid_kg = LID_PART * soil_above_kg
-    load = normal_pa * box.area_m2 - soil_above_kg * gravity
-    if load < lid_kg * gravity:
-        least = (soil_above_kg + lid_kg) * gravity / box.area_m2
-        raise InputError(
-            f"normal stress: {normal_pa:g} Pa is below the weight of lid and soil over the plane of shear, "
-            f"{least:.4g} Pa; give more, or make the specimen lower"
-        )
-    sound = math.sqrt(affine_modulus_pa(specimen, normal_pa) / specimen.density_kg_per_m3)
-    loading = ShearLoading(
-        load_newton=load,
-        lid_mass_kg=lid_kg,
-        lid_damping_newton_s_per_m=_lid_damping_newton_s_per_m(specimen, normal_pa, box.area_m2),
-        load_s=WAVES_OF_LOADING * box.height_m / sound,
-        speed_m_per_s=quasi_static_speed_m_per_s(specimen, normal_pa, inertial_number),
-        travel_m=travel,
-    )
+    loading = _shear_loading(specimen, box, normal_pa, inertial_number, travel)
     name = f"direct shear at {normal_pa:g} Pa"
     grace = GRACE_STRAIN * normal_pa * box.area_m2 * box.height_m
     machine = shear_machine(box, loading, gravity) | {"coupling": {"residual_grace_joule": grace}}
@@ -225,7 +208,7 @@ def run_shear(
     _refuse_closed_gap(specimen, normal_pa, box.gap_m, float(z[0] - z[int(np.argmax(moving))]))
     displacement = series.column("x") - box.centre_m[0]
     section = (box.length_m - displacement) * box.width_m
-    normal = series.column("upper_z") + soil_above_kg * gravity
+    normal = series.column("upper_z") + 0.5 * specimen.mass_kg * gravity
     first = int(np.argmax(moving))
     return ShearCurve(
         nominal_pa=normal_pa,
@@ -245,15 +228,43 @@ def _refuse_closed_gap(specimen: Specimen, normal_pa: float, gap_m: float, settl
     reach = 2.0 * (specimen.soil.particles.radius_m + boundary.reach) if pair.adhesion > 0.0 else 0.0
     if gap_m - settled_m < reach:
         raise InputError(
-            f"normal stress: under {normal_pa:g} Pa the specimen settles by {settled_m:.3g} m, and of the gap "
-            f"of {gap_m:.3g} m between the frames less than {reach:.3g} m is left, so that they hold the same "
-            "particles; give smaller stresses, or make the specimen lower"
+            f"normal stress: under {normal_pa:g} Pa the specimen settles by {settled_m:.3g} m; of the gap of "
+            f"{gap_m:.3g} m less than {reach:.3g} m is left, and both frames hold the same particles; give "
+            "smaller stresses, or make the specimen lower"
         )
 
 
 def _gap_m(specimen: Specimen) -> float:
     soil = specimen.soil
     return 2.0 * soil.particles.radius_m * GAP_DIAMETERS[pair_values(soil)[0].adhesion > 0.0]
+
+
+def _waves_s(specimen: Specimen, box: ShearBox, stress_pa: float) -> float:
+    sound = math.sqrt(affine_modulus_pa(specimen, stress_pa) / specimen.density_kg_per_m3)
+    return WAVES_OF_LOADING * box.height_m / sound
+
+
+def _shear_loading(
+    specimen: Specimen, box: ShearBox, normal_pa: float, inertial_number: float, travel_m: float
+) -> ShearLoading:
+    gravity = specimen.resolved.scene.gravity_m_per_s2
+    soil_above_kg = 0.5 * specimen.mass_kg
+    lid_kg = LID_PART * soil_above_kg
+    load = normal_pa * box.area_m2 - soil_above_kg * gravity
+    if load < lid_kg * gravity:
+        least = (soil_above_kg + lid_kg) * gravity / box.area_m2
+        raise InputError(
+            f"normal stress: {normal_pa:g} Pa is below the weight of lid and soil over the plane of shear, "
+            f"{least:.4g} Pa; give more, or make the specimen lower"
+        )
+    return ShearLoading(
+        load_newton=load,
+        lid_mass_kg=lid_kg,
+        lid_damping_newton_s_per_m=_lid_damping_newton_s_per_m(specimen, normal_pa, box.area_m2),
+        load_s=_waves_s(specimen, box, normal_pa),
+        speed_m_per_s=quasi_static_speed_m_per_s(specimen, normal_pa, inertial_number),
+        travel_m=travel_m,
+    )
 
 
 def _lid_damping_newton_s_per_m(specimen: Specimen, normal_pa: float, area_m2: float) -> float:
@@ -290,16 +301,18 @@ def run_tension(
     travel = TENSION_DIAMETERS * diameter
     box, bed = box_around(specimen, travel + 2.0 * diameter, _gap_m(specimen))
     speed = quasi_static_speed_m_per_s(specimen, 0.0, inertial_number)
-    loading = TensionLoading(speed, travel)
+    loading = TensionLoading(_waves_s(specimen, box, 0.0), speed, travel)
     resolved = write_scene(
         specimen, "tension", folder, box, bed, loading.duration_s, tension_machine(box, loading)
     )
     series, rise = _run(resolved, specimen, threads, watch("tension", resolved.timing))
     half_weight = 0.5 * specimen.mass_kg * specimen.resolved.scene.gravity_m_per_s2
     opening = series.column("z") - box.middle_m
+    moving = np.array(series.times_s) >= loading.rest_s
+    pull = (-series.column("upper_z") - half_weight) / box.area_m2
     return TensionCurve(
-        opening_m=opening,
-        tension_pa=running_mean((-series.column("upper_z") - half_weight) / box.area_m2, SMOOTHED_ROWS),
+        opening_m=opening[moving],
+        tension_pa=running_mean(pull, SMOOTHED_ROWS)[moving],
         break_height=float((rise < 0.5 * opening[-1]).mean()),
         speed_m_per_s=speed,
     )

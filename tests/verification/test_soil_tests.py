@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from subsoil_ros.analysis import soil_tests
 from subsoil_ros.analysis.shear_box import ShearBox, TensionLoading, frame_mesh, plate_mesh, tension_machine
 from subsoil_ros.analysis.soil_tests import run_shear, run_tension
 from subsoil_ros.analysis.specimen import Specimen, box_around, prepare_specimen, write_scene
@@ -16,6 +17,7 @@ from subsoil_ros.cli.main import main
 from subsoil_ros.coupling.direct import run_direct
 from subsoil_ros.coupling.engines import build_mechanism
 from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.errors import InputError
 from subsoil_ros.messages import ToolWrenches
 from subsoil_ros.scene.limits import Timing
 from subsoil_ros.scene.loader import ResolvedScene
@@ -111,6 +113,14 @@ def test_forces_of_the_box_balance(lattice) -> None:
     assert curve.peak()[1] > 1e3
 
 
+def test_frames_that_meet_are_refused(lattice, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Settlement closes a gap that is too narrow from the start."""
+    monkeypatch.setattr(soil_tests, "GAP_DIAMETERS", {True: 0.0, False: 0.0})
+    specimen, folder = lattice("closed", dry=True)
+    with pytest.raises(InputError, match=r"normal stress: under 4000 Pa the specimen settles by"):
+        run_shear(specimen, 4e3, subfolder(folder, "shear"), inertial_number=0.1)
+
+
 def test_tension_between_glued_plates(lattice) -> None:
     """Walls far away, plates alone hold the lattice: its columns break at once, under n K_B delta_B.
 
@@ -123,7 +133,7 @@ def test_tension_between_glued_plates(lattice) -> None:
         lower_m=(box.lower_m[0] - 0.05, box.lower_m[1] - 0.05, box.lower_m[2]),
         upper_m=(box.upper_m[0] + 0.05, box.upper_m[1] + 0.05, box.upper_m[2]),
     )
-    loading = TensionLoading(speed_m_per_s=0.03, travel_m=0.015)
+    loading = TensionLoading(rest_s=0.0, speed_m_per_s=0.03, travel_m=0.015)
     resolved = write_scene(
         specimen, "plates", folder, box, bed, loading.duration_s, tension_machine(box, loading)
     )
@@ -145,10 +155,12 @@ def test_tension_between_glued_plates(lattice) -> None:
 def test_tension_of_a_lattice(lattice) -> None:
     """Between glued walls it breaks in the middle, and not above the strength of all columns at once.
 
-    Columns at the walls are held up to the gap and break before those inside, so it stays below that.
+    Columns at the walls are held up to the gap and break before those inside, so it stays below that. An odd
+    number of layers: one in the middle of the gap, the next ones held by the frames.
     """
-    specimen, folder = lattice("tension", dry=False, size_m=(0.108, 0.108, 0.18))
+    specimen, folder = lattice("tension", dry=False, size_m=(0.108, 0.108, 0.198))
     levels = np.unique(specimen.bed.positions_m[:, 2].round(5))
+    assert len(levels) == 11
     columns = len(specimen.bed.positions_m) // len(levels)
     box, _ = box_around(specimen, 0.1, 0.02)
     curve = run_tension(specimen, subfolder(folder, "pull"), inertial_number=0.01)

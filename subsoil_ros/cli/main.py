@@ -9,12 +9,13 @@ from types import ModuleType
 from .. import __version__
 from ..errors import InterruptedRunError, SubsoilError
 
-VERBS = ("check", "run", "report", "bag", "bench")
-"""Modules of this folder, each with SUMMARY, add_arguments(parser) and run(args) -> exit status."""
+VERBS = ("check", "run", "report", "soil-test", "bag", "bench")
+"""Modules of this folder (a dash is an underscore there), each with SUMMARY, add_arguments(parser) and
+run(args) -> exit status."""
 
 
 def _module(verb: str) -> ModuleType:
-    return import_module(f"{__package__}.{verb}")
+    return import_module(f"{__package__}.{verb.replace('-', '_')}")
 
 
 def _parser(wanted: Sequence[str]) -> argparse.ArgumentParser:

@@ -39,6 +39,21 @@ class PairValues:
         """Overlap beyond rest at which the elastic part carries `force_newton` [m]."""
         return (force_newton / self.stiffness) ** (2.0 / 3.0 if self.hertzian else 1.0)
 
+    def scaled(self, ratio: float) -> "PairValues":
+        """Of spheres `ratio` times as large that make soil of the same strength and modulus (scaling.py)."""
+        if self.hertzian:  # follows from the materials: moduli, not stiffnesses, are given
+            return self
+        return replace(
+            self,
+            stiffness=ratio * self.stiffness,
+            tangential_stiffness=ratio * self.tangential_stiffness,
+            damping=ratio**2 * self.damping,
+            tangential_damping=ratio**2 * self.tangential_damping,
+            adhesion=ratio * self.adhesion,
+            rest_overlap=ratio * self.rest_overlap,
+            reach=ratio * self.reach,
+        )
+
     def linear_at(self, overlap_m: float) -> "PairValues":
         """Springs and dashpots in N/m and N s/m at this overlap; themselves unless Hertzian."""
         if not self.hertzian:
@@ -90,6 +105,12 @@ def layer_soils(soil: Soil) -> tuple[Soil, ...]:
     return tuple(found)
 
 
+def size_ratio(soil: Soil) -> float:
+    """Radius of the particles over the radius that the law's values hold for."""
+    radius = soil.particles.mean_volume_radius_m
+    return radius / (soil.particles.law_radius_m or radius)
+
+
 def pair_values(soil: Soil) -> tuple[PairValues, PairValues]:
     """Laws of the pairs particle-particle and particle-boundary, two spheres of mean volume.
 
@@ -106,15 +127,16 @@ def particle_values(first: Soil, second: Soil, radius_m: float, mass_kg: float) 
     """Law of two particles, one of each soil (without layers; the same one for a like pair).
 
     radius_m, mass_kg: reduced ones of the pair, r1 r2 / (r1 + r2) and m1 m2 / (m1 + m2); Hertz needs them.
+    Wet and linear laws are scaled to the mean radius of the particles where the scene asks for it.
     Unlike particles: springs, dampers and adhesions of the two in series, a value that stands for a like pair
     being half of a body's (eq. 15, 16, 18); rest overlap and reach the mean of the two, each body bringing
     its half; friction and restitution the smaller, the weaker surface yielding first. Hertz: E* and G* of
     two materials.
     """
-    one, other = first.law, second.law
+    one, other, ratio = first.law, second.law, size_ratio(first)
     if isinstance(one, WetLaw) and isinstance(other, WetLaw):
         if first is second:
-            return _wet(one, one.particle, in_series=one.values_are == "body")
+            return _wet(one, one.particle, in_series=one.values_are == "body").scaled(ratio)
         found = _wet(one, other.particle, in_series=True)
         if one.values_are == "pair":
             found = _doubled(found)
@@ -123,11 +145,11 @@ def particle_values(first: Soil, second: Soil, radius_m: float, mass_kg: float) 
             rest_overlap=0.5 * (one.particle.rest_overlap_m + other.particle.rest_overlap_m),
             reach=0.5 * (one.particle.reach_m + other.particle.reach_m),
         )
-        return _with_weaker_friction(found, one, other)
+        return _with_weaker_friction(found.scaled(ratio), one, other)
     if isinstance(one, LinearLaw) and isinstance(other, LinearLaw):
         found = _linear(one.particle)
         if first is second:
-            return found
+            return found.scaled(ratio)
         theirs = _linear(other.particle)
         halves = replace(
             found,
@@ -136,7 +158,7 @@ def particle_values(first: Soil, second: Soil, radius_m: float, mass_kg: float) 
             damping=_series(found.damping, theirs.damping),
             tangential_damping=_series(found.tangential_damping, theirs.tangential_damping),
         )
-        return _with_weaker_friction(_doubled(halves), one, other)
+        return _with_weaker_friction(_doubled(halves).scaled(ratio), one, other)
     assert isinstance(one, HertzMindlinLaw)
     assert isinstance(other, HertzMindlinLaw)
     restitution = min(one.particle.restitution, other.particle.restitution)
@@ -148,9 +170,9 @@ def boundary_values(soil: Soil, radius_m: float, mass_kg: float) -> PairValues:
     """Law of a particle of this radius and mass at a wall; soil without layers."""
     law = soil.law
     if isinstance(law, WetLaw):
-        return _wet(law, law.boundary, in_series=law.values_are == "body")
+        return _wet(law, law.boundary, in_series=law.values_are == "body").scaled(size_ratio(soil))
     if isinstance(law, LinearLaw):
-        return _linear(law.boundary)
+        return _linear(law.boundary).scaled(size_ratio(soil))
     return _hertz(law.particle, law.boundary, law.boundary.restitution, radius_m, mass_kg)
 
 

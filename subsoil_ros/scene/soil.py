@@ -30,6 +30,7 @@ class Particles(Part):
     radius_m: Positive | None = None
     sizes: Sizes | None = None
     density_kg_per_m3: Positive
+    law_radius_m: Positive | None = None  # radius the law was found for; it is scaled from there (scaling.py)
 
     @model_validator(mode="after")
     def _one_form(self) -> "Particles":
@@ -233,11 +234,13 @@ class Soil(Part):
                 changes = layer.law.particle.rest_overlap_m, layer.law.boundary.rest_overlap_m
                 own = [change or common for change, common in zip(changes, rows[0][1:], strict=True)]
                 rows.append((f"layers.{k}.law", own[0], own[1]))
+        mean = self.particles.mean_volume_radius_m
+        ratio = mean / (self.particles.law_radius_m or mean)
         for where, particle, boundary in rows:
             for row, overlap in (("particle", particle), ("boundary", boundary)):
-                if overlap >= self.particles.bounds_m[0]:
+                if ratio * overlap >= self.particles.bounds_m[0]:
                     raise ValueError(
-                        f"{where}.{row}.rest_overlap_m: {overlap:g} m is not below the radius of the "
+                        f"{where}.{row}.rest_overlap_m: {ratio * overlap:g} m is not below the radius of the "
                         f"smallest particle, {self.particles.bounds_m[0]:g} m; make it smaller"
                     )
             if isinstance(self.bed, GridBed) and (particle, boundary) != rows[0][1:]:

@@ -1,0 +1,188 @@
+"""subsoil soil-test SCENE: cohesion, friction angle, tensile strength and density of a scene's soil."""
+
+import argparse
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from ..analysis.soil_tests import INERTIAL_NUMBER, SoilTests, run_soil_tests
+from ..analysis.strength import LEAST_POINTS, CoulombFit, SoilStrength, shear_rows, write_results
+from ..errors import InputError
+from ..scene.limits import Timing
+from ..scene.loader import ResolvedScene, load_scene
+from .progress import RunProgress
+
+SUMMARY = "test the soil of a scene: direct shear at several normal stresses, tension, density"
+
+SHEAR_DIAMETERS = (12.0, 8.0, 6.0)
+"""Length, width and height of the specimen in particle diameters (chosen: usual least sizes)."""
+
+NORMAL_PA = (5e3, 10e3, 20e3)
+"""Normal stresses (chosen: from the weight of 0.3 m of soil to what the paper's soft particles bear)."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `subsoil soil-test`."""
+    parser.add_argument("scene", help="scene file (.yaml) with the soil")
+    parser.add_argument(
+        "--out",
+        metavar="DIR",
+        help="folder for soil_test.json, shear.csv, tension.csv, soil_test.png and the scene of each test; "
+        "must not exist (default: nothing is written)",
+    )
+    parser.add_argument(
+        "--normal-pa",
+        nargs="+",
+        type=float,
+        default=NORMAL_PA,
+        metavar="PA",
+        help=f"normal stresses, {LEAST_POINTS} or more (default: {' '.join(f'{p:g}' for p in NORMAL_PA)})",
+    )
+    parser.add_argument(
+        "--size-m",
+        nargs=3,
+        type=float,
+        metavar=("L", "W", "H"),
+        help="specimen in shear: length, width, height (default: 12, 8 and 6 particle diameters)",
+    )
+    parser.add_argument(
+        "--inertial-number",
+        type=float,
+        default=INERTIAL_NUMBER,
+        metavar="I",
+        help=f"of the shear; sets the speed (default: {INERTIAL_NUMBER:g}; smaller is slower)",
+    )
+    parser.add_argument(
+        "--set",
+        dest="overrides",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="change a value of the scene, as soil.bed.seed=3; may be repeated",
+    )
+    parser.add_argument("--threads", type=int, default=1, metavar="N", help="of the soil engine (default: 1)")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the tests, print the results, write the folder.
+
+    Raises:
+        InputError: scene, numbers or folder cannot be used; nothing was written.
+        RunError: a test failed; nothing was written.
+    """
+    resolved = load_scene(args.scene, args.overrides)
+    if resolved.scene.soil is None:
+        raise InputError(f"{args.scene}: has no 'soil', so there is nothing to test")
+    stresses = tuple(sorted(set(args.normal_pa)))
+    if len(stresses) < LEAST_POINTS or stresses[0] <= 0.0:
+        raise InputError(
+            f"--normal-pa: given {' '.join(f'{p:g}' for p in args.normal_pa)}, needed are {LEAST_POINTS} or "
+            "more different stresses above 0"
+        )
+    if args.inertial_number <= 0.0:
+        raise InputError(f"--inertial-number: given {args.inertial_number:g}, needed is a number above 0")
+    diameter = 2.0 * resolved.scene.soil.particles.mean_volume_radius_m
+    length, width, height = args.size_m or (n * diameter for n in SHEAR_DIAMETERS)
+    if min(length, width, height) < 5.0 * diameter:
+        raise InputError(
+            f"--size-m: given {length:g} {width:g} {height:g}, needed is at least 5 particle diameters "
+            f"({5.0 * diameter:g} m) each way; 12, 8 and 6 diameters are usual"
+        )
+    runs = len(stresses) + 1
+    done: list[str] = []
+
+    @contextmanager
+    def watch(name: str, timing: Timing) -> Iterator[Callable[[int], None]]:
+        done.append(name)
+        with RunProgress(f"{name} ({len(done)} of {runs})", timing) as progress:
+            yield progress
+
+    with _new_folder(args.out) as folder:
+        tests = run_soil_tests(
+            resolved, stresses, (length, width, height), folder / "tests",
+            inertial_number=args.inertial_number, threads=args.threads, watch=watch,
+        )  # fmt: skip
+        facts = {
+            "scene": resolved.scene.name,
+            "scene_hash": resolved.scene_hash,
+            "inertial_number": args.inertial_number,
+        }
+        write_results(tests, facts, folder)
+    _print(resolved, tests, args.out)
+    return 0
+
+
+@contextmanager
+def _new_folder(out: str | None) -> Iterator[Path]:
+    """A folder to write to, which gets the name `out` when all went well, and goes when it did not."""
+    if out is None:
+        with tempfile.TemporaryDirectory() as folder:
+            yield Path(folder)
+        return
+    path = Path(out)
+    if path.exists():
+        raise InputError(f"--out {out}: exists already; results are never written over, name another")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}."))
+    except OSError as error:
+        raise InputError(
+            f"--out {out}: cannot be created ({error.strerror}); name a folder that can"
+        ) from error
+    try:
+        yield part
+        part.chmod(0o755)
+        os.rename(part, path)
+    except BaseException:
+        shutil.rmtree(part, ignore_errors=True)
+        raise
+
+
+def _print(resolved: ResolvedScene, tests: SoilTests, out: str | None) -> None:
+    console = Console()
+    strength = SoilStrength.of(tests)
+    rows = Table(title="direct shear", title_justify="left", title_style="bold", box=None)
+    for heading in ("normal kPa", "peak kPa", "at", "residual kPa", "speed m/s", "force imbalance"):
+        rows.add_column(heading, justify="right")
+    for row in shear_rows(tests):
+        rows.add_row(
+            f"{1e-3 * row['nominal_normal_pa']:g}",
+            f"{1e-3 * row['peak_shear_pa']:.2f} under {1e-3 * row['peak_normal_pa']:.2f}",
+            f"{1e3 * row['peak_displacement_m']:.1f} mm",
+            f"{1e-3 * row['residual_shear_pa']:.2f} under {1e-3 * row['residual_normal_pa']:.2f}",
+            f"{row['speed_m_per_s']:.3g}",
+            f"{100.0 * row['force_imbalance']:.2g} %",
+        )
+    console.print(rows)
+    table = Table(
+        title=resolved.scene.name, title_justify="left", title_style="bold", box=None, show_header=False
+    )
+    table.add_row("particles", f"{strength.particle_count:,}")
+    table.add_row(
+        "density", f"{strength.density_kg_per_m3:.4g} kg/m3, coordination {strength.coordination:.3g}"
+    )
+    table.add_row("peak", _fit(strength.peak))
+    table.add_row("residual", _fit(strength.residual))
+    if strength.tensile_strength_pa is not None:
+        table.add_row(
+            "tensile strength",
+            f"{1e-3 * strength.tensile_strength_pa:.3g} kPa, broken at {strength.break_height:.2f} of the "
+            f"height (Rumpf: {1e-3 * strength.rumpf_strength_pa:.3g} kPa)",
+        )
+    table.add_row("settlement modulus", f"{1e-3 * strength.settlement_modulus_pa:.4g} kPa in the box")
+    if out is not None:
+        table.add_row("written to", out)
+    console.print(table)
+
+
+def _fit(fit: CoulombFit) -> str:
+    return (
+        f"c = {1e-3 * fit.cohesion_pa:.2f} +- {1e-3 * fit.cohesion_error_pa:.2f} kPa, phi = "
+        f"{fit.friction_angle_deg:.1f} +- {fit.friction_angle_error_deg:.1f} deg, R2 = {fit.r_squared:.4f}"
+    )

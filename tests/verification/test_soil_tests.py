@@ -1,0 +1,225 @@
+"""Soil tests on cubic lattices, where strength and modulus have closed forms, and the forces of the box."""
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from subsoil_ros.analysis import soil_tests
+from subsoil_ros.analysis.shear_box import ShearBox, TensionLoading, frame_mesh, plate_mesh, tension_machine
+from subsoil_ros.analysis.soil_tests import run_shear, run_tension
+from subsoil_ros.analysis.specimen import Specimen, box_around, prepare_specimen, write_scene
+from subsoil_ros.cli.main import main
+from subsoil_ros.coupling.direct import run_direct
+from subsoil_ros.coupling.engines import build_mechanism
+from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.errors import InputError
+from subsoil_ros.messages import ToolWrenches
+from subsoil_ros.scene.limits import Timing
+from subsoil_ros.scene.loader import ResolvedScene
+from subsoil_ros.scene.pairs import pair_values, tool_values
+from subsoil_ros.scene.scaling import scaled_soil
+
+GRID = "soil.bed.spacing_m=rest"
+DRY = "adhesion_newton_per_m"
+FACTOR = 10.0
+
+
+@pytest.fixture
+def lattice(soil, tmp_path: Path):
+    """Maker of specimens: a cubic lattice of 0.144 x 0.108 x 0.126 m, dry or not."""
+
+    def make(name: str, *, dry: bool, size_m=(0.144, 0.108, 0.126)) -> tuple[Specimen, Path]:
+        folder = tmp_path / name
+        folder.mkdir()
+        law = {DRY: 0.0} if dry else None
+        resolved = soil.scene(GRID, f"soil.tool_stiffness_factor={FACTOR}", law=law)
+        return prepare_specimen(resolved, size_m, folder), folder
+
+    return make
+
+
+def subfolder(folder: Path, name: str) -> Path:
+    path = folder / name
+    path.mkdir()
+    return path
+
+
+def test_meshes_of_the_box() -> None:
+    """Closed, outward, of the declared size; the frame's inner faces look at the specimen."""
+    box = ShearBox((0.1, -0.08, -0.13), (0.34, 0.08, -0.01), wall_m=0.05, gap_m=0.02)
+    frame, plate = frame_mesh(box), plate_mesh(box)
+    outside, inside = (0.24 + 0.1) * (0.16 + 0.1), 0.24 * 0.16
+    assert frame.is_watertight
+    assert frame.is_winding_consistent
+    assert_allclose(frame.volume, (outside - inside) * box.frame_height_m, rtol=1e-12)
+    assert_allclose(plate.volume, (0.24 + 0.05) * (0.16 + 0.05) * 0.05, rtol=1e-12)
+    inner = (np.abs(frame.triangles_center[:, :2]) < (0.1201, 0.0801)).all(axis=1)
+    assert inner.sum() == 8
+    towards = np.einsum("ij,ij->i", frame.face_normals[inner, :2], frame.triangles_center[inner, :2])
+    assert (towards < 0.0).all()
+    assert_allclose(box.middle_m + 0.5 * box.gap_m + box.frame_height_m, box.upper_m[2] + box.wall_m)
+
+
+def test_the_box_touches_every_face_and_removes_nothing(lattice) -> None:
+    """Its faces stand where the outermost particles feel nothing, the bin's walls far away."""
+    specimen, _ = lattice("box", dry=True)
+    box, bed = box_around(specimen, room_m=0.1, gap_m=0.02)
+    rest = specimen.soil.particles.radius_m - pair_values(specimen.soil)[1].rest_overlap
+    x = bed.positions_m
+    assert_allclose(x.min(axis=0) - box.lower_m, rest, atol=2e-6)
+    assert_allclose(np.array(box.upper_m) - x.max(axis=0), rest, atol=2e-6)
+    assert (x[:, 0] - bed.lower_m[0]).min() > 0.1
+    assert bed.upper_m[1] - x[:, 1].max() > 0.1
+
+
+def test_settlement_of_a_lattice(lattice) -> None:
+    """Every column carries sigma d^2 and shortens by its contacts in series, those with the box among them.
+
+    Without adhesion nothing touches the side walls with a force. The lid loads all columns alike; the
+    weight of the upper half and of the lid is part of the load on the plane of shear, so the mean load of
+    the height is that to some weights: compared are two loads, where it drops out. The tolerance is what
+    is left of the motion when the load rests.
+    """
+    specimen, folder = lattice("settlement", dry=True)
+    pair, boundary = pair_values(specimen.soil)[0], tool_values(specimen.soil)
+    levels = np.unique(specimen.bed.positions_m[:, 2].round(5))
+    columns = len(specimen.bed.positions_m) // len(levels)
+    box, _ = box_around(specimen, 0.1, 0.02)
+    stresses = (4e3, 12e3)
+    settled = [
+        run_shear(specimen, stress, subfolder(folder, f"{stress:g}"), inertial_number=0.05).settled
+        for stress in stresses
+    ]
+    force = (stresses[1] - stresses[0]) * box.area_m2 / columns
+    softness = (len(levels) - 1) / pair.stiffness + 2.0 / boundary.stiffness
+    assert_allclose((settled[1] - settled[0]) * box.height_m, force * softness, rtol=0.02)
+
+
+def test_forces_of_the_box_balance(lattice) -> None:
+    """The drive pulls with what the soil puts on the upper half, and the plane carries the nominal stress.
+
+    Before the shear begins nothing moves: the lid's damper takes nothing, the section is whole. Getting some
+    2 kg to 0.3 m/s takes 0.6 N s of the 0.17 s of shear, 3.5 N of the 100 N that the drive reaches.
+    """
+    specimen, folder = lattice("balance", dry=True)
+    curve = run_shear(specimen, 8e3, subfolder(folder, "shear"), inertial_number=0.02)
+    assert_allclose(curve.normal_pa[0], 8e3, rtol=0.01)
+    assert curve.imbalance < 0.05
+    assert curve.peak()[1] > 1e3
+
+
+def test_frames_that_meet_are_refused(lattice, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Settlement closes a gap that is too narrow from the start."""
+    monkeypatch.setattr(soil_tests, "GAP_DIAMETERS", {True: 0.0, False: 0.0})
+    specimen, folder = lattice("closed", dry=True)
+    with pytest.raises(InputError, match=r"normal stress: under 4000 Pa the specimen settles by"):
+        run_shear(specimen, 4e3, subfolder(folder, "shear"), inertial_number=0.1)
+
+
+def test_tension_between_glued_plates(lattice) -> None:
+    """Walls far away, plates alone hold the lattice: its columns break at once, under n K_B delta_B.
+
+    Pulled at 30 mm/s: a wave of the mass above any bond at that speed, rho c v A, is below 1 % of it.
+    """
+    specimen, folder = lattice("plates", dry=False, size_m=(0.108, 0.108, 0.09))
+    box, bed = box_around(specimen, 0.1, 0.02)
+    box = dataclasses.replace(
+        box,
+        lower_m=(box.lower_m[0] - 0.05, box.lower_m[1] - 0.05, box.lower_m[2]),
+        upper_m=(box.upper_m[0] + 0.05, box.upper_m[1] + 0.05, box.upper_m[2]),
+    )
+    loading = TensionLoading(rest_s=0.0, speed_m_per_s=0.03, travel_m=0.015)
+    resolved = write_scene(
+        specimen, "plates", folder, box, bed, loading.duration_s, tension_machine(box, loading)
+    )
+    felt: list[float] = []
+
+    class Sink:
+        def write(self, record: object) -> None:
+            if isinstance(record, ToolWrenches):
+                felt.append(-record.tools[1].force_z_newton)
+
+    run_direct(resolved, "test", build_mechanism(resolved), SoilEngine(resolved), Sink())
+    levels = np.unique(specimen.bed.positions_m[:, 2].round(5))
+    columns = len(specimen.bed.positions_m) // len(levels)
+    weight_above = specimen.mass_kg * 9.81 * (0.5 + 0.5 / len(levels))  # breaks somewhere below the lid
+    strength = columns * pair_values(specimen.soil)[0].peak_attraction
+    assert max(felt) == pytest.approx(strength, rel=0.02, abs=2.0 * weight_above)
+
+
+def test_tension_of_a_lattice(lattice) -> None:
+    """Between glued walls it breaks in the middle, and not above the strength of all columns at once.
+
+    Columns at the walls are held up to the gap and break before those inside, so it stays below that. An odd
+    number of layers: one in the middle of the gap, the next ones held by the frames.
+    """
+    specimen, folder = lattice("tension", dry=False, size_m=(0.108, 0.108, 0.198))
+    levels = np.unique(specimen.bed.positions_m[:, 2].round(5))
+    assert len(levels) == 11
+    columns = len(specimen.bed.positions_m) // len(levels)
+    box, _ = box_around(specimen, 0.1, 0.02)
+    curve = run_tension(specimen, subfolder(folder, "pull"), inertial_number=0.01)
+    strength = columns * pair_values(specimen.soil)[0].peak_attraction / box.area_m2
+    assert 0.5 * strength < curve.strength_pa < 1.02 * strength
+    assert 0.3 < curve.break_height < 0.7
+    assert abs(curve.tension_pa[-1]) < 0.02 * strength
+
+
+def test_scaled_soil_moves_alike(soil) -> None:
+    """Particles 1.5 times as large in a box as much larger, gravity less: the same motion in their lengths.
+
+    Lengths and times grow with s, so speeds stay and gravity falls as 1 / s. To round-off of chaotic
+    contacts over a short time.
+    """
+    ratio, ticks = 1.5, 300
+    resolved: ResolvedScene = soil.scene(
+        "soil.bin.length_m=0.1", "soil.bed={kind: grid, spacing_m: 0.0185, jitter_m: 0.0005}"
+    )
+    assert resolved.scene.soil is not None
+    small = resolved.scene.soil
+    wide = scaled_soil(small, ratio * small.particles.radius_m)
+    box = {key: ratio * value for key, value in small.bin.model_dump().items()}
+    wide = wide.model_copy(update={"bin": small.bin.model_validate(box)})
+    scene = resolved.scene.model_copy(
+        update={"soil": wide, "gravity_m_per_s2": resolved.scene.gravity_m_per_s2 / ratio}
+    )
+    step_ns = resolved.timing.interval_ns
+    timing = Timing(round(ratio * step_ns), ticks, 1, 0)
+    larger = SoilEngine(dataclasses.replace(resolved, scene=scene, timing=timing))
+    smaller = SoilEngine(resolved)
+    for engine in (smaller, larger):
+        engine.start(())
+    before = smaller.positions_m()
+    for tick in range(ticks):
+        smaller.advance(tick, ())
+        larger.advance(tick, ())
+    moved = smaller.positions_m() - before
+    assert np.abs(moved).max() > 1e-4
+    assert_allclose(larger.positions_m() / ratio, smaller.positions_m(), atol=1e-9)
+    assert_allclose(larger.velocities_m_per_s(), smaller.velocities_m_per_s(), atol=1e-6)
+
+
+def test_the_command_writes_all_or_nothing(soil, tmp_path: Path) -> None:
+    """A series of a dry lattice: the folder has numbers, curves, figure and the scenes; c and phi agree."""
+    scene = soil.scene(GRID, law={DRY: 0.0}).path
+    out = tmp_path / "out" / "lattice"
+    arguments = ["--normal-pa", "4e3", "8e3", "12e3", "--inertial-number", "0.1"]
+    size = ["--size-m", "0.144", "0.108", "0.126"]
+    assert main(["soil-test", str(scene), "--set", GRID, "--out", str(out), *arguments, *size]) == 0
+    assert [path.name for path in out.parent.iterdir()] == ["lattice"]
+    assert {"soil_test.json", "shear.csv", "soil_test.png", "tests"} <= {p.name for p in out.iterdir()}
+    result = json.loads((out / "soil_test.json").read_text())
+    fit, rows = result["strength"]["peak"], result["tests"]
+    line = [
+        fit["cohesion_pa"] + row["peak_normal_pa"] * math.tan(math.radians(fit["friction_angle_deg"]))
+        for row in rows
+    ]
+    assert_allclose(sum(line), sum(row["peak_shear_pa"] for row in rows), rtol=1e-9)
+    assert result["strength"]["tensile_strength_pa"] is None
+    curves = np.genfromtxt(out / "shear.csv", delimiter=",", names=True)
+    assert_array_equal(np.unique(curves["nominal_normal_pa"]), [4e3, 8e3, 12e3])

@@ -60,7 +60,9 @@ def refused(check: Check) -> Callable[..., str]:
     return run
 
 
-@pytest.mark.parametrize("name", ["mechanism_only", "subsoiler_1s300", "subsoiler_1s300_quick", "tine", "tine_hardpan"])
+@pytest.mark.parametrize(
+    "name", ["mechanism_only", "subsoiler_1s300", "subsoiler_1s300_quick", "tine", "tine_hardpan"]
+)
 def test_good_scene(check: Check, name: str) -> None:
     """The shipped scenes pass: status 0, tables on stdout, nothing on stderr."""
     done = check(SCENES / f"{name}.yaml")

@@ -63,13 +63,13 @@ class ShearBox:
         return 0.5 * (self.lower_m[0] + self.upper_m[0]), 0.5 * (self.lower_m[1] + self.upper_m[1])
 
 
-def frame_mesh(box: ShearBox) -> trimesh.Trimesh:
-    """Four walls, closed; centred in x and y, z from 0 to `frame_height_m`."""
+def frame_mesh(box: ShearBox, height_m: float) -> trimesh.Trimesh:
+    """Four walls, closed; centred in x and y, z from 0 to `height_m`."""
     half = np.array([0.5 * box.length_m, 0.5 * box.width_m])
     corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
     inner, outer = corners * half, corners * (half + box.wall_m)
     rings = [
-        np.column_stack([ring, np.full(4, z)]) for z in (0.0, box.frame_height_m) for ring in (outer, inner)
+        np.column_stack([ring, np.full(4, z)]) for z in (0.0, height_m) for ring in (outer, inner)
     ]  # outer and inner below, outer and inner above: corners 0, 4, 8, 12 on
     facets = []
     for i in range(4):
@@ -93,7 +93,7 @@ def plate_mesh(box: ShearBox) -> trimesh.Trimesh:
 
 def write_meshes(box: ShearBox, folder: Path) -> None:
     """Write frame.stl and plate.stl."""
-    frame_mesh(box).export(folder / "frame.stl")
+    frame_mesh(box, box.frame_height_m).export(folder / "frame.stl")
     plate_mesh(box).export(folder / "plate.stl")
 
 

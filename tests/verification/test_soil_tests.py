@@ -52,7 +52,7 @@ def subfolder(folder: Path, name: str) -> Path:
 def test_meshes_of_the_box() -> None:
     """Closed, outward, of the declared size; the frame's inner faces look at the specimen."""
     box = ShearBox((0.1, -0.08, -0.13), (0.34, 0.08, -0.01), wall_m=0.05, gap_m=0.02)
-    frame, plate = frame_mesh(box), plate_mesh(box)
+    frame, plate = frame_mesh(box, box.frame_height_m), plate_mesh(box)
     outside, inside = (0.24 + 0.1) * (0.16 + 0.1), 0.24 * 0.16
     assert frame.is_watertight
     assert frame.is_winding_consistent

@@ -92,7 +92,9 @@ class SoilEngine:
 
     def _load(self, position: np.ndarray, radii: np.ndarray | None, materials: np.ndarray | None) -> None:
         """Start from particles at rest without contact history; without `materials`, by their depth."""
-        self._particles = p = Particles.at_rest(np.array(position), np.arange(len(position)), self._kind)
+        self._particles = p = Particles.at_rest(
+            np.array(position), np.arange(len(position), dtype=np.int32), self._kind
+        )
         if self._soil.particles.sizes is not None or self._soil.layers is not None:
             if radii is None and self._soil.particles.sizes is not None:
                 raise InputError("radii_m: is missing; a soil with particles.sizes needs one per particle")
@@ -100,7 +102,7 @@ class SoilEngine:
             if materials is None:
                 materials = material_at(self._soil, -position[:, 2])
             p.make_unequal(radius, np.array(materials, np.int64), self._density)
-        self._loaded_position = position.copy()
+        self._loaded_position = position
         self._domain = Domain(self._planes, self.bed, position, self._radius)
         self._watch = None if self._soil.monitors is None else Watch(self._soil, self._domain, len(position))
         self._forget_contacts()

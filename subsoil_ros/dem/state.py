@@ -22,8 +22,8 @@ class Particles:
     force: np.ndarray  # [N]
     torque: np.ndarray  # [N m]
     built_position: np.ndarray  # [m] where the neighbour lists were built
-    identity: np.ndarray  # (n,) int64: place in the bed as prepared
-    image: np.ndarray  # (n,) int64: periods by which it was moved back into the box, in y
+    identity: np.ndarray  # (n,) int32: place in the bed as prepared
+    image: np.ndarray  # (n,) int32: periods by which it was moved back into the box, in y
     # Of length 0 where all particles are equal:
     radius: np.ndarray  # (n,) [m]
     mass: np.ndarray  # (n,) [kg]
@@ -37,7 +37,7 @@ class Particles:
         none, of_none = np.empty(0), np.empty(0, np.int64)
         return cls(
             position, zeros, zeros.copy(), zeros.copy(), zeros.copy(), position.copy(), identity,
-            np.zeros(len(position), np.int64), none, none.copy(), none.copy(), of_none,
+            np.zeros(len(position), np.int32), none, none.copy(), none.copy(), of_none,
         )  # fmt: skip
 
     def make_unequal(self, radius: np.ndarray, material: np.ndarray, density: np.ndarray) -> None:
@@ -54,7 +54,7 @@ class Particles:
     def wrap(self, low_m: float, period_m: float) -> None:
         """Put everybody into low <= y < low + period [m], and keep count."""
         self.position[:, 1], turns = wrapped(self.position[:, 1], low_m, period_m)
-        self.image += turns
+        self.image += turns.astype(np.int32)
 
     def reorder(self, order: np.ndarray) -> None:
         """Put particle order[k] in place k."""

@@ -56,8 +56,8 @@ DENSE_FRACTION = 0.69
 
 
 def expected_particle_count(soil: Soil) -> int:
-    """Particles of the bed before tools remove any: exact but for a dense random bed, there within 2 % (5 % where
-    it has several sizes and is small)."""
+    """Particles of the bed before tools remove any: exact but for a dense random bed, there within 2 % (5 %
+    where it has several sizes and is small)."""
     if isinstance(soil.bed, GridBed):
         return len(prepare_grid(soil, 0.0).positions_m)
     if isinstance(soil.bed, SavedBed):

@@ -21,7 +21,6 @@ from ..messages import MechanismState, SoilState, ToolMotions, ToolWrenches
 from ..scene.limits import Timing
 from ..scene.loader import ResolvedScene
 from ..scene.pairs import pair_values, tool_values
-from ..scene.soil import WetLaw
 from .figures import running_mean
 from .shear_box import GLUE, ShearBox, ShearLoading, TensionLoading, shear_machine, tension_machine
 from .specimen import Size, Specimen, box_around, prepare_specimen, write_scene
@@ -367,7 +366,7 @@ def run_soil_tests(
         for stress in normal_pa
     )  # fmt: skip
     tension = None
-    if isinstance(specimen.soil.law, WetLaw) and pair_values(specimen.soil)[0].adhesion > 0.0:
+    if pair_values(specimen.soil)[0].adhesion > 0.0:
         column = (size_m[1], size_m[1], 1.25 * size_m[1])
         pulled = prepare_specimen(resolved, column, subfolder("column"), threads)
         tension = run_tension(

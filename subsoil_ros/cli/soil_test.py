@@ -16,6 +16,7 @@ from ..analysis.strength import LEAST_POINTS, CoulombFit, SoilStrength, shear_ro
 from ..errors import InputError
 from ..scene.limits import Timing
 from ..scene.loader import ResolvedScene, load_scene
+from ..scene.pairs import pair_values
 from .progress import RunProgress
 
 SUMMARY = "test the soil of a scene: direct shear at several normal stresses, tension, density"
@@ -94,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
             f"--size-m: given {length:g} {width:g} {height:g}, needed is at least 5 particle diameters "
             f"({5.0 * diameter:g} m) each way; 12, 8 and 6 diameters are usual"
         )
-    runs = len(stresses) + 1
+    runs = len(stresses) + (pair_values(resolved.scene.soil)[0].adhesion > 0.0)  # tension too
     done: list[str] = []
 
     @contextmanager

@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _bed(case: Case) -> Bed:
-    prepare_bed_first(case.resolved, len(os.sched_getaffinity(0)))
+    prepare_bed_first(case.resolved, 1)
     return prepare_bed(case.resolved, SoilEngine)
 
 

@@ -1,8 +1,8 @@
 """The seven-body machine under a soil force, against an integration of its four free coordinates.
 
-These are the angles of lower link, shank and both wheels. All poses follow in closed form (two circles meet
-in the four-bar of the hitch); velocities are their derivatives, by complex step. No constraint, no multiplier,
-no partition: reactions come from Newton's law for a body.
+These are the angles of lower link, shank and both wheels. All poses follow in closed form (two circles
+meet in the four-bar of the hitch); velocities are their derivatives, by complex step. No constraint, no
+multiplier, no partition: reactions come from Newton's law for a body.
 """
 
 import numpy as np

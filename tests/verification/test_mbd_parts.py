@@ -111,6 +111,16 @@ def test_table_is_followed_between_and_beyond_its_points(mechanism_engine):
     assert gap < 1e-7
 
 
+@pytest.mark.parametrize("place", [0.86, 0.97, 1.0, 1.02])
+def test_table_stores_the_work_from_its_free_length(mechanism_engine, place):
+    """The energy of a table spring is the integral of its force over the compression from zero on."""
+    state = mechanism_engine(_slider(place, table=TABLE), 250_000).state("run", -1, 0)
+    x = np.linspace(1.0, place, 2001)
+    force = np.array([_table_force(xi, 0.0) for xi in x])
+    work = -np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(x))  # trapezoids, across kinks
+    assert state.spring_energy_joule == pytest.approx(work, rel=1e-5, abs=1e-12)
+
+
 @pytest.mark.parametrize("place", ["spring", "rail"])
 def test_stops_of_springs_and_rails(mechanism_engine, place):
     """Stops push back one-sidedly; the mass bounces between them as a tight solver says."""
@@ -351,6 +361,12 @@ def test_locked_rod_swings_as_a_pendulum(mechanism_engine):
     speed2 = body.velocity_x_m_per_s**2 + body.velocity_z_m_per_s**2
     tension = MASS * (speed2 / 0.8 - 9.81 * body.z_m / 0.8)
     assert state.forces[0].force_newton == pytest.approx(-tension, rel=1e-9)
+    pull = state.joints[0]  # on the mass, towards the origin
+    np.testing.assert_allclose(
+        (pull.force_x_newton, pull.force_z_newton),
+        -tension * np.array([body.x_m, body.z_m]) / 0.8,
+        rtol=1e-9,
+    )
 
 
 def test_locked_torsion_spring_is_a_weld_of_the_angle(mechanism_engine):

@@ -183,10 +183,10 @@ def _try_again(model, state, work, start, span, select, method, whole, status):
     With another partition if that helps; else past the pose without looking at it (bridge.py).
     """
     if not can_skip(model, state, whole):
-        if status == DOUBTFUL:
-            status, iterations = _try(model, state, work, start, span, select, method, False)
-            return status, iterations, False
-        return status, 0, False
+        if status != DOUBTFUL or state.counters[SKIPPED_COUNT] > 0:
+            return SINGULAR if status == DOUBTFUL else status, 0, False
+        status, iterations = _try(model, state, work, start, span, select, method, False)
+        return status, iterations, False
     guess_multistep(model, state, work, span, 1)
     if choose_partition(model, state, work, work.q) == OK:
         again, iterations = _try(model, state, work, start, span, select, method, False)

@@ -1,7 +1,7 @@
 """The seven-body machine under a soil force, against an integration of its four free coordinates.
 
-These are the angles of lower link, shank and both wheels. All poses follow in closed form (two circles meet
-in the four-bar of the hitch); velocities are their derivatives, by complex step. No constraint, no
+These are the angles of lower link, shank and both wheels. All poses follow in closed form (two circles
+meet in the four-bar of the hitch); velocities are their derivatives, by complex step. No constraint, no
 multiplier, no partition: reactions come from Newton's law for a body.
 """
 

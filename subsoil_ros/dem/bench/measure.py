@@ -29,6 +29,7 @@ class Throughput:
     rebuild_count: int  # in the timed steps
     steps: int
     threads: int
+    precision: str
     repeats: int
     particle_steps_per_cpu_s: float  # median
     particle_steps_per_cpu_s_min: float
@@ -82,6 +83,7 @@ def measure(case: Case, threads: int, repeats: int, bed: Bed | None = None) -> T
         rebuild_count=state.rebuild_count - rebuilds,
         steps=case.steps,
         threads=threads,
+        precision=case.precision,
         repeats=repeats,
         particle_steps_per_cpu_s=work / statistics.median(cpu_s),
         particle_steps_per_cpu_s_min=work / max(cpu_s),

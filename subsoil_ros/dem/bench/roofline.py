@@ -8,19 +8,19 @@ from dataclasses import dataclass
 
 from .measure import Throughput
 
-PARTICLE_BYTES = 584
-"""kick_drift 264 (reads 6 vectors, writes 5), pair_forces 176 (reads 5, writes 2; one row start),
-kick 144."""
+PARTICLE_BYTES = {"float64": 584, "mixed": 344}
+"""float64: kick_drift 264 (reads 6 vectors, writes 5), pair_forces 176 (reads 5, writes 2; one row start),
+kick 144. mixed: positions as before, all other vectors half as long, 168 + 104 + 72."""
 
-LISTED_PAIR_BYTES = 100
-"""Neighbour 4, shear and roll read and written 96. The other particle's vectors are in a cache."""
+LISTED_PAIR_BYTES = {"float64": 100, "mixed": 52}
+"""Neighbour 4, shear and roll read and written 96 or 48. The other particle's vectors are in a cache."""
 
-CONTACT_FLOPS = 183
-"""Geometry 38, normal 15, tangential 57, rolling 43, forces and torques on both 30. Root, quotient and
-maximum count as one operation each."""
+PAIR_FLOPS = 200
+"""Of every listed pair, in reach or not: geometry 38, normal 15, tangential 57, rolling 43, forces and
+torques on both 35, zero where it is out of reach 12. Root, quotient and maximum count as one each."""
 
-GAP_FLOPS = 8
-"""A listed pair out of reach: its squared distance."""
+LANES = {"float64": 1.0, "mixed": 2.0}
+"""Operations of one vector instruction, over those in float64."""
 
 PARTICLE_FLOPS = 40
 """Both half kicks, the drift and the distance moved."""
@@ -40,9 +40,9 @@ class Roofline:
 
 def roofline(line: Throughput, bandwidth_bytes_per_s: float, flops_per_s: float) -> Roofline:
     """Bounds from the pairs of a measured case."""
-    listed, contacts = line.listed_pairs_per_particle, line.contacts_per_particle
-    moved = PARTICLE_BYTES + LISTED_PAIR_BYTES * listed
-    done = PARTICLE_FLOPS + CONTACT_FLOPS * contacts + GAP_FLOPS * (listed - contacts)
-    by_bytes, by_flops = bandwidth_bytes_per_s / moved, flops_per_s / done
+    listed, kind = line.listed_pairs_per_particle, line.precision
+    moved = PARTICLE_BYTES[kind] + LISTED_PAIR_BYTES[kind] * listed
+    done = PARTICLE_FLOPS + PAIR_FLOPS * listed
+    by_bytes, by_flops = bandwidth_bytes_per_s / moved, LANES[kind] * flops_per_s / done
     reached = line.particle_steps_per_cpu_s / min(by_bytes, by_flops)
     return Roofline(line.name, moved, done, by_bytes, by_flops, reached)

@@ -11,14 +11,14 @@ import pytest
 from ..verification.conftest import BOUNDARY, PARTICLE, SoilMaker, one_tool
 
 IDLE_WAITS = {"NUMBA_THREADING_LAYER_PRIORITY": "omp tbb workqueue", "OMP_WAIT_POLICY": "passive"}
-"""Threads that wait without spinning, where there is OpenMP: four on two cores would else take minutes."""
+"""Threads that wait without spinning, where there is OpenMP: on few, busy cores others take minutes."""
 
 
-def digests(scene: Path, *threads: int, **environment: str) -> dict[str, dict]:
+def digests(scene: Path, *threads: int) -> dict[str, dict]:
     """What soil_digest prints in a fresh process that may use four threads."""
     done = subprocess.run(
         [sys.executable, str(Path(__file__).with_name("soil_digest.py")), str(scene), *map(str, threads)],
-        env=os.environ | {"NUMBA_NUM_THREADS": "4"} | environment,
+        env=os.environ | {"NUMBA_NUM_THREADS": "4"} | IDLE_WAITS,
         check=True,
         capture_output=True,
         text=True,
@@ -41,7 +41,7 @@ def test_10000_steps_are_the_same_bits_for_one_to_four_threads_and_in_another_pr
         tools=one_tool(maker.box(0.03, 0.04, 0.08, subdivide=1)),
     )
     (scene,) = tmp_path.glob("*.yaml")
-    results = digests(scene, 1, 2, 3, 4, **IDLE_WAITS)
+    results = digests(scene, 1, 2, 3, 4)
     first = results["1"]
     assert first["rebuilds"] > 10
     assert first["moved_m"] > 0.02

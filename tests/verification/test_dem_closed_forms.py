@@ -13,9 +13,9 @@ MASS = DENSITY * 4.0 / 3.0 * math.pi * RADIUS**3
 INERTIA = 0.4 * MASS * RADIUS**2
 
 
-def room(soil, law, step_ns, gravity=GRAVITY, book=False, length=12.0, **changes):
+def room(soil, law, step_ns, gravity=GRAVITY, length=12.0, **changes):
     """An engine with spheres of 10 mm; `length` of the bin in radii."""
-    return laboratory(soil, law, RADIUS, DENSITY, step_ns, book, length, gravity_m_per_s2=gravity, **changes)
+    return laboratory(soil, law, RADIUS, DENSITY, step_ns, length=length, gravity_m_per_s2=gravity, **changes)
 
 
 def directions(turn):

@@ -154,7 +154,7 @@ def test_wheel_contact_keeps_the_order_of_the_method(mechanism_engine, integrato
 
 
 def test_generalized_alpha_damps_a_stiff_mode_as_published(mechanism_engine):
-    """On a spring of w h = 32 the method is a fixed map: Chung & Hulbert (1993) at a spectral radius of 0.8."""
+    """On a spring of w h = 32 the method is a fixed map: Chung & Hulbert (1993), spectral radius 0.8."""
     stiffness, step = 2e9, 1e-3
     machine = _rail(stiffness_newton_per_m=stiffness)
     engine = mechanism_engine({**machine, "integrator": "generalized_alpha"}, 1_000_000)

@@ -174,3 +174,24 @@ def test_generalized_alpha_damps_a_stiff_mode_as_published(mechanism_engine):
         v += step * ((1.0 - gamma) * p + gamma * p1)
         a, p = -k * x, p1
     assert engine.arrays.q[0] - 1.0 == pytest.approx(x, rel=1e-6)
+
+
+def test_history_begins_anew_with_whole_steps(mechanism_engine):
+    """Pieces of a step cut at a stop or at a corner of a law are no history, which is of equal steps."""
+    stops = {"lower_m": 0.937, "stiffness_newton_per_m": 5000.0}
+    machine = _rail(stiffness_newton_per_m=0.0, stops=stops)
+    push = {"kind": "half_sine", "peak": 5.0, "start_s": 0.0105, "duration_s": 0.0100}
+    machine["forces"]["push"] = {"kind": "point_load", "body": "mass", "point_m": (1.0, 0.0),
+                                 "force_x_newton": push}  # fmt: skip
+    engine = mechanism_engine(machine, 1_000_000)
+    cut = []
+    for tick in range(100):
+        before = engine.arrays.counters[2:4].sum()
+        engine.advance(tick, ())
+        if engine.arrays.counters[2:4].sum() > before:
+            cut.append(tick)
+            assert engine.arrays.counters[0] == 0
+        else:
+            assert engine.arrays.counters[0] > 0
+    assert len(cut) == 3  # two corners, and the stop
+    assert cut[:2] == [10, 20]

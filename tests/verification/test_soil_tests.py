@@ -92,7 +92,7 @@ def test_settlement_of_a_lattice(lattice) -> None:
     box, _ = box_around(specimen, 0.1, 0.02)
     stresses = (4e3, 12e3)
     settled = [
-        run_shear(specimen, stress, subfolder(folder, f"{stress:g}"), inertial_number=0.05).settled
+        run_shear(specimen, stress, subfolder(folder, f"{stress:g}"), inertial_number=0.1).settled
         for stress in stresses
     ]
     force = (stresses[1] - stresses[0]) * box.area_m2 / columns

@@ -60,8 +60,12 @@ format: setup  ## put the sources in the style that check wants
 colcon: setup  ## build both packages as a ROS 2 workspace into build/ and install/
 	$(ros_prefix) $(bin)/colcon build --base-paths . msg_defs
 
-bench: setup  ## throughput of the engines, as JSON
-	@for script in benchmarks/*.py; do echo "== $$script"; $(bin)/python "$$script" || exit; done
+bench: setup  ## cost of engines and lockstep, beside the peers that are installed; tens of minutes
+	$(bin)/subsoil bench soil
+	$(bin)/python -m benchmarks.peers.compare
+	$(bin)/python -m benchmarks.peers.plate_drag
+	$(bin)/subsoil bench mechanism
+	$(bin)/python benchmarks/lockstep.py
 
 clean:  ## remove .venv and all that was built; runs/ stays
 	rm -rf $(VENV) build install log *.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
@@ -81,7 +85,7 @@ $(prefix)/.set-up-packages: $(wildcard requirements/*.txt)
 		"has no Python.h; subsoil_msgs is compiled. Install its headers (Debian: python3-dev)." >&2; exit 2; }
 	$(PYTHON) -m venv --clear $(prefix)
 	mkdir -p $(prefix)/home
-	$(pip) install --quiet --no-compile $(patsubst %,-r requirements/%.txt,run build dev) -c requirements/lock.txt
+	$(pip) install --quiet $(patsubst %,-r requirements/%.txt,run build dev) -c requirements/lock.txt
 	touch $@
 
 $(prefix)/.set-up-messages: $(prefix)/.set-up-packages $(wildcard msg_defs/* msg_defs/msg/*.msg)

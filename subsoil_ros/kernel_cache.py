@@ -5,6 +5,7 @@ contact law would go on running as it was, compiled into the pair kernel. So the
 of every kernel source. It stands outside the package, which may be read-only.
 """
 
+import functools
 import hashlib
 import os
 import tempfile
@@ -32,21 +33,33 @@ def source_digest(sources: Iterable[Path]) -> str:
 
 
 def user_cache_folder() -> Path:
-    """This package's folder among the user's own caches, where it can be written to."""
-    return _user_cache() / "subsoil_ros"
+    """This package's folder among the user's own caches.
 
-
-def _user_cache() -> Path:
-    """A folder of the user's own that can be written to."""
+    Where that cannot be written to, one in the temporary folder; if that of an earlier run is not to be
+    trusted, a fresh one, which no later run finds again.
+    """
     given = os.environ.get("XDG_CACHE_HOME")
     place = Path(given) if given else Path(os.path.expanduser("~")) / ".cache"
+    if _is_ours(place / "subsoil_ros"):
+        return place / "subsoil_ros"
+    shared = Path(tempfile.gettempdir()) / f"cache-{os.getuid()}"
+    if _is_ours(shared):
+        return shared
+    return _folder_of_this_process()
+
+
+@functools.cache
+def _folder_of_this_process() -> Path:
+    return Path(tempfile.mkdtemp(prefix="cache-"))
+
+
+def _is_ours(place: Path) -> bool:
+    """A folder, made if need be, that this user owns and can write to: kernels are code that is run."""
     try:
-        place.mkdir(parents=True, exist_ok=True)
-        if os.access(place, os.W_OK):
-            return place
+        place.mkdir(mode=0o700, parents=True, exist_ok=True)
+        return place.stat().st_uid == os.getuid() and os.access(place, os.W_OK)
     except OSError:
-        pass  # no home: the temporary folder serves
-    return Path(tempfile.gettempdir()) / f"cache-{os.getuid()}"
+        return False
 
 
 def use_kernel_cache() -> None:

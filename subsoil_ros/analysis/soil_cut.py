@@ -69,7 +69,7 @@ def _draw(
 ) -> None:
     meshes = {name: load_tool_mesh(resolved.directory, resolved.scene, name) for name in resolved.scene.tools}
     # the walls stand up to one spacing inside the nominal bin, to fit the bed
-    radius, depth = soil.particles.radius_m, soil.bin.depth_m
+    radius, depth = soil.particles.mean_volume_radius_m, soil.bin.depth_m
     first = np.asarray(clouds[0].positions_m)
     length = min(soil.bin.length_m, first[:, 0].max(initial=0.0) + radius)
     floor = max(-depth, first[:, 2].min(initial=0.0) - radius)
@@ -94,8 +94,10 @@ def _draw(
     panels[-1].set_xlabel("along travel [m]")
     bar = figure.colorbar(spheres, ax=list(panels), shrink=0.5, aspect=30, pad=0.01, extend="max")
     bar.set_label("particle speed [m/s]")
+    sizes = "" if soil.particles.sizes is None else ", particles drawn in their mean size"
     figure.suptitle(
-        f"Soil along the mid-plane of the bin, tool moving to the right\n{resolved.scene.name}", fontsize=11
+        f"Soil along the mid-plane of the bin, tool moving to the right{sizes}\n{resolved.scene.name}",
+        fontsize=11,
     )
     handles = [Line2D([], [], color=_BIN, lw=1.5, label="bin")]
     if "cut" in drawn:

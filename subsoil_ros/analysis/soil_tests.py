@@ -153,7 +153,7 @@ def rumpf_strength_pa(specimen: Specimen) -> float:
     break at once; friction of bonds across the pull is not in it.
     """
     pair, _ = pair_values(specimen.soil)
-    distance = 2.0 * specimen.soil.particles.radius_m - pair.rest_overlap
+    distance = 2.0 * specimen.soil.particles.mean_volume_radius_m - pair.rest_overlap
     bonds = specimen.solid_fraction * specimen.coordination
     return bonds * pair.peak_attraction / (math.pi * distance**2)
 
@@ -166,7 +166,7 @@ def affine_modulus_pa(specimen: Specimen, stress_pa: float) -> float:
     contact stiffnesses kept.
     """
     pair, _ = pair_values(specimen.soil)
-    distance = 2.0 * specimen.soil.particles.radius_m - pair.rest_overlap
+    distance = 2.0 * specimen.soil.particles.mean_volume_radius_m - pair.rest_overlap
     linear = pair.linear_at(pair.loaded_m(stress_pa * distance**2))
     contacts = 3.0 * specimen.solid_fraction * specimen.coordination / (math.pi * distance**3)
     return contacts * distance**2 * (linear.stiffness / 5.0 + 2.0 * linear.tangential_stiffness / 15.0)
@@ -196,7 +196,7 @@ def run_shear(
         InputError: the load is below the weight of what lies on the plane.
         RunError: the run failed.
     """
-    diameter = 2.0 * specimen.soil.particles.radius_m
+    diameter = 2.0 * specimen.soil.particles.mean_volume_radius_m
     travel = float(np.ptp(specimen.bed.positions_m[:, 0])) / 3.0
     box, bed = box_around(specimen, travel + 2.0 * diameter, _gap_m(specimen))
     gravity = specimen.resolved.scene.gravity_m_per_s2
@@ -228,7 +228,7 @@ def run_shear(
 def _refuse_closed_gap(specimen: Specimen, normal_pa: float, gap_m: float, settled_m: float) -> None:
     """A particle held by both frames makes a soil stronger than it is."""
     pair, boundary = pair_values(specimen.soil)
-    radius = specimen.soil.particles.radius_m
+    radius = specimen.soil.particles.mean_volume_radius_m
     glued = pair.adhesion > 0.0
     reach = 2.0 * (radius + boundary.reach) if glued else -2.0 * PASS_DIAMETERS * radius
     if gap_m - settled_m < reach:
@@ -241,7 +241,7 @@ def _refuse_closed_gap(specimen: Specimen, normal_pa: float, gap_m: float, settl
 
 def _gap_m(specimen: Specimen) -> float:
     soil = specimen.soil
-    return 2.0 * soil.particles.radius_m * GAP_DIAMETERS[pair_values(soil)[0].adhesion > 0.0]
+    return 2.0 * soil.particles.mean_volume_radius_m * GAP_DIAMETERS[pair_values(soil)[0].adhesion > 0.0]
 
 
 def _waves_s(specimen: Specimen, box: ShearBox, stress_pa: float) -> float:
@@ -282,7 +282,7 @@ def _lid_damping_newton_s_per_m(specimen: Specimen, normal_pa: float, area_m2: f
     soil = specimen.soil
     pair, _ = pair_values(soil)
     boundary = tool_values(soil)
-    diameter = 2.0 * soil.particles.radius_m
+    diameter = 2.0 * soil.particles.mean_volume_radius_m
     stiffness = boundary.linear_at(boundary.loaded_m(normal_pa * diameter**2)).stiffness
     if pair.adhesion > 0.0:
         stiffness = max(stiffness, GLUE * pair.peak_attraction / boundary.rest_overlap)
@@ -302,7 +302,7 @@ def run_tension(
     The walls grip over each half; a specimen higher than wide is needed, or it is drawn out of one
     half: look at `break_height`. `folder` takes the scene.
     """
-    diameter = 2.0 * specimen.soil.particles.radius_m
+    diameter = 2.0 * specimen.soil.particles.mean_volume_radius_m
     travel = TENSION_DIAMETERS * diameter
     box, bed = box_around(specimen, travel + 2.0 * diameter, _gap_m(specimen))
     speed = quasi_static_speed_m_per_s(specimen, 0.0, inertial_number)

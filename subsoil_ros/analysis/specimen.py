@@ -87,14 +87,14 @@ def prepare_specimen(resolved: ResolvedScene, size_m: Size, folder: Path, thread
     density, coordination = _core(bed, alone.scene.soil)
     pair, _ = pair_values(alone.scene.soil)
     particles = alone.scene.soil.particles
-    rest = 1.0 - 0.5 * pair.rest_overlap / particles.radius_m
+    rest = 1.0 - 0.5 * pair.rest_overlap / particles.mean_volume_radius_m
     fraction = density / particles.density_kg_per_m3 * rest**3
     return Specimen(alone, bed, density, fraction, coordination)
 
 
 def _core(bed: Bed, soil: Soil) -> tuple[float, float]:
     """Density [kg/m3] and coordination of the particles away from the faces, by their Voronoi cells."""
-    x, diameter = bed.positions_m, 2.0 * soil.particles.radius_m
+    x, diameter = bed.positions_m, 2.0 * soil.particles.mean_volume_radius_m
     away = CORE_DIAMETERS * diameter
     core = np.flatnonzero(((x > x.min(axis=0) + away) & (x < x.max(axis=0) - away)).all(axis=1))
     if len(core) == 0:
@@ -112,7 +112,7 @@ def _core(bed: Bed, soil: Soil) -> tuple[float, float]:
 def box_around(specimen: Specimen, room_m: float, gap_m: float) -> tuple[ShearBox, Bed]:
     """The box, and the bed in a bin whose walls stand `room_m` beyond the outside of the box."""
     boundary = pair_values(specimen.soil)[1]
-    off = specimen.soil.particles.radius_m - boundary.rest_overlap + TOUCH_M
+    off = specimen.soil.particles.mean_volume_radius_m - boundary.rest_overlap + TOUCH_M
     wall = room_m
     shift = room_m + wall + off - float(specimen.bed.positions_m[:, 0].min())
     x = specimen.bed.positions_m + np.array([shift, 0.0, 0.0])

@@ -58,6 +58,7 @@ def summarize(
         "ticks": tick_count,
         "steps": tick_count * (timing.soil_steps or timing.mechanism_steps),
         "particle_count": int(series["soil.particle_count"][-1]) if "soil.particle_count" in series else 0,
+        **_losses(series),
         "interface_residual_joule": float(series["coupling.residual_joule"][-1]),
         "interface_residual_ratio": float(series["coupling.residual_ratio"][-1]),
         "window": {
@@ -122,6 +123,15 @@ def print_summary(summary: Summary, scene: Scene, directory: Path, console: Cons
         )
 
 
+def _losses(series: Series) -> Summary:
+    """How many particles left the domain, and the time of the first row that counts one."""
+    if "soil.lost_particle_count" not in series:
+        return {"lost_particle_count": 0, "first_lost_s": None}
+    count = series["soil.lost_particle_count"]
+    first = float(series["time_s"][np.argmax(count > 0)]) if count[-1] > 0 else None
+    return {"lost_particle_count": int(count[-1]), "first_lost_s": first}
+
+
 def _statistics(name: str, values: np.ndarray) -> Summary:
     return {
         f"{name}_mean": float(np.mean(values)),
@@ -162,6 +172,11 @@ def _facts(summary: Summary, compared: bool) -> list[str]:
         f"interface energy residual {summary['interface_residual_joule']:.3g} J, "
         f"{100.0 * summary['interface_residual_ratio']:.3g} % of the work done there",
     ]
+    if summary["lost_particle_count"]:
+        lines.append(
+            f"WARNING: {summary['lost_particle_count']} particles left the domain, the first before "
+            f"{summary['first_lost_s']:.4g} s; which ones, the soil's log says"
+        )
     if not summary["complete"]:
         lines.append("The run ended before its last tick.")
     if compared:

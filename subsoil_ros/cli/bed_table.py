@@ -12,6 +12,7 @@ from ..dem.beds.report import BedReport, FreeMotion, free_motion, report_bed
 from ..dem.engine import SoilEngine
 from ..errors import InputError
 from ..scene.loader import ResolvedScene
+from .preparation import KernelAnnouncer, prepare_bed_first
 
 LEFT_ALONE_S = 0.02
 """How long the bed runs without tools: waves cross some 0.3 m of it (chosen)."""
@@ -22,9 +23,10 @@ def print_bed(console: Console, resolved: ResolvedScene, threads: int, out: Path
     soil = resolved.scene.soil
     if soil is None:
         raise InputError(f"{resolved.path}: has no 'soil', so there is no bed to look at; leave out --bed")
-    console.print("preparing the bed ...")
     started = time.perf_counter()
-    bed = SoilEngine(resolved, threads).bed
+    with KernelAnnouncer():
+        prepare_bed_first(resolved, threads)
+        bed = SoilEngine(resolved, threads).bed  # refuses a step too large for it
     seconds = time.perf_counter() - started
     if out is not None:
         try:
@@ -34,6 +36,8 @@ def print_bed(console: Console, resolved: ResolvedScene, threads: int, out: Path
     motion = free_motion(resolved, bed, SoilEngine, threads, LEFT_ALONE_S)
     table = Table(title="bed", title_justify="left", title_style="bold", box=None, show_header=False)
     table.add_row("prepared in", f"{seconds:.1f} s")
+    if bed.period_m is not None:
+        table.add_row("period", f"{bed.period_m:.5g} m in y")
     for name, text in _rows(report_bed(bed, soil), motion):
         table.add_row(name, text)
     if out is not None:
@@ -43,6 +47,20 @@ def print_bed(console: Console, resolved: ResolvedScene, threads: int, out: Path
 
 def _rows(report: BedReport, motion: FreeMotion) -> Iterable[tuple[str, str]]:
     yield "particles", f"{report.particle_count:,}"
+    if report.radii is not None:
+        radii = report.radii
+        yield (
+            "radii",
+            (
+                f"{_mm(radii.smallest_m)} to {_mm(radii.largest_m)}, mean {_mm(radii.mean_m)}, "
+                f"standard deviation {_mm(radii.deviation_m)}"
+            ),
+        )
+    for layer in report.layers:
+        yield (
+            f"layer {layer.name}",
+            f"{layer.particle_count:,} particles, density {layer.density_kg_per_m3:.4g} kg/m3",
+        )
     yield "density", f"{report.density_kg_per_m3:.4g} kg/m3"
     yield "coordination", f"{report.coordination:.2f} particles in reach, mean"
     yield "stable step", f"{report.stable_step_s * 1e6:.4g} us at this coordination"

@@ -1,4 +1,4 @@
-"""subsoil bench mechanism: CPU time of the mechanism engine, on its own and beside Exudyn."""
+"""subsoil bench mechanism|soil: CPU time of the engines; of the mechanism also beside Exudyn."""
 
 import argparse
 import json
@@ -10,21 +10,37 @@ from rich.table import Table
 
 from ..mbd.benchmark import ChainCost, chain_costs, machine_cost
 from ..mbd.exudyn_peer import exudyn_cost
+from .preparation import KernelAnnouncer
 
 SUMMARY = "measure the CPU time of an engine"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `subsoil bench`."""
-    parser.add_argument("engine", choices=["mechanism"], help="what to measure")
+    parser.add_argument("engine", choices=["mechanism", "soil"], help="what to measure")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
     parser.add_argument(
-        "--largest", type=int, default=200, metavar="N", help="most bodies of the chain (default 200)"
+        "--largest",
+        type=int,
+        default=200,
+        metavar="N",
+        help="mechanism: most bodies of the chain (default 200)",
     )
+    parser.add_argument("--quick", action="store_true", help="soil: only beds of about 9,000 particles")
+    parser.add_argument("--large", action="store_true", help="soil: up to 1,000,000 particles")
 
 
 def run(args: argparse.Namespace) -> int:
     """Measure and print."""
+    if args.engine == "soil":
+        from . import bench_soil  # the other engine needs none of it
+
+        return bench_soil.run(args)
+    with KernelAnnouncer():
+        return _mechanism(args)
+
+
+def _mechanism(args: argparse.Namespace) -> int:
     peer = exudyn_cost()  # right before and right after: the same load on the machine
     ours = machine_cost()
     if peer is not None:

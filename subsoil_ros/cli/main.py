@@ -18,14 +18,15 @@ def _module(verb: str) -> ModuleType:
     return import_module(f"{__package__}.{verb.replace('-', '_')}")
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(wanted: Sequence[str]) -> argparse.ArgumentParser:
+    """The parser of these verbs; each imports what it needs, and plotting, say, takes a second."""
     parser = argparse.ArgumentParser(
         prog="subsoil",
         description="Soil-tool co-simulation: discrete-element soil and a machine in lockstep.",
     )
     parser.add_argument("--version", action="version", version=f"subsoil {__version__}")
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
-    for verb in VERBS:
+    for verb in wanted:
         module = _module(verb)
         module.add_arguments(verbs.add_parser(verb, help=module.SUMMARY, description=module.SUMMARY))
     return parser
@@ -33,7 +34,9 @@ def _parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs one verb. Returns 0, 2 on bad input, 3 on a failed run, 128 + number for a signal."""
-    args = _parser().parse_args(arguments)
+    arguments = sys.argv[1:] if arguments is None else arguments
+    given = arguments[:1]
+    args = _parser(given if given and given[0] in VERBS else VERBS).parse_args(arguments)
     try:
         return _module(args.verb).run(args)
     except SubsoilError as error:

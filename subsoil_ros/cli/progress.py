@@ -37,6 +37,8 @@ class RunProgress:
             speed_estimate_period=30.0,
         )
         self._task = self._progress.add_task(name, total=duration_s)
+        self.started = False
+        """Whether a tick has been done."""
 
     def __enter__(self) -> "RunProgress":
         self._progress.start()
@@ -46,4 +48,5 @@ class RunProgress:
         self._progress.stop()
 
     def __call__(self, tick: int) -> None:
+        self.started = True
         self._progress.update(self._task, completed=tick_end_s(tick, self._interval_ns))

@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import shutil
 import signal
 import time
 import uuid
@@ -14,11 +15,14 @@ from ..analysis.summary import print_summary, summarize, write_summary
 from ..coupling.direct import run_direct
 from ..coupling.engines import Mover, build_mechanism, build_paths, build_soil
 from ..coupling.protocol import COUPLER, RECORDER, SOIL, participants
+from ..dem.beds.prepare import check_start
 from ..errors import InputError, SceneError, SubsoilError
 from ..nodes.domain import run_domain
 from ..recording.bag_writer import BagWriter
 from ..recording.recovery import recover
+from ..scene.limits import step_notes
 from ..scene.loader import ResolvedScene, load_scene
+from .preparation import KernelAnnouncer, announce_kernels_of_nodes, prepare_bed_first
 from .progress import RunProgress
 from .supervisor import Parameters, Supervisor, node_program, start_node
 
@@ -66,18 +70,29 @@ def run(args: argparse.Namespace) -> int:
         InputError: the scene or the folder cannot be used; nothing was written.
         RunError: the run failed; what was recorded before is in the folder.
     """
+    with KernelAnnouncer() as kernels:
+        return _run(args, kernels)
+
+
+def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
     resolved = load_scene(args.scene, args.overrides)
     try:
         mover = build_mechanism(resolved) or build_paths(resolved)
+        check_start(resolved)
+        prepare_bed_first(resolved, args.threads)
     except SceneError as error:
         raise SceneError(f"{args.scene}: {error}") from error
     out = _create_folder(Path(args.out))
     resolved.write(out / "scene.yaml")
     run_id = uuid.uuid4().hex[:12]
+    if resolved.scene.soil is not None:
+        for note in step_notes(resolved.scene.soil, resolved.timing.soil_step_s):
+            print(note, flush=True)
     failure: SubsoilError | None = None
     start = time.monotonic()
     try:
-        with _caught_signals() as stop_signal, RunProgress(resolved.scene.name, resolved.timing) as progress:
+        with _caught_signals() as stop_signal, RunProgress(resolved.scene.name, resolved.timing) as bar:
+            progress = kernels.before(bar)
             if args.mode == "direct":
                 _run_direct(resolved, mover, run_id, out, args.threads, progress, stop_signal)
             elif args.mode == "composed":
@@ -86,6 +101,9 @@ def run(args: argparse.Namespace) -> int:
                 _run_nodes(resolved, run_id, out, args.threads, progress, stop_signal)
     except SubsoilError as error:
         failure = error
+    if failure is not None and failure.exit_status == InputError.exit_status and not bar.started:
+        shutil.rmtree(out)  # bad input that showed only when the bed was there: nothing ran
+        raise failure
     wall_s = time.monotonic() - start
     _summarize(resolved, out, {"mode": args.mode, "threads": args.threads, "whole_wall_s": wall_s}, failure)
     if failure is not None:
@@ -126,7 +144,7 @@ def _run_direct(
     run_id: str,
     out: Path,
     threads: int,
-    progress: RunProgress,
+    progress: Callable[[int], None],
     stop_signal: Callable[[], int],
 ) -> None:
     writer = BagWriter(out / "bag", resolved.scene, resolved.timing)
@@ -142,7 +160,7 @@ def _run_composed(
     run_id: str,
     out: Path,
     threads: int,
-    progress: RunProgress,
+    progress: Callable[[int], None],
     stop_signal: Callable[[], int],
 ) -> None:
     with run_domain() as domain:
@@ -162,9 +180,10 @@ def _run_nodes(
     run_id: str,
     out: Path,
     threads: int,
-    progress: RunProgress,
+    progress: Callable[[int], None],
     stop_signal: Callable[[], int],
 ) -> None:
+    progress = announce_kernels_of_nodes(progress)
     logs = out / "log"
     logs.mkdir()
     parameters: Parameters = {

@@ -88,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
         )
     if args.inertial_number <= 0.0:
         raise InputError(f"--inertial-number: given {args.inertial_number:g}, needed is a number above 0")
-    diameter = 2.0 * resolved.scene.soil.particles.radius_m
+    diameter = 2.0 * resolved.scene.soil.particles.mean_volume_radius_m
     length, width, height = args.size_m or (n * diameter for n in SHEAR_DIAMETERS)
     if min(length, width, height) < 5.0 * diameter:
         raise InputError(

@@ -1,14 +1,24 @@
 """A prepared bed, and the simplest one: a cubic grid that stands still from the first step."""
 
+import dataclasses
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
-from ..errors import SceneError
+from ..errors import InputError, SceneError
 from ..scene.bed_spacing import particle_spacing_m
 from ..scene.beds import GridBed
-from ..scene.pairs import pair_values, particle_mass_kg
+from ..scene.pairs import (
+    PairValues,
+    boundary_values,
+    layer_soils,
+    pair_values,
+    particle_values,
+    sphere_mass_kg,
+)
 from ..scene.soil import Soil
+from .mixture import material_at
 
 
 @dataclass(frozen=True)
@@ -19,6 +29,23 @@ class Bed:
     lower_m: tuple[float, float, float]  # x, y, z of the walls x = 0, right side, floor
     upper_m: tuple[float, float]  # x, y of the far wall and the left side; the top is open
     kinetic_energy_joule: float = 0.0  # left when its preparation ended; a run starts from rest
+    radii_m: np.ndarray | None = None  # (n,) float64; None: all are equal
+    materials: np.ndarray | None = None  # (n,) int64 number of the layer from the top; None: there are none
+    sides: Literal["walls", "periodic"] = "walls"  # periodic: the box is one period wide
+
+    @property
+    def period_m(self) -> float | None:
+        """Period in y [m], None between walls."""
+        return self.upper_m[1] - self.lower_m[1] if self.sides == "periodic" else None
+
+    def only(self, kept: np.ndarray) -> "Bed":
+        """The bed without the particles where `kept` (n,) is false; the order of the others stays."""
+        return dataclasses.replace(
+            self,
+            positions_m=self.positions_m[kept],
+            radii_m=None if self.radii_m is None else self.radii_m[kept],
+            materials=None if self.materials is None else self.materials[kept],
+        )
 
 
 def grid_shape(soil: Soil) -> tuple[int, int, int]:
@@ -27,16 +54,17 @@ def grid_shape(soil: Soil) -> tuple[int, int, int]:
     Raises:
         SceneError: the bin holds none.
     """
-    radius, spacing = soil.particles.radius_m, particle_spacing_m(soil)
+    radius, spacing = soil.particles.mean_volume_radius_m, particle_spacing_m(soil)
     _, boundary = pair_values(soil)
     wall = radius - boundary.rest_overlap  # centre to wall, unloaded
 
     def count(extent: float, free: float) -> int:
         return int(np.floor((extent - free) / spacing + 1e-9)) + 1 if extent >= free else 0
 
+    between_sides = spacing if soil.bin.sides == "periodic" else 2.0 * wall  # as far as from one to the next
     shape = (
         count(soil.bin.length_m, 2.0 * wall),
-        count(soil.bin.width_m, 2.0 * wall),
+        count(soil.bin.width_m, between_sides),
         count(soil.bin.depth_m, wall + radius),
     )
     if min(shape) < 1:
@@ -56,42 +84,90 @@ def _layers(soil: Soil, x_m: np.ndarray, layers: int, spacing_m: float) -> list[
 
 
 def prepare_grid(soil: Soil, gravity_m_per_s2: float) -> Bed:
-    """Cubic grid at the given spacing, walls moved in to fit it.
+    """Cubic grid of equal spheres at the given spacing, walls moved in to fit it.
 
     A row of n spheres touches both walls at the unloaded overlap, so a wall stands up to one spacing
     inside the bin's nominal size. At the stress-free spacing 2 r - delta_c the layers are lowered by what
     the weight above presses them together (n m g / K_X under n layers), and the bed is in equilibrium.
-    Where a surface profile takes layers away, those below carry that much less.
+    Where a surface profile takes layers away, those below carry that much less. Between periodic sides the
+    bed is a whole number of spacings wide.
+
+    Layers of the soil go by the depth of the centre in the unloaded grid.
     """
-    pair, boundary = pair_values(soil)
-    radius, spacing = soil.particles.radius_m, particle_spacing_m(soil)
+    materials = layer_soils(soil)
+    boundary = pair_values(soil)[1]
+    radius, spacing = soil.particles.mean_volume_radius_m, particle_spacing_m(soil)
     nx, ny, nz = grid_shape(soil)
     wall = radius - boundary.rest_overlap
-    weight = particle_mass_kg(soil) * gravity_m_per_s2
-    unloaded = spacing > 2.0 * radius - pair.rest_overlap + 1e-12
+    weights = np.array([sphere_mass_kg(material, radius) * gravity_m_per_s2 for material in materials])
+    material = material_at(soil, radius + spacing * np.arange(nz))[::-1]  # of the grid's layers, from below
+
+    def between(lower: int, upper: int) -> PairValues:
+        first, second = materials[material[lower]], materials[material[upper]]
+        masses = sphere_mass_kg(first, radius), sphere_mass_kg(second, radius)
+        return particle_values(first, second, 0.5 * radius, masses[0] * masses[1] / sum(masses))
+
+    def weight_on(layer: int, layers: int) -> float:
+        """Of the layers up to number `layers` from this one on, this one included."""
+        return float(np.bincount(material[layer:layers], minlength=len(weights)) @ weights)
 
     def column(layers: int) -> np.ndarray:
         """Heights over the floor of the layers that stand on each other."""
-        above = layers - 1.0 - np.arange(layers)  # layers above layer k
         steps_up = np.full(layers - 1, spacing)
-        if not unloaded:
-            steps_up -= [pair.loaded_m(n * weight) for n in above[:-1]]
-        return wall - boundary.loaded_m(layers * weight) + np.concatenate(([0.0], np.cumsum(steps_up)))
+        for k in range(layers - 1):
+            pair = between(k, k + 1)
+            if spacing <= 2.0 * radius - pair.rest_overlap + 1e-12:
+                steps_up[k] -= pair.loaded_m(weight_on(k + 1, layers))
+        lowest = materials[material[0]]
+        at_floor = boundary_values(lowest, radius, sphere_mass_kg(lowest, radius))
+        return wall - at_floor.loaded_m(weight_on(0, layers)) + np.concatenate(([0.0], np.cumsum(steps_up)))
 
     floor = -float(column(nz)[-1]) - radius  # top of the uppermost spheres at z = 0
     x = wall + spacing * np.arange(nx)
     y = spacing * (np.arange(ny) - 0.5 * (ny - 1))
+    heights = _layers(soil, x, nz, spacing)
     slices = [
         np.stack(np.meshgrid([x[i]], y, floor + column(layers), indexing="ij"), axis=-1).reshape(-1, 3)
-        for i, layers in enumerate(_layers(soil, x, nz, spacing))
+        for i, layers in enumerate(heights)
     ]
     grid = np.concatenate(slices)
     if isinstance(soil.bed, GridBed) and soil.bed.jitter_m > 0.0:
         generator = np.random.default_rng(soil.bed.seed)
         grid = grid + generator.uniform(-soil.bed.jitter_m, soil.bed.jitter_m, grid.shape)
-    half_width = 0.5 * spacing * (ny - 1) + wall
+    half_width = 0.5 * spacing * (ny - 1) + (0.5 * spacing if soil.bin.sides == "periodic" else wall)
     return Bed(
         positions_m=np.ascontiguousarray(grid),
         lower_m=(0.0, -half_width, floor),
         upper_m=(float(x[-1] + wall), half_width),
+        materials=np.concatenate([np.tile(material[:n], ny) for n in heights]) if soil.layers else None,
+        sides=soil.bin.sides,
     )
+
+
+def refuse_outside(bed: Bed, planes: np.ndarray, position_m: np.ndarray) -> None:
+    """`position_m` (n, 3) must be inside the box of `bed`; it is open at the top and at periodic sides.
+
+    Raises:
+        InputError: a centre is outside, or no number, or there is none at all.
+    """
+    inside = (planes[:, 3] - position_m @ planes[:, :3].T >= 0.0).all(axis=1)  # not a number: outside
+    if len(position_m) == 0 or not inside.all():
+        given = "no particle" if len(position_m) == 0 else f"a particle at {position_m[np.argmin(inside)]} m"
+        raise InputError(
+            f"place: given {given}; allowed are centres inside the bin, from {bed.lower_m} to {bed.upper_m} m"
+        )
+
+
+def finite_rows(name: str, given: np.ndarray, count: int) -> np.ndarray:
+    """`given` as (count, 3) float64.
+
+    Raises:
+        InputError: rows are missing or not finite.
+    """
+    rows = np.array(given, np.float64).reshape(-1, 3)
+    finite = int(np.isfinite(rows).all(axis=1).sum())
+    if len(rows) != count or finite != count:
+        raise InputError(
+            f"place: given {len(rows)} rows of {name}, {finite} finite; needed are {count}, all finite"
+        )
+    return rows

@@ -7,9 +7,11 @@ open is chosen in docs/physics.md: friction limit, damped zones, lifetime of the
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import njit, types
+from numba.extending import overload
 
-from ..scene.pairs import PairValues, pair_values
+from ..scene.damping import integrated_values
+from ..scene.pairs import PairValues, layer_soils, pair_values
 from ..scene.soil import Soil, WetLaw
 
 SINKS = ("normal_dashpot", "tangential_dashpot", "sliding", "rolling", "separation")
@@ -34,11 +36,16 @@ class PairLaw(NamedTuple):
     rolling_arm: float  # mu_r R_eff [m]: torque limit over normal force
 
 
+YES, NO = np.empty((1, 1)), np.empty(1)
+"""Values of Features."""
+
+
 class Features(NamedTuple):
     """What the law contains, told to the compiler: an array of two dimensions says yes, of one no.
 
     Number of dimensions is part of numba's type, so the code of an absent feature is not compiled; values
-    do not matter. (Tuples and literals would say it more plainly, but do not pass into parallel loops.)
+    matter in `periodic` only. (Tuples and literals would say it more plainly, but do not pass into parallel
+    loops.)
     """
 
     adhesion: np.ndarray
@@ -49,10 +56,25 @@ class Features(NamedTuple):
     friction_repulsive: np.ndarray  # neither of the two: friction is limited by F_n + F_peak
     friction_absolute: np.ndarray
     book: np.ndarray  # book every energy sink
+    sizes: np.ndarray = NO  # radii differ: dem.mixture
+    materials: np.ndarray = NO  # laws or densities differ: dem.mixture
+    periodic: np.ndarray = NO  # sides; its one number is the period in y [m]
 
 
-YES, NO = np.empty((1, 1)), np.empty(1)
-"""Values of Features."""
+_TINY = 1e-30
+"""Keeps a quotient finite whose numerator is zero too; far below any force [N], also in float32."""
+
+
+def like(number: float, value: float) -> float:
+    """`value` in the floating-point type of `number`: a plain literal would turn float32 into float64."""
+    return type(number)(value)
+
+
+@overload(like, inline="always")
+def _like(number, value):
+    if number == types.float32:
+        return lambda number, value: np.float32(value)
+    return lambda number, value: value
 
 
 def pair_law(values: PairValues, effective_radius: float, *, has_adhesion: bool) -> PairLaw:
@@ -75,47 +97,55 @@ def pair_law(values: PairValues, effective_radius: float, *, has_adhesion: bool)
     )
 
 
-def soil_laws(soil: Soil, *, book: bool = False) -> tuple[PairLaw, PairLaw, Features]:
-    """Laws of particle-particle and particle-boundary, and the features both are compiled with."""
-    pair, boundary = pair_values(soil)
-    both = (pair, boundary)
+def law_features(soil: Soil, *, book: bool = False, period_m: float | None = None) -> Features:
+    """What the laws of a soil contain, all layers together; period_m: in y, where the sides are periodic."""
+    values = [value for layer in layer_soils(soil) for value in pair_values(layer)]
     wet = soil.law if isinstance(soil.law, WetLaw) else None
-    has_adhesion = any(v.adhesion > 0.0 for v in both)
-    radius = soil.particles.radius_m
-    features = Features(
-        adhesion=YES if has_adhesion else NO,
-        tangential=YES if any(v.tangential_stiffness + v.tangential_damping > 0.0 for v in both) else NO,
-        rolling=YES if any(v.rolling_friction * v.tangential_stiffness > 0.0 for v in both) else NO,
-        hertz=YES if pair.hertzian else NO,
-        damp_all_zones=YES if wet and wet.damped_zones == "all" else NO,
-        friction_repulsive=YES if wet and wet.friction_normal == "repulsive" else NO,
-        friction_absolute=YES if wet and wet.friction_normal == "absolute" else NO,
-        book=YES if book else NO,
+
+    def given(yes: bool) -> np.ndarray:
+        return YES if yes else NO
+
+    return Features(
+        adhesion=given(any(v.adhesion > 0.0 for v in values)),
+        tangential=given(any(v.tangential_stiffness + v.tangential_damping > 0.0 for v in values)),
+        rolling=given(any(v.rolling_friction * v.tangential_stiffness > 0.0 for v in values)),
+        hertz=given(values[0].hertzian),
+        damp_all_zones=given(wet is not None and wet.damped_zones == "all"),
+        friction_repulsive=given(wet is not None and wet.friction_normal == "repulsive"),
+        friction_absolute=given(wet is not None and wet.friction_normal == "absolute"),
+        book=given(book),
+        sizes=given(soil.particles.sizes is not None),
+        materials=given(soil.layers is not None),
+        periodic=NO if period_m is None else np.full((1, 1), period_m),
     )
+
+
+def soil_laws(soil: Soil, features: Features, step_s: float) -> tuple[PairLaw, PairLaw]:
+    """Laws of particle-particle and particle-boundary at a soil step, equal spheres of one material."""
+    pair, boundary = integrated_values(soil, step_s)
+    has_adhesion = features.adhesion.ndim == 2
+    radius = soil.particles.mean_volume_radius_m
     return (
         pair_law(pair, 0.5 * radius, has_adhesion=has_adhesion),
         pair_law(boundary, radius, has_adhesion=has_adhesion),
-        features,
     )
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(cache=True, forceinline=True, error_model="numpy")
 def normal_elastic(overlap, law, features):
     """Elastic part of the force along the normal, repulsion positive [N] (eq. 12-21, Delta = 0).
 
     overlap [m] is negative across a gap.
     """
+    zero = like(overlap, 0.0)
     if features.hertz.ndim == 2:
-        return law.stiffness * np.sqrt(max(overlap, 0.0)) * overlap
-    if overlap > law.rest_overlap:
-        return law.stiffness * (overlap - law.rest_overlap)
-    if features.adhesion.ndim == 1:
-        return 0.0
-    if overlap >= 0.0:
-        return -law.contact_adhesion * (law.rest_overlap - overlap)
-    if overlap >= -law.reach:
-        return -law.adhesion * (law.reach + overlap)
-    return 0.0
+        return law.stiffness * np.sqrt(max(overlap, zero)) * overlap
+    force = law.stiffness * max(overlap - law.rest_overlap, zero)
+    if features.adhesion.ndim == 2:
+        touching = law.contact_adhesion * min(overlap - law.rest_overlap, zero)
+        apart = -law.adhesion * max(law.reach + overlap, zero)
+        force += touching if overlap >= zero else apart
+    return force
 
 
 @njit(cache=True, error_model="numpy")
@@ -133,7 +163,7 @@ def normal_potential(overlap, law, features):
     return energy + 0.5 * law.stiffness * loaded * loaded
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(cache=True, forceinline=True, error_model="numpy")
 def contact(overlap, normal, velocity, spin, shear, roll, step, law, features):
     """Force and rolling torque of one contact in reach, and its new history.
 
@@ -144,33 +174,37 @@ def contact(overlap, normal, velocity, spin, shear, roll, step, law, features):
     Tangential: spring and damper in parallel, in series with a slider (return mapping), so that both
     the damper and the slider only dissipate. The slider yields at static friction and then carries
     sliding friction.
+
+    Choices are values, not branches, and all numbers have the type of `overlap`: in a loop over pairs the
+    compiler makes vector instructions of it.
     """
+    zero, half, one, tiny = like(overlap, 0.0), like(overlap, 0.5), like(overlap, 1.0), like(overlap, _TINY)
     nx, ny, nz = normal
     ux, uy, uz = velocity
     overlap_rate = ux * nx + uy * ny + uz * nz
 
     force_n = normal_elastic(overlap, law, features)
-    damped = 0.0
-    grown, held_part = 1.0, 1.0  # Hertz: stiffness over its coefficient, and that of a step ago over it
+    damped = law.damping * overlap_rate
+    grown, before, held_part = one, one, one  # Hertz: stiffness over its coefficient, now and a step ago
     if features.hertz.ndim == 2:
-        grown = np.sqrt(max(overlap, 0.0))
-        before = np.sqrt(max(overlap - step * overlap_rate, 0.0))
-        held_part = min(before / grown, 1.0) if grown > 0.0 else 0.0
-        damped = law.damping * np.sqrt(grown) * overlap_rate
-    elif overlap > law.rest_overlap or features.damp_all_zones.ndim == 2:
-        damped = law.damping * overlap_rate
+        grown = np.sqrt(max(overlap, zero))
+        before = np.sqrt(max(overlap - step * overlap_rate, zero))
+        held_part = min(before / max(grown, tiny), one) if grown > zero else zero
+        damped *= np.sqrt(grown)
+    elif features.damp_all_zones.ndim == 1:
+        damped = damped if overlap > law.rest_overlap else zero
     force_n += damped
     fx, fy, fz = -force_n * nx, -force_n * ny, -force_n * nz
 
     if features.friction_repulsive.ndim == 2:
-        pressing = max(force_n, 0.0)
+        pressing = max(force_n, zero)
     elif features.friction_absolute.ndim == 2:
         pressing = abs(force_n)
     else:
-        pressing = max(force_n + law.peak_attraction, 0.0)
+        pressing = max(force_n + law.peak_attraction, zero)
 
-    sx, sy, sz = 0.0, 0.0, 0.0
-    tangential_loss, sliding_loss, released = 0.0, 0.0, 0.0
+    sx, sy, sz = zero, zero, zero
+    tangential_loss, sliding_loss, released = zero, zero, zero
     if features.tangential.ndim == 2:
         sx, sy, sz = shear
         along = sx * nx + sy * ny + sz * nz  # keep the spring in the turning tangent plane
@@ -180,7 +214,7 @@ def contact(overlap, normal, velocity, spin, shear, roll, step, law, features):
         if features.hertz.ndim == 2:
             # Mindlin: a stiffer contact keeps its force, a softer one loses it, so no energy comes in
             if features.book.ndim == 2:
-                stored = 0.5 * k * (sx * sx + sy * sy + sz * sz)
+                stored = half * k * (sx * sx + sy * sy + sz * sz)
                 released = stored * (before - grown * held_part * held_part)
             sx, sy, sz = held_part * sx, held_part * sy, held_part * sz
             k, c = k * grown, c * np.sqrt(grown)
@@ -188,25 +222,28 @@ def contact(overlap, normal, velocity, spin, shear, roll, step, law, features):
         # trial force if the slider held
         qx, qy, qz = k * sx + yielding * tx, k * sy + yielding * ty, k * sz + yielding * tz
         size = np.sqrt(qx * qx + qy * qy + qz * qz)
-        slip = 0.0
-        if size > law.static_friction * pressing:
-            limit = min(law.sliding_friction * pressing, size)
-            slip = (size - limit) / (yielding * size)  # slip velocity = slip * trial force
-            sliding_loss = limit * slip * size * step
-            held = limit / size
-        else:
-            held = 1.0
+        limit = min(law.sliding_friction * pressing, size)
+        limit = limit if size > law.static_friction * pressing else size
+        held = limit / max(size, tiny)
+        slip = (one - held) * (one / max(yielding, tiny))  # slip velocity = slip * trial force
         # velocity of the spring and damper: what the slider leaves
         ex, ey, ez = tx - slip * qx, ty - slip * qy, tz - slip * qz
         sx, sy, sz = sx + step * ex, sy + step * ey, sz + step * ez
         fx, fy, fz = fx - held * qx, fy - held * qy, fz - held * qz
-        tangential_loss = c * (ex * ex + ey * ey + ez * ez) * step
+        if features.book.ndim == 2:
+            sliding_loss = limit * slip * size * step
+            tangential_loss = c * (ex * ex + ey * ey + ez * ez) * step
 
-    mx, my, mz = 0.0, 0.0, 0.0
-    rx, ry, rz = 0.0, 0.0, 0.0
-    rolling_loss = 0.0
+    mx, my, mz = zero, zero, zero
+    rx, ry, rz = zero, zero, zero
+    rolling_loss = zero
     if features.rolling.ndim == 2:
         rx, ry, rz = roll
+        if features.hertz.ndim == 2:  # as the tangential spring: stiffer keeps its torque, softer loses it
+            if features.book.ndim == 2:
+                stored = half * law.rolling_stiffness * (rx * rx + ry * ry + rz * rz)
+                released += stored * (before - grown * held_part * held_part)
+            rx, ry, rz = held_part * rx, held_part * ry, held_part * rz
         wx, wy, wz = spin
         along = wx * nx + wy * ny + wz * nz  # no twist
         wx, wy, wz = wx - along * nx, wy - along * ny, wz - along * nz
@@ -216,21 +253,22 @@ def contact(overlap, normal, velocity, spin, shear, roll, step, law, features):
         rz = rz - along * nz + step * wz
         stiffness = law.rolling_stiffness * grown
         size = stiffness * np.sqrt(rx * rx + ry * ry + rz * rz)
-        limit = law.rolling_arm * pressing
-        if size > limit:
-            held = limit / size
-            rolling_loss = limit * (size - limit) / stiffness
-            rx, ry, rz = held * rx, held * ry, held * rz
+        limit = min(law.rolling_arm * pressing, size)
+        if features.book.ndim == 2:
+            rolling_loss = limit * (size - limit) / max(stiffness, tiny)
+        held = limit / max(size, tiny)
+        rx, ry, rz = held * rx, held * ry, held * rz
         mx, my, mz = -stiffness * rx, -stiffness * ry, -stiffness * rz
 
     sinks = (damped * overlap_rate * step, tangential_loss, sliding_loss, rolling_loss, released)
     return (fx, fy, fz), (mx, my, mz), (sx, sy, sz), (rx, ry, rz), sinks
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(cache=True, forceinline=True, error_model="numpy")
 def spring_energy(overlap, shear, roll, law, features):
     """Energy in the tangential and the rolling spring [J]; lost when a contact separates."""
-    grown = np.sqrt(max(overlap, 0.0)) if features.hertz.ndim == 2 else 1.0
-    return 0.5 * grown * law.tangential_stiffness * (
+    half = like(overlap, 0.5)
+    grown = np.sqrt(max(overlap, like(overlap, 0.0))) if features.hertz.ndim == 2 else like(overlap, 1.0)
+    return half * grown * law.tangential_stiffness * (
         shear[0] * shear[0] + shear[1] * shear[1] + shear[2] * shear[2]
-    ) + 0.5 * grown * law.rolling_stiffness * (roll[0] * roll[0] + roll[1] * roll[1] + roll[2] * roll[2])
+    ) + half * grown * law.rolling_stiffness * (roll[0] * roll[0] + roll[1] * roll[1] + roll[2] * roll[2])

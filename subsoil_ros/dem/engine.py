@@ -1,55 +1,37 @@
 """The soil engine: motions of the tools in, wrenches on the tools out."""
 
-from dataclasses import dataclass
-
 import numba
 import numpy as np
 
 from ..errors import InputError, PhysicsError, SceneError
 from ..messages import SoilCloud, SoilState, ToolMotion, ToolWrench
-from ..scene.limits import DENSE_COORDINATION, step_limits
+from ..scene.limits import DENSE_COORDINATION, SAFETY, step_limits
 from ..scene.loader import ResolvedScene
 from ..scene.meshes import load_tool_mesh
-from ..scene.pairs import particle_mass_kg
-from .bed import Bed
+from ..scene.pairs import layer_soils, particle_mass_kg
+from .bed import Bed, finite_rows, refuse_outside
 from .beds.prepare import prepare_bed
-from .contact import SINKS, soil_laws
-from .integration import kick, kick_drift, motion_sums
+from .contact import SINKS, PairLaw, law_features, soil_laws
+from .energy import EnergyBook
+from .integration import kick, kick_drift, mass_sums, motion_sums
+from .mixture import REACH, REST_OVERLAP, Mixture, law_tables, material_at
+from .monitors import Domain, LostParticle, MotionSums, Watch, half_step_sums, refuse_lost_numbers
 from .neighbours import carry_pairs, carry_rows, cell_grid, half_list, slab_starts, sort_by_cell
-from .pairs import pair_forces, pair_scan
+from .pairs import history_blocks, pair_forces, pair_scan
+from .periodic import TOOL_SKIN, refuse_narrow_period, refuse_tool_at_seam, wrapped
 from .state import PairList, Particles, WallList
 from .tool_surface import ToolSurface, motion_within
 from .walls import near_walls, wall_forces, wall_planes, wall_scan
 
-_CELLS_PER_SLAB = 2
+_CELLS_PER_SLAB = 1
 """Slab width in cells: wider than the reach, narrow enough to keep threads equally busy (chosen)."""
-
-_TOOL_SKIN = 2.0
-"""Skin of the tool search over that of the pairs: tools are faster and their lists short (chosen)."""
-
-
-@dataclass(frozen=True)
-class EnergyBook:
-    """Where the soil's energy is and went [J]. Sinks count from the start, with `book` only."""
-
-    kinetic_joule: float
-    gravity_joule: float  # zero at z = 0
-    stored_joule: float  # in contacts: normal, tangential and rolling springs
-    sinks_joule: dict[str, float]  # by dem.contact.SINKS
-    tool_work_joule: float  # done by the tools on the soil
-
-    @property
-    def total_joule(self) -> float:
-        """What stays constant: stored, moving and dissipated energy less the work put in."""
-        inside = self.kinetic_joule + self.gravity_joule + self.stored_joule
-        return inside + sum(self.sinks_joule.values()) - self.tool_work_joule
 
 
 class SoilEngine:
     """Discrete elements in a bin, touched by tools.
 
-    Results do not depend on `threads`. With `book`, every energy sink is booked (slower). `bed` stands
-    for the one the scene describes.
+    Results do not depend on `threads`. With `book`, or where the scene balances the energy, every energy sink
+    is booked (slower). `bed` stands for the one the scene describes.
     """
 
     def __init__(
@@ -65,22 +47,30 @@ class SoilEngine:
             )
         self._resolved, self._soil, self._threads = resolved, soil, threads
         self._step_s = resolved.timing.soil_step_s
+        self._kind = np.float32 if soil.precision == "mixed" else np.float64  # of all but positions
         self._gravity = resolved.scene.gravity_m_per_s2
-        self._radius = soil.particles.radius_m
+        self._radius = soil.particles.bounds_m[1]  # the largest where they are unequal
         self._mass = particle_mass_kg(soil)
         self._inertia = 0.4 * self._mass * self._radius**2
-        self._law, self._boundary, self._features = soil_laws(soil, book=book)
-        self._at_tools = self._boundary._replace(
-            stiffness=self._boundary.stiffness * soil.tool_stiffness_factor
-        )
-        self._overlap_bound = soil.largest_tool_overlap_m or 2.0 * self._radius
         self.bed: Bed = bed or prepare_bed(resolved, SoilEngine, threads)
-        self._planes = wall_planes(self.bed.lower_m, self.bed.upper_m)
+        refuse_narrow_period(self.bed, soil)
+        book = book or (soil.monitors is not None and soil.monitors.largest_energy_defect is not None)
+        self._features = law_features(soil, book=book, period_m=self.bed.period_m)
+        self._law, self._boundary = soil_laws(soil, self._features, self._step_s)
+        self._pair_law = PairLaw(*np.array(self._law, self._kind))
+        factor = soil.tool_stiffness_factor
+        self._at_tools = self._boundary._replace(stiffness=self._boundary.stiffness * factor)
+        self._pair_laws, self._wall_laws = law_tables(soil, self._features)
+        self._tool_laws = self._wall_laws.copy()
+        self._tool_laws[:, 0] *= factor
+        self._density = np.array([layer.particles.density_kg_per_m3 for layer in layer_soils(soil)])
+        self._overlap_bound = soil.largest_tool_overlap_m or 2.0 * soil.particles.mean_volume_radius_m
+        self._planes = wall_planes(self.bed.lower_m, self.bed.upper_m, self.bed.sides)
         self._tools: tuple[ToolSurface, ...] = ()
         self._rebuilds = 0
         self._tool_work = 0.0
         self._sinks = np.zeros(len(SINKS))  # of pairs and walls
-        self._load(self.bed.positions_m, np.arange(len(self.bed.positions_m)))
+        self._load(self.bed.positions_m, self.bed.radii_m, self.bed.materials)
         if bed is None:
             self._refuse_step_too_large()
 
@@ -94,16 +84,27 @@ class SoilEngine:
         if self.coordination <= DENSE_COORDINATION:
             return
         limit = step_limits(self._soil, self.coordination)[0]
-        if self._step_s > limit.limit_s:
+        if self._step_s > limit.limit_s and not self._soil.force_time_step:
             raise SceneError(
                 f"soil.time_step_s: {self._step_s:.3g} s is above the stable limit {limit.limit_s:.3g} s of "
-                f"the prepared bed ({limit.cause}); use at most {0.9 * limit.limit_s:.2g} s"
+                f"the prepared bed ({limit.cause}); use at most {SAFETY * limit.limit_s:.2g} s"
             )
 
-    def _load(self, position: np.ndarray, identity: np.ndarray) -> None:
-        """Start from particles at rest without contact history."""
-        self._particles = Particles.at_rest(np.ascontiguousarray(position), identity)
-        self._loaded_position = position.copy()
+    def _load(self, position: np.ndarray, radii: np.ndarray | None, materials: np.ndarray | None) -> None:
+        """Start from particles at rest without contact history; without `materials`, by their depth."""
+        self._particles = p = Particles.at_rest(
+            np.array(position), np.arange(len(position), dtype=np.int32), self._kind
+        )
+        if self._soil.particles.sizes is not None or self._soil.layers is not None:
+            if radii is None and self._soil.particles.sizes is not None:
+                raise InputError("radii_m: is missing; a soil with particles.sizes needs one per particle")
+            radius = np.full(p.count, self._radius) if radii is None else np.array(radii, np.float64)
+            if materials is None:
+                materials = material_at(self._soil, -position[:, 2])
+            p.make_unequal(radius, np.array(materials, np.int64), self._density)
+        self._loaded_position = position
+        self._domain = Domain(self._planes, self.bed, position, self._radius)
+        self._watch = None if self._soil.monitors is None else Watch(self._soil, self._domain, len(position))
         self._forget_contacts()
         self._rebuild(())
 
@@ -114,9 +115,10 @@ class SoilEngine:
         self._forget_contacts()
 
     def _forget_contacts(self) -> None:
-        none = np.empty((0, 3))
         rows = np.zeros(self._particles.count + 1, np.int64)
-        self._pairs = PairList(rows, np.empty(0, np.int32), none, none.copy(), np.zeros(1, np.int64))
+        self._pairs = PairList(
+            rows, np.empty(0, np.int32), history_blocks(0, self._kind), np.zeros(1, np.int64)
+        )
         walls = np.empty((0, len(self._planes), 3))
         self._walls = WallList(np.empty(0, np.int64), walls, walls.copy())
 
@@ -125,18 +127,24 @@ class SoilEngine:
         position_m: np.ndarray,
         velocity_m_per_s: np.ndarray | None = None,
         spin_rad_per_s: np.ndarray | None = None,
+        radii_m: np.ndarray | None = None,
     ) -> None:
         """Put these particles into the bin instead of the prepared bed: (n, 3) arrays, world axes.
 
-        Call it before `start`, which then must not remove any of them.
+        radii_m (n,) is for soils with sizes. Layers go by depth. Call it before `start`, which then must not
+        remove any particle.
+
+        Raises:
+            InputError: no particle, one outside the bin, or a number that is none.
         """
         position = np.array(position_m, dtype=np.float64).reshape(-1, 3)
-        self._load(position, np.arange(len(position)))
+        refuse_outside(self.bed, self._planes, position)
+        self._load(position, radii_m, None)
         back = self._particles.identity
-        if velocity_m_per_s is not None:
-            self._particles.velocity = np.array(velocity_m_per_s, np.float64).reshape(-1, 3)[back]
-        if spin_rad_per_s is not None:
-            self._particles.spin = np.array(spin_rad_per_s, np.float64).reshape(-1, 3)[back]
+        for name, given in (("velocity", velocity_m_per_s), ("spin", spin_rad_per_s)):
+            if given is not None:
+                rows = finite_rows(name, given, len(position))[back]
+                setattr(self._particles, name, rows.astype(self._kind))
 
     def damp(self, kept: float) -> None:
         """Global damping: every velocity and spin times `kept`. For the preparation of beds."""
@@ -149,9 +157,24 @@ class SoilEngine:
         return self._particles.count
 
     @property
+    def listed_pair_count(self) -> int:
+        """Pairs in the neighbour list, the skin included."""
+        return len(self._pairs.neighbour)
+
+    @property
     def mass_kg(self) -> float:
-        """Mass of one particle."""
+        """Mass of one particle; of one of mean volume where they are unequal."""
         return self._mass
+
+    def radii_m(self) -> np.ndarray:
+        """(n,) float64, in the order of the prepared bed."""
+        p = self._particles
+        return p.radius[np.argsort(p.identity)] if p.unequal else np.full(p.count, self._radius)
+
+    def materials(self) -> np.ndarray:
+        """(n,) int64 number of the layer of each particle, in the order of the prepared bed."""
+        p = self._particles
+        return p.material[np.argsort(p.identity)] if p.unequal else np.zeros(p.count, np.int64)
 
     @property
     def wall_force_newton(self) -> np.ndarray:
@@ -162,29 +185,54 @@ class SoilEngine:
     def momentum_kg_m_per_s(self) -> np.ndarray:
         """(3,) of all particles, world axes."""
         p = self._particles
+        if p.unequal:
+            return mass_sums(p.position, p.velocity, p.spin, p.mass, p.inertia)[2]
         return self._mass * motion_sums(p.position, p.velocity, p.spin)[3]
 
+    def _masses(self) -> tuple[float | np.ndarray, float | np.ndarray]:
+        """Mass [kg] and inertia [kg m2] for the kernels: of all particles, or arrays (n,)."""
+        p = self._particles
+        return (p.mass, p.inertia) if p.unequal else (self._mass, self._inertia)
+
+    def _mixture(self, laws: np.ndarray) -> Mixture:
+        p = self._particles
+        return Mixture(p.radius, p.mass, p.material, laws, len(self._density))
+
     def positions_m(self) -> np.ndarray:
-        """(n, 3) float64, world axes, in the order of the prepared bed."""
-        return self._particles.position[np.argsort(self._particles.identity)]
+        """(n, 3) float64, world axes, in the order of the prepared bed; inside the box if it is periodic."""
+        position = self._particles.position[np.argsort(self._particles.identity)]
+        if self.bed.period_m is not None:
+            position[:, 1] = wrapped(position[:, 1], self.bed.lower_m[1], self.bed.period_m)[0]
+        return position
 
     def displacements_m(self) -> np.ndarray:
-        """(n, 3) float64, world axes: from the place in the prepared bed, in its order. The disturbance."""
+        """(n, 3) float64, world axes: from the place in the prepared bed, in its order. The disturbance.
+
+        It goes on growing where a particle passes from one periodic side to the other.
+        """
         p = self._particles
         back = np.argsort(p.identity)
-        return p.position[back] - self._loaded_position[p.identity[back]]
+        moved = p.position[back] - self._loaded_position[p.identity[back]]
+        if self.bed.period_m is not None:
+            moved[:, 1] += p.image[back] * self.bed.period_m
+        return moved
+
+    @property
+    def lost_particles(self) -> tuple[LostParticle, ...]:
+        """The first that left the domain."""
+        return tuple(self._watch.first_lost) if self._watch is not None else ()
 
     def velocities_m_per_s(self) -> np.ndarray:
         """(n, 3) float64, world axes, in the order of the prepared bed."""
-        return self._particles.velocity[np.argsort(self._particles.identity)]
+        return self._particles.velocity[np.argsort(self._particles.identity)].astype(np.float64)
 
     def spins_rad_per_s(self) -> np.ndarray:
         """(n, 3) float64, world axes, in the order of the prepared bed."""
-        return self._particles.spin[np.argsort(self._particles.identity)]
+        return self._particles.spin[np.argsort(self._particles.identity)].astype(np.float64)
 
     def forces_newton(self) -> np.ndarray:
         """(n, 3) float64, world axes, sum on each particle at the end of the last step, weight included."""
-        return self._particles.force[np.argsort(self._particles.identity)]
+        return self._particles.force[np.argsort(self._particles.identity)].astype(np.float64)
 
     def start(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
         """Wrenches of the initial state. Particles that the tools overlap are removed; no time advances.
@@ -197,12 +245,17 @@ class SoilEngine:
         tools = []
         for (name, tool), motion in zip(scene.tools.items(), motions, strict=True):
             mesh = load_tool_mesh(self._resolved.directory, scene, name)
+            refuse_tool_at_seam(name, mesh.vertices_m, self.bed, self._soil)
             reference = bodies[tool.body].angle_rad if tool.body else 0.0
             tools.append(ToolSurface(name, mesh, reference, motion))
-        clearance = self._radius - self._boundary.rest_overlap
-        kept = np.ones(self._particles.count, np.bool_)
+        p = self._particles
+        if p.unequal:
+            clearance = p.radius - self._wall_laws[p.material, REST_OVERLAP]
+        else:
+            clearance = np.full(p.count, self._radius - self._boundary.rest_overlap)
+        kept = np.ones(p.count, np.bool_)
         for surface in tools:
-            kept[surface.overlapped(self._particles, clearance)] = False
+            kept[surface.overlapped(p, clearance)] = False
         if not kept.any():
             raise InputError("tools: they overlap every particle of the bed; check their scale and position")
         self._tools = tuple(tools)
@@ -210,13 +263,16 @@ class SoilEngine:
         self._rebuild(motions)
         self._begin_tick()
         self._add_forces(motions, step=0.0)
+        if self._watch is not None and self._watch.balances:
+            self._watch.begin(self.energy())
         return self._wrenches()
 
     def advance(self, tick: int, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
         """Wrenches of `tick`, the tools moving from where they stand to `motions`.
 
         Raises:
-            PhysicsError: a state that is not a number, or a tool sunk too deep into a particle.
+            PhysicsError: a state that is not a number, a tool sunk too deep into a particle, or a bound of
+                soil.monitors passed.
         """
         numba.set_num_threads(self._threads)
         steps = self._resolved.timing.soil_steps
@@ -229,8 +285,22 @@ class SoilEngine:
                 motion_within(a, b, self._resolved.timing.interval_s, s / steps)
                 for a, b in zip(starts, motions, strict=True)
             )
-            self._advance_step(tick, now)
+            where = f"tick {tick}" if steps == 1 else f"tick {tick}, soil step {s} of {steps}"
+            self._advance_step(where, now)
+            last = s == steps and tick == self._resolved.timing.tick_count - 1
+            if self._watch is not None and self._watch.due(last=last):
+                sums = self._motion_sums()
+                self._watch.look(where, tick, self._particles, sums, self._largest_overlap, self.energy)
         return self._wrenches()
+
+    def _motion_sums(self) -> MotionSums:
+        p = self._particles
+        return MotionSums(
+            *half_step_sums(p.position, p.velocity, p.spin, p.force, p.torque, *self._masses(), self._step_s)
+        )
+
+    def _largest_overlap(self) -> float:
+        return self._scan_pairs()[1]
 
     def _begin_tick(self) -> None:
         for tool in self._tools:
@@ -246,22 +316,24 @@ class SoilEngine:
     def _wrenches(self) -> tuple[ToolWrench, ...]:
         return tuple(tool.wrench() for tool in self._tools)
 
-    def _advance_step(self, tick: int, motions: tuple[ToolMotion, ...]) -> None:
+    def _advance_step(self, where: str, motions: tuple[ToolMotion, ...]) -> None:
         p, skin = self._particles, self._soil.skin_m
+        mass, inertia = self._masses()
         far = kick_drift(
             p.position, p.velocity, p.spin, p.force, p.torque, p.built_position,
-            self._mass, self._inertia, self._gravity, self._step_s, (0.5 * skin) ** 2,
+            mass, inertia, self._gravity, self._step_s, (0.5 * skin) ** 2,
         )  # fmt: skip
-        allowed = (_TOOL_SKIN - 0.5) * skin
+        allowed = (TOOL_SKIN - 0.5) * skin
         if far or any(t.moved_m(m) > allowed for t, m in zip(self._tools, motions, strict=True)):
-            self._refuse_lost_numbers(tick)
+            refuse_lost_numbers(where, self._particles)
             self._rebuild(motions)
         self._add_forces(motions, self._step_s)
-        kick(p.velocity, p.spin, p.force, p.torque, self._mass, self._inertia, self._step_s)
+        mass, inertia = self._masses()  # a rebuild may have sorted them
+        kick(p.velocity, p.spin, p.force, p.torque, mass, inertia, self._step_s)
         deepest = max((tool.largest_overlap_m for tool in self._tools), default=0.0)
         if deepest > self._overlap_bound:
             raise PhysicsError(
-                f"tick {tick}: a tool overlaps a particle by {deepest:.3g} m, allowed is "
+                f"{where}: a tool overlaps a particle by {deepest:.3g} m, allowed is "
                 f"soil.largest_tool_overlap_m {self._overlap_bound:.3g} m; raise "
                 "soil.tool_stiffness_factor, or make the tool slower or thicker"
             )
@@ -271,43 +343,51 @@ class SoilEngine:
         motion = (p.position, p.velocity, p.spin, p.force, p.torque)
         if step == 0.0:
             p.force[:] = 0.0
-            p.force[:, 2] = -self._mass * self._gravity
+            p.force[:, 2] = -self._masses()[0] * self._gravity
             p.torque[:] = 0.0
         pair_forces(
-            pairs.slab_start, pairs.row_start, pairs.neighbour, *motion, pairs.shear, pairs.roll,
-            self._radius, step, self._law, features, self._pair_book,
+            pairs.slab_start, pairs.row_start, pairs.neighbour, *motion, pairs.history,
+            self._kind(self._radius), self._kind(step), self._pair_law, self._mixture(self._pair_laws),
+            features, self._pair_book,
         )  # fmt: skip
         wall_forces(
             walls.particle, self._planes, *motion, walls.shear, walls.roll,
-            self._radius, step, self._boundary, features, self._wall_force, self._wall_book,
+            self._radius, step, self._boundary, self._mixture(self._wall_laws), features,
+            self._wall_force, self._wall_book,
         )  # fmt: skip
+        at_tools = self._mixture(self._tool_laws)
         for tool, at in zip(self._tools, motions, strict=True):
             work = tool.felt.work_joule
-            tool.add_forces(p, at, self._radius, step, self._at_tools, features)
+            tool.add_forces(p, at, self._radius, step, self._at_tools, at_tools, features)
             self._tool_work -= tool.felt.work_joule - work
 
     def _rebuild(self, motions: tuple[ToolMotion, ...]) -> None:
         """Sort particles into cells, find pairs, walls and tool candidates, carry histories over."""
         p, skin = self._particles, self._soil.skin_m
         adhesive = self._features.adhesion.ndim == 2
-        reach = 2.0 * self._radius + (self._law.reach if adhesive else 0.0) + skin
-        boundary_reach = self._radius + (self._boundary.reach if adhesive else 0.0)
-        grid = cell_grid(p.position, reach)
+        reach = 2.0 * self._radius + (float(self._pair_laws[:, REACH].max()) if adhesive else 0.0) + skin
+        boundary_reach = self._radius + (float(self._wall_laws[:, REACH].max()) if adhesive else 0.0)
+        low, high = np.array(self.bed.lower_m), np.array([*self.bed.upper_m, self._domain.ceiling_m])
+        period = np.inf
+        if self.bed.period_m is not None:
+            period = self.bed.period_m
+            p.wrap(low[1], period)
+        grid = cell_grid(p.position, reach, low, high, period)
         order, cell_start = sort_by_cell(p.position, grid)
         p.reorder(order)
-        row_start, neighbour = half_list(p.position, grid, cell_start, reach)
+        smaller = self._radius - p.radius if p.unequal else 0.0
+        row_start, neighbour = half_list(p.position, grid, cell_start, reach, smaller)
         old = self._pairs
-        shear, roll = carry_pairs(
-            order, old.row_start, old.neighbour, old.shear, old.roll, row_start, neighbour
-        )
+        history = history_blocks(len(neighbour), self._kind)
+        carry_pairs(order, old.row_start, old.neighbour, old.history, row_start, neighbour, history)
         slabs = slab_starts(cell_start, grid, _CELLS_PER_SLAB)
         self._flush_books()
-        self._pairs = PairList(row_start, neighbour, shear, roll, slabs)
+        self._pairs = PairList(row_start, neighbour, history, slabs)
         particle = near_walls(p.position, self._planes, boundary_reach + skin)
         histories = carry_rows(order, self._walls.particle, particle, (self._walls.shear, self._walls.roll))
         self._walls = WallList(particle, *histories)
         for tool, motion in zip(self._tools, motions, strict=True):
-            tool.search(motion, p, order, cell_start, grid, boundary_reach + _TOOL_SKIN * skin)
+            tool.search(motion, p, order, cell_start, grid, boundary_reach + TOOL_SKIN * skin)
         self._wall_force = np.zeros((len(particle), 3))
         self._pair_book = np.zeros((len(slabs) - 1, len(SINKS)))
         self._wall_book = np.zeros((len(particle), len(SINKS)))
@@ -319,33 +399,26 @@ class SoilEngine:
             self._pair_book[:] = 0.0
             self._wall_book[:] = 0.0
 
-    def _refuse_lost_numbers(self, tick: int) -> None:
-        p = self._particles
-        finite = np.isfinite(p.position).all(axis=1) & np.isfinite(p.velocity).all(axis=1)
-        if not finite.all():
-            k = int(np.flatnonzero(~finite)[0])
-            raise PhysicsError(
-                f"tick {tick}: particle {p.identity[k]} is no longer a number: position {p.position[k]}, "
-                f"velocity {p.velocity[k]}, last forces {p.force[k]}; use a smaller soil.time_step_s"
-            )
-
     def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
-        """Monitors at the end of `tick`."""
-        p, n = self._particles, self._particles.count
-        speed2, spin2, _, _ = motion_sums(p.position, p.velocity, p.spin)
+        """Monitors at the end of `tick`.
+
+        The rms spin is that half a step before and after: one that turns round from step to step is zero
+        in between.
+        """
+        n = self._particles.count
         contacts, largest, _ = self._scan_pairs()
-        gap = self._planes[:, 3] - p.position @ self._planes[:, :3].T
+        sums = self._motion_sums()
         return SoilState(
             run_id,
             tick,
             end_time_ns,
             particle_count=n,
             contact_count=contacts,
-            lost_particle_count=int((gap < -self._radius).any(axis=1).sum()),
+            lost_particle_count=self._watch.lost_count if self._watch is not None else 0,
             rebuild_count=self._rebuilds,
-            kinetic_energy_joule=0.5 * (self._mass * speed2 + self._inertia * spin2),
-            rms_speed_m_per_s=float(np.sqrt(speed2 / n)),
-            rms_spin_rad_per_s=float(np.sqrt(spin2 / n)),
+            kinetic_energy_joule=self._moving_joule()[0],
+            rms_speed_m_per_s=float(np.sqrt(sums.speed2 / n)),
+            rms_spin_rad_per_s=float(np.sqrt((sums.spin2 + sums.half_spin2) / n)),
             largest_overlap_m=largest,
             largest_tool_overlap_m=max((t.largest_overlap_m for t in self._tools), default=0.0),
         )
@@ -353,24 +426,36 @@ class SoilEngine:
     def _scan_pairs(self) -> tuple[int, float, float]:
         pairs = self._pairs
         return pair_scan(
-            pairs.row_start, pairs.neighbour, self._particles.position, pairs.shear, pairs.roll,
-            self._radius, self._law, self._features,
+            pairs.row_start, pairs.neighbour, self._particles.position, pairs.history,
+            self._radius, self._law, self._mixture(self._pair_laws), self._features,
         )  # fmt: skip
+
+    def _moving_joule(self) -> tuple[float, float]:
+        """Kinetic energy and that of gravity, zero at z = 0."""
+        p = self._particles
+        if p.unequal:
+            kinetic, height, _ = mass_sums(p.position, p.velocity, p.spin, p.mass, p.inertia)
+            return kinetic, self._gravity * height
+        speed2, spin2, height, _ = motion_sums(p.position, p.velocity, p.spin)
+        return 0.5 * (self._mass * speed2 + self._inertia * spin2), self._mass * self._gravity * height
 
     def energy(self) -> EnergyBook:
         """The energy book at the end of the last tick."""
         p, walls = self._particles, self._walls
         self._flush_books()
-        speed2, spin2, height, _ = motion_sums(p.position, p.velocity, p.spin)
+        kinetic, gravity = self._moving_joule()
         at_walls = wall_scan(
             walls.particle, self._planes, p.position, walls.shear, walls.roll,
-            self._radius, self._boundary, self._features,
+            self._radius, self._boundary, self._mixture(self._wall_laws), self._features,
         )[2]  # fmt: skip
-        at_tools = sum(t.stored_joule(p, self._radius, self._at_tools, self._features) for t in self._tools)
+        mixture = self._mixture(self._tool_laws)
+        at_tools = sum(
+            t.stored_joule(p, self._radius, self._at_tools, mixture, self._features) for t in self._tools
+        )
         sinks = self._sinks + sum((t.sinks_joule for t in self._tools), np.zeros(len(SINKS)))
         return EnergyBook(
-            kinetic_joule=0.5 * (self._mass * speed2 + self._inertia * spin2),
-            gravity_joule=self._mass * self._gravity * height,
+            kinetic_joule=kinetic,
+            gravity_joule=gravity,
             stored_joule=self._scan_pairs()[2] + at_walls + at_tools,
             sinks_joule=dict(zip(SINKS, sinks.tolist(), strict=True)),
             tool_work_joule=self._tool_work,

@@ -15,7 +15,7 @@ class Facets(NamedTuple):
     normal: np.ndarray  # (m, 3) outward unit
     edge: np.ndarray  # (m, 3) int32: edges ab, bc, ca by number
     vertex: np.ndarray  # (m, 3) int32
-    valence: np.ndarray  # (vertices,) int32: facets around a vertex
+    opposite: np.ndarray  # (m, 3) int32: facet across edge ab, bc, ca
     group: np.ndarray  # (m,) int32
 
 
@@ -27,13 +27,16 @@ def facets_of(mesh: ToolMesh) -> Facets:
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     ends = np.sort(np.stack([facets, np.roll(facets, -1, axis=1)], axis=-1), axis=-1)
     _, edge = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
-    valence = np.bincount(facets.ravel(), minlength=len(mesh.vertices_m))
+    edge = edge.ravel()
+    sides = np.argsort(edge, kind="stable").reshape(-1, 2)  # the two places of every edge
+    opposite = np.empty(len(edge), np.int32)
+    opposite[sides] = sides[:, ::-1] // 3
     return Facets(
         corner,
         np.ascontiguousarray(normal),
         np.ascontiguousarray(edge.reshape(-1, 3).astype(np.int32)),
         facets,
-        valence.astype(np.int32),
+        opposite.reshape(-1, 3),
         np.ascontiguousarray(mesh.facet_group, np.int32),
     )
 
@@ -111,8 +114,8 @@ def near_facets(position, cell_start, grid, pose, corner, reach):
                     high[a] = max(high[a], world[a] + reach)
             first_x = max(int(np.floor((low[0] - grid.origin_x) / grid.edge)), 0)
             last_x = min(int(np.floor((high[0] - grid.origin_x) / grid.edge)), grid.nx - 1)
-            first_y = max(int(np.floor((low[1] - grid.origin_y) / grid.edge)), 0)
-            last_y = min(int(np.floor((high[1] - grid.origin_y) / grid.edge)), grid.ny - 1)
+            first_y = max(int(np.floor((low[1] - grid.origin_y) / grid.edge_y)), 0)
+            last_y = min(int(np.floor((high[1] - grid.origin_y) / grid.edge_y)), grid.ny - 1)
             first_z = max(int(np.floor((low[2] - grid.origin_z) / grid.edge)), 0)
             last_z = min(int(np.floor((high[2] - grid.origin_z) / grid.edge)), grid.nz - 1)
             if first_z > last_z:
@@ -143,7 +146,9 @@ def near_facets(position, cell_start, grid, pose, corner, reach):
 
 @njit(cache=True)
 def inside_or_near(position, particle, pose, corner, clearance):
-    """Of `particle`, those inside the closed surface or closer than `clearance` [m] to it: bool (c,).
+    """Of `particle`, those inside the closed surface or closer to it than their clearance: bool (c,).
+
+    clearance [m]: (n,), of all particles.
 
     Inside is where the solid angles of the facets sum to more than 2 pi (A. van Oosterom, J. Strackee,
     IEEE Trans. Biomed. Eng. 30, 1983: the angle of one triangle).
@@ -158,7 +163,7 @@ def inside_or_near(position, particle, pose, corner, clearance):
         angle = 0.0
         for m in range(corner.shape[0]):
             qx, qy, qz, _ = closest_feature(p[0], p[1], p[2], corner[m])
-            if (p[0] - qx) ** 2 + (p[1] - qy) ** 2 + (p[2] - qz) ** 2 < clearance * clearance:
+            if (p[0] - qx) ** 2 + (p[1] - qy) ** 2 + (p[2] - qz) ** 2 < clearance[i] ** 2:
                 hit[k] = True
                 break
             for axis in range(3):

@@ -8,17 +8,21 @@ frame of its own.
 import numpy as np
 from numba import njit, prange
 
+from .per_particle import of_particle
+
 
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def kick_drift(position, velocity, spin, force, torque, built, mass, inertia, gravity, step, limit_squared):
     """First half kick and drift; forces become gravity alone, torques zero.
 
+    mass [kg] and inertia [kg m2] are those of every particle, or arrays (n,).
+
     Returns the number of particles farther than sqrt(limit_squared) [m] from where the lists were built
     (not a number counts as far).
     """
-    half_m, half_i = 0.5 * step / mass, 0.5 * step / inertia
     far = 0
     for i in prange(position.shape[0]):
+        half_m, half_i = 0.5 * step / of_particle(mass, i), 0.5 * step / of_particle(inertia, i)
         moved = 0.0
         for a in range(3):
             velocity[i, a] += half_m * force[i, a]
@@ -28,7 +32,7 @@ def kick_drift(position, velocity, spin, force, torque, built, mass, inertia, gr
             moved += d * d
             force[i, a] = 0.0
             torque[i, a] = 0.0
-        force[i, 2] = -mass * gravity
+        force[i, 2] = -of_particle(mass, i) * gravity
         if not moved <= limit_squared:
             far += 1
     return far
@@ -37,8 +41,8 @@ def kick_drift(position, velocity, spin, force, torque, built, mass, inertia, gr
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def kick(velocity, spin, force, torque, mass, inertia, step):
     """Second half kick."""
-    half_m, half_i = 0.5 * step / mass, 0.5 * step / inertia
     for i in prange(velocity.shape[0]):
+        half_m, half_i = 0.5 * step / of_particle(mass, i), 0.5 * step / of_particle(inertia, i)
         for a in range(3):
             velocity[i, a] += half_m * force[i, a]
             spin[i, a] += half_i * torque[i, a]
@@ -56,3 +60,17 @@ def motion_sums(position, velocity, spin):
             total[a] += velocity[i, a]
         height += position[i, 2]
     return speed2, spin2, height, total
+
+
+@njit(cache=True, nogil=True)
+def mass_sums(position, velocity, spin, mass, inertia):
+    """Kinetic energy [J], sum of m z [kg m], and momentum [kg m/s] of unequal particles, in index order."""
+    kinetic, height = 0.0, 0.0
+    momentum = np.zeros(3)
+    for i in range(velocity.shape[0]):
+        for a in range(3):
+            kinetic += 0.5 * mass[i] * velocity[i, a] * velocity[i, a]
+            kinetic += 0.5 * inertia[i] * spin[i, a] * spin[i, a]
+            momentum[a] += mass[i] * velocity[i, a]
+        height += mass[i] * position[i, 2]
+    return kinetic, height, momentum

@@ -5,24 +5,58 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, prange
 
+from .pairs import BLOCK, HISTORY, history_place
+from .per_particle import of_particle
+from .periodic import nearest_image
+
 
 class CellGrid(NamedTuple):
-    """Cells of edge >= the search reach over the bed, x-major, z fastest."""
+    """Cells of edges >= the search reach over the bed, x-major, z fastest.
+
+    Particles outside it belong to its outermost cells; that keeps neighbours in neighbouring cells. With a
+    period, whole cells fill it in y, and the last one is beside the first.
+    """
 
     origin_x: float  # [m]
     origin_y: float
     origin_z: float
-    edge: float  # [m]
+    edge: float  # [m] along x and z
+    edge_y: float  # [m]
     nx: int
     ny: int
     nz: int
+    period: float  # [m] in y; infinite without
 
 
-def cell_grid(position: np.ndarray, edge: float) -> CellGrid:
-    """Grid that covers every particle of `position` (n, 3) [m]."""
-    low = position.min(axis=0)
-    count = np.floor((position.max(axis=0) - low) / edge).astype(np.int64) + 1
-    return CellGrid(low[0], low[1], low[2], edge, int(count[0]), int(count[1]), int(count[2]))
+@njit(cache=True)
+def _bounds(position):
+    low, high = position[0].copy(), position[0].copy()
+    for i in range(position.shape[0]):
+        for a in range(3):
+            low[a] = min(low[a], position[i, a])
+            high[a] = max(high[a], position[i, a])
+    return low, high
+
+
+def cell_grid(
+    position: np.ndarray, edge: float, low: np.ndarray, high: np.ndarray, period: float
+) -> CellGrid:
+    """Grid that covers the particles of `position` (n, 3) [m] between the corners `low` and `high` (3,) [m].
+
+    period: in y [m], from low[1] on; infinite: none.
+    """
+    first, last = (np.clip(corner, low, high) for corner in _bounds(position))
+    count = np.floor((last - first) / edge).astype(np.int64) + 1
+    edge_y = edge
+    if np.isfinite(period):
+        first[1], count[1] = low[1], int(period / edge + 1e-9)
+        edge_y = period / count[1]
+    nx, ny, nz = count.tolist()
+    return CellGrid(first[0], first[1], first[2], edge, edge_y, nx, ny, nz, period)
+
+
+_RUNS = 6
+"""Runs of _forward_range."""
 
 
 @njit(cache=True, inline="always")
@@ -39,7 +73,7 @@ def sort_by_cell(position, grid):
     start = np.zeros(cells + 1, np.int64)
     for i in range(n):
         cx = _axis_cell(position[i, 0], grid.origin_x, grid.edge, grid.nx)
-        cy = _axis_cell(position[i, 1], grid.origin_y, grid.edge, grid.ny)
+        cy = _axis_cell(position[i, 1], grid.origin_y, grid.edge_y, grid.ny)
         cz = _axis_cell(position[i, 2], grid.origin_z, grid.edge, grid.nz)
         cell[i] = (cx * grid.ny + cy) * grid.nz + cz
         start[cell[i] + 1] += 1
@@ -53,13 +87,33 @@ def sort_by_cell(position, grid):
     return order, start
 
 
+@njit(cache=True, parallel=True)
+def take_rows(array, order):
+    """Rows order[k] of `array` (n, m), in that order."""
+    taken = np.empty((order.shape[0], array.shape[1]), array.dtype)
+    for k in prange(order.shape[0]):
+        for a in range(array.shape[1]):
+            taken[k, a] = array[order[k], a]
+    return taken
+
+
 @njit(cache=True, inline="always")
 def _forward_range(grid, cx, cy, cz, k, cell_start):
-    """k-th of the five runs of particles that may follow a particle of cell (cx, cy, cz)."""
-    dx = 0 if k < 2 else 1
-    dy = (0, 1, -1, 0, 1)[k]
+    """k-th of the six runs of particles that may follow a particle of cell (cx, cy, cz).
+
+    Across the seam of a period the first row of cells looks back at the last one, so that the second of a
+    pair always comes later in the order.
+    """
+    dx = 0 if k < 3 else 1
+    dy = (0, 1, -1, -1, 0, 1)[k]
     x, y = cx + dx, cy + dy
-    if x >= grid.nx or y < 0 or y >= grid.ny:
+    if k == 2 and y >= 0:
+        return 0, 0
+    if y < 0 or (y >= grid.ny and dx == 1):
+        if grid.period == np.inf:
+            return 0, 0
+        y = y + grid.ny if y < 0 else 0
+    if x >= grid.nx or y >= grid.ny:
         return 0, 0
     column = (x * grid.ny + y) * grid.nz
     low = max(cz - 1, 0) if k > 0 else cz
@@ -68,23 +122,28 @@ def _forward_range(grid, cx, cy, cz, k, cell_start):
 
 
 @njit(cache=True, parallel=True)
-def half_list(position, grid, cell_start, reach):
-    """Pairs i < j closer than `reach` [m] of particles sorted by cell: row_start (n + 1,), neighbour (p,)."""
+def half_list(position, grid, cell_start, reach, smaller):
+    """Pairs i < j closer than `reach` [m] of particles sorted by cell: row_start (n + 1,), neighbour (p,).
+
+    smaller [m]: how much less the radius of each particle is than that of the largest, (n,); zero for all
+    where they are equal.
+    """
     n = position.shape[0]
     row_start = np.zeros(n + 1, np.int64)
-    reach2 = reach * reach
     for i in prange(n):
         cx = _axis_cell(position[i, 0], grid.origin_x, grid.edge, grid.nx)
-        cy = _axis_cell(position[i, 1], grid.origin_y, grid.edge, grid.ny)
+        cy = _axis_cell(position[i, 1], grid.origin_y, grid.edge_y, grid.ny)
         cz = _axis_cell(position[i, 2], grid.origin_z, grid.edge, grid.nz)
         count = 0
-        for k in range(5):
+        own_reach = reach - of_particle(smaller, i)
+        for k in range(_RUNS):
             low, high = _forward_range(grid, cx, cy, cz, k, cell_start)
             for j in range(max(low, i + 1), high):
+                limit = own_reach - of_particle(smaller, j)
                 dx = position[j, 0] - position[i, 0]
-                dy = position[j, 1] - position[i, 1]
+                dy = nearest_image(position[j, 1] - position[i, 1], grid.period)
                 dz = position[j, 2] - position[i, 2]
-                if dx * dx + dy * dy + dz * dz < reach2:
+                if dx * dx + dy * dy + dz * dz < limit * limit:
                     count += 1
         row_start[i + 1] = count
     for i in range(n):
@@ -92,16 +151,18 @@ def half_list(position, grid, cell_start, reach):
     neighbour = np.empty(row_start[n], np.int32)
     for i in prange(n):
         cx = _axis_cell(position[i, 0], grid.origin_x, grid.edge, grid.nx)
-        cy = _axis_cell(position[i, 1], grid.origin_y, grid.edge, grid.ny)
+        cy = _axis_cell(position[i, 1], grid.origin_y, grid.edge_y, grid.ny)
         cz = _axis_cell(position[i, 2], grid.origin_z, grid.edge, grid.nz)
         slot = row_start[i]
-        for k in range(5):
+        own_reach = reach - of_particle(smaller, i)
+        for k in range(_RUNS):
             low, high = _forward_range(grid, cx, cy, cz, k, cell_start)
             for j in range(max(low, i + 1), high):
+                limit = own_reach - of_particle(smaller, j)
                 dx = position[j, 0] - position[i, 0]
-                dy = position[j, 1] - position[i, 1]
+                dy = nearest_image(position[j, 1] - position[i, 1], grid.period)
                 dz = position[j, 2] - position[i, 2]
-                if dx * dx + dy * dy + dz * dz < reach2:
+                if dx * dx + dy * dy + dz * dz < limit * limit:
                     neighbour[slot] = j
                     slot += 1
     return row_start, neighbour
@@ -115,27 +176,29 @@ def slab_starts(cell_start: np.ndarray, grid: CellGrid, cells_per_slab: int) -> 
 
 
 @njit(cache=True, parallel=True)
-def carry_pairs(order, old_row, old_neighbour, old_shear, old_roll, row_start, neighbour):
-    """Histories of the pairs that were in the lists before the particles were put in `order`.
+def carry_pairs(order, old_row, old_neighbour, old_history, row_start, neighbour, history):
+    """Fills `history` with that of the pairs that were in the lists before the particles were put in `order`.
 
     A pair whose particles changed places sees its springs from the other side: the sign turns.
     """
-    pairs = neighbour.shape[0]
-    shear = np.zeros((pairs, 3))
-    roll = np.zeros((pairs, 3))
     for i in prange(order.shape[0]):
-        for k in range(row_start[i], row_start[i + 1]):
-            first, second = order[i], order[neighbour[k]]
-            sign = 1.0
-            if first > second:
-                first, second, sign = second, first, -1.0
-            for m in range(old_row[first], old_row[first + 1]):
-                if old_neighbour[m] == second:
-                    for a in range(3):
-                        shear[k, a] = sign * old_shear[m, a]
-                        roll[k, a] = sign * old_roll[m, a]
-                    break
-    return shear, roll
+        _carry_row(i, order, old_row, old_neighbour, old_history, row_start, neighbour, history)
+
+
+@njit(cache=True)
+def _carry_row(i, order, old_row, old_neighbour, old_history, row_start, neighbour, history):
+    for k in range(row_start[i], row_start[i + 1]):
+        first, second = order[i], order[neighbour[k]]
+        turned = first > second
+        if turned:
+            first, second = second, first
+        for m in range(old_row[first], old_row[first + 1]):
+            if old_neighbour[m] == second:
+                to, here = history_place(k), history_place(m)
+                for a in range(HISTORY):
+                    kept = old_history[here + a * BLOCK]
+                    history[to + a * BLOCK] = -kept if turned else kept
+                break
 
 
 def carry_rows(

@@ -9,6 +9,7 @@ from ..messages import GroupForce, ToolMotion, ToolWrench
 from ..scene.meshes import ToolMesh
 from .contact import Features, PairLaw
 from .facets import Facets, facets_of, inside_or_near, near_facets
+from .mixture import Mixture
 from .neighbours import CellGrid, carry_rows
 from .state import Particles, ToolList
 from .tools import CONTACTS, chunk_buffers, tool_forces, tool_scan
@@ -84,16 +85,16 @@ class ToolSurface:
         shift = math.hypot(motion.x_m - then.x_m, motion.z_m - then.z_m)
         return shift + self._radius_m * abs(motion.phi_rad - then.phi_rad)
 
-    def overlapped(self, particles: Particles, clearance_m: float) -> np.ndarray:
-        """Candidates inside the surface or closer to it than `clearance_m`: particle numbers."""
+    def overlapped(self, particles: Particles, clearance_m: np.ndarray) -> np.ndarray:
+        """Particles (numbers) inside the surface or closer to it than their `clearance_m` (n,)."""
         pose = self.kernel_motion(self.last)[:4]
         low, high = self.mesh.vertices_m.min(axis=0), self.mesh.vertices_m.max(axis=0)
         dx, dz = particles.position[:, 0] - pose[0], particles.position[:, 2] - pose[1]
         local = np.stack(
             (pose[2] * dx + pose[3] * dz, particles.position[:, 1], pose[2] * dz - pose[3] * dx), axis=1
         )
-        box = ((local > low - clearance_m) & (local < high + clearance_m)).all(axis=1)
-        candidates = np.flatnonzero(box)
+        near = clearance_m[:, None]
+        candidates = np.flatnonzero(((local > low - near) & (local < high + near)).all(axis=1))
         hit = inside_or_near(particles.position, candidates, pose, self.facets.corner, clearance_m)
         return candidates[hit]
 
@@ -104,6 +105,7 @@ class ToolSurface:
         radius: float,
         step: float,
         law: PairLaw,
+        mixture: Mixture,
         features: Features,
     ) -> None:
         """Forces of one soil step at whose end the tool stands at `motion`; sums what the tool felt."""
@@ -112,7 +114,7 @@ class ToolSurface:
         tool_forces(
             near.particle, near.facet_start, near.facet, self.facets, self.kernel_motion(motion),
             particles.position, particles.velocity, particles.spin, particles.force, particles.torque,
-            near.active, near.normal, near.shear, near.roll, radius, step, law, features,
+            near.active, near.normal, near.shear, near.roll, radius, step, law, mixture, features,
             group_force, moment, sums,
         )  # fmt: skip
         by_group, torque = group_force.sum(axis=0), moment.sum(axis=0)
@@ -130,12 +132,15 @@ class ToolSurface:
         self.sinks_joule += sums[:, :5].sum(axis=0)
         self.last = motion
 
-    def stored_joule(self, particles: Particles, radius: float, law: PairLaw, features: Features) -> float:
+    def stored_joule(
+        self, particles: Particles, radius: float, law: PairLaw, mixture: Mixture, features: Features
+    ) -> float:
         """Energy in this tool's contacts [J]."""
         near = self.near
         return tool_scan(
             near.particle, near.facet_start, near.facet, self.facets, self.kernel_motion(self.last),
-            particles.position, near.active, near.normal, near.shear, near.roll, radius, law, features,
+            particles.position, near.active, near.normal, near.shear, near.roll, radius, law, mixture,
+            features,
         )  # fmt: skip
 
     def wrench(self) -> ToolWrench:

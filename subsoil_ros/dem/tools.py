@@ -12,6 +12,7 @@ from numba import njit, prange
 
 from .contact import contact, normal_potential, spring_energy
 from .facets import closest_feature
+from .mixture import sphere_of
 
 CONTACTS = 4
 """Contacts of one particle with one tool that are kept; a convex body gives at most three."""
@@ -22,18 +23,42 @@ _CHUNKS = 32
 _SAME_NORMAL = 0.7
 """Cosine up to which a contact continues the one before (chosen: 45 degrees)."""
 
-_FEATURES = 64
-"""Edges and vertices looked at for one particle."""
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _is_nearest(px, py, pz, dx, dy, dz, facets, m, kind):
+    """Whether edge or vertex `kind` of facet m is nearest to p on every facet that shares it, m being the
+    first of these and p outside of one at least. d [m]: from p to the nearest point.
+
+    Winding is consistent, so the facets across one edge after another lead around a vertex, or back.
+    """
+    corner = (kind - 1) % 3
+    number = facets.edge[m, corner] if kind < 4 else facets.vertex[m, corner]
+    outside, other = False, m
+    while True:
+        nx, ny, nz = facets.normal[other, 0], facets.normal[other, 1], facets.normal[other, 2]
+        if dx * nx + dy * ny + dz * nz <= 0.0:
+            outside = True
+        other = facets.opposite[other, corner]
+        if other == m:
+            return outside
+        if other < m:
+            return False
+        _, _, _, feature = closest_feature(px, py, pz, facets.corner[other])
+        if feature == 0 or (feature < 4) != (kind < 4):
+            return False
+        corner = (feature - 1) % 3
+        if number != (facets.edge[other, corner] if kind < 4 else facets.vertex[other, corner]):
+            return False
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _find_contacts(px, py, pz, facets, first, last, facet, reach, was_active, was_normal, seen, out):
+def _find_contacts(px, py, pz, facets, first, last, facet, reach, was_active, was_normal, out):
     """Contacts of a centre p [m, body frame] with the facets facet[first:last].
 
-    seen (64, 3) int64 and out (CONTACTS, 6) are scratch. Returns the number found; rows of out: unit
-    normal towards the tool, distance [m] (negative: centre behind the face), group, history slot or -1.
+    Returns the number found; rows of out (CONTACTS, 6): unit normal towards the tool, distance [m]
+    (negative: centre behind the face), group, history slot or -1.
     """
-    features, found = 0, 0
+    found = 0
     for q in range(first, last):
         m = facet[q]
         qx, qy, qz, kind = closest_feature(px, py, pz, facets.corner[m])
@@ -46,21 +71,7 @@ def _find_contacts(px, py, pz, facets, first, last, facet, reach, was_active, wa
         if kind == 0 or (height < 0.0 and distance + height < 1e-12):  # also behind the seam of a flat face
             nx, ny, nz, distance = -nx, -ny, -nz, height
         else:
-            # an edge (two facets) or a vertex (all around it) must be nearest on each facet
-            number = facets.edge[m, kind - 1] if kind < 4 else -1 - facets.vertex[m, kind - 4]
-            needed = 2 if kind < 4 else facets.valence[facets.vertex[m, kind - 4]]
-            place = 0
-            while place < features and seen[place, 0] != number:
-                place += 1
-            if place == features:
-                if features == seen.shape[0]:
-                    continue
-                seen[place, 0], seen[place, 1], seen[place, 2] = number, 0, 0
-                features += 1
-            seen[place, 1] += 1
-            if height >= 0.0:
-                seen[place, 2] = 1
-            if seen[place, 1] < needed or seen[place, 2] == 0 or distance == 0.0:
+            if distance == 0.0 or not _is_nearest(px, py, pz, dx, dy, dz, facets, m, kind):
                 continue
             nx, ny, nz = dx / distance, dy / distance, dz / distance
         slot, best = -1, _SAME_NORMAL
@@ -155,12 +166,11 @@ def _candidate(
 @njit(cache=True, nogil=True, error_model="numpy")
 def _rows_forces(
     first, last, particle, facet_start, facet, facets, motion, position, velocity, spin, force, torque,
-    active, normal, shear, roll, radius, step, law, features, group_force, moment, sums,
+    active, normal, shear, roll, common_radius, step, common_law, mixture, features,
+    group_force, moment, sums,
 ):  # fmt: skip
     """Candidates first <= row < last; group_force (groups, 3), moment (3,), sums (7,) are theirs alone."""
     x0, z0, cosine, sine = motion[0], motion[1], motion[2], motion[3]
-    reach = radius + (law.reach if features.adhesion.ndim == 2 else 0.0)
-    seen = np.empty((_FEATURES, 3), np.int64)
     out = np.empty((CONTACTS, 6))
     old_shear, old_roll = np.empty((CONTACTS, 3)), np.empty((CONTACTS, 3))
     group_force[:] = 0.0
@@ -168,10 +178,12 @@ def _rows_forces(
     sums[:] = 0.0
     for row in range(first, last):
         i = particle[row]
+        radius, law = sphere_of(i, common_radius, common_law, mixture, features)
+        reach = radius + (law.reach if features.adhesion.ndim == 2 else 0.0)
         dx, dz = position[i, 0] - x0, position[i, 2] - z0
         found = _find_contacts(
             cosine * dx + sine * dz, position[i, 1], cosine * dz - sine * dx, facets,
-            facet_start[row], facet_start[row + 1], facet, reach, active[row], normal[row], seen, out,
+            facet_start[row], facet_start[row + 1], facet, reach, active[row], normal[row], out,
         )  # fmt: skip
         _candidate(
             row, i, found, out, position, velocity, spin, force, torque, motion, active, normal, shear,
@@ -182,9 +194,9 @@ def _rows_forces(
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def tool_forces(
     particle, facet_start, facet, facets, motion, position, velocity, spin, force, torque,
-    active, normal, shear, roll, radius, step, law, features, group_force, moment, sums,
+    active, normal, shear, roll, radius, step, law, mixture, features, group_force, moment, sums,
 ):  # fmt: skip
-    """Adds the forces of one tool on its candidate particles.
+    """Adds the forces of one tool on its candidate particles. `mixture`: see pair_forces.
 
     motion: x [m], z [m], cosine, sine, velocity x, z [m/s], phi rate [rad/s], y [m] of the body. Filled
     per chunk, to be summed in order: group_force (chunks, groups, 3) [N] and moment (chunks, 3) [N m] of
@@ -196,7 +208,7 @@ def tool_forces(
         _rows_forces(
             chunk * count // _CHUNKS, (chunk + 1) * count // _CHUNKS, particle, facet_start, facet, facets,
             motion, position, velocity, spin, force, torque, active, normal, shear, roll, radius, step, law,
-            features, group_force[chunk], moment[chunk], sums[chunk],
+            mixture, features, group_force[chunk], moment[chunk], sums[chunk],
         )  # fmt: skip
 
 
@@ -207,20 +219,20 @@ def chunk_buffers(groups: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def tool_scan(
-    particle, facet_start, facet, facets, motion, position, active, normal, shear, roll, radius, law, features
-):
+    particle, facet_start, facet, facets, motion, position, active, normal, shear, roll,
+    common_radius, common_law, mixture, features,
+):  # fmt: skip
     """Stored energy of one tool's contacts [J]."""
     energy = 0.0
-    seen = np.empty((_FEATURES, 3), np.int64)
     out = np.empty((CONTACTS, 6))
     x0, z0, cosine, sine = motion[0], motion[1], motion[2], motion[3]
     for row in range(particle.shape[0]):
         i = particle[row]
+        radius, law = sphere_of(i, common_radius, common_law, mixture, features)
         dx, dz = position[i, 0] - x0, position[i, 2] - z0
         found = _find_contacts(
             cosine * dx + sine * dz, position[i, 1], cosine * dz - sine * dx, facets,
-            facet_start[row], facet_start[row + 1], facet, radius + law.reach, active[row], normal[row],
-            seen, out,
+            facet_start[row], facet_start[row + 1], facet, radius + law.reach, active[row], normal[row], out,
         )  # fmt: skip
         for k in range(found):  # in the order in which the last step stored them
             energy += normal_potential(radius - out[k, 3], law, features)

@@ -4,6 +4,7 @@ import numpy as np
 from numba import njit, prange
 
 from .contact import contact, normal_potential, spring_energy
+from .mixture import sphere_of
 
 WALLS = ("near", "far", "right", "left", "floor")
 
@@ -11,9 +12,14 @@ _CHUNKS = 16
 """Split of the listed particles among threads."""
 
 
-def wall_planes(lower: tuple[float, float, float], upper: tuple[float, float]) -> np.ndarray:
-    """(5, 4) rows (nx, ny, nz, offset): normal towards the wall, n . x = offset on it [m]."""
-    return np.array(
+def wall_planes(
+    lower: tuple[float, float, float], upper: tuple[float, float], sides: str = "walls"
+) -> np.ndarray:
+    """(5, 4) rows (nx, ny, nz, offset): normal towards the wall, n . x = offset on it [m].
+
+    `sides` that are periodic are walls infinitely far away.
+    """
+    planes = np.array(
         [
             (-1.0, 0.0, 0.0, -lower[0]),
             (1.0, 0.0, 0.0, upper[0]),
@@ -22,23 +28,39 @@ def wall_planes(lower: tuple[float, float, float], upper: tuple[float, float]) -
             (0.0, 0.0, -1.0, -lower[2]),
         ]
     )
+    if sides == "periodic":
+        planes[2:4, 3] = np.inf
+    return planes
 
 
 def near_walls(position: np.ndarray, planes: np.ndarray, reach: float) -> np.ndarray:
     """Particles whose centre is closer than `reach` [m] to a wall, in increasing order."""
-    gap = planes[:, 3] - position @ planes[:, :3].T
-    return np.flatnonzero((gap < reach).any(axis=1))
+    return np.flatnonzero(_near(position, planes, reach))
+
+
+@njit(cache=True, parallel=True)
+def _near(position, planes, reach):
+    near = np.zeros(position.shape[0], np.bool_)
+    for i in prange(position.shape[0]):
+        for wall in range(planes.shape[0]):
+            gap = planes[wall, 3]
+            for a in range(3):
+                gap -= planes[wall, a] * position[i, a]
+            if gap < reach:
+                near[i] = True
+    return near
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _rows_forces(
     first, last, particle, planes, position, velocity, spin, force, torque, shear, roll,
-    radius, step, law, features, wall_force, book,
+    common_radius, step, common_law, mixture, features, wall_force, book,
 ):  # fmt: skip
     """Walls on the listed particles first <= row < last."""
-    reach = radius + (law.reach if features.adhesion.ndim == 2 else 0.0)
     for row in range(first, last):
         i = particle[row]
+        radius, law = sphere_of(i, common_radius, common_law, mixture, features)
+        reach = radius + (law.reach if features.adhesion.ndim == 2 else 0.0)
         for a in range(3):
             wall_force[row, a] = 0.0
         for wall in range(5):
@@ -80,25 +102,26 @@ def _rows_forces(
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def wall_forces(
     particle, planes, position, velocity, spin, force, torque, shear, roll,
-    radius, step, law, features, wall_force, book,
+    radius, step, law, mixture, features, wall_force, book,
 ):  # fmt: skip
     """Adds the forces of the walls. `wall_force` (w, 3) [N] receives what the walls put on each particle,
-    `book` (w, 5) the sinks [J] of its wall contacts."""
+    `book` (w, 5) the sinks [J] of its wall contacts. `mixture`: see pair_forces."""
     count = particle.shape[0]
     for chunk in prange(_CHUNKS):
         _rows_forces(
             chunk * count // _CHUNKS, (chunk + 1) * count // _CHUNKS, particle, planes, position, velocity,
-            spin, force, torque, shear, roll, radius, step, law, features, wall_force, book,
+            spin, force, torque, shear, roll, radius, step, law, mixture, features, wall_force, book,
         )  # fmt: skip
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def wall_scan(particle, planes, position, shear, roll, radius, law, features):
+def wall_scan(particle, planes, position, shear, roll, common_radius, common_law, mixture, features):
     """Wall contacts in reach, largest overlap [m], stored energy [J]."""
     contacts, largest, energy = 0, 0.0, 0.0
-    reach = law.reach if features.adhesion.ndim == 2 else 0.0
     for row in range(particle.shape[0]):
         i = particle[row]
+        radius, law = sphere_of(i, common_radius, common_law, mixture, features)
+        reach = law.reach if features.adhesion.ndim == 2 else 0.0
         for wall in range(5):
             overlap = radius - planes[wall, 3]
             for a in range(3):

@@ -5,25 +5,31 @@ switch is found, the step is taken to there, and the rest begins anew without hi
 """
 
 from .adams_moulton import guess_multistep, multistep_power
+from .bridge import can_skip, is_doubtful, skip_ahead
 from .compiled import inner_kernel, kernel
 from .constraints import evaluate_residual, evaluate_turns
 from .dynamics import complete
 from .events import differs, locate_switch
 from .forces import evaluate_regimes
 from .generalized_alpha import keep_auxiliary, step_generalized_alpha
+from .linear import copy
 from .partition import choose_partition, condition_estimate
 from .runge_kutta import guess_runge_kutta
 from .tables import (
     ADAMS_MOULTON,
     BY_WRENCHES,
     CONTRADICTION,
+    DOUBTFUL,
     EVENT_COUNT,
     GENERALIZED_ALPHA,
+    NOT_CLOSED,
     OK,
     PARTITION_COUNT,
     PAST_COUNT,
     RESTART_COUNT,
     RUNGE_KUTTA_4,
+    SINGULAR,
+    SKIPPED_COUNT,
 )
 
 PATIENCE = 4
@@ -53,15 +59,15 @@ def _take_start(state, work):
             state.past_a[k, i] += work.a[i] - state.a[i]
         for i in range(state.powers.shape[0]):
             state.past_powers[k, i] += work.powers[i] - state.powers[i]
-    state.a[:] = work.a
-    state.powers[:] = work.powers
+    copy(state.a, work.a)
+    copy(state.powers, work.powers)
 
 
 @inner_kernel
 def _refresh(model, state, work, time, select):
     """The acceleration at the state itself, evaluated again; answers the status."""
-    work.q[:] = state.q
-    work.v[:] = state.v
+    copy(work.q, state.q)
+    copy(work.v, state.v)
     status, _ = complete(model, state, work, time, select, False)
     if status == OK:
         _take_start(state, work)
@@ -78,15 +84,19 @@ def _method(model, state, whole):
 
 
 @inner_kernel
-def _try(model, state, work, start, span, select, method):
-    """One step from the state, its end into `work`: (status, most position iterations of a stage)."""
+def _try(model, state, work, start, span, select, method, strict):
+    """One step from the state, its end into `work`: (status, most position iterations of a stage).
+
+    `strict`: a stage next to a singular pose ends it with DOUBTFUL.
+    """
     if method == GENERALIZED_ALPHA:
         return step_generalized_alpha(model, state, work, start, span, select)
     if method == RUNGE_KUTTA_4:
-        work.v[:] = state.v
-        work.a[:] = state.a
-        work.powers[:] = state.powers
+        copy(work.v, state.v)
+        copy(work.a, state.a)
+        copy(work.powers, state.powers)
     most = 0
+    left = state.counters[SKIPPED_COUNT] > 0  # the partition may be that of the pose being left
     for stage in range(1, 3 if method == ADAMS_MOULTON else 5):
         time = start + span
         if method == ADAMS_MOULTON:
@@ -94,7 +104,13 @@ def _try(model, state, work, start, span, select, method):
         else:
             time = start + (0.5 * span if stage < 3 else span)
             guess_runge_kutta(state, work, span, stage)
+        if left and stage == 1:
+            status = choose_partition(model, state, work, work.q)
+            if status != OK:
+                return status, 0
         status, iterations = complete(model, state, work, time, select, True)
+        if status == OK and strict and is_doubtful(state, work):
+            status = DOUBTFUL
         if status != OK:
             return status, iterations
         most = max(most, iterations)
@@ -124,15 +140,15 @@ def _accept(state, work, method):
     else:
         past = state.past_a.shape[0]
         for k in range(past - 1, 0, -1):
-            state.past_a[k] = state.past_a[k - 1]
-            state.past_powers[k] = state.past_powers[k - 1]
-        state.past_a[0] = state.a
-        state.past_powers[0] = state.powers
+            copy(state.past_a[k], state.past_a[k - 1])
+            copy(state.past_powers[k], state.past_powers[k - 1])
+        copy(state.past_a[0], state.a)
+        copy(state.past_powers[0], state.powers)
         state.counters[PAST_COUNT] = min(past, state.counters[PAST_COUNT] + 1)
-    state.q[:] = work.q
-    state.v[:] = work.v
-    state.a[:] = work.a
-    state.powers[:] = work.powers
+    copy(state.q, work.q)
+    copy(state.v, work.v)
+    copy(state.a, work.a)
+    copy(state.powers, work.powers)
 
 
 @inner_kernel
@@ -161,15 +177,45 @@ def _corner_at(model, time):
 
 
 @inner_kernel
+def _try_again(model, state, work, start, span, select, method, whole, status):
+    """After a step that came near a singular pose: (status, position iterations, whether it was skipped).
+
+    With another partition if that helps; else past the pose without looking at it (bridge.py).
+    """
+    if not can_skip(model, state, whole):
+        if status != DOUBTFUL or state.counters[SKIPPED_COUNT] > 0:
+            return SINGULAR if status == DOUBTFUL else status, 0, False
+        status, iterations = _try(model, state, work, start, span, select, method, False)
+        return status, iterations, False
+    guess_multistep(model, state, work, span, 1)
+    if choose_partition(model, state, work, work.q) == OK:
+        again, iterations = _try(model, state, work, start, span, select, method, False)
+        if again == OK or status != DOUBTFUL:
+            return again, iterations, False
+    skip_ahead(model, state, work, span)
+    return OK, 0, True
+
+
+@inner_kernel
 def _take_piece(model, state, work, start, span, select, locating):
     """One step of at most `span`, to the first switch of a force if there is one.
 
     Answers (status, span taken, most position iterations of a stage, whether a force has switched).
     """
-    method = _method(model, state, span > (1.0 - CORNER_MARGIN) * model.step)
-    status, iterations = _try(model, state, work, start, span, select, method)
+    whole = span > (1.0 - CORNER_MARGIN) * model.step
+    method = _method(model, state, whole)
+    copy(work.kept, state.multipliers)
+    status, iterations = _try(model, state, work, start, span, select, method, True)
+    skipped = False
+    if status in (DOUBTFUL, SINGULAR, NOT_CLOSED):
+        status, iterations, skipped = _try_again(
+            model, state, work, start, span, select, method, whole, status
+        )
     if status != OK:
         return status, span, iterations, False
+    state.counters[SKIPPED_COUNT] = state.counters[SKIPPED_COUNT] + 1 if skipped else 0
+    if skipped:
+        method = ADAMS_MOULTON
     evaluate_regimes(model, start + span, select, work.q, work.turns, work.v, work.regimes)
     switched = differs(work.regimes, state.regimes)
     if switched and locating:
@@ -179,15 +225,18 @@ def _take_piece(model, state, work, start, span, select, locating):
         elif (1.0 - part) * span > SWITCH_MARGIN * model.step:
             span *= part
             method = _method(model, state, False)
-            status, more = _try(model, state, work, start, span, select, method)
+            whole = False
+            status, more = _try(model, state, work, start, span, select, method, False)
             iterations = max(iterations, more)
             if status != OK:
                 return status, span, iterations, False
     if span > 0.0:
         _book(model, state, work, span, method)
         _accept(state, work, method)
+        if not whole and method != GENERALIZED_ALPHA:
+            state.counters[PAST_COUNT] = 0  # history is of equal steps
     if switched:
-        state.regimes[:] = work.regimes
+        copy(state.regimes, work.regimes)
         state.counters[EVENT_COUNT] += 1
         _restart(state)
     return OK, span, iterations, switched
@@ -196,16 +245,19 @@ def _take_piece(model, state, work, start, span, select, locating):
 @inner_kernel
 def _supervise(model, state, work, time, select, iterations):
     """After a piece: watch the constraints left out, choose the partition anew if due."""
+    if state.counters[SKIPPED_COUNT] > 0:
+        return OK
     if state.rows.shape[0] < work.residual.shape[0]:
         evaluate_turns(state.q, work.turns)
         gap = evaluate_residual(model, time, select, state.q, work.turns, work.residual)
         if not gap <= CONTRADICTION_GAP * model.size:
             return CONTRADICTION
-    estimate = condition_estimate(state, work)
+    estimate = condition_estimate(model, state, work)
     if state.condition[0] == 0.0:
         state.condition[0] = estimate
     if estimate > WORSENING * state.condition[0] or iterations > PATIENCE:
-        return choose_partition(model, state, work, state.q)
+        status = choose_partition(model, state, work, state.q)
+        return OK if status == DOUBTFUL else status
     return OK
 
 
@@ -220,7 +272,7 @@ def _take_step(model, state, work, start, end, fresh):
             _restart(state)
             evaluate_turns(state.q, work.turns)
             evaluate_regimes(model, time, select, state.q, work.turns, state.v, state.regimes)
-        if fresh or state.counters[PAST_COUNT] == 0:
+        if (fresh and state.counters[SKIPPED_COUNT] == 0) or state.counters[PAST_COUNT] == 0:
             status = _refresh(model, state, work, time, select)
             if status != OK:
                 return status
@@ -253,7 +305,7 @@ def advance_tick(model, state, work, start, steps):
         evaluate_turns(state.q, work.turns)
         evaluate_regimes(model, start, start + 0.5 * model.step, state.q, work.turns, state.v, state.regimes)
         status = choose_partition(model, state, work, state.q)
-        if status != OK:
+        if status == SINGULAR:
             return status
     if steps == 0:
         return _refresh(model, state, work, start, start + 0.5 * model.step)

@@ -84,8 +84,8 @@ def _wheel(body: str) -> dict[str, Any]:
 SEVEN_BODIES: dict[str, Any] = {
     "bodies": {
         "shank": _body(35.2, 2.662, 0.02, 0.15),
-        "wheel_left": _body(25.0, 0.5585, 0.55, 0.20),
-        "wheel_right": _body(25.0, 0.5585, 0.55, 0.20),
+        "wheel_left": {**_body(25.0, 0.5585, 0.55, 0.20), "angular_velocity_rad_per_s": -2.5},
+        "wheel_right": {**_body(25.0, 0.5585, 0.55, 0.20), "angular_velocity_rad_per_s": -2.5},
         "lower_link": _body(7.8, 0.3104, 1.145, 0.425),
         "trolley": _body(100.0, 8e4, 1.60, 0.68),
         "upper_link": _body(10.0, 0.1896, 1.0872, 0.885),
@@ -127,6 +127,7 @@ SEVEN_BODIES: dict[str, Any] = {
         "left": _wheel("wheel_left"),
         "right": _wheel("wheel_right"),
     },
+    "draft_driver": "H10",
     "initial": {"static_equilibrium": True},
 }
-"""The paper's machine on wheel contacts."""
+"""The seven bodies of the 1S-300 on wheel contacts, at rest, pulled at 0.5 m/s, the wheels rolling."""

@@ -18,6 +18,7 @@ from .adams_moulton import multistep_weights
 from .build_forces import ForceTables, LawList, Pair, tabulate_forces
 from .frames import COORDINATE_INDEX, Frames, across
 from .laws import tabulate
+from .sparsity import sparsity_of
 from .tables import (
     ADAMS_MOULTON,
     DRIVER,
@@ -76,15 +77,19 @@ def build_machine(mechanism: Mechanism, gravity: float, step_s: float) -> Machin
     row_joint, row_scale = _number_rows(joints, size)
     table, corners = tabulate(laws.laws)
     bodies = mechanism.bodies
+    mass = np.array([[b.mass_kg, b.mass_kg, b.inertia_kg_m2] for b in bodies.values()]).reshape(-1)
+    column_scale = np.tile([1.0, 1.0, 1.0 / size], len(bodies))
     model = Model(
-        mass=np.array([[b.mass_kg, b.mass_kg, b.inertia_kg_m2] for b in bodies.values()]).reshape(-1),
+        mass=mass,
         joints=joints,
         forces=forces.rows,
         curves=forces.curves,
         laws=table,
         corners=corners,
         row_scale=row_scale,
-        column_scale=np.tile([1.0, 1.0, 1.0 / size], len(bodies)),
+        column_scale=column_scale,
+        root_mass=column_scale * np.sqrt(mass),
+        sparsity=sparsity_of(joints, len(bodies)),
         weights=multistep_weights(mechanism.integrator_order),
         gravity=float(gravity),
         size=float(size),

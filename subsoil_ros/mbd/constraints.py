@@ -118,8 +118,7 @@ def evaluate_residual(model, time, select, q, turns, residual):
 
 @kernel
 def evaluate_jacobian(model, q, turns, jacobian):
-    """Phi_q into `jacobian` (m, n + 3), scaled."""
-    jacobian[:] = 0.0
+    """Phi_q into `jacobian` (m, n + 3), scaled; it must be zero where no joint has an entry."""
     for i in range(model.joints.shape[0]):
         joint = model.joints[i]
         row = joint.row
@@ -150,7 +149,8 @@ def evaluate_jacobian(model, q, turns, jacobian):
             jacobian[row, b + 2], jacobian[row + 1, b + 2] = -bz, bx
             jacobian[row, a + 2], jacobian[row + 1, a + 2] = az, -ax
     for row in range(jacobian.shape[0]):
-        for column in range(model.column_scale.shape[0]):
+        for entry in range(model.sparsity.first[row], model.sparsity.first[row + 1]):
+            column = model.sparsity.columns[entry]
             jacobian[row, column] *= model.row_scale[row] * model.column_scale[column]
 
 

@@ -1,4 +1,4 @@
-"""Accelerations and multipliers by the reduced equations of motion (paper eq. 6, 8, 11).
+"""Accelerations and multipliers by the reduced equations of motion (paper eq. 6, 8, 11), or by all of them.
 
 Coordinates, forces and masses are scaled here: y = q / s, mass s^2, force s, s the column scale.
 """
@@ -7,8 +7,9 @@ from .compiled import inner_kernel
 from .constraints import evaluate_gamma, evaluate_turns
 from .elements import joint_pressure
 from .forces import evaluate_forces
+from .kkt import factor_whole, solve_whole
 from .laws import law_value
-from .linear import lu_factor, lu_solve, lu_solve_columns, lu_solve_transposed
+from .linear import copy, lu_factor, lu_solve, lu_solve_transposed
 from .partition import close_positions, close_velocities, factor_dependent
 from .tables import (
     BY_DRIVERS,
@@ -20,9 +21,6 @@ from .tables import (
     TRAVEL_FRICTION,
     TURN_FRICTION,
 )
-
-FEW_COLUMNS = 8
-"""Up to so many right-hand sides are solved one by one, more of them side by side (both measured)."""
 
 LAST_FRICTION = 60
 """Joint friction depends on the reactions and they on it: iterated, at most so often."""
@@ -36,70 +34,64 @@ LARGEST = 1e300
 
 @inner_kernel
 def _eliminate(model, state, work):
-    """Into `right`: Phi_u^-1 gamma; into `dependence`: B = -Phi_u^-1 Phi_v (eq. 10)."""
-    for i in range(state.rows.shape[0]):
+    """Phi_u^-1 gamma into `right`, B = -Phi_u^-1 Phi_v (eq. 10), the LU of Mhat (eq. 11, with M diagonal).
+
+    Answers whether Mhat is regular.
+    """
+    rank, freedom = state.rows.shape[0], state.independent.shape[0]
+    lower, upper = state.band[0], state.band[1]
+    work.dependence[:] = 0.0
+    for i in range(rank):
         row = state.rows[i]
         work.right[i] = work.gamma[row]
-    lu_solve(work.factor, work.pivots, work.right)
-    if state.independent.shape[0] <= FEW_COLUMNS:
-        for j in range(state.independent.shape[0]):
-            for i in range(state.rows.shape[0]):
-                work.other[i] = -work.jacobian[state.rows[i], state.independent[j]]
-            lu_solve(work.factor, work.pivots, work.other)
-            for i in range(state.rows.shape[0]):
-                work.dependence[i, j] = work.other[i]
-        return
-    for i in range(state.rows.shape[0]):
-        for j in range(state.independent.shape[0]):
-            work.dependence[i, j] = -work.jacobian[state.rows[i], state.independent[j]]
-    lu_solve_columns(work.factor, work.pivots, work.dependence)
+        for entry in range(model.sparsity.first[row], model.sparsity.first[row + 1]):
+            column = model.sparsity.columns[entry]
+            if state.place[column] < 0:
+                work.dependence[-1 - state.place[column], i] = -work.jacobian[row, column]
+    lu_solve(work.factor, work.pivots, lower, upper, work.right)
+    for i in range(freedom):
+        lu_solve(work.factor, work.pivots, lower, upper, work.dependence[i])
+        for j in range(i + 1):
+            total = 0.0
+            for u in range(rank):
+                root = model.root_mass[state.dependent[u]]
+                total += root * root * work.dependence[i, u] * work.dependence[j, u]
+            work.reduced[i, j] = total
+            work.reduced[j, i] = total
+        work.reduced[i, i] += model.root_mass[state.independent[i]] ** 2
+    return lu_factor(work.reduced, work.reduced_pivots, freedom - 1, freedom - 1)
 
 
 @inner_kernel
-def _reduce(model, state, work):
-    """Mhat and Fhat (eq. 11, with M diagonal), from `force`, `right` and `dependence`."""
-    freedom = state.independent.shape[0]
+def _solve_reduced(model, state, work, a):
+    """Accelerations [m/s^2, rad/s^2] into `a`, and the multipliers [N, N m] into the state (eq. 8, 11)."""
+    rank, freedom = state.rows.shape[0], state.independent.shape[0]
+    for u in range(rank):
+        k = state.dependent[u]
+        work.other[u] = model.column_scale[k] * work.force[k] - model.root_mass[k] ** 2 * work.right[u]
     for i in range(freedom):
         k = state.independent[i]
-        scale = model.column_scale[k]
-        work.reduced_force[i] = scale * work.force[k]
-        work.reduced[i, :] = 0.0
-        work.reduced[i, i] = scale * scale * model.mass[k]
-    for u in range(state.dependent.shape[0]):
-        k = state.dependent[u]
-        scale = model.column_scale[k]
-        mass = scale * scale * model.mass[k]
-        surplus = scale * work.force[k] - mass * work.right[u]
-        for i in range(freedom):
-            share = work.dependence[u, i]
-            work.reduced_force[i] += share * surplus
-            for j in range(freedom):
-                work.reduced[i, j] += share * mass * work.dependence[u, j]
-
-
-@inner_kernel
-def _solve_accelerations(model, state, work, a):
-    """Accelerations [m/s^2, rad/s^2] into `a`, and the multipliers [N, N m] into the state."""
-    if not lu_factor(work.reduced, work.reduced_pivots):
-        return False
-    lu_solve(work.reduced, work.reduced_pivots, work.reduced_force)
-    for i in range(state.independent.shape[0]):
+        total = model.column_scale[k] * work.force[k]
+        for u in range(rank):
+            total += work.dependence[i, u] * work.other[u]
+        work.reduced_force[i] = total
+    lu_solve(work.reduced, work.reduced_pivots, freedom - 1, freedom - 1, work.reduced_force)
+    for i in range(freedom):
         k = state.independent[i]
         a[k] = model.column_scale[k] * work.reduced_force[i]
-    for u in range(state.dependent.shape[0]):
+    for u in range(rank):
         k = state.dependent[u]
         scale = model.column_scale[k]
         total = work.right[u]
-        for i in range(state.independent.shape[0]):
-            total += work.dependence[u, i] * work.reduced_force[i]
+        for i in range(freedom):
+            total += work.dependence[i, u] * work.reduced_force[i]
         a[k] = scale * total
         work.other[u] = scale * (work.force[k] - model.mass[k] * a[k])
-    lu_solve_transposed(work.factor, work.pivots, work.other)
+    lu_solve_transposed(work.factor, work.pivots, state.band[0], state.band[1], work.other)
     state.multipliers[:] = 0.0
-    for i in range(state.rows.shape[0]):
+    for i in range(rank):
         row = state.rows[i]
         state.multipliers[row] = model.row_scale[row] * work.other[i]
-    return True
 
 
 @inner_kernel
@@ -120,17 +112,20 @@ def _pressure_settled(model, state, work):
 def _accelerate(model, state, work, time, select):
     """Accelerations and powers of the state in `work`; factor and Jacobian must be current."""
     evaluate_gamma(model, time, select, work.q, work.turns, work.v, work.gamma)
-    _eliminate(model, state, work)
+    whole = work.whole.shape[0] > 0
+    if not (factor_whole(model, state, work) if whole else _eliminate(model, state, work)):
+        return SINGULAR
     settled = False
     for _ in range(LAST_FRICTION):
         if model.pressed:
-            work.previous[:] = state.multipliers
+            copy(work.previous, state.multipliers)
         evaluate_forces(model, state, time, select, work.q, work.turns, work.v, work.force, work.powers)
         for i in range(state.wrench.shape[0]):
             work.force[i] += state.wrench[i]
-        _reduce(model, state, work)
-        if not _solve_accelerations(model, state, work, work.a):
-            return SINGULAR
+        if whole:
+            solve_whole(model, state, work, work.a)
+        else:
+            _solve_reduced(model, state, work, work.a)
         settled = not model.pressed or _pressure_settled(model, state, work)
         if settled:
             break

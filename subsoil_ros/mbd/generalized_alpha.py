@@ -7,7 +7,7 @@ accelerations of the independent coordinates, so nothing is left of the index of
 
 from .compiled import inner_kernel
 from .dynamics import complete
-from .linear import lu_factor, lu_solve
+from .linear import copy, lu_factor, lu_solve
 from .tables import NOT_SOLVED, OK, PAST_COUNT, SINGULAR
 
 DAMPING_RADIUS = 0.8
@@ -57,7 +57,7 @@ def step_generalized_alpha(model, state, work, start, step, select):
     Newton's method; the Jacobian by differences, once a step.
     """
     time, freedom = start + step, state.independent.shape[0]
-    work.unknown[:] = state.a
+    copy(work.unknown, state.a)
     status, most = _evaluate(model, state, work, time, select, step)
     if status != OK or freedom == 0:
         return status, most
@@ -74,12 +74,12 @@ def step_generalized_alpha(model, state, work, start, step, select):
             return status, iterations
         for i in range(freedom):
             change = _defect(state, work, state.independent[i]) - work.newton_right[i]
-            work.newton[i, k] = change / (DIFFERENCE * largest)
+            work.newton[k, i] = change / (DIFFERENCE * largest)
         work.unknown[j] -= DIFFERENCE * largest
-    if not lu_factor(work.newton, work.newton_pivots):
+    if not lu_factor(work.newton, work.newton_pivots, freedom - 1, freedom - 1):
         return SINGULAR, most
     for _ in range(LAST_ITERATION):
-        lu_solve(work.newton, work.newton_pivots, work.newton_right)
+        lu_solve(work.newton, work.newton_pivots, freedom - 1, freedom - 1, work.newton_right)
         change = 0.0
         for i in range(freedom):
             work.unknown[state.independent[i]] -= work.newton_right[i]

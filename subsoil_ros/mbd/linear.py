@@ -1,128 +1,109 @@
-"""Dense linear algebra for the small systems of a machine. Arrays float64, C order."""
+"""Linear algebra for the band matrices of a machine. Arrays float64, C order."""
 
 from .compiled import inner_kernel
 
 
 @inner_kernel
-def lu_factor(matrix, pivots):
-    """LU of a square matrix in place, rows exchanged for the largest pivot; False if singular."""
-    size = matrix.shape[0]
+def copy(target, source):
+    """The first entries of `source` (any number more) into all of `target`; both 1-D."""
+    for i in range(target.shape[0]):
+        target[i] = source[i]
+
+
+@inner_kernel
+def lu_factor(columns, pivots, lower, upper):
+    """LU of a square band matrix A in place, rows exchanged for the largest pivot; False if singular.
+
+    columns[j, i] = A[i, j], so that a column is contiguous. A is zero outside of `lower` diagonals below the
+    main one and `upper` above it (size - 1 each: a full matrix); `lower` more above are filled in. The
+    factor L stays in the order in which its columns were made, as in LAPACK's dgbtrf, and so in the band.
+    """
+    size = columns.shape[0]
+    reach = 0
     for k in range(size):
+        last = min(k + lower, size - 1)
         best, chosen = 0.0, k
-        for i in range(k, size):
-            if abs(matrix[i, k]) > best:
-                best, chosen = abs(matrix[i, k]), i
+        for i in range(k, last + 1):
+            if abs(columns[k, i]) > best:
+                best, chosen = abs(columns[k, i]), i
         pivots[k] = chosen
         if best == 0.0:
             return False
+        reach = max(reach, min(chosen + upper, size - 1))
         if chosen != k:
-            for j in range(size):
-                matrix[k, j], matrix[chosen, j] = matrix[chosen, j], matrix[k, j]
-        for i in range(k + 1, size):
-            ratio = matrix[i, k] / matrix[k, k]
-            matrix[i, k] = ratio
-            if ratio != 0.0:
-                for j in range(k + 1, size):
-                    matrix[i, j] -= ratio * matrix[k, j]
+            for j in range(k, reach + 1):
+                columns[j, k], columns[j, chosen] = columns[j, chosen], columns[j, k]
+        inverse = 1.0 / columns[k, k]
+        for i in range(k + 1, last + 1):
+            columns[k, i] *= inverse
+        for j in range(k + 1, reach + 1):
+            share = columns[j, k]
+            if share != 0.0:
+                for i in range(k + 1, last + 1):
+                    columns[j, i] -= columns[k, i] * share
     return True
 
 
 @inner_kernel
-def lu_solve(factor, pivots, right):
-    """Solve A x = right in place, A given by lu_factor.
-
-    Four rows at a time: their sums do not wait for one another.
-    """
-    size = factor.shape[0]
-    for k in range(size):
-        chosen = pivots[k]
-        right[k], right[chosen] = right[chosen], right[k]
-    whole = size - size % 4
-    for i in range(0, whole, 4):
-        a, b, c, d = right[i], right[i + 1], right[i + 2], right[i + 3]
-        for j in range(i):
-            x = right[j]
-            a -= factor[i, j] * x
-            b -= factor[i + 1, j] * x
-            c -= factor[i + 2, j] * x
-            d -= factor[i + 3, j] * x
-        b -= factor[i + 1, i] * a
-        c -= factor[i + 2, i] * a + factor[i + 2, i + 1] * b
-        d -= factor[i + 3, i] * a + factor[i + 3, i + 1] * b + factor[i + 3, i + 2] * c
-        right[i], right[i + 1], right[i + 2], right[i + 3] = a, b, c, d
-    for i in range(whole, size):
-        total = right[i]
-        for j in range(i):
-            total -= factor[i, j] * right[j]
-        right[i] = total
-    for i in range(size - 1, whole - 1, -1):
-        total = right[i]
-        for j in range(i + 1, size):
-            total -= factor[i, j] * right[j]
-        right[i] = total / factor[i, i]
-    for i in range(whole - 4, -1, -4):
-        a, b, c, d = right[i], right[i + 1], right[i + 2], right[i + 3]
-        for j in range(i + 4, size):
-            x = right[j]
-            a -= factor[i, j] * x
-            b -= factor[i + 1, j] * x
-            c -= factor[i + 2, j] * x
-            d -= factor[i + 3, j] * x
-        d /= factor[i + 3, i + 3]
-        c = (c - factor[i + 2, i + 3] * d) / factor[i + 2, i + 2]
-        b = (b - factor[i + 1, i + 2] * c - factor[i + 1, i + 3] * d) / factor[i + 1, i + 1]
-        a = (a - factor[i, i + 1] * b - factor[i, i + 2] * c - factor[i, i + 3] * d) / factor[i, i]
-        right[i], right[i + 1], right[i + 2], right[i + 3] = a, b, c, d
+def pivot_ratio(columns):
+    """Smallest over largest pivot of a matrix as lu_factor leaves it; 1 for none."""
+    smallest, largest = 1.0, 1.0
+    for k in range(columns.shape[0]):
+        size = abs(columns[k, k])
+        smallest = size if k == 0 else min(smallest, size)
+        largest = size if k == 0 else max(largest, size)
+    return smallest / largest
 
 
 @inner_kernel
-def lu_solve_columns(factor, pivots, right):
-    """Solve A X = right in place for all columns of `right` (size, columns)."""
-    size, columns = right.shape
+def lu_solve(columns, pivots, lower, upper, right):
+    """Solve A x = right in place, A given by lu_factor."""
+    size = columns.shape[0]
     for k in range(size):
         chosen = pivots[k]
-        if chosen != k:
-            for c in range(columns):
-                right[k, c], right[chosen, c] = right[chosen, c], right[k, c]
-    for i in range(size):
-        for j in range(i):
-            for c in range(columns):
-                right[i, c] -= factor[i, j] * right[j, c]
-    for i in range(size - 1, -1, -1):
-        for j in range(i + 1, size):
-            for c in range(columns):
-                right[i, c] -= factor[i, j] * right[j, c]
-        for c in range(columns):
-            right[i, c] /= factor[i, i]
-
-
-@inner_kernel
-def lu_solve_transposed(factor, pivots, right):
-    """Solve A^T x = right in place, A given by lu_factor."""
-    size = factor.shape[0]
-    for i in range(size):
-        right[i] /= factor[i, i]
-        for j in range(i + 1, size):
-            right[j] -= factor[i, j] * right[i]
-    for i in range(size - 1, -1, -1):
-        for j in range(i):
-            right[j] -= factor[i, j] * right[i]
+        x = right[chosen]
+        right[chosen] = right[k]
+        right[k] = x
+        if x != 0.0:
+            for i in range(k + 1, min(k + lower, size - 1) + 1):
+                right[i] -= columns[k, i] * x
     for k in range(size - 1, -1, -1):
-        chosen = pivots[k]
-        right[k], right[chosen] = right[chosen], right[k]
+        x = right[k] / columns[k, k]
+        right[k] = x
+        if x != 0.0:
+            for i in range(max(k - lower - upper, 0), k):
+                right[i] -= columns[k, i] * x
 
 
 @inner_kernel
-def inverse_norm(factor, pivots, trial, signs):
+def lu_solve_transposed(columns, pivots, lower, upper, right):
+    """Solve A^T x = right in place, A given by lu_factor."""
+    size = columns.shape[0]
+    for k in range(size):
+        total = right[k]
+        for i in range(max(k - lower - upper, 0), k):
+            total -= columns[k, i] * right[i]
+        right[k] = total / columns[k, k]
+    for k in range(size - 1, -1, -1):
+        total = right[k]
+        for i in range(k + 1, min(k + lower, size - 1) + 1):
+            total -= columns[k, i] * right[i]
+        chosen = pivots[k]
+        right[k] = right[chosen]
+        right[chosen] = total
+
+
+@inner_kernel
+def inverse_norm(columns, pivots, lower, upper, trial, signs):
     """Estimate of the 1-norm of A^-1 (Hager's method, two rounds); `trial`, `signs` (size,) are memory.
 
     Source: Hager (1984), Condition estimates, SIAM J. Sci. Stat. Comput. 5(2).
     """
-    size = factor.shape[0]
+    size = columns.shape[0]
     estimate = 0.0
     trial[:] = 1.0 / max(size, 1)
     for turn in range(2):
-        lu_solve(factor, pivots, trial)
+        lu_solve(columns, pivots, lower, upper, trial)
         total = 0.0
         for i in range(size):
             total += abs(trial[i])
@@ -130,7 +111,7 @@ def inverse_norm(factor, pivots, trial, signs):
         estimate = max(estimate, total)
         if turn == 1:
             return estimate
-        lu_solve_transposed(factor, pivots, signs)
+        lu_solve_transposed(columns, pivots, lower, upper, signs)
         steepest = 0
         for i in range(size):
             if abs(signs[i]) > abs(signs[steepest]):

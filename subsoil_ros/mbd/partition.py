@@ -3,15 +3,14 @@
 All of it works in scaled coordinates (tables.py), so that pivots, residuals and condition compare.
 """
 
-import numpy as np
-
 from .compiled import inner_kernel
 from .constraints import evaluate_jacobian, evaluate_residual, evaluate_speed, evaluate_turns
-from .linear import inverse_norm, lu_factor, lu_solve, pivot_fully
-from .tables import NOT_CLOSED, OK, PARTITION_COUNT, SINGULAR
+from .linear import copy, inverse_norm, lu_factor, lu_solve, pivot_fully, pivot_ratio
+from .tables import DOUBTFUL, NOT_CLOSED, OK, PARTITION_COUNT, SINGULAR
 
-CLOSURE = 1e-12
-"""Positions are closed to this part of the machine's size."""
+CLOSURE = 1e-14
+"""Positions are closed to this part of the machine's size. 1e-12 would do for the constraints themselves, but
+next to a singular position what is left open is divided by small pivots."""
 
 ROUND_OFF = 2e-15
 """... or to this part of the largest coordinate, where a machine stands far from the origin."""
@@ -26,41 +25,90 @@ SMALLEST_PIVOT = 1e-7
 """A full-pivot elimination whose last pivot is this part of its first: a singular position."""
 
 
+NEAR = 1e-3
+"""Pivots below this part of the best ones seen: too near to a singular position to trust (chosen: round-off
+over its square is 1e-10, and a step of the usual sizes leaves the place)."""
+
+
 @inner_kernel
-def condition_estimate(state, work):
+def condition_estimate(model, state, work):
     """Condition (1-norm) of the scaled Phi_u; its factor and the Jacobian must be current."""
     largest = 0.0
-    for j in state.dependent:
-        total = 0.0
-        for row in state.rows:
-            total += abs(work.jacobian[row, j])
-        largest = max(largest, total)
-    return largest * inverse_norm(work.factor, work.pivots, work.right, work.other)
+    work.other[:] = 0.0
+    for i in range(state.rows.shape[0]):
+        row = state.rows[i]
+        for entry in range(model.sparsity.first[row], model.sparsity.first[row + 1]):
+            column = model.sparsity.columns[entry]
+            if state.place[column] >= 0:
+                work.other[state.place[column]] += abs(work.jacobian[row, column])
+    for i in range(state.rows.shape[0]):
+        largest = max(largest, work.other[i])
+    lower, upper = state.band[0], state.band[1]
+    return largest * inverse_norm(work.factor, work.pivots, lower, upper, work.right, work.other)
 
 
 @inner_kernel
 def factor_dependent(model, state, work, q):
     """Jacobian at `q` (its turns current), and the LU of its dependent part; False if that is singular."""
     evaluate_jacobian(model, q, work.turns, work.jacobian)
-    for i in range(state.rows.shape[0]):
-        for j in range(state.dependent.shape[0]):
-            work.factor[i, j] = work.jacobian[state.rows[i], state.dependent[j]]
-    return lu_factor(work.factor, work.pivots)
+    rank, lower, upper = state.rows.shape[0], state.band[0], state.band[1]
+    for j in range(rank):
+        for i in range(max(j - lower - upper, 0), min(j + lower, rank - 1) + 1):
+            work.factor[j, i] = 0.0
+    for i in range(rank):
+        row = state.rows[i]
+        for entry in range(model.sparsity.first[row], model.sparsity.first[row + 1]):
+            column = model.sparsity.columns[entry]
+            if state.place[column] >= 0:
+                work.factor[state.place[column], i] = work.jacobian[row, column]
+    return lu_factor(work.factor, work.pivots, lower, upper)
+
+
+@inner_kernel
+def _adopt(model, state, work):
+    """The first rows and columns that full pivoting took become the partition, in the order of the band."""
+    rank, shape = state.rows.shape[0], model.sparsity
+    for i in range(state.row_place.shape[0]):
+        state.row_place[work.row_order[i]] = i - rank  # negative: taken
+    for i in range(state.place.shape[0]):
+        state.place[work.column_order[i]] = i - rank
+    used = 0
+    for row in shape.row_order:
+        taken = state.row_place[row] < 0
+        state.row_place[row] = used if taken else -1
+        if taken:
+            state.rows[used] = row
+            used += 1
+    used, free = 0, 0
+    for column in shape.column_order:
+        if state.place[column] < 0:
+            state.dependent[used] = column
+            state.place[column] = used
+            used += 1
+        else:
+            state.independent[free] = column
+            free += 1
+            state.place[column] = -free
+    state.band[:] = 0
+    for i in range(rank):
+        for entry in range(shape.first[state.rows[i]], shape.first[state.rows[i] + 1]):
+            j = state.place[shape.columns[entry]]
+            if j >= 0:
+                state.band[0] = max(state.band[0], i - j)
+                state.band[1] = max(state.band[1], j - i)
 
 
 @inner_kernel
 def choose_partition(model, state, work, q):
-    """Choose dependent coordinates and independent rows at `q` by full pivoting; OK or SINGULAR."""
+    """Choose dependent coordinates and independent rows at `q` by full pivoting; OK, DOUBTFUL or SINGULAR."""
     evaluate_turns(q, work.turns)
     evaluate_jacobian(model, q, work.turns, work.jacobian)
     rank = state.rows.shape[0]
-    matrix = work.jacobian[:, : model.mass.shape[0]].copy()
-    rows = np.arange(matrix.shape[0])
-    columns = np.arange(matrix.shape[1])
+    matrix, rows, columns = work.pivoted, work.row_order, work.column_order
+    for row in range(matrix.shape[0]):
+        copy(matrix[row], work.jacobian[row])
     pivot_fully(matrix, rows, columns)
-    state.rows[:] = rows[:rank]
-    state.dependent[:] = columns[:rank]
-    state.independent[:] = columns[rank:]
+    _adopt(model, state, work)
     state.counters[PARTITION_COUNT] += 1
     if rank == 0:
         return OK
@@ -68,7 +116,10 @@ def choose_partition(model, state, work, q):
     if not abs(last) > SMALLEST_PIVOT * abs(first) or not factor_dependent(model, state, work, q):
         return SINGULAR
     state.condition[0] = 0.0  # measured after the next step
-    return OK
+    ratio = abs(last / first)
+    state.condition[1] = max(state.condition[1], ratio)
+    state.condition[2] = max(state.condition[2], pivot_ratio(work.factor))
+    return DOUBTFUL if ratio < NEAR * state.condition[1] else OK
 
 
 @inner_kernel
@@ -94,7 +145,7 @@ def close_positions(model, state, work, time, select, q):
             return SINGULAR, iteration
         if closed:
             return OK, iteration
-        lu_solve(work.factor, work.pivots, work.right)
+        lu_solve(work.factor, work.pivots, state.band[0], state.band[1], work.right)
         for i in range(state.dependent.shape[0]):
             j = state.dependent[i]
             q[j] += model.column_scale[j] * work.right[i]
@@ -105,16 +156,15 @@ def close_positions(model, state, work, time, select, q):
 def close_velocities(model, state, work, time, select, v):
     """Dependent velocities from the independent ones (eq. 4); factor and Jacobian must be current."""
     evaluate_speed(model, time, select, work.residual)
-    for k in range(state.independent.shape[0]):
-        j = state.independent[k]
-        work.reduced_force[k] = v[j] / model.column_scale[j]
     for i in range(state.rows.shape[0]):
         row = state.rows[i]
         total = work.residual[row]
-        for k in range(state.independent.shape[0]):
-            total -= work.jacobian[row, state.independent[k]] * work.reduced_force[k]
+        for entry in range(model.sparsity.first[row], model.sparsity.first[row + 1]):
+            j = model.sparsity.columns[entry]
+            if state.place[j] < 0:
+                total -= work.jacobian[row, j] * v[j] / model.column_scale[j]
         work.right[i] = total
-    lu_solve(work.factor, work.pivots, work.right)
+    lu_solve(work.factor, work.pivots, state.band[0], state.band[1], work.right)
     for i in range(state.dependent.shape[0]):
         j = state.dependent[i]
         v[j] = model.column_scale[j] * work.right[i]

@@ -86,11 +86,27 @@ BY_DRIVERS, DISSIPATED, BY_LOADS, BY_WRENCHES = 0, 1, 2, 3
 
 # Entries of State.counters.
 PAST_COUNT, PARTITION_COUNT, RESTART_COUNT, EVENT_COUNT = 0, 1, 2, 3
+SKIPPED_COUNT = 4  # steps in a row that were extrapolated past a singular pose (bridge.py)
 
 ADAMS_MOULTON, RUNGE_KUTTA_4, GENERALIZED_ALPHA = 0, 1, 2
 
+MANY_FREEDOMS = 8
+"""With more freedoms the equations of motion are solved as a whole (kkt.py); measured on chains."""
+
 # What a kernel answers.
 OK, NOT_CLOSED, SINGULAR, CONTRADICTION, NOT_FINITE, JAMMED, NOT_SOLVED = 0, 1, 2, 3, 4, 5, 6
+DOUBTFUL = 7  # too near to a singular pose; never leaves advance.py
+
+
+class Sparsity(NamedTuple):
+    """Structure of the Jacobian and of the equations of motion (sparsity.py); indices into q and Phi."""
+
+    first: np.ndarray  # (m + 1,) int64: entries of row i are first[i] to first[i + 1]
+    columns: np.ndarray  # (entries,) int64: coordinate of every entry, without the ground's
+    row_order: np.ndarray  # (m,) int64: rows in the order of the band
+    column_order: np.ndarray  # (n,) int64: coordinates in the order of the band
+    place: np.ndarray  # (n + m,) int64: place of every coordinate, then row, in the order of both together
+    band: int  # diagonals on either side of the matrix of the equations of motion in that order
 
 
 class Model(NamedTuple):
@@ -106,7 +122,9 @@ class Model(NamedTuple):
     corners: np.ndarray  # (corners,) float64 [s]: slopes of laws jump here
     row_scale: np.ndarray  # (m,) float64: 1, or `size` for a row in radians
     column_scale: np.ndarray  # (n,) float64: 1, or 1 / `size` for an angle
-    weights: np.ndarray  # (4, order) float64: multistep weights, see adams_moulton.py
+    root_mass: np.ndarray  # (n,) float64: roots of the masses of the scaled coordinates [kg^0.5]
+    sparsity: Sparsity
+    weights: np.ndarray  # (5, order) float64: multistep weights, see adams_moulton.py
     gravity: float  # [m/s^2], along -z
     size: float  # of the machine [m]
     step: float  # [s]
@@ -129,9 +147,14 @@ class State(NamedTuple):
     rows: np.ndarray  # (r,) int64: independent constraints
     dependent: np.ndarray  # (r,) int64: coordinates u
     independent: np.ndarray  # (n - r,) int64: coordinates v
-    condition: np.ndarray  # (1,) float64: of Phi_u when chosen; 0: not measured yet
+    row_place: np.ndarray  # (m,) int64: place in `rows`, -1 for a row left out
+    place: np.ndarray  # (n,) int64: place in `dependent`, or -1 - place in `independent`
+    band: np.ndarray  # (2,) int64: diagonals of Phi_u below and above the main one
+    condition: (
+        np.ndarray
+    )  # (3,) float64: of Phi_u when chosen (0: not measured yet); best pivots of Phi_q, Phi_u
     regimes: np.ndarray  # (forces,) int64: the branch each force is on, see forces.py
-    counters: np.ndarray  # (4,) int64
+    counters: np.ndarray  # (5,) int64
 
 
 class Workspace(NamedTuple):
@@ -142,9 +165,13 @@ class Workspace(NamedTuple):
     jacobian: np.ndarray  # (m, n + 3) float64, Phi_q, scaled
     gamma: np.ndarray  # (m,) float64
     force: np.ndarray  # (n + 3,) float64 [N, N, N m]
-    factor: np.ndarray  # (r, r) float64, LU of the scaled Phi_u
+    factor: np.ndarray  # (r, r) float64, LU of the scaled Phi_u, see linear.lu_factor
     pivots: np.ndarray  # (r,) int64
-    dependence: np.ndarray  # (r, n - r) float64, B = -Phi_u^-1 Phi_v, scaled
+    dependence: np.ndarray  # (n - r, r) float64, columns of B = -Phi_u^-1 Phi_v, scaled
+    whole: np.ndarray  # (n + m, n + m) float64, or (0, 0) with few freedoms: see kkt.py
+    whole_pivots: np.ndarray  # (n + m,) int64
+    whole_right: np.ndarray  # (n + m,) float64
+    row_length: np.ndarray  # (m,) float64
     right: np.ndarray  # (r,) float64
     other: np.ndarray  # (r,) float64
     reduced: np.ndarray  # (n - r, n - r) float64, Mhat
@@ -154,12 +181,16 @@ class Workspace(NamedTuple):
     v: np.ndarray
     a: np.ndarray
     powers: np.ndarray  # (3,) float64
+    kept: np.ndarray  # (m,) float64: multipliers at the start of the step
     previous: np.ndarray  # (m,) float64: multipliers of the iteration before
     sums: np.ndarray  # (2, n + 3) float64
     power_sums: np.ndarray  # (3,) float64
     regimes: np.ndarray  # (forces,) int64
     trial_q: np.ndarray  # (n + 3,) float64: inside a step, where a branch ends
     trial_v: np.ndarray
+    pivoted: np.ndarray  # (m, n) float64: Phi_q being eliminated with full pivoting
+    row_order: np.ndarray  # (m,) int64
+    column_order: np.ndarray  # (n,) int64
     newton: np.ndarray  # (n - r, n - r) float64: generalized-alpha
     newton_pivots: np.ndarray  # (n - r,) int64
     newton_right: np.ndarray  # (n - r,) float64
@@ -181,15 +212,19 @@ def make_state(coordinates: int, rows: int, rank: int, forces: int, order: int) 
         rows=np.zeros(rank, dtype=np.int64),
         dependent=np.zeros(rank, dtype=np.int64),
         independent=np.zeros(coordinates - rank, dtype=np.int64),
-        condition=np.ones(1),
+        row_place=np.zeros(rows, dtype=np.int64),
+        place=np.zeros(coordinates, dtype=np.int64),
+        band=np.zeros(2, dtype=np.int64),
+        condition=np.zeros(3),
         regimes=np.zeros(forces, dtype=np.int64),
-        counters=np.zeros(4, dtype=np.int64),
+        counters=np.zeros(5, dtype=np.int64),
     )
 
 
 def make_workspace(coordinates: int, rows: int, rank: int, forces: int) -> Workspace:
     """Memory for a machine of n = `coordinates`, m = `rows`, r = `rank`."""
     freedom = coordinates - rank
+    whole = coordinates + rows if freedom > MANY_FREEDOMS else 0
     return Workspace(
         turns=np.zeros((coordinates // 3 + 1, 2)),
         residual=np.zeros(rows),
@@ -198,22 +233,30 @@ def make_workspace(coordinates: int, rows: int, rank: int, forces: int) -> Works
         force=np.zeros(coordinates + 3),
         factor=np.zeros((rank, rank)),
         pivots=np.zeros(rank, dtype=np.int64),
-        dependence=np.zeros((rank, freedom)),
+        dependence=np.zeros((freedom, rank) if whole == 0 else (0, 0)),
+        whole=np.zeros((whole, whole)),
+        whole_pivots=np.zeros(whole, dtype=np.int64),
+        whole_right=np.zeros(whole),
+        row_length=np.zeros(rows),
         right=np.zeros(rank),
         other=np.zeros(rank),
-        reduced=np.zeros((freedom, freedom)),
+        reduced=np.zeros((freedom, freedom) if whole == 0 else (0, 0)),
         reduced_pivots=np.zeros(freedom, dtype=np.int64),
         reduced_force=np.zeros(freedom),
         q=np.zeros(coordinates + 3),
         v=np.zeros(coordinates + 3),
         a=np.zeros(coordinates + 3),
         powers=np.zeros(3),
+        kept=np.zeros(rows),
         previous=np.zeros(rows),
         sums=np.zeros((2, coordinates + 3)),
         power_sums=np.zeros(3),
         regimes=np.zeros(forces, dtype=np.int64),
         trial_q=np.zeros(coordinates + 3),
         trial_v=np.zeros(coordinates + 3),
+        pivoted=np.zeros((rows, coordinates)),
+        row_order=np.zeros(rows, dtype=np.int64),
+        column_order=np.zeros(coordinates, dtype=np.int64),
         newton=np.zeros((freedom, freedom)),
         newton_pivots=np.zeros(freedom, dtype=np.int64),
         newton_right=np.zeros(freedom),

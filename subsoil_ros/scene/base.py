@@ -7,6 +7,8 @@ from pydantic import BaseModel, ConfigDict, Field
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
+Fraction = Annotated[float, Field(gt=0.0, le=1.0)]
+PoissonRatio = Annotated[float, Field(gt=-1.0, le=0.5)]
 Point = tuple[Finite, Finite]  # (x, z) in world axes, metres, in the reference pose
 
 

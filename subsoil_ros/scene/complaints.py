@@ -7,7 +7,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from .document import Document
-from .keys import annotation_at, kinds, known_keys, suggestion
+from .keys import annotation_at, kinds, known_keys, suggestion, value_in
 from .model import Scene
 from .overrides import LOADER_KEYS, Override
 
@@ -147,5 +147,5 @@ def _given(value: object) -> str:
 def _value_at(document: Document, path: tuple[str, ...]) -> object:
     value: object = document
     for key in path:
-        value = value.get(key) if isinstance(value, dict) else None
+        value = value_in(value, key)
     return value

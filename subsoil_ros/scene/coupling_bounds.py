@@ -11,9 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from .bed_spacing import particle_spacing_m
+from .damping import damping_ratios
+from .limits import derive_timing
 from .meshes import ToolMesh
 from .model import Scene
-from .pairs import tool_values
+from .pairs import layer_soils, tool_values
 from .soil import Soil
 
 PRESSED_PART = 0.5
@@ -39,11 +41,15 @@ def coupling_bounds(scene: Scene, meshes: dict[str, ToolMesh]) -> tuple[Coupling
     """Bounds of every tool that a body carries; empty without soil or mechanism.
 
     The effective mass is that of the free body at its farthest point, 1 / (1/m + d^2/J): joints only add
-    to it, so the estimate is on the safe side.
+    to it, so the estimate is on the safe side. Of several layers the worst counts.
     """
     if scene.soil is None or scene.mechanism is None:
         return ()
-    boundary = tool_values(scene.soil).linear_at(REFERENCE_OVERLAP * scene.soil.particles.radius_m)
+    overlap = REFERENCE_OVERLAP * scene.soil.particles.mean_volume_radius_m
+    boundaries = [tool_values(layer).linear_at(overlap) for layer in layer_soils(scene.soil)]
+    left = damping_ratios(scene.soil, derive_timing(scene).soil_step_s)[1].normal
+    relaxation = left * min(boundary.damping / boundary.stiffness for boundary in boundaries)
+    largest_damping = left * max(boundary.damping for boundary in boundaries)
     share = 2.0 if scene.coupling.force == "tick_end" else 1.0
     found = []
     for name, tool in scene.tools.items():
@@ -53,11 +59,11 @@ def coupling_bounds(scene: Scene, meshes: dict[str, ToolMesh]) -> tuple[Coupling
         arm = float(np.linalg.norm(meshes[name].vertices_m[:, [0, 2]], axis=1).max())
         mass = 1.0 / (1.0 / body.mass_kg + arm**2 / body.inertia_kg_m2)
         count = _contact_count(scene.soil, meshes[name])
-        damping = count * boundary.damping
+        damping = count * largest_damping
         found.append(
             CouplingBound(
                 tool=name,
-                undamped_s=share * boundary.damping / boundary.stiffness,
+                undamped_s=share * relaxation,
                 unstable_s=2.0 * mass / damping if damping > 0.0 else np.inf,
                 effective_mass_kg=mass,
                 contact_count=count,

@@ -45,10 +45,12 @@ def model_at(annotation: Any, value: object) -> type[BaseModel] | None:
 
 
 def item_annotation(annotation: Any) -> Any:
-    """The annotation of the items of a mapping such as dict[str, Body]; None if it is no mapping."""
+    """The annotation of the items of dict[str, Body] or tuple[Layer, ...]; None if it is neither."""
     for member in members(annotation):
         if get_origin(member) is dict:
             return get_args(member)[1]
+        if get_origin(member) is tuple and get_args(member)[1:] == (Ellipsis,):
+            return get_args(member)[0]
     return None
 
 
@@ -65,8 +67,15 @@ def annotation_at(root: type[BaseModel], document: object, path: Iterable[object
             annotation = None if field is None else field.annotation
         else:
             annotation = item_annotation(annotation)
-        value = value.get(key) if isinstance(value, dict) else None
+        value = value_in(value, key)
     return annotation
+
+
+def value_in(value: object, key: object) -> object:
+    """What stands in a mapping, or at a place of a list; None where there is nothing."""
+    if isinstance(value, list) and str(key).isdigit() and int(str(key)) < len(value):
+        return value[int(str(key))]
+    return value.get(key) if isinstance(value, dict) else None
 
 
 def known_keys(annotation: Any, value: object) -> list[str]:

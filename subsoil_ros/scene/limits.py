@@ -5,16 +5,19 @@ from dataclasses import dataclass
 
 from ..errors import SceneError
 from ..ticks import NANOSECONDS_PER_SECOND, tick_count
+from .damping import SMALLEST_RATIO, damping_ratios, lag_rates, largest_lagged_step_s
 from .model import Scene
-from .pairs import pair_values, particle_mass_kg
+from .pairs import layer_soils, particle_values, sphere_mass_kg
 from .soil import HertzMindlinLaw, Soil
 
 DENSE_COORDINATION = 10.4
 """Damped contacts per particle of random close packing under the wet law (SOIL_FINDINGS.md). A cubic
 grid starts with 6, but where a tool compacts it, it comes near this, so the limits use it."""
 
-SAFETY = 0.9
-"""Part of the smallest limit that `time_step_s: auto` takes (chosen)."""
+SAFETY = 0.8
+"""Part of the smallest limit that `time_step_s: auto` takes (chosen: the densest neighbourhoods of a dense
+random bed damp faster than its mean coordination says; the largest eigenvalue of its tangential dampers
+leaves 0.86 of the limit, with 4,360 and with 19,950 particles, and at 0.9 the resting bed spins)."""
 
 RAYLEIGH_PART = 0.2
 """Part of the Rayleigh time that a step may take under the Hertz law (usual: 0.1 to 0.2)."""
@@ -37,53 +40,111 @@ def step_limits(soil: Soil, coordination: float = DENSE_COORDINATION) -> tuple[S
     Dampers, z contacts per particle: neighbours in opposite motion see the rate 2 z C / m, equal spins
     (4/3) z C l^2 / I with I = 0.4 m r^2 and the arm l = r - delta_c / 2; stable for step x rate <= 2.
     Springs: the same modes, omega^2 = 2 z (K_X + 2 K_Y) / (3 m) and (4/3) z K_Y l^2 / I; step <= 2 / omega.
+
+    Of unlike particles the worst one binds: (a + b)^2 <= 2 a^2 + 2 b^2, contact by contact, bounds each of
+    these rates of the whole bed by its largest over single particles, and the smallest of a layer has the
+    largest z / m (neighbours grow with the square of the radius at most, mass with its cube) under the
+    stiffest of its pairs.
+    Lagged dampers weaken as the step grows, rate / (1 + lag step): stable for step x (rate - 2 lag) <= 2.
     """
+    layers = layer_soils(soil)
     if isinstance(soil.law, HertzMindlinLaw):
-        return (_rayleigh_limit(soil, soil.law),)
-    pair, _ = pair_values(soil)
-    mass = particle_mass_kg(soil)
-    radius = soil.particles.radius_m
+        return (min((_rayleigh_limit(layer) for layer in layers), key=lambda item: item.limit_s),)
+    smallest: dict[str, StepLimit] = {}
+    for k, layer in enumerate(layers):
+        named = f", layer {soil.layers[k].name}" if soil.layers else ""
+        for other in layers:
+            for kind, found in _particle_limits(layer, other, coordination, named).items():
+                if kind not in smallest or found.limit_s < smallest[kind].limit_s:
+                    smallest[kind] = found
+    return tuple(sorted(smallest.values(), key=lambda item: item.limit_s))
+
+
+def _particle_limits(soil: Soil, other: Soil, z: float, named: str) -> dict[str, StepLimit]:
+    """Limits of the smallest particle of `soil` among z particles of `other`, by kind of motion."""
+    radius = soil.particles.bounds_m[0]
+    mass = sphere_mass_kg(soil, radius)
+    pair = particle_values(soil, other, 0.5 * radius, 0.5 * mass)
     arm = radius - 0.5 * pair.rest_overlap
     inertia = 0.4 * mass * radius**2
-    z = coordination
-    name = f"coordination {z:g}, particle {mass * 1e3:.3g} g"
-    limits = []
+    name = f"coordination {z:g}, particle {mass * 1e3:.3g} g{named}"
+    limits: dict[str, StepLimit] = {}
 
-    def add(cause: str, rate: float, *, spring: bool) -> None:
+    def add(kind: str, cause: str, rate: float, *, spring: bool) -> None:
         if rate > 0.0:
-            limits.append(StepLimit(cause, 2.0 / (math.sqrt(rate) if spring else rate)))
+            limits[kind] = StepLimit(cause, 2.0 / (math.sqrt(rate) if spring else rate))
 
-    damping = max(pair.damping, pair.tangential_damping)
+    normal_lag, tangential_lag = lag_rates(soil)[0]
+    lagged = "" if soil.damping == "explicit" else "lagged "
     add(
-        f"damping {pair.tangential_damping:g} N s/m acting on spin, {name}",
-        4.0 / 3.0 * z * pair.tangential_damping * arm**2 / inertia,
+        "spin, dampers",
+        f"{lagged}damping {pair.tangential_damping:g} N s/m acting on spin, {name}",
+        4.0 / 3.0 * z * pair.tangential_damping * arm**2 / inertia - 2.0 * tangential_lag,
         spring=False,
     )
-    add(f"damping {damping:g} N s/m acting on translation, {name}", 2.0 * z * damping / mass, spring=False)
+    damping, rate = max(
+        (pair.damping, 2.0 * z * pair.damping / mass - 2.0 * normal_lag),
+        (pair.tangential_damping, 2.0 * z * pair.tangential_damping / mass - 2.0 * tangential_lag),
+        key=lambda found: found[1],
+    )
     add(
+        "translation, dampers",
+        f"{lagged}damping {damping:g} N s/m acting on translation, {name}",
+        rate,
+        spring=False,
+    )
+    add(
+        "translation, springs",
         f"stiffness {pair.stiffness:g} and {pair.tangential_stiffness:g} N/m of the bed, {name}",
         2.0 * z * (pair.stiffness + 2.0 * pair.tangential_stiffness) / (3.0 * mass),
         spring=True,
     )
     add(
+        "spin, springs",
         f"tangential stiffness {pair.tangential_stiffness:g} N/m acting on spin, {name}",
         4.0 / 3.0 * z * pair.tangential_stiffness * arm**2 / inertia,
         spring=True,
     )
-    add(f"stiffness {pair.stiffness:g} N/m of a single pair", 2.0 * pair.stiffness / mass, spring=True)
-    return tuple(sorted(limits, key=lambda item: item.limit_s))
+    add(
+        "pair",
+        f"stiffness {pair.stiffness:g} N/m of a single pair",
+        2.0 * pair.stiffness / mass,
+        spring=True,
+    )
+    return limits
 
 
-def _rayleigh_limit(soil: Soil, law: HertzMindlinLaw) -> StepLimit:
+def _rayleigh_limit(soil: Soil) -> StepLimit:
     """Time of a Rayleigh wave around half a sphere, pi r sqrt(rho / G) / (0.1631 nu + 0.8766).
 
     Source: Y. Li, Y. Xu, C. Thornton, Powder Technology 160 (2005) 219-228.
     """
+    law = soil.law
+    assert isinstance(law, HertzMindlinLaw)
     nu = law.particle.poisson_ratio
     shear = law.particle.youngs_modulus_pa / (2.0 * (1.0 + nu))
-    radius, density = soil.particles.radius_m, soil.particles.density_kg_per_m3
+    radius, density = soil.particles.bounds_m[0], soil.particles.density_kg_per_m3
     time = math.pi * radius * math.sqrt(density / shear) / (0.1631 * nu + 0.8766)
     return StepLimit(f"{RAYLEIGH_PART:g} of the Rayleigh time {time:.3g} s", RAYLEIGH_PART * time)
+
+
+def step_notes(soil: Soil, step_s: float) -> tuple[str, ...]:
+    """What a run must say of its soil step: dampers that are weakened, a limit that is passed."""
+    notes = []
+    if soil.damping == "lagged":
+        pair, boundary = damping_ratios(soil, step_s)
+        notes.append(
+            f"soil.damping: lagged is another law: at {step_s * 1e6:.4g} us C_eff / C is {pair.normal:.3f} "
+            f"normal and {pair.tangential:.3f} tangential between particles, {boundary.normal:.3f} and "
+            f"{boundary.tangential:.3f} at walls and tools"
+        )
+    limit = step_limits(soil)[0]
+    if step_s > limit.limit_s:
+        notes.append(
+            f"soil.force_time_step: the step {step_s * 1e6:.4g} us is above the stable limit "
+            f"{limit.limit_s * 1e6:.4g} us; the results are no prediction"
+        )
+    return tuple(notes)
 
 
 @dataclass(frozen=True)
@@ -106,12 +167,19 @@ class Timing:
         return self.interval_ns * 1e-9 / self.soil_steps
 
 
-def _refuse_step(given_s: float, limit: StepLimit, key: str) -> None:
-    if given_s > limit.limit_s:
+def _refuse_step(soil: Soil, given_s: float, limit: StepLimit) -> None:
+    if given_s > limit.limit_s and not soil.force_time_step:
         raise SceneError(
-            f"{key}: {given_s:.3g} s is above the stable limit {limit.limit_s:.3g} s ({limit.cause}). "
-            f"Use 'auto', or at most {limit.limit_s:.2g} s: a larger step does not blow up, it silently "
-            "lowers the draft."
+            f"soil.time_step_s: {given_s:.3g} s is above the stable limit {limit.limit_s:.3g} s "
+            f"({limit.cause}). Use 'auto', or at most {limit.limit_s:.2g} s: a larger step does not blow "
+            "up, it silently lowers the draft. To study that, add soil.force_time_step: true."
+        )
+    ratio = min(found.smallest for found in damping_ratios(soil, given_s))
+    if ratio < SMALLEST_RATIO and not soil.force_lagged_damping:
+        raise SceneError(
+            f"soil.time_step_s: {given_s:.3g} s leaves {ratio:.2f} of a lagged damper, allowed is at least "
+            f"{SMALLEST_RATIO:g}. Use 'auto', or at most {largest_lagged_step_s(soil):.2g} s; to run that "
+            "other law all the same, add soil.force_lagged_damping: true."
         )
 
 
@@ -129,11 +197,12 @@ def derive_timing(scene: Scene) -> Timing:
         limit = step_limits(scene.soil)[0]
         step = scene.soil.time_step_s
         if step != "auto":
-            _refuse_step(step, limit, "soil.time_step_s")
+            _refuse_step(scene.soil, step, limit)
+        largest_s = min(SAFETY * limit.limit_s, largest_lagged_step_s(scene.soil))
         if interval == "auto":
             if step == "auto":
-                interval_ns = int(SAFETY * limit.limit_s * 1e6) * 1000  # whole microseconds
-                interval_ns = interval_ns or int(SAFETY * limit.limit_s * NANOSECONDS_PER_SECOND)
+                interval_ns = int(largest_s * 1e6) * 1000  # whole microseconds
+                interval_ns = interval_ns or int(largest_s * NANOSECONDS_PER_SECOND)
             else:
                 interval_ns = round(step * NANOSECONDS_PER_SECOND)
             if interval_ns < 1:
@@ -144,7 +213,7 @@ def derive_timing(scene: Scene) -> Timing:
             soil_steps = 1
         else:
             interval_ns = interval
-            largest = SAFETY * limit.limit_s if step == "auto" else step
+            largest = largest_s if step == "auto" else step
             soil_steps = max(1, math.ceil(interval_ns * 1e-9 / largest - 1e-9))
             if step != "auto" and abs(soil_steps * step - interval_ns * 1e-9) > 1e-9 * step:
                 raise SceneError(

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 
-from .soil import HertzMindlinLaw, HertzValues, LinearLaw, LinearValues, Soil, WetLaw, WetValues
+from .soil import ContactLaw, HertzMindlinLaw, HertzValues, LinearLaw, LinearValues, Soil, WetLaw, WetValues
 
 
 @dataclass(frozen=True)
@@ -69,28 +69,111 @@ class PairValues:
         )
 
 
+def sphere_mass_kg(soil: Soil, radius_m: float) -> float:
+    """Mass of a sphere of this radius [kg]."""
+    return soil.particles.density_kg_per_m3 * 4.0 / 3.0 * math.pi * radius_m**3
+
+
 def particle_mass_kg(soil: Soil) -> float:
-    """Mass of one sphere [kg]."""
-    return soil.particles.density_kg_per_m3 * 4.0 / 3.0 * math.pi * soil.particles.radius_m**3
+    """Mass of one sphere, the mean of spheres of several sizes [kg]."""
+    return sphere_mass_kg(soil, soil.particles.mean_volume_radius_m)
+
+
+def layer_soils(soil: Soil) -> tuple[Soil, ...]:
+    """The soil of every layer as one without layers, from top to bottom; without layers the soil itself.
+
+    What a layer does not give is that of `soil.particles` and `soil.law`.
+    """
+    if soil.layers is None:
+        return (soil,)
+    found = []
+    for layer in soil.layers:
+        density = layer.density_kg_per_m3 or soil.particles.density_kg_per_m3
+        update: dict[str, object] = {
+            "layers": None,
+            "particles": soil.particles.model_copy(update={"density_kg_per_m3": density}),
+        }
+        if layer.law is not None:
+            rows = {
+                key: getattr(soil.law, key).model_copy(
+                    update=getattr(layer.law, key).model_dump(exclude_none=True)
+                )
+                for key in ("particle", "boundary")
+            }
+            update["law"] = soil.law.model_copy(update=rows)
+        found.append(soil.model_copy(update=update))
+    return tuple(found)
 
 
 def size_ratio(soil: Soil) -> float:
     """Radius of the particles over the radius that the law's values hold for."""
-    return soil.particles.radius_m / (soil.particles.law_radius_m or soil.particles.radius_m)
+    radius = soil.particles.mean_volume_radius_m
+    return radius / (soil.particles.law_radius_m or radius)
 
 
 def pair_values(soil: Soil) -> tuple[PairValues, PairValues]:
-    """Laws of the pairs particle-particle and particle-boundary, scaled to the radius of the particles."""
-    law, ratio = soil.law, size_ratio(soil)
-    if isinstance(law, WetLaw):
-        return _wet(law, law.particle).scaled(ratio), _wet(law, law.boundary).scaled(ratio)
-    if isinstance(law, LinearLaw):
-        return _linear(law.particle).scaled(ratio), _linear(law.boundary).scaled(ratio)
-    radius, mass = soil.particles.radius_m, particle_mass_kg(soil)
+    """Laws of the pairs particle-particle and particle-boundary, two spheres of mean volume.
+
+    Of a soil with layers, those of `soil.law`: ask for each of `layer_soils`.
+    """
+    radius, mass = soil.particles.mean_volume_radius_m, particle_mass_kg(soil)
     return (
-        _hertz(law, law.particle, 0.5 * radius, 0.5 * mass),
-        _hertz(law, law.boundary, radius, mass),
+        particle_values(soil, soil, 0.5 * radius, 0.5 * mass),
+        boundary_values(soil, radius, mass),
     )
+
+
+def particle_values(first: Soil, second: Soil, radius_m: float, mass_kg: float) -> PairValues:
+    """Law of two particles, one of each soil (without layers; the same one for a like pair).
+
+    radius_m, mass_kg: reduced ones of the pair, r1 r2 / (r1 + r2) and m1 m2 / (m1 + m2); Hertz needs them.
+    Wet and linear laws are scaled to the mean radius of the particles where the scene asks for it.
+    Unlike particles: springs, dampers and adhesions of the two in series, a value that stands for a like pair
+    being half of a body's (eq. 15, 16, 18); rest overlap and reach the mean of the two, each body bringing
+    its half; friction and restitution the smaller, the weaker surface yielding first. Hertz: E* and G* of
+    two materials.
+    """
+    one, other, ratio = first.law, second.law, size_ratio(first)
+    if isinstance(one, WetLaw) and isinstance(other, WetLaw):
+        if first is second:
+            return _wet(one, one.particle, in_series=one.values_are == "body").scaled(ratio)
+        found = _wet(one, other.particle, in_series=True)
+        if one.values_are == "pair":
+            found = _doubled(found)
+        found = replace(
+            found,
+            rest_overlap=0.5 * (one.particle.rest_overlap_m + other.particle.rest_overlap_m),
+            reach=0.5 * (one.particle.reach_m + other.particle.reach_m),
+        )
+        return _with_weaker_friction(found.scaled(ratio), one, other)
+    if isinstance(one, LinearLaw) and isinstance(other, LinearLaw):
+        found = _linear(one.particle)
+        if first is second:
+            return found.scaled(ratio)
+        theirs = _linear(other.particle)
+        halves = replace(
+            found,
+            stiffness=_series(found.stiffness, theirs.stiffness),
+            tangential_stiffness=_series(found.tangential_stiffness, theirs.tangential_stiffness),
+            damping=_series(found.damping, theirs.damping),
+            tangential_damping=_series(found.tangential_damping, theirs.tangential_damping),
+        )
+        return _with_weaker_friction(_doubled(halves).scaled(ratio), one, other)
+    assert isinstance(one, HertzMindlinLaw)
+    assert isinstance(other, HertzMindlinLaw)
+    restitution = min(one.particle.restitution, other.particle.restitution)
+    found = _hertz(one.particle, other.particle, restitution, radius_m, mass_kg)
+    return _with_weaker_friction(found, one, other)
+
+
+def boundary_values(soil: Soil, radius_m: float, mass_kg: float) -> PairValues:
+    """Law of a particle of this radius and mass at a wall; soil without layers."""
+    law = soil.law
+    if isinstance(law, WetLaw):
+        return _wet(law, law.boundary, in_series=law.values_are == "body").scaled(size_ratio(soil))
+    if isinstance(law, LinearLaw):
+        return _linear(law.boundary).scaled(size_ratio(soil))
+    return _hertz(law.particle, law.boundary, law.boundary.restitution, radius_m, mass_kg)
 
 
 def tool_values(soil: Soil) -> PairValues:
@@ -105,7 +188,30 @@ def _series(first: float, second: float) -> float:
     return first * second / total if total > 0.0 else 0.0
 
 
-def _wet(law: WetLaw, second: WetValues) -> PairValues:
+def _doubled(values: PairValues) -> PairValues:
+    """Pair values from halves in series: two of 2 K in series are twice two of K."""
+    return replace(
+        values,
+        stiffness=2.0 * values.stiffness,
+        tangential_stiffness=2.0 * values.tangential_stiffness,
+        damping=2.0 * values.damping,
+        tangential_damping=2.0 * values.tangential_damping,
+        adhesion=2.0 * values.adhesion,
+    )
+
+
+def _with_weaker_friction(values: PairValues, first: ContactLaw, second: ContactLaw) -> PairValues:
+    """`values` with the smaller friction of two particles."""
+    one, other = first.particle, second.particle
+    return replace(
+        values,
+        static_friction=min(one.static_friction, other.static_friction),
+        sliding_friction=min(one.sliding_friction, other.sliding_friction),
+        rolling_friction=min(one.rolling_friction, other.rolling_friction),
+    )
+
+
+def _wet(law: WetLaw, second: WetValues, *, in_series: bool) -> PairValues:
     """Particle with `second`: body values combined as springs in series, or pair values as they stand.
 
     Distances and friction are not combined: those of the row stand for the pair.
@@ -113,7 +219,7 @@ def _wet(law: WetLaw, second: WetValues) -> PairValues:
 
     def value(key: str) -> float:
         own = getattr(second, key)
-        return _series(getattr(law.particle, key), own) if law.values_are == "body" else own
+        return _series(getattr(law.particle, key), own) if in_series else own
 
     return PairValues(
         stiffness=value("stiffness_newton_per_m"),
@@ -141,14 +247,15 @@ def _linear(row: LinearValues) -> PairValues:
     )
 
 
-def _hertz(law: HertzMindlinLaw, second: HertzValues, radius_m: float, mass_kg: float) -> PairValues:
-    """Particle with `second` at an effective radius and mass.
+def _hertz(
+    first: HertzValues, second: HertzValues, restitution: float, radius_m: float, mass_kg: float
+) -> PairValues:
+    """Two materials at an effective radius and mass; friction is that of the second.
 
     F_n = 4/3 E* sqrt(R*) delta^1.5, S_t = 8 G* sqrt(R* delta); dashpots 2 sqrt(5/6) beta sqrt(S m*) with
     S_n = 2 E* sqrt(R* delta), which give a restitution that does not depend on speed (Y. Tsuji, T. Tanaka,
     T. Ishida, Powder Technology 71 (1992) 239-250).
     """
-    first = law.particle
 
     def compliance(row: HertzValues) -> tuple[float, float]:
         nu, young = row.poisson_ratio, row.youngs_modulus_pa
@@ -157,7 +264,7 @@ def _hertz(law: HertzMindlinLaw, second: HertzValues, radius_m: float, mass_kg: 
     normal, tangential = (a + b for a, b in zip(compliance(first), compliance(second), strict=True))
     root = math.sqrt(radius_m)
     stiffness, shear = 2.0 * root / normal, 8.0 * root / tangential  # S_n, S_t per root of overlap
-    log_e = math.log(second.restitution)
+    log_e = math.log(restitution)
     beta = -log_e / math.hypot(log_e, math.pi)
     dashpot = 2.0 * math.sqrt(5.0 / 6.0) * beta
     return PairValues(

@@ -26,8 +26,10 @@ def scaled_soil(soil: Soil, radius_m: float) -> Soil:
     """The same soil of particles with another radius; bin and surface stay, lengths of the grid grow along.
 
     Raises:
-        InputError: the bed is a saved one, whose particles have their size.
+        InputError: the bed is a saved one, whose particles have their size, or there are several sizes.
     """
+    if soil.particles.radius_m is None:
+        raise InputError("soil.particles.sizes: another radius is for equal spheres; give particles.radius_m")
     if isinstance(soil.bed, SavedBed):
         raise InputError(
             f"soil.bed.kind: a saved bed keeps its radius {soil.particles.radius_m:g} m; use 'grid' or "

@@ -4,27 +4,56 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .base import NonNegative, Part, Positive
-from .beds import Bed, DenseRandomBed, SavedBed, SurfaceProfile
+from .base import Fraction, NonNegative, Part, PoissonRatio, Positive
+from .beds import Bed, DenseRandomBed, GridBed, SavedBed, SurfaceProfile
+from .layers import Layer, WetLayerLaw
+from .monitors import Monitors
+from .sizes import Sizes, mean_power
 
 
 class Bin(Part):
     """Open box: x in [0, length], y in [-width/2, width/2]; particles only, tools may cross it.
 
-    z = 0 is the mean top of the prepared bed; the floor follows from the bed.
+    z = 0 is the mean top of the prepared bed; the floor follows from the bed. Periodic sides: what leaves at
+    y = width/2 comes in at -width/2, as if the bin were a slice of an endless one; tools keep off them.
     """
 
     length_m: Positive
     width_m: Positive
     depth_m: Positive  # of the bed
+    sides: Literal["walls", "periodic"] = "walls"  # at y = +-width/2
 
 
 class Particles(Part):
-    """Equal spheres."""
+    """Spheres, equal ones of `radius_m` or of several `sizes`."""
 
-    radius_m: Positive
+    radius_m: Positive | None = None
+    sizes: Sizes | None = None
     density_kg_per_m3: Positive
     law_radius_m: Positive | None = None  # radius the law was found for; it is scaled from there (scaling.py)
+
+    @model_validator(mode="after")
+    def _one_form(self) -> "Particles":
+        if (self.radius_m is None) == (self.sizes is None):
+            given = "neither is given" if self.sizes is None else "both are given"
+            raise ValueError(f"radius_m: {given}; give 'radius_m' for equal spheres or 'sizes' for several")
+        return self
+
+    @property
+    def bounds_m(self) -> tuple[float, float]:
+        """Smallest and largest radius."""
+        if self.radius_m is not None:
+            return self.radius_m, self.radius_m
+        assert self.sizes is not None
+        return self.sizes.bounds_m
+
+    @property
+    def mean_volume_radius_m(self) -> float:
+        """Radius of the sphere of mean volume; that of every sphere where they are equal."""
+        if self.radius_m is not None:
+            return self.radius_m
+        assert self.sizes is not None
+        return float(mean_power(self.sizes, 3) ** (1.0 / 3.0))
 
 
 class WetValues(Part):
@@ -81,8 +110,8 @@ class HertzValues(Part):
     """A material; restitution and friction of the `boundary` row stand for particle and boundary."""
 
     youngs_modulus_pa: Positive
-    poisson_ratio: Annotated[float, Field(gt=-1.0, le=0.5)]
-    restitution: Annotated[float, Field(gt=0.0, le=1.0)]
+    poisson_ratio: PoissonRatio
+    restitution: Fraction
     static_friction: NonNegative
     sliding_friction: NonNegative
     rolling_friction: NonNegative = 0.0
@@ -109,10 +138,17 @@ class Soil(Part):
     bed: Bed
     law: ContactLaw
     time_step_s: Annotated[Positive | Auto, Field(union_mode="left_to_right")] = "auto"
+    precision: Literal["float64", "mixed"] = "float64"  # mixed: all but positions and boundaries in float32
+    force_time_step: bool = False  # take time_step_s even above the stable limit, for studies
+    damping: Literal["explicit", "lagged"] = "explicit"  # lagged: weaker dampers, scene.damping
+    force_lagged_damping: bool = False  # take time_step_s even if less than half of a damper is left
     skin_m: Positive = 0.003
     tool_stiffness_factor: Positive = 1.0  # on the boundary's normal stiffness, at tools only
     largest_tool_overlap_m: Positive | None = None  # the run stops beyond it; default: two radii
     surface: SurfaceProfile | None = None  # trims the bed
+    layers: tuple[Layer, ...] | None = Field(default=None, min_length=2)  # from top to bottom
+    monitors: Monitors | None = Monitors()  # null: none
+    largest_lost_particles: Annotated[int, Field(ge=0)] | None = None  # default: one in a thousand
 
     @model_validator(mode="after")
     def _bed_of_linear_springs(self) -> "Soil":
@@ -124,12 +160,103 @@ class Soil(Part):
         return self
 
     @model_validator(mode="after")
+    def _steps_and_damping(self) -> "Soil":
+        if self.force_time_step and self.time_step_s == "auto":
+            raise ValueError("force_time_step: there is no step to force; give time_step_s a number")
+        if self.force_lagged_damping and self.damping == "explicit":
+            raise ValueError(
+                "force_lagged_damping: damping is 'explicit'; use 'damping: lagged' or leave it out"
+            )
+        if self.damping == "lagged" and isinstance(self.law, HertzMindlinLaw):
+            raise ValueError(
+                "damping: 'lagged' weakens dampers that do not depend on the overlap, those of law "
+                "'hertz_mindlin' do; use 'explicit', or law 'wet' or 'linear'"
+            )
+        if self.damping == "lagged" and (self.particles.sizes is not None or self.layers is not None):
+            raise ValueError(
+                "damping: 'lagged' is one constant for all contacts, so it needs equal particles without "
+                "layers; use 'explicit'"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _no_grid_of_sizes(self) -> "Soil":
+        if isinstance(self.bed, GridBed) and self.particles.sizes is not None:
+            raise ValueError(
+                "bed.kind: 'grid' has one spacing, at which spheres of several sizes do not touch and would "
+                "fall; use 'dense_random', or particles.radius_m"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _layers_fill_the_bin(self) -> "Soil":
+        """Names differ, every layer but the last is thicker than a particle and ends above the floor."""
+        above, seen = 0.0, set()
+        for k, layer in enumerate(self.layers or ()):
+            last = k == len(self.layers or ()) - 1
+            where, thickness = f"layers.{k}", layer.thickness_m
+            if layer.name in seen:
+                raise ValueError(f"{where}.name: '{layer.name}' is the name of a layer above; give another")
+            seen.add(layer.name)
+            if layer.law is not None and layer.law.kind != self.law.kind:
+                raise ValueError(
+                    f"{where}.law.kind: '{layer.law.kind}' differs from soil.law.kind, '{self.law.kind}'; "
+                    "all layers need the same"
+                )
+            if last and thickness is not None:
+                raise ValueError(f"{where}.thickness_m: the last layer goes on to the floor; leave it out")
+            if last:
+                break
+            if thickness is None:
+                raise ValueError(f"{where}.thickness_m: is missing; every layer but the last needs it")
+            smallest = 2.0 * self.particles.bounds_m[1]
+            if thickness < smallest:
+                raise ValueError(
+                    f"{where}.thickness_m: {thickness:g} m is less than a particle; allowed is at least "
+                    f"{smallest:g} m"
+                )
+            above += thickness
+            if above >= self.bin.depth_m:
+                raise ValueError(
+                    f"{where}.thickness_m: the layers down to this one are {above:g} m thick and leave "
+                    f"nothing to the next in a bed {self.bin.depth_m:g} m deep; make them thinner"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _rest_overlaps(self) -> "Soil":
+        """Below the smallest radius (the limits of the step rest on it); equal in all layers of a grid."""
+        if not isinstance(self.law, WetLaw):
+            return self
+        rows = [("law", self.law.particle.rest_overlap_m, self.law.boundary.rest_overlap_m)]
+        for k, layer in enumerate(self.layers or ()):
+            if layer.law is not None and isinstance(layer.law, WetLayerLaw):
+                changes = layer.law.particle.rest_overlap_m, layer.law.boundary.rest_overlap_m
+                own = [change or common for change, common in zip(changes, rows[0][1:], strict=True)]
+                rows.append((f"layers.{k}.law", own[0], own[1]))
+        mean = self.particles.mean_volume_radius_m
+        ratio = mean / (self.particles.law_radius_m or mean)
+        for where, particle, boundary in rows:
+            for row, overlap in (("particle", particle), ("boundary", boundary)):
+                if ratio * overlap >= self.particles.bounds_m[0]:
+                    raise ValueError(
+                        f"{where}.{row}.rest_overlap_m: {ratio * overlap:g} m is not below the radius of the "
+                        f"smallest particle, {self.particles.bounds_m[0]:g} m; make it smaller"
+                    )
+            if isinstance(self.bed, GridBed) and (particle, boundary) != rows[0][1:]:
+                raise ValueError(
+                    f"{where}: has another rest_overlap_m than soil.law, but a grid has one spacing and one "
+                    "distance to its walls; give all layers the same, or use bed.kind 'dense_random'"
+                )
+        return self
+
+    @model_validator(mode="after")
     def _surface_above_floor(self) -> "Soil":
         if self.surface is None:
             return self
         if isinstance(self.bed, SavedBed):
             raise ValueError("surface: a saved bed has its surface already; leave out 'surface'")
-        lowest = 2.0 * self.particles.radius_m - self.bin.depth_m
+        lowest = 2.0 * self.particles.bounds_m[1] - self.bin.depth_m
         if min(self.surface.z_m) < lowest:
             raise ValueError(
                 f"surface.z_m: {min(self.surface.z_m):g} m leaves less than a particle on the floor of the "

@@ -10,36 +10,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-
-def hertz(young, nu, restitution, friction, wall=None):
-    """A `hertz_mindlin` law; `wall` (Young's modulus, nu) stands for the boundary."""
-    row = {
-        "youngs_modulus_pa": young, "poisson_ratio": nu, "restitution": restitution,
-        "static_friction": friction, "sliding_friction": friction,
-    }  # fmt: skip
-    young, nu = wall or (young, nu)
-    return {
-        "kind": "hertz_mindlin",
-        "particle": row,
-        "boundary": row | {"youngs_modulus_pa": young, "poisson_ratio": nu},
-    }
-
-
-def laboratory(soil, law, radius, density, step_ns, book=False):
-    """An engine with room for an impact of spheres of this size, without gravity."""
-    size = 12.0 * radius
-    return soil.engine(
-        book=book,
-        gravity_m_per_s2=0.0,
-        soil={
-            "bin": {"length_m": size, "width_m": size, "depth_m": size},
-            "particles": {"radius_m": radius, "density_kg_per_m3": density},
-            "bed": {"kind": "grid", "spacing_m": 2.0 * radius},
-            "law": law,
-            "time_step_s": step_ns * 1e-9,
-            "skin_m": 0.3 * radius,
-        },
-    )
+from .impacts import hertz, laboratory
 
 
 def impact(engine, step_ns, until):

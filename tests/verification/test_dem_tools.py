@@ -30,7 +30,7 @@ def rest_on_a_box(soil, at, one, subdivide, offset_m=0.0):
     return engine.positions_m()[0] - (0.0, 0.0, top), engine.spins_rad_per_s()[0], wrench
 
 
-@pytest.mark.parametrize("subdivide", [1, 4])
+@pytest.mark.parametrize("subdivide", [1, 5])
 def test_a_plane_is_the_same_however_it_is_meshed(soil, at, one, subdivide):
     """Facets larger and much smaller than the sphere give one contact and the same motion."""
     coarse = rest_on_a_box(soil, at, one, 0)
@@ -83,6 +83,35 @@ def test_convex_edges_and_vertices_are_one_contact(soil, at, one, phi_rad):
         force = np.array([wrench.force_x_newton, wrench.force_y_newton, wrench.force_z_newton])
         stiffness = 10_000.0 * 16_000.0 / 26_000.0
         assert_allclose(force, -world(unit) * stiffness * 1e-4, rtol=2e-3, atol=1e-4)
+
+
+def test_edges_meshed_much_finer_than_a_particle_miss_no_contact(soil, at, one, tmp_path):
+    """Spheres along the edges of a bar, facets 1.6 mm by 0.3 mm in any order: every one has its one contact,
+    with the force of the coarse bar."""
+    half, off = np.array((0.05, 0.01, 0.01)), 0.01 + 0.0079 * math.sqrt(0.5)
+    place = [
+        (0.2 + 0.025 * k + 0.0007 * (y + 2 * z), y * off, -0.15 + z * off)
+        for k in (-1, 0, 1) for y in (-1, 1) for z in (-1, 1)
+    ]  # fmt: skip
+    mesh = trimesh.creation.box(2.0 * half)
+    forces = []
+    for cuts in (0, 6):
+        for _ in range(cuts):
+            mesh = mesh.subdivide()
+        mesh.faces = np.random.default_rng(1).permutation(mesh.faces)
+        path = tmp_path / f"bar_{cuts}.stl"
+        mesh.export(path)
+        engine = soil.engine(
+            "gravity_m_per_s2=0", "soil.bin.length_m=0.4", "soil.bin.width_m=0.3", "soil.bin.depth_m=0.3",
+            law=NO_ADHESION | {"rolling_friction": 0.0}, tools=one(str(path)),
+        )  # fmt: skip
+        engine.place(place)
+        engine.start(at(-0.3, -0.15))
+        assert engine.advance(0, at(0.2, -0.15))[0].contact_count == len(place)
+        forces.append(engine.forces_newton())
+    # corners of the mesh are float32: 1e-9 m, times the stiffness
+    assert_allclose(forces[1], forces[0], atol=1e-4)
+    assert_allclose(np.linalg.norm(forces[0], axis=1), 1e-4 * 10_000.0 * 16_000.0 / 26_000.0, rtol=2e-3)
 
 
 def groove() -> trimesh.Trimesh:
@@ -274,3 +303,25 @@ def test_tools_move_on_a_cubic_within_a_tick():
             "phi_rate_rad_per_s",
         ):
             assert_allclose(getattr(between, name), getattr(exact, name), rtol=1e-12)
+
+
+def test_a_sphere_that_moves_with_the_tool_as_one_body_feels_its_spring_only(soil, at, one):
+    """Velocity V + w x r and the tool's spin: no slip, no approach, no rolling, wherever it touches."""
+    step, turn, rate, centre = 5e-5, 0.4, 3.0, np.array([0.2, 0.0, -0.12])
+    along, up = (
+        np.array([math.cos(turn), 0.0, math.sin(turn)]),
+        np.array([-math.sin(turn), 0.0, math.cos(turn)]),
+    )
+    engine = soil.engine(
+        "gravity_m_per_s2=0", "soil.bin.length_m=0.4", "soil.bin.width_m=0.3", "soil.bin.depth_m=0.3",
+        tools=one(soil.box(0.08, 0.05, 0.06)),
+    )  # fmt: skip
+    arm = 0.02 * along + np.array([0.0, 0.013, 0.0]) + (0.03 + 0.0079) * up
+    spin = np.array([0.0, -rate, 0.0])
+    velocity = np.array([0.1, 0.0, -0.2]) + np.cross(spin, arm)
+    engine.place([centre + arm - step * velocity], [velocity], [spin])
+    engine.start(at(*(centre + 1.0)[[0, 2]]))  # far away: no force before the step
+    engine.advance(0, at(centre[0], centre[2], turn, vx=0.1, vz=-0.2, rate=rate))
+    # corners of the mesh are float32, 1e-9 m, times the stiffness
+    assert_allclose(engine.forces_newton()[0], 1e-4 * 10_000.0 * 16_000.0 / 26_000.0 * up, atol=2e-5)
+    assert_allclose(engine.spins_rad_per_s()[0], spin, atol=1e-6)

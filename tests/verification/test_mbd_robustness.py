@@ -94,6 +94,25 @@ def test_overlong_drive_against_a_linkage_ends_by_name(mechanism_engine):
     assert np.isfinite(engine.arrays.a).all()
 
 
+def test_machine_that_comes_to_rest_in_a_singular_pose_ends_by_name(mechanism_engine):
+    """A parallelogram pulled flat by a damped spring stays where its pins say too little: never NaN."""
+    machine = {
+        "bodies": {"left": _body(0.0, 0.5), "right": _body(1.0, 0.5), "bar": _body(0.5, 1.0)},
+        "joints": {
+            "a": _pin("ground", "left", 0.0, 0.0), "b": _pin("left", "bar", 0.0, 1.0),
+            "c": _pin("bar", "right", 1.0, 1.0), "d": _pin("ground", "right", 1.0, 0.0),
+        },
+        "forces": {"fold": {"kind": "torsion_spring", "body_a": "ground", "body_b": "left",
+                            "stiffness_newton_m_per_rad": 400.0, "damping_newton_m_s_per_rad": 60.0,
+                            "rest_angle_rad": -0.5 * math.pi}},
+    }  # fmt: skip
+    engine = mechanism_engine(machine, 1_000_000, gravity_m_per_s2=0.0)
+    with pytest.raises(SingularMechanismError, match=r"joints .*singular position"):
+        _run(engine, 5000)
+    assert engine.arrays.q[2] == pytest.approx(-0.5 * math.pi, abs=2e-3)
+    assert np.isfinite(engine.arrays.q).all()
+
+
 def test_resting_contact_does_not_chatter(mechanism_engine):
     """A dropped wheel comes to rest on its damped contact; the switches end, and it carries its weight."""
     contact = {"kind": "wheel_contact", "body": "wheel", "radius_m": 0.2, "stiffness_newton_per_m": 2e4,

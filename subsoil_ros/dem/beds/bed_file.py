@@ -10,26 +10,34 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ...errors import SceneError
 from ...scene.bed_spacing import rest_spacing_m
 from ...scene.soil import Soil
 from ..bed import Bed
+from ..periodic import refuse_narrow_period
+from .bonds import bonds_of
 
 FORMAT = "subsoil_ros bed"
-VERSION = 1
+VERSION = 2
 
 LARGEST_OVERLAP = 0.5
-"""A start whose particles overlap by more than this part of the radius beyond rest is refused (chosen: such
-a pair would fly apart at several m/s under the paper's law)."""
+"""A start whose particles overlap by more than this part of the smaller radius beyond rest is refused
+(chosen: such a pair would fly apart at several m/s under the paper's law)."""
 
-_ARRAYS = {"positions_m": 2, "lower_m": 1, "upper_m": 1, "kinetic_energy_joule": 0}
+_ARRAYS = {
+    "positions_m": (np.float64, 2),
+    "lower_m": (np.float64, 1),
+    "upper_m": (np.float64, 1),
+    "kinetic_energy_joule": (np.float64, 0),
+    "radii_m": (np.float64, 1),  # of length 0 where all are equal
+    "materials": (np.int64, 1),  # of length 0 without layers
+}
 
 
 def law_hash(soil: Soil) -> str:
-    """What the particles of a bed are and how they touch: sha256 hex of law and particles."""
-    content = soil.model_dump(mode="json", include={"law", "particles"})
+    """What the particles of a bed are and how they touch: sha256 hex of law, particles and layers."""
+    content = soil.model_dump(mode="json", include={"law", "particles", "layers"})
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
@@ -50,6 +58,9 @@ def write_bed(path: Path, bed: Bed, soil: Soil) -> None:
                 lower_m=np.array(bed.lower_m),
                 upper_m=np.array(bed.upper_m),
                 kinetic_energy_joule=np.array(bed.kinetic_energy_joule),
+                radii_m=np.empty(0) if bed.radii_m is None else bed.radii_m,
+                materials=np.empty(0, np.int64) if bed.materials is None else bed.materials,
+                sides=np.array(bed.sides),
             )
             file.flush()
             os.chmod(file.name, 0o644)
@@ -72,7 +83,12 @@ def read_bed(path: Path, soil: Soil) -> Bed:
         raise SceneError(
             f"{where}: was prepared under another law or with other particles (hash "
             f"{str(content['law_hash'])[:12]}, this scene has {law_hash(soil)[:12]}); prepare it anew with "
-            "this scene's soil.law and soil.particles"
+            "this scene's soil.law, soil.particles and soil.layers"
+        )
+    if content["sides"] != soil.bin.sides:
+        raise SceneError(
+            f"{where}: was prepared between sides '{content['sides']}', soil.bin.sides is "
+            f"'{soil.bin.sides}'; give the scene the sides of the bed, or prepare the bed anew"
         )
     lower, upper = content["lower_m"].tolist(), content["upper_m"].tolist()
     bed = Bed(
@@ -80,8 +96,12 @@ def read_bed(path: Path, soil: Soil) -> Bed:
         (lower[0], lower[1], lower[2]),
         (upper[0], upper[1]),
         float(content["kinetic_energy_joule"]),
+        content["radii_m"] if soil.particles.sizes else None,
+        content["materials"] if soil.layers else None,
+        soil.bin.sides,
     )
     _refuse_wrong_bin(bed, soil, where)
+    refuse_narrow_period(bed, soil)
     _refuse_wrong_particles(bed, soil, where)
     return bed
 
@@ -92,7 +112,15 @@ def _content(path: Path, where: str) -> dict[str, Any]:
     try:
         with np.load(path, allow_pickle=False) as file:
             content = {key: file[key] for key in file.files}
-    except (ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error, AttributeError) as error:
+    except (
+        ValueError,
+        EOFError,
+        KeyError,
+        zipfile.BadZipFile,
+        zlib.error,
+        AttributeError,
+        RuntimeError,
+    ) as error:
         raise SceneError(f"{damaged} ({' '.join(str(error).split())})") from error
     except OSError as error:
         raise SceneError(f"{where}: cannot be read ({error.strerror or error}); give a bed file") from error
@@ -101,14 +129,15 @@ def _content(path: Path, where: str) -> dict[str, Any]:
     version = content.get("version", np.array(None)).tolist()
     if version != VERSION:
         raise SceneError(f"{where}: has version {version}, readable is {VERSION}; prepare the bed anew")
-    for key, dimensions in _ARRAYS.items():
+    for key, (kind, dimensions) in _ARRAYS.items():
         array = content.get(key)
-        if array is None or array.ndim != dimensions or array.dtype != np.float64:
+        if array is None or array.ndim != dimensions or array.dtype != kind:
             raise SceneError(f"{damaged} ('{key}' is missing or no array of {dimensions} dimensions)")
     shapes = [content[key].shape for key in ("positions_m", "lower_m", "upper_m")]
     if shapes[0][0] < 1 or shapes[0][1:] != (3,) or shapes[1:] != [(3,), (2,)]:
         raise SceneError(f"{damaged} (arrays of shape {shapes})")
-    content["law_hash"] = str(content.get("law_hash", ""))
+    for key in ("law_hash", "sides"):
+        content[key] = str(content.get(key, ""))
     return content
 
 
@@ -125,20 +154,33 @@ def _refuse_wrong_bin(bed: Bed, soil: Soil, where: str) -> None:
 
 
 def _refuse_wrong_particles(bed: Bed, soil: Soil, where: str) -> None:
-    x, radius = bed.positions_m, soil.particles.radius_m
-    inside = (x > bed.lower_m).all(axis=1) & (x[:, :2] < bed.upper_m).all(axis=1)  # not a number: outside
+    x = bed.positions_m
+    count, bounds = len(x), soil.particles.bounds_m
+    for key, array, allowed in (
+        ("radii_m", bed.radii_m, bounds),
+        ("materials", bed.materials, (0, len(soil.layers or ()) - 1)),
+    ):
+        if array is None:
+            continue
+        if len(array) != count or not ((array >= allowed[0]) & (array <= allowed[1])).all():
+            raise SceneError(
+                f"{where}: has {len(array)} {key} for {count} particles, each to be from {allowed[0]:g} to "
+                f"{allowed[1]:g}; prepare the bed anew"
+            )
+    inside = (x >= bed.lower_m).all(axis=1) & (x[:, :2] <= bed.upper_m).all(axis=1)  # not a number: outside
     if not inside.all():
         k = int(np.argmin(inside))
         raise SceneError(
             f"{where}: particle {k} at {x[k].tolist()} m is outside the bin, {np.sum(~inside) - 1} others "
             "too; prepare the bed anew"
         )
-    if len(x) > 1:
-        nearest, other = cKDTree(x).query(x, k=2)
-        k = int(np.argmin(nearest[:, 1]))
-        excess = rest_spacing_m(soil) - nearest[k, 1]
-        if excess > LARGEST_OVERLAP * radius:
-            raise SceneError(
-                f"{where}: particles {k} and {other[k, 1]} overlap by {excess:.3g} m more than at rest, "
-                f"allowed is {LARGEST_OVERLAP * radius:.3g} m; they would be shot apart: prepare the bed anew"
-            )
+    bonds = bonds_of(bed, soil)
+    share = bonds.excess_m / bonds.smaller_m
+    if share.max(initial=0.0) > LARGEST_OVERLAP:
+        k = int(np.argmax(share))
+        first, second = sorted(bonds.pair[k].tolist())
+        raise SceneError(
+            f"{where}: particles {first} and {second} overlap by {bonds.excess_m[k]:.3g} m more than at "
+            f"rest, allowed is {LARGEST_OVERLAP * bonds.smaller_m[k]:.3g} m; they would be shot apart: "
+            "prepare the bed anew"
+        )

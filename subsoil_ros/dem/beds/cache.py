@@ -14,10 +14,14 @@ from .bed_file import VERSION, read_bed, write_bed
 
 _DEM = Path(__file__).parents[1]
 _SCENE = _DEM.parent / "scene"
-SOURCES = (_DEM, _DEM / "beds", _SCENE / "limits.py", _SCENE / "bed_spacing.py")
+_RULES = ("bed_spacing.py", "limits.py", "pairs.py", "sizes.py")
+SOURCES = (_DEM, _DEM / "beds", *(_SCENE / name for name in _RULES))
 """Code that a bed depends on."""
 
-_OF_THE_RUN = {"time_step_s", "skin_m", "largest_tool_overlap_m"}
+_OF_THE_RUN = {
+    "time_step_s", "force_time_step", "damping", "force_lagged_damping", "precision", "skin_m",
+    "largest_tool_overlap_m", "largest_lost_particles", "monitors",
+}  # fmt: skip
 """Keys of the soil that its bed does not depend on."""
 
 

@@ -6,6 +6,10 @@
    bed and walls are scaled together to the size of least energy.
 4. Cut to its depth, and relaxed under global damping, size and walls following, until it is at rest.
 
+Sizes are drawn before step 1. Layers are told apart by depth after step 2, which has the common law and
+density; from step 3 on every layer has its own. Layers whose bonds shrink them differently share one width,
+so one of them may be left under tension: the report shows gaps.
+
 No step has friction, so no tangential spring is wound up: normal forces alone hold the bed, its positions
 are its whole state, and it stands as well with the friction of the run.
 """
@@ -20,14 +24,20 @@ from ...scene.bed_spacing import rest_spacing_m
 from ...scene.beds import SurfaceProfile
 from ...scene.loader import ResolvedScene
 from ...scene.pairs import pair_values, particle_mass_kg
+from ...scene.sizes import mean_power, sampled_radii_m
 from ...scene.soil import Bin, Soil
 from ..bed import Bed, grid_shape
-from .settling import EngineOf, Rest, Settling
+from ..mixture import material_at
+from .settling import EngineOf, Rest, Settling, Watch
 from .surface import cut_to_depth, mean_above_profile_m
 
 CLOSE_PACKING = 0.64
 """Solid fraction of random close packing, spheres of the rest distance 2 r - delta_c. Walls loosen it, so
 a box filled for this value is filled too high, never too low."""
+
+UNEQUAL_PACKING = 0.74
+"""The same for spheres of several sizes, up to LARGEST_RATIO (chosen above what they pack to: small ones fill
+the gaps between large ones; too many are only cut off again)."""
 
 POURED = 0.55
 """Solid fraction of the random points before they settle (chosen: it falls by a seventh of its height)."""
@@ -68,57 +78,82 @@ def relaxed_rest(radius_m: float) -> Rest:
     return Rest(0.01 * radius_m, 2.0)
 
 
-def prepare_dense(resolved: ResolvedScene, seed: int, engine_of: EngineOf, threads: int) -> Bed:
+def prepare_dense(resolved: ResolvedScene, seed: int, engine_of: EngineOf, threads: int, watch: Watch) -> Bed:
     """Dense random bed that fills the bin of the scene; z = 0 at its mean top."""
     soil = resolved.scene.soil
     assert soil is not None
     grid_shape(soil)  # refuses a bin too small for a particle
-    loose = Settling(resolved, engine_of, threads, adhesive=False, gravity_m_per_s2=SETTLING_GRAVITY)
-    bonded = Settling(
-        resolved, engine_of, threads, adhesive=True, gravity_m_per_s2=resolved.scene.gravity_m_per_s2
-    )
+    common = resolved.scene.model_copy(update={"soil": soil.model_copy(update={"layers": None})})
+    gravity = resolved.scene.gravity_m_per_s2
+    loose = Settling(
+        dataclasses.replace(resolved, scene=common), engine_of, threads, adhesive=False,
+        gravity_m_per_s2=SETTLING_GRAVITY, watch=watch,
+    )  # fmt: skip
+    bonded = Settling(resolved, engine_of, threads, adhesive=True, gravity_m_per_s2=gravity, watch=watch)
     edge = PILOT_DIAMETERS * rest_spacing_m(soil)
-    pilot = _settled(soil, Bin(length_m=edge, width_m=edge, depth_m=edge), seed, loose)
+    pilot = _settled(soil, Bin(length_m=edge, width_m=edge, depth_m=edge, sides=soil.bin.sides), seed, loose)
     shrink = _bonded(pilot, edge, soil, bonded).upper_m[0] / edge
 
     box = soil.bin
-    larger = Bin(length_m=box.length_m / shrink, width_m=box.width_m / shrink, depth_m=box.depth_m / shrink)
+    sizes = (box.length_m / shrink, box.width_m / shrink, box.depth_m / shrink)
+    larger = Bin(length_m=sizes[0], width_m=sizes[1], depth_m=sizes[2], sides=box.sides)
     return _bonded(_settled(soil, larger, seed, loose), box.depth_m, soil, bonded, soil.surface)
 
 
 def _settled(soil: Soil, box: Bin, seed: int, loose: Settling) -> Bed:
-    """Random close packing in `box`, floor at z = 0, a little higher than the box is deep."""
-    radius, rest = soil.particles.radius_m, rest_spacing_m(soil)
-    wall = radius - pair_values(soil)[1].rest_overlap
-    sphere = math.pi / 6.0 * rest**3
+    """Random close packing in `box`, floor at z = 0, a little higher than the box is deep.
+
+    Its layers are those of the soil, stretched to the depth of the box.
+    """
+    radius, rest, sizes = soil.particles.mean_volume_radius_m, rest_spacing_m(soil), soil.particles.sizes
+    wall = soil.particles.bounds_m[1] - pair_values(soil)[1].rest_overlap
+    sphere = rest_volume_m3(soil)
+    packing = CLOSE_PACKING if sizes is None else UNEQUAL_PACKING
     area = box.length_m * box.width_m
     stiffness, mass = pair_values(soil)[0].stiffness, particle_mass_kg(soil)
-    count = math.ceil(CLOSE_PACKING * area * (box.depth_m + rest) / sphere)
+    count = math.ceil(packing * area * (box.depth_m + rest) / sphere)
     half_width = 0.5 * box.width_m
-    low = (wall, wall - half_width, wall)
-    high = (box.length_m - wall, half_width - wall, count * sphere / (POURED * area))
+    side = 0.0 if box.sides == "periodic" else wall
+    low = (wall, side - half_width, wall)
+    high = (box.length_m - wall, half_width - side, count * sphere / (POURED * area))
     points = np.random.default_rng(seed).uniform(low, high, (count, 3))
-    bed = Bed(points, (0.0, -half_width, 0.0), (box.length_m, half_width))
+    radii = None if sizes is None else sampled_radii_m(sizes, count)
+    sides = (0.0, -half_width, 0.0), (box.length_m, half_width)
+    bed = Bed(points, *sides, sides=box.sides, radii_m=radii)
     # Far above the critical damping of a pair, so that no particle flies out of the top.
-    bed = loose.run(bed, Rest(0.0, QUENCH_S), QUENCH_DAMPING * math.sqrt(stiffness / mass))
-    return loose.run(bed, settled_rest(radius), FALL_DAMPING * math.sqrt(SETTLING_GRAVITY / box.depth_m))
+    bed = loose.run(bed, Rest(0.0, QUENCH_S), QUENCH_DAMPING * math.sqrt(stiffness / mass), "parting")
+    damping = FALL_DAMPING * math.sqrt(SETTLING_GRAVITY / box.depth_m)
+    bed = loose.run(bed, settled_rest(radius), damping, "settling")
+    if soil.layers is None:
+        return bed
+    depth = soil.bin.depth_m * (1.0 - bed.positions_m[:, 2] / box.depth_m)
+    return dataclasses.replace(bed, materials=material_at(soil, depth))
+
+
+def rest_volume_m3(soil: Soil) -> float:
+    """Mean volume of spheres as thick as their rest distance, 2 r - delta_c."""
+    sizes, rest = soil.particles.sizes, rest_spacing_m(soil)
+    if sizes is None:
+        return math.pi / 6.0 * rest**3
+    half_overlap = soil.particles.mean_volume_radius_m - 0.5 * rest
+    return math.pi * 4.0 / 3.0 * mean_power(sizes, 3, less_m=half_overlap)
 
 
 def _bonded(
     bed: Bed, depth_m: float, soil: Soil, bonded: Settling, surface: SurfaceProfile | None = None
 ) -> Bed:
     """The settled bed cut to `depth_m`, with adhesion and at rest; z = 0 at its mean top over the profile."""
-    radius = soil.particles.radius_m
+    radius = soil.particles.mean_volume_radius_m
     bed, _ = _least_energy(bed, bonded)
     bed = cut_to_depth(bed, radius, depth_m, surface)
     rest = relaxed_rest(radius)
     damping = RELAX_DAMPING * math.sqrt(pair_values(soil)[0].stiffness / particle_mass_kg(soil))
     for _ in range(LARGEST_RESIZES):
-        bed = bonded.run(bed, Rest(rest.speed_m_per_s, RESIZE_S), damping)
+        bed = bonded.run(bed, Rest(rest.speed_m_per_s, RESIZE_S), damping, "fitting")
         bed, scale = _least_energy(bed, bonded)
         if abs(scale - 1.0) < SCALE_TOLERANCE:
             break
-    bed = bonded.run(bed, rest, damping)
+    bed = bonded.run(bed, rest, damping, "relaxing")
     top = mean_above_profile_m(bed, radius, surface)
     lower = (bed.lower_m[0], bed.lower_m[1], bed.lower_m[2] - top)
     return dataclasses.replace(bed, positions_m=bed.positions_m - (0.0, 0.0, top), lower_m=lower)
@@ -139,4 +174,10 @@ def scaled(bed: Bed, scale: float) -> Bed:
     """Bed and walls `scale` times as large, about the origin."""
     x, y, z = bed.lower_m
     far, left = bed.upper_m
-    return Bed(bed.positions_m * scale, (x * scale, y * scale, z * scale), (far * scale, left * scale))
+    return dataclasses.replace(
+        bed,
+        positions_m=bed.positions_m * scale,
+        lower_m=(x * scale, y * scale, z * scale),
+        upper_m=(far * scale, left * scale),
+        kinetic_energy_joule=0.0,
+    )

@@ -1,21 +1,20 @@
 """What a bed is like: density, bonds, surface, gaps at walls, voids, and whether it stands still."""
 
 import dataclasses
-import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from ...scene.bed_spacing import rest_spacing_m
 from ...scene.limits import step_limits
 from ...scene.loader import ResolvedScene
-from ...scene.pairs import pair_values, particle_mass_kg
+from ...scene.pairs import layer_soils
 from ...scene.soil import Soil
 from ..bed import Bed
 from ..walls import WALLS, wall_planes
+from .bonds import bonds_of, radii_of
 from .settling import EngineOf
 from .surface import top_surface_m
+from .tree import bed_tree, seen_from_corner
 
 GAP_CELL = 4.0
 """Edge of the cells a wall is looked at through, in radii: each holds some four particles of a dense layer,
@@ -23,6 +22,10 @@ so its nearest one touches (chosen)."""
 
 VOID_REFINEMENTS = 5
 """Halvings of the lattice, one radius wide at first, about the largest voids: to r / 32."""
+
+VOID_NEIGHBOURS = 16
+"""Particles looked at about a point between unequal ones (chosen: a large one that is nearest with its
+surface is seldom behind so many small ones)."""
 
 VOID_CANDIDATES = 64
 """Lattice points the search for the largest void goes on from (chosen)."""
@@ -37,10 +40,31 @@ class WallGap:
 
 
 @dataclass(frozen=True)
+class RadiusReport:
+    """Radii of the particles, by number."""
+
+    smallest_m: float
+    mean_m: float
+    largest_m: float
+    deviation_m: float  # standard
+
+
+@dataclass(frozen=True)
+class LayerReport:
+    """Particles of one layer; density is their mass over the volume between the layer's depths."""
+
+    name: str
+    particle_count: int
+    density_kg_per_m3: float
+
+
+@dataclass(frozen=True)
 class BedReport:
     """State of a bed; world axes."""
 
     particle_count: int
+    radii: RadiusReport | None  # of several sizes
+    layers: tuple[LayerReport, ...]  # from top to bottom; empty without
     density_kg_per_m3: float  # mass over the volume between walls, floor and mean top
     coordination: float  # particles in reach of a particle, mean
     largest_overlap_m: float  # beyond rest
@@ -56,25 +80,26 @@ class BedReport:
 
 def report_bed(bed: Bed, soil: Soil) -> BedReport:
     """Looks at a bed as prepared, or at any state of it: replace `positions_m`."""
-    radius = soil.particles.radius_m
+    radius = soil.particles.mean_volume_radius_m
+    radii, masses = radii_of(bed, soil), masses_kg(bed, soil)
     top = top_surface_m(bed, radius)
     length, width = bed.upper_m[0] - bed.lower_m[0], bed.upper_m[1] - bed.lower_m[1]
     volume = length * width * (float(top.mean()) - bed.lower_m[2])
     count = len(bed.positions_m)
-    tree = cKDTree(bed.positions_m)
-    reach = 2.0 * radius + pair_values(soil)[0].reach
-    coordination = float(tree.count_neighbors(tree, reach)) / count - 1.0
-    nearest = tree.query(bed.positions_m, k=2)[0][:, 1].min() if count > 1 else math.inf
-    void, at = _largest_void(bed, tree, top, radius)
+    bonds = bonds_of(bed, soil)
+    coordination = 2.0 * len(bonds.pair) / count
+    void, at = _largest_void(bed, radii, top, radius)
     return BedReport(
         particle_count=count,
-        density_kg_per_m3=count * particle_mass_kg(soil) / volume,
+        radii=None if bed.radii_m is None else _radii(bed.radii_m),
+        layers=_layers(bed, soil, masses, top, length * width),
+        density_kg_per_m3=float(masses.sum()) / volume,
         coordination=coordination,
-        largest_overlap_m=max(0.0, rest_spacing_m(soil) - float(nearest)),
+        largest_overlap_m=float(bonds.excess_m.max(initial=0.0)),
         top_mean_m=float(top.mean()),
         top_spread_m=float(top.std()),
         floor_m=bed.lower_m[2],
-        wall_gaps=_wall_gaps(bed, top, radius),
+        wall_gaps=_wall_gaps(bed, radii, top, radius),
         largest_void_radius_m=void,
         largest_void_at_m=at,
         kinetic_energy_joule=bed.kinetic_energy_joule,
@@ -82,15 +107,47 @@ def report_bed(bed: Bed, soil: Soil) -> BedReport:
     )
 
 
-def _wall_gaps(bed: Bed, top: np.ndarray, radius: float) -> dict[str, WallGap]:
-    """Gaps at the five walls, at the sides below the surface only."""
-    planes = wall_planes(bed.lower_m, bed.upper_m)
+def masses_kg(bed: Bed, soil: Soil) -> np.ndarray:
+    """(n,) mass of every particle."""
+    density = np.array([layer.particles.density_kg_per_m3 for layer in layer_soils(soil)])
+    material = np.zeros(len(bed.positions_m), np.int64) if bed.materials is None else bed.materials
+    return density[material] * 4.0 / 3.0 * np.pi * radii_of(bed, soil) ** 3
+
+
+def _radii(radii: np.ndarray) -> RadiusReport:
+    return RadiusReport(*(float(value) for value in (radii.min(), radii.mean(), radii.max(), radii.std())))
+
+
+def _layers(
+    bed: Bed, soil: Soil, masses: np.ndarray, top: np.ndarray, area_m2: float
+) -> tuple[LayerReport, ...]:
+    """What each layer of the soil holds, `top` and floor being the ends of the first and the last."""
+    if soil.layers is None or bed.materials is None:
+        return ()
+    found, upper = [], np.inf
+    for k, layer in enumerate(soil.layers):
+        lower = bed.lower_m[2]
+        if layer.thickness_m is not None:
+            lower = max(lower, (0.0 if k == 0 else upper) - layer.thickness_m)
+        volume = area_m2 * float(np.clip(np.minimum(top, upper) - lower, 0.0, None).mean())
+        own = bed.materials == k
+        density = float(masses[own].sum()) / volume if volume > 0.0 else 0.0
+        found.append(LayerReport(layer.name, int(own.sum()), density))
+        upper = lower
+    return tuple(found)
+
+
+def _wall_gaps(bed: Bed, radii: np.ndarray, top: np.ndarray, radius: float) -> dict[str, WallGap]:
+    """Gaps at the walls, at the sides below the surface only."""
+    planes = wall_planes(bed.lower_m, bed.upper_m, bed.sides)
     low = np.array(bed.lower_m)
     floor = bed.lower_m[2]
     edge_top = [_first_top(side, floor) for side in (top, top[::-1], top.T, top.T[::-1])]  # along side walls
     found = {}
     for wall, name in enumerate(WALLS):
-        gap = planes[wall, 3] - bed.positions_m @ planes[wall, :3] - radius
+        if not np.isfinite(planes[wall, 3]):
+            continue  # a periodic side
+        gap = planes[wall, 3] - bed.positions_m @ planes[wall, :3] - radii
         first, second = ((1, 2), (1, 2), (0, 2), (0, 2), (0, 1))[wall]
         high = [*bed.upper_m, float(np.mean(edge_top[wall]) if name != "floor" else 0.0)]
         if name != "floor" and edge_top[wall].max() <= floor:
@@ -118,18 +175,25 @@ def _first_top(top: np.ndarray, floor: float) -> np.ndarray:
 
 
 def _largest_void(
-    bed: Bed, tree: cKDTree, top: np.ndarray, radius: float
+    bed: Bed, radii: np.ndarray, top: np.ndarray, radius: float
 ) -> tuple[float, tuple[float, float, float]]:
-    """Radius [m] and centre of the largest sphere found between particles, walls and surface."""
+    """Radius [m] and centre of the largest sphere found between particles, walls and surface.
+
+    Of unequal particles the one of least distance less radius is sought among the VOID_NEIGHBOURS nearest.
+    """
+    tree = bed_tree(bed)
+    candidates = 1 if bed.radii_m is None else min(VOID_NEIGHBOURS, len(radii))
     low, high = np.array(bed.lower_m), np.array([*bed.upper_m, float(top.max())])
-    planes = wall_planes(bed.lower_m, bed.upper_m)
+    planes = wall_planes(bed.lower_m, bed.upper_m, bed.sides)
     pitch = (high[:2] - low[:2]) / top.shape
 
     def free(points: np.ndarray) -> np.ndarray:
         column = np.clip(((points[:, :2] - low[:2]) / pitch).astype(np.int64), 0, np.array(top.shape) - 1)
         under_top = top[column[:, 0], column[:, 1]] - points[:, 2]
+        distance, at = tree.query(seen_from_corner(bed, points), k=[*range(1, candidates + 1)])
+        to_particle = (distance - radii[at]).min(axis=1)
         to_wall = (planes[:, 3] - points @ planes[:, :3].T).min(axis=1)
-        return np.minimum(np.minimum(tree.query(points)[0] - radius, to_wall), under_top)
+        return np.minimum(np.minimum(to_particle, to_wall), under_top)
 
     axes = [np.arange(a + 0.5 * radius, b, radius) for a, b in zip(low, high, strict=True)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -15,8 +15,8 @@ from ...messages import SoilState
 from ...scene.base import Part
 from ...scene.limits import Timing
 from ...scene.loader import ResolvedScene
-from ...scene.pairs import pair_values, particle_mass_kg
-from ...scene.soil import Soil
+from ...scene.pairs import layer_soils, pair_values, particle_mass_kg, particle_values, sphere_mass_kg
+from ...scene.soil import ContactLaw, Soil
 from ..bed import Bed
 
 _SLIDING = (
@@ -31,7 +31,7 @@ DAMPING_RATIO = 0.3
 
 COORDINATION = 12.0
 """Contacts per particle that the step while settling is made for: no packing of equal spheres has more
-touching neighbours."""
+touching neighbours (of unequal ones the large have more, but more mass still)."""
 
 STEP_SAFETY = 0.8
 """Part of the stable step that is taken while settling (chosen)."""
@@ -54,6 +54,24 @@ class Rest(NamedTuple):
     longest_s: float
 
 
+class Look(NamedTuple):
+    """How far one phase of a preparation is."""
+
+    phase: str
+    simulated_s: float
+    longest_s: float  # the phase ends then at the latest
+    rms_speed_m_per_s: float
+    rest_speed_m_per_s: float  # the phase ends below it
+
+
+Watch = Callable[[Look], None]
+"""Told now and then how a preparation goes."""
+
+
+def unwatched(look: Look) -> None:
+    """Nobody looks."""
+
+
 class SettlingEngine(Protocol):
     """What the preparation of beds needs of the soil engine."""
 
@@ -71,7 +89,23 @@ EngineOf = Callable[..., SettlingEngine]
 
 
 def smooth_soil(soil: Soil, *, adhesive: bool) -> Soil:
-    """The soil without friction, without adhesion unless `adhesive`, its contacts damped DAMPING_RATIO."""
+    """The soil without friction, without adhesion unless `adhesive`, its contacts damped DAMPING_RATIO.
+
+    Layers keep what is left of their own laws. Step, skin and precision are those of the preparation: a bed
+    serves runs of every kind.
+    """
+    law = _smooth_law(soil, adhesive=adhesive)
+    layers = soil.layers and tuple(
+        layer.model_copy(update={"law": _smooth_law(whole, adhesive=adhesive)})
+        for layer, whole in zip(soil.layers, layer_soils(soil), strict=True)
+    )
+    skin = SKIN * soil.particles.mean_volume_radius_m
+    changes = {"law": law, "layers": layers, "skin_m": skin, "precision": "float64"}
+    return soil.model_copy(update=changes | {"damping": "explicit", "monitors": None})
+
+
+def _smooth_law(soil: Soil, *, adhesive: bool) -> ContactLaw:
+    """The law of a soil, its own layers apart, as smooth_soil leaves it."""
     without = _SLIDING if adhesive else (*_SLIDING, _ADHESION)
     pair, _ = pair_values(soil)
     wanted = 2.0 * DAMPING_RATIO * math.sqrt(0.5 * particle_mass_kg(soil) * pair.stiffness)
@@ -88,18 +122,23 @@ def smooth_soil(soil: Soil, *, adhesive: bool) -> Soil:
         for key in type(soil.law).model_fields
         if isinstance(getattr(soil.law, key), Part)
     }
-    law = soil.law.model_copy(update=rows)
-    return soil.model_copy(update={"law": law, "skin_m": SKIN * soil.particles.radius_m})
+    return soil.law.model_copy(update=rows)
 
 
 def settling_step_s(soil: Soil) -> float:
-    """Stable step of a smooth soil [s]: dampers m / (z C), springs 2 / sqrt(2 z K / (3 m))."""
-    mass, limits = particle_mass_kg(soil), []
-    for values in pair_values(soil):
-        stiffest = max(values.stiffness, values.contact_adhesion, values.adhesion)
-        limits.append(2.0 / math.sqrt(2.0 * COORDINATION * stiffest / (3.0 * mass)))
-        if values.damping > 0.0:
-            limits.append(mass / (COORDINATION * values.damping))
+    """Stable step of a smooth soil [s]: dampers m / (z C), springs 2 / sqrt(2 z K / (3 m)).
+
+    m is that of the smallest particle; the worst of all pairs of layers binds.
+    """
+    radius, limits, layers = soil.particles.bounds_m[0], [], layer_soils(soil)
+    for layer in layers:
+        mass = sphere_mass_kg(layer, radius)
+        others = [particle_values(layer, other, 0.5 * radius, 0.5 * mass) for other in layers]
+        for values in (*others, pair_values(layer)[1]):
+            stiffest = max(values.stiffness, values.contact_adhesion, values.adhesion)
+            limits.append(2.0 / math.sqrt(2.0 * COORDINATION * stiffest / (3.0 * mass)))
+            if values.damping > 0.0:
+                limits.append(mass / (COORDINATION * values.damping))
     return STEP_SAFETY * min(limits)
 
 
@@ -114,6 +153,7 @@ class Settling:
         *,
         adhesive: bool,
         gravity_m_per_s2: float,
+        watch: Watch = unwatched,
     ) -> None:
         assert resolved.scene.soil is not None
         soil = smooth_soil(resolved.scene.soil, adhesive=adhesive)
@@ -124,13 +164,13 @@ class Settling:
         nanoseconds = max(STEPS_PER_DAMPING, round(self._interval_s * 1e9))
         timing = Timing(nanoseconds, tick_count=1, soil_steps=STEPS_PER_DAMPING, mechanism_steps=0)
         self._resolved = dataclasses.replace(resolved, scene=scene, timing=timing)
-        self._engine_of, self._threads = engine_of, threads
+        self._engine_of, self._threads, self._watch = engine_of, threads, watch
 
     def potential_joule(self, bed: Bed) -> float:
         """Energy of position of a bed: contacts, walls and gravity."""
         return self._engine_of(self._resolved, self._threads, bed=bed).potential_joule()
 
-    def run(self, bed: Bed, rest: Rest, damping_per_s: float) -> Bed:
+    def run(self, bed: Bed, rest: Rest, damping_per_s: float, phase: str) -> Bed:
         """The bed at rest, or after the longest time it is given; its particles in the same order."""
         engine = self._engine_of(self._resolved, self._threads, bed=bed)
         engine.start(())
@@ -138,11 +178,10 @@ class Settling:
         for tick in range(math.ceil(rest.longest_s / self._interval_s)):
             engine.advance(tick, ())
             engine.damp(kept)
-            if tick % TICKS_PER_LOOK == TICKS_PER_LOOK - 1 and _rms_speed(engine) < rest.speed_m_per_s:
-                break
+            if tick % TICKS_PER_LOOK == TICKS_PER_LOOK - 1:
+                speed = engine.state("", 0, 0).rms_speed_m_per_s
+                self._watch(Look(phase, tick * self._interval_s, rest.longest_s, speed, rest.speed_m_per_s))
+                if speed < rest.speed_m_per_s:
+                    break
         kinetic = engine.state("", 0, 0).kinetic_energy_joule
         return dataclasses.replace(bed, positions_m=engine.positions_m(), kinetic_energy_joule=kinetic)
-
-
-def _rms_speed(engine: SettlingEngine) -> float:
-    return engine.state("", 0, 0).rms_speed_m_per_s

@@ -1,6 +1,6 @@
 """The top surface of a bed over a lattice of columns, and how a bed is cut to a depth."""
 
-import dataclasses
+import math
 
 import numpy as np
 
@@ -11,9 +11,10 @@ from ..bed import Bed
 def top_surface_m(bed: Bed, radius_m: float) -> np.ndarray:
     """(nx, ny) [m] top of the bed in columns, as a sphere of the particles' size feels it from above.
 
-    Lowered onto the bed in the middle of a column, the lowest point of the sphere comes to rest at this
-    height; a ray would fall through the aligned gaps of a grid. The floor where there is no particle.
-    Columns stand one radius apart, or a little more, so that they fill the box.
+    `radius_m` is that size, a mean one where the bed has radii of its own. Lowered onto the bed in the middle
+    of a column, the lowest point of the sphere comes to rest at this height; a ray would fall through the
+    aligned gaps of a grid. The floor where there is no particle. Columns stand one radius apart, or a little
+    more, so that they fill the box.
     """
     low = np.array(bed.lower_m[:2])
     size = np.array(bed.upper_m) - low
@@ -21,11 +22,18 @@ def top_surface_m(bed: Bed, radius_m: float) -> np.ndarray:
     pitch = size / count
     top = np.full(count, bed.lower_m[2])
     nearest = np.floor((bed.positions_m[:, :2] - low) / pitch).astype(np.int64)
-    for dx in range(-2, 3):
-        for dy in range(-2, 3):
+    if bed.radii_m is None:
+        touch2, columns = np.full(len(bed.positions_m), 4.0 * radius_m**2), 2
+    else:
+        touch2 = (bed.radii_m + radius_m) ** 2
+        columns = math.ceil((float(bed.radii_m.max()) + radius_m) / float(pitch.min()))
+    for dx in range(-columns, columns + 1):
+        for dy in range(-columns, columns + 1):
             node = nearest + np.array((dx, dy))
             offset = low + (node + 0.5) * pitch - bed.positions_m[:, :2]
-            below = 4.0 * radius_m**2 - (offset**2).sum(axis=1)
+            if bed.sides == "periodic":
+                node[:, 1] %= count[1]
+            below = touch2 - (offset**2).sum(axis=1)
             hit = ((node >= 0) & (node < count)).all(axis=1) & (below >= 0.0)
             height = bed.positions_m[hit, 2] + np.sqrt(below[hit]) - radius_m
             np.maximum.at(top, (node[hit, 0], node[hit, 1]), height)
@@ -48,8 +56,12 @@ def mean_above_profile_m(bed: Bed, radius_m: float, surface: SurfaceProfile | No
 def trimmed(bed: Bed, radius_m: float, surface: SurfaceProfile | None, level_m: float = 0.0) -> Bed:
     """The bed without the particles that reach above `level_m` + profile. Their order stays."""
     ceiling = level_m + profile_m(surface, bed.positions_m[:, 0]) + 1e-9 * radius_m
-    kept = bed.positions_m[:, 2] + radius_m <= ceiling
-    return dataclasses.replace(bed, positions_m=bed.positions_m[kept])
+    return bed.only(bed.positions_m[:, 2] + _radii(bed, radius_m) <= ceiling)
+
+
+def _radii(bed: Bed, radius_m: float) -> float | np.ndarray:
+    """Radius of every particle; `radius_m` where all are equal."""
+    return radius_m if bed.radii_m is None else bed.radii_m
 
 
 def cut_to_depth(bed: Bed, radius_m: float, depth_m: float, surface: SurfaceProfile | None = None) -> Bed:
@@ -62,9 +74,8 @@ def cut_to_depth(bed: Bed, radius_m: float, depth_m: float, surface: SurfaceProf
         return mean_above_profile_m(cut, radius_m, surface)
 
     low = bed.lower_m[2]
-    high = (
-        float(bed.positions_m[:, 2].max()) + radius_m - float(profile_m(surface, bed.positions_m[:, 0]).min())
-    )
+    tallest = float((bed.positions_m[:, 2] + _radii(bed, radius_m)).max())
+    high = tallest - float(profile_m(surface, bed.positions_m[:, 0]).min())
     wanted = bed.lower_m[2] + depth_m
     if height_of(bed) <= wanted:
         return bed

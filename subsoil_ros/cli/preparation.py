@@ -1,0 +1,133 @@
+"""What precedes a run and may take minutes, announced: kernels to compile, a dense bed to prepare.
+
+Everything goes to standard error. A terminal sees one line that changes; a log gets a line before and one
+after.
+"""
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numba
+from numba.core import event
+from rich.console import Console
+from rich.progress import Progress, TextColumn, TimeElapsedColumn
+
+from ..dem.beds.cache import cached_bed_path
+from ..dem.beds.prepare import expected_dense_count, prepare_bed
+from ..dem.beds.settling import Look, Watch, unwatched
+from ..dem.engine import SoilEngine
+from ..scene.beds import DenseRandomBed
+from ..scene.loader import ResolvedScene
+
+
+def say(line: str) -> None:
+    """One line on standard error."""
+    print(line, file=sys.stderr, flush=True)
+
+
+class KernelAnnouncer(event.Listener):
+    """Says before the first kernel is compiled that this happens, and in `done` how long it took.
+
+    Kernels that come from the cache on disk are not compiled and pass in silence; so does what is still
+    compiled after `done`, which is little. Use as context manager.
+    """
+
+    def __init__(self) -> None:
+        self._depth = self._compiled = 0
+        self._since = self._seconds = 0.0
+        self._told = False
+
+    def on_start(self, event: object) -> None:
+        """A kernel, or one it calls, is compiled from here."""
+        if self._compiled == 0:
+            say(f"compiling kernels, once: kept in {numba.config.CACHE_DIR}")
+        if self._depth == 0:
+            self._since = time.monotonic()
+        self._depth += 1
+        self._compiled += 1
+
+    def on_end(self, event: object) -> None:
+        """To here."""
+        self._depth -= 1
+        if self._depth == 0:
+            self._seconds += time.monotonic() - self._since
+
+    def done(self) -> None:
+        """Says how long it took; once, and nothing if nothing was compiled."""
+        if self._compiled and not self._told:
+            self._told = True
+            say(f"compiled {self._compiled} kernels in {self._seconds:.0f} s")
+
+    def before(self, on_tick: Callable[[int], None]) -> Callable[[int], None]:
+        """`on_tick`, told first what the tick was waiting for."""
+
+        def told(tick: int) -> None:
+            self.done()
+            on_tick(tick)
+
+        return told
+
+    def __enter__(self) -> "KernelAnnouncer":
+        event.register("numba:compile", self)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        event.unregister("numba:compile", self)
+        self.done()
+
+
+def announce_kernels_of_nodes(on_tick: Callable[[int], None]) -> Callable[[int], None]:
+    """Where the soil's kernels are not kept yet: says what the other processes do before their first tick.
+
+    Returns `on_tick`, which then says at the first tick how long it took.
+    """
+    if any(Path(numba.config.CACHE_DIR).glob("dem_*/*.nbc")):
+        return on_tick
+    say(f"the nodes compile their kernels, once: kept in {numba.config.CACHE_DIR}")
+    waiting = [time.monotonic()]
+
+    def told(tick: int) -> None:
+        while waiting:
+            say(f"first tick of the nodes after {time.monotonic() - waiting.pop():.0f} s")
+        on_tick(tick)
+
+    return told
+
+
+def prepare_bed_first(resolved: ResolvedScene, threads: int) -> None:
+    """Prepares and caches a bed that takes long, with progress; the engine then finds it in the cache.
+
+    Raises:
+        SceneError: a bed that cannot be made.
+    """
+    soil = resolved.scene.soil
+    if soil is None or not isinstance(soil.bed, DenseRandomBed) or cached_bed_path(resolved).is_file():
+        return
+    with _bed_progress(f"dense random bed of about {expected_dense_count(soil):,} particles") as watch:
+        prepare_bed(resolved, SoilEngine, threads, watch)
+
+
+@contextmanager
+def _bed_progress(what: str) -> Iterator[Watch]:
+    """Gives what to tell how the preparation of a bed goes."""
+    console = Console(stderr=True)
+    start = time.monotonic()
+    if console.is_terminal:
+        columns = (TextColumn("{task.description}"), TimeElapsedColumn())
+        with Progress(*columns, console=console, refresh_per_second=2, transient=True) as progress:
+            task = progress.add_task(f"{what}: starting")
+            yield lambda look: progress.update(task, description=f"{what}: {_text(look)}")
+    else:
+        say(f"preparing a {what}")
+        yield unwatched
+    say(f"prepared a {what} in {time.monotonic() - start:.0f} s")
+
+
+def _text(look: Look) -> str:
+    return (
+        f"{look.phase}, {look.simulated_s:.3f} s of at most {look.longest_s:.3f}, "
+        f"rms speed {1e3 * look.rms_speed_m_per_s:.1f} mm/s (rest: {1e3 * look.rest_speed_m_per_s:.1f})"
+    )

@@ -1,0 +1,46 @@
+"""Which particles of a bed are in reach of each other, whatever their sizes and layers."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...scene.soil import Soil
+from ..bed import Bed
+from ..contact import law_features
+from ..mixture import REACH, REST_OVERLAP, law_tables
+from ..periodic import wrapped
+from .tree import bed_tree
+
+
+class Bonds(NamedTuple):
+    """Pairs of particles in reach."""
+
+    pair: np.ndarray  # (p, 2) int64, numbers of the particles
+    excess_m: np.ndarray  # (p,) overlap beyond rest; negative: stretched
+    smaller_m: np.ndarray  # (p,) the smaller of the two radii
+
+
+def radii_of(bed: Bed, soil: Soil) -> np.ndarray:
+    """(n,) [m] radius of every particle."""
+    if bed.radii_m is not None:
+        return bed.radii_m
+    return np.full(len(bed.positions_m), soil.particles.mean_volume_radius_m)
+
+
+def bonds_of(bed: Bed, soil: Soil) -> Bonds:
+    """All pairs in reach of each other."""
+    laws, boundaries = law_tables(soil, law_features(soil))
+    radius, x = radii_of(bed, soil), bed.positions_m
+    material = np.zeros(len(x), np.int64) if bed.materials is None else bed.materials
+    farthest = 2.0 * float(radius.max()) + float(laws[:, REACH].max())
+    pair = bed_tree(bed).query_pairs(farthest, output_type="ndarray").astype(np.int64)
+    first, second = pair.T
+    law = laws[material[first] * len(boundaries) + material[second]]
+    touch = radius[first] + radius[second]
+    apart = x[first] - x[second]
+    if bed.period_m is not None:
+        apart[:, 1] = wrapped(apart[:, 1], -0.5 * bed.period_m, bed.period_m)[0]
+    distance = np.linalg.norm(apart, axis=1)
+    near = distance <= touch + law[:, REACH]
+    excess = touch - law[:, REST_OVERLAP] - distance
+    return Bonds(pair[near], excess[near], np.minimum(radius[first], radius[second])[near])

@@ -1,0 +1,48 @@
+"""How fast a particle-step could be, from the bytes it moves and the operations it does.
+
+Counted in the sources of dem/pairs.py, contact.py and integration.py (docs/benchmarks.md shows the count);
+whoever changes what a kernel reads, writes or computes counts anew.
+"""
+
+from dataclasses import dataclass
+
+from .measure import Throughput
+
+PARTICLE_BYTES = {"float64": 584, "mixed": 344}
+"""float64: kick_drift 264 (reads 6 vectors, writes 5), pair_forces 176 (reads 5, writes 2; one row start),
+kick 144. mixed: positions as before, all other vectors half as long, 168 + 104 + 72."""
+
+LISTED_PAIR_BYTES = {"float64": 100, "mixed": 52}
+"""Neighbour 4, shear and roll read and written 96 or 48. The other particle's vectors are in a cache."""
+
+PAIR_FLOPS = 200
+"""Of every listed pair, in reach or not: geometry 38, normal 15, tangential 57, rolling 43, forces and
+torques on both 35, zero where it is out of reach 12. Root, quotient and maximum count as one each."""
+
+LANES = {"float64": 1.0, "mixed": 2.0}
+"""Operations of one vector instruction, over those in float64."""
+
+PARTICLE_FLOPS = 40
+"""Both half kicks, the drift and the distance moved."""
+
+
+@dataclass(frozen=True)
+class Roofline:
+    """Bounds of one case on one core."""
+
+    name: str
+    bytes_per_particle_step: float
+    flops_per_particle_step: float
+    bandwidth_bound_per_s: float  # particle-steps, every byte from memory
+    arithmetic_bound_per_s: float  # particle-steps, every operation part of a vector multiply-add
+    part_reached: float  # of the lower bound
+
+
+def roofline(line: Throughput, bandwidth_bytes_per_s: float, flops_per_s: float) -> Roofline:
+    """Bounds from the pairs of a measured case."""
+    listed, kind = line.listed_pairs_per_particle, line.precision
+    moved = PARTICLE_BYTES[kind] + LISTED_PAIR_BYTES[kind] * listed
+    done = PARTICLE_FLOPS + PAIR_FLOPS * listed
+    by_bytes, by_flops = bandwidth_bytes_per_s / moved, LANES[kind] * flops_per_s / done
+    reached = line.particle_steps_per_cpu_s / min(by_bytes, by_flops)
+    return Roofline(line.name, moved, done, by_bytes, by_flops, reached)

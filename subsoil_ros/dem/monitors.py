@@ -1,0 +1,249 @@
+"""A running soil is looked at every so many steps, and stopped where its numbers are no longer physics.
+
+A step that is too large does not blow up: friction caps the instability, the bed fluidises, and the draft
+falls in silence. What gives it away is that motions turn round from one step to the next. Velocity Verlet
+knows the velocities half a step before and after a state, v -+ h a / 2, and over all particles
+
+    alternation = sum (h a / 2)^2 / (sum v^2 + sum (h a / 2)^2)
+
+is 0 where they are equal and 1 where they are opposite (then v, as the state has it, is 0: at whole steps
+the motion hides). The same of the spins; the larger counts. Forces change over many stable steps, so a
+healthy bed shows less than 0.02, whatever the speed of its tools, and one above its limit 0.25 to 1
+(docs/physics.md).
+"""
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from ..errors import PhysicsError
+from ..scene.soil import Soil
+from .bed import Bed
+from .energy import EnergyBook
+from .per_particle import of_particle
+from .state import Particles
+
+CONFIRMING_STEPS = 10
+"""Steps in a row above the bound before the run stops (chosen): a few particles that turn round together, in
+a collision, alternate for a step or two."""
+
+CALM_M_PER_S = 1e-6
+"""Alternating motion slower than this (rms) is rounding (chosen: it moves nothing by a radius in an hour)."""
+
+ONE_IN = 1000
+"""Lost particles that are allowed where the scene gives no number: one in so many, and at least one (chosen:
+without them the draft is the same within a tenth of what another seed of the bed changes)."""
+
+NAMED = 3
+"""Lost particles that are named."""
+
+_logger = logging.getLogger(__name__)
+
+
+class MotionSums(NamedTuple):
+    """Sums over particles; `half` is what the forces of one state add in half a step."""
+
+    speed2: float  # v.v [m2/s2]
+    half_speed2: float
+    spin2: float  # w.w [rad2/s2]
+    half_spin2: float
+    place: float  # of coordinates [m]: shows a place that is no number
+
+    @property
+    def alternation(self) -> float:
+        """Part of the motion that turns round from step to step, 0 to 1, of spins or velocities."""
+        return max(_part(self.half_speed2, self.speed2), _part(self.half_spin2, self.spin2))
+
+
+def _part(half2: float, whole2: float) -> float:
+    return half2 / (half2 + whole2) if half2 > 0.0 else 0.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def half_step_sums(position, velocity, spin, force, torque, mass, inertia, step):
+    """MotionSums in index order. mass [kg], inertia [kg m2]: of every particle, or arrays (n,)."""
+    v2, a2, w2, t2, place = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(velocity.shape[0]):
+        by_force, by_torque = 0.5 * step / of_particle(mass, i), 0.5 * step / of_particle(inertia, i)
+        for a in range(3):
+            v2 += velocity[i, a] * velocity[i, a]
+            a2 += (by_force * force[i, a]) ** 2
+            w2 += spin[i, a] * spin[i, a]
+            t2 += (by_torque * torque[i, a]) ** 2
+            place += position[i, a]
+    return v2, a2, w2, t2, place
+
+
+@dataclass(frozen=True)
+class LostParticle:
+    """A particle that left the domain."""
+
+    identity: int  # place in the prepared bed
+    position_m: tuple[float, float, float]  # when it was first seen outside
+    tick: int
+
+
+class Domain:
+    """Where particles belong: no centre a radius beyond a wall or the floor, none far above the bed."""
+
+    def __init__(self, planes: np.ndarray, bed: Bed, position_m: np.ndarray, radius_m: float) -> None:
+        self._planes, self._radius = planes, radius_m
+        sides = (bed.upper_m[0] - bed.lower_m[0], bed.upper_m[1] - bed.lower_m[1], -bed.lower_m[2])
+        self.ceiling_m = float(position_m[:, 2].max()) + max(sides)
+        """As far above the bed as its longest side (chosen): nothing that a tool throws comes there."""
+
+    def outside(self, position: np.ndarray) -> np.ndarray:
+        """(n,) bool."""
+        gap = self._planes[:, 3] - position @ self._planes[:, :3].T
+        return (gap < -self._radius).any(axis=1) | (position[:, 2] > self.ceiling_m)
+
+
+class Watch:
+    """Looks at one soil and remembers who was lost."""
+
+    def __init__(self, soil: Soil, domain: Domain, count: int) -> None:
+        assert soil.monitors is not None
+        self._bounds, self._domain, self._radius = soil.monitors, domain, soil.particles.bounds_m[0]
+        given = soil.largest_lost_particles
+        self._alarm = max(1, count // ONE_IN) if given is None else given
+        self._gone = np.zeros(count, np.bool_)
+        self.first_lost: list[LostParticle] = []
+        self._steps, self._suspicious = 0, 0
+        self._start_joule: float | None = None
+        self._largest_kinetic = 0.0
+
+    @property
+    def lost_count(self) -> int:
+        """Particles that have left the domain since the start, up to the last look."""
+        return int(self._gone.sum())
+
+    @property
+    def balances(self) -> bool:
+        """Whether the energy is looked at."""
+        return self._bounds.largest_energy_defect is not None
+
+    def begin(self, book: EnergyBook) -> None:
+        """From where the energy is balanced."""
+        self._start_joule, self._largest_kinetic = book.total_joule, book.kinetic_joule
+
+    def due(self, *, last: bool) -> bool:
+        """Counts one more step; whether it is one to look at."""
+        self._steps += 1
+        return last or self._suspicious > 0 or self._steps % self._bounds.every_steps == 0
+
+    def look(
+        self,
+        where: str,
+        tick: int,
+        particles: Particles,
+        sums: MotionSums,
+        largest_overlap_m: Callable[[], float],
+        energy: Callable[[], EnergyBook],
+    ) -> None:
+        """Looks at the state at the end of a step, `where` in words.
+
+        Raises:
+            PhysicsError: a bound is passed, or a number is none.
+        """
+        if not np.isfinite(sums).all():
+            refuse_lost_numbers(where, particles)
+        self._look_for_alternation(where, sums, particles.count)
+        if self._suspicious > 1:
+            return  # the rest was looked at when the suspicion arose
+        self._look_for_overlap(where, largest_overlap_m)
+        self._look_for_lost(where, tick, particles)
+        if self.balances:
+            self._look_at_balance(where, energy())
+
+    def _look_for_alternation(self, where: str, sums: MotionSums, count: int) -> None:
+        bound = self._bounds.largest_alternation
+        surface_m2 = sums.half_speed2 + self._radius**2 * sums.half_spin2
+        if bound is None or sums.alternation <= bound or surface_m2 <= count * CALM_M_PER_S**2:
+            self._suspicious = 0
+            return
+        self._suspicious += 1
+        if self._suspicious > CONFIRMING_STEPS:
+            spin = np.sqrt((sums.spin2 + sums.half_spin2) / count)
+            raise PhysicsError(
+                f"{where}: particles turn round from step to step: alternation {sums.alternation:.3g} "
+                f"(rms spin {spin:.3g} rad/s), allowed is soil.monitors.largest_alternation {bound:g}; the "
+                "step is too large for this bed and lowers the draft: use a smaller soil.time_step_s"
+            )
+
+    def _look_for_overlap(self, where: str, largest_overlap_m: Callable[[], float]) -> None:
+        bound = self._bounds.largest_pair_overlap_radii
+        if bound is None:
+            return
+        overlap = largest_overlap_m() / self._radius
+        if overlap > bound:
+            raise PhysicsError(
+                f"{where}: two particles overlap by {overlap:.3g} radii, allowed is "
+                f"soil.monitors.largest_pair_overlap_radii {bound:g}; they may pass through each other: use "
+                "a stiffer soil.law, or move the tools slower"
+            )
+
+    def _look_for_lost(self, where: str, tick: int, particles: Particles) -> None:
+        outside = self._domain.outside(particles.position)
+        new = np.flatnonzero(outside & ~self._gone[particles.identity])
+        if len(new) == 0:
+            return
+        new = new[np.argsort(particles.identity[new])]
+        first = self.lost_count == 0
+        self._gone[particles.identity[new]] = True
+        for k in new[: NAMED - len(self.first_lost)]:
+            x, y, z = particles.position[k].tolist()
+            self.first_lost.append(LostParticle(int(particles.identity[k]), (x, y, z), tick))
+        found = (
+            f"{where}: {self.lost_count} of {len(self._gone)} particles have left the domain, {self._names()}"
+        )
+        if self.lost_count > self._alarm:
+            raise PhysicsError(
+                f"{found}; allowed is soil.largest_lost_particles {self._alarm}; use a smaller "
+                "soil.time_step_s, a stiffer soil.law.boundary, or a path that presses no soil through a wall"
+            )
+        if first:
+            _logger.warning("warning: %s", found)
+
+    def _names(self) -> str:
+        return ", ".join(
+            f"particle {lost.identity} at ({x:.3f}, {y:.3f}, {z:.3f}) m in tick {lost.tick}"
+            for lost in self.first_lost
+            for x, y, z in (lost.position_m,)
+        )
+
+    def _look_at_balance(self, where: str, now: EnergyBook) -> None:
+        bound = self._bounds.largest_energy_defect
+        self._largest_kinetic = max(self._largest_kinetic, now.kinetic_joule)
+        if bound is None or self._start_joule is None:
+            return
+        defect = now.total_joule - self._start_joule
+        exchanged = now.turned_over_joule + self._largest_kinetic
+        if abs(defect) > bound * exchanged:
+            raise PhysicsError(
+                f"{where}: the energy book is off by {defect:.3g} J, {abs(defect) / exchanged:.2g} of the "
+                f"{exchanged:.3g} J exchanged, allowed is soil.monitors.largest_energy_defect {bound:g}; use "
+                "a smaller soil.time_step_s"
+            )
+
+
+def refuse_lost_numbers(where: str, particles: Particles) -> None:
+    """Names the first particle whose place, velocity or spin is no number.
+
+    Raises:
+        PhysicsError: there is one.
+    """
+    p = particles
+    finite = (np.isfinite(p.position) & np.isfinite(p.velocity) & np.isfinite(p.spin)).all(axis=1)
+    if finite.all():
+        return
+    bad = np.flatnonzero(~finite)
+    k = bad[np.argmin(p.identity[bad])]
+    raise PhysicsError(
+        f"{where}: particle {p.identity[k]} is no longer a number, {len(bad) - 1} others too: position "
+        f"{p.position[k]} m, velocity {p.velocity[k]} m/s, spin {p.spin[k]} rad/s, last force {p.force[k]} "
+        f"N, torque {p.torque[k]} N m; use a smaller soil.time_step_s"
+    )

@@ -1,0 +1,17 @@
+"""Numbers that belong to each particle, or to all of them alike, in kernels that serve both."""
+
+import numpy as np
+from numba import types
+from numba.extending import overload
+
+
+def of_particle(value, i):
+    """Number i of an array; a number for all stands for itself. Told apart when a kernel is compiled."""
+    return value[i] if isinstance(value, np.ndarray) else value
+
+
+@overload(of_particle)
+def _of_particle(value, i):
+    if isinstance(value, types.Array):
+        return lambda value, i: value[i]
+    return lambda value, i: value

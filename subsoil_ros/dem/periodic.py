@@ -1,0 +1,86 @@
+"""Periodic sides: the bin as one slice of a bed that repeats itself in y.
+
+Positions are put back into the box when the neighbour lists are built, and each particle keeps count of the
+periods it was moved by. In between it may be outside by half a skin; pairs always take the nearest image.
+"""
+
+import numpy as np
+from numba import njit
+
+from ..errors import SceneError
+from ..scene.pairs import layer_soils, pair_values
+from ..scene.soil import Soil
+from .bed import Bed
+
+SMALLEST_CELLS = 3
+"""Cells across a period, so that two particles have one nearest image and two cells one border."""
+
+
+TOOL_SKIN = 2.0
+"""Skin of the tool search over that of the pairs: tools are faster and their lists short (chosen)."""
+
+
+@njit(cache=True, inline="always")
+def nearest_image(difference, period):
+    """`difference` [m] of two places of one box to the nearest image; an infinite period changes nothing."""
+    half = 0.5 * period
+    if difference > half:
+        return difference - period
+    if difference < -half:
+        return difference + period
+    return difference
+
+
+def wrapped(y_m: np.ndarray, low_m: float, period_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """`y_m` (n,) moved into low <= y < low + period, and by how many periods, (n,) int64."""
+    turns = np.floor((y_m - low_m) / period_m)
+    inside = y_m - turns * period_m
+    above = inside >= low_m + period_m  # where rounding put a place just below the lower border
+    return np.where(above, low_m, inside), turns.astype(np.int64) + above
+
+
+def refuse_narrow_period(bed: Bed, soil: Soil) -> None:
+    """A period must hold SMALLEST_CELLS cells of the neighbour search.
+
+    Raises:
+        SceneError: it does not; says the smallest width.
+    """
+    if bed.period_m is None:
+        return
+    reach = max(pair_values(layer)[0].reach for layer in layer_soils(soil))
+    smallest = SMALLEST_CELLS * (2.0 * soil.particles.bounds_m[1] + reach + soil.skin_m)
+    if bed.period_m < smallest:
+        raise SceneError(
+            f"soil.bin.width_m: {soil.bin.width_m:g} m gives a bed with a period of {bed.period_m:.4g} m, "
+            f"sides: periodic needs at least {smallest:.4g} m, {SMALLEST_CELLS} times the reach of a "
+            "particle with soil.skin_m; make the bin wider"
+        )
+
+
+def refuse_tool_at_seam(name: str, vertices_m: np.ndarray, bed: Bed, soil: Soil) -> None:
+    """A tool must stay off periodic sides: particles beyond the seam would not feel it.
+
+    It never moves in y, so what holds at the start holds during the run.
+
+    Args:
+        vertices_m: (v, 3) of the tool, y as in the world.
+
+    Raises:
+        SceneError: it comes nearer to the seam than the reach of a particle.
+    """
+    if bed.period_m is None:
+        return
+    reach = tool_search_reach_m(soil)
+    low, high = float(vertices_m[:, 1].min()), float(vertices_m[:, 1].max())
+    if low - reach < bed.lower_m[1] or high + reach > bed.upper_m[1]:
+        raise SceneError(
+            f"tools.{name}: is from y = {low:.4g} to {high:.4g} m; with soil.bin.sides periodic it must stay "
+            f"between {bed.lower_m[1] + reach:.4g} and {bed.upper_m[1] - reach:.4g} m, off the seam "
+            "by the reach of a particle with the skin of its search; widen soil.bin.width_m or use walls"
+        )
+
+
+def tool_search_reach_m(soil: Soil) -> float:
+    """How far from a tool its candidates are looked for at most: radius, reach of the law, skin."""
+    reach = max(pair_values(layer)[1].reach for layer in layer_soils(soil))
+    return soil.particles.bounds_m[1] + reach + TOOL_SKIN * soil.skin_m

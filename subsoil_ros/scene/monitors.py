@@ -1,0 +1,16 @@
+"""Bounds that a running soil is held against, so that lost physics stops a run and is no result."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from .base import Part, Positive
+
+
+class Monitors(Part):
+    """Looks at the soil every so many steps; null switches a bound off. dem.monitors says what each means."""
+
+    every_steps: Annotated[int, Field(ge=1)] = 100  # soil steps from look to look
+    largest_alternation: Annotated[float, Field(gt=0.0, le=1.0)] | None = 0.2
+    largest_pair_overlap_radii: Positive | None = 1.5  # at tools: soil.largest_tool_overlap_m
+    largest_energy_defect: Positive | None = None  # over the energy exchanged; books every sink

@@ -1,0 +1,140 @@
+"""Spheres of several radii: how the radii of a bed are distributed, by number of particles."""
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+from scipy.special import ndtr, ndtri
+
+from .base import Part, Positive
+from .beds import Seed
+
+LARGEST_RATIO = 4.0
+"""Of the largest radius to the smallest (chosen). Cells are sized by the largest: at 4 one may hold some
+eighty of the smallest, and the damper's limit on the step, that of the smallest, is 1/64 of that of the
+largest. Wider soils are better modelled by the coarse part of their sizes."""
+
+_PARTS = 4096
+"""Equal parts of a distribution over which its moments are summed."""
+
+
+def _refuse_wide(smallest_m: float, largest_m: float, key: str) -> None:
+    if largest_m > LARGEST_RATIO * smallest_m * (1.0 + 1e-12):
+        raise ValueError(
+            f"{key}: {largest_m:g} m is {largest_m / smallest_m:.3g} times the smallest radius, "
+            f"{smallest_m:g} m; allowed is up to {LARGEST_RATIO:g} times, since the smallest sets the step "
+            "and the largest the cells; leave out the fine part"
+        )
+
+
+class _Spread(Part):
+    """Radii between two bounds."""
+
+    smallest_radius_m: Positive
+    largest_radius_m: Positive
+    seed: Seed = 0
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "_Spread":
+        if self.largest_radius_m <= self.smallest_radius_m:
+            raise ValueError(
+                f"largest_radius_m: {self.largest_radius_m:g} m is not above smallest_radius_m, "
+                f"{self.smallest_radius_m:g} m; for equal spheres give particles.radius_m"
+            )
+        _refuse_wide(self.smallest_radius_m, self.largest_radius_m, "largest_radius_m")
+        return self
+
+    @property
+    def bounds_m(self) -> tuple[float, float]:
+        """Smallest and largest radius."""
+        return self.smallest_radius_m, self.largest_radius_m
+
+
+class UniformSizes(_Spread):
+    """Every radius between the bounds as frequent as any other."""
+
+    kind: Literal["uniform"]
+
+    def radii_at(self, part: np.ndarray) -> np.ndarray:
+        """Radius [m] that this `part` (0 to 1) of all particles does not exceed."""
+        return self.smallest_radius_m + part * (self.largest_radius_m - self.smallest_radius_m)
+
+
+class NormalSizes(_Spread):
+    """A normal distribution, cut at the bounds: what lies outside is left out, not moved to them.
+
+    Mean and deviation are those before the cut.
+    """
+
+    kind: Literal["normal"]
+    mean_radius_m: Positive
+    standard_deviation_m: Positive
+
+    @model_validator(mode="after")
+    def _mean_inside(self) -> "NormalSizes":
+        if not self.smallest_radius_m < self.mean_radius_m < self.largest_radius_m:
+            raise ValueError(
+                f"mean_radius_m: {self.mean_radius_m:g} m is not between smallest_radius_m and "
+                f"largest_radius_m, {self.smallest_radius_m:g} and {self.largest_radius_m:g} m"
+            )
+        return self
+
+    def radii_at(self, part: np.ndarray) -> np.ndarray:
+        """Radius [m] that this `part` (0 to 1) of all particles does not exceed."""
+        mean, deviation = self.mean_radius_m, self.standard_deviation_m
+        low, high = (ndtr((bound - mean) / deviation) for bound in self.bounds_m)
+        return np.clip(mean + deviation * ndtri(low + part * (high - low)), *self.bounds_m)
+
+
+class ListedSizes(Part):
+    """A list of radii, each with its share of all particles, by number or by mass.
+
+    Shares need no sum: each counts over the sum of all. Mass is taken at one density.
+    """
+
+    kind: Literal["listed"]
+    radii_m: tuple[Positive, ...] = Field(min_length=2)
+    shares: tuple[Positive, ...] = Field(min_length=2)
+    shares_are: Literal["number", "mass"]
+    seed: Seed = 0
+
+    @model_validator(mode="after")
+    def _table(self) -> "ListedSizes":
+        if len(self.shares) != len(self.radii_m):
+            raise ValueError(f"shares: has {len(self.shares)} entries for the {len(self.radii_m)} of radii_m")
+        if any(b <= a for a, b in zip(self.radii_m[:-1], self.radii_m[1:], strict=True)):
+            raise ValueError("radii_m: must grow from one to the next")
+        _refuse_wide(self.radii_m[0], self.radii_m[-1], "radii_m")
+        return self
+
+    @property
+    def bounds_m(self) -> tuple[float, float]:
+        """Smallest and largest radius."""
+        return self.radii_m[0], self.radii_m[-1]
+
+    @property
+    def number_shares(self) -> np.ndarray:
+        """Share of each radius in the number of particles; their sum is 1."""
+        shares = np.array(self.shares)
+        if self.shares_are == "mass":
+            shares = shares / np.array(self.radii_m) ** 3
+        return shares / shares.sum()
+
+    def radii_at(self, part: np.ndarray) -> np.ndarray:
+        """Radius [m] that this `part` (0 to 1) of all particles does not exceed."""
+        above = np.cumsum(self.number_shares)[:-1]
+        return np.array(self.radii_m)[np.searchsorted(above, part, side="right")]
+
+
+Sizes = Annotated[UniformSizes | NormalSizes | ListedSizes, Field(discriminator="kind")]
+
+
+def mean_power(sizes: UniformSizes | NormalSizes | ListedSizes, power: int, less_m: float = 0.0) -> float:
+    """Mean of (radius - `less_m`)^power over the particles [m^power], to about 1 / 4096."""
+    parts = (np.arange(_PARTS) + 0.5) / _PARTS
+    return float(((sizes.radii_at(parts) - less_m) ** power).mean())
+
+
+def sampled_radii_m(sizes: UniformSizes | NormalSizes | ListedSizes, count: int) -> np.ndarray:
+    """(count,) [m] radii drawn with the seed of `sizes`."""
+    return sizes.radii_at(np.random.default_rng(sizes.seed).uniform(size=count))

@@ -1,0 +1,217 @@
+"""Monitors of a running soil: they stop lost physics, name it, and leave healthy runs alone."""
+
+import json
+import logging
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from subsoil_ros.cli.main import main
+from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.monitors import MotionSums, half_step_sums, refuse_lost_numbers
+from subsoil_ros.dem.state import Particles
+from subsoil_ros.errors import InputError, PhysicsError, SceneError
+from subsoil_ros.messages import SoilState
+from subsoil_ros.recording.bag_reader import BagReader
+
+TOO_LARGE = {"time_step_s": 1.2e-4, "force_time_step": True}
+"""1.3 times the limit of the grid bed itself (z = 6: 94 us), 2.2 times that of a dense one."""
+
+
+def with_soil(maker, gravity=9.81, **changes):
+    """The small scene with other keys of its soil."""
+    return maker.scene(soil=maker.scene().document["soil"] | changes, gravity_m_per_s2=gravity)
+
+
+def run(engine, ticks, motions=()):
+    """Starts, and advances so many ticks."""
+    engine.start(motions)
+    for tick in range(ticks):
+        engine.advance(tick, motions)
+
+
+def shaken(scene):
+    """An engine whose bed starts with random spins of 1 rad/s."""
+    engine = SoilEngine(scene)
+    place = engine.bed.positions_m
+    engine.place(place, None, np.random.default_rng(0).normal(0.0, 1.0, place.shape))
+    return engine
+
+
+def test_alternation_of_equal_opposite_and_growing_motions():
+    """0 for a steady motion, 1 for one that turns round; of (u, w) half a step before and after, in between:
+    ((w - u) / 2)^2 over it plus ((w + u) / 2)^2."""
+    mass, inertia, step = 0.5, 0.25, 0.125
+    place, still = np.zeros((4, 3)), np.zeros((4, 3))
+    before = np.random.default_rng(1).normal(size=(4, 3))
+
+    def alternation(after):
+        spin, torque = 0.5 * (before + after), inertia * (after - before) / step
+        return MotionSums(*half_step_sums(place, still, spin, still, torque, mass, inertia, step)).alternation
+
+    assert alternation(before) == 0.0
+    assert alternation(-before) == 1.0
+    assert alternation(0.5 * before) == pytest.approx(0.25**2 / (0.25**2 + 0.75**2))
+    of_velocity = half_step_sums(place, still, still, mass * before, still, mass, inertia, step)
+    assert MotionSums(*of_velocity).alternation == 1.0
+    assert_allclose(of_velocity[1], (0.5 * step * before) ** 2 @ np.ones(3) @ np.ones(4))
+
+
+def test_a_step_too_large_is_stopped_with_its_cause(soil):
+    """The bed spins, the run stops within 400 steps, and says what to do."""
+    with pytest.raises(
+        PhysicsError, match=r"tick \d+: particles turn round .*largest_alternation 0.2.*smaller"
+    ):
+        run(shaken(with_soil(soil, **TOO_LARGE)), 400)
+
+
+def test_the_state_shows_the_spin_that_hides_at_whole_steps(soil):
+    """Kinetic energy of the state, spin at whole steps, is that of calm soil; the rms spin tells."""
+    engine = shaken(with_soil(soil, **TOO_LARGE, monitors=None))
+    run(engine, 400)
+    state = engine.state("", 399, 0)
+    spinning = 0.5 * 0.4 * engine.mass_kg * 0.01**2 * state.rms_spin_rad_per_s**2 * state.particle_count
+    assert state.rms_spin_rad_per_s > 5.0
+    assert state.kinetic_energy_joule < 0.01 * spinning
+
+
+def test_a_tool_in_a_bed_at_a_stable_step_stops_nothing(soil, one, at):
+    """A box ploughs at 1 m/s, all monitors on, the energy's too."""
+    scene = soil.scene(
+        soil=soil.scene().document["soil"] | {"monitors": {"every_steps": 1, "largest_energy_defect": 0.05}},
+        tools=one(soil.box(0.03, 0.04, 0.03)),
+    )
+    engine = SoilEngine(scene)
+    engine.start(at(0.03, -0.03))
+    for tick in range(400):
+        engine.advance(tick, at(0.03 + 5.0e-5 * (tick + 1), -0.03, vx=1.0))
+
+
+def test_the_energy_book_alone_finds_the_step_too_large(soil):
+    """What spins is fed from nowhere: the defect passes a twentieth of all that was exchanged."""
+    only = {"largest_alternation": None, "largest_pair_overlap_radii": None, "largest_energy_defect": 0.05}
+    with pytest.raises(PhysicsError, match=r"the energy book is off by .*largest_energy_defect 0.05"):
+        run(shaken(with_soil(soil, **TOO_LARGE, monitors=only)), 400)
+
+
+def test_a_deep_overlap_of_two_particles_is_stopped(soil):
+    """Two particles at 40 m/s against each other: K_X would need more than their diameter to stop them."""
+    engine = SoilEngine(with_soil(soil, monitors={"every_steps": 1}))
+    engine.place([[0.04, 0.0, -0.05], [0.065, 0.0, -0.05]], [[40.0, 0.0, 0.0], [-40.0, 0.0, 0.0]])
+    with pytest.raises(PhysicsError, match=r"two particles overlap by 1\.\d+ radii, allowed is .* 1.5"):
+        run(engine, 100)
+
+
+@pytest.mark.parametrize("part", ["position", "velocity", "spin"])
+def test_what_is_no_number_is_named_by_its_particle(part):
+    """Also a spin, which moves nobody: identity, state, last force."""
+    particles = Particles.at_rest(np.zeros((3, 3)), np.array([7, 5, 6]))
+    refuse_lost_numbers("tick 3", particles)
+    getattr(particles, part)[1, 2] = np.nan
+    with pytest.raises(PhysicsError, match=r"tick 3: particle 5 is no longer a number, 0 others.*last force"):
+        refuse_lost_numbers("tick 3", particles)
+
+
+def test_numbers_lost_in_a_run_are_found_at_the_next_look(soil):
+    """Spins too large for a square: no particle moves, so no list is rebuilt; the look finds them."""
+    engine = SoilEngine(with_soil(soil, gravity=0.0, monitors={"every_steps": 10}))
+    engine.place([[0.04, 0.0, -0.05], [0.0585, 0.0, -0.05]], None, [[0.0, 1e308, 0.0], [0.0, 1e308, 0.0]])
+    with pytest.raises(PhysicsError, match=r"tick \d: particle [01] is no longer a number"):
+        run(engine, 10)
+
+
+def lost_run(maker, velocity, **changes):
+    """One particle of three leaves at `velocity`; 400 steps, a look every ten."""
+    engine = SoilEngine(with_soil(maker, monitors={"every_steps": 10}, **changes))
+    place = [[0.03, 0.02, -0.05], [0.06, 0.0, -0.05], [0.09, -0.02, -0.05]]
+    engine.place(place, [[0.0, 0.0, 0.0], velocity, [0.0, 0.0, 0.0]])
+    run(engine, 400)
+    return engine
+
+
+@pytest.mark.parametrize(
+    "velocity", [(0.0, 0.0, -60.0), (0.0, 60.0, 0.0), (-60.0, 0.0, 0.0), (60.0, 0.0, 0.0), (0.0, 0.0, 30.0)]
+)
+def test_a_particle_that_leaves_is_counted_and_named(soil, caplog, velocity):
+    """Through floor, side and ends, and far above: counted for good, warned of once, named with its tick."""
+    with caplog.at_level(logging.WARNING):
+        engine = lost_run(soil, velocity)
+    (lost,) = engine.lost_particles
+    assert engine.state("", 399, 0).lost_particle_count == 1
+    assert lost.identity == 1
+    assert np.dot(np.array(lost.position_m) - (0.06, 0.0, -0.05), velocity) > 0.0
+    assert 0 < lost.tick < 400
+    assert lost.tick % 10 == 9
+    assert [record.message.count("particle 1 at") for record in caplog.records] == [1]
+
+
+def test_more_lost_particles_than_allowed_stop_the_run(soil):
+    """The bound of the scene, the particle, and what to do."""
+    with pytest.raises(PhysicsError, match=r"1 of 3 particles have left .*largest_lost_particles 0; use"):
+        lost_run(soil, (0.0, 0.0, -60.0), largest_lost_particles=0)
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [
+        ([], "no particle"),
+        ([[0.05, 0.0, -0.3]], "outside|inside the bin"),
+        ([[0.05, np.nan, -0.05]], "centres inside the bin"),
+    ],
+)
+def test_particles_are_placed_inside_the_bin_only(soil, place, words):
+    """Outside it, or nowhere: refused with the box."""
+    with pytest.raises(InputError, match=words):
+        SoilEngine(soil.scene()).place(np.array(place).reshape(-1, 3))
+
+
+def test_placed_velocities_are_finite_and_as_many_as_particles(soil):
+    """One row each."""
+    engine = SoilEngine(soil.scene())
+    with pytest.raises(InputError, match="1 rows of velocity, 0 finite; needed are 1, all finite"):
+        engine.place([[0.05, 0.0, -0.05]], [[np.inf, 0.0, 0.0]])
+    with pytest.raises(InputError, match="2 rows of spin"):
+        engine.place([[0.05, 0.0, -0.05]], None, np.zeros((2, 3)))
+
+
+def test_a_step_is_forced_by_name_only(soil):
+    """The refusal names the key; forcing 'auto' is an error; the forced step says so."""
+    with pytest.raises(SceneError, match=r"above the stable limit .*soil.force_time_step: true"):
+        with_soil(soil, time_step_s=1.2e-4)
+    with pytest.raises(SceneError, match="no step to force"):
+        with_soil(soil, time_step_s="auto", force_time_step=True)
+
+
+def test_a_stopped_run_leaves_a_readable_bag_and_exit_status_3(soil, tmp_path, capsys):
+    """`subsoil run`: what was recorded before the stop can be read, the summary has the failure."""
+    path = with_soil(soil, **TOO_LARGE).path
+    out = tmp_path / "out"
+    jitter = ["--set", "soil.bed.jitter_m=0.0005", "--set", "duration_s=0.1"]
+    assert main(["run", str(path), "--out", str(out), "--mode", "direct", *jitter]) == 3
+    said = capsys.readouterr()
+    assert "the step 120 us is above the stable limit 53.7 us" in said.out
+    assert "particles turn round from step to step" in said.err
+    summary = json.loads((out / "summary.json").read_text())
+    assert "largest_alternation" in summary["failure"]
+    assert not summary["complete"]
+    assert [state.tick for state in BagReader(out / "bag").records(SoilState)] == [19, 39, 59, 79, 99]
+
+
+def test_lost_particles_are_in_the_summary(soil, tmp_path, capsys):
+    """A soft floor lets the bottom layer through: one line tells people, two keys tell programs."""
+    scene = with_soil(soil, gravity=300.0, largest_lost_particles=1000)
+    row = scene.document["soil"]["law"]["boundary"] | {"stiffness_newton_per_m": 150.0}
+    path = with_soil(
+        soil,
+        gravity=300.0,
+        largest_lost_particles=1000,
+        law=scene.document["soil"]["law"] | {"boundary": row},
+        monitors={"largest_alternation": None, "largest_pair_overlap_radii": None},
+    ).path
+    out = tmp_path / "out"
+    assert main(["run", str(path), "--out", str(out), "--mode", "direct", "--set", "duration_s=0.05"]) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["lost_particle_count"] > 0
+    assert 0.0 < summary["first_lost_s"] <= 0.05
+    assert "particles left the domain" in capsys.readouterr().out

@@ -187,8 +187,8 @@ def test_scaled_soil_moves_alike(soil) -> None:
     assert resolved.scene.soil is not None
     small = resolved.scene.soil
     wide = scaled_soil(small, ratio * small.particles.radius_m)
-    box = {key: ratio * value for key, value in small.bin.model_dump().items()}
-    wide = wide.model_copy(update={"bin": small.bin.model_validate(box)})
+    box = {key: ratio * getattr(small.bin, key) for key in ("length_m", "width_m", "depth_m")}
+    wide = wide.model_copy(update={"bin": small.bin.model_copy(update=box)})
     scene = resolved.scene.model_copy(
         update={"soil": wide, "gravity_m_per_s2": resolved.scene.gravity_m_per_s2 / ratio}
     )

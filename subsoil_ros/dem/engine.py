@@ -56,8 +56,8 @@ class SoilEngine:
         refuse_narrow_period(self.bed, soil)
         book = book or (soil.monitors is not None and soil.monitors.largest_energy_defect is not None)
         self._features = law_features(soil, book=book, period_m=self.bed.period_m)
-        self._law, self._boundary = soil_laws(soil, self._features, self._step_s)
-        self._pair_law = PairLaw(*np.array(self._law, self._kind))
+        law, self._boundary = soil_laws(soil, self._features, self._step_s)
+        self._pair_law = PairLaw(*np.array(law, self._kind))
         factor = soil.tool_stiffness_factor
         self._at_tools = self._boundary._replace(stiffness=self._boundary.stiffness * factor)
         self._pair_laws, self._wall_laws = law_tables(soil, self._features)
@@ -427,7 +427,7 @@ class SoilEngine:
         pairs = self._pairs
         return pair_scan(
             pairs.row_start, pairs.neighbour, self._particles.position, pairs.history,
-            self._radius, self._law, self._mixture(self._pair_laws), self._features,
+            self._radius, self._mixture(self._pair_laws), self._features,
         )  # fmt: skip
 
     def _moving_joule(self) -> tuple[float, float]:

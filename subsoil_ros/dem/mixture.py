@@ -69,16 +69,16 @@ def scaled_law(laws, row, radius, mass, features):
 
 
 @njit(cache=True, inline="always", error_model="numpy")
-def pair_of(i, j, radius, law, mixture, features):
+def pair_of(i, j, radius, mixture, features):
     """Radii [m] of particles i and j, and the law between them."""
     first, second = radius, radius
     if features.sizes.ndim == 2:
         first, second = mixture.radius[i], mixture.radius[j]
+    row, mass = 0, 1.0
     if features.sizes.ndim == 2 or features.materials.ndim == 2:
         row = mixture.material[i] * mixture.materials + mixture.material[j]
         mass = mixture.mass[i] * mixture.mass[j] / (mixture.mass[i] + mixture.mass[j])
-        law = scaled_law(mixture.laws, row, first * second / (first + second), mass, features)
-    return first, second, law
+    return first, second, scaled_law(mixture.laws, row, first * second / (first + second), mass, features)
 
 
 @njit(cache=True, inline="always", error_model="numpy")

@@ -96,10 +96,12 @@ class Domain:
         self.ceiling_m = float(position_m[:, 2].max()) + max(sides)
         """As far above the bed as its longest side (chosen): nothing that a tool throws comes there."""
 
-    def outside(self, position: np.ndarray) -> np.ndarray:
+    def outside(self, particles: Particles) -> np.ndarray:
         """(n,) bool."""
-        gap = self._planes[:, 3] - position @ self._planes[:, :3].T
-        return (gap < -self._radius).any(axis=1) | (position[:, 2] > self.ceiling_m)
+        position = particles.position
+        gap = (self._planes[:, 3] - position @ self._planes[:, :3].T).min(axis=1)
+        radius = particles.radius if particles.unequal else self._radius
+        return (gap < -radius) | (position[:, 2] > self.ceiling_m)
 
 
 class Watch:
@@ -187,7 +189,7 @@ class Watch:
             )
 
     def _look_for_lost(self, where: str, tick: int, particles: Particles) -> None:
-        outside = self._domain.outside(particles.position)
+        outside = self._domain.outside(particles)
         new = np.flatnonzero(outside & ~self._gone[particles.identity])
         if len(new) == 0:
             return

@@ -46,7 +46,7 @@ def history_place(pair):
 @njit(cache=True, nogil=True, error_model="numpy")
 def _gather(
     first_row, pair, last, row_start, neighbour, position, velocity, spin, scratch,
-    radius, law, mixture, features,
+    radius, mixture, features,
 ):  # fmt: skip
     """States of the pairs pair <= k < last into the scratch rows; pair `pair` is in row `first_row`."""
     period = features.periodic.item()
@@ -79,7 +79,7 @@ def _gather(
             scratch[10, b] = spin[j, 1]
             scratch[11, b] = spin[j, 2]
             if features.sizes.ndim == 2 or features.materials.ndim == 2:
-                scratch[12, b], scratch[13, b], of_pair = pair_of(i, j, radius, law, mixture, features)
+                scratch[12, b], scratch[13, b], of_pair = pair_of(i, j, radius, mixture, features)
                 for a, number in enumerate(of_pair):
                     scratch[14 + a, b] = number
         start = stop
@@ -204,7 +204,7 @@ def _slab_forces(
         stop = min(end, pair - pair % BLOCK + BLOCK)
         _gather(
             row, pair, stop, row_start, neighbour, position, velocity, spin, rows,
-            radius, law, mixture, features,
+            radius, mixture, features,
         )  # fmt: skip
         _compute(stop - pair, flat, history[history_place(pair) :], radius, step, law, features, book)
         row = _scatter(row, pair, stop, row_start, neighbour, force, torque, rows)
@@ -231,7 +231,7 @@ def pair_forces(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def pair_scan(row_start, neighbour, position, history, radius, common_law, mixture, features):
+def pair_scan(row_start, neighbour, position, history, radius, mixture, features):
     """Contacts in reach, largest overlap [m], stored energy: normal and springs [J]."""
     contacts, largest, energy = 0, 0.0, 0.0
     period = features.periodic.item()
@@ -243,7 +243,7 @@ def pair_scan(row_start, neighbour, position, history, radius, common_law, mixtu
             dz = position[j, 2] - position[i, 2]
             if features.periodic.ndim == 2:
                 dy = nearest_image(dy, period)
-            radius_i, radius_j, law = pair_of(i, j, radius, common_law, mixture, features)
+            radius_i, radius_j, law = pair_of(i, j, radius, mixture, features)
             overlap = radius_i + radius_j - np.sqrt(dx * dx + dy * dy + dz * dz)
             if overlap > (-law.reach if features.adhesion.ndim == 2 else 0.0):
                 contacts += 1

@@ -183,3 +183,20 @@ def test_sizes_and_layers_give_the_same_bits_for_any_number_of_threads(soil, bot
     assert_array_equal(found[0][1], found[1][1])
     assert found[0][2:] == found[1][2:]
     assert abs(found[0][2].force_x_newton) > 1.0
+
+
+def test_mixed_precision_knows_sizes_and_layers(soil):
+    """The same bed with the rest in float32: places differ by its rounding over 100 steps of some um each."""
+    scene = layered(soil, "soil.time_step_s=2.5e-5")
+    bed = SoilEngine(scene).bed
+    moved = []
+    for precision in ("float64", "mixed"):
+        engine = SoilEngine(layered(soil, "soil.time_step_s=2.5e-5", f"soil.precision={precision}"), bed=bed)
+        engine.place(bed.positions_m, np.random.default_rng(2).normal(0.0, 0.05, bed.positions_m.shape))
+        engine.start(())
+        run(engine, 100)
+        moved.append(engine.displacements_m())
+    assert np.abs(moved[0]).max() > 1e-5
+    assert_allclose(
+        moved[1], moved[0], rtol=0.0, atol=100 * np.finfo(np.float32).eps * np.abs(moved[0]).max()
+    )

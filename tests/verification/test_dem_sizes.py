@@ -8,6 +8,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.monitors import Domain
+from subsoil_ros.dem.state import Particles
+from subsoil_ros.dem.walls import wall_planes
 
 SMALL, LARGE = 0.008, 0.014
 DENSITY = 1800.0
@@ -199,7 +202,11 @@ def test_a_tool_removes_by_the_radius_of_each(soil, one, at):
     assert_array_equal(engine.radii_m(), [SMALL])
 
 
-def test_lost_particles_are_counted_by_their_own_radius(soil):
+def test_lost_particles_are_counted_by_their_own_radius():
     """10 mm beyond a wall, the sphere of 8 mm has left the bin and that of 14 mm has not."""
-    engine = two_spheres(soil, 10_000, [(-0.01, 0.0, -0.1), (-0.01, 0.0, -0.2)])
-    assert engine.state("r", 0, 0).lost_particle_count == 1
+    lower, upper = (0.0, -0.1, -0.3), (0.3, 0.1)
+    bed = Bed(np.array([(-0.01, 0.0, -0.1), (-0.01, 0.0, -0.2)]), lower, upper)
+    particles = Particles.at_rest(bed.positions_m, np.arange(2), np.float64)
+    particles.make_unequal(np.array([0.008, 0.014]), np.zeros(2, np.int64), np.array([1800.0]))
+    domain = Domain(wall_planes(lower, upper, "walls"), bed, bed.positions_m, 0.014)
+    assert domain.outside(particles).tolist() == [True, False]

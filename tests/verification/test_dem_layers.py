@@ -186,17 +186,18 @@ def test_sizes_and_layers_give_the_same_bits_for_any_number_of_threads(soil, bot
 
 
 def test_mixed_precision_knows_sizes_and_layers(soil):
-    """The same bed with the rest in float32: places differ by its rounding over 100 steps of some um each."""
-    scene = layered(soil, "soil.time_step_s=2.5e-5")
-    bed = SoilEngine(scene).bed
+    """The same bed in mixed precision: a distance of 18 mm in float32 is off by 2 nm, its spring's force by K
+    times that, and six such forces move a particle by no more than half their acceleration times t^2."""
+    changes = ("soil.time_step_s=2.5e-5",)
+    bed = SoilEngine(layered(soil, *changes)).bed
     moved = []
     for precision in ("float64", "mixed"):
-        engine = SoilEngine(layered(soil, "soil.time_step_s=2.5e-5", f"soil.precision={precision}"), bed=bed)
+        engine = SoilEngine(layered(soil, *changes, f"soil.precision={precision}"), bed=bed)
         engine.place(bed.positions_m, np.random.default_rng(2).normal(0.0, 0.05, bed.positions_m.shape))
         engine.start(())
         run(engine, 100)
         moved.append(engine.displacements_m())
+    mass = 1800.0 * 4.0 / 3.0 * np.pi * RADIUS**3
+    off = 6.0 * 10e3 * np.finfo(np.float32).eps * 0.018 / mass
     assert np.abs(moved[0]).max() > 1e-5
-    assert_allclose(
-        moved[1], moved[0], rtol=0.0, atol=100 * np.finfo(np.float32).eps * np.abs(moved[0]).max()
-    )
+    assert_allclose(moved[1], moved[0], rtol=0.0, atol=0.5 * off * (100 * 2.5e-5) ** 2)

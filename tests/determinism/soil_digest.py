@@ -25,7 +25,7 @@ def tool(time_s: float) -> tuple[ToolMotion, ...]:
 def digest(scene: str, threads: int) -> dict[str, object]:
     """Digest of the motion, rebuilds, and how far particles went [m]."""
     engine = SoilEngine(load_scene(scene), threads)
-    step_s, total = 5e-5, hashlib.sha256()
+    step_s, total = 4e-5, hashlib.sha256()
     wrenches = engine.start(tool(0.0))
     for tick in range(STEPS):
         if tick % EVERY == 0:

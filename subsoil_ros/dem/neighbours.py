@@ -58,6 +58,12 @@ def cell_grid(
 _RUNS = 6
 """Runs of _forward_range."""
 
+_CHUNKS = 64
+"""Parts of the particles that threads search one by one (chosen: enough to share them evenly)."""
+
+_USUAL_PARTNERS = 16
+"""Partners kept from count to list (chosen: equal spheres have 7, rarely 13); beyond, sought again."""
+
 
 @njit(cache=True, inline="always")
 def _axis_cell(value, origin, edge, count):
@@ -121,6 +127,57 @@ def _forward_range(grid, cx, cy, cz, k, cell_start):
     return cell_start[column + low], cell_start[column + high + 1]
 
 
+@njit(cache=True)
+def _row(i, position, grid, cell_start, reach, smaller, found):
+    """Partners of particle i into found[:count]; returns the array, a longer one if need be, and the count.
+
+    Every candidate is written and then kept or overwritten: no branch to guess wrongly.
+    """
+    px, py, pz = position[i, 0], position[i, 1], position[i, 2]
+    cx = _axis_cell(px, grid.origin_x, grid.edge, grid.nx)
+    cy = _axis_cell(py, grid.origin_y, grid.edge_y, grid.ny)
+    cz = _axis_cell(pz, grid.origin_z, grid.edge, grid.nz)
+    own_reach, count = reach - of_particle(smaller, i), 0
+    for k in range(_RUNS):
+        low, high = _forward_range(grid, cx, cy, cz, k, cell_start)
+        low = max(low, i + 1)
+        if count + high - low >= found.shape[0]:
+            longer = np.empty(2 * (count + high - low), np.int32)
+            longer[:count] = found[:count]
+            found = longer
+        for j in range(low, high):
+            limit = own_reach - of_particle(smaller, j)
+            dx, dy, dz = position[j, 0] - px, position[j, 1] - py, position[j, 2] - pz
+            if grid.period != np.inf:
+                dy = nearest_image(dy, grid.period)
+            found[count] = j
+            count += int(dx * dx + dy * dy + dz * dz < limit * limit)
+    return found, count
+
+
+@njit(cache=True)
+def _find_rows(first, last, position, grid, cell_start, reach, smaller, count, partner):
+    """Number of partners of the particles first <= i < last; the partners too where they fit into a row."""
+    found = np.empty(256, np.int32)
+    for i in range(first, last):
+        found, number = _row(i, position, grid, cell_start, reach, smaller, found)
+        count[i] = number
+        if number <= partner.shape[1]:
+            partner[i, :number] = found[:number]
+
+
+@njit(cache=True)
+def _fill_rows(first, last, position, grid, cell_start, reach, smaller, row_start, partner, neighbour):
+    found = np.empty(256, np.int32)
+    for i in range(first, last):
+        begin, end = row_start[i], row_start[i + 1]
+        if end - begin <= partner.shape[1]:
+            neighbour[begin:end] = partner[i, : end - begin]
+        else:
+            found, number = _row(i, position, grid, cell_start, reach, smaller, found)
+            neighbour[begin:end] = found[:number]
+
+
 @njit(cache=True, parallel=True)
 def half_list(position, grid, cell_start, reach, smaller):
     """Pairs i < j closer than `reach` [m] of particles sorted by cell: row_start (n + 1,), neighbour (p,).
@@ -129,42 +186,22 @@ def half_list(position, grid, cell_start, reach, smaller):
     where they are equal.
     """
     n = position.shape[0]
+    count = np.empty(n, np.int64)
+    partner = np.empty((n, _USUAL_PARTNERS), np.int32)
+    for chunk in prange(_CHUNKS):
+        _find_rows(
+            chunk * n // _CHUNKS, (chunk + 1) * n // _CHUNKS, position, grid, cell_start, reach, smaller,
+            count, partner,
+        )  # fmt: skip
     row_start = np.zeros(n + 1, np.int64)
-    for i in prange(n):
-        cx = _axis_cell(position[i, 0], grid.origin_x, grid.edge, grid.nx)
-        cy = _axis_cell(position[i, 1], grid.origin_y, grid.edge_y, grid.ny)
-        cz = _axis_cell(position[i, 2], grid.origin_z, grid.edge, grid.nz)
-        count = 0
-        own_reach = reach - of_particle(smaller, i)
-        for k in range(_RUNS):
-            low, high = _forward_range(grid, cx, cy, cz, k, cell_start)
-            for j in range(max(low, i + 1), high):
-                limit = own_reach - of_particle(smaller, j)
-                dx = position[j, 0] - position[i, 0]
-                dy = nearest_image(position[j, 1] - position[i, 1], grid.period)
-                dz = position[j, 2] - position[i, 2]
-                if dx * dx + dy * dy + dz * dz < limit * limit:
-                    count += 1
-        row_start[i + 1] = count
     for i in range(n):
-        row_start[i + 1] += row_start[i]
+        row_start[i + 1] = row_start[i] + count[i]
     neighbour = np.empty(row_start[n], np.int32)
-    for i in prange(n):
-        cx = _axis_cell(position[i, 0], grid.origin_x, grid.edge, grid.nx)
-        cy = _axis_cell(position[i, 1], grid.origin_y, grid.edge_y, grid.ny)
-        cz = _axis_cell(position[i, 2], grid.origin_z, grid.edge, grid.nz)
-        slot = row_start[i]
-        own_reach = reach - of_particle(smaller, i)
-        for k in range(_RUNS):
-            low, high = _forward_range(grid, cx, cy, cz, k, cell_start)
-            for j in range(max(low, i + 1), high):
-                limit = own_reach - of_particle(smaller, j)
-                dx = position[j, 0] - position[i, 0]
-                dy = nearest_image(position[j, 1] - position[i, 1], grid.period)
-                dz = position[j, 2] - position[i, 2]
-                if dx * dx + dy * dy + dz * dz < limit * limit:
-                    neighbour[slot] = j
-                    slot += 1
+    for chunk in prange(_CHUNKS):
+        _fill_rows(
+            chunk * n // _CHUNKS, (chunk + 1) * n // _CHUNKS, position, grid, cell_start, reach, smaller,
+            row_start, partner, neighbour,
+        )  # fmt: skip
     return row_start, neighbour
 
 

@@ -12,5 +12,5 @@ class Monitors(Part):
 
     every_steps: Annotated[int, Field(ge=1)] = 100  # soil steps from look to look
     largest_alternation: Annotated[float, Field(gt=0.0, le=1.0)] | None = 0.2
-    largest_pair_overlap_radii: Positive | None = 1.5  # at tools: soil.largest_tool_overlap_m
+    largest_pair_overlap_radii: Positive | None = 1.9  # at tools: soil.largest_tool_overlap_m
     largest_energy_defect: Positive | None = None  # over the energy exchanged; books every sink

@@ -97,7 +97,7 @@ def test_the_energy_book_alone_finds_the_step_too_large(soil):
 
 def test_a_deep_overlap_of_two_particles_is_stopped(soil):
     """Two particles at 40 m/s against each other: K_X would need more than their diameter to stop them."""
-    engine = SoilEngine(with_soil(soil, monitors={"every_steps": 1}))
+    engine = SoilEngine(with_soil(soil, monitors={"every_steps": 1, "largest_pair_overlap_radii": 1.5}))
     engine.place([[0.04, 0.0, -0.05], [0.065, 0.0, -0.05]], [[40.0, 0.0, 0.0], [-40.0, 0.0, 0.0]])
     with pytest.raises(PhysicsError, match=r"two particles overlap by 1\.\d+ radii, allowed is .* 1.5"):
         run(engine, 100)

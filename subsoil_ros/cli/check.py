@@ -24,6 +24,7 @@ from ..scene.pairs import layer_soils
 from ..scene.sizes import mean_power
 from ..scene.soil import Soil
 from ..scene.tool_mass import tool_mass
+from .arguments import add_overrides
 from .bed_table import print_bed
 
 SUMMARY = "validate a scene and print what a run of it would cost"
@@ -44,14 +45,7 @@ LOCKSTEP_S_PER_TICK = 4.0e-4
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `subsoil check`."""
     parser.add_argument("scene", help="scene file (.yaml)")
-    parser.add_argument(
-        "--set",
-        dest="overrides",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="change a value of the scene, as soil.bed.seed=3 or start=lowered; may be repeated",
-    )
+    add_overrides(parser)
 
     parser.add_argument(
         "--bed", action="store_true", help="prepare the bed, look at it, and leave it alone for 20 ms"

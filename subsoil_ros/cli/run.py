@@ -22,6 +22,7 @@ from ..recording.bag_writer import BagWriter
 from ..recording.recovery import recover
 from ..scene.limits import step_notes
 from ..scene.loader import ResolvedScene, load_scene
+from .arguments import add_overrides
 from .preparation import KernelAnnouncer, announce_kernels_of_nodes, prepare_bed_first
 from .progress import RunProgress
 from .supervisor import Parameters, Supervisor, node_program, start_node
@@ -40,14 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="nodes: one process per node over DDS; composed: the same nodes in one process; "
         "direct: no ROS (default: nodes; the results are the same bits)",
     )
-    parser.add_argument(
-        "--set",
-        dest="overrides",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="change a value of the scene, as soil.bed.seed=3 or start=lowered; may be repeated",
-    )
+    add_overrides(parser)
     parser.add_argument(
         "--threads",
         type=_thread_count,

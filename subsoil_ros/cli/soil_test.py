@@ -17,6 +17,7 @@ from ..errors import InputError
 from ..scene.limits import Timing
 from ..scene.loader import ResolvedScene, load_scene
 from ..scene.pairs import pair_values
+from .arguments import add_overrides
 from .progress import RunProgress
 
 SUMMARY = "test the soil of a scene: direct shear at several normal stresses, tension, density"
@@ -59,14 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="I",
         help=f"of the shear; sets the speed (default: {INERTIAL_NUMBER:g}; smaller is slower)",
     )
-    parser.add_argument(
-        "--set",
-        dest="overrides",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="change a value of the scene, as soil.bed.seed=3; may be repeated",
-    )
+    add_overrides(parser)
     parser.add_argument("--threads", type=int, default=1, metavar="N", help="of the soil engine (default: 1)")
 
 

@@ -9,7 +9,7 @@ numbers of each component, one after the other, so that no copy is needed.
 import numpy as np
 from numba import njit, prange
 
-from .contact import PairLaw, contact, like, normal_potential, spring_energy
+from .contact import SINKS, PairLaw, contact, like, normal_potential, spring_energy
 from .mixture import pair_of
 from .periodic import nearest_image
 
@@ -29,7 +29,7 @@ _GATHERED = 12
 _OF_PAIR = 2 + len(PairLaw._fields)
 """Further rows where particles are unequal: radii of i and j, and the law of the pair."""
 
-_BOOKED = 5
+_BOOKED = len(SINKS)
 
 
 def history_blocks(pairs: int, kind: type) -> np.ndarray:

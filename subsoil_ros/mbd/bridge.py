@@ -14,7 +14,7 @@ from .partition import NEAR
 from .tables import GENERALIZED_ALPHA, PAST_COUNT, SKIPPED_COUNT
 
 MOST_SKIPPED = 100
-"""A machine that has not left the pose after so many steps stays in it."""
+"""A machine that has not left the pose after so many steps stays in it (chosen)."""
 
 
 @inner_kernel

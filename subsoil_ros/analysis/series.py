@@ -19,7 +19,7 @@ from ..messages import (
     ToolWrench,
     ToolWrenches,
 )
-from ..recording.bag_reader import BagReader
+from ..recording.joined import open_record
 from ..scene.limits import derive_timing
 from ..scene.model import Scene
 
@@ -79,6 +79,8 @@ class Series:
 def read_series(bag: Path, scene: Scene) -> Series:
     """The series of a bag that `scene` was recorded into; a run cut short has fewer rows.
 
+    That of a run that went on from another begins with what the other recorded.
+
     Raises:
         InputError: there is no bag.
         RecordingError: it is damaged, or holds not one complete series tick.
@@ -93,7 +95,7 @@ def read_series(bag: Path, scene: Scene) -> Series:
         kinds += [ToolWrenches, SoilState]
     kinds.append(CouplingReport)
 
-    reader = BagReader(bag)
+    reader = open_record(bag)
     by_tick: dict[int, dict[type, Any]] = {}
     columns: dict[str, list[Number]] = {}
     last: CouplingReport | None = None

@@ -182,7 +182,7 @@ def _run_composed(
         from ..nodes.composed import run_composed, scene_builds  # the other modes need no ROS here
         from ..nodes.lifeline import NodeRun
 
-        node_run = NodeRun(run_id, resolved)
+        node_run = NodeRun(run_id, resolved, out / CHECKPOINTS, resumed)
         ending = run_composed(node_run, scene_builds(node_run, out / "bag", threads, progress), stop_signal)
     if ending.exit_status:
         raise ending.error()
@@ -204,6 +204,8 @@ def _run_nodes(
         "scene": str((out / "scene.yaml").resolve()),
         "run_id": run_id,
         "supervised": True,
+        "checkpoints": str((out / CHECKPOINTS).resolve()),
+        "resume": str(resumed.path.resolve()) if resumed is not None else "",
     }
     own: dict[str, Parameters] = {
         SOIL: {"threads": threads},

@@ -32,7 +32,7 @@ class Mover(Resumable, Protocol):
     """Moves the tools: a mechanism, or prescribed paths."""
 
     def initial_motions(self) -> tuple[ToolMotion, ...]:
-        """Motions before tick 0, in scene order."""
+        """Motions before the first tick, in scene order."""
         ...
 
     def advance(self, tick: int, wrenches: tuple[ToolWrench, ...]) -> tuple[ToolMotion, ...]:

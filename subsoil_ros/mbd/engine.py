@@ -72,7 +72,7 @@ class MechanismEngine:
             raise self._fault(int(status), 0.0)
 
     def initial_motions(self) -> tuple[ToolMotion, ...]:
-        """Motions of the tools at time 0, in scene order."""
+        """Motions of the tools before the first tick, in scene order."""
         return self._motions()
 
     def advance(self, tick: int, wrenches: tuple[ToolWrench, ...]) -> tuple[ToolMotion, ...]:

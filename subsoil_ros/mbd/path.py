@@ -37,8 +37,8 @@ class PathEngine:
         self._laws, _ = tabulate(laws)
 
     def initial_motions(self) -> tuple[ToolMotion, ...]:
-        """Poses and twists at time 0, in scene order."""
-        return self._motions(0.0)
+        """Poses and twists before the first tick, in scene order."""
+        return self._motions(tick_end_s(self._tick, self._interval_ns))
 
     def advance(self, tick: int, wrenches: tuple[ToolWrench, ...] = ()) -> tuple[ToolMotion, ...]:
         """Poses and twists at the end of `tick`; the wrenches change nothing.

@@ -34,6 +34,7 @@ class Coupler:
     Args:
         names: of the participants that must be ready before tick 0.
         soil: whether wrenches are part of a tick.
+        first_tick: later than 0 where the run goes on from another.
     """
 
     def __init__(
@@ -44,10 +45,11 @@ class Coupler:
         tick_count: int,
         grant_window: int,
         soil: bool,
+        first_tick: int = 0,
     ) -> None:
         self.last_tick = tick_count - 1
-        self.done_tick = INITIAL_TICK
-        self.acknowledged_tick = INITIAL_TICK
+        self.done_tick = first_tick - 1
+        self.acknowledged_tick = first_tick - 1
         self.abort_grant: Grant | None = None
         self.initial_motions: tuple[ToolMotion, ...] = ()
         self.initial_wrenches: tuple[ToolWrench, ...] = ()
@@ -55,14 +57,15 @@ class Coupler:
         self._tools = tools
         self._window = grant_window
         self._soil = soil
-        self._granted = INITIAL_TICK
+        self._granted = first_tick - 1
+        self._holding = False
         self._waiting = set(names)
         self._names = names
         self._process_ids: dict[str, int] = {}
         run_id = hello.run_id
         self._acks = Stream("tick_ack", run_id, tick_count)
-        self._motions = AnswerStream[ToolMotions]("tool_motions", run_id, tick_count, tools)
-        self._wrenches = AnswerStream[ToolWrenches]("tool_wrenches", run_id, tick_count, tools)
+        self._motions = AnswerStream[ToolMotions]("tool_motions", run_id, tick_count, tools, first_tick)
+        self._wrenches = AnswerStream[ToolWrenches]("tool_wrenches", run_id, tick_count, tools, first_tick)
 
     @property
     def ready(self) -> bool:
@@ -113,7 +116,7 @@ class Coupler:
 
     def next_grants(self) -> tuple[Grant, ...]:
         """The grants that can be given now, each once; none before everybody is ready."""
-        if not self.ready or self.abort_grant:
+        if not self.ready or self.abort_grant or self._holding:
             return ()
         first = self._granted + 1
         self._granted = min(
@@ -156,6 +159,22 @@ class Coupler:
         if self.abort_grant is None:
             self.abort_grant = Grant(self._own.run_id, self.done_tick, Command.ABORT, reason)
         return self.abort_grant
+
+    def hold(self) -> None:
+        """Gives no more grants."""
+        self._holding = True
+
+    def keep(self) -> Grant | None:
+        """The word to write a checkpoint, once all that was granted is done; None before.
+
+        Raises:
+            ProtocolError: grants are not held back.
+        """
+        if not self._holding:
+            raise ProtocolError("grant: KEEP while ticks are being granted")
+        if self.done_tick < self._granted:
+            return None
+        return Grant(self._own.run_id, self.done_tick, Command.KEEP)
 
     def missing(self) -> str:
         """What the run waits for, in words."""

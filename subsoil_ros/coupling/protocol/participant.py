@@ -5,7 +5,6 @@ from enum import Enum
 
 from ...errors import ProtocolError
 from ...messages import Command, Grant, ToolMotion, ToolMotions, ToolWrench, ToolWrenches
-from ...ticks import INITIAL_TICK
 from .streams import AnswerStream, Stream
 
 
@@ -29,19 +28,22 @@ class Work:
 class Participant:
     """Mover or soil: takes messages in any interleaving, hands out each tick once, in order."""
 
-    def __init__(self, run_id: str, tick_count: int, needs: Needs, tools: tuple[str, ...]) -> None:
+    def __init__(
+        self, run_id: str, tick_count: int, needs: Needs, tools: tuple[str, ...], first_tick: int = 0
+    ) -> None:
         self.last_tick = tick_count - 1
-        self.done_tick = INITIAL_TICK  # last tick handed out and finished
+        self.done_tick = first_tick - 1  # last tick handed out and finished
         self.abort: Grant | None = None
         self._needs = needs
-        self._grants = Stream("grant", run_id, tick_count)
-        self._motions = AnswerStream[ToolMotions]("tool_motions", run_id, tick_count, tools)
-        self._wrenches = AnswerStream[ToolWrenches]("tool_wrenches", run_id, tick_count, tools)
+        self._first_tick = first_tick
+        self._grants = Stream("grant", run_id, tick_count, first_tick)
+        self._motions = AnswerStream[ToolMotions]("tool_motions", run_id, tick_count, tools, first_tick)
+        self._wrenches = AnswerStream[ToolWrenches]("tool_wrenches", run_id, tick_count, tools, first_tick)
         self._initial_wrenches: tuple[ToolWrench, ...] | None = None
         self._at_work = False
 
     def start(self, wrenches: tuple[ToolWrench, ...]) -> None:
-        """Takes the wrenches of the initial state, which tick 0 needs."""
+        """Takes the wrenches of the initial state, which the first tick needs."""
         self._initial_wrenches = wrenches
 
     def accept_grant(self, grant: Grant) -> None:
@@ -54,6 +56,19 @@ class Participant:
         if (grant.command is Command.END) != (grant.tick == self.last_tick):
             raise ProtocolError(
                 f"grant: {grant.command.name} came with tick {grant.tick}, the last tick is {self.last_tick}"
+            )
+
+    def accept_keep(self, grant: Grant) -> None:
+        """Takes it that the state at the end of a tick is to be kept now.
+
+        Raises:
+            ProtocolError: this side does not stand there.
+        """
+        self._grants.refuse_foreign(grant.run_id, grant.tick)
+        if self._at_work or grant.tick != self.done_tick or self._grants.next_tick != grant.tick + 1:
+            raise ProtocolError(
+                f"grant: KEEP came for tick {grant.tick}, done is tick {self.done_tick}, granted tick "
+                f"{self._grants.next_tick - 1}"
             )
 
     def accept_motions(self, motions: ToolMotions) -> None:
@@ -79,7 +94,7 @@ class Participant:
                 return None
             motions = self._motions.take().tools
         elif self._needs is Needs.WRENCHES:
-            if tick == 0:
+            if tick == self._first_tick:
                 if self._initial_wrenches is None:
                     return None
                 wrenches = self._initial_wrenches

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 from ...errors import ProtocolError
-from ...ticks import INITIAL_TICK
 from .names import ACK_EVERY_TICKS
 
 Payload = TypeVar("Payload")
@@ -19,15 +18,18 @@ class RecordBarrier(Generic[Payload]):
     Args:
         due: names of the messages due at a tick, in the order in which they are recorded.
         grant_window: a grant of tick k says that the coupler has finished tick k - grant_window.
+        first_tick: later than 0 where the run goes on from another.
     """
 
-    def __init__(self, tick_count: int, due: Callable[[int], tuple[str, ...]], grant_window: int) -> None:
+    def __init__(
+        self, tick_count: int, due: Callable[[int], tuple[str, ...]], grant_window: int, first_tick: int = 0
+    ) -> None:
         self.last_tick = tick_count - 1
-        self.done_tick = INITIAL_TICK
+        self.done_tick = first_tick - 1
         self._window = grant_window
-        self._certain = INITIAL_TICK  # no abort names an earlier tick
+        self._certain = first_tick - 1  # no abort names an earlier tick
         self.cut_tick = self.last_tick  # the record ends here; earlier after an abort
-        self._acknowledged = INITIAL_TICK
+        self._acknowledged = first_tick - 1
         self._due = due
         self._kept: dict[int, dict[str, Payload]] = {}
 
@@ -69,9 +71,10 @@ class RecordBarrier(Generic[Payload]):
         self.done_tick = tick
         return tick, [(name, kept[name]) for name in self._due(tick)]
 
-    def next_ack(self) -> int | None:
-        """The tick to acknowledge now, if it is time to; the last is acknowledged in any case."""
-        if self.done_tick < self._acknowledged + ACK_EVERY_TICKS and self.done_tick != self.last_tick:
+    def next_ack(self, *, at_once: bool = False) -> int | None:
+        """The tick to acknowledge now, if it is time to or `at_once`; the last is so in any case."""
+        at_once = at_once or self.done_tick == self.last_tick
+        if self.done_tick < self._acknowledged + ACK_EVERY_TICKS and not at_once:
             return None
         if self.done_tick == self._acknowledged:
             return None

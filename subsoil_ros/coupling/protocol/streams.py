@@ -51,8 +51,10 @@ def refuse_other_tools(name: str, tick: int, given: tuple[str, ...], tools: tupl
 class AnswerStream(Stream, Generic[Answer]):
     """Motions or wrenches, kept until they are taken in order."""
 
-    def __init__(self, name: str, run_id: str, tick_count: int, tools: tuple[str, ...]) -> None:
-        super().__init__(name, run_id, tick_count)
+    def __init__(
+        self, name: str, run_id: str, tick_count: int, tools: tuple[str, ...], first: int = 0
+    ) -> None:
+        super().__init__(name, run_id, tick_count, first)
         self._tools = tools
         self._kept: deque[Answer] = deque()
 

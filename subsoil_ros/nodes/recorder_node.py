@@ -140,9 +140,12 @@ class RecorderNode(LockstepNode):
             return
         if grant.command is Command.KEEP:
             self._refuse_foreign(Grant, grant.run_id, grant.tick)
-            self._keep_tick = grant.tick
             self._barrier.note_finished(grant.tick)
             self._record()
+            if self._barrier.done_tick == grant.tick:
+                self._sync_and_acknowledge()
+            else:
+                self._keep_tick = grant.tick  # something of it is still on the way
             return
         self._on_message(Grant, cdr)
 
@@ -179,14 +182,21 @@ class RecorderNode(LockstepNode):
             if last:
                 self._writer.close()  # the last acknowledgement says that the bag is finished
             self.note_tick(tick, last)
-            keep = self._schedule.checkpoint_due(tick) or tick == self._keep_tick
-            if keep:
-                self._writer.sync()  # a checkpoint stands at the end of a record that is on the disk
-            acknowledged = barrier.next_ack(at_once=keep)
-            if acknowledged is not None:
-                self._acks.publish(self.bytes_of(TickAck(self.run.run_id, acknowledged)))
+            if self._schedule.checkpoint_due(tick) or tick == self._keep_tick:
+                self._sync_and_acknowledge()
+            else:
+                self._acknowledge(barrier.next_ack())
         if self._abort is not None and barrier.finished:
             self._end_aborted(self._abort)
+
+    def _sync_and_acknowledge(self) -> None:
+        """A checkpoint stands at the end of a record that is on the disk."""
+        self._writer.sync()
+        self._acknowledge(self._barrier.next_ack(at_once=True))
+
+    def _acknowledge(self, tick: int | None) -> None:
+        if tick is not None:
+            self._acks.publish(self.bytes_of(TickAck(self.run.run_id, tick)))
 
     def _end_aborted(self, grant: Grant) -> None:
         self._writer.close()

@@ -114,8 +114,7 @@ class BagFolder:
     def sync(self) -> None:
         """Ends the chunk and brings all that was written to the disk."""
         try:
-            self._writer._Writer__finalize_chunk()  # type: ignore[attr-defined]  # mcap has no public way
-            self._stream.flush()
+            self._writer.flush()
             os.fsync(self._stream.fileno())
             self._on_disk = self._stream.tell()
         except OSError as error:

@@ -16,6 +16,7 @@ class Command(IntEnum):
     RUN = 0
     END = 1
     ABORT = 2
+    KEEP = 3  # everybody stands at the end of the tick named: write a checkpoint of it
 
 
 class NodeState(IntEnum):

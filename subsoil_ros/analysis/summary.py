@@ -20,7 +20,9 @@ from .window import metrics_window, window_span_s
 
 Summary = dict[str, Any]
 
-RUN_FACTS = ("mode", "threads", "whole_wall_s", "failure")
+RUN_FACTS = (
+    "mode", "threads", "whole_wall_s", "failure", "resumed_from", "checkpoint", "state_sha256",
+)  # fmt: skip
 """What a summary has from the run itself, and a later report takes over."""
 
 
@@ -176,6 +178,16 @@ def _facts(summary: Summary, compared: bool) -> list[str]:
         lines.append(
             f"WARNING: {summary['lost_particle_count']} particles left the domain, the first before "
             f"{summary['first_lost_s']:.4g} s; which ones, the soil's log says"
+        )
+    if summary.get("resumed_from"):
+        lines.append(
+            f"went on from {summary['resumed_from']['checkpoint']}, whose record is in these numbers"
+        )
+    if summary.get("checkpoint"):
+        newest = summary["checkpoint"]
+        lines.append(
+            f"newest checkpoint: {newest['path']}, at {newest['time_s']:.6g} s, "
+            f"{newest['size_bytes'] / 1e6:.3g} MB, written in {newest['write_s']:.2g} s"
         )
     if not summary["complete"]:
         lines.append("The run ended before its last tick.")

@@ -15,16 +15,20 @@ from ..analysis.summary import print_summary, summarize, write_summary
 from ..coupling.direct import run_direct
 from ..coupling.engines import Mover, build_mechanism, build_paths, build_soil
 from ..coupling.protocol import COUPLER, RECORDER, SOIL, participants
+from ..coupling.resumption import Keeper
 from ..dem.beds.prepare import check_start
 from ..errors import InputError, SceneError, SubsoilError
 from ..nodes.domain import run_domain
 from ..recording.bag_writer import BagWriter
+from ..recording.checkpoint import Checkpoint
+from ..recording.joined import mend_earlier
 from ..recording.recovery import recover
 from ..scene.limits import step_notes
 from ..scene.loader import ResolvedScene, load_scene
 from .arguments import add_overrides
 from .preparation import KernelAnnouncer, announce_kernels_of_nodes, prepare_bed_first
 from .progress import RunProgress
+from .resumption import CHECKPOINTS, checkpoint_facts, find_checkpoint, name_checkpoint, note_resumption
 from .supervisor import Parameters, Supervisor, node_program, start_node
 
 SUMMARY = "simulate a scene; DIR gets bag/, scene.yaml, series.csv, summary.json and log/"
@@ -49,6 +53,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="threads of the soil engine (default: 1)",
     )
+    parser.add_argument(
+        "--resume",
+        type=Path,
+        metavar="RUN",
+        help="go on from the newest checkpoint in the folder of an earlier run of the same scene",
+    )
 
 
 def _thread_count(text: str) -> int:
@@ -70,6 +80,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
     resolved = load_scene(args.scene, args.overrides)
+    resumed = find_checkpoint(args.resume, resolved) if args.resume is not None else None
     try:
         mover = build_mechanism(resolved) or build_paths(resolved)
         check_start(resolved)
@@ -78,6 +89,8 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
         raise SceneError(f"{args.scene}: {error}") from error
     out = _create_folder(Path(args.out))
     resolved.write(out / "scene.yaml")
+    if resumed is not None:
+        note_resumption(resumed, args.resume, resolved, out)
     run_id = uuid.uuid4().hex[:12]
     if resolved.scene.soil is not None:
         for note in step_notes(resolved.scene.soil, resolved.timing.soil_step_s):
@@ -88,18 +101,21 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
         with _caught_signals() as stop_signal, RunProgress(resolved.scene.name, resolved.timing) as bar:
             progress = kernels.before(bar)
             if args.mode == "direct":
-                _run_direct(resolved, mover, run_id, out, args.threads, progress, stop_signal)
+                _run_direct(resolved, mover, run_id, out, args.threads, progress, stop_signal, resumed)
             elif args.mode == "composed":
-                _run_composed(resolved, run_id, out, args.threads, progress, stop_signal)
+                _run_composed(resolved, run_id, out, args.threads, progress, stop_signal, resumed)
             else:
-                _run_nodes(resolved, run_id, out, args.threads, progress, stop_signal)
+                _run_nodes(resolved, run_id, out, args.threads, progress, stop_signal, resumed)
     except SubsoilError as error:
         failure = error
     if failure is not None and failure.exit_status == InputError.exit_status and not bar.started:
         shutil.rmtree(out)  # bad input that showed only when the bed was there: nothing ran
         raise failure
     wall_s = time.monotonic() - start
-    _summarize(resolved, out, {"mode": args.mode, "threads": args.threads, "whole_wall_s": wall_s}, failure)
+    facts = {"mode": args.mode, "threads": args.threads, "whole_wall_s": wall_s}
+    if failure is not None:
+        name_checkpoint(failure, out, resumed)
+    _summarize(resolved, out, facts | checkpoint_facts(out, resumed), failure)
     if failure is not None:
         raise failure
     return 0
@@ -140,11 +156,13 @@ def _run_direct(
     threads: int,
     progress: Callable[[int], None],
     stop_signal: Callable[[], int],
+    resumed: Checkpoint | None,
 ) -> None:
     writer = BagWriter(out / "bag", resolved.scene, resolved.timing)
     try:
         soil = build_soil(resolved, threads)
-        run_direct(resolved, run_id, mover, soil, writer, progress, stop_signal)
+        keeper = Keeper(out / CHECKPOINTS, resolved, run_id, writer.sync)
+        run_direct(resolved, run_id, mover, soil, writer, progress, stop_signal, keeper, resumed)
     finally:
         writer.close()
 
@@ -156,6 +174,7 @@ def _run_composed(
     threads: int,
     progress: Callable[[int], None],
     stop_signal: Callable[[], int],
+    resumed: Checkpoint | None,
 ) -> None:
     with run_domain() as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
@@ -163,7 +182,7 @@ def _run_composed(
         from ..nodes.composed import run_composed, scene_builds  # the other modes need no ROS here
         from ..nodes.lifeline import NodeRun
 
-        node_run = NodeRun(run_id, resolved)
+        node_run = NodeRun(run_id, resolved, out / CHECKPOINTS, resumed)
         ending = run_composed(node_run, scene_builds(node_run, out / "bag", threads, progress), stop_signal)
     if ending.exit_status:
         raise ending.error()
@@ -176,6 +195,7 @@ def _run_nodes(
     threads: int,
     progress: Callable[[int], None],
     stop_signal: Callable[[], int],
+    resumed: Checkpoint | None,
 ) -> None:
     progress = announce_kernels_of_nodes(progress)
     logs = out / "log"
@@ -184,6 +204,8 @@ def _run_nodes(
         "scene": str((out / "scene.yaml").resolve()),
         "run_id": run_id,
         "supervised": True,
+        "checkpoints": str((out / CHECKPOINTS).resolve()),
+        "resume": str(resumed.path.resolve()) if resumed is not None else "",
     }
     own: dict[str, Parameters] = {
         SOIL: {"threads": threads},
@@ -210,6 +232,7 @@ def _summarize(
         if failure is not None:
             recover(bag)  # its writer may have been killed; a whole bag is left as it is
             run_info = run_info | {"failure": str(failure)}
+        mend_earlier(out)
         series = read_series(bag, resolved.scene)
         write_series_csv(series, out / "series.csv")
         summary = summarize(bag, resolved, run_info, series)

@@ -1,6 +1,9 @@
 """The engines of a scene: who moves the tools, who answers."""
 
-from typing import Protocol
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+from numpy.typing import NDArray
 
 from ..dem.engine import SoilEngine
 from ..mbd.engine import MechanismEngine
@@ -9,11 +12,27 @@ from ..messages import MechanismState, SoilCloud, SoilState, ToolMotion, ToolWre
 from ..scene.loader import ResolvedScene
 
 
-class Mover(Protocol):
+class Resumable(Protocol):
+    """Hands out its state between two ticks, and takes it back."""
+
+    def state_arrays(self) -> dict[str, NDArray[Any]]:
+        """All that later ticks depend on, by name; not copied, so to be used before the next tick."""
+        ...
+
+    def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Goes on from such a state, which it may keep: in place of the start, in an engine just built.
+
+        Raises:
+            KeyError, ValueError: it is no state of this scene.
+        """
+        ...
+
+
+class Mover(Resumable, Protocol):
     """Moves the tools: a mechanism, or prescribed paths."""
 
     def initial_motions(self) -> tuple[ToolMotion, ...]:
-        """Motions before tick 0, in scene order."""
+        """Motions before the first tick, in scene order."""
         ...
 
     def advance(self, tick: int, wrenches: tuple[ToolWrench, ...]) -> tuple[ToolMotion, ...]:
@@ -29,7 +48,7 @@ class Mechanism(Mover, Protocol):
         ...
 
 
-class Soil(Protocol):
+class Soil(Resumable, Protocol):
     """Answers motions with wrenches."""
 
     def start(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:

@@ -61,6 +61,7 @@ class InterfaceAccount:
         wrenches: the soil's answer to them; empty without soil.
         bound: largest residual, as a part of the absolute work; None: not judged.
         grace_joule: absolute work below which the bound is not applied.
+        work: the account so far, of a run that goes on.
     """
 
     def __init__(
@@ -69,12 +70,13 @@ class InterfaceAccount:
         wrenches: tuple[ToolWrench, ...],
         bound: float | None,
         grace_joule: float,
+        work: InterfaceWork | None = None,
     ) -> None:
         self._motions = motions
         self._wrenches = wrenches
         self._bound = bound
         self._grace_joule = grace_joule
-        self.work = InterfaceWork()
+        self.work = work or InterfaceWork()
 
     def add(self, motions: tuple[ToolMotion, ...], wrenches: tuple[ToolWrench, ...]) -> InterfaceWork:
         """Takes a finished tick: motions at its end and the soil's answer. Returns the account."""
@@ -118,12 +120,15 @@ class InterfaceAccount:
 
 
 def account_of(
-    scene: Scene, motions: tuple[ToolMotion, ...], wrenches: tuple[ToolWrench, ...]
+    scene: Scene,
+    motions: tuple[ToolMotion, ...],
+    wrenches: tuple[ToolWrench, ...],
+    work: InterfaceWork | None = None,
 ) -> InterfaceAccount:
-    """The interface account of a scene, from the initial exchange.
+    """The interface account of a scene, from the initial exchange, or from where an earlier run stood.
 
     The bound holds where somebody feels the force: not for tools on prescribed paths.
     """
     coupling = scene.coupling
     bound = coupling.residual_bound if scene.mechanism is not None else None
-    return InterfaceAccount(motions, wrenches, bound, coupling.residual_grace_joule)
+    return InterfaceAccount(motions, wrenches, bound, coupling.residual_grace_joule, work)

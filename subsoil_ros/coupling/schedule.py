@@ -14,6 +14,7 @@ class Schedule:
     tick_count: int
     series_ticks: int
     cloud_ticks: int  # 0: no clouds
+    checkpoint_ticks: int = 0  # 0: no checkpoints
 
     @property
     def last_tick(self) -> int:
@@ -30,10 +31,20 @@ class Schedule:
             return False
         return (tick + 1) % self.cloud_ticks == 0 or tick == self.last_tick
 
+    def checkpoint_due(self, tick: int) -> bool:
+        """Whether the state at the end of `tick` is kept; never that at the end of the run."""
+        if self.checkpoint_ticks == 0 or tick == self.last_tick:
+            return False
+        return (tick + 1) % self.checkpoint_ticks == 0
+
 
 def schedule_of(scene: Scene, timing: Timing) -> Schedule:
-    """The schedule a scene asks for; clouds at the multiple of the tick nearest to 1 / cloud_hz."""
+    """The schedule a scene asks for; clouds and checkpoints at the nearest multiple of the tick."""
     cloud_ticks = 0
     if scene.soil is not None and scene.record.cloud_hz > 0.0:
         cloud_ticks = max(1, round(NANOSECONDS_PER_SECOND / (scene.record.cloud_hz * timing.interval_ns)))
-    return Schedule(timing.tick_count, scene.record.series_ticks, cloud_ticks)
+    checkpoint_ticks = 0
+    if scene.record.checkpoint_s > 0.0:
+        ticks = round(scene.record.checkpoint_s * NANOSECONDS_PER_SECOND / timing.interval_ns)
+        checkpoint_ticks = max(1, ticks)
+    return Schedule(timing.tick_count, scene.record.series_ticks, cloud_ticks, checkpoint_ticks)

@@ -1,6 +1,7 @@
 """The mechanism engine: a scene's machine, advanced tick by tick under the soil's wrenches."""
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -71,7 +72,7 @@ class MechanismEngine:
             raise self._fault(int(status), 0.0)
 
     def initial_motions(self) -> tuple[ToolMotion, ...]:
-        """Motions of the tools at time 0, in scene order."""
+        """Motions of the tools before the first tick, in scene order."""
         return self._motions()
 
     def advance(self, tick: int, wrenches: tuple[ToolWrench, ...]) -> tuple[ToolMotion, ...]:
@@ -111,6 +112,22 @@ class MechanismEngine:
     def arrays(self) -> State:
         """All that changes during a run, in the arrays that the kernels write (not a copy)."""
         return self._state
+
+    def state_arrays(self) -> dict[str, np.ndarray]:
+        """All that later ticks depend on, by name; not a copy. The workspace carries nothing over."""
+        return {**self._state._asdict(), "tick": np.array(self._tick)}
+
+    def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Goes on from such a state.
+
+        Raises:
+            KeyError, ValueError: it is not one of this machine.
+        """
+        for name, array in self._state._asdict().items():
+            if array.shape != arrays[name].shape:
+                raise ValueError(f"{name} has shape {arrays[name].shape}, this machine needs {array.shape}")
+            array[...] = arrays[name]
+        self._tick = int(arrays["tick"])
 
     def _hold(self, tick: int, wrenches: tuple[ToolWrench, ...]) -> None:
         """The wrenches as generalised forces; the planar moment is -torque_y (a turn about -y)."""

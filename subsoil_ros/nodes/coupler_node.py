@@ -7,8 +7,10 @@ from collections.abc import Callable
 
 from rclpy.context import Context
 
+from ..coupling.ending import KEEP_S, SIGNAL_STATUS, Ending
 from ..coupling.exchange import InterfaceAccount, account_of
 from ..coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL, Coupler, FinishedTick, participants
+from ..coupling.resumption import CouplingState
 from ..coupling.schedule import schedule_of
 from ..errors import RunError
 from ..messages import CouplingReport, Grant, NodeHello, NodeState, TickAck, ToolMotions, ToolWrenches
@@ -58,7 +60,13 @@ class CouplerNode(LockstepNode):
             timing.tick_count,
             scene.coupling.grant_window,
             soil=scene.soil is not None,
+            first_tick=run.first_tick,
         )
+        self._keeper = run.keeper()
+        self._to_commit: deque[CouplingState] = deque()  # checkpoints whose record is not yet on the disk
+        self._last: CouplingState | None = None  # the exchange at the end of the last finished tick
+        self._keep_said = False
+        self._keep_deadline: float | None = None  # of the checkpoint before an end by wish
         self.rest_s = REST_S if scene.coupling.grant_window >= REST_WINDOW else 0.0
         self._schedule = schedule_of(scene, timing)
         self._on_progress = on_progress
@@ -95,6 +103,36 @@ class CouplerNode(LockstepNode):
         if now - self._last_advance > allowed_s:
             raise RunError(f"no {self._coupler.missing()} within {allowed_s:.0f} s")
 
+    def on_stop(self, stop: Ending) -> None:
+        """A run that is interrupted writes a checkpoint first, if that is soon done.
+
+        Raises:
+            RunError: it is written, or cannot be.
+        """
+        if self._is_kept_before(stop):
+            raise stop.error()
+
+    def _is_kept_before(self, stop: Ending) -> bool:
+        """Whether there is nothing more to wait for; goes one step nearer to it."""
+        keeper, now = self._keeper, time.monotonic()
+        if keeper is None or self._last is None or stop.exit_status <= SIGNAL_STATUS or self.lifeline.lost:
+            return True
+        if self._keep_deadline is None:
+            self._keep_deadline = now + KEEP_S
+            self._coupler.hold()
+        grant = self._coupler.keep()
+        if now > self._keep_deadline or (grant is not None and keeper.last_tick == grant.tick):
+            return True
+        if grant is None:
+            return False
+        if not self._keep_said:
+            self._keep_said = True
+            self._grants.publish(self.bytes_of(grant))
+        if self._coupler.acknowledged_tick < grant.tick or not keeper.all_kept(grant.tick):
+            return False
+        keeper.commit(self._last)
+        return True
+
     def on_fault(self, error: BaseException) -> None:
         """Tells everybody the tick at which the record is cut, and why."""
         self._grants.publish(self.bytes_of(self._coupler.abort(one_line(error))))
@@ -105,14 +143,22 @@ class CouplerNode(LockstepNode):
         return self._coupler.done_tick
 
     def _allowed_s(self) -> float:
-        if self._coupler.done_tick < 0:
+        if self._coupler.done_tick < self.run.first_tick:
             return STARTUP_S
         return max(DEADLINE_S, DEADLINE_MEDIANS * statistics.median(self._tick_times_s))
 
     def _begin(self, now: float) -> None:
         coupler = self._coupler
-        self._account = account_of(self.run.resolved.scene, coupler.initial_motions, coupler.initial_wrenches)
-        self._start = self._last_advance = now
+        resumed = self.run.resumed
+        before = CouplingState.of(resumed) if resumed is not None else None
+        self._account = account_of(
+            self.run.resolved.scene,
+            coupler.initial_motions,
+            coupler.initial_wrenches,
+            before.work if before is not None else None,
+        )
+        self._last_advance = now
+        self._start = now - (before.wall_time_s if before is not None else 0.0)
         self.lifeline.say(NodeState.RUNNING)
         self._grant()
 
@@ -136,6 +182,8 @@ class CouplerNode(LockstepNode):
     def _on_ack(self, ack: TickAck) -> None:
         self._coupler.accept_ack(ack)
         self._last_advance = time.monotonic()
+        while self._keeper is not None and self._to_commit and self._to_commit[0].tick <= ack.tick:
+            self._keeper.commit(self._to_commit.popleft())
         self._grant()
         if self._coupler.finished:
             self._end()
@@ -159,6 +207,11 @@ class CouplerNode(LockstepNode):
         self._clock_publisher.publish(serialize(clock(message_class, tick_end_ns(tick, self._interval_ns))))
         self.lifeline.tick = tick
         self._account.check(tick)
+        self._last = CouplingState(tick, finished.motions, finished.wrenches, work, now - self._start)
+        if self._keeper is not None and self._keeper.due(tick):
+            self._to_commit.append(self._last)
+        if self._keeper is not None and tick == self._schedule.last_tick:
+            self._keeper.note_coupling_end(self._last)
 
     def _end(self) -> None:
         self._on_progress(self._coupler.done_tick)

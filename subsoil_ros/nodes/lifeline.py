@@ -18,7 +18,9 @@ from rclpy.node import Node
 from .. import __version__
 from ..coupling.ending import Ending
 from ..coupling.protocol import COUPLER
+from ..coupling.resumption import Keeper
 from ..messages import NodeHello, NodeState, ToolMotion, ToolWrench
+from ..recording.checkpoint import Checkpoint
 from ..recording.topics import TOPIC_OF
 from ..scene.loader import ResolvedScene
 from ..ticks import INITIAL_TICK
@@ -42,6 +44,19 @@ class NodeRun:
 
     run_id: str
     resolved: ResolvedScene
+    checkpoints: Path | None = None  # folder for them; None: none are written
+    resumed: Checkpoint | None = None  # where to go on; None: from tick 0
+
+    @property
+    def first_tick(self) -> int:
+        """The first tick of this run."""
+        return self.resumed.tick + 1 if self.resumed is not None else 0
+
+    def keeper(self) -> Keeper | None:
+        """Writes a node's part of the checkpoints; None: there are none."""
+        if self.checkpoints is None:
+            return None
+        return Keeper(self.checkpoints, self.resolved, self.run_id)
 
     def hello(self, node: str) -> NodeHello:
         """The first word of a node."""

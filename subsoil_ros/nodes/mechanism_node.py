@@ -4,6 +4,7 @@ from rclpy.context import Context
 
 from ..coupling.engines import Mechanism, build_mechanism
 from ..coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL, Needs, Participant
+from ..coupling.resumption import restore_engine
 from ..coupling.schedule import schedule_of
 from ..errors import SceneError
 from ..messages import Command, Grant, MechanismState, NodeHello, NodeState, ToolMotions, ToolWrenches
@@ -25,7 +26,10 @@ class MechanismNode(LockstepNode):
         self._schedule = schedule_of(scene, timing)
         self._with_soil = scene.soil is not None
         needs = Needs.WRENCHES if self._with_soil else Needs.NOTHING
-        self._participant = Participant(run.run_id, timing.tick_count, needs, tuple(scene.tools))
+        self._participant = Participant(
+            run.run_id, timing.tick_count, needs, tuple(scene.tools), run.first_tick
+        )
+        self._keeper = run.keeper()
         listeners = (SOIL, COUPLER, RECORDER) if self._with_soil else (COUPLER, RECORDER)
         self._motions = self.publisher(ToolMotions, listeners)
         self._states = self.publisher(MechanismState, (RECORDER,))
@@ -51,6 +55,10 @@ class MechanismNode(LockstepNode):
             self.follow_coupler_end(hello)
 
     def _on_grant(self, grant: Grant) -> None:
+        if grant.command is Command.KEEP:
+            self._participant.accept_keep(grant)
+            self._keep(grant.tick)
+            return
         self._participant.accept_grant(grant)
         if grant.command is Command.ABORT:
             self.finish_aborted(grant)
@@ -66,11 +74,19 @@ class MechanismNode(LockstepNode):
             tick = work.tick
             end_ns = tick_end_ns(tick, self._interval_ns)
             motions = self._engine.advance(tick, work.wrenches)
+            if self._keeper is not None and self._keeper.due(tick):
+                self._keep(tick)  # before the answer: who has it knows that the part is there
             self._motions.publish(self.bytes_of(ToolMotions(self.run.run_id, tick, end_ns, motions)))
             if self._schedule.series_due(tick):
                 self._states.publish(self.bytes_of(self._engine.state(self.run.run_id, tick, end_ns)))
             self._participant.finish(tick)
+            if self._keeper is not None and self._participant.finished:
+                self._keeper.note_end(tick, MECHANISM, self._engine)
             self.note_tick(tick, self._participant.finished)
+
+    def _keep(self, tick: int) -> None:
+        if self._keeper is not None:
+            self._keeper.keep(tick, MECHANISM, self._engine)
 
 
 def build(
@@ -80,10 +96,13 @@ def build(
 
     Raises:
         SceneError: the scene has no mechanism, or it cannot be assembled.
+        InputError: the checkpoint to go on from does not fit.
     """
     engine = build_mechanism(run.resolved)
     if engine is None:
         raise SceneError(f"{run.resolved.path}: has no 'mechanism'; no mechanism node is needed for it")
+    if run.resumed is not None:
+        restore_engine(engine, run.resumed, MECHANISM)
     return MechanismNode(engine, run, lifeline, context)
 
 

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -19,7 +20,8 @@ from rclpy.signals import SignalHandlerOptions
 from ..coupling.ending import Ending, interrupted
 from ..coupling.protocol import COUPLER, participants
 from ..errors import InputError, RunError
-from ..scene.loader import load_scene
+from ..recording.checkpoint import read_checkpoint
+from ..scene.loader import ResolvedScene, load_scene
 from .lifeline import Lifeline, NodeRun
 from .lockstep_node import LAST_WORD_S, LockstepNode, one_line
 from .service import Service
@@ -37,6 +39,21 @@ class NodeSettings:
     threads: int
     bag: str
     supervised: bool
+    checkpoints: str = ""
+    resume: str = ""
+
+    def node_run(self, resolved: ResolvedScene) -> NodeRun:
+        """What all nodes of the run share.
+
+        Raises:
+            InputError: the checkpoint to go on from cannot be used.
+        """
+        return NodeRun(
+            self.run_id,
+            resolved,
+            Path(self.checkpoints) if self.checkpoints else None,
+            read_checkpoint(Path(self.resume), resolved.scene_hash) if self.resume else None,
+        )
 
 
 _DESCRIPTIONS: dict[str, tuple[Any, str]] = {
@@ -44,6 +61,8 @@ _DESCRIPTIONS: dict[str, tuple[Any, str]] = {
     "run_id": ("run", "name of the run, the same for all nodes; other runs' messages are refused"),
     "threads": (1, "threads of the soil engine; results do not depend on it"),
     "bag": ("", "folder for the recorder's bag; it must not exist"),
+    "checkpoints": ("", "folder for checkpoints, the same for all nodes; empty: none are written"),
+    "resume": ("", "checkpoint to go on from, the same for all nodes; empty: from tick 0"),
     "supervised": (False, "end when standard input ends, take wishes to stop from it"),
 }
 
@@ -87,7 +106,7 @@ def run_process(name: str, build: Callable[..., LockstepNode]) -> int:
     node = Node(f"{name}_process")
     try:
         settings = read_settings(node)
-        run = NodeRun(settings.run_id, load_scene(settings.scene))
+        run = settings.node_run(load_scene(settings.scene))
     except InputError as error:
         print(f"{name}: {one_line(error)}", file=sys.stderr, flush=True)
         return error.exit_status

@@ -27,7 +27,7 @@ from ..messages import (
 from ..recording.bag_writer import BagWriter
 from ..recording.topics import TOPIC_OF
 from ..scene.loader import ResolvedScene
-from ..ticks import NANOSECONDS_PER_SECOND
+from ..ticks import INITIAL_TICK, NANOSECONDS_PER_SECOND
 from .convert import reader
 from .lifeline import Lifeline, NodeRun
 from .lockstep_node import LockstepNode
@@ -92,9 +92,11 @@ class RecorderNode(LockstepNode):
         scene, timing = run.resolved.scene, run.resolved.timing
         self._writer = writer
         self._barrier: RecordBarrier[bytes] = RecordBarrier(
-            timing.tick_count, due_topics(run.resolved), scene.coupling.grant_window
+            timing.tick_count, due_topics(run.resolved), scene.coupling.grant_window, run.first_tick
         )
+        self._schedule = schedule_of(scene, timing)
         self._abort: Grant | None = None
+        self._keep_tick = INITIAL_TICK  # a checkpoint is wanted of it, beside those that are due
         self._cut_deadline = 0.0
         self._acks = self.publisher(TickAck, (COUPLER,))
         self.listen(NodeHello, self.follow_coupler_end, ())
@@ -136,6 +138,15 @@ class RecorderNode(LockstepNode):
             self._barrier.cut(grant.tick)
             self._record()
             return
+        if grant.command is Command.KEEP:
+            self._refuse_foreign(Grant, grant.run_id, grant.tick)
+            self._barrier.note_finished(grant.tick)
+            self._record()
+            if self._barrier.done_tick == grant.tick:
+                self._sync_and_acknowledge()
+            else:
+                self._keep_tick = grant.tick  # something of it is still on the way
+            return
         self._on_message(Grant, cdr)
 
     def _on_message(self, kind: type, cdr: bytes) -> None:
@@ -171,11 +182,21 @@ class RecorderNode(LockstepNode):
             if last:
                 self._writer.close()  # the last acknowledgement says that the bag is finished
             self.note_tick(tick, last)
-            acknowledged = barrier.next_ack()
-            if acknowledged is not None:
-                self._acks.publish(self.bytes_of(TickAck(self.run.run_id, acknowledged)))
+            if self._schedule.checkpoint_due(tick) or tick == self._keep_tick:
+                self._sync_and_acknowledge()
+            else:
+                self._acknowledge(barrier.next_ack())
         if self._abort is not None and barrier.finished:
             self._end_aborted(self._abort)
+
+    def _sync_and_acknowledge(self) -> None:
+        """A checkpoint stands at the end of a record that is on the disk."""
+        self._writer.sync()
+        self._acknowledge(self._barrier.next_ack(at_once=True))
+
+    def _acknowledge(self, tick: int | None) -> None:
+        if tick is not None:
+            self._acks.publish(self.bytes_of(TickAck(self.run.run_id, tick)))
 
     def _end_aborted(self, grant: Grant) -> None:
         self._writer.close()

@@ -85,6 +85,17 @@ class BagWriter:
             raise ProtocolError(f"topic '{topic}' is not recorded as it is; recorded are {', '.join(_RANK)}")
         self._hold(tick, _Held(rank, topic, cdr, None))
 
+    def sync(self) -> None:
+        """Brings all that was taken to the disk; the tick that was taken last is complete.
+
+        Raises:
+            RecordingError: the disk refuses.
+        """
+        held, self._held = self._held, []
+        if held:
+            self._write_tick(self._tick, held)
+        self._folder.sync()
+
     def close(self) -> None:
         """Finishes the bag. Idempotent."""
         held, self._held = self._held, []

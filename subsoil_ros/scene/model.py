@@ -26,6 +26,7 @@ class Record(Part):
 
     series_ticks: int = Field(default=20, ge=1)  # series, poses, wrenches, /tf every so many ticks
     cloud_hz: NonNegative = 10.0  # soil clouds per simulated second; 0: only none
+    checkpoint_s: NonNegative = 0.5  # simulated seconds between checkpoints; 0: none but on SIGTERM or SIGINT
 
 
 class Report(Part):

@@ -1,0 +1,118 @@
+"""Mover or soil: takes messages in any interleaving, hands out each tick once, in order."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from ...errors import ProtocolError
+from ...messages import Command, Grant, ToolMotion, ToolMotions, ToolWrench, ToolWrenches
+from .streams import AnswerStream, Stream
+
+
+class Needs(Enum):
+    """What a participant needs to advance tick k, beside the grant of it."""
+
+    NOTHING = "nothing"  # a mechanism without soil, a soil that moves its tools itself
+    WRENCHES = "wrenches of tick k-1"
+    MOTIONS = "motions of tick k"
+
+
+@dataclass(frozen=True)
+class Work:
+    """A tick that can be advanced now, and what it needs."""
+
+    tick: int
+    motions: tuple[ToolMotion, ...] = ()
+    wrenches: tuple[ToolWrench, ...] = ()
+
+
+class Participant:
+    """Mover or soil: takes messages in any interleaving, hands out each tick once, in order."""
+
+    def __init__(
+        self, run_id: str, tick_count: int, needs: Needs, tools: tuple[str, ...], first_tick: int = 0
+    ) -> None:
+        self.last_tick = tick_count - 1
+        self.done_tick = first_tick - 1  # last tick handed out and finished
+        self.abort: Grant | None = None
+        self._needs = needs
+        self._first_tick = first_tick
+        self._grants = Stream("grant", run_id, tick_count, first_tick)
+        self._motions = AnswerStream[ToolMotions]("tool_motions", run_id, tick_count, tools, first_tick)
+        self._wrenches = AnswerStream[ToolWrenches]("tool_wrenches", run_id, tick_count, tools, first_tick)
+        self._initial_wrenches: tuple[ToolWrench, ...] | None = None
+        self._at_work = False
+
+    def start(self, wrenches: tuple[ToolWrench, ...]) -> None:
+        """Takes the wrenches of the initial state, which the first tick needs."""
+        self._initial_wrenches = wrenches
+
+    def accept_grant(self, grant: Grant) -> None:
+        """Takes a grant. ABORT may come at any time, and nothing is handed out after it."""
+        if grant.command is Command.ABORT:
+            self._grants.refuse_foreign(grant.run_id, grant.tick)
+            self.abort = self.abort or grant
+            return
+        self._grants.accept(grant.run_id, grant.tick)
+        if (grant.command is Command.END) != (grant.tick == self.last_tick):
+            raise ProtocolError(
+                f"grant: {grant.command.name} came with tick {grant.tick}, the last tick is {self.last_tick}"
+            )
+
+    def accept_keep(self, grant: Grant) -> None:
+        """Takes it that the state at the end of a tick is to be kept now.
+
+        Raises:
+            ProtocolError: this side does not stand there.
+        """
+        self._grants.refuse_foreign(grant.run_id, grant.tick)
+        if self._at_work or grant.tick != self.done_tick or self._grants.next_tick != grant.tick + 1:
+            raise ProtocolError(
+                f"grant: KEEP came for tick {grant.tick}, done is tick {self.done_tick}, granted tick "
+                f"{self._grants.next_tick - 1}"
+            )
+
+    def accept_motions(self, motions: ToolMotions) -> None:
+        """Takes the motions of a tick."""
+        self._motions.add(motions)
+
+    def accept_wrenches(self, wrenches: ToolWrenches) -> None:
+        """Takes the wrenches of a tick."""
+        self._wrenches.add(wrenches)
+
+    def next_work(self) -> Work | None:
+        """The next tick with what it needs, once; None while something is missing.
+
+        The tick is to be advanced and `finish`ed before the next is handed out.
+        """
+        tick = self.done_tick + 1
+        if self._at_work or self.abort or tick >= self._grants.next_tick or tick > self.last_tick:
+            return None
+        motions: tuple[ToolMotion, ...] = ()
+        wrenches: tuple[ToolWrench, ...] = ()
+        if self._needs is Needs.MOTIONS:
+            if not self._motions:
+                return None
+            motions = self._motions.take().tools
+        elif self._needs is Needs.WRENCHES:
+            if tick == self._first_tick:
+                if self._initial_wrenches is None:
+                    return None
+                wrenches = self._initial_wrenches
+            elif self._wrenches:
+                wrenches = self._wrenches.take().tools
+            else:
+                return None
+        self._at_work = True
+        return Work(tick, motions, wrenches)
+
+    def finish(self, tick: int) -> None:
+        """Says that the tick handed out is advanced."""
+        if not self._at_work or tick != self.done_tick + 1:
+            raise ProtocolError(f"tick {tick} is finished where tick {self.done_tick + 1} is at work")
+        self._at_work = False
+        self.done_tick = tick
+
+    @property
+    def finished(self) -> bool:
+        """Whether the last tick is done."""
+        return self.done_tick == self.last_tick

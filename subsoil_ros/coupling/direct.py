@@ -43,6 +43,7 @@ def run_direct(
     """
     interval_ns = resolved.timing.interval_ns
     schedule = schedule_of(resolved.scene, resolved.timing)
+    parallel = resolved.scene.coupling.scheme == "parallel"
     mechanism: Mechanism | None = mover if resolved.scene.mechanism is not None else None  # type: ignore[assignment]
     motions = mover.initial_motions()
     wrenches = soil.start(motions) if soil is not None else ()
@@ -53,9 +54,9 @@ def run_direct(
         if signal_number:
             raise interrupted(signal_number).error()
         end_ns = tick_end_ns(tick, interval_ns)
-        motions = mover.advance(tick, wrenches)
+        before, motions = motions, mover.advance(tick, wrenches)
         if soil is not None:
-            wrenches = soil.advance(tick, motions)
+            wrenches = soil.advance(tick, before if parallel else motions)
         work = account.add(motions, wrenches)
         command = Command.END if tick == schedule.last_tick else Command.RUN
         sink.write(Grant(run_id, tick, command))

@@ -49,6 +49,8 @@ class SoilNode(LockstepNode):
         self._mover = mover
         self._schedule = schedule_of(scene, timing)
         needs = Needs.MOTIONS if mover is None else Needs.NOTHING
+        if scene.coupling.scheme == "parallel":
+            needs = Needs.MOTIONS_BEFORE
         self._participant = Participant(run.run_id, timing.tick_count, needs, tuple(scene.tools))
         self._initial_motions: tuple[ToolMotion, ...] = ()
         self._last_wrenches: tuple[ToolWrench, ...] | None = None  # None: the soil has not answered yet
@@ -88,6 +90,7 @@ class SoilNode(LockstepNode):
     def _start(self, motions: tuple[ToolMotion, ...]) -> None:
         self._initial_motions = motions
         self._last_wrenches = self._engine.start(motions)
+        self._participant.start(motions=motions)
 
     def _on_hello(self, hello: NodeHello) -> None:
         if hello.node == MECHANISM and self._mover is None and hello.run_id == self.run.run_id:

@@ -15,6 +15,8 @@ class Coupling(Part):
 
     interval_ns: Annotated[int, Field(gt=0)] | Auto = "auto"  # auto: one soil step
     mechanism_steps: int = Field(default=1, ge=1, le=1000)  # per exchange
+    # parallel: soil and mechanism advance a tick at once, each on the other's tick before; for study only
+    scheme: Literal["serial", "parallel"] = "serial"
     force: Literal["tick_end", "tick_mean"] = "tick_end"
     grant_window: int = Field(default=8, ge=1, le=64)  # ticks the coupler grants ahead
     residual_bound: Positive = 0.02  # of the interface work, DESIGN.md
@@ -60,6 +62,11 @@ class Scene(Part):
             raise ValueError("give 'soil', 'mechanism' or both: there is nothing to simulate")
         if self.soil is None and self.tools:
             raise ValueError("tools: given without 'soil'; tools act on soil only")
+        if self.coupling.scheme == "parallel" and (self.soil is None or self.mechanism is None):
+            raise ValueError(
+                "coupling.scheme: 'parallel' exchanges between 'soil' and 'mechanism', and one of them is "
+                "missing; leave it out"
+            )
         bodies = self.mechanism.bodies if self.mechanism else {}
         carried = set()
         for name, tool in self.tools.items():

@@ -87,7 +87,7 @@ class Execution:
         self.coupler.accept_hello(hello(MECHANISM, initial_motions=motion(-1)))
         self.coupler.accept_hello(hello(SOIL, initial_wrenches=wrench(-1)))
         self.coupler.accept_hello(hello(RECORDER))
-        self.mechanism.start(wrench(-1))
+        self.mechanism.start(wrenches=wrench(-1))
         self._grant()
         while waiting := [key for key, queue in self.queues.items() if queue]:
             key = self.random.choice(waiting)
@@ -284,7 +284,7 @@ def test_abort_stops_the_work_and_names_the_last_tick() -> None:
     aborted.coupler.accept_hello(hello(MECHANISM, initial_motions=motion(-1)))
     aborted.coupler.accept_hello(hello(SOIL, initial_wrenches=wrench(-1)))
     aborted.coupler.accept_hello(hello(RECORDER))
-    aborted.mechanism.start(wrench(-1))
+    aborted.mechanism.start(wrenches=wrench(-1))
     for grant in aborted.coupler.next_grants():
         aborted.mechanism.accept_grant(grant)
         aborted.barrier.add("grant", grant.tick, grant)

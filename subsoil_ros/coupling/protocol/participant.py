@@ -15,6 +15,7 @@ class Needs(Enum):
     NOTHING = "nothing"  # a mechanism without soil, a soil that moves its tools itself
     WRENCHES = "wrenches of tick k-1"
     MOTIONS = "motions of tick k"
+    MOTIONS_BEFORE = "motions of tick k-1"  # soil of the parallel scheme
 
 
 @dataclass(frozen=True)
@@ -37,12 +38,15 @@ class Participant:
         self._grants = Stream("grant", run_id, tick_count)
         self._motions = AnswerStream[ToolMotions]("tool_motions", run_id, tick_count, tools)
         self._wrenches = AnswerStream[ToolWrenches]("tool_wrenches", run_id, tick_count, tools)
+        self._initial_motions: tuple[ToolMotion, ...] | None = None
         self._initial_wrenches: tuple[ToolWrench, ...] | None = None
         self._at_work = False
 
-    def start(self, wrenches: tuple[ToolWrench, ...]) -> None:
-        """Takes the wrenches of the initial state, which tick 0 needs."""
-        self._initial_wrenches = wrenches
+    def start(
+        self, motions: tuple[ToolMotion, ...] | None = None, wrenches: tuple[ToolWrench, ...] | None = None
+    ) -> None:
+        """Takes what tick 0 needs of the initial state."""
+        self._initial_motions, self._initial_wrenches = motions, wrenches
 
     def accept_grant(self, grant: Grant) -> None:
         """Takes a grant. ABORT may come at any time, and nothing is handed out after it."""
@@ -72,21 +76,18 @@ class Participant:
         tick = self.done_tick + 1
         if self._at_work or self.abort or tick >= self._grants.next_tick or tick > self.last_tick:
             return None
-        motions: tuple[ToolMotion, ...] = ()
-        wrenches: tuple[ToolWrench, ...] = ()
-        if self._needs is Needs.MOTIONS:
-            if not self._motions:
-                return None
-            motions = self._motions.take().tools
+        motions: tuple[ToolMotion, ...] | None = ()
+        wrenches: tuple[ToolWrench, ...] | None = ()
+        if self._needs is Needs.MOTIONS or (self._needs is Needs.MOTIONS_BEFORE and tick > 0):
+            motions = self._motions.take().tools if self._motions else None
+        elif self._needs is Needs.MOTIONS_BEFORE:
+            motions = self._initial_motions
+        elif self._needs is Needs.WRENCHES and tick > 0:
+            wrenches = self._wrenches.take().tools if self._wrenches else None
         elif self._needs is Needs.WRENCHES:
-            if tick == 0:
-                if self._initial_wrenches is None:
-                    return None
-                wrenches = self._initial_wrenches
-            elif self._wrenches:
-                wrenches = self._wrenches.take().tools
-            else:
-                return None
+            wrenches = self._initial_wrenches
+        if motions is None or wrenches is None:
+            return None
         self._at_work = True
         return Work(tick, motions, wrenches)
 

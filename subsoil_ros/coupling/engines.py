@@ -5,7 +5,7 @@ from typing import Protocol
 from ..dem.engine import SoilEngine
 from ..mbd.engine import MechanismEngine
 from ..mbd.path import PathEngine
-from ..messages import MechanismState, SoilCloud, SoilState, ToolMotion, ToolWrench
+from ..messages import DriverCommand, MechanismState, SoilCloud, SoilState, ToolMotion, ToolWrench
 from ..scene.loader import ResolvedScene
 
 
@@ -22,10 +22,14 @@ class Mover(Protocol):
 
 
 class Mechanism(Mover, Protocol):
-    """A mover with a state of its own to record."""
+    """A mover with a state of its own to record, and perhaps a driver that a controller commands."""
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> MechanismState:
         """The state at the end of `tick`."""
+        ...
+
+    def command(self, command: DriverCommand) -> None:
+        """Takes a controller's command for the tick that is advanced next."""
         ...
 
 

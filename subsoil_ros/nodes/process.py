@@ -37,6 +37,7 @@ class NodeSettings:
     threads: int
     bag: str
     supervised: bool
+    paused: bool = False
 
 
 _DESCRIPTIONS: dict[str, tuple[Any, str]] = {
@@ -44,6 +45,7 @@ _DESCRIPTIONS: dict[str, tuple[Any, str]] = {
     "run_id": ("run", "name of the run, the same for all nodes; other runs' messages are refused"),
     "threads": (1, "threads of the soil engine; results do not depend on it"),
     "bag": ("", "folder for the recorder's bag; it must not exist"),
+    "paused": (False, "the coupler: grant no tick before a call of its services resume or step"),
     "supervised": (False, "end when standard input ends, take wishes to stop from it"),
 }
 

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from enum import Enum
 
 from ...errors import ProtocolError
-from ...messages import Command, Grant, ToolMotion, ToolMotions, ToolWrench, ToolWrenches
-from ...ticks import INITIAL_TICK
-from .streams import AnswerStream, Stream
+from ...messages import Command, DriverCommand, Grant, ToolMotion, ToolMotions, ToolWrench, ToolWrenches
+from ...ticks import INITIAL_TICK, is_control_tick
+from .streams import AnswerStream, CommandStream, Stream
 
 
 class Needs(Enum):
@@ -25,12 +25,19 @@ class Work:
     tick: int
     motions: tuple[ToolMotion, ...] = ()
     wrenches: tuple[ToolWrench, ...] = ()
+    command: DriverCommand | None = None  # in force from the start of the tick
 
 
 class Participant:
-    """Mover or soil: takes messages in any interleaving, hands out each tick once, in order."""
+    """Mover or soil: takes messages in any interleaving, hands out each tick once, in order.
 
-    def __init__(self, run_id: str, tick_count: int, needs: Needs, tools: tuple[str, ...]) -> None:
+    Args:
+        control_ticks: a command is needed every so many ticks; 0: never.
+    """
+
+    def __init__(
+        self, run_id: str, tick_count: int, needs: Needs, tools: tuple[str, ...], control_ticks: int = 0
+    ) -> None:
         self.last_tick = tick_count - 1
         self.done_tick = INITIAL_TICK  # last tick handed out and finished
         self.abort: Grant | None = None
@@ -38,6 +45,8 @@ class Participant:
         self._grants = Stream("grant", run_id, tick_count)
         self._motions = AnswerStream[ToolMotions]("tool_motions", run_id, tick_count, tools)
         self._wrenches = AnswerStream[ToolWrenches]("tool_wrenches", run_id, tick_count, tools)
+        self._commands = CommandStream(run_id, tick_count, control_ticks)
+        self._control_ticks = control_ticks
         self._initial_motions: tuple[ToolMotion, ...] | None = None
         self._initial_wrenches: tuple[ToolWrench, ...] | None = None
         self._at_work = False
@@ -68,6 +77,10 @@ class Participant:
         """Takes the wrenches of a tick."""
         self._wrenches.add(wrenches)
 
+    def accept_command(self, command: DriverCommand) -> None:
+        """Takes the command of a control tick."""
+        self._commands.add(command)
+
     def next_work(self) -> Work | None:
         """The next tick with what it needs, once; None while something is missing.
 
@@ -75,6 +88,9 @@ class Participant:
         """
         tick = self.done_tick + 1
         if self._at_work or self.abort or tick >= self._grants.next_tick or tick > self.last_tick:
+            return None
+        controlled = is_control_tick(tick, self._control_ticks)
+        if controlled and not self._commands.has(tick):
             return None
         motions: tuple[ToolMotion, ...] | None = ()
         wrenches: tuple[ToolWrench, ...] | None = ()
@@ -89,7 +105,7 @@ class Participant:
         if motions is None or wrenches is None:
             return None
         self._at_work = True
-        return Work(tick, motions, wrenches)
+        return Work(tick, motions, wrenches, self._commands.take() if controlled else None)
 
     def finish(self, tick: int) -> None:
         """Says that the tick handed out is advanced."""

@@ -84,6 +84,11 @@ def run(args: argparse.Namespace) -> int:
     console.print(_table("cost", _cost(resolved, particle_count)))
     if args.bed or args.bed_out:
         print_bed(console, resolved, args.threads, args.bed_out)
+    if resolved.scene.coupling.scheme == "parallel":
+        console.print(
+            "warning: coupling.scheme: parallel is for study: each side meets the other's tick before, which "
+            "is less stable than serial and saves nothing"
+        )
     for bound in bounds:
         if resolved.timing.interval_s > bound.undamped_s:
             console.print(

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ..dem.engine import SoilEngine
 from ..mbd.engine import MechanismEngine
 from ..mbd.path import PathEngine
-from ..messages import MechanismState, SoilCloud, SoilState, ToolMotion, ToolWrench
+from ..messages import DriverCommand, MechanismState, SoilCloud, SoilState, ToolMotion, ToolWrench
 from ..scene.loader import ResolvedScene
 
 
@@ -41,10 +41,14 @@ class Mover(Resumable, Protocol):
 
 
 class Mechanism(Mover, Protocol):
-    """A mover with a state of its own to record."""
+    """A mover with a state of its own to record, and perhaps a driver that a controller commands."""
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> MechanismState:
         """The state at the end of `tick`."""
+        ...
+
+    def command(self, command: DriverCommand) -> None:
+        """Takes a controller's command for the tick that is advanced next."""
         ...
 
 

@@ -17,11 +17,12 @@ from rclpy.node import Node
 
 from .. import __version__
 from ..coupling.ending import Ending
-from ..coupling.protocol import COUPLER
+from ..coupling.protocol import CAPABILITIES, COUPLER
 from ..coupling.resumption import Keeper
 from ..messages import NodeHello, NodeState, ToolMotion, ToolWrench
 from ..recording.checkpoint import Checkpoint
 from ..recording.topics import TOPIC_OF
+from ..recording.types import own_type_hashes
 from ..scene.loader import ResolvedScene
 from ..ticks import INITIAL_TICK
 from .convert import class_of, reader, to_bytes
@@ -66,6 +67,8 @@ class NodeRun:
             NodeState.STARTING,
             self.resolved.scene_hash,
             __version__,
+            own_type_hashes(),
+            CAPABILITIES.get(node, ()),
             os.getpid(),
             INITIAL_TICK,
         )

@@ -39,6 +39,7 @@ class NodeSettings:
     threads: int
     bag: str
     supervised: bool
+    paused: bool = False
     checkpoints: str = ""
     resume: str = ""
 
@@ -63,6 +64,7 @@ _DESCRIPTIONS: dict[str, tuple[Any, str]] = {
     "bag": ("", "folder for the recorder's bag; it must not exist"),
     "checkpoints": ("", "folder for checkpoints, the same for all nodes; empty: none are written"),
     "resume": ("", "checkpoint to go on from, the same for all nodes; empty: from tick 0"),
+    "paused": (False, "the coupler: grant no tick before a call of its services resume or step"),
     "supervised": (False, "end when standard input ends, take wishes to stop from it"),
 }
 

@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from ..coupling.ending import Ending, interrupted
-from ..coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL, participants
+from ..coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
 from . import coupler_node, mechanism_node, recorder_node, soil_node
 from .lifeline import Lifeline, NodeRun
 from .lockstep_node import LockstepNode
@@ -25,14 +25,16 @@ def scene_builds(
     run: NodeRun, bag: Path, threads: int, on_progress: Callable[[int], None]
 ) -> dict[str, Build]:
     """How the nodes of a scene are made, by name."""
-    settings = NodeSettings(str(run.resolved.path), run.run_id, threads, str(bag), supervised=False)
+    settings = NodeSettings(
+        str(run.resolved.path), run.run_id, threads, str(bag), run.recorded, supervised=False
+    )
     builds: dict[str, Build] = {
         MECHANISM: partial(mechanism_node.build, settings),
         SOIL: partial(soil_node.build, settings),
         RECORDER: partial(recorder_node.build, settings),
         COUPLER: partial(coupler_node.CouplerNode, on_progress=on_progress),
     }
-    return {name: builds[name] for name in (*participants(run.resolved.scene), COUPLER)}
+    return {name: builds[name] for name in (*run.participants, COUPLER)}
 
 
 def run_composed(run: NodeRun, builds: Mapping[str, Build], stop_signal: Callable[[], int]) -> Ending:

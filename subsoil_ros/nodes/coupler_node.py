@@ -8,7 +8,7 @@ from collections.abc import Callable
 from rclpy.context import Context
 
 from ..coupling.exchange import InterfaceAccount, account_of
-from ..coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL, Coupler, FinishedTick, participants
+from ..coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL, Coupler, FinishedTick
 from ..coupling.schedule import schedule_of
 from ..errors import RunError
 from ..messages import CouplingReport, Grant, NodeHello, NodeState, TickAck, ToolMotions, ToolWrenches
@@ -50,7 +50,7 @@ class CouplerNode(LockstepNode):
     ) -> None:
         super().__init__(COUPLER, run, lifeline, context)
         scene, timing = run.resolved.scene, run.resolved.timing
-        names = participants(scene)
+        names = run.participants
         self._coupler = Coupler(
             run.hello(COUPLER),
             names,
@@ -75,7 +75,8 @@ class CouplerNode(LockstepNode):
         self.listen(ToolMotions, self._on_motions, (mover,))
         if scene.soil is not None:
             self.listen(ToolWrenches, self._on_wrenches, (SOIL,))
-        self.listen(TickAck, self._on_ack, (RECORDER,))
+        if run.recorded:
+            self.listen(TickAck, self._on_ack, (RECORDER,))
         self.listen(NodeHello, self._on_hello, names)
 
     def on_poll(self) -> None:

@@ -17,7 +17,7 @@ from rclpy.node import Node
 
 from .. import __version__
 from ..coupling.ending import Ending
-from ..coupling.protocol import COUPLER
+from ..coupling.protocol import COUPLER, RECORDER, participants
 from ..messages import NodeHello, NodeState, ToolMotion, ToolWrench
 from ..recording.topics import TOPIC_OF
 from ..scene.loader import ResolvedScene
@@ -42,6 +42,13 @@ class NodeRun:
 
     run_id: str
     resolved: ResolvedScene
+    recorded: bool = True  # whether there is a recorder
+
+    @property
+    def participants(self) -> tuple[str, ...]:
+        """The nodes of the run beside the coupler."""
+        names = participants(self.resolved.scene)
+        return names if self.recorded else tuple(name for name in names if name != RECORDER)
 
     def hello(self, node: str) -> NodeHello:
         """The first word of a node."""
@@ -84,7 +91,7 @@ class Lifeline:
         self._subscription = node.create_subscription(
             hello_class, TOPIC_OF[NodeHello], self._on_hello, HELLO_QOS, raw=True
         )
-        self._read = reader(NodeHello)
+        self._read = reader(NodeHello, run.resolved.timing.interval_ns)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(HEARTBEAT_S, self._on_timer, clock=steady)
         self._closing = threading.Event()

@@ -17,7 +17,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from ..coupling.ending import Ending, interrupted
-from ..coupling.protocol import COUPLER, participants
+from ..coupling.protocol import COUPLER, RECORDER
 from ..errors import InputError, RunError
 from ..scene.loader import load_scene
 from .lifeline import Lifeline, NodeRun
@@ -36,6 +36,7 @@ class NodeSettings:
     run_id: str
     threads: int
     bag: str
+    recorded: bool
     supervised: bool
 
 
@@ -44,6 +45,7 @@ _DESCRIPTIONS: dict[str, tuple[Any, str]] = {
     "run_id": ("run", "name of the run, the same for all nodes; other runs' messages are refused"),
     "threads": (1, "threads of the soil engine; results do not depend on it"),
     "bag": ("", "folder for the recorder's bag; it must not exist"),
+    "recorded": (True, "whether the run has a recorder, the same for all nodes"),
     "supervised": (False, "end when standard input ends, take wishes to stop from it"),
 }
 
@@ -67,7 +69,7 @@ def read_settings(node: Node) -> NodeSettings:
 
 def watched_by(name: str, run: NodeRun) -> tuple[str, ...]:
     """Whose silence ends a node."""
-    return participants(run.resolved.scene) if name == COUPLER else (COUPLER,)
+    return run.participants if name == COUPLER else (COUPLER,)
 
 
 def report_to_supervisor(**event: Any) -> None:
@@ -82,12 +84,14 @@ def run_process(name: str, build: Callable[..., LockstepNode]) -> int:
     Args:
         build: makes the node from its NodeSettings, NodeRun and Lifeline.
     """
+    if name in (COUPLER, RECORDER) and hasattr(os, "SCHED_BATCH"):
+        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))  # waking, they push no engine aside
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     node = Node(f"{name}_process")
     try:
         settings = read_settings(node)
-        run = NodeRun(settings.run_id, load_scene(settings.scene))
+        run = NodeRun(settings.run_id, load_scene(settings.scene), settings.recorded)
     except InputError as error:
         print(f"{name}: {one_line(error)}", file=sys.stderr, flush=True)
         return error.exit_status

@@ -11,7 +11,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from ..coupling.control import build_controller
 from ..coupling.ending import Ending, interrupted
-from ..coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL, participants
+from ..coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL
 from . import controller_node, coupler_node, mechanism_node, recorder_node, soil_node
 from .lifeline import Lifeline, NodeRun
 from .lockstep_node import LockstepNode
@@ -26,7 +26,9 @@ def scene_builds(
     run: NodeRun, bag: Path, threads: int, on_progress: Callable[[int], None], paused: bool = False
 ) -> dict[str, Build]:
     """How the nodes of a scene are made, by name; an external controller is not among them."""
-    settings = NodeSettings(str(run.resolved.path), run.run_id, threads, str(bag), supervised=False)
+    settings = NodeSettings(
+        str(run.resolved.path), run.run_id, threads, str(bag), run.recorded, supervised=False
+    )
     builds: dict[str, Build] = {
         MECHANISM: partial(mechanism_node.build, settings),
         SOIL: partial(soil_node.build, settings),
@@ -35,8 +37,7 @@ def scene_builds(
     }
     if build_controller(run.resolved) is not None:
         builds[CONTROLLER] = partial(controller_node.build, settings)
-    names = (*participants(run.resolved.scene), COUPLER)
-    return {name: builds[name] for name in names if name in builds}
+    return {name: builds[name] for name in (*run.participants, COUPLER) if name in builds}
 
 
 def run_composed(run: NodeRun, builds: Mapping[str, Build], stop_signal: Callable[[], int]) -> Ending:

@@ -18,7 +18,6 @@ from ..coupling.protocol import (
     Coupler,
     FinishedTick,
     needed_capabilities,
-    participants,
 )
 from ..coupling.resumption import CouplingState
 from ..coupling.schedule import schedule_of
@@ -73,7 +72,7 @@ class CouplerNode(LockstepNode):
     ) -> None:
         super().__init__(COUPLER, run, lifeline, context)
         scene, timing = run.resolved.scene, run.resolved.timing
-        names = participants(scene)
+        names = run.participants
         self._schedule = schedule_of(scene, timing)
         self._coupler = Coupler(
             run.hello(COUPLER),
@@ -107,7 +106,8 @@ class CouplerNode(LockstepNode):
         self.listen(ToolMotions, self._on_motions, (mover,))
         if scene.soil is not None:
             self.listen(ToolWrenches, self._on_wrenches, (SOIL,))
-        self.listen(TickAck, self._on_ack, (RECORDER,))
+        if run.recorded:
+            self.listen(TickAck, self._on_ack, (RECORDER,))
         self.listen(NodeHello, self._on_hello, names)
         if scene.controller is not None:
             self.listen(DriverCommand, self._on_command, (CONTROLLER,))

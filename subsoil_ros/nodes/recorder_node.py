@@ -103,7 +103,7 @@ class RecorderNode(LockstepNode):
         self._cut_deadline = 0.0
         self._acks = self.publisher(TickAck, (COUPLER,))
         self.listen(NodeHello, self.follow_coupler_end, ())
-        self._read_grant = reader(Grant)
+        self._read_grant = reader(Grant, self._interval_ns)
         mover = MECHANISM if scene.mechanism is not None else SOIL
         self.listen_raw(Grant, self._on_grant, (COUPLER,))
         sources: list[tuple[type, str]] = [(ToolMotions, mover), (CouplingReport, COUPLER)]

@@ -73,7 +73,7 @@ def qos_profile(topic: str) -> dict[str, Any]:
         "history": "keep_last",
         "depth": LOCKSTEP_DEPTH if lockstep else 10,
         "reliability": "reliable",
-        "durability": "transient_local" if lockstep else "volatile",
+        "durability": "volatile",
         "deadline": dict(unlimited),
         "lifespan": dict(unlimited),
         "liveliness": "automatic",

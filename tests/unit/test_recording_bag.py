@@ -278,11 +278,11 @@ def test_chunks_are_small_and_compressed_as_chunks(tmp_path):
 
 
 def test_metadata_offers_the_lockstep_qos_to_a_replay(bag):
-    """rosbags parses metadata.yaml; lockstep topics are offered transient local."""
+    """rosbags parses metadata.yaml; topics are offered as the nodes offered them."""
     with AnyReader([bag]) as reader:
         durability = {item.topic: item.ext.offered_qos_profiles[0].durability for item in reader.connections}
         assert reader.message_count == len(raw_messages(bag))
-    assert durability["/subsoil/grant"] == QosDurability.TRANSIENT_LOCAL
+    assert durability["/subsoil/grant"] == QosDurability.VOLATILE
     assert durability["/tf"] == QosDurability.VOLATILE
 
 

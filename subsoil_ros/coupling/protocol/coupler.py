@@ -59,7 +59,7 @@ class Coupler:
     ) -> None:
         self.last_tick = tick_count - 1
         self.done_tick = first_tick - 1
-        self.acknowledged_tick = first_tick - 1
+        self.acknowledged_tick = first_tick - 1 if RECORDER in names else self.last_tick
         self.abort_grant: Grant | None = None
         self.initial_motions: tuple[ToolMotion, ...] = ()
         self.initial_wrenches: tuple[ToolWrench, ...] = ()

@@ -15,7 +15,7 @@ from pathlib import Path
 import numba
 
 _PACKAGE = Path(__file__).parent
-KERNEL_FOLDERS = (_PACKAGE / "dem", _PACKAGE / "mbd")
+KERNEL_FOLDERS = (_PACKAGE / "dem", _PACKAGE / "mbd", _PACKAGE / "resistance")
 
 
 def kernel_cache_folder(sources: Iterable[Path] = KERNEL_FOLDERS) -> Path:

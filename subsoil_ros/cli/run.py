@@ -15,7 +15,6 @@ from ..analysis.summary import print_summary, summarize, write_summary
 from ..coupling.direct import run_direct
 from ..coupling.engines import Mover, build_mechanism, build_paths, build_soil
 from ..coupling.protocol import COUPLER, RECORDER, SOIL, participants
-from ..dem.beds.prepare import check_start
 from ..errors import InputError, SceneError, SubsoilError
 from ..nodes.domain import run_domain
 from ..recording.bag_writer import BagWriter
@@ -23,7 +22,7 @@ from ..recording.recovery import recover
 from ..scene.limits import step_notes
 from ..scene.loader import ResolvedScene, load_scene
 from .arguments import add_overrides
-from .preparation import KernelAnnouncer, announce_kernels_of_nodes, prepare_bed_first
+from .preparation import KernelAnnouncer, announce_kernels_of_nodes
 from .progress import RunProgress
 from .supervisor import Parameters, Supervisor, node_program, start_node
 
@@ -72,16 +71,14 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
     resolved = load_scene(args.scene, args.overrides)
     try:
         mover = build_mechanism(resolved) or build_paths(resolved)
-        check_start(resolved)
-        prepare_bed_first(resolved, args.threads)
+        _prepare_bed(resolved, args.threads)
     except SceneError as error:
         raise SceneError(f"{args.scene}: {error}") from error
     out = _create_folder(Path(args.out))
     resolved.write(out / "scene.yaml")
     run_id = uuid.uuid4().hex[:12]
-    if resolved.scene.soil is not None:
-        for note in step_notes(resolved.scene.soil, resolved.timing.soil_step_s):
-            print(note, flush=True)
+    for note in _notes(resolved):
+        print(note, flush=True)
     failure: SubsoilError | None = None
     start = time.monotonic()
     try:
@@ -103,6 +100,22 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
     if failure is not None:
         raise failure
     return 0
+
+
+def _prepare_bed(resolved: ResolvedScene, threads: int) -> None:
+    if resolved.scene.particle_soil is None:
+        return  # without particles none of their code is imported
+    from ..dem.beds.prepare import check_start
+    from .bed_preparation import prepare_bed_first
+
+    check_start(resolved)
+    prepare_bed_first(resolved, threads)
+
+
+def _notes(resolved: ResolvedScene) -> tuple[str, ...]:
+    soil = resolved.scene.particle_soil
+    of_the_step = step_notes(soil, resolved.timing.soil_step_s) if soil is not None else ()
+    return (*resolved.notes, *of_the_step)
 
 
 def _create_folder(out: Path) -> Path:

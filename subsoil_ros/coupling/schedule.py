@@ -34,6 +34,6 @@ class Schedule:
 def schedule_of(scene: Scene, timing: Timing) -> Schedule:
     """The schedule a scene asks for; clouds at the multiple of the tick nearest to 1 / cloud_hz."""
     cloud_ticks = 0
-    if scene.soil is not None and scene.record.cloud_hz > 0.0:
+    if scene.particle_soil is not None and scene.record.cloud_hz > 0.0:
         cloud_ticks = max(1, round(NANOSECONDS_PER_SECOND / (scene.record.cloud_hz * timing.interval_ns)))
     return Schedule(timing.tick_count, scene.record.series_ticks, cloud_ticks)

@@ -1,5 +1,6 @@
 """The reduced soil engine: motions of the tools in, wrenches on the tools out, in closed form."""
 
+import copy
 import math
 from dataclasses import dataclass, field
 
@@ -9,7 +10,7 @@ from ..errors import InputError, PhysicsError
 from ..messages import GroupForce, SoilCloud, SoilState, ToolMotion, ToolWrench
 from ..scene.loader import ResolvedScene
 from ..scene.meshes import load_tool_mesh
-from ..scene.resistance import layer_values
+from ..scene.resistance import ResistanceValues, layer_values
 from ..scene.soil_file import RANGE_MARGIN, refuse_rake, soil_of
 from ..scene.tool_faces import CuttingFace, WheelFace, cutting_faces, wheel_face
 from .layers import mean_strength
@@ -93,6 +94,14 @@ class ResistanceEngine:
             return _Tool(name, mesh.groups, phi, faces=cutting_faces(mesh, place))
         return _Tool(name, mesh.groups, phi, wheel=wheel_face(mesh, place))
 
+    def with_values(self, values: ResistanceValues) -> "ResistanceEngine":
+        """The same engine at rest in a soil of other values; cheap, for fits."""
+        other = copy.copy(self)
+        soil = self._resolved.scene.reduced_soil
+        other._values, other._layers = values, layer_values(values, soil.layers if soil else None)
+        other.memory = ResistanceState()
+        return other
+
     def start(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
         """Wrenches of the initial state: of wheels that stand in the soil; wedges form with travel."""
         self.memory = ResistanceState(
@@ -156,21 +165,20 @@ class ResistanceEngine:
         if self._range is not None and face.is_share:
             self._refuse_beyond(where, tool.name, depth, speed)
         beta, force, length, rising = failure(Plate(face.width_m, rake, depth, height), strength, speed)
-        if not face.is_share:
-            force *= self._values.shank_part
+        part = 1.0 if face.is_share else self._values.shank_part
+        force *= part
         up = (rising / 3.0 + 0.5 * (1.0 - rising)) * height / tall
         arm = (tip[0] + up * (top[0] - tip[0]), tip[1] + up * (top[1] - tip[1]))
         way = (moved[0] - moved[2] * arm[1], moved[1] + moved[2] * arm[0])
         normal = self._press(index, number, face, rake, force, strength.tool_friction, length, way)
-        adhesion = strength.adhesion * height * face.width_m / math.sin(rake)
-        if not face.is_share:
-            adhesion *= self._values.shank_part
+        adhesion = part * strength.adhesion * height * face.width_m / math.sin(rake)
         felt.add(face.group, _on_plate(rake, beta, normal, force, adhesion, strength.tool_friction, way,
                                        SLOWEST_M_PER_S * self._interval_s), arm)  # fmt: skip
         felt.count += normal > 0.0
         middle = depth - 0.5 * height
         pressure = (1.0 - math.sin(strength.friction)) * (strength.unit_weight * middle + strength.surcharge)
-        side = 2.0 * face.side_m * height * (strength.adhesion + pressure * math.tan(strength.tool_friction))
+        side = strength.adhesion + pressure * math.tan(strength.tool_friction)
+        side *= 2.0 * part * face.side_m * height
         half = 0.5 * height / tall
         centre = (tip[0] + half * (top[0] - tip[0]), tip[1] + half * (top[1] - tip[1]))
         slid = (moved[0] - moved[2] * centre[1], moved[1] + moved[2] * centre[0])
@@ -195,7 +203,8 @@ class ResistanceEngine:
         normal = min(max(memory.normal_newton[number] + stiffness * into, 0.0), bears)
         if face.is_share and trial > bears and into > 0.0 and length > 0.0:
             slid = min((trial - bears) / stiffness, into) / math.sin(rake)
-            memory.phase += slid / (values.period_factor * length * memory.length)
+            period = values.period_m or values.period_factor * length
+            memory.phase += slid / (period * memory.length)
             while memory.phase >= 1.0:
                 memory.phase -= 1.0
                 memory.failed_count += 1

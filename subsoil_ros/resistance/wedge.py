@@ -115,23 +115,25 @@ def least_wedge(plate, soil, speed):
 
 
 @njit(cache=True, error_model="numpy")
-def lateral_pressure(soil, depth):
+def lateral_pressure(soil, depth, speed):
     """Mean pressure [Pa] on a narrow face whose soil flows around it instead of up, at `depth` [m].
 
     c N_c + K_0 (gamma z + q) N_q with N_q = K_p exp(2 pi tan phi), K_p = (1 + sin phi) / (1 - sin phi),
-    N_c = (N_q - 1) / tan phi (2 pi + 2 without friction), K_0 = 1 - sin phi (Godwin and Spoor 1977).
+    N_c = (N_q - 1) / tan phi (2 pi + 2 without friction), K_0 = 1 - sin phi (Godwin and Spoor 1977). Speed
+    adds the momentum of the soil that is pushed aside, rho v^2 (chosen: their theory has none).
     """
     tangent, sine = math.tan(soil.friction), math.sin(soil.friction)
     n_q = (1.0 + sine) / (1.0 - sine) * math.exp(2.0 * math.pi * tangent)
     n_c = 2.0 * math.pi + 2.0 if tangent < 1e-9 else (n_q - 1.0) / tangent
-    return soil.cohesion * n_c + (1.0 - sine) * (soil.unit_weight * depth + soil.surcharge) * n_q
+    pressure = soil.cohesion * n_c + (1.0 - sine) * (soil.unit_weight * depth + soil.surcharge) * n_q
+    return pressure + soil.speed_factor * soil.density * speed * speed
 
 
 @njit(cache=True, error_model="numpy")
-def _around_force(plate, soil, top):
+def _around_force(plate, soil, speed, top):
     """P [N] of soil that flows around the part of the plate below the depth `top` [m]."""
     below = plate.depth - top
-    pressure = lateral_pressure(soil, top + 0.5 * below)  # on the upright section
+    pressure = lateral_pressure(soil, top + 0.5 * below, speed)  # on the upright section
     return pressure * plate.width * below / math.sin(plate.rake + soil.tool_friction)
 
 
@@ -140,7 +142,7 @@ def _split_force(plate, soil, speed, critical):
     """P [N] where the wedge starts at the depth `critical` [m] and the soil flows around the plate below."""
     below = plate.depth - critical
     upper = Plate(plate.width, plate.rake, critical, plate.height - below)
-    return _around_force(plate, soil, critical) + least_wedge(upper, soil, speed)[1]
+    return _around_force(plate, soil, speed, critical) + least_wedge(upper, soil, speed)[1]
 
 
 @njit(cache=True, error_model="numpy")
@@ -158,7 +160,7 @@ def failure(plate, soil, speed):
     rising = weight / force if force > 0.0 else 0.0
     # where flow just below the tip costs more than the wedge loses, it does so all the way up
     partly = _split_force(plate, soil, speed, plate.depth - 0.02 * plate.height) < force
-    around = _around_force(plate, soil, plate.depth - plate.height)
+    around = _around_force(plate, soil, speed, plate.depth - plate.height)
     if around < force:
         force, rising = around, 0.0
     if partly:

@@ -41,12 +41,13 @@ class ResistanceValues(Part):
     adhesion_pa: NonNegative  # c_a, soil on tool
     tool_friction_angle_rad: FrictionAngle  # delta
     surcharge_pa: NonNegative = 0.0
-    speed_factor: NonNegative = 1.0  # on the inertia of the failing soil; 1: as the theory has it
+    speed_factor: NonNegative = 1.0  # on the inertia of the soil that gives way; 1: as the theory has it
     bed_modulus_newton_per_m3: Positive = 2.0e7  # pressure over displacement while a wedge forms
     drop: Part01 = 0.3  # part of the force lost when a wedge has failed
     period_factor: Positive = 0.3  # travel from failure to failure over the length of the wedge
+    period_m: Positive | None = None  # the travel itself, where it does not follow the wedge (a regular bed)
     variation: Part01 = 0.1  # standard deviation of strength and length from wedge to wedge, relative
-    shank_part: NonNegative = 1.0  # of a lone shank's frontal resistance, met in soil the share has broken
+    shank_part: NonNegative = 1.0  # of a lone shank's resistance, met in soil that the share has broken
     wheels: WheelSoil | None = None
 
     @model_validator(mode="after")
@@ -55,6 +56,11 @@ class ResistanceValues(Part):
             raise ValueError(
                 f"tool_friction_angle_rad: {self.tool_friction_angle_rad:g} is above friction_angle_rad "
                 f"{self.friction_angle_rad:g}; soil then fails in itself: give at most that"
+            )
+        if self.adhesion_pa > self.cohesion_pa:
+            raise ValueError(
+                f"adhesion_pa: {self.adhesion_pa:g} is above cohesion_pa {self.cohesion_pa:g}; soil then "
+                "fails in itself: give at most that"
             )
         return self
 

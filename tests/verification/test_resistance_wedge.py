@@ -138,12 +138,14 @@ def test_least_wedge_is_the_least():
 
 def test_deep_flow_without_friction():
     """In clay (2 pi + 2) c, the limit of (N_q - 1) / tan phi; else N_q = K_p e^(2 pi tan phi)."""
-    assert lateral_pressure(strength(0.0, c=1e3), 1.0) == pytest.approx((2.0 * math.pi + 2.0) * 1e3)
-    assert lateral_pressure(strength(1e-5, c=1e3), 1.0) == pytest.approx(
+    assert lateral_pressure(strength(0.0, c=1e3), 1.0, 0.0) == pytest.approx((2.0 * math.pi + 2.0) * 1e3)
+    assert lateral_pressure(strength(1e-5, c=1e3), 1.0, 0.0) == pytest.approx(
         (2.0 * math.pi + 2.0) * 1e3, rel=1e-5
     )
     n_q = 3.0 * math.exp(2.0 * math.pi * math.tan(math.radians(30.0)))
-    assert lateral_pressure(strength(30.0, gamma=1e4), 0.5) == pytest.approx(0.5 * 0.5e4 * n_q)
+    fast = lateral_pressure(strength(0.0, gamma=9.81, c=1e3, speed_factor=2.0), 0.0, 3.0)
+    assert fast == pytest.approx((2.0 * math.pi + 2.0) * 1e3 + 2.0 * 1.0 * 3.0**2)
+    assert lateral_pressure(strength(30.0, gamma=1e4), 0.5, 0.0) == pytest.approx(0.5 * 0.5e4 * n_q)
 
 
 def test_below_the_critical_depth_soil_flows_around():
@@ -153,7 +155,7 @@ def test_below_the_critical_depth_soil_flows_around():
     assert failure(shallow, soil, 0.0)[1] == least_wedge(shallow, soil, 0.0)[1]
     least = failure(deep, soil, 0.0)[1]
     assert least < 0.9 * least_wedge(deep, soil, 0.0)[1]
-    around = lateral_pressure(soil, 0.14) * 0.03 * 0.28 / math.sin(0.5 * math.pi + soil.tool_friction)
+    around = lateral_pressure(soil, 0.14, 0.0) * 0.03 * 0.28 / math.sin(0.5 * math.pi + soil.tool_friction)
     assert least < around
 
 

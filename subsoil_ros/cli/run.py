@@ -17,7 +17,6 @@ from ..coupling.direct import run_direct
 from ..coupling.engines import Mover, build_mechanism, build_paths, build_soil
 from ..coupling.protocol import CONTROLLER, COUPLER, RECORDER, SOIL, participants
 from ..coupling.resumption import Keeper
-from ..dem.beds.prepare import check_start
 from ..errors import InputError, SceneError, SubsoilError
 from ..nodes.domain import run_domain
 from ..recording.bag_writer import BagWriter
@@ -27,7 +26,7 @@ from ..recording.recovery import recover
 from ..scene.limits import step_notes
 from ..scene.loader import ResolvedScene, load_scene
 from .arguments import add_overrides
-from .preparation import KernelAnnouncer, announce_kernels_of_nodes, prepare_bed_first
+from .preparation import KernelAnnouncer, announce_kernels_of_nodes
 from .progress import RunProgress
 from .resumption import CHECKPOINTS, checkpoint_facts, find_checkpoint, name_checkpoint, note_resumption
 from .supervisor import Parameters, Supervisor, node_program, start_node
@@ -92,8 +91,7 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
         _refuse_direct(args, resolved)
     try:
         mover = build_mechanism(resolved) or build_paths(resolved)
-        check_start(resolved)
-        prepare_bed_first(resolved, args.threads)
+        _prepare_bed(resolved, args.threads)
     except SceneError as error:
         raise SceneError(f"{args.scene}: {error}") from error
     out = _create_folder(Path(args.out))
@@ -101,9 +99,8 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
     if resumed is not None:
         note_resumption(resumed, args.resume, resolved, out)
     run_id = uuid.uuid4().hex[:12]
-    if resolved.scene.soil is not None:
-        for note in step_notes(resolved.scene.soil, resolved.timing.soil_step_s):
-            print(note, flush=True)
+    for note in _notes(resolved):
+        print(note, flush=True)
     failure: SubsoilError | None = None
     start = time.monotonic()
     try:
@@ -157,6 +154,22 @@ def _say_what_it_waits_for(resolved: ResolvedScene, run_id: str, domain: int, pa
             "std_srvs/srv/Trigger lets it go",
             flush=True,
         )
+
+
+def _prepare_bed(resolved: ResolvedScene, threads: int) -> None:
+    if resolved.scene.particle_soil is None:
+        return  # without particles none of their code is imported
+    from ..dem.beds.prepare import check_start
+    from .bed_preparation import prepare_bed_first
+
+    check_start(resolved)
+    prepare_bed_first(resolved, threads)
+
+
+def _notes(resolved: ResolvedScene) -> tuple[str, ...]:
+    soil = resolved.scene.particle_soil
+    of_the_step = step_notes(soil, resolved.timing.soil_step_s) if soil is not None else ()
+    return (*resolved.notes, *of_the_step)
 
 
 def _create_folder(out: Path) -> Path:

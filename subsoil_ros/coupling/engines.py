@@ -5,7 +5,6 @@ from typing import Any, Protocol
 
 from numpy.typing import NDArray
 
-from ..dem.engine import SoilEngine
 from ..mbd.engine import MechanismEngine
 from ..mbd.path import PathEngine
 from ..messages import DriverCommand, MechanismState, SoilCloud, SoilState, ToolMotion, ToolWrench
@@ -85,7 +84,13 @@ def build_paths(resolved: ResolvedScene) -> Mover:
 
 
 def build_soil(resolved: ResolvedScene, threads: int) -> Soil | None:
-    """The scene's soil; None if it names none."""
+    """The scene's soil; None if it names none. Only the engine that is named is imported."""
     if resolved.scene.soil is None:
         return None
+    if resolved.scene.reduced_soil is not None:
+        from ..resistance.engine import ResistanceEngine
+
+        return ResistanceEngine(resolved)
+    from ..dem.engine import SoilEngine
+
     return SoilEngine(resolved, threads)

@@ -46,7 +46,7 @@ class Schedule:
 def schedule_of(scene: Scene, timing: Timing) -> Schedule:
     """The schedule a scene asks for; clouds and checkpoints at the nearest multiple of the tick."""
     cloud_ticks = 0
-    if scene.soil is not None and scene.record.cloud_hz > 0.0:
+    if scene.particle_soil is not None and scene.record.cloud_hz > 0.0:
         cloud_ticks = max(1, round(NANOSECONDS_PER_SECOND / (scene.record.cloud_hz * timing.interval_ns)))
     checkpoint_ticks = 0
     if scene.record.checkpoint_s > 0.0:

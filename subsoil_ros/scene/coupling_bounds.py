@@ -46,16 +46,17 @@ class CouplingBound:
 
 
 def coupling_bounds(scene: Scene, meshes: dict[str, ToolMesh]) -> tuple[CouplingBound, ...]:
-    """Bounds of every tool that a body carries; empty without soil or mechanism.
+    """Bounds of every tool that a body carries; empty without mechanism or soil of particles.
 
     The effective mass is that of the free body at its farthest point, 1 / (1/m + d^2/J): joints only add
     to it, so the estimate is on the safe side. Of several layers the worst counts.
     """
-    if scene.soil is None or scene.mechanism is None:
+    soil = scene.particle_soil
+    if soil is None or scene.mechanism is None:
         return ()
-    overlap = REFERENCE_OVERLAP * scene.soil.particles.mean_volume_radius_m
-    boundaries = [tool_values(layer).linear_at(overlap) for layer in layer_soils(scene.soil)]
-    left = damping_ratios(scene.soil, derive_timing(scene).soil_step_s)[1].normal
+    overlap = REFERENCE_OVERLAP * soil.particles.mean_volume_radius_m
+    boundaries = [tool_values(layer).linear_at(overlap) for layer in layer_soils(soil)]
+    left = damping_ratios(soil, derive_timing(scene).soil_step_s)[1].normal
     relaxation = left * min(boundary.damping / boundary.stiffness for boundary in boundaries)
     largest_damping = left * max(boundary.damping for boundary in boundaries)
     age = force_age_ticks(scene.coupling, derive_timing(scene).soil_steps)
@@ -68,7 +69,7 @@ def coupling_bounds(scene: Scene, meshes: dict[str, ToolMesh]) -> tuple[Coupling
         body = scene.mechanism.bodies[tool.body]
         arm = float(np.linalg.norm(meshes[name].vertices_m[:, [0, 2]], axis=1).max())
         mass = 1.0 / (1.0 / body.mass_kg + arm**2 / body.inertia_kg_m2)
-        count = _contact_count(scene.soil, meshes[name])
+        count = _contact_count(soil, meshes[name])
         damping = count * largest_damping
         found.append(
             CouplingBound(

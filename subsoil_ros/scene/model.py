@@ -1,15 +1,26 @@
 """The scene: one frozen tree of everything a run needs."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from .base import Finite, NonNegative, Part, Positive
 from .controller import Controller, DraftLimit, HoldHeight
 from .laws import ConstantLaw
 from .mechanism import Driver, Mechanism, WheelContact
+from .resistance import ResistanceSoil
 from .soil import Auto, Soil
 from .tools import Tool
+
+
+def _soil_model(soil: Any) -> Any:
+    """Which model of soil is described: discrete elements unless it says otherwise."""
+    return soil.get("model", "dem") if isinstance(soil, dict) else getattr(soil, "model", "dem")
+
+
+AnySoil = Annotated[
+    Annotated[Soil, Tag("dem")] | Annotated[ResistanceSoil, Tag("resistance")], Discriminator(_soil_model)
+]
 
 
 class Coupling(Part):
@@ -52,13 +63,23 @@ class Scene(Part):
     description: str = ""
     duration_s: Positive
     gravity_m_per_s2: NonNegative = 9.81
-    soil: Soil | None = None
+    soil: AnySoil | None = None
     mechanism: Mechanism | None = None
     tools: dict[str, Tool] = {}
     controller: Controller | None = None
     coupling: Coupling = Coupling()
     record: Record = Record()
     report: Report = Report()
+
+    @property
+    def particle_soil(self) -> Soil | None:
+        """The soil if it is made of particles."""
+        return self.soil if isinstance(self.soil, Soil) else None
+
+    @property
+    def reduced_soil(self) -> ResistanceSoil | None:
+        """The soil if it is a reduced one, without particles."""
+        return self.soil if isinstance(self.soil, ResistanceSoil) else None
 
     @model_validator(mode="after")
     def _consistent(self) -> "Scene":

@@ -85,5 +85,5 @@ def test_a_state_of_another_tick_or_run_is_not_kept(run_id: str, tick: int) -> N
     """Who does not stand at the tick named has nothing to keep of it."""
     participant = Participant(RUN, 10, Needs.NOTHING, TOOLS)
     participant.accept_grant(Grant(RUN, 0))
-    with pytest.raises(ProtocolError, match="KEEP came|is of run"):
+    with pytest.raises(ProtocolError, match=r"KEEP came|is of run"):
         participant.accept_keep(Grant(run_id, tick, Command.KEEP))

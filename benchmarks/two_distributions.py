@@ -86,7 +86,7 @@ def make_environment(prefix: Path) -> None:
     lists = [word for name in ("run", "build") for word in ("-r", str(ROOT / f"requirements/{name}.txt"))]
     pip = [prefix / "bin/python", "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
     environment = clean_environment(prefix)
-    subprocess.run([*pip, *lists, "-c", constraints], check=True, env=environment)
+    subprocess.run([*pip, *lists, *KILTED, "-c", constraints], check=True, env=environment)
     messages = [*pip, "--no-build-isolation", "--no-deps", "--force-reinstall", str(ROOT / "msg_defs")]
     subprocess.run(messages, check=True, env=environment)
     (prefix / "ready").touch()

@@ -17,7 +17,7 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from ..coupling.ending import Ending, interrupted
+from ..coupling.ending import KEEP_S, SIGNAL_STATUS, Ending, interrupted
 from ..coupling.protocol import COUPLER, RECORDER
 from ..errors import InputError, RunError
 from ..recording.checkpoint import read_checkpoint
@@ -148,7 +148,8 @@ def _wait(service: Service, lifeline: Lifeline) -> None:
     """Waits for the service; one that does not come back from its engine is left behind."""
     while service.is_alive() and lifeline.stop is None and not lifeline.lost:
         service.join(0.2)
-    service.join(GRACE_S + LAST_WORD_S)
+    interrupted_run = lifeline.stop is not None and lifeline.stop.exit_status > SIGNAL_STATUS
+    service.join(GRACE_S + LAST_WORD_S + (KEEP_S if interrupted_run else 0.0))
     if service.is_alive():
         ending = lifeline.stop or Ending(RunError.exit_status, lifeline.lost)
         print(f"{service.name}: {ending.reason}", file=sys.stderr, flush=True)

@@ -65,7 +65,7 @@ bench: setup  ## cost of engines and lockstep, beside the peers that are install
 	$(bin)/python -m benchmarks.peers.compare
 	$(bin)/python -m benchmarks.peers.plate_drag
 	$(bin)/subsoil bench mechanism
-	$(bin)/python benchmarks/lockstep.py
+	$(bin)/subsoil bench lockstep
 
 clean:  ## remove .venv and all that was built; runs/ stays
 	rm -rf $(VENV) build install log *.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
@@ -88,7 +88,7 @@ $(prefix)/.set-up-packages: $(wildcard requirements/*.txt)
 	$(pip) install --quiet $(patsubst %,-r requirements/%.txt,run build dev) -c requirements/lock.txt
 	touch $@
 
-$(prefix)/.set-up-messages: $(prefix)/.set-up-packages $(wildcard msg_defs/* msg_defs/msg/*.msg)
+$(prefix)/.set-up-messages: $(prefix)/.set-up-packages $(wildcard msg_defs/* msg_defs/msg/*.msg msg_defs/srv/*.srv)
 	$(ros_prefix) $(pip) install --quiet --no-build-isolation --no-deps --force-reinstall ./msg_defs
 	touch $@
 

@@ -16,7 +16,7 @@ import numba
 from llvmlite.binding import get_host_cpu_features
 
 _PACKAGE = Path(__file__).parent
-KERNEL_FOLDERS = (_PACKAGE / "dem", _PACKAGE / "mbd")
+KERNEL_FOLDERS = (_PACKAGE / "dem", _PACKAGE / "mbd", _PACKAGE / "resistance")
 
 
 def kernel_cache_folder(sources: Iterable[Path] = KERNEL_FOLDERS) -> Path:

@@ -143,7 +143,7 @@ def _row(scene: Scene, records: dict[type, Any]) -> Cells:
         yield from _mechanism(scene, state)
     yield from _tools(records[ToolMotions], wrenches)
     soil: SoilState | None = records.get(SoilState)
-    if soil is not None:
+    if soil is not None and scene.particle_soil is not None:  # a reduced soil has nothing of it
         yield from ((f"soil.{name}", getattr(soil, name)) for name in _SOIL_COLUMNS)
     yield from ((f"coupling.{name}", getattr(report, name)) for name in _COUPLING_COLUMNS)
 

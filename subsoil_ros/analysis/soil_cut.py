@@ -29,7 +29,7 @@ _TOOL_EDGE, _TOOL_FILL = "#202020", "#d9d9d9"
 
 def draw_soil_cut(bag: Path, resolved: ResolvedScene, path: Path, span_s: tuple[float, float]) -> Path | None:
     """Draws the cut at the clouds nearest to start, middle and end of `span_s` [s]; None without clouds."""
-    soil = resolved.scene.soil
+    soil = resolved.scene.particle_soil
     if soil is None:
         return None
     reader = open_record(bag)

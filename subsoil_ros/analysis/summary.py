@@ -160,6 +160,11 @@ def _lines(scene: Scene, summary: Summary) -> list[tuple[str, str, float, int, p
     return [line for line in lines if f"{line[1]}_mean" in summary]
 
 
+def _soil_words(summary: Summary) -> str:
+    count = summary["particle_count"]
+    return f"{count} particles" if count else "no particles"
+
+
 def _facts(summary: Summary, compared: bool) -> list[str]:
     window = summary["window"]
     if window["whole_run"]:
@@ -169,7 +174,7 @@ def _facts(summary: Summary, compared: bool) -> list[str]:
     whole = f" ({summary['whole_wall_s']:.1f} s with start-up)" if "whole_wall_s" in summary else ""
     lines = [
         f"mean, min, max, range: {span}; run min, run max: everything recorded",
-        f"{summary['particle_count']} particles, {summary['steps']} steps, {summary['wall_s']:.1f} s wall "
+        f"{_soil_words(summary)}, {summary['steps']} steps, {summary['wall_s']:.1f} s wall "
         f"time{whole}, real-time factor {summary['real_time_factor']:.3g}",
         f"interface energy residual {summary['interface_residual_joule']:.3g} J, "
         f"{100.0 * summary['interface_residual_ratio']:.3g} % of the work done there",

@@ -1,4 +1,4 @@
-"""subsoil bench mechanism|soil: CPU time of the engines; of the mechanism also beside Exudyn."""
+"""subsoil bench mechanism|soil|lockstep: cost of the engines and of the exchange, beside peers."""
 
 import argparse
 import json
@@ -12,12 +12,12 @@ from ..mbd.benchmark import ChainCost, chain_costs, machine_cost
 from ..mbd.exudyn_peer import exudyn_cost
 from .preparation import KernelAnnouncer
 
-SUMMARY = "measure the CPU time of an engine"
+SUMMARY = "measure the cost of an engine, or of the lockstep between the nodes"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `subsoil bench`."""
-    parser.add_argument("engine", choices=["mechanism", "soil"], help="what to measure")
+    parser.add_argument("engine", choices=["mechanism", "soil", "lockstep"], help="what to measure")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
     parser.add_argument(
         "--largest",
@@ -26,7 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="mechanism: most bodies of the chain (default 200)",
     )
-    parser.add_argument("--quick", action="store_true", help="soil: only beds of about 9,000 particles")
+    parser.add_argument(
+        "--quick", action="store_true", help="soil: only beds of about 9,000 particles; lockstep: few ticks"
+    )
     parser.add_argument("--large", action="store_true", help="soil: up to 1,000,000 particles")
 
 
@@ -36,6 +38,10 @@ def run(args: argparse.Namespace) -> int:
         from . import bench_soil  # the other engine needs none of it
 
         return bench_soil.run(args)
+    if args.engine == "lockstep":
+        from . import bench_lockstep
+
+        return bench_lockstep.run(args)
     with KernelAnnouncer():
         return _mechanism(args)
 

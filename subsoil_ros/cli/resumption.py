@@ -22,6 +22,11 @@ def find_checkpoint(directory: Path, resolved: ResolvedScene) -> Checkpoint:
     Raises:
         InputError: there is none for this scene.
     """
+    if resolved.scene.controller is not None:
+        raise InputError(
+            f"--resume {directory}: the scene has a controller, whose state is in no checkpoint; run it "
+            "from the start"
+        )
     if not directory.is_dir():
         raise InputError(f"--resume {directory}: no such folder; name one that `subsoil run` made")
     try:

@@ -4,10 +4,11 @@ import time
 from collections.abc import Callable
 from typing import Any, Protocol
 
-from ..messages import Command, Grant, ToolMotions, ToolWrenches
+from ..messages import Command, Grant, MechanismState, ToolMotions, ToolWrenches
 from ..recording.checkpoint import Checkpoint
 from ..scene.loader import ResolvedScene
 from ..ticks import INITIAL_TICK, tick_end_ns
+from .control import Controller
 from .ending import interrupted
 from .engines import Mechanism, Mover, Soil
 from .exchange import InterfaceWork, account_of
@@ -34,12 +35,14 @@ def run_direct(
     stop_signal: Callable[[], int] = lambda: 0,
     keeper: Keeper | None = None,
     resumed: Checkpoint | None = None,
+    controller: Controller | None = None,
 ) -> None:
     """Runs a scene from tick 0, or from where another run stood, to its last tick, writing every record.
 
     Args:
         mover: the mechanism of the scene, or the paths of its tools.
         on_tick: called after each tick is written.
+        controller: of the scene, if it names one.
         stop_signal: asked before each tick; a signal's number other than 0 ends the run there.
         keeper: writes checkpoints, when they are due and on a signal; None: there are none.
         resumed: where to go on.
@@ -50,10 +53,12 @@ def run_direct(
     """
     interval_ns = resolved.timing.interval_ns
     schedule = schedule_of(resolved.scene, resolved.timing)
+    parallel = resolved.scene.coupling.scheme == "parallel"
     mechanism: Mechanism | None = mover if resolved.scene.mechanism is not None else None  # type: ignore[assignment]
     part = mover_part(resolved.scene)
     state = _first_state(mover, soil, part, resumed)
     account = account_of(resolved.scene, state.motions, state.wrenches, state.work)
+    machine: MechanismState | None = None  # at the last series tick
     start = time.monotonic() - state.wall_time_s
 
     def keep() -> None:
@@ -72,19 +77,25 @@ def run_direct(
             keep()
             raise interrupted(signal_number).error()
         end_ns = tick_end_ns(tick, interval_ns)
+        command = None
+        if controller is not None and mechanism is not None and machine and schedule.control_due(tick):
+            command = controller.command(tick, machine)
+            mechanism.command(command)
         motions, wrenches = mover.advance(tick, state.wrenches), state.wrenches
         if soil is not None:
-            wrenches = soil.advance(tick, motions)
+            wrenches = soil.advance(tick, state.motions if parallel else motions)
         work = account.add(motions, wrenches)
         wall_time_s = time.monotonic() - start
-        command = Command.END if tick == schedule.last_tick else Command.RUN
-        sink.write(Grant(run_id, tick, command))
+        sink.write(Grant(run_id, tick, Command.END if tick == schedule.last_tick else Command.RUN))
+        if command is not None:
+            sink.write(command)
         sink.write(ToolMotions(run_id, tick, end_ns, motions))
         if soil is not None:
             sink.write(ToolWrenches(run_id, tick, end_ns, wrenches))
         if schedule.series_due(tick):
             if mechanism is not None:
-                sink.write(mechanism.state(run_id, tick, end_ns))
+                machine = mechanism.state(run_id, tick, end_ns)
+                sink.write(machine)
             if soil is not None:
                 sink.write(soil.state(run_id, tick, end_ns))
             sink.write(work.report(run_id, tick, interval_ns, wall_time_s))

@@ -5,10 +5,9 @@ from typing import Any, Protocol
 
 from numpy.typing import NDArray
 
-from ..dem.engine import SoilEngine
 from ..mbd.engine import MechanismEngine
 from ..mbd.path import PathEngine
-from ..messages import MechanismState, SoilCloud, SoilState, ToolMotion, ToolWrench
+from ..messages import DriverCommand, MechanismState, SoilCloud, SoilState, ToolMotion, ToolWrench
 from ..scene.loader import ResolvedScene
 
 
@@ -41,10 +40,14 @@ class Mover(Resumable, Protocol):
 
 
 class Mechanism(Mover, Protocol):
-    """A mover with a state of its own to record."""
+    """A mover with a state of its own to record, and perhaps a driver that a controller commands."""
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> MechanismState:
         """The state at the end of `tick`."""
+        ...
+
+    def command(self, command: DriverCommand) -> None:
+        """Takes a controller's command for the tick that is advanced next."""
         ...
 
 
@@ -81,7 +84,13 @@ def build_paths(resolved: ResolvedScene) -> Mover:
 
 
 def build_soil(resolved: ResolvedScene, threads: int) -> Soil | None:
-    """The scene's soil; None if it names none."""
+    """The scene's soil; None if it names none. Only the engine that is named is imported."""
     if resolved.scene.soil is None:
         return None
+    if resolved.scene.reduced_soil is not None:
+        from ..resistance.engine import ResistanceEngine
+
+        return ResistanceEngine(resolved)
+    from ..dem.engine import SoilEngine
+
     return SoilEngine(resolved, threads)

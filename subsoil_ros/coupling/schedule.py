@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from ..scene.limits import Timing
 from ..scene.model import Scene
-from ..ticks import NANOSECONDS_PER_SECOND
+from ..ticks import NANOSECONDS_PER_SECOND, is_control_tick
 
 
 @dataclass(frozen=True)
@@ -15,6 +15,7 @@ class Schedule:
     series_ticks: int
     cloud_ticks: int  # 0: no clouds
     checkpoint_ticks: int = 0  # 0: no checkpoints
+    control_ticks: int = 0  # 0: no controller
 
     @property
     def last_tick(self) -> int:
@@ -24,6 +25,10 @@ class Schedule:
     def series_due(self, tick: int) -> bool:
         """Whether states, reports, poses and wrenches of `tick` are recorded."""
         return (tick + 1) % self.series_ticks == 0 or tick == self.last_tick
+
+    def control_due(self, tick: int) -> bool:
+        """Whether a controller commands `tick`."""
+        return is_control_tick(tick, self.control_ticks)
 
     def cloud_due(self, tick: int) -> bool:
         """Whether the soil's cloud at the end of `tick` is recorded."""
@@ -41,10 +46,13 @@ class Schedule:
 def schedule_of(scene: Scene, timing: Timing) -> Schedule:
     """The schedule a scene asks for; clouds and checkpoints at the nearest multiple of the tick."""
     cloud_ticks = 0
-    if scene.soil is not None and scene.record.cloud_hz > 0.0:
+    if scene.particle_soil is not None and scene.record.cloud_hz > 0.0:
         cloud_ticks = max(1, round(NANOSECONDS_PER_SECOND / (scene.record.cloud_hz * timing.interval_ns)))
     checkpoint_ticks = 0
     if scene.record.checkpoint_s > 0.0:
         ticks = round(scene.record.checkpoint_s * NANOSECONDS_PER_SECOND / timing.interval_ns)
         checkpoint_ticks = max(1, ticks)
-    return Schedule(timing.tick_count, scene.record.series_ticks, cloud_ticks, checkpoint_ticks)
+    control_ticks = scene.controller.interval_ticks if scene.controller is not None else 0
+    return Schedule(
+        timing.tick_count, scene.record.series_ticks, cloud_ticks, checkpoint_ticks, control_ticks
+    )

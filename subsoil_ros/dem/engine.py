@@ -40,7 +40,7 @@ class SoilEngine:
     def __init__(
         self, resolved: ResolvedScene, threads: int = 1, *, book: bool = False, bed: Bed | None = None
     ) -> None:
-        soil = resolved.scene.soil
+        soil = resolved.scene.particle_soil
         if soil is None:
             raise InputError(f"{resolved.path}: has no 'soil', so it needs no soil engine")
         if not 1 <= threads <= numba.config.NUMBA_NUM_THREADS:

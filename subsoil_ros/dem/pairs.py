@@ -45,7 +45,7 @@ def history_blocks(pairs: int, kind: type) -> np.ndarray:
 def _on_lines(count: int, kind: type) -> np.ndarray:
     """`count` zeros from the start of a cache line on."""
     spare = _LINE_BYTES // np.dtype(kind).itemsize
-    numbers = np.zeros(count + spare, kind)
+    numbers: np.ndarray = np.zeros(count + spare, kind)
     first = -numbers.ctypes.data % _LINE_BYTES // numbers.itemsize
     return numbers[first : first + count]
 

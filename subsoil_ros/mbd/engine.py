@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import PhysicsError, ProtocolError, RunError, SceneError, SingularMechanismError
-from ..messages import MechanismState, ToolMotion, ToolWrench
+from ..messages import DriverCommand, MechanismState, ToolMotion, ToolWrench
 from ..scene.model import Scene
 from ..ticks import INITIAL_TICK, tick_end_s
 from .advance import advance_tick
@@ -15,6 +15,7 @@ from .assembly import Start, assemble, weakest_joints
 from .closure import Closure
 from .constraints import evaluate_residual, turns_of
 from .diagnostics import mechanism_state
+from .driving import Ramp, next_ramp, write_ramp
 from .stability import refuse_unstable_step
 from .tables import (
     CONTRADICTION,
@@ -22,6 +23,8 @@ from .tables import (
     NOT_CLOSED,
     NOT_SOLVED,
     OK,
+    PAST_COUNT,
+    RESTART_COUNT,
     SINGULAR,
     State,
     make_state,
@@ -55,6 +58,13 @@ class MechanismEngine:
         self._tools = [(name, tool.lateral_m) for name, tool in scene.tools.items()]
         self._tool_bodies = [self._machine.bodies.index(str(tool.body)) for tool in scene.tools.values()]
         self._tick = INITIAL_TICK
+        self._controller = scene.controller
+        self.ramp: Ramp | None = None
+        if scene.controller is not None:
+            driver = self._machine.joints.index(scene.controller.driver)
+            self._commanded_law = int(self._machine.model.joints[driver]["law"])
+            speed = float(scene.mechanism.joints[scene.controller.driver].speed.value)  # type: ignore[union-attr]
+            self.ramp = Ramp(0.0, speed, 0.0, speed, 0.0)
         self.topology = Topology.of(start)
         self._begin(start)
 
@@ -94,6 +104,30 @@ class MechanismEngine:
             raise self._fault(int(status), start)
         self._tick = tick
         return self._motions()
+
+    def command(self, command: DriverCommand) -> None:
+        """Takes a controller's command for the tick to be advanced next.
+
+        The driver's speed reaches that of the command at the end of the control interval, linearly.
+
+        Raises:
+            ProtocolError: nothing is to be commanded, or not now, or another driver.
+            PhysicsError: a speed that is no number, or beyond the controller's limits, or a jump.
+        """
+        if self._controller is None or self.ramp is None:
+            raise ProtocolError(f"driver_command: tick {command.tick} came, but the scene has no controller")
+        if command.tick != self._tick + 1:
+            raise ProtocolError(
+                f"driver_command: tick {command.tick} came where tick {self._tick + 1} is due"
+            )
+        start_s = tick_end_s(self._tick, self._interval_ns)
+        interval_s = self._controller.interval_ticks * self._interval_ns * 1e-9
+        before = self.ramp.acceleration
+        self.ramp = next_ramp(self.ramp, command, self._controller, start_s, interval_s)
+        write_ramp(self._machine.model.laws, self._commanded_law, self.ramp)
+        if self.ramp.acceleration != before:  # a corner of the driver's law: history does not reach across
+            self._state.counters[PAST_COUNT] = 0
+            self._state.counters[RESTART_COUNT] += 1
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> MechanismState:
         """The whole machine as it stands now, stamped with what the caller says."""

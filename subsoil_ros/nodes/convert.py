@@ -9,10 +9,9 @@ from functools import cache
 from importlib import import_module
 from typing import Any
 
-from ..messages import ToolMotions, ToolWrenches
 from ..recording.conversion import from_message, message_type, to_message
 from ..recording.types import deserialize, message_class, serialize
-from .tick_codec import TickCodec
+from .tick_codec import TICKED, TickCodec
 
 
 @cache
@@ -29,8 +28,8 @@ def class_of(kind: type) -> Any:
 
 def writer(kind: type, interval_ns: int) -> Callable[[Any], bytes]:
     """The function that gives the CDR bytes of records of `kind`."""
-    if kind in (ToolMotions, ToolWrenches):
-        return TickCodec(kind).encode
+    if kind in TICKED:
+        return TickCodec(kind, interval_ns).encode
     return lambda record: to_bytes(record, interval_ns)
 
 
@@ -39,9 +38,9 @@ def to_bytes(record: Any, interval_ns: int) -> bytes:
     return serialize(to_message(message_class, record, interval_ns))
 
 
-def reader(kind: type) -> Callable[[bytes], Any]:
+def reader(kind: type, interval_ns: int) -> Callable[[bytes], Any]:
     """The function that gives the record of `kind` in CDR bytes."""
-    if kind in (ToolMotions, ToolWrenches):
-        return TickCodec(kind).decode
+    if kind in TICKED:
+        return TickCodec(kind, interval_ns).decode
     name = message_type(kind)
     return lambda cdr: from_message(kind, deserialize(cdr, name))

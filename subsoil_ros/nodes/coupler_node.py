@@ -9,11 +9,29 @@ from rclpy.context import Context
 
 from ..coupling.ending import KEEP_S, SIGNAL_STATUS, Ending
 from ..coupling.exchange import InterfaceAccount, account_of
-from ..coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL, Coupler, FinishedTick, participants
+from ..coupling.protocol import (
+    CONTROLLER,
+    COUPLER,
+    MECHANISM,
+    RECORDER,
+    SOIL,
+    Coupler,
+    FinishedTick,
+    needed_capabilities,
+)
 from ..coupling.resumption import CouplingState
 from ..coupling.schedule import schedule_of
 from ..errors import RunError
-from ..messages import CouplingReport, Grant, NodeHello, NodeState, TickAck, ToolMotions, ToolWrenches
+from ..messages import (
+    CouplingReport,
+    DriverCommand,
+    Grant,
+    NodeHello,
+    NodeState,
+    TickAck,
+    ToolMotions,
+    ToolWrenches,
+)
 from ..recording.standard import clock
 from ..recording.topics import CLOCK
 from ..recording.types import message_class, serialize
@@ -21,6 +39,7 @@ from ..ticks import INITIAL_TICK, tick_end_ns
 from .convert import rclpy_class
 from .lifeline import STARTUP_S, Lifeline, NodeRun
 from .lockstep_node import LockstepNode, one_line
+from .pause_services import PauseServices
 from .process import NodeSettings, report_to_supervisor, run_process
 from .qos import PEOPLE_QOS
 
@@ -49,10 +68,12 @@ class CouplerNode(LockstepNode):
         lifeline: Lifeline,
         context: Context | None = None,
         on_progress: Callable[[int], None] = lambda tick: None,
+        paused: bool = False,
     ) -> None:
         super().__init__(COUPLER, run, lifeline, context)
         scene, timing = run.resolved.scene, run.resolved.timing
-        names = participants(scene)
+        names = run.participants
+        self._schedule = schedule_of(scene, timing)
         self._coupler = Coupler(
             run.hello(COUPLER),
             names,
@@ -61,6 +82,9 @@ class CouplerNode(LockstepNode):
             scene.coupling.grant_window,
             soil=scene.soil is not None,
             first_tick=run.first_tick,
+            control_ticks=self._schedule.control_ticks,
+            needed=needed_capabilities(scene),
+            paused=paused,
         )
         self._keeper = run.keeper()
         self._to_commit: deque[CouplingState] = deque()  # checkpoints whose record is not yet on the disk
@@ -68,7 +92,6 @@ class CouplerNode(LockstepNode):
         self._keep_said = False
         self._keep_deadline: float | None = None  # of the checkpoint before an end by wish
         self.rest_s = REST_S if scene.coupling.grant_window >= REST_WINDOW else 0.0
-        self._schedule = schedule_of(scene, timing)
         self._on_progress = on_progress
         self._account: InterfaceAccount | None = None  # from the initial exchange
         self._progress_tick = INITIAL_TICK
@@ -83,8 +106,12 @@ class CouplerNode(LockstepNode):
         self.listen(ToolMotions, self._on_motions, (mover,))
         if scene.soil is not None:
             self.listen(ToolWrenches, self._on_wrenches, (SOIL,))
-        self.listen(TickAck, self._on_ack, (RECORDER,))
+        if run.recorded:
+            self.listen(TickAck, self._on_ack, (RECORDER,))
         self.listen(NodeHello, self._on_hello, names)
+        if scene.controller is not None:
+            self.listen(DriverCommand, self._on_command, (CONTROLLER,))
+        self._pausing = PauseServices(self, self._coupler, self._guarded(self._on_pacing))
 
     def on_poll(self) -> None:
         """Starts the run when all are ready; finds out what is late.
@@ -99,6 +126,8 @@ class CouplerNode(LockstepNode):
         elif self._coupler.done_tick != self._progress_tick:
             self._progress_tick = self._coupler.done_tick
             self._on_progress(self._progress_tick)
+        if self._coupler.standing:
+            self._last_advance = now  # no deadline while the run is paused
         allowed_s = self._allowed_s()
         if now - self._last_advance > allowed_s:
             raise RunError(f"no {self._coupler.missing()} within {allowed_s:.0f} s")
@@ -136,6 +165,7 @@ class CouplerNode(LockstepNode):
     def on_fault(self, error: BaseException) -> None:
         """Tells everybody the tick at which the record is cut, and why."""
         self._grants.publish(self.bytes_of(self._coupler.abort(one_line(error))))
+        self._pausing.refuse_waiting(f"the run has ended: {one_line(error)}")
 
     @property
     def done_tick(self) -> int:
@@ -159,8 +189,20 @@ class CouplerNode(LockstepNode):
         )
         self._last_advance = now
         self._start = now - (before.wall_time_s if before is not None else 0.0)
-        self.lifeline.say(NodeState.RUNNING)
+        self._say_pacing()
         self._grant()
+
+    def _on_pacing(self) -> None:
+        """A pause, its end, or steps were asked for."""
+        self._last_advance = time.monotonic()
+        if self._account is not None:
+            self._say_pacing()
+        self._grant()
+
+    def _say_pacing(self) -> None:
+        state = NodeState.PAUSED if self._coupler.paused else NodeState.RUNNING
+        if self.lifeline.state is not state:
+            self.lifeline.say(state)
 
     def _grant(self) -> None:
         if self._account is None:
@@ -179,6 +221,10 @@ class CouplerNode(LockstepNode):
         self._coupler.accept_wrenches(wrenches)
         self._follow()
 
+    def _on_command(self, command: DriverCommand) -> None:
+        self._coupler.accept_command(command)
+        self._follow()
+
     def _on_ack(self, ack: TickAck) -> None:
         self._coupler.accept_ack(ack)
         self._last_advance = time.monotonic()
@@ -191,6 +237,7 @@ class CouplerNode(LockstepNode):
     def _follow(self) -> None:
         while (finished := self._coupler.take_finished()) is not None:
             self._account_for(finished)
+        self._pausing.note_done()
         self._grant()
         if self._coupler.finished:
             self._end()
@@ -215,6 +262,7 @@ class CouplerNode(LockstepNode):
 
     def _end(self) -> None:
         self._on_progress(self._coupler.done_tick)
+        self._pausing.refuse_waiting("the run has ended")
         self.lifeline.say(NodeState.ENDED)
         self.lifeline.flush(END_WORD_S)
         self.finish(0)
@@ -225,8 +273,14 @@ def build(
 ) -> CouplerNode:
     """The node; under a supervisor it reports its progress there."""
     if not settings.supervised:
-        return CouplerNode(run, lifeline, context)
-    return CouplerNode(run, lifeline, context, on_progress=lambda tick: report_to_supervisor(tick=tick))
+        return CouplerNode(run, lifeline, context, paused=settings.paused)
+    return CouplerNode(
+        run,
+        lifeline,
+        context,
+        on_progress=lambda tick: report_to_supervisor(tick=tick),
+        paused=settings.paused,
+    )
 
 
 def main() -> int:

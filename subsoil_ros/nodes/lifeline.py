@@ -17,11 +17,12 @@ from rclpy.node import Node
 
 from .. import __version__
 from ..coupling.ending import Ending
-from ..coupling.protocol import COUPLER
+from ..coupling.protocol import CAPABILITIES, COUPLER, RECORDER, participants
 from ..coupling.resumption import Keeper
 from ..messages import NodeHello, NodeState, ToolMotion, ToolWrench
 from ..recording.checkpoint import Checkpoint
 from ..recording.topics import TOPIC_OF
+from ..recording.types import own_type_hashes
 from ..scene.loader import ResolvedScene
 from ..ticks import INITIAL_TICK
 from .convert import class_of, reader, to_bytes
@@ -46,6 +47,13 @@ class NodeRun:
     resolved: ResolvedScene
     checkpoints: Path | None = None  # folder for them; None: none are written
     resumed: Checkpoint | None = None  # where to go on; None: from tick 0
+    recorded: bool = True  # whether there is a recorder
+
+    @property
+    def participants(self) -> tuple[str, ...]:
+        """The nodes of the run beside the coupler."""
+        names = participants(self.resolved.scene)
+        return names if self.recorded else tuple(name for name in names if name != RECORDER)
 
     @property
     def first_tick(self) -> int:
@@ -66,6 +74,8 @@ class NodeRun:
             NodeState.STARTING,
             self.resolved.scene_hash,
             __version__,
+            own_type_hashes(),
+            CAPABILITIES.get(node, ()),
             os.getpid(),
             INITIAL_TICK,
         )
@@ -99,7 +109,7 @@ class Lifeline:
         self._subscription = node.create_subscription(
             hello_class, TOPIC_OF[NodeHello], self._on_hello, HELLO_QOS, raw=True
         )
-        self._read = reader(NodeHello)
+        self._read = reader(NodeHello, run.resolved.timing.interval_ns)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(HEARTBEAT_S, self._on_timer, clock=steady)
         self._closing = threading.Event()

@@ -8,10 +8,11 @@ from typing import Any
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy
 from rclpy.subscription import Subscription
 
 from ..coupling.ending import Ending
-from ..coupling.protocol import COUPLER
+from ..coupling.protocol import COUPLER, RECORDER
 from ..errors import RunError, SubsoilError
 from ..messages import Grant, NodeHello, NodeState
 from ..recording.topics import TOPIC_OF
@@ -60,7 +61,7 @@ class LockstepNode(Node):
     def listen(self, kind: type, handle: Callable[[Any], None], partners: tuple[str, ...]) -> None:
         """Hands records of `kind`, from the nodes named, to `handle`."""
 
-        read = reader(kind)
+        read = reader(kind, self._interval_ns)
         self.listen_raw(kind, lambda cdr: handle(read(cdr)), partners)
 
     def listen_raw(self, kind: type, handle: Callable[[bytes], None], partners: tuple[str, ...]) -> None:
@@ -73,6 +74,8 @@ class LockstepNode(Node):
     def publisher(self, kind: type, partners: tuple[str, ...]) -> Publisher:
         """A publisher of records of `kind` that the nodes named must be listening to before tick 0."""
         publisher = self.create_publisher(class_of(kind), TOPIC_OF[kind], qos_of(kind))
+        if not self.run.recorded:
+            partners = tuple(name for name in partners if name != RECORDER)
         self._partners.append((publisher, partners))
         self._writers[kind] = writer(kind, self._interval_ns)
         return publisher
@@ -138,8 +141,12 @@ class LockstepNode(Node):
     def _has_found(self, endpoint: Publisher | Subscription, names: tuple[str, ...]) -> bool:
         if isinstance(endpoint, Subscription):
             return endpoint.get_publisher_count() >= len(names)
-        listeners = {info.node_name for info in self.get_subscriptions_info_by_topic(endpoint.topic_name)}
-        return endpoint.get_subscription_count() >= len(names) and listeners.issuperset(names)
+        listeners = self.get_subscriptions_info_by_topic(endpoint.topic_name)
+        # somebody else may listen too; who asks for kept messages is never matched
+        can_match = [
+            item.node_name for item in listeners if item.qos_profile.durability == DurabilityPolicy.VOLATILE
+        ]
+        return set(can_match).issuperset(names) and endpoint.get_subscription_count() >= len(can_match)
 
     def _poll(self) -> None:
         stop = self.lifeline.stop

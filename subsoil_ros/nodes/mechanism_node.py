@@ -3,11 +3,20 @@
 from rclpy.context import Context
 
 from ..coupling.engines import Mechanism, build_mechanism
-from ..coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL, Needs, Participant
+from ..coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL, Needs, Participant
 from ..coupling.resumption import restore_engine
 from ..coupling.schedule import schedule_of
 from ..errors import SceneError
-from ..messages import Command, Grant, MechanismState, NodeHello, NodeState, ToolMotions, ToolWrenches
+from ..messages import (
+    Command,
+    DriverCommand,
+    Grant,
+    MechanismState,
+    NodeHello,
+    NodeState,
+    ToolMotions,
+    ToolWrenches,
+)
 from ..ticks import tick_end_ns
 from .lifeline import Lifeline, NodeRun
 from .lockstep_node import LockstepNode
@@ -27,18 +36,26 @@ class MechanismNode(LockstepNode):
         self._with_soil = scene.soil is not None
         needs = Needs.WRENCHES if self._with_soil else Needs.NOTHING
         self._participant = Participant(
-            run.run_id, timing.tick_count, needs, tuple(scene.tools), run.first_tick
+            run.run_id,
+            timing.tick_count,
+            needs,
+            tuple(scene.tools),
+            self._schedule.control_ticks,
+            run.first_tick,
         )
         self._keeper = run.keeper()
         listeners = (SOIL, COUPLER, RECORDER) if self._with_soil else (COUPLER, RECORDER)
         self._motions = self.publisher(ToolMotions, listeners)
-        self._states = self.publisher(MechanismState, (RECORDER,))
+        controllers = (CONTROLLER,) if scene.controller is not None else ()
+        self._states = self.publisher(MechanismState, (RECORDER, *controllers))
         self._initial_motions = engine.initial_motions()
         self.lifeline.say(NodeState.STARTING, motions=self._initial_motions)
         self.listen(NodeHello, self._on_hello, ())
         self.listen(Grant, self._on_grant, (COUPLER,))
         if self._with_soil:
             self.listen(ToolWrenches, self._on_wrenches, (SOIL,))
+        if controllers:
+            self.listen(DriverCommand, self._on_command, controllers)
         self._started = not self._with_soil
 
     def on_poll(self) -> None:
@@ -49,7 +66,7 @@ class MechanismNode(LockstepNode):
     def _on_hello(self, hello: NodeHello) -> None:
         if hello.node == SOIL and hello.state is NodeState.READY and hello.run_id == self.run.run_id:
             if not self._started:
-                self._participant.start(hello.initial_wrenches)
+                self._participant.start(wrenches=hello.initial_wrenches)
                 self._started = True
         else:
             self.follow_coupler_end(hello)
@@ -69,10 +86,16 @@ class MechanismNode(LockstepNode):
         self._participant.accept_wrenches(wrenches)
         self._work()
 
+    def _on_command(self, command: DriverCommand) -> None:
+        self._participant.accept_command(command)
+        self._work()
+
     def _work(self) -> None:
         while (work := self._participant.next_work()) is not None:
             tick = work.tick
             end_ns = tick_end_ns(tick, self._interval_ns)
+            if work.command is not None:
+                self._engine.command(work.command)
             motions = self._engine.advance(tick, work.wrenches)
             if self._keeper is not None and self._keeper.due(tick):
                 self._keep(tick)  # before the answer: who has it knows that the part is there

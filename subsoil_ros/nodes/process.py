@@ -18,7 +18,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from ..coupling.ending import KEEP_S, SIGNAL_STATUS, Ending, interrupted
-from ..coupling.protocol import COUPLER, participants
+from ..coupling.protocol import COUPLER, RECORDER
 from ..errors import InputError, RunError
 from ..recording.checkpoint import read_checkpoint
 from ..scene.loader import ResolvedScene, load_scene
@@ -38,7 +38,9 @@ class NodeSettings:
     run_id: str
     threads: int
     bag: str
+    recorded: bool
     supervised: bool
+    paused: bool = False
     checkpoints: str = ""
     resume: str = ""
 
@@ -53,6 +55,7 @@ class NodeSettings:
             resolved,
             Path(self.checkpoints) if self.checkpoints else None,
             read_checkpoint(Path(self.resume), resolved.scene_hash) if self.resume else None,
+            self.recorded,
         )
 
 
@@ -63,6 +66,8 @@ _DESCRIPTIONS: dict[str, tuple[Any, str]] = {
     "bag": ("", "folder for the recorder's bag; it must not exist"),
     "checkpoints": ("", "folder for checkpoints, the same for all nodes; empty: none are written"),
     "resume": ("", "checkpoint to go on from, the same for all nodes; empty: from tick 0"),
+    "paused": (False, "the coupler: grant no tick before a call of its services resume or step"),
+    "recorded": (True, "whether the run has a recorder, the same for all nodes"),
     "supervised": (False, "end when standard input ends, take wishes to stop from it"),
 }
 
@@ -86,7 +91,7 @@ def read_settings(node: Node) -> NodeSettings:
 
 def watched_by(name: str, run: NodeRun) -> tuple[str, ...]:
     """Whose silence ends a node."""
-    return participants(run.resolved.scene) if name == COUPLER else (COUPLER,)
+    return run.participants if name == COUPLER else (COUPLER,)
 
 
 def report_to_supervisor(**event: Any) -> None:
@@ -101,6 +106,8 @@ def run_process(name: str, build: Callable[..., LockstepNode]) -> int:
     Args:
         build: makes the node from its NodeSettings, NodeRun and Lifeline.
     """
+    if name in (COUPLER, RECORDER) and hasattr(os, "SCHED_BATCH"):
+        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))  # waking, they push no engine aside
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     node = Node(f"{name}_process")

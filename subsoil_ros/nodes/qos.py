@@ -8,12 +8,16 @@ from ..recording.topics import LOCKSTEP_DEPTH
 
 LOCKSTEP_QOS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    durability=DurabilityPolicy.VOLATILE,
     history=HistoryPolicy.KEEP_LAST,
     depth=LOCKSTEP_DEPTH,
 )
 """Lockstep messages and the states recorded with them. The recorder is never further behind than
-ACK_LAG_TICKS, so nothing leaves the history before it has arrived."""
+ACK_LAG_TICKS, so nothing leaves the history before it has arrived.
+
+Volatile: nobody may join late, all endpoints are matched before tick 0. A history that is kept for
+late-comers is always full, and Fast DDS then asks every reader for an acknowledgement with every message.
+"""
 
 HELLO_QOS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,

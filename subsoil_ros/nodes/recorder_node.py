@@ -8,12 +8,13 @@ from pathlib import Path
 
 from rclpy.context import Context
 
-from ..coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL, RecordBarrier
+from ..coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL, RecordBarrier
 from ..coupling.schedule import schedule_of
 from ..errors import InputError, ProtocolError, RunError
 from ..messages import (
     Command,
     CouplingReport,
+    DriverCommand,
     Grant,
     MechanismState,
     NodeHello,
@@ -36,7 +37,7 @@ from .process import NodeSettings, run_process
 CUT_S = 2.0
 """After an abort, time for messages of the last finished tick to come in."""
 
-_LOCKSTEP = (Grant, ToolMotions, ToolWrenches)
+_LOCKSTEP = (Grant, DriverCommand, ToolMotions, ToolWrenches)
 
 
 def due_topics(resolved: ResolvedScene) -> Callable[[int], tuple[str, ...]]:
@@ -53,12 +54,14 @@ def due_topics(resolved: ResolvedScene) -> Callable[[int], tuple[str, ...]]:
         states.append(SoilState)
     states.append(CouplingReport)
     every = tuple(TOPIC_OF[kind] for kind in lockstep)
+    command = (TOPIC_OF[DriverCommand],)
     series = tuple(TOPIC_OF[kind] for kind in states)
     cloud = (TOPIC_OF[SoilCloud],)
 
     def due(tick: int) -> tuple[str, ...]:
         states_due = series if schedule.series_due(tick) else ()
-        return every + states_due + (cloud if schedule.cloud_due(tick) else ())
+        commands_due = command if schedule.control_due(tick) else ()
+        return every + commands_due + states_due + (cloud if schedule.cloud_due(tick) else ())
 
     return due
 
@@ -100,7 +103,7 @@ class RecorderNode(LockstepNode):
         self._cut_deadline = 0.0
         self._acks = self.publisher(TickAck, (COUPLER,))
         self.listen(NodeHello, self.follow_coupler_end, ())
-        self._read_grant = reader(Grant)
+        self._read_grant = reader(Grant, self._interval_ns)
         mover = MECHANISM if scene.mechanism is not None else SOIL
         self.listen_raw(Grant, self._on_grant, (COUPLER,))
         sources: list[tuple[type, str]] = [(ToolMotions, mover), (CouplingReport, COUPLER)]
@@ -108,6 +111,8 @@ class RecorderNode(LockstepNode):
             sources.append((MechanismState, MECHANISM))
         if scene.soil is not None:
             sources += [(ToolWrenches, SOIL), (SoilState, SOIL), (SoilCloud, SOIL)]
+        if scene.controller is not None:
+            sources.append((DriverCommand, CONTROLLER))
         for kind, source in sources:
             self.listen_raw(kind, partial(self._on_message, kind), (source,))
 

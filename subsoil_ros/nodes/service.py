@@ -1,5 +1,6 @@
 """One thread that builds a node and serves it."""
 
+import gc
 import threading
 from collections.abc import Callable
 
@@ -28,6 +29,8 @@ class Service(threading.Thread):
             self._lifeline.say(NodeState.FAULT, self.ending.reason)
             self._lifeline.flush(LAST_WORD_S)
             return
+        gc.collect()
+        gc.freeze()  # what the node is made of stays; collections pass it by
         node.spin()
         self.ending = node.ending
         node.destroy_node()

@@ -4,6 +4,7 @@ from typing import Any
 
 from ..messages import (
     CouplingReport,
+    DriverCommand,
     Grant,
     MechanismState,
     NodeHello,
@@ -25,6 +26,7 @@ TOPIC_OF: dict[type, str] = {
     NodeHello: "node_hello",
     TickAck: "tick_ack",
     Grant: "grant",
+    DriverCommand: "driver_command",
     ToolMotions: "tool_motions",
     ToolWrenches: "tool_wrenches",
     MechanismState: "mechanism_state",
@@ -71,7 +73,7 @@ def qos_profile(topic: str) -> dict[str, Any]:
         "history": "keep_last",
         "depth": LOCKSTEP_DEPTH if lockstep else 10,
         "reliability": "reliable",
-        "durability": "transient_local" if lockstep else "volatile",
+        "durability": "volatile",
         "deadline": dict(unlimited),
         "lifespan": dict(unlimited),
         "liveliness": "automatic",

@@ -1,10 +1,12 @@
 """The coupler's side: grants ticks, follows their completion, ends the run."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ...errors import ProtocolError, RunError
 from ...messages import (
     Command,
+    DriverCommand,
     Grant,
     NodeHello,
     NodeState,
@@ -14,9 +16,11 @@ from ...messages import (
     ToolWrench,
     ToolWrenches,
 )
-from ...ticks import INITIAL_TICK
-from .names import ACK_LAG_TICKS, RECORDER, SOIL
-from .streams import AnswerStream, Stream, refuse_other_tools
+from ...ticks import INITIAL_TICK, is_control_tick
+from .handshake import check_hello
+from .names import ACK_LAG_TICKS, CONTROLLER, RECORDER, SOIL
+from .pacing import Pacing
+from .streams import AnswerStream, CommandStream, Stream, refuse_other_tools
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,9 @@ class Coupler:
         names: of the participants that must be ready before tick 0.
         soil: whether wrenches are part of a tick.
         first_tick: later than 0 where the run goes on from another.
+        control_ticks: a controller's command is part of a tick every so many; 0: of none.
+        needed: by node, what it must be able to do (handshake.needed_capabilities).
+        paused: no tick is granted before `resume` or `step`.
     """
 
     def __init__(
@@ -46,10 +53,13 @@ class Coupler:
         grant_window: int,
         soil: bool,
         first_tick: int = 0,
+        control_ticks: int = 0,
+        needed: Mapping[str, Mapping[str, str]] | None = None,
+        paused: bool = False,
     ) -> None:
         self.last_tick = tick_count - 1
         self.done_tick = first_tick - 1
-        self.acknowledged_tick = first_tick - 1
+        self.acknowledged_tick = first_tick - 1 if RECORDER in names else self.last_tick
         self.abort_grant: Grant | None = None
         self.initial_motions: tuple[ToolMotion, ...] = ()
         self.initial_wrenches: tuple[ToolWrench, ...] = ()
@@ -62,10 +72,14 @@ class Coupler:
         self._waiting = set(names)
         self._names = names
         self._process_ids: dict[str, int] = {}
+        self._needed = needed or {}
+        self._pacing = Pacing(first_tick - 1 if paused else None)
+        self._control_ticks = control_ticks
         run_id = hello.run_id
         self._acks = Stream("tick_ack", run_id, tick_count)
         self._motions = AnswerStream[ToolMotions]("tool_motions", run_id, tick_count, tools, first_tick)
         self._wrenches = AnswerStream[ToolWrenches]("tool_wrenches", run_id, tick_count, tools, first_tick)
+        self._commands = CommandStream(run_id, tick_count, control_ticks)
 
     @property
     def ready(self) -> bool:
@@ -82,7 +96,7 @@ class Coupler:
 
         Raises:
             RunError: the participant reports a fault.
-            ProtocolError: it is of another run, scene or version, or there are two of its name.
+            ProtocolError: it is of another run, or does not fit (handshake), or there are two of its name.
         """
         if hello.node not in self._names:
             return
@@ -94,14 +108,7 @@ class Coupler:
             )
         if hello.state is NodeState.FAULT:
             raise RunError(f"{hello.node}: {hello.message}")
-        for key, own, given in (
-            ("scene", self._own.scene_hash, hello.scene_hash),
-            ("version", self._own.package_version, hello.package_version),
-        ):
-            if own != given:
-                raise ProtocolError(
-                    f"node_hello: {hello.node} runs {key} {given}, the coupler {own}; start all nodes alike"
-                )
+        check_hello(self._own, hello, self._needed.get(hello.node, {}))
         if hello.state is not NodeState.READY or hello.node not in self._waiting:
             return
         if hello.initial_motions:
@@ -119,13 +126,39 @@ class Coupler:
         if not self.ready or self.abort_grant or self._holding:
             return ()
         first = self._granted + 1
-        self._granted = min(
-            self.done_tick + self._window, self.acknowledged_tick + ACK_LAG_TICKS, self.last_tick
-        )
+        free = min(self.done_tick + self._window, self.acknowledged_tick + ACK_LAG_TICKS, self.last_tick)
+        self._granted = max(self._granted, self._pacing.limit(free))
         return tuple(
             Grant(self._own.run_id, tick, Command.END if tick == self.last_tick else Command.RUN)
             for tick in range(first, self._granted + 1)
         )
+
+    @property
+    def paused(self) -> bool:
+        """Whether no more ticks are granted than those of the pause or of steps."""
+        return self._pacing.paused
+
+    @property
+    def standing(self) -> bool:
+        """Whether a paused run has nothing to wait for: all ticks that may be granted are done."""
+        hold = self._pacing.hold_tick
+        return self.ready and hold is not None and hold <= self.done_tick and hold < self.last_tick
+
+    def pause(self) -> int:
+        """Grants no more ticks; answers the tick at whose end the run will stand."""
+        return self._pacing.pause(self._granted)
+
+    def resume(self) -> None:
+        """Grants as before the pause; nothing if the run is not paused."""
+        self._pacing.resume()
+
+    def step(self, count: int) -> int:
+        """Lets a paused run do `count` ticks more; answers the last of them.
+
+        Raises:
+            ProtocolError: the run is not paused, has no tick left, or count is below 1.
+        """
+        return self._pacing.step(count, self.last_tick)
 
     def accept_motions(self, motions: ToolMotions) -> None:
         """Takes the motions of a tick."""
@@ -136,6 +169,11 @@ class Coupler:
         """Takes the wrenches of a tick."""
         self._refuse_ungranted("tool_wrenches", wrenches.tick)
         self._wrenches.add(wrenches)
+
+    def accept_command(self, command: DriverCommand) -> None:
+        """Takes the command of a control tick, which may come as soon as the tick before it is done."""
+        self._refuse_ungranted("driver_command", command.tick - 1)
+        self._commands.add(command)
 
     def accept_ack(self, ack: TickAck) -> None:
         """Takes the recorder's word that everything up to a tick is written."""
@@ -149,6 +187,10 @@ class Coupler:
         """The next tick that all have finished, once, in order; None while something is missing."""
         if not self._motions or (self._soil and not self._wrenches):
             return None
+        if is_control_tick(self.done_tick + 1, self._control_ticks):
+            if not self._commands.has(self.done_tick + 1):
+                return None
+            self._commands.take()
         motions = self._motions.take()
         wrenches = self._wrenches.take().tools if self._soil else ()
         self.done_tick = motions.tick
@@ -180,6 +222,10 @@ class Coupler:
         """What the run waits for, in words."""
         if self._waiting:
             return f"ready from {', '.join(sorted(self._waiting))}"
+        tick = self.done_tick + 1
+        controlled = tick <= self._granted and is_control_tick(tick, self._control_ticks)
+        if controlled and not self._commands.has(tick):
+            return f"driver_command of tick {tick} from {CONTROLLER}"
         if not self._motions and self.done_tick < self._granted:
             return f"tool_motions of tick {self.done_tick + 1}"
         if self._soil and not self._wrenches and self.done_tick < self._granted:

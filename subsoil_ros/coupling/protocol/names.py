@@ -6,6 +6,7 @@ COUPLER = "coupler"
 MECHANISM = "mechanism"
 SOIL = "soil"
 RECORDER = "recorder"
+CONTROLLER = "controller"
 
 ACK_LAG_TICKS = 256
 """Ticks that the recorder may be behind the grants."""
@@ -17,4 +18,6 @@ ACK_EVERY_TICKS = 16
 def participants(scene: Scene) -> tuple[str, ...]:
     """Nodes a run of the scene needs beside the coupler."""
     names = [name for name, part in ((MECHANISM, scene.mechanism), (SOIL, scene.soil)) if part is not None]
+    if scene.controller is not None:
+        names.append(CONTROLLER)
     return (*names, RECORDER)

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 from enum import Enum
 
 from ...errors import ProtocolError
-from ...messages import Command, Grant, ToolMotion, ToolMotions, ToolWrench, ToolWrenches
-from .streams import AnswerStream, Stream
+from ...messages import Command, DriverCommand, Grant, ToolMotion, ToolMotions, ToolWrench, ToolWrenches
+from ...ticks import is_control_tick
+from .streams import AnswerStream, CommandStream, Stream
 
 
 class Needs(Enum):
@@ -14,6 +15,7 @@ class Needs(Enum):
     NOTHING = "nothing"  # a mechanism without soil, a soil that moves its tools itself
     WRENCHES = "wrenches of tick k-1"
     MOTIONS = "motions of tick k"
+    MOTIONS_BEFORE = "motions of tick k-1"  # soil of the parallel scheme
 
 
 @dataclass(frozen=True)
@@ -23,13 +25,25 @@ class Work:
     tick: int
     motions: tuple[ToolMotion, ...] = ()
     wrenches: tuple[ToolWrench, ...] = ()
+    command: DriverCommand | None = None  # in force from the start of the tick
 
 
 class Participant:
-    """Mover or soil: takes messages in any interleaving, hands out each tick once, in order."""
+    """Mover or soil: takes messages in any interleaving, hands out each tick once, in order.
+
+    Args:
+        control_ticks: a command is needed every so many ticks; 0: never.
+        first_tick: later than 0 where the run goes on from another.
+    """
 
     def __init__(
-        self, run_id: str, tick_count: int, needs: Needs, tools: tuple[str, ...], first_tick: int = 0
+        self,
+        run_id: str,
+        tick_count: int,
+        needs: Needs,
+        tools: tuple[str, ...],
+        control_ticks: int = 0,
+        first_tick: int = 0,
     ) -> None:
         self.last_tick = tick_count - 1
         self.done_tick = first_tick - 1  # last tick handed out and finished
@@ -39,12 +53,17 @@ class Participant:
         self._grants = Stream("grant", run_id, tick_count, first_tick)
         self._motions = AnswerStream[ToolMotions]("tool_motions", run_id, tick_count, tools, first_tick)
         self._wrenches = AnswerStream[ToolWrenches]("tool_wrenches", run_id, tick_count, tools, first_tick)
+        self._commands = CommandStream(run_id, tick_count, control_ticks)
+        self._control_ticks = control_ticks
+        self._initial_motions: tuple[ToolMotion, ...] | None = None
         self._initial_wrenches: tuple[ToolWrench, ...] | None = None
         self._at_work = False
 
-    def start(self, wrenches: tuple[ToolWrench, ...]) -> None:
-        """Takes the wrenches of the initial state, which the first tick needs."""
-        self._initial_wrenches = wrenches
+    def start(
+        self, motions: tuple[ToolMotion, ...] | None = None, wrenches: tuple[ToolWrench, ...] | None = None
+    ) -> None:
+        """Takes what the first tick needs of the state before it."""
+        self._initial_motions, self._initial_wrenches = motions, wrenches
 
     def accept_grant(self, grant: Grant) -> None:
         """Takes a grant. ABORT may come at any time, and nothing is handed out after it."""
@@ -79,6 +98,10 @@ class Participant:
         """Takes the wrenches of a tick."""
         self._wrenches.add(wrenches)
 
+    def accept_command(self, command: DriverCommand) -> None:
+        """Takes the command of a control tick."""
+        self._commands.add(command)
+
     def next_work(self) -> Work | None:
         """The next tick with what it needs, once; None while something is missing.
 
@@ -87,23 +110,24 @@ class Participant:
         tick = self.done_tick + 1
         if self._at_work or self.abort or tick >= self._grants.next_tick or tick > self.last_tick:
             return None
-        motions: tuple[ToolMotion, ...] = ()
-        wrenches: tuple[ToolWrench, ...] = ()
-        if self._needs is Needs.MOTIONS:
-            if not self._motions:
-                return None
-            motions = self._motions.take().tools
+        first = tick == self._first_tick
+        controlled = is_control_tick(tick, self._control_ticks)
+        if controlled and not self._commands.has(tick):
+            return None
+        motions: tuple[ToolMotion, ...] | None = ()
+        wrenches: tuple[ToolWrench, ...] | None = ()
+        if self._needs is Needs.MOTIONS or (self._needs is Needs.MOTIONS_BEFORE and not first):
+            motions = self._motions.take().tools if self._motions else None
+        elif self._needs is Needs.MOTIONS_BEFORE:
+            motions = self._initial_motions
+        elif self._needs is Needs.WRENCHES and not first:
+            wrenches = self._wrenches.take().tools if self._wrenches else None
         elif self._needs is Needs.WRENCHES:
-            if tick == self._first_tick:
-                if self._initial_wrenches is None:
-                    return None
-                wrenches = self._initial_wrenches
-            elif self._wrenches:
-                wrenches = self._wrenches.take().tools
-            else:
-                return None
+            wrenches = self._initial_wrenches
+        if motions is None or wrenches is None:
+            return None
         self._at_work = True
-        return Work(tick, motions, wrenches)
+        return Work(tick, motions, wrenches, self._commands.take() if controlled else None)
 
     def finish(self, tick: int) -> None:
         """Says that the tick handed out is advanced."""

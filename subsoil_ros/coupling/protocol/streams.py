@@ -4,16 +4,20 @@ from collections import deque
 from typing import Generic, TypeVar
 
 from ...errors import ProtocolError
-from ...messages import ToolMotions, ToolWrenches
+from ...messages import DriverCommand, ToolMotions, ToolWrenches
 
 Answer = TypeVar("Answer", ToolMotions, ToolWrenches)
 
 
 class Stream:
-    """The ticks of one kind of message: all of one run, each exactly once, in order."""
+    """The ticks of one kind of message: all of one run, each exactly once, in order.
 
-    def __init__(self, name: str, run_id: str, tick_count: int, first: int = 0) -> None:
+    Ticks are `first`, `first` + `every`, and so on.
+    """
+
+    def __init__(self, name: str, run_id: str, tick_count: int, first: int = 0, every: int = 1) -> None:
         self.next_tick = first
+        self._every = every
         self._name = name
         self._run_id = run_id
         self._tick_count = tick_count
@@ -26,13 +30,17 @@ class Stream:
         """
         self.refuse_foreign(run_id, tick)
         if tick != self.next_tick:
-            what = "repeated" if tick < self.next_tick else f"{tick - self.next_tick} missing"
+            what = (
+                "repeated" if tick < self.next_tick else f"{(tick - self.next_tick) // self._every} missing"
+            )
+            if (tick - self.next_tick) % self._every:
+                what = f"one is due every {self._every} ticks"
             raise ProtocolError(f"{self._name}: tick {tick} came where tick {self.next_tick} is due ({what})")
         if tick >= self._tick_count:
             raise ProtocolError(
                 f"{self._name}: tick {tick} came, but the run ends with tick {self._tick_count - 1}"
             )
-        self.next_tick += 1
+        self.next_tick += self._every
 
     def refuse_foreign(self, run_id: str, tick: int) -> None:
         """Raises ProtocolError if a message of `tick` is of another run."""
@@ -69,4 +77,28 @@ class AnswerStream(Stream, Generic[Answer]):
 
     def take(self) -> Answer:
         """The oldest answer kept."""
+        return self._kept.popleft()
+
+
+class CommandStream(Stream):
+    """Commands of a controller: at ticks `every`, 2 `every`, and so on; none if `every` is 0."""
+
+    def __init__(self, run_id: str, tick_count: int, every: int) -> None:
+        super().__init__("driver_command", run_id, tick_count, first=every, every=every or 1)
+        self._controlled = every > 0
+        self._kept: deque[DriverCommand] = deque()
+
+    def add(self, command: DriverCommand) -> None:
+        """Keeps the next command; ProtocolError if it is not the next."""
+        if not self._controlled:
+            raise ProtocolError(f"driver_command: tick {command.tick} came, but the scene has no controller")
+        self.accept(command.run_id, command.tick)
+        self._kept.append(command)
+
+    def has(self, tick: int) -> bool:
+        """Whether the command of `tick` is here."""
+        return bool(self._kept) and self._kept[0].tick == tick
+
+    def take(self) -> DriverCommand:
+        """The oldest command kept."""
         return self._kept.popleft()

@@ -48,6 +48,6 @@ def serve(
                 taken = handle.take_message(kind, True)
                 if taken is None or ended():
                     break
-                callback(taken[0])
+                callback(*taken)
         if rest_s > 0.0:
             time.sleep(rest_s)

@@ -1,4 +1,4 @@
-"""A machine that works a whole bin, and meets what a short run does not: deep overlaps, particles thrown out."""
+"""A machine that works a whole bin and meets what a short run does not: deep overlaps, loose particles."""
 
 import json
 import os

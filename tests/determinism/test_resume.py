@@ -157,18 +157,20 @@ class NoSink:
 def test_from_every_checkpoint_and_without_a_recorder(
     whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The state is the same where nothing is recorded, and from whichever checkpoint a run goes on."""
+    """The state is the same where nothing is recorded, with other clouds and series, and from whichever
+    checkpoint a run goes on."""
     monkeypatch.setattr(checkpoint, "KEPT", 100)
-    resolved = load_scene(whole / "scene.yaml")
     end = summary(whole)["state_sha256"]
 
-    def run(name: str, resumed: Path | None) -> None:
+    def run(name: str, resumed: Path | None, *overrides: str) -> None:
+        resolved = load_scene(whole / "scene.yaml", overrides)
         mover, soil = build_mechanism(resolved), build_soil(resolved, 1)
         kept = read_checkpoint(resumed) if resumed is not None else None
         keeper = Keeper(tmp_path / name, resolved, name)
         run_direct(resolved, name, mover, soil, NoSink(), keeper=keeper, resumed=kept)
         assert end_digests(tmp_path / name) == end
 
+    run("bare", None, "record.cloud_hz=0", "record.checkpoint_s=0", "record.series_ticks=7")
     run("whole", None)
     kept = sorted(path.parent for path in (tmp_path / "whole").glob("*/manifest.json"))
     assert len(kept) == 12
@@ -178,6 +180,21 @@ def test_from_every_checkpoint_and_without_a_recorder(
             last = tmp_path / folder.name / kept[-1].name
             if folder != kept[-1]:
                 assert (last / f"{part}.npz").read_bytes() == (kept[-1] / f"{part}.npz").read_bytes()
+
+
+def test_tools_on_paths_go_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A scene without mechanism: the soil's process keeps the paths too."""
+    scene = Path(__file__).parents[2] / "config/scenes/tine.yaml"
+    values = {"bin.length_m": 0.3, "bin.width_m": 0.1, "bin.depth_m": 0.24}
+    sets = [f"--set=soil.{key}={value}" for key, value in values.items()]
+    sets += ["--set=duration_s=0.008", "--set=record.checkpoint_s=0.003"]
+    first, second = tmp_path / "first", tmp_path / "second"
+    assert main(["run", str(scene), "--out", str(first), "--mode", "composed", *sets]) == 0
+    again = [*sets, "--resume", str(first)]
+    assert main(["run", str(scene), "--out", str(second), "--mode", "direct", *again]) == 0
+    assert (second / "series.csv").read_bytes() == (first / "series.csv").read_bytes()
+    assert summary(second)["state_sha256"] == summary(first)["state_sha256"]
+    assert sorted(summary(first)["state_sha256"]) == ["coupling", "paths", "soil"]
 
 
 @pytest.fixture

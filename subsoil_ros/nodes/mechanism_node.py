@@ -40,8 +40,8 @@ class MechanismNode(LockstepNode):
             timing.tick_count,
             needs,
             tuple(scene.tools),
-            self._schedule.control_ticks,
-            run.first_tick,
+            control_ticks=self._schedule.control_ticks,
+            first_tick=run.first_tick,
         )
         self._keeper = run.keeper()
         listeners = (SOIL, COUPLER, RECORDER) if self._with_soil else (COUPLER, RECORDER)

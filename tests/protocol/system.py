@@ -122,7 +122,11 @@ class System:
         )  # fmt: skip
         first = case.first_tick
         needs = Needs.WRENCHES if case.soil else Needs.NOTHING
-        self.nodes = {MECHANISM: Participant(RUN, case.ticks, needs, TOOLS, case.control_ticks, first)}
+        self.nodes = {
+            MECHANISM: Participant(
+                RUN, case.ticks, needs, TOOLS, control_ticks=case.control_ticks, first_tick=first
+            )
+        }
         self.nodes[MECHANISM].start(wrenches=wrench(first - 1))
         if case.soil:
             needs = Needs.MOTIONS_BEFORE if case.parallel else Needs.MOTIONS

@@ -76,9 +76,9 @@ def real_time(seconds: float) -> None:
     print(
         f"nodes, 1 ms exchange: real-time factor {factor:.2f}, {cpu_s / (seconds - 0.5):.2f} s of CPU per "
         "simulated second, all processes; wall over simulated time of each "
-        f"{1e3 * (simulated[1] - simulated[0]):.0f} ms: median {np.median(per_tick):.2f}, 99th percentile {np.percentile(per_tick, 99):.2f}, largest "
-        f"{per_tick.max():.2f}; furthest behind real time {1e3 * max(late.max(), 0.0):.0f} ms; load before "
-        f"{load:.1f}, {len(os.sched_getaffinity(0))} cores"
+        f"{1e3 * (simulated[1] - simulated[0]):.0f} ms: median {np.median(per_tick):.2f}, 99th percentile "
+        f"{np.percentile(per_tick, 99):.2f}, largest {per_tick.max():.2f}; furthest behind real time "
+        f"{1e3 * max(late.max(), 0.0):.0f} ms; load before {load:.1f}, {len(os.sched_getaffinity(0))} cores"
     )
 
 

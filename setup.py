@@ -28,6 +28,8 @@ setup(
         (SHARE, ["package.xml"]),
         (f"{SHARE}/config/scenes", files("config/scenes/*.yaml")),
         (f"{SHARE}/config/meshes", files("config/meshes/*.stl")),
+        (f"{SHARE}/config/soils", files("config/soils/*.yaml")),
+        (f"{SHARE}/config/calibration", files("config/calibration/*.yaml")),
         # `ros2 run` looks in lib/subsoil_ros, console scripts are in bin.
         ("lib/subsoil_ros", files("scripts/*")),
     ],

@@ -47,13 +47,13 @@ def reduced_rows(resolved: ResolvedScene, soil: ResistanceSoil) -> Iterable[tupl
             f" delta = {delta:.3g} deg"
         ),
     )
+    period = f"{values.period_factor:.3g} wedge lengths"
+    if values.period_m is not None:
+        period = f"{1e3 * values.period_m:.3g} mm"
     yield "density", f"{values.density_kg_per_m3:.4g} kg/m3"
     yield (
         "failure",
-        (
-            f"drop {values.drop:.3g}, period {values.period_factor:.3g} wedge lengths, variation "
-            f"{values.variation:.3g}, seed {soil.seed}"
-        ),
+        (f"drop {values.drop:.3g}, period {period}, variation {values.variation:.3g}, seed {soil.seed}"),
     )
     for layer in soil.layers or ():
         edge = "downward" if layer.thickness_m is None else f"{layer.thickness_m:g} m"

@@ -205,7 +205,7 @@ class ResistanceEngine:
         middle = depth - 0.5 * height
         pressure = (1.0 - math.sin(strength.friction)) * (strength.unit_weight * middle + strength.surcharge)
         side = strength.adhesion + pressure * math.tan(strength.tool_friction)
-        side *= 2.0 * part * face.side_m * height
+        side *= 2.0 * part * face.side_m2 * height / tall
         half = 0.5 * height / tall
         centre = (tip[0] + half * (top[0] - tip[0]), tip[1] + half * (top[1] - tip[1]))
         slid = (moved[0] - moved[2] * centre[1], moved[1] + moved[2] * centre[0])

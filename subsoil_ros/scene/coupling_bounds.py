@@ -14,10 +14,14 @@ import numpy as np
 from .bed_spacing import particle_spacing_m
 from .damping import damping_ratios
 from .limits import derive_timing
+from .mechanism import Body
 from .meshes import ToolMesh
 from .model import Coupling, Scene
 from .pairs import layer_soils, tool_values
+from .resistance import ResistanceSoil
 from .soil import Soil
+from .soil_file import soil_of
+from .tool_faces import cutting_faces
 
 PRESSED_PART = 0.5
 """Part of a tool's surface that presses on particles at once (chosen: the front half)."""
@@ -46,11 +50,13 @@ class CouplingBound:
 
 
 def coupling_bounds(scene: Scene, meshes: dict[str, ToolMesh]) -> tuple[CouplingBound, ...]:
-    """Bounds of every tool that a body carries; empty without mechanism or soil of particles.
+    """Bounds of every tool that a body carries; empty without soil or mechanism.
 
     The effective mass is that of the free body at its farthest point, 1 / (1/m + d^2/J): joints only add
     to it, so the estimate is on the safe side. Of several layers the worst counts.
     """
+    if scene.reduced_soil is not None and scene.mechanism is not None:
+        return _reduced_bounds(scene, scene.reduced_soil, meshes)
     soil = scene.particle_soil
     if soil is None or scene.mechanism is None:
         return ()
@@ -67,8 +73,7 @@ def coupling_bounds(scene: Scene, meshes: dict[str, ToolMesh]) -> tuple[Coupling
         if tool.body is None:
             continue
         body = scene.mechanism.bodies[tool.body]
-        arm = float(np.linalg.norm(meshes[name].vertices_m[:, [0, 2]], axis=1).max())
-        mass = 1.0 / (1.0 / body.mass_kg + arm**2 / body.inertia_kg_m2)
+        mass = _effective_mass_kg(body, meshes[name])
         count = _contact_count(soil, meshes[name])
         damping = count * largest_damping
         found.append(
@@ -89,6 +94,29 @@ def force_age_ticks(coupling: Coupling, soil_steps: int) -> float:
     if coupling.force == "tick_mean":
         age += 0.5 * (soil_steps - 1) / soil_steps
     return age
+
+
+def _effective_mass_kg(body: Body, mesh: ToolMesh) -> float:
+    arm = float(np.linalg.norm(mesh.vertices_m[:, [0, 2]], axis=1).max())
+    return 1.0 / (1.0 / body.mass_kg + arm**2 / body.inertia_kg_m2)
+
+
+def _reduced_bounds(
+    scene: Scene, soil: ResistanceSoil, meshes: dict[str, ToolMesh]
+) -> tuple[CouplingBound, ...]:
+    """Of the springs before shares and shanks: their damper is k H, so it outweighs the held force at any
+    H, up to k H = 2 m / H."""
+    assert scene.mechanism is not None
+    modulus = soil_of(soil).values.bed_modulus_newton_per_m3
+    found = []
+    for name, tool in scene.tools.items():
+        if tool.body is None or not tool.share:
+            continue
+        faces = cutting_faces(meshes[name], f"tools.{name}")
+        mass = _effective_mass_kg(scene.mechanism.bodies[tool.body], meshes[name])
+        longest = float(np.sqrt(2.0 * mass / (modulus * sum(face.area_m2 for face in faces))))
+        found.append(CouplingBound(name, longest, longest, mass, float(len(faces))))
+    return tuple(found)
 
 
 def _contact_count(soil: Soil, mesh: ToolMesh) -> float:

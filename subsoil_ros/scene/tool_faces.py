@@ -27,7 +27,7 @@ class CuttingFace:
     rake_rad: float  # front against the horizontal, in the reference pose: 90 degrees is a vertical blade
     tip_m: tuple[float, float]  # x, z of its lowest point
     top_m: tuple[float, float]  # x, z of its highest point
-    side_m: float  # length of a side along x: its area over the height
+    side_m2: float  # area of one side
     is_share: bool  # the lowest of its tool; the others stand in what it has broken
 
     @property
@@ -64,7 +64,6 @@ def cutting_faces(mesh: ToolMesh, place: str) -> tuple[CuttingFace, ...]:
         mean = area_normal[front].sum(axis=0)
         low, high = points[np.argmin(points[:, 2])], points[np.argmax(points[:, 2])]
         sides = area[here & (normal[:, 1] > SIDEWAYS)].sum()
-        height = np.ptp(corners[here].reshape(-1, 3)[:, 2])
         found.append(
             CuttingFace(
                 group=group,
@@ -72,7 +71,7 @@ def cutting_faces(mesh: ToolMesh, place: str) -> tuple[CuttingFace, ...]:
                 rake_rad=math.atan2(float(mean[0]), float(mean[2])),
                 tip_m=(float(low[0]), float(low[2])),
                 top_m=(float(high[0]), float(high[2])),
-                side_m=float(sides / height),
+                side_m2=float(sides),
                 is_share=False,
             )
         )

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from subsoil_ros.cli.main import main
 from subsoil_ros.errors import SceneError
 from subsoil_ros.scene.loader import ResolvedScene, load_scene
 from subsoil_ros.scene.resistance import ResistanceValues, SoilRange
@@ -175,3 +176,11 @@ def test_a_base_of_particles_leaves_only_its_bin(reduced: Callable[..., Resolved
     copy = scene.path.with_name("copy.yaml")
     scene.write(copy)
     assert load_scene(copy).scene_hash == scene.scene_hash
+
+
+def test_a_tick_too_long_for_the_springs_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    """k H = 2 m / H with the shank's mass at its tip: 5.5 ms for the machine; the scene's 1 ms passes."""
+    scene = str(SCENES / "subsoiler_1s300_resistance.yaml")
+    assert main(["check", scene]) == 0
+    assert main(["check", scene, "--set", "coupling.interval_ns=8000000"]) == 2
+    assert "above the stable limit" in capsys.readouterr().err

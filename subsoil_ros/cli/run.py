@@ -213,7 +213,7 @@ def _run_direct(
     try:
         soil = build_soil(resolved, threads)
         keeper = Keeper(out / CHECKPOINTS, resolved, run_id, writer.sync)
-        controller = build_controller(resolved)
+        controller = build_controller(resolved, resumed)
         run_direct(resolved, run_id, mover, soil, writer, progress, stop_signal, keeper, resumed, controller)
     finally:
         writer.close()

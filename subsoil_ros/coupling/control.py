@@ -2,10 +2,13 @@
 
 from typing import Protocol
 
+from ..mbd.driving import END_SPEED
 from ..messages import DriverCommand, MechanismState
+from ..recording.checkpoint import Checkpoint
 from ..scene.controller import Controller as ControllerKeys
 from ..scene.controller import DraftLimit, External, HoldHeight
 from ..scene.loader import ResolvedScene
+from .protocol import MECHANISM
 
 
 class Controller(Protocol):
@@ -44,11 +47,16 @@ class SpeedController:
         raise AssertionError(f"no law '{law.kind}' here")
 
 
-def build_controller(resolved: ResolvedScene) -> Controller | None:
-    """The scene's controller; None if it names none, or leaves it to somebody else's node."""
+def build_controller(resolved: ResolvedScene, resumed: Checkpoint | None = None) -> Controller | None:
+    """The scene's controller; None if it names none, or leaves it to somebody else's node.
+
+    resumed: where the run goes on; the speed that was commanded last is all that the controller knows.
+    """
     scene = resolved.scene
     if scene.controller is None or scene.mechanism is None or isinstance(scene.controller.law, External):
         return None
     speed = scene.mechanism.joints[scene.controller.driver].speed.value  # type: ignore[union-attr]
+    if resumed is not None:
+        speed = float(resumed.read_part(MECHANISM)["ramp"][END_SPEED])
     interval_s = scene.controller.interval_ticks * resolved.timing.interval_s
     return SpeedController(scene.controller, speed, interval_s)

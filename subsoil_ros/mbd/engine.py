@@ -149,7 +149,8 @@ class MechanismEngine:
 
     def state_arrays(self) -> dict[str, np.ndarray]:
         """All that later ticks depend on, by name; not a copy. The workspace carries nothing over."""
-        return {**self._state._asdict(), "tick": np.array(self._tick)}
+        arrays = {**self._state._asdict(), "tick": np.array(self._tick)}
+        return arrays if self.ramp is None else {**arrays, "ramp": self.ramp.array()}
 
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Goes on from such a state.
@@ -162,6 +163,10 @@ class MechanismEngine:
                 raise ValueError(f"{name} has shape {arrays[name].shape}, this machine needs {array.shape}")
             array[...] = arrays[name]
         self._tick = int(arrays["tick"])
+        if self.ramp is not None:
+            self.ramp = Ramp.of(arrays["ramp"])
+            if self.ramp.start_s > 0.0:  # it has been commanded; before, the law is the scene's
+                write_ramp(self._machine.model.laws, self._commanded_law, self.ramp)
 
     def _hold(self, tick: int, wrenches: tuple[ToolWrench, ...]) -> None:
         """The wrenches as generalised forces; the planar moment is -torque_y (a turn about -y)."""

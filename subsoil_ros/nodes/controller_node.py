@@ -24,7 +24,11 @@ class ControllerNode(LockstepNode):
             raise SceneError(f"{run.resolved.path}: has no 'controller'; no controller node is needed for it")
         self._controller = controller
         self._commander = Commander(
-            run.run_id, timing.tick_count, scene.record.series_ticks, scene.controller.interval_ticks
+            run.run_id,
+            timing.tick_count,
+            scene.record.series_ticks,
+            scene.controller.interval_ticks,
+            run.first_tick,
         )
         self._commands = self.publisher(DriverCommand, (MECHANISM, COUPLER, RECORDER))
         self.listen(MechanismState, self._on_state, (MECHANISM,))
@@ -57,7 +61,7 @@ def build(
     Raises:
         SceneError: the scene has none.
     """
-    controller = build_controller(run.resolved)
+    controller = build_controller(run.resolved, run.resumed)
     if controller is None:
         raise SceneError(
             f"{run.resolved.path}: has no 'controller', or an external one; this node is not needed for it"

@@ -80,6 +80,10 @@ class MechanismNode(LockstepNode):
         if grant.command is Command.ABORT:
             self.finish_aborted(grant)
             return
+        if grant.tick == self.run.first_tick and self._schedule.control_due(grant.tick):
+            before = grant.tick - 1  # of a run that goes on: the controller has to see this state again
+            end_ns = tick_end_ns(before, self._interval_ns)
+            self._states.publish(self.bytes_of(self._engine.state(self.run.run_id, before, end_ns)))
         self._work()
 
     def _on_wrenches(self, wrenches: ToolWrenches) -> None:

@@ -21,7 +21,8 @@ from subsoil_ros.recording.checkpoint import end_digests, read_checkpoint
 from subsoil_ros.recording.joined import open_record
 from subsoil_ros.scene.loader import load_scene
 
-from ..ros.conftest import LIMIT_S, Run, messages, run_arguments, wait_until_gone
+from ..ros.conftest import LIMIT_S, SCENE, Run, messages, run_arguments, wait_until_gone
+from ..ros.test_controller import CHANGES, CONTROL
 from .test_modes import without_run
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -195,6 +196,28 @@ def test_tools_on_paths_go_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert (second / "series.csv").read_bytes() == (first / "series.csv").read_bytes()
     assert summary(second)["state_sha256"] == summary(first)["state_sha256"]
     assert sorted(summary(first)["state_sha256"]) == ["coupling", "paths", "soil"]
+
+
+@pytest.mark.parametrize(("every_s", "control_comes_first"), [(0.07, True), (0.065, False)])
+def test_a_controlled_run_goes_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], every_s: float, control_comes_first: bool
+) -> None:
+    """The driver's ramp and the controller's last speed too, and the command that is due at once."""
+    scene = str(SCENE.parent / "mechanism_only.yaml")
+    sets = [word for change in (*CHANGES, f"record.checkpoint_s={every_s}") for word in ("--set", change)]
+    first = tmp_path / "first"
+    assert main(["run", scene, "--out", str(first), "--mode", "direct", *sets]) == 0
+    kept = sorted(path.parent for path in first.glob("checkpoints/*/manifest.json"))
+    shutil.rmtree(kept.pop())
+    tick = read_checkpoint(kept[0]).tick
+    assert ((tick + 1) % CONTROL["interval_ticks"] == 0) is control_comes_first
+    for mode in ("direct", "composed"):
+        second = tmp_path / mode
+        again = ["--mode", mode, *sets, "--resume", str(first)]
+        assert main(["run", scene, "--out", str(second), *again]) == 0
+        assert (second / "series.csv").read_bytes() == (first / "series.csv").read_bytes()
+        assert joined(first, second) == without_run(first)
+        assert summary(second)["state_sha256"] == summary(first)["state_sha256"]
 
 
 @pytest.fixture

@@ -11,15 +11,22 @@ class Commander:
     Args:
         series_ticks: a state comes every so many ticks, and at the last tick.
         control_ticks: a multiple of it: the command of tick k answers the state at the end of tick k - 1.
+        first_tick: later than 0 where the run goes on from another; if it is one of those that are
+            commanded, the state before it comes once more.
     """
 
-    def __init__(self, run_id: str, tick_count: int, series_ticks: int, control_ticks: int) -> None:
+    def __init__(
+        self, run_id: str, tick_count: int, series_ticks: int, control_ticks: int, first_tick: int = 0
+    ) -> None:
         self.abort: Grant | None = None
         self._last_tick = tick_count - 1
         self._last_command = self._last_tick // control_ticks * control_ticks
         self._control_ticks = control_ticks
         self._run_id = run_id
-        self._states = Stream("mechanism_state", run_id, tick_count, series_ticks - 1, series_ticks)
+        first = -(-(first_tick + 1) // series_ticks) * series_ticks - 1
+        if is_control_tick(first_tick, control_ticks):
+            first = first_tick - 1
+        self._states = Stream("mechanism_state", run_id, tick_count, first, series_ticks)
 
     def accept_state(self, state: MechanismState) -> int | None:
         """Takes a state; the tick that is to be commanded now, None if it is none.

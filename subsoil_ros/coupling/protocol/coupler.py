@@ -79,7 +79,7 @@ class Coupler:
         self._acks = Stream("tick_ack", run_id, tick_count)
         self._motions = AnswerStream[ToolMotions]("tool_motions", run_id, tick_count, tools, first_tick)
         self._wrenches = AnswerStream[ToolWrenches]("tool_wrenches", run_id, tick_count, tools, first_tick)
-        self._commands = CommandStream(run_id, tick_count, control_ticks)
+        self._commands = CommandStream(run_id, tick_count, control_ticks, first_tick)
 
     @property
     def ready(self) -> bool:

@@ -53,7 +53,7 @@ class Participant:
         self._grants = Stream("grant", run_id, tick_count, first_tick)
         self._motions = AnswerStream[ToolMotions]("tool_motions", run_id, tick_count, tools, first_tick)
         self._wrenches = AnswerStream[ToolWrenches]("tool_wrenches", run_id, tick_count, tools, first_tick)
-        self._commands = CommandStream(run_id, tick_count, control_ticks)
+        self._commands = CommandStream(run_id, tick_count, control_ticks, first_tick)
         self._control_ticks = control_ticks
         self._initial_motions: tuple[ToolMotion, ...] | None = None
         self._initial_wrenches: tuple[ToolWrench, ...] | None = None

@@ -83,8 +83,10 @@ class AnswerStream(Stream, Generic[Answer]):
 class CommandStream(Stream):
     """Commands of a controller: at ticks `every`, 2 `every`, and so on; none if `every` is 0."""
 
-    def __init__(self, run_id: str, tick_count: int, every: int) -> None:
-        super().__init__("driver_command", run_id, tick_count, first=every, every=every or 1)
+    def __init__(self, run_id: str, tick_count: int, every: int, first_tick: int = 0) -> None:
+        step = every or 1
+        first = max(step, -(-first_tick // step) * step)
+        super().__init__("driver_command", run_id, tick_count, first, step)
         self._controlled = every > 0
         self._kept: deque[DriverCommand] = deque()
 

@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from ..mbd.driving import END_SPEED
+from ..mbd.driving import Ramp
 from ..messages import DriverCommand, MechanismState
 from ..recording.checkpoint import Checkpoint
 from ..scene.controller import Controller as ControllerKeys
@@ -50,13 +50,13 @@ class SpeedController:
 def build_controller(resolved: ResolvedScene, resumed: Checkpoint | None = None) -> Controller | None:
     """The scene's controller; None if it names none, or leaves it to somebody else's node.
 
-    resumed: where the run goes on; the speed that was commanded last is all that the controller knows.
+    resumed: where the run goes on: the last speed commanded is in the mechanism's part.
     """
     scene = resolved.scene
     if scene.controller is None or scene.mechanism is None or isinstance(scene.controller.law, External):
         return None
     speed = scene.mechanism.joints[scene.controller.driver].speed.value  # type: ignore[union-attr]
     if resumed is not None:
-        speed = float(resumed.read_part(MECHANISM)["ramp"][END_SPEED])
+        speed = Ramp(*resumed.read_part(MECHANISM)["ramp"].tolist()).end_speed
     interval_s = scene.controller.interval_ticks * resolved.timing.interval_s
     return SpeedController(scene.controller, speed, interval_s)

@@ -58,8 +58,8 @@ def run_direct(
     part = mover_part(resolved.scene)
     state = _first_state(mover, soil, part, resumed)
     account = account_of(resolved.scene, state.motions, state.wrenches, state.work)
-    machine: MechanismState | None = None  # at the last series tick
-    if resumed is not None and mechanism is not None and schedule.series_due(state.tick):
+    machine: MechanismState | None = None  # at the last series tick, for the controller
+    if mechanism is not None and resumed is not None:
         machine = mechanism.state(run_id, state.tick, tick_end_ns(state.tick, interval_ns))
     start = time.monotonic() - state.wall_time_s
 

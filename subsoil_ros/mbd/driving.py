@@ -1,9 +1,7 @@
 """A driver that takes commands: its speed goes linearly from one command to the next."""
 
 import math
-from dataclasses import astuple, dataclass
-
-import numpy as np
+from dataclasses import dataclass
 
 from ..errors import PhysicsError, ProtocolError
 from ..messages import DriverCommand
@@ -12,9 +10,6 @@ from .laws import LawTable
 
 ROUND_OFF = 1e-9
 """A command may ask for this part more than the largest acceleration: its speed was rounded."""
-
-END_SPEED = 3
-"""Place of the speed that was commanded last in Ramp.array."""
 
 
 @dataclass(frozen=True)
@@ -26,15 +21,6 @@ class Ramp:
     acceleration: float  # since then [m/s2]
     end_speed: float  # commanded, reached at the end of the control interval [m/s]
     travel: float  # at start_s, since time 0 [m]
-
-    @classmethod
-    def of(cls, array: np.ndarray) -> "Ramp":
-        """The ramp whose fields are in `array` (5,)."""
-        return cls(*array.tolist())
-
-    def array(self) -> np.ndarray:
-        """(5,) float64, the fields in their order."""
-        return np.array(astuple(self))
 
     def travel_at(self, time_s: float) -> float:
         """Way since time 0 [m]."""

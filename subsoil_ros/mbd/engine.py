@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import astuple
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -123,11 +124,14 @@ class MechanismEngine:
         start_s = tick_end_s(self._tick, self._interval_ns)
         interval_s = self._controller.interval_ticks * self._interval_ns * 1e-9
         before = self.ramp.acceleration
-        self.ramp = next_ramp(self.ramp, command, self._controller, start_s, interval_s)
-        write_ramp(self._machine.model.laws, self._commanded_law, self.ramp)
+        self._drive(next_ramp(self.ramp, command, self._controller, start_s, interval_s))
         if self.ramp.acceleration != before:  # a corner of the driver's law: history does not reach across
             self._state.counters[PAST_COUNT] = 0
             self._state.counters[RESTART_COUNT] += 1
+
+    def _drive(self, ramp: Ramp) -> None:
+        self.ramp = ramp
+        write_ramp(self._machine.model.laws, self._commanded_law, ramp)
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> MechanismState:
         """The whole machine as it stands now, stamped with what the caller says."""
@@ -149,8 +153,8 @@ class MechanismEngine:
 
     def state_arrays(self) -> dict[str, np.ndarray]:
         """All that later ticks depend on, by name; not a copy. The workspace carries nothing over."""
-        arrays = {**self._state._asdict(), "tick": np.array(self._tick)}
-        return arrays if self.ramp is None else {**arrays, "ramp": self.ramp.array()}
+        ramp = {} if self.ramp is None else {"ramp": np.array(astuple(self.ramp))}
+        return {**self._state._asdict(), "tick": np.array(self._tick), **ramp}
 
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Goes on from such a state.
@@ -164,9 +168,7 @@ class MechanismEngine:
             array[...] = arrays[name]
         self._tick = int(arrays["tick"])
         if self.ramp is not None:
-            self.ramp = Ramp.of(arrays["ramp"])
-            if self.ramp.start_s > 0.0:  # it has been commanded; before, the law is the scene's
-                write_ramp(self._machine.model.laws, self._commanded_law, self.ramp)
+            self._drive(Ramp(*arrays["ramp"].tolist()))
 
     def _hold(self, tick: int, wrenches: tuple[ToolWrench, ...]) -> None:
         """The wrenches as generalised forces; the planar moment is -torque_y (a turn about -y)."""

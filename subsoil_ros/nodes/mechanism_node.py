@@ -40,8 +40,8 @@ class MechanismNode(LockstepNode):
             timing.tick_count,
             needs,
             tuple(scene.tools),
-            self._schedule.control_ticks,
-            run.first_tick,
+            control_ticks=self._schedule.control_ticks,
+            first_tick=run.first_tick,
         )
         self._keeper = run.keeper()
         listeners = (SOIL, COUPLER, RECORDER) if self._with_soil else (COUPLER, RECORDER)
@@ -81,9 +81,7 @@ class MechanismNode(LockstepNode):
             self.finish_aborted(grant)
             return
         if grant.tick == self.run.first_tick and self._schedule.control_due(grant.tick):
-            before = grant.tick - 1  # of a run that goes on: the controller has to see this state again
-            end_ns = tick_end_ns(before, self._interval_ns)
-            self._states.publish(self.bytes_of(self._engine.state(self.run.run_id, before, end_ns)))
+            self._publish_state(grant.tick - 1)  # the run goes on here, and its controller has not seen it
         self._work()
 
     def _on_wrenches(self, wrenches: ToolWrenches) -> None:
@@ -105,11 +103,15 @@ class MechanismNode(LockstepNode):
                 self._keep(tick)  # before the answer: who has it knows that the part is there
             self._motions.publish(self.bytes_of(ToolMotions(self.run.run_id, tick, end_ns, motions)))
             if self._schedule.series_due(tick):
-                self._states.publish(self.bytes_of(self._engine.state(self.run.run_id, tick, end_ns)))
+                self._publish_state(tick)
             self._participant.finish(tick)
             if self._keeper is not None and self._participant.finished:
                 self._keeper.note_end(tick, MECHANISM, self._engine)
             self.note_tick(tick, self._participant.finished)
+
+    def _publish_state(self, tick: int) -> None:
+        state = self._engine.state(self.run.run_id, tick, tick_end_ns(tick, self._interval_ns))
+        self._states.publish(self.bytes_of(state))
 
     def _keep(self, tick: int) -> None:
         if self._keeper is not None:

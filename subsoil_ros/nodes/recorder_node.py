@@ -161,8 +161,8 @@ class RecorderNode(LockstepNode):
             raise ProtocolError(
                 f"{TOPIC_OF[kind]}: stamp {end_ns} ns is no whole number of ticks of {self._interval_ns} ns"
             )
-        if kind is MechanismState and self.run.resumed is not None and tick == self.run.first_tick:
-            return  # the state that the run goes on from, for its controller: the earlier run recorded it
+        if kind is MechanismState and tick - 1 < self.run.first_tick:
+            return  # of the run that this one goes on from, for the controller
         if kind in _LOCKSTEP:
             self._refuse_foreign(kind, run_id_of(cdr), tick - 1)
         self._barrier.add(TOPIC_OF[kind], tick - 1, cdr)

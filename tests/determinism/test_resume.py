@@ -198,26 +198,26 @@ def test_tools_on_paths_go_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert sorted(summary(first)["state_sha256"]) == ["coupling", "paths", "soil"]
 
 
-@pytest.mark.parametrize(("every_s", "control_comes_first"), [(0.07, True), (0.065, False)])
+@pytest.mark.parametrize("tick", [9, 129, 139])
 def test_a_controlled_run_goes_on(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], every_s: float, control_comes_first: bool
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tick: int
 ) -> None:
-    """The driver's ramp and the controller's last speed too, and the command that is due at once."""
+    """From before the first command, between two, and from where one is due at once."""
+    monkeypatch.setattr(checkpoint, "KEPT", 100)
     scene = str(SCENE.parent / "mechanism_only.yaml")
-    sets = [word for change in (*CHANGES, f"record.checkpoint_s={every_s}") for word in ("--set", change)]
-    first = tmp_path / "first"
+    sets = [word for change in (*CHANGES, "record.checkpoint_s=0.005") for word in ("--set", change)]
+    first, second = tmp_path / "first", tmp_path / "second"
     assert main(["run", scene, "--out", str(first), "--mode", "direct", *sets]) == 0
-    kept = sorted(path.parent for path in first.glob("checkpoints/*/manifest.json"))
-    shutil.rmtree(kept.pop())
-    tick = read_checkpoint(kept[0]).tick
-    assert ((tick + 1) % CONTROL["interval_ticks"] == 0) is control_comes_first
-    for mode in ("direct", "composed"):
-        second = tmp_path / mode
-        again = ["--mode", mode, *sets, "--resume", str(first)]
-        assert main(["run", scene, "--out", str(second), *again]) == 0
-        assert (second / "series.csv").read_bytes() == (first / "series.csv").read_bytes()
-        assert joined(first, second) == without_run(first)
-        assert summary(second)["state_sha256"] == summary(first)["state_sha256"]
+    for path in first.glob("checkpoints/tick_*"):
+        if path.name > f"tick_{tick:012d}":
+            shutil.rmtree(path)
+    mode = "direct" if tick == 9 else "composed"
+    assert main(["run", scene, "--out", str(second), "--mode", mode, *sets, "--resume", str(first)]) == 0
+    assert summary(second)["resumed_from"]["tick"] == tick
+    assert (tick + 1) % CONTROL["interval_ticks"] == {9: 10, 129: 10, 139: 0}[tick]
+    assert (second / "series.csv").read_bytes() == (first / "series.csv").read_bytes()
+    assert joined(first, second) == without_run(first)
+    assert summary(second)["state_sha256"] == summary(first)["state_sha256"]
 
 
 @pytest.fixture

@@ -52,6 +52,7 @@ class Case:
     parallel: bool = False
     series_ticks: int = 1
     control_ticks: int = 0
+    first_tick: int = 0  # later where the run goes on from another; then without controller
     paused: bool = False
     prompt: bool = True  # what is sent to the recorder is there at once; its acknowledgements may be late
 
@@ -111,23 +112,30 @@ class System:
         self.listeners = (*names, RECORDER)
         kinds = (*NAMES.values(), "tick_ack")
         self.queues = {(kind, name): deque() for kind in kinds for name in (*self.listeners, COUPLER)}
-        self.done = {name: 0 if name == CONTROLLER else -1 for name in (*self.listeners, COUPLER)}
+        self.done = {
+            name: 0 if name == CONTROLLER else case.first_tick - 1 for name in (*self.listeners, COUPLER)
+        }
         self.due = Due(case)
         self.coupler = Coupler(
             hello(COUPLER), self.listeners, TOOLS, case.ticks, case.window, soil=case.soil,
-            control_ticks=case.control_ticks, paused=case.paused,
+            control_ticks=case.control_ticks, paused=case.paused, first_tick=case.first_tick,
         )  # fmt: skip
+        first = case.first_tick
         needs = Needs.WRENCHES if case.soil else Needs.NOTHING
-        self.nodes = {MECHANISM: Participant(RUN, case.ticks, needs, TOOLS, case.control_ticks)}
-        self.nodes[MECHANISM].start(wrenches=wrench(-1))
+        self.nodes = {
+            MECHANISM: Participant(
+                RUN, case.ticks, needs, TOOLS, control_ticks=case.control_ticks, first_tick=first
+            )
+        }
+        self.nodes[MECHANISM].start(wrenches=wrench(first - 1))
         if case.soil:
             needs = Needs.MOTIONS_BEFORE if case.parallel else Needs.MOTIONS
-            self.nodes[SOIL] = Participant(RUN, case.ticks, needs, TOOLS)
-            self.nodes[SOIL].start(motions=motion(-1))
+            self.nodes[SOIL] = Participant(RUN, case.ticks, needs, TOOLS, first_tick=first)
+            self.nodes[SOIL].start(motions=motion(first - 1))
         self.commander = None
         if case.control_ticks:
-            self.commander = Commander(RUN, case.ticks, case.series_ticks, case.control_ticks)
-        self.barrier: RecordBarrier[Any] = RecordBarrier(case.ticks, self.due, case.window)
+            self.commander = Commander(RUN, case.ticks, case.series_ticks, case.control_ticks, first)
+        self.barrier: RecordBarrier[Any] = RecordBarrier(case.ticks, self.due, case.window, first)
         for name in self.listeners:
             initial = {"initial_motions": motion(-1)} if name == MECHANISM else {}
             initial = {"initial_wrenches": wrench(-1)} if name == SOIL else initial

@@ -112,16 +112,21 @@ CASES = [
     *(Case(window=window, soil=soil) for window in (1, 2, 3) for soil in (True, False)),
     Case(ticks=2, parallel=True),
     Case(ticks=2, control_ticks=1),
+    Case(ticks=5, first_tick=3),
     Case(ticks=5, soil=False, series_ticks=2, control_ticks=2),
 ]
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
-@pytest.mark.parametrize("lag", [2, 256])
-def test_every_order_of_messages_completes(case: Case, lag: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_order_of_messages_completes(case: Case) -> None:
     """Whatever comes first: each tick exactly once by everybody."""
-    monkeypatch.setattr("subsoil_ros.coupling.protocol.coupler.ACK_LAG_TICKS", lag)
     explore(case, Plan(), complete)
+
+
+def test_every_order_completes_where_no_acknowledgement_is_awaited(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The window alone holds the nodes back."""
+    monkeypatch.setattr("subsoil_ros.coupling.protocol.coupler.ACK_LAG_TICKS", 256)
+    explore(Case(window=3), Plan(), complete)
 
 
 @pytest.mark.parametrize(

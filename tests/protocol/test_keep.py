@@ -17,12 +17,10 @@ class Resumed(Execution):
     def __post_init__(self) -> None:
         super().__post_init__()
         names = (MECHANISM, SOIL, "recorder")
-        self.coupler = Coupler(
-            hello(COUPLER), names, TOOLS, self.ticks, self.window, soil=True, first_tick=FIRST
-        )
+        self.coupler = Coupler(hello(COUPLER), names, TOOLS, self.ticks, self.window, True, FIRST)
         self.mechanism = Participant(RUN, self.ticks, Needs.WRENCHES, TOOLS, first_tick=FIRST)
         self.soil = Participant(RUN, self.ticks, Needs.MOTIONS, TOOLS, first_tick=FIRST)
-        self.barrier = RecordBarrier(self.ticks, due, self.window, first_tick=FIRST)
+        self.barrier = RecordBarrier(self.ticks, due, self.window, FIRST)
         start = self.mechanism.start
         self.mechanism.start = lambda wrenches: start(wrenches=wrench(FIRST - 1))  # type: ignore[method-assign]
 

@@ -24,12 +24,14 @@ from subsoil_ros.coupling.direct import run_direct
 from subsoil_ros.coupling.ending import Ending
 from subsoil_ros.coupling.engines import build_mechanism
 from subsoil_ros.coupling.protocol import CONTROLLER
-from subsoil_ros.errors import RunError
+from subsoil_ros.coupling.resumption import Keeper
+from subsoil_ros.errors import InterruptedRunError, RunError
 from subsoil_ros.messages import DriverCommand, MechanismState
 from subsoil_ros.nodes.composed import run_composed, scene_builds
 from subsoil_ros.nodes.controller_node import ControllerNode
 from subsoil_ros.nodes.lifeline import NodeRun
 from subsoil_ros.recording.bag_writer import BagWriter
+from subsoil_ros.recording.checkpoint import newest_valid
 from subsoil_ros.scene.loader import ResolvedScene, load_scene
 
 from .conftest import SCENE, Run, is_alive, messages
@@ -104,6 +106,45 @@ def test_nodes_and_direct_run_drive_alike(scene: ResolvedScene, tmp_path: Path, 
     run_without_ros(scene, tmp_path / "direct", others() if others else build_controller(scene))
     assert contents(tmp_path / "nodes") == contents(tmp_path / "direct")
     assert command_ticks(tmp_path / "nodes", scene.timing.interval_ns) == list(range(EVERY, TICKS, EVERY))
+
+
+@pytest.mark.parametrize("stopped", [6 * EVERY - 1, 6 * EVERY + 3], ids=["before a command", "between two"])
+def test_a_resumed_run_is_driven_on_alike(scene: ResolvedScene, tmp_path: Path, stopped: int) -> None:
+    """From a checkpoint, in both ways: the messages of a run that was never stopped."""
+    run_without_ros(scene, tmp_path / "whole", build_controller(scene))
+    mechanism = build_mechanism(scene)
+    assert mechanism is not None
+    keeper = Keeper(tmp_path / "checkpoints", scene, "test")
+    seen: list[int] = []
+    with pytest.raises(InterruptedRunError):
+        run_direct(
+            scene, "test", mechanism, None, Nowhere(), seen.append,
+            lambda: signal.SIGTERM if seen[-1:] == [stopped] else 0, keeper,
+            controller=build_controller(scene),
+        )  # fmt: skip
+    resumed, _ = newest_valid(tmp_path / "checkpoints")
+    assert resumed is not None
+    assert resumed.tick == stopped
+    run = NodeRun("test", scene, None, resumed)
+    ending = run_composed(run, scene_builds(run, tmp_path / "nodes", 1, lambda tick: None), lambda: 0)
+    assert ending == Ending()
+    writer = BagWriter(tmp_path / "direct", scene.scene, scene.timing)
+    again = build_mechanism(scene)
+    assert again is not None
+    run_direct(
+        scene, "test", again, None, writer, resumed=resumed, controller=build_controller(scene, resumed)
+    )
+    writer.close()
+    expected = [item for item in contents(tmp_path / "whole") if item[1] > (stopped + 1) * 500_000]
+    assert contents(tmp_path / "direct") == expected
+    assert contents(tmp_path / "nodes") == expected
+
+
+class Nowhere:
+    """Takes the records of a run and forgets them."""
+
+    def write(self, record: object) -> None:
+        """Takes one."""
 
 
 class Faulty:

@@ -11,8 +11,8 @@ class Commander:
     Args:
         series_ticks: a state comes every so many ticks, and at the last tick.
         control_ticks: a multiple of it: the command of tick k answers the state at the end of tick k - 1.
-        first_tick: later than 0 where the run goes on from another; if it is one of those that are
-            commanded, the state before it comes once more.
+        first_tick: later than 0 where the run goes on from another. If a command is due there, the state
+            before it comes first.
     """
 
     def __init__(
@@ -23,7 +23,7 @@ class Commander:
         self._last_command = self._last_tick // control_ticks * control_ticks
         self._control_ticks = control_ticks
         self._run_id = run_id
-        first = -(-(first_tick + 1) // series_ticks) * series_ticks - 1
+        first = first_tick // series_ticks * series_ticks + series_ticks - 1
         if is_control_tick(first_tick, control_ticks):
             first = first_tick - 1
         self._states = Stream("mechanism_state", run_id, tick_count, first, series_ticks)

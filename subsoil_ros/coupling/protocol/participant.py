@@ -42,6 +42,7 @@ class Participant:
         tick_count: int,
         needs: Needs,
         tools: tuple[str, ...],
+        *,
         control_ticks: int = 0,
         first_tick: int = 0,
     ) -> None:

@@ -81,11 +81,11 @@ class AnswerStream(Stream, Generic[Answer]):
 
 
 class CommandStream(Stream):
-    """Commands of a controller: at ticks `every`, 2 `every`, and so on; none if `every` is 0."""
+    """Commands of a controller: at the multiples of `every` from first_tick on; none if `every` is 0."""
 
     def __init__(self, run_id: str, tick_count: int, every: int, first_tick: int = 0) -> None:
         step = every or 1
-        first = max(step, -(-first_tick // step) * step)
+        first = -(-max(first_tick, 1) // step) * step
         super().__init__("driver_command", run_id, tick_count, first, step)
         self._controlled = every > 0
         self._kept: deque[DriverCommand] = deque()

@@ -44,7 +44,11 @@ def measure(scene: Path, mode: str, ticks: int) -> list[dict[str, object]]:
     """One run; a row for each of its processes."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "out"
-        changes = {"duration_s": ticks * INTERVAL_NS * 1e-9, "coupling.interval_ns": INTERVAL_NS}
+        changes = {
+            "duration_s": ticks * INTERVAL_NS * 1e-9,
+            "coupling.interval_ns": INTERVAL_NS,
+            "record.series_ticks": 100,
+        }
         sets = [word for key, value in changes.items() for word in ("--set", f"{key}={value}")]
         command = ["run", str(scene), "--out", str(out), "--mode", mode, *sets]
         process = subprocess.Popen(

@@ -9,6 +9,7 @@ from ..recording.bag_reader import BagReader
 from ..recording.checkpoint import Checkpoint, end_digests, newest_valid
 from ..recording.joined import Resumption
 from ..recording.recovery import last_time_ns
+from ..scene.controller import External
 from ..scene.loader import ResolvedScene
 from ..ticks import tick_end_ns
 
@@ -22,10 +23,11 @@ def find_checkpoint(directory: Path, resolved: ResolvedScene) -> Checkpoint:
     Raises:
         InputError: there is none for this scene.
     """
-    if resolved.scene.controller is not None:
+    controller = resolved.scene.controller
+    if controller is not None and isinstance(controller.law, External):
         raise InputError(
-            f"--resume {directory}: the scene has a controller, whose state is in no checkpoint; run it "
-            "from the start"
+            f"--resume {directory}: controller.law 'external' is a node of somebody else, whose state is in "
+            "no checkpoint; run the scene from the start"
         )
     if not directory.is_dir():
         raise InputError(f"--resume {directory}: no such folder; name one that `subsoil run` made")

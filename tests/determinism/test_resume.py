@@ -21,7 +21,8 @@ from subsoil_ros.recording.checkpoint import end_digests, read_checkpoint
 from subsoil_ros.recording.joined import open_record
 from subsoil_ros.scene.loader import load_scene
 
-from ..ros.conftest import LIMIT_S, Run, messages, run_arguments, wait_until_gone
+from ..ros.conftest import LIMIT_S, SCENE, Run, messages, run_arguments, wait_until_gone
+from ..ros.test_controller import CHANGES, CONTROL
 from .test_modes import without_run
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -195,6 +196,28 @@ def test_tools_on_paths_go_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert (second / "series.csv").read_bytes() == (first / "series.csv").read_bytes()
     assert summary(second)["state_sha256"] == summary(first)["state_sha256"]
     assert sorted(summary(first)["state_sha256"]) == ["coupling", "paths", "soil"]
+
+
+@pytest.mark.parametrize("tick", [9, 129, 139])
+def test_a_controlled_run_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tick: int
+) -> None:
+    """From before the first command, between two, and from where one is due at once."""
+    monkeypatch.setattr(checkpoint, "KEPT", 100)
+    scene = str(SCENE.parent / "mechanism_only.yaml")
+    sets = [word for change in (*CHANGES, "record.checkpoint_s=0.005") for word in ("--set", change)]
+    first, second = tmp_path / "first", tmp_path / "second"
+    assert main(["run", scene, "--out", str(first), "--mode", "direct", *sets]) == 0
+    for path in first.glob("checkpoints/tick_*"):
+        if path.name > f"tick_{tick:012d}":
+            shutil.rmtree(path)
+    mode = "direct" if tick == 9 else "composed"
+    assert main(["run", scene, "--out", str(second), "--mode", mode, *sets, "--resume", str(first)]) == 0
+    assert summary(second)["resumed_from"]["tick"] == tick
+    assert (tick + 1) % CONTROL["interval_ticks"] == {9: 10, 129: 10, 139: 0}[tick]
+    assert (second / "series.csv").read_bytes() == (first / "series.csv").read_bytes()
+    assert joined(first, second) == without_run(first)
+    assert summary(second)["state_sha256"] == summary(first)["state_sha256"]
 
 
 @pytest.fixture

@@ -74,7 +74,7 @@ def exchange_cost(ticks: int, *, recorded: bool) -> ExchangeCost:
     """Seven bodies and three tools; mechanism, soil and coupler, and the recorder if the run is recorded."""
     with tempfile.TemporaryDirectory() as place, run_domain() as domain:
         folder = Path(place)
-        scene = _write_scene(folder, ticks)
+        scene = write_scene(folder, ticks)
         parameters: Parameters = {
             "scene": str(scene),
             "run_id": "bench",
@@ -158,7 +158,7 @@ def _switches(process_id: int) -> dict[str, int]:
     return counts
 
 
-def _write_scene(folder: Path, ticks: int) -> Path:
+def write_scene(folder: Path, ticks: int) -> Path:
     """A scene of the right shape: nothing of its physics is used."""
     import trimesh
 

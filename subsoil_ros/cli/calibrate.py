@@ -94,12 +94,13 @@ def _print(fit: ResistanceFit, out: Path) -> None:
     shown["friction_part"] = math.tan(values.tool_friction_angle_rad) / math.tan(values.friction_angle_rad)
     shown["adhesion_part"] = values.adhesion_pa / values.cohesion_pa if values.cohesion_pa else 0.0
     for name in FITTED:
-        error = fit.soil.errors[name]
-        table.add_row(name, f"{shown[name]:.4g}", f"+- {1.96 * error:.2g}")
+        error = fit.soil.errors.get(name)
+        confidence = "at its bound" if error is None else f"+- {1.96 * error:.2g}"
+        table.add_row(name, f"{shown[name]:.4g}", confidence)
     for name in ("drop", "variation", "period_m" if values.period_m else "period_factor"):
         table.add_row(name, f"{shown[name]:.4g}", "by matching the fluctuation")
     console.print(table)
-    names = list(FITTED)
+    names = fit.names
     for i, one in enumerate(names):
         for j in range(i):
             if abs(fit.correlation[i, j]) > CORRELATED:

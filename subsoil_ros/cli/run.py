@@ -3,11 +3,9 @@
 import argparse
 import os
 import shutil
-import signal
 import time
 import uuid
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 from ..analysis.series import read_series, write_series_csv
@@ -17,8 +15,9 @@ from ..coupling.direct import run_direct
 from ..coupling.engines import Mover, build_mechanism, build_paths, build_soil
 from ..coupling.protocol import CONTROLLER, COUPLER, RECORDER, SOIL, participants
 from ..coupling.resumption import Keeper
-from ..errors import InputError, SceneError, SubsoilError
+from ..errors import InputError, RecordingError, SceneError, SubsoilError
 from ..nodes.domain import run_domain
+from ..nodes.signals import caught_signals
 from ..recording.bag_writer import BagWriter
 from ..recording.checkpoint import Checkpoint
 from ..recording.joined import mend_earlier
@@ -102,9 +101,14 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
     for note in _notes(resolved):
         print(note, flush=True)
     failure: SubsoilError | None = None
+    signals: list[int] = []
+
+    def stop_signal() -> int:
+        return signals[0] if signals else 0
+
     start = time.monotonic()
     try:
-        with _caught_signals() as stop_signal, RunProgress(resolved.scene.name, resolved.timing) as bar:
+        with caught_signals(signals.append), RunProgress(resolved.scene.name, resolved.timing) as bar:
             progress = kernels.before(bar)
             if args.mode == "direct":
                 _run_direct(resolved, mover, run_id, out, args.threads, progress, stop_signal, resumed)
@@ -184,19 +188,6 @@ def _create_folder(out: Path) -> Path:
             f"--out {out}: cannot be created ({error.strerror}); name a folder that can"
         ) from error
     return out
-
-
-@contextmanager
-def _caught_signals() -> Iterator[Callable[[], int]]:
-    """Within it SIGINT and SIGTERM end the run in order; gives what tells the first that came, 0 before."""
-    received: list[int] = []
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(number, lambda number, _: received.append(number)) for number in numbers]
-    try:
-        yield lambda: received[0] if received else 0
-    finally:
-        for number, handler in zip(numbers, before, strict=True):
-            signal.signal(number, handler)
 
 
 def _run_direct(
@@ -302,3 +293,6 @@ def _summarize(
     except SubsoilError:
         if failure is None:
             raise
+    except OSError as error:
+        if failure is None:
+            raise RecordingError(f"{out}: the results cannot be written ({error.strerror})") from error

@@ -46,6 +46,15 @@ class NodeProcess:
         """None while it runs; negative: ended by that signal."""
         return self.popen.poll()
 
+    @property
+    def stands_still(self) -> bool:
+        """Whether it was stopped (SIGSTOP) and cannot end by itself."""
+        try:
+            status = Path(f"/proc/{self.popen.pid}/stat").read_text(encoding="utf-8", errors="replace")
+        except OSError:
+            return False  # ended, or no such folder on this system
+        return status.rpartition(")")[2].split()[0] == "T"
+
     def send_stop(self, ending: Ending) -> None:
         """Asks the node to end."""
         self._send(json.dumps({"stop": ending.reason, "exit_status": ending.exit_status}) + "\n")
@@ -129,6 +138,8 @@ class Supervisor:
                     ending = self._cause()
                     if ending is not None:
                         self._end_coupler(ending)
+                if ending is not None:
+                    self._kill_who_stands_still()
                 if self._coupler.exit_status is not None:
                     self._end_others(ending or wish)
                 if time.monotonic() > self._deadline:
@@ -185,7 +196,8 @@ class Supervisor:
             return None
         since, process = self._failed
         over = all(item.exit_status is not None for item in self._processes)
-        if self._coupler.exit_status is None and not over and time.monotonic() - since < VERDICT_S:
+        may_tell = self._coupler.exit_status is None and not self._coupler.stands_still
+        if may_tell and not over and time.monotonic() - since < VERDICT_S:
             return None
         return Ending(process.exit_status or RunError.exit_status, process.last_words())
 
@@ -211,6 +223,12 @@ class Supervisor:
             if process.name not in self._asked and now >= self._coupler_end + patience_s:
                 self._asked.add(process.name)
                 process.send_stop(ending)
+
+    def _kill_who_stands_still(self) -> None:
+        """Ends at once who cannot end by himself."""
+        for process in self._processes:
+            if process.stands_still:
+                process.popen.kill()
 
     def _kill_remaining(self) -> str:
         """Names of the nodes that had to be killed."""

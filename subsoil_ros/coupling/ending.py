@@ -28,5 +28,8 @@ class Ending:
 
 
 def interrupted(signal_number: int) -> Ending:
-    """The ending of a run by a signal."""
+    """The ending of a run by a signal. A terminal that closes is nobody's wish: the run has failed."""
+    if signal_number == signal.SIGHUP:
+        reason = "ended by SIGHUP: the terminal was closed; nohup keeps a run going"
+        return Ending(RunError.exit_status, reason)
     return Ending(SIGNAL_STATUS + signal_number, f"ended by {signal.Signals(signal_number).name}")

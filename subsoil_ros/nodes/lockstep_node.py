@@ -13,7 +13,7 @@ from rclpy.subscription import Subscription
 
 from ..coupling.ending import Ending
 from ..coupling.protocol import COUPLER, RECORDER
-from ..errors import RunError, SubsoilError
+from ..errors import ProtocolError, RunError, SubsoilError
 from ..messages import Grant, NodeHello, NodeState
 from ..recording.topics import TOPIC_OF
 from .convert import class_of, reader, writer
@@ -65,9 +65,26 @@ class LockstepNode(Node):
         self.listen_raw(kind, lambda cdr: handle(read(cdr)), partners)
 
     def listen_raw(self, kind: type, handle: Callable[[bytes], None], partners: tuple[str, ...]) -> None:
-        """Hands the CDR bytes of records of `kind`, from the nodes named, to `handle`."""
+        """Hands the CDR bytes of records of `kind`, from the nodes named, to `handle`.
+
+        What does not come from them, or comes after a loss, is a fault before anybody sees it.
+        """
+        topic = TOPIC_OF[kind]
+        due = 1
+
+        def received(cdr: bytes, info: Any) -> None:
+            nonlocal due
+            number = info["publication_sequence_number"]  # of the publisher, from 1; None: not known
+            if kind is not NodeHello and number is not None and number != due:  # hello has many publishers
+                raise ProtocolError(
+                    f"{topic}: message number {number} of its publisher came where number {due} is due; "
+                    "one was lost, or somebody else publishes: give every run a ROS_DOMAIN_ID of its own"
+                )
+            due += 1
+            handle(cdr)
+
         subscription = self.create_subscription(
-            class_of(kind), TOPIC_OF[kind], self._guarded(handle), qos_of(kind), raw=True
+            class_of(kind), topic, self._guarded(received), qos_of(kind), raw=True
         )
         self._partners.append((subscription, partners))
 
@@ -157,7 +174,21 @@ class LockstepNode(Node):
             return
         if self.lifeline.lost:
             raise RunError(self.lifeline.lost)
+        self._refuse_other_publishers()
         self.on_poll()
+
+    def _refuse_other_publishers(self) -> None:
+        """Raises ProtocolError if a lockstep topic has more publishers than the run."""
+        for endpoint, names in self._partners:
+            if not isinstance(endpoint, Subscription) or endpoint.topic_name.endswith(TOPIC_OF[NodeHello]):
+                continue  # every node says hello
+            if endpoint.get_publisher_count() > len(names):
+                infos = self.get_publishers_info_by_topic(endpoint.topic_name)
+                found = ", ".join(sorted(info.node_name for info in infos))
+                raise ProtocolError(
+                    f"{endpoint.topic_name.lstrip('/')}: published by the nodes {found}; in a run it comes "
+                    f"from {', '.join(names)} alone. Give every run a ROS_DOMAIN_ID of its own"
+                )
 
     def _guarded(self, handle: Callable[..., None]) -> Callable[..., None]:
         def guarded(*arguments: Any) -> None:

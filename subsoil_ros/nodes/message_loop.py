@@ -53,7 +53,7 @@ def serve(
                 taken = handle.take_message(kind, True)
                 if taken is None or ended():
                     break
-                callback(taken[0])
+                callback(*taken)
         if services:
             ready = wait_set.get_ready_entities("service")
             for service in services:

@@ -2,7 +2,6 @@
 
 import json
 import os
-import signal
 import sys
 import threading
 from collections.abc import Callable
@@ -25,6 +24,7 @@ from ..scene.loader import ResolvedScene, load_scene
 from .lifeline import Lifeline, NodeRun
 from .lockstep_node import LAST_WORD_S, LockstepNode, one_line
 from .service import Service
+from .signals import caught_signals
 
 GRACE_S = 2.0
 """Time for a node that computes to come back and end in order; then the process ends itself."""
@@ -118,8 +118,13 @@ def run_process(name: str, build: Callable[..., LockstepNode]) -> int:
         print(f"{name}: {one_line(error)}", file=sys.stderr, flush=True)
         return error.exit_status
     lifeline = Lifeline(node, name, run, watched_by(name, run))
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, _: lifeline.request_stop(interrupted(number)))
+    with caught_signals(lambda number: lifeline.request_stop(interrupted(number))):
+        return _serve(name, build, settings, run, lifeline)
+
+
+def _serve(
+    name: str, build: Callable[..., LockstepNode], settings: NodeSettings, run: NodeRun, lifeline: Lifeline
+) -> int:
     if settings.supervised:
         threading.Thread(target=_obey, args=(lifeline,), daemon=True).start()
     lifeline.start()

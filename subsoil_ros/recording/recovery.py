@@ -1,5 +1,6 @@
 """Mends a bag whose writer was killed: every whole chunk is read in sequence and written anew."""
 
+import shutil
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -40,14 +41,28 @@ def recover(path: Path) -> Recovery:
         RecordingError: not a single message can be read.
     """
     source = mcap_path(path)
-    directory = source.parent
-    whole = _is_whole(source) and (directory / "metadata.yaml").is_file()
+    whole = _is_whole(source) and (source.parent / "metadata.yaml").is_file()
     kept = source.with_name(source.name + ".damaged")
-    fresh = directory / (directory.name + ".mended")
+    fresh = source.parent / (source.parent.name + ".mended")
     if not whole:
         for obstacle in (kept, fresh):
             if obstacle.exists():
                 raise InputError(f"{obstacle}: is left from an earlier recovery; move it away first")
+    try:
+        return _recover(source, fresh, kept, whole)
+    except (OSError, RecordingError) as error:
+        cause = error if isinstance(error, OSError) else error.__cause__
+        if not isinstance(cause, OSError):
+            raise  # nothing to recover
+        shutil.rmtree(fresh, ignore_errors=True)
+        raise RecordingError(
+            f"{source}: cannot be mended in its place ({cause.strerror}); make room, or mend a copy "
+            "of the bag where there is some"
+        ) from error
+
+
+def _recover(source: Path, fresh: Path, kept: Path, whole: bool) -> Recovery:
+    directory = source.parent
     channels: dict[int, str] = {}
     schemas: dict[int, Schema] = {}
     folder = None if whole else BagFolder(fresh, source.name)

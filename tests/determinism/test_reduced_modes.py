@@ -10,8 +10,8 @@ import pytest
 from ..ros.conftest import lockstep_ticks
 
 SCENE = Path(__file__).parents[2] / "config" / "scenes" / "subsoiler_1s300_resistance.yaml"
-DURATION_S = 0.2
-"""The wheels come down in it; the share is in the soil from the start, see AT_WORK."""
+DURATION_S = 0.5
+"""The wheels come down in 0.3 s, then the machine is pulled; AT_WORK: its share stands in the soil at once."""
 AT_WORK = "mechanism.initial.translate_x_m=0.4"
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -44,4 +44,4 @@ def test_the_share_is_at_work(results: dict[str, Path]) -> None:
     assert float(row["tool.shank.share.force_x_newton"]) < -100.0
     assert float(row["tool.wheel_left.force_z_newton"]) > 0.0
     ticks = lockstep_ticks(results["nodes"] / "bag", 1_000_000)
-    assert all(found == list(range(200)) for found in ticks.values())
+    assert all(found == list(range(500)) for found in ticks.values())

@@ -2,13 +2,19 @@
 
 import json
 import os
+import re
+import resource
+import shutil
 import signal
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from subsoil_ros.cli.main import main
+from subsoil_ros.recording.recovery import recover
 from subsoil_ros.scene.loader import load_scene
 
 from .conftest import is_alive, lockstep_ticks, run_arguments, wait_until_gone
@@ -49,6 +55,19 @@ def test_a_node_that_stands_still_ends_the_run(start_run: Callable) -> None:
     assert status == 3, err
     assert "soil has not been heard of" in err.strip().splitlines()[-1]
     assert not any(is_alive(pid) for pid in pids.values())
+    assert_readable(run.out)
+
+
+@pytest.mark.parametrize("mode", ["nodes", "direct"])
+def test_a_closed_terminal_fails_the_run_in_order(start_run: Callable, mode: str) -> None:
+    """SIGHUP: nobody asked for the end, so exit 3 with the cause; the bag is finished, no process is left."""
+    run, pids = start_run(mode)
+    run.process.send_signal(signal.SIGHUP)
+    status, _, err = run.finish()
+    assert status == 3, err
+    assert "the terminal was closed" in err.strip().splitlines()[-1]
+    assert not any(is_alive(pid) for pid in pids.values())
+    assert not list(run.out.glob("bag/*.damaged"))
     assert_readable(run.out)
 
 
@@ -102,3 +121,53 @@ def test_a_bad_scene_leaves_no_folder(tmp_path: Path, capsys: pytest.CaptureFixt
     assert main([*run_arguments(out, "nodes", 0.01), "--set", "soil.particles.radius_m=-1"]) == 2
     assert "radius_m" in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_a_full_disk_ends_the_run(start_run: Callable) -> None:
+    """The bag may not grow beyond 200 kB: exit 3, the disk's words, what is on the disk can be mended."""
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, limit[1]))
+    try:
+        run, pids = start_run()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    status, _, err = run.finish()
+    assert status == 3, err
+    last = err.strip().splitlines()[-1]
+    assert "recorder: " in last
+    assert "cannot be written (File too large)" in last
+    assert not any(is_alive(pid) for pid in pids.values())
+    copy = run.out.with_name("copy")
+    shutil.copytree(run.out / "bag", copy / "bag")
+    (copy / "scene.yaml").write_bytes((run.out / "scene.yaml").read_bytes())
+    recover(copy / "bag")
+    assert_readable(copy)
+
+
+def test_a_second_soil_ends_the_run(start_run: Callable) -> None:
+    """Another soil node of the same run: named, both end, exit 3."""
+    run, pids = start_run()
+    environment = dict(
+        item.split("=", 1)
+        for item in Path(f"/proc/{pids['coupler']}/environ").read_text().split("\0")
+        if "=" in item
+    )
+    words = Path(f"/proc/{pids['coupler']}/cmdline").read_text()
+    run_id = re.search(r'run_id:="(\w+)"', words).group(1)
+    parameters = ("-p", f"scene:={run.out / 'scene.yaml'}", "-p", f"run_id:='{run_id}'")
+    second = subprocess.Popen(
+        [sys.executable, "-m", "subsoil_ros.nodes.soil_node", "--ros-args", *parameters],
+        env=environment,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        status, _, err = run.finish()
+        assert second.wait(30.0) == 3
+    finally:
+        second.kill()
+        second.wait()
+    assert status == 3, err
+    last = err.strip().splitlines()[-1]
+    assert "two nodes 'soil'" in last or "published by the nodes soil, soil" in last
+    assert not any(is_alive(pid) for pid in pids.values())
+    assert_readable(run.out)

@@ -1,6 +1,7 @@
 """The nodes in one process with small engines of known arithmetic."""
 
 import threading
+import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -285,7 +286,6 @@ def test_a_foreign_message_ends_the_run_by_name(
     resolved: ResolvedScene, tmp_path: Path, listener: Node
 ) -> None:
     """Somebody publishes motions of another run on our topic: refused, named, exit 3."""
-    publisher = listener.create_publisher(ToolMotionsMessage, "tool_motions", LOCKSTEP_QOS)
     gate, at = threading.Event(), threading.Event()
     endings: list[Ending] = []
     runner = threading.Thread(
@@ -293,6 +293,9 @@ def test_a_foreign_message_ends_the_run_by_name(
     )
     runner.start()
     assert at.wait(LIMIT_S)
+    publisher = listener.create_publisher(ToolMotionsMessage, "tool_motions", LOCKSTEP_QOS)
+    while publisher.get_subscription_count() < 3:
+        time.sleep(0.001)
     message = ToolMotionsMessage(run_id="other", tick=4)
     message.header.stamp.nanosec = 5 * resolved.timing.interval_ns
     publisher.publish(message)
@@ -300,4 +303,5 @@ def test_a_foreign_message_ends_the_run_by_name(
     runner.join(LIMIT_S)
     (ending,) = endings
     assert ending.exit_status == 3
-    assert "tick 4 is of run 'other', this is run 'test'" in ending.reason
+    assert "tool_motions: " in ending.reason
+    assert "ROS_DOMAIN_ID of its own" in ending.reason

@@ -41,6 +41,9 @@ KNOWN = {
 POINTS = [(0.10, 1.0, 0.0), (0.20, 1.0, 0.0), (0.20, 3.0, 0.0), (0.15, 2.0, -0.2)]
 
 
+FAST = {"tine": {"path": {"speed_x_m_per_s": {"kind": "constant", "value": 1.0}}}}
+
+
 def write(path: Path, document: dict) -> Path:
     """A YAML file."""
     path.write_text(yaml.safe_dump(document, sort_keys=False))
@@ -99,7 +102,7 @@ def test_values_that_are_known_are_found(design: Path, tmp_path: Path, capsys: C
         assert model == pytest.approx(period, rel=0.15)
     # the file runs in a scene whose particles it was fitted to
     use = {"model": "resistance", "file": str(out), "stands_for": str(SCENES / "tine.yaml")}
-    load_scene(write(tmp_path / "use.yaml", {"base": str(SCENES / "tine.yaml"), "soil": use}))
+    load_scene(write(tmp_path / "use.yaml", {"base": str(SCENES / "tine.yaml"), "soil": use, "tools": FAST}))
 
 
 def test_period_of_a_known_wave() -> None:
@@ -109,6 +112,8 @@ def test_period_of_a_known_wave() -> None:
     draft = 1000.0 + 300.0 * x + 50.0 * np.sin(2.0 * np.pi * x / 0.04) + random.normal(0.0, 5.0, len(x))
     read = numbers(Pull(x, -draft[:, None], 0.0 * draft[:, None], ("share",)), 0.1, (0.3, 0.9))
     assert dominant_period_m([read]) == pytest.approx(0.04, rel=0.05)  # one line of the spectrum is 4 %
+    later = numbers(Pull(x + 0.007, -draft[:, None], 0.0 * draft[:, None], ("share",)), 0.1, (0.3, 0.9))
+    assert dominant_period_m([read, later]) == pytest.approx(0.04, rel=0.05)  # a replicate stands elsewhere
     assert read.deviation_newton == pytest.approx(50.0 / math.sqrt(2.0), rel=0.05)
     assert read.draft_newton == pytest.approx(1000.0 + 300.0 * 0.5, rel=0.01)
 

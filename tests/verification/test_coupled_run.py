@@ -1,4 +1,4 @@
-"""A machine that works a whole bin: what a short run never meets, deep overlaps and lost particles among it."""
+"""A machine that works a whole bin and meets what a short run does not: deep overlaps, loose particles."""
 
 import json
 import os
@@ -12,13 +12,15 @@ SCENE = Path(__file__).parents[2] / "config" / "scenes" / "subsoiler_1s300_quick
 
 
 def test_the_machine_comes_through_its_bin(tmp_path):
-    """The quick scene with particles of twice the radius and a law scaled to them, to its end at 2 s: no monitor
-    stops it, no particle is lost, the soil resists, and the exchange invents no energy."""
-    changes = ("radius_m=0.02", "law_radius_m=0.01")
-    settings = [*(f"soil.particles.{change}" for change in changes), "soil.bed.spacing_m=rest"]
+    """The quick scene with particles of twice the radius and a law scaled to them, to its end at 2 s.
+
+    No monitor stops it, no particle is lost, the soil resists, and the exchange invents no energy.
+    """
+    changes = ("particles.radius_m=0.02", "particles.law_radius_m=0.01", "bed.spacing_m=rest")
+    settings = [word for change in changes for word in ("--set", f"soil.{change}")]
+    command = [sys.executable, "-m", "subsoil_ros.cli.main", "run", str(SCENE), "--mode", "direct"]
     done = subprocess.run(
-        [sys.executable, "-m", "subsoil_ros.cli.main", "run", str(SCENE), "--mode", "direct"]
-        + ["--out", str(tmp_path / "run"), *(word for change in settings for word in ("--set", change))],
+        [*command, "--out", str(tmp_path / "run"), *settings],
         env=dict(os.environ),
         capture_output=True,
         text=True,

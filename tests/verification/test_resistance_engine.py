@@ -106,6 +106,16 @@ def test_steady_share_has_the_force_of_the_theory(engine):
     assert -last.force_z_newton == pytest.approx(v, rel=1e-3)
 
 
+def test_rising_soil_lifts_an_upright_blade(engine):
+    """Soil in front of it slides up, so friction is upward: V = -P sin(delta), H = P cos(delta)."""
+    blade = trimesh.creation.box((0.02, 0.05, 0.6)).apply_translation((0.0, 0.0, -0.1))
+    soil = engine({"adhesion_pa": 0.0, "density_kg_per_m3": 1e-3}, mesh=blade)
+    last = drawn(soil, forward(200))[-1]
+    assert last.force_z_newton == pytest.approx(
+        -last.force_x_newton * math.tan(0.3), rel=5e-3
+    )  # signs below 1 mm/s
+
+
 def test_zero_in_air_before_the_soil_and_behind_it(engine):
     """No soil, no force: above the surface, at x < 0 and beyond the bin."""
     soil = engine(share="both")

@@ -36,6 +36,9 @@ STARTS = (0.1, 0.35, 0.6)
 WEIGHT = 0.03
 """Part of the draft that a mean force may miss by at cost one (chosen: as beds scatter, 3 to 4 %)."""
 
+UPWARD_WEIGHT = 3.0
+"""How much more a mean vertical force may miss by (chosen: the draft is what is asked for)."""
+
 ROUNDS = 3
 """Means and fluctuation are fitted in turn: the drop lowers the mean."""
 
@@ -79,7 +82,8 @@ class ResistanceFit:
 
     soil: SoilFile
     compared: tuple[Compared, ...]
-    correlation: NDArray[np.float64]  # of FITTED
+    names: tuple[str, ...]  # fitted values that are not at a bound
+    correlation: NDArray[np.float64]  # of these
     chi_squared: float
     freedoms: int
 
@@ -144,9 +148,12 @@ def fit_resistance(
     best = _fit_means(values, used, engines, best)
     values = _with(values, best.x)
     compared = tuple(_compare(values, item, engines[id(item)], design) for item in measured)
-    freedoms = len(best.fun) - len(best.x)
+    names = tuple(name for name, bound in zip(FITTED, _at_bound(best), strict=True) if not bound)
+    free = [list(FITTED).index(name) for name in names]  # a value at its bound has no error of this kind
+    freedoms = len(best.fun) - len(free)
     chi_squared = float(best.fun @ best.fun) / max(freedoms, 1)
-    covariance = np.linalg.pinv(best.jac.T @ best.jac) * chi_squared
+    slopes = best.jac[:, free]
+    covariance = np.linalg.pinv(slopes.T @ slopes) * chi_squared
     deviation = np.sqrt(np.diag(covariance))
     safe = np.where(deviation > 0.0, deviation, 1.0)
     soil = SoilFile(
@@ -154,7 +161,7 @@ def fit_resistance(
         fitted_law=fitted_law(scene),
         fitted_range=_range(scene, used),
         values=values,
-        errors={name: float(error) for name, error in zip(FITTED, deviation, strict=True)},
+        errors={name: float(error) for name, error in zip(names, deviation, strict=True)},
         report={
             "scene": scene.scene.name,
             "points": [_row(item) for item in compared],
@@ -162,7 +169,15 @@ def fit_resistance(
             "freedoms": freedoms,
         },
     )
-    return ResistanceFit(soil, compared, covariance / np.outer(safe, safe), chi_squared, freedoms)
+    return ResistanceFit(soil, compared, names, covariance / np.outer(safe, safe), chi_squared, freedoms)
+
+
+def _at_bound(end: Any) -> list[bool]:
+    """Which values stand at a bound, to 1e-3 of their scale."""
+    return [
+        value - low < 1e-3 * start or high - value < 1e-3 * start
+        for value, (start, low, high) in zip(end.x, FITTED.values(), strict=True)
+    ]
 
 
 def _with(values: ResistanceValues, found: NDArray[np.float64]) -> ResistanceValues:
@@ -187,7 +202,8 @@ def _fit_means(
         for item in used:
             x, z = steady(engines[id(item)].with_values(soil), item)
             weight = WEIGHT * item.mean("draft_newton")
-            rows += [(x - item.mean("mean_x_newton")) / weight, (z - item.mean("mean_z_newton")) / weight]
+            rows.append((x - item.mean("mean_x_newton")) / weight)
+            rows.append((z - item.mean("mean_z_newton")) / (UPWARD_WEIGHT * weight))
         return np.concatenate(rows)
 
     if before is not None:

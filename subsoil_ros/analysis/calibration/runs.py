@@ -118,7 +118,7 @@ def numbers(found: Pull, tip_x_m: float, window_m: tuple[float, float]) -> PullN
     if rows.sum() < 10:
         raise RunError(f"window_m {window_m}: the tip was there in {int(rows.sum())} ticks; draw it further")
     draft = -found.force_x_newton[rows].sum(axis=1)
-    at = np.arange(tip[rows][0], tip[rows][-1], SAMPLE_M)
+    at = np.arange(*window_m, SAMPLE_M)  # the same for all pulls, so that spectra can be averaged
     sampled = np.interp(at, tip[rows], draft)
     about = sampled - np.polyval(np.polyfit(at, sampled, 1), at)
     power = np.abs(np.fft.rfft(about * np.hanning(len(about)))) ** 2

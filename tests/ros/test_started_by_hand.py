@@ -1,0 +1,144 @@
+"""Nodes started one by one, as `ros2 run` does it, with engines that compute nothing; no supervisor."""
+
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from subsoil_ros.cli.bench_lockstep import write_scene
+from subsoil_ros.cli.supervisor import node_program
+from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
+from subsoil_ros.nodes.domain import run_domain
+from subsoil_ros.scene.loader import load_scene
+
+from .conftest import lockstep_ticks
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+LIMIT_S = 90.0
+NODES = (MECHANISM, SOIL, RECORDER, COUPLER)
+PROGRAMS: dict[str, tuple[str, ...]] = {
+    MECHANISM: ("-m", "subsoil_ros.nodes.idle", MECHANISM),
+    SOIL: ("-m", "subsoil_ros.nodes.idle", SOIL),
+    RECORDER: node_program(RECORDER),
+    COUPLER: node_program(COUPLER),
+}
+OTHER_VERSION = (
+    "-c",
+    "import sys, subsoil_ros; subsoil_ros.__version__ = '0.0'; sys.argv = ['idle', 'soil', *sys.argv[1:]];"
+    "from subsoil_ros.nodes.idle import main; raise SystemExit(main())",
+)
+
+
+class NodeSet:
+    """The four nodes of a run."""
+
+    def __init__(self, folder: Path, ticks: int) -> None:
+        self.folder = folder
+        self.scene = write_scene(folder, ticks)
+        self.processes: dict[str, subprocess.Popen[str]] = {}
+
+    def start(self, name: str, program: tuple[str, ...], scene: Path | None = None) -> None:
+        """Starts a node; its words can be read from `words`."""
+        parameters = {"scene": scene or self.scene, "run_id": "'hand'", "bag": self.folder / "bag"}
+        options = [item for key, value in parameters.items() for item in ("-p", f"{key}:={value}")]
+        with (self.folder / f"{name}.log").open("w") as log:
+            self.processes[name] = subprocess.Popen(
+                [sys.executable, *program, "--ros-args", *options],
+                stdin=subprocess.DEVNULL, stdout=log, stderr=log, text=True,
+            )  # fmt: skip
+
+    def wait_until_recording(self) -> None:
+        """Until a chunk of the bag is on the disk."""
+        deadline = time.monotonic() + LIMIT_S
+        while sum(path.stat().st_size for path in self.folder.glob("bag/*.mcap")) < 60_000:
+            assert time.monotonic() < deadline, self.words()
+            time.sleep(0.02)
+
+    def wait(self) -> dict[str, int]:
+        """Exit status of every node."""
+        return {name: process.wait(LIMIT_S) for name, process in self.processes.items()}
+
+    def words(self) -> dict[str, str]:
+        """What every node said last."""
+        logs = {name: (self.folder / f"{name}.log").read_text().strip() for name in self.processes}
+        return {name: text.splitlines()[-1] if text else "" for name, text in logs.items()}
+
+    def ticks(self) -> dict[str, list[int]]:
+        """Ticks in the bag by lockstep topic."""
+        return lockstep_ticks(self.folder / "bag", load_scene(self.scene).timing.interval_ns)
+
+
+@pytest.fixture
+def node_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[int], NodeSet]]:
+    """Makes the set, in a domain of its own; ends whatever is left."""
+    made: list[NodeSet] = []
+
+    def make(ticks: int) -> NodeSet:
+        made.append(NodeSet(tmp_path, ticks))
+        return made[-1]
+
+    monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
+    with run_domain() as domain:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+        yield make
+        for process in (process for nodes in made for process in nodes.processes.values()):
+            process.kill()
+            process.wait()
+
+
+def test_a_node_of_another_scene_is_refused(node_set: Callable[[int], NodeSet], tmp_path: Path) -> None:
+    """One node reads a scene with other content: named with both hashes, nobody goes on, exit 3."""
+    nodes = node_set(100_000)
+    (tmp_path / "other").mkdir()
+    for name in NODES:
+        other = write_scene(tmp_path / "other", 200) if name == MECHANISM else None
+        nodes.start(name, PROGRAMS[name], other)
+    assert nodes.wait() == dict.fromkeys(NODES, 3), nodes.words()
+    ours, theirs = load_scene(nodes.scene).scene_hash, load_scene(tmp_path / "other/scene.yaml").scene_hash
+    expected = f"node_hello: mechanism runs scene {theirs}, the coupler {ours}; start all nodes alike"
+    assert nodes.words()[COUPLER] == f"coupler: {expected}"
+
+
+def test_a_node_of_another_version_is_refused(node_set: Callable[[int], NodeSet]) -> None:
+    """The same for another version of the package."""
+    nodes = node_set(100_000)
+    for name in NODES:
+        nodes.start(name, OTHER_VERSION if name == SOIL else PROGRAMS[name])
+    assert nodes.wait() == dict.fromkeys(NODES, 3), nodes.words()
+    assert "node_hello: soil runs version 0.0, the coupler 0." in nodes.words()[COUPLER]
+
+
+def test_the_terminal_of_the_coupler_closes(node_set: Callable[[int], NodeSet]) -> None:
+    """SIGHUP of the coupler ends the run for all, with a finished bag and the cause in every node's words."""
+    nodes = node_set(100_000)
+    for name in NODES:
+        nodes.start(name, PROGRAMS[name])
+    nodes.wait_until_recording()
+    nodes.processes[COUPLER].send_signal(signal.SIGHUP)
+    assert nodes.wait() == dict.fromkeys(NODES, 3), nodes.words()
+    assert all("terminal was closed" in words for words in nodes.words().values()), nodes.words()
+    ticks = nodes.ticks()
+    count = len(ticks["grant"])
+    assert count > 10
+    assert ticks == {name: list(range(count)) for name in ticks}
+
+
+def test_a_recorder_that_stalls_loses_nothing(node_set: Callable[[int], NodeSet]) -> None:
+    """The recorder stands still again and again, as on a slow disk: the others wait, every tick is there."""
+    nodes = node_set(3000)
+    for name in NODES:
+        nodes.start(name, PROGRAMS[name])
+    nodes.wait_until_recording()
+    recorder = nodes.processes[RECORDER]
+    for _ in range(4):
+        recorder.send_signal(signal.SIGSTOP)
+        time.sleep(0.5)
+        recorder.send_signal(signal.SIGCONT)
+        time.sleep(0.1)
+    assert nodes.wait() == dict.fromkeys(NODES, 0), nodes.words()
+    assert nodes.ticks() == {name: list(range(3000)) for name in nodes.ticks()}

@@ -1,0 +1,157 @@
+"""Strangers on our topics, and what only looks like a fault; nodes in one process with small engines."""
+
+import math
+import threading
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import pytest
+from rclpy.node import Node
+from subsoil_msgs.msg import ToolWrench as ToolWrenchMessage
+from subsoil_msgs.msg import ToolWrenches as ToolWrenchesMessage
+
+from subsoil_ros.coupling.ending import Ending
+from subsoil_ros.coupling.protocol import ACK_LAG_TICKS, RECORDER
+from subsoil_ros.messages import ToolMotion, ToolWrench
+from subsoil_ros.nodes import lifeline as lifeline_module
+from subsoil_ros.nodes.composed import run_composed
+from subsoil_ros.nodes.lifeline import NodeRun
+from subsoil_ros.nodes.qos import LOCKSTEP_QOS
+from subsoil_ros.nodes.recorder_node import RecorderNode
+from subsoil_ros.recording.bag_writer import BagWriter
+from subsoil_ros.scene.loader import ResolvedScene, load_scene
+
+from .conftest import SCENE, lockstep_ticks
+from .test_nodes import (  # noqa: F401  fixtures
+    LIMIT_S,
+    TICKS,
+    GatedSoil,
+    SpringMover,
+    SpringSoil,
+    _own_domain,
+    builds,
+    listener,
+    resolved,
+    run_nodes,
+)
+
+pytestmark = pytest.mark.ros
+
+
+def wrong_tick(message: ToolWrenchesMessage) -> None:
+    """A tick nobody has granted."""
+    message.tick += 1000
+
+
+def not_a_number(message: ToolWrenchesMessage) -> None:
+    """A force that is none."""
+    message.tools[0].wrench.force.x = math.nan
+
+
+def too_many_tools(message: ToolWrenchesMessage) -> None:
+    """A tool that the scene does not have."""
+    message.tools.append(ToolWrenchMessage(tool="spoon"))
+
+
+@pytest.mark.parametrize("spoil", [wrong_tick, not_a_number, too_many_tools])
+def test_a_stranger_is_refused_by_name(
+    resolved: ResolvedScene,  # noqa: F811
+    tmp_path: Path,
+    listener: Node,  # noqa: F811
+    spoil: Callable[[ToolWrenchesMessage], None],
+) -> None:
+    """Wrenches of our run, but not of our soil: exit 3, the topic named, no tick of the record his.
+
+    The message stands where the soil's own answer to tick 3 belongs.
+    """
+    (tool,) = resolved.scene.tools
+    gate, at = threading.Event(), threading.Event()
+    endings: list[Ending] = []
+    runner = threading.Thread(
+        target=lambda: endings.append(run_nodes(resolved, tmp_path / "bag", lambda: GatedSoil(gate, at)))
+    )
+    runner.start()
+    assert at.wait(LIMIT_S)
+    publisher = listener.create_publisher(ToolWrenchesMessage, "tool_wrenches", LOCKSTEP_QOS)
+    while publisher.get_subscription_count() < 3:  # mechanism, coupler, recorder
+        time.sleep(0.001)
+    message = ToolWrenchesMessage(run_id="test", tick=3, tools=[ToolWrenchMessage(tool=tool)])
+    message.header.stamp.nanosec = 4 * resolved.timing.interval_ns
+    spoil(message)
+    publisher.publish(message)
+    time.sleep(0.3)
+    gate.set()
+    runner.join(LIMIT_S)
+    (ending,) = endings
+    assert ending.exit_status == 3
+    assert "tool_wrenches: " in ending.reason
+    ticks = lockstep_ticks(tmp_path / "bag", resolved.timing.interval_ns)
+    count = len(ticks["grant"])  # who finds him ends with what all had finished, or with what it had
+    assert 1 <= count <= 3
+    assert ticks == {name: list(range(count)) for name in ticks}
+
+
+def test_a_listener_that_takes_nothing_holds_nobody_up(
+    resolved: ResolvedScene,  # noqa: F811
+    tmp_path: Path,
+    listener: Node,  # noqa: F811
+) -> None:
+    """Somebody subscribes to a lockstep topic and never looks: the run ends well, all is recorded."""
+    listener.create_subscription(ToolWrenchesMessage, "tool_wrenches", print, LOCKSTEP_QOS)
+    assert run_nodes(resolved, tmp_path / "bag", SpringSoil) == Ending()
+    ticks = lockstep_ticks(tmp_path / "bag", resolved.timing.interval_ns)
+    assert ticks == {name: list(range(TICKS)) for name in ticks}
+
+
+class SlowSoil(SpringSoil):
+    """Takes its time for one tick."""
+
+    def __init__(self, seconds: float) -> None:
+        super().__init__()
+        self._seconds = seconds
+
+    def advance(self, tick: int, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
+        if tick == 5:
+            time.sleep(self._seconds)
+        return super().advance(tick, motions)
+
+
+def test_a_long_tick_is_no_fault(
+    resolved: ResolvedScene,  # noqa: F811
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A tick that takes longer than any silence is borne: heartbeats go on meanwhile."""
+    monkeypatch.setattr(lifeline_module, "SILENCE_S", 1.0)
+    monkeypatch.setattr(lifeline_module, "STALL_S", 1.0)
+    assert run_nodes(resolved, tmp_path / "bag", lambda: SlowSoil(2.5)) == Ending()
+
+
+def test_a_slow_disk_holds_the_run_and_loses_nothing(tmp_path: Path) -> None:
+    """The writer takes 1 ms a message: the soil is held ACK_LAG_TICKS ahead of it, all is recorded."""
+    ticks = 3 * ACK_LAG_TICKS
+    slow = load_scene(SCENE, ["coupling.interval_ns=48000", f"duration_s={ticks * 48e-6}"])
+    (tool,) = slow.scene.tools
+    leads: list[int] = []
+    soil_tick = [-1]
+
+    class SlowWriter(BagWriter):
+        def write_raw(self, topic: str, tick: int, cdr: bytes) -> None:
+            time.sleep(1e-3)
+            leads.append(soil_tick[0] - tick)
+            super().write_raw(topic, tick, cdr)
+
+    class CountingSoil(SpringSoil):
+        def advance(self, tick: int, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
+            soil_tick[0] = tick
+            return super().advance(tick, motions)
+
+    nodes = builds(slow, tmp_path / "bag", partial(SpringMover, tool), CountingSoil)
+    writer = SlowWriter(tmp_path / "bag", slow.scene, slow.timing)
+    nodes[RECORDER] = lambda run, lifeline, context: RecorderNode(writer, run, lifeline, context)
+    assert run_composed(NodeRun("test", slow), nodes, lambda: 0) == Ending()
+    assert ACK_LAG_TICKS // 2 < max(leads) <= ACK_LAG_TICKS
+    recorded = lockstep_ticks(tmp_path / "bag", slow.timing.interval_ns)
+    assert recorded == {name: list(range(ticks)) for name in recorded}

@@ -11,7 +11,8 @@ from ..ros.conftest import lockstep_ticks
 
 SCENE = Path(__file__).parents[2] / "config" / "scenes" / "subsoiler_1s300_resistance.yaml"
 DURATION_S = 0.5
-"""The wheels come down in 0.3 s, then the machine is pulled; AT_WORK: its share stands in the soil at once."""
+"""The wheels come down in 0.3 s, then the machine is pulled."""
+# the share stands in the soil at once
 AT_WORK = "mechanism.initial.translate_x_m=0.4"
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]

@@ -134,6 +134,15 @@ def _general(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
     if timing.mechanism_steps:
         steps = timing.mechanism_steps
         yield "mechanism steps", f"{steps * timing.tick_count:,} ({steps} per tick)"
+    if scene.controller is not None:
+        ticks = scene.controller.interval_ticks
+        yield (
+            "controller",
+            (
+                f"{scene.controller.law.kind}, commands {scene.controller.driver} every {ticks} ticks, "
+                f"{ticks * timing.interval_s * 1e3:g} ms"
+            ),
+        )
     for name, tool in scene.tools.items():
         mesh = load_tool_mesh(resolved.directory, scene, name)
         carrier = f"body {tool.body}" if tool.body else "path"

@@ -111,7 +111,7 @@ class CouplerNode(LockstepNode):
         self.listen(NodeHello, self._on_hello, names)
         if scene.controller is not None:
             self.listen(DriverCommand, self._on_command, (CONTROLLER,))
-        self._pausing = PauseServices(self, self._coupler, self._guarded(self._on_pacing))
+        self._pausing = PauseServices(self, self._coupler, self._on_pacing, self._guarded)
 
     def on_poll(self) -> None:
         """Starts the run when all are ready; finds out what is late.

@@ -23,15 +23,22 @@ class PauseServices:
 
     Args:
         changed: called when ticks may be granted again, or when the run begins to pause.
+        guarded: makes a callback whose errors are the node's fault.
     """
 
-    def __init__(self, node: Node, coupler: Coupler, changed: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        coupler: Coupler,
+        changed: Callable[[], None],
+        guarded: Callable[[Callable[..., None]], Callable[..., None]],
+    ) -> None:
         self._coupler = coupler
         self._changed = changed
         self._waiting: list[tuple[int, Service, Any]] = []  # tick to be done, whom to answer
-        self._pause = node.create_service(Trigger, "~/pause", self._on_pause)
-        self._resume = node.create_service(Trigger, "~/resume", self._on_resume)
-        self._step = node.create_service(Step, "~/step", self._on_step)
+        self._pause = node.create_service(Trigger, "~/pause", guarded(self._on_pause))
+        self._resume = node.create_service(Trigger, "~/resume", guarded(self._on_resume))
+        self._step = node.create_service(Step, "~/step", guarded(self._on_step))
 
     def note_done(self) -> None:
         """Answers whoever waited for ticks that are done now."""

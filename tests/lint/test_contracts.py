@@ -33,7 +33,7 @@ def field_lines(text: str) -> list[tuple[str, str, str]]:
 
 def constants(text: str) -> dict[str, int]:
     """Constants of a message text."""
-    return {name: int(value) for name, value in re.findall(r"^uint8 ([A-Z]+)=(\d+)$", text, re.MULTILINE)}
+    return {name: int(value) for name, value in re.findall(r"^uint8 ([A-Z]+)=(\d+)\b", text, re.MULTILINE)}
 
 
 def test_imports_keep_the_layers():

@@ -161,7 +161,7 @@ def test_a_paused_run_goes_no_further_than_its_steps(case: Case) -> None:
 @pytest.mark.parametrize(
     ("case", "user"),
     [
-        (Case(), ("abort",)),
+        (Case(ticks=2), ("abort",)),
         (Case(ticks=2), ("pause", "step 1", "abort")),
         (Case(ticks=2, parallel=True, window=1), ("abort",)),
         (Case(ticks=2, soil=False, control_ticks=1), ("abort",)),

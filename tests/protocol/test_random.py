@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from subsoil_ros.coupling.protocol import MECHANISM
 from subsoil_ros.errors import ProtocolError
 
 from .system import Case, System
@@ -88,3 +89,13 @@ def test_steps_are_refused_in_words() -> None:
     assert system.coupler.step(9) == 1
     with pytest.raises(ProtocolError, match="no tick is left"):
         system.step(1)
+
+
+def test_a_controller_that_is_late_is_named() -> None:
+    """Its command does not come: everybody stands before that tick, and the coupler says whose turn it is."""
+    system = System(Case(ticks=9, window=8, control_ticks=4))
+    while moving := [key for key in system.moving() if key != ("driver_command", MECHANISM)]:
+        key = moving[0]
+        (system.lose if key[0] == "driver_command" else system.deliver)(key)
+    assert system.done[MECHANISM] == system.coupler.done_tick == 3
+    assert system.coupler.missing() == "driver_command of tick 4 from controller"

@@ -22,7 +22,7 @@ SOURCES = [
     "setup.py",
     "subsoil_ros",
 ]
-PROGRAMS = ["coupler_node", "mechanism_node", "recorder_node", "soil_node", "subsoil"]
+PROGRAMS = ["controller_node", "coupler_node", "mechanism_node", "recorder_node", "soil_node", "subsoil"]
 
 
 def shell_environment() -> dict[str, str]:

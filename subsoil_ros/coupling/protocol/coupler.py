@@ -127,7 +127,7 @@ class Coupler:
             return ()
         first = self._granted + 1
         free = min(self.done_tick + self._window, self.acknowledged_tick + ACK_LAG_TICKS, self.last_tick)
-        self._granted = max(self._granted, self._pacing.limit(free))
+        self._granted = self._pacing.limit(free)
         return tuple(
             Grant(self._own.run_id, tick, Command.END if tick == self.last_tick else Command.RUN)
             for tick in range(first, self._granted + 1)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from ..scene.limits import Timing
 from ..scene.model import Scene
-from ..ticks import NANOSECONDS_PER_SECOND
+from ..ticks import every_ticks
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,5 @@ class Schedule:
 
 def schedule_of(scene: Scene, timing: Timing) -> Schedule:
     """The schedule a scene asks for; clouds at the multiple of the tick nearest to 1 / cloud_hz."""
-    cloud_ticks = 0
-    if scene.soil is not None and scene.record.cloud_hz > 0.0:
-        cloud_ticks = max(1, round(NANOSECONDS_PER_SECOND / (scene.record.cloud_hz * timing.interval_ns)))
+    cloud_ticks = every_ticks(scene.record.cloud_hz, timing.interval_ns) if scene.soil is not None else 0
     return Schedule(timing.tick_count, scene.record.series_ticks, cloud_ticks)

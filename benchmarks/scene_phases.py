@@ -10,7 +10,8 @@ import argparse
 import json
 import time
 
-from subsoil_ros.cli.preparation import KernelAnnouncer, prepare_bed_first
+from subsoil_ros.cli.bed_preparation import prepare_bed_first
+from subsoil_ros.cli.preparation import KernelAnnouncer
 from subsoil_ros.coupling.engines import build_mechanism, build_paths, build_soil
 from subsoil_ros.dem.bench.phases import clocked
 from subsoil_ros.scene.loader import load_scene

@@ -1,4 +1,4 @@
-"""Where numba keeps compiled kernels: one folder per state of the sources.
+"""How numba compiles and runs kernels, and where it keeps them: one folder per state of the sources.
 
 numba looks only at the file of the function it compiles, not at those it calls. With one cache, a changed
 contact law would go on running as it was, compiled into the pair kernel. So the folder's name is a digest
@@ -13,9 +13,10 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numba
+from llvmlite.binding import get_host_cpu_features
 
 _PACKAGE = Path(__file__).parent
-KERNEL_FOLDERS = (_PACKAGE / "dem", _PACKAGE / "mbd")
+KERNEL_FOLDERS = (_PACKAGE / "dem", _PACKAGE / "mbd", _PACKAGE / "resistance")
 
 
 def kernel_cache_folder(sources: Iterable[Path] = KERNEL_FOLDERS) -> Path:
@@ -62,7 +63,22 @@ def _is_ours(place: Path) -> bool:
         return False
 
 
-def use_kernel_cache() -> None:
-    """Let numba keep kernels in kernel_cache_folder(); NUMBA_CACHE_DIR, where set, stands."""
-    if not os.environ.get("NUMBA_CACHE_DIR"):
+def set_up_numba() -> None:
+    """How numba keeps, compiles and runs the kernels; what the user's NUMBA_ variables say, stands."""
+    given = os.environ
+    if not given.get("NUMBA_CACHE_DIR"):
         numba.config.CACHE_DIR = str(kernel_cache_folder())
+    if not given.get("NUMBA_CPU_FEATURES") and not given.get("NUMBA_CPU_NAME"):
+        numba.config.CPU_FEATURES = _features_of_this_core()
+    if not given.get("NUMBA_THREADING_LAYER_PRIORITY"):
+        numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
+    # OpenMP threads would spin between parallel regions and take the cores of the other nodes. OpenMP reads
+    # this once, when numba first uses it.
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+
+
+def _features_of_this_core() -> str:
+    """All that it has, and its widest vectors: LLVM takes half of them by default, for older cores' sake."""
+    features = get_host_cpu_features()
+    features["prefer-256-bit"] = False
+    return str(features.flatten())

@@ -16,6 +16,7 @@ class Command(IntEnum):
     RUN = 0
     END = 1
     ABORT = 2
+    KEEP = 3  # everybody stands at the end of the tick named: write a checkpoint of it
 
 
 class NodeState(IntEnum):
@@ -26,6 +27,7 @@ class NodeState(IntEnum):
     RUNNING = 2
     ENDED = 3
     FAULT = 4
+    PAUSED = 5  # the coupler only
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,6 +199,16 @@ class Grant:
 
 
 @dataclass(frozen=True, slots=True)
+class DriverCommand:
+    """A controller's command: the speed a driver is to reach, from the start of `tick` on."""
+
+    run_id: str
+    tick: int
+    driver: str
+    speed: float  # m/s, or rad/s for an angle
+
+
+@dataclass(frozen=True, slots=True)
 class TickAck:
     """The recorder has taken every lockstep message up to and including `tick`."""
 
@@ -213,6 +225,8 @@ class NodeHello:
     state: NodeState
     scene_hash: str  # resolved scene with mesh and bed bytes
     package_version: str
+    message_hashes: tuple[str, ...]  # "Grant RIHS01_..." of every message of subsoil_msgs
+    capabilities: tuple[str, ...]  # parts of the protocol that not every node needs to have
     process_id: int
     tick: int  # last tick this node has finished
     message: str = ""  # the fault, in one line

@@ -24,3 +24,8 @@ def tick_count(duration_s: float, interval_ns: int) -> int:
     """Number of whole ticks that cover `duration_s`; at least one."""
     duration_ns = round(duration_s * NANOSECONDS_PER_SECOND)
     return max(1, -(-duration_ns // interval_ns))
+
+
+def is_control_tick(tick: int, control_ticks: int) -> bool:
+    """Whether a controller commands `tick`: every `control_ticks` ticks, not the first; 0: never."""
+    return control_ticks > 0 and tick > 0 and tick % control_ticks == 0

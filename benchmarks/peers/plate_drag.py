@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from subsoil_ros.cli.preparation import KernelAnnouncer, prepare_bed_first
+from subsoil_ros.cli.bed_preparation import prepare_bed_first
+from subsoil_ros.cli.preparation import KernelAnnouncer
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.beds.prepare import prepare_bed
 from subsoil_ros.dem.bench.cases import DENSE, linear_case

@@ -49,7 +49,7 @@ def _resolved(job: Job) -> ResolvedScene:
     """The scene of a job; its step stands as given, whatever our own limits say."""
     any_size = (1.0, 1.0, 1.0)  # the walls are those of the bed
     case = linear_case({"kind": "grid", "spacing_m": "rest"}, any_size, job.steps, "job")
-    soil = case.resolved.scene.soil
+    soil = case.resolved.scene.particle_soil
     assert soil is not None
     row = soil.law.particle.model_copy(update=_row(job.law))
     tools = {}

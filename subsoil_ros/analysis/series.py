@@ -1,7 +1,8 @@
 """The series of a run: columns of numbers over time, read back from its bag."""
 
 import csv
-from collections.abc import Iterator
+from array import array
+from collections.abc import Iterator, Mapping, Sized
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -19,11 +20,12 @@ from ..messages import (
     ToolWrench,
     ToolWrenches,
 )
-from ..recording.bag_reader import BagReader
+from ..recording.joined import open_record
 from ..scene.limits import derive_timing
 from ..scene.model import Scene
 
 Number = int | float
+_BLOCK_ROWS = 1000
 Cells = Iterator[tuple[str, Number]]
 
 _BODY_COLUMNS = {
@@ -79,6 +81,8 @@ class Series:
 def read_series(bag: Path, scene: Scene) -> Series:
     """The series of a bag that `scene` was recorded into; a run cut short has fewer rows.
 
+    That of a run that went on from another begins with what the other recorded.
+
     Raises:
         InputError: there is no bag.
         RecordingError: it is damaged, or holds not one complete series tick.
@@ -93,9 +97,9 @@ def read_series(bag: Path, scene: Scene) -> Series:
         kinds += [ToolWrenches, SoilState]
     kinds.append(CouplingReport)
 
-    reader = BagReader(bag)
+    reader = open_record(bag)
     by_tick: dict[int, dict[type, Any]] = {}
-    columns: dict[str, list[Number]] = {}
+    columns: dict[str, array[Any]] = {}  # 8 bytes a number, where a list takes 40
     last: CouplingReport | None = None
     for record in reader.records(*kinds, at=lambda time_ns: time_ns % step_ns == 0 or time_ns == last_ns):
         records = by_tick.setdefault(record.tick, {})
@@ -103,7 +107,9 @@ def read_series(bag: Path, scene: Scene) -> Series:
         if len(records) == len(kinds):
             del by_tick[record.tick]
             for name, value in _row(scene, records):
-                columns.setdefault(name, []).append(value)
+                if name not in columns:
+                    columns[name] = array("q" if isinstance(value, int) else "d")
+                columns[name].append(value)
             last = records[CouplingReport]
     if last is None:
         raise RecordingError(
@@ -111,7 +117,9 @@ def read_series(bag: Path, scene: Scene) -> Series:
             f"ticks of {timing.interval_ns} ns); the run ended before, or another scene was recorded"
         )
     _refuse_ragged(columns, reader.path)
-    return Series({name: np.array(values) for name, values in columns.items()}, last.run_id, last.wall_time_s)
+    return Series(
+        {name: np.asarray(values) for name, values in columns.items()}, last.run_id, last.wall_time_s
+    )
 
 
 def write_series_csv(series: Series, path: Path) -> None:
@@ -119,8 +127,10 @@ def write_series_csv(series: Series, path: Path) -> None:
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(series.columns)
-        for row in zip(*(column.tolist() for column in series.columns.values()), strict=True):
-            writer.writerow([repr(value) for value in row])
+        for start in range(0, len(series), _BLOCK_ROWS):
+            block = (column[start : start + _BLOCK_ROWS].tolist() for column in series.columns.values())
+            for row in zip(*block, strict=True):
+                writer.writerow([repr(value) for value in row])
 
 
 def _row(scene: Scene, records: dict[type, Any]) -> Cells:
@@ -133,7 +143,7 @@ def _row(scene: Scene, records: dict[type, Any]) -> Cells:
         yield from _mechanism(scene, state)
     yield from _tools(records[ToolMotions], wrenches)
     soil: SoilState | None = records.get(SoilState)
-    if soil is not None:
+    if soil is not None and scene.particle_soil is not None:  # a reduced soil has nothing of it
         yield from ((f"soil.{name}", getattr(soil, name)) for name in _SOIL_COLUMNS)
     yield from ((f"coupling.{name}", getattr(report, name)) for name in _COUPLING_COLUMNS)
 
@@ -178,7 +188,7 @@ def _tools(motions: ToolMotions, wrenches: ToolWrenches | None) -> Cells:
             yield from ((f"{prefix}.{group.group}.{name}", getattr(group, name)) for name in _GROUP_COLUMNS)
 
 
-def _refuse_ragged(columns: dict[str, list[Number]], path: Path) -> None:
+def _refuse_ragged(columns: Mapping[str, Sized], path: Path) -> None:
     row_count = len(columns["time_s"])
     for name, values in columns.items():
         if len(values) != row_count:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from ..messages import SoilCloud, ToolMotion, ToolMotions
-from ..recording.bag_reader import BagReader
+from ..recording.joined import open_record
 from ..scene.loader import ResolvedScene
 from ..scene.meshes import ToolMesh, load_tool_mesh
 from ..scene.soil import Soil
@@ -29,10 +29,10 @@ _TOOL_EDGE, _TOOL_FILL = "#202020", "#d9d9d9"
 
 def draw_soil_cut(bag: Path, resolved: ResolvedScene, path: Path, span_s: tuple[float, float]) -> Path | None:
     """Draws the cut at the clouds nearest to start, middle and end of `span_s` [s]; None without clouds."""
-    soil = resolved.scene.soil
+    soil = resolved.scene.particle_soil
     if soil is None:
         return None
-    reader = BagReader(bag)
+    reader = open_record(bag)
     chosen = nearest_times_ns(reader.cloud_times_ns(), span_s)
     if not chosen:
         return None

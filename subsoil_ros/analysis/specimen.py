@@ -49,8 +49,8 @@ class Specimen:
     @property
     def soil(self) -> Soil:
         """The soil of the specimen."""
-        assert self.resolved.scene.soil is not None
-        return self.resolved.scene.soil
+        assert self.resolved.scene.particle_soil is not None
+        return self.resolved.scene.particle_soil
 
     @property
     def mass_kg(self) -> float:
@@ -64,9 +64,9 @@ def prepare_specimen(resolved: ResolvedScene, size_m: Size, folder: Path, thread
     Raises:
         InputError: no soil, a saved bed, or a size that leaves no core.
     """
-    if resolved.scene.soil is None:
+    if resolved.scene.particle_soil is None:
         raise InputError(f"{resolved.path}: has no 'soil', so there is nothing to test")
-    if isinstance(resolved.scene.soil.bed, SavedBed):
+    if isinstance(resolved.scene.particle_soil.bed, SavedBed):
         raise InputError(
             f"{resolved.path}: soil.bed.kind: a saved bed fits no specimen; let it be prepared: "
             "--set soil.bed='{kind: dense_random}', or the same with grid"
@@ -83,10 +83,10 @@ def prepare_specimen(resolved: ResolvedScene, size_m: Size, folder: Path, thread
     path.write_text(dump_yaml(document), encoding="utf-8")
     alone = load_scene(path)
     bed = SoilEngine(alone, threads).bed
-    assert alone.scene.soil is not None
-    density, coordination = _core(bed, alone.scene.soil)
-    pair, _ = pair_values(alone.scene.soil)
-    particles = alone.scene.soil.particles
+    assert alone.scene.particle_soil is not None
+    density, coordination = _core(bed, alone.scene.particle_soil)
+    pair, _ = pair_values(alone.scene.particle_soil)
+    particles = alone.scene.particle_soil.particles
     rest = 1.0 - 0.5 * pair.rest_overlap / particles.mean_volume_radius_m
     fraction = density / particles.density_kg_per_m3 * rest**3
     return Specimen(alone, bed, density, fraction, coordination)

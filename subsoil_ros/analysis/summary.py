@@ -20,7 +20,9 @@ from .window import metrics_window, window_span_s
 
 Summary = dict[str, Any]
 
-RUN_FACTS = ("mode", "threads", "whole_wall_s", "failure")
+RUN_FACTS = (
+    "mode", "threads", "whole_wall_s", "failure", "resumed_from", "checkpoint", "state_sha256",
+)  # fmt: skip
 """What a summary has from the run itself, and a later report takes over."""
 
 
@@ -158,6 +160,11 @@ def _lines(scene: Scene, summary: Summary) -> list[tuple[str, str, float, int, p
     return [line for line in lines if f"{line[1]}_mean" in summary]
 
 
+def _soil_words(summary: Summary) -> str:
+    count = summary["particle_count"]
+    return f"{count} particles" if count else "no particles"
+
+
 def _facts(summary: Summary, compared: bool) -> list[str]:
     window = summary["window"]
     if window["whole_run"]:
@@ -167,7 +174,7 @@ def _facts(summary: Summary, compared: bool) -> list[str]:
     whole = f" ({summary['whole_wall_s']:.1f} s with start-up)" if "whole_wall_s" in summary else ""
     lines = [
         f"mean, min, max, range: {span}; run min, run max: everything recorded",
-        f"{summary['particle_count']} particles, {summary['steps']} steps, {summary['wall_s']:.1f} s wall "
+        f"{_soil_words(summary)}, {summary['steps']} steps, {summary['wall_s']:.1f} s wall "
         f"time{whole}, real-time factor {summary['real_time_factor']:.3g}",
         f"interface energy residual {summary['interface_residual_joule']:.3g} J, "
         f"{100.0 * summary['interface_residual_ratio']:.3g} % of the work done there",
@@ -176,6 +183,16 @@ def _facts(summary: Summary, compared: bool) -> list[str]:
         lines.append(
             f"WARNING: {summary['lost_particle_count']} particles left the domain, the first before "
             f"{summary['first_lost_s']:.4g} s; which ones, the soil's log says"
+        )
+    if summary.get("resumed_from"):
+        lines.append(
+            f"went on from {summary['resumed_from']['checkpoint']}, whose record is in these numbers"
+        )
+    if summary.get("checkpoint"):
+        newest = summary["checkpoint"]
+        lines.append(
+            f"newest checkpoint: {newest['path']}, at {newest['time_s']:.6g} s, "
+            f"{newest['size_bytes'] / 1e6:.3g} MB, written in {newest['write_s']:.2g} s"
         )
     if not summary["complete"]:
         lines.append("The run ended before its last tick.")

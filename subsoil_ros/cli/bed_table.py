@@ -12,7 +12,8 @@ from ..dem.beds.report import BedReport, FreeMotion, free_motion, report_bed
 from ..dem.engine import SoilEngine
 from ..errors import InputError
 from ..scene.loader import ResolvedScene
-from .preparation import KernelAnnouncer, prepare_bed_first
+from .bed_preparation import prepare_bed_first
+from .preparation import KernelAnnouncer
 
 LEFT_ALONE_S = 0.02
 """How long the bed runs without tools: waves cross some 0.3 m of it (chosen)."""
@@ -20,7 +21,7 @@ LEFT_ALONE_S = 0.02
 
 def print_bed(console: Console, resolved: ResolvedScene, threads: int, out: Path | None) -> None:
     """Prepare the bed of a scene, print its report, and write it to `out` where given."""
-    soil = resolved.scene.soil
+    soil = resolved.scene.particle_soil
     if soil is None:
         raise InputError(f"{resolved.path}: has no 'soil', so there is no bed to look at; leave out --bed")
     started = time.perf_counter()

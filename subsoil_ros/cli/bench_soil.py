@@ -21,7 +21,8 @@ from ..dem.bench.measure import Throughput, measure
 from ..dem.bench.phases import phase_parts
 from ..dem.bench.roofline import roofline
 from ..dem.engine import SoilEngine
-from .preparation import KernelAnnouncer, prepare_bed_first, say
+from .bed_preparation import prepare_bed_first
+from .preparation import KernelAnnouncer, say
 
 SCALING_COUNTS, LARGEST_COUNT = (10_000, 100_000), 1_000_000
 

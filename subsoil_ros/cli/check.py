@@ -8,24 +8,16 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from ..dem.bed import grid_shape, prepare_grid
-from ..dem.beds.cache import cached_bed_path
-from ..dem.beds.prepare import check_start
 from ..errors import SceneError
 from ..mbd.statics import Rest, Survey, survey
-from ..scene.bed_spacing import particle_spacing_m
-from ..scene.beds import GridBed, SavedBed
 from ..scene.coupling_bounds import CouplingBound, coupling_bounds
 from ..scene.limits import step_limits, step_notes
 from ..scene.loader import ResolvedScene, load_scene
 from ..scene.mechanism import Mechanism
 from ..scene.meshes import load_tool_mesh
-from ..scene.pairs import layer_soils
-from ..scene.sizes import mean_power
-from ..scene.soil import Soil
 from ..scene.tool_mass import tool_mass
 from .arguments import add_overrides
-from .bed_table import print_bed
+from .soil_rows import particle_rows, reduced_rows, start_count
 
 SUMMARY = "validate a scene and print what a run of it would cost"
 
@@ -63,16 +55,20 @@ def run(args: argparse.Namespace) -> int:
     try:
         found = survey(mechanism, resolved.scene.gravity_m_per_s2) if mechanism else None
         bounds = _bounds(resolved)
-        soil = resolved.scene.soil
-        particle_count = check_start(resolved)
+        soil = resolved.scene.particle_soil
+        particle_count = start_count(resolved)
     except SceneError as error:
         raise SceneError(f"{args.scene}: {error}") from error
     console = Console(width=None if sys.stdout.isatty() else 140)
     console.print(_table(resolved.scene.name, _general(resolved)))
     if soil is not None:
-        console.print(_table("soil", _soil(resolved, soil, particle_count)))
+        console.print(_table("soil", particle_rows(resolved, soil, particle_count)))
         console.print(_limits(resolved))
         for note in step_notes(soil, resolved.timing.soil_step_s):
+            console.print(note)
+    if resolved.scene.reduced_soil is not None:
+        console.print(_table("soil, reduced", reduced_rows(resolved, resolved.scene.reduced_soil)))
+        for note in resolved.notes:
             console.print(note)
     if mechanism and found:
         console.print(_table("mechanism", _mechanism(mechanism, found)))
@@ -83,7 +79,14 @@ def run(args: argparse.Namespace) -> int:
         console.print(_coupling(resolved, bounds))
     console.print(_table("cost", _cost(resolved, particle_count)))
     if args.bed or args.bed_out:
+        from .bed_table import print_bed  # imports the engine of particles
+
         print_bed(console, resolved, args.threads, args.bed_out)
+    if resolved.scene.coupling.scheme == "parallel":
+        console.print(
+            "warning: coupling.scheme: parallel is for study: each side meets the other's tick before, which "
+            "is less stable than serial and saves nothing"
+        )
     for bound in bounds:
         if resolved.timing.interval_s > bound.undamped_s:
             console.print(
@@ -152,60 +155,9 @@ def _general(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
         yield "note", scene.report.note
 
 
-def _soil(resolved: ResolvedScene, soil: Soil, count: int) -> Iterable[tuple[str, str]]:
-    spheres = _spheres(soil)
-    if not isinstance(soil.bed, GridBed):
-        about = "" if isinstance(soil.bed, SavedBed) else "about "
-        yield "particles", f"{about}{count:,} {spheres}, less those that tools overlap"
-        yield from _layer_rows(soil)
-        if isinstance(soil.bed, SavedBed):
-            yield "bed", f"from {soil.bed.file}"
-        else:
-            kept = cached_bed_path(resolved)
-            when = f"kept in {kept}" if kept.is_file() else "prepared when it is first used"
-            yield "bed", f"dense random, seed {soil.bed.seed}; {when}"
-        size = soil.bin
-        fitted = "walls" if size.sides == "walls" else "ends and period in y"
-        yield "bin", f"{size.length_m:g} x {size.width_m:g} x {size.depth_m:g} m, {fitted} fitted to the bed"
-        return
-    nx, ny, nz = grid_shape(soil)
-    bed = prepare_grid(soil, resolved.scene.gravity_m_per_s2)
-    yield "particles", f"{count:,} {spheres}, less those that tools overlap"
-    yield from _layer_rows(soil)
-    spacing_mm = particle_spacing_m(soil) * 1e3
-    yield "bed", f"{nz} layers of {nx} x {ny}, spacing {spacing_mm:g} mm, top at z = 0"
-    length, width = bed.upper_m[0] - bed.lower_m[0], bed.upper_m[1] - bed.lower_m[1]
-    yield (
-        "bin",
-        (
-            f"{soil.bin.length_m:g} x {soil.bin.width_m:g} x {soil.bin.depth_m:g} m; fitted to the bed: "
-            f"{length:.4g} x {width:.4g} m, floor at z = {bed.lower_m[2]:.4f} m"
-            + ("" if bed.period_m is None else f", y periodic with {width:.4g} m")
-        ),
-    )
-
-
-def _spheres(soil: Soil) -> str:
-    sizes, (smallest, largest) = soil.particles.sizes, soil.particles.bounds_m
-    if sizes is None:
-        return f"of radius {largest * 1e3:g} mm"
-    mean_mm = mean_power(sizes, 1) * 1e3
-    return f"of radius {smallest * 1e3:g} to {largest * 1e3:g} mm ({sizes.kind}, mean {mean_mm:.3g} mm)"
-
-
-def _layer_rows(soil: Soil) -> Iterable[tuple[str, str]]:
-    above = 0.0
-    for layer, whole in zip(soil.layers or (), layer_soils(soil), strict=False):
-        bottom = "the floor" if layer.thickness_m is None else f"{above + layer.thickness_m:g} m"
-        density = whole.particles.density_kg_per_m3
-        own = "" if layer.law is None else ", with a law of its own"
-        yield f"layer {layer.name}", f"{above:g} m down to {bottom}, particles of {density:g} kg/m3{own}"
-        above += layer.thickness_m or 0.0
-
-
 def _limits(resolved: ResolvedScene) -> Table:
     """Every limit on the soil step; the smallest binds."""
-    soil, used_s = resolved.scene.soil, resolved.timing.soil_step_s
+    soil, used_s = resolved.scene.particle_soil, resolved.timing.soil_step_s
     table = Table(title="soil step", title_justify="left", title_style="bold", box=None)
     for heading in ("limit", "cause", ""):
         table.add_column(heading, justify="left")
@@ -285,7 +237,7 @@ def _coupling(resolved: ResolvedScene, bounds: tuple[CouplingBound, ...]) -> Tab
 def _cost(resolved: ResolvedScene, particle_count: int) -> Iterable[tuple[str, str]]:
     scene, timing = resolved.scene, resolved.timing
     lockstep_s = timing.tick_count * LOCKSTEP_S_PER_TICK
-    if scene.soil is None:
+    if scene.particle_soil is None:
         yield "memory", f"{BYTES_OF_PROCESS / 1e9:.2f} GB for each process"
         yield "wall time", f"about {_duration(lockstep_s)} as separate processes"
         return

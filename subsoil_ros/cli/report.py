@@ -9,6 +9,7 @@ from ..analysis.figures import draw_figures
 from ..analysis.series import read_series, write_series_csv
 from ..analysis.summary import print_summary, run_facts, summarize, write_summary
 from ..errors import InputError
+from ..recording.joined import mend_earlier
 from ..scene.loader import load_scene
 
 SUMMARY = "print the metrics of a run and draw its figures (PNG)"
@@ -28,6 +29,7 @@ def run(args: argparse.Namespace) -> int:
             f"{directory}: no folder of a run (it has no scene.yaml); name one that `subsoil run` made"
         )
     resolved = load_scene(scene_file)
+    mend_earlier(directory)
     bag = directory / "bag"
     series = read_series(bag, resolved.scene)
     summary = summarize(bag, resolved, _known_facts(directory / "summary.json"), series)

@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
         RunError: a test failed; nothing was written.
     """
     resolved = load_scene(args.scene, args.overrides)
-    if resolved.scene.soil is None:
+    if resolved.scene.particle_soil is None:
         raise InputError(f"{args.scene}: has no 'soil', so there is nothing to test")
     stresses = tuple(sorted(set(args.normal_pa)))
     if len(stresses) < LEAST_POINTS or stresses[0] <= 0.0:
@@ -82,14 +82,14 @@ def run(args: argparse.Namespace) -> int:
         )
     if args.inertial_number <= 0.0:
         raise InputError(f"--inertial-number: given {args.inertial_number:g}, needed is a number above 0")
-    diameter = 2.0 * resolved.scene.soil.particles.mean_volume_radius_m
+    diameter = 2.0 * resolved.scene.particle_soil.particles.mean_volume_radius_m
     length, width, height = args.size_m or (n * diameter for n in SHEAR_DIAMETERS)
     if min(length, width, height) < 5.0 * diameter:
         raise InputError(
             f"--size-m: given {length:g} {width:g} {height:g}, needed is at least 5 particle diameters "
             f"({5.0 * diameter:g} m) each way; 12, 8 and 6 diameters are usual"
         )
-    runs = len(stresses) + (pair_values(resolved.scene.soil)[0].adhesion > 0.0)  # tension too
+    runs = len(stresses) + (pair_values(resolved.scene.particle_soil)[0].adhesion > 0.0)  # tension too
     done: list[str] = []
 
     @contextmanager

@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..coupling.ending import Ending, interrupted
+from ..coupling.ending import KEEP_S, SIGNAL_STATUS, Ending, interrupted
 from ..coupling.protocol import COUPLER, RECORDER
 from ..errors import RunError
 from ..nodes.shared_memory import sweep_shared_memory
@@ -205,6 +205,8 @@ class Supervisor:
         """Asks the coupler to abort the run, which closes the bag in order."""
         self._coupler.send_stop(ending)
         grace_s = GRACE_S if self._progressed else STARTUP_GRACE_S
+        if ending.exit_status > SIGNAL_STATUS:
+            grace_s += KEEP_S
         self._deadline = min(self._deadline, time.monotonic() + grace_s)
 
     def _end_others(self, ending: Ending | None) -> None:

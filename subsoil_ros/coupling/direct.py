@@ -4,12 +4,16 @@ import time
 from collections.abc import Callable
 from typing import Any, Protocol
 
-from ..messages import Command, Grant, ToolMotions, ToolWrenches
+from ..messages import Command, Grant, MechanismState, ToolMotions, ToolWrenches
+from ..recording.checkpoint import Checkpoint
 from ..scene.loader import ResolvedScene
-from ..ticks import tick_end_ns
+from ..ticks import INITIAL_TICK, tick_end_ns
+from .control import Controller
 from .ending import interrupted
 from .engines import Mechanism, Mover, Soil
-from .exchange import account_of
+from .exchange import InterfaceWork, account_of
+from .protocol import SOIL
+from .resumption import CouplingState, Keeper, mover_part, restore_engine
 from .schedule import schedule_of
 
 
@@ -29,13 +33,19 @@ def run_direct(
     sink: RecordSink,
     on_tick: Callable[[int], None] = lambda tick: None,
     stop_signal: Callable[[], int] = lambda: 0,
+    keeper: Keeper | None = None,
+    resumed: Checkpoint | None = None,
+    controller: Controller | None = None,
 ) -> None:
-    """Runs a scene from tick 0 to its last, writing every record.
+    """Runs a scene from tick 0, or from where another run stood, to its last tick, writing every record.
 
     Args:
         mover: the mechanism of the scene, or the paths of its tools.
         on_tick: called after each tick is written.
+        controller: of the scene, if it names one.
         stop_signal: asked before each tick; a signal's number other than 0 ends the run there.
+        keeper: writes checkpoints, when they are due and on a signal; None: there are none.
+        resumed: where to go on.
 
     Raises:
         InterruptedRunError: stop_signal asked for it.
@@ -43,32 +53,75 @@ def run_direct(
     """
     interval_ns = resolved.timing.interval_ns
     schedule = schedule_of(resolved.scene, resolved.timing)
+    parallel = resolved.scene.coupling.scheme == "parallel"
     mechanism: Mechanism | None = mover if resolved.scene.mechanism is not None else None  # type: ignore[assignment]
-    motions = mover.initial_motions()
-    wrenches = soil.start(motions) if soil is not None else ()
-    account = account_of(resolved.scene, motions, wrenches)
-    start = time.monotonic()
-    for tick in range(schedule.tick_count):
+    part = mover_part(resolved.scene)
+    state = _first_state(mover, soil, part, resumed)
+    account = account_of(resolved.scene, state.motions, state.wrenches, state.work)
+    machine: MechanismState | None = None  # at the last series tick, for the controller
+    if mechanism is not None and resumed is not None:
+        machine = mechanism.state(run_id, state.tick, tick_end_ns(state.tick, interval_ns))
+    start = time.monotonic() - state.wall_time_s
+
+    def keep() -> None:
+        """Writes the checkpoint of `state`, if there is not yet one of it."""
+        if keeper is None or state.tick in (first_tick - 1, keeper.last_tick):
+            return
+        keeper.keep(state.tick, part, mover)
+        if soil is not None:
+            keeper.keep(state.tick, SOIL, soil)
+        keeper.commit(state)
+
+    first_tick = state.tick + 1
+    for tick in range(first_tick, schedule.tick_count):
         signal_number = stop_signal()
         if signal_number:
+            keep()
             raise interrupted(signal_number).error()
         end_ns = tick_end_ns(tick, interval_ns)
-        motions = mover.advance(tick, wrenches)
+        command = None
+        if controller is not None and mechanism is not None and machine and schedule.control_due(tick):
+            command = controller.command(tick, machine)
+            mechanism.command(command)
+        motions, wrenches = mover.advance(tick, state.wrenches), state.wrenches
         if soil is not None:
-            wrenches = soil.advance(tick, motions)
+            wrenches = soil.advance(tick, state.motions if parallel else motions)
         work = account.add(motions, wrenches)
-        command = Command.END if tick == schedule.last_tick else Command.RUN
-        sink.write(Grant(run_id, tick, command))
+        wall_time_s = time.monotonic() - start
+        sink.write(Grant(run_id, tick, Command.END if tick == schedule.last_tick else Command.RUN))
+        if command is not None:
+            sink.write(command)
         sink.write(ToolMotions(run_id, tick, end_ns, motions))
         if soil is not None:
             sink.write(ToolWrenches(run_id, tick, end_ns, wrenches))
         if schedule.series_due(tick):
             if mechanism is not None:
-                sink.write(mechanism.state(run_id, tick, end_ns))
+                machine = mechanism.state(run_id, tick, end_ns)
+                sink.write(machine)
             if soil is not None:
                 sink.write(soil.state(run_id, tick, end_ns))
-            sink.write(work.report(run_id, tick, interval_ns, time.monotonic() - start))
+            sink.write(work.report(run_id, tick, interval_ns, wall_time_s))
         if soil is not None and schedule.cloud_due(tick):
             sink.write(soil.cloud(tick, end_ns))
         on_tick(tick)
         account.check(tick)
+        state = CouplingState(tick, motions, wrenches, work, wall_time_s)
+        if keeper is not None and keeper.due(tick):
+            keep()
+    if keeper is not None:
+        keeper.note_end(state.tick, part, mover)
+        if soil is not None:
+            keeper.note_end(state.tick, SOIL, soil)
+        keeper.note_coupling_end(state)
+
+
+def _first_state(mover: Mover, soil: Soil | None, part: str, resumed: Checkpoint | None) -> CouplingState:
+    """The exchange before the first tick: the initial one, or that of a checkpoint, engines put into it."""
+    if resumed is not None:
+        restore_engine(mover, resumed, part)
+        if soil is not None:
+            restore_engine(soil, resumed, SOIL)
+        return CouplingState.of(resumed)
+    motions = mover.initial_motions()
+    wrenches = soil.start(motions) if soil is not None else ()
+    return CouplingState(INITIAL_TICK, motions, wrenches, InterfaceWork())

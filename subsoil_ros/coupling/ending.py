@@ -8,6 +8,9 @@ from ..errors import InterruptedRunError, RunError
 SIGNAL_STATUS = 128
 """A run ended by a signal has the exit status a shell gives it: this plus the signal's number."""
 
+KEEP_S = 5.0
+"""Time for a run that is interrupted to write a checkpoint."""
+
 
 @dataclass(frozen=True)
 class Ending:

@@ -1,19 +1,37 @@
 """The engines of a scene: who moves the tools, who answers."""
 
-from typing import Protocol
+from collections.abc import Mapping
+from typing import Any, Protocol
 
-from ..dem.engine import SoilEngine
+from numpy.typing import NDArray
+
 from ..mbd.engine import MechanismEngine
 from ..mbd.path import PathEngine
-from ..messages import MechanismState, SoilCloud, SoilState, ToolMotion, ToolWrench
+from ..messages import DriverCommand, MechanismState, SoilCloud, SoilState, ToolMotion, ToolWrench
 from ..scene.loader import ResolvedScene
 
 
-class Mover(Protocol):
+class Resumable(Protocol):
+    """Hands out its state between two ticks, and takes it back."""
+
+    def state_arrays(self) -> dict[str, NDArray[Any]]:
+        """All that later ticks depend on, by name; not copied, so to be used before the next tick."""
+        ...
+
+    def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Goes on from such a state, which it may keep: in place of the start, in an engine just built.
+
+        Raises:
+            KeyError, ValueError: it is no state of this scene.
+        """
+        ...
+
+
+class Mover(Resumable, Protocol):
     """Moves the tools: a mechanism, or prescribed paths."""
 
     def initial_motions(self) -> tuple[ToolMotion, ...]:
-        """Motions before tick 0, in scene order."""
+        """Motions before the first tick, in scene order."""
         ...
 
     def advance(self, tick: int, wrenches: tuple[ToolWrench, ...]) -> tuple[ToolMotion, ...]:
@@ -22,14 +40,18 @@ class Mover(Protocol):
 
 
 class Mechanism(Mover, Protocol):
-    """A mover with a state of its own to record."""
+    """A mover with a state of its own to record, and perhaps a driver that a controller commands."""
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> MechanismState:
         """The state at the end of `tick`."""
         ...
 
+    def command(self, command: DriverCommand) -> None:
+        """Takes a controller's command for the tick that is advanced next."""
+        ...
 
-class Soil(Protocol):
+
+class Soil(Resumable, Protocol):
     """Answers motions with wrenches."""
 
     def start(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
@@ -62,7 +84,13 @@ def build_paths(resolved: ResolvedScene) -> Mover:
 
 
 def build_soil(resolved: ResolvedScene, threads: int) -> Soil | None:
-    """The scene's soil; None if it names none."""
+    """The scene's soil; None if it names none. Only the engine that is named is imported."""
     if resolved.scene.soil is None:
         return None
+    if resolved.scene.reduced_soil is not None:
+        from ..resistance.engine import ResistanceEngine
+
+        return ResistanceEngine(resolved)
+    from ..dem.engine import SoilEngine
+
     return SoilEngine(resolved, threads)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from ..scene.limits import Timing
 from ..scene.model import Scene
-from ..ticks import every_ticks
+from ..ticks import NANOSECONDS_PER_SECOND, every_ticks, is_control_tick
 
 
 @dataclass(frozen=True)
@@ -14,6 +14,8 @@ class Schedule:
     tick_count: int
     series_ticks: int
     cloud_ticks: int  # 0: no clouds
+    checkpoint_ticks: int = 0  # 0: no checkpoints
+    control_ticks: int = 0  # 0: no controller
 
     @property
     def last_tick(self) -> int:
@@ -24,14 +26,33 @@ class Schedule:
         """Whether states, reports, poses and wrenches of `tick` are recorded."""
         return (tick + 1) % self.series_ticks == 0 or tick == self.last_tick
 
+    def control_due(self, tick: int) -> bool:
+        """Whether a controller commands `tick`."""
+        return is_control_tick(tick, self.control_ticks)
+
     def cloud_due(self, tick: int) -> bool:
         """Whether the soil's cloud at the end of `tick` is recorded."""
         if self.cloud_ticks == 0:
             return False
         return (tick + 1) % self.cloud_ticks == 0 or tick == self.last_tick
 
+    def checkpoint_due(self, tick: int) -> bool:
+        """Whether the state at the end of `tick` is kept; never that at the end of the run."""
+        if self.checkpoint_ticks == 0 or tick == self.last_tick:
+            return False
+        return (tick + 1) % self.checkpoint_ticks == 0
+
 
 def schedule_of(scene: Scene, timing: Timing) -> Schedule:
-    """The schedule a scene asks for; clouds at the multiple of the tick nearest to 1 / cloud_hz."""
-    cloud_ticks = every_ticks(scene.record.cloud_hz, timing.interval_ns) if scene.soil is not None else 0
-    return Schedule(timing.tick_count, scene.record.series_ticks, cloud_ticks)
+    """The schedule a scene asks for; clouds and checkpoints at the nearest multiple of the tick."""
+    cloud_ticks = 0
+    if scene.particle_soil is not None:
+        cloud_ticks = every_ticks(scene.record.cloud_hz, timing.interval_ns)
+    checkpoint_ticks = 0
+    if scene.record.checkpoint_s > 0.0:
+        ticks = round(scene.record.checkpoint_s * NANOSECONDS_PER_SECOND / timing.interval_ns)
+        checkpoint_ticks = max(1, ticks)
+    control_ticks = scene.controller.interval_ticks if scene.controller is not None else 0
+    return Schedule(
+        timing.tick_count, scene.record.series_ticks, cloud_ticks, checkpoint_ticks, control_ticks
+    )

@@ -13,6 +13,7 @@ from numba.extending import overload
 from ..scene.damping import integrated_values
 from ..scene.pairs import PairValues, layer_soils, pair_values
 from ..scene.soil import Soil, WetLaw
+from .roots import inverse_root
 
 SINKS = ("normal_dashpot", "tangential_dashpot", "sliding", "rolling", "separation")
 """Energy sinks a contact books, in this order, joule."""
@@ -63,6 +64,9 @@ class Features(NamedTuple):
 
 _TINY = 1e-30
 """Keeps a quotient finite whose numerator is zero too; far below any force [N], also in float32."""
+
+_TINY_SQUARED = 1e-36
+"""The same for squares: in float32 a normal number, which an inverse root needs."""
 
 
 def like(number: float, value: float) -> float:
@@ -131,7 +135,7 @@ def soil_laws(soil: Soil, features: Features, step_s: float) -> tuple[PairLaw, P
     )
 
 
-@njit(cache=True, forceinline=True, error_model="numpy")
+@njit(cache=True, forceinline=True, error_model="numpy", fastmath={"contract"})
 def normal_elastic(overlap, law, features):
     """Elastic part of the force along the normal, repulsion positive [N] (eq. 12-21, Delta = 0).
 
@@ -163,7 +167,7 @@ def normal_potential(overlap, law, features):
     return energy + 0.5 * law.stiffness * loaded * loaded
 
 
-@njit(cache=True, forceinline=True, error_model="numpy")
+@njit(cache=True, forceinline=True, error_model="numpy", fastmath={"contract"})
 def contact(overlap, normal, velocity, spin, shear, roll, step, law, features):
     """Force and rolling torque of one contact in reach, and its new history.
 
@@ -178,7 +182,8 @@ def contact(overlap, normal, velocity, spin, shear, roll, step, law, features):
     Choices are values, not branches, and all numbers have the type of `overlap`: in a loop over pairs the
     compiler makes vector instructions of it.
     """
-    zero, half, one, tiny = like(overlap, 0.0), like(overlap, 0.5), like(overlap, 1.0), like(overlap, _TINY)
+    zero, half, one = like(overlap, 0.0), like(overlap, 0.5), like(overlap, 1.0)
+    tiny, tiny_squared = like(overlap, _TINY), like(overlap, _TINY_SQUARED)
     nx, ny, nz = normal
     ux, uy, uz = velocity
     overlap_rate = ux * nx + uy * ny + uz * nz
@@ -221,17 +226,18 @@ def contact(overlap, normal, velocity, spin, shear, roll, step, law, features):
         yielding = k * step + c
         # trial force if the slider held
         qx, qy, qz = k * sx + yielding * tx, k * sy + yielding * ty, k * sz + yielding * tz
-        size = np.sqrt(qx * qx + qy * qy + qz * qz)
-        limit = min(law.sliding_friction * pressing, size)
-        limit = limit if size > law.static_friction * pressing else size
-        held = limit / max(size, tiny)
+        squared = qx * qx + qy * qy + qz * qz
+        inverse = inverse_root(max(squared, tiny_squared))
+        size = squared * inverse
+        held = min(law.sliding_friction * pressing * inverse, one)
+        held = held if size > law.static_friction * pressing else one
         slip = (one - held) * (one / max(yielding, tiny))  # slip velocity = slip * trial force
         # velocity of the spring and damper: what the slider leaves
         ex, ey, ez = tx - slip * qx, ty - slip * qy, tz - slip * qz
         sx, sy, sz = sx + step * ex, sy + step * ey, sz + step * ez
         fx, fy, fz = fx - held * qx, fy - held * qy, fz - held * qz
         if features.book.ndim == 2:
-            sliding_loss = limit * slip * size * step
+            sliding_loss = held * slip * squared * step
             tangential_loss = c * (ex * ex + ey * ey + ez * ez) * step
 
     mx, my, mz = zero, zero, zero
@@ -252,11 +258,11 @@ def contact(overlap, normal, velocity, spin, shear, roll, step, law, features):
         ry = ry - along * ny + step * wy
         rz = rz - along * nz + step * wz
         stiffness = law.rolling_stiffness * grown
-        size = stiffness * np.sqrt(rx * rx + ry * ry + rz * rz)
-        limit = min(law.rolling_arm * pressing, size)
+        squared = stiffness * stiffness * (rx * rx + ry * ry + rz * rz)
+        inverse = inverse_root(max(squared, tiny_squared))
+        held = min(law.rolling_arm * pressing * inverse, one)
         if features.book.ndim == 2:
-            rolling_loss = limit * (size - limit) / max(stiffness, tiny)
-        held = limit / max(size, tiny)
+            rolling_loss = held * (one - held) * squared / max(stiffness, tiny)
         rx, ry, rz = held * rx, held * ry, held * rz
         mx, my, mz = -stiffness * rx, -stiffness * ry, -stiffness * rz
 

@@ -1,5 +1,7 @@
 """The soil engine: motions of the tools in, wrenches on the tools out."""
 
+from collections.abc import Mapping
+
 import numba
 import numpy as np
 
@@ -19,6 +21,7 @@ from .monitors import Domain, LostParticle, MotionSums, Watch, half_step_sums, r
 from .neighbours import carry_pairs, carry_rows, cell_grid, half_list, slab_starts, sort_by_cell
 from .pairs import history_blocks, pair_forces, pair_scan
 from .periodic import TOOL_SKIN, refuse_narrow_period, refuse_tool_at_seam, wrapped
+from .snapshot import bed_digest, from_named, motion_from, named
 from .state import PairList, Particles, WallList
 from .tool_surface import ToolSurface, motion_within
 from .walls import near_walls, wall_forces, wall_planes, wall_scan
@@ -37,7 +40,7 @@ class SoilEngine:
     def __init__(
         self, resolved: ResolvedScene, threads: int = 1, *, book: bool = False, bed: Bed | None = None
     ) -> None:
-        soil = resolved.scene.soil
+        soil = resolved.scene.particle_soil
         if soil is None:
             raise InputError(f"{resolved.path}: has no 'soil', so it needs no soil engine")
         if not 1 <= threads <= numba.config.NUMBA_NUM_THREADS:
@@ -239,15 +242,8 @@ class SoilEngine:
 
         A particle goes when its centre is inside a tool or so near that the contact would press.
         """
-        scene = self._resolved.scene
-        bodies = scene.mechanism.bodies if scene.mechanism else {}
         numba.set_num_threads(self._threads)
-        tools = []
-        for (name, tool), motion in zip(scene.tools.items(), motions, strict=True):
-            mesh = load_tool_mesh(self._resolved.directory, scene, name)
-            refuse_tool_at_seam(name, mesh.vertices_m, self.bed, self._soil)
-            reference = bodies[tool.body].angle_rad if tool.body else 0.0
-            tools.append(ToolSurface(name, mesh, reference, motion))
+        tools = self._surfaces(motions)
         p = self._particles
         if p.unequal:
             clearance = p.radius - self._wall_laws[p.material, REST_OVERLAP]
@@ -258,7 +254,7 @@ class SoilEngine:
             kept[surface.overlapped(p, clearance)] = False
         if not kept.any():
             raise InputError("tools: they overlap every particle of the bed; check their scale and position")
-        self._tools = tuple(tools)
+        self._tools = tools
         self._keep(kept)
         self._rebuild(motions)
         self._begin_tick()
@@ -266,6 +262,70 @@ class SoilEngine:
         if self._watch is not None and self._watch.balances:
             self._watch.begin(self.energy())
         return self._wrenches()
+
+    def _surfaces(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolSurface, ...]:
+        """The tools of the scene at `motions`."""
+        scene, tools = self._resolved.scene, []
+        bodies = scene.mechanism.bodies if scene.mechanism else {}
+        for (name, tool), motion in zip(scene.tools.items(), motions, strict=True):
+            mesh = load_tool_mesh(self._resolved.directory, scene, name)
+            refuse_tool_at_seam(name, mesh.vertices_m, self.bed, self._soil)
+            reference = bodies[tool.body].angle_rad if tool.body else 0.0
+            tools.append(ToolSurface(name, mesh, reference, motion))
+        return tuple(tools)
+
+    def state_arrays(self) -> dict[str, np.ndarray]:
+        """All that later ticks depend on, and what their results count from; by name, not copied.
+
+        Lists of neighbours are part of it: their order is the order of the sums of forces.
+        """
+        arrays = {
+            **named("particles", self._particles),
+            **named("pairs", self._pairs),
+            **named("walls", self._walls),
+            "wall_force": self._wall_force,
+            "pair_book": self._pair_book,
+            "wall_book": self._wall_book,
+            "sinks": self._sinks,
+            "tool_work": np.array(self._tool_work),
+            "rebuilds": np.array(self._rebuilds),
+            "bed": bed_digest(self.bed, self._loaded_position),
+        }
+        parts = {f"tool.{tool.name}": tool.state_arrays() for tool in self._tools}
+        if self._watch is not None:
+            parts["watch"] = self._watch.state_arrays()
+        for prefix, part in parts.items():
+            arrays.update((f"{prefix}.{name}", array) for name, array in part.items())
+        return arrays
+
+    def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Goes on from such a state; it keeps the arrays. In place of `start`.
+
+        Raises:
+            KeyError, ValueError: it is not one of this scene and bed.
+        """
+        if not np.array_equal(arrays["bed"], bed_digest(self.bed, self._loaded_position)):
+            raise ValueError("the bed prepared here is not the one that the state began with")
+
+        def part(prefix: str) -> dict[str, np.ndarray]:
+            start = f"{prefix}."
+            return {key.removeprefix(start): item for key, item in arrays.items() if key.startswith(start)}
+
+        tools = [part(f"tool.{name}") for name in self._resolved.scene.tools]
+        names = self._resolved.scene.tools
+        motions = (motion_from(name, tool["last"]) for name, tool in zip(names, tools, strict=True))
+        self._tools = self._surfaces(tuple(motions))
+        for surface, tool in zip(self._tools, tools, strict=True):
+            surface.restore(tool)
+        self._particles = from_named(Particles, "particles", arrays)
+        self._pairs = from_named(PairList, "pairs", arrays)
+        self._walls = from_named(WallList, "walls", arrays)
+        self._wall_force = arrays["wall_force"]
+        self._pair_book, self._wall_book = arrays["pair_book"], arrays["wall_book"]
+        self._sinks = arrays["sinks"]
+        self._tool_work, self._rebuilds = float(arrays["tool_work"]), int(arrays["rebuilds"])
+        if self._watch is not None:
+            self._watch.restore(part("watch"))
 
     def advance(self, tick: int, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
         """Wrenches of `tick`, the tools moving from where they stand to `motions`.

@@ -20,9 +20,10 @@ def kick_drift(position, velocity, spin, force, torque, built, mass, inertia, gr
     Returns the number of particles farther than sqrt(limit_squared) [m] from where the lists were built
     (not a number counts as far).
     """
-    far = 0
+    far, kind = 0, velocity.dtype.type  # in float32 too no product goes through float64
     for i in prange(position.shape[0]):
-        half_m, half_i = 0.5 * step / of_particle(mass, i), 0.5 * step / of_particle(inertia, i)
+        half_m = kind(0.5 * step / of_particle(mass, i))
+        half_i = kind(0.5 * step / of_particle(inertia, i))
         moved = 0.0
         for a in range(3):
             velocity[i, a] += half_m * force[i, a]
@@ -30,19 +31,20 @@ def kick_drift(position, velocity, spin, force, torque, built, mass, inertia, gr
             position[i, a] += step * velocity[i, a]
             d = position[i, a] - built[i, a]
             moved += d * d
-            force[i, a] = 0.0
-            torque[i, a] = 0.0
-        force[i, 2] = -of_particle(mass, i) * gravity
-        if not moved <= limit_squared:
-            far += 1
+            force[i, a] = kind(0.0)
+            torque[i, a] = kind(0.0)
+        force[i, 2] = kind(-of_particle(mass, i) * gravity)
+        far += int(not moved <= limit_squared)
     return far
 
 
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def kick(velocity, spin, force, torque, mass, inertia, step):
     """Second half kick."""
+    kind = velocity.dtype.type
     for i in prange(velocity.shape[0]):
-        half_m, half_i = 0.5 * step / of_particle(mass, i), 0.5 * step / of_particle(inertia, i)
+        half_m = kind(0.5 * step / of_particle(mass, i))
+        half_i = kind(0.5 * step / of_particle(inertia, i))
         for a in range(3):
             velocity[i, a] += half_m * force[i, a]
             spin[i, a] += half_i * torque[i, a]

@@ -13,7 +13,7 @@ healthy bed shows less than 0.02, whatever the speed of its tools, and one above
 """
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -117,6 +117,30 @@ class Watch:
         self._steps, self._suspicious = 0, 0
         self._start_joule: float | None = None
         self._largest_kinetic = 0.0
+
+    def state_arrays(self) -> dict[str, np.ndarray]:
+        """What a checkpoint keeps of it; not copied."""
+        start = np.nan if self._start_joule is None else self._start_joule
+        return {
+            "gone": self._gone,
+            "first_lost": np.array([(lost.identity, lost.tick) for lost in self.first_lost], np.int64),
+            "first_lost_m": np.array([lost.position_m for lost in self.first_lost], np.float64),
+            "counts": np.array([self._steps, self._suspicious]),
+            "joules": np.array([start, self._largest_kinetic]),
+        }
+
+    def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Goes on from such a state."""
+        self._gone = arrays["gone"]
+        self.first_lost = [
+            LostParticle(identity, (x, y, z), tick)
+            for (identity, tick), (x, y, z) in zip(
+                arrays["first_lost"].tolist(), arrays["first_lost_m"].tolist(), strict=True
+            )
+        ]
+        self._steps, self._suspicious = arrays["counts"].tolist()
+        start, self._largest_kinetic = arrays["joules"].tolist()
+        self._start_joule = None if np.isnan(start) else start
 
     @property
     def lost_count(self) -> int:

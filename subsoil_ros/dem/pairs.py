@@ -12,6 +12,7 @@ from numba import njit, prange
 from .contact import SINKS, PairLaw, contact, like, normal_potential, spring_energy
 from .mixture import pair_of
 from .periodic import nearest_image
+from .roots import inverse_root
 
 BLOCK = 512
 """Pairs computed at a time (measured, 128 to 1024: one component of the histories is then a page, and a bed
@@ -20,8 +21,12 @@ larger than the cache streams a fifth faster than with 128)."""
 HISTORY = 6
 """Numbers kept of a pair: tangential spring x, y, z [m], rolling spring x, y, z [rad], i against j."""
 
-_ROW = BLOCK + 8
-"""Length of a scratch row: no power of two, so that the rows do not compete for the same cache lines."""
+_LINE_BYTES = 64
+"""A cache line, and the widest vector: one that starts on a line costs half of one that crosses two."""
+
+_ROW = BLOCK + 16
+"""Length of a scratch row: whole lines, but no power of two, so that the rows do not compete for the same
+lines of the cache."""
 
 _GATHERED = 12
 """Scratch rows: x_j - x_i, v_i - v_j, w_i, w_j. Results take their place: force on i, torque on i, on j."""
@@ -34,7 +39,15 @@ _BOOKED = len(SINKS)
 
 def history_blocks(pairs: int, kind: type) -> np.ndarray:
     """History of `pairs` pairs, at zero: component c of pair k stands at history_place(k) + c * BLOCK."""
-    return np.zeros(-(-pairs // BLOCK) * BLOCK * HISTORY, kind)
+    return _on_lines(-(-pairs // BLOCK) * BLOCK * HISTORY, kind)
+
+
+def _on_lines(count: int, kind: type) -> np.ndarray:
+    """`count` zeros from the start of a cache line on."""
+    spare = _LINE_BYTES // np.dtype(kind).itemsize
+    numbers: np.ndarray = np.zeros(count + spare, kind)
+    first = -numbers.ctypes.data % _LINE_BYTES // numbers.itemsize
+    return numbers[first : first + count]
 
 
 @njit(cache=True, forceinline=True)
@@ -96,7 +109,7 @@ def _law_of_pair(b, scratch):
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _compute(count, scratch, history, radius, step, common_law, features, book):
     """Forces and torques of `count` pairs in the place of their states; new histories.
 
@@ -110,8 +123,9 @@ def _compute(count, scratch, history, radius, step, common_law, features, book):
             touch = scratch[b + 12 * _ROW] + scratch[b + 13 * _ROW]
         reach = touch + law.reach if features.adhesion.ndim == 2 else touch
         dx, dy, dz = scratch[b], scratch[b + _ROW], scratch[b + 2 * _ROW]
-        distance = np.sqrt(dx * dx + dy * dy + dz * dz)
-        inverse = one / distance
+        squared = dx * dx + dy * dy + dz * dz
+        inverse = inverse_root(squared)
+        distance = squared * inverse
         nx, ny, nz = dx * inverse, dy * inverse, dz * inverse
         arm_i = arm_j = half * distance  # both bodies reach to the middle of overlap or gap
         wx, wy, wz = scratch[b + 6 * _ROW], scratch[b + 7 * _ROW], scratch[b + 8 * _ROW]
@@ -196,8 +210,10 @@ def _slab_forces(
     count = _GATHERED
     if features.sizes.ndim == 2 or features.materials.ndim == 2:
         count += _OF_PAIR
-    rows = np.empty((count, _ROW), history.dtype)
-    flat = rows.reshape(count * _ROW)
+    spare = np.empty((count + 1) * _ROW, history.dtype)
+    first_number = -spare.ctypes.data % _LINE_BYTES // spare.itemsize
+    flat = spare[first_number : first_number + count * _ROW]
+    rows = flat.reshape((count, _ROW))
     pair, end = row_start[first], row_start[last]
     row = first
     while pair < end:

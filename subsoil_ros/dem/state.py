@@ -21,7 +21,7 @@ class Particles:
     spin: np.ndarray  # [rad/s]
     force: np.ndarray  # [N]
     torque: np.ndarray  # [N m]
-    built_position: np.ndarray  # [m] where the neighbour lists were built
+    built_position: np.ndarray  # [m] where the neighbour lists were built; float32 tells half a skin well
     identity: np.ndarray  # (n,) int32: place in the bed as prepared
     image: np.ndarray  # (n,) int32: periods by which it was moved back into the box, in y
     # Of length 0 where all particles are equal:
@@ -36,7 +36,7 @@ class Particles:
         zeros: np.ndarray = np.zeros(position.shape, kind)
         none, of_none = np.empty(0), np.empty(0, np.int64)
         return cls(
-            position, zeros, zeros.copy(), zeros.copy(), zeros.copy(), position.copy(), identity,
+            position, zeros, zeros.copy(), zeros.copy(), zeros.copy(), position.astype(np.float32), identity,
             np.zeros(len(position), np.int32), none, none.copy(), none.copy(), of_none,
         )  # fmt: skip
 
@@ -62,7 +62,7 @@ class Particles:
             setattr(self, name, take_rows(getattr(self, name), order))
         for name in ["identity", "image"] + self.unequal * ["radius", "mass", "inertia", "material"]:
             setattr(self, name, getattr(self, name)[order])
-        self.built_position = self.position.copy()
+        self.built_position = self.position.astype(np.float32)
 
     @property
     def count(self) -> int:

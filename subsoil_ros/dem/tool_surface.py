@@ -1,6 +1,7 @@
 """One tool in the soil: its surface, its motion through a tick, its candidates and what it felt."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,6 +12,7 @@ from .contact import Features, PairLaw
 from .facets import Facets, facets_of, inside_or_near, near_facets
 from .mixture import Mixture
 from .neighbours import CellGrid, carry_rows
+from .snapshot import from_named, motion_array, motion_from, named
 from .state import Particles, ToolList
 from .tools import CONTACTS, chunk_buffers, tool_forces, tool_scan
 
@@ -142,6 +144,24 @@ class ToolSurface:
             particles.position, near.active, near.normal, near.shear, near.roll, radius, law, mixture,
             features,
         )  # fmt: skip
+
+    def state_arrays(self) -> dict[str, np.ndarray]:
+        """What a checkpoint keeps of it between two ticks; not copied."""
+        return {
+            **named("near", self.near),
+            "last": motion_array(self.last),
+            "searched": motion_array(self._searched),
+            "largest_overlap_m": np.array(self.largest_overlap_m),
+            "sinks_joule": self.sinks_joule,
+        }
+
+    def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Goes on from such a state."""
+        self.near = from_named(ToolList, "near", arrays)
+        self.last = motion_from(self.name, arrays["last"])
+        self._searched = motion_from(self.name, arrays["searched"])
+        self.largest_overlap_m = float(arrays["largest_overlap_m"])
+        self.sinks_joule = arrays["sinks_joule"]
 
     def wrench(self) -> ToolWrench:
         """What the tool felt since begin_tick, mean over the steps."""

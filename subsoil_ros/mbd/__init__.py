@@ -1,5 +1,5 @@
 """Mechanism engine: any planar machine of scene/mechanism.py, advanced tick by tick."""
 
-from ..kernel_cache import use_kernel_cache
+from ..kernel_cache import set_up_numba
 
-use_kernel_cache()
+set_up_numba()

@@ -1,12 +1,14 @@
 """The mechanism engine: a scene's machine, advanced tick by tick under the soil's wrenches."""
 
 import math
+from collections.abc import Mapping
+from dataclasses import astuple
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import PhysicsError, ProtocolError, RunError, SceneError, SingularMechanismError
-from ..messages import MechanismState, ToolMotion, ToolWrench
+from ..messages import DriverCommand, MechanismState, ToolMotion, ToolWrench
 from ..scene.model import Scene
 from ..ticks import INITIAL_TICK, tick_end_s
 from .advance import advance_tick
@@ -14,6 +16,7 @@ from .assembly import Start, assemble, weakest_joints
 from .closure import Closure
 from .constraints import evaluate_residual, turns_of
 from .diagnostics import mechanism_state
+from .driving import Ramp, next_ramp, write_ramp
 from .stability import refuse_unstable_step
 from .tables import (
     CONTRADICTION,
@@ -21,6 +24,8 @@ from .tables import (
     NOT_CLOSED,
     NOT_SOLVED,
     OK,
+    PAST_COUNT,
+    RESTART_COUNT,
     SINGULAR,
     State,
     make_state,
@@ -54,6 +59,13 @@ class MechanismEngine:
         self._tools = [(name, tool.lateral_m) for name, tool in scene.tools.items()]
         self._tool_bodies = [self._machine.bodies.index(str(tool.body)) for tool in scene.tools.values()]
         self._tick = INITIAL_TICK
+        self._controller = scene.controller
+        self.ramp: Ramp | None = None
+        if scene.controller is not None:
+            driver = self._machine.joints.index(scene.controller.driver)
+            self._commanded_law = int(self._machine.model.joints[driver]["law"])
+            speed = float(scene.mechanism.joints[scene.controller.driver].speed.value)  # type: ignore[union-attr]
+            self.ramp = Ramp(0.0, speed, 0.0, speed, 0.0)
         self.topology = Topology.of(start)
         self._begin(start)
 
@@ -71,7 +83,7 @@ class MechanismEngine:
             raise self._fault(int(status), 0.0)
 
     def initial_motions(self) -> tuple[ToolMotion, ...]:
-        """Motions of the tools at time 0, in scene order."""
+        """Motions of the tools before the first tick, in scene order."""
         return self._motions()
 
     def advance(self, tick: int, wrenches: tuple[ToolWrench, ...]) -> tuple[ToolMotion, ...]:
@@ -94,6 +106,33 @@ class MechanismEngine:
         self._tick = tick
         return self._motions()
 
+    def command(self, command: DriverCommand) -> None:
+        """Takes a controller's command for the tick to be advanced next.
+
+        The driver's speed reaches that of the command at the end of the control interval, linearly.
+
+        Raises:
+            ProtocolError: nothing is to be commanded, or not now, or another driver.
+            PhysicsError: a speed that is no number, or beyond the controller's limits, or a jump.
+        """
+        if self._controller is None or self.ramp is None:
+            raise ProtocolError(f"driver_command: tick {command.tick} came, but the scene has no controller")
+        if command.tick != self._tick + 1:
+            raise ProtocolError(
+                f"driver_command: tick {command.tick} came where tick {self._tick + 1} is due"
+            )
+        start_s = tick_end_s(self._tick, self._interval_ns)
+        interval_s = self._controller.interval_ticks * self._interval_ns * 1e-9
+        before = self.ramp.acceleration
+        self._drive(next_ramp(self.ramp, command, self._controller, start_s, interval_s))
+        if self.ramp.acceleration != before:  # a corner of the driver's law: history does not reach across
+            self._state.counters[PAST_COUNT] = 0
+            self._state.counters[RESTART_COUNT] += 1
+
+    def _drive(self, ramp: Ramp) -> None:
+        self.ramp = ramp
+        write_ramp(self._machine.model.laws, self._commanded_law, ramp)
+
     def state(self, run_id: str, tick: int, end_time_ns: int) -> MechanismState:
         """The whole machine as it stands now, stamped with what the caller says."""
         time = end_time_ns * 1e-9
@@ -111,6 +150,25 @@ class MechanismEngine:
     def arrays(self) -> State:
         """All that changes during a run, in the arrays that the kernels write (not a copy)."""
         return self._state
+
+    def state_arrays(self) -> dict[str, np.ndarray]:
+        """All that later ticks depend on, by name; not a copy. The workspace carries nothing over."""
+        ramp = {} if self.ramp is None else {"ramp": np.array(astuple(self.ramp))}
+        return {**self._state._asdict(), "tick": np.array(self._tick), **ramp}
+
+    def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Goes on from such a state.
+
+        Raises:
+            KeyError, ValueError: it is not one of this machine.
+        """
+        for name, array in self._state._asdict().items():
+            if array.shape != arrays[name].shape:
+                raise ValueError(f"{name} has shape {arrays[name].shape}, this machine needs {array.shape}")
+            array[...] = arrays[name]
+        self._tick = int(arrays["tick"])
+        if self.ramp is not None:
+            self._drive(Ramp(*arrays["ramp"].tolist()))
 
     def _hold(self, tick: int, wrenches: tuple[ToolWrench, ...]) -> None:
         """The wrenches as generalised forces; the planar moment is -torque_y (a turn about -y)."""

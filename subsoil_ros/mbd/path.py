@@ -1,6 +1,9 @@
 """Tools on prescribed paths: closed-form integrals of the laws of their speeds."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from ..errors import ProtocolError
 from ..messages import ToolMotion, ToolWrench
@@ -34,8 +37,8 @@ class PathEngine:
         self._laws, _ = tabulate(laws)
 
     def initial_motions(self) -> tuple[ToolMotion, ...]:
-        """Poses and twists at time 0, in scene order."""
-        return self._motions(0.0)
+        """Poses and twists before the first tick, in scene order."""
+        return self._motions(tick_end_s(self._tick, self._interval_ns))
 
     def advance(self, tick: int, wrenches: tuple[ToolWrench, ...] = ()) -> tuple[ToolMotion, ...]:
         """Poses and twists at the end of `tick`; the wrenches change nothing.
@@ -47,6 +50,14 @@ class PathEngine:
             raise ProtocolError(f"path: asked to advance tick {tick}, but the next one is {self._tick + 1}")
         self._tick = tick
         return self._motions(tick_end_s(tick, self._interval_ns))
+
+    def state_arrays(self) -> dict[str, np.ndarray]:
+        """The tick: the paths are functions of time."""
+        return {"tick": np.array(self._tick)}
+
+    def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Goes on from such a state."""
+        self._tick = int(arrays["tick"])
 
     def _motions(self, time: float) -> tuple[ToolMotion, ...]:
         motions = []

@@ -9,9 +9,10 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from ..coupling.control import build_controller
 from ..coupling.ending import Ending, interrupted
-from ..coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
-from . import coupler_node, mechanism_node, recorder_node, soil_node
+from ..coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL
+from . import controller_node, coupler_node, mechanism_node, recorder_node, soil_node
 from .lifeline import Lifeline, NodeRun
 from .lockstep_node import LockstepNode
 from .process import NodeSettings, watched_by
@@ -22,9 +23,9 @@ Build = Callable[[NodeRun, Lifeline, Context], LockstepNode]
 
 
 def scene_builds(
-    run: NodeRun, bag: Path, threads: int, on_progress: Callable[[int], None]
+    run: NodeRun, bag: Path, threads: int, on_progress: Callable[[int], None], paused: bool = False
 ) -> dict[str, Build]:
-    """How the nodes of a scene are made, by name."""
+    """How the nodes of a scene are made, by name; an external controller is not among them."""
     settings = NodeSettings(
         str(run.resolved.path), run.run_id, threads, str(bag), run.recorded, supervised=False
     )
@@ -32,9 +33,11 @@ def scene_builds(
         MECHANISM: partial(mechanism_node.build, settings),
         SOIL: partial(soil_node.build, settings),
         RECORDER: partial(recorder_node.build, settings),
-        COUPLER: partial(coupler_node.CouplerNode, on_progress=on_progress),
+        COUPLER: partial(coupler_node.CouplerNode, on_progress=on_progress, paused=paused),
     }
-    return {name: builds[name] for name in (*run.participants, COUPLER)}
+    if build_controller(run.resolved) is not None:
+        builds[CONTROLLER] = partial(controller_node.build, settings)
+    return {name: builds[name] for name in (*run.participants, COUPLER) if name in builds}
 
 
 def run_composed(run: NodeRun, builds: Mapping[str, Build], stop_signal: Callable[[], int]) -> Ending:

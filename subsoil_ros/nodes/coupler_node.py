@@ -7,11 +7,31 @@ from collections.abc import Callable
 
 from rclpy.context import Context
 
+from ..coupling.ending import KEEP_S, SIGNAL_STATUS, Ending
 from ..coupling.exchange import InterfaceAccount, account_of
-from ..coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL, Coupler, FinishedTick
+from ..coupling.protocol import (
+    CONTROLLER,
+    COUPLER,
+    MECHANISM,
+    RECORDER,
+    SOIL,
+    Coupler,
+    FinishedTick,
+    needed_capabilities,
+)
+from ..coupling.resumption import CouplingState
 from ..coupling.schedule import schedule_of
 from ..errors import RunError
-from ..messages import CouplingReport, Grant, NodeHello, NodeState, TickAck, ToolMotions, ToolWrenches
+from ..messages import (
+    CouplingReport,
+    DriverCommand,
+    Grant,
+    NodeHello,
+    NodeState,
+    TickAck,
+    ToolMotions,
+    ToolWrenches,
+)
 from ..recording.standard import clock
 from ..recording.topics import CLOCK
 from ..recording.types import message_class, serialize
@@ -19,6 +39,7 @@ from ..ticks import INITIAL_TICK, tick_end_ns
 from .convert import rclpy_class
 from .lifeline import STARTUP_S, Lifeline, NodeRun
 from .lockstep_node import LockstepNode, one_line
+from .pause_services import PauseServices
 from .process import NodeSettings, report_to_supervisor, run_process
 from .qos import PEOPLE_QOS
 
@@ -47,10 +68,12 @@ class CouplerNode(LockstepNode):
         lifeline: Lifeline,
         context: Context | None = None,
         on_progress: Callable[[int], None] = lambda tick: None,
+        paused: bool = False,
     ) -> None:
         super().__init__(COUPLER, run, lifeline, context)
         scene, timing = run.resolved.scene, run.resolved.timing
         names = run.participants
+        self._schedule = schedule_of(scene, timing)
         self._coupler = Coupler(
             run.hello(COUPLER),
             names,
@@ -58,9 +81,17 @@ class CouplerNode(LockstepNode):
             timing.tick_count,
             scene.coupling.grant_window,
             soil=scene.soil is not None,
+            first_tick=run.first_tick,
+            control_ticks=self._schedule.control_ticks,
+            needed=needed_capabilities(scene),
+            paused=paused,
         )
+        self._keeper = run.keeper()
+        self._to_commit: deque[CouplingState] = deque()  # checkpoints whose record is not yet on the disk
+        self._last: CouplingState | None = None  # the exchange at the end of the last finished tick
+        self._keep_said = False
+        self._keep_deadline: float | None = None  # of the checkpoint before an end by wish
         self.rest_s = REST_S if scene.coupling.grant_window >= REST_WINDOW else 0.0
-        self._schedule = schedule_of(scene, timing)
         self._on_progress = on_progress
         self._account: InterfaceAccount | None = None  # from the initial exchange
         self._progress_tick = INITIAL_TICK
@@ -78,6 +109,9 @@ class CouplerNode(LockstepNode):
         if run.recorded:
             self.listen(TickAck, self._on_ack, (RECORDER,))
         self.listen(NodeHello, self._on_hello, names)
+        if scene.controller is not None:
+            self.listen(DriverCommand, self._on_command, (CONTROLLER,))
+        self._pausing = PauseServices(self, self._coupler, self._guarded(self._on_pacing))
 
     def on_poll(self) -> None:
         """Starts the run when all are ready; finds out what is late.
@@ -92,13 +126,46 @@ class CouplerNode(LockstepNode):
         elif self._coupler.done_tick != self._progress_tick:
             self._progress_tick = self._coupler.done_tick
             self._on_progress(self._progress_tick)
+        if self._coupler.standing:
+            self._last_advance = now  # no deadline while the run is paused
         allowed_s = self._allowed_s()
         if now - self._last_advance > allowed_s:
             raise RunError(f"no {self._coupler.missing()} within {allowed_s:.0f} s")
 
+    def on_stop(self, stop: Ending) -> None:
+        """A run that is interrupted writes a checkpoint first, if that is soon done.
+
+        Raises:
+            RunError: it is written, or cannot be.
+        """
+        if self._is_kept_before(stop):
+            raise stop.error()
+
+    def _is_kept_before(self, stop: Ending) -> bool:
+        """Whether there is nothing more to wait for; goes one step nearer to it."""
+        keeper, now = self._keeper, time.monotonic()
+        if keeper is None or self._last is None or stop.exit_status <= SIGNAL_STATUS or self.lifeline.lost:
+            return True
+        if self._keep_deadline is None:
+            self._keep_deadline = now + KEEP_S
+            self._coupler.hold()
+        grant = self._coupler.keep()
+        if now > self._keep_deadline or (grant is not None and keeper.last_tick == grant.tick):
+            return True
+        if grant is None:
+            return False
+        if not self._keep_said:
+            self._keep_said = True
+            self._grants.publish(self.bytes_of(grant))
+        if self._coupler.acknowledged_tick < grant.tick or not keeper.all_kept(grant.tick):
+            return False
+        keeper.commit(self._last)
+        return True
+
     def on_fault(self, error: BaseException) -> None:
         """Tells everybody the tick at which the record is cut, and why."""
         self._grants.publish(self.bytes_of(self._coupler.abort(one_line(error))))
+        self._pausing.refuse_waiting(f"the run has ended: {one_line(error)}")
 
     @property
     def done_tick(self) -> int:
@@ -106,16 +173,36 @@ class CouplerNode(LockstepNode):
         return self._coupler.done_tick
 
     def _allowed_s(self) -> float:
-        if self._coupler.done_tick < 0:
+        if self._coupler.done_tick < self.run.first_tick:
             return STARTUP_S
         return max(DEADLINE_S, DEADLINE_MEDIANS * statistics.median(self._tick_times_s))
 
     def _begin(self, now: float) -> None:
         coupler = self._coupler
-        self._account = account_of(self.run.resolved.scene, coupler.initial_motions, coupler.initial_wrenches)
-        self._start = self._last_advance = now
-        self.lifeline.say(NodeState.RUNNING)
+        resumed = self.run.resumed
+        before = CouplingState.of(resumed) if resumed is not None else None
+        self._account = account_of(
+            self.run.resolved.scene,
+            coupler.initial_motions,
+            coupler.initial_wrenches,
+            before.work if before is not None else None,
+        )
+        self._last_advance = now
+        self._start = now - (before.wall_time_s if before is not None else 0.0)
+        self._say_pacing()
         self._grant()
+
+    def _on_pacing(self) -> None:
+        """A pause, its end, or steps were asked for."""
+        self._last_advance = time.monotonic()
+        if self._account is not None:
+            self._say_pacing()
+        self._grant()
+
+    def _say_pacing(self) -> None:
+        state = NodeState.PAUSED if self._coupler.paused else NodeState.RUNNING
+        if self.lifeline.state is not state:
+            self.lifeline.say(state)
 
     def _grant(self) -> None:
         if self._account is None:
@@ -134,9 +221,15 @@ class CouplerNode(LockstepNode):
         self._coupler.accept_wrenches(wrenches)
         self._follow()
 
+    def _on_command(self, command: DriverCommand) -> None:
+        self._coupler.accept_command(command)
+        self._follow()
+
     def _on_ack(self, ack: TickAck) -> None:
         self._coupler.accept_ack(ack)
         self._last_advance = time.monotonic()
+        while self._keeper is not None and self._to_commit and self._to_commit[0].tick <= ack.tick:
+            self._keeper.commit(self._to_commit.popleft())
         self._grant()
         if self._coupler.finished:
             self._end()
@@ -144,6 +237,7 @@ class CouplerNode(LockstepNode):
     def _follow(self) -> None:
         while (finished := self._coupler.take_finished()) is not None:
             self._account_for(finished)
+        self._pausing.note_done()
         self._grant()
         if self._coupler.finished:
             self._end()
@@ -160,9 +254,15 @@ class CouplerNode(LockstepNode):
         self._clock_publisher.publish(serialize(clock(message_class, tick_end_ns(tick, self._interval_ns))))
         self.lifeline.tick = tick
         self._account.check(tick)
+        self._last = CouplingState(tick, finished.motions, finished.wrenches, work, now - self._start)
+        if self._keeper is not None and self._keeper.due(tick):
+            self._to_commit.append(self._last)
+        if self._keeper is not None and tick == self._schedule.last_tick:
+            self._keeper.note_coupling_end(self._last)
 
     def _end(self) -> None:
         self._on_progress(self._coupler.done_tick)
+        self._pausing.refuse_waiting("the run has ended")
         self.lifeline.say(NodeState.ENDED)
         self.lifeline.flush(END_WORD_S)
         self.finish(0)
@@ -173,8 +273,14 @@ def build(
 ) -> CouplerNode:
     """The node; under a supervisor it reports its progress there."""
     if not settings.supervised:
-        return CouplerNode(run, lifeline, context)
-    return CouplerNode(run, lifeline, context, on_progress=lambda tick: report_to_supervisor(tick=tick))
+        return CouplerNode(run, lifeline, context, paused=settings.paused)
+    return CouplerNode(
+        run,
+        lifeline,
+        context,
+        on_progress=lambda tick: report_to_supervisor(tick=tick),
+        paused=settings.paused,
+    )
 
 
 def main() -> int:

@@ -3,14 +3,17 @@
 import sys
 import time
 from array import array
+from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 
+import numpy as np
 from rclpy.context import Context
 
 from ..coupling.protocol import MECHANISM, SOIL
 from ..messages import (
     BodyState,
+    DriverCommand,
     GroupForce,
     MechanismState,
     SoilCloud,
@@ -30,7 +33,18 @@ STAMPS_FILE = "stamps_ns.bin"
 _STEP_M = 1e-5
 
 
-class IdleMechanism:
+class _Stateless:
+    """Nothing to keep in a checkpoint."""
+
+    def state_arrays(self) -> dict[str, np.ndarray]:
+        """None."""
+        return {}
+
+    def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Nothing to do."""
+
+
+class IdleMechanism(_Stateless):
     """Moves every tool forward at constant speed, and notes when it was asked to."""
 
     def __init__(self, resolved: ResolvedScene, stamps: Path) -> None:
@@ -58,11 +72,14 @@ class IdleMechanism:
         zeros = [0.0] * sum(item.type is float for item in fields(MechanismState))
         return MechanismState(run_id, tick, end_time_ns, *zeros, bodies=bodies)  # type: ignore[arg-type, misc]
 
+    def command(self, command: DriverCommand) -> None:
+        """Not heard."""
+
     def _motions(self, x_m: float) -> tuple[ToolMotion, ...]:
         return tuple(ToolMotion(name, x_m, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0) for name in self._tools)
 
 
-class IdleSoil:
+class IdleSoil(_Stateless):
     """Answers with no force, on two facet groups of every tool."""
 
     _GROUPS = (GroupForce("share", 0.0, 0.0, 0.0), GroupForce("blade", 0.0, 0.0, 0.0))

@@ -17,9 +17,12 @@ from rclpy.node import Node
 
 from .. import __version__
 from ..coupling.ending import Ending
-from ..coupling.protocol import COUPLER, RECORDER, participants
+from ..coupling.protocol import CAPABILITIES, COUPLER, RECORDER, participants
+from ..coupling.resumption import Keeper
 from ..messages import NodeHello, NodeState, ToolMotion, ToolWrench
+from ..recording.checkpoint import Checkpoint
 from ..recording.topics import TOPIC_OF
+from ..recording.types import own_type_hashes
 from ..scene.loader import ResolvedScene
 from ..ticks import INITIAL_TICK
 from .convert import class_of, reader, to_bytes
@@ -43,6 +46,8 @@ class NodeRun:
 
     run_id: str
     resolved: ResolvedScene
+    checkpoints: Path | None = None  # folder for them; None: none are written
+    resumed: Checkpoint | None = None  # where to go on; None: from tick 0
     recorded: bool = True  # whether there is a recorder
 
     @property
@@ -50,6 +55,17 @@ class NodeRun:
         """The nodes of the run beside the coupler."""
         names = participants(self.resolved.scene)
         return names if self.recorded else tuple(name for name in names if name != RECORDER)
+
+    @property
+    def first_tick(self) -> int:
+        """The first tick of this run."""
+        return self.resumed.tick + 1 if self.resumed is not None else 0
+
+    def keeper(self) -> Keeper | None:
+        """Writes a node's part of the checkpoints; None: there are none."""
+        if self.checkpoints is None:
+            return None
+        return Keeper(self.checkpoints, self.resolved, self.run_id)
 
     def hello(self, node: str) -> NodeHello:
         """The first word of a node."""
@@ -59,6 +75,8 @@ class NodeRun:
             NodeState.STARTING,
             self.resolved.scene_hash,
             __version__,
+            own_type_hashes(),
+            CAPABILITIES.get(node, ()),
             os.getpid(),
             INITIAL_TICK,
         )

@@ -109,6 +109,14 @@ class LockstepNode(Node):
     def on_poll(self) -> None:
         """Looks after what no message brings."""
 
+    def on_stop(self, stop: Ending) -> None:
+        """Takes the wish, seen at every poll, that the node ends.
+
+        Raises:
+            RunError: it ends now.
+        """
+        raise stop.error()
+
     def on_fault(self, error: BaseException) -> None:
         """Does what must be done before the node's fault is said."""
 
@@ -137,7 +145,7 @@ class LockstepNode(Node):
     def note_tick(self, tick: int, last: bool) -> None:
         """Lets the heartbeat say how far the node is."""
         self.lifeline.tick = tick
-        if tick == 0 and not last:
+        if tick == self.run.first_tick and not last:
             self.lifeline.say(NodeState.RUNNING)
         elif last:
             self.lifeline.say(NodeState.ENDED)
@@ -160,7 +168,7 @@ class LockstepNode(Node):
     def _poll(self) -> None:
         stop = self.lifeline.stop
         if stop is not None:
-            raise stop.error()
+            self.on_stop(stop)
         if self.lifeline.lost and self.lifeline.state is NodeState.ENDED:
             self.finish(0)  # its work is done, nothing is lost
             return

@@ -3,10 +3,20 @@
 from rclpy.context import Context
 
 from ..coupling.engines import Mechanism, build_mechanism
-from ..coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL, Needs, Participant
+from ..coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL, Needs, Participant
+from ..coupling.resumption import restore_engine
 from ..coupling.schedule import schedule_of
 from ..errors import SceneError
-from ..messages import Command, Grant, MechanismState, NodeHello, NodeState, ToolMotions, ToolWrenches
+from ..messages import (
+    Command,
+    DriverCommand,
+    Grant,
+    MechanismState,
+    NodeHello,
+    NodeState,
+    ToolMotions,
+    ToolWrenches,
+)
 from ..ticks import tick_end_ns
 from .lifeline import Lifeline, NodeRun
 from .lockstep_node import LockstepNode
@@ -25,16 +35,27 @@ class MechanismNode(LockstepNode):
         self._schedule = schedule_of(scene, timing)
         self._with_soil = scene.soil is not None
         needs = Needs.WRENCHES if self._with_soil else Needs.NOTHING
-        self._participant = Participant(run.run_id, timing.tick_count, needs, tuple(scene.tools))
+        self._participant = Participant(
+            run.run_id,
+            timing.tick_count,
+            needs,
+            tuple(scene.tools),
+            control_ticks=self._schedule.control_ticks,
+            first_tick=run.first_tick,
+        )
+        self._keeper = run.keeper()
         listeners = (SOIL, COUPLER, RECORDER) if self._with_soil else (COUPLER, RECORDER)
         self._motions = self.publisher(ToolMotions, listeners)
-        self._states = self.publisher(MechanismState, (RECORDER,))
+        controllers = (CONTROLLER,) if scene.controller is not None else ()
+        self._states = self.publisher(MechanismState, (RECORDER, *controllers))
         self._initial_motions = engine.initial_motions()
         self.lifeline.say(NodeState.STARTING, motions=self._initial_motions)
         self.listen(NodeHello, self._on_hello, ())
         self.listen(Grant, self._on_grant, (COUPLER,))
         if self._with_soil:
             self.listen(ToolWrenches, self._on_wrenches, (SOIL,))
+        if controllers:
+            self.listen(DriverCommand, self._on_command, controllers)
         self._started = not self._with_soil
 
     def on_poll(self) -> None:
@@ -45,32 +66,56 @@ class MechanismNode(LockstepNode):
     def _on_hello(self, hello: NodeHello) -> None:
         if hello.node == SOIL and hello.state is NodeState.READY and hello.run_id == self.run.run_id:
             if not self._started:
-                self._participant.start(hello.initial_wrenches)
+                self._participant.start(wrenches=hello.initial_wrenches)
                 self._started = True
         else:
             self.follow_coupler_end(hello)
 
     def _on_grant(self, grant: Grant) -> None:
+        if grant.command is Command.KEEP:
+            self._participant.accept_keep(grant)
+            self._keep(grant.tick)
+            return
         self._participant.accept_grant(grant)
         if grant.command is Command.ABORT:
             self.finish_aborted(grant)
             return
+        if grant.tick == self.run.first_tick and self._schedule.control_due(grant.tick):
+            self._publish_state(grant.tick - 1)  # the run goes on here, and its controller has not seen it
         self._work()
 
     def _on_wrenches(self, wrenches: ToolWrenches) -> None:
         self._participant.accept_wrenches(wrenches)
         self._work()
 
+    def _on_command(self, command: DriverCommand) -> None:
+        self._participant.accept_command(command)
+        self._work()
+
     def _work(self) -> None:
         while (work := self._participant.next_work()) is not None:
             tick = work.tick
             end_ns = tick_end_ns(tick, self._interval_ns)
+            if work.command is not None:
+                self._engine.command(work.command)
             motions = self._engine.advance(tick, work.wrenches)
+            if self._keeper is not None and self._keeper.due(tick):
+                self._keep(tick)  # before the answer: who has it knows that the part is there
             self._motions.publish(self.bytes_of(ToolMotions(self.run.run_id, tick, end_ns, motions)))
             if self._schedule.series_due(tick):
-                self._states.publish(self.bytes_of(self._engine.state(self.run.run_id, tick, end_ns)))
+                self._publish_state(tick)
             self._participant.finish(tick)
+            if self._keeper is not None and self._participant.finished:
+                self._keeper.note_end(tick, MECHANISM, self._engine)
             self.note_tick(tick, self._participant.finished)
+
+    def _publish_state(self, tick: int) -> None:
+        state = self._engine.state(self.run.run_id, tick, tick_end_ns(tick, self._interval_ns))
+        self._states.publish(self.bytes_of(state))
+
+    def _keep(self, tick: int) -> None:
+        if self._keeper is not None:
+            self._keeper.keep(tick, MECHANISM, self._engine)
 
 
 def build(
@@ -80,10 +125,13 @@ def build(
 
     Raises:
         SceneError: the scene has no mechanism, or it cannot be assembled.
+        InputError: the checkpoint to go on from does not fit.
     """
     engine = build_mechanism(run.resolved)
     if engine is None:
         raise SceneError(f"{run.resolved.path}: has no 'mechanism'; no mechanism node is needed for it")
+    if run.resumed is not None:
+        restore_engine(engine, run.resumed, MECHANISM)
     return MechanismNode(engine, run, lifeline, context)
 
 

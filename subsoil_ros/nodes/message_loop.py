@@ -19,7 +19,9 @@ BURST = 64
 def serve(
     node: Node, poll: Callable[[], None], poll_s: float, ended: Callable[[], bool], rest_s: float = 0.0
 ) -> None:
-    """Serves the subscriptions of `node`, raw ones all, in this thread; no executor may have the node.
+    """Serves the subscriptions, raw ones all, and services of `node` in this thread; no executor may have it.
+
+    A service's callback gets the request and the header that its answer is sent to: it may answer later.
 
     Args:
         poll: called every `poll_s`, also while messages come.
@@ -28,7 +30,8 @@ def serve(
             nobody waits for: each wake-up takes a core from those that compute.
     """
     served = [(item.handle, item.handle.pointer, item.msg_type, item.callback) for item in node.subscriptions]
-    wait_set = _rclpy.WaitSet(len(served), 0, 0, 0, 0, 0, node.context.handle)
+    services = list(node.services)
+    wait_set = _rclpy.WaitSet(len(served), 0, 0, 0, len(services), 0, node.context.handle)
     next_poll = time.monotonic()
     while not ended():
         left_s = next_poll - time.monotonic()
@@ -39,6 +42,8 @@ def serve(
         wait_set.clear_entities()
         for handle, *_ in served:
             wait_set.add_subscription(handle)
+        for service in services:
+            wait_set.add_service(service.handle)
         wait_set.wait(int(left_s * 1e9))
         ready = wait_set.get_ready_entities("subscription")
         for handle, pointer, kind, callback in served:
@@ -49,5 +54,12 @@ def serve(
                 if taken is None or ended():
                     break
                 callback(*taken)
+        if services:
+            ready = wait_set.get_ready_entities("service")
+            for service in services:
+                if service.handle.pointer in ready and not ended():
+                    request, header = service.handle.service_take_request(service.srv_type.Request)  # type: ignore[attr-defined]
+                    if header is not None:
+                        service.callback(request, header)
         if rest_s > 0.0:
             time.sleep(rest_s)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -15,10 +16,11 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from ..coupling.ending import Ending, interrupted
+from ..coupling.ending import KEEP_S, SIGNAL_STATUS, Ending, interrupted
 from ..coupling.protocol import COUPLER, RECORDER
 from ..errors import InputError, RunError
-from ..scene.loader import load_scene
+from ..recording.checkpoint import read_checkpoint
+from ..scene.loader import ResolvedScene, load_scene
 from .lifeline import Lifeline, NodeRun
 from .lockstep_node import LAST_WORD_S, LockstepNode, one_line
 from .service import Service
@@ -38,6 +40,23 @@ class NodeSettings:
     bag: str
     recorded: bool
     supervised: bool
+    paused: bool = False
+    checkpoints: str = ""
+    resume: str = ""
+
+    def node_run(self, resolved: ResolvedScene) -> NodeRun:
+        """What all nodes of the run share.
+
+        Raises:
+            InputError: the checkpoint to go on from cannot be used.
+        """
+        return NodeRun(
+            self.run_id,
+            resolved,
+            Path(self.checkpoints) if self.checkpoints else None,
+            read_checkpoint(Path(self.resume), resolved.scene_hash) if self.resume else None,
+            self.recorded,
+        )
 
 
 _DESCRIPTIONS: dict[str, tuple[Any, str]] = {
@@ -45,6 +64,9 @@ _DESCRIPTIONS: dict[str, tuple[Any, str]] = {
     "run_id": ("run", "name of the run, the same for all nodes; other runs' messages are refused"),
     "threads": (1, "threads of the soil engine; results do not depend on it"),
     "bag": ("", "folder for the recorder's bag; it must not exist"),
+    "checkpoints": ("", "folder for checkpoints, the same for all nodes; empty: none are written"),
+    "resume": ("", "checkpoint to go on from, the same for all nodes; empty: from tick 0"),
+    "paused": (False, "the coupler: grant no tick before a call of its services resume or step"),
     "recorded": (True, "whether the run has a recorder, the same for all nodes"),
     "supervised": (False, "end when standard input ends, take wishes to stop from it"),
 }
@@ -97,7 +119,7 @@ def run_process(name: str, build: Callable[..., LockstepNode]) -> int:
     node = Node(f"{name}_process")
     try:
         settings = read_settings(node)
-        run = NodeRun(settings.run_id, load_scene(settings.scene), settings.recorded)
+        run = settings.node_run(load_scene(settings.scene))
     except InputError as error:
         say(f"{name}: {one_line(error)}")
         return error.exit_status
@@ -137,7 +159,8 @@ def _wait(service: Service, lifeline: Lifeline) -> None:
     """Waits for the service; one that does not come back from its engine is left behind."""
     while service.is_alive() and lifeline.stop is None and not lifeline.lost:
         service.join(0.2)
-    service.join(GRACE_S + LAST_WORD_S)
+    interrupted_run = lifeline.stop is not None and lifeline.stop.exit_status > SIGNAL_STATUS
+    service.join(GRACE_S + LAST_WORD_S + (KEEP_S if interrupted_run else 0.0))
     if service.is_alive():
         ending = lifeline.stop or Ending(RunError.exit_status, lifeline.lost)
         say(f"{service.name}: {ending.reason}")

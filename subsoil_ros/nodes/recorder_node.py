@@ -8,12 +8,13 @@ from pathlib import Path
 
 from rclpy.context import Context
 
-from ..coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL, RecordBarrier
+from ..coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL, RecordBarrier
 from ..coupling.schedule import schedule_of
 from ..errors import InputError, ProtocolError, RunError
 from ..messages import (
     Command,
     CouplingReport,
+    DriverCommand,
     Grant,
     MechanismState,
     NodeHello,
@@ -27,7 +28,7 @@ from ..messages import (
 from ..recording.bag_writer import BagWriter
 from ..recording.topics import TOPIC_OF
 from ..scene.loader import ResolvedScene
-from ..ticks import NANOSECONDS_PER_SECOND
+from ..ticks import INITIAL_TICK, NANOSECONDS_PER_SECOND
 from .convert import reader
 from .lifeline import Lifeline, NodeRun
 from .lockstep_node import LockstepNode
@@ -36,7 +37,7 @@ from .process import NodeSettings, run_process
 CUT_S = 2.0
 """After an abort, time for messages of the last finished tick to come in."""
 
-_LOCKSTEP = (Grant, ToolMotions, ToolWrenches)
+_LOCKSTEP = (Grant, DriverCommand, ToolMotions, ToolWrenches)
 
 
 def due_topics(resolved: ResolvedScene) -> Callable[[int], tuple[str, ...]]:
@@ -53,12 +54,14 @@ def due_topics(resolved: ResolvedScene) -> Callable[[int], tuple[str, ...]]:
         states.append(SoilState)
     states.append(CouplingReport)
     every = tuple(TOPIC_OF[kind] for kind in lockstep)
+    command = (TOPIC_OF[DriverCommand],)
     series = tuple(TOPIC_OF[kind] for kind in states)
     cloud = (TOPIC_OF[SoilCloud],)
 
     def due(tick: int) -> tuple[str, ...]:
         states_due = series if schedule.series_due(tick) else ()
-        return every + states_due + (cloud if schedule.cloud_due(tick) else ())
+        commands_due = command if schedule.control_due(tick) else ()
+        return every + commands_due + states_due + (cloud if schedule.cloud_due(tick) else ())
 
     return due
 
@@ -92,9 +95,11 @@ class RecorderNode(LockstepNode):
         scene, timing = run.resolved.scene, run.resolved.timing
         self._writer = writer
         self._barrier: RecordBarrier[bytes] = RecordBarrier(
-            timing.tick_count, due_topics(run.resolved), scene.coupling.grant_window
+            timing.tick_count, due_topics(run.resolved), scene.coupling.grant_window, run.first_tick
         )
+        self._schedule = schedule_of(scene, timing)
         self._abort: Grant | None = None
+        self._keep_tick = INITIAL_TICK  # a checkpoint is wanted of it, beside those that are due
         self._cut_deadline = 0.0
         self._acks = self.publisher(TickAck, (COUPLER,))
         self.listen(NodeHello, self.follow_coupler_end, ())
@@ -106,6 +111,8 @@ class RecorderNode(LockstepNode):
             sources.append((MechanismState, MECHANISM))
         if scene.soil is not None:
             sources += [(ToolWrenches, SOIL), (SoilState, SOIL), (SoilCloud, SOIL)]
+        if scene.controller is not None:
+            sources.append((DriverCommand, CONTROLLER))
         for kind, source in sources:
             self.listen_raw(kind, partial(self._on_message, kind), (source,))
 
@@ -136,6 +143,15 @@ class RecorderNode(LockstepNode):
             self._barrier.cut(grant.tick)
             self._record()
             return
+        if grant.command is Command.KEEP:
+            self._refuse_foreign(Grant, grant.run_id, grant.tick)
+            self._barrier.note_finished(grant.tick)
+            self._record()
+            if self._barrier.done_tick == grant.tick:
+                self._sync_and_acknowledge()
+            else:
+                self._keep_tick = grant.tick  # something of it is still on the way
+            return
         self._on_message(Grant, cdr)
 
     def _on_message(self, kind: type, cdr: bytes) -> None:
@@ -145,6 +161,8 @@ class RecorderNode(LockstepNode):
             raise ProtocolError(
                 f"{TOPIC_OF[kind]}: stamp {end_ns} ns is no whole number of ticks of {self._interval_ns} ns"
             )
+        if kind is MechanismState and tick - 1 < self.run.first_tick:
+            return  # of the run that this one goes on from, for the controller
         if kind in _LOCKSTEP:
             self._refuse_foreign(kind, run_id_of(cdr), tick - 1)
         self._barrier.add(TOPIC_OF[kind], tick - 1, cdr)
@@ -171,11 +189,21 @@ class RecorderNode(LockstepNode):
             if last:
                 self._writer.close()  # the last acknowledgement says that the bag is finished
             self.note_tick(tick, last)
-            acknowledged = barrier.next_ack()
-            if acknowledged is not None:
-                self._acks.publish(self.bytes_of(TickAck(self.run.run_id, acknowledged)))
+            if self._schedule.checkpoint_due(tick) or tick == self._keep_tick:
+                self._sync_and_acknowledge()
+            else:
+                self._acknowledge(barrier.next_ack())
         if self._abort is not None and barrier.finished:
             self._end_aborted(self._abort)
+
+    def _sync_and_acknowledge(self) -> None:
+        """A checkpoint stands at the end of a record that is on the disk."""
+        self._writer.sync()
+        self._acknowledge(self._barrier.next_ack(at_once=True))
+
+    def _acknowledge(self, tick: int | None) -> None:
+        if tick is not None:
+            self._acks.publish(self.bytes_of(TickAck(self.run.run_id, tick)))
 
     def _end_aborted(self, grant: Grant) -> None:
         self._writer.close()

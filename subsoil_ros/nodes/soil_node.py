@@ -2,8 +2,9 @@
 
 from rclpy.context import Context
 
-from ..coupling.engines import Mover, Soil, build_paths, build_soil
+from ..coupling.engines import Mover, Resumable, Soil, build_paths, build_soil
 from ..coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL, Needs, Participant
+from ..coupling.resumption import PATHS, CouplingState, restore_engine
 from ..coupling.schedule import schedule_of
 from ..errors import SceneError
 from ..messages import (
@@ -49,7 +50,12 @@ class SoilNode(LockstepNode):
         self._mover = mover
         self._schedule = schedule_of(scene, timing)
         needs = Needs.MOTIONS if mover is None else Needs.NOTHING
-        self._participant = Participant(run.run_id, timing.tick_count, needs, tuple(scene.tools))
+        if scene.coupling.scheme == "parallel":
+            needs = Needs.MOTIONS_BEFORE
+        self._participant = Participant(
+            run.run_id, timing.tick_count, needs, tuple(scene.tools), first_tick=run.first_tick
+        )
+        self._keeper = run.keeper()
         self._initial_motions: tuple[ToolMotion, ...] = ()
         self._last_wrenches: tuple[ToolWrench, ...] | None = None  # None: the soil has not answered yet
         listeners = (COUPLER, RECORDER) if mover is not None else (MECHANISM, COUPLER, RECORDER)
@@ -87,7 +93,11 @@ class SoilNode(LockstepNode):
 
     def _start(self, motions: tuple[ToolMotion, ...]) -> None:
         self._initial_motions = motions
-        self._last_wrenches = self._engine.start(motions)
+        if self.run.resumed is not None:
+            self._last_wrenches = CouplingState.of(self.run.resumed).wrenches
+        else:
+            self._last_wrenches = self._engine.start(motions)
+        self._participant.start(motions=motions)
 
     def _on_hello(self, hello: NodeHello) -> None:
         if hello.node == MECHANISM and self._mover is None and hello.run_id == self.run.run_id:
@@ -97,6 +107,10 @@ class SoilNode(LockstepNode):
             self.follow_coupler_end(hello)
 
     def _on_grant(self, grant: Grant) -> None:
+        if grant.command is Command.KEEP:
+            self._participant.accept_keep(grant)
+            self._keep(grant.tick)
+            return
         self._participant.accept_grant(grant)
         if grant.command is Command.ABORT:
             self.finish_aborted(grant)
@@ -115,6 +129,8 @@ class SoilNode(LockstepNode):
                 motions = self._mover.advance(tick, self._last_wrenches or ())
                 self._motions.publish(self.bytes_of(ToolMotions(self.run.run_id, tick, end_ns, motions)))
             wrenches = self._last_wrenches = self._engine.advance(tick, motions)
+            if self._keeper is not None and self._keeper.due(tick):
+                self._keep(tick)  # before the answer: who has it knows that the part is there
             self._wrenches.publish(self.bytes_of(ToolWrenches(self.run.run_id, tick, end_ns, wrenches)))
             if self._schedule.series_due(tick):
                 self._states.publish(self.bytes_of(self._engine.state(self.run.run_id, tick, end_ns)))
@@ -122,7 +138,20 @@ class SoilNode(LockstepNode):
             if self._schedule.cloud_due(tick):
                 self._clouds.publish(self.bytes_of(self._engine.cloud(tick, end_ns)))
             self._participant.finish(tick)
+            if self._keeper is not None and self._participant.finished:
+                for part, engine in self._parts():
+                    self._keeper.note_end(tick, part, engine)
             self.note_tick(tick, self._participant.finished)
+
+    def _parts(self) -> list[tuple[str, Resumable]]:
+        """What a checkpoint has from this node."""
+        paths = [] if self._mover is None else [(PATHS, self._mover)]
+        return [(SOIL, self._engine), *paths]
+
+    def _keep(self, tick: int) -> None:
+        if self._keeper is not None:
+            for part, engine in self._parts():
+                self._keeper.keep(tick, part, engine)
 
     def _publish_for_people(
         self, motions: tuple[ToolMotion, ...], wrenches: tuple[ToolWrench, ...], end_ns: int
@@ -142,11 +171,16 @@ def build(
 
     Raises:
         SceneError: the scene has no soil.
+        InputError: the checkpoint to go on from does not fit.
     """
     engine = build_soil(run.resolved, settings.threads)
     if engine is None:
         raise SceneError(f"{run.resolved.path}: has no 'soil'; no soil node is needed for it")
     mover = build_paths(run.resolved) if run.resolved.scene.mechanism is None else None
+    if run.resumed is not None:
+        restore_engine(engine, run.resumed, SOIL)
+        if mover is not None:
+            restore_engine(mover, run.resumed, PATHS)
     return SoilNode(engine, mover, run, lifeline, context)
 
 

@@ -4,6 +4,7 @@ The `mcap` writer is used rather than rosbags' because that one has fixed chunks
 numbers and no checksums. rosbags, rosbag2 and mcap's own readers read the result.
 """
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -121,6 +122,15 @@ class BagFolder:
             self._times_ns[1] = time_ns
         elif time_ns < self._times_ns[0]:
             self._times_ns[0] = time_ns
+
+    def sync(self) -> None:
+        """Ends the chunk and brings all that was written to the disk."""
+        try:
+            self._writer.flush()
+            os.fsync(self._stream.fileno())
+            self._on_disk = self._stream.tell()
+        except OSError as error:
+            raise self._refused(error) from error
 
     def close(self) -> None:
         """Writes index and metadata. Idempotent."""

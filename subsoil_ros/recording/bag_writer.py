@@ -85,6 +85,17 @@ class BagWriter:
             raise ProtocolError(f"topic '{topic}' is not recorded as it is; recorded are {', '.join(_RANK)}")
         self._hold(tick, _Held(rank, topic, cdr, None))
 
+    def sync(self) -> None:
+        """Brings all that was taken to the disk; the tick that was taken last is complete.
+
+        Raises:
+            RecordingError: the disk refuses.
+        """
+        held, self._held = self._held, []
+        if held:
+            self._write_tick(self._tick, held)
+        self._folder.sync()
+
     def close(self) -> None:
         """Finishes the bag. Idempotent."""
         held, self._held = self._held, []
@@ -155,7 +166,9 @@ class BagWriter:
 
 def _notes(scene: Scene, timing: Timing) -> dict[str, str]:
     """What a reader cannot see from the messages: what is recorded of every tick, and what is thinned."""
-    cloud_ticks = every_ticks(scene.record.cloud_hz, timing.interval_ns) if scene.soil is not None else 0
+    cloud_ticks = 0
+    if scene.particle_soil is not None:
+        cloud_ticks = every_ticks(scene.record.cloud_hz, timing.interval_ns)
     return {
         "interval_ns": str(timing.interval_ns),
         "lockstep_messages": "every tick",

@@ -18,6 +18,7 @@ from ..messages import (
     BodyState,
     Command,
     CouplingReport,
+    DriverCommand,
     ForceState,
     Grant,
     GroupForce,
@@ -50,23 +51,32 @@ _PARTS: dict[type, dict[str, type]] = {
     MechanismState: {"bodies": BodyState, "joints": JointReaction, "forces": ForceState},
     NodeHello: {"initial_motions": ToolMotion, "initial_wrenches": ToolWrench},
 }
+_TEXTS: dict[type, tuple[str, ...]] = {NodeHello: ("message_hashes", "capabilities")}
+"""Fields that are tuples of texts; a message has them as a list."""
+
 _ENUMS: dict[tuple[type, str], type] = {(Grant, "command"): Command, (NodeHello, "state"): NodeState}
 _TOP_LEVEL = (
-    Grant, TickAck, NodeHello, ToolMotions, ToolWrenches, SoilState, MechanismState, CouplingReport,
+    Grant, DriverCommand, TickAck, NodeHello, ToolMotions, ToolWrenches, SoilState, MechanismState,
+    CouplingReport,
 )  # fmt: skip
 _RECORD_OF_NAME = {PACKAGE + kind.__name__: kind for kind in _TOP_LEVEL}
 
 
 def _plain_names(kind: type) -> tuple[str, ...]:
     """Fields that a message takes over unchanged."""
-    apart = {"end_time_ns", *_PARTS.get(kind, {}), *(name for owner, name in _ENUMS if owner is kind)}
+    apart = {
+        "end_time_ns",
+        *_PARTS.get(kind, {}),
+        *_TEXTS.get(kind, ()),
+        *(name for owner, name in _ENUMS if owner is kind),
+    }
     return tuple(item.name for item in fields(kind) if item.name not in apart)
 
 
 _PLAIN: dict[type, tuple[str, ...]] = {
     kind: _plain_names(kind) for kind in (*_TOP_LEVEL, BodyState, JointReaction, ForceState)
 }
-_STAMPED_BY_TICK = (Grant, TickAck, NodeHello)
+_STAMPED_BY_TICK = (Grant, DriverCommand, TickAck, NodeHello)
 
 
 def message_type(kind: type) -> str:
@@ -133,6 +143,8 @@ def to_message(types: Types, record: Any, interval_ns: int) -> Any:
     for owner, name in _ENUMS:
         if owner is kind:
             values[name] = int(getattr(record, name))
+    for name in _TEXTS.get(kind, ()):
+        values[name] = list(getattr(record, name))
     for name, part in _PARTS.get(kind, {}).items():
         values[name] = [_PART_TO_MESSAGE[part](types, item) for item in getattr(record, name)]
     return types(PACKAGE + kind.__name__)(header=header(types, end_time_of(record, interval_ns)), **values)
@@ -225,6 +237,8 @@ def from_message(kind: type | str, message: Any) -> Any:
     for owner, name in _ENUMS:
         if owner is kind:
             values[name] = _ENUMS[owner, name](getattr(message, name))
+    for name in _TEXTS.get(kind, ()):
+        values[name] = tuple(getattr(message, name))
     for name, part in _PARTS.get(kind, {}).items():
         values[name] = tuple(_PART_FROM_MESSAGE[part](item) for item in getattr(message, name))
     return kind(**values)

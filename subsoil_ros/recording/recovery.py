@@ -102,6 +102,12 @@ def _notes(path: Path) -> dict[str, str]:
     return {}
 
 
+def last_time_ns(path: Path) -> int:
+    """Simulated time of the last message [ns] that can be read from a bag, closed or not; 0 if none can."""
+    source = mcap_path(path)
+    return max((record.log_time for record in _readable(source) if isinstance(record, Message)), default=0)
+
+
 def _remove(folder: BagFolder) -> None:
     for item in folder.directory.iterdir():
         item.unlink()

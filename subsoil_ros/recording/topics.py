@@ -4,6 +4,7 @@ from typing import Any
 
 from ..messages import (
     CouplingReport,
+    DriverCommand,
     Grant,
     MechanismState,
     NodeHello,
@@ -25,6 +26,7 @@ TOPIC_OF: dict[type, str] = {
     NodeHello: "node_hello",
     TickAck: "tick_ack",
     Grant: "grant",
+    DriverCommand: "driver_command",
     ToolMotions: "tool_motions",
     ToolWrenches: "tool_wrenches",
     MechanismState: "mechanism_state",

@@ -94,3 +94,9 @@ def serialize(message: Any) -> bytes:
 def deserialize(data: bytes, name: str) -> Any:
     """rosbags message of type `name` from CDR bytes."""
     return typestore().deserialize_cdr(data, name)
+
+
+@cache
+def own_type_hashes() -> tuple[str, ...]:
+    """ "Grant RIHS01_..." of every message of subsoil_msgs, by name."""
+    return tuple(f"{name} {type_hash(_OWN + name)}" for name in _NAMES)

@@ -60,7 +60,7 @@ def _place(location: tuple[int | str, ...], document: Document) -> tuple[str, ..
     value: object = document
     for element in location:
         if isinstance(value, dict):
-            if element not in value and element == value.get("kind"):
+            if element not in value and element in (value.get("kind"), value.get("model", "dem")):
                 continue
             value = value.get(str(element))
         elif isinstance(value, list) and isinstance(element, int):
@@ -98,7 +98,11 @@ def _message(place: tuple[str, ...], found: list[ErrorDetails], document: Docume
     if first["type"] == "missing":
         return path, "is missing; every scene of this kind needs it"
     if first["type"] in ("union_tag_not_found", "union_tag_invalid"):
-        allowed = kinds(annotation_at(Scene, document, place))
+        annotation = annotation_at(Scene, document, place)
+        if models := kinds(annotation, "model"):
+            word = first["input"].get("model") if isinstance(first["input"], dict) else first["input"]
+            return f"{path}.model", f"given {_given(word)}, allowed are {', '.join(models)}"
+        allowed = kinds(annotation)
         if not isinstance(first["input"], dict):
             return path, f"given {given}, needed is a mapping with 'kind', one of {', '.join(allowed)}"
         kind = first["input"].get("kind")

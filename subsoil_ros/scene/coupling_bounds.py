@@ -1,9 +1,10 @@
-"""How long soil and mechanism may go without exchange: bounds of the serial scheme, per tool.
+"""How long soil and mechanism may go without exchange: bounds of the scene's scheme, per tool.
 
-A force held over an interval H acts like negative damping. On a soil spring k with damper c under a mass
-m, for k H^2 / m << 1, the exchange of the force at the tick's end is stable for k H / 2 <= c <= 2 m / H, that
-of its mean from k H <= c. n contacts share one law, k = n K and c = n C, so the lower bound on the damper
-does not depend on n.
+A force held over an interval H acts like negative damping. On a soil spring k with damper c under a mass m,
+for k H^2 / m << 1, the exchange is stable where (age of the force) k <= c <= (share) m / H. The force that
+acts within a tick is H / 2 old on average; the parallel scheme adds H, a mean over n soil steps adds
+(n - 1) / (2 n) H. n contacts share one law, k = n K and c = n C, so the lower bound on the damper does not
+depend on n. tests/verification/test_exchange_stability.py holds the bounds against the exact one-tick map.
 """
 
 from dataclasses import dataclass
@@ -14,12 +15,19 @@ from .bed_spacing import particle_spacing_m
 from .damping import damping_ratios
 from .limits import derive_timing
 from .meshes import ToolMesh
-from .model import Scene
+from .model import Coupling, Scene
 from .pairs import layer_soils, tool_values
 from .soil import Soil
 
 PRESSED_PART = 0.5
 """Part of a tool's surface that presses on particles at once (chosen: the front half)."""
+
+SERIAL_DAMPER_SHARE = 2.0
+"""c H / m up to which the serial scheme is stable without a spring. Of the mean of n > 1 steps it would be
+the smaller of 2 n and 2 n / (n - 1), never below 2."""
+
+PARALLEL_DAMPER_SHARE = 2.0 * (2.0**0.5 - 1.0)
+"""The same of the parallel scheme: 1 for the tick's end, and down to 2 (sqrt(2) - 1) for the mean of many."""
 
 
 REFERENCE_OVERLAP = 0.01
@@ -38,19 +46,22 @@ class CouplingBound:
 
 
 def coupling_bounds(scene: Scene, meshes: dict[str, ToolMesh]) -> tuple[CouplingBound, ...]:
-    """Bounds of every tool that a body carries; empty without soil or mechanism.
+    """Bounds of every tool that a body carries; empty without mechanism or soil of particles.
 
     The effective mass is that of the free body at its farthest point, 1 / (1/m + d^2/J): joints only add
     to it, so the estimate is on the safe side. Of several layers the worst counts.
     """
-    if scene.soil is None or scene.mechanism is None:
+    soil = scene.particle_soil
+    if soil is None or scene.mechanism is None:
         return ()
-    overlap = REFERENCE_OVERLAP * scene.soil.particles.mean_volume_radius_m
-    boundaries = [tool_values(layer).linear_at(overlap) for layer in layer_soils(scene.soil)]
-    left = damping_ratios(scene.soil, derive_timing(scene).soil_step_s)[1].normal
+    overlap = REFERENCE_OVERLAP * soil.particles.mean_volume_radius_m
+    boundaries = [tool_values(layer).linear_at(overlap) for layer in layer_soils(soil)]
+    left = damping_ratios(soil, derive_timing(scene).soil_step_s)[1].normal
     relaxation = left * min(boundary.damping / boundary.stiffness for boundary in boundaries)
     largest_damping = left * max(boundary.damping for boundary in boundaries)
-    share = 2.0 if scene.coupling.force == "tick_end" else 1.0
+    age = force_age_ticks(scene.coupling, derive_timing(scene).soil_steps)
+    parallel = scene.coupling.scheme == "parallel"
+    share = PARALLEL_DAMPER_SHARE if parallel else SERIAL_DAMPER_SHARE
     found = []
     for name, tool in scene.tools.items():
         if tool.body is None:
@@ -58,18 +69,26 @@ def coupling_bounds(scene: Scene, meshes: dict[str, ToolMesh]) -> tuple[Coupling
         body = scene.mechanism.bodies[tool.body]
         arm = float(np.linalg.norm(meshes[name].vertices_m[:, [0, 2]], axis=1).max())
         mass = 1.0 / (1.0 / body.mass_kg + arm**2 / body.inertia_kg_m2)
-        count = _contact_count(scene.soil, meshes[name])
+        count = _contact_count(soil, meshes[name])
         damping = count * largest_damping
         found.append(
             CouplingBound(
                 tool=name,
-                undamped_s=share * relaxation,
-                unstable_s=2.0 * mass / damping if damping > 0.0 else np.inf,
+                undamped_s=relaxation / age,
+                unstable_s=share * mass / damping if damping > 0.0 else np.inf,
                 effective_mass_kg=mass,
                 contact_count=count,
             )
         )
     return tuple(found)
+
+
+def force_age_ticks(coupling: Coupling, soil_steps: int) -> float:
+    """Mean age of the soil's force when it acts on the mechanism [ticks]."""
+    age = 1.5 if coupling.scheme == "parallel" else 0.5
+    if coupling.force == "tick_mean":
+        age += 0.5 * (soil_steps - 1) / soil_steps
+    return age
 
 
 def _contact_count(soil: Soil, mesh: ToolMesh) -> float:

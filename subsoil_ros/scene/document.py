@@ -129,7 +129,8 @@ def leaves(value: object, path: str = "") -> Iterator[tuple[str, object]]:
 def merge(below: Document, above: Document, source: str, path: str = "") -> Document:
     """`above` laid over `below`: mappings merge, anything else replaces, null removes.
 
-    A mapping whose `kind` differs replaces: the keys of another kind would be unknown there.
+    A mapping whose `kind` differs replaces: the keys of another kind would be unknown there. Where `model`
+    differs, as of soil, only the bin stays.
     Raises SceneError where null stands for a key that is not there.
     """
     merged = dict(below)
@@ -145,6 +146,8 @@ def merge(below: Document, above: Document, source: str, path: str = "") -> Docu
             beneath = present if isinstance(present, dict) else {}
             if "kind" in value and value["kind"] != beneath.get("kind"):
                 beneath = {}
+            if "model" in value and value["model"] != beneath.get("model", "dem"):
+                beneath = {key: beneath[key] for key in ("bin",) if key in beneath}
             merged[key] = merge(beneath, value, source, here)
         else:
             merged[key] = value

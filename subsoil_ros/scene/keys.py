@@ -23,12 +23,12 @@ def is_model(annotation: Any) -> bool:
     return isinstance(annotation, type) and issubclass(annotation, BaseModel)
 
 
-def kinds(annotation: Any) -> list[str]:
-    """The values `kind` may have at a place of this annotation; empty where there is no choice."""
+def kinds(annotation: Any, key: str = "kind") -> list[str]:
+    """The values `kind` (or `model`) may have at a place of this annotation; empty if there is no choice."""
     found: list[str] = []
     for member in members(annotation):
-        if is_model(member) and "kind" in member.model_fields:
-            found.extend(get_args(member.model_fields["kind"].annotation))
+        if is_model(member) and key in member.model_fields:
+            found.extend(get_args(member.model_fields[key].annotation))
     return found
 
 
@@ -37,9 +37,11 @@ def model_at(annotation: Any, value: object) -> type[BaseModel] | None:
     models = [m for m in members(annotation) if is_model(m)]
     if len(models) == 1:
         return models[0]
-    kind = value.get("kind") if isinstance(value, dict) else None
+    given = value if isinstance(value, dict) else {}
     for model in models:
-        if kind is not None and kind in kinds(model):
+        if "kind" in given and given["kind"] in kinds(model):
+            return model
+        if "model" in model.model_fields and given.get("model", "dem") in kinds(model, "model"):
             return model
     return None
 

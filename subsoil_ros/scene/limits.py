@@ -22,6 +22,9 @@ leaves 0.86 of the limit, with 4,360 and with 19,950 particles, and at 0.9 the r
 RAYLEIGH_PART = 0.2
 """Part of the Rayleigh time that a step may take under the Hertz law (usual: 0.1 to 0.2)."""
 
+REDUCED_INTERVAL_NS = 1_000_000
+"""Tick of a scene on reduced soil (chosen: its springs and wheels swing a hundred times slower)."""
+
 MECHANISM_INTERVAL_NS = 500_000
 """Tick of a scene without soil (chosen: 1/250 of the fastest mode of the paper's machine, 8 Hz)."""
 
@@ -191,14 +194,17 @@ def derive_timing(scene: Scene) -> Timing:
     """
     interval = scene.coupling.interval_ns
     soil_steps = 0
-    if scene.soil is None:
-        interval_ns = MECHANISM_INTERVAL_NS if interval == "auto" else interval
+    soil = scene.particle_soil
+    if soil is None:
+        default_ns = MECHANISM_INTERVAL_NS if scene.soil is None else REDUCED_INTERVAL_NS
+        interval_ns = default_ns if interval == "auto" else interval
+        soil_steps = 0 if scene.soil is None else 1
     else:
-        limit = step_limits(scene.soil)[0]
-        step = scene.soil.time_step_s
+        limit = step_limits(soil)[0]
+        step = soil.time_step_s
         if step != "auto":
-            _refuse_step(scene.soil, step, limit)
-        largest_s = min(SAFETY * limit.limit_s, largest_lagged_step_s(scene.soil))
+            _refuse_step(soil, step, limit)
+        largest_s = min(SAFETY * limit.limit_s, largest_lagged_step_s(soil))
         if interval == "auto":
             if step == "auto":
                 interval_ns = int(largest_s * 1e6) * 1000  # whole microseconds

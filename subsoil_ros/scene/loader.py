@@ -23,6 +23,7 @@ from .limits import Timing, derive_timing
 from .meshes import load_tool_mesh
 from .model import Scene
 from .overrides import Override, apply_override, parse_overrides
+from .soil_file import check_reduced_soil
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,7 @@ class ResolvedScene:
     document: Document  # merged, as run; files by absolute path; loads to the same scene and hash
     scene_hash: str  # sha256 hex of the validated scene with the bytes of its files, without paths
     timing: Timing
+    notes: tuple[str, ...] = ()  # what a run must say before it begins
 
     def write(self, path: Path) -> None:
         """Write `document` as a scene file."""
@@ -65,6 +67,7 @@ def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> ResolvedScene
         scene_hash = _scene_hash(scene)
         for tool in scene.tools:
             load_tool_mesh(path.parent, scene, tool)
+        notes = _reduced_notes(scene, path.parent)
     except SceneError as error:
         raise SceneError(f"{shown}: {error}") from error
     return ResolvedScene(
@@ -74,7 +77,16 @@ def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> ResolvedScene
         document=json.loads(json.dumps({"name": scene.name, **kept, **document})),  # shares nothing
         scene_hash=scene_hash,
         timing=timing,
+        notes=notes,
     )
+
+
+def _reduced_notes(scene: Scene, directory: Path) -> tuple[str, ...]:
+    soil = scene.reduced_soil
+    if soil is None:
+        return ()
+    likeness = None if soil.stands_for is None else load_scene(soil.stands_for).scene
+    return check_reduced_soil(scene, directory, likeness)
 
 
 def _with_base(path: Path, shown: str, above: tuple[Path, ...]) -> Document:
@@ -128,9 +140,12 @@ def _with_start(document: Document, shown: str, changes: Sequence[Override]) -> 
 
 
 def _with_absolute_files(document: Document, directory: Path) -> Document:
-    """A copy with meshes and the bed file by absolute path, seen from the folder it was written in."""
+    """A copy with meshes and the soil's files by absolute path, seen from the folder it was written in."""
     copied = copy.deepcopy(document)
     soil = copied.get("soil")
+    for key in ("file", "stands_for"):
+        if isinstance(soil, dict) and isinstance(soil.get(key), str):
+            soil[key] = str((directory / soil[key]).resolve())
     bed = soil.get("bed") if isinstance(soil, dict) else None
     if isinstance(bed, dict) and isinstance(bed.get("file"), str):
         bed["file"] = str((directory / bed["file"]).resolve())
@@ -158,7 +173,11 @@ def _scene_hash(scene: Scene) -> str:
         for group, part in tool["groups"].items():
             advice = "an .stl file"
             part["mesh"] = _file_hash(part["mesh"], f"tools.{name}.groups.{group}.mesh", advice)
-    if scene.soil is not None and isinstance(scene.soil.bed, SavedBed):
+    reduced, particles = scene.reduced_soil, scene.particle_soil
+    if reduced is not None and reduced.file is not None:
+        content["soil"]["file"] = _file_hash(reduced.file, "soil.file", "a soil file")
+        content["soil"].pop("stands_for")
+    if particles is not None and isinstance(particles.bed, SavedBed):
         bed = content["soil"]["bed"]
         bed["file"] = _file_hash(bed["file"], "soil.bed.file", "a bed file")
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()

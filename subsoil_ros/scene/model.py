@@ -1,13 +1,26 @@
 """The scene: one frozen tree of everything a run needs."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from .base import Finite, NonNegative, Part, Positive
-from .mechanism import Mechanism, WheelContact
+from .controller import Controller, DraftLimit, HoldHeight
+from .laws import ConstantLaw
+from .mechanism import Driver, Mechanism, WheelContact
+from .resistance import ResistanceSoil
 from .soil import Auto, Soil
 from .tools import Tool
+
+
+def _soil_model(soil: Any) -> Any:
+    """Which model of soil is described: discrete elements unless it says otherwise."""
+    return soil.get("model", "dem") if isinstance(soil, dict) else getattr(soil, "model", "dem")
+
+
+AnySoil = Annotated[
+    Annotated[Soil, Tag("dem")] | Annotated[ResistanceSoil, Tag("resistance")], Discriminator(_soil_model)
+]
 
 
 class Coupling(Part):
@@ -15,6 +28,8 @@ class Coupling(Part):
 
     interval_ns: Annotated[int, Field(gt=0)] | Auto = "auto"  # auto: one soil step
     mechanism_steps: int = Field(default=1, ge=1, le=1000)  # per exchange
+    # parallel: soil and mechanism advance a tick at once, each on the other's tick before; for study only
+    scheme: Literal["serial", "parallel"] = "serial"
     force: Literal["tick_end", "tick_mean"] = "tick_end"
     grant_window: int = Field(default=8, ge=1, le=64)  # ticks the coupler grants ahead
     residual_bound: Positive = 0.02  # of the interface work, DESIGN.md
@@ -26,6 +41,7 @@ class Record(Part):
 
     series_ticks: int = Field(default=20, ge=1)  # series, poses, wrenches, /tf every so many ticks
     cloud_hz: NonNegative = 10.0  # soil clouds per simulated second; 0: only none
+    checkpoint_s: NonNegative = 0.5  # simulated seconds between checkpoints; 0: none but on SIGTERM or SIGINT
 
 
 class Report(Part):
@@ -47,12 +63,23 @@ class Scene(Part):
     description: str = ""
     duration_s: Positive
     gravity_m_per_s2: NonNegative = 9.81
-    soil: Soil | None = None
+    soil: AnySoil | None = None
     mechanism: Mechanism | None = None
     tools: dict[str, Tool] = {}
+    controller: Controller | None = None
     coupling: Coupling = Coupling()
     record: Record = Record()
     report: Report = Report()
+
+    @property
+    def particle_soil(self) -> Soil | None:
+        """The soil if it is made of particles."""
+        return self.soil if isinstance(self.soil, Soil) else None
+
+    @property
+    def reduced_soil(self) -> ResistanceSoil | None:
+        """The soil if it is a reduced one, without particles."""
+        return self.soil if isinstance(self.soil, ResistanceSoil) else None
 
     @model_validator(mode="after")
     def _consistent(self) -> "Scene":
@@ -60,6 +87,11 @@ class Scene(Part):
             raise ValueError("give 'soil', 'mechanism' or both: there is nothing to simulate")
         if self.soil is None and self.tools:
             raise ValueError("tools: given without 'soil'; tools act on soil only")
+        if self.coupling.scheme == "parallel" and (self.soil is None or self.mechanism is None):
+            raise ValueError(
+                "coupling.scheme: 'parallel' exchanges between 'soil' and 'mechanism', and one of them is "
+                "missing; leave it out"
+            )
         bodies = self.mechanism.bodies if self.mechanism else {}
         carried = set()
         for name, tool in self.tools.items():
@@ -80,6 +112,8 @@ class Scene(Part):
                     f"mechanism.forces.{name}: body '{force.body}' touches the soil twice, as a tool "
                     "and through wheel_contact; keep one of them"
                 )
+        if self.controller is not None:
+            _check_controller(self.controller, self.mechanism, self.record.series_ticks)
         report = self.report
         if report.shank is not None and report.shank not in bodies:
             raise ValueError(f"report.shank: no body '{report.shank}'")
@@ -87,3 +121,36 @@ class Scene(Part):
         if report.spring is not None and report.spring not in forces:
             raise ValueError(f"report.spring: no force '{report.spring}'")
         return self
+
+
+def _check_controller(controller: Controller, mechanism: Mechanism | None, series_ticks: int) -> None:
+    joints = mechanism.joints if mechanism else {}
+    drivers = {name: joint for name, joint in joints.items() if isinstance(joint, Driver)}
+    driver = drivers.get(controller.driver)
+    if mechanism is None or driver is None:
+        raise ValueError(
+            f"controller.driver: no driver '{controller.driver}'; drivers are {', '.join(drivers) or 'none'}"
+        )
+    if not isinstance(driver.speed, ConstantLaw):
+        raise ValueError(
+            f"mechanism.joints.{controller.driver}.speed: given a law of kind '{driver.speed.kind}', but the "
+            "controller commands this driver; needed is 'constant', the speed at the start"
+        )
+    lowest, highest = controller.lowest_speed_m_per_s, controller.highest_speed_m_per_s
+    if not lowest <= driver.speed.value <= highest:
+        raise ValueError(
+            f"mechanism.joints.{controller.driver}.speed.value: given {driver.speed.value:g}, outside of the "
+            f"controller's speeds, {lowest:g} to {highest:g}"
+        )
+    if controller.interval_ticks % series_ticks:
+        raise ValueError(
+            f"controller.interval_ticks: given {controller.interval_ticks}, allowed are multiples of "
+            f"record.series_ticks, {series_ticks}: a command answers a recorded state"
+        )
+    law = controller.law
+    if isinstance(law, DraftLimit) and mechanism.draft_driver is None:
+        raise ValueError("controller.law: 'draft_limit' needs mechanism.draft_driver")
+    if isinstance(law, HoldHeight) and law.body not in mechanism.bodies:
+        raise ValueError(
+            f"controller.law.body: no body '{law.body}'; bodies are {', '.join(mechanism.bodies)}"
+        )

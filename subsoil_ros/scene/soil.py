@@ -6,22 +6,10 @@ from pydantic import Field, model_validator
 
 from .base import Fraction, NonNegative, Part, PoissonRatio, Positive
 from .beds import Bed, DenseRandomBed, GridBed, SavedBed, SurfaceProfile
+from .bin import Bin
 from .layers import Layer, WetLayerLaw
 from .monitors import Monitors
 from .sizes import Sizes, mean_power
-
-
-class Bin(Part):
-    """Open box: x in [0, length], y in [-width/2, width/2]; particles only, tools may cross it.
-
-    z = 0 is the mean top of the prepared bed; the floor follows from the bed. Periodic sides: what leaves at
-    y = width/2 comes in at -width/2, as if the bin were a slice of an endless one; tools keep off them.
-    """
-
-    length_m: Positive
-    width_m: Positive
-    depth_m: Positive  # of the bed
-    sides: Literal["walls", "periodic"] = "walls"  # at y = +-width/2
 
 
 class Particles(Part):
@@ -133,6 +121,7 @@ Auto = Literal["auto"]
 class Soil(Part):
     """Everything the soil engine needs."""
 
+    model: Literal["dem"] = "dem"
     bin: Bin
     particles: Particles
     bed: Bed

@@ -1,5 +1,6 @@
 """The same scene run in every way, in fresh processes: the same bits."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -66,6 +67,14 @@ def test_series_are_equal_byte_for_byte(results: dict[str, Path], way: str) -> N
 def test_bags_are_equal_message_for_message(results: dict[str, Path], way: str) -> None:
     """Every message of the bag, clouds included, in the same order with the same bytes."""
     assert without_run(results[way]) == without_run(results["direct"])
+
+
+@pytest.mark.parametrize("way", [name for name in WAYS if name != "direct"])
+def test_full_states_are_equal_bit_for_bit(results: dict[str, Path], way: str) -> None:
+    """Particles, contact histories, lists, mechanism with its history, exchange: digests at the end."""
+    states = json.loads((results["direct"] / "summary.json").read_text())["state_sha256"]
+    assert sorted(states) == ["coupling", "mechanism", "soil"]
+    assert json.loads((results[way] / "summary.json").read_text())["state_sha256"] == states
 
 
 @pytest.mark.parametrize("way", list(WAYS))

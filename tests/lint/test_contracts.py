@@ -14,7 +14,6 @@ from subsoil_ros import messages
 
 ROOT = Path(__file__).parents[2]
 MESSAGE_FILES = sorted((ROOT / "msg_defs" / "msg").glob("*.msg"))
-RECORD_FILES = [path for path in MESSAGE_FILES if path.stem != "DriverCommand"]  # no record yet
 UNIT_IN_NAME = re.compile(
     r"_(m|s|ns|kg|rad|newton|newton_m|joule|m_per_s|m_per_s2|rad_per_s|rad_per_s2|kg_per_m3|pa)$|_count$"
 )
@@ -57,7 +56,7 @@ def test_every_message_field_has_a_unit(path):
     assert not without
 
 
-@pytest.mark.parametrize("path", RECORD_FILES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", MESSAGE_FILES, ids=lambda path: path.stem)
 def test_messages_have_the_fields_of_their_records(path):
     """Message and record cannot drift apart: same names in the same order, standard types where they fit."""
     expected = [field.name for field in dataclasses.fields(getattr(messages, path.stem))]
@@ -82,8 +81,10 @@ def test_constants_are_those_of_the_records(message, enumeration):
 
 def test_cmake_builds_every_message():
     """No message file is forgotten in CMakeLists.txt."""
-    listed = re.findall(r'"msg/(\w+)\.msg"', (ROOT / "msg_defs" / "CMakeLists.txt").read_text())
-    assert sorted(listed) == [path.stem for path in MESSAGE_FILES]
+    text = (ROOT / "msg_defs" / "CMakeLists.txt").read_text()
+    assert sorted(re.findall(r'"msg/(\w+)\.msg"', text)) == [path.stem for path in MESSAGE_FILES]
+    services = sorted(path.stem for path in (ROOT / "msg_defs" / "srv").glob("*.srv"))
+    assert sorted(re.findall(r'"srv/(\w+)\.srv"', text)) == services
 
 
 def test_one_version_everywhere():

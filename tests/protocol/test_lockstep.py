@@ -48,7 +48,10 @@ def wrench(tick: int) -> tuple[ToolWrench, ...]:
 
 def hello(node: str, state: NodeState = NodeState.READY, run_id: str = RUN, **other) -> NodeHello:
     """A node's word."""
-    values = {"scene_hash": "hash", "package_version": "1", "process_id": 1, "tick": -1, **other}
+    values = {
+        "scene_hash": "hash", "package_version": "1", "message_hashes": (), "capabilities": (),
+        "process_id": 1, "tick": -1, **other,
+    }  # fmt: skip
     return NodeHello(run_id, node, state, **values)
 
 
@@ -87,7 +90,7 @@ class Execution:
         self.coupler.accept_hello(hello(MECHANISM, initial_motions=motion(-1)))
         self.coupler.accept_hello(hello(SOIL, initial_wrenches=wrench(-1)))
         self.coupler.accept_hello(hello(RECORDER))
-        self.mechanism.start(wrench(-1))
+        self.mechanism.start(wrenches=wrench(-1))
         self._grant()
         while waiting := [key for key, queue in self.queues.items() if queue]:
             key = self.random.choice(waiting)
@@ -284,7 +287,7 @@ def test_abort_stops_the_work_and_names_the_last_tick() -> None:
     aborted.coupler.accept_hello(hello(MECHANISM, initial_motions=motion(-1)))
     aborted.coupler.accept_hello(hello(SOIL, initial_wrenches=wrench(-1)))
     aborted.coupler.accept_hello(hello(RECORDER))
-    aborted.mechanism.start(wrench(-1))
+    aborted.mechanism.start(wrenches=wrench(-1))
     for grant in aborted.coupler.next_grants():
         aborted.mechanism.accept_grant(grant)
         aborted.barrier.add("grant", grant.tick, grant)
@@ -310,13 +313,17 @@ def test_abort_stops_the_work_and_names_the_last_tick() -> None:
     ("word", "message"),
     [
         (hello(SOIL, scene_hash="other"), "soil runs scene other, the coupler hash"),
-        (hello(SOIL, package_version="2"), "soil runs version 2, the coupler 1"),
+        (hello(SOIL, package_version="2"), "soil is subsoil_ros 2, the coupler 1"),
+        (hello(SOIL, message_hashes=("Grant RIHS01_a", "TickAck RIHS01_b")), r"coupler \(Grant, TickAck\)"),
+        (hello(SOIL, capabilities=("parallel",)), "soil cannot do 'tick_mean', .*force: tick_mean"),
         (hello(SOIL, run_id="other"), "run 'other'"),
     ],
 )
-def test_handshake_refuses_another_scene_version_or_run(word: NodeHello, message: str) -> None:
-    """A node that does not run the same is refused by name before tick 0."""
-    coupler = Execution(seed=0).coupler
+def test_handshake_refuses_what_does_not_fit(word: NodeHello, message: str) -> None:
+    """A node of another scene, version, message or run, or unable, is refused by name before tick 0."""
+    needed = {SOIL: {"tick_mean": "coupling.force: tick_mean"}}
+    coupler = Coupler(hello(COUPLER), (SOIL, RECORDER), TOOLS, 9, 1, soil=True, needed=needed)
+    coupler.accept_hello(hello(SOIL, NodeState.STARTING, capabilities=("parallel", "tick_mean")))
     with pytest.raises(ProtocolError, match=message):
         coupler.accept_hello(word)
 

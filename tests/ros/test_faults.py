@@ -81,7 +81,11 @@ def test_an_interrupted_run_leaves_a_finished_bag(
     run.process.send_signal(number)
     status, _, err = run.finish()
     assert status == expected, err
-    assert err.strip().splitlines()[-1] == f"subsoil run: ended by {number.name}"
+    assert (
+        err.strip()
+        .splitlines()[-1]
+        .startswith(f"subsoil run: ended by {number.name}; checkpoint: {run.out}/checkpoints/tick_")
+    )
     assert not any(is_alive(pid) for pid in pids.values())
     assert not list(run.out.glob("bag/*.damaged"))  # it did not have to be mended
     assert_readable(run.out)

@@ -97,12 +97,16 @@ class SpringSoil:
         return (ToolWrench(motion.tool, -100.0 * motion.x_m, 0.0, 0.0, 0.0, 0.0, 0.0, work, 1),)
 
 
+CHANGES = [
+    "coupling.interval_ns=48000", f"duration_s={TICKS * 48e-6}", "record.series_ticks=7",
+    "record.cloud_hz=1000", "coupling.residual_grace_joule=0.005", "coupling.residual_bound=0.3",
+]  # fmt: skip
+
+
 @pytest.fixture
 def resolved() -> ResolvedScene:
     """The quick scene for its names and rates; nothing of its physics is used."""
-    changes = ["coupling.interval_ns=48000", f"duration_s={TICKS * 48e-6}", "record.series_ticks=7"]
-    changes += ["record.cloud_hz=1000", "coupling.residual_grace_joule=0.005", "coupling.residual_bound=0.3"]
-    return load_scene(SCENE, changes)
+    return load_scene(SCENE, CHANGES)
 
 
 @pytest.fixture(autouse=True)
@@ -158,8 +162,10 @@ def contents(bag: Path) -> list[tuple[str, int, bytes]]:
     ]
 
 
-def test_nodes_record_what_the_direct_run_records(resolved: ResolvedScene, tmp_path: Path) -> None:
+@pytest.mark.parametrize("scheme", ["serial", "parallel"])
+def test_nodes_record_what_the_direct_run_records(tmp_path: Path, scheme: str) -> None:
     """Message for message, every tick once."""
+    resolved = load_scene(SCENE, [*CHANGES, f"coupling.scheme={scheme}"])
     assert run_nodes(resolved, tmp_path / "nodes", SpringSoil) == Ending()
     run_without_ros(resolved, tmp_path / "direct", SpringSoil())
     assert contents(tmp_path / "nodes") == contents(tmp_path / "direct")

@@ -3,7 +3,8 @@
 import numba
 import pytest
 
-from subsoil_ros.cli.preparation import KernelAnnouncer, announce_kernels_of_nodes, prepare_bed_first
+from subsoil_ros.cli.bed_preparation import prepare_bed_first
+from subsoil_ros.cli.preparation import KernelAnnouncer, announce_kernels_of_nodes
 from subsoil_ros.dem.bench.cases import DENSE, GRID, linear_case
 
 

@@ -19,6 +19,7 @@ from subsoil_ros.messages import (
     BodyState,
     Command,
     CouplingReport,
+    DriverCommand,
     ForceState,
     Grant,
     GroupForce,
@@ -148,11 +149,12 @@ def raw_messages(bag: Path) -> list[tuple[str, int, int, int, bytes]]:
 
 RECORDS = [
     NodeHello(
-        "run", "soil", NodeState.FAULT, "ab" * 32, "0.1", 4_000_000_000, -1, "no",
+        "run", "soil", NodeState.FAULT, "ab" * 32, "0.1", ("Grant RIHS01_0",), (), 4_000_000_000, -1, "no",
         (ToolMotion("shank", 0.1, 0.2, 0.3, 7.1, -0.5, 0.6, 0.0),),
         (ToolWrench("shank", 1 / 3, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 4_000_000_000, ()),),
     ),
     TickAck("run", 2**40),
+    DriverCommand("run", TICKS - 1, "drive", -1 / 3),
     *records_of(TICKS - 1)[:-1],
 ]  # fmt: skip
 

@@ -11,6 +11,7 @@ import pytest
 from subsoil_ros.messages import (
     BodyState,
     CouplingReport,
+    DriverCommand,
     ForceState,
     Grant,
     GroupForce,
@@ -41,7 +42,11 @@ WRENCH = ToolWrench(
 RECORDS = [
     Grant("run", 3),
     TickAck("run", 2),
-    NodeHello("run", "soil", NodeState.READY, "ab" * 32, "0.1", 12, -1, "", (MOTION,), (WRENCH,)),
+    NodeHello(
+        "run", "soil", NodeState.READY, "ab" * 32, "0.1", ("Grant RIHS01_0",), ("parallel",), 12, -1, "",
+        (MOTION,), (WRENCH,),
+    ),
+    DriverCommand("run", 40, "drive", 0.25),
     ToolMotions("run", 41, 42 * INTERVAL_NS, (MOTION, MOTION)),
     ToolWrenches("run", 41, 42 * INTERVAL_NS, (WRENCH,)),
     MechanismState(

@@ -55,6 +55,10 @@ class SoilMaker:
             },
             **copy.deepcopy(changes),
         }
+        return self.resolve(document, *overrides)
+
+    def resolve(self, document: dict, *overrides: str) -> ResolvedScene:
+        """A whole scene of one's own."""
         path = self.folder / f"scene_{len(list(self.folder.iterdir()))}.yaml"
         path.write_text(yaml.safe_dump(document, sort_keys=False))
         return load_scene(path, overrides)

@@ -27,7 +27,7 @@ _OF_THE_RUN = {
 
 def cached_bed_path(resolved: ResolvedScene) -> Path:
     """Where the bed of a scene is kept once it is prepared."""
-    soil = resolved.scene.soil
+    soil = resolved.scene.particle_soil
     assert soil is not None
     content = {
         "soil": soil.model_dump(mode="json", exclude=_OF_THE_RUN),

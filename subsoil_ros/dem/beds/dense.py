@@ -22,10 +22,11 @@ from scipy.optimize import minimize_scalar
 
 from ...scene.bed_spacing import rest_spacing_m
 from ...scene.beds import SurfaceProfile
+from ...scene.bin import Bin
 from ...scene.loader import ResolvedScene
 from ...scene.pairs import pair_values, particle_mass_kg
 from ...scene.sizes import mean_power, sampled_radii_m
-from ...scene.soil import Bin, Soil
+from ...scene.soil import Soil
 from ..bed import Bed, grid_shape
 from ..mixture import material_at
 from .settling import EngineOf, Rest, Settling, Watch
@@ -80,7 +81,7 @@ def relaxed_rest(radius_m: float) -> Rest:
 
 def prepare_dense(resolved: ResolvedScene, seed: int, engine_of: EngineOf, threads: int, watch: Watch) -> Bed:
     """Dense random bed that fills the bin of the scene; z = 0 at its mean top."""
-    soil = resolved.scene.soil
+    soil = resolved.scene.particle_soil
     assert soil is not None
     grid_shape(soil)  # refuses a bin too small for a particle
     common = resolved.scene.model_copy(update={"soil": soil.model_copy(update={"layers": None})})

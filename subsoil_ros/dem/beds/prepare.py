@@ -31,7 +31,7 @@ def prepare_bed(
     Raises:
         SceneError: a bin too small for a particle, particles that overlap too far, an unfit bed file.
     """
-    soil = resolved.scene.soil
+    soil = resolved.scene.particle_soil
     assert soil is not None
     if isinstance(soil.bed, GridBed):
         _refuse_tight_grid(soil)
@@ -87,7 +87,7 @@ def check_start(resolved: ResolvedScene) -> int:
     Raises:
         SceneError: whatever can be said to stop the preparation, and tools too near periodic sides.
     """
-    soil = resolved.scene.soil
+    soil = resolved.scene.particle_soil
     if soil is None:
         return 0
     if isinstance(soil.bed, GridBed):

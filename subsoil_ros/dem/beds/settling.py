@@ -155,8 +155,8 @@ class Settling:
         gravity_m_per_s2: float,
         watch: Watch = unwatched,
     ) -> None:
-        assert resolved.scene.soil is not None
-        soil = smooth_soil(resolved.scene.soil, adhesive=adhesive)
+        assert resolved.scene.particle_soil is not None
+        soil = smooth_soil(resolved.scene.particle_soil, adhesive=adhesive)
         self._interval_s = STEPS_PER_DAMPING * settling_step_s(soil)
         scene = resolved.scene.model_copy(
             update={"soil": soil, "mechanism": None, "tools": {}, "gravity_m_per_s2": gravity_m_per_s2}

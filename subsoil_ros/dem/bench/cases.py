@@ -76,21 +76,21 @@ class Case:
     @property
     def skin_m(self) -> float:
         """Skin of the neighbour lists."""
-        assert self.resolved.scene.soil is not None
-        return self.resolved.scene.soil.skin_m
+        assert self.resolved.scene.particle_soil is not None
+        return self.resolved.scene.particle_soil.skin_m
 
     @property
     def precision(self) -> str:
         """`float64` or `mixed`."""
-        assert self.resolved.scene.soil is not None
-        return self.resolved.scene.soil.precision
+        assert self.resolved.scene.particle_soil is not None
+        return self.resolved.scene.particle_soil.precision
 
     def motions(self, step: int) -> tuple[ToolMotion, ...]:
         """Where the plate is after `step` steps; none where the soil is stirred."""
         if self.stirred:
             return ()
-        assert self.resolved.scene.soil is not None
-        start_x = 0.4 * self.resolved.scene.soil.bin.length_m
+        assert self.resolved.scene.particle_soil is not None
+        start_x = 0.4 * self.resolved.scene.particle_soil.bin.length_m
         x = start_x + PLATE_SPEED_M_PER_S * step * self.resolved.timing.interval_s
         return (ToolMotion(PLATE, x, 0.0, PLATE_CENTRE_Z_M, 0.0, PLATE_SPEED_M_PER_S, 0.0, 0.0),)
 

@@ -8,16 +8,17 @@ from dataclasses import dataclass
 
 from .measure import Throughput
 
-PARTICLE_BYTES = {"float64": 584, "mixed": 344}
-"""float64: kick_drift 264 (reads 6 vectors, writes 5), pair_forces 176 (reads 5, writes 2; one row start),
-kick 144. mixed: positions as before, all other vectors half as long, 168 + 104 + 72."""
+PARTICLE_BYTES = {"float64": 572, "mixed": 332}
+"""float64: kick_drift 252 (reads 5 vectors and one of float32, writes 5), pair_forces 176 (reads 5, writes 2;
+one row start), kick 144. mixed: positions as before, all other vectors half as long, 156 + 104 + 72."""
 
 LISTED_PAIR_BYTES = {"float64": 100, "mixed": 52}
 """Neighbour 4, shear and roll read and written 96 or 48. The other particle's vectors are in a cache."""
 
 PAIR_FLOPS = 200
 """Of every listed pair, in reach or not: geometry 38, normal 15, tangential 57, rolling 43, forces and
-torques on both 35, zero where it is out of reach 12. Root, quotient and maximum count as one each."""
+torques on both 35, zero where it is out of reach 12. Root, quotient and maximum count as one each,
+also where a root is found by Newton steps."""
 
 LANES = {"float64": 1.0, "mixed": 2.0}
 """Operations of one vector instruction, over those in float64."""

@@ -1,0 +1,108 @@
+"""Resident memory of every process of a run over its ticks: it must not grow with their number.
+
+`python benchmarks/memory.py [--ticks 1000000] [--modes direct nodes] [--scene FILE] [--json]` runs
+the machine without soil (or FILE) in ticks of 0.1 ms and prints, for each process, the memory in use after
+the first tenth of the run, at its end, and the growth per million ticks.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+INTERVAL_NS = 100_000
+SCENE = Path(__file__).parents[1] / "config/scenes/mechanism_only.yaml"
+_PAGE_MB = 4096e-6
+
+
+def main() -> int:
+    """Runs and prints."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--ticks", type=int, default=1_000_000)
+    parser.add_argument("--modes", nargs="+", default=["direct", "nodes"])
+    parser.add_argument("--scene", type=Path, default=SCENE)
+    parser.add_argument("--json", action="store_true")
+    args = parser.parse_args()
+    results = [row for mode in args.modes for row in measure(args.scene, mode, args.ticks)]
+    if args.json:
+        print(json.dumps(results, indent=1))
+        return 0
+    print(f"{'mode':8}{'process':12}{'after a tenth MB':>18}{'end MB':>10}{'MB per million ticks':>22}")
+    for row in results:
+        print(
+            f"{row['mode']:8}{row['process']:12}{row['tenth_mb']:18.1f}{row['end_mb']:10.1f}"
+            f"{row['growth_mb_per_million']:22.1f}"
+        )
+    return 0
+
+
+def measure(scene: Path, mode: str, ticks: int) -> list[dict[str, object]]:
+    """One run; a row for each of its processes."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "out"
+        changes = {"duration_s": ticks * INTERVAL_NS * 1e-9, "coupling.interval_ns": INTERVAL_NS}
+        sets = [word for key, value in changes.items() for word in ("--set", f"{key}={value}")]
+        command = ["run", str(scene), "--out", str(out), "--mode", mode, *sets]
+        process = subprocess.Popen(
+            [sys.executable, "-m", "subsoil_ros.cli.main", *command],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+        )
+        assert process.stderr is not None
+        threading.Thread(target=process.stderr.read, daemon=True).start()
+        samples: dict[int, list[tuple[int, float]]] = {}  # by process: (bytes of the bag, MB)
+        names: dict[int, str] = {}
+        while process.poll() is None:
+            written = sum(path.stat().st_size for path in out.glob("bag/*.mcap"))
+            whole = (out / "bag" / "metadata.yaml").exists()
+            for pid, name in _processes(process.pid).items():
+                resident = _resident_mb(pid)
+                if resident > 0.0 and written > 0 and not whole:
+                    names[pid] = name
+                    samples.setdefault(pid, []).append((written, resident))
+            time.sleep(0.5)
+        if process.returncode:
+            raise SystemExit(f"{mode}: ended with status {process.returncode}")
+    return [_row(mode, names[pid], ticks, rows) for pid, rows in samples.items()]
+
+
+def _row(mode: str, name: str, ticks: int, rows: list[tuple[int, float]]) -> dict[str, object]:
+    last = rows[-1][0]  # the bag grows by as much in every tick, so its size tells the tick
+    tenth = next(resident for written, resident in rows if written >= 0.1 * last)
+    grown = rows[-1][1] - tenth
+    return {
+        "mode": mode,
+        "process": name,
+        "tenth_mb": tenth,
+        "end_mb": rows[-1][1],
+        "growth_mb_per_million": grown / (0.9 * ticks) * 1e6,
+    }
+
+
+def _processes(pid: int) -> dict[int, str]:
+    """The process and its children, by name of the node."""
+    found = {pid: "subsoil"}
+    for path in Path(f"/proc/{pid}/task").glob("*/children"):
+        try:
+            for child in path.read_text().split():
+                words = Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")
+                name = next((word for word in words if word.startswith(b"subsoil_ros.nodes.")), b"")
+                found[int(child)] = name.decode().rpartition(".")[2].removesuffix("_node") or "other"
+        except OSError:
+            continue  # it has ended
+    return found
+
+
+def _resident_mb(pid: int) -> float:
+    try:
+        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * _PAGE_MB
+    except OSError:
+        return 0.0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,107 @@
+"""How much cheaper reduced soil is: CPU time per simulated second beside particles, and real time as nodes.
+
+    python benchmarks/reduced_soil.py [--nodes SECONDS] [--particles TICKS]
+
+Both machine scenes run direct, with everything that is recorded; CPU time, so that other load does not
+count. The scene with particles runs for a few ticks, its step costs the same all along. As nodes (four
+processes over DDS, 1 ms exchange) wall time counts, and other load with it: look at the load beside it.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from subsoil_ros.coupling.direct import run_direct
+from subsoil_ros.coupling.engines import build_mechanism, build_paths, build_soil
+from subsoil_ros.messages import CouplingReport
+from subsoil_ros.recording.bag_reader import BagReader
+from subsoil_ros.recording.bag_writer import BagWriter
+from subsoil_ros.scene.loader import ResolvedScene, load_scene
+
+SCENES = Path(__file__).parents[1] / "config" / "scenes"
+
+
+def cpu_s_per_simulated_s(resolved: ResolvedScene) -> float:
+    """Of a direct run with its bag; the first tick, which compiles and prepares, is left out."""
+    mover = build_mechanism(resolved) or build_paths(resolved)
+    soil = build_soil(resolved, 1)
+    marks: list[float] = []
+    with tempfile.TemporaryDirectory() as folder:
+        writer = BagWriter(Path(folder) / "bag", resolved.scene, resolved.timing)
+        run_direct(resolved, "bench", mover, soil, writer, lambda tick: marks.append(time.process_time()))
+        writer.close()
+        marks[-1] = time.process_time()
+    return (marks[-1] - marks[0]) / ((len(marks) - 1) * resolved.timing.interval_s)
+
+
+def compare(name: str, particles: str, reduced: str, ticks: int, *overrides: str) -> None:
+    """Prints the CPU time of two scenes and their ratio."""
+    first = load_scene(SCENES / particles)
+    duration = ticks * first.timing.interval_s
+    one = cpu_s_per_simulated_s(load_scene(SCENES / particles, [f"duration_s={duration!r}"]))
+    two = cpu_s_per_simulated_s(load_scene(SCENES / reduced, overrides))
+    print(f"{name}: {one:.1f} s with particles, {two:.3f} s reduced, {one / two:.0f} times")
+
+
+def real_time(seconds: float) -> None:
+    """Prints the real-time factor and jitter of the machine as nodes."""
+    scene = str(SCENES / "subsoiler_1s300_resistance.yaml")
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "out"
+        before = os.getloadavg()[0]
+        command = [
+            sys.executable,
+            "-m",
+            "subsoil_ros.cli.main",
+            "run",
+            scene,
+            "--mode",
+            "nodes",
+            "--out",
+            str(out),
+        ]
+        command += ["--set", f"duration_s={seconds}"]
+        subprocess.run(command, check=True, capture_output=True)
+        reports = list(BagReader(out / "bag").records(CouplingReport))
+    wall = np.array([report.wall_time_s for report in reports])
+    simulated = np.array([report.end_time_ns * 1e-9 for report in reports])
+    per_tick = np.diff(wall) / np.diff(simulated)
+    late = wall - wall[0] - (simulated - simulated[0])
+    factor = (simulated[-1] - simulated[0]) / (wall[-1] - wall[0])
+    print(
+        f"nodes, 1 ms exchange: real-time factor {factor:.2f}; wall over simulated time of each "
+        f"{1e3 * (simulated[1] - simulated[0]):.0f} ms: median {np.median(per_tick):.2f}, 99th percentile "
+        f"{np.percentile(per_tick, 99):.2f}, largest {per_tick.max():.2f}; furthest behind real time "
+        f"{1e3 * max(late.max(), 0.0):.0f} ms; load before {before:.1f}, {len(os.sched_getaffinity(0))} cores"
+    )
+
+
+def main() -> None:
+    """Runs both parts."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument(
+        "--nodes", type=float, default=4.0, metavar="SECONDS", help="simulated; 0: not at all"
+    )
+    parser.add_argument(
+        "--particles", type=int, default=60, metavar="TICKS", help="of the scene with particles"
+    )
+    args = parser.parse_args()
+    compare(
+        "machine, full bin (CPU per simulated second)",
+        "subsoiler_1s300.yaml",
+        "subsoiler_1s300_resistance.yaml",
+        args.particles,
+        "duration_s=2.0",
+    )
+    if args.nodes > 0.0:
+        real_time(args.nodes)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,186 @@
+"""What a calibration is to do: scenes to run and numbers to find, read from a design file."""
+
+import json
+import math
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, TypeAdapter, ValidationError
+
+from ...errors import InputError
+from ...scene.base import Finite, Fraction, NonNegative, Part, Positive
+from ...scene.bed_spacing import particle_spacing_m
+from ...scene.beds import DenseRandomBed, GridBed
+from ...scene.document import read_document
+from ...scene.loader import ResolvedScene, load_scene
+from ...scene.resistance import WheelSoil
+from ...scene.soil_file import law_of
+
+GOLDEN = ((math.sqrt(5.0) - 1.0) / 2.0, 0.7548776662466927)
+"""Multiples of these fill a square evenly: shifts of the tool against a regular bed."""
+
+
+class Point(Part):
+    """One kind of run: the tip's depth, the speed, and how far the tool is turned (phi, nose down < 0)."""
+
+    depth_m: Positive
+    speed_m_per_s: Positive
+    tilt_rad: Finite = 0.0
+    replicates: Annotated[int, Field(ge=1)] = 1
+
+    @property
+    def name(self) -> str:
+        """For tables and progress."""
+        tilt = f", turned {math.degrees(self.tilt_rad):.0f} deg" if self.tilt_rad else ""
+        return f"{self.depth_m:g} m deep, {self.speed_m_per_s:g} m/s{tilt}"
+
+
+class ResistanceDesign(Part):
+    """Runs of a tool on a path that a reduced soil is fitted to, and others that it is checked on."""
+
+    model: Literal["resistance"]
+    scene: str  # with one tool on a path; relative to the design file
+    overrides: tuple[str, ...] = ()  # KEY=VALUE over the scene, in every run
+    start_tip_x_m: Finite = -0.05
+    window_m: tuple[Positive, Positive]  # tip positions over which means are taken
+    fit: Annotated[tuple[Point, ...], Field(min_length=3)]
+    check: tuple[Point, ...] = ()
+    wheels: WheelSoil | None = None  # taken over into the soil file
+
+
+class Parameter(Part):
+    """A number of the scene to find, within bounds; the scene's own value is the start."""
+
+    key: str  # dotted path, as in --set
+    lowest: Finite
+    largest: Finite
+
+
+class StrengthTarget(Part):
+    """Direct shear and tension of a specimen, as `subsoil soil-test` runs them."""
+
+    kind: Literal["soil_test"]
+    normal_pa: Annotated[tuple[Positive, ...], Field(min_length=3)]
+    size_m: tuple[Positive, Positive, Positive]
+    inertial_number: Positive = 0.003
+    cohesion_pa: NonNegative | None = None
+    friction_angle_rad: NonNegative | None = None
+    tensile_strength_pa: NonNegative | None = None
+    tolerance: Fraction = 0.05  # relative error that counts one
+
+
+class DraftTarget(Part):
+    """Mean draft of the scene on its own path, over its metrics window."""
+
+    kind: Literal["draft"]
+    draft_newton: Positive
+    tolerance: Fraction = 0.05
+
+
+class ReposeTarget(Part):
+    """Angle of the heap that is left when the wall of a column is taken away."""
+
+    kind: Literal["angle_of_repose"]
+    angle_rad: Positive
+    column_m: tuple[Positive, Positive, Positive]  # length, width, height
+    tolerance: Fraction = 0.05
+
+
+Target = Annotated[StrengthTarget | DraftTarget | ReposeTarget, Field(discriminator="kind")]
+
+
+class LawDesign(Part):
+    """Numbers of a law of particles, and the tests that they are to meet."""
+
+    model: Literal["dem"]
+    scene: str
+    overrides: tuple[str, ...] = ()
+    parameters: Annotated[tuple[Parameter, ...], Field(min_length=1)]
+    targets: Annotated[tuple[Target, ...], Field(min_length=1)]
+    method: Literal["least_squares", "grainlearning"] = "least_squares"
+    difference: Fraction = 0.1  # step of the parameters, relative to their bounds: above the noise of a test
+    largest_runs: Annotated[int, Field(ge=2)] = 30
+
+
+Design = ResistanceDesign | LawDesign
+
+
+def read_design(path: Path) -> Design:
+    """Raises InputError for a file that is missing or is no design."""
+    document = read_document(path, str(path))
+    adapter: TypeAdapter[Design] = TypeAdapter(
+        Annotated[ResistanceDesign | LawDesign, Field(discriminator="model")]
+    )
+    try:
+        return adapter.validate_json(json.dumps(document), strict=True)
+    except ValidationError as error:
+        lines = []
+        for found in error.errors(include_url=False)[:8]:
+            place = ".".join(str(part) for part in found["loc"][1:]) or "model"
+            lines.append(f"{path}: {place}: {found['msg']} (given {str(found['input'])[:60]})")
+        raise InputError("\n".join(lines)) from error
+
+
+def tip_of(scene: ResolvedScene) -> tuple[str, tuple[float, float]]:
+    """Name of the scene's one tool on a path, and its tip. Raises InputError where there are others."""
+    tools = [name for name, tool in scene.scene.tools.items() if tool.path is not None]
+    tip = scene.scene.report.tip_m
+    if len(tools) != 1 or tip is None:
+        raise InputError(
+            f"{scene.path}: has {len(tools)} tools on paths and {'no ' if tip is None else ''}report.tip_m; "
+            "a calibration draws one tool, whose tip report.tip_m names"
+        )
+    return tools[0], tip
+
+
+def point_overrides(
+    scene: ResolvedScene, design: ResistanceDesign, point: Point, replicate: int
+) -> tuple[str, ...]:
+    """What lays a point over the scene.
+
+    Replicates take the next seed of a random bed; on a regular one the tool stands elsewhere in it.
+    """
+    name, (x, z) = tip_of(scene)
+    cosine, sine = math.cos(point.tilt_rad), math.sin(point.tilt_rad)
+    tip_x, tip_z = cosine * x - sine * z, sine * x + cosine * z
+    soil = scene.scene.particle_soil
+    assert soil is not None
+    shift = [0.0, 0.0]
+    changes = []
+    bed = soil.bed
+    if replicate and (isinstance(bed, DenseRandomBed) or (isinstance(bed, GridBed) and bed.jitter_m > 0.0)):
+        changes.append(f"soil.bed.seed={bed.seed + replicate}")
+    elif replicate:
+        spacing = particle_spacing_m(soil)
+        shift = [round((part * replicate) % 1.0 * spacing, 6) for part in GOLDEN]
+        for group, part in scene.scene.tools[name].groups.items():
+            px, py, pz = part.position_m
+            changes.append(f"tools.{name}.groups.{group}.position_m=[{px!r}, {py + shift[1]!r}, {pz!r}]")
+    travel = design.window_m[1] - design.start_tip_x_m + 0.05
+    path = f"tools.{name}.path"
+    return (
+        *design.overrides,
+        *changes,
+        f"duration_s={round(travel / point.speed_m_per_s, 3)!r}",
+        f"{path}.start_x_m={design.start_tip_x_m - tip_x + shift[0]!r}",
+        f"{path}.start_z_m={-point.depth_m - tip_z!r}",
+        f"{path}.start_angle_rad={point.tilt_rad!r}",
+        f"{path}.speed_x_m_per_s={{kind: constant, value: {point.speed_m_per_s!r}}}",
+        "record.series_ticks=1",
+        "record.cloud_hz=0.0",
+    )
+
+
+def base_scene(design_path: Path, design: Design) -> ResolvedScene:
+    """The design's scene with its common overrides. Raises InputError for one without particles."""
+    scene = load_scene(design_path.parent / design.scene, design.overrides)
+    if scene.scene.particle_soil is None:
+        raise InputError(f"{scene.path}: has no soil of particles, so there is nothing to calibrate to")
+    return scene
+
+
+def fitted_law(scene: ResolvedScene) -> dict[str, object]:
+    """What the soil file says that it was fitted to."""
+    soil = scene.scene.particle_soil
+    assert soil is not None
+    return law_of(soil)

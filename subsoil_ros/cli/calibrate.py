@@ -1,0 +1,154 @@
+"""subsoil calibrate DESIGN: fits a reduced soil to runs with particles, or a law to soil tests."""
+
+import argparse
+import math
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from ..analysis.calibration.density import bed_density_kg_per_m3
+from ..analysis.calibration.design import LawDesign, base_scene, read_design
+from ..analysis.calibration.law import LawFit, fit_law, write_law
+from ..analysis.calibration.resistance import FITTED, ResistanceFit, fit_resistance, measure
+from ..errors import InputError
+from ..kernel_cache import user_cache_folder
+from ..scene.limits import Timing
+from ..scene.soil_file import write_soil_file
+from .preparation import KernelAnnouncer, say
+from .progress import RunProgress
+
+SUMMARY = "fit a reduced soil to runs with particles, or a law of particles to soil tests"
+
+CORRELATED = 0.95
+"""Correlation of two fitted values beyond which the runs hardly tell them apart (chosen)."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `subsoil calibrate`."""
+    parser.add_argument("design", type=Path, help="design file (.yaml), see docs/resistance.md")
+    parser.add_argument(
+        "--out",
+        required=True,
+        type=Path,
+        metavar="FILE",
+        help="soil file (resistance) or scene fragment (dem) to write; must not exist",
+    )
+    parser.add_argument(
+        "--runs",
+        type=Path,
+        metavar="DIR",
+        default=None,
+        help="where finished runs are kept, by the hash of their scene (default: the user's cache)",
+    )
+    parser.add_argument("--threads", type=int, default=1, metavar="N", help="of the soil engine (default: 1)")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run what has not been run, fit, print, write.
+
+    Raises:
+        InputError: design, scene or file cannot be used; nothing was written.
+        RunError: a run failed; finished runs are kept.
+    """
+    design = read_design(args.design)
+    if args.out.exists():
+        raise InputError(f"--out {args.out}: exists already; results are never written over, name another")
+    if not args.out.parent.is_dir():
+        raise InputError(f"--out {args.out}: its folder is not there; make it, or name another")
+    folder = args.runs or user_cache_folder() / "calibration"
+    scene = base_scene(args.design, design)
+    if isinstance(design, LawDesign):
+        with KernelAnnouncer():
+            found = fit_law(scene, design, folder, args.threads, _watch, say)
+        write_law(args.out, found)
+        _print_law(found, args.out)
+        return 0
+    with KernelAnnouncer():
+        measured = measure(scene, design, folder, args.threads, _watch)
+        density = bed_density_kg_per_m3(scene, args.threads)
+        say(f"fitting {len(FITTED)} values to {sum(item.used for item in measured)} points")
+        fit = fit_resistance(scene, design, density, measured)
+    write_soil_file(args.out, fit.soil)
+    _print(fit, args.out)
+    return 0
+
+
+@contextmanager
+def _watch(name: str, timing: Timing) -> Iterator[Callable[[int], None]]:
+    say(f"running {name}")
+    with RunProgress(name, timing) as progress:
+        yield progress
+
+
+def _print(fit: ResistanceFit, out: Path) -> None:
+    console = Console(width=None if sys.stdout.isatty() else 140)
+    table = Table(title="fitted values", title_justify="left", title_style="bold", box=None)
+    for heading in ("value", "", "95 % confidence"):
+        table.add_column(heading, justify="left")
+    values = fit.soil.values
+    shown = values.model_dump()
+    shown["friction_part"] = math.tan(values.tool_friction_angle_rad) / math.tan(values.friction_angle_rad)
+    shown["adhesion_part"] = values.adhesion_pa / values.cohesion_pa if values.cohesion_pa else 0.0
+    for name in FITTED:
+        error = fit.soil.errors.get(name)
+        confidence = "at its bound" if error is None else f"+- {1.96 * error:.2g}"
+        table.add_row(name, f"{shown[name]:.4g}", confidence)
+    for name in ("drop", "variation", "period_m" if values.period_m else "period_factor"):
+        table.add_row(name, f"{shown[name]:.4g}", "by matching the fluctuation")
+    console.print(table)
+    names = fit.names
+    for i, one in enumerate(names):
+        for j in range(i):
+            if abs(fit.correlation[i, j]) > CORRELATED:
+                console.print(
+                    f"{one} and {names[j]} are hardly told apart by these runs (correlation "
+                    f"{fit.correlation[i, j]:.2f})"
+                )
+    points = Table(title="particles and reduced soil", title_justify="left", title_style="bold", box=None)
+    for heading in ("point", "draft N", "", "deviation N", "", "period mm", "", "scatter of runs %"):
+        points.add_column(heading, justify="left" if heading == "point" else "right")
+    for item in fit.compared:
+        cells = []
+        for (first, second), scale in (
+            (item.draft_newton, 1.0),
+            (item.deviation_newton, 1.0),
+            (item.period_m, 1e3),
+        ):
+            cells += [
+                f"{first * scale:.0f} / {second * scale:.0f}",
+                f"{100.0 * (second / first - 1.0):+.0f} %",
+            ]
+        scatter = (
+            ", ".join(f"{100.0 * part:.0f}" for part in item.scatter) if item.replicates > 1 else "one run"
+        )
+        points.add_row(item.point.name + ("" if item.used else " (not fitted)"), *cells, scatter)
+    console.print(points)
+    console.print(
+        f"residuals: {fit.chi_squared:.3g} of (3 % of the draft)^2 per freedom, {fit.freedoms} freedoms; "
+        f"written to {out}"
+    )
+
+
+def _print_law(fit: LawFit, out: Path) -> None:
+    console = Console(width=None if sys.stdout.isatty() else 140)
+    table = Table(title="fitted values", title_justify="left", title_style="bold", box=None)
+    for heading in ("key", "value", "95 % confidence"):
+        table.add_column(heading, justify="left")
+    for key, value, error in zip(fit.keys, fit.values.tolist(), fit.errors.tolist(), strict=True):
+        table.add_row(key, f"{value:.4g}", "unknown" if math.isnan(error) else f"+- {1.96 * error:.2g}")
+    console.print(table)
+    results = Table(title="tests", title_justify="left", title_style="bold", box=None)
+    for heading in ("result", "wanted", "found", "off"):
+        results.add_column(heading, justify="left" if heading == "result" else "right")
+    for name, wanted, found in zip(fit.names, fit.wanted.tolist(), fit.found.tolist(), strict=True):
+        results.add_row(name, f"{wanted:.4g}", f"{found:.4g}", f"{100.0 * (found / wanted - 1.0):+.1f} %")
+    console.print(results)
+    if not fit.finished:
+        console.print(
+            f"stopped after {fit.run_count} sets of parameters (largest_runs); this is the best of them"
+        )
+    console.print(f"{fit.run_count} sets tested; written to {out} and {out.with_suffix('.json')}")

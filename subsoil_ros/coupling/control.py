@@ -1,0 +1,62 @@
+"""Controllers: from the state of the machine to the speed of a driver."""
+
+from typing import Protocol
+
+from ..mbd.driving import Ramp
+from ..messages import DriverCommand, MechanismState
+from ..recording.checkpoint import Checkpoint
+from ..scene.controller import Controller as ControllerKeys
+from ..scene.controller import DraftLimit, External, HoldHeight
+from ..scene.loader import ResolvedScene
+from .protocol import MECHANISM
+
+
+class Controller(Protocol):
+    """Answers a state with a speed. Its results may depend on nothing but the states it was shown."""
+
+    def command(self, tick: int, state: MechanismState) -> DriverCommand:
+        """The command of `tick`; the state is that at the end of the tick before."""
+        ...
+
+
+class SpeedController:
+    """A law of the scene, within the controller's limits of speed and acceleration."""
+
+    def __init__(self, keys: ControllerKeys, speed: float, interval_s: float) -> None:
+        """speed: of the driver at the start [m/s, rad/s]; interval_s: of the commands."""
+        self._keys = keys
+        self._speed = speed
+        self._interval_s = interval_s
+
+    def command(self, tick: int, state: MechanismState) -> DriverCommand:
+        """The speed that the law asks for, as far as it can be reached by the end of the interval."""
+        keys = self._keys
+        change = keys.largest_acceleration_m_per_s2 * self._interval_s
+        wished = min(max(self._wished(state), self._speed - change), self._speed + change)
+        self._speed = min(max(wished, keys.lowest_speed_m_per_s), keys.highest_speed_m_per_s)
+        return DriverCommand(state.run_id, tick, keys.driver, self._speed)
+
+    def _wished(self, state: MechanismState) -> float:
+        law = self._keys.law
+        if isinstance(law, DraftLimit):
+            acceleration = law.gain_per_kg * (law.draft_limit_newton - state.draft_newton)
+            return self._speed + acceleration * self._interval_s
+        if isinstance(law, HoldHeight):
+            body = next(body for body in state.bodies if body.name == law.body)
+            return law.gain_per_s * (law.height_m - body.z_m)
+        raise AssertionError(f"no law '{law.kind}' here")
+
+
+def build_controller(resolved: ResolvedScene, resumed: Checkpoint | None = None) -> Controller | None:
+    """The scene's controller; None if it names none, or leaves it to somebody else's node.
+
+    resumed: where the run goes on: the last speed commanded is in the mechanism's part.
+    """
+    scene = resolved.scene
+    if scene.controller is None or scene.mechanism is None or isinstance(scene.controller.law, External):
+        return None
+    speed = scene.mechanism.joints[scene.controller.driver].speed.value  # type: ignore[union-attr]
+    if resumed is not None:
+        speed = Ramp(*resumed.read_part(MECHANISM)["ramp"].tolist()).end_speed
+    interval_s = scene.controller.interval_ticks * resolved.timing.interval_s
+    return SpeedController(scene.controller, speed, interval_s)

@@ -1,0 +1,47 @@
+"""Lockstep as state machines without IO: no ROS, no clock, no threads.
+
+The coupler grants ticks ahead within a window, mover and soil answer each other tick by tick, a controller
+commands a driver at every so many ticks, and the recorder acknowledges what it has written. Whatever the
+interleaving, each tick happens exactly once: a message that is missing, repeated, foreign or malformed is a
+ProtocolError. The last tick is granted with END. ABORT names the last tick of the record. A paused run stands
+at the end of a tick, until it is resumed or steps.
+"""
+
+from .commander import Commander
+from .coupler import Coupler, FinishedTick
+from .handshake import CAPABILITIES, needed_capabilities
+from .names import (
+    ACK_EVERY_TICKS,
+    ACK_LAG_TICKS,
+    CONTROLLER,
+    COUPLER,
+    MECHANISM,
+    RECORDER,
+    SOIL,
+    participants,
+)
+from .participant import Needs, Participant, Work
+from .record_barrier import RecordBarrier
+from .streams import AnswerStream, Stream
+
+__all__ = [
+    "ACK_EVERY_TICKS",
+    "ACK_LAG_TICKS",
+    "CAPABILITIES",
+    "CONTROLLER",
+    "COUPLER",
+    "MECHANISM",
+    "RECORDER",
+    "SOIL",
+    "AnswerStream",
+    "Commander",
+    "Coupler",
+    "FinishedTick",
+    "Needs",
+    "Participant",
+    "RecordBarrier",
+    "Stream",
+    "Work",
+    "needed_capabilities",
+    "participants",
+]

@@ -1,0 +1,51 @@
+"""The controller's side: from states at series ticks to one command per control tick."""
+
+from ...messages import Command, Grant, MechanismState
+from ...ticks import is_control_tick
+from .streams import Stream
+
+
+class Commander:
+    """Takes the mechanism's states, each once and in order; says which of them calls for a command.
+
+    Args:
+        series_ticks: a state comes every so many ticks, and at the last tick.
+        control_ticks: a multiple of it: the command of tick k answers the state at the end of tick k - 1.
+        first_tick: later than 0 where the run goes on from another. If a command is due there, the state
+            before it comes first.
+    """
+
+    def __init__(
+        self, run_id: str, tick_count: int, series_ticks: int, control_ticks: int, first_tick: int = 0
+    ) -> None:
+        self.abort: Grant | None = None
+        self._last_tick = tick_count - 1
+        self._last_command = self._last_tick // control_ticks * control_ticks
+        self._control_ticks = control_ticks
+        self._run_id = run_id
+        first = first_tick // series_ticks * series_ticks + series_ticks - 1
+        if is_control_tick(first_tick, control_ticks):
+            first = first_tick - 1
+        self._states = Stream("mechanism_state", run_id, tick_count, first, series_ticks)
+
+    def accept_state(self, state: MechanismState) -> int | None:
+        """Takes a state; the tick that is to be commanded now, None if it is none.
+
+        Raises:
+            ProtocolError: it is of another run, or not of the expected tick.
+        """
+        if state.tick == self._last_tick and state.tick != self._states.next_tick:
+            self._states.refuse_foreign(state.run_id, state.tick)  # beside the series: the run is over
+            return None
+        self._states.accept(state.run_id, state.tick)
+        tick = state.tick + 1
+        return tick if is_control_tick(tick, self._control_ticks) and tick <= self._last_tick else None
+
+    def accept_grant(self, grant: Grant) -> None:
+        """Takes a grant; only an abort matters."""
+        if grant.command is Command.ABORT and grant.run_id == self._run_id:
+            self.abort = self.abort or grant
+
+    def is_last(self, tick: int) -> bool:
+        """Whether no command follows that of `tick`."""
+        return tick == self._last_command

@@ -1,0 +1,237 @@
+"""The coupler's side: grants ticks, follows their completion, ends the run."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ...errors import ProtocolError, RunError
+from ...messages import (
+    Command,
+    DriverCommand,
+    Grant,
+    NodeHello,
+    NodeState,
+    TickAck,
+    ToolMotion,
+    ToolMotions,
+    ToolWrench,
+    ToolWrenches,
+)
+from ...ticks import INITIAL_TICK, is_control_tick
+from .handshake import check_hello
+from .names import ACK_LAG_TICKS, CONTROLLER, RECORDER, SOIL
+from .pacing import Pacing
+from .streams import AnswerStream, CommandStream, Stream, refuse_other_tools
+
+
+@dataclass(frozen=True)
+class FinishedTick:
+    """A tick that mover and soil have both finished."""
+
+    tick: int
+    motions: tuple[ToolMotion, ...]
+    wrenches: tuple[ToolWrench, ...]
+
+
+class Coupler:
+    """Grants ticks, follows their completion, ends the run.
+
+    Args:
+        names: of the participants that must be ready before tick 0.
+        soil: whether wrenches are part of a tick.
+        first_tick: later than 0 where the run goes on from another.
+        control_ticks: a controller's command is part of a tick every so many; 0: of none.
+        needed: by node, what it must be able to do (handshake.needed_capabilities).
+        paused: no tick is granted before `resume` or `step`.
+    """
+
+    def __init__(
+        self,
+        hello: NodeHello,
+        names: tuple[str, ...],
+        tools: tuple[str, ...],
+        tick_count: int,
+        grant_window: int,
+        soil: bool,
+        first_tick: int = 0,
+        control_ticks: int = 0,
+        needed: Mapping[str, Mapping[str, str]] | None = None,
+        paused: bool = False,
+    ) -> None:
+        self.last_tick = tick_count - 1
+        self.done_tick = first_tick - 1
+        self.acknowledged_tick = first_tick - 1 if RECORDER in names else self.last_tick
+        self.abort_grant: Grant | None = None
+        self.initial_motions: tuple[ToolMotion, ...] = ()
+        self.initial_wrenches: tuple[ToolWrench, ...] = ()
+        self._own = hello
+        self._tools = tools
+        self._window = grant_window
+        self._soil = soil
+        self._granted = first_tick - 1
+        self._holding = False
+        self._waiting = set(names)
+        self._names = names
+        self._process_ids: dict[str, int] = {}
+        self._needed = needed or {}
+        self._pacing = Pacing(first_tick - 1 if paused else None)
+        self._control_ticks = control_ticks
+        run_id = hello.run_id
+        self._acks = Stream("tick_ack", run_id, tick_count)
+        self._motions = AnswerStream[ToolMotions]("tool_motions", run_id, tick_count, tools, first_tick)
+        self._wrenches = AnswerStream[ToolWrenches]("tool_wrenches", run_id, tick_count, tools, first_tick)
+        self._commands = CommandStream(run_id, tick_count, control_ticks, first_tick)
+
+    @property
+    def ready(self) -> bool:
+        """Whether every participant is ready and tick 0 can be granted."""
+        return not self._waiting
+
+    @property
+    def finished(self) -> bool:
+        """Whether every tick is done and recorded."""
+        return self.acknowledged_tick == self.last_tick == self.done_tick
+
+    def accept_hello(self, hello: NodeHello) -> None:
+        """Takes the hello or heartbeat of a participant.
+
+        Raises:
+            RunError: the participant reports a fault.
+            ProtocolError: it is of another run, or does not fit (handshake), or there are two of its name.
+        """
+        if hello.node not in self._names:
+            return
+        self._acks.refuse_foreign(hello.run_id, hello.tick)
+        known = self._process_ids.setdefault(hello.node, hello.process_id)
+        if known != hello.process_id:
+            raise ProtocolError(
+                f"node_hello: two nodes '{hello.node}', processes {known} and {hello.process_id}"
+            )
+        if hello.state is NodeState.FAULT:
+            raise RunError(f"{hello.node}: {hello.message}")
+        check_hello(self._own, hello, self._needed.get(hello.node, {}))
+        if hello.state is not NodeState.READY or hello.node not in self._waiting:
+            return
+        if hello.initial_motions:
+            given_tools = tuple(t.tool for t in hello.initial_motions)
+            refuse_other_tools("node_hello", INITIAL_TICK, given_tools, self._tools)
+            self.initial_motions = hello.initial_motions
+        if hello.node == SOIL:
+            given_tools = tuple(t.tool for t in hello.initial_wrenches)
+            refuse_other_tools("node_hello", INITIAL_TICK, given_tools, self._tools)
+            self.initial_wrenches = hello.initial_wrenches
+        self._waiting.discard(hello.node)
+
+    def next_grants(self) -> tuple[Grant, ...]:
+        """The grants that can be given now, each once; none before everybody is ready."""
+        if not self.ready or self.abort_grant or self._holding:
+            return ()
+        first = self._granted + 1
+        free = min(self.done_tick + self._window, self.acknowledged_tick + ACK_LAG_TICKS, self.last_tick)
+        self._granted = max(self._granted, self._pacing.limit(free))
+        return tuple(
+            Grant(self._own.run_id, tick, Command.END if tick == self.last_tick else Command.RUN)
+            for tick in range(first, self._granted + 1)
+        )
+
+    @property
+    def paused(self) -> bool:
+        """Whether no more ticks are granted than those of the pause or of steps."""
+        return self._pacing.paused
+
+    @property
+    def standing(self) -> bool:
+        """Whether a paused run has nothing to wait for: all ticks that may be granted are done."""
+        hold = self._pacing.hold_tick
+        return self.ready and hold is not None and hold <= self.done_tick and hold < self.last_tick
+
+    def pause(self) -> int:
+        """Grants no more ticks; answers the tick at whose end the run will stand."""
+        return self._pacing.pause(self._granted)
+
+    def resume(self) -> None:
+        """Grants as before the pause; nothing if the run is not paused."""
+        self._pacing.resume()
+
+    def step(self, count: int) -> int:
+        """Lets a paused run do `count` ticks more; answers the last of them.
+
+        Raises:
+            ProtocolError: the run is not paused, has no tick left, or count is below 1.
+        """
+        return self._pacing.step(count, self.last_tick)
+
+    def accept_motions(self, motions: ToolMotions) -> None:
+        """Takes the motions of a tick."""
+        self._refuse_ungranted("tool_motions", motions.tick)
+        self._motions.add(motions)
+
+    def accept_wrenches(self, wrenches: ToolWrenches) -> None:
+        """Takes the wrenches of a tick."""
+        self._refuse_ungranted("tool_wrenches", wrenches.tick)
+        self._wrenches.add(wrenches)
+
+    def accept_command(self, command: DriverCommand) -> None:
+        """Takes the command of a control tick, which may come as soon as the tick before it is done."""
+        self._refuse_ungranted("driver_command", command.tick - 1)
+        self._commands.add(command)
+
+    def accept_ack(self, ack: TickAck) -> None:
+        """Takes the recorder's word that everything up to a tick is written."""
+        self._acks.refuse_foreign(ack.run_id, ack.tick)
+        self._refuse_ungranted("tick_ack", ack.tick)
+        if ack.tick <= self.acknowledged_tick:
+            raise ProtocolError(f"tick_ack: tick {ack.tick} came after tick {self.acknowledged_tick}")
+        self.acknowledged_tick = ack.tick
+
+    def take_finished(self) -> FinishedTick | None:
+        """The next tick that all have finished, once, in order; None while something is missing."""
+        if not self._motions or (self._soil and not self._wrenches):
+            return None
+        if is_control_tick(self.done_tick + 1, self._control_ticks):
+            if not self._commands.has(self.done_tick + 1):
+                return None
+            self._commands.take()
+        motions = self._motions.take()
+        wrenches = self._wrenches.take().tools if self._soil else ()
+        self.done_tick = motions.tick
+        return FinishedTick(motions.tick, motions.tools, wrenches)
+
+    def abort(self, reason: str) -> Grant:
+        """Ends the run at the last finished tick; the first reason stands."""
+        if self.abort_grant is None:
+            self.abort_grant = Grant(self._own.run_id, self.done_tick, Command.ABORT, reason)
+        return self.abort_grant
+
+    def hold(self) -> None:
+        """Gives no more grants."""
+        self._holding = True
+
+    def keep(self) -> Grant | None:
+        """The word to write a checkpoint, once all that was granted is done; None before.
+
+        Raises:
+            ProtocolError: grants are not held back.
+        """
+        if not self._holding:
+            raise ProtocolError("grant: KEEP while ticks are being granted")
+        if self.done_tick < self._granted:
+            return None
+        return Grant(self._own.run_id, self.done_tick, Command.KEEP)
+
+    def missing(self) -> str:
+        """What the run waits for, in words."""
+        if self._waiting:
+            return f"ready from {', '.join(sorted(self._waiting))}"
+        tick = self.done_tick + 1
+        controlled = tick <= self._granted and is_control_tick(tick, self._control_ticks)
+        if controlled and not self._commands.has(tick):
+            return f"driver_command of tick {tick} from {CONTROLLER}"
+        if not self._motions and self.done_tick < self._granted:
+            return f"tool_motions of tick {self.done_tick + 1}"
+        if self._soil and not self._wrenches and self.done_tick < self._granted:
+            return f"tool_wrenches of tick {self.done_tick + 1}"
+        return f"tick_ack after tick {self.acknowledged_tick} from {RECORDER}"
+
+    def _refuse_ungranted(self, name: str, tick: int) -> None:
+        if tick > self._granted:
+            raise ProtocolError(f"{name}: tick {tick} came, granted is tick {self._granted}")

@@ -1,0 +1,80 @@
+"""What the nodes of a run must have in common, and what the scene needs of each: said in NodeHello."""
+
+from collections.abc import Iterable, Mapping
+
+from ...errors import ProtocolError
+from ...messages import NodeHello
+from ...scene.model import Scene
+from .names import MECHANISM, RECORDER, SOIL
+
+PARALLEL = "parallel"
+"""coupling.scheme: parallel."""
+
+TICK_MEAN = "tick_mean"
+"""coupling.force: tick_mean."""
+
+DRIVER_COMMAND = "driver_command"
+"""Takes the commands of a controller."""
+
+CAPABILITIES: Mapping[str, tuple[str, ...]] = {
+    MECHANISM: (PARALLEL, DRIVER_COMMAND),
+    SOIL: (PARALLEL, TICK_MEAN),
+    RECORDER: (DRIVER_COMMAND,),
+}
+"""Of the nodes of this package."""
+
+
+def needed_capabilities(scene: Scene) -> dict[str, dict[str, str]]:
+    """By node: what it must be able to do for the scene, and the scene key that asks for it."""
+    needed: dict[str, dict[str, str]] = {}
+
+    def add(capability: str, key: str, *nodes: str) -> None:
+        for node in nodes:
+            needed.setdefault(node, {})[capability] = key
+
+    if scene.coupling.scheme == "parallel":
+        add(PARALLEL, "coupling.scheme: parallel", MECHANISM, SOIL)
+    if scene.soil is not None and scene.coupling.force == "tick_mean":
+        add(TICK_MEAN, "coupling.force: tick_mean", SOIL)
+    if scene.controller is not None:
+        add(DRIVER_COMMAND, "controller", MECHANISM, RECORDER)
+    return needed
+
+
+def check_hello(own: NodeHello, other: NodeHello, needed: Mapping[str, str]) -> None:
+    """Compares a node's word with the coupler's own.
+
+    Args:
+        needed: capability -> scene key that asks for it, of this node.
+
+    Raises:
+        ProtocolError: another scene, version or message definition, or a capability that is missing.
+    """
+    node = other.node
+    if other.package_version != own.package_version:
+        raise ProtocolError(
+            f"node_hello: {node} is subsoil_ros {other.package_version}, the coupler {own.package_version}; "
+            "install the same version for all nodes"
+        )
+    if other.message_hashes != own.message_hashes:
+        unlike = ", ".join(_unlike(own.message_hashes, other.message_hashes))
+        raise ProtocolError(
+            f"node_hello: {node} has other definitions of subsoil_msgs than the coupler ({unlike}); build "
+            "subsoil_msgs anew for all nodes"
+        )
+    if other.scene_hash != own.scene_hash:
+        raise ProtocolError(
+            f"node_hello: {node} runs scene {other.scene_hash[:16]}, the coupler {own.scene_hash[:16]} (hash "
+            "of the resolved scene with its meshes); start all nodes with the same scene"
+        )
+    for capability, key in needed.items():
+        if capability not in other.capabilities:
+            raise ProtocolError(
+                f"node_hello: {node} cannot do '{capability}', which the scene asks for ({key}); use a node "
+                "that can, or change the scene"
+            )
+
+
+def _unlike(own: Iterable[str], other: Iterable[str]) -> list[str]:
+    """Names of the messages whose hashes differ."""
+    return sorted({text.partition(" ")[0] for text in set(own) ^ set(other)})

@@ -1,0 +1,143 @@
+"""Mover or soil: takes messages in any interleaving, hands out each tick once, in order."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from ...errors import ProtocolError
+from ...messages import Command, DriverCommand, Grant, ToolMotion, ToolMotions, ToolWrench, ToolWrenches
+from ...ticks import is_control_tick
+from .streams import AnswerStream, CommandStream, Stream
+
+
+class Needs(Enum):
+    """What a participant needs to advance tick k, beside the grant of it."""
+
+    NOTHING = "nothing"  # a mechanism without soil, a soil that moves its tools itself
+    WRENCHES = "wrenches of tick k-1"
+    MOTIONS = "motions of tick k"
+    MOTIONS_BEFORE = "motions of tick k-1"  # soil of the parallel scheme
+
+
+@dataclass(frozen=True)
+class Work:
+    """A tick that can be advanced now, and what it needs."""
+
+    tick: int
+    motions: tuple[ToolMotion, ...] = ()
+    wrenches: tuple[ToolWrench, ...] = ()
+    command: DriverCommand | None = None  # in force from the start of the tick
+
+
+class Participant:
+    """Mover or soil: takes messages in any interleaving, hands out each tick once, in order.
+
+    Args:
+        control_ticks: a command is needed every so many ticks; 0: never.
+        first_tick: later than 0 where the run goes on from another.
+    """
+
+    def __init__(
+        self,
+        run_id: str,
+        tick_count: int,
+        needs: Needs,
+        tools: tuple[str, ...],
+        *,
+        control_ticks: int = 0,
+        first_tick: int = 0,
+    ) -> None:
+        self.last_tick = tick_count - 1
+        self.done_tick = first_tick - 1  # last tick handed out and finished
+        self.abort: Grant | None = None
+        self._needs = needs
+        self._first_tick = first_tick
+        self._grants = Stream("grant", run_id, tick_count, first_tick)
+        self._motions = AnswerStream[ToolMotions]("tool_motions", run_id, tick_count, tools, first_tick)
+        self._wrenches = AnswerStream[ToolWrenches]("tool_wrenches", run_id, tick_count, tools, first_tick)
+        self._commands = CommandStream(run_id, tick_count, control_ticks, first_tick)
+        self._control_ticks = control_ticks
+        self._initial_motions: tuple[ToolMotion, ...] | None = None
+        self._initial_wrenches: tuple[ToolWrench, ...] | None = None
+        self._at_work = False
+
+    def start(
+        self, motions: tuple[ToolMotion, ...] | None = None, wrenches: tuple[ToolWrench, ...] | None = None
+    ) -> None:
+        """Takes what the first tick needs of the state before it."""
+        self._initial_motions, self._initial_wrenches = motions, wrenches
+
+    def accept_grant(self, grant: Grant) -> None:
+        """Takes a grant. ABORT may come at any time, and nothing is handed out after it."""
+        if grant.command is Command.ABORT:
+            self._grants.refuse_foreign(grant.run_id, grant.tick)
+            self.abort = self.abort or grant
+            return
+        self._grants.accept(grant.run_id, grant.tick)
+        if (grant.command is Command.END) != (grant.tick == self.last_tick):
+            raise ProtocolError(
+                f"grant: {grant.command.name} came with tick {grant.tick}, the last tick is {self.last_tick}"
+            )
+
+    def accept_keep(self, grant: Grant) -> None:
+        """Takes it that the state at the end of a tick is to be kept now.
+
+        Raises:
+            ProtocolError: this side does not stand there.
+        """
+        self._grants.refuse_foreign(grant.run_id, grant.tick)
+        if self._at_work or grant.tick != self.done_tick or self._grants.next_tick != grant.tick + 1:
+            raise ProtocolError(
+                f"grant: KEEP came for tick {grant.tick}, done is tick {self.done_tick}, granted tick "
+                f"{self._grants.next_tick - 1}"
+            )
+
+    def accept_motions(self, motions: ToolMotions) -> None:
+        """Takes the motions of a tick."""
+        self._motions.add(motions)
+
+    def accept_wrenches(self, wrenches: ToolWrenches) -> None:
+        """Takes the wrenches of a tick."""
+        self._wrenches.add(wrenches)
+
+    def accept_command(self, command: DriverCommand) -> None:
+        """Takes the command of a control tick."""
+        self._commands.add(command)
+
+    def next_work(self) -> Work | None:
+        """The next tick with what it needs, once; None while something is missing.
+
+        The tick is to be advanced and `finish`ed before the next is handed out.
+        """
+        tick = self.done_tick + 1
+        if self._at_work or self.abort or tick >= self._grants.next_tick or tick > self.last_tick:
+            return None
+        first = tick == self._first_tick
+        controlled = is_control_tick(tick, self._control_ticks)
+        if controlled and not self._commands.has(tick):
+            return None
+        motions: tuple[ToolMotion, ...] | None = ()
+        wrenches: tuple[ToolWrench, ...] | None = ()
+        if self._needs is Needs.MOTIONS or (self._needs is Needs.MOTIONS_BEFORE and not first):
+            motions = self._motions.take().tools if self._motions else None
+        elif self._needs is Needs.MOTIONS_BEFORE:
+            motions = self._initial_motions
+        elif self._needs is Needs.WRENCHES and not first:
+            wrenches = self._wrenches.take().tools if self._wrenches else None
+        elif self._needs is Needs.WRENCHES:
+            wrenches = self._initial_wrenches
+        if motions is None or wrenches is None:
+            return None
+        self._at_work = True
+        return Work(tick, motions, wrenches, self._commands.take() if controlled else None)
+
+    def finish(self, tick: int) -> None:
+        """Says that the tick handed out is advanced."""
+        if not self._at_work or tick != self.done_tick + 1:
+            raise ProtocolError(f"tick {tick} is finished where tick {self.done_tick + 1} is at work")
+        self._at_work = False
+        self.done_tick = tick
+
+    @property
+    def finished(self) -> bool:
+        """Whether the last tick is done."""
+        return self.done_tick == self.last_tick

@@ -1,0 +1,93 @@
+"""The recorder's side: collects what is due at a tick, and hands out whole ticks in order."""
+
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+from ...errors import ProtocolError
+from .names import ACK_EVERY_TICKS
+
+Payload = TypeVar("Payload")
+
+
+class RecordBarrier(Generic[Payload]):
+    """The recorder's side: collects what is due at a tick, and hands out whole ticks in order.
+
+    An abort names the last tick that the coupler has finished, and others may be ahead of it. So a tick is
+    handed out only when it is certain that no abort will name an earlier one.
+
+    Args:
+        due: names of the messages due at a tick, in the order in which they are recorded.
+        grant_window: a grant of tick k says that the coupler has finished tick k - grant_window.
+        first_tick: later than 0 where the run goes on from another.
+    """
+
+    def __init__(
+        self, tick_count: int, due: Callable[[int], tuple[str, ...]], grant_window: int, first_tick: int = 0
+    ) -> None:
+        self.last_tick = tick_count - 1
+        self.done_tick = first_tick - 1
+        self._window = grant_window
+        self._certain = first_tick - 1  # no abort names an earlier tick
+        self.cut_tick = self.last_tick  # the record ends here; earlier after an abort
+        self._acknowledged = first_tick - 1
+        self._due = due
+        self._kept: dict[int, dict[str, Payload]] = {}
+
+    def add(self, name: str, tick: int, payload: Payload) -> None:
+        """Keeps a message.
+
+        Raises:
+            ProtocolError: it is repeated, or not due at its tick.
+        """
+        if name not in self._due(tick) or tick > self.last_tick:
+            raise ProtocolError(f"{name}: tick {tick} came, nothing of it is due then")
+        kept = self._kept.setdefault(tick, {})
+        if tick <= self.done_tick or name in kept:
+            raise ProtocolError(
+                f"{name}: tick {tick} is repeated, the record stands at tick {self.done_tick}"
+            )
+        kept[name] = payload
+
+    def note_grant(self, tick: int) -> None:
+        """Takes it that `tick` is granted."""
+        self.note_finished(tick - self._window)
+
+    def note_finished(self, tick: int) -> None:
+        """Takes it that the coupler has finished `tick`, or will never name one again."""
+        self._certain = max(tick, self._certain)
+
+    def cut(self, tick: int) -> None:
+        """Ends the record with `tick`, the one that an abort names."""
+        self.cut_tick = min(tick, self.cut_tick)
+        self.note_finished(tick)
+
+    def take_tick(self) -> tuple[int, list[tuple[str, Payload]]] | None:
+        """The next tick of which everything is here, in recording order; None while some is missing."""
+        tick = self.done_tick + 1
+        kept = self._kept.get(tick, {})
+        if tick > min(self.cut_tick, self._certain) or len(kept) < len(self._due(tick)):
+            return None
+        del self._kept[tick]
+        self.done_tick = tick
+        return tick, [(name, kept[name]) for name in self._due(tick)]
+
+    def next_ack(self, *, at_once: bool = False) -> int | None:
+        """The tick to acknowledge now, if it is time to or `at_once`; the last is so in any case."""
+        at_once = at_once or self.done_tick == self.last_tick
+        if self.done_tick < self._acknowledged + ACK_EVERY_TICKS and not at_once:
+            return None
+        if self.done_tick == self._acknowledged:
+            return None
+        self._acknowledged = self.done_tick
+        return self.done_tick
+
+    @property
+    def finished(self) -> bool:
+        """Whether the record is complete up to its cut."""
+        return self.done_tick >= self.cut_tick
+
+    def missing(self) -> str:
+        """What the next tick waits for, in words."""
+        tick = self.done_tick + 1
+        kept = self._kept.get(tick, {})
+        return f"tick {tick}: {', '.join(name for name in self._due(tick) if name not in kept)}"

@@ -1,0 +1,106 @@
+"""The ticks of one kind of message: all of one run, each exactly once, in order."""
+
+from collections import deque
+from typing import Generic, TypeVar
+
+from ...errors import ProtocolError
+from ...messages import DriverCommand, ToolMotions, ToolWrenches
+
+Answer = TypeVar("Answer", ToolMotions, ToolWrenches)
+
+
+class Stream:
+    """The ticks of one kind of message: all of one run, each exactly once, in order.
+
+    Ticks are `first`, `first` + `every`, and so on.
+    """
+
+    def __init__(self, name: str, run_id: str, tick_count: int, first: int = 0, every: int = 1) -> None:
+        self.next_tick = first
+        self._every = every
+        self._name = name
+        self._run_id = run_id
+        self._tick_count = tick_count
+
+    def accept(self, run_id: str, tick: int) -> None:
+        """Takes the next message.
+
+        Raises:
+            ProtocolError: it is of another run, or not of the expected tick.
+        """
+        self.refuse_foreign(run_id, tick)
+        if tick != self.next_tick:
+            what = (
+                "repeated" if tick < self.next_tick else f"{(tick - self.next_tick) // self._every} missing"
+            )
+            if (tick - self.next_tick) % self._every:
+                what = f"one is due every {self._every} ticks"
+            raise ProtocolError(f"{self._name}: tick {tick} came where tick {self.next_tick} is due ({what})")
+        if tick >= self._tick_count:
+            raise ProtocolError(
+                f"{self._name}: tick {tick} came, but the run ends with tick {self._tick_count - 1}"
+            )
+        self.next_tick += self._every
+
+    def refuse_foreign(self, run_id: str, tick: int) -> None:
+        """Raises ProtocolError if a message of `tick` is of another run."""
+        if run_id != self._run_id:
+            raise ProtocolError(
+                f"{self._name}: tick {tick} is of run '{run_id}', this is run '{self._run_id}', at tick "
+                f"{self.next_tick}; give every run a ROS_DOMAIN_ID of its own"
+            )
+
+
+def refuse_other_tools(name: str, tick: int, given: tuple[str, ...], tools: tuple[str, ...]) -> None:
+    if given != tools:
+        raise ProtocolError(f"{name}: tick {tick} speaks of tools {list(given)}, the scene has {list(tools)}")
+
+
+class AnswerStream(Stream, Generic[Answer]):
+    """Motions or wrenches, kept until they are taken in order."""
+
+    def __init__(
+        self, name: str, run_id: str, tick_count: int, tools: tuple[str, ...], first: int = 0
+    ) -> None:
+        super().__init__(name, run_id, tick_count, first)
+        self._tools = tools
+        self._kept: deque[Answer] = deque()
+
+    def add(self, answer: Answer) -> None:
+        """Keeps the next answer; ProtocolError if it is not the next, or not of these tools."""
+        self.accept(answer.run_id, answer.tick)
+        refuse_other_tools(self._name, answer.tick, tuple(t.tool for t in answer.tools), self._tools)
+        self._kept.append(answer)
+
+    def __len__(self) -> int:
+        return len(self._kept)
+
+    def take(self) -> Answer:
+        """The oldest answer kept."""
+        return self._kept.popleft()
+
+
+class CommandStream(Stream):
+    """Commands of a controller: at the multiples of `every` from first_tick on; none if `every` is 0."""
+
+    def __init__(self, run_id: str, tick_count: int, every: int, first_tick: int = 0) -> None:
+        step = every or 1
+        first = -(-max(first_tick, 1) // step) * step
+        super().__init__("driver_command", run_id, tick_count, first, step)
+        self._controlled = every > 0
+        self._kept: deque[DriverCommand] = deque()
+
+    def add(self, command: DriverCommand) -> None:
+        """Keeps the next command; ProtocolError if it is not the next."""
+        if not self._controlled:
+            raise ProtocolError(f"driver_command: tick {command.tick} came, but the scene has no controller")
+        self.accept(command.run_id, command.tick)
+        self._kept.append(command)
+
+    def has(self, tick: int) -> bool:
+        """Whether the command of `tick` is here."""
+        return bool(self._kept) and self._kept[0].tick == tick
+
+    def take(self) -> DriverCommand:
+        """The oldest command kept."""
+        return self._kept.popleft()

@@ -1,0 +1,44 @@
+"""Records of arrays to named arrays and back, for checkpoints."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import astuple, fields
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ..messages import ToolMotion
+from .bed import Bed
+
+Record = TypeVar("Record")
+
+
+def named(prefix: str, record: Any) -> dict[str, np.ndarray]:
+    """The arrays of a dataclass, under PREFIX.FIELD; not copied."""
+    return {f"{prefix}.{item.name}": getattr(record, item.name) for item in fields(record)}
+
+
+def from_named(kind: type[Record], prefix: str, arrays: Mapping[str, np.ndarray]) -> Record:
+    """The dataclass that `named` took apart; it keeps the arrays.
+
+    Raises:
+        KeyError: an array is missing.
+    """
+    return kind(**{item.name: arrays[f"{prefix}.{item.name}"] for item in fields(kind)})  # type: ignore[arg-type]
+
+
+def motion_array(motion: ToolMotion) -> np.ndarray:
+    """A motion as (7,) float64, without the tool's name."""
+    return np.array(astuple(motion)[1:], np.float64)
+
+
+def motion_from(tool: str, array: np.ndarray) -> ToolMotion:
+    """The motion that `motion_array` took apart."""
+    return ToolMotion(tool, *array.tolist())
+
+
+def bed_digest(bed: Bed, positions_m: np.ndarray) -> np.ndarray:
+    """(32,) uint8, sha256 of the particles (n, 3) [m] that a run starts from, and of their box."""
+    digest = hashlib.sha256(repr((bed.lower_m, bed.upper_m, bed.sides)).encode())
+    digest.update(np.ascontiguousarray(positions_m).tobytes())
+    return np.frombuffer(digest.digest(), np.uint8)

@@ -1,0 +1,74 @@
+"""A driver that takes commands: its speed goes linearly from one command to the next."""
+
+import math
+from dataclasses import dataclass
+
+from ..errors import PhysicsError, ProtocolError
+from ..messages import DriverCommand
+from ..scene.controller import Controller
+from .laws import LawTable
+
+ROUND_OFF = 1e-9
+"""A command may ask for this part more than the largest acceleration: its speed was rounded."""
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """The motion of a commanded driver since its last command. Units of an angle's driver are rad, rad/s."""
+
+    start_s: float
+    speed: float  # at start_s [m/s]
+    acceleration: float  # since then [m/s2]
+    end_speed: float  # commanded, reached at the end of the control interval [m/s]
+    travel: float  # at start_s, since time 0 [m]
+
+    def travel_at(self, time_s: float) -> float:
+        """Way since time 0 [m]."""
+        span = time_s - self.start_s
+        return self.travel + span * (self.speed + 0.5 * span * self.acceleration)
+
+
+def next_ramp(
+    ramp: Ramp, command: DriverCommand, controller: Controller, start_s: float, interval_s: float
+) -> Ramp:
+    """The motion that a command asks for, from start_s [s] on.
+
+    interval_s: of the controller's commands.
+
+    Raises:
+        ProtocolError: the command is for another driver.
+        PhysicsError: a speed that is no number, or out of the controller's limits, or a jump.
+    """
+    where = f"tick {command.tick}: driver_command"
+    if command.driver != controller.driver:
+        raise ProtocolError(
+            f"{where}: is for driver '{command.driver}'; commanded is '{controller.driver}' "
+            "(controller.driver)"
+        )
+    speed, before = command.speed, ramp.end_speed
+    if not math.isfinite(speed):
+        raise PhysicsError(f"{where}: speed {speed} of driver '{command.driver}' is not finite")
+    lowest, highest = controller.lowest_speed_m_per_s, controller.highest_speed_m_per_s
+    if not lowest <= speed <= highest:
+        raise PhysicsError(
+            f"{where}: speed {speed:g} of driver '{command.driver}' is outside of the controller's limits, "
+            f"{lowest:g} to {highest:g}"
+        )
+    acceleration = (speed - before) / interval_s
+    largest = controller.largest_acceleration_m_per_s2
+    if abs(acceleration) > largest * (1.0 + ROUND_OFF):
+        raise PhysicsError(
+            f"{where}: speed {speed:g} of driver '{command.driver}' is a jump: from {before:g} within "
+            f"{interval_s:g} s it is an acceleration of {abs(acceleration):.3g}, allowed is "
+            f"controller.largest_acceleration_m_per_s2 {largest:g}"
+        )
+    return Ramp(start_s, before, acceleration, speed, ramp.travel_at(start_s))
+
+
+def write_ramp(laws: LawTable, law: int, ramp: Ramp) -> None:
+    """Makes a ramp the law of a driver, in place; that law has one piece: it is a constant of the scene."""
+    piece = laws.pieces[laws.first[laws.chains[law]]]
+    piece["reference"] = ramp.start_s
+    piece["degree"] = 1
+    piece["coefficients"][:2] = ramp.speed, ramp.acceleration
+    piece["integral"] = ramp.travel

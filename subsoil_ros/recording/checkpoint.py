@@ -1,0 +1,297 @@
+"""Checkpoints on the disk: a folder each, its parts as .npz files, valid once its manifest is there.
+
+Whoever holds a part of a run's state writes it by itself (`write_part`), with a note of its size, time and
+checksum beside it. One process then writes the manifest (`commit`), which names all parts with their
+checksums. Every file is written under another name, brought to the disk, and renamed: killed at any
+moment, a run leaves either the whole checkpoint or none, and the one before stays.
+"""
+
+import hashlib
+import io
+import json
+import os
+import time
+import zipfile
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import __version__
+from ..errors import InputError, RecordingError
+
+FORMAT = 1
+"""Counts up when older checkpoints cannot be read any more."""
+
+KEPT = 2
+"""The newest that are kept: one, and the one before in case it is damaged."""
+
+MANIFEST = "manifest.json"
+_END = "end"
+_PREFIX = "tick_"
+
+Arrays = Mapping[str, NDArray[Any]]
+"""A state, by name."""
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A checkpoint whose manifest and parts have been verified."""
+
+    path: Path
+    tick: int  # the state is that at its end
+    time_s: float  # simulated, at the end of `tick`
+    run_id: str
+    coupling: dict[str, Any]  # the coupling's part, as it was committed
+    parts: dict[str, dict[str, Any]]  # by name: file, bytes, write_s, sha256
+
+    @property
+    def size_bytes(self) -> int:
+        """Of all parts."""
+        return sum(part["bytes"] for part in self.parts.values())
+
+    def read_part(self, name: str) -> dict[str, NDArray[Any]]:
+        """The arrays of a part, writable.
+
+        Raises:
+            InputError: it has no such part, or the part is damaged.
+        """
+        if name not in self.parts:
+            raise InputError(f"{self.path}: has no part '{name}', only {', '.join(self.parts)}")
+        content = _verified(self.path, self.parts[name])
+        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
+            return {key: archive[key] for key in archive.files}
+
+
+def state_sha256(arrays: Arrays) -> str:
+    """sha256 hex of a state: that of the part file it would be written to."""
+    stream = _Hashing(None)
+    _write_arrays(stream, arrays)
+    return stream.digest.hexdigest()
+
+
+def document_sha256(document: Mapping[str, Any]) -> str:
+    """sha256 hex of a JSON document, whatever the order of its keys."""
+    return hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()
+
+
+def write_part(directory: Path, tick: int, name: str, arrays: Arrays) -> None:
+    """Writes one part of the checkpoint of `tick`; it stays without effect until it is committed.
+
+    Raises:
+        RecordingError: the disk refuses.
+    """
+    start = time.monotonic()
+    folder = _folder(directory, tick)
+    path = folder / f"{name}.npz"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        partial = path.with_suffix(".npz.tmp")
+        with partial.open("wb") as file:
+            stream = _Hashing(file)
+            _write_arrays(stream, arrays)
+            size = file.tell()
+            file.flush()
+            os.fsync(file.fileno())
+        note = {"file": path.name, "bytes": size, "write_s": time.monotonic() - start}
+        _write_document(folder / f"{name}.json", note | {"sha256": stream.digest.hexdigest()})
+        partial.replace(path)
+        _sync_folder(folder)
+    except OSError as error:
+        raise _refused(path, error) from error
+
+
+def has_parts(directory: Path, tick: int, names: Sequence[str]) -> bool:
+    """Whether all parts of the checkpoint of `tick` are on the disk."""
+    return all((_folder(directory, tick) / f"{name}.npz").is_file() for name in names)
+
+
+def commit(directory: Path, tick: int, names: Sequence[str], facts: Mapping[str, Any]) -> Path:
+    """Makes the checkpoint of `tick` valid, all its parts being on the disk, and drops the third newest.
+
+    Args:
+        facts: what else the manifest says: time_s, run_id, scene_hash, coupling.
+
+    Raises:
+        RecordingError: the disk refuses, or a part is missing.
+    """
+    folder = _folder(directory, tick)
+    try:
+        parts = {name: json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in names}
+        document = {"format": FORMAT, "package_version": __version__, "tick": tick, **facts, "parts": parts}
+        _write_document(folder / MANIFEST, document | {"sha256": document_sha256(document)})
+        _sync_folder(folder)
+        _sync_folder(directory)
+    except OSError as error:
+        raise _refused(folder / MANIFEST, error) from error
+    _drop_old(directory)
+    return folder
+
+
+def note_end(directory: Path, tick: int, name: str, sha256: str) -> None:
+    """Notes the digest of a part's state at the end of the run, where no checkpoint is needed.
+
+    Raises:
+        RecordingError: the disk refuses.
+    """
+    path = directory / _END / f"{name}.json"
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _write_document(path, {"tick": tick, "sha256": sha256})
+    except OSError as error:
+        raise _refused(path, error) from error
+
+
+def end_digests(directory: Path) -> dict[str, str]:
+    """What `note_end` noted, by name of the part."""
+    return {
+        path.stem: json.loads(path.read_text(encoding="utf-8"))["sha256"]
+        for path in sorted((directory / _END).glob("*.json"))
+    }
+
+
+def newest_valid(
+    directory: Path, scene_hash: str | None = None, last_tick: int | None = None
+) -> tuple[Checkpoint, list[str]]:
+    """The newest checkpoint in `directory` that can be used, and why newer ones cannot, one line each.
+
+    Args:
+        scene_hash: of the scene that is to go on; None: whichever.
+        last_tick: the last in the record that belongs to it; None: not asked.
+
+    Raises:
+        InputError: there is none; says why for each.
+    """
+    complaints: list[str] = []
+    for folder in reversed(_committed(directory)):
+        try:
+            found = read_checkpoint(folder, scene_hash)
+            if last_tick is not None and found.tick > last_tick:
+                raise InputError(f"{folder}: the record beside it ends before, with tick {last_tick}")
+            return found, complaints
+        except InputError as error:
+            complaints.append(str(error))
+    if complaints:
+        raise InputError("; ".join(complaints) + ". No other checkpoint is there: start the run anew")
+    raise InputError(f"{directory}: no checkpoint there; the run wrote none (record.checkpoint_s)")
+
+
+def read_checkpoint(folder: Path, scene_hash: str | None = None) -> Checkpoint:
+    """A checkpoint, its manifest and the checksums of all parts verified.
+
+    Raises:
+        InputError: it is damaged, of another format, version or scene.
+    """
+    try:
+        document = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+        given = document.pop("sha256")
+        if document["format"] != FORMAT:
+            raise InputError(
+                f"{folder}: checkpoint of format {document['format']}, this version reads format {FORMAT}"
+            )
+        if given != document_sha256(document):
+            raise InputError(f"{folder}: the checkpoint is damaged (checksum of {MANIFEST})")
+        found = Checkpoint(
+            folder, document["tick"], document["time_s"], document["run_id"], document["coupling"],
+            document["parts"],
+        )  # fmt: skip
+        version, scene = document["package_version"], document["scene_hash"]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{folder}: the checkpoint is damaged ({MANIFEST} cannot be read)") from error
+    if version != __version__:
+        raise InputError(f"{folder}: checkpoint of subsoil_ros {version}, this is {__version__}")
+    if scene_hash is not None and scene != scene_hash:
+        raise InputError(
+            f"{folder}: checkpoint of another scene (hash {scene[:12]}, given is {scene_hash[:12]}); give "
+            "the scene.yaml beside it, with no other --set"
+        )
+    for part in found.parts.values():
+        _verified(folder, part)
+    return found
+
+
+def _folder(directory: Path, tick: int) -> Path:
+    return directory / f"{_PREFIX}{tick:012d}"
+
+
+def _committed(directory: Path) -> list[Path]:
+    """Folders with a manifest, oldest first."""
+    return sorted(path.parent for path in directory.glob(f"{_PREFIX}*/{MANIFEST}"))
+
+
+def _verified(folder: Path, part: Mapping[str, Any]) -> bytes:
+    path = folder / part["file"]
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: the checkpoint is damaged ({error.strerror})") from error
+    if len(content) != part["bytes"]:
+        raise InputError(
+            f"{path}: the checkpoint is damaged ({len(content)} bytes, written were {part['bytes']})"
+        )
+    if hashlib.sha256(content).hexdigest() != part["sha256"]:
+        raise InputError(f"{path}: the checkpoint is damaged (checksum)")
+    return content
+
+
+class _Hashing:
+    """A stream that only goes forward; its digest is that of the bytes in the file."""
+
+    def __init__(self, file: BinaryIO | None) -> None:
+        self.digest = hashlib.sha256()
+        self._file = file
+
+    def write(self, data: bytes) -> int:
+        self.digest.update(data)
+        return len(data) if self._file is None else self._file.write(data)
+
+    def flush(self) -> None:
+        """Nothing is held back here."""
+
+
+def _write_arrays(stream: _Hashing, arrays: Arrays) -> None:
+    """As numpy.savez does, but in the order of the names: equal states are equal bytes."""
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:  # type: ignore[call-overload]
+        for name in sorted(arrays):
+            with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, np.asarray(arrays[name]), allow_pickle=False)
+
+
+def _write_document(path: Path, document: Mapping[str, Any]) -> None:
+    partial = path.with_suffix(".json.tmp")
+    with partial.open("w", encoding="utf-8") as file:
+        json.dump(document, file, indent=1)
+        file.flush()
+        os.fsync(file.fileno())
+    partial.replace(path)
+
+
+def _sync_folder(folder: Path) -> None:
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _drop_old(directory: Path) -> None:
+    """Removes what is older than the newest KEPT; the manifest first, so that no remains look valid."""
+    oldest_kept = _committed(directory)[-KEPT:][0]
+    for folder in sorted(directory.glob(f"{_PREFIX}*")):
+        if folder < oldest_kept:
+            with suppress(OSError):
+                (folder / MANIFEST).unlink(missing_ok=True)
+                for path in folder.iterdir():
+                    path.unlink()
+                folder.rmdir()
+
+
+def _refused(path: Path, error: OSError) -> RecordingError:
+    return RecordingError(
+        f"{path}: the checkpoint cannot be written ({error.strerror}). Make room, or go without: "
+        "record.checkpoint_s: 0"
+    )

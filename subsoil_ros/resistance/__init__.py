@@ -1,0 +1,5 @@
+"""Reduced soil: failure wedges in front of tools and sinkage under wheels, in closed form. No particles."""
+
+from ..kernel_cache import set_up_numba
+
+set_up_numba()

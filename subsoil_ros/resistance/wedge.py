@@ -1,0 +1,175 @@
+"""Passive failure in front of a raked plate: the wedge with two circular side crescents, and flow around.
+
+Angles [rad]: rake alpha of the plate and rupture angle beta against the horizontal, friction phi of the
+soil and delta at the plate. docs/resistance.md derives the equations from equilibrium.
+Sources: E. McKyes, O.S. Ali, J. Terramechanics 14 (1977) 43-58; E. McKyes, Soil Cutting and Tillage
+(1985); R.J. Godwin, G. Spoor, J. Agric. Eng. Res. 22 (1977) 213-228.
+"""
+
+import math
+from typing import NamedTuple
+
+from numba import njit
+
+SMALLEST_BETA = math.radians(1.0)
+"""Rupture angles from here on are looked at (chosen: the least force lies far above)."""
+
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+
+SCANNED = 18
+"""Intervals of beta, about 5 degrees each, that are looked at first."""
+
+SEARCH_STEPS = 16
+"""Golden section leaves 0.618^16 = 5e-4 of two intervals, 8e-5 rad; the force errs by the square of that."""
+
+
+CRITICAL_STEPS = 16
+"""Golden section for the critical depth, to 5e-4 of the plate."""
+
+
+class Strength(NamedTuple):
+    """What resists, mean over the depths it is mobilised in. SI."""
+
+    unit_weight: float  # gamma [N/m3]
+    density: float  # [kg/m3]
+    cohesion: float  # c [Pa]
+    friction: float  # phi [rad]
+    adhesion: float  # c_a [Pa]
+    tool_friction: float  # delta [rad]
+    surcharge: float  # q [Pa]
+    speed_factor: float  # on the inertia term
+
+
+class Plate(NamedTuple):
+    """A plate in the soil. A buried one makes the wedge of one that goes on to the surface."""
+
+    width: float  # w [m]
+    rake: float  # alpha [rad]
+    depth: float  # d of its tip [m]
+    height: float  # h of the plate above its tip [m], at most d
+
+
+@njit(cache=True, error_model="numpy")
+def wedge_terms(plate, soil, beta):
+    """(length, weight, cohesion, surcharge, adhesion, inertia per velocity squared) of a wedge.
+
+    length r [m]: along the surface. The others are parts of the force P on the plate [N], the last per
+    velocity squared [N s2/m2]; McKyes and Ali's N_gamma = weight / (gamma d^2 w), and so on.
+    """
+    w, alpha, d, h = plate
+    cot_alpha, cot_beta = 1.0 / math.tan(alpha), 1.0 / math.tan(beta)
+    cot_reaction = 1.0 / math.tan(beta + soil.friction)
+    length = d * (cot_beta + cot_alpha)
+    # how far a crescent reaches sideways: r sin(eta), cos(eta) = d cot(alpha) / r (1977)
+    side = math.sqrt(max(length * length - (d * cot_alpha) ** 2, 0.0))
+    share = 1.0 / (math.cos(alpha + soil.tool_friction) + math.sin(alpha + soil.tool_friction) * cot_reaction)
+    weight = soil.unit_weight * 0.5 * d * length * (w + 2.0 * side / 3.0) * share
+    cohesion = soil.cohesion * d * (1.0 + cot_beta * cot_reaction) * (w + side) * share
+    surcharge = soil.surcharge * length * (w + side) * share
+    adhesion = soil.adhesion * h * (1.0 - cot_alpha * cot_reaction) * w * share
+    tan_beta = math.tan(beta)
+    inertia = soil.speed_factor * soil.density * d * w * share
+    inertia *= (tan_beta + cot_reaction) / (1.0 + tan_beta * cot_alpha)
+    return length, weight, cohesion, surcharge, adhesion, inertia
+
+
+@njit(cache=True, error_model="numpy")
+def wedge_force(plate, soil, speed, beta):
+    """P(beta) [N] on the plate, at delta to its normal; speed [m/s] forward."""
+    _, weight, cohesion, surcharge, adhesion, inertia = wedge_terms(plate, soil, beta)
+    return weight + cohesion + surcharge + adhesion + inertia * speed * speed
+
+
+@njit(cache=True, error_model="numpy")
+def least_wedge(plate, soil, speed):
+    """(beta, P) of the wedge that fails first: the least P over beta.
+
+    beta + phi + alpha + delta stays below pi, where P would be endless. In front of a narrow plate of low
+    rake, P may have a second minimum at the upright plane, without crescents; so a scan comes first.
+    """
+    first = SMALLEST_BETA
+    last = min(math.pi - plate.rake - soil.tool_friction - soil.friction - 1e-6, 0.5 * math.pi)
+    step = (last - first) / SCANNED
+    best, least = 0, math.inf
+    for k in range(SCANNED + 1):
+        force = wedge_force(plate, soil, speed, first + k * step)
+        if force < least:
+            best, least = k, force
+    low, high = first + max(best - 1, 0) * step, first + min(best + 1, SCANNED) * step
+    one, two = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+    at_one, at_two = wedge_force(plate, soil, speed, one), wedge_force(plate, soil, speed, two)
+    for _ in range(SEARCH_STEPS):
+        if at_one < at_two:
+            high, two, at_two = two, one, at_one
+            one = high - GOLDEN * (high - low)
+            at_one = wedge_force(plate, soil, speed, one)
+        else:
+            low, one, at_one = one, two, at_two
+            two = low + GOLDEN * (high - low)
+            at_two = wedge_force(plate, soil, speed, two)
+    beta = 0.5 * (low + high)
+    force = wedge_force(plate, soil, speed, beta)
+    # towards the upright plane crescents shrink as a root: steep, so its end is looked at by itself
+    upright = wedge_force(plate, soil, speed, last)
+    return (last, upright) if upright < force else (beta, force)
+
+
+@njit(cache=True, error_model="numpy")
+def lateral_pressure(soil, depth, speed):
+    """Mean pressure [Pa] on a narrow face whose soil flows around it instead of up, at `depth` [m].
+
+    c N_c + K_0 (gamma z + q) N_q with N_q = K_p exp(2 pi tan phi), K_p = (1 + sin phi) / (1 - sin phi),
+    N_c = (N_q - 1) / tan phi (2 pi + 2 without friction), K_0 = 1 - sin phi (Godwin and Spoor 1977). Speed
+    adds the momentum of the soil that is pushed aside, rho v^2 (chosen: their theory has none).
+    """
+    tangent, sine = math.tan(soil.friction), math.sin(soil.friction)
+    n_q = (1.0 + sine) / (1.0 - sine) * math.exp(2.0 * math.pi * tangent)
+    n_c = 2.0 * math.pi + 2.0 if tangent < 1e-9 else (n_q - 1.0) / tangent
+    pressure = soil.cohesion * n_c + (1.0 - sine) * (soil.unit_weight * depth + soil.surcharge) * n_q
+    return pressure + soil.speed_factor * soil.density * speed * speed
+
+
+@njit(cache=True, error_model="numpy")
+def _around_force(plate, soil, speed, top):
+    """P [N] of soil that flows around the part of the plate below the depth `top` [m]."""
+    below = plate.depth - top
+    pressure = lateral_pressure(soil, top + 0.5 * below, speed)  # on the upright section
+    return pressure * plate.width * below / math.sin(plate.rake + soil.tool_friction)
+
+
+@njit(cache=True, error_model="numpy")
+def _split_force(plate, soil, speed, critical):
+    """P [N] where the wedge starts at the depth `critical` [m] and the soil flows around the plate below."""
+    below = plate.depth - critical
+    upper = Plate(plate.width, plate.rake, critical, plate.height - below)
+    return _around_force(plate, soil, speed, critical) + least_wedge(upper, soil, speed)[1]
+
+
+@njit(cache=True, error_model="numpy")
+def failure(plate, soil, speed):
+    """(beta, P [N], length r [m], part of P that grows with depth) of the failure that comes first.
+
+    A wedge from the tip; or soil that flows around the plate below a critical depth, with a wedge from there
+    (the critical depth of least P, Godwin and Spoor); or around all of a buried plate. The least of these,
+    so P is continuous. beta and r are those of the wedge from the tip in any case.
+    """
+    if plate.depth <= 0.0 or plate.height <= 0.0 or plate.width <= 0.0:
+        return 0.25 * math.pi, 0.0, 0.0, 0.0
+    beta, force = least_wedge(plate, soil, speed)
+    length, weight, _, _, _, _ = wedge_terms(plate, soil, beta)
+    rising = weight / force if force > 0.0 else 0.0
+    # where flow just below the tip costs more than the wedge loses, it does so all the way up
+    partly = _split_force(plate, soil, speed, plate.depth - 0.02 * plate.height) < force
+    around = _around_force(plate, soil, speed, plate.depth - plate.height)
+    if around < force:
+        force, rising = around, 0.0
+    if partly:
+        low, high = plate.depth - plate.height, plate.depth
+        for _ in range(CRITICAL_STEPS):
+            one, two = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+            if _split_force(plate, soil, speed, one) < _split_force(plate, soil, speed, two):
+                high = two
+            else:
+                low = one
+        force = min(force, _split_force(plate, soil, speed, 0.5 * (low + high)))
+    return beta, force, length, rising

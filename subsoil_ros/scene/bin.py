@@ -1,0 +1,18 @@
+"""The box that the soil lies in."""
+
+from typing import Literal
+
+from .base import Part, Positive
+
+
+class Bin(Part):
+    """Open box: x in [0, length], y in [-width/2, width/2]; particles only, tools may cross it.
+
+    z = 0 is the mean top of the prepared bed; the floor follows from the bed. Periodic sides: what leaves at
+    y = width/2 comes in at -width/2, as if the bin were a slice of an endless one; tools keep off them.
+    """
+
+    length_m: Positive
+    width_m: Positive
+    depth_m: Positive  # of the bed
+    sides: Literal["walls", "periodic"] = "walls"  # at y = +-width/2

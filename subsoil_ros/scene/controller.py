@@ -1,0 +1,60 @@
+"""A controller: commands the speed of one driver while the machine runs."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from .base import Finite, Part, Positive
+
+
+class DraftLimit(Part):
+    """Speeds up to the highest speed while the draft is below its limit, slows down above it.
+
+    acceleration = gain (limit - draft), within the limits of the controller.
+    """
+
+    kind: Literal["draft_limit"]
+    draft_limit_newton: Positive
+    gain_per_kg: Positive  # m/s2 per newton
+
+
+class HoldHeight(Part):
+    """Brings a body to a height, as a hitch does: speed = gain (height - z), within the limits."""
+
+    kind: Literal["hold_height"]
+    body: str
+    height_m: Finite
+    gain_per_s: Positive
+
+
+class External(Part):
+    """A node of somebody else sends the commands; `subsoil run` waits for it."""
+
+    kind: Literal["external"]
+
+
+ControlLaw = Annotated[DraftLimit | HoldHeight | External, Field(discriminator="kind")]
+
+
+class Controller(Part):
+    """A speed for `driver` every `interval_ticks` ticks; it is reached at the end of that interval.
+
+    The driver starts at the speed of its own law, a constant, and keeps it until the first command. Units of
+    an angle's driver are rad/s and rad/s2.
+    """
+
+    driver: str
+    interval_ticks: int = Field(ge=1)  # a multiple of record.series_ticks: a command answers a recorded state
+    lowest_speed_m_per_s: Finite
+    highest_speed_m_per_s: Finite
+    largest_acceleration_m_per_s2: Positive  # a command that asks for more is refused
+    law: ControlLaw
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "Controller":
+        if self.highest_speed_m_per_s <= self.lowest_speed_m_per_s:
+            raise ValueError(
+                f"highest_speed_m_per_s {self.highest_speed_m_per_s} must be larger than "
+                f"lowest_speed_m_per_s {self.lowest_speed_m_per_s}"
+            )
+        return self

@@ -1,0 +1,140 @@
+"""Reduced soil: passive failure in front of tools, pressure and sinkage under wheels. No particles."""
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from .base import NonNegative, Part, Positive
+from .bin import Bin
+
+LARGEST_FRICTION_ANGLE_RAD = math.radians(55.0)
+"""No soil has more (chosen: beyond it the wedge of a raked blade soon has no solution)."""
+
+FrictionAngle = Annotated[float, Field(ge=0.0, le=LARGEST_FRICTION_ANGLE_RAD, allow_inf_nan=False)]
+Part01 = Annotated[float, Field(ge=0.0, lt=1.0)]
+
+
+class WheelSoil(Part):
+    """Pressure under a wheel, p = (k_c / b + k_phi) z^n (Bekker), and shear along it (Janosi, Hanamoto)."""
+
+    cohesive_modulus: NonNegative  # k_c [N/m^(n+1)]
+    frictional_modulus: NonNegative  # k_phi [N/m^(n+2)]
+    exponent: Annotated[float, Field(gt=0.0, lt=3.0)]  # n
+    recovered_part: Part01 = 0.0  # of the work of compaction, given back behind the wheel
+    shear_deformation_m: Positive = 0.01  # K
+    damping_newton_s_per_m: NonNegative = 0.0
+
+    @model_validator(mode="after")
+    def _bears(self) -> "WheelSoil":
+        if self.cohesive_modulus + self.frictional_modulus <= 0.0:
+            raise ValueError("frictional_modulus: both moduli are 0, so nothing bears a wheel; give one")
+        return self
+
+
+class ResistanceValues(Part):
+    """Strength of the soil and how it fails. docs/resistance.md says what each number does."""
+
+    density_kg_per_m3: Positive
+    cohesion_pa: NonNegative
+    friction_angle_rad: FrictionAngle
+    adhesion_pa: NonNegative  # c_a, soil on tool
+    tool_friction_angle_rad: FrictionAngle  # delta
+    surcharge_pa: NonNegative = 0.0
+    speed_factor: NonNegative = 1.0  # on the inertia of the soil that gives way; 1: as the theory has it
+    bed_modulus_newton_per_m3: Positive = 2.0e7  # pressure over displacement while a wedge forms
+    drop: Part01 = 0.3  # part of the force lost when a wedge has failed
+    period_factor: Positive = 0.3  # travel from failure to failure over the length of the wedge
+    period_m: Positive | None = None  # the travel itself, where it does not follow the wedge (a regular bed)
+    variation: Part01 = 0.1  # standard deviation of strength and length from wedge to wedge, relative
+    shank_part: NonNegative = 1.0  # of a lone shank's resistance, met in soil that the share has broken
+    wheels: WheelSoil | None = None
+
+    @model_validator(mode="after")
+    def _strong(self) -> "ResistanceValues":
+        if self.tool_friction_angle_rad > self.friction_angle_rad:
+            raise ValueError(
+                f"tool_friction_angle_rad: {self.tool_friction_angle_rad:g} is above friction_angle_rad "
+                f"{self.friction_angle_rad:g}; soil then fails in itself: give at most that"
+            )
+        if self.adhesion_pa > self.cohesion_pa:
+            raise ValueError(
+                f"adhesion_pa: {self.adhesion_pa:g} is above cohesion_pa {self.cohesion_pa:g}; soil then "
+                "fails in itself: give at most that"
+            )
+        return self
+
+
+class ResistanceChange(Part):
+    """What a layer has of its own."""
+
+    density_kg_per_m3: Positive | None = None
+    cohesion_pa: NonNegative | None = None
+    friction_angle_rad: FrictionAngle | None = None
+    adhesion_pa: NonNegative | None = None
+    tool_friction_angle_rad: FrictionAngle | None = None
+
+
+class ResistanceLayer(Part):
+    """A layer of depth. What it does not give comes from the soil's values."""
+
+    name: str = Field(min_length=1)
+    thickness_m: Positive | None = None  # the last layer, and only that one, goes on downward
+    values: ResistanceChange = ResistanceChange()
+
+
+class ResistanceSoil(Part):
+    """Everything the reduced soil engine needs; values stand here, or in a file of `subsoil calibrate`."""
+
+    model: Literal["resistance"]
+    bin: Bin  # soil lies in 0 <= x <= length
+    values: ResistanceValues | None = None
+    file: str | None = None  # relative to the scene file
+    stands_for: str | None = None  # scene whose particles the soil file must have been fitted to
+    other_law: bool = False  # take a file that was fitted to other particles or another law
+    beyond_range: bool = False  # take a file beyond 1.2 times the range it was fitted in
+    layers: tuple[ResistanceLayer, ...] | None = Field(default=None, min_length=2)  # from top to bottom
+    seed: int = Field(default=0, ge=0)  # of the variation from wedge to wedge
+
+    @model_validator(mode="after")
+    def _one_source(self) -> "ResistanceSoil":
+        if (self.values is None) == (self.file is None):
+            given = "neither is given" if self.file is None else "both are given"
+            raise ValueError(f"values: {given}; give 'values', or 'file' written by `subsoil calibrate`")
+        if self.file is None and self.stands_for is not None:
+            raise ValueError("stands_for: only a 'file' was fitted to anything; leave it out")
+        return self
+
+    @model_validator(mode="after")
+    def _layers_go_down(self) -> "ResistanceSoil":
+        layers = self.layers or ()
+        for k, layer in enumerate(layers):
+            last = k == len(layers) - 1
+            if last and layer.thickness_m is not None:
+                raise ValueError(f"layers.{k}.thickness_m: the last layer goes on downward; leave it out")
+            if not last and layer.thickness_m is None:
+                raise ValueError(f"layers.{k}.thickness_m: is missing; every layer but the last needs it")
+        return self
+
+
+class SoilRange(Part):
+    """What the runs covered that a soil file was fitted to."""
+
+    depth_m: tuple[Positive, Positive]
+    speed_m_per_s: tuple[Positive, Positive]
+    rake_rad: tuple[Positive, Positive]
+
+
+def layer_values(
+    values: ResistanceValues, layers: tuple[ResistanceLayer, ...] | None
+) -> tuple[tuple[float, ResistanceValues], ...]:
+    """(depth of the lower edge [m], values) of each layer from the top; one, endless, without layers."""
+    if not layers:
+        return ((math.inf, values),)
+    found, bottom = [], 0.0
+    for layer in layers:
+        bottom = math.inf if layer.thickness_m is None else bottom + layer.thickness_m
+        own = layer.values.model_dump(exclude_none=True)
+        whole = ResistanceValues.model_validate({**values.model_dump(), **own})
+        found.append((bottom, whole))
+    return tuple(found)

@@ -1,0 +1,131 @@
+"""Pause, resume and step through the coupler's services, around small engines of known arithmetic."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+from subsoil_msgs.srv import Step
+
+from subsoil_ros.coupling.ending import Ending
+from subsoil_ros.coupling.protocol import COUPLER
+from subsoil_ros.nodes import coupler_node
+from subsoil_ros.nodes.composed import run_composed
+from subsoil_ros.nodes.coupler_node import CouplerNode
+from subsoil_ros.nodes.lifeline import NodeRun
+from subsoil_ros.scene.loader import ResolvedScene
+
+from .test_nodes import (
+    LIMIT_S,
+    TICKS,
+    SpringMover,
+    SpringSoil,
+    _own_domain,  # noqa: F401 (a fixture)
+    builds,
+    contents,
+    listener,  # noqa: F401 (a fixture)
+    resolved,  # noqa: F401 (a fixture)
+    run_without_ros,
+)
+
+pytestmark = pytest.mark.ros
+
+
+class User:
+    """Calls the coupler's services."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._executor = SingleThreadedExecutor(context=node.context)
+        self._executor.add_node(node)
+        self._clients = {
+            name: node.create_client(kind, f"{COUPLER}/{name}")
+            for name, kind in (("pause", Trigger), ("resume", Trigger), ("step", Step))
+        }
+
+    def call(self, name: str, **request: Any) -> Any:
+        """The answer of a service."""
+        client = self._clients[name]
+        assert client.wait_for_service(LIMIT_S)
+        future = client.call_async(client.srv_type.Request(**request))
+        self._executor.spin_until_future_complete(future, LIMIT_S)
+        assert future.done()
+        return future.result()
+
+    def close(self) -> None:
+        """Gives the node back."""
+        self._executor.shutdown()
+
+
+@pytest.fixture
+def user(listener: Node) -> Iterator[User]:  # noqa: F811
+    """Somebody with the services of the coupler."""
+    user = User(listener)
+    yield user
+    user.close()
+
+
+def start(
+    resolved: ResolvedScene,  # noqa: F811
+    bag: Path,
+    soil: Callable[[], SpringSoil] = SpringSoil,
+) -> tuple[threading.Thread, list[Ending]]:
+    """A composed run that is paused before its first tick, in a thread of its own."""
+    (tool,) = resolved.scene.tools
+    nodes = builds(resolved, bag, partial(SpringMover, tool), soil) | {
+        COUPLER: partial(CouplerNode, paused=True)
+    }
+    endings: list[Ending] = []
+    thread = threading.Thread(
+        target=lambda: endings.append(run_composed(NodeRun("test", resolved), nodes, lambda: 0))
+    )
+    thread.start()
+    return thread, endings
+
+
+def test_a_paused_and_stepped_run_gives_the_same_bits(
+    resolved: ResolvedScene,  # noqa: F811
+    tmp_path: Path,
+    user: User,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Stands longer than a tick may take, steps, pauses and resumes: the bag of an undisturbed run."""
+    monkeypatch.setattr(coupler_node, "DEADLINE_S", 0.3)
+    monkeypatch.setattr(coupler_node, "STARTUP_S", 20.0)
+    thread, endings = start(resolved, tmp_path / "paused")
+    one = user.call("step", steps=1)
+    assert (one.success, one.tick) == (True, 0)
+    assert user.call("step", steps=5).tick == 5
+    time.sleep(0.8)  # longer than the deadline
+    assert thread.is_alive()
+    assert not user.call("step", steps=0).success
+    assert user.call("resume").success
+    assert user.call("pause").success
+    thread.join(0.1)
+    if thread.is_alive():
+        assert user.call("resume").success
+    thread.join(LIMIT_S)
+    assert endings == [Ending()]
+    run_without_ros(resolved, tmp_path / "direct", SpringSoil())
+    assert contents(tmp_path / "paused") == contents(tmp_path / "direct")
+
+
+def test_who_waits_for_steps_hears_of_a_fault(
+    resolved: ResolvedScene,  # noqa: F811
+    tmp_path: Path,
+    user: User,
+) -> None:
+    """An engine fails within the steps asked for: the answer says so, and the run ends by name."""
+    thread, endings = start(resolved, tmp_path / "bag", lambda: SpringSoil(fail_tick=7))
+    answer = user.call("step", steps=TICKS)
+    assert not answer.success
+    assert answer.message == "the run has ended: soil: tick 7: overlap too deep"
+    assert answer.tick == 6
+    thread.join(LIMIT_S)
+    assert endings == [Ending(3, "soil: tick 7: overlap too deep")]

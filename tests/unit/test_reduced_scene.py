@@ -1,0 +1,177 @@
+"""Reduced soil in scenes: what is refused and what is said, one message each."""
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import yaml
+
+from subsoil_ros.errors import SceneError
+from subsoil_ros.scene.loader import ResolvedScene, load_scene
+from subsoil_ros.scene.resistance import ResistanceValues, SoilRange
+from subsoil_ros.scene.soil_file import SoilFile, law_of, read_soil_file, write_soil_file
+
+SCENES = Path(__file__).parents[2] / "config" / "scenes"
+VALUES = {
+    "density_kg_per_m3": 1300.0,
+    "cohesion_pa": 8e3,
+    "friction_angle_rad": 0.5,
+    "adhesion_pa": 1e3,
+    "tool_friction_angle_rad": 0.3,
+}
+
+
+@pytest.fixture
+def reduced(tmp_path: Path) -> Callable[..., ResolvedScene]:
+    """Loads tine.yaml (0.20 m deep, 0.5 m/s, 25 degrees) on a reduced soil of these keys."""
+
+    def load(*overrides: str, **soil: object) -> ResolvedScene:
+        document = {"base": str(SCENES / "tine.yaml"), "soil": {"model": "resistance", **soil}}
+        path = tmp_path / "scene.yaml"
+        path.write_text(yaml.safe_dump(document))
+        return load_scene(path, overrides)
+
+    return load
+
+
+@pytest.fixture
+def soil_file(tmp_path: Path) -> Callable[..., str]:
+    """Writes a soil file fitted to the soil of tine.yaml; a range may change."""
+
+    def write(**changes: tuple[float, float]) -> str:
+        ranges = {"depth_m": (0.1, 0.3), "speed_m_per_s": (0.4, 1.5), "rake_rad": (0.4, 0.6)} | changes
+        particles = load_scene(SCENES / "tine.yaml").scene.particle_soil
+        assert particles is not None
+        found = SoilFile(
+            model="resistance",
+            fitted_law=law_of(particles),
+            fitted_range=SoilRange(**ranges),
+            values=ResistanceValues(**VALUES),
+        )
+        write_soil_file(tmp_path / "soil.yaml", found)
+        assert read_soil_file(tmp_path / "soil.yaml") == found
+        return str(tmp_path / "soil.yaml")
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("soil", "words"),
+    [
+        ({}, "soil.values: neither is given; give 'values', or 'file'"),
+        ({"values": VALUES, "file": "soil.yaml"}, "soil.values: both are given"),
+        (
+            {"values": VALUES | {"cohesion_pa": -1.0}},
+            "soil.values.cohesion_pa: given -1.0, needed is a number at least 0",
+        ),
+        ({"values": VALUES | {"friction_angle_rad": 30.0}}, "soil.values.friction_angle_rad: given 30.0"),
+        (
+            {"values": VALUES | {"tool_friction_angle_rad": 0.6}},
+            "soil.values.tool_friction_angle_rad: 0.6 is above friction_angle_rad 0.5",
+        ),
+        ({"values": VALUES | {"cohesion": 1.0}}, "did you mean 'cohesion_pa'?"),
+        ({"values": VALUES, "particles": {}}, "soil.particles: unknown key 'particles'"),
+        ({"values": VALUES, "stands_for": "tine.yaml"}, "soil.stands_for: only a 'file' was fitted"),
+        (
+            {"values": VALUES, "layers": [{"name": "a"}, {"name": "b"}]},
+            "soil.layers.0.thickness_m: is missing",
+        ),
+        ({"file": "none.yaml"}, "none.yaml: No such file or directory; give the path of a soil file"),
+    ],
+)
+def test_bad_soil(reduced: Callable[..., ResolvedScene], soil: dict, words: str) -> None:
+    """Where, what was given, what is allowed."""
+    with pytest.raises(SceneError) as error:
+        reduced(**soil)
+    assert words in str(error.value)
+
+
+def test_another_model_is_refused_by_name(reduced: Callable[..., ResolvedScene]) -> None:
+    """A model that is not there says which are."""
+    with pytest.raises(SceneError, match=r"soil\.model: given the text 'fem', allowed are dem, resistance"):
+        reduced("soil.model=fem", values=VALUES)
+
+
+@pytest.mark.parametrize("rake_deg", [10.0, 100.0])
+def test_a_rake_beyond_the_theory(reduced: Callable[..., ResolvedScene], rake_deg: float) -> None:
+    """The wedge theory covers 15 to 90 degrees."""
+    turn = math.radians(25.0 - rake_deg)
+    with pytest.raises(SceneError, match=rf"tools\.tine: its share has a rake of {rake_deg:.1f} degrees"):
+        reduced(f"tools.tine.path.start_angle_rad={turn!r}", values=VALUES)
+
+
+def test_a_wheel_needs_to_be_round_and_soil_to_carry_it(reduced: Callable[..., ResolvedScene]) -> None:
+    """share: false means wheel."""
+    with pytest.raises(SceneError, match=r"tools\.tine: 'share: false' makes it a wheel"):
+        reduced("tools.tine.share=false", values=VALUES)
+
+
+def test_a_soil_file_carries_its_law_and_range(
+    reduced: Callable[..., ResolvedScene], soil_file: Callable[..., str]
+) -> None:
+    """In range nothing is said; the file's bytes are in the scene's hash."""
+    file = soil_file()
+    inside = reduced(file=file, stands_for=str(SCENES / "tine.yaml"))
+    assert inside.notes == ()
+    before = inside.scene_hash
+    Path(file).write_text(Path(file).read_text().replace("cohesion_pa: 8000.0", "cohesion_pa: 9000.0"))
+    assert reduced(file=file, stands_for=str(SCENES / "tine.yaml")).scene_hash != before
+
+
+def test_a_soil_file_of_another_law(
+    reduced: Callable[..., ResolvedScene], soil_file: Callable[..., str], tmp_path: Path
+) -> None:
+    """The keys that differ are named; other_law takes it all the same."""
+    other = tmp_path / "other.yaml"
+    change = {"soil": {"law": {"particle": {"adhesion_newton_per_m": 1.0}}}}
+    other.write_text(json.dumps({"base": str(SCENES / "tine.yaml"), **change}))
+    with pytest.raises(SceneError, match=r"they differ in law\.particle\.adhesion_newton_per_m\."):
+        reduced(file=soil_file(), stands_for=str(other))
+    reduced(file=soil_file(), stands_for=str(other), other_law=True)
+
+
+@pytest.mark.parametrize(
+    ("key", "low", "high"),
+    [("depth_m", 0.1, 0.19), ("depth_m", 0.21, 0.3), ("speed_m_per_s", 0.55, 1.0), ("rake_rad", 0.3, 0.4)],
+)
+def test_a_little_out_of_range_is_a_warning(
+    reduced: Callable[..., ResolvedScene], soil_file: Callable[..., str], key: str, low: float, high: float
+) -> None:
+    """Up to 1.2 times the range the force is extrapolated, and that is said."""
+    (note,) = reduced(file=soil_file(**{key: (low, high)})).notes
+    assert note.startswith("warning: tools.tine: ")
+    assert f"outside the range {low:g} to {high:g}" in note
+
+
+@pytest.mark.parametrize(
+    ("key", "low", "high"),
+    [("depth_m", 0.1, 0.16), ("depth_m", 0.25, 0.3), ("speed_m_per_s", 0.7, 1.0), ("rake_rad", 0.2, 0.3)],
+)
+def test_far_out_of_range_is_refused(
+    reduced: Callable[..., ResolvedScene], soil_file: Callable[..., str], key: str, low: float, high: float
+) -> None:
+    """Beyond 1.2 times the range; beyond_range takes it with the warning."""
+    file = soil_file(**{key: (low, high)})
+    with pytest.raises(SceneError, match=r"by more than 1\.2 times; fit it further"):
+        reduced(file=file)
+    assert len(reduced(file=file, beyond_range=True).notes) == 1
+
+
+def test_a_file_of_another_model(reduced: Callable[..., ResolvedScene], tmp_path: Path) -> None:
+    """What `calibrate` writes for particles is no reduced soil."""
+    (tmp_path / "soil.yaml").write_text("model: dem\n")
+    with pytest.raises(SceneError, match="its model is 'dem', needed is a file with model 'resistance'"):
+        reduced(file=str(tmp_path / "soil.yaml"))
+
+
+def test_a_base_of_particles_leaves_only_its_bin(reduced: Callable[..., ResolvedScene]) -> None:
+    """No key of particles survives in a reduced soil; the written scene loads to the same hash."""
+    scene = reduced(values=VALUES)
+    assert scene.scene.reduced_soil is not None
+    assert scene.scene.reduced_soil.bin.length_m == 0.6
+    assert scene.timing.interval_ns == 1_000_000
+    copy = scene.path.with_name("copy.yaml")
+    scene.write(copy)
+    assert load_scene(copy).scene_hash == scene.scene_hash

@@ -15,6 +15,11 @@ def tick_end_s(tick: int, interval_ns: int) -> float:
     return tick_end_ns(tick, interval_ns) * 1e-9
 
 
+def every_ticks(rate_hz: float, interval_ns: int) -> int:
+    """Ticks between events of a rate, the nearest whole number from 1; 0 where the rate is 0."""
+    return max(1, round(NANOSECONDS_PER_SECOND / (rate_hz * interval_ns))) if rate_hz > 0.0 else 0
+
+
 def tick_count(duration_s: float, interval_ns: int) -> int:
     """Number of whole ticks that cover `duration_s`; at least one."""
     duration_ns = round(duration_s * NANOSECONDS_PER_SECOND)

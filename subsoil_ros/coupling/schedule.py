@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from ..scene.limits import Timing
 from ..scene.model import Scene
-from ..ticks import NANOSECONDS_PER_SECOND, is_control_tick
+from ..ticks import NANOSECONDS_PER_SECOND, every_ticks, is_control_tick
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,8 @@ class Schedule:
 def schedule_of(scene: Scene, timing: Timing) -> Schedule:
     """The schedule a scene asks for; clouds and checkpoints at the nearest multiple of the tick."""
     cloud_ticks = 0
-    if scene.particle_soil is not None and scene.record.cloud_hz > 0.0:
-        cloud_ticks = max(1, round(NANOSECONDS_PER_SECOND / (scene.record.cloud_hz * timing.interval_ns)))
+    if scene.particle_soil is not None:
+        cloud_ticks = every_ticks(scene.record.cloud_hz, timing.interval_ns)
     checkpoint_ticks = 0
     if scene.record.checkpoint_s > 0.0:
         ticks = round(scene.record.checkpoint_s * NANOSECONDS_PER_SECOND / timing.interval_ns)

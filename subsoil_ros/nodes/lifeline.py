@@ -30,10 +30,11 @@ from .qos import HELLO_QOS
 
 HEARTBEAT_S = 0.4
 SILENCE_S = 2.5
-"""Silence after which a node that was heard before is taken for dead, if its process is not here."""
+"""Silence after which a node that was heard before is taken for dead, if its process was here and is gone."""
 
 STALL_S = 10.0
-"""The same if its process is here and lives: it may be short of processor time, or be stopped."""
+"""The same if its process lives, or is on another machine: it may be short of processor time, compile, or be
+stopped."""
 
 STARTUP_S = 300.0
 """Time for all nodes to be heard and ready: engines may have to be compiled."""
@@ -101,6 +102,7 @@ class Lifeline:
         self._started = self._checked = now
         self._heard: dict[str, float] = {}
         self._process_ids: dict[str, int] = {}
+        self._was_here: dict[str, bool] = {}  # whether that process was on this machine when first heard of
         self._ended: dict[str, float] = {}  # when a node said that it ends
         self._lost = ""
         self._said = threading.Lock()
@@ -174,7 +176,9 @@ class Lifeline:
         hello = self._read(cdr)
         if hello.run_id == self._run.run_id and hello.node in self._watched:
             self._heard[hello.node] = time.monotonic()
-            self._process_ids[hello.node] = hello.process_id
+            if self._process_ids.get(hello.node) != hello.process_id:
+                self._process_ids[hello.node] = hello.process_id
+                self._was_here[hello.node] = _lives(hello.process_id)
             if hello.state in (NodeState.ENDED, NodeState.FAULT):
                 self._ended.setdefault(hello.node, time.monotonic())
 
@@ -201,7 +205,8 @@ class Lifeline:
     def _patience_s(self, name: str, silence_s: float) -> float:
         if silence_s < SILENCE_S:
             return SILENCE_S
-        return STALL_S if _lives(self._process_ids[name]) else SILENCE_S
+        gone = self._was_here[name] and not _lives(self._process_ids[name])
+        return SILENCE_S if gone else STALL_S
 
 
 def _lives(process_id: int) -> bool:

@@ -94,6 +94,12 @@ def watched_by(name: str, run: NodeRun) -> tuple[str, ...]:
     return run.participants if name == COUPLER else (COUPLER,)
 
 
+def say(text: str) -> None:
+    """Writes a line to standard error, where there may be no room left, or nobody to read it."""
+    with suppress(OSError):
+        os.write(sys.stderr.fileno(), (text + "\n").encode())  # past the buffer, which would fail at the exit
+
+
 def report_to_supervisor(**event: Any) -> None:
     """Writes an event to standard output, one JSON object per line."""
     with suppress(BrokenPipeError):  # the supervisor is gone, and standard input says so too
@@ -115,7 +121,7 @@ def run_process(name: str, build: Callable[..., LockstepNode]) -> int:
         settings = read_settings(node)
         run = settings.node_run(load_scene(settings.scene))
     except InputError as error:
-        print(f"{name}: {one_line(error)}", file=sys.stderr, flush=True)
+        say(f"{name}: {one_line(error)}")
         return error.exit_status
     lifeline = Lifeline(node, name, run, watched_by(name, run))
     with caught_signals(lambda number: lifeline.request_stop(interrupted(number))):
@@ -133,7 +139,7 @@ def _serve(
     _wait(service, lifeline)
     ending = service.ending
     if ending.reason:
-        print(f"{name}: {ending.reason}", file=sys.stderr, flush=True)
+        say(f"{name}: {ending.reason}")
     if settings.supervised and name == COUPLER:
         report_to_supervisor(exit_status=ending.exit_status, reason=ending.reason)
     lifeline.close()
@@ -157,5 +163,5 @@ def _wait(service: Service, lifeline: Lifeline) -> None:
     service.join(GRACE_S + LAST_WORD_S + (KEEP_S if interrupted_run else 0.0))
     if service.is_alive():
         ending = lifeline.stop or Ending(RunError.exit_status, lifeline.lost)
-        print(f"{service.name}: {ending.reason}", file=sys.stderr, flush=True)
+        say(f"{service.name}: {ending.reason}")
         os._exit(ending.exit_status)  # nothing here needs closing

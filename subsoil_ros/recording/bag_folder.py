@@ -5,6 +5,7 @@ numbers and no checksums. rosbags, rosbag2 and mcap's own readers read the resul
 """
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,9 @@ from ..errors import InputError, RecordingError
 
 CHUNK_BYTES = 128 * 1024
 """Size of a chunk before compression; a killed writer loses at most the one being filled."""
+
+NOTES = "subsoil_ros"
+"""Name of the metadata record with the notes."""
 
 _ROSBAG2_VERSION = 9
 _SCHEMA_ENCODING = "ros2msg"
@@ -46,8 +50,13 @@ class BagFolder:
         RecordingError: the disk refuses.
     """
 
-    def __init__(self, directory: Path, file_name: str | None = None) -> None:
+    def __init__(
+        self, directory: Path, file_name: str | None = None, notes: Mapping[str, str] | None = None
+    ) -> None:
         """Creates the folder, and in it `file_name` (default: as rosbag2 names it, FOLDER_0.mcap).
+
+        `notes` say something about the whole bag: in the file's metadata from the start, and in
+        metadata.yaml as custom_data.
 
         Raises:
             InputError: it exists, or cannot be created.
@@ -70,7 +79,10 @@ class BagFolder:
         self._times_ns: list[int] = []  # [first, last]
         self._open = True
         self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._notes = dict(notes or {})
         self._writer.start(profile="ros2", library="subsoil_ros")
+        if self._notes:
+            self._writer.add_metadata(NOTES, self._notes)
         self._stream.flush()
         self._on_disk = self._stream.tell()
 
@@ -172,7 +184,7 @@ class BagFolder:
             "compression_mode": "",
             "relative_file_paths": [self.path.name],
             "files": [{"path": self.path.name, **span}],
-            "custom_data": None,
+            "custom_data": self._notes or None,
             "ros_distro": "jazzy",
         }
 

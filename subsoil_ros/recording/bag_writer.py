@@ -7,7 +7,7 @@ from ..errors import ProtocolError
 from ..messages import Grant, MechanismState, ToolMotions, ToolWrenches
 from ..scene.limits import Timing
 from ..scene.model import Scene
-from ..ticks import INITIAL_TICK, tick_end_ns
+from ..ticks import INITIAL_TICK, every_ticks, tick_end_ns
 from .bag_folder import BagFolder, TopicInfo
 from .conversion import from_message, message_type, to_message
 from .standard import body_frame, clock, pose_stamped, transforms, wrench_stamped
@@ -59,7 +59,7 @@ class BagWriter:
         self._tick = INITIAL_TICK
         self._held: list[_Held] = []  # of self._tick
         schema_text(message_type(Grant))  # without message definitions there is no bag
-        self._folder = BagFolder(directory)
+        self._folder = BagFolder(directory, notes=_notes(scene, timing))
 
     def write(self, record: Any) -> None:
         """Takes any record of messages.py.
@@ -162,3 +162,16 @@ class BagWriter:
                 TopicInfo(name, kind, schema_text(kind), type_hash(kind), [qos_profile(topic)])
             )
         self._folder.write(name, time_ns, data)
+
+
+def _notes(scene: Scene, timing: Timing) -> dict[str, str]:
+    """What a reader cannot see from the messages: what is recorded of every tick, and what is thinned."""
+    cloud_ticks = 0
+    if scene.particle_soil is not None:
+        cloud_ticks = every_ticks(scene.record.cloud_hz, timing.interval_ns)
+    return {
+        "interval_ns": str(timing.interval_ns),
+        "lockstep_messages": "every tick",
+        "series": f"every {scene.record.series_ticks} ticks, and the last",
+        "clouds": f"thinned: every {cloud_ticks} ticks, and the last" if cloud_ticks else "none",
+    }

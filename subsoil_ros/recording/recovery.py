@@ -9,11 +9,11 @@ from pathlib import Path
 import yaml
 import zstandard
 from mcap.exceptions import McapError
-from mcap.records import Channel, Message, Schema
+from mcap.records import Channel, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 
 from ..errors import InputError, RecordingError
-from .bag_folder import BagFolder, TopicInfo
+from .bag_folder import NOTES, BagFolder, TopicInfo
 from .bag_reader import mcap_path
 
 # what the readers of MCAP, its strings and its chunks meet where a file is cut or overwritten
@@ -65,7 +65,7 @@ def _recover(source: Path, fresh: Path, kept: Path, whole: bool) -> Recovery:
     directory = source.parent
     channels: dict[int, str] = {}
     schemas: dict[int, Schema] = {}
-    folder = None if whole else BagFolder(fresh, source.name)
+    folder = None if whole else BagFolder(fresh, source.name, _notes(source))
     count, end_ns = 0, 0
     for record in _readable(source):
         if isinstance(record, Schema):
@@ -90,6 +90,16 @@ def _recover(source: Path, fresh: Path, kept: Path, whole: bool) -> Recovery:
     (fresh / "metadata.yaml").replace(directory / "metadata.yaml")
     fresh.rmdir()
     return Recovery(source, kept, count, end_ns)
+
+
+def _notes(path: Path) -> dict[str, str]:
+    """What the writer noted about the bag; it stands before the first message."""
+    for record in _readable(path):
+        if isinstance(record, Metadata) and record.name == NOTES:
+            return dict(record.metadata)
+        if isinstance(record, Message):
+            break
+    return {}
 
 
 def last_time_ns(path: Path) -> int:

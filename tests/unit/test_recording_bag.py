@@ -438,3 +438,23 @@ def test_a_killed_writer_loses_at_most_the_last_chunk(tmp_path):
     ticks = [record.tick for record in BagReader(tmp_path / "bag").records(ToolWrenches)]
     assert ticks == list(range(len(ticks)))
     assert len(ticks) >= count - 128 * 1024 / 700  # bytes of a chunk over those of a tick, or less
+
+
+def test_the_bag_says_what_was_thinned(bag: Path) -> None:
+    """Every how many ticks clouds and series are there: in file and metadata.yaml, also when mended."""
+    expected = {
+        "interval_ns": str(INTERVAL_NS),
+        "lockstep_messages": "every tick",
+        "series": f"every {SERIES_TICKS} ticks, and the last",
+        "clouds": f"thinned: every {round(0.1e9 / INTERVAL_NS)} ticks, and the last",
+    }
+    (path,) = bag.glob("*.mcap")
+    path.write_bytes(path.read_bytes()[:-1])  # no footer any more
+    recover(bag)
+    with path.open("rb") as stream:
+        notes = {record.name: record.metadata for record in make_reader(stream).iter_metadata()}
+    assert notes["subsoil_ros"] == expected
+    metadata = yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert metadata["custom_data"] == expected
+    with AnyReader([bag]) as reader:  # others still read it
+        assert reader.message_count > 0

@@ -105,8 +105,9 @@ def _reduced_bounds(
     scene: Scene, soil: ResistanceSoil, meshes: dict[str, ToolMesh]
 ) -> tuple[CouplingBound, ...]:
     """Of the springs before shares and shanks: their damper is k H, so it outweighs the held force at any
-    H, up to k H = 2 m / H."""
+    H, up to k H = 2 m / H; where both sides advance at once, at none: that takes 3/2 k H."""
     assert scene.mechanism is not None
+    parallel = scene.coupling.scheme == "parallel"
     modulus = soil_of(soil).values.bed_modulus_newton_per_m3
     found = []
     for name, tool in scene.tools.items():
@@ -115,7 +116,7 @@ def _reduced_bounds(
         faces = cutting_faces(meshes[name], f"tools.{name}")
         mass = _effective_mass_kg(scene.mechanism.bodies[tool.body], meshes[name])
         longest = float(np.sqrt(2.0 * mass / (modulus * sum(face.area_m2 for face in faces))))
-        found.append(CouplingBound(name, longest, longest, mass, float(len(faces))))
+        found.append(CouplingBound(name, 0.0 if parallel else longest, longest, mass, float(len(faces))))
     return tuple(found)
 
 

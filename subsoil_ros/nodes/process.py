@@ -115,8 +115,12 @@ def run_process(name: str, build: Callable[..., LockstepNode]) -> int:
     if name in (COUPLER, RECORDER) and hasattr(os, "SCHED_BATCH"):
         os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))  # waking, they push no engine aside
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
-    node = Node(f"{name}_process")
+    try:
+        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+        node = Node(f"{name}_process")
+    except RuntimeError as error:  # rcl's are such; security asked for, say, and not to be had
+        say(f"{name}: no ROS node can be made: {' '.join(str(error).split())}")
+        return RunError.exit_status
     try:
         settings = read_settings(node)
         run = settings.node_run(load_scene(settings.scene))

@@ -1,5 +1,6 @@
 """A scene as a plain YAML document: reading, merging, removing. Knows no keys of the scene itself."""
 
+import difflib
 import math
 import re
 from collections.abc import Iterator, Mapping
@@ -110,7 +111,8 @@ def read_document(path: Path, shown: str) -> Document:
 
 
 def _similar_files(path: Path) -> str:
-    beside = sorted(path.parent.glob("*.yaml"))[:8] if path.parent.is_dir() else []
+    names = {found.name: found for found in path.parent.glob("*.yaml")} if path.parent.is_dir() else {}
+    beside = [names[name] for name in difflib.get_close_matches(path.name, names, n=8, cutoff=0.0)]
     return f"; beside it there are {', '.join(p.name for p in beside)}" if beside else ""
 
 

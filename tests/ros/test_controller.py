@@ -192,6 +192,20 @@ def test_a_controller_that_misbehaves_ends_the_run(
 
 
 @pytest.mark.slow
+def test_separate_processes_drive_as_one(tmp_path: Path) -> None:
+    """The controller as a process of its own: the series of the direct run, byte for byte."""
+    series = []
+    for mode in ("direct", "nodes"):
+        changes = [item for change in (CHANGES[0], *CHANGES[2:]) for item in ("--set", change)]
+        scene = SCENE.parent / "mechanism_only.yaml"
+        run = Run(tmp_path / mode, mode, TICKS * 5e-4, *changes, scene=scene)
+        status, _, err = run.finish()
+        assert status == 0, err
+        series.append((run.out / "series.csv").read_bytes())
+    assert series[0] == series[1]
+
+
+@pytest.mark.slow
 def test_a_killed_controller_ends_the_run(tmp_path: Path) -> None:
     """kill -9 of the controller's process: exit 3, it is named, nothing is left running."""
     changes = [item for change in CHANGES[::2] + CHANGES[3:] for item in ("--set", change)]

@@ -172,8 +172,8 @@ class Coupler:
 
     def accept_command(self, command: DriverCommand) -> None:
         """Takes the command of a control tick, which may come as soon as the tick before it is done."""
-        self._refuse_ungranted("driver_command", command.tick - 1)
         self._commands.add(command)
+        self._refuse_ungranted("driver_command", command.tick, ahead=1)
 
     def accept_ack(self, ack: TickAck) -> None:
         """Takes the recorder's word that everything up to a tick is written."""
@@ -232,6 +232,6 @@ class Coupler:
             return f"tool_wrenches of tick {self.done_tick + 1}"
         return f"tick_ack after tick {self.acknowledged_tick} from {RECORDER}"
 
-    def _refuse_ungranted(self, name: str, tick: int) -> None:
-        if tick > self._granted:
+    def _refuse_ungranted(self, name: str, tick: int, ahead: int = 0) -> None:
+        if tick > self._granted + ahead:
             raise ProtocolError(f"{name}: tick {tick} came, granted is tick {self._granted}")

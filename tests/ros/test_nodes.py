@@ -12,6 +12,7 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from subsoil_msgs.msg import ToolMotions as ToolMotionsMessage
 
@@ -236,6 +237,13 @@ class GatedSoil(SpringSoil):
         return super().advance(tick, motions)
 
 
+def wait_for_listeners(publisher: Publisher, count: int) -> None:
+    """Until so many know the publisher; or 3 s, as a run may have ended because of it."""
+    deadline = time.monotonic() + 3.0
+    while publisher.get_subscription_count() < count and time.monotonic() < deadline:
+        time.sleep(0.001)
+
+
 @pytest.fixture
 def listener() -> Iterator[Node]:
     """A node of somebody else in the same domain."""
@@ -294,8 +302,7 @@ def test_a_foreign_message_ends_the_run_by_name(
     runner.start()
     assert at.wait(LIMIT_S)
     publisher = listener.create_publisher(ToolMotionsMessage, "tool_motions", LOCKSTEP_QOS)
-    while publisher.get_subscription_count() < 3:
-        time.sleep(0.001)
+    wait_for_listeners(publisher, 3)
     message = ToolMotionsMessage(run_id="other", tick=4)
     message.header.stamp.nanosec = 5 * resolved.timing.interval_ns
     publisher.publish(message)

@@ -35,6 +35,7 @@ from .test_nodes import (  # noqa: F401  fixtures
     listener,
     resolved,
     run_nodes,
+    wait_for_listeners,
 )
 
 pytestmark = pytest.mark.ros
@@ -75,8 +76,7 @@ def test_a_stranger_is_refused_by_name(
     runner.start()
     assert at.wait(LIMIT_S)
     publisher = listener.create_publisher(ToolWrenchesMessage, "tool_wrenches", LOCKSTEP_QOS)
-    while publisher.get_subscription_count() < 3:  # mechanism, coupler, recorder
-        time.sleep(0.001)
+    wait_for_listeners(publisher, 3)  # mechanism, coupler, recorder
     message = ToolWrenchesMessage(run_id="test", tick=3, tools=[ToolWrenchMessage(tool=tool)])
     message.header.stamp.nanosec = 4 * resolved.timing.interval_ns
     spoil(message)

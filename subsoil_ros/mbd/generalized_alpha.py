@@ -5,6 +5,8 @@ Source: Chung & Hulbert (1993), J. Appl. Mech. 60(2); the auxiliary acceleration
 accelerations of the independent coordinates, so nothing is left of the index of the constraints.
 """
 
+import numpy as np
+
 from .compiled import inner_kernel
 from .dynamics import complete
 from .linear import copy, lu_factor, lu_solve
@@ -21,6 +23,10 @@ BETA = 0.25 * (GAMMA + 0.5) ** 2
 LAST_ITERATION = 30
 SOLVED = 1e-12
 """A correction below this part of the accelerations ends Newton's method."""
+
+STALLED = 1e-9
+"""So does one of more than half the last, below this part of the accelerations or of 1 m/s2: near rest,
+forces that cancel leave their round-off."""
 
 DIFFERENCE = 1e-5
 """Accelerations are moved by this part of the largest for the differences of the Jacobian."""
@@ -78,6 +84,7 @@ def step_generalized_alpha(model, state, work, start, step, select):
         work.unknown[j] -= DIFFERENCE * largest
     if not lu_factor(work.newton, work.newton_pivots, freedom - 1, freedom - 1):
         return SINGULAR, most
+    before = np.inf
     for _ in range(LAST_ITERATION):
         lu_solve(work.newton, work.newton_pivots, freedom - 1, freedom - 1, work.newton_right)
         change = 0.0
@@ -86,8 +93,10 @@ def step_generalized_alpha(model, state, work, start, step, select):
             change = max(change, abs(work.newton_right[i]))
         status, iterations = _evaluate(model, state, work, time, select, step)
         most = max(most, iterations)
-        if status != OK or change <= SOLVED * largest:
+        stalled = change >= 0.5 * before and change <= STALLED * max(largest, 1.0)
+        if status != OK or stalled or change <= SOLVED * largest:
             return status, most
+        before = change
         for i in range(freedom):
             j = state.independent[i]
             largest = max(largest, abs(work.a[j]))

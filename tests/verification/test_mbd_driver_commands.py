@@ -1,6 +1,7 @@
 """A driver under a controller's commands: the motion they ask for, and what is refused."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -117,7 +118,7 @@ def command_of(law: dict, speed: float, draft: float = 0.0) -> float:
     """What a controller at `speed` asks for."""
     keys = Controller.model_validate(KEYS | {"law": law})
     engine = engine_of({"kind": "constant", "value": 0.0}, None)
-    state = engine.state("run", 9, 10 * INTERVAL_NS)
+    state = replace(engine.state("run", 9, 10 * INTERVAL_NS), draft_newton=draft)
     return SpeedController(keys, speed, 0.01).command(10, state).speed
 
 

@@ -19,6 +19,7 @@ from .wedge import Plate, failure
 from .wheel import SLOWEST_M_PER_S, grip_newton, rolling_resistance_newton, wheel_load_newton
 
 ROUND_OFF_RAD = 1e-9
+"""A plate that leans forward by less counts as upright (chosen: above the round-off of a pose)."""
 
 
 @dataclass

@@ -105,9 +105,11 @@ def _reduced_bounds(
     scene: Scene, soil: ResistanceSoil, meshes: dict[str, ToolMesh]
 ) -> tuple[CouplingBound, ...]:
     """Of the springs before shares and shanks: their damper is k H, so it outweighs the held force at any
-    H, up to k H = 2 m / H; where both sides advance at once, at none: that takes 3/2 k H."""
+    H, up to that of a damper alone, k H = 2 m / H; where both sides advance at once, at none: that takes
+    3/2 k H."""
     assert scene.mechanism is not None
     parallel = scene.coupling.scheme == "parallel"
+    share = PARALLEL_DAMPER_SHARE if parallel else SERIAL_DAMPER_SHARE
     modulus = soil_of(soil).values.bed_modulus_newton_per_m3
     found = []
     for name, tool in scene.tools.items():
@@ -115,7 +117,7 @@ def _reduced_bounds(
             continue
         faces = cutting_faces(meshes[name], f"tools.{name}")
         mass = _effective_mass_kg(scene.mechanism.bodies[tool.body], meshes[name])
-        longest = float(np.sqrt(2.0 * mass / (modulus * sum(face.area_m2 for face in faces))))
+        longest = float(np.sqrt(share * mass / (modulus * sum(face.area_m2 for face in faces))))
         found.append(CouplingBound(name, 0.0 if parallel else longest, longest, mass, float(len(faces))))
     return tuple(found)
 

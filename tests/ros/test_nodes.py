@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 import rclpy
@@ -12,7 +13,6 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from subsoil_msgs.msg import ToolMotions as ToolMotionsMessage
 
@@ -237,11 +237,29 @@ class GatedSoil(SpringSoil):
         return super().advance(tick, motions)
 
 
-def wait_for_listeners(publisher: Publisher, count: int) -> None:
-    """Until so many know the publisher; or 3 s, as a run may have ended because of it."""
-    deadline = time.monotonic() + 3.0
-    while publisher.get_subscription_count() < count and time.monotonic() < deadline:
+def ending_with_stranger(
+    resolved: ResolvedScene, bag: Path, listener: Node, topic: str, message: Any
+) -> Ending:
+    """How a run ends whose soil stands at tick 3 while somebody else publishes on a lockstep topic."""
+    gate, at = threading.Event(), threading.Event()
+    endings: list[Ending] = []
+    runner = threading.Thread(
+        target=lambda: endings.append(run_nodes(resolved, bag, lambda: GatedSoil(gate, at)))
+    )
+    runner.start()
+    assert at.wait(LIMIT_S)
+    publisher = listener.create_publisher(type(message), topic, LOCKSTEP_QOS)
+    deadline = time.monotonic() + 3.0  # the run may have ended because of the publisher
+    while (
+        publisher.get_subscription_count() < 3 and time.monotonic() < deadline
+    ):  # two nodes and the recorder
         time.sleep(0.001)
+    publisher.publish(message)
+    time.sleep(0.3)
+    gate.set()
+    runner.join(LIMIT_S)
+    (ending,) = endings
+    return ending
 
 
 @pytest.fixture
@@ -294,21 +312,9 @@ def test_a_foreign_message_ends_the_run_by_name(
     resolved: ResolvedScene, tmp_path: Path, listener: Node
 ) -> None:
     """Somebody publishes motions of another run on our topic: refused, named, exit 3."""
-    gate, at = threading.Event(), threading.Event()
-    endings: list[Ending] = []
-    runner = threading.Thread(
-        target=lambda: endings.append(run_nodes(resolved, tmp_path / "bag", lambda: GatedSoil(gate, at)))
-    )
-    runner.start()
-    assert at.wait(LIMIT_S)
-    publisher = listener.create_publisher(ToolMotionsMessage, "tool_motions", LOCKSTEP_QOS)
-    wait_for_listeners(publisher, 3)
     message = ToolMotionsMessage(run_id="other", tick=4)
     message.header.stamp.nanosec = 5 * resolved.timing.interval_ns
-    publisher.publish(message)
-    gate.set()
-    runner.join(LIMIT_S)
-    (ending,) = endings
+    ending = ending_with_stranger(resolved, tmp_path / "bag", listener, "tool_motions", message)
     assert ending.exit_status == 3
     assert "tool_motions: " in ending.reason
     assert "ROS_DOMAIN_ID of its own" in ending.reason

@@ -1,7 +1,6 @@
 """Strangers on our topics, and what only looks like a fault; nodes in one process with small engines."""
 
 import math
-import threading
 import time
 from collections.abc import Callable
 from functools import partial
@@ -32,10 +31,10 @@ from .test_nodes import (  # noqa: F401  fixtures
     SpringSoil,
     _own_domain,
     builds,
+    ending_with_stranger,
     listener,
     resolved,
     run_nodes,
-    wait_for_listeners,
 )
 
 pytestmark = pytest.mark.ros
@@ -68,23 +67,10 @@ def test_a_stranger_is_refused_by_name(
     The message stands where the soil's own answer to tick 3 belongs.
     """
     (tool,) = resolved.scene.tools
-    gate, at = threading.Event(), threading.Event()
-    endings: list[Ending] = []
-    runner = threading.Thread(
-        target=lambda: endings.append(run_nodes(resolved, tmp_path / "bag", lambda: GatedSoil(gate, at)))
-    )
-    runner.start()
-    assert at.wait(LIMIT_S)
-    publisher = listener.create_publisher(ToolWrenchesMessage, "tool_wrenches", LOCKSTEP_QOS)
-    wait_for_listeners(publisher, 3)  # mechanism, coupler, recorder
     message = ToolWrenchesMessage(run_id="test", tick=3, tools=[ToolWrenchMessage(tool=tool)])
     message.header.stamp.nanosec = 4 * resolved.timing.interval_ns
     spoil(message)
-    publisher.publish(message)
-    time.sleep(0.3)
-    gate.set()
-    runner.join(LIMIT_S)
-    (ending,) = endings
+    ending = ending_with_stranger(resolved, tmp_path / "bag", listener, "tool_wrenches", message)
     assert ending.exit_status == 3
     assert "tool_wrenches: " in ending.reason
     ticks = lockstep_ticks(tmp_path / "bag", resolved.timing.interval_ns)

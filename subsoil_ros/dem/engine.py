@@ -12,12 +12,12 @@ from ..scene.limits import DENSE_COORDINATION, SAFETY, step_limits
 from ..scene.loader import ResolvedScene
 from ..scene.meshes import load_tool_mesh
 from ..scene.pairs import layer_soils, particle_mass_kg
-from . import kernel_calls
 from .bed import Bed, finite_rows, refuse_outside
 from .beds.prepare import prepare_bed
 from .contact import SINKS, PairLaw, law_features, soil_laws
 from .energy import EnergyBook
 from .integration import kick, kick_drift, mass_sums, motion_sums
+from .kernel_calls import KernelCalls, use_threads
 from .mixture import REACH, REST_OVERLAP, Mixture, law_tables, material_at
 from .monitors import Domain, LostParticle, MotionSums, Watch, half_step_sums, refuse_lost_numbers
 from .neighbours import carry_pairs, carry_rows, cell_grid, half_list, slab_starts, sort_by_cell
@@ -81,6 +81,7 @@ class SoilEngine:
         self._overlap_bound = soil.largest_tool_overlap_m or 2.0 * soil.particles.mean_volume_radius_m
         self._planes = wall_planes(self.bed.lower_m, self.bed.upper_m, self.bed.sides)
         self._tools: tuple[ToolSurface, ...] = ()
+        self._kernels = KernelCalls()
         self._calls: _StepCalls | None = None
         self._rebuilds = 0
         self._tool_work = 0.0
@@ -255,7 +256,7 @@ class SoilEngine:
 
         A particle goes when its centre is inside a tool or so near that the contact would press.
         """
-        kernel_calls.use_threads(self._threads)
+        use_threads(self._threads)
         tools = self._surfaces(motions)
         p = self._particles
         if p.unequal:
@@ -355,7 +356,7 @@ class SoilEngine:
             PhysicsError: a state that is not a number, a tool sunk too deep into a particle, or a bound of
                 soil.monitors passed.
         """
-        kernel_calls.use_threads(self._threads)
+        use_threads(self._threads)
         steps = self._resolved.timing.soil_steps
         starts = tuple(tool.last for tool in self._tools)
         self._begin_tick()
@@ -428,22 +429,23 @@ class SoilEngine:
         """Kernel calls for steps of this length [s]; whatever puts other arrays in place ends them."""
         p, pairs, walls, features = self._particles, self._pairs, self._walls, self._features
         motion, (mass, inertia) = (p.position, p.velocity, p.spin, p.force, p.torque), self._masses()
+        bind = self._kernels.bind
         self._calls = calls = _StepCalls(
-            kernel_calls.bound(
+            bind(
                 kick_drift, *motion, p.built_position,
                 mass, inertia, self._gravity, step, (0.5 * self._soil.skin_m) ** 2,
             ),
-            kernel_calls.bound(
+            bind(
                 pair_forces, pairs.slab_start, pairs.row_start, pairs.neighbour, *motion, pairs.history,
                 self._kind(self._radius), self._kind(step), self._pair_law, self._mixture(self._pair_laws),
                 features, self._pair_book,
             ),
-            kernel_calls.bound(
+            bind(
                 wall_forces, walls.particle, self._planes, *motion, walls.shear, walls.roll,
                 self._radius, step, self._boundary, self._mixture(self._wall_laws), features,
                 self._wall_force, self._wall_book,
             ),
-            kernel_calls.bound(kick, p.velocity, p.spin, p.force, p.torque, mass, inertia, step),
+            bind(kick, p.velocity, p.spin, p.force, p.torque, mass, inertia, step),
         )  # fmt: skip
         for tool in self._tools:
             tool.bind(p, self._radius, step, self._at_tools, self._mixture(self._tool_laws), features)

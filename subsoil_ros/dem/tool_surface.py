@@ -10,7 +10,7 @@ from ..messages import GroupForce, ToolMotion, ToolWrench
 from ..scene.meshes import ToolMesh
 from .contact import Features, PairLaw
 from .facets import Facets, facets_of, inside_or_near, near_facets
-from .kernel_calls import bound
+from .kernel_calls import KernelCalls
 from .mixture import Mixture
 from .neighbours import CellGrid, carry_rows
 from .snapshot import from_named, motion_array, motion_from, named
@@ -51,6 +51,7 @@ class ToolSurface:
         self._radius_m = float(np.linalg.norm(self.mesh.vertices_m[:, [0, 2]], axis=1).max())
         self._searched = self.last
         self._buffers = chunk_buffers(len(self.mesh.groups))
+        self._kernels = KernelCalls()
         none = np.empty(0, np.int64)
         empty = (np.zeros((0, CONTACTS), np.bool_), *(np.zeros((0, CONTACTS, 3)) for _ in range(3)))
         self.near = ToolList(none, np.zeros(1, np.int64), np.empty(0, np.int32), *empty)
@@ -112,7 +113,7 @@ class ToolSurface:
     ) -> None:
         """What add_forces works on until particles are sorted, or candidates searched, anew."""
         near = self.near
-        self._tool_forces: Callable[[Motion], tuple[np.ndarray, np.ndarray, np.ndarray]] = bound(
+        self._tool_forces: Callable[[Motion], tuple[np.ndarray, np.ndarray, np.ndarray]] = self._kernels.bind(
             tool_forces, near.particle, near.facet_start, near.facet, self.facets,
             particles.position, particles.velocity, particles.spin, particles.force, particles.torque,
             near.active, near.normal, near.shear, near.roll, radius, step, law, mixture, features,

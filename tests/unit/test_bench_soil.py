@@ -5,12 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from subsoil_ros.dem import kernel_calls
 from subsoil_ros.dem.beds.prepare import prepare_bed
 from subsoil_ros.dem.bench.cases import GRID, linear_case, stirred_velocities, wet_case
 from subsoil_ros.dem.bench.measure import array_bytes, bed_hash, measure
 from subsoil_ros.dem.bench.phases import PHASES, phase_parts
 from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.kernel_calls import KernelCalls
 from subsoil_ros.dem.tool_surface import ToolSurface
 
 SIZE_M = (0.3, 0.12, 0.2)
@@ -39,10 +39,10 @@ def test_every_phase_takes_time(tmp_path):
 
 def test_clocks_are_taken_off_again(tmp_path):
     """After a profile the engine runs as before."""
-    before = (kernel_calls.bound, SoilEngine._rebuild, ToolSurface.add_forces)
+    before = (KernelCalls.bind, SoilEngine._rebuild, ToolSurface.add_forces)
     case = linear_case(GRID, SIZE_M, 1, "small")
     phase_parts(case, prepare_bed(case.resolved, SoilEngine))
-    assert (kernel_calls.bound, SoilEngine._rebuild, ToolSurface.add_forces) == before
+    assert (KernelCalls.bind, SoilEngine._rebuild, ToolSurface.add_forces) == before
 
 
 def test_bytes_count_an_array_once():

@@ -5,9 +5,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from .. import kernel_calls
 from ..bed import Bed
 from ..engine import SoilEngine
+from ..kernel_calls import KernelCalls
 from ..tool_surface import ToolSurface
 from .cases import Case
 from .measure import prepared_engine, run_steps
@@ -22,6 +22,7 @@ _METHODS: dict[str, tuple[Any, str]] = {
     "search": (SoilEngine, "_rebuild"),
     "tool": (ToolSurface, "add_forces"),
 }
+_BIND = (KernelCalls, "bind")
 PHASES = (*dict.fromkeys(_KERNELS.values()), *_METHODS)
 """Kernels by name and methods, none of which calls another. `search` is that of pairs, walls and tools."""
 
@@ -41,19 +42,19 @@ def phase_parts(case: Case, bed: Bed) -> dict[str, float]:
 def clocked(clock: Callable[[], float] = time.process_time) -> Iterator[dict[str, float]]:
     """Seconds by phase that engines spend while the context lasts."""
     spent = dict.fromkeys(PHASES, 0.0)
-    plain = [(owner, name, getattr(owner, name)) for owner, name in _METHODS.values()]
-    bound = kernel_calls.bound
+    plain = [(owner, name, getattr(owner, name)) for owner, name in (*_METHODS.values(), _BIND)]
+    bind = KernelCalls.bind
 
-    def timed_call(kernel: Any, *arguments: Any, varying: tuple[Any, ...] = ()) -> Callable[..., Any]:
-        return _timed(bound(kernel, *arguments, varying=varying), _KERNELS[kernel.__name__], spent, clock)
+    def timed_bind(calls: KernelCalls, kernel: Any, *arguments: Any, **more: Any) -> Callable[..., Any]:
+        call, phase = bind(calls, kernel, *arguments, **more), _KERNELS.get(kernel.__name__)
+        return call if phase is None else _timed(call, phase, spent, clock)
 
     for phase, (owner, name) in _METHODS.items():
         setattr(owner, name, _timed(getattr(owner, name), phase, spent, clock))
-    kernel_calls.bound = timed_call
+    setattr(*_BIND, timed_bind)
     try:
         yield spent
     finally:
-        kernel_calls.bound = bound
         for owner, name, function in plain:
             setattr(owner, name, function)
 

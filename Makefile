@@ -88,7 +88,7 @@ $(prefix)/.set-up-packages: $(wildcard requirements/*.txt)
 	$(pip) install --quiet $(patsubst %,-r requirements/%.txt,run build dev) -c requirements/lock.txt
 	touch $@
 
-$(prefix)/.set-up-messages: $(prefix)/.set-up-packages $(wildcard msg_defs/* msg_defs/msg/*.msg msg_defs/srv/*.srv)
+$(prefix)/.set-up-messages: $(prefix)/.set-up-packages $(wildcard msg_defs/* msg_defs/msg/*.msg msg_defs/srv/*.srv msg_defs/action/*.action)
 	$(ros_prefix) $(pip) install --quiet --no-build-isolation --no-deps --force-reinstall ./msg_defs
 	touch $@
 

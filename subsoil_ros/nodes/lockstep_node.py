@@ -7,6 +7,7 @@ from typing import Any
 
 from rclpy.context import Context
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy
 from rclpy.subscription import Subscription
@@ -23,6 +24,9 @@ from .qos import qos_of
 
 POLL_S = 0.1
 """How often a node looks after what no message brings: matched endpoints, wishes to stop, silence."""
+
+OWN_TIME = [Parameter("use_sim_time", value=False)]
+"""These nodes make the simulated time: none follows /clock, whatever use_sim_time says to others."""
 
 LAST_WORD_S = 1.5
 """Time given to a last message to arrive; it is used up if somebody is dead."""
@@ -45,7 +49,9 @@ class LockstepNode(Node):
     """Pause after every wake-up; for nodes that nobody waits for."""
 
     def __init__(self, name: str, run: NodeRun, lifeline: Lifeline, context: Context | None = None) -> None:
-        super().__init__(name, context=context, start_parameter_services=False)
+        super().__init__(
+            name, context=context, start_parameter_services=False, parameter_overrides=OWN_TIME
+        )
         self.run = run
         self.lifeline = lifeline
         self.ended = threading.Event()

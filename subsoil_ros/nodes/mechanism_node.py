@@ -20,6 +20,7 @@ from ..messages import (
 from ..ticks import tick_end_ns
 from .lifeline import Lifeline, NodeRun
 from .lockstep_node import LockstepNode
+from .picture import Picture
 from .process import NodeSettings, run_process
 
 
@@ -48,6 +49,7 @@ class MechanismNode(LockstepNode):
         self._motions = self.publisher(ToolMotions, listeners)
         controllers = (CONTROLLER,) if scene.controller is not None else ()
         self._states = self.publisher(MechanismState, (RECORDER, *controllers))
+        self._picture = Picture(self, run.resolved)
         self._initial_motions = engine.initial_motions()
         self.lifeline.say(NodeState.STARTING, motions=self._initial_motions)
         self.listen(NodeHello, self._on_hello, ())
@@ -103,15 +105,16 @@ class MechanismNode(LockstepNode):
                 self._keep(tick)  # before the answer: who has it knows that the part is there
             self._motions.publish(self.bytes_of(ToolMotions(self.run.run_id, tick, end_ns, motions)))
             if self._schedule.series_due(tick):
-                self._publish_state(tick)
+                self._picture.move(self._publish_state(tick), None, end_ns)
             self._participant.finish(tick)
             if self._keeper is not None and self._participant.finished:
                 self._keeper.note_end(tick, MECHANISM, self._engine)
             self.note_tick(tick, self._participant.finished)
 
-    def _publish_state(self, tick: int) -> None:
+    def _publish_state(self, tick: int) -> MechanismState:
         state = self._engine.state(self.run.run_id, tick, tick_end_ns(tick, self._interval_ns))
         self._states.publish(self.bytes_of(state))
+        return state
 
     def _keep(self, tick: int) -> None:
         if self._keeper is not None:

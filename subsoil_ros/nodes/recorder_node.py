@@ -25,7 +25,7 @@ from ..messages import (
     ToolMotions,
     ToolWrenches,
 )
-from ..recording.bag_writer import BagWriter
+from ..recording.bag_writer import BagWriter, open_bag
 from ..recording.topics import TOPIC_OF
 from ..scene.loader import ResolvedScene
 from ..ticks import INITIAL_TICK, NANOSECONDS_PER_SECOND
@@ -220,8 +220,7 @@ def build(
     """
     if not settings.bag:
         raise InputError("recorder: parameter 'bag' is empty; name the folder for the bag, -p bag:=FOLDER")
-    scene, timing = run.resolved.scene, run.resolved.timing
-    return RecorderNode(BagWriter(Path(settings.bag), scene, timing), run, lifeline, context)
+    return RecorderNode(open_bag(Path(settings.bag), run.resolved), run, lifeline, context)
 
 
 def main() -> int:

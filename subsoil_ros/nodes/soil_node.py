@@ -26,6 +26,7 @@ from ..ticks import tick_end_ns
 from .convert import rclpy_class
 from .lifeline import Lifeline, NodeRun
 from .lockstep_node import LockstepNode
+from .picture import Picture
 from .process import NodeSettings, run_process
 from .qos import PEOPLE_QOS
 
@@ -74,6 +75,7 @@ class SoilNode(LockstepNode):
             )
             for name in scene.tools
         }
+        self._picture = Picture(self, run.resolved) if mover is not None else None
         self.listen(Grant, self._on_grant, (COUPLER,))
         if mover is None:
             self.listen(ToolMotions, self._on_motions, (MECHANISM,))
@@ -157,6 +159,9 @@ class SoilNode(LockstepNode):
         self, motions: tuple[ToolMotion, ...], wrenches: tuple[ToolWrench, ...], end_ns: int
     ) -> None:
         scene = self.run.resolved.scene
+        if self._picture is not None:
+            moved = ToolMotions(self.run.run_id, end_ns // self._interval_ns - 1, end_ns, motions)
+            self._picture.move(None, moved, end_ns)
         for motion, wrench in zip(motions, wrenches, strict=True):
             self._poses[motion.tool].publish(serialize(pose_stamped(message_class, motion, end_ns)))
             frame = body_frame(scene, wrench.tool)

@@ -136,6 +136,11 @@ class Lifeline:
         self._publish()
 
     @property
+    def node(self) -> Node:
+        """The ROS node that is spun here."""
+        return self._node
+
+    @property
     def state(self) -> NodeState:
         """What was said last."""
         return self._hello.state

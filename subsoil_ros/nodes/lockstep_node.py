@@ -18,6 +18,7 @@ from ..errors import ProtocolError, RunError, SubsoilError
 from ..messages import Grant, NodeHello, NodeState
 from ..recording.topics import TOPIC_OF
 from .convert import class_of, reader, writer
+from .diagnostics import Diagnostics, Health, Level
 from .lifeline import Lifeline, NodeRun
 from .message_loop import serve
 from .qos import qos_of
@@ -59,6 +60,7 @@ class LockstepNode(Node):
         self._interval_ns = run.resolved.timing.interval_ns
         self._writers: dict[type, Callable[[Any], bytes]] = {}
         self._partners: list[tuple[Publisher | Subscription, tuple[str, ...]]] = []
+        self._diagnostics = Diagnostics(self, run.run_id, self._interval_ns)
 
     def spin(self) -> None:
         """Serves until the node ends."""
@@ -115,6 +117,10 @@ class LockstepNode(Node):
     def on_poll(self) -> None:
         """Looks after what no message brings."""
 
+    def health(self) -> Health:
+        """What diagnostics say of the node beside its rate."""
+        return Health()
+
     def on_stop(self, stop: Ending) -> None:
         """Takes the wish, seen at every poll, that the node ends.
 
@@ -141,6 +147,8 @@ class LockstepNode(Node):
     def finish(self, exit_status: int, reason: str = "") -> None:
         """Ends the node."""
         self.ending = Ending(exit_status, reason)
+        level = Level.ERROR if exit_status else Level.OK
+        self._diagnostics.publish(Health(level, reason or "the run has ended"), self.lifeline.tick)
         self.ended.set()
 
     def finish_aborted(self, grant: Grant) -> None:
@@ -182,6 +190,8 @@ class LockstepNode(Node):
             raise RunError(self.lifeline.lost)
         self._refuse_other_publishers()
         self.on_poll()
+        if self._diagnostics.due():
+            self._diagnostics.publish(self.health(), self.lifeline.tick)
 
     def _refuse_other_publishers(self) -> None:
         """Raises ProtocolError if a lockstep topic has more publishers than the run."""

@@ -116,7 +116,8 @@ def _declare(node: Node, name: str, key: str) -> Any:
     try:
         return node.declare_parameter(key, default, descriptor).value
     except ParameterException as error:
-        raise InputError(f"{name}: parameter '{key}': needed is {allowed} ({' '.join(str(error).split())})") from error
+        words = " ".join(str(error).split())
+        raise InputError(f"{name}: parameter '{key}': needed is {allowed} ({words})") from error
 
 
 def watched_by(name: str, run: NodeRun) -> tuple[str, ...]:

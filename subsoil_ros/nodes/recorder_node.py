@@ -30,6 +30,7 @@ from ..recording.topics import TOPIC_OF
 from ..scene.loader import ResolvedScene
 from ..ticks import INITIAL_TICK, NANOSECONDS_PER_SECOND
 from .convert import reader
+from .diagnostics import Health
 from .lifeline import Lifeline, NodeRun
 from .lockstep_node import LockstepNode
 from .process import NodeSettings, run_process
@@ -123,6 +124,11 @@ class RecorderNode(LockstepNode):
         if self._abort is not None and time.monotonic() > self._cut_deadline:
             self.get_logger().warning(f"the record is cut early; not here: {self._barrier.missing()}")
             self._end_aborted(self._abort)
+
+    def health(self) -> Health:
+        """How far the record is on the disk, and what it waits for."""
+        barrier = self._barrier
+        return Health(values={"recorded_tick": barrier.done_tick, "waits_for": barrier.missing()})
 
     def on_fault(self, error: BaseException) -> None:
         """Leaves a readable bag, if the disk lets it; with all whole ticks if nobody is left to cut it."""

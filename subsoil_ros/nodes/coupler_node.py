@@ -121,7 +121,7 @@ class CouplerNode(LockstepNode):
         self._control = RunControl(self._coupler, self._on_pacing, lifeline.request_stop)
         self._pausing = PauseServices(self, self._control, self._guarded)
         self._simulation = SimulationServices(self, self._control, self._guarded)
-        self._steps = StepsAction(lifeline.node, self._control)
+        self._steps = StepsAction(lifeline, self._control)
 
     def on_poll(self) -> None:
         """Starts the run when all are ready; finds out what is late.

@@ -51,7 +51,10 @@ class LockstepNode(Node):
 
     def __init__(self, name: str, run: NodeRun, lifeline: Lifeline, context: Context | None = None) -> None:
         super().__init__(
-            name, context=context, start_parameter_services=False, parameter_overrides=OWN_TIME
+            name,
+            context=context,
+            start_parameter_services=False,
+            parameter_overrides=[*OWN_TIME, Parameter("start_type_description_service", value=False)],
         )
         self.run = run
         self.lifeline = lifeline

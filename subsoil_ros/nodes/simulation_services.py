@@ -17,6 +17,7 @@ from rclpy.node import Node
 from rclpy.service import Service
 
 from .. import __version__
+from .lifeline import Lifeline
 from .run_control import RESET_ADVICE, Result, RunControl
 
 FEATURES = (
@@ -152,24 +153,25 @@ class _Goal:
 class StepsAction:
     """The action simulate_steps of a coupler.
 
-    Goals come in the thread that spins `node`; all else happens in the coupler's, ten times a second (`poll`) and
+    Goals come in the thread of the lifeline; all else happens in the coupler's, ten times a second (`poll`) and
     when the ticks are done, so no thread waits.
     """
 
-    def __init__(self, node: Node, control: RunControl) -> None:
+    def __init__(self, lifeline: Lifeline, control: RunControl) -> None:
         self._control = control
         self._dialect = dialect()
         self._kind = self._dialect.action()
         self._accepted: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._goals: list[_Goal] = []
-        self._server = ActionServer(
-            node,
+        server = ActionServer(
+            lifeline.node,
             self._kind,
             "simulate_steps",
             execute_callback=lambda handle: self._kind.Result(),  # every goal brings its own
             handle_accepted_callback=self._accepted.put,
             cancel_callback=lambda goal: CancelResponse.ACCEPT,
         )
+        lifeline.at_close(server.destroy)
 
     def poll(self) -> None:
         """Begins goals, says how far they are, ends those that are cancelled."""

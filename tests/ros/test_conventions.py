@@ -106,7 +106,7 @@ def test_a_process_says_it_in_one_line() -> None:
     """The same from the command line: exit 2, no traceback."""
     words = ["--ros-args", "-p", "threads:=0", "-r", "__ns:=/field"]
     done = subprocess.run(
-        [sys.executable, "-m", "subsoil_ros.nodes.soil_node", *words],
+        [Path(sys.prefix) / "lib" / "subsoil_ros" / "soil_node", *words],  # where `ros2 run` finds it
         capture_output=True, text=True, timeout=LIMIT_S, check=False,
     )  # fmt: skip
     assert done.returncode == 2

@@ -1,5 +1,6 @@
 """What a ROS developer expects of the nodes: parameters, diagnostics, live topics, namespaces."""
 
+import importlib.util
 import os
 import subprocess
 import sys
@@ -223,6 +224,10 @@ def test_live_topics_carry_the_bytes_of_the_bag(
     listen(MarkerArray, "/tool_markers", "/subsoil/tool_markers", LATCHED_QOS)
     listen(PoseStamped, f"/{pose}", f"/subsoil/{pose}")
     listen(Clock, "/clock", "/clock")
+    if importlib.util.find_spec("tf2_msgs") is not None:  # in no package registry
+        from tf2_msgs.msg import TFMessage
+
+        listen(TFMessage, "/tf", "/tf")
     matched = [item for item in listener.subscriptions]
     spin(listener, lambda: all(item.get_publisher_count() == 1 for item in matched))
     spin(listener, lambda: heard["/robot_description"] and heard["/subsoil/tool_markers"])

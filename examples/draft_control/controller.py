@@ -2,9 +2,9 @@
 
     python controller.py --ros-args -p scene:=RUN/scene.yaml -p run_id:=NAME
 
-`subsoil run` of a scene with `controller.law: {kind: external}` prints the run's name and domain and waits. Every
-control tick the run hands over the machine's state and waits for the answer, a speed of the hitch, so results do not
-depend on how fast this program is. With real_time:=true it holds the run to the wall clock.
+`subsoil run` of a scene with `controller.law: {kind: external}` prints the run's name and domain and waits.
+Every control tick the run hands over the machine's state and waits for the answer, a speed of the hitch, so
+results do not depend on how fast this program is. With real_time:=true it holds the run to the wall clock.
 """
 
 import time
@@ -28,9 +28,9 @@ TARGETS = {
 LARGEST_TARGET = 1e5  # of the parameters' ranges
 
 GAIN_M_PER_NEWTON_S = 4e-4
-"""Speed of the hitch for each newton of draft too much. Draft F grows with depth by about S = 5000 N/m in this soil
-(config/soils/paper_grid.yaml). With the filter T the loop is T s^2 + s + GAIN S = 0: two real roots, the slower one
--2.8 /s, so the draft follows its target with a time constant of 0.36 s, without overshoot."""
+"""Speed of the hitch for each newton of draft too much. Draft grows with depth by about S = 5000 N/m in this
+soil (config/soils/paper_grid.yaml). With the filter T the loop is T s^2 + s + GAIN S = 0: two real roots, the
+slower one -2.8 /s, so the draft follows its target with a time constant of 0.36 s, without overshoot."""
 
 FILTER_S = 0.1
 """Time constant of the mean that is controlled: longer than a failure of the soil (18 mm at 0.5 m/s: 36 ms),

@@ -25,7 +25,9 @@ WAITING = re.compile(r"waiting for a node 'controller' of run '(\w+)' in ROS_DOM
 
 def main() -> int:
     """Starts the run and, when it waits for it, the controller. Returns the exit status of the run."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--scene", default="toolbar.yaml", help="of this folder")
     parser.add_argument("--out", type=Path, required=True, help="folder for the results; must not exist")
     parser.add_argument("--target", type=float, default=1300.0, help="draft to hold [N]")

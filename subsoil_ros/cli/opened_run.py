@@ -1,4 +1,4 @@
-"""A run that can begin: its scene checked, its bed prepared, its folder made. `subsoil run` and the launch file."""
+"""A run that can begin: its scene checked, its bed prepared, its folder made."""
 
 import uuid
 from dataclasses import dataclass

@@ -90,7 +90,7 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         )
         for node in plan.nodes()
     ]
-    words = f"run '{plan.run_id}' in {out}; when it has ended, `subsoil report {out}` makes series and figures"
+    words = f"run '{plan.run_id}' in {out}; `subsoil report {out}` makes series and figures of it"
     return [LogInfo(msg=words), *nodes]
 
 

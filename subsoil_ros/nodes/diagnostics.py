@@ -1,6 +1,6 @@
 """How a node does, as diagnostic tools read it: /diagnostics, about once a second of wall time.
 
-Only what the node has at hand is said, from its own thread: no engine is asked, and nothing in a run waits for it.
+Only what the node has at hand is said, from its own thread: no engine is asked, nothing in a run waits for it.
 """
 
 import time
@@ -39,7 +39,7 @@ class Health:
 
 
 class Diagnostics:
-    """Publishes a node's health. Stamps are wall time: rates and delays are of this machine, not of the model."""
+    """Publishes a node's health. Stamps are wall time: rates and delays are of this machine."""
 
     def __init__(self, node: Node, run_id: str, interval_ns: int) -> None:
         self._publisher = node.create_publisher(rclpy_class(_KIND), TOPIC, PEOPLE_QOS)

@@ -35,7 +35,7 @@ class PauseServices:
         self._control.pause(self._answer(self._pause, header))
 
     def _on_resume(self, request: Any, header: Any) -> None:
-        answer = self._resume.srv_type.Response(success=True, message="the run goes on")  # type: ignore[attr-defined]
+        answer = Trigger.Response(success=True, message="the run goes on")
         self._resume.send_response(answer, header)
         self._control.resume()
 

@@ -1,8 +1,8 @@
 """The services and the action of simulation_interfaces, for tools that steer any simulator with them.
 
 Where that package is installed they have its types, otherwise those of subsoil_msgs, with the same names and
-operations: get_simulator_features, get_simulation_state, set_simulation_state, step_simulation, reset_simulation
-and the action simulate_steps, in the namespace of the run.
+operations: get_simulator_features, get_simulation_state, set_simulation_state, step_simulation,
+reset_simulation and the action simulate_steps, in the namespace of the run.
 """
 
 import queue
@@ -153,8 +153,8 @@ class _Goal:
 class StepsAction:
     """The action simulate_steps of a coupler.
 
-    Goals come in the thread of the lifeline; all else happens in the coupler's, ten times a second (`poll`) and
-    when the ticks are done, so no thread waits.
+    Goals come in the thread of the lifeline; all else happens in the coupler's, ten times a second (`poll`)
+    and when the ticks are done, so no thread waits.
     """
 
     def __init__(self, lifeline: Lifeline, control: RunControl) -> None:

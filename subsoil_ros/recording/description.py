@@ -1,4 +1,4 @@
-"""What does not change in a run and is said once, latched: the URDF of the machine and the surfaces of its tools.
+"""What does not change in a run and is said once, latched: URDF of the machine, surfaces of its tools.
 
 Markers carry their triangles, so whoever has only the bag sees the tools; the URDF names mesh files.
 """
@@ -57,7 +57,7 @@ def _marker(
         turned_x, turned_z = in_body(angle_rad, x, z)
         points.append(point(x=turned_x, y=y - tool.lateral_m, z=turned_z))  # /tf has the lateral offset
     red, green, blue, alpha = _SHARE_COLOUR if tool.share else _WHEEL_COLOUR
-    no_header = header(types, 0, "")
+    no_header, no_bytes = header(types, 0, ""), np.empty(0, np.uint8)
     return types("visualization_msgs/msg/Marker")(
         header=header(types, 0, body_frame(resolved.scene, name)),
         ns=label,
@@ -75,10 +75,10 @@ def _marker(
         points=points,
         colors=[],
         texture_resource="",
-        texture=types("sensor_msgs/msg/CompressedImage")(header=no_header, format="", data=np.empty(0, np.uint8)),
+        texture=types("sensor_msgs/msg/CompressedImage")(header=no_header, format="", data=no_bytes),
         uv_coordinates=[],
         text="",
         mesh_resource="",
-        mesh_file=types("visualization_msgs/msg/MeshFile")(filename="", data=np.empty(0, np.uint8)),
+        mesh_file=types("visualization_msgs/msg/MeshFile")(filename="", data=no_bytes),
         mesh_use_embedded_materials=False,
     )

@@ -1,7 +1,7 @@
 """The machine of a scene as URDF, for tools that draw it; /tf moves it.
 
-A URDF is a tree and cannot hold the four-bar loop of a hitch: each body floats on `world`. The frame of a body is
-the one of /tf: origin at its centre of mass (y: the lateral offset of its tool), turned by phi about -y.
+A URDF is a tree and cannot hold the four-bar loop of a hitch: each body floats on `world`. The frame of a body
+is the one of /tf: origin at its centre of mass (y: the lateral offset of its tool), turned by phi about -y.
 """
 
 import math
@@ -16,7 +16,7 @@ from .tools import Tool
 WORLD = "world"
 
 ROD_RADIUS_M = 0.012
-"""Of the rods from a body's centre of mass to its joints, which stand for a body (chosen: thinner than any tool)."""
+"""Of the rods from a body's centre of mass to its joints (chosen: thinner than any tool)."""
 
 WHEEL_WIDTH_M = 0.1
 """Of a wheel that has no mesh (as config/meshes/wheel.stl)."""
@@ -30,8 +30,8 @@ _NEAR_M = 1e-3  # a rod shorter than this is left out
 def robot_description(scene: Scene) -> str:
     """The URDF of a scene's bodies, or of its tools on paths, with visual meshes and inertials.
 
-    The scene knows the moment of inertia about y alone; the other two are given the same value, which makes the
-    tensor a possible one.
+    The scene knows the moment of inertia about y alone; the other two are given the same value, which makes
+    the tensor a possible one.
     """
     robot = ElementTree.Element("robot", name=scene.name)
     for name, rgba in _COLOURS.items():

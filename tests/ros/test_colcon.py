@@ -52,7 +52,7 @@ def run(command: list[str | Path], directory: Path) -> str:
 
 
 def assert_is_ros_package(prefix: Path) -> None:
-    """Fails unless `prefix` has what ROS tools look for: programs, marker, description, scenes, meshes, launch file."""
+    """Fails unless `prefix` has what ROS tools look for: programs, marker, description, shared files."""
     programs = prefix / "lib" / "subsoil_ros"
     assert sorted(path.name for path in programs.iterdir()) == PROGRAMS
     assert all(os.access(path, os.X_OK) for path in programs.iterdir())

@@ -132,9 +132,9 @@ def described_builds(
 class Run:
     """A composed run in a thread of its own."""
 
-    def __init__(self, resolved: ResolvedScene, nodes: dict[str, Build], namespace: str = "") -> None:  # noqa: F811
+    def __init__(self, scene: ResolvedScene, nodes: dict[str, Build], namespace: str = "") -> None:
         self._endings: list[Ending] = []
-        run = NodeRun("test", resolved)
+        run = NodeRun("test", scene)
         self._thread = threading.Thread(
             target=lambda: self._endings.append(run_composed(run, nodes, lambda: 0, namespace))
         )
@@ -167,7 +167,7 @@ def test_nodes_say_how_they_do(
     tmp_path: Path,
     listener: Node,  # noqa: F811
 ) -> None:
-    """About once a second from all four, with rates and residuals; the last word of a failure is its reason."""
+    """Once a second from all four, with rates and residuals; the last word of a failure is its reason."""
     heard: dict[str, list[DiagnosticStatus]] = {}
 
     def hear(message: DiagnosticArray) -> None:
@@ -251,7 +251,7 @@ def test_two_runs_share_a_domain_in_namespaces(
     tmp_path: Path,
     listener: Node,  # noqa: F811
 ) -> None:
-    """Two runs of one name at the same time, each in its namespace: the bags of undisturbed runs, two clocks."""
+    """Two runs of one name at once, each in its namespace: the bags of undisturbed runs, two clocks."""
     gate, at = threading.Event(), [threading.Event(), threading.Event()]
     names = ("/left", "/field/right")
     runs = [
@@ -274,7 +274,7 @@ def test_two_runs_share_a_domain_in_namespaces(
 
 @pytest.mark.slow
 def test_two_subsoil_runs_share_a_domain(tmp_path: Path) -> None:
-    """The same as a user does it: processes, one ROS_DOMAIN_ID; series equal to the byte with a direct run's."""
+    """The same as a user does it: processes, one ROS_DOMAIN_ID; the series of a direct run, to the byte."""
     scene = str(SCENE.parent / "mechanism_only.yaml")
     command = [sys.executable, "-m", "subsoil_ros.cli.main", "run", scene, "--set", "duration_s=0.2"]
     alone = subprocess.run([*command, "--mode", "direct", "--out", tmp_path / "direct"], check=False)

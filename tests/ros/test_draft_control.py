@@ -84,7 +84,7 @@ def test_it_holds_still_before_the_share_meets_soil(controller: ModuleType) -> N
 
 @pytest.mark.slow
 def test_the_example_runs(tmp_path: Path) -> None:
-    """As its README says, for 1.2 s: exit 0, a command every 20 ms in the bag, the draft grows to its target."""
+    """As its README says, for 1.2 s: a command every 20 ms in the bag, the draft goes to its target."""
     out = tmp_path / "out"
     done = subprocess.run(
         [

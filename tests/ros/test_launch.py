@@ -1,7 +1,7 @@
-"""launch/subsoil.launch.py: with launch itself where it is installed; everywhere, that it starts what `subsoil run` starts.
+"""launch/subsoil.launch.py starts what `subsoil run` starts; by launch itself where that is installed.
 
-launch is in no package registry. Where it is missing, small stand-ins take what the file hands to it, and the processes
-are started from that as launch_ros would.
+launch is in no package registry. Where it is missing, small stand-ins take what the file hands to it, and the
+processes are started from that as launch_ros would.
 """
 
 import importlib.util
@@ -38,6 +38,17 @@ class Taken(SimpleNamespace):
     """Something that was handed to launch: its kind, and its arguments."""
 
 
+class Configuration:
+    """The value of a launch argument, by name."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def perform(self, context: Any) -> str:
+        """Its value."""
+        return context.launch_configurations[self.name]
+
+
 def kind(name: str) -> Callable[..., Taken]:
     """A class of launch that only remembers what it is made with."""
     return lambda *values, **keys: Taken(kind=name, values=values, **keys)
@@ -55,16 +66,16 @@ def stand_ins(share: Path) -> dict[str, ModuleType]:
     for name, classes in names.items():
         for item in classes:
             setattr(modules[name], item, kind(item))
-    modules["launch.substitutions"] = ModuleType("launch.substitutions")
-    modules["launch.substitutions"].LaunchConfiguration = lambda name: SimpleNamespace(  # type: ignore[attr-defined]
-        name=name, perform=lambda context: context.launch_configurations[name]
-    )
-    modules["launch_ros.parameter_descriptions"] = ModuleType("launch_ros.parameter_descriptions")
-    modules["launch_ros.parameter_descriptions"].ParameterValue = (  # type: ignore[attr-defined]
-        lambda value, value_type: SimpleNamespace(value=value_type(value))
-    )
-    modules["ament_index_python.packages"] = ModuleType("ament_index_python.packages")
-    modules["ament_index_python.packages"].get_package_share_directory = lambda name: str(share)  # type: ignore[attr-defined]
+    others: dict[str, dict[str, Any]] = {
+        "launch.substitutions": {"LaunchConfiguration": Configuration},
+        "launch_ros.parameter_descriptions": {
+            "ParameterValue": lambda value, value_type: SimpleNamespace(value=value_type(value))
+        },
+        "ament_index_python.packages": {"get_package_share_directory": lambda name: str(share)},
+    }
+    for name, items in others.items():
+        modules[name] = ModuleType(name)
+        vars(modules[name]).update(items)
     return modules
 
 
@@ -129,7 +140,7 @@ def test_it_starts_what_subsoil_run_starts(
 def test_what_it_starts_makes_the_run(
     start: Callable[..., list[Taken]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its processes, with use_sim_time and in a namespace, record message for message what a direct run does."""
+    """Its processes, with use_sim_time and in a namespace: the series of a direct run, as many messages."""
     out = tmp_path / "launched"
     _, *nodes = start(
         scene=str(MACHINE), out=str(out), overrides=f"{SHORT} record.cloud_hz=0", namespace="field"
@@ -158,14 +169,15 @@ def test_what_it_starts_makes_the_run(
 
 
 def test_other_modes_are_left_to_subsoil_run(start: Callable[..., list[Taken]], tmp_path: Path) -> None:
-    """composed and direct: one process, `subsoil run`, which gets every argument and makes the folder itself."""
+    """composed and direct: `subsoil run`, which gets every argument and makes the folder itself."""
     (process,) = start(
         scene=str(MACHINE), out=str(tmp_path / "out"), mode="composed", namespace="field", paused="true",
         overrides="duration_s=0.1 'gravity_m_per_s2=9.8'",
     )  # fmt: skip
     assert process.kind == "ExecuteProcess"
     assert process.cmd[1:] == [
-        "-m", "subsoil_ros.cli.main", "run", str(MACHINE), "--out", str(tmp_path / "out"), "--mode", "composed",
+        "-m", "subsoil_ros.cli.main", "run", str(MACHINE), "--out", str(tmp_path / "out"),
+        "--mode", "composed",
         "--threads", "1", "--namespace=/field", "--paused",
         "--set", "duration_s=0.1", "--set", "gravity_m_per_s2=9.8",
     ]  # fmt: skip
@@ -194,7 +206,7 @@ def test_a_bad_argument_is_named(
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not HAS_LAUNCH, reason="launch and launch_ros are not installed: no package registry has them")
+@pytest.mark.skipif(not HAS_LAUNCH, reason="launch_ros is not installed: no package registry has it")
 def test_launch_itself_runs_it(tmp_path: Path) -> None:
     """ros2 launch's own service, with the file as it is: the series of a direct run."""
     source = (

@@ -109,7 +109,7 @@ def test_a_run_that_is_steered_gives_the_same_bits(
     tmp_path: Path,
     client: Client,
 ) -> None:
-    """Features, states, steps by service and by action, pause and play: each as said; the bag of a run left alone."""
+    """Features, states, steps by service and action, pause and play; the bag of a run left alone."""
     thread, endings = start(resolved, tmp_path / "steered")
     features = client.call("GetSimulatorFeatures", "get_simulator_features")
     if STANDARD:

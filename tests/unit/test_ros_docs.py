@@ -23,7 +23,8 @@ def rows(heading: str) -> list[list[str]]:
 def test_every_topic_is_in_the_table_with_its_type() -> None:
     """Those of the records, those derived from them, the latched ones, and /diagnostics; no other."""
     scene = load_scene(ROOT / "config/scenes/tine.yaml").scene
-    others = {topic.replace("tool/tine/", "tool/NAME/"): kind for topic, kind in derived_topics(scene).items()}
+    derived = derived_topics(scene).items()
+    others = {topic.replace("tool/tine/", "tool/NAME/"): kind for topic, kind in derived}
     others |= LATCHED | {"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"}
     listed = {cells[0].strip("`"): cells[1] for cells in rows("Topics")}
     assert set(listed) == {*TOPIC_OF.values(), *others}

@@ -75,7 +75,7 @@ def soils_vertices(resolved: ResolvedScene, tool: str) -> np.ndarray:
 
 @pytest.mark.parametrize("overrides", [[], TURNED], ids=["as shipped", "turned reference"])
 def test_meshes_stand_where_the_soil_meets_them(overrides: list[str]) -> None:
-    """/tf, the visual's origin and its scale put each vertex where the soil engine has it; lateral place too."""
+    """/tf, the visual's origin and its scale put each vertex where the soil engine has it, in y too."""
     resolved = load_scene(SCENES / "subsoiler_1s300.yaml", overrides)
     robot = ElementTree.fromstring(robot_description(resolved.scene))
     placed, _ = frames(resolved)

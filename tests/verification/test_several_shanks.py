@@ -31,7 +31,7 @@ def run(resolved: ResolvedScene, bag: Path) -> Series:
 
 
 def test_the_outer_shanks_mirror_each_other(tmp_path: Path) -> None:
-    """In a bed that is its own mirror image, the shares at +-0.4 m meet mirrored forces; the middle one none along y.
+    """In a bed that is its own mirror image, shares at +-0.4 m meet mirrored forces, the middle one none along y.
 
     Sums run in another order on the two sides, so they agree to the round-off of 25 steps, not to the bit.
     """
@@ -48,12 +48,13 @@ def test_the_outer_shanks_mirror_each_other(tmp_path: Path) -> None:
     assert scale > 1.0
     assert series["tool.shank.contact_count"].min() > 0
     for axis, sign in (("x", 1.0), ("y", -1.0), ("z", 1.0)):
-        assert_allclose(series[f"{left}_{axis}_newton"], sign * series[f"{right}_{axis}_newton"], atol=1e-6 * scale)
+        mirrored = sign * series[f"{right}_{axis}_newton"]
+        assert_allclose(series[f"{left}_{axis}_newton"], mirrored, atol=1e-6 * scale)
     assert_allclose(series["tool.shank.force_y_newton"], 0.0, atol=1e-6 * scale)
 
 
 def test_each_shank_has_its_part_of_the_draft(tmp_path: Path) -> None:
-    """On the reduced soil: parts add up to the share's draft, each shank works, summary and figure name them."""
+    """On the reduced soil: parts add up to the shares' draft, each shank works, the summary names them."""
     resolved = load_scene(
         SCENES / "three_shanks_resistance.yaml", ["duration_s=0.6", "mechanism.initial.translate_x_m=0.4"]
     )

@@ -1,6 +1,6 @@
 """How a node does, as diagnostic tools read it: /diagnostics, about once a second of wall time.
 
-Only what the node has at hand is said, from its own thread: no engine is asked, nothing in a run waits for it.
+Only what the node has at hand is said, in its own thread: no engine is asked, nothing in a run waits for it.
 """
 
 import time

@@ -1,7 +1,7 @@
 """The machine of a scene as URDF, for tools that draw it; /tf moves it.
 
-A URDF is a tree and cannot hold the four-bar loop of a hitch: each body floats on `world`. The frame of a body
-is the one of /tf: origin at its centre of mass (y: the lateral offset of its tool), turned by phi about -y.
+A URDF is a tree and cannot hold the four-bar loop of a hitch: each body floats on `world`. A body's frame is
+the one of /tf: origin at its centre of mass (y: the lateral offset of its tool), turned by phi about -y.
 """
 
 import math

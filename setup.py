@@ -26,6 +26,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/subsoil_ros"]),
         (SHARE, ["package.xml"]),
+        (f"{SHARE}/launch", files("launch/*.launch.py")),
         (f"{SHARE}/config/scenes", files("config/scenes/*.yaml")),
         (f"{SHARE}/config/meshes", files("config/meshes/*.stl")),
         (f"{SHARE}/config/soils", files("config/soils/*.yaml")),

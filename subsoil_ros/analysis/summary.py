@@ -152,6 +152,7 @@ def _lines(scene: Scene, summary: Summary) -> list[tuple[str, str, float, int, p
     lines: list[tuple[str, str, float, int, paper.PaperValue | None]] = [
         ("draft [N]", "draft_newton", 1.0, 1, paper.DRAFT),
         ("  of it share [N]", "draft.share_newton", 1.0, 1, None),
+        *((f"    of it {tool} [N]", f"draft.tool.{tool}_newton", 1.0, 1, None) for tool in scene.tools),
         ("  of it wheels [N]", "draft.wheels_newton", 1.0, 1, None),
         ("spring force, compression + [N]", f"spring.{spring}.force_newton", 1.0, 1, paper.SPRING),
         ("share angle [rad]", f"body.{shank}.angle_rad", 1.0, 4, paper.ANGLE),

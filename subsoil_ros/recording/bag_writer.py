@@ -1,18 +1,22 @@
 """Records of a run into a bag: the same content whether records or CDR bytes come in."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..errors import ProtocolError
 from ..messages import Grant, MechanismState, ToolMotions, ToolWrenches
 from ..scene.limits import Timing
+from ..scene.loader import ResolvedScene
 from ..scene.model import Scene
 from ..ticks import INITIAL_TICK, every_ticks, tick_end_ns
 from .bag_folder import BagFolder, TopicInfo
 from .conversion import from_message, message_type, to_message
+from .description import latched_messages
 from .standard import body_frame, clock, pose_stamped, transforms, wrench_stamped
 from .topics import (
     CLOCK,
+    LATCHED,
     RECORD_OF,
     TOPIC_OF,
     TRANSFORMS,
@@ -43,8 +47,12 @@ class BagWriter:
     wrenches and /tf, then by /clock. Not for use from several threads at once.
     """
 
-    def __init__(self, directory: Path, scene: Scene, timing: Timing) -> None:
+    def __init__(
+        self, directory: Path, scene: Scene, timing: Timing, latched: Mapping[str, Any] | None = None
+    ) -> None:
         """Creates `directory` with the bag in it.
+
+        latched: messages by topic (description.latched_messages), written at the time of the first tick.
 
         Raises:
             InputError: it exists or cannot be created.
@@ -55,7 +63,8 @@ class BagWriter:
         self._last_tick = timing.tick_count - 1
         self._series_ticks = scene.record.series_ticks
         self._types = {topic: message_type(kind) for topic, kind in RECORD_OF.items()}
-        self._types.update(derived_topics(scene))
+        self._types.update(derived_topics(scene) | LATCHED)
+        self._latched = dict(latched or {})  # not yet written
         self._tick = INITIAL_TICK
         self._held: list[_Held] = []  # of self._tick
         schema_text(message_type(Grant))  # without message definitions there is no bag
@@ -119,6 +128,9 @@ class BagWriter:
 
     def _write_tick(self, tick: int, held: list[_Held]) -> None:
         time_ns = tick_end_ns(tick, self._interval_ns)
+        for topic, message in self._latched.items():
+            self._emit_message(topic, time_ns, message)
+        self._latched = {}
         held.sort(key=lambda item: item.rank)  # stable: equal topics stay in their order
         for item in held:
             self._emit(item.topic, time_ns, item.data)
@@ -175,3 +187,14 @@ def _notes(scene: Scene, timing: Timing) -> dict[str, str]:
         "series": f"every {scene.record.series_ticks} ticks, and the last",
         "clouds": f"thinned: every {cloud_ticks} ticks, and the last" if cloud_ticks else "none",
     }
+
+
+def open_bag(directory: Path, resolved: ResolvedScene) -> BagWriter:
+    """The writer of a run's bag, which also describes the machine.
+
+    Raises:
+        InputError: the folder exists or cannot be created.
+        RecordingError: subsoil_msgs is not there.
+    """
+    latched = latched_messages(message_class, resolved)
+    return BagWriter(directory, resolved.scene, resolved.timing, latched)

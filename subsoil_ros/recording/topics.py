@@ -39,6 +39,13 @@ TOPIC_OF: dict[type, str] = {
 RECORD_OF: dict[str, type] = {topic: kind for kind, topic in TOPIC_OF.items()}
 
 CLOCK, TRANSFORMS = "/clock", "/tf"
+ROBOT_DESCRIPTION, TOOL_MARKERS = "/robot_description", "tool_markers"
+
+LATCHED: dict[str, str] = {
+    ROBOT_DESCRIPTION: "std_msgs/msg/String",
+    TOOL_MARKERS: "visualization_msgs/msg/MarkerArray",
+}
+"""Said once, before the first tick, and kept for who comes later: topic -> message type."""
 
 
 def pose_topic(tool: str) -> str:
@@ -68,12 +75,13 @@ def bag_topic(topic: str) -> str:
 def qos_profile(topic: str) -> dict[str, Any]:
     """Offered QoS as rosbag2 metadata (version 9) writes it, so that a replay offers the same."""
     lockstep = topic in RECORD_OF and topic != TOPIC_OF[SoilCloud]
+    latched = topic in LATCHED
     unlimited = {"sec": 9223372036, "nsec": 854775807}
     return {
         "history": "keep_last",
-        "depth": LOCKSTEP_DEPTH if lockstep else 10,
+        "depth": LOCKSTEP_DEPTH if lockstep else 1 if latched else 10,
         "reliability": "reliable",
-        "durability": "volatile",
+        "durability": "transient_local" if latched else "volatile",
         "deadline": dict(unlimited),
         "lifespan": dict(unlimited),
         "liveliness": "automatic",

@@ -5,6 +5,7 @@ from dataclasses import fields
 
 from rclpy.context import Context
 
+from ..coupling.cloud import recorded_cloud
 from ..coupling.engines import Mover, Resumable, Soil, build_paths, build_soil
 from ..coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL, Needs, Participant
 from ..coupling.resumption import PATHS, CouplingState, restore_engine
@@ -162,7 +163,8 @@ class SoilNode(LockstepNode):
                 self._states.publish(self.bytes_of(self._state))
                 self._publish_for_people(motions, wrenches, end_ns)
             if self._schedule.cloud_due(tick):
-                self._clouds.publish(self.bytes_of(self._engine.cloud(tick, end_ns)))
+                cloud = recorded_cloud(self._engine.cloud(tick, end_ns), self.run.resolved.scene.record)
+                self._clouds.publish(self.bytes_of(cloud))
             self._participant.finish(tick)
             if self._keeper is not None and self._participant.finished:
                 for part, engine in self._parts():

@@ -1,6 +1,6 @@
 """Starts a run under ros2 launch: the processes of `subsoil run`, from the same plan (nodes/plan.py).
 
-    ros2 launch subsoil_ros subsoil.launch.py scene:=my_scene.yaml namespace:=left
+ros2 launch subsoil_ros subsoil.launch.py scene:=my_scene.yaml namespace:=left
 """
 
 import shlex
@@ -9,12 +9,13 @@ import time
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
-from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 from launch.actions import DeclareLaunchArgument, ExecuteProcess, LogInfo, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node, SetParameter
 from launch_ros.parameter_descriptions import ParameterValue
 
+from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
+from subsoil_ros.cli.live import live_port, say_where
 from subsoil_ros.cli.opened_run import open_run
 from subsoil_ros.errors import InputError
 from subsoil_ros.nodes.plan import checked_namespace, remappings
@@ -31,7 +32,8 @@ ARGUMENTS = {
     "use_sim_time": ("false", "for other nodes of this launch: those of the run make the time"),
     "threads": ("1", "of the soil engine; results do not depend on it"),
     "paused": ("false", "stand before the first tick until a service lets it go"),
-    "overrides": ("", "changes of the scene, as \"soil.bed.seed=3 duration_s=1.0\""),
+    "live": ("", "port of a live view for Foxglove, 0: any that is free; empty: none"),
+    "overrides": ("", 'changes of the scene, as "soil.bed.seed=3 duration_s=1.0"'),
 }
 
 
@@ -68,10 +70,13 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         command += ["--mode", given["mode"], "--threads", str(threads)]
         command += [f"--namespace={namespace}"] if namespace else []
         command += ["--paused"] if paused else []
+        command += ["--live", given["live"]] if given["live"] else []
         command += [word for change in overrides for word in ("--set", change)]
         return [ExecuteProcess(cmd=command, output="screen")]
+    live = live_port(given["live"] or None)
     opened = open_run(load_scene(scene, overrides), scene, out, threads)
-    plan = opened.plan(threads, paused, recorded=recording)
+    plan = opened.plan(threads, paused, recorded=recording, live=live)
+    say_where(live)
     nodes = [
         Node(
             package="subsoil_ros",
@@ -79,10 +84,7 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
             namespace=namespace,
             parameters=[
                 # typed, because launch_ros reads a plain text as YAML: "7" would become a number
-                {
-                    key: ParameterValue(value, value_type=type(value))
-                    for key, value in node.parameters.items()
-                }
+                {key: ParameterValue(value, value_type=type(value)) for key, value in node.parameters.items()}
             ],
             remappings=list(remappings(namespace)),
             ros_arguments=["--disable-external-lib-logs"],

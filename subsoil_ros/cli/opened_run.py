@@ -27,7 +27,12 @@ class OpenedRun:
     resumed: Checkpoint | None
 
     def plan(
-        self, threads: int, paused: bool = False, supervised: bool = False, recorded: bool = True
+        self,
+        threads: int,
+        paused: bool = False,
+        supervised: bool = False,
+        recorded: bool = True,
+        live: int = 0,
     ) -> RunPlan:
         """The processes of the run."""
         return RunPlan(
@@ -39,6 +44,7 @@ class OpenedRun:
             resume=self.resumed.path if self.resumed is not None else None,
             threads=threads,
             paused=paused,
+            live=live,
             recorded=recorded,
             supervised=supervised,
         )

@@ -23,6 +23,7 @@ from ..recording.joined import mend_earlier
 from ..recording.recovery import recover
 from ..scene.loader import ResolvedScene, load_scene
 from .arguments import add_overrides
+from .live import add_live, live_port, say_where
 from .opened_run import OpenedRun, open_run
 from .preparation import KernelAnnouncer, announce_kernels_of_nodes
 from .progress import RunProgress
@@ -57,6 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="RUN",
         help="go on from the newest checkpoint in the folder of an earlier run of the same scene",
     )
+    add_live(parser)
     parser.add_argument(
         "--paused",
         action="store_true",
@@ -94,8 +96,10 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
     namespace = checked_namespace(args.namespace)
     if args.mode == "direct":
         _refuse_direct(args, resolved)
+    live = live_port(args.live)
     opened = open_run(resolved, args.scene, Path(args.out), args.threads, args.resume)
     out, resumed = opened.out, opened.resumed
+    say_where(live)
     failure: SubsoilError | None = None
     signals: list[int] = []
 
@@ -107,11 +111,11 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
         with caught_signals(signals.append), RunProgress(resolved.scene.name, resolved.timing) as bar:
             progress = kernels.before(bar)
             if args.mode == "direct":
-                _run_direct(opened, args.threads, progress, stop_signal)
+                _run_direct(opened, args.threads, live, progress, stop_signal)
             elif args.mode == "composed":
-                _run_composed(opened, args.threads, args.paused, namespace, progress, stop_signal)
+                _run_composed(opened, args.threads, args.paused, live, namespace, progress, stop_signal)
             else:
-                plan = opened.plan(args.threads, args.paused, supervised=True)
+                plan = opened.plan(args.threads, args.paused, supervised=True, live=live)
                 _run_nodes(plan, namespace, out / "log", progress, stop_signal)
     except SubsoilError as error:
         failure = error
@@ -161,10 +165,14 @@ def _say_what_it_waits_for(
 
 
 def _run_direct(
-    opened: OpenedRun, threads: int, progress: Callable[[int], None], stop_signal: Callable[[], int]
+    opened: OpenedRun,
+    threads: int,
+    live: int,
+    progress: Callable[[int], None],
+    stop_signal: Callable[[], int],
 ) -> None:
     resolved, resumed = opened.resolved, opened.resumed
-    writer = open_bag(opened.out / "bag", resolved)
+    writer = open_bag(opened.out / "bag", resolved, live)
     try:
         soil = build_soil(resolved, threads)
         keeper = Keeper(opened.out / CHECKPOINTS, resolved, opened.run_id, writer.sync)
@@ -189,6 +197,7 @@ def _run_composed(
     opened: OpenedRun,
     threads: int,
     paused: bool,
+    live: int,
     namespace: str,
     progress: Callable[[int], None],
     stop_signal: Callable[[], int],
@@ -200,7 +209,7 @@ def _run_composed(
         from ..nodes.lifeline import NodeRun
 
         node_run = NodeRun(opened.run_id, opened.resolved, opened.out / CHECKPOINTS, opened.resumed)
-        builds = scene_builds(node_run, opened.out / "bag", threads, progress, paused)
+        builds = scene_builds(node_run, opened.out / "bag", threads, progress, paused, live)
         _say_what_it_waits_for(opened.resolved, opened.run_id, domain, namespace, paused)
         ending = run_composed(node_run, builds, stop_signal, namespace)
     if ending.exit_status:

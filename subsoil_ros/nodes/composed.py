@@ -24,11 +24,19 @@ Build = Callable[[NodeRun, Lifeline, Context], LockstepNode]
 
 
 def scene_builds(
-    run: NodeRun, bag: Path, threads: int, on_progress: Callable[[int], None], paused: bool = False
+    run: NodeRun,
+    bag: Path,
+    threads: int,
+    on_progress: Callable[[int], None],
+    paused: bool = False,
+    live: int = 0,
 ) -> dict[str, Build]:
-    """How the nodes of a scene are made, by name; an external controller is not among them."""
+    """How the nodes of a scene are made, by name; an external controller is not among them.
+
+    live: port of the recorder's live view; 0: there is none.
+    """
     settings = NodeSettings(
-        str(run.resolved.path), run.run_id, threads, str(bag), run.recorded, supervised=False
+        str(run.resolved.path), run.run_id, threads, str(bag), run.recorded, supervised=False, live=live
     )
     builds: dict[str, Build] = {
         MECHANISM: partial(mechanism_node.build, settings),

@@ -52,6 +52,7 @@ class RunPlan:
     resume: Path | None = None
     threads: int = 1
     paused: bool = False
+    live: int = 0  # port of a live view; 0: there is none
     recorded: bool = True
     supervised: bool = False
 
@@ -67,7 +68,7 @@ class RunPlan:
         }
         own: dict[str, Parameters] = {
             SOIL: {"threads": self.threads},
-            RECORDER: {"bag": str(self.bag.resolve())},
+            RECORDER: {"bag": str(self.bag.resolve()), "live": self.live},
             COUPLER: {"paused": self.paused},
         }
         names = [name for name in participants(self.resolved.scene) if name != RECORDER or self.recorded]

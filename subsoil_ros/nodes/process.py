@@ -44,6 +44,7 @@ class NodeSettings:
     paused: bool = False
     checkpoints: str = ""
     resume: str = ""
+    live: int = 0
 
     def node_run(self, resolved: ResolvedScene) -> NodeRun:
         """What all nodes of the run share.
@@ -65,6 +66,8 @@ _FLAG = "true or false"
 LARGEST_THREAD_COUNT = 1024
 """Of the parameter's range (chosen: more than any machine has)."""
 
+_RANGES = {"threads": (1, LARGEST_THREAD_COUNT), "live": (0, 65535)}
+
 PARAMETERS: dict[str, tuple[Any, str, str]] = {
     "scene": ("", "scene file, the same for all nodes", "path of a scene file (.yaml)"),
     "run_id": ("run", "name of the run, the same for all nodes; other runs' messages are refused", _TEXT),
@@ -83,6 +86,11 @@ PARAMETERS: dict[str, tuple[Any, str, str]] = {
         "",
         "checkpoint to go on from, the same for all nodes; empty: from tick 0",
         "path of a checkpoint of this scene, or empty",
+    ),
+    "live": (
+        0,
+        "the recorder: port on this machine of a live view for Foxglove; 0: there is none",
+        "a whole number from 0 to 65535",
     ),
     "paused": (False, "the coupler: grant no tick before a call of its services resume or step", _FLAG),
     "recorded": (True, "whether the run has a recorder, the same for all nodes", _FLAG),
@@ -111,8 +119,9 @@ def read_settings(node: Node, name: str) -> NodeSettings:
 def _declare(node: Node, name: str, key: str) -> Any:
     default, description, allowed = PARAMETERS[key]
     descriptor = ParameterDescriptor(description=description, additional_constraints=allowed, read_only=True)
-    if isinstance(default, int) and not isinstance(default, bool):
-        descriptor.integer_range = [IntegerRange(from_value=1, to_value=LARGEST_THREAD_COUNT, step=1)]
+    if key in _RANGES:
+        lowest, largest = _RANGES[key]
+        descriptor.integer_range = [IntegerRange(from_value=lowest, to_value=largest, step=1)]
     try:
         return node.declare_parameter(key, default, descriptor).value
     except ParameterException as error:

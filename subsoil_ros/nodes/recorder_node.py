@@ -222,11 +222,12 @@ def build(
     """The node with its bag.
 
     Raises:
-        InputError: no folder is named, or it exists, or cannot be created.
+        InputError: no folder is named, or it exists, or cannot be created, or the live view cannot serve.
     """
     if not settings.bag:
         raise InputError("recorder: parameter 'bag' is empty; name the folder for the bag, -p bag:=FOLDER")
-    return RecorderNode(open_bag(Path(settings.bag), run.resolved), run, lifeline, context)
+    writer = open_bag(Path(settings.bag), run.resolved, settings.live)
+    return RecorderNode(writer, run, lifeline, context)
 
 
 def main() -> int:

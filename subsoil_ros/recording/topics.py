@@ -15,6 +15,7 @@ from ..messages import (
     ToolWrenches,
 )
 from ..scene.model import Scene
+from .conversion import message_type
 
 BAG_NAMESPACE = "/subsoil"
 """Topics stand below it in every bag, whatever namespace the nodes ran in."""
@@ -65,6 +66,20 @@ def derived_topics(scene: Scene) -> dict[str, str]:
         topics[pose_topic(tool)] = "geometry_msgs/msg/PoseStamped"
         topics[wrench_topic(tool)] = "geometry_msgs/msg/WrenchStamped"
     return topics
+
+
+def recorded_topics(scene: Scene) -> dict[str, str]:
+    """Every topic that a run of the scene writes beside the latched ones: topic -> message type."""
+    kinds: list[type] = [Grant, ToolMotions, CouplingReport]
+    if scene.controller is not None:
+        kinds.append(DriverCommand)
+    if scene.mechanism is not None:
+        kinds.append(MechanismState)
+    if scene.soil is not None:
+        kinds += [ToolWrenches, SoilState]
+    if scene.particle_soil is not None and scene.record.cloud_hz > 0.0:
+        kinds.append(SoilCloud)
+    return {TOPIC_OF[kind]: message_type(kind) for kind in kinds} | derived_topics(scene)
 
 
 def bag_topic(topic: str) -> str:

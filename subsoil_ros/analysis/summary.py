@@ -115,7 +115,7 @@ def print_summary(summary: Summary, scene: Scene, directory: Path, console: Cons
         console.print(table)
     for line in _facts(summary, compared):
         console.print(line, soft_wrap=True, markup=False)
-    console.print(f"bag: {directory / 'bag'}", soft_wrap=True, markup=False)
+    console.print(_bag_words(directory / "bag"), soft_wrap=True, markup=False)
     figures = directory / "figures"
     if figures.is_dir():
         console.print(f"figures: {figures}", soft_wrap=True, markup=False)
@@ -123,6 +123,11 @@ def print_summary(summary: Summary, scene: Scene, directory: Path, console: Cons
         console.print(
             f"figures: none yet, `subsoil report {directory}` draws them", soft_wrap=True, markup=False
         )
+
+
+def _bag_words(bag: Path) -> str:
+    size_bytes = sum(path.stat().st_size for path in bag.glob("*.mcap"))
+    return f"bag: {bag}, {size_bytes / 1e6:.3g} MB (`subsoil bag info {bag}` says what takes the room)"
 
 
 def _losses(series: Series) -> Summary:

@@ -1,6 +1,6 @@
 """Starts a run under ros2 launch: the processes of `subsoil run`, from the same plan (nodes/plan.py).
 
-    ros2 launch subsoil_ros subsoil.launch.py scene:=my_scene.yaml namespace:=left
+ros2 launch subsoil_ros subsoil.launch.py scene:=my_scene.yaml namespace:=left
 """
 
 import shlex
@@ -31,7 +31,7 @@ ARGUMENTS = {
     "use_sim_time": ("false", "for other nodes of this launch: those of the run make the time"),
     "threads": ("1", "of the soil engine; results do not depend on it"),
     "paused": ("false", "stand before the first tick until a service lets it go"),
-    "overrides": ("", "changes of the scene, as \"soil.bed.seed=3 duration_s=1.0\""),
+    "overrides": ("", 'changes of the scene, as "soil.bed.seed=3 duration_s=1.0"'),
 }
 
 
@@ -79,10 +79,7 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
             namespace=namespace,
             parameters=[
                 # typed, because launch_ros reads a plain text as YAML: "7" would become a number
-                {
-                    key: ParameterValue(value, value_type=type(value))
-                    for key, value in node.parameters.items()
-                }
+                {key: ParameterValue(value, value_type=type(value)) for key, value in node.parameters.items()}
             ],
             remappings=list(remappings(namespace)),
             ros_arguments=["--disable-external-lib-logs"],

@@ -31,7 +31,7 @@ def run(resolved: ResolvedScene, bag: Path) -> Series:
 
 
 def test_the_outer_shanks_mirror_each_other(tmp_path: Path) -> None:
-    """In a bed that is its own mirror image, shares at +-0.4 m meet mirrored forces, the middle one none in y.
+    """In a bed that is its own mirror image, shares at +-0.4 m meet mirrored forces, the middle none in y.
 
     Sums run in another order on the two sides, so they agree to the round-off of 25 steps, not to the bit.
     """

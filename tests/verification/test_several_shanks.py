@@ -33,12 +33,12 @@ def run(resolved: ResolvedScene, bag: Path) -> Series:
 def test_the_outer_shanks_mirror_each_other(tmp_path: Path) -> None:
     """In a bed that is its own mirror image, shares at +-0.4 m meet mirrored forces, the middle none in y.
 
-    Sums run in another order on the two sides, so they agree to the round-off of 25 steps, not to the bit.
+    Sums run in another order on the two sides, so they agree to the round-off of 125 steps, not to the bit.
     """
     resolved = load_scene(
         SCENES / "three_shanks.yaml",
         [
-            "soil.bin={length_m: 0.4, width_m: 1.188, depth_m: 0.25}", "duration_s=0.0012",
+            "soil.bin={length_m: 0.4, width_m: 1.188, depth_m: 0.25}", "duration_s=0.006",
             "mechanism.initial.translate_x_m=0.05", "record.series_ticks=1", "record.cloud_hz=0",
         ],
     )  # fmt: skip
@@ -46,7 +46,7 @@ def test_the_outer_shanks_mirror_each_other(tmp_path: Path) -> None:
     left, right = (f"tool.shank_{side}.force" for side in ("left", "right"))
     scale = np.abs(series[f"{left}_x_newton"]).max()
     assert scale > 1.0
-    assert series["tool.shank.contact_count"].min() > 0
+    assert series["tool.shank.contact_count"].max() > 0
     for axis, sign in (("x", 1.0), ("y", -1.0), ("z", 1.0)):
         mirrored = sign * series[f"{right}_{axis}_newton"]
         assert_allclose(series[f"{left}_{axis}_newton"], mirrored, atol=1e-6 * scale)

@@ -33,7 +33,8 @@ def run(resolved: ResolvedScene, bag: Path) -> Series:
 def test_the_outer_shanks_mirror_each_other(tmp_path: Path) -> None:
     """In a bed that is its own mirror image, shares at +-0.4 m meet mirrored forces, the middle none in y.
 
-    Sums run in another order on the two sides, so they agree to the round-off of 125 steps, not to the bit.
+    The meshes are float32 (2^-25 m at 0.3 m) and not mirrored to the bit: each contact may differ by its
+    stiffness times that.
     """
     resolved = load_scene(
         SCENES / "three_shanks.yaml",
@@ -45,11 +46,16 @@ def test_the_outer_shanks_mirror_each_other(tmp_path: Path) -> None:
     series = run(resolved, tmp_path / "bag")
     left, right = (f"tool.shank_{side}.force" for side in ("left", "right"))
     scale = np.abs(series[f"{left}_x_newton"]).max()
-    assert scale > 1.0
+    assert scale > 10.0
+    stiffness_newton_per_m = (
+        10.0 * 10e3 * 16e3 / 26e3
+    )  # of a contact with a tool: factor, particle and boundary
+    atol = series["tool.shank_left.contact_count"].max() * stiffness_newton_per_m * 2.0**-25
+    assert atol < 1e-3 * scale
     for axis, sign in (("x", 1.0), ("y", -1.0), ("z", 1.0)):
         mirrored = sign * series[f"{right}_{axis}_newton"]
-        assert_allclose(series[f"{left}_{axis}_newton"], mirrored, atol=1e-6 * scale)
-    assert_allclose(series["tool.shank.force_y_newton"], 0.0, atol=1e-6 * scale)
+        assert_allclose(series[f"{left}_{axis}_newton"], mirrored, atol=atol)
+    assert_allclose(series["tool.shank.force_y_newton"], 0.0, atol=atol)
 
 
 def test_each_shank_has_its_part_of_the_draft(tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 """Runs a toolbar scene with controller.py, and draws what came of it.
 
-    python examples/draft_control/run.py --out runs/draft_control [--real-time]
-    python examples/draft_control/run.py --scene toolbar_particles.yaml --step-at 1.6 --out runs/particles
+python examples/draft_control/run.py --out runs/draft_control [--real-time]
+python examples/draft_control/run.py --scene toolbar_particles.yaml --step-at 1.6 --out runs/particles
 """
 
 import argparse
@@ -81,9 +81,7 @@ def draw(out: Path, targets: tuple[float, float, float]) -> Path:
     times = series["time_s"]
     turn, centre = series["body.shank.angle_rad"], mechanism.bodies["shank"].position_m
     tip_z = (
-        series["body.shank.z_m"]
-        + np.sin(turn) * (tip[0] - centre[0])
-        + np.cos(turn) * (tip[1] - centre[1])
+        series["body.shank.z_m"] + np.sin(turn) * (tip[0] - centre[0]) + np.cos(turn) * (tip[1] - centre[1])
     )
     commands = list(BagReader(out / "bag").records(DriverCommand))
     commanded_s = [command.tick * resolved.timing.interval_s for command in commands]

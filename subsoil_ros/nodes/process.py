@@ -107,16 +107,16 @@ def read_settings(node: Node, name: str) -> NodeSettings:
     """
     if node.get_name() != f"{name}_process":
         raise InputError(
-            f"{name}: the node was renamed to '{node.get_name()}'; nodes of a run know each other by "
+            f"the node was renamed to '{node.get_name()}'; nodes of a run know each other by "
             "their names, so use a namespace (-r __ns:=/NAME) instead"
         )
-    values = {key: _declare(node, name, key) for key in PARAMETERS}
+    values = {key: _declare(node, key) for key in PARAMETERS}
     if not values["scene"]:
-        raise InputError(f"{name}: parameter 'scene' is empty; name a scene, -p scene:=FILE")
+        raise InputError("parameter 'scene' is empty; name a scene, -p scene:=FILE")
     return NodeSettings(**values)
 
 
-def _declare(node: Node, name: str, key: str) -> Any:
+def _declare(node: Node, key: str) -> Any:
     default, description, allowed = PARAMETERS[key]
     descriptor = ParameterDescriptor(description=description, additional_constraints=allowed, read_only=True)
     if key in _RANGES:
@@ -126,7 +126,7 @@ def _declare(node: Node, name: str, key: str) -> Any:
         return node.declare_parameter(key, default, descriptor).value
     except ParameterException as error:
         words = " ".join(str(error).split())
-        raise InputError(f"{name}: parameter '{key}': needed is {allowed} ({words})") from error
+        raise InputError(f"parameter '{key}': needed is {allowed} ({words})") from error
 
 
 def watched_by(name: str, run: NodeRun) -> tuple[str, ...]:

@@ -44,9 +44,7 @@ class RunControl:
         end: called with the wish that the run ends.
     """
 
-    def __init__(
-        self, coupler: Coupler, changed: Callable[[], None], end: Callable[[Ending], None]
-    ) -> None:
+    def __init__(self, coupler: Coupler, changed: Callable[[], None], end: Callable[[Ending], None]) -> None:
         self._coupler = coupler
         self._changed = changed
         self._end = end

@@ -105,13 +105,13 @@ class SimulationServices:
         self._serve("ResetSimulation", "reset_simulation", self._on_reset)
 
     def _serve(self, kind: str, name: str, handle: Callable[[Any, Any, Callable[[Any], None]], None]) -> None:
-        service: Service = self._node.create_service(self._dialect.service(kind), name, lambda *_: None)
-
         def received(request: Any, header: Any) -> None:
             send = partial(_send, service, header)
             handle(request, service.srv_type.Response(), send)  # type: ignore[attr-defined]
 
-        service.callback = self._guarded(received)
+        service: Service = self._node.create_service(
+            self._dialect.service(kind), name, self._guarded(received)
+        )
 
     def _on_features(self, request: Any, response: Any, send: Callable[[Any], None]) -> None:
         self._dialect.fill_features(response)

@@ -44,9 +44,7 @@ def tool_markers(types: Types, resolved: ResolvedScene) -> Any:
     return types("visualization_msgs/msg/MarkerArray")(markers=markers)
 
 
-def _marker(
-    types: Types, resolved: ResolvedScene, name: str, mesh: ToolMesh, index: int, label: str
-) -> Any:
+def _marker(types: Types, resolved: ResolvedScene, name: str, mesh: ToolMesh, index: int, label: str) -> Any:
     tool = resolved.scene.tools[name]
     mechanism = resolved.scene.mechanism
     angle_rad = mechanism.bodies[tool.body].angle_rad if mechanism is not None and tool.body else 0.0

@@ -74,17 +74,13 @@ def _add_body(
     inertial = ElementTree.SubElement(link, "inertial")
     ElementTree.SubElement(inertial, "mass", value=repr(body.mass_kg))
     moment = repr(body.inertia_kg_m2)
-    ElementTree.SubElement(
-        inertial, "inertia", ixx=moment, ixy="0", ixz="0", iyy=moment, iyz="0", izz=moment
-    )
+    ElementTree.SubElement(inertial, "inertia", ixx=moment, ixy="0", ixz="0", iyy=moment, iyz="0", izz=moment)
     if tool is not None:
         _add_meshes(link, tool, body.position_m, body.angle_rad)
     for force in mechanism.forces.values():
         if isinstance(force, WheelContact) and force.body == name:
             wheel = _visual(link, f"{name}_wheel", (0.0, 0.0, 0.0), (0.5 * math.pi, 0.0, 0.0), "steel")
-            ElementTree.SubElement(
-                wheel, "cylinder", radius=repr(force.radius_m), length=repr(WHEEL_WIDTH_M)
-            )
+            ElementTree.SubElement(wheel, "cylinder", radius=repr(force.radius_m), length=repr(WHEEL_WIDTH_M))
     for number, (point_x, point_z) in enumerate(_points(mechanism, name)):
         _add_rod(link, f"{name}_rod_{number}", in_body(body.angle_rad, point_x - x_m, point_z - z_m))
 

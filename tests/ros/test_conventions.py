@@ -84,12 +84,12 @@ def test_parameters_describe_themselves(process_node: Callable[..., Node]) -> No
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["-p", "threads:=0"], "soil: parameter 'threads': needed is a whole number from 1 to 1024"),
-        (["-p", "threads:=many"], "soil: parameter 'threads': needed is a whole number"),
-        (["-p", "run_id:=7"], "soil: parameter 'run_id': needed is text; a number in quotes is one too"),
-        (["-p", "recorded:=2"], "soil: parameter 'recorded': needed is true or false"),
-        (["-r", "__node:=mud"], "soil: the node was renamed to 'mud'"),
-        ([], "soil: parameter 'scene' is empty"),
+        (["-p", "threads:=0"], "parameter 'threads': needed is a whole number from 1 to 1024"),
+        (["-p", "threads:=many"], "parameter 'threads': needed is a whole number"),
+        (["-p", "run_id:=7"], "parameter 'run_id': needed is text; a number in quotes is one too"),
+        (["-p", "recorded:=2"], "parameter 'recorded': needed is true or false"),
+        (["-r", "__node:=mud"], "the node was renamed to 'mud'"),
+        ([], "parameter 'scene' is empty"),
     ],
     ids=["zero", "text", "number", "flag", "renamed", "no scene"],
 )

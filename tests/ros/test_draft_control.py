@@ -48,23 +48,25 @@ def drive(controller: ModuleType, depth_m: float, target: float, duration_s: flo
 
 
 def test_the_draft_goes_to_its_target_as_the_loop_says(controller: ModuleType) -> None:
-    """From either side, without overshoot, at the rate of the slower root of T s^2 + s + gain slope = 0.
+    """From either side, without overshoot, at the rate of the slower mode of the sampled loop.
 
-    The command lags by the sampling, 1.5 intervals: the rate may differ by that part of itself.
+    Depth d, filtered draft f and last speed v, interval by interval: f' = f + a (S d - f), v' = G f',
+    d' = d - (v + v') H / 2. Of the faster mode a hundredth is left where the rate is measured.
     """
-    loop = np.roots([controller.FILTER_S, 1.0, controller.GAIN_M_PER_NEWTON_S * SLOPE_NEWTON_PER_M])
-    rate = -max(loop.real)
-    assert np.abs(loop.imag).max() == 0.0
+    slope, gain = SLOPE_NEWTON_PER_M, controller.GAIN_M_PER_NEWTON_S
+    part = INTERVAL_S / (controller.FILTER_S + INTERVAL_S)
+    filtered = np.array([part * slope, 1.0 - part, 0.0])
+    depth = np.array([1.0, 0.0, 0.0]) - 0.5 * INTERVAL_S * (np.array([0.0, 0.0, 1.0]) + gain * filtered)
+    modes = np.linalg.eigvals(np.array([depth, filtered, gain * filtered]))
+    assert np.abs(modes.imag).max() == 0.0
+    assert 0.0 < modes.real.max() < 1.0
+    rate = -np.log(modes.real.max()) / INTERVAL_S
     for depth_m in (0.2, 0.3):
-        draft = drive(controller, depth_m, 1250.0, 6.0)[:, 0]
-        error = draft - 1250.0
-        sign = np.sign(error[0])
-        assert (sign * error > -1.0).all()
-        small = np.abs(error) < 20.0
-        first = int(np.argmax(small)) + 10
-        span = 25
+        error = drive(controller, depth_m, 1250.0, 6.0)[:, 0] - 1250.0
+        assert (error[0] * error > 0.0).all()
+        first, span = int(np.argmax(np.abs(error) < 20.0)) + 20, 25
         measured = np.log(error[first] / error[first + span]) / (span * INTERVAL_S)
-        assert measured == pytest.approx(rate, rel=1.5 * INTERVAL_S * rate)
+        assert measured == pytest.approx(rate, rel=0.01)
 
 
 def test_the_hitch_is_asked_for_what_it_can(controller: ModuleType) -> None:
@@ -84,12 +86,12 @@ def test_it_holds_still_before_the_share_meets_soil(controller: ModuleType) -> N
 
 @pytest.mark.slow
 def test_the_example_runs(tmp_path: Path) -> None:
-    """As its README says, for 1.2 s: a command every 20 ms in the bag, the draft goes to its target."""
+    """As its README says, for 1.8 s: a command every 20 ms in the bag, the draft goes to its target."""
     out = tmp_path / "out"
     done = subprocess.run(
         [
             sys.executable, str(EXAMPLE / "run.py"), "--out", str(out), "--target", "1100", "--step-at", "9",
-            "--set", "duration_s=1.2", "--set", "mechanism.initial.translate_x_m=0.5",
+            "--set", "duration_s=1.8",
         ],
         capture_output=True, text=True, timeout=240.0, check=False,
     )  # fmt: skip

@@ -128,9 +128,7 @@ def test_it_starts_what_subsoil_run_starts(
         plan, run_id=run_id, supervised=False, scene=tmp_path / "launched/scene.yaml",
         bag=tmp_path / "launched/bag", checkpoints=tmp_path / "launched/checkpoints",
     )  # fmt: skip
-    assert launched == [
-        ("subsoil_ros", node.executable, dict(node.parameters)) for node in expected.nodes()
-    ]
+    assert launched == [("subsoil_ros", node.executable, dict(node.parameters)) for node in expected.nodes()]
     assert (tmp_path / "launched/scene.yaml").read_text() == (tmp_path / "run/scene.yaml").read_text()
     lib = FILE.parents[1] / "scripts"
     assert all((lib / node.executable).is_file() for node in nodes)

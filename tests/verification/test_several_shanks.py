@@ -31,39 +31,42 @@ def run(resolved: ResolvedScene, bag: Path) -> Series:
 
 
 def test_the_outer_shanks_mirror_each_other(tmp_path: Path) -> None:
-    """In a bed that is its own mirror image, shares at +-0.4 m meet mirrored forces, the middle one none in y.
+    """In a bed that is its own mirror image, shares at +-0.4 m meet mirrored forces, the middle none in y.
 
-    Sums run in another order on the two sides, so they agree to the round-off of 25 steps, not to the bit.
+    The meshes are float32 (2^-25 m at 0.3 m) and not mirrored to the bit: each contact may differ by its
+    stiffness times that.
     """
     resolved = load_scene(
         SCENES / "three_shanks.yaml",
         [
-            "soil.bin={length_m: 0.4, width_m: 1.188, depth_m: 0.25}", "duration_s=0.0012",
+            "soil.bin={length_m: 0.4, width_m: 1.188, depth_m: 0.25}", "duration_s=0.006",
             "mechanism.initial.translate_x_m=0.05", "record.series_ticks=1", "record.cloud_hz=0",
         ],
     )  # fmt: skip
     series = run(resolved, tmp_path / "bag")
     left, right = (f"tool.shank_{side}.force" for side in ("left", "right"))
     scale = np.abs(series[f"{left}_x_newton"]).max()
-    assert scale > 1.0
-    assert series["tool.shank.contact_count"].min() > 0
+    assert scale > 10.0
+    stiffness_newton_per_m = (
+        10.0 * 10e3 * 16e3 / 26e3
+    )  # of a contact with a tool: factor, particle and boundary
+    atol = series["tool.shank_left.contact_count"].max() * stiffness_newton_per_m * 2.0**-25
+    assert atol < 1e-3 * scale
     for axis, sign in (("x", 1.0), ("y", -1.0), ("z", 1.0)):
         mirrored = sign * series[f"{right}_{axis}_newton"]
-        assert_allclose(series[f"{left}_{axis}_newton"], mirrored, atol=1e-6 * scale)
-    assert_allclose(series["tool.shank.force_y_newton"], 0.0, atol=1e-6 * scale)
+        assert_allclose(series[f"{left}_{axis}_newton"], mirrored, atol=atol)
+    assert_allclose(series["tool.shank.force_y_newton"], 0.0, atol=atol)
 
 
 def test_each_shank_has_its_part_of_the_draft(tmp_path: Path) -> None:
     """On the reduced soil: parts add up to the shares' draft, each shank works, the summary names them."""
-    resolved = load_scene(
-        SCENES / "three_shanks_resistance.yaml", ["duration_s=0.6", "mechanism.initial.translate_x_m=0.4"]
-    )
+    resolved = load_scene(SCENES / "three_shanks_resistance.yaml", ["duration_s=1.3"])
     series = run(resolved, tmp_path / "bag")
     parts = [series[f"draft.tool.{name}_newton"] for name in SHANKS]
     assert_allclose(np.sum(parts, axis=0), series["draft.share_newton"], rtol=1e-12)
-    late = series["time_s"] > 0.3
+    late = series["time_s"] > 0.9
     means = [part[late].mean() for part in parts]
-    assert min(means) > 300.0
+    assert min(means) > 1000.0
     # one soil, one depth: they differ by the scatter of single failures alone (variation 4.5 % of each)
     assert_allclose(means, np.mean(means), rtol=0.1)
     places = [series[f"tool.{name}.x_m"] for name in SHANKS]
@@ -75,7 +78,7 @@ def test_each_shank_has_its_part_of_the_draft(tmp_path: Path) -> None:
 
 def test_summary_and_figures_name_every_shank(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A line of the table for each; the figures are drawn."""
-    resolved = load_scene(SCENES / "three_shanks_resistance.yaml", ["duration_s=0.1"])
+    resolved = load_scene(SCENES / "three_shanks_resistance.yaml", ["duration_s=0.05"])
     series = run(resolved, tmp_path / "bag")
     print_summary(summarize(tmp_path / "bag", resolved, {}, series), resolved.scene, tmp_path)
     shown = capsys.readouterr().out

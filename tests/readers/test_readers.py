@@ -6,9 +6,11 @@ values, numbers by their bits, are the same.
 
 import hashlib
 import json
+import re
 import shutil
 import struct
 import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -134,3 +136,28 @@ def test_the_libraries_of_foxglove_read_the_same(machine_bag: Path, by_rosbags: 
     for name, topic in by_rosbags.items():
         assert found[name]["first"] == topic["first"]
     assert found == by_rosbags
+
+
+def test_rerun_makes_particles_frames_and_curves_of_it(machine_bag: Path, tmp_path: Path) -> None:
+    """A fourth maker: rerun's importer finds points, moving frames, URDF, and the fields that are plotted."""
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed")
+    program, recording = str(Path(sys.executable).with_name("rerun")), str(tmp_path / "bag.rrd")
+    subprocess.run(
+        [program, "mcap", "convert", str(mcap_file(machine_bag)), "--output", recording],
+        capture_output=True, text=True, timeout=120, check=True,
+    )  # fmt: skip
+    result = subprocess.run(
+        [program, "rrd", "print", recording], capture_output=True, text=True, timeout=120, check=True
+    )
+    found: dict[str, str] = {}
+    for topic, columns in re.findall(r" - (/\S+) - data columns: \[(.*)\]", result.stdout):
+        found[topic] = found.get(topic, "") + columns
+    for topic, column in {
+        "/subsoil/soil/cloud": "Points3D:positions",
+        "/tf": "Transform3D:translation",
+        "/robot_description": "TextDocument:text",
+        "/subsoil/tool/shank/pose": "InstancePoses3D:translations",
+        "/subsoil/mechanism_state": "subsoil_msgs.msg.MechanismState:message",
+        "/subsoil/coupling_report": "subsoil_msgs.msg.CouplingReport:message",
+    }.items():
+        assert column in found[topic]

@@ -40,6 +40,9 @@ RECORD_OF: dict[str, type] = {topic: kind for kind, topic in TOPIC_OF.items()}
 
 CLOCK, TRANSFORMS = "/clock", "/tf"
 
+HEIGHT_MAP = "soil/height_map"
+"""Relative topic of the surface's height, one for each cloud (height_map.py)."""
+
 
 def pose_topic(tool: str) -> str:
     """Relative topic of a tool's PoseStamped."""
@@ -57,6 +60,8 @@ def derived_topics(scene: Scene) -> dict[str, str]:
     for tool in scene.tools:
         topics[pose_topic(tool)] = "geometry_msgs/msg/PoseStamped"
         topics[wrench_topic(tool)] = "geometry_msgs/msg/WrenchStamped"
+    if scene.particle_soil is not None:
+        topics[HEIGHT_MAP] = "sensor_msgs/msg/PointCloud2"
     return topics
 
 

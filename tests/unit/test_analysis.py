@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from subsoil_ros.analysis.figures import draw_figures, running_mean
+from subsoil_ros.analysis.figures import draw_figures
+from subsoil_ros.analysis.poses import posed_vertices_m
 from subsoil_ros.analysis.series import read_series, write_series_csv
-from subsoil_ros.analysis.soil_cut import nearest_times_ns, posed_vertices_m
+from subsoil_ros.analysis.smoothing import running_mean
+from subsoil_ros.analysis.soil_cut import nearest_times_ns
 from subsoil_ros.analysis.summary import print_summary, summarize, write_summary
 from subsoil_ros.analysis.window import metrics_window, tip_x_m
 from subsoil_ros.cli import bag as bag_verb

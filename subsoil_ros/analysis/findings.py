@@ -33,7 +33,6 @@ class Findings:
     cycles: LoadCycles | None
     disturbance: Disturbance | None
     moving_extremes: dict[str, tuple[float, float]]  # of the 10 ms moving mean
-    outside_extremes: dict[str, tuple[float, float]]  # of the rows outside the window; empty without
     run_extremes: dict[str, tuple[float, float]]
 
     def metrics(self) -> dict[str, Any]:
@@ -85,14 +84,11 @@ def find_out(bag: Path, resolved: ResolvedScene, series: Series, window: Window)
     steady: dict[str, Steadiness] = {}
     spectra: dict[str, Spectrum] = {}
     inside: dict[str, tuple[float, float]] = {}
-    outside: dict[str, tuple[float, float]] = {}
     whole: dict[str, tuple[float, float]] = {}
     for name in names:
         smooth = moving_mean(series, name, MOVING_S)
         whole[name] = (float(smooth.min()), float(smooth.max()))
         inside[name] = (float(smooth[rows].min()), float(smooth[rows].max()))
-        if not rows.all():
-            outside[name] = (float(smooth[~rows].min()), float(smooth[~rows].max()))
         values = np.asarray(series[name][rows], np.float64)
         judged = steadiness(times, values)
         if judged is not None:
@@ -111,7 +107,6 @@ def find_out(bag: Path, resolved: ResolvedScene, series: Series, window: Window)
         cycles=cycles,
         disturbance=read_disturbance(bag, resolved, series, window),
         moving_extremes=inside,
-        outside_extremes=outside,
         run_extremes=whole,
     )
 

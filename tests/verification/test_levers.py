@@ -58,7 +58,9 @@ def test_what_cannot_hold(scene):
     tension = by_claim["the spring"]
     assert tension.needed == pytest.approx((-2231.0 - found.unloaded_newton) * 0.25 / 0.70)
     assert not tension.holds
-    assert "-90" in tension.finding  # at the share's centroid
+    at_share = (-2231.0 - found.unloaded_newton) * 0.25 / found.share_lever_m
+    assert at_share == pytest.approx(-900.0, rel=0.02)
+    assert f"{at_share:.0f} N" in tension.finding
     height = by_claim["181 mm"]
     assert height.available == pytest.approx(0.25 * (1.0 - math.cos(0.11)) + 0.02 * math.sin(0.11), rel=0.3)
     assert not height.holds

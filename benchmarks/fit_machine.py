@@ -2,8 +2,8 @@
 
     python -m benchmarks.fit_machine [--stage statics reduced coarse full] [--out DIR] [--threads N]
 
-statics   levers and spring in closed form, least squares inside the ranges; no run
-reduced   depth and start on the reduced soil; seconds a run
+statics   spring and its lever in closed form, held against their ranges; no run
+reduced   depth, damping and start on the reduced soil; seconds a run
 coarse    depth, friction limit and start with particles of twice the radius and wheels on plain ground; minutes a run
 full      the best of the coarse stage in the paper's bin; hours: only when asked for by name
 
@@ -13,6 +13,7 @@ window count alike: the paper does not say which of its ranges are which. Finish
 """
 
 import argparse
+import copy
 import csv
 import json
 import math
@@ -25,10 +26,13 @@ import yaml
 
 from benchmarks.kept_runs import FailedRun, Summary, kept_run, write_scene
 from subsoil_ros.analysis import paper
+from subsoil_ros.analysis.levers import SHARE_DEPTH_PART
 from subsoil_ros.analysis.machine_variants import at_depth, at_rest, coarse_soil, on_plain_ground
 from subsoil_ros.errors import SubsoilError
 from subsoil_ros.scene.document import Document
 from subsoil_ros.scene.loader import load_scene
+
+Parameters = dict[str, Any]
 
 ROOT = Path(__file__).parents[1]
 FIT = ROOT / "config" / "fit" / "subsoiler_1s300.yaml"
@@ -45,7 +49,14 @@ TARGET = 0.25
 SIGN_FACTOR = 10.0
 """What a wrong sign counts (chosen: worse than any factor seen)."""
 
-LOAD_DEPTH_BELOW_HINGE_M = 0.62
+TIP_LEVER_M = 0.70
+"""From the hinge down to the tip."""
+
+SPRING_LENGTH_M = 0.40
+"""Of the spring in the reference pose."""
+
+DAMPINGS = (200.0, 1000.0, 3000.0)
+"""Looked at [N s/m]: the range's ends, and the damping ratio 0.13."""
 
 
 def targets(shank: str = "shank", spring: str = "H9_spring") -> dict[str, tuple[float, str, str | None]]:
@@ -79,60 +90,65 @@ def score(summary: Summary) -> dict[str, Any]:
     return {"held": int(held), "rms_log": float(np.sqrt(np.mean(np.square(misses)))), **ours}
 
 
-def statics(ranges: dict[str, Any]) -> dict[str, float]:
-    """Spring and levers from the printed ranges, without soil: three relations, four parameters.
+def statics(ranges: dict[str, Any], depth_m: float) -> dict[str, float]:
+    """Spring and its lever from the printed ranges, at a working depth; the hinge stays where it is on the machine.
 
-    stiffness x lever = range of the spring force / range of the angle; range of the spring force / range of the
-    draft = lever of the draft / lever of the spring; rest of the spring (no force) where tension and compression
-    divide the angle. What is not determined stays as near as possible to the middle of its range.
+    Stiffness x lever = range of the spring force / range of the angle; lever of the draft / lever of the spring =
+    range of the spring force / range of the draft; and the spring rests (no force) where tension and compression
+    divide the angle.
+
+    Raises:
+        SystemExit: a value falls out of its range.
     """
-    from scipy.optimize import least_squares
-
-    names = ("spring_stiffness_newton_per_m", "spring_lever_m", "hinge_height_m")
-    low, high = (np.array([float(ranges[name]["range"][k]) for name in names]) for k in (0, 1))
     tension, compression = paper.SPRING_NEWTON
     swing = paper.ANGLE_RAD[1] - paper.ANGLE_RAD[0]
     per_radian = (compression - tension) / swing
     ratio = (compression - tension) / (paper.DRAFT_NEWTON[1] - paper.DRAFT_NEWTON[0])
-    weak = 1e-3  # chosen: decides only what the relations leave open
-
-    def residual(x: Any) -> Any:
-        stiffness, lever, hinge = low + x * (high - low)
-        draft_lever = LOAD_DEPTH_BELOW_HINGE_M - 0.40 + hinge
-        return [
-            math.log(stiffness * lever / per_radian),
-            math.log(draft_lever / lever / ratio),
-            *(weak * (x - 0.5)),
-        ]
-
-    found = least_squares(residual, np.full(3, 0.5), bounds=(0.0, 1.0))
-    values = dict(zip(names, (low + found.x * (high - low)).tolist(), strict=True))
+    lever = (TIP_LEVER_M - (1.0 - SHARE_DEPTH_PART) * depth_m) / ratio
     no_force_rad = -swing * -tension / (compression - tension)
-    return {
-        **values,
-        "free_length_m": 0.40 + values["spring_lever_m"] * no_force_rad,
-        "spring per radian [N/rad], printed": per_radian,
-        "spring over draft, printed": ratio,
-        "residual, logarithm": float(np.abs(found.fun[:2]).max()),
+    found = {
+        "spring_stiffness_newton_per_m": per_radian / lever,
+        "spring_lever_m": lever,
+        "free_length_m": SPRING_LENGTH_M + lever * no_force_rad,
     }
+    for name, value in found.items():
+        low, high = map(float, ranges[name]["range"])
+        if not low <= value <= high:
+            raise SystemExit(f"{FIT}: parameters.{name}: the printed ranges give {value:.6g}, outside {low:g} to {high:g}")
+    return found
 
 
-def variant(scene: Path, start: str, depth_m: float, friction: str, out: Path, *, coarse: bool) -> Path:
+def with_spring(document: Document, spring: dict[str, float]) -> Document:
+    """The machine with another spring, level in the reference pose, and its lug at another height."""
+    found = copy.deepcopy(document)
+    mechanism = found["mechanism"]
+    force = mechanism["forces"]["H9_spring"]
+    height = mechanism["joints"]["H8_shank_hinge"]["point_m"][1] + spring["spring_lever_m"]
+    force["point_a_m"][1] = force["point_b_m"][1] = height
+    force["stiffness_newton_per_m"] = spring["spring_stiffness_newton_per_m"]
+    force["free_length_m"] = spring["free_length_m"]
+    force["damping_newton_s_per_m"] = spring["spring_damping_newton_s_per_m"]
+    return found
+
+
+def variant(scene: Path, parameters: Parameters, ranges: dict[str, Any], out: Path, *, coarse: bool) -> Path:
     """Scene file of one set of parameters; `scene` is on the reduced soil or on particles."""
+    start, friction = parameters["start"], parameters["friction_normal"]
     first = load_scene(scene, [f"start={start}"])
-    document: Document = at_depth(first, depth_m, from_above=start == "lowered")
+    document = at_depth(first, parameters["depth_m"], from_above=start == "lowered")
+    spring = statics(ranges, parameters["depth_m"])
+    document = with_spring(document, {**spring, "spring_damping_newton_s_per_m": parameters["damping"]})
     if first.scene.particle_soil is not None:
         document["soil"]["law"]["friction_normal"] = friction
     if coarse:
         document = coarse_soil(on_plain_ground(document), COARSE_RADIUS_M, COARSE_BIN_M)
-    document["name"] += f"_{start}_{friction}"
+    document["name"] += f"_{start}_{friction}_{parameters['damping']:.0f}"
     path = write_scene(document, out / "scenes" / f"{document['name']}.yaml")
-    if start == "lowered":
-        write_scene(at_rest(document, load_scene(path)), path)
+    write_scene(at_rest(document, load_scene(path)), path)
     return path
 
 
-def run_all(cases: Sequence[tuple[dict[str, Any], Path]], out: Path, threads: int) -> list[dict[str, Any]]:
+def run_all(cases: Sequence[tuple[Parameters, Path]], out: Path, threads: int) -> list[Parameters]:
     """Scores of all cases, the best first; a failed one is reported and does not stop the others."""
     rows = []
     for parameters, path in cases:
@@ -145,26 +161,36 @@ def run_all(cases: Sequence[tuple[dict[str, Any], Path]], out: Path, threads: in
     return sorted(rows, key=lambda row: (-row["held"], row["rms_log"]))
 
 
-def stage(name: str, ranges: dict[str, Any], out: Path, threads: int) -> list[dict[str, Any]]:
+def parameter_sets(name: str, ranges: dict[str, Any], out: Path) -> list[Parameters]:
+    """What a stage looks at: the damping on reduced soil, then its best; the best of all in the full bin."""
+    if name == "full":
+        return [json.loads((out / "coarse.json").read_text(encoding="utf-8"))[0]]
+    dampings: Sequence[float] = DAMPINGS
+    frictions = ranges["parameters"]["friction_normal"]["choices"]
+    if name == "reduced":
+        frictions = ["total"]  # the limit that the reduced soil was fitted to
+    else:
+        dampings = [json.loads((out / "reduced.json").read_text(encoding="utf-8"))[0]["damping"]]
+    return [
+        {"depth_m": depth, "friction_normal": friction, "start": start, "damping": damping}
+        for start in ranges["parameters"]["start"]["choices"]
+        for friction in frictions
+        for depth in DEPTHS_M
+        for damping in dampings
+    ]
+
+
+def stage(name: str, ranges: dict[str, Any], out: Path, threads: int) -> list[Parameters]:
     """One stage with runs."""
     scene = REDUCED if name == "reduced" else (FIT.parent / str(ranges["scene"])).resolve()
-    frictions = ("total",) if name == "reduced" else ranges["parameters"]["friction_normal"]["choices"]
-    depths: Sequence[float] = DEPTHS_M
-    starts = ranges["parameters"]["start"]["choices"]
-    if name == "full":
-        best = json.loads((out / "coarse.json").read_text(encoding="utf-8"))[0]
-        depths, frictions, starts = [best["depth_m"]], [best["friction_normal"]], [best["start"]]
-    cases = []
-    for start in starts:
-        for friction in frictions:
-            for depth in depths:
-                parameters = {"depth_m": depth, "friction_normal": friction, "start": start}
-                path = variant(scene, start, depth, friction, out / name, coarse=name == "coarse")
-                cases.append((parameters, path))
+    cases = [
+        (parameters, variant(scene, parameters, ranges["parameters"], out / name, coarse=name == "coarse"))
+        for parameters in parameter_sets(name, ranges, out)
+    ]
     return run_all(cases, out / name, threads)
 
 
-def write(name: str, rows: list[dict[str, Any]], out: Path) -> None:
+def write(name: str, rows: list[Parameters], out: Path) -> None:
     """Leaves a stage's table as CSV and JSON."""
     (out / f"{name}.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     with (out / f"{name}.csv").open("w", newline="", encoding="utf-8") as stream:
@@ -186,13 +212,12 @@ def main() -> None:
     args.out.mkdir(parents=True, exist_ok=True)
     for name in args.stage:
         if name == "statics":
-            rows: list[dict[str, Any]] = [statics(ranges["parameters"])]
-            print(json.dumps(rows[0], indent=1))
+            rows = [{"depth_m": depth, **statics(ranges["parameters"], depth)} for depth in DEPTHS_M]
         else:
             rows = stage(name, ranges, args.out, args.threads)
         if rows:
             write(name, rows, args.out)
-            print(f"{name}: best {rows[0]}")
+            print(f"{name}: first {rows[0]}")
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ from math import cos, sin
 from pathlib import Path
 
 import pytest
+import yaml
 
 from benchmarks import fit_machine, two_readings
 from subsoil_ros.analysis.levers import levers_of, rest_angle_rad
@@ -74,9 +75,9 @@ def test_another_depth_moves_the_machine_over_its_wheels(depth, tmp_path):
 
 def test_lowered_to_another_depth_starts_where_it_did(tmp_path):
     """The tip stands at the surface, the shank at rest on its spring, and the chain lets down by so much less."""
-    path = fit_machine.variant(
-        SCENES / "subsoiler_1s300.yaml", "lowered", 0.18, "absolute", tmp_path, coarse=False
-    )
+    parameters = {"depth_m": 0.18, "friction_normal": "absolute", "start": "lowered", "damping": 500.0}
+    ranges = yaml.safe_load(fit_machine.FIT.read_text())["parameters"]
+    path = fit_machine.variant(SCENES / "subsoiler_1s300.yaml", parameters, ranges, tmp_path, coarse=False)
     found, first = load_scene(path), load_scene(SCENES / "subsoiler_1s300.yaml", ["start=lowered"])
     assert -0.005 < tip_height_m(found) < 0.015
     assert relative_angle_rad(found) == pytest.approx(rest_angle_rad(found.scene), abs=1e-6)
@@ -88,6 +89,9 @@ def test_lowered_to_another_depth_starts_where_it_did(tmp_path):
         (old.values[1] - old.values[0]) / (old.times_s[1] - old.times_s[0])
     )
     assert found.scene.soil.law.friction_normal == "absolute"
+    fitted = levers_of(found.scene)
+    assert fitted.spring_arm_m == pytest.approx(fit_machine.statics(ranges, 0.18)["spring_lever_m"])
+    assert fitted.share_lever_m / fitted.spring_arm_m == pytest.approx(4854.0 / 1823.81, rel=1e-3)
 
 
 def test_coarse_machine_on_plain_ground(tmp_path):
@@ -114,16 +118,14 @@ def test_matrix_of_both_readings_loads(tmp_path):
 
 def test_statics_of_the_fit():
     """Inside the ranges, with the printed relations met: 44.1 kN/rad, 2.66 N of spring for one of draft."""
-    import yaml
-
     ranges = yaml.safe_load(fit_machine.FIT.read_text())["parameters"]
-    found = fit_machine.statics(ranges)
-    for name in ("spring_stiffness_newton_per_m", "spring_lever_m", "hinge_height_m", "free_length_m"):
+    found = fit_machine.statics(ranges, 0.30)
+    for name in ("spring_stiffness_newton_per_m", "spring_lever_m", "free_length_m"):
         low, high = ranges[name]["range"]
         assert low <= found[name] <= high, name
     lever = found["spring_lever_m"]
     assert found["spring_stiffness_newton_per_m"] * lever == pytest.approx(4854.0 / 0.11, rel=1e-3)
-    assert (0.22 + found["hinge_height_m"]) / lever == pytest.approx(4854.0 / 1823.81, rel=1e-3)
+    assert 0.619 / lever == pytest.approx(4854.0 / 1823.81, rel=1e-3)
 
 
 def test_score_counts_what_is_held():

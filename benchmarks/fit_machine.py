@@ -1,10 +1,10 @@
 """Fits the free parameters of the 1S-300 to the paper's printed results, stage by stage.
 
-    python -m benchmarks.fit_machine [--stage statics reduced coarse full] [--out DIR] [--threads N]
+    python -m benchmarks.fit_machine [--stage statics reduced coarse full] [--out DIR] [--radius M] [--threads N]
 
 statics   spring and its lever in closed form, held against their ranges; no run
 reduced   depth, damping and start on the reduced soil; seconds a run
-coarse    depth, friction limit and start with particles of twice the radius and wheels on plain ground; minutes a run
+coarse    depth, friction limit and start with larger particles and wheels on plain ground; minutes a run
 full      the best of the coarse stage in the paper's bin; hours: only when asked for by name
 
 Ranges and reasons: config/fit/subsoiler_1s300.yaml. A run scores how many of the printed values it holds within
@@ -41,9 +41,8 @@ REDUCED = ROOT / "config" / "scenes" / "subsoiler_1s300_resistance.yaml"
 DEPTHS_M = (0.18, 0.22, 0.26, 0.30)
 """Looked at (chosen: the range of the parameter up to the scene's first depth)."""
 
-COARSE_RADIUS_M = 0.020
-COARSE_BIN_M = (1.8, 0.72, 0.4)
-"""Twelve shares wide (chosen: 20 % of draft came with bins half as wide); length as the wheels allow."""
+COARSE_BIN_M = (2.0, 0.72, 0.4)
+"""The paper's length; twelve shares wide (chosen: 20 % of draft came with bins half as wide)."""
 
 TARGET = 0.25
 SIGN_FACTOR = 10.0
@@ -131,7 +130,7 @@ def with_spring(document: Document, spring: dict[str, float]) -> Document:
     return found
 
 
-def variant(scene: Path, parameters: Parameters, ranges: dict[str, Any], out: Path, *, coarse: bool) -> Path:
+def variant(scene: Path, parameters: Parameters, ranges: dict[str, Any], out: Path, coarse_radius_m: float | None) -> Path:
     """Scene file of one set of parameters; `scene` is on the reduced soil or on particles."""
     start, friction = parameters["start"], parameters["friction_normal"]
     first = load_scene(scene, [f"start={start}"])
@@ -140,8 +139,8 @@ def variant(scene: Path, parameters: Parameters, ranges: dict[str, Any], out: Pa
     document = with_spring(document, {**spring, "spring_damping_newton_s_per_m": parameters["damping"]})
     if first.scene.particle_soil is not None:
         document["soil"]["law"]["friction_normal"] = friction
-    if coarse:
-        document = coarse_soil(on_plain_ground(document), COARSE_RADIUS_M, COARSE_BIN_M)
+    if coarse_radius_m is not None:
+        document = coarse_soil(on_plain_ground(document), coarse_radius_m, COARSE_BIN_M)
     document["name"] += f"_{start}_{friction}_{parameters['damping']:.0f}"
     path = write_scene(document, out / "scenes" / f"{document['name']}.yaml")
     write_scene(at_rest(document, load_scene(path)), path)
@@ -180,11 +179,11 @@ def parameter_sets(name: str, ranges: dict[str, Any], out: Path) -> list[Paramet
     ]
 
 
-def stage(name: str, ranges: dict[str, Any], out: Path, threads: int) -> list[Parameters]:
+def stage(name: str, ranges: dict[str, Any], out: Path, threads: int, radius_m: float) -> list[Parameters]:
     """One stage with runs."""
     scene = REDUCED if name == "reduced" else (FIT.parent / str(ranges["scene"])).resolve()
     cases = [
-        (parameters, variant(scene, parameters, ranges["parameters"], out / name, coarse=name == "coarse"))
+        (parameters, variant(scene, parameters, ranges["parameters"], out / name, radius_m if name == "coarse" else None))
         for parameters in parameter_sets(name, ranges, out)
     ]
     return run_all(cases, out / name, threads)
@@ -206,6 +205,7 @@ def main() -> None:
         "--stage", nargs="+", choices=("statics", "reduced", "coarse", "full"), default=["statics", "reduced", "coarse"]
     )
     parser.add_argument("--out", type=Path, default=Path("runs/fit_machine"))
+    parser.add_argument("--radius", type=float, default=0.025, metavar="M", help="of the coarse particles")
     parser.add_argument("--threads", type=int, default=1)
     args = parser.parse_args()
     ranges = yaml.safe_load(FIT.read_text(encoding="utf-8"))
@@ -214,7 +214,7 @@ def main() -> None:
         if name == "statics":
             rows = [{"depth_m": depth, **statics(ranges["parameters"], depth)} for depth in DEPTHS_M]
         else:
-            rows = stage(name, ranges, args.out, args.threads)
+            rows = stage(name, ranges, args.out, args.threads, args.radius)
         if rows:
             write(name, rows, args.out)
             print(f"{name}: first {rows[0]}")

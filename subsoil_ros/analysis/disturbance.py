@@ -182,7 +182,7 @@ def disturbance_between(
     moved = np.linalg.norm(way, axis=1) > radius_m
     cell = CELL_DIAMETERS * 2.0 * radius_m
     low, high = before.min(axis=0) - radius_m, before.max(axis=0) + radius_m
-    shape = np.maximum(1, np.floor((high[1:] - low[1:]) / cell).astype(int))
+    shape = np.maximum(1, np.round((high[1:] - low[1:]) / cell).astype(int))
     step = (high[1:] - low[1:]) / shape  # whole cells across
     place = np.minimum(((before[:, 1:] - low[1:]) / step).astype(int), shape - 1)
     count = np.zeros(shape[::-1])
@@ -218,7 +218,7 @@ def _surface_width_m(
     before: Values, moved: NDArray[np.bool_], low: float, high: float, cell: float, radius: float
 ) -> float:
     """Width of the columns in y of which half or more of the uppermost layer moved."""
-    top = before[:, 2] > before[:, 2].max() - 2.0 * radius
+    top = before[:, 2] > before[:, 2].max() - 1.5 * radius
     columns = max(1, round((high - low) / cell))
     place = np.minimum(((before[top, 1] - low) / (high - low) * columns).astype(int), columns - 1)
     count = np.bincount(place, minlength=columns)

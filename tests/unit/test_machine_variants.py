@@ -77,7 +77,7 @@ def test_lowered_to_another_depth_starts_where_it_did(tmp_path):
     """The tip stands at the surface, the shank at rest on its spring, and the chain lets down by so much less."""
     parameters = {"depth_m": 0.18, "friction_normal": "absolute", "start": "lowered", "damping": 500.0}
     ranges = yaml.safe_load(fit_machine.FIT.read_text())["parameters"]
-    path = fit_machine.variant(SCENES / "subsoiler_1s300.yaml", parameters, ranges, tmp_path, coarse=False)
+    path = fit_machine.variant(SCENES / "subsoiler_1s300.yaml", parameters, ranges, tmp_path, None)
     found, first = load_scene(path), load_scene(SCENES / "subsoiler_1s300.yaml", ["start=lowered"])
     assert -0.005 < tip_height_m(found) < 0.015
     assert relative_angle_rad(found) == pytest.approx(rest_angle_rad(found.scene), abs=1e-6)

@@ -2,9 +2,9 @@
 
     python -m benchmarks.draft_bands [--out DIR] [--radius M] [--threads N] [--set key=value ...]
 
-Runs share and blade of the 1S-300 on a path through a bed of the paper's soil (radius 20 mm with the law scaled
-unless said), draws the curves beside the formulas, and writes CSV, JSON and Markdown. The formulas are not fitted,
-and their strength is that of the bed's own shear tests (docs/soil_tests.md).
+Runs share and blade of the 1S-300 on a path through a bed of the paper's soil (radius 20 mm with the law
+scaled unless said), draws the curves beside the formulas, and writes CSV, JSON and Markdown. The formulas
+are not fitted, and their strength is that of the bed's own shear tests (docs/soil_tests.md).
 """
 
 import argparse
@@ -91,7 +91,9 @@ def formulas(depth_m: float, speed: float) -> dict[str, float]:
     found = {f"asabe_{texture}_newton": asabe_newton(depth_m, speed, texture) for texture in TEXTURES}
     for strength in PAPER_GRID:
         name = strength.source.split()[-1]
-        found[f"mckyes_{name}_newton"] = mckyes_newton(depth_m, speed, strength, share.width_m, share.rake_rad)
+        found[f"mckyes_{name}_newton"] = mckyes_newton(
+            depth_m, speed, strength, share.width_m, share.rake_rad
+        )
     return found
 
 
@@ -132,7 +134,7 @@ def draw(rows: list[dict[str, Any]], path: Path) -> Path:
 def markdown(rows: list[dict[str, Any]], command: str) -> str:
     """The table."""
     lines = ["# Draft beside independent formulas", "", f"`{command}`", "",
-             "| depth, speed | particles | McKyes and Ali: peak, residual strength | ASABE coarse, medium, fine |",
+             "| depth, speed | particles | McKyes and Ali: peak, residual | ASABE coarse, medium, fine |",
              "|---|---|---|---|"]  # fmt: skip
     for row in rows:
         half = row["half_width_newton"]
@@ -147,7 +149,9 @@ def markdown(rows: list[dict[str, Any]], command: str) -> str:
 
 def main() -> None:
     """Runs and compares."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--out", type=Path, default=Path("runs/draft_bands"))
     parser.add_argument("--radius", type=float, default=0.020, metavar="M")
     parser.add_argument("--threads", type=int, default=1)

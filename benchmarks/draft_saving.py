@@ -2,13 +2,15 @@
 
     python -m benchmarks.draft_saving [SCENE] [--out DIR] [--most-seeds N] [--threads N] [--set key=value ...]
 
-On each bed (seeds 0, 1, ... of the grid's jitter, or of a random bed) three machines run: sprung; locked at the
-nominal angle, that of the reference pose; and locked at the mean angle that the sprung one had on this bed. Only the
-last isolates vibration: its share stands as the sprung one does in the mean. Start, slot and bed are the same. Drafts
-are means over the metrics window; differences are taken bed by bed, with Student's interval, until its half-width is
-below 2 % of the control's mean draft, or the seeds are used up: then the difference is not resolved.
+On each bed (seeds 0, 1, ... of the grid's jitter, or of a random bed) three machines run: sprung; locked at
+the nominal angle, that of the reference pose; and locked at the mean angle that the sprung one had on this
+bed. Only the last isolates vibration: its share stands as the sprung one does in the mean. Start, slot and
+bed are the same. Drafts are means over the metrics window; differences are taken bed by bed, with Student's
+interval, until its half-width is below 2 % of the control's mean draft, or the seeds are used up: then the
+difference is not resolved.
 
-Published beside: 7 to 12 points of mean draft for self-excitation (Zhou et al. 2019, Trans. CSAM 50(5) 71-78).
+Published beside: 7 to 12 points of mean draft for self-excitation (Zhou et al. 2019, Trans. CSAM 50(5)
+71-78).
 """
 
 import argparse
@@ -30,7 +32,8 @@ BOUND = 0.02
 """Half-width that counts as resolved, part of the control's mean draft."""
 
 JITTER_M = 0.0005
-"""Of each centre of a grid along each axis (chosen: half of it moves a bond by a quarter of its rest overlap)."""
+"""Of each centre of a grid along each axis (chosen: half of it moves a bond by a quarter of its rest
+overlap)."""
 
 LEAST_SEEDS = 3
 """An interval of two pairs is 13 standard errors wide."""
@@ -74,7 +77,10 @@ def run_seed(scene: Path, overrides: list[str], seed: int, out: Path, threads: i
     runs = out / "runs"
     sprung = kept_run(scene, runs, [*overrides, *bed], threads)
     found = {"sprung": sprung}
-    for name, angle in (("locked, nominal angle", 0.0), ("locked, mean angle", mean_angle_rad(sprung, resolved))):
+    for name, angle in (
+        ("locked, nominal angle", 0.0),
+        ("locked, mean angle", mean_angle_rad(sprung, resolved)),
+    ):
         path = write_scene(locked_shank(resolved, angle), out / "scenes" / f"{name.split()[-2]}-{seed}.yaml")
         found[name] = {**kept_run(path, runs, (), threads), "angle_rad": angle}
     return found
@@ -87,7 +93,9 @@ def compare(seeds: list[dict[str, Summary]]) -> dict[str, dict[str, PairedDiffer
         if control == "sprung":
             continue
         table[control] = {
-            key: paired_difference([one["sprung"][key] for one in seeds], [one[control][key] for one in seeds])
+            key: paired_difference(
+                [one["sprung"][key] for one in seeds], [one[control][key] for one in seeds]
+            )
             for key in COMPARED
             if all(key in one[name] for one in seeds for name in ("sprung", control))
         }
@@ -98,24 +106,28 @@ def markdown(scene: str, scene_hash: str, table: dict[str, dict[str, PairedDiffe
     """The table, with intervals."""
     lines = [f"# Draft saving: {scene}", "", f"`{command}`, scene hash `{scene_hash[:16]}`", ""]
     for control, rows in table.items():
-        lines += [f"## Against {control}", "", "| quantity | sprung | locked | locked less sprung (95 %) | pairs |",
+        lines += [f"## Against {control}", "", "| quantity | sprung | locked | difference (95 %) | pairs |",
                   "|---|---|---|---|---|"]  # fmt: skip
         for key, found in rows.items():
             half = f"{found.half_width:.4g}" if math.isfinite(found.half_width) else "unknown"
             lines.append(
-                f"| {COMPARED[key]} | {found.case_mean:.4g} | {found.control_mean:.4g} | {found.difference:+.4g} "
+                f"| {COMPARED[key]} | {found.case_mean:.4g} | {found.control_mean:.4g} "
+                f"| {found.difference:+.4g} "
                 f"+- {half} | {found.pair_count} |"
             )
         draft = rows["draft_newton_mean"]
         resolved = "resolved" if draft.resolved(BOUND) else f"not resolved to {100.0 * BOUND:g} %"
-        lines += ["", f"Saving of mean draft {100.0 * draft.saving:+.1f} +- {100.0 * draft.saving_half_width:.1f} %: "
+        lines += ["", f"Saving of mean draft {100.0 * draft.saving:+.1f} "
+                  f"+- {100.0 * draft.saving_half_width:.1f} %: "
                   f"{draft.verdict}; {resolved}. Published: 7 to 12 points.", ""]  # fmt: skip
     return "\n".join(lines)
 
 
 def main() -> None:
     """Runs pairs until the difference is resolved or the seeds are used up."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("scene", nargs="?", type=Path, default=SCENES / "subsoiler_1s300.yaml")
     parser.add_argument("--out", type=Path, default=Path("runs/draft_saving"))
     parser.add_argument("--most-seeds", type=int, default=12)
@@ -136,7 +148,10 @@ def main() -> None:
     document: dict[str, Any] = {
         "scene": resolved.scene.name,
         "scene_hash": resolved.scene_hash,
-        "seeds": [{name: {key: run.get(key) for key in (*COMPARED, "angle_rad")} for name, run in one.items()} for one in seeds],
+        "seeds": [
+            {name: {key: run.get(key) for key in (*COMPARED, "angle_rad")} for name, run in one.items()}
+            for one in seeds
+        ],
         "differences": {name: {key: asdict(d) for key, d in rows.items()} for name, rows in table.items()},
     }
     text = json.dumps(document, indent=1).replace("Infinity", "null")

@@ -1,15 +1,16 @@
 """Fits the free parameters of the 1S-300 to the paper's printed results, stage by stage.
 
-    python -m benchmarks.fit_machine [--stage statics reduced coarse full] [--out DIR] [--radius M] [--threads N]
+    python -m benchmarks.fit_machine [--stage NAME ...] [--only NAME=VALUE ...] [--out DIR]
 
 statics   spring and its lever in closed form, held against their ranges; no run
 reduced   depth, damping and start on the reduced soil; seconds a run
 coarse    depth, friction limit and start with larger particles and wheels on plain ground; minutes a run
 full      the best of the coarse stage in the paper's bin; hours: only when asked for by name
 
-Ranges and reasons: config/fit/subsoiler_1s300.yaml. A run scores how many of the printed values it holds within
-25 %, and the root mean square of ln(ours / printed), sign changes counted as a factor of ten. Whole run and metrics
-window count alike: the paper does not say which of its ranges are which. Finished runs are kept.
+Ranges and reasons: config/fit/subsoiler_1s300.yaml. A run scores how many of the printed values it holds
+within 25 %, and the root mean square of ln(ours / printed), sign changes counted as a factor of ten. Whole
+run and metrics window count alike: the paper does not say which of its ranges are which. Finished runs are
+kept.
 """
 
 import argparse
@@ -90,11 +91,11 @@ def score(summary: Summary) -> dict[str, Any]:
 
 
 def statics(ranges: dict[str, Any], depth_m: float) -> dict[str, float]:
-    """Spring and its lever from the printed ranges, at a working depth; the hinge stays where it is on the machine.
+    """Spring and its lever from the printed ranges, at a working depth; the hinge stays where it is.
 
-    Stiffness x lever = range of the spring force / range of the angle; lever of the draft / lever of the spring =
-    range of the spring force / range of the draft; and the spring rests (no force) where tension and compression
-    divide the angle.
+    Stiffness x lever = range of the spring force / range of the angle; draft's lever / spring's lever =
+    range of the spring force / range of the draft; and the spring rests (no force) where tension and
+    compression divide the angle.
 
     Raises:
         SystemExit: a value falls out of its range.
@@ -113,7 +114,9 @@ def statics(ranges: dict[str, Any], depth_m: float) -> dict[str, float]:
     for name, value in found.items():
         low, high = map(float, ranges[name]["range"])
         if not low <= value <= high:
-            raise SystemExit(f"{FIT}: parameters.{name}: the printed ranges give {value:.6g}, outside {low:g} to {high:g}")
+            raise SystemExit(
+                f"{FIT}: parameters.{name}: the printed ranges give {value:.6g}, outside {low:g} to {high:g}"
+            )
     return found
 
 
@@ -130,7 +133,9 @@ def with_spring(document: Document, spring: dict[str, float]) -> Document:
     return found
 
 
-def variant(scene: Path, parameters: Parameters, ranges: dict[str, Any], out: Path, coarse_radius_m: float | None) -> Path:
+def variant(
+    scene: Path, parameters: Parameters, ranges: dict[str, Any], out: Path, coarse_radius_m: float | None
+) -> Path:
     """Scene file of one set of parameters; `scene` is on the reduced soil or on particles."""
     start, friction = parameters["start"], parameters["friction_normal"]
     first = load_scene(scene, [f"start={start}"])
@@ -156,7 +161,10 @@ def run_all(cases: Sequence[tuple[Parameters, Path]], out: Path, threads: int) -
         except (FailedRun, SubsoilError) as error:
             print(f"{path.stem}: {error}", flush=True)
             continue
-        print(json.dumps({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in rows[-1].items()}), flush=True)
+        print(
+            json.dumps({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in rows[-1].items()}),
+            flush=True,
+        )
     return sorted(rows, key=lambda row: (-row["held"], row["rms_log"]))
 
 
@@ -169,7 +177,10 @@ def parameter_sets(name: str, ranges: dict[str, Any], out: Path) -> list[Paramet
     if name == "reduced":
         frictions = ["total"]  # the limit that the reduced soil was fitted to
     else:
-        dampings = [json.loads((out / "reduced.json").read_text(encoding="utf-8"))[0]["damping"]]
+        reduced = out / "reduced.json"
+        dampings = (
+            [json.loads(reduced.read_text(encoding="utf-8"))[0]["damping"]] if reduced.is_file() else [1000.0]
+        )
     return [
         {"depth_m": depth, "friction_normal": friction, "start": start, "damping": damping}
         for start in ranges["parameters"]["start"]["choices"]
@@ -179,14 +190,24 @@ def parameter_sets(name: str, ranges: dict[str, Any], out: Path) -> list[Paramet
     ]
 
 
-def stage(name: str, ranges: dict[str, Any], out: Path, threads: int, radius_m: float) -> list[Parameters]:
+def chosen(sets: list[Parameters], only: Sequence[str]) -> list[Parameters]:
+    """Those sets that every "name=value,value" of `only` allows."""
+    allowed = {text.partition("=")[0]: text.partition("=")[2].split(",") for text in only}
+    return [one for one in sets if all(f"{one[key]}" in values for key, values in allowed.items())]
+
+
+def stage(name: str, ranges: dict[str, Any], out: Path, args: argparse.Namespace) -> list[Parameters]:
     """One stage with runs."""
+    radius_m = args.radius if name == "coarse" else None
     scene = REDUCED if name == "reduced" else (FIT.parent / str(ranges["scene"])).resolve()
     cases = [
-        (parameters, variant(scene, parameters, ranges["parameters"], out / name, radius_m if name == "coarse" else None))
-        for parameters in parameter_sets(name, ranges, out)
+        (
+            parameters,
+            variant(scene, parameters, ranges["parameters"], out / name, radius_m),
+        )
+        for parameters in chosen(parameter_sets(name, ranges, out), args.only)
     ]
-    return run_all(cases, out / name, threads)
+    return run_all(cases, out / name, args.threads)
 
 
 def write(name: str, rows: list[Parameters], out: Path) -> None:
@@ -200,11 +221,23 @@ def write(name: str, rows: list[Parameters], out: Path) -> None:
 
 def main() -> None:
     """Runs the stages that are asked for."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument(
-        "--stage", nargs="+", choices=("statics", "reduced", "coarse", "full"), default=["statics", "reduced", "coarse"]
+        "--stage",
+        nargs="+",
+        choices=("statics", "reduced", "coarse", "full"),
+        default=["statics", "reduced", "coarse"],
     )
     parser.add_argument("--out", type=Path, default=Path("runs/fit_machine"))
+    parser.add_argument(
+        "--only",
+        nargs="+",
+        default=[],
+        metavar="NAME=VALUE,VALUE",
+        help="run these parameters only: depth_m, friction_normal, start, damping",
+    )
     parser.add_argument("--radius", type=float, default=0.025, metavar="M", help="of the coarse particles")
     parser.add_argument("--threads", type=int, default=1)
     args = parser.parse_args()
@@ -214,7 +247,7 @@ def main() -> None:
         if name == "statics":
             rows = [{"depth_m": depth, **statics(ranges["parameters"], depth)} for depth in DEPTHS_M]
         else:
-            rows = stage(name, ranges, args.out, args.threads, args.radius)
+            rows = stage(name, ranges, args.out, args)
         if rows:
             write(name, rows, args.out)
             print(f"{name}: first {rows[0]}")

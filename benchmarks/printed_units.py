@@ -2,9 +2,9 @@
 
     python -m benchmarks.printed_units [--out DIR] [--threads N]
 
-Runs subsoiler_1s300_printed_units.yaml (some twenty minutes of one core) and the same scene with the values read in
-N/m and N s/m (a second), and prints draft, stable step, attraction of a pair, Rumpf's bound of the tensile strength
-and the steps that the full scene would take.
+Runs subsoiler_1s300_printed_units.yaml (some twenty minutes of one core) and the same scene with the values
+read in N/m and N s/m (a second), and prints draft, stable step, attraction of a pair, Rumpf's bound of the
+tensile strength and the steps that the full scene would take.
 """
 
 import argparse
@@ -54,7 +54,9 @@ def figures(resolved: ResolvedScene, summary: Summary) -> dict[str, float]:
 
 def main() -> None:
     """Runs both."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--out", type=Path, default=Path("runs/printed_units"))
     parser.add_argument("--threads", type=int, default=1)
     args = parser.parse_args()

@@ -2,9 +2,9 @@
 
     python -m benchmarks.ship_results RUN NAME --command "subsoil run ..."
 
-RUN is a folder that `subsoil run` made and `subsoil report` finished. Left in docs/results/NAME: series.csv with the
-columns that the tables compare, reproduction.*, summary.json, figures, and provenance.json (command, commit, scene
-hash, wall time). tests/unit/test_shipped_results.py holds every table against its series.
+RUN is a folder that `subsoil run` made and `subsoil report` finished. Left in docs/results/NAME: series.csv
+with the columns that the tables compare, reproduction.*, summary.json, figures, and provenance.json (command,
+commit, scene hash, wall time). tests/unit/test_shipped_results.py holds every table against its series.
 """
 
 import argparse
@@ -63,7 +63,9 @@ def ship(run: Path, name: str, command: str) -> Path:
 
 def main() -> None:
     """Ships one run."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("run", type=Path)
     parser.add_argument("name")
     parser.add_argument("--command", required=True, help="that made the run, as text")

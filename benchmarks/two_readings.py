@@ -2,11 +2,11 @@
 
     python -m benchmarks.two_readings [--out DIR] [--case NAME ...] [--coarse RADIUS_M] [--threads N] [--list]
 
-Runs the machine over a matrix of starts, depths, beds and friction limits, long enough for 6 s of steady work, and
-judges each case: is the draft steady (drift test), does a rhythm stand out of red noise and how slow is it, how far
-do spring, angle and height range inside the window and outside, where is the draft negative. `--coarse 0.02`: particles
-of that radius in a narrow bin, wheels on plain ground; minutes a case. Without it every case takes days.
-Finished runs are kept.
+Runs the machine over a matrix of starts, depths, beds and friction limits, long enough for 6 s of steady
+work, and judges each case: is the draft steady (drift test), does a rhythm stand out of red noise and how
+slow is it, how far do spring, angle and height range inside the window and outside, where is the draft
+negative. `--coarse 0.02`: particles of that radius in a narrow bin, wheels on plain ground; minutes a case.
+Without it every case takes days. Finished runs are kept.
 """
 
 import argparse
@@ -32,7 +32,8 @@ START_M = 0.2
 """Where the tip of a machine that is let down begins."""
 
 ENTRY_M = 1.3
-"""Way of the tip until the machine has settled at depth, from either start (chosen: end of lowering and 0.5 m)."""
+"""Way of the tip until the machine has settled at depth, from either start (chosen: end of lowering and 0.5
+m)."""
 
 INSIDE_M = 0.7
 """Before the end of the bin (prototypes: drafts rise from there on)."""
@@ -103,7 +104,9 @@ def judge(case: Case, summary: Summary) -> dict[str, Any]:
 
     hertz = summary.get("spectrum.draft_newton_dominant_hz")
     rhythm = bool(
-        summary.get("spectrum.draft_newton_significant") and hertz is not None and SLOW_HZ[0] <= hertz <= SLOW_HZ[1]
+        summary.get("spectrum.draft_newton_significant")
+        and hertz is not None
+        and SLOW_HZ[0] <= hertz <= SLOW_HZ[1]
     )
     swing = paper.ANGLE_RAD[1] - paper.ANGLE_RAD[0]
     wide = span("", angle) >= RANGE_PART * swing
@@ -140,7 +143,9 @@ def judge(case: Case, summary: Summary) -> dict[str, Any]:
 
 def main() -> None:
     """Runs the cases that are asked for and writes the verdict table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--out", type=Path, default=Path("runs/two_readings"))
     parser.add_argument("--case", nargs="+", default=[], metavar="NAME")
     parser.add_argument("--coarse", type=float, metavar="RADIUS_M", help="larger particles, a narrow bin")

@@ -1,13 +1,14 @@
 """How a passage of the tools left the soil: what moved, how far the surface rose, where it was fast.
 
 Particles keep their place in every cloud, so displacements are differences of two clouds: the first of the
-bag and the last. What counts is a slab across the bin that the tools have passed: from the metrics margin behind
-the start to the rear of the tools, or to the margin before the end. Moved is who is displaced by more than a
-radius. The loosened cross-section is the moved part of the slab times its section; the width at the surface is
-that of the columns of the uppermost layer of which half or more moved.
+bag and the last. What counts is a slab across the bin that the tools have passed: from the metrics margin
+behind the start to the rear of the tools, or to the margin before the end. Moved is who is displaced by
+more than a radius. The loosened cross-section is the moved part of the slab times its section; the width at
+the surface is that of the columns of the uppermost layer of which half or more moved.
 """
 
 import csv
+import itertools
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -142,7 +143,11 @@ def read_disturbance(
         return None
     start_s, end_s = window_span_s(series, window)
     inside = [time for time in times if start_s <= 1e-9 * time <= end_s]
-    looked = {inside[k] for k in np.linspace(0, len(inside) - 1, SPEED_CLOUDS).round().astype(int)} if inside else set()
+    looked = (
+        {inside[k] for k in np.linspace(0, len(inside) - 1, SPEED_CLOUDS).round().astype(int)}
+        if inside
+        else set()
+    )
     wanted = {times[0], times[-1]} | looked
     clouds = {
         cloud.end_time_ns: cloud
@@ -252,7 +257,7 @@ def _positions(cloud: SoilCloud) -> Values:
 
 def _falls(speeds: tuple[float, ...]) -> bool:
     known = [value for value in speeds if np.isfinite(value)]
-    return len(known) > 1 and all(b < a for a, b in zip(known, known[1:], strict=False))
+    return len(known) > 1 and all(b < a for a, b in itertools.pairwise(known))
 
 
 def _rear_m(resolved: ResolvedScene, motions: ToolMotions) -> float:
@@ -273,7 +278,9 @@ def _speed_zones(clouds: list[SoilCloud], series: Series, resolved: ResolvedScen
     share = next((tool for tool in resolved.scene.tools.values() if tool.share), None)
     lateral = share.lateral_m if share is not None else 0.0
     sums = [
-        _zones_of(cloud, *(float(np.interp(1e-9 * cloud.end_time_ns, series["time_s"], x)) for x in path), lateral)
+        _zones_of(
+            cloud, *(float(np.interp(1e-9 * cloud.end_time_ns, series["time_s"], x)) for x in path), lateral
+        )
         for cloud in clouds
     ]
     total = np.sum(sums, axis=0)  # (zones, 2): sum of speeds, particles

@@ -1,6 +1,7 @@
 """Load cycles of a spring: rainflow count (ASTM E1049-85), and one range that does the same damage.
 
-By Palmgren and Miner with a Woehler line N ~ range^-m, cycles n_i of ranges R_i do the damage of f T cycles of
+By Palmgren and Miner with a Woehler line N ~ range^-m, cycles n_i of ranges R_i do the damage of f T cycles
+of
 
     R_eq = (sum n_i R_i^m / (f T))^(1/m)
 
@@ -15,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 EXPONENT = 5.0
-"""m of steel that is not welded, normal stress (FKM guideline, Analytical Strength Assessment, 6th ed. 2012)."""
+"""m of steel that is not welded, normal stress (FKM guideline, Analytical Strength Assessment, 6th ed.
+2012)."""
 
 REFERENCE_HZ = 1.0
 """f: cycles per second of the equivalent range (chosen: the rhythm that the paper prints)."""
@@ -35,7 +37,9 @@ class LoadCycles:
         """0 without a cycle."""
         return float(self.range_newton.max(initial=0.0))
 
-    def equivalent_range_newton(self, exponent: float = EXPONENT, frequency_hz: float = REFERENCE_HZ) -> float:
+    def equivalent_range_newton(
+        self, exponent: float = EXPONENT, frequency_hz: float = REFERENCE_HZ
+    ) -> float:
         """Range that does the same damage at `frequency_hz`."""
         damage = float(self.count @ self.range_newton**exponent)
         return float((damage / (frequency_hz * self.duration_s)) ** (1.0 / exponent))
@@ -45,7 +49,7 @@ def load_cycles(force_newton: NDArray[np.float64], duration_s: float) -> LoadCyc
     """Rainflow count of a force (n,) [N] recorded for `duration_s`."""
     import rainflow
 
-    found = [cycle[:3] for cycle in rainflow.extract_cycles(force_newton.tolist())]
+    found = [cycle[:3] for cycle in rainflow.extract_cycles(force_newton.tolist()) if cycle[0] > 0.0]
     table = np.array(found, dtype=np.float64).reshape(-1, 3)
     return LoadCycles(table[:, 0], table[:, 1], table[:, 2], duration_s)
 

@@ -130,9 +130,9 @@ def _paint_shank_height(axes: Axes, series: Series, scene: Scene) -> bool:
     if scene.report.paper:
         travel += f" (paper: {1e3 * paper.HEIGHT_TRAVEL_M:.0f} mm)"
     axes.plot(series["time_s"], height_mm, color=COLOURS["main"], lw=1.2, label=f"centre of mass: {travel}")
-    if scene.report.paper:  # its zero is not known: the lowest points are laid on each other
-        low = float(height_mm.min())
-        _band(axes, low, low + 1e3 * paper.HEIGHT_TRAVEL_M, "paper: 181 mm from the lowest")
+    if scene.report.paper:  # its zero is not known: both ranges have one middle
+        middle, half = 0.5 * float(height_mm.max() + height_mm.min()), 0.5e3 * paper.HEIGHT_TRAVEL_M
+        _band(axes, middle - half, middle + half, "paper: 181 mm, its zero unknown")
     axes.set_ylabel("height over the bed's surface [mm]")
     _title(axes, scene, "Height of the shank's centre of mass")
     return True

@@ -1,4 +1,4 @@
-"""What of the paper's printed numbers cannot hold at once, by statics and energy of the scene's own levers."""
+"""What of the paper's numbers cannot hold at once, by statics and energy of the scene's own levers."""
 
 import math
 from typing import NamedTuple
@@ -50,9 +50,9 @@ def _tension(levers: Levers) -> Statement:
     share = levers.draft_newton(tension, levers.share_lever_m)
     return Statement(
         f"the spring in {-tension:g} N of tension",
-        f"needs a draft of {share:.0f} N on the share (lever {levers.share_lever_m:.2f} m against the spring's "
-        f"{levers.spring_arm_m:.2f} m), {tip:.0f} N even if all of it acted at the tip; the least printed draft "
-        f"is {least:g} N, and {_inertia_words(levers)}",
+        f"needs a draft of {share:.0f} N on the share (lever {levers.share_lever_m:.2f} m against the "
+        f"spring's {levers.spring_arm_m:.2f} m), {tip:.0f} N if all of it acted at the tip; printed is "
+        f"{least:g} N at least, and {_inertia_words(levers)}",
         tip,
         least,
         "N",
@@ -64,8 +64,8 @@ def _compression_of_largest_draft(levers: Levers) -> Statement:
     needed = levers.spring_newton(largest)
     return Statement(
         f"{largest:g} N of draft with {printed:g} N on the spring",
-        f"{largest:g} N on the share press the spring with {needed:.0f} N; it stays at {printed:g} N only if the "
-        f"draft acts {levers.draft_newton(printed, levers.share_lever_m):.0f} N strong there, the rest on wheels",
+        f"{largest:g} N on the share press the spring with {needed:.0f} N; {printed:g} N go with "
+        f"{levers.draft_newton(printed, levers.share_lever_m):.0f} N there, the rest on the wheels",
         needed,
         printed,
         "N",
@@ -81,7 +81,7 @@ def _phase(levers: Levers) -> Statement:
     inertia = levers.inertial_newton(swing, paper.PERIOD_S) * levers.spring_arm_m
     return Statement(
         f"{spring:g} N on the spring while the draft is {draft:g} N (conclusion 3, at 1.5 s)",
-        f"the spring's moment is {spring_moment:.0f} N m, the soil's at most {soil_moment:.0f} N m (all of it at "
+        f"the spring's moment is {spring_moment:.0f} N m, the soil's at most {soil_moment:.0f} N m (all at "
         f"the tip); the {missing:.0f} N m between would have to be inertia, which gives {inertia:.0f} N m",
         missing,
         inertia,
@@ -99,8 +99,8 @@ def _offset(levers: Levers) -> Statement:
         "both printed ranges in one quasi-static motion",
         f"their ratio, {ratio:.2f} N of spring per N of draft, fits the levers "
         f"({levers.share_lever_m / levers.spring_arm_m:.2f}), but then the spring without draft would be at "
-        f"{offset:.0f} N; the shank's weight, {levers.mass_kg:g} kg at {levers.com_arm_m[0] * 1e3:.0f} mm, leaves "
-        f"it at {levers.unloaded_newton:.0f} N, and no stop or preload between frame and shank is printed",
+        f"{offset:.0f} N; the shank's weight, {levers.mass_kg:g} kg at {levers.com_arm_m[0] * 1e3:.0f} mm, "
+        f"leaves it at {levers.unloaded_newton:.0f} N, and no stop or preload is printed",
         offset,
         levers.unloaded_newton,
         "N",
@@ -113,7 +113,7 @@ def _height(levers: Levers) -> Statement:
     return Statement(
         f"{1e3 * paper.HEIGHT_TRAVEL_M:.0f} mm of height by {swing:g} rad of swing",
         f"a swing of {swing:g} rad moves the centre of mass by {1e3 * rise:.1f} mm; the rest, "
-        f"{1e3 * (paper.HEIGHT_TRAVEL_M - rise):.0f} mm, is the machine going up or down as a whole: an entry",
+        f"{1e3 * (paper.HEIGHT_TRAVEL_M - rise):.0f} mm, is the whole machine going up or down: an entry",
         paper.HEIGHT_TRAVEL_M,
         rise,
         "m",

@@ -6,7 +6,8 @@ r, the shank stands still where
 
     S r = D h + weight part;   S = D h / r + S_0
 
-S_0 is the spring's force without soil. Compression must hold a shank that the soil pushes back, as in the paper.
+S_0 is the spring's force without soil. Compression must hold a shank that the soil pushes back, as in the
+paper.
 """
 
 import math
@@ -96,7 +97,7 @@ def levers_of(scene: Scene) -> Levers | None:
     if turn <= 0.0:  # a draft stretches this spring: not the machine of the paper
         return None
     com = np.array(body.position_m) - hinge
-    # moments about the hinge: weight -m g x, spring S turn, draft D at depth h: -D h (it swings the shank back)
+    # moments about the hinge: weight -m g x, spring S turn, draft D at depth h: -D h
     weight_moment = -body.mass_kg * scene.gravity_m_per_s2 * float(com[0])
     depth = -report.tip_m[1]
     height = float(hinge[1])
@@ -115,7 +116,8 @@ def levers_of(scene: Scene) -> Levers | None:
 
 
 def rest_angle_rad(scene: Scene) -> float | None:
-    """Angle of the shank against an upright frame at which its weight rests on the spring; None as levers_of."""
+    """Angle of the shank against an upright frame at which its weight rests on the spring; None as
+    levers_of."""
     found = levers_of(scene)
     if found is None or scene.mechanism is None:
         return None

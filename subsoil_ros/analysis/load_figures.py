@@ -45,7 +45,12 @@ def _draw_spectra(spectra: dict[str, Spectrum], title: str, path: Path) -> Path:
         )  # fmt: skip
         axes.loglog(frequency, found.density[rows], color=COLOURS["main"], lw=1.2, label="Welch")
         axes.loglog(
-            frequency, found.level[rows], color=COLOURS["paper"], lw=1.0, ls="--", label="red noise, 95 % anywhere"
+            frequency,
+            found.level[rows],
+            color=COLOURS["paper"],
+            lw=1.0,
+            ls="--",
+            label="red noise, 95 % anywhere",
         )
         stands = "stands out" if found.significant else "does not stand out"
         axes.axvline(
@@ -66,9 +71,7 @@ def _draw_cycles(cycles: LoadCycles, title: str, path: Path) -> Path:
     edges = np.linspace(0.0, cycles.largest_range_newton, _CYCLE_BINS + 1)
     axes.hist(cycles.range_newton, bins=edges.tolist(), weights=cycles.count, color=COLOURS["main"])
     equivalent = cycles.equivalent_range_newton()
-    axes.axvline(
-        equivalent, color=COLOURS["share"], label=f"same damage as {equivalent:.0f} N once a second"
-    )
+    axes.axvline(equivalent, color=COLOURS["share"], label=f"same damage as {equivalent:.0f} N once a second")
     axes.set_yscale("log")
     axes.set_xlabel("range of the spring force [N]")
     axes.set_ylabel("cycles")
@@ -91,7 +94,7 @@ def _draw_disturbance(found: Disturbance, title: str, path: Path) -> Path:
     section.set_xlabel("across travel, y [m]")
     section.set_ylabel("height before [m]")
     section.set_title(
-        f"loosened {1e4 * found.area_m2:.0f} cm$^2$, {1e3 * found.surface_width_m:.0f} mm wide at the surface",
+        f"loosened {1e4 * found.area_m2:.0f} cm$^2$, surface {1e3 * found.surface_width_m:.0f} mm wide",
         fontsize=10, loc="left",
     )  # fmt: skip
     lift = found.lift

@@ -1,4 +1,4 @@
-"""Loads a designer needs, over the metrics window: what carries the machine, power, specific draft and energy.
+"""Loads over the metrics window: what carries the machine, power, specific draft and energy.
 
 All from the columns of the series. Vertical forces are upward positive: over a window of length T
 
@@ -41,7 +41,9 @@ def loads_of(series: Series, resolved: ResolvedScene, window: Window) -> Loads:
     if scene.mechanism is not None:
         weight = scene.gravity_m_per_s2 * sum(body.mass_kg for body in scene.mechanism.bodies.values())
         metrics["vertical.weight_newton"] = weight
-        carried = sum(float(values.mean()) for name, values in columns.items() if name.startswith("vertical."))
+        carried = sum(
+            float(values.mean()) for name, values in columns.items() if name.startswith("vertical.")
+        )
         metrics["vertical.rest_newton"] = weight - carried
     for name, values in columns.items():
         metrics[f"{name}_mean"] = float(values.mean())

@@ -46,8 +46,8 @@ def shank_and_frame(scene: Scene) -> tuple[str, str]:
     spring: Any = mechanism.forces.get(report.spring or "") if mechanism is not None else None
     if spring is None or report.shank not in (spring.body_a, spring.body_b):
         raise SceneError(
-            f"{scene.name}: report.shank, report.spring: given {report.shank}, {report.spring}; needed are a body "
-            "and the spring that holds it"
+            f"{scene.name}: report.shank, report.spring: given {report.shank}, {report.spring}; needed are a "
+            "body and the spring that holds it"
         )
     return report.shank, spring.body_b if spring.body_a == report.shank else spring.body_a
 
@@ -64,8 +64,8 @@ def start_places(resolved: ResolvedScene) -> dict[str, tuple[float, float, float
 def locked_shank(resolved: ResolvedScene, angle_rad: float) -> Document:
     """The shank held at an angle against the frame by a joint in the place of its spring.
 
-    The joint is a driver that stands still: it holds whatever angle it starts from. A spring with `locked` holds
-    that of the reference pose only.
+    The joint is a driver that stands still: it holds whatever angle it starts from. A spring with `locked`
+    holds that of the reference pose only.
     """
     shank, frame = shank_and_frame(resolved.scene)
     mechanism = resolved.scene.mechanism
@@ -90,9 +90,9 @@ def at_depth(resolved: ResolvedScene, depth_m: float, *, from_above: bool = Fals
     """The whole machine mounted higher or lower over its wheels, so that the tip works at `depth_m`.
 
     Every part moves by the same height but the wheels, their axles and contacts; levers and angles stay.
-    `initial.coordinates` and coordinate springs on heights move along. With `from_above` the start stays where it
-    was, and a chain lets the machine down as fast as before, but to its new height; the shank's angle at the start
-    then is no more the one of rest (see at_rest).
+    `initial.coordinates` and coordinate springs on heights move along. With `from_above` the start stays
+    where it was, and a chain lets the machine down as fast as before, but to its new height; the shank's
+    angle at the start then is no more the one of rest (see at_rest).
     """
     scene = resolved.scene
     if scene.report.tip_m is None or scene.mechanism is None:
@@ -112,13 +112,17 @@ def at_depth(resolved: ResolvedScene, depth_m: float, *, from_above: bool = Fals
         for key in ("point_m", "point_a_m", "point_b_m"):
             if key in force:
                 force[key][1] += rise
-        if force["kind"] == "coordinate_spring" and force["coordinate"] == "z" and force["body"] not in wheels:
+        if (
+            force["kind"] == "coordinate_spring"
+            and force["coordinate"] == "z"
+            and force["body"] not in wheels
+        ):
             _raise_law(force["target"], rise, from_above)
     coordinates = parts.get("initial", {}).get("coordinates", {})
     for key in coordinates:
         if key.endswith(".z_m") and not from_above and key.rpartition(".")[0] not in wheels:
             coordinates[key] += rise
-    for name, tool in document.get("tools", {}).items():
+    for tool in document.get("tools", {}).values():
         if tool.get("body") not in wheels:
             for part in tool["groups"].values():
                 x, y, z = part.get("position_m", [0.0, 0.0, 0.0])
@@ -134,7 +138,10 @@ def on_plain_ground(document: Document) -> Document:
     for name, tool in list(found.get("tools", {}).items()):
         if tool.get("share", True):
             continue
-        found["mechanism"].setdefault("forces", {})[f"ground_{name}"] = {**WHEEL_CONTACT, "body": tool["body"]}
+        found["mechanism"].setdefault("forces", {})[f"ground_{name}"] = {
+            **WHEEL_CONTACT,
+            "body": tool["body"],
+        }
         del found["tools"][name]
     return found
 
@@ -169,7 +176,8 @@ def _copied(resolved: ResolvedScene) -> Document:
 
 
 def _raise_law(law: dict[str, Any], rise: float, last_only: bool) -> None:
-    """Adds a height to a law of time, in place; `last_only`: to the end of a table of two, as fast as before."""
+    """Adds a height to a law of time, in place; `last_only`: to the end of a table of two, as fast as
+    before."""
     if last_only:
         if law["kind"] != "table" or len(law["values"]) != 2:
             raise SceneError("mechanism.forces: a machine is let down by a table of two heights; give it one")
@@ -183,7 +191,9 @@ def _raise_law(law: dict[str, Any], rise: float, last_only: bool) -> None:
     if "values" in law:
         law["values"] = (np.array(law["values"]) + rise).tolist()
     if law["kind"] not in ("constant", "ramp", "sine", "table"):
-        raise SceneError(f"mechanism.forces: a height driven by a law of kind '{law['kind']}' cannot be moved")
+        raise SceneError(
+            f"mechanism.forces: a height driven by a law of kind '{law['kind']}' cannot be moved"
+        )
 
 
 def at_rest(document: Document, resolved: ResolvedScene) -> Document:

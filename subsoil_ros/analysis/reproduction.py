@@ -1,8 +1,8 @@
 """The paper's printed results beside a run: one row each, inside and outside of the metrics window.
 
-Extremes and peak to peak are those of the 10 ms moving mean, cycle means the mean over the window; raw extremes
-stand beside. A row agrees if ours is within 25 % of the printed value (the project's target). What has a sign
-or a zero that the paper leaves open is given under both readings, and judged by neither.
+Extremes and peak to peak are those of the 10 ms moving mean, cycle means the mean over the window; raw
+extremes stand beside. A row agrees if ours is within 25 % of the printed value (the project's target). What
+has a sign or a zero that the paper leaves open is given under both readings, and judged by neither.
 """
 
 import math
@@ -141,15 +141,23 @@ class _Extremes:
             return float(take(values[rows])), float(take(values[rest])) if rest.any() else None
 
         return _Extremes(
-            both(smooth, np.min), both(smooth, np.max), both(raw, np.mean), both(raw, np.min), both(raw, np.max)
+            both(smooth, np.min),
+            both(smooth, np.max),
+            both(raw, np.mean),
+            both(raw, np.min),
+            both(raw, np.max),
         )
 
-    def row(self, quantity: str, unit: str, measure: str, published: float, part: str, remark: str = "") -> Row:
+    def row(
+        self, quantity: str, unit: str, measure: str, published: float, part: str, remark: str = ""
+    ) -> Row:
         ours, raw = getattr(self, part), getattr(self, f"raw_{part}", (None, None))
         return Row(quantity, unit, measure, published, *ours, *raw, remark)
 
     def span(self, quantity: str, unit: str, published: float, remark: str = "") -> Row:
-        def difference(high: tuple[float, float | None], low: tuple[float, float | None], k: int) -> float | None:
+        def difference(
+            high: tuple[float, float | None], low: tuple[float, float | None], k: int
+        ) -> float | None:
             one, two = high[k], low[k]
             return None if one is None or two is None else one - two
 
@@ -205,22 +213,22 @@ def _period_rows(scene: Scene, window: Window, series: Series, findings: Finding
         if found is None:
             continue
         stands = "stands" if found.significant else "does not stand"
-        remark = f"dominant at {found.dominant_hz:.2f} +- {0.5 * found.resolution_hz:.2f} Hz, {stands} out of red noise"
+        half = 0.5 * found.resolution_hz
+        remark = f"dominant at {found.dominant_hz:.2f} +- {half:.2f} Hz, {stands} out of red noise"
         if length_s < RESOLVED_PERIODS * published:
-            remark += f"; a window of {length_s:.2f} s does not hold {RESOLVED_PERIODS:g} periods of {published:g} s"
+            remark += f"; {length_s:.2f} s do not hold {RESOLVED_PERIODS:g} periods of {published:g} s"
         yield Row(label, "s", "dominant", published, 1.0 / found.dominant_hz, None, None, None, remark)
 
 
 def _phase_rows(scene: Scene, series: Series, window: Window) -> Iterator[Row]:
-    """Correlation of the rates of draft and spring energy: -1 by conclusion 3, +1 by the end of section 4.2."""
+    """Correlation of rates of draft and spring energy: -1 by conclusion 3, +1 by the end of section 4.2."""
     found = phase(scene, series, window)
     if found is None:
         return
     for reading, published in (("conclusion 3", -1.0), ("end of section 4.2", 1.0)):
         yield Row(
-            "phase of draft and spring energy", "", f"correlation of rates, {reading}", None, found, None, None,
-            None, f"the paper says {'falls' if published < 0.0 else 'rises'} while the spring stores energy "
-            f"({published:+g})",
+            "phase of draft and spring energy", "", f"correlation of rates, {reading}", None, found, None,
+            None, None, f"the paper: {'falls' if published < 0.0 else 'rises'} while the spring stores ({published:+g})",
         )  # fmt: skip
 
 

@@ -71,7 +71,8 @@ def markdown(table: Reproduction) -> str:
 def statement_lines(found: tuple[Statement, ...], bullet: str = "") -> list[str]:
     """One line for each statement."""
     return [
-        f"{bullet}{'Possible' if item.holds else 'Impossible'}: {item.claim}: {item.finding}." for item in found
+        f"{bullet}{'Possible' if item.holds else 'Impossible'}: {item.claim}: {item.finding}."
+        for item in found
     ]
 
 

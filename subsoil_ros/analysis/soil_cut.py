@@ -8,7 +8,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection, LineCollection, PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from ..messages import SoilCloud, ToolMotion, ToolMotions

@@ -6,8 +6,8 @@ segments under the window w, D apart, the relative variance is
     V = (1 + 2 sum_m (1 - m / K) r(m)) / K,   r(m) = (sum_n w_n w_{n + m D})^2 / (sum_n w_n^2)^2
 
 and nu = 2 / V degrees of freedom; nu P / chi2 is the interval. What stands out does so against an
-autoregressive process of first order with the variance and the lag-one correlation of the series (C. Torrence,
-G.P. Compo, Bull. Amer. Meteor. Soc. 79 (1998) 61-78, eq. 16), at 95 % for all frequencies together
+autoregressive process of first order with the variance and the lag-one correlation of the series (C.
+Torrence, G.P. Compo, Bull. Amer. Meteor. Soc. 79 (1998) 61-78, eq. 16), at 95 % for all frequencies together
 (Bonferroni).
 """
 

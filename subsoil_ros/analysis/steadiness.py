@@ -6,8 +6,8 @@ ones, tau being the integrated autocorrelation time
     tau = step (1/2 + sum_k rho_k),   summed up to the first lag M >= 5 tau / step
 
 (automatic window of N. Madras, A.D. Sokal, J. Stat. Phys. 50 (1988) 109-186). The standard error of the mean
-is s / sqrt(n_eff); that of the trend's slope is the one of least squares times sqrt(2 tau / step), tau here of
-the residuals. Intervals are Student's with n_eff - 2 degrees of freedom.
+is s / sqrt(n_eff); that of the trend's slope is the one of least squares times sqrt(2 tau / step), tau here
+of the residuals. Intervals are Student's with n_eff - 2 degrees of freedom.
 """
 
 import math
@@ -35,7 +35,8 @@ class Steadiness:
     mean: float
     mean_error: float  # standard error, of samples that hang together
     correlation_s: float  # integrated autocorrelation time
-    effective_count: float
+    effective_count: float  # independent samples about the mean
+    effective_count_about_trend: float  # and about the trend, which the verdict rests on
     slope_per_s: float
     slope_half_width_per_s: float
     length_s: float
@@ -59,7 +60,7 @@ class Steadiness:
     @property
     def verdict(self) -> str:
         """`drifts` (the trend's interval leaves zero out), `no drift seen`, or `too short`."""
-        if self.effective_count < LEAST_EFFECTIVE:
+        if self.effective_count_about_trend < LEAST_EFFECTIVE:
             return "too short"
         return "drifts" if abs(self.slope_per_s) > self.slope_half_width_per_s else "no drift seen"
 
@@ -96,17 +97,20 @@ def steadiness(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> Ste
     tau = correlation_steps(values)
     effective = count / (2.0 * tau)
     centred = times_s - times_s.mean()
+    about = values - values.mean()
     spread = float(centred @ centred)
-    slope = float(centred @ values) / spread
-    residual = values - values.mean() - slope * centred
+    slope = float(centred @ about) / spread
+    residual = about - slope * centred
     tau_residual = correlation_steps(residual)
     variance = float(residual @ residual) / (count - 2) / spread * 2.0 * tau_residual
-    factor = student(count / (2.0 * tau_residual) - 2.0)
+    about_trend = count / (2.0 * tau_residual)
+    factor = student(about_trend - 2.0)
     return Steadiness(
         mean=float(values.mean()),
         mean_error=float(values.std(ddof=1)) / math.sqrt(effective),
         correlation_s=tau * step_s,
         effective_count=effective,
+        effective_count_about_trend=about_trend,
         slope_per_s=slope,
         slope_half_width_per_s=math.sqrt(variance) * factor if variance > 0.0 else 0.0,
         length_s=count * step_s,

@@ -41,7 +41,9 @@ def _vertical(summary: Summary) -> str:
         for key, label in (("share", "soil on share"), ("wheels", "wheels"), ("hitch", "hitch"))
         if f"vertical.{key}_newton_mean" in summary
     ]
-    words = f"weight {summary['vertical.weight_newton']:.0f} N is carried by {', '.join(parts)} (up is positive)"
+    words = (
+        f"weight {summary['vertical.weight_newton']:.0f} N is carried by {', '.join(parts)} (up is positive)"
+    )
     if "vertical.wheels_newton_min" in summary:
         words += f"; least on the wheels {summary['vertical.wheels_newton_min']:.0f} N"
     if "tip_depth_m_mean" in summary:

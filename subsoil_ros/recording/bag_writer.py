@@ -43,7 +43,8 @@ class BagWriter:
 
     Ticks come in ascending order, the records of one tick in any order: a tick is written when the next
     one begins. In the bag they have the order of recording/topics.py, a cloud followed by the height map, on
-    series ticks followed by poses, wrenches and /tf, then by /clock. Not for use from several threads at once.
+    series ticks followed by poses, wrenches and /tf, then by /clock. Not for use from several threads at
+    once.
     """
 
     def __init__(self, directory: Path, scene: Scene, timing: Timing) -> None:

@@ -25,7 +25,8 @@ def maps(bag: Path) -> list:
 
 
 def test_every_cloud_has_a_map_of_the_highest_particles(tmp_path):
-    """Rows and columns of cells one diameter wide: x, y, top, and lift over the scene's surface; NaN where empty."""
+    """Rows and columns of cells one diameter wide: x, y, top, and lift over the scene's surface; NaN where
+    empty."""
     places = np.array([[0.31, 0.0, -0.06], [0.31, 0.0, -0.02], [0.05, -0.1, -0.06]], dtype="f4")
     cloud = SoilCloud(0, END_NS, places, np.zeros(3, dtype="f4"))
     writer = BagWriter(tmp_path / "bag", RESOLVED.scene, RESOLVED.timing)

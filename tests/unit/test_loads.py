@@ -44,7 +44,8 @@ def made_up(resolved: ResolvedScene) -> Series:
         columns |= {
             f"tool.{name}.force_x_newton": force_x * level, f"tool.{name}.force_z_newton": force_z * level,
             f"tool.{name}.torque_y_newton_m": 4.0 * level, f"tool.{name}.velocity_x_m_per_s": 0.5 * level,
-            f"tool.{name}.velocity_z_m_per_s": 0.1 * level, f"tool.{name}.angular_velocity_rad_per_s": -2.5 * level,
+            f"tool.{name}.velocity_z_m_per_s": 0.1 * level,
+            f"tool.{name}.angular_velocity_rad_per_s": -2.5 * level,
         }  # fmt: skip
     columns["joint.H1_rail.force_z_newton"] = 1300.0 * level
     columns["coordinate_spring.chain.force_newton"] = 5.0 * level
@@ -80,7 +81,7 @@ def test_weight_is_carried_by_all_parts(machine):
 
 
 def test_power_and_energy(machine):
-    """Draft times speed; what the soil takes of a tool is -(F v + M w), M about phi being minus the torque."""
+    """Draft times speed; the soil takes -(F v + M w) of a tool, M about phi being minus the torque."""
     series = made_up(machine)
     found = loads_of(series, machine, whole(series)).metrics
     assert found["power.draft_watt_mean"] == pytest.approx(0.5 * float(series["draft_newton"].mean()))
@@ -107,7 +108,10 @@ def test_phase_of_draft_and_spring_energy(machine):
     assert phase(machine.scene, series, window) > 0.95  # energy goes with the square of the force
     spring = machine.scene.mechanism.forces["H9_spring"]
     shifted = 3500.0 - series["spring.H9_spring.force_newton"]
-    turned = {**series.columns, "spring.H9_spring.length_m": spring.free_length_m - shifted / spring.stiffness_newton_per_m}
+    turned = {
+        **series.columns,
+        "spring.H9_spring.length_m": spring.free_length_m - shifted / spring.stiffness_newton_per_m,
+    }
     assert phase(machine.scene, Series(turned, "run", 1.0), window) < -0.9
 
 
@@ -156,4 +160,4 @@ def test_periods_that_the_window_cannot_hold_are_said(machine):
     findings.spectra[name] = spectrum(STEP_S, series[name][rows])
     table = reproduction(machine.scene, "0" * 64, series, window, findings)
     row = next(row for row in table.rows if row.quantity == "period of the spring force")
-    assert "does not hold 2 periods" in row.remark
+    assert "do not hold 2 periods" in row.remark

@@ -39,8 +39,12 @@ def test_a_moved_prism_is_found_again():
 def test_motion_of_less_than_a_radius_does_not_count():
     """A bed that settles by 0.9 radii is not loosened; one by 1.1 radii is, all of it."""
     before = lattice()
-    assert disturbance_between(before, before - (0.0, 0.0, 0.9 * RADIUS), (0.1, 0.5), RADIUS).moved_part == 0.0
-    assert disturbance_between(before, before - (0.0, 0.0, 1.1 * RADIUS), (0.1, 0.5), RADIUS).moved_part == 1.0
+    assert (
+        disturbance_between(before, before - (0.0, 0.0, 0.9 * RADIUS), (0.1, 0.5), RADIUS).moved_part == 0.0
+    )
+    assert (
+        disturbance_between(before, before - (0.0, 0.0, 1.1 * RADIUS), (0.1, 0.5), RADIUS).moved_part == 1.0
+    )
 
 
 def test_only_the_slab_counts():
@@ -56,7 +60,7 @@ def test_only_the_slab_counts():
 def test_a_particle_that_crosses_a_periodic_side_has_not_moved_far():
     """Whoever leaves on the left and comes in on the right moved by less than a radius."""
     before = lattice()
-    after = before + (0.0, 0.5 * RADIUS, 0.0)
+    after = before + np.array([0.0, 0.5 * RADIUS, 0.0])
     wrapped = after[:, 1] > 0.2 - RADIUS + 1e-12
     assert wrapped.any()
     after[wrapped, 1] -= 0.4
@@ -78,7 +82,7 @@ def test_order_of_speeds():
 def test_height_map_file(tmp_path):
     """One row for each cell, the lift in metres."""
     before = lattice()
-    found = disturbance_between(before, before + (0.0, 0.0, 0.02), (0.1, 0.5), RADIUS)
+    found = disturbance_between(before, before + np.array([0.0, 0.0, 0.02]), (0.1, 0.5), RADIUS)
     write_height_map_csv(found.lift, tmp_path / "height_map.csv")
     with (tmp_path / "height_map.csv").open() as stream:
         rows = list(csv.DictReader(stream))

@@ -15,7 +15,9 @@ E1049_EXAMPLE = (-2.0, 1.0, -3.0, 5.0, -1.0, 3.0, -4.0, 4.0, -2.0)
 def test_example_of_the_standard():
     """Ranges 3, 4, 6, 8, 9 with 0.5, 1.5, 0.5, 1.0, 0.5 cycles."""
     found = load_cycles(np.array(E1049_EXAMPLE), 1.0)
-    counts = {size: float(found.count[found.range_newton == size].sum()) for size in (3.0, 4.0, 6.0, 8.0, 9.0)}
+    counts = {
+        size: float(found.count[found.range_newton == size].sum()) for size in (3.0, 4.0, 6.0, 8.0, 9.0)
+    }
     assert counts == {3.0: 0.5, 4.0: 1.5, 6.0: 0.5, 8.0: 1.0, 9.0: 0.5}
     assert found.count.sum() == 4.0
     assert found.largest_range_newton == 9.0

@@ -28,16 +28,21 @@ def test_levers_of_the_machine(scene):
     hinge = scene.mechanism.joints["H8_shank_hinge"].point_m[1]
     assert found.tip_lever_m == pytest.approx(hinge + depth)
     assert found.tip_lever_m == pytest.approx(0.70)
-    com = np.array(scene.mechanism.bodies["shank"].position_m) - scene.mechanism.joints["H8_shank_hinge"].point_m
+    com = (
+        np.array(scene.mechanism.bodies["shank"].position_m)
+        - scene.mechanism.joints["H8_shank_hinge"].point_m
+    )
     assert found.inertia_kg_m2 == pytest.approx(2.662 + 35.2 * float(com @ com))
     # 345 N at 20 mm in front of the hinge pull the lug against the spring's tension
     assert abs(found.unloaded_newton) == pytest.approx(35.2 * 9.81 * 0.02 / 0.25)
-    assert found.frequency_hz == pytest.approx(math.sqrt(176500.0 * 0.25**2 / found.inertia_kg_m2) / 2 / math.pi)
+    assert found.frequency_hz == pytest.approx(
+        math.sqrt(176500.0 * 0.25**2 / found.inertia_kg_m2) / 2 / math.pi
+    )
 
 
 def test_spring_at_rest_is_that_of_the_engine():
-    """The quick scene starts in equilibrium: shank against frame stands where the levers say, but for the tilt of
-    the frame (1 mrad of it moves 345 N of weight by 0.25 mm against 11 kN m/rad: below 1e-5 rad)."""
+    """The quick scene starts in equilibrium: shank against frame stands where the levers say, but for the
+    tilt of the frame (1 mrad of it moves 345 N of weight by 0.25 mm against 11 kN m/rad: below 1e-5 rad)."""
     resolved = load_scene(SCENES / "subsoiler_1s300_quick.yaml")
     assert rest_angle_rad(resolved.scene) == pytest.approx(relative_angle_rad(resolved), abs=2e-5)
 
@@ -52,7 +57,8 @@ def test_a_draft_compresses_the_spring(scene):
 
 
 def test_what_cannot_hold(scene):
-    """2231 N of tension need some -800 N at the tip and -900 N at the share; 0.11 rad lift the shank by millimetres."""
+    """2231 N of tension need some -800 N at the tip and -900 N at the share; 0.11 rad lift the shank by
+    millimetres."""
     found = levers_of(scene)
     by_claim = {item.claim.split()[0] + " " + item.claim.split()[1]: item for item in statements(found, 0.5)}
     tension = by_claim["the spring"]

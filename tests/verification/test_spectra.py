@@ -11,7 +11,7 @@ STEP_S = 0.002
 
 
 def test_power_of_a_tone_and_its_frequency():
-    """A sine's power, half its amplitude squared, is the area under the density; it stands out of red noise."""
+    """A sine's power, half its amplitude squared, is the area under the density; it stands out of noise."""
     times = STEP_S * np.arange(4000)
     found = spectrum(STEP_S, 3.0 * np.sin(2.0 * math.pi * 5.0 * times) + 100.0 + 2.0 * times)
     width = found.frequency_hz[1]
@@ -22,7 +22,8 @@ def test_power_of_a_tone_and_its_frequency():
 
 
 def test_interval_holds_the_density_of_white_noise():
-    """The level is 2 sigma^2 step; 95 % of the intervals hold it: 5 % +- 3 standard deviations of correlated bins."""
+    """The level is 2 sigma^2 step; 95 % of the intervals hold it: 5 % +- 3 standard deviations of correlated
+    bins."""
     rng = np.random.default_rng(5)
     missed = total = 0
     for _ in range(40):

@@ -1,4 +1,4 @@
-"""Means and trends of samples that hang together, against an autoregressive process whose numbers are known."""
+"""Means and trends of samples that hang together, against an autoregressive process."""
 
 import math
 
@@ -48,7 +48,8 @@ def test_intervals_hold_what_they_promise():
 
 
 def test_a_trend_is_told_from_noise():
-    """A drift of five standard deviations over the window is seen, noise alone rarely, and blocks rise with it."""
+    """A drift of five standard deviations over the window is seen, noise alone rarely, and blocks rise with
+    it."""
     times = 0.001 * np.arange(4000)
     noise = autoregressive(np.random.default_rng(4), len(times))
     drifting = steadiness(times, 100.0 + 5.0 * times / times[-1] + noise)

@@ -277,12 +277,10 @@ def _speed_zones(clouds: list[SoilCloud], series: Series, resolved: ResolvedScen
         return None
     share = next((tool for tool in resolved.scene.tools.values() if tool.share), None)
     lateral = share.lateral_m if share is not None else 0.0
-    sums = [
-        _zones_of(
-            cloud, *(float(np.interp(1e-9 * cloud.end_time_ns, series["time_s"], x)) for x in path), lateral
-        )
-        for cloud in clouds
-    ]
+    sums = []
+    for cloud in clouds:
+        tip_x, tip_z = (np.interp(1e-9 * cloud.end_time_ns, series["time_s"], places) for places in path)
+        sums.append(_zones_of(cloud, float(tip_x), float(tip_z), lateral))
     total = np.sum(sums, axis=0)  # (zones, 2): sum of speeds, particles
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.where(total[:, 1] >= LEAST_IN_ZONE, total[:, 0] / total[:, 1], np.nan).tolist()

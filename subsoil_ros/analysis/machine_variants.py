@@ -44,7 +44,7 @@ def shank_and_frame(scene: Scene) -> tuple[str, str]:
     """
     report, mechanism = scene.report, scene.mechanism
     spring: Any = mechanism.forces.get(report.spring or "") if mechanism is not None else None
-    if spring is None or report.shank not in (spring.body_a, spring.body_b):
+    if spring is None or report.shank is None or report.shank not in (spring.body_a, spring.body_b):
         raise SceneError(
             f"{scene.name}: report.shank, report.spring: given {report.shank}, {report.spring}; needed are a "
             "body and the spring that holds it"

@@ -151,22 +151,15 @@ class _Extremes:
     def row(
         self, quantity: str, unit: str, measure: str, published: float, part: str, remark: str = ""
     ) -> Row:
-        ours, raw = getattr(self, part), getattr(self, f"raw_{part}", (None, None))
-        return Row(quantity, unit, measure, published, *ours, *raw, remark)
+        (inside, outside), raw = getattr(self, part), getattr(self, f"raw_{part}", (None, None))
+        return Row(quantity, unit, measure, published, inside, outside, raw[0], raw[1], remark)
 
     def span(self, quantity: str, unit: str, published: float, remark: str = "") -> Row:
-        def difference(
-            high: tuple[float, float | None], low: tuple[float, float | None], k: int
-        ) -> float | None:
-            one, two = high[k], low[k]
-            return None if one is None or two is None else one - two
-
-        return Row(
-            quantity, unit, "peak to peak", published,
-            *(difference(self.high, self.low, k) for k in (0, 1)),
-            *(difference(self.raw_high, self.raw_low, k) for k in (0, 1)),
-            remark,
-        )  # fmt: skip
+        smooth, raw = (
+            tuple(None if a is None or b is None else a - b for a, b in zip(high, low, strict=True))
+            for high, low in ((self.high, self.low), (self.raw_high, self.raw_low))
+        )
+        return Row(quantity, unit, "peak to peak", published, smooth[0], smooth[1], raw[0], raw[1], remark)
 
 
 def _extreme_rows(scene: Scene, series: Series, window: Window) -> Iterator[Row]:
@@ -228,7 +221,8 @@ def _phase_rows(scene: Scene, series: Series, window: Window) -> Iterator[Row]:
     for reading, published in (("conclusion 3", -1.0), ("end of section 4.2", 1.0)):
         yield Row(
             "phase of draft and spring energy", "", f"correlation of rates, {reading}", None, found, None,
-            None, None, f"the paper: {'falls' if published < 0.0 else 'rises'} while the spring stores ({published:+g})",
+            None, None, "the paper: draft"
+            f" {'falls' if published < 0.0 else 'rises'} while the spring stores ({published:+g})",
         )  # fmt: skip
 
 

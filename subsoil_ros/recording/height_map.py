@@ -28,7 +28,9 @@ class HeightGrid:
         """x of the columns and y of the rows."""
         rows, columns = self.height_m.shape
         x, y = self.origin_m
-        return x + self.cell_m * (np.arange(columns) + 0.5), y + self.cell_m * (np.arange(rows) + 0.5)
+        half = 0.5 * self.cell_m
+        across = y + half + self.cell_m * np.arange(rows, dtype=np.float64)
+        return x + half + self.cell_m * np.arange(columns, dtype=np.float64), across
 
 
 def height_grid(

@@ -100,11 +100,6 @@ class Disturbance:
         risen = np.where(np.isfinite(lift) & (lift > 0.0), lift, 0.0)
         return float(risen.sum(axis=0).mean() * self.lift.cell_m)
 
-    @property
-    def mean_lift_m(self) -> float:
-        """Over the width at the surface; 0 without one."""
-        return self.lifted_area_m2 / self.surface_width_m if self.surface_width_m > 0.0 else 0.0
-
     def metrics(self) -> dict[str, float]:
         """Flat, with units in the names."""
         found = {
@@ -114,7 +109,6 @@ class Disturbance:
             "disturbance.area_m2": self.area_m2,
             "disturbance.surface_width_m": self.surface_width_m,
             "disturbance.lift_max_m": self.largest_lift_m,
-            "disturbance.lift_mean_m": self.mean_lift_m,
             "disturbance.lifted_area_m2": self.lifted_area_m2,
         }
         if self.speeds is not None:

@@ -30,7 +30,6 @@ def test_a_moved_prism_is_found_again():
     assert found.surface_width_m == pytest.approx(0.12)
     assert found.largest_lift_m == pytest.approx(0.03)
     assert found.lifted_area_m2 == pytest.approx(0.12 * 0.03)
-    assert found.mean_lift_m == pytest.approx(0.03)
     assert found.moved_map.shape == (10, 20)
     assert found.moved_map[9, 10] == 1.0  # uppermost layer, mid-plane
     assert found.moved_map[0, 10] == 0.0

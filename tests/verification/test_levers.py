@@ -9,6 +9,7 @@ import pytest
 from subsoil_ros.analysis.impossible import statements
 from subsoil_ros.analysis.levers import levers_of, rest_angle_rad
 from subsoil_ros.analysis.machine_variants import relative_angle_rad
+from subsoil_ros.coupling.engines import build_mechanism
 from subsoil_ros.scene.loader import load_scene
 
 SCENES = Path(__file__).parents[2] / "config/scenes"
@@ -33,8 +34,8 @@ def test_levers_of_the_machine(scene):
         - scene.mechanism.joints["H8_shank_hinge"].point_m
     )
     assert found.inertia_kg_m2 == pytest.approx(2.662 + 35.2 * float(com @ com))
-    # 345 N at 20 mm in front of the hinge pull the lug against the spring's tension
-    assert abs(found.unloaded_newton) == pytest.approx(35.2 * 9.81 * 0.02 / 0.25)
+    # 345 N at 20 mm in front of the hinge swing the tip back, as a draft does
+    assert found.unloaded_newton == pytest.approx(35.2 * 9.81 * 0.02 / 0.25)
     assert found.frequency_hz == pytest.approx(
         math.sqrt(176500.0 * 0.25**2 / found.inertia_kg_m2) / 2 / math.pi
     )
@@ -45,6 +46,11 @@ def test_spring_at_rest_is_that_of_the_engine():
     tilt of the frame (1 mrad of it moves 345 N of weight by 0.25 mm against 11 kN m/rad: below 1e-5 rad)."""
     resolved = load_scene(SCENES / "subsoiler_1s300_quick.yaml")
     assert rest_angle_rad(resolved.scene) == pytest.approx(relative_angle_rad(resolved), abs=2e-5)
+    force = next(f for f in build_mechanism(resolved).state("", -1, 0).forces if f.name == "H9_spring")
+    # there the centre of mass is 20 mm + 0.25 m x angle in front of the hinge; tilt, cosines: 0.5 N of spring
+    found = levers_of(resolved.scene)
+    part = 1.0 + 0.25 * rest_angle_rad(resolved.scene) / 0.02
+    assert found.unloaded_newton * part == pytest.approx(force.force_newton, abs=0.5)
 
 
 def test_a_draft_compresses_the_spring(scene):

@@ -15,7 +15,7 @@ import subprocess
 from pathlib import Path
 
 RESULTS = Path(__file__).parents[1] / "docs" / "results"
-KEPT = ("summary.json", "reproduction.csv", "reproduction.json", "reproduction.md")
+KEPT = ("reproduction.csv", "reproduction.json", "reproduction.md")
 FIGURES = ("draft.png", "spring_force.png", "share_angle.png", "shank_height.png", "soil_cut.png",
            "disturbance.png", "spectra.png", "load_cycles.png", "reproduction.png")  # fmt: skip
 COLUMNS = ("time_s", "draft_newton", "draft.share_newton", "draft.wheels_newton")
@@ -44,8 +44,10 @@ def ship(run: Path, name: str, command: str) -> Path:
     for file in FIGURES:
         if (run / "figures" / file).is_file():
             shutil.copy(run / "figures" / file, target / file)
-    slim_series(run / "series.csv", target / "series.csv", "H9_spring", "shank")
     summary = json.loads((run / "summary.json").read_text(encoding="utf-8"))
+    kept = {key: value for key, value in summary.items() if key not in ("checkpoint", "resumed_from")}
+    (target / "summary.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+    slim_series(run / "series.csv", target / "series.csv", "H9_spring", "shank")
     commit = subprocess.run(
         ["git", "rev-parse", "HEAD"], cwd=RESULTS.parent, capture_output=True, text=True, check=True
     ).stdout.strip()

@@ -76,6 +76,8 @@ def run_seed(scene: Path, overrides: list[str], seed: int, out: Path, threads: i
     resolved = load_scene(scene, [*overrides, *bed])
     runs = out / "runs"
     sprung = kept_run(scene, runs, [*overrides, *bed], threads)
+    if sprung["window"]["whole_run"]:
+        raise SystemExit(f"{scene}: ends before its metrics window begins, so its mean draft is of the entry")
     found = {"sprung": sprung}
     for name, angle in (
         ("locked, nominal angle", 0.0),

@@ -2,7 +2,7 @@
 
     python -m benchmarks.printed_units [--out DIR] [--threads N]
 
-Runs subsoiler_1s300_printed_units.yaml (some twelve minutes of a free core) and the same scene with the values
+Runs subsoiler_1s300_printed_units.yaml (twelve minutes of a free core) and the same scene with the values
 read in N/m and N s/m (a second), and prints draft, stable step, attraction of a pair, Rumpf's bound of the
 tensile strength and the steps that the full scene would take.
 """

@@ -191,7 +191,10 @@ def disturbance_between(
     part = np.divide(hits, count, out=np.full(count.shape, np.nan), where=count > 0.0)
     section = float((high[1] - low[1]) * (high[2] - low[2]))
     moved_part = float(moved.mean())
-    box = ((slab_m[0], float(low[1])), (slab_m[1], float(high[1])))
+    # whole cells about the middle: one that hangs over a wall would compare single particles
+    half = 0.5 * cell * max(1, int((high[1] - low[1]) / cell + 1e-9))
+    middle = 0.5 * float(low[1] + high[1])
+    box = ((slab_m[0], middle - half), (slab_m[1], middle + half))
     there_after = (last_m[:, 0] >= slab_m[0]) & (last_m[:, 0] < slab_m[1])
     surface_before = height_grid(first_m, radius_m, box)
     surface_after = height_grid(last_m[there_after], radius_m, box)

@@ -12,6 +12,7 @@ from ..scene.model import Scene
 from . import paper
 from .plotting import COLOURS, new_figure, save_figure
 from .series import Series, read_series
+from .smoothing import moving_mean
 from .soil_cut import draw_soil_cut
 from .window import metrics_window, window_span_s
 
@@ -57,19 +58,8 @@ def draw_figures(
     return paths if cut is None else [*paths, cut]
 
 
-def running_mean(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """Centred mean over `count` (made odd) values, over fewer at the ends; (n,) -> (n,)."""
-    half = min(count // 2, (len(values) - 1) // 2)
-    if half < 1:
-        return values
-    kernel = np.ones(2 * half + 1)
-    return np.convolve(values, kernel, "same") / np.convolve(np.ones_like(values), kernel, "same")
-
-
 def _smooth(series: Series, name: str) -> NDArray[np.float64]:
-    times = series["time_s"]
-    interval_s = float(np.median(np.diff(times))) if len(times) > 1 else _SMOOTHED_S
-    return running_mean(series[name], max(1, round(_SMOOTHED_S / interval_s)))
+    return moving_mean(series, name, _SMOOTHED_S)
 
 
 def _title(axes: Axes, scene: Scene, text: str) -> None:
@@ -143,6 +133,9 @@ def _paint_shank_height(axes: Axes, series: Series, scene: Scene) -> bool:
     if scene.report.paper:
         travel += f" (paper: {1e3 * paper.HEIGHT_TRAVEL_M:.0f} mm)"
     axes.plot(series["time_s"], height_mm, color=COLOURS["main"], lw=1.2, label=f"centre of mass: {travel}")
+    if scene.report.paper:  # its zero is not known: both ranges have one middle
+        middle, half = 0.5 * float(height_mm.max() + height_mm.min()), 0.5e3 * paper.HEIGHT_TRAVEL_M
+        _band(axes, middle - half, middle + half, "paper: 181 mm, its zero unknown")
     axes.set_ylabel("height over the bed's surface [mm]")
     _title(axes, scene, "Height of the shank's centre of mass")
     return True

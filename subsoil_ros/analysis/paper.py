@@ -12,6 +12,10 @@ class PaperValue(NamedTuple):
 
 DRAFT = PaperValue("draft", "-331 to 1493 N over the run, typical cycle 363 to 1000 N")
 DRAFT_CYCLE_NEWTON = (363.0, 1000.0)
+DRAFT_NEWTON = (-331.06, 1492.75)
+DRAFT_PERIOD_S = 0.5
+PERIOD_S = 1.0  # of spring, angle and height
+SPEED_M_PER_S = 0.5
 SPRING = PaperValue("spring force", "-2231 to 2623 N (compression positive), period about 1 s")
 SPRING_NEWTON = (-2231.0, 2623.0)
 ANGLE = PaperValue("share entry angle", "-0.11 to 0 rad, period about 1 s")

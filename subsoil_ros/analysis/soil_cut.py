@@ -8,7 +8,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection, LineCollection, PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from ..messages import SoilCloud, ToolMotion, ToolMotions
@@ -17,6 +16,7 @@ from ..scene.loader import ResolvedScene
 from ..scene.meshes import ToolMesh, load_tool_mesh
 from ..scene.soil import Soil
 from .plotting import new_figure, save_figure
+from .poses import posed_vertices_m, reference_angle
 
 PANELS = 3
 SPEED_SCALE_M_PER_S = (0.0, 0.2)  # the paper's
@@ -83,7 +83,7 @@ def _draw(
         spheres = _draw_particles(axes, cloud, radius)
         record = motions.get(cloud.end_time_ns)
         for motion in record.tools if record is not None else ():
-            drawn.add(_draw_tool(axes, meshes[motion.tool], motion, _reference_angle(resolved, motion.tool)))
+            drawn.add(_draw_tool(axes, meshes[motion.tool], motion, reference_angle(resolved, motion.tool)))
         rim = _HEADROOM_M / 5
         axes.plot([0, 0, length, length], [rim, floor, floor, rim], color=_BIN, lw=1.5)
         axes.set_aspect("equal")
@@ -131,19 +131,6 @@ def _draw_particles(axes: Axes, cloud: SoilCloud, radius_m: float) -> EllipseCol
     spheres.set_clim(*SPEED_SCALE_M_PER_S)
     axes.add_collection(spheres)
     return spheres
-
-
-def _reference_angle(resolved: ResolvedScene, tool: str) -> float:
-    body, mechanism = resolved.scene.tools[tool].body, resolved.scene.mechanism
-    return mechanism.bodies[body].angle_rad if body is not None and mechanism is not None else 0.0
-
-
-def posed_vertices_m(mesh: ToolMesh, motion: ToolMotion, reference_angle_rad: float) -> NDArray[np.float64]:
-    """Vertices (n, 3) of a tool in world axes at a motion's pose."""
-    turn = motion.phi_rad - reference_angle_rad
-    cosine, sine = np.cos(turn), np.sin(turn)
-    x, y, z = mesh.vertices_m.T
-    return np.column_stack([motion.x_m + cosine * x - sine * z, y, motion.z_m + sine * x + cosine * z])
 
 
 def _draw_tool(axes: Axes, mesh: ToolMesh, motion: ToolMotion, reference_angle_rad: float) -> str:

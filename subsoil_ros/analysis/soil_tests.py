@@ -21,8 +21,8 @@ from ..messages import MechanismState, SoilState, ToolMotions, ToolWrenches
 from ..scene.limits import Timing
 from ..scene.loader import ResolvedScene
 from ..scene.pairs import pair_values, tool_values
-from .figures import running_mean
 from .shear_box import GLUE, ShearBox, ShearLoading, TensionLoading, shear_machine, tension_machine
+from .smoothing import running_mean
 from .specimen import Size, Specimen, box_around, prepare_specimen, write_scene
 
 Watch = Callable[[str, Timing], AbstractContextManager[Callable[[int], None]]]

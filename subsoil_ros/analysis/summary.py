@@ -15,7 +15,9 @@ from rich.table import Table
 from ..scene.loader import ResolvedScene
 from ..scene.model import Scene
 from . import paper
+from .findings import Findings, find_out
 from .series import Series, read_series
+from .summary_words import load_lines
 from .window import metrics_window, window_span_s
 
 Summary = dict[str, Any]
@@ -27,15 +29,19 @@ RUN_FACTS = (
 
 
 def summarize(
-    bag: Path, resolved: ResolvedScene, run_info: Mapping[str, Any], series: Series | None = None
+    bag: Path,
+    resolved: ResolvedScene,
+    run_info: Mapping[str, Any],
+    series: Series | None = None,
+    findings: Findings | None = None,
 ) -> Summary:
     """Metrics of a finished run, as summary.json holds them.
 
     NAME_mean, NAME_min, NAME_max of every column of the series over the metrics window, run.NAME_... over
-    the whole run, and what the run was.
+    the whole run, what was found out about loads and soil (Findings.metrics), and what the run was.
 
     run_info: what only the one who ran it knows, taken over as it is: keys of RUN_FACTS.
-    series: of the bag, if it has been read already.
+    series, findings: of the bag, if they are known already.
 
     Raises:
         InputError, RecordingError: as read_series.
@@ -43,6 +49,7 @@ def summarize(
     scene, timing = resolved.scene, resolved.timing
     series = series if series is not None else read_series(bag, scene)
     window = metrics_window(series, scene)
+    findings = findings if findings is not None else find_out(bag, resolved, series, window)
     start_s, end_s = window_span_s(series, window)
     simulated_s = float(series["time_s"][-1])
     tick_count = round(simulated_s / timing.interval_s)
@@ -76,6 +83,7 @@ def summarize(
         summary.update(_statistics(name, series[name][window.rows]))
     for name in names:
         summary.update(_statistics(f"run.{name}", series[name]))
+    summary.update(findings.metrics())
     return summary
 
 
@@ -185,6 +193,7 @@ def _facts(summary: Summary, compared: bool) -> list[str]:
         f"interface energy residual {summary['interface_residual_joule']:.3g} J, "
         f"{100.0 * summary['interface_residual_ratio']:.3g} % of the work done there",
     ]
+    lines += load_lines(summary)
     if summary["lost_particle_count"]:
         lines.append(
             f"WARNING: {summary['lost_particle_count']} particles left the domain, the first before "

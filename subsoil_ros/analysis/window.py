@@ -48,6 +48,12 @@ def metrics_window(series: Series, scene: Scene) -> Window:
 
 def tip_x_m(series: Series, scene: Scene) -> NDArray[np.float64] | None:
     """Forward position of the share tip (n,) [m]; None if the scene names no tip, or no carrier of it."""
+    path = tip_path_m(series, scene)
+    return None if path is None else path[0]
+
+
+def tip_path_m(series: Series, scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """x and z of the share tip, each (n,) [m]; None as tip_x_m."""
     if scene.report.tip_m is None:
         return None
     tip_x, tip_z = scene.report.tip_m
@@ -62,7 +68,11 @@ def tip_x_m(series: Series, scene: Scene) -> NDArray[np.float64] | None:
     else:
         return None
     turn = series[f"{prefix}.angle_rad"] - angle
-    return series[f"{prefix}.x_m"] + np.cos(turn) * arm_x - np.sin(turn) * arm_z
+    cosine, sine = np.cos(turn), np.sin(turn)
+    return (
+        series[f"{prefix}.x_m"] + cosine * arm_x - sine * arm_z,
+        series[f"{prefix}.z_m"] + sine * arm_x + cosine * arm_z,
+    )
 
 
 def window_span_s(series: Series, window: Window) -> tuple[float, float]:

@@ -5,19 +5,29 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..errors import InputError, ProtocolError
-from ..messages import CouplingReport, Grant, MechanismState, SoilState, ToolMotions, ToolWrenches
+from ..messages import (
+    CouplingReport,
+    Grant,
+    MechanismState,
+    SoilCloud,
+    SoilState,
+    ToolMotions,
+    ToolWrenches,
+)
 from ..scene.cloud import SPEED_BITS, position_step_m
 from ..scene.limits import Timing
 from ..scene.loader import ResolvedScene
 from ..scene.model import Scene
 from ..ticks import INITIAL_TICK, every_ticks, tick_end_ns
 from .bag_folder import BagFolder, TopicInfo
-from .conversion import from_message, message_type, to_message
+from .conversion import cloud_from_message, from_message, message_type, to_message
 from .description import latched_messages
+from .height_map import height_map
 from .live import SERIES_DEPTH, LiveView
 from .standard import body_frame, clock, pose_stamped, transforms, wrench_stamped
 from .topics import (
     CLOCK,
+    HEIGHT_MAP,
     LATCHED,
     RECORD_OF,
     TOPIC_OF,
@@ -33,8 +43,12 @@ from .types import deserialize, message_class, schema_text, serialize, type_hash
 
 _RANK = {topic: rank for rank, topic in enumerate(RECORD_OF)}
 _NEEDED_FOR_PEOPLE = {TOPIC_OF[kind] for kind in (ToolMotions, ToolWrenches, MechanismState)}
-_NEWEST_ONLY = {CLOCK, *RECORD_OF} - {TOPIC_OF[kind] for kind in (MechanismState, SoilState, CouplingReport)}
+_NEWEST_ONLY = {CLOCK, HEIGHT_MAP, *RECORD_OF} - {
+    TOPIC_OF[kind] for kind in (MechanismState, SoilState, CouplingReport)
+}
 """What comes with every tick, and clouds: a live view shows the newest of those that came meanwhile."""
+
+_CLOUD = TOPIC_OF[SoilCloud]
 
 
 class _Held(NamedTuple):
@@ -48,8 +62,9 @@ class BagWriter:
     """Writes a run's bag tick by tick, and derives the messages for people.
 
     Ticks come in ascending order, the records of one tick in any order: a tick is written when the next
-    one begins. In the bag they have the order of recording/topics.py, on series ticks followed by poses,
-    wrenches and /tf, then by /clock. Not for use from several threads at once.
+    one begins. In the bag they have the order of recording/topics.py, a cloud followed by the height map, on
+    series ticks followed by poses, wrenches and /tf, then by /clock. Not for use from several threads at
+    once.
     """
 
     def __init__(
@@ -96,7 +111,7 @@ class BagWriter:
         """
         message = to_message(message_class, record, self._interval_ns)
         topic = TOPIC_OF[type(record)]
-        kept = record if topic in _NEEDED_FOR_PEOPLE else None
+        kept = record if topic in _NEEDED_FOR_PEOPLE or topic == _CLOUD else None
         self._hold(record.tick, _Held(_RANK[topic], topic, serialize(message), kept))
 
     def write_raw(self, topic: str, tick: int, cdr: bytes) -> None:
@@ -157,9 +172,19 @@ class BagWriter:
             self._emit(item.topic, time_ns, item.data)
         if tick == INITIAL_TICK:
             return
+        self._write_height_map(time_ns, held)
         if (tick + 1) % self._series_ticks == 0 or tick == self._last_tick:
             self._write_for_people(time_ns, held)
         self._emit_message(CLOCK, time_ns, clock(message_class, time_ns))
+
+    def _write_height_map(self, time_ns: int, held: list[_Held]) -> None:
+        soil = self._scene.particle_soil
+        for item in held:
+            if item.topic == _CLOUD and soil is not None:
+                cloud = item.record or cloud_from_message(
+                    deserialize(item.data, self._types[_CLOUD]), self._interval_ns
+                )
+                self._emit_message(HEIGHT_MAP, time_ns, height_map(message_class, cloud, soil))
 
     def _write_for_people(self, time_ns: int, held: list[_Held]) -> None:
         records = {

@@ -48,6 +48,9 @@ LATCHED: dict[str, str] = {
 }
 """Said once, before the first tick, and kept for who comes later: topic -> message type."""
 
+HEIGHT_MAP = "soil/height_map"
+"""Relative topic of the surface's height, one for each cloud (height_map.py)."""
+
 
 def pose_topic(tool: str) -> str:
     """Relative topic of a tool's PoseStamped."""
@@ -65,6 +68,8 @@ def derived_topics(scene: Scene) -> dict[str, str]:
     for tool in scene.tools:
         topics[pose_topic(tool)] = "geometry_msgs/msg/PoseStamped"
         topics[wrench_topic(tool)] = "geometry_msgs/msg/WrenchStamped"
+    if scene.particle_soil is not None:
+        topics[HEIGHT_MAP] = "sensor_msgs/msg/PointCloud2"
     return topics
 
 

@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from subsoil_ros.analysis.figures import draw_figures, running_mean
+from subsoil_ros.analysis.figures import draw_figures
+from subsoil_ros.analysis.poses import posed_vertices_m
 from subsoil_ros.analysis.series import read_series, write_series_csv
-from subsoil_ros.analysis.soil_cut import nearest_times_ns, posed_vertices_m
+from subsoil_ros.analysis.smoothing import running_mean
+from subsoil_ros.analysis.soil_cut import nearest_times_ns
 from subsoil_ros.analysis.summary import print_summary, summarize, write_summary
 from subsoil_ros.analysis.window import metrics_window, tip_x_m
 from subsoil_ros.cli import bag as bag_verb
@@ -405,3 +407,17 @@ def test_bag_verbs(tmp_path, capsys):
     assert verb(bag_verb, "recover", str(directory)) == 0
     assert "mended" in capsys.readouterr().out
     assert verb(bag_verb, "info", str(directory)) == 0
+
+
+def test_report_of_the_papers_scene_writes_the_table(tmp_path, capsys):
+    """The paper's numbers beside ours on the screen, as CSV, JSON and Markdown, and what cannot hold."""
+    run = Run(full_machine())
+    directory = run.write(tmp_path / "run")
+    assert verb(report_verb, str(directory)) == 0
+    shown = capsys.readouterr().out
+    assert "Impossible: the spring in 2231 N of tension" in shown
+    document = json.loads((directory / "reproduction.json").read_text())
+    assert {row["quantity"] for row in document["rows"]} >= {"draft, cycle", "draft, run", "spring force"}
+    assert (directory / "reproduction.csv").is_file()
+    assert (directory / "reproduction.md").is_file()
+    assert (directory / "figures/reproduction.png").is_file()

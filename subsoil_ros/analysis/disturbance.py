@@ -1,0 +1,298 @@
+"""How a passage of the tools left the soil: what moved, how far the surface rose, where it was fast.
+
+Particles keep their place in every cloud, so displacements are differences of two clouds: the first of the
+bag and the last. What counts is a slab across the bin that the tools have passed: from the metrics margin
+behind the start to the rear of the tools, or to the margin before the end. Moved is who is displaced by
+more than a radius. The loosened cross-section is the moved part of the slab times its section; the width at
+the surface is that of the columns of the uppermost layer of which half or more moved.
+"""
+
+import csv
+import itertools
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..messages import SoilCloud, ToolMotions
+from ..recording.height_map import CELL_DIAMETERS, HeightGrid, height_grid
+from ..recording.joined import open_record
+from ..scene.bed_spacing import particle_spacing_m
+from ..scene.beds import GridBed
+from ..scene.loader import ResolvedScene
+from ..scene.meshes import load_tool_mesh
+from ..scene.soil import Soil
+from .poses import posed_vertices_m, reference_angle
+from .series import Series
+from .window import Window, tip_path_m, window_span_s
+
+Values = NDArray[np.float64]
+
+LEAST_SLAB_DIAMETERS = 5.0
+"""A shorter slab says nothing (chosen: five particles along the way)."""
+
+ZONE_M = 0.1
+"""Steps ahead of and beside the tip in which speeds are compared (chosen: five particles of the paper)."""
+
+ZONES = 4
+
+TIP_REACH_M = 0.08
+"""Soil this near to the tip is at the tip (chosen: share width and a particle)."""
+
+LEAST_IN_ZONE = 5
+
+SPEED_CLOUDS = 5
+"""Clouds of the window whose speeds are averaged, at most (chosen)."""
+
+
+@dataclass(frozen=True)
+class SpeedZones:
+    """Mean speeds of the soil [m/s] about the tip, over some clouds of the window; NaN where nobody was."""
+
+    tip: float
+    blade: float  # over the tip, about the edge of the blade
+    ahead: tuple[float, ...]  # k-th: k to k + 1 times ZONE_M ahead of the tip
+    aside: tuple[float, ...]  # beside the tip, both sides
+
+    @property
+    def most_at_tip(self) -> bool:
+        """Fastest at the tip, then at the blade, then elsewhere (the paper's order)."""
+        others = [value for value in (*self.ahead[1:], *self.aside[1:]) if np.isfinite(value)]
+        return bool(self.tip > self.blade > max(others, default=0.0))
+
+    @property
+    def decreases_ahead(self) -> bool:
+        """From zone to zone."""
+        return _falls(self.ahead)
+
+    @property
+    def decreases_aside(self) -> bool:
+        """From zone to zone."""
+        return _falls(self.aside)
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """What one passage did to a slab of the bed. Lengths [m]."""
+
+    slab_m: tuple[float, float]  # along x
+    particle_count: int  # in the slab at first
+    moved_part: float  # of them, displaced by more than a radius
+    bed_section_m2: float  # of the slab, across
+    area_m2: float  # loosened cross-section
+    surface_width_m: float
+    lift: HeightGrid  # change of the surface's height over the slab, NaN where no soil is
+    moved_map: Values  # (cells in z from below, cells in y): moved part of each, NaN where empty
+    cell_m: float
+    origin_m: tuple[float, float]  # y and z of the corner of moved_map
+    speeds: SpeedZones | None
+
+    @property
+    def largest_lift_m(self) -> float:
+        """Of a column."""
+        return float(np.nanmax(self.lift.height_m))
+
+    @property
+    def lifted_area_m2(self) -> float:
+        """Mean cross-section of soil above the first surface."""
+        lift = self.lift.height_m
+        risen = np.where(np.isfinite(lift) & (lift > 0.0), lift, 0.0)
+        return float(risen.sum(axis=0).mean() * self.lift.cell_m)
+
+    def metrics(self) -> dict[str, float]:
+        """Flat, with units in the names."""
+        found = {
+            "disturbance.slab_start_m": self.slab_m[0],
+            "disturbance.slab_end_m": self.slab_m[1],
+            "disturbance.moved_part": self.moved_part,
+            "disturbance.area_m2": self.area_m2,
+            "disturbance.surface_width_m": self.surface_width_m,
+            "disturbance.lift_max_m": self.largest_lift_m,
+            "disturbance.lifted_area_m2": self.lifted_area_m2,
+        }
+        if self.speeds is not None:
+            found["disturbance.tip_speed_m_per_s"] = self.speeds.tip
+            found["disturbance.blade_speed_m_per_s"] = self.speeds.blade
+            for k in range(ZONES):
+                found[f"disturbance.ahead_{k}_speed_m_per_s"] = self.speeds.ahead[k]
+                found[f"disturbance.aside_{k}_speed_m_per_s"] = self.speeds.aside[k]
+        return found
+
+
+def read_disturbance(
+    bag: Path, resolved: ResolvedScene, series: Series, window: Window
+) -> Disturbance | None:
+    """From a bag's clouds; None without particles, with fewer than two clouds, or too short a way.
+
+    Raises:
+        InputError, RecordingError: as open_record.
+    """
+    soil = resolved.scene.particle_soil
+    if soil is None:
+        return None
+    reader = open_record(bag)
+    times = reader.cloud_times_ns()
+    if len(times) < 2:
+        return None
+    start_s, end_s = window_span_s(series, window)
+    inside = [time for time in times if start_s <= 1e-9 * time <= end_s]
+    looked = (
+        {inside[k] for k in np.linspace(0, len(inside) - 1, SPEED_CLOUDS).round().astype(int)}
+        if inside
+        else set()
+    )
+    wanted = {times[0], times[-1]} | looked
+    clouds = {
+        cloud.end_time_ns: cloud
+        for cloud in reader.clouds(resolved.timing.interval_ns, at=lambda time_ns: time_ns in wanted)
+    }
+    motions = list(reader.records(ToolMotions, at=lambda time_ns: time_ns == times[-1]))
+    radius = soil.particles.mean_volume_radius_m
+    margin = resolved.scene.report.window_inside_m
+    rear = _rear_m(resolved, motions[-1]) if motions else soil.bin.length_m
+    slab = (margin, min(rear, soil.bin.length_m - margin))
+    if slab[1] - slab[0] < LEAST_SLAB_DIAMETERS * 2.0 * radius:
+        return None
+    first, last = _positions(clouds[times[0]]), _positions(clouds[times[-1]])
+    speeds = _speed_zones([clouds[time] for time in sorted(looked)], series, resolved)
+    return disturbance_between(first, last, slab, radius, speeds, _period_m(soil, first))
+
+
+def disturbance_between(
+    first_m: Values,
+    last_m: Values,
+    slab_m: tuple[float, float],
+    radius_m: float,
+    speeds: SpeedZones | None = None,
+    period_m: float | None = None,
+) -> Disturbance | None:
+    """Of particles (n, 3) [m] before and after, in the same order; None for an empty slab.
+
+    period_m: in y, of a bed without side walls: who left on one side came in on the other.
+    """
+    within = (first_m[:, 0] >= slab_m[0]) & (first_m[:, 0] < slab_m[1])
+    if not within.any():
+        return None
+    before, after = first_m[within], last_m[within]
+    way = after - before
+    if period_m is not None:
+        way[:, 1] -= period_m * np.round(way[:, 1] / period_m)
+    moved = np.linalg.norm(way, axis=1) > radius_m
+    cell = CELL_DIAMETERS * 2.0 * radius_m
+    low, high = before.min(axis=0) - radius_m, before.max(axis=0) + radius_m
+    shape = np.maximum(1, np.round((high[1:] - low[1:]) / cell).astype(int))
+    step = (high[1:] - low[1:]) / shape  # whole cells across
+    place = np.minimum(((before[:, 1:] - low[1:]) / step).astype(int), shape - 1)
+    count = np.zeros(shape[::-1])
+    hits = np.zeros(shape[::-1])
+    np.add.at(count, (place[:, 1], place[:, 0]), 1.0)
+    np.add.at(hits, (place[:, 1], place[:, 0]), moved.astype(float))
+    part = np.divide(hits, count, out=np.full(count.shape, np.nan), where=count > 0.0)
+    section = float((high[1] - low[1]) * (high[2] - low[2]))
+    moved_part = float(moved.mean())
+    # whole cells about the middle: one that hangs over a wall would compare single particles
+    half = 0.5 * cell * max(1, int((high[1] - low[1]) / cell + 1e-9))
+    middle = 0.5 * float(low[1] + high[1])
+    box = ((slab_m[0], middle - half), (slab_m[1], middle + half))
+    there_after = (last_m[:, 0] >= slab_m[0]) & (last_m[:, 0] < slab_m[1])
+    surface_before = height_grid(first_m, radius_m, box)
+    surface_after = height_grid(last_m[there_after], radius_m, box)
+    lift = HeightGrid(
+        surface_before.origin_m, surface_before.cell_m, surface_after.height_m - surface_before.height_m
+    )
+    return Disturbance(
+        slab_m=slab_m,
+        particle_count=int(within.sum()),
+        moved_part=moved_part,
+        bed_section_m2=section,
+        area_m2=moved_part * section,
+        surface_width_m=_surface_width_m(before, moved, low[1], high[1], cell, radius_m),
+        lift=lift,
+        moved_map=part,
+        cell_m=float(step[0]),
+        origin_m=(float(low[1]), float(low[2])),
+        speeds=speeds,
+    )
+
+
+def _surface_width_m(
+    before: Values, moved: NDArray[np.bool_], low: float, high: float, cell: float, radius: float
+) -> float:
+    """Width of the columns in y of which half or more of the uppermost layer moved."""
+    top = before[:, 2] > before[:, 2].max() - 1.5 * radius
+    columns = max(1, round((high - low) / cell))
+    place = np.minimum(((before[top, 1] - low) / (high - low) * columns).astype(int), columns - 1)
+    count = np.bincount(place, minlength=columns)
+    hits = np.bincount(place, weights=moved[top], minlength=columns)
+    return float(((hits >= 0.5 * count) & (count > 0)).sum() * (high - low) / columns)
+
+
+def write_height_map_csv(lift: HeightGrid, path: Path) -> None:
+    """One row for each cell: its centre and how far its surface rose; empty where no soil is."""
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(("x_m", "y_m", "lift_m"))
+        xs, ys = lift.centres_m()
+        for j, y in enumerate(ys.tolist()):
+            for i, x in enumerate(xs.tolist()):
+                value = float(lift.height_m[j, i])
+                writer.writerow((f"{x:.6g}", f"{y:.6g}", f"{value:.6g}" if np.isfinite(value) else ""))
+
+
+def _period_m(soil: Soil, first_m: Values) -> float | None:
+    """Width of a bed without side walls, from its particles; the bin's is only near it."""
+    if soil.bin.sides != "periodic":
+        return None
+    gap = particle_spacing_m(soil) if isinstance(soil.bed, GridBed) else 0.0  # a random bed fills its width
+    return float(np.ptp(first_m[:, 1])) + gap
+
+
+def _positions(cloud: SoilCloud) -> Values:
+    return np.asarray(cloud.positions_m, np.float64)
+
+
+def _falls(speeds: tuple[float, ...]) -> bool:
+    known = [value for value in speeds if np.isfinite(value)]
+    return len(known) > 1 and all(b < a for a, b in itertools.pairwise(known))
+
+
+def _rear_m(resolved: ResolvedScene, motions: ToolMotions) -> float:
+    """The rearmost point of the shares [m]; behind it the soil is passed."""
+    ends = []
+    for motion in motions.tools:
+        if resolved.scene.tools[motion.tool].share:
+            mesh = load_tool_mesh(resolved.directory, resolved.scene, motion.tool)
+            vertices = posed_vertices_m(mesh, motion, reference_angle(resolved, motion.tool))
+            ends.append(float(vertices[vertices[:, 2] < 0.0, 0].min(initial=np.inf)))
+    return min(ends, default=np.inf)
+
+
+def _speed_zones(clouds: list[SoilCloud], series: Series, resolved: ResolvedScene) -> SpeedZones | None:
+    path = tip_path_m(series, resolved.scene)
+    if path is None or not clouds:
+        return None
+    share = next((tool for tool in resolved.scene.tools.values() if tool.share), None)
+    lateral = share.lateral_m if share is not None else 0.0
+    sums = []
+    for cloud in clouds:
+        tip_x, tip_z = (np.interp(1e-9 * cloud.end_time_ns, series["time_s"], places) for places in path)
+        sums.append(_zones_of(cloud, float(tip_x), float(tip_z), lateral))
+    total = np.sum(sums, axis=0)  # (zones, 2): sum of speeds, particles
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.where(total[:, 1] >= LEAST_IN_ZONE, total[:, 0] / total[:, 1], np.nan).tolist()
+    return SpeedZones(mean[0], mean[1], tuple(mean[2 : 2 + ZONES]), tuple(mean[2 + ZONES :]))
+
+
+def _zones_of(cloud: SoilCloud, tip_x: float, tip_z: float, lateral: float) -> Values:
+    """Sum of speeds and number of particles (2 + 2 ZONES, 2): tip, blade, ahead, aside."""
+    x, y, z = (_positions(cloud) - (tip_x, lateral, tip_z)).T
+    speed = np.asarray(cloud.speeds_m_per_s, np.float64)
+    near, beside = np.abs(x) < ZONE_M, np.abs(y)
+    zones = [
+        x**2 + y**2 + z**2 < TIP_REACH_M**2,
+        near & (beside < TIP_REACH_M) & (z >= TIP_REACH_M) & (z < -tip_z),
+        *((x >= k * ZONE_M) & (x < (k + 1) * ZONE_M) & (beside < ZONE_M) for k in range(ZONES)),
+        *(near & (beside >= k * ZONE_M) & (beside < (k + 1) * ZONE_M) for k in range(ZONES)),
+    ]
+    return np.array([(speed[zone].sum(), zone.sum()) for zone in zones], np.float64)

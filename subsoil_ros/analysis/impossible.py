@@ -1,0 +1,148 @@
+"""What of the paper's numbers cannot hold at once, by statics and energy of the scene's own levers."""
+
+import math
+from typing import NamedTuple
+
+from . import paper
+from .levers import Levers
+
+
+class Statement(NamedTuple):
+    """One claim about printed numbers, with the numbers that decide it."""
+
+    claim: str
+    finding: str
+    needed: float  # what the claim needs
+    available: float  # what there is to meet it
+    unit: str
+
+    @property
+    def holds(self) -> bool:
+        """Whether what is needed is available."""
+        return abs(self.needed) <= abs(self.available)
+
+
+def statements(levers: Levers, speed_m_per_s: float) -> tuple[Statement, ...]:
+    """Every claim that the levers of a machine decide."""
+    return (
+        _tension(levers),
+        _compression_of_largest_draft(levers),
+        _phase(levers),
+        _offset(levers),
+        _height(levers),
+        _rhythm(levers),
+        _energy(levers, speed_m_per_s),
+    )
+
+
+def _inertia_words(levers: Levers) -> str:
+    swing = paper.ANGLE_RAD[1] - paper.ANGLE_RAD[0]
+    newton = levers.inertial_newton(swing, paper.PERIOD_S)
+    return (
+        f"the shank's inertia, {levers.inertia_kg_m2:.2f} kg m2 about the hinge, swung by {swing:g} rad in "
+        f"{paper.PERIOD_S:g} s, accounts for {newton:.0f} N of spring force"
+    )
+
+
+def _tension(levers: Levers) -> Statement:
+    tension, least = paper.SPRING_NEWTON[0], paper.DRAFT_NEWTON[0]
+    tip = levers.draft_newton(tension, levers.tip_lever_m)
+    share = levers.draft_newton(tension, levers.share_lever_m)
+    return Statement(
+        f"the spring in {-tension:g} N of tension",
+        f"needs a draft of {share:.0f} N on the share (lever {levers.share_lever_m:.2f} m against the "
+        f"spring's {levers.spring_arm_m:.2f} m), {tip:.0f} N if all of it acted at the tip; printed is "
+        f"{least:g} N at least, and {_inertia_words(levers)}",
+        tip,
+        least,
+        "N",
+    )
+
+
+def _compression_of_largest_draft(levers: Levers) -> Statement:
+    largest, printed = paper.DRAFT_NEWTON[1], paper.SPRING_NEWTON[1]
+    needed = levers.spring_newton(largest)
+    return Statement(
+        f"{largest:g} N of draft with {printed:g} N on the spring",
+        f"{largest:g} N on the share press the spring with {needed:.0f} N; {printed:g} N go with "
+        f"{levers.draft_newton(printed, levers.share_lever_m):.0f} N there, the rest on the wheels",
+        needed,
+        printed,
+        "N",
+    )
+
+
+def _phase(levers: Levers) -> Statement:
+    spring, draft = paper.SPRING_NEWTON[1], paper.DRAFT_CYCLE_NEWTON[0]
+    spring_moment = (spring - levers.unloaded_newton) * levers.spring_arm_m
+    soil_moment = draft * levers.tip_lever_m
+    missing = spring_moment - soil_moment
+    swing = paper.ANGLE_RAD[1] - paper.ANGLE_RAD[0]
+    inertia = levers.inertial_newton(swing, paper.PERIOD_S) * levers.spring_arm_m
+    return Statement(
+        f"{spring:g} N on the spring while the draft is {draft:g} N (conclusion 3, at 1.5 s)",
+        f"the spring's moment is {spring_moment:.0f} N m, the soil's at most {soil_moment:.0f} N m (all at "
+        f"the tip); the {missing:.0f} N m between would have to be inertia, which gives {inertia:.0f} N m",
+        missing,
+        inertia,
+        "N m",
+    )
+
+
+def _offset(levers: Levers) -> Statement:
+    """The line from draft to spring force through both printed ranges, and where it meets no draft."""
+    low, high = paper.DRAFT_NEWTON
+    tension, compression = paper.SPRING_NEWTON
+    ratio = (compression - tension) / (high - low)
+    offset = tension - ratio * low
+    return Statement(
+        "both printed ranges in one quasi-static motion",
+        f"their ratio, {ratio:.2f} N of spring per N of draft, fits the levers "
+        f"({levers.share_lever_m / levers.spring_arm_m:.2f}), but then the spring without draft would be at "
+        f"{offset:.0f} N; the shank's weight, {levers.mass_kg:g} kg at {levers.com_arm_m[0] * 1e3:.0f} mm, "
+        f"leaves it at {levers.unloaded_newton:.0f} N, and no stop or preload is printed",
+        offset,
+        levers.unloaded_newton,
+        "N",
+    )
+
+
+def _height(levers: Levers) -> Statement:
+    swing = paper.ANGLE_RAD[1] - paper.ANGLE_RAD[0]
+    rise = levers.swing_height_m(swing)
+    return Statement(
+        f"{1e3 * paper.HEIGHT_TRAVEL_M:.0f} mm of height by {swing:g} rad of swing",
+        f"a swing of {swing:g} rad moves the centre of mass by {1e3 * rise:.1f} mm; the rest, "
+        f"{1e3 * (paper.HEIGHT_TRAVEL_M - rise):.0f} mm, is the whole machine going up or down: an entry",
+        paper.HEIGHT_TRAVEL_M,
+        rise,
+        "m",
+    )
+
+
+def _rhythm(levers: Levers) -> Statement:
+    frequency = 1.0 / paper.PERIOD_S
+    needed = levers.inertia_kg_m2 * (2.0 * math.pi * frequency) ** 2
+    return Statement(
+        f"the spring's own oscillation at {frequency:g} Hz",
+        f"the shank swings on this spring at {levers.frequency_hz:.1f} Hz; {frequency:g} Hz needs "
+        f"{needed:.0f} N m/rad instead of {levers.stiffness_newton_m_per_rad:.0f}, and "
+        f"{paper.SPRING_NEWTON[1] * levers.spring_arm_m:.0f} N m would turn it by "
+        f"{paper.SPRING_NEWTON[1] * levers.spring_arm_m / needed:.1f} rad: the rhythm is not the spring's",
+        levers.frequency_hz,
+        frequency,
+        "Hz",
+    )
+
+
+def _energy(levers: Levers, speed_m_per_s: float) -> Statement:
+    stored = 0.5 * paper.SPRING_NEWTON[1] ** 2 / levers.stiffness_newton_per_m
+    work = sum(paper.DRAFT_CYCLE_NEWTON) / 2.0 * speed_m_per_s * paper.PERIOD_S
+    return Statement(
+        "the energy that the spring stores in a cycle",
+        f"{stored:.1f} J at {paper.SPRING_NEWTON[1]:g} N, of {work:.0f} J that the trolley spends in "
+        f"{paper.PERIOD_S:g} s: there is enough, so energy does not forbid the cycle",
+        stored,
+        work,
+        "J",
+    )

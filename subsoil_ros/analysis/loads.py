@@ -1,0 +1,154 @@
+"""Loads over the metrics window: what carries the machine, power, specific draft and energy.
+
+All from the columns of the series. Vertical forces are upward positive: over a window of length T
+
+    weight = soil on shares + soil on wheels + hitch + rest,   rest = minus the change of momentum over T
+
+Power is what the soil takes of each tool, -(F v + M w), and what the draft's driver gives.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SceneError
+from ..scene.loader import ResolvedScene
+from ..scene.mechanism import GROUND, CoordinateSpring, Driver, WheelContact
+from ..scene.meshes import load_tool_mesh
+from ..scene.model import Scene
+from ..scene.tool_faces import cutting_faces
+from .series import Series
+from .window import Window, tip_path_m
+
+Values = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Flat metrics by name, units in the names, and the columns (n,) over the window that made them."""
+
+    metrics: dict[str, float]
+    columns: dict[str, Values]
+
+
+def loads_of(series: Series, resolved: ResolvedScene, window: Window) -> Loads:
+    """Of a run's window; what the scene does not have is absent."""
+    scene, rows = resolved.scene, window.rows
+    columns = {**_vertical(series, scene), **_power(series, scene)}
+    columns = {name: values[rows] for name, values in columns.items()}
+    metrics: dict[str, float] = {}
+    if scene.mechanism is not None:
+        weight = scene.gravity_m_per_s2 * sum(body.mass_kg for body in scene.mechanism.bodies.values())
+        metrics["vertical.weight_newton"] = weight
+        carried = sum(
+            float(values.mean()) for name, values in columns.items() if name.startswith("vertical.")
+        )
+        metrics["vertical.rest_newton"] = weight - carried
+    for name, values in columns.items():
+        metrics[f"{name}_mean"] = float(values.mean())
+        metrics[f"{name}_min"] = float(values.min())
+        metrics[f"{name}_max"] = float(values.max())
+    path = tip_path_m(series, scene)
+    if path is not None and scene.soil is not None:
+        depth = -path[1][rows]
+        metrics["tip_depth_m_mean"] = float(depth.mean())
+        metrics["tip_depth_m_min"], metrics["tip_depth_m_max"] = float(depth.min()), float(depth.max())
+    metrics.update(_specific(series, resolved, window))
+    return Loads(metrics, columns)
+
+
+def draft_work(series: Series, scene: Scene, rows: NDArray[np.bool_]) -> tuple[float, float] | None:
+    """Work of the draft [J] and way of its point [m] over rows (n,) that follow one another; None without."""
+    speed = _driven_speed(series, scene)
+    if speed is None or rows.sum() < 2:
+        return None
+    times, draft = series["time_s"][rows], series["draft_newton"][rows]
+    power = draft * speed[rows]
+    step = np.diff(times)
+    work = float(step @ (power[1:] + power[:-1])) / 2.0
+    way = float(step @ (speed[rows][1:] + speed[rows][:-1])) / 2.0
+    return work, way
+
+
+def share_width_m(resolved: ResolvedScene) -> float | None:
+    """Width across travel of the share of the first tool that is one; None without soil or share."""
+    for name, tool in resolved.scene.tools.items():
+        if tool.share:
+            mesh = load_tool_mesh(resolved.directory, resolved.scene, name)
+            try:
+                return next(face.width_m for face in cutting_faces(mesh, f"tools.{name}") if face.is_share)
+            except SceneError:  # nothing of it looks forward
+                return None
+    return None
+
+
+def _driven_speed(series: Series, scene: Scene) -> Values | None:
+    """Forward speed (n,) of what the draft pulls."""
+    mechanism = scene.mechanism
+    if "draft_newton" not in series:
+        return None
+    if mechanism is None:
+        name = f"tool.{next(iter(scene.tools))}"
+    elif mechanism.draft_driver is not None:
+        driver = mechanism.joints[mechanism.draft_driver]
+        assert isinstance(driver, Driver)
+        name = f"body.{driver.body}"
+    else:
+        return None
+    return np.asarray(series[f"{name}.velocity_x_m_per_s"], np.float64)
+
+
+def _vertical(series: Series, scene: Scene) -> dict[str, Values]:
+    """What carries the machine; empty without a mechanism: then a path holds the tools."""
+    if scene.mechanism is None:
+        return {}
+    parts: dict[str, list[Values]] = {"share": [], "wheels": [], "hitch": []}
+    for name, tool in scene.tools.items():
+        column = f"tool.{name}.force_z_newton"
+        if column in series:
+            parts["share" if tool.share else "wheels"].append(series[column])
+    for name, force in scene.mechanism.forces.items():
+        if isinstance(force, WheelContact):
+            parts["wheels"].append(series[f"wheel_contact.{name}.force_newton"])
+        elif isinstance(force, CoordinateSpring) and force.coordinate == "z":
+            parts["hitch"].append(series[f"coordinate_spring.{name}.force_newton"])
+    for name, joint in scene.mechanism.joints.items():
+        ground = getattr(joint, "body_a", None) == GROUND
+        driven = isinstance(joint, Driver) and joint.relative_to is None and joint.coordinate == "z"
+        if ground or driven:
+            parts["hitch"].append(series[f"joint.{name}.force_z_newton"])
+        elif getattr(joint, "body_b", None) == GROUND:
+            parts["hitch"].append(-series[f"joint.{name}.force_z_newton"])
+    return {f"vertical.{part}_newton": np.sum(found, axis=0) for part, found in parts.items() if found}
+
+
+def _power(series: Series, scene: Scene) -> dict[str, Values]:
+    found: dict[str, Values] = {}
+    speed = _driven_speed(series, scene)
+    if speed is not None:
+        found["power.draft_watt"] = series["draft_newton"] * speed
+    for name in scene.tools:
+        tool = f"tool.{name}"
+        if f"{tool}.force_x_newton" not in series:
+            continue
+        # the planar moment is minus the torque about y, phi turns about -y
+        found[f"power.{name}_watt"] = -(
+            series[f"{tool}.force_x_newton"] * series[f"{tool}.velocity_x_m_per_s"]
+            + series[f"{tool}.force_z_newton"] * series[f"{tool}.velocity_z_m_per_s"]
+            - series[f"{tool}.torque_y_newton_m"] * series[f"{tool}.angular_velocity_rad_per_s"]
+        )
+    return found
+
+
+def _specific(series: Series, resolved: ResolvedScene, window: Window) -> dict[str, float]:
+    found: dict[str, float] = {}
+    width = share_width_m(resolved) if resolved.scene.soil is not None else None
+    if width is not None and "draft_newton" in series:
+        found["specific.share_width_m"] = width
+        mean = float(np.mean(series["draft_newton"][window.rows]))
+        found["specific.draft_newton_per_m"] = mean / width
+    work = draft_work(series, resolved.scene, window.rows)
+    if work is not None and work[1] > 0.0:
+        found["specific.energy_joule_per_m"] = work[0] / work[1]
+    return found

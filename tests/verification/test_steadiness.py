@@ -1,0 +1,77 @@
+"""Means and trends of samples that hang together, against an autoregressive process."""
+
+import math
+
+import numpy as np
+import pytest
+
+from subsoil_ros.analysis.steadiness import correlation_steps, steadiness, student
+
+LAG_ONE = 0.9
+
+
+def autoregressive(rng: np.random.Generator, count: int, lag_one: float = LAG_ONE) -> np.ndarray:
+    """x_k = a x_(k-1) + noise, stationary from the start, standard deviation 1."""
+    noise = rng.standard_normal(count) * math.sqrt(1.0 - lag_one**2)
+    values = np.empty(count)
+    values[0] = rng.standard_normal()
+    for k in range(1, count):
+        values[k] = lag_one * values[k - 1] + noise[k]
+    return values
+
+
+def test_correlation_time_is_that_of_the_process():
+    """(1 + a) / (2 (1 - a)) steps; the estimate over n steps scatters by sqrt(2 (2 M + 1) / n), M = 5 tau."""
+    tau = 0.5 * (1.0 + LAG_ONE) / (1.0 - LAG_ONE)
+    count = 40_000
+    scatter = math.sqrt(2.0 * (2.0 * 5.0 * tau + 1.0) / count)  # Madras and Sokal (1988), eq. E.10
+    found = correlation_steps(autoregressive(np.random.default_rng(1), count))
+    assert found == pytest.approx(tau, rel=3.0 * scatter + math.exp(-5.0))
+    assert correlation_steps(np.random.default_rng(2).standard_normal(count)) == pytest.approx(0.5, rel=0.1)
+
+
+def test_intervals_hold_what_they_promise():
+    """95 % of the intervals of mean and slope hold the truth: of 200 runs all but 10 +- 3 sqrt(9.5), and the
+    few per cent that correlation times from a finite record are short by."""
+    rng = np.random.default_rng(3)
+    times = 0.001 * np.arange(2000)
+    missed_mean = missed_slope = 0
+    for _ in range(200):
+        found = steadiness(times, 5.0 + 2.0 * times + autoregressive(rng, len(times)))
+        missed_slope += abs(found.slope_per_s - 2.0) > found.slope_half_width_per_s
+        level = steadiness(times, 5.0 + autoregressive(rng, len(times)))
+        missed_mean += abs(level.mean - 5.0) > level.mean_half_width
+    most = 10 + 3.0 * math.sqrt(9.5) + 0.04 * 200
+    assert missed_mean <= most
+    assert missed_slope <= most
+    assert missed_mean + missed_slope > 0  # an interval that never misses is too wide
+
+
+def test_a_trend_is_told_from_noise():
+    """A drift of five standard deviations over the window is seen, noise alone rarely, and blocks rise with
+    it."""
+    times = 0.001 * np.arange(4000)
+    noise = autoregressive(np.random.default_rng(4), len(times))
+    drifting = steadiness(times, 100.0 + 5.0 * times / times[-1] + noise)
+    assert drifting.verdict == "drifts"
+    assert list(drifting.block_means) == sorted(drifting.block_means)
+    assert drifting.drift == pytest.approx(5.0 / drifting.mean, rel=0.5)
+    assert steadiness(times, 100.0 + noise).verdict == "no drift seen"
+
+
+def test_a_short_window_judges_nothing():
+    """Where nearly all samples hang together there is no verdict; a constant has neither error nor drift."""
+    times = 0.001 * np.arange(100)
+    assert steadiness(times, np.sin(2.0 * times)).verdict == "too short"
+    level = steadiness(times, np.full(100, 7.0))
+    assert (level.mean, level.mean_error, level.slope_per_s) == (7.0, 0.0, 0.0)
+    assert level.verdict == "no drift seen"
+    assert steadiness(times[:7], times[:7]) is None
+
+
+def test_student_factor():
+    """Tables: 12.706 for one degree of freedom, 2.228 for ten, 1.960 for endless many."""
+    assert student(1.0) == pytest.approx(12.706, abs=5e-4)
+    assert student(10.0) == pytest.approx(2.228, abs=5e-4)
+    assert student(1e9) == pytest.approx(1.960, abs=5e-4)
+    assert student(0.0) == math.inf

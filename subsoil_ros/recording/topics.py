@@ -68,7 +68,7 @@ def derived_topics(scene: Scene) -> dict[str, str]:
     for tool in scene.tools:
         topics[pose_topic(tool)] = "geometry_msgs/msg/PoseStamped"
         topics[wrench_topic(tool)] = "geometry_msgs/msg/WrenchStamped"
-    if scene.particle_soil is not None:
+    if scene.particle_soil is not None and scene.record.cloud_hz > 0.0:
         topics[HEIGHT_MAP] = "sensor_msgs/msg/PointCloud2"
     return topics
 

@@ -61,10 +61,10 @@ def _panel(axes: Axes, table: pd.DataFrame, key: str, name: str, other: str | No
             if len(found):
                 interval = mean_interval(found.tolist())
                 means.append((x, interval.mean, interval.half_width))
-        x, mean, half = (np.array(column) for column in zip(*means, strict=True))
-        axes.plot(x, mean, "-", color=colour, lw=1.4, label=f"{value}")
+        places_x, mean, half = (np.array(column) for column in zip(*means, strict=True))
+        axes.plot(places_x, mean, "-", color=colour, lw=1.4, label=f"{value}")
         if bars and np.isfinite(half).any():
-            axes.errorbar(x, mean, np.nan_to_num(half), fmt="none", ecolor=colour, capsize=3, lw=1.0)
+            axes.errorbar(places_x, mean, np.nan_to_num(half), fmt="none", ecolor=colour, capsize=3, lw=1.0)
 
 
 def _places(axes: Axes, values: pd.Series) -> dict[Any, float]:

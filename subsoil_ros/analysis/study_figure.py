@@ -60,6 +60,7 @@ def draw_study(
 
 
 def _paint(axes: Axes, panel: Panel, colours: dict[str, str]) -> None:
+    axes.set_xscale("log")
     for dot in panel.dots:
         colour = colours[dot.group]
         half = 0.0 if math.isnan(dot.half_width) else dot.half_width
@@ -71,7 +72,6 @@ def _paint(axes: Axes, panel: Panel, colours: dict[str, str]) -> None:
             str(dot.number), (dot.wall_s, dot.error), xytext=(4, 3), textcoords="offset points", fontsize=7
         )
     axes.axhline(0.0, color="black", lw=0.6)
-    axes.set_xscale("log")
     axes.set_title(panel.title, fontsize=9)
     axes.set_ylabel(panel.unit, fontsize=8)
     axes.set_xlabel("wall time of the ticks [s]", fontsize=8)

@@ -105,8 +105,8 @@ def _errors(
     if not values:
         return
     judged.values[metric.name] = mean_interval(list(values.values()), design.confidence)
-    if not true:
-        return
+    if not true or (metric.relative and not any(true.values())):
+        return  # nothing to be relative to
     mean = sum(true.values()) / len(true)
     difference = paired_difference(values, true, design.confidence)
     if difference.count:
@@ -114,7 +114,7 @@ def _errors(
     scatter = _deviation(list(true.values()))
     for name in design.also_against:
         other = list(_of(by_variant.get(name, {}), metric).values())
-        if not other:
+        if not other or (metric.relative and not any(other)):
             continue
         centre = sum(other) / len(other)
         apart = difference_from_one(
@@ -130,7 +130,7 @@ def _of(runs: dict[int, Measurement], metric: Metric) -> dict[int, float]:
 def _relative(difference: Interval, metric: Metric, reference: float) -> Interval:
     if not metric.relative:
         return difference
-    return difference.scaled(1.0 / abs(reference) if reference else math.nan)
+    return difference.scaled(1.0 / abs(reference))
 
 
 def _deviation(values: Sequence[float]) -> float:

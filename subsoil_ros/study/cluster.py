@@ -68,7 +68,7 @@ def _local_cluster(workers: int) -> Iterator[Any]:
             threads_per_worker=1,
             processes=True,
             host="127.0.0.1",
-            dashboard_address=None,
+            dashboard_address="127.0.0.1:0",
             memory_limit=None,  # a run cannot be moved to the disk; the system's own limit counts
             local_directory=folder,
             silence_logs=logging.CRITICAL,

@@ -186,4 +186,6 @@ def _advice(outcome: "Outcome") -> str:
         return "one bed seed: the beds' scatter is not known, so nothing is recommended; add --seeds 0,1,2"
     if first.saving is not None:
         return "no point saves more draft than the beds scatter (95 %, Student's t on pairs of the same seed)"
+    if any(label.startswith("control") for label, _ in outcome.failed):
+        return "the control failed, so no saving is known and nothing is recommended"
     return "there is one point only, so nothing to recommend"

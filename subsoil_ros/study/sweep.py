@@ -107,7 +107,8 @@ def run_sweep(
     table.insert(1, "point", [point_key(job.point) for job in jobs])
     spring = jobs[0].scene.scene.report.spring
     ranked = rank(sweep.points(), table, sweep.control, spring, CONFIDENCE)
-    best = recommended(ranked) if len(ranked) > 1 else None
+    proven = not sweep.control or (bool(ranked) and ranked[0].saving is not None)
+    best = recommended(ranked) if len(ranked) > 1 and proven else None
     table = table.drop(columns="point")
     paths = [*write_table(table, out / "sweep")]
     if ranked:

@@ -74,11 +74,8 @@ def _list(args: argparse.Namespace, design: "StudyDesign", console: Console) -> 
     table = Table(title=f"{len(design.seeds)} seeds each", title_justify="left", box=None)
     for heading in ("variant", "particles", "soil steps", "particle-steps"):
         table.add_column(heading, justify="left" if heading == "variant" else "right")
-    shown = set()
-    for job in study_jobs(args.scene, args.overrides, design):
-        if job.point.name in shown:
-            continue
-        shown.add(job.point.name)
+    one_seed = design.model_copy(update={"seeds": design.seeds[:1]})
+    for job in study_jobs(args.scene, args.overrides, one_seed):
         timing = job.scene.timing
         count, steps = start_count(job.scene), timing.soil_steps * timing.tick_count
         table.add_row(job.point.name, f"{count:,}", f"{steps:,}", f"{count * steps:.2g}")

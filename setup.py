@@ -26,11 +26,13 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/subsoil_ros"]),
         (SHARE, ["package.xml"]),
+        (f"{SHARE}/launch", files("launch/*.launch.py")),
         (f"{SHARE}/config/scenes", files("config/scenes/*.yaml")),
         (f"{SHARE}/config/meshes", files("config/meshes/*.stl")),
         (f"{SHARE}/config/soils", files("config/soils/*.yaml")),
         (f"{SHARE}/config/calibration", files("config/calibration/*.yaml")),
         (f"{SHARE}/config/studies", files("config/studies/*.yaml")),
+        (f"{SHARE}/config/foxglove", files("config/foxglove/*.json")),
         # `ros2 run` looks in lib/subsoil_ros, console scripts are in bin.
         ("lib/subsoil_ros", files("scripts/*")),
     ],

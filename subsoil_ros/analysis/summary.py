@@ -115,7 +115,7 @@ def print_summary(summary: Summary, scene: Scene, directory: Path, console: Cons
         console.print(table)
     for line in _facts(summary, compared):
         console.print(line, soft_wrap=True, markup=False)
-    console.print(f"bag: {directory / 'bag'}", soft_wrap=True, markup=False)
+    console.print(_bag_words(directory / "bag"), soft_wrap=True, markup=False)
     figures = directory / "figures"
     if figures.is_dir():
         console.print(f"figures: {figures}", soft_wrap=True, markup=False)
@@ -123,6 +123,11 @@ def print_summary(summary: Summary, scene: Scene, directory: Path, console: Cons
         console.print(
             f"figures: none yet, `subsoil report {directory}` draws them", soft_wrap=True, markup=False
         )
+
+
+def _bag_words(bag: Path) -> str:
+    size_bytes = sum(path.stat().st_size for path in bag.glob("*.mcap"))
+    return f"bag: {bag}, {size_bytes / 1e6:.3g} MB (`subsoil bag info {bag}` says what takes the room)"
 
 
 def _losses(series: Series) -> Summary:
@@ -152,6 +157,7 @@ def _lines(scene: Scene, summary: Summary) -> list[tuple[str, str, float, int, p
     lines: list[tuple[str, str, float, int, paper.PaperValue | None]] = [
         ("draft [N]", "draft_newton", 1.0, 1, paper.DRAFT),
         ("  of it share [N]", "draft.share_newton", 1.0, 1, None),
+        *((f"    of it {tool} [N]", f"draft.tool.{tool}_newton", 1.0, 1, None) for tool in scene.tools),
         ("  of it wheels [N]", "draft.wheels_newton", 1.0, 1, None),
         ("spring force, compression + [N]", f"spring.{spring}.force_newton", 1.0, 1, paper.SPRING),
         ("share angle [rad]", f"body.{shank}.angle_rad", 1.0, 4, paper.ANGLE),

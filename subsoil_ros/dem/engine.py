@@ -1,6 +1,7 @@
 """The soil engine: motions of the tools in, wrenches on the tools out."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -16,6 +17,7 @@ from .beds.prepare import prepare_bed
 from .contact import SINKS, PairLaw, law_features, soil_laws
 from .energy import EnergyBook
 from .integration import kick, kick_drift, mass_sums, motion_sums
+from .kernel_calls import KernelCalls, use_threads
 from .mixture import REACH, REST_OVERLAP, Mixture, law_tables, material_at
 from .monitors import Domain, LostParticle, MotionSums, Watch, half_step_sums, refuse_lost_numbers
 from .neighbours import carry_pairs, carry_rows, cell_grid, half_list, slab_starts, sort_by_cell
@@ -28,6 +30,15 @@ from .walls import near_walls, wall_forces, wall_planes, wall_scan
 
 _CELLS_PER_SLAB = 1
 """Slab width in cells: wider than the reach, narrow enough to keep threads equally busy (chosen)."""
+
+
+class _StepCalls(NamedTuple):
+    """Kernels of a step, with the arrays as they stand until lists are built anew."""
+
+    kick_drift: Callable[[], int]
+    pair_forces: Callable[[], None]
+    wall_forces: Callable[[], None]
+    kick: Callable[[], None]
 
 
 class SoilEngine:
@@ -70,6 +81,8 @@ class SoilEngine:
         self._overlap_bound = soil.largest_tool_overlap_m or 2.0 * soil.particles.mean_volume_radius_m
         self._planes = wall_planes(self.bed.lower_m, self.bed.upper_m, self.bed.sides)
         self._tools: tuple[ToolSurface, ...] = ()
+        self._kernels = KernelCalls()
+        self._calls: _StepCalls | None = None
         self._rebuilds = 0
         self._tool_work = 0.0
         self._sinks = np.zeros(len(SINKS))  # of pairs and walls
@@ -148,6 +161,7 @@ class SoilEngine:
             if given is not None:
                 rows = finite_rows(name, given, len(position))[back]
                 setattr(self._particles, name, rows.astype(self._kind))
+        self._calls = None
 
     def damp(self, kept: float) -> None:
         """Global damping: every velocity and spin times `kept`. For the preparation of beds."""
@@ -242,7 +256,7 @@ class SoilEngine:
 
         A particle goes when its centre is inside a tool or so near that the contact would press.
         """
-        numba.set_num_threads(self._threads)
+        use_threads(self._threads)
         tools = self._surfaces(motions)
         p = self._particles
         if p.unequal:
@@ -258,7 +272,14 @@ class SoilEngine:
         self._keep(kept)
         self._rebuild(motions)
         self._begin_tick()
-        self._add_forces(motions, step=0.0)
+        p.force[:] = 0.0
+        p.force[:, 2] = -self._masses()[0] * self._gravity
+        p.torque[:] = 0.0
+        calls = self._bind(step=0.0)
+        calls.pair_forces()
+        calls.wall_forces()
+        self._tool_forces(motions)
+        self._calls = None
         if self._watch is not None and self._watch.balances:
             self._watch.begin(self.energy())
         return self._wrenches()
@@ -320,6 +341,7 @@ class SoilEngine:
         self._particles = from_named(Particles, "particles", arrays)
         self._pairs = from_named(PairList, "pairs", arrays)
         self._walls = from_named(WallList, "walls", arrays)
+        self._calls = None
         self._wall_force = arrays["wall_force"]
         self._pair_book, self._wall_book = arrays["pair_book"], arrays["wall_book"]
         self._sinks = arrays["sinks"]
@@ -334,7 +356,7 @@ class SoilEngine:
             PhysicsError: a state that is not a number, a tool sunk too deep into a particle, or a bound of
                 soil.monitors passed.
         """
-        numba.set_num_threads(self._threads)
+        use_threads(self._threads)
         steps = self._resolved.timing.soil_steps
         starts = tuple(tool.last for tool in self._tools)
         self._begin_tick()
@@ -345,19 +367,28 @@ class SoilEngine:
                 motion_within(a, b, self._resolved.timing.interval_s, s / steps)
                 for a, b in zip(starts, motions, strict=True)
             )
-            where = f"tick {tick}" if steps == 1 else f"tick {tick}, soil step {s} of {steps}"
-            self._advance_step(where, now)
+            self._advance_step(tick, s, now)
             last = s == steps and tick == self._resolved.timing.tick_count - 1
             if self._watch is not None and self._watch.due(last=last):
-                sums = self._motion_sums()
+                sums, where = self._motion_sums(), self._where(tick, s)
                 self._watch.look(where, tick, self._particles, sums, self._largest_overlap, self.energy)
         return self._wrenches()
+
+    def _where(self, tick: int, step: int) -> str:
+        """Of an error, in words."""
+        steps = self._resolved.timing.soil_steps
+        return f"tick {tick}" if steps == 1 else f"tick {tick}, soil step {step} of {steps}"
 
     def _motion_sums(self) -> MotionSums:
         p = self._particles
         return MotionSums(
             *half_step_sums(p.position, p.velocity, p.spin, p.force, p.torque, *self._masses(), self._step_s)
         )
+
+    @property
+    def alternation(self) -> float:
+        """Part of the motion that turns round from step to step, 0 to 1 (dem.monitors)."""
+        return self._motion_sums().alternation
 
     def _largest_overlap(self) -> float:
         return self._scan_pairs()[1]
@@ -376,53 +407,64 @@ class SoilEngine:
     def _wrenches(self) -> tuple[ToolWrench, ...]:
         return tuple(tool.wrench() for tool in self._tools)
 
-    def _advance_step(self, where: str, motions: tuple[ToolMotion, ...]) -> None:
-        p, skin = self._particles, self._soil.skin_m
-        mass, inertia = self._masses()
-        far = kick_drift(
-            p.position, p.velocity, p.spin, p.force, p.torque, p.built_position,
-            mass, inertia, self._gravity, self._step_s, (0.5 * skin) ** 2,
-        )  # fmt: skip
-        allowed = (TOOL_SKIN - 0.5) * skin
-        if far or any(t.moved_m(m) > allowed for t, m in zip(self._tools, motions, strict=True)):
-            refuse_lost_numbers(where, self._particles)
+    def _advance_step(self, tick: int, step: int, motions: tuple[ToolMotion, ...]) -> None:
+        calls = self._calls or self._bind(self._step_s)
+        if calls.kick_drift() or self._tools_left_their_lists(motions):
+            refuse_lost_numbers(self._where(tick, step), self._particles)
             self._rebuild(motions)
-        self._add_forces(motions, self._step_s)
-        mass, inertia = self._masses()  # a rebuild may have sorted them
-        kick(p.velocity, p.spin, p.force, p.torque, mass, inertia, self._step_s)
-        deepest = max((tool.largest_overlap_m for tool in self._tools), default=0.0)
-        if deepest > self._overlap_bound:
-            raise PhysicsError(
-                f"{where}: a tool overlaps a particle by {deepest:.3g} m, allowed is "
-                f"soil.largest_tool_overlap_m {self._overlap_bound:.3g} m; raise "
-                "soil.tool_stiffness_factor, or make the tool slower or thicker"
-            )
+            calls = self._bind(self._step_s)
+        calls.pair_forces()
+        calls.wall_forces()
+        self._tool_forces(motions)
+        calls.kick()
+        for tool in self._tools:
+            if tool.largest_overlap_m > self._overlap_bound:
+                raise PhysicsError(
+                    f"{self._where(tick, step)}: tool {tool.name} overlaps a particle by "
+                    f"{tool.largest_overlap_m:.3g} m, allowed is soil.largest_tool_overlap_m "
+                    f"{self._overlap_bound:.3g} m; raise soil.tool_stiffness_factor, or make the tool slower "
+                    "or thicker"
+                )
 
-    def _add_forces(self, motions: tuple[ToolMotion, ...], step: float) -> None:
+    def _tools_left_their_lists(self, motions: tuple[ToolMotion, ...]) -> bool:
+        allowed = (TOOL_SKIN - 0.5) * self._soil.skin_m
+        return any(tool.moved_m(motion) > allowed for tool, motion in zip(self._tools, motions, strict=True))
+
+    def _bind(self, step: float) -> _StepCalls:
+        """Kernel calls for steps of this length [s]; whatever puts other arrays in place ends them."""
         p, pairs, walls, features = self._particles, self._pairs, self._walls, self._features
-        motion = (p.position, p.velocity, p.spin, p.force, p.torque)
-        if step == 0.0:
-            p.force[:] = 0.0
-            p.force[:, 2] = -self._masses()[0] * self._gravity
-            p.torque[:] = 0.0
-        pair_forces(
-            pairs.slab_start, pairs.row_start, pairs.neighbour, *motion, pairs.history,
-            self._kind(self._radius), self._kind(step), self._pair_law, self._mixture(self._pair_laws),
-            features, self._pair_book,
+        motion, (mass, inertia) = (p.position, p.velocity, p.spin, p.force, p.torque), self._masses()
+        bind = self._kernels.bind
+        self._calls = calls = _StepCalls(
+            bind(
+                kick_drift, *motion, p.built_position,
+                mass, inertia, self._gravity, step, (0.5 * self._soil.skin_m) ** 2,
+            ),
+            bind(
+                pair_forces, pairs.slab_start, pairs.row_start, pairs.neighbour, *motion, pairs.history,
+                self._kind(self._radius), self._kind(step), self._pair_law, self._mixture(self._pair_laws),
+                features, self._pair_book,
+            ),
+            bind(
+                wall_forces, walls.particle, self._planes, *motion, walls.shear, walls.roll,
+                self._radius, step, self._boundary, self._mixture(self._wall_laws), features,
+                self._wall_force, self._wall_book,
+            ),
+            bind(kick, p.velocity, p.spin, p.force, p.torque, mass, inertia, step),
         )  # fmt: skip
-        wall_forces(
-            walls.particle, self._planes, *motion, walls.shear, walls.roll,
-            self._radius, step, self._boundary, self._mixture(self._wall_laws), features,
-            self._wall_force, self._wall_book,
-        )  # fmt: skip
-        at_tools = self._mixture(self._tool_laws)
+        for tool in self._tools:
+            tool.bind(p, self._radius, step, self._at_tools, self._mixture(self._tool_laws), features)
+        return calls
+
+    def _tool_forces(self, motions: tuple[ToolMotion, ...]) -> None:
         for tool, at in zip(self._tools, motions, strict=True):
             work = tool.felt.work_joule
-            tool.add_forces(p, at, self._radius, step, self._at_tools, at_tools, features)
+            tool.add_forces(at)
             self._tool_work -= tool.felt.work_joule - work
 
     def _rebuild(self, motions: tuple[ToolMotion, ...]) -> None:
         """Sort particles into cells, find pairs, walls and tool candidates, carry histories over."""
+        self._calls = None
         p, skin = self._particles, self._soil.skin_m
         adhesive = self._features.adhesion.ndim == 2
         reach = 2.0 * self._radius + (float(self._pair_laws[:, REACH].max()) if adhesive else 0.0) + skin

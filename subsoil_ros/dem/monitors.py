@@ -256,6 +256,15 @@ class Watch:
             )
 
 
+@njit(cache=True, nogil=True)
+def _all_finite(position, velocity, spin):
+    rest = 0.0
+    for i in range(position.shape[0]):
+        for a in range(3):
+            rest += 0.0 * position[i, a] + 0.0 * velocity[i, a] + 0.0 * spin[i, a]
+    return rest == 0.0
+
+
 def refuse_lost_numbers(where: str, particles: Particles) -> None:
     """Names the first particle whose place, velocity or spin is no number.
 
@@ -263,9 +272,9 @@ def refuse_lost_numbers(where: str, particles: Particles) -> None:
         PhysicsError: there is one.
     """
     p = particles
-    finite = (np.isfinite(p.position) & np.isfinite(p.velocity) & np.isfinite(p.spin)).all(axis=1)
-    if finite.all():
+    if _all_finite(p.position, p.velocity, p.spin):
         return
+    finite = (np.isfinite(p.position) & np.isfinite(p.velocity) & np.isfinite(p.spin)).all(axis=1)
     bad = np.flatnonzero(~finite)
     k = bad[np.argmin(p.identity[bad])]
     raise PhysicsError(

@@ -8,6 +8,7 @@ numbers of each component, one after the other, so that no copy is needed.
 
 import numpy as np
 from numba import njit, prange
+from numba.extending import register_jitable
 
 from .contact import SINKS, PairLaw, contact, like, normal_potential, spring_energy
 from .mixture import pair_of
@@ -46,8 +47,14 @@ def _on_lines(count: int, kind: type) -> np.ndarray:
     """`count` zeros from the start of a cache line on."""
     spare = _LINE_BYTES // np.dtype(kind).itemsize
     numbers: np.ndarray = np.zeros(count + spare, kind)
-    first = -numbers.ctypes.data % _LINE_BYTES // numbers.itemsize
+    first = _first_on_line(numbers)
     return numbers[first : first + count]
+
+
+@register_jitable
+def _first_on_line(numbers):
+    """Index of the first number of an array that starts a cache line."""
+    return -numbers.ctypes.data % _LINE_BYTES // numbers.itemsize
 
 
 @njit(cache=True, forceinline=True)
@@ -211,7 +218,7 @@ def _slab_forces(
     if features.sizes.ndim == 2 or features.materials.ndim == 2:
         count += _OF_PAIR
     spare = np.empty((count + 1) * _ROW, history.dtype)
-    first_number = -spare.ctypes.data % _LINE_BYTES // spare.itemsize
+    first_number = _first_on_line(spare)
     flat = spare[first_number : first_number + count * _ROW]
     rows = flat.reshape((count, _ROW))
     pair, end = row_start[first], row_start[last]

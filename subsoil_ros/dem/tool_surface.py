@@ -1,7 +1,7 @@
 """One tool in the soil: its surface, its motion through a tick, its candidates and what it felt."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,6 +10,7 @@ from ..messages import GroupForce, ToolMotion, ToolWrench
 from ..scene.meshes import ToolMesh
 from .contact import Features, PairLaw
 from .facets import Facets, facets_of, inside_or_near, near_facets
+from .kernel_calls import KernelCalls
 from .mixture import Mixture
 from .neighbours import CellGrid, carry_rows
 from .snapshot import from_named, motion_array, motion_from, named
@@ -50,6 +51,7 @@ class ToolSurface:
         self._radius_m = float(np.linalg.norm(self.mesh.vertices_m[:, [0, 2]], axis=1).max())
         self._searched = self.last
         self._buffers = chunk_buffers(len(self.mesh.groups))
+        self._kernels = KernelCalls()
         none = np.empty(0, np.int64)
         empty = (np.zeros((0, CONTACTS), np.bool_), *(np.zeros((0, CONTACTS, 3)) for _ in range(3)))
         self.near = ToolList(none, np.zeros(1, np.int64), np.empty(0, np.int32), *empty)
@@ -100,38 +102,39 @@ class ToolSurface:
         hit = inside_or_near(particles.position, candidates, pose, self.facets.corner, clearance_m)
         return candidates[hit]
 
-    def add_forces(
+    def bind(
         self,
         particles: Particles,
-        motion: ToolMotion,
         radius: float,
         step: float,
         law: PairLaw,
         mixture: Mixture,
         features: Features,
     ) -> None:
-        """Forces of one soil step at whose end the tool stands at `motion`; sums what the tool felt."""
+        """What add_forces works on until particles are sorted, or candidates searched, anew."""
         near = self.near
-        group_force, moment, sums = self._buffers
-        tool_forces(
-            near.particle, near.facet_start, near.facet, self.facets, self.kernel_motion(motion),
+        self._tool_forces: Callable[[Motion], tuple[np.ndarray, np.ndarray, np.ndarray]] = self._kernels.bind(
+            tool_forces, near.particle, near.facet_start, near.facet, self.facets,
             particles.position, particles.velocity, particles.spin, particles.force, particles.torque,
             near.active, near.normal, near.shear, near.roll, radius, step, law, mixture, features,
-            group_force, moment, sums,
+            *self._buffers, varying=(self.kernel_motion(self.last),),
         )  # fmt: skip
-        by_group, torque = group_force.sum(axis=0), moment.sum(axis=0)
-        force = by_group.sum(axis=0)
+
+    def add_forces(self, motion: ToolMotion) -> None:
+        """Forces of one soil step at whose end the tool stands at `motion`; sums what the tool felt."""
+        by_group, torque, sums = self._tool_forces(self.kernel_motion(motion))
+        fx, _, fz = by_group.sum(axis=0).tolist()
         self.felt.group_force += by_group
         self.felt.moment += torque
         self.felt.work_joule += (
-            float(force[0]) * (motion.x_m - self.last.x_m)
-            + float(force[2]) * (motion.z_m - self.last.z_m)
+            fx * (motion.x_m - self.last.x_m)
+            + fz * (motion.z_m - self.last.z_m)
             - float(torque[1]) * (motion.phi_rad - self.last.phi_rad)
         )
-        self.felt.contacts = int(sums[:, 5].sum())
+        self.felt.contacts = int(sums[5])
         self.felt.steps += 1
-        self.largest_overlap_m = max(self.largest_overlap_m, float(sums[:, 6].max()))
-        self.sinks_joule += sums[:, :5].sum(axis=0)
+        self.largest_overlap_m = max(self.largest_overlap_m, float(sums[6]))
+        self.sinks_joule += sums[:5]
         self.last = motion
 
     def stored_joule(

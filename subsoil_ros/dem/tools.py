@@ -193,15 +193,16 @@ def _rows_forces(
 
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def tool_forces(
-    particle, facet_start, facet, facets, motion, position, velocity, spin, force, torque,
-    active, normal, shear, roll, radius, step, law, mixture, features, group_force, moment, sums,
+    particle, facet_start, facet, facets, position, velocity, spin, force, torque,
+    active, normal, shear, roll, radius, step, law, mixture, features, group_force, moment, sums, motion,
 ):  # fmt: skip
     """Adds the forces of one tool on its candidate particles. `mixture`: see pair_forces.
 
-    motion: x [m], z [m], cosine, sine, velocity x, z [m/s], phi rate [rad/s], y [m] of the body. Filled
-    per chunk, to be summed in order: group_force (chunks, groups, 3) [N] and moment (chunks, 3) [N m] of
-    the soil on the tool about the body's centre of mass; sums (chunks, 7): sinks [J], contacts, largest
-    overlap [m].
+    motion: x [m], z [m], cosine, sine, velocity x, z [m/s], phi rate [rad/s], y [m] of the body. The buffers
+    are filled chunk by chunk and summed in order.
+
+    Returns the force of the soil on the tool by group (groups, 3) [N], the moment (3,) [N m] about the
+    body's centre of mass, and (7,): sinks [J], contacts, largest overlap [m].
     """
     count = particle.shape[0]
     for chunk in prange(_CHUNKS):
@@ -210,6 +211,17 @@ def tool_forces(
             motion, position, velocity, spin, force, torque, active, normal, shear, roll, radius, step, law,
             mixture, features, group_force[chunk], moment[chunk], sums[chunk],
         )  # fmt: skip
+    by_group, torque, total = np.zeros(group_force.shape[1:]), np.zeros(3), np.zeros(7)
+    for chunk in range(_CHUNKS):
+        for group in range(by_group.shape[0]):
+            for a in range(3):
+                by_group[group, a] += group_force[chunk, group, a]
+        for a in range(3):
+            torque[a] += moment[chunk, a]
+        for a in range(6):
+            total[a] += sums[chunk, a]
+        total[6] = max(total[6], sums[chunk, 6])
+    return by_group, torque, total
 
 
 def chunk_buffers(groups: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

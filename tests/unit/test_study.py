@@ -141,7 +141,7 @@ def test_shipped_designs_fit_their_scenes(path: Path) -> None:
 
 
 def test_finest_of_the_paper_is_what_was_agreed() -> None:
-    """The full bin, float64, 0.9 of the stable step at most, serial exchange every step."""
+    """The full bin, float64, a step that its monitors let pass, serial exchange every step."""
     found = read_design(CONFIG / "studies" / "subsoiler_1s300.yaml")
     found = found.model_copy(update={"knobs": {}, "combinations": {}, "also_against": {}})
     scene = next(iter(study_jobs(str(CONFIG / "scenes" / "subsoiler_1s300.yaml"), (), found))).scene
@@ -156,7 +156,7 @@ def test_finest_of_the_paper_is_what_was_agreed() -> None:
     assert (soil.precision, scene.scene.coupling.scheme, scene.timing.soil_steps) == ("float64", "serial", 1)
     from subsoil_ros.scene.limits import step_limits
 
-    assert 0.85 < scene.timing.soil_step_s / step_limits(soil)[0].limit_s <= 0.9
+    assert 0.55 < scene.timing.soil_step_s / step_limits(soil)[0].limit_s <= 0.6
 
 
 @pytest.mark.parametrize(

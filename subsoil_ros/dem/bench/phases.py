@@ -5,20 +5,26 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from .. import engine as engine_module
 from ..bed import Bed
 from ..engine import SoilEngine
+from ..kernel_calls import KernelCalls
 from ..tool_surface import ToolSurface
 from .cases import Case
 from .measure import prepared_engine, run_steps
 
-PHASES: dict[str, tuple[tuple[Any, str], ...]] = {
-    "contact": ((engine_module, "pair_forces"), (engine_module, "wall_forces")),
-    "search": ((SoilEngine, "_rebuild"),),
-    "tool": ((ToolSurface, "add_forces"),),
-    "integration": ((engine_module, "kick_drift"), (engine_module, "kick")),
+_KERNELS = {
+    "pair_forces": "contact",
+    "wall_forces": "contact",
+    "kick_drift": "integration",
+    "kick": "integration",
 }
-"""What each phase calls; none calls another. `search` is that of pairs, walls and tools."""
+_METHODS: dict[str, tuple[Any, str]] = {
+    "search": (SoilEngine, "_rebuild"),
+    "tool": (ToolSurface, "add_forces"),
+}
+_BIND = (KernelCalls, "bind")
+PHASES = (*dict.fromkeys(_KERNELS.values()), *_METHODS)
+"""Kernels by name and methods, none of which calls another. `search` is that of pairs, walls and tools."""
 
 
 def phase_parts(case: Case, bed: Bed) -> dict[str, float]:
@@ -36,13 +42,20 @@ def phase_parts(case: Case, bed: Bed) -> dict[str, float]:
 def clocked(clock: Callable[[], float] = time.process_time) -> Iterator[dict[str, float]]:
     """Seconds by phase that engines spend while the context lasts."""
     spent = dict.fromkeys(PHASES, 0.0)
-    plain = [(phase, owner, name, getattr(owner, name)) for phase, c in PHASES.items() for owner, name in c]
-    for phase, owner, name, function in plain:
-        setattr(owner, name, _timed(function, phase, spent, clock))
+    plain = [(owner, name, getattr(owner, name)) for owner, name in (*_METHODS.values(), _BIND)]
+    bind = KernelCalls.bind
+
+    def timed_bind(calls: KernelCalls, kernel: Any, *arguments: Any, **more: Any) -> Callable[..., Any]:
+        call, phase = bind(calls, kernel, *arguments, **more), _KERNELS.get(kernel.__name__)
+        return call if phase is None else _timed(call, phase, spent, clock)
+
+    for phase, (owner, name) in _METHODS.items():
+        setattr(owner, name, _timed(getattr(owner, name), phase, spent, clock))
+    setattr(*_BIND, timed_bind)
     try:
         yield spent
     finally:
-        for _, owner, name, function in plain:
+        for owner, name, function in plain:
             setattr(owner, name, function)
 
 

@@ -117,13 +117,13 @@ def execute(
 
 
 def _run(resolved: ResolvedScene, threads: int, on_tick: OnTick, sink: Any) -> None:
-    mover = build_mechanism(resolved) or build_paths(resolved)
     controller = build_controller(resolved)
     if resolved.scene.controller is not None and controller is None:
         raise InputError(
             "controller.law: 'external' is a node of somebody else, and a direct run has no nodes; give "
             "another law, or leave the controller out"
         )
+    mover = build_mechanism(resolved) or build_paths(resolved)
     soil = build_soil(resolved, threads)
     run_direct(resolved, "kept", mover, soil, sink, on_tick, controller=controller)
 

@@ -4,7 +4,7 @@ import argparse
 
 
 def add_overrides(parser: argparse.ArgumentParser) -> None:
-    """Declare `--set`, once for every verb that reads a scene; it becomes `overrides`."""
+    """Declare `--set` and `--accuracy`, once for every verb that reads a scene; both become `overrides`."""
     parser.add_argument(
         "--set",
         dest="overrides",
@@ -13,3 +13,18 @@ def add_overrides(parser: argparse.ArgumentParser) -> None:
         metavar="KEY=VALUE",
         help="change a value of the scene, as soil.bed.seed=3 or start=lowered; may be repeated",
     )
+    parser.add_argument(
+        "--accuracy",
+        dest="overrides",
+        action="append",
+        type=lambda name: f"accuracy={name}",
+        metavar="NAME",
+        help="a preset of the scene, as coarse, standard or fine (default: the scene as it is written)",
+    )
+
+
+def positive_count(text: str) -> int:
+    """A whole number from 1 on, for argparse."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"'{text}' is no whole number of 1 or more")
+    return int(text)

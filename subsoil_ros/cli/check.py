@@ -16,6 +16,7 @@ from ..scene.loader import ResolvedScene, load_scene
 from ..scene.mechanism import Mechanism
 from ..scene.meshes import load_tool_mesh
 from ..scene.tool_mass import tool_mass
+from .accuracy_rows import accuracy_lines
 from .arguments import add_overrides
 from .soil_rows import particle_rows, reduced_rows, start_count
 
@@ -78,6 +79,8 @@ def run(args: argparse.Namespace) -> int:
     if bounds:
         console.print(_coupling(resolved, bounds))
     console.print(_table("cost", _cost(resolved, particle_count)))
+    for line in accuracy_lines(resolved, args.overrides):
+        console.print(line)
     if args.bed or args.bed_out:
         from .bed_table import print_bed  # imports the engine of particles
 

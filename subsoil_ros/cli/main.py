@@ -9,7 +9,9 @@ from types import ModuleType
 from .. import __version__
 from ..errors import InterruptedRunError, SubsoilError
 
-VERBS = ("check", "run", "report", "soil-test", "calibrate", "bag", "bench", "urdf")
+VERBS = (
+    "check", "run", "report", "compare", "sweep", "study", "soil-test", "calibrate", "bag", "bench", "urdf",
+)  # fmt: skip
 """Modules of this folder (a dash is an underscore there), each with SUMMARY, add_arguments(parser) and
 run(args) -> exit status."""
 

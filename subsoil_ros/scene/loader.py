@@ -1,15 +1,15 @@
 """From a scene file and overrides to a validated scene, ready to run.
 
-A scene file may have three keys beside those of the model. `base: FILE` names a scene that this one is
+A scene file may have five keys beside those of the model. `base: FILE` names a scene that this one is
 laid over (mappings merge, anything else replaces, null removes). `starts` holds fragments by name, and
-`start` names the one that is laid over the rest.
+`start` names the one that is laid over the rest. `presets` holds more of them, each with what a study
+measured of it, and `accuracy` names the one that is laid over all that, if any.
 """
 
-import copy
 import hashlib
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -18,11 +18,13 @@ from ..errors import SceneError
 from .beds import SavedBed
 from .complaints import describe
 from .document import Document, dump_yaml, merge, read_document
+from .files import with_absolute_files
 from .keys import suggestion
 from .limits import Timing, derive_timing
 from .meshes import load_tool_mesh
 from .model import Scene
-from .overrides import Override, apply_override, parse_overrides
+from .overrides import CHOICES, Override, apply_override, parse_overrides
+from .presets import Preset, read_preset
 from .soil_file import check_reduced_soil
 
 
@@ -37,6 +39,8 @@ class ResolvedScene:
     scene_hash: str  # sha256 hex of the validated scene with the bytes of its files, without paths
     timing: Timing
     notes: tuple[str, ...] = ()  # what a run must say before it begins
+    accuracy: str | None = None  # the preset that was chosen
+    presets: Mapping[str, Preset] = field(default_factory=dict)  # all that the scene file has
 
     def write(self, path: Path) -> None:
         """Write `document` as a scene file."""
@@ -46,7 +50,8 @@ class ResolvedScene:
 def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> ResolvedScene:
     """Read, merge and validate a scene.
 
-    overrides: "a.b.c=value" texts, the value in YAML, applied last; "start=NAME" chooses the start.
+    overrides: "a.b.c=value" texts, the value in YAML, applied last; "start=NAME" chooses the start and
+    "accuracy=NAME" the preset.
 
     Raises:
         SceneError: whatever is wrong with file, overrides, meshes or time steps; every line names
@@ -56,11 +61,16 @@ def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> ResolvedScene
     path = Path(path)
     changes = parse_overrides(overrides)
     document = _with_base(path, shown, ())
+    presets = {
+        name: read_preset(content, f"{shown}: presets.{name}")
+        for name, content in document.get("presets", {}).items()
+    }
     document = _with_start(document, shown, [c for c in changes if c.path == "start"])
-    changes = [c for c in changes if c.path != "start"]
-    kept = {key: document.pop(key) for key in ("start", "starts") if key in document}
+    document = _with_accuracy(document, shown, [c for c in changes if c.path == "accuracy"])
+    changes = [c for c in changes if c.path not in CHOICES]
+    kept = {key: document.pop(key) for item in CHOICES.items() for key in item if key in document}
     for change in changes:
-        document = _with_absolute_files(apply_override(document, change), path.resolve().parent)
+        document = with_absolute_files(apply_override(document, change), path.resolve().parent)
     scene = _validated(document, shown, changes)
     try:
         timing = derive_timing(scene)
@@ -78,6 +88,8 @@ def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> ResolvedScene
         scene_hash=scene_hash,
         timing=timing,
         notes=notes,
+        accuracy=kept.get("accuracy"),
+        presets=presets,
     )
 
 
@@ -92,70 +104,98 @@ def _reduced_notes(scene: Scene, directory: Path) -> tuple[str, ...]:
 def _with_base(path: Path, shown: str, above: tuple[Path, ...]) -> Document:
     """The document of a file laid over its base.
 
-    A start replaces the base's start of the same name; `starts: null` drops those of the base.
+    A start or a preset replaces the base's of the same name; `starts: null` and `presets: null` drop those
+    of the base. What was measured of a preset holds for the scene it stands in, so it is not inherited.
     """
     resolved = path.resolve()
     if resolved in above:
         raise SceneError(f"{shown}: base: the files name each other as base; remove one 'base'")
     document = read_document(path, shown)
-    starts = document.get("starts") or {}
-    if not isinstance(starts, dict) or not all(
-        fragment is None or isinstance(fragment, dict) for fragment in starts.values()
-    ):
-        raise SceneError(f"{shown}: starts: needed is a mapping of names, each with the keys it changes")
+    own = {
+        "starts": _fragments(document, "starts", shown, lambda s: with_absolute_files(s, resolved.parent)),
+        "presets": _fragments(document, "presets", shown, lambda s: _absolute_preset(s, resolved.parent)),
+    }
+    dropped = [section for section in own if section in document and not document[section]]
     base = document.pop("base", None)
-    own_starts = {name: _with_absolute_files(s or {}, resolved.parent) for name, s in starts.items()}
-    drops_starts = "starts" in document and not starts
-    document = _with_absolute_files(
-        {key: value for key, value in document.items() if key != "starts"}, resolved.parent
+    document = with_absolute_files(
+        {key: value for key, value in document.items() if key not in own}, resolved.parent
     )
     merged = document
-    inherited: dict[str, Document] = {}
+    inherited: dict[str, Document] = {"starts": {}, "presets": {}}
     if base is not None:
         if not isinstance(base, str):
             raise SceneError(f"{shown}: base: given {base!r}, needed is the name of another scene file")
         below = _with_base(path.parent / base, f"{shown}: base: {path.parent / base}", (*above, resolved))
-        inherited = {} if drops_starts else below.pop("starts", {})
-        below.pop("starts", None)
+        inherited = {section: below.pop(section, {}) for section in own}
+        inherited["presets"] = {
+            name: {key: value for key, value in preset.items() if key != "expected"}
+            for name, preset in inherited["presets"].items()
+        }
         merged = merge(below, document, shown)
-    all_starts = {**inherited, **own_starts}
-    return {**merged, "starts": all_starts} if all_starts else merged
+    for section, fragments in own.items():
+        together = {**({} if section in dropped else inherited[section]), **fragments}
+        if together:
+            merged = {**merged, section: together}
+    return merged
+
+
+def _fragments(
+    document: Document, section: str, shown: str, change: Callable[[Document], Document]
+) -> dict[str, Document]:
+    """The named fragments of `starts` or `presets`, each changed; empty ones are {}."""
+    found = document.get(section) or {}
+    if not isinstance(found, dict) or not all(
+        fragment is None or isinstance(fragment, dict) for fragment in found.values()
+    ):
+        raise SceneError(f"{shown}: {section}: needed is a mapping of names, each with the keys it changes")
+    return {name: change(fragment or {}) for name, fragment in found.items()}
+
+
+def _absolute_preset(preset: Document, directory: Path) -> Document:
+    changes = preset.get("changes")
+    if not isinstance(changes, dict):
+        return preset
+    return {**preset, "changes": with_absolute_files(changes, directory)}
 
 
 def _with_start(document: Document, shown: str, changes: Sequence[Override]) -> Document:
     """The document with its chosen start laid over it and no other start left in it."""
     starts = document.get("starts", {})
-    name = changes[-1].value if changes else document.get("start")
-    where = changes[-1].source if changes else f"{shown}: start"
+    name = _chosen(document, shown, changes, "start", "starts")
     if name is None:
         if starts:
             raise SceneError(f"{shown}: start: is missing; choose one of {', '.join(starts)}")
         return document
-    if not isinstance(name, str) or name not in starts:
-        known = f"; {suggestion(str(name), starts)}" if starts else "; the scene has no 'starts'"
-        raise SceneError(f"{where}: no start '{name}'{known}")
     rest = {key: value for key, value in document.items() if key != "starts"}
     merged = merge(rest, starts[name], f"{shown}: starts.{name}")
     return {**merged, "start": name, "starts": {name: {}}}
 
 
-def _with_absolute_files(document: Document, directory: Path) -> Document:
-    """A copy with meshes and the soil's files by absolute path, seen from the folder it was written in."""
-    copied = copy.deepcopy(document)
-    soil = copied.get("soil")
-    for key in ("file", "stands_for"):
-        if isinstance(soil, dict) and isinstance(soil.get(key), str):
-            soil[key] = str((directory / soil[key]).resolve())
-    bed = soil.get("bed") if isinstance(soil, dict) else None
-    if isinstance(bed, dict) and isinstance(bed.get("file"), str):
-        bed["file"] = str((directory / bed["file"]).resolve())
-    tools = copied.get("tools")
-    for tool in tools.values() if isinstance(tools, dict) else ():
-        groups = tool.get("groups") if isinstance(tool, dict) else None
-        for part in groups.values() if isinstance(groups, dict) else ():
-            if isinstance(part, dict) and isinstance(part.get("mesh"), str):
-                part["mesh"] = str((directory / part["mesh"]).resolve())
-    return copied
+def _with_accuracy(document: Document, shown: str, changes: Sequence[Override]) -> Document:
+    """The document with its chosen preset laid over it; without a choice it stays as it is written."""
+    presets = document.get("presets", {})
+    name = _chosen(document, shown, changes, "accuracy", "presets")
+    rest = {key: value for key, value in document.items() if key != "presets"}
+    if name is None:
+        return rest
+    merged = merge(rest, presets[name].get("changes") or {}, f"{shown}: presets.{name}.changes")
+    left = {key: value for key, value in presets[name].items() if key != "changes"}
+    return {**merged, "accuracy": name, "presets": {name: left}}
+
+
+def _chosen(
+    document: Document, shown: str, changes: Sequence[Override], key: str, section: str
+) -> str | None:
+    """The name that `key` gives, in the file or by --set, of a fragment in `section`."""
+    named = document.get(section, {})
+    name = changes[-1].value if changes else document.get(key)
+    where = changes[-1].source if changes else f"{shown}: {key}"
+    if name is None:
+        return None
+    if not isinstance(name, str) or name not in named:
+        known = f"; {suggestion(str(name), named)}" if named else f"; the scene has no '{section}'"
+        raise SceneError(f"{where}: no {'preset' if key == 'accuracy' else key} '{name}'{known}")
+    return name
 
 
 def _validated(document: Document, shown: str, changes: Sequence[Override]) -> Scene:

@@ -9,7 +9,10 @@ from .document import Document, merge, parse_yaml
 from .keys import is_model, item_annotation, known_keys, members, model_at, suggestion
 from .model import Scene
 
-LOADER_KEYS = ("base", "start", "starts")
+CHOICES = {"start": "starts", "accuracy": "presets"}
+"""Keys that name a fragment, and where the fragments stand."""
+
+LOADER_KEYS = ("base", *CHOICES, *CHOICES.values())
 """Keys of a scene file that the loader itself reads; the scene model never sees them."""
 
 
@@ -53,7 +56,10 @@ def _split(document: Document, override: Override) -> list[str]:
     """The keys of an override's path, each checked against the model and the names in the document."""
     rest = override.path.split(".")
     if rest[0] in LOADER_KEYS:
-        raise SceneError(f"{override.source}: '{rest[0]}' cannot be set; choose a start by start=NAME")
+        raise SceneError(
+            f"{override.source}: '{rest[0]}' cannot be set; choose a start by start=NAME, a preset by "
+            "accuracy=NAME"
+        )
     keys: list[str] = []
     annotation: Any = Scene
     value: object = document

@@ -17,10 +17,11 @@ from subsoil_ros.analysis.calibration.design import (
     read_design,
     tip_of,
 )
-from subsoil_ros.analysis.calibration.runs import Pull, dominant_period_m, keep, numbers, pull
+from subsoil_ros.analysis.calibration.runs import Pull, dominant_period_m, numbers
 from subsoil_ros.analysis.calibration.soil_results import slope_rad
+from subsoil_ros.analysis.execution import execute
+from subsoil_ros.analysis.kept_runs import keep_run
 from subsoil_ros.cli.main import main
-from subsoil_ros.resistance.engine import ResistanceEngine
 from subsoil_ros.scene.loader import ResolvedScene, load_scene
 from subsoil_ros.scene.soil_file import read_soil_file
 
@@ -79,10 +80,7 @@ def test_values_that_are_known_are_found(design: Path, tmp_path: Path, capsys: C
     for point in (*found.fit, *found.check):
         changes = point_overrides(scene, found, point, 0)
         soil = load_scene(scene.path, (*changes, reduced))
-        keep(
-            pull(soil, ResistanceEngine(soil)),
-            tmp_path / "runs" / f"{load_scene(scene.path, changes).scene_hash[:32]}.npz",
-        )
+        keep_run(tmp_path / "runs", load_scene(scene.path, changes), execute(soil))
     out = tmp_path / "soil.yaml"
     assert main(["calibrate", str(design), "--out", str(out), "--runs", str(tmp_path / "runs")]) == 0
     assert "running" not in capsys.readouterr().err

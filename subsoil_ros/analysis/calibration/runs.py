@@ -1,7 +1,5 @@
 """Runs that a calibration needs: each once, kept by the hash of its scene, and what is read off them."""
 
-import os
-import tempfile
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -12,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...coupling.direct import run_direct
-from ...coupling.engines import Soil, build_paths, build_soil
+from ...coupling.engines import Soil, build_paths
 from ...errors import RunError
 from ...messages import ToolMotions, ToolWrenches
 from ...scene.limits import Timing
 from ...scene.loader import ResolvedScene
+from ..execution import execute
+from ..kept_runs import find_run, keep_run
 
 Watch = Callable[[str, Timing], AbstractContextManager[Callable[[int], None]]]
 """Told the name and time of each run, gives what is called with every tick."""
@@ -76,39 +76,28 @@ def pull(scene: ResolvedScene, soil: Soil | None, on_tick: Callable[[int], None]
 
 
 def kept_pull(scene: ResolvedScene, folder: Path, name: str, threads: int, watch: Watch) -> Pull:
-    """The pull of a scene, from `folder` where it has been run before.
+    """The pull of a scene whose series has every tick, from `folder` where it has been run before.
 
-    A file appears when its run is whole, so a calibration that was stopped goes on with the next run.
+    A run is kept when it is whole, so a calibration that was stopped goes on with the next run; one that
+    failed is tried again.
 
     Raises:
-        RunError: the run failed; its message names the point.
+        RunError, InputError: the run failed; its message names the point.
     """
-    path = folder / f"{scene.scene_hash[:32]}.npz"
-    if path.is_file():
-        with np.load(path) as kept:
-            groups = tuple(str(group) for group in kept["groups"])
-            return Pull(kept["x_m"], kept["force_x_newton"], kept["force_z_newton"], groups)
-    try:
+    kept = find_run(folder, scene.scene_hash)
+    if kept is None or kept.failure is not None:
         with watch(name, scene.timing) as on_tick:
-            found = pull(scene, build_soil(scene, threads), on_tick)
-    except RunError as error:
-        raise RunError(f"{name}: {error}") from error
-    keep(found, path)
-    return found
-
-
-def keep(found: Pull, path: Path) -> None:
-    """Writes a pull in one piece."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as part:
-        np.savez(
-            part,
-            x_m=found.x_m,
-            force_x_newton=found.force_x_newton,
-            force_z_newton=found.force_z_newton,
-            groups=np.array(found.groups),
-        )
-    os.replace(part.name, path)
+            kept = keep_run(folder, scene, execute(scene, threads, on_tick))
+    if kept.failure is not None:
+        raise kept.error(name)
+    tool, keys = next(iter(scene.scene.tools.items()))
+    series, prefix = kept.series(), f"tool.{tool}"
+    return Pull(
+        series[f"{prefix}.x_m"],
+        np.column_stack([series[f"{prefix}.{group}.force_x_newton"] for group in keys.groups]),
+        np.column_stack([series[f"{prefix}.{group}.force_z_newton"] for group in keys.groups]),
+        tuple(keys.groups),
+    )
 
 
 def numbers(found: Pull, tip_x_m: float, window_m: tuple[float, float]) -> PullNumbers:

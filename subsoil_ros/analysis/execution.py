@@ -1,0 +1,165 @@
+"""One run of a scene in this process, without ROS, down to its series and its metrics."""
+
+import os
+import platform
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from .. import __version__
+from ..coupling.control import build_controller
+from ..coupling.direct import run_direct
+from ..coupling.engines import build_mechanism, build_paths, build_soil
+from ..errors import InputError, SubsoilError
+from ..kernel_cache import KERNEL_FOLDERS, source_digest
+from ..recording.bag_writer import BagWriter
+from ..recording.recovery import recover
+from ..scene.loader import ResolvedScene
+from .series import read_series, write_series_csv
+from .summary import summarize, write_summary
+
+OnTick = Callable[[int], None]
+
+WARM_UP_TICKS = 3
+"""Ticks that load or compile the kernels before a run is timed."""
+
+
+@dataclass(frozen=True)
+class Executed:
+    """A run that has ended: series.csv and summary.json as bytes, and what it took.
+
+    facts: failure (None: there was none) and its exit_status; wall_s and cpu_s of the ticks but the first,
+    scaled to all of them; whole_wall_s with start-up; threads, at_once, machine, version, code.
+    """
+
+    files: dict[str, bytes]
+    facts: dict[str, Any]
+
+
+class _Stopwatch:
+    """Wall and CPU time [s] of a run's ticks; the first one, which loads kernels, does not count."""
+
+    def __init__(self, on_tick: OnTick) -> None:
+        self._on_tick = on_tick
+        self._first = self._last = (0.0, 0.0)
+        self._count = 0
+
+    def __call__(self, tick: int) -> None:
+        self._last = time.perf_counter(), time.process_time()
+        if self._count == 0:
+            self._first = self._last
+        self._count += 1
+        self._on_tick(tick)
+
+    def times(self) -> tuple[float | None, float | None]:
+        """(wall, CPU) of all ticks, as the mean of those after the first says; None with fewer than two."""
+        if self._count < 2:
+            return None, None
+        scale = self._count / (self._count - 1)
+        wall_s, cpu_s = (scale * (last - first) for first, last in zip(self._first, self._last, strict=True))
+        return wall_s, cpu_s
+
+
+class _Nowhere:
+    """Takes records and forgets them."""
+
+    def write(self, record: Any) -> None:
+        """Takes one record."""
+
+
+def execute(
+    resolved: ResolvedScene,
+    threads: int = 1,
+    on_tick: OnTick = lambda tick: None,
+    *,
+    at_once: int = 1,
+    warm_up: bool = False,
+) -> Executed:
+    """Runs a scene in direct mode. A run that fails gives its message, and the series up to there.
+
+    at_once: how many runs share this machine, for the record.
+    warm_up: first run a few ticks of it, so that no kernel is loaded or compiled while the time is taken.
+    """
+    stopwatch = _Stopwatch(on_tick)
+    start = time.perf_counter()
+    failure: SubsoilError | None = None
+    with tempfile.TemporaryDirectory(prefix="subsoil-run-") as name:
+        folder = Path(name)
+        try:
+            if warm_up:
+                ticks = min(WARM_UP_TICKS, resolved.timing.tick_count)
+                short = replace(resolved, timing=replace(resolved.timing, tick_count=ticks))
+                _run(short, threads, lambda tick: None, _Nowhere())
+            writer = BagWriter(folder / "bag", resolved.scene, resolved.timing)
+            try:
+                _run(resolved, threads, stopwatch, writer)
+            finally:
+                writer.close()
+        except SubsoilError as error:
+            failure = error
+        wall_s, cpu_s = stopwatch.times()
+        facts = {
+            "failure": None if failure is None else str(failure),
+            "exit_status": 0 if failure is None else failure.exit_status,
+            "wall_s": wall_s,
+            "cpu_s": cpu_s,
+            "whole_wall_s": time.perf_counter() - start,
+            "threads": threads,
+            "at_once": at_once,
+            "machine": machine_name(),
+            "version": __version__,
+            "code": code_digest(),
+        }
+        return Executed(_results(resolved, folder, facts), facts)
+
+
+def _run(resolved: ResolvedScene, threads: int, on_tick: OnTick, sink: Any) -> None:
+    controller = build_controller(resolved)
+    if resolved.scene.controller is not None and controller is None:
+        raise InputError(
+            "controller.law: 'external' is a node of somebody else, and a direct run has no nodes; give "
+            "another law, or leave the controller out"
+        )
+    mover = build_mechanism(resolved) or build_paths(resolved)
+    soil = build_soil(resolved, threads)
+    run_direct(resolved, "kept", mover, soil, sink, on_tick, controller=controller)
+
+
+def _results(resolved: ResolvedScene, folder: Path, facts: dict[str, Any]) -> dict[str, bytes]:
+    """series.csv and summary.json of the bag; of a run that failed, if it came to a series tick."""
+    bag = folder / "bag"
+    try:
+        if facts["failure"] is not None:
+            recover(bag)
+        series = read_series(bag, resolved.scene)
+        run_info = {"mode": "direct", "threads": facts["threads"], "whole_wall_s": facts["whole_wall_s"]}
+        if facts["failure"] is not None:
+            run_info["failure"] = facts["failure"]
+        write_series_csv(series, folder / "series.csv")
+        write_summary(summarize(bag, resolved, run_info, series), folder / "summary.json")
+    except SubsoilError:
+        if facts["failure"] is None:
+            raise
+        return {}
+    return {name: (folder / name).read_bytes() for name in ("series.csv", "summary.json")}
+
+
+def code_digest() -> str:
+    """16 hex digits that stand for the engines' sources: runs of other engines are not quite comparable."""
+    return source_digest(KERNEL_FOLDERS)[:16]
+
+
+def machine_name() -> str:
+    """The processor and how many of its cores this process may use."""
+    model = platform.processor() or platform.machine()
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                model = line.partition(":")[2].strip()
+                break
+    except OSError:
+        pass
+    return f"{model}, {len(os.sched_getaffinity(0))} cores"

@@ -1,0 +1,98 @@
+"""The numbers that accuracy is judged by, read off a kept run."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import periodogram
+
+from ..scene.document import read_document
+from .kept_runs import KeptRun
+from .series import Series
+
+MOVING_MEAN_S = 0.010
+"""Peaks and ranges are of the mean over this: single contacts come and go in a millisecond."""
+
+RESOLVED_PERIODS = 3.0
+"""Periods longer than the window over this are drift (chosen)."""
+
+DISTURBED_AREA = "disturbance.area_m2"
+"""Column of a summary; runs without it have no such metric."""
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One number of a run."""
+
+    name: str  # with its unit
+    label: str
+    relative: bool = True  # its error is a part of the finest's value, else a difference
+
+
+METRICS = (
+    Metric("draft_mean_newton", "mean draft"),
+    Metric("draft_peak_newton", "peak draft"),
+    Metric("spring_range_newton", "spring force range"),
+    Metric("draft_frequency_hz", "dominant frequency"),
+    Metric("disturbed_area_m2", "disturbed area"),
+    Metric("energy_residual", "energy residual", relative=False),
+)
+
+
+def metrics_of(run: KeptRun) -> dict[str, float]:
+    """Every metric that a run has a column for, over its metrics window; by Metric.name.
+
+    Peak and range are of the 10 ms moving mean; the dominant frequency is that of the largest density of the
+    draft about its trend (Hann), of at least three periods in the window.
+    """
+    summary, series = run.summary, run.series()
+    window = summary["window"]
+    times = series["time_s"]
+    rows = (times >= window["start_s"]) & (times <= window["end_s"])
+    found = {"energy_residual": abs(float(summary["interface_residual_ratio"]))}
+    if "draft_newton" in series:
+        draft = series["draft_newton"]
+        found["draft_mean_newton"] = float(np.mean(draft[rows]))
+        found["draft_peak_newton"] = float(np.max(_moving_mean(series, draft)[rows]))
+        found["draft_frequency_hz"] = dominant_frequency_hz(times[rows], draft[rows])
+    spring = spring_of(run)
+    if spring is not None and (name := f"spring.{spring}.force_newton") in series:
+        found["spring_range_newton"] = float(np.ptp(_moving_mean(series, series[name])[rows]))
+    if DISTURBED_AREA in summary:
+        found["disturbed_area_m2"] = float(summary[DISTURBED_AREA])
+    return {name: value for name, value in found.items() if math.isfinite(value)}
+
+
+def spring_of(run: KeptRun) -> str | None:
+    """The spring that the run's scene reports."""
+    path = run.folder / "scene.yaml"
+    spring = (read_document(path, str(path)).get("report") or {}).get("spring")
+    return None if spring is None else str(spring)
+
+
+def _moving_mean(series: Series, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    times = series["time_s"]
+    if len(times) < 3:
+        return values
+    count = max(1, round(MOVING_MEAN_S / float(np.median(np.diff(times)))))
+    return np.asarray(uniform_filter1d(values, min(count, len(values)), mode="nearest"))
+
+
+def dominant_frequency_hz(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> float:
+    """Frequency of the largest density about the trend; nan where the window is too short to tell one.
+
+    A window of length T resolves 1 / T, so differences below that are none.
+    """
+    if len(times_s) < 8:
+        return math.nan
+    span_s = float(times_s[-1] - times_s[0])
+    even = np.linspace(times_s[0], times_s[-1], len(times_s))  # the last tick may stand off the grid
+    frequency, density = periodogram(
+        np.interp(even, times_s, values), (len(even) - 1) / span_s, window="hann", detrend="linear"
+    )
+    slow = frequency < RESOLVED_PERIODS / span_s
+    if slow.all() or not density[~slow].max() > 0.0:
+        return math.nan
+    return float(frequency[~slow][np.argmax(density[~slow])])

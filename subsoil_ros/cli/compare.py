@@ -1,0 +1,126 @@
+"""subsoil compare A B: runs over one another, and over what was measured."""
+
+import argparse
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+
+from ..errors import InputError
+
+if TYPE_CHECKING:
+    from ..analysis.comparison import Difference, Source
+
+SUMMARY = "overlay runs and a measured CSV: figure, metrics and differences"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `subsoil compare`."""
+    parser.add_argument(
+        "runs",
+        nargs="+",
+        type=Path,
+        metavar="RUN",
+        help="folders of runs; the first is the one compared with",
+    )
+    parser.add_argument(
+        "--measured",
+        type=Path,
+        metavar="FILE",
+        help="CSV with time_s and columns named as in series.csv, such as draft_newton",
+    )
+    parser.add_argument(
+        "--show",
+        action="append",
+        default=[],
+        metavar="COLUMN",
+        help="columns to compare (default: draft, spring force, angle and height of the shank, and what was "
+        "measured)",
+    )
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="folder for figure and table; must not exist"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write comparison.csv and comparison.png, and print the table.
+
+    Raises:
+        InputError: a folder or the measurement cannot be used; nothing was written.
+    """
+    from ..analysis.comparison import (
+        differences,
+        draw_overlay,
+        labels_of,
+        read_measured,
+        read_run,
+        usual_columns,
+        write_differences_csv,
+    )
+
+    if len(args.runs) < 2 and args.measured is None:
+        raise InputError(f"{args.runs[0]}: is one run; name a second one, or a measurement by --measured")
+    if args.out.exists():
+        raise InputError(f"--out {args.out}: exists already; results are never written over, name another")
+    sources = [read_run(*item) for item in zip(args.runs, labels_of(args.runs), strict=True)]
+    if args.measured is not None:
+        sources.append(read_measured(args.measured, sources))
+    columns = args.show or usual_columns(args.runs, sources)
+    _refuse_unknown(columns, sources)
+    found = differences(sources, columns)
+    try:
+        args.out.mkdir(parents=True)
+        write_differences_csv(found, sources, args.out / "comparison.csv")
+        draw_overlay(sources, columns, args.out / "comparison.png")
+    except OSError as error:
+        raise InputError(f"--out {args.out}: cannot be written ({error.strerror}); name another") from error
+    _print(found, sources, args.out)
+    return 0
+
+
+def _refuse_unknown(columns: Sequence[str], sources: "Sequence[Source]") -> None:
+    known = list(dict.fromkeys(name for source in sources for name in source.columns))
+    for name in columns:
+        if name not in known:
+            from ..scene.keys import suggestion
+
+            raise InputError(f"--show {name}: no such column in any of them; {suggestion(name, known)}")
+    if not columns:
+        raise InputError("--show: the runs share none of the usual columns; name the ones to compare")
+
+
+def _print(found: "list[Difference]", sources: "list[Source]", out: Path) -> None:
+    console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
+    low, high = sources[0].span_s
+    title = f"runs over their metrics windows; {sources[0].label}: {low:.4g} to {high:.4g} s"
+    table = Table(title=title)
+    table.title_justify, table.box = "left", None
+    table.add_column("quantity", overflow="fold")
+    table.add_column("")
+    for source in sources:
+        table.add_column(source.label, justify="right", overflow="fold")
+    for source in sources[1:]:
+        table.add_column(f"{source.label} - first", justify="right", overflow="fold")
+    for item in found:
+        rms = item.statistic == "rms_difference"
+        cells = ["" if rms and not k else _number(value) for k, value in enumerate(item.values)]
+        for place in range(1, len(sources)):
+            difference, part = item.against_first(place)
+            cells.append("" if rms else f"{_number(difference)} ({_percent(part)})")
+        name = item.column if item.statistic == "mean" else ""
+        table.add_row(name, "rms apart" if rms else item.statistic, *cells)
+    console.print(table)
+    for path in ("comparison.csv", "comparison.png"):
+        console.print(f"written: {out / path}", soft_wrap=True, markup=False)
+
+
+def _number(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.5g}"
+
+
+def _percent(part: float) -> str:
+    return "-" if math.isnan(part) else f"{100.0 * part:+.1f} %"

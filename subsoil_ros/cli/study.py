@@ -1,0 +1,82 @@
+"""subsoil study SCENE: what accuracy costs, measured over several beds."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+from .arguments import add_overrides
+from .sweep import add_manner
+
+if TYPE_CHECKING:
+    from ..study.design import StudyDesign
+
+SUMMARY = "sweep the knobs of a scene against its finest run: errors with intervals against wall time"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `subsoil study`."""
+    parser.add_argument("scene", help="scene file (.yaml)")
+    parser.add_argument(
+        "--design",
+        type=Path,
+        metavar="FILE",
+        help="knobs, values, seeds and the finest run (default: studies/NAME.yaml beside the scene's folder)",
+    )
+    add_overrides(parser)
+    add_manner(parser, workers=1)
+    parser.add_argument(
+        "--list", action="store_true", help="print the runs with their sizes, and run nothing"
+    )
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results, new or begun before")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run what has not been run, write tables and figure, print the table.
+
+    Raises:
+        InputError: scene, design, folder or cluster cannot be used.
+        RunError: the finest run failed.
+    """
+    from ..errors import InputError
+    from ..study.design import design_of, read_design
+    from ..study.engine import Manner
+    from ..study.study import run_study
+    from .sweep_progress import SweepProgress
+
+    design = read_design(args.design or design_of(Path(args.scene)))
+    console = Console(width=None if sys.stdout.isatty() else 200, highlight=False)
+    if args.list:
+        _list(args, design, console)
+        return 0
+    if args.out is None:
+        raise InputError("--out: is missing; name a folder for the results, or --list to see the runs")
+    manner = Manner(args.scheduler, args.workers, args.threads, args.retry_failed, timed=True)
+    with SweepProgress("study") as progress:
+        outcome = run_study(args.scene, args.overrides, design, args.out, manner, progress)
+    console.print(outcome.text, soft_wrap=True, markup=False)
+    for label, message in outcome.failed:
+        console.print(f"failed: {label}: {message}", soft_wrap=True, markup=False)
+    for path in outcome.paths:
+        console.print(f"written: {path}", soft_wrap=True, markup=False)
+    return 0
+
+
+def _list(args: argparse.Namespace, design: "StudyDesign", console: Console) -> None:
+    """Every variant with its particles and steps."""
+    from rich.table import Table
+
+    from ..study.study import study_jobs
+    from .soil_rows import start_count
+
+    table = Table(title=f"{len(design.seeds)} seeds each", title_justify="left", box=None)
+    for heading in ("variant", "particles", "soil steps", "particle-steps"):
+        table.add_column(heading, justify="left" if heading == "variant" else "right")
+    one_seed = design.model_copy(update={"seeds": design.seeds[:1]})
+    for job in study_jobs(args.scene, args.overrides, one_seed):
+        timing = job.scene.timing
+        count, steps = start_count(job.scene), timing.soil_steps * timing.tick_count
+        table.add_row(job.point.name, f"{count:,}", f"{steps:,}", f"{count * steps:.2g}")
+    console.print(table)

@@ -1,0 +1,191 @@
+"""subsoil sweep SCENE --vary KEY=A,B,C: many runs of one scene, one table."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+
+from ..errors import InputError, RunError
+from .arguments import add_overrides, positive_count
+
+if TYPE_CHECKING:
+    from ..study.ranking import Ranked
+    from ..study.sweep import Outcome
+
+SUMMARY = "run a scene with every combination of values; one table (CSV, Parquet), figure and ranking"
+
+SHOWN_ROWS = 12
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `subsoil sweep`."""
+    parser.add_argument("scene", help="scene file (.yaml)")
+    parser.add_argument(
+        "--vary",
+        action="append",
+        default=[],
+        metavar="KEY=A,B,C",
+        help="values of a key, as mechanism.forces.H9_spring.stiffness_newton_per_m=1e5,2e5; several keys: "
+        "every combination",
+    )
+    parser.add_argument(
+        "--pair",
+        action="append",
+        default=[],
+        metavar="KEY=A,B,C",
+        help="values that go together with those of the other --pair keys, first with first",
+    )
+    parser.add_argument("--seeds", metavar="A,B,C", help="bed seeds; every combination runs with each")
+    parser.add_argument(
+        "--control",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="the run that savings of draft are counted from, as mechanism.forces.H9_spring.locked=true",
+    )
+    add_overrides(parser)
+    parser.add_argument(
+        "--show",
+        action="append",
+        default=[],
+        metavar="COLUMN",
+        help="columns of the table that the figure shows",
+    )
+    add_manner(parser, workers=None)
+    parser.add_argument(
+        "--out", required=True, type=Path, metavar="DIR", help="folder of the results, new or begun before"
+    )
+
+
+def add_manner(parser: argparse.ArgumentParser, workers: int | None) -> None:
+    """Declare how runs are run, for this verb and `subsoil study`; workers: the default."""
+    parser.add_argument(
+        "--scheduler", metavar="ADDRESS", help="of a Dask cluster, as tcp://host:8786 (default: this machine)"
+    )
+    parser.add_argument(
+        "--workers",
+        type=positive_count,
+        default=workers,
+        metavar="N",
+        help="runs at once on this machine (default: "
+        + ("one for every core, or for every --threads cores)" if workers is None else f"{workers})"),
+    )
+    parser.add_argument(
+        "--threads",
+        type=positive_count,
+        default=1,
+        metavar="N",
+        help="of each run's soil engine (default: 1)",
+    )
+    parser.add_argument(
+        "--retry-failed", action="store_true", help="run again what failed before; the rest is kept"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run what has not been run, write the tables, print the ranking.
+
+    Raises:
+        InputError: scene, keys, values, folder or cluster cannot be used.
+        RunError: every run failed.
+    """
+    from ..study.engine import Manner
+    from ..study.plan import parse_variations
+    from ..study.sweep import Sweep, run_sweep
+    from .sweep_progress import SweepProgress
+
+    if not args.vary and not args.pair:
+        raise InputError("--vary: is missing; name a key and its values, or use `subsoil run` for one run")
+    sweep = Sweep(
+        args.scene,
+        tuple(args.overrides),
+        parse_variations(args.vary, "--vary"),
+        parse_variations(args.pair, "--pair"),
+        parse_seeds(args.seeds),
+        tuple(args.control),
+    )
+    manner = Manner(args.scheduler, args.workers, args.threads, args.retry_failed)
+    with SweepProgress("sweep") as progress:
+        outcome = run_sweep(sweep, args.out, manner, progress, args.show)
+    _print(outcome, sweep.keys)
+    if len(outcome.failed) == len(outcome.table):
+        raise RunError(f"every run failed, the first: {outcome.failed[0][1]}")
+    return 0
+
+
+def parse_seeds(text: str | None) -> tuple[int, ...]:
+    """Reads "0,1,2". Raises InputError for anything else."""
+    if text is None:
+        return ()
+    parts = [part.strip() for part in text.split(",")]
+    if not all(part.isdecimal() for part in parts) or len(set(parts)) < len(parts):
+        raise InputError(f"--seeds {text}: needed are different whole numbers, as 0,1,2")
+    return tuple(int(part) for part in parts)
+
+
+def _print(outcome: "Outcome", keys: list[str]) -> None:
+    console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
+    if outcome.ranked:
+        console.print(_ranking(outcome.ranked, outcome.best, keys))
+        console.print(_advice(outcome))
+    for label, message in outcome.failed:
+        console.print(f"failed: {label}: {message}", soft_wrap=True, markup=False)
+    if outcome.failed:
+        console.print(
+            f"{len(outcome.failed)} of {len(outcome.table)} runs failed; --retry-failed runs them again"
+        )
+    if outcome.engines > 1:
+        console.print(
+            f"warning: the kept runs are of {outcome.engines} states of the engines (column code); remove "
+            "the older ones from runs/ to have one"
+        )
+    for path in outcome.paths:
+        console.print(f"written: {path}", soft_wrap=True, markup=False)
+
+
+def _ranking(ranked: "list[Ranked]", best: "Ranked | None", keys: list[str]) -> Table:
+    table = Table(title="least mean draft first", title_justify="left", title_style="bold", box=None)
+    for key in keys:
+        table.add_column(key.rpartition(".")[2], overflow="fold")
+    table.add_column("mean draft N", justify="right")
+    savings = any(item.saving is not None for item in ranked)
+    if savings:
+        table.add_column("saving %", justify="right")
+    loads = list(dict.fromkeys(name for item in ranked for name in item.load))
+    for name in loads:
+        table.add_column(name, justify="right", overflow="fold")
+    table.add_column("")
+    for item in ranked[:SHOWN_ROWS]:
+        cells = [str(item.values.get(key, "")) for key in keys]
+        cells.append(_with_half(item.draft_newton.mean, item.draft_newton.half_width, ".1f"))
+        if savings:
+            saving = item.saving
+            cells.append(
+                "" if saving is None else _with_half(100 * saving.mean, 100 * saving.half_width, ".2f")
+            )
+        cells += [f"{item.load[name]:.5g}" if name in item.load else "" for name in loads]
+        word = "recommended" if item is best else "as good, within the seeds" if item.level_with_best else ""
+        table.add_row(*cells, word if item.draft_newton.count > 1 else "")
+    if len(ranked) > SHOWN_ROWS:
+        table.caption = f"{len(ranked) - SHOWN_ROWS} more in ranking.csv"
+    return table
+
+
+def _with_half(mean: float, half: float, digits: str) -> str:
+    return f"{mean:{digits}}" if half != half else f"{mean:{digits}} +- {half:{digits}}"
+
+
+def _advice(outcome: "Outcome") -> str:
+    if outcome.best is not None:
+        return "+-: 95 % intervals over the seeds (Student's t; savings on pairs of the same seed)"
+    first = outcome.ranked[0]
+    if first.draft_newton.count < 2:
+        return "one bed seed: the beds' scatter is not known, so nothing is recommended; add --seeds 0,1,2"
+    if first.saving is not None:
+        return "no point saves more draft than the beds scatter (95 %, Student's t on pairs of the same seed)"
+    if any(label.startswith("control") for label, _ in outcome.failed):
+        return "the control failed, so no saving is known and nothing is recommended"
+    return "there is one point only, so nothing to recommend"

@@ -1,0 +1,165 @@
+"""Tables and figure of a study."""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from .. import __version__
+from ..analysis.intervals import Interval
+from ..analysis.run_metrics import METRICS, Metric
+from ..analysis.study_figure import Dot, Panel, draw_study
+from .accuracy import Judged
+from .design import FINEST, StudyDesign
+
+_SPEED_UP = ("speed_up", "speed_up_low", "speed_up_high")
+
+
+def wide_table(judged: Sequence[Judged], design: StudyDesign) -> list[dict[str, Any]]:
+    """A row per variant. METRIC_error is relative to the finest (energy_residual: a difference), _low and
+    _high are of its interval, _verdict is in words; METRIC_error_vs_NAME is against a reference.
+    """
+    rows = []
+    for item in judged:
+        row: dict[str, Any] = {
+            "variant": item.name,
+            **{f"knob.{knob}": item.knobs.get(knob, "") for knob in design.knobs},
+            "seeds": item.seeds,
+            "failures": len(item.failures),
+            "failure": item.failures[0] if item.failures else "",
+            **_interval("wall_s", item.wall_s),
+            **_interval("cpu_s", item.cpu_s),
+        }
+        row |= dict(zip(_SPEED_UP, item.speed_up or (math.nan,) * 3, strict=True))
+        for metric in METRICS:
+            row |= _interval(metric.name, item.values.get(metric.name))
+            row |= _interval(f"{metric.name}_error", item.errors.get(metric.name))
+            row[f"{metric.name}_verdict"] = item.verdict(metric.name)
+            for name in design.also_against:
+                error = item.errors_against.get(name, {}).get(metric.name)
+                row |= _interval(f"{metric.name}_error_vs_{name}", error)
+        rows.append({**row, "bound": item.bound, "pareto": item.pareto})
+    return rows
+
+
+def _interval(name: str, interval: Interval | None) -> dict[str, float]:
+    if interval is None:
+        return {name: math.nan, f"{name}_low": math.nan, f"{name}_high": math.nan}
+    return {name: interval.mean, f"{name}_low": interval.low, f"{name}_high": interval.high}
+
+
+def markdown(judged: Sequence[Judged], design: StudyDesign) -> str:
+    """The table for people: wall time, speed-up, and each error with its interval."""
+    metrics = [metric for metric in METRICS if any(metric.name in item.errors for item in judged)]
+    heads = ["variant", "wall s", "times faster", *(_heading(metric) for metric in metrics), "Pareto"]
+    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    for item in judged:
+        if item.wall_s is None:
+            reason = item.failures[0].replace("|", "/") if item.failures else "no run"
+            lines.append(f"| {item.name} | failed: {reason} |" + " |" * (len(heads) - 2))
+            continue
+        cells = [item.name, _plus_minus(item.wall_s, "{:.3g}"), _faster(item)]
+        cells += [_cell(item, metric) for metric in metrics]
+        lines.append(f"| {' | '.join([*cells, 'yes' if item.pareto else ''])} |")
+    return "\n".join([*lines, "", *_legend(design), ""])
+
+
+def _heading(metric: Metric) -> str:
+    return f"{metric.label} %" if metric.relative else f"{metric.label} (difference)"
+
+
+def _cell(item: Judged, metric: Metric) -> str:
+    error = item.errors.get(metric.name)
+    if error is None:
+        return ""
+    if item.name == FINEST:
+        return f"({item.values[metric.name].mean:.4g})"
+    scaled = error.scaled(100.0) if metric.relative else error
+    text = _plus_minus(scaled, "{:+.2g}" if metric.relative else "{:+.1g}")
+    return f"{text} (~)" if item.verdict(metric.name) == "within seed scatter" else text
+
+
+def _plus_minus(interval: Interval, form: str) -> str:
+    text = form.format(interval.mean)
+    if math.isnan(interval.half_width):
+        return text
+    return f"{text} +- {form.replace('+', '').format(interval.half_width)}"
+
+
+def _faster(item: Judged) -> str:
+    if item.speed_up is None:
+        return ""
+    mean, low, high = item.speed_up
+    return f"{mean:.3g}" if math.isnan(low) else f"{mean:.3g} ({low:.3g} to {high:.3g})"
+
+
+def _legend(design: StudyDesign) -> list[str]:
+    percent = f"{100.0 * design.confidence:g} %"
+    lines = [
+        f"Errors against `{FINEST}`, whose row has the values themselves; {len(design.seeds)} bed seeds. "
+        f"+-: {percent} intervals, Student's t of the differences of equal seeds; (~): less than the scatter "
+        "of the seeds, so no difference that these runs resolve. Wall time: of the ticks alone, without "
+        "start-up and compilation. Pareto: no other run is both faster and nearer, by "
+        f"{' and '.join(design.judged_by)} at the far end of their intervals."
+    ]
+    if len(design.seeds) == 1:
+        lines.append("One seed: nothing says how much a difference means.")
+    return lines
+
+
+def expected_presets(
+    judged: Sequence[Judged], design: StudyDesign, facts: Mapping[str, Any], duration_s: float, scene: str
+) -> dict[str, Any]:
+    """`expected:` of each combination, as a scene's presets take it; only intervals that were measured."""
+    found: dict[str, Any] = {}
+    for item in judged:
+        if item.name not in design.combinations or item.wall_s is None:
+            continue
+        errors = {
+            metric.name: {"mean": error.mean, "low": error.low, "high": error.high}
+            for metric in METRICS
+            if metric.relative
+            and (error := item.errors.get(metric.name)) is not None
+            and not math.isnan(error.half_width)
+        }
+        found[item.name] = {
+            "expected": {
+                "against": f"{FINEST}, {len(design.seeds)} bed seeds",
+                "errors": errors,
+                "confidence": design.confidence,
+                "wall_s_per_simulated_s": item.wall_s.mean / duration_s,
+                "machine": f"{facts['machine']}, {facts['threads']} threads",
+                "source": f"subsoil study {Path(scene).name}, version {__version__}, engines {facts['code']}",
+            }
+        }
+    return found
+
+
+def draw(judged: Sequence[Judged], design: StudyDesign, scene: str, path: Path) -> Path:
+    """Errors against wall time, a panel per metric."""
+    panels = []
+    for metric in METRICS:
+        factor = 100.0 if metric.relative else 1.0
+        dots = tuple(
+            Dot(
+                number, _group(item), item.wall_s.mean, factor * error.mean, factor * error.half_width,
+                error.resolved,
+            )
+            for number, item in enumerate(judged)
+            if item.wall_s is not None and (error := item.errors.get(metric.name)) is not None
+        )  # fmt: skip
+        if dots:
+            unit = "error [%]" if metric.relative else "difference"
+            panels.append(Panel(f"{metric.label}, against the finest run", unit, dots))
+    pareto = [number for number, item in enumerate(judged) if item.pareto]
+    title = (
+        f"{scene}: {len(design.seeds)} bed seeds, {100 * design.confidence:g} % intervals; "
+        "hollow: less than the seeds' scatter; bold: Pareto"
+    )
+    return draw_study(panels, [item.name for item in judged], pareto, title, path)
+
+
+def _group(item: Judged) -> str:
+    if len(item.knobs) == 1 and ": " in item.name:
+        return next(iter(item.knobs))
+    return FINEST if item.name == FINEST else "combinations"

@@ -1,0 +1,119 @@
+"""subsoil compare: curves over one another, metrics and differences, and a measured CSV."""
+
+import csv
+import json
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from subsoil_ros.analysis.comparison import Source, differences, labels_of
+from subsoil_ros.analysis.execution import execute
+from subsoil_ros.analysis.kept_runs import keep_run
+from subsoil_ros.analysis.series_file import read_series_csv
+from subsoil_ros.cli.main import main
+from subsoil_ros.scene.loader import load_scene
+
+Captured = pytest.CaptureFixture[str]
+SCENES = Path(__file__).parents[2] / "config" / "scenes"
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """The tine on a reduced soil at two depths."""
+    folder = tmp_path_factory.mktemp("runs")
+    soil = f"soil={{model: resistance, file: {SCENES.parent / 'soils' / 'paper_grid.yaml'}}}"
+    found = []
+    for depth in (0.10, 0.12):
+        scene = load_scene(
+            SCENES / "tine.yaml",
+            (soil, "duration_s=0.4", f"tools.tine.path.start_z_m={depth}", "record.series_ticks=5"),
+        )
+        found.append(keep_run(folder, scene, execute(scene)).folder)
+    return found
+
+
+def table(path: Path) -> dict[tuple[str, str], dict[str, float]]:
+    """comparison.csv by column and statistic."""
+    with path.open(newline="") as stream:
+        return {
+            (row.pop("column"), row.pop("statistic")): {key: float(value) for key, value in row.items()}
+            for row in csv.DictReader(stream)
+        }
+
+
+def test_two_runs(runs: list[Path], tmp_path: Path, capsys: Captured) -> None:
+    """Statistics are those of the summaries, differences are second minus first, the figure shows both."""
+    out = tmp_path / "out"
+    assert main(["compare", *map(str, runs), "--out", str(out)]) == 0
+    one, two = (folder.name for folder in runs)
+    found = table(out / "comparison.csv")
+    first, second = (json.loads((folder / "summary.json").read_text()) for folder in runs)
+    for statistic in ("mean", "min", "max"):
+        row = found["draft_newton", statistic]
+        assert row[one] == pytest.approx(first[f"draft_newton_{statistic}"], rel=1e-12)
+        assert row[two] == pytest.approx(second[f"draft_newton_{statistic}"], rel=1e-12)
+        assert row[f"difference {two}"] == row[two] - row[one]
+    mean = found["draft_newton", "mean"]
+    assert mean[f"part {two}"] == pytest.approx(mean[two] / mean[one] - 1.0)
+    assert mean[two] < mean[one]  # the second stands 20 mm higher
+    image = matplotlib.image.imread(out / "comparison.png")[:, :, :3]
+    assert (np.ptp(image, axis=2) > 0.2).sum() > 400
+    assert "draft_newton" in capsys.readouterr().out
+
+
+def test_a_measurement(runs: list[Path], tmp_path: Path, capsys: Captured) -> None:
+    """A field record that is the run plus 100 N is 100 N off, root mean square too, whatever its sampling."""
+    series = read_series_csv(runs[0] / "series.csv")
+    measured = tmp_path / "field.csv"
+    lines = ["time_s,draft_newton,fuel_kg"]
+    lines += [f"{t},{d + 100.0},1" for t, d in zip(series["time_s"], series["draft_newton"], strict=True)]
+    measured.write_text("\n".join(lines) + "\n")
+    out = tmp_path / "out"
+    assert main(["compare", str(runs[0]), "--measured", str(measured), "--out", str(out)]) == 0
+    found = table(out / "comparison.csv")
+    assert found["draft_newton", "mean"]["difference field.csv"] == pytest.approx(100.0, rel=1e-9)
+    assert found["draft_newton", "rms_difference"]["field.csv"] == pytest.approx(100.0, rel=1e-9)
+    assert "fuel_kg" not in capsys.readouterr().out
+
+
+def test_curves_of_other_times_are_compared_where_both_are() -> None:
+    """x = t against x = t + 1, sampled elsewhere, ending earlier: 1 apart; a column of one alone is nan."""
+    one = Source("one", {"time_s": np.linspace(0.0, 2.0, 21), "x_m": np.linspace(0.0, 2.0, 21)}, (0.5, 2.0))
+    two = Source("two", {"time_s": np.array([0.0, 0.7, 1.5]), "x_m": np.array([1.0, 1.7, 2.5])}, (0.0, 1.5))
+    found = {item.statistic: item.values for item in differences([one, two], ["x_m"])}
+    assert found["rms_difference"] == pytest.approx((0.0, 1.0))
+    assert found["mean"] == pytest.approx((1.25, 5.2 / 3.0))
+    alone = differences([one, Source("three", {"time_s": two.columns["time_s"]}, (0.0, 1.5))], ["x_m"])
+    assert all(np.isnan(item.values[1]) for item in alone)
+
+
+def test_labels_are_as_short_as_they_can_be() -> None:
+    """Folder names, with parents where they are equal."""
+    assert labels_of([Path("/a/x"), Path("/a/y")]) == ["x", "y"]
+    assert labels_of([Path("/a/x"), Path("/b/x")]) == ["a/x", "b/x"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["{run}"], "is one run; name a second one"),
+        (["{run}", "{run}"], "is named twice"),
+        (["{run}", "{tmp}"], "no folder of a run"),
+        (["{run}", "--measured", "{tmp}/none.csv"], "none.csv: cannot be read"),
+        (["{run}", "--measured", "{tmp}/other.csv"], "no column is one of the runs'"),
+        (["{run}", "--measured", "{tmp}/back.csv"], "time_s does not grow"),
+        (["{run}", "{other}", "--show", "draft_newtn"], "did you mean 'draft_newton'"),
+    ],
+)
+def test_bad_input(
+    runs: list[Path], tmp_path: Path, capsys: Captured, arguments: list[str], words: str
+) -> None:
+    """Exit status 2, one message, nothing written."""
+    (tmp_path / "other.csv").write_text("time_s,draft_kn\n0,1\n1,2\n")
+    (tmp_path / "back.csv").write_text("time_s,draft_newton\n1,1\n0,2\n")
+    filled = [item.format(run=runs[0], other=runs[1], tmp=tmp_path) for item in arguments]
+    assert main(["compare", *filled, "--out", str(tmp_path / "out")]) == 2
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

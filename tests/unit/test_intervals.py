@@ -1,0 +1,65 @@
+"""Intervals over seeds: against printed quantiles of Student's t, and by how often they hold the truth."""
+
+import math
+
+import numpy as np
+import pytest
+
+from subsoil_ros.analysis.intervals import (
+    difference_from_one,
+    mean_interval,
+    paired_difference,
+    t_quantile,
+)
+
+
+@pytest.mark.parametrize(
+    ("freedoms", "confidence", "printed"),
+    [(1, 0.95, 12.706), (2, 0.95, 4.303), (4, 0.95, 2.776), (9, 0.99, 3.250), (30, 0.90, 1.697)],
+)
+def test_quantiles_are_the_printed_ones(freedoms: int, confidence: float, printed: float) -> None:
+    """NIST/SEMATECH e-Handbook, table of critical values of Student's t, to its last digit."""
+    assert t_quantile(freedoms, confidence) == pytest.approx(printed, abs=6e-4)
+
+
+def test_interval_of_three_values_by_hand() -> None:
+    """1, 2, 3: mean 2, s = 1, half-width 4.303 / sqrt(3)."""
+    found = mean_interval([1.0, 2.0, 3.0])
+    assert (found.mean, found.count) == (2.0, 3)
+    assert found.half_width == pytest.approx(4.3027 / math.sqrt(3.0), rel=1e-4)
+    assert not found.resolved
+    assert mean_interval([10.0, 11.0, 12.0]).resolved
+
+
+def test_interval_holds_the_truth_as_often_as_it_says() -> None:
+    """Of 4000 samples of four normal values 95 % hold the mean: within 3 sigma of the binomial, 0.0103."""
+    random = np.random.default_rng(5)
+    hits = [
+        abs(found.mean) <= found.half_width for found in map(mean_interval, random.normal(size=(4000, 4)))
+    ]
+    assert np.mean(hits) == pytest.approx(0.95, abs=3.0 * math.sqrt(0.95 * 0.05 / 4000))
+
+
+def test_pairs_take_the_beds_out() -> None:
+    """Scatter that both runs of a seed share does not hide a difference; seeds of only one do not count."""
+    bed = {0: 100.0, 1: 140.0, 2: 60.0, 3: 90.0}
+    other = {seed: value + 5.0 + 0.1 * seed for seed, value in bed.items() if seed != 3}
+    found = paired_difference(other, bed)
+    assert (found.count, found.mean) == (3, pytest.approx(5.1))
+    assert found.resolved
+    assert found.half_width == pytest.approx(4.3027 * 0.1 / math.sqrt(3.0), rel=1e-3)
+
+
+def test_one_seed_resolves_nothing() -> None:
+    """Without scatter known there is no interval, whatever the difference."""
+    found = mean_interval([1000.0])
+    assert math.isnan(found.half_width)
+    assert not found.resolved
+
+
+def test_a_single_reference_has_the_scatter_it_is_given() -> None:
+    """Against one run the half-width is that of n values and one more, t(n - 1) s sqrt(1 + 1 / n)."""
+    values = [1.0, 2.0, 3.0]  # s = 1
+    found = difference_from_one(values, 1.5, scatter=1.0)
+    assert found.mean == 0.5
+    assert found.half_width == pytest.approx(4.3027 * math.sqrt(1.0 + 1.0 / 3.0), rel=1e-4)

@@ -1,0 +1,146 @@
+"""Runs kept by the hash of their scene: the numbers of `subsoil run`, found again, replaced."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from subsoil_ros.analysis.execution import execute
+from subsoil_ros.analysis.kept_runs import find_run, keep_run
+from subsoil_ros.analysis.run_metrics import dominant_frequency_hz, metrics_of
+from subsoil_ros.analysis.series import read_series
+from subsoil_ros.analysis.series_file import read_series_csv, read_table_csv
+from subsoil_ros.cli.main import main
+from subsoil_ros.errors import InputError, RunError
+from subsoil_ros.scene.loader import ResolvedScene, load_scene
+
+SCENES = Path(__file__).parents[2] / "config" / "scenes"
+FAST_PULL = (
+    f"soil={{model: resistance, file: {SCENES.parent / 'soils' / 'paper_grid.yaml'}}}",
+    "duration_s=0.3",
+    "record.series_ticks=3",
+    "report.window_inside_m=0.0",
+)
+TOO_FAST = "tools.tine.path.speed_x_m_per_s={kind: ramp, start_value: 0.5, end_value: 4.0, end_s: 0.3}"
+
+
+def scene(*overrides: str) -> ResolvedScene:
+    """The tine on a reduced soil: 300 ticks in a fraction of a second."""
+    return load_scene(SCENES / "tine.yaml", (*FAST_PULL, *overrides))
+
+
+def test_kept_series_are_those_of_a_run(tmp_path: Path) -> None:
+    """The same bits as `subsoil run --mode direct` of the kept scene.yaml, whose bag is not kept."""
+    found = scene()
+    kept = keep_run(tmp_path / "cache", found, execute(found))
+    assert kept.failure is None
+    assert (
+        main(["run", str(kept.folder / "scene.yaml"), "--mode", "direct", "--out", str(tmp_path / "run")])
+        == 0
+    )
+    ours, theirs = kept.series(), read_series(tmp_path / "run" / "bag", found.scene)
+    assert list(ours.columns) == list(theirs.columns)
+    for name, values in theirs.columns.items():
+        np.testing.assert_array_equal(ours[name], values)
+        assert ours[name].dtype == values.dtype
+    assert kept.summary["scene_hash"] == found.scene_hash
+
+
+def test_time_is_that_of_the_ticks(tmp_path: Path) -> None:
+    """Wall and CPU time are there, CPU time of one thread is at most a little more than wall time."""
+    facts = execute(scene(), warm_up=True).facts
+    assert 0.0 < facts["wall_s"] < facts["whole_wall_s"]
+    assert facts["cpu_s"] > 0.0
+    assert (facts["threads"], facts["at_once"]) == (1, 1)
+
+
+def test_a_run_that_fails_is_kept_with_its_message(tmp_path: Path) -> None:
+    """And with the series up to there; a good one takes its place."""
+    found = scene(TOO_FAST)
+    kept = keep_run(tmp_path, found, execute(found))
+    assert "m/s fast, the soil file was fitted up to" in str(kept.failure)
+    assert 0 < len(kept.series()) < 100
+    assert not kept.summary["complete"]
+    assert isinstance(kept.error("here"), RunError)
+    again = keep_run(tmp_path, found, execute(scene()))
+    assert again.folder == kept.folder
+    assert again.failure is None
+    assert [path.name for path in tmp_path.iterdir()] == [kept.folder.name]
+
+
+def test_bad_input_is_a_failure_with_its_own_status() -> None:
+    """A scene that cannot be run at all is told apart from a run that failed."""
+    found = scene("soil.bin.length_m=0.6")
+    external = load_scene(
+        SCENES / "subsoiler_1s300_draft_limit.yaml", ["controller.law={kind: external}", "duration_s=0.001"]
+    )
+    assert execute(external).facts["exit_status"] == 2
+    assert execute(found).facts["exit_status"] == 0
+
+
+def test_what_is_not_whole_is_not_found(tmp_path: Path) -> None:
+    """A folder without run.json is no kept run."""
+    found = scene()
+    assert find_run(tmp_path, found.scene_hash) is None
+    (tmp_path / found.scene_hash[:32]).mkdir()
+    assert find_run(tmp_path, found.scene_hash) is None
+    kept = keep_run(tmp_path, found, execute(found))
+    assert find_run(tmp_path, found.scene_hash) == kept
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "holds 0 lines"),
+        ("time_s\n", "holds 1 lines"),
+        ("time_s,\n1,2\n", "a column has no name"),
+        ("time_s,a\n1,2,3\n", "row 2 has 3 cells"),
+        ("time_s,a\n1,2\n2,x\n", "row 3, column 'a': 'x' is no number"),
+        ("time,a\n1,2\n", "has no column 'time_s'"),
+    ],
+)
+def test_bad_csv(tmp_path: Path, text: str, words: str) -> None:
+    """One message with file and place."""
+    path = tmp_path / "series.csv"
+    path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        read_series_csv(path)
+    assert str(path) in str(caught.value)
+    assert words in str(caught.value)
+
+
+def test_csv_of_a_spreadsheet(tmp_path: Path) -> None:
+    """A byte order mark, comments, blanks around names and missing values are taken."""
+    path = tmp_path / "field.csv"
+    path.write_text("# field 7\n time_s , draft_newton\n0.0,nan\n0.5,900\n", encoding="utf-8-sig")
+    found = read_table_csv(path)
+    assert list(found) == ["time_s", "draft_newton"]
+    assert found["draft_newton"][1] == 900.0
+
+
+def test_frequency_of_a_known_wave() -> None:
+    """A sine on a trend and noise, an uneven last step: to one line of the spectrum, 1 / 4 s."""
+    times = np.append(np.arange(0.0, 4.0, 1e-3), 4.0004)
+    random = np.random.default_rng(1)
+    wave = (
+        900.0 + 50.0 * times + 80.0 * np.sin(2.0 * np.pi * 7.3 * times) + random.normal(0.0, 20.0, len(times))
+    )
+    assert dominant_frequency_hz(times, wave) == pytest.approx(7.3, abs=0.25)
+    slow = 900.0 + 80.0 * np.sin(2.0 * np.pi * 0.3 * times) + np.sin(2.0 * np.pi * 20.0 * times)
+    assert dominant_frequency_hz(times, slow) >= 3.0 / 4.0  # drift is no vibration
+    assert np.isnan(dominant_frequency_hz(times[:5], wave[:5]))
+
+
+def test_metrics_of_a_kept_run(tmp_path: Path) -> None:
+    """Mean draft is the summary's; the peak of the 10 ms mean is below the raw one and above the mean."""
+    found = scene()
+    kept = keep_run(tmp_path, found, execute(found))
+    metrics = metrics_of(kept)
+    assert metrics["draft_mean_newton"] == pytest.approx(kept.summary["draft_newton_mean"], rel=1e-12)
+    assert (
+        metrics["draft_mean_newton"]
+        < metrics["draft_peak_newton"]
+        <= kept.summary["draft_newton_max"] * (1 + 1e-12)
+    )
+    assert "spring_range_newton" not in metrics
+    assert "disturbed_area_m2" not in metrics

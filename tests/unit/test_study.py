@@ -1,0 +1,236 @@
+"""subsoil study: errors by hand, the shipped designs, and a real study in miniature."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+from subsoil_ros.cli.main import main
+from subsoil_ros.errors import InputError
+from subsoil_ros.scene.presets import read_preset
+from subsoil_ros.study.accuracy import Measurement, judge
+from subsoil_ros.study.design import StudyDesign, design_of, read_design
+from subsoil_ros.study.report import markdown, wide_table
+from subsoil_ros.study.study import study_jobs
+
+Captured = pytest.CaptureFixture[str]
+CONFIG = Path(__file__).parents[2] / "config"
+DESIGNS = sorted((CONFIG / "studies").glob("*.yaml"))
+TINY = {
+    "overrides": [
+        "soil.bin={length_m: 0.2, width_m: 0.11, depth_m: 0.11}",
+        "soil.bed.jitter_m=1.0e-4",
+        "tools.tine.path.start_x_m=-0.13",
+        "tools.tine.path.speed_x_m_per_s={kind: constant, value: 1.0}",
+        "tools.tine.path.start_z_m=0.24",
+        "duration_s=0.03",
+        "record.cloud_hz=0.0",
+    ],
+    "finest": ["soil.time_step_s=2.0e-5"],
+    "seeds": [0, 1],
+    "knobs": {
+        "soil_step": {"auto": ["soil.time_step_s=auto"], "same": ["soil.time_step_s=2.0e-5"]},
+        "overlap": {"none allowed": ["soil.largest_tool_overlap_m=1.0e-9"]},
+        "soil": {"reduced": ["soil={model: resistance, file: ../soils/paper_grid.yaml, beyond_range: true}"]},
+    },
+    "combinations": {"coarse": {"soil_step": "auto"}},
+    "judged_by": ["draft_mean_newton"],
+}
+
+
+def design(**changes: object) -> StudyDesign:
+    """A design of three variants beside the finest."""
+    content = {
+        "seeds": [0, 1, 2],
+        "knobs": {"step": {"large": [], "huge": []}, "cloud": {"none": []}},
+        "also_against": {"r = 7 mm": {"overrides": []}},
+        "judged_by": ["draft_mean_newton"],
+        **changes,
+    }
+    return StudyDesign.model_validate(content)
+
+
+def runs(variant: str, wall_s: float, drafts: list[float]) -> list[Measurement]:
+    """A run per draft; seeds from 0 on."""
+    return [
+        Measurement(variant, seed, wall_s * (1.0 + 0.01 * seed), wall_s, {"draft_mean_newton": draft})
+        for seed, draft in enumerate(drafts)
+    ]
+
+
+def made_up() -> list[Measurement]:
+    """Finest 1000 N with a seed scatter of 20 N; `large` 1 % low on each, `huge` anyhow, `none` the same."""
+    beds = [980.0, 1000.0, 1020.0]
+    return [
+        *runs("finest", 100.0, beds),
+        *runs("step: large", 20.0, [bed - 10.0 + (0.5, -0.5, 0.0)[k] for k, bed in enumerate(beds)]),
+        *runs("step: huge", 10.0, [940.0, 1030.0, 970.0]),
+        *runs("cloud: none", 90.0, beds),
+        *runs("r = 7 mm", 900.0, [1040.0]),
+    ]
+
+
+def test_errors_by_hand() -> None:
+    """Means and intervals of paired differences, speed-ups as ratios, and the verdicts."""
+    found = {item.name: item for item in judge(design(), made_up(), {})}
+    large = found["step: large"].errors["draft_mean_newton"]
+    assert large.mean == pytest.approx(-0.010)
+    assert large.half_width == pytest.approx(4.3027 * 0.5 / math.sqrt(3.0) / 1000.0, rel=1e-3)
+    assert found["step: large"].verdict("draft_mean_newton") == "resolved"
+    assert found["step: large"].speed_up == pytest.approx((5.0, 5.0, 5.0))
+    assert found["step: huge"].errors["draft_mean_newton"].mean == pytest.approx(-20.0 / 1000.0)
+    assert found["step: huge"].verdict("draft_mean_newton") == "within seed scatter"
+    assert found["cloud: none"].verdict("draft_mean_newton") == "same"
+    assert found["finest"].bound == 0.0
+
+
+def test_errors_against_a_single_finer_run() -> None:
+    """Against one run of 1040 N its scatter is the finest's, 20 N: 4 % and t(2) 20 sqrt(1 + 1 / 3) / 1040."""
+    found = {item.name: item for item in judge(design(), made_up(), {})}
+    error = found["finest"].errors_against["r = 7 mm"]["draft_mean_newton"]
+    assert error.mean == pytest.approx(-40.0 / 1040.0)
+    assert error.half_width == pytest.approx(4.3027 * 20.0 * math.sqrt(4.0 / 3.0) / 1040.0, rel=1e-3)
+
+
+def test_pareto_set() -> None:
+    """What is beaten in time and error is out; what is cheaper or nearer than all others is in."""
+    found = {item.name: item.pareto for item in judge(design(), made_up(), {})}
+    # `none` costs less than the finest and is the same, so the finest is out
+    assert found == {"finest": False, "step: large": True, "step: huge": True, "cloud: none": True}
+    slow = [*made_up(), *runs("step: huge", 30.0, [940.0, 1030.0, 970.0])]
+    assert not {item.name: item.pareto for item in judge(design(), slow, {})}["step: huge"]
+
+
+def test_one_seed_says_so() -> None:
+    """Numbers without intervals, and no word of a difference."""
+    alone = design(seeds=[0])
+    measured = [item for item in made_up() if item.seed == 0]
+    found = judge(alone, measured, {})
+    large = next(item for item in found if item.name == "step: large")
+    assert large.verdict("draft_mean_newton") == "one seed"
+    assert "One seed" in markdown(found, alone)
+    assert "+-" not in markdown(found, alone).split("Errors against")[0]
+
+
+def test_table_names_failures_and_what_is_not_resolved() -> None:
+    """A variant that failed has its message; a difference within the scatter is marked."""
+    measured = [item for item in made_up() if item.variant != "cloud: none"]
+    found = judge(design(), measured, {"cloud: none": ["tick 7: NaN"] * 3})
+    text = markdown(found, design())
+    assert "| cloud: none | failed: tick 7: NaN |" in text
+    row = next(line for line in text.splitlines() if line.startswith("| step: huge"))
+    assert "(~)" in row
+    table = pd.DataFrame(wide_table(found, design())).set_index("variant")
+    assert table.loc["cloud: none", "failures"] == 3
+    assert table.loc["step: large", "draft_mean_newton_verdict"] == "resolved"
+    assert table.loc["step: large", "draft_mean_newton_error_high"] < 0.0
+
+
+@pytest.mark.parametrize("path", DESIGNS, ids=lambda path: path.stem)
+def test_shipped_designs_fit_their_scenes(path: Path) -> None:
+    """Every variant is a scene that loads, and each knob changes something."""
+    scene = CONFIG / "scenes" / path.name
+    assert design_of(scene) == path
+    found = read_design(path)
+    jobs = study_jobs(str(scene), (), found.model_copy(update={"seeds": (0,)}))
+    hashes = {job.point.name: job.scene.scene_hash for job in jobs}
+    assert len(set(hashes.values())) == len(hashes)
+
+
+def test_finest_of_the_paper_is_what_was_agreed() -> None:
+    """The full bin, float64, a step that its monitors let pass, serial exchange every step."""
+    found = read_design(CONFIG / "studies" / "subsoiler_1s300.yaml")
+    found = found.model_copy(update={"knobs": {}, "combinations": {}, "also_against": {}})
+    scene = next(iter(study_jobs(str(CONFIG / "scenes" / "subsoiler_1s300.yaml"), (), found))).scene
+    soil = scene.scene.particle_soil
+    assert soil is not None
+    assert (soil.bin.length_m, soil.bin.width_m, soil.bin.depth_m, soil.particles.radius_m) == (
+        2.0,
+        1.4,
+        0.4,
+        0.01,
+    )
+    assert (soil.precision, scene.scene.coupling.scheme, scene.timing.soil_steps) == ("float64", "serial", 1)
+    from subsoil_ros.scene.limits import step_limits
+
+    assert 0.55 < scene.timing.soil_step_s / step_limits(soil)[0].limit_s <= 0.6
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"knob": {}}, "knob: Extra inputs are not permitted"),
+        ({"seeds": []}, "seeds"),
+        ({"seeds": [1, 1]}, "seeds: one is given twice"),
+        ({"combinations": {"a": {"steps": "x"}}}, "combinations.a: no knob 'steps'"),
+        ({"combinations": {"a": {"soil_step": "aut"}}}, "combinations.a.soil_step: no value 'aut'"),
+        ({"judged_by": ["draft"]}, "judged_by: no metric 'draft'"),
+        ({"also_against": {"finest": {"overrides": []}}}, "'finest' names another run"),
+    ],
+)
+def test_bad_design(tmp_path: Path, change: dict, words: str) -> None:
+    """Refused with the place."""
+    path = tmp_path / "design.yaml"
+    path.write_text(yaml.safe_dump({**TINY, **change}))
+    with pytest.raises(InputError) as caught:
+        read_design(path)
+    assert words in str(caught.value)
+
+
+def test_a_wrong_knob_shows_before_anything_runs(tmp_path: Path, capsys: Captured) -> None:
+    """A key that the scene has not ends the study with exit status 2 and no folder."""
+    path = tmp_path / "design.yaml"
+    path.write_text(
+        yaml.safe_dump({**TINY, "knobs": {"skin": {"thin": ["soil.skn_m=0.001"]}}, "combinations": {}})
+    )
+    scene = str(CONFIG / "scenes" / "tine.yaml")
+    assert main(["study", scene, "--design", str(path), "--out", str(tmp_path / "out")]) == 2
+    assert "did you mean 'skin_m'" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_study_of_real_runs(tmp_path: Path, capsys: Captured) -> None:
+    """Particles and reduced soil, two beds: table, figure, presets; a knob that fails is told."""
+    path, out = tmp_path / "design.yaml", tmp_path / "out"
+    path.write_text(yaml.safe_dump(TINY, sort_keys=False))
+    scene = str(CONFIG / "scenes" / "tine.yaml")
+    arguments = ["study", scene, "--design", str(path), "--out", str(out)]
+    assert main(arguments) == 0
+    table = pd.read_parquet(out / "study.parquet").set_index("variant")
+    assert list(table.index) == [
+        "finest", "soil_step: auto", "soil_step: same", "overlap: none allowed", "soil: reduced", "coarse",
+    ]  # fmt: skip
+    assert table.loc["overlap: none allowed", "failures"] == 2
+    assert (table.loc["soil_step: same", "draft_mean_newton_verdict"]) == "same"
+    auto = table.loc["soil_step: auto"]
+    by_run = pd.read_parquet(out / "runs.parquet").set_index(["name", "seed"])
+    assert (by_run["at_once"] == 1).all()
+    drafts = {
+        name: np.array([by_run.loc[(name, s), "draft_newton_mean"] for s in (0, 1)])
+        for name in ("finest", "soil_step: auto")
+    }
+    assert len(set(drafts["finest"])) == 2  # another seed is another bed
+    error = (drafts["soil_step: auto"] - drafts["finest"]).mean() / drafts["finest"].mean()
+    assert auto["draft_mean_newton_error"] == pytest.approx(error, rel=1e-9)
+    assert table.loc["coarse", "draft_mean_newton_error"] == auto["draft_mean_newton_error"]
+    expected = yaml.safe_load((out / "expected.yaml").read_text())
+    preset = read_preset(expected["coarse"], "expected.yaml: coarse")
+    assert preset.expected is not None
+    assert preset.expected.errors["draft_mean_newton"].mean == pytest.approx(error, rel=1e-9)
+    assert (out / "study.png").stat().st_size > 10_000
+    capsys.readouterr()
+    assert main(arguments) == 0
+    printed = capsys.readouterr()
+    assert "8 runs, 8 of them kept" in printed.err
+    assert "overlap: none allowed" in printed.out
+
+
+def test_list_runs_nothing(capsys: Captured) -> None:
+    """--list prints every variant of a study with its size."""
+    assert main(["study", str(CONFIG / "scenes" / "tine.yaml"), "--list"]) == 0
+    text = capsys.readouterr().out
+    assert "finest" in text
+    assert "radius: 14 mm" in text

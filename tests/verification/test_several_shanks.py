@@ -47,11 +47,9 @@ def test_the_outer_shanks_mirror_each_other(tmp_path: Path) -> None:
     left, right = (f"tool.shank_{side}.force" for side in ("left", "right"))
     scale = np.abs(series[f"{left}_x_newton"]).max()
     assert scale > 10.0
-    stiffness_newton_per_m = (
-        10.0 * 10e3 * 16e3 / 26e3
-    )  # of a contact with a tool: factor, particle and boundary
+    stiffness_newton_per_m = 10.0 * 10e3 * 16e3 / 26e3  # at a tool: factor, particle, boundary
     atol = series["tool.shank_left.contact_count"].max() * stiffness_newton_per_m * 2.0**-25
-    assert atol < 1e-3 * scale
+    assert atol < 1e-2 * scale
     for axis, sign in (("x", 1.0), ("y", -1.0), ("z", 1.0)):
         mirrored = sign * series[f"{right}_{axis}_newton"]
         assert_allclose(series[f"{left}_{axis}_newton"], mirrored, atol=atol)

@@ -5,12 +5,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ..analysis.figures import draw_figures
-from ..analysis.series import read_series, write_series_csv
-from ..analysis.summary import print_summary, run_facts, summarize, write_summary
 from ..errors import InputError
-from ..recording.joined import mend_earlier
-from ..scene.loader import load_scene
 
 SUMMARY = "print the metrics of a run and draw its figures (PNG)"
 
@@ -18,33 +13,65 @@ SUMMARY = "print the metrics of a run and draw its figures (PNG)"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `subsoil report`."""
     parser.add_argument("directory", type=Path, help="folder of a run, as given to `subsoil run --out`")
+    parser.add_argument(
+        "--html",
+        action="store_true",
+        help="write report.html as well: one page with all of it that needs no other file and no network",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     """Write series.csv, summary.json and figures/ anew from the bag, and print the summary."""
+    from ..analysis.figures import draw_figures
+    from ..analysis.series import read_series, write_series_csv
+    from ..analysis.summary import print_summary, summarize, write_summary
+    from ..recording.joined import mend_earlier
+    from ..scene.loader import load_scene
+    from .progress import reading_bag, working
+
     directory: Path = args.directory
+    resolved = load_scene(scene_of_run(directory))
+    mend_earlier(directory)
+    bag = directory / "bag"
+    with reading_bag(resolved.timing) as watch:
+        series = read_series(bag, resolved.scene, watch)
+    summary = summarize(bag, resolved, _known_facts(directory / "summary.json"), series)
+    try:
+        write_series_csv(series, directory / "series.csv")
+        write_summary(summary, directory / "summary.json")
+        with working("drawing the figures"):
+            figures = draw_figures(bag, resolved, directory / "figures", series)
+        if args.html:
+            from ..analysis.html_report import write_html
+
+            pictures = sorted((directory / "pictures").glob("*.png"))
+            page = write_html(directory, resolved, summary, [*figures, *pictures])
+    except OSError as error:
+        raise InputError(f"{error.filename}: cannot be written ({error.strerror})") from error
+    print_summary(summary, resolved.scene, directory)
+    if args.html:
+        print(f"page: {page}")
+    return 0
+
+
+def scene_of_run(directory: Path) -> Path:
+    """The scene file in the folder of a run.
+
+    Raises:
+        InputError: it is no such folder.
+    """
     scene_file = directory / "scene.yaml"
     if not scene_file.is_file():
         raise InputError(
             f"{directory}: no folder of a run (it has no scene.yaml); name one that `subsoil run` made"
         )
-    resolved = load_scene(scene_file)
-    mend_earlier(directory)
-    bag = directory / "bag"
-    series = read_series(bag, resolved.scene)
-    summary = summarize(bag, resolved, _known_facts(directory / "summary.json"), series)
-    try:
-        write_series_csv(series, directory / "series.csv")
-        write_summary(summary, directory / "summary.json")
-        draw_figures(bag, resolved, directory / "figures", series)
-    except OSError as error:
-        raise InputError(f"{error.filename}: cannot be written ({error.strerror})") from error
-    print_summary(summary, resolved.scene, directory)
-    return 0
+    return scene_file
 
 
 def _known_facts(path: Path) -> dict[str, Any]:
     """What the run itself wrote down and no bag tells; nothing if it never came to it."""
+    from ..analysis.summary import run_facts
+
     try:
         return run_facts(json.loads(path.read_text(encoding="utf-8")))
     except (FileNotFoundError, ValueError):

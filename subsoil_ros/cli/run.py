@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ..analysis.series import read_series, write_series_csv
 from ..analysis.summary import print_summary, summarize, write_summary
+from ..analysis.versions import versions
 from ..coupling.control import build_controller
 from ..coupling.direct import run_direct
 from ..coupling.engines import Mover, build_mechanism, build_paths, build_soil
@@ -26,7 +27,7 @@ from ..scene.limits import step_notes
 from ..scene.loader import ResolvedScene, load_scene
 from .arguments import add_overrides
 from .preparation import KernelAnnouncer, announce_kernels_of_nodes
-from .progress import RunProgress
+from .progress import RunProgress, reading_bag
 from .resumption import CHECKPOINTS, checkpoint_facts, find_checkpoint, name_checkpoint, note_resumption
 from .supervisor import Parameters, Supervisor, node_program, start_node
 
@@ -124,7 +125,7 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
         shutil.rmtree(out)  # bad input that showed only when the bed was there: nothing ran
         raise failure
     wall_s = time.monotonic() - start
-    facts = {"mode": args.mode, "threads": args.threads, "whole_wall_s": wall_s}
+    facts = {"mode": args.mode, "threads": args.threads, "whole_wall_s": wall_s, "versions": versions()}
     if failure is not None:
         name_checkpoint(failure, out, resumed)
     _summarize(resolved, out, facts | checkpoint_facts(out, resumed), failure)
@@ -285,7 +286,8 @@ def _summarize(
             recover(bag)  # its writer may have been killed; a whole bag is left as it is
             run_info = run_info | {"failure": str(failure)}
         mend_earlier(out)
-        series = read_series(bag, resolved.scene)
+        with reading_bag(resolved.timing) as watch:
+            series = read_series(bag, resolved.scene, watch)
         write_series_csv(series, out / "series.csv")
         summary = summarize(bag, resolved, run_info, series)
         write_summary(summary, out / "summary.json")

@@ -1,0 +1,17 @@
+# docker build --tag subsoil .
+# docker run --rm --volume "$PWD/runs:/work/runs" subsoil run tine --out runs/first
+FROM debian:bookworm-slim
+
+RUN apt-get update \
+ && apt-get install --yes --no-install-recommends \
+      ca-certificates g++ libegl1 libgl1-mesa-dri make python3 python3-dev python3-venv \
+ && rm -rf /var/lib/apt/lists/*
+
+COPY . /opt/subsoil_ros
+RUN make -C /opt/subsoil_ros setup \
+ && /opt/subsoil_ros/.venv/bin/pip cache purge
+
+ENV PATH=/opt/subsoil_ros/.venv/bin:$PATH HOME=/work
+WORKDIR /work
+ENTRYPOINT ["subsoil"]
+CMD ["--help"]

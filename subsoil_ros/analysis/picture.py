@@ -65,7 +65,7 @@ class Studio:
         plotter.set_background("white")
         surfaces = self._shapes.surfaces(frame)
         keep, hidden = self._cut(frame, surfaces, view)
-        if len(frame.positions_m):
+        if keep.any():
             self._add_particles(plotter, frame, keep)
         for surface in surfaces:
             behind = hidden(surface)
@@ -99,7 +99,7 @@ class Studio:
             clim=self._style.limits,
             nan_color="#bbbbbb",
             scalar_bar_args={
-                "title": title, "color": "black", "n_labels": 5, "fmt": "%.3g", "vertical": True,
+                "title": f"{title}\n", "color": "black", "n_labels": 5, "fmt": "%.3g", "vertical": True,
                 "position_x": 0.9, "position_y": 0.25, "height": 0.5, "width": 0.05,
                 "title_font_size": 16, "label_font_size": 14,
             },
@@ -114,19 +114,21 @@ class Studio:
         if view in ("longitudinal", "corner"):
             return y >= 0.0, lambda surface: bool((surface.vertices_m[:, 1] < 0.0).all())
         if view == "cross":
-            plane = self._tip_x_m(surfaces)
+            plane = self._cross_x_m(surfaces)
             return x <= plane, lambda surface: bool((surface.vertices_m[:, 0] > plane).all())
         return np.ones(len(x), dtype=bool), lambda surface: False
 
-    def _tip_x_m(self, surfaces: Sequence[Surface]) -> float:
-        """Forward place of the lowest point of the tools that cut; of the middle of the bin without any."""
+    def _cross_x_m(self, surfaces: Sequence[Surface]) -> float:
+        """Forward place of the lowest point of the tools that cut; mid-bin while that is outside of the bin."""
+        x0, x1, *_ = self._bounds()
         tools = self._resolved.scene.tools
         shares = [surface.vertices_m for surface in surfaces if tools[surface.tool].share]
-        if not shares:
-            bounds = self._bounds()
-            return 0.5 * (bounds[0] + bounds[1])
-        vertices = np.concatenate(shares)
-        return float(vertices[np.argmin(vertices[:, 2]), 0])
+        if shares:
+            vertices = np.concatenate(shares)
+            tip = float(vertices[np.argmin(vertices[:, 2]), 0])
+            if x0 < tip < x1:
+                return tip
+        return 0.5 * (x0 + x1)
 
     def _bounds(self) -> tuple[float, float, float, float, float, float]:
         """What is shown at least: x, y, z from and to. The bin, or without soil the machine's pose."""
@@ -147,7 +149,7 @@ class Studio:
             "longitudinal": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), x1 - x0, top - z0),
             "cross": ((-1.0, 0.0, 0.0), (0.0, 0.0, 1.0), y1 - y0, top - z0),
             "above": ((0.0, 0.0, -1.0), (0.0, 1.0, 0.0), x1 - x0, y1 - y0),
-            "corner": ((0.75, 1.0, -0.55), (0.0, 0.0, 1.0), 0.0, 0.0),
+            "corner": ((-0.5, 1.0, -0.5), (0.0, 0.0, 1.0), 0.0, 0.0),
         }[view]
         direction = np.array(towards) / np.linalg.norm(towards)
         camera = plotter.camera
@@ -156,7 +158,7 @@ class Studio:
         if view == "corner":
             reach = float(np.linalg.norm([x1 - x0, y1 - y0, top - z0]))
             camera.parallel_projection = False
-            camera.position = middle - direction * 1.35 * reach * max(1.0, 1.4 / aspect)
+            camera.position = middle - direction * 1.9 * reach * max(1.0, 1.4 / aspect)
         else:
             camera.parallel_projection = True
             camera.position = middle - direction * _FAR_M
@@ -228,6 +230,7 @@ def _film_writer(path: Path, rate_hz: float) -> Iterator[Callable[[NDArray[np.ui
     else:
         raise InputError(f"--film: given '{path.suffix}', allowed are .mp4 and .gif")
     try:
+        writer: Any  # untyped: its kind depends on the format
         with imageio.get_writer(path, mode="I", **options) as writer:
             yield writer.append_data
     except BaseException:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from websockets.sync.client import connect
+from websockets.sync.client import ClientConnection, connect
 
 from subsoil_ros.cli import new, report, run
 from subsoil_ros.scene.loader import load_scene
@@ -118,8 +118,8 @@ def test_run_that_says_no_versions(reported):
 class Browser:
     """A page of headless Chromium, by its DevTools protocol; keeps all events."""
 
-    def __init__(self, address: str) -> None:
-        self._socket = connect(address, max_size=None)
+    def __init__(self, socket: ClientConnection) -> None:
+        self._socket = socket
         self._number = 0
         self.events: list[dict[str, Any]] = []
 
@@ -162,7 +162,8 @@ def browser(tmp_path) -> Iterator[Browser]:
     try:
         said = iter(process.stderr)  # ends when Chromium does
         addresses = (found.group() for line in said if (found := re.search(r"ws://\S+", line)))
-        yield Browser(next(addresses))
+        with connect(next(addresses), max_size=None) as socket:
+            yield Browser(socket)
     finally:
         process.terminate()
         process.wait(PATIENCE_S)

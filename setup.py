@@ -27,6 +27,10 @@ setup(
         ("share/ament_index/resource_index/packages", ["resource/subsoil_ros"]),
         (SHARE, ["package.xml"]),
         (f"{SHARE}/config", ["config/scene.schema.json"]),
+        (
+            f"{SHARE}/msg_defs/msg",
+            files("msg_defs/msg/*.msg"),
+        ),  # for bags where subsoil_msgs is not installed
         (f"{SHARE}/config/scenes", files("config/scenes/*.yaml")),
         (f"{SHARE}/config/templates", files("config/templates/*.yaml")),
         (f"{SHARE}/config/meshes", files("config/meshes/*.stl")),

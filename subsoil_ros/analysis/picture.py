@@ -131,7 +131,7 @@ class Studio:
         return 0.5 * (x0 + x1)
 
     def _bounds(self) -> tuple[float, float, float, float, float, float]:
-        """What is shown at least: x, y, z from and to. The bin, or without soil the machine's pose."""
+        """What is shown at least, x, y, z from and to: the bin, or without soil the machine."""
         scene = self._resolved.scene
         if scene.soil is not None:
             size = scene.soil.bin

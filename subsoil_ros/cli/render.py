@@ -29,8 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--view",
         choices=VIEWS,
         help="longitudinal: the bed cut along its mid-plane, from the side; cross: cut at the tip of the "
-        "tool, from the front; corner: cut along the mid-plane, from the front and above; above. Default: all "
-        "of them; of a film, longitudinal",
+        "tool, from the front; corner: cut along the mid-plane, from the front and above; above. Default: "
+        "all of them; of a film, longitudinal",
     )
     parser.add_argument(
         "--at",

@@ -119,7 +119,7 @@ class Studio:
         return np.ones(len(x), dtype=bool), lambda surface: False
 
     def _cross_x_m(self, surfaces: Sequence[Surface]) -> float:
-        """Forward place of the lowest point of the tools that cut; mid-bin while that is outside of the bin."""
+        """Forward place of the lowest point of the tools that cut; mid-bin while that is outside."""
         x0, x1, *_ = self._bounds()
         tools = self._resolved.scene.tools
         shares = [surface.vertices_m for surface in surfaces if tools[surface.tool].share]

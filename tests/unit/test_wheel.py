@@ -13,8 +13,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 SOURCES = [
-    "LICENSE", "README.md", "config", "launch", "msg_defs", "package.xml", "pyproject.toml", "resource", "scripts",
-    "setup.cfg", "setup.py", "subsoil_ros",
+    "LICENSE", "README.md", "config", "launch", "msg_defs", "package.xml", "pyproject.toml", "resource",
+    "scripts", "setup.cfg", "setup.py", "subsoil_ros",
 ]  # fmt: skip
 
 

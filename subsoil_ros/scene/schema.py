@@ -14,6 +14,7 @@ from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import core_schema
 
 from .model import Scene
+from .overrides import LOADER_KEYS
 
 Schema = dict[str, Any]
 
@@ -81,16 +82,28 @@ def unit_of(key: str) -> str:
 
 def _loader_keys() -> Schema:
     """What the loader reads beside the model's keys (scene/loader.py)."""
-    start = {"anyOf": [{"$ref": f"#/$defs/{PARTIAL}Scene"}, {"type": "null"}]}
-    return {
+    part = {"anyOf": [{"$ref": f"#/$defs/{PARTIAL}Scene"}, {"type": "null"}]}
+    preset = {
+        "type": ["object", "null"],
+        "properties": {"changes": part, "expected": {"type": ["object", "null"]}},
+        "additionalProperties": False,
+    }
+    known: Schema = {
         "base": {"type": "string", "description": "Scene file that this one is laid over, relative to it."},
         "start": {"type": ["string", "null"], "description": "Name of the start that is laid over the rest."},
         "starts": {
             "type": ["object", "null"],
             "description": "Parts of scenes by name; `start` chooses one.",
-            "additionalProperties": start,
+            "additionalProperties": part,
+        },
+        "accuracy": {"type": ["string", "null"], "description": "Name of the preset that is laid over all."},
+        "presets": {
+            "type": ["object", "null"],
+            "description": "Changes by name, with what was measured of each; `accuracy` chooses one.",
+            "additionalProperties": preset,
         },
     }
+    return {key: known[key] for key in LOADER_KEYS}
 
 
 class _DescribedSchema(GenerateJsonSchema):

@@ -13,6 +13,7 @@ from subsoil_ros.scene.base import Part
 from subsoil_ros.scene.document import read_document
 from subsoil_ros.scene.loader import load_scene
 from subsoil_ros.scene.model import Scene
+from subsoil_ros.scene.overrides import LOADER_KEYS
 from subsoil_ros.scene.schema import scene_schema, unit_of
 
 CONFIG = Path(__file__).parents[2] / "config"
@@ -112,7 +113,7 @@ def test_descriptions_are_the_comments_of_the_model():
     assert scheme.startswith("parallel: soil and mechanism advance a tick at once")
     assert definitions["Bin"]["description"].startswith("Open box")
     assert issubclass(Scene, Part)
-    assert set(definitions["Scene"]["properties"]) == {"base", "start", "starts", *Scene.model_fields}
+    assert set(definitions["Scene"]["properties"]) == {*LOADER_KEYS, *Scene.model_fields}
 
 
 def _arguments(*words: str) -> Any:

@@ -25,7 +25,7 @@ class Frame:
     time_s: float
     positions_m: NDArray[np.float32]  # (n, 3)
     speeds_m_per_s: NDArray[np.float32]  # (n,)
-    displacements_m: NDArray[np.float32]  # (n,) from the first cloud; without y where sides are periodic
+    displacements_m: NDArray[np.float32]  # (n,) from the first cloud; nan where that is not known
     tools: tuple[ToolMotion, ...]
     bodies: tuple[BodyState, ...]  # of the machine, at the last recorded state up to then
 
@@ -95,6 +95,7 @@ class Frames:
             return
         soil = self._resolved.scene.particle_soil
         axes = [0, 2] if soil is not None and soil.bin.sides == "periodic" else [0, 1, 2]
+        whole = getattr(self._resolved.scene.record, "cloud_region", None) is None  # else they come and go
         times = {self.times_ns[0], *wanted}
         start: NDArray[np.float32] | None = None
         for cloud in self._reader.clouds(self._resolved.timing.interval_ns, at=lambda time: time in times):
@@ -102,7 +103,7 @@ class Frames:
             start = positions if start is None else start
             if cloud.end_time_ns not in wanted:
                 continue
-            if len(positions) == len(start):  # particles keep their places in the list
+            if whole and len(positions) == len(start):  # particles keep their places in the list
                 moved = np.linalg.norm((positions - start)[:, axes], axis=1).astype(np.float32)
             else:
                 moved = np.full(len(positions), np.nan, dtype=np.float32)

@@ -8,8 +8,7 @@ RUN apt-get update \
  && rm -rf /var/lib/apt/lists/*
 
 COPY . /opt/subsoil_ros
-RUN make -C /opt/subsoil_ros setup \
- && /opt/subsoil_ros/.venv/bin/pip cache purge
+RUN PIP_NO_CACHE_DIR=1 make -C /opt/subsoil_ros setup
 
 ENV PATH=/opt/subsoil_ros/.venv/bin:$PATH HOME=/work
 WORKDIR /work

@@ -98,12 +98,13 @@ $(prefix)/.set-up-packages: $(wildcard requirements/*.txt)
 	$(pip) install --quiet $(patsubst %,-r requirements/%.txt,run build dev) -c requirements/lock.txt
 	touch $@
 
-$(prefix)/.set-up-messages: $(prefix)/.set-up-packages $(wildcard msg_defs/* msg_defs/msg/*.msg msg_defs/srv/*.srv)
+$(prefix)/.set-up-messages: $(prefix)/.set-up-packages $(wildcard msg_defs/* msg_defs/msg/*.msg msg_defs/srv/*.srv msg_defs/action/*.action)
 	$(ros_prefix) $(pip) install --quiet --no-build-isolation --no-deps --force-reinstall ./msg_defs
 	touch $@
 
 # Editable: a change of Python sources needs no new set-up. Launch files, scenes and meshes are copied to share/.
 $(prefix)/.set-up-subsoil: $(prefix)/.set-up-messages setup.py setup.cfg package.xml \
-		$(wildcard resource/* scripts/* config/*.json config/scenes/*.yaml config/templates/*.yaml config/meshes/*.stl config/soils/*.yaml config/calibration/*.yaml)
+		$(wildcard resource/* scripts/* launch/*.launch.py config/*.json config/scenes/*.yaml config/templates/*.yaml \
+		config/meshes/*.stl config/soils/*.yaml config/calibration/*.yaml config/foxglove/*.json)
 	$(pip) install --quiet --no-build-isolation --no-deps --force-reinstall --editable .
 	touch $@

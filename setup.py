@@ -31,11 +31,13 @@ setup(
             f"{SHARE}/msg_defs/msg",
             files("msg_defs/msg/*.msg"),
         ),  # for bags where subsoil_msgs is not installed
+        (f"{SHARE}/launch", files("launch/*.launch.py")),
         (f"{SHARE}/config/scenes", files("config/scenes/*.yaml")),
         (f"{SHARE}/config/templates", files("config/templates/*.yaml")),
         (f"{SHARE}/config/meshes", files("config/meshes/*.stl")),
         (f"{SHARE}/config/soils", files("config/soils/*.yaml")),
         (f"{SHARE}/config/calibration", files("config/calibration/*.yaml")),
+        (f"{SHARE}/config/foxglove", files("config/foxglove/*.json")),
         # `ros2 run` looks in lib/subsoil_ros, console scripts are in bin.
         ("lib/subsoil_ros", files("scripts/*")),
     ],

@@ -19,7 +19,7 @@ from mcap.reader import make_reader
 
 from subsoil_ros.coupling.direct import run_direct
 from subsoil_ros.coupling.engines import build_mechanism, build_soil
-from subsoil_ros.recording.bag_writer import BagWriter
+from subsoil_ros.recording.bag_writer import open_bag
 from subsoil_ros.scene.loader import load_scene
 
 SCENE = Path(__file__).parents[1] / "config/scenes/subsoiler_1s300_quick.yaml"
@@ -150,7 +150,7 @@ def main() -> int:
         resolved.write(folder / "scene.yaml")
         mechanism = build_mechanism(resolved)
         assert mechanism is not None
-        writer = BagWriter(folder / "direct", resolved.scene, resolved.timing)
+        writer = open_bag(folder / "direct", resolved)
         try:
             run_direct(resolved, RUN_ID, mechanism, build_soil(resolved, 1), writer)
         finally:

@@ -1,7 +1,8 @@
-"""Machines for the tests of the mechanism engine, built from plain dictionaries."""
+"""Machines for the tests of the mechanism engine, built from plain dictionaries; a bag of a real run."""
 
 import copy
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -65,3 +66,15 @@ def mechanism_engine() -> Callable[..., MechanismEngine]:
 def subsoiler() -> dict[str, Any]:
     """The seven bodies of the 1S-300 on wheel contacts, at rest, pulled at 0.5 m/s."""
     return copy.deepcopy(SEVEN_BODIES)
+
+
+@pytest.fixture(scope="session")
+def machine_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The bag of 10 ms of the machine in a small bin of soil, made by `subsoil run`."""
+    from subsoil_ros.cli.main import main
+
+    from .ros.conftest import run_arguments
+
+    out = tmp_path_factory.mktemp("machine") / "out"
+    assert main(run_arguments(out, "direct", 0.01)) == 0
+    return out / "bag"

@@ -93,6 +93,9 @@ def _paint_draft(axes: Axes, series: Series, scene: Scene) -> bool:
                 axes.plot(
                     times, _smooth(series, name), color=COLOURS[part], lw=1.2, label=f"{label}, {smoothed}"
                 )
+    for tool in scene.tools:  # of several shanks each has its own
+        if (name := f"draft.tool.{tool}_newton") in series:
+            axes.plot(times, _smooth(series, name), lw=0.8, ls=":", label=f"of it {tool}, {smoothed}")
     if scene.report.paper:
         low, high = paper.DRAFT_CYCLE_NEWTON
         _band(axes, low, high, f"paper: cycle {low:g} to {high:g} N")

@@ -95,7 +95,7 @@ class Frames:
             return
         soil = self._resolved.scene.particle_soil
         axes = [0, 2] if soil is not None and soil.bin.sides == "periodic" else [0, 1, 2]
-        whole = getattr(self._resolved.scene.record, "cloud_region", None) is None  # else they come and go
+        whole = self._resolved.scene.record.cloud_region is None  # else particles come and go
         times = {self.times_ns[0], *wanted}
         start: NDArray[np.float32] | None = None
         for cloud in self._reader.clouds(self._resolved.timing.interval_ns, at=lambda time: time in times):

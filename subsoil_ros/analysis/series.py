@@ -156,16 +156,20 @@ def _row(scene: Scene, records: dict[type, Any]) -> Cells:
 
 
 def _draft(scene: Scene, state: MechanismState | None, wrenches: ToolWrenches | None) -> Cells:
-    """Draft, and what the soil takes of it by kind of tool: the pull along +x, so minus the soil's force."""
+    """Draft, and what the soil takes of it by kind of tool, and by shank where there are several: the pull
+    along +x, so minus the soil's force.
+    """
     tools = wrenches.tools if wrenches is not None else ()
     if state is not None and scene.mechanism is not None and scene.mechanism.draft_driver is not None:
         yield "draft_newton", state.draft_newton
     elif tools:
         yield "draft_newton", -sum(tool.force_x_newton for tool in tools)
     for name, share in (("share", True), ("wheels", False)):
-        forces = [tool.force_x_newton for tool in tools if scene.tools[tool.tool].share is share]
-        if forces:
-            yield f"draft.{name}_newton", -sum(forces)
+        kind = [tool for tool in tools if scene.tools[tool.tool].share is share]
+        if kind:
+            yield f"draft.{name}_newton", -sum(tool.force_x_newton for tool in kind)
+        if share and len(kind) > 1:  # several shanks side by side
+            yield from ((f"draft.tool.{tool.tool}_newton", -tool.force_x_newton) for tool in kind)
 
 
 def _mechanism(scene: Scene, state: MechanismState) -> Cells:

@@ -107,7 +107,7 @@ def print_summary(summary: Summary, scene: Scene, directory: Path, console: Cons
         console.print(table)
     for line in summary_facts(summary, scene):
         console.print(line, soft_wrap=True, markup=False)
-    console.print(f"bag: {directory / 'bag'}", soft_wrap=True, markup=False)
+    console.print(_bag_words(directory / "bag"), soft_wrap=True, markup=False)
     figures = directory / "figures"
     if figures.is_dir():
         console.print(f"figures: {figures}", soft_wrap=True, markup=False)
@@ -140,6 +140,11 @@ def metrics_table(summary: Summary, scene: Scene) -> tuple[list[str], list[list[
     return headings, rows
 
 
+def _bag_words(bag: Path) -> str:
+    size_bytes = sum(path.stat().st_size for path in bag.glob("*.mcap"))
+    return f"bag: {bag}, {size_bytes / 1e6:.3g} MB (`subsoil bag info {bag}` says what takes the room)"
+
+
 def _losses(series: Series) -> Summary:
     """How many particles left the domain, and the time of the first row that counts one."""
     if "soil.lost_particle_count" not in series:
@@ -167,6 +172,7 @@ def _lines(scene: Scene, summary: Summary) -> list[tuple[str, str, float, int, p
     lines: list[tuple[str, str, float, int, paper.PaperValue | None]] = [
         ("draft [N]", "draft_newton", 1.0, 1, paper.DRAFT),
         ("  of it share [N]", "draft.share_newton", 1.0, 1, None),
+        *((f"    of it {tool} [N]", f"draft.tool.{tool}_newton", 1.0, 1, None) for tool in scene.tools),
         ("  of it wheels [N]", "draft.wheels_newton", 1.0, 1, None),
         ("spring force, compression + [N]", f"spring.{spring}.force_newton", 1.0, 1, paper.SPRING),
         ("share angle [rad]", f"body.{shank}.angle_rad", 1.0, 4, paper.ANGLE),

@@ -1,13 +1,20 @@
 """subsoil bag info|recover FILE: describes a bag, or mends one whose writer was killed."""
 
 import argparse
+import json
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
+from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from ..recording.bag_reader import BagReader
+from ..recording.bag_info import BagFacts, describe
+from ..recording.bag_reader import mcap_path
 from ..recording.recovery import recover
 
 SUMMARY = "describe a bag, or mend one whose writer was killed"
@@ -17,36 +24,93 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `subsoil bag`."""
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     for name, text in (
-        ("info", "print topics, types and message counts"),
+        ("info", "print topics with counts, rates and sizes, types, compression, and what is thinned"),
         ("recover", "mend a bag in its place; the damaged file is kept as FILE.damaged"),
     ):
         action = actions.add_parser(name, help=text, description=text)
         action.add_argument("file", type=Path, help="bag folder, its .mcap file, or the folder of a run")
+        if name == "info":
+            action.add_argument("--json", action="store_true", help="print it as JSON")
 
 
 def run(args: argparse.Namespace) -> int:
     """Describe or mend the bag."""
-    return _info(args.file) if args.action == "info" else _recover(args.file)
+    return _info(args.file, args.json) if args.action == "info" else _recover(args.file)
 
 
-def _info(path: Path) -> int:
-    reader = BagReader(path)
-    topics = reader.topics()
-    table = Table(title=str(reader.path), title_justify="left")
-    table.add_column("topic", overflow="fold")
-    table.add_column("type", overflow="fold")
-    table.add_column("messages", justify="right")
-    for topic in topics:
-        table.add_row(topic.name, topic.message_type, str(topic.message_count))
-    console = Console(width=None if sys.stdout.isatty() else 140)
-    console.print(table)
-    count = sum(topic.message_count for topic in topics)
-    console.print(f"{count} messages up to {reader.end_time_ns * 1e-9:.9g} s of simulated time")
+def _info(path: Path, as_json: bool) -> int:
+    with _bar(path, "reading") as on_progress:
+        facts = describe(path, on_progress)
+    if as_json:
+        print(json.dumps(_document(facts), indent=1))
+        return 0
+    console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
+    console.print(_topic_table(facts))
+    console.print(_type_table(facts))
+    for line in _lines(facts):
+        console.print(line, soft_wrap=True, markup=False)
     return 0
 
 
+@contextmanager
+def _bar(path: Path, text: str) -> Iterator[Callable[[int], None]]:
+    """A bar on a terminal while the bag at `path` is read; takes the bytes that are done."""
+    columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeRemainingColumn())
+    size_bytes = mcap_path(path).stat().st_size
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(text, total=size_bytes)
+        yield lambda done_bytes: progress.update(task, completed=done_bytes)
+
+
+def _topic_table(facts: BagFacts) -> Table:
+    table = Table(title=str(facts.path), title_justify="left")
+    table.add_column("topic", overflow="fold")
+    table.add_column("type", overflow="fold")
+    for heading in ("messages", "per s", "MB", "bytes each"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for topic in facts.topics:
+        each = f"{topic.size_bytes / topic.message_count:.0f}" if topic.message_count else ""
+        rate = f"{topic.rate_hz:.5g}" if topic.rate_hz else ""
+        size = f"{topic.size_bytes / 1e6:.3f}"
+        table.add_row(topic.name, topic.message_type, str(topic.message_count), rate, size, each)
+    return table
+
+
+def _type_table(facts: BagFacts) -> Table:
+    table = Table()
+    table.add_column("type")
+    table.add_column("hash", no_wrap=True)
+    for name, type_hash in sorted({topic.message_type: topic.type_hash for topic in facts.topics}.items()):
+        table.add_row(name, type_hash)
+    return table
+
+
+def _lines(facts: BagFacts) -> Iterator[str]:
+    start_ns, end_ns = facts.span_ns
+    span = f"{start_ns * 1e-9:.9g} to {end_ns * 1e-9:.9g} s of simulated time"
+    yield f"{facts.message_count} messages from {span}"
+    packing = facts.chunk_bytes / facts.packed_bytes if facts.packed_bytes else 1.0
+    yield (
+        f"{facts.file_bytes / 1e6:.3f} MB, {facts.chunk_count} chunks, {facts.compression} "
+        f"({packing:.2f} times smaller than before), profile '{facts.profile}', written by {facts.library}"
+    )
+    if facts.run_id:
+        end = "to its end" if facts.complete else "cut: its last grant is not END"
+        yield f"run {facts.run_id}, {end}"
+    for name, text in facts.notes.items():
+        yield f"{name}: {text}"
+
+
+def _document(facts: BagFacts) -> dict[str, Any]:
+    document = asdict(facts) | {"path": str(facts.path), "message_count": facts.message_count}
+    for topic, entry in zip(facts.topics, document["topics"], strict=True):
+        entry["rate_hz"] = topic.rate_hz
+    return document
+
+
 def _recover(path: Path) -> int:
-    result = recover(path)
+    with _bar(path, "mending") as on_progress:
+        result = recover(path, on_progress)
     if result.damaged_path is None:
         print(f"{result.path}: is whole, {result.message_count} messages; nothing was changed")
     else:

@@ -18,10 +18,11 @@ from ..coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
 from ..dem.bench.cases import DENSITY_KG_PER_M3, LINEAR, RADIUS_M
 from ..mbd.benchmark import SEVEN_BODIES
 from ..nodes.domain import run_domain
+from ..nodes.plan import Parameters
 from ..scene.document import dump_yaml
 from ..scene.loader import load_scene
 from .helics_peer import helics_cost
-from .supervisor import NodeProcess, Parameters, Supervisor, node_program, start_node
+from .supervisor import NodeProcess, Supervisor, node_program, start_node
 
 TICKS, QUICK_TICKS = 12_000, 2500
 WARM_UP_TICKS = 1500

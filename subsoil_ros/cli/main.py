@@ -11,7 +11,19 @@ from types import ModuleType
 from .. import __version__
 from ..errors import InterruptedRunError, SubsoilError
 
-VERBS = ("check", "run", "report", "render", "soil-test", "calibrate", "bag", "bench", "new", "schema")
+VERBS = (
+    "check",
+    "run",
+    "report",
+    "render",
+    "soil-test",
+    "calibrate",
+    "bag",
+    "bench",
+    "new",
+    "schema",
+    "urdf",
+)
 """Modules of this folder (a dash is an underscore there), each with SUMMARY, add_arguments(parser) and
 run(args) -> exit status."""
 

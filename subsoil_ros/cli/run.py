@@ -4,7 +4,6 @@ import argparse
 import os
 import shutil
 import time
-import uuid
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,23 +12,24 @@ from ..analysis.summary import print_summary, summarize, write_summary
 from ..analysis.versions import versions
 from ..coupling.control import build_controller
 from ..coupling.direct import run_direct
-from ..coupling.engines import Mover, build_mechanism, build_paths, build_soil
-from ..coupling.protocol import CONTROLLER, COUPLER, RECORDER, SOIL, participants
+from ..coupling.engines import build_soil
+from ..coupling.protocol import CONTROLLER, COUPLER
 from ..coupling.resumption import Keeper
-from ..errors import InputError, RecordingError, SceneError, SubsoilError
+from ..errors import InputError, RecordingError, SubsoilError
 from ..nodes.domain import run_domain
+from ..nodes.plan import RunPlan, checked_namespace
 from ..nodes.signals import caught_signals
-from ..recording.bag_writer import BagWriter
-from ..recording.checkpoint import Checkpoint
+from ..recording.bag_writer import open_bag
 from ..recording.joined import mend_earlier
 from ..recording.recovery import recover
-from ..scene.limits import step_notes
 from ..scene.loader import ResolvedScene, load_scene
 from .arguments import add_overrides
+from .live import add_live, live_port, say_where
+from .opened_run import OpenedRun, open_run
 from .preparation import KernelAnnouncer, announce_kernels_of_nodes
 from .progress import RunProgress, reading_bag
-from .resumption import CHECKPOINTS, checkpoint_facts, find_checkpoint, name_checkpoint, note_resumption
-from .supervisor import Parameters, Supervisor, node_program, start_node
+from .resumption import CHECKPOINTS, checkpoint_facts, name_checkpoint
+from .supervisor import Supervisor, node_program, start_node
 
 SUMMARY = "simulate a scene; DIR gets bag/, scene.yaml, series.csv, summary.json and log/"
 
@@ -59,11 +59,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="RUN",
         help="go on from the newest checkpoint in the folder of an earlier run of the same scene",
     )
+    add_live(parser)
     parser.add_argument(
         "--paused",
         action="store_true",
         help="nodes and composed: stand before the first tick until the coupler's services resume or step "
         "are called",
+    )
+    parser.add_argument(
+        "--namespace",
+        default="",
+        metavar="NAME",
+        help="nodes and composed: ROS namespace of all nodes and topics, /clock and /tf too, so that several "
+        "runs share a domain (ROS_DOMAIN_ID)",
     )
 
 
@@ -86,21 +94,13 @@ def run(args: argparse.Namespace) -> int:
 
 def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
     resolved = load_scene(args.scene, args.overrides)
-    resumed = find_checkpoint(args.resume, resolved) if args.resume is not None else None
+    namespace = checked_namespace(args.namespace)
     if args.mode == "direct":
         _refuse_direct(args, resolved)
-    try:
-        mover = build_mechanism(resolved) or build_paths(resolved)
-        _prepare_bed(resolved, args.threads)
-    except SceneError as error:
-        raise SceneError(f"{args.scene}: {error}") from error
-    out = _create_folder(Path(args.out))
-    resolved.write(out / "scene.yaml")
-    if resumed is not None:
-        note_resumption(resumed, args.resume, resolved, out)
-    run_id = uuid.uuid4().hex[:12]
-    for note in _notes(resolved):
-        print(note, flush=True)
+    live = live_port(args.live)
+    opened = open_run(resolved, args.scene, Path(args.out), args.threads, args.resume)
+    out, resumed = opened.out, opened.resumed
+    say_where(live)
     failure: SubsoilError | None = None
     signals: list[int] = []
 
@@ -112,13 +112,12 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
         with caught_signals(signals.append), RunProgress(resolved.scene.name, resolved.timing) as bar:
             progress = kernels.before(bar)
             if args.mode == "direct":
-                _run_direct(resolved, mover, run_id, out, args.threads, progress, stop_signal, resumed)
+                _run_direct(opened, args.threads, live, progress, stop_signal)
             elif args.mode == "composed":
-                _run_composed(
-                    resolved, run_id, out, args.threads, progress, stop_signal, resumed, args.paused
-                )
+                _run_composed(opened, args.threads, args.paused, live, namespace, progress, stop_signal)
             else:
-                _run_nodes(resolved, run_id, out, args.threads, progress, stop_signal, resumed, args.paused)
+                plan = opened.plan(args.threads, args.paused, supervised=True, live=live)
+                _run_nodes(plan, namespace, out / "log", progress, stop_signal)
     except SubsoilError as error:
         failure = error
     if failure is not None and failure.exit_status == InputError.exit_status and not bar.started:
@@ -136,6 +135,8 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
 
 def _refuse_direct(args: argparse.Namespace, resolved: ResolvedScene) -> None:
     """InputError if the run needs what only nodes can do."""
+    if args.namespace:
+        raise InputError("--namespace: a direct run has no nodes; use --mode nodes or composed")
     if args.paused:
         raise InputError("--paused: a direct run has no services to resume it; use --mode nodes or composed")
     if resolved.scene.controller is not None and build_controller(resolved) is None:
@@ -145,81 +146,62 @@ def _refuse_direct(args: argparse.Namespace, resolved: ResolvedScene) -> None:
         )
 
 
-def _say_what_it_waits_for(resolved: ResolvedScene, run_id: str, domain: int, paused: bool) -> None:
+def _say_what_it_waits_for(
+    resolved: ResolvedScene, run_id: str, domain: int, namespace: str, paused: bool
+) -> None:
     """Tells the user what must come from outside, and where."""
     if resolved.scene.controller is not None and build_controller(resolved) is None:
+        place = f", namespace {namespace}" if namespace else ""
         print(
-            f"waiting for a node '{CONTROLLER}' of run '{run_id}' in ROS_DOMAIN_ID={domain} "
+            f"waiting for a node '{CONTROLLER}' of run '{run_id}' in ROS_DOMAIN_ID={domain}{place} "
             "(controller.law: external)",
             flush=True,
         )
     if paused:
         print(
-            f"paused before the first tick; ROS_DOMAIN_ID={domain} ros2 service call /{COUPLER}/resume "
-            "std_srvs/srv/Trigger lets it go",
+            f"paused before the first tick; ROS_DOMAIN_ID={domain} ros2 service call "
+            f"{namespace}/{COUPLER}/resume std_srvs/srv/Trigger lets it go",
             flush=True,
         )
 
 
-def _prepare_bed(resolved: ResolvedScene, threads: int) -> None:
-    if resolved.scene.particle_soil is None:
-        return  # without particles none of their code is imported
-    from ..dem.beds.prepare import check_start
-    from .bed_preparation import prepare_bed_first
-
-    check_start(resolved)
-    prepare_bed_first(resolved, threads)
-
-
-def _notes(resolved: ResolvedScene) -> tuple[str, ...]:
-    soil = resolved.scene.particle_soil
-    of_the_step = step_notes(soil, resolved.timing.soil_step_s) if soil is not None else ()
-    return (*resolved.notes, *of_the_step)
-
-
-def _create_folder(out: Path) -> Path:
-    try:
-        out.mkdir(parents=True)
-    except FileExistsError:
-        raise InputError(
-            f"--out {out}: exists already; results are never written over, name another"
-        ) from None
-    except OSError as error:
-        raise InputError(
-            f"--out {out}: cannot be created ({error.strerror}); name a folder that can"
-        ) from error
-    return out
-
-
 def _run_direct(
-    resolved: ResolvedScene,
-    mover: Mover,
-    run_id: str,
-    out: Path,
+    opened: OpenedRun,
     threads: int,
+    live: int,
     progress: Callable[[int], None],
     stop_signal: Callable[[], int],
-    resumed: Checkpoint | None,
 ) -> None:
-    writer = BagWriter(out / "bag", resolved.scene, resolved.timing)
+    resolved, resumed = opened.resolved, opened.resumed
+    writer = open_bag(opened.out / "bag", resolved, live)
     try:
         soil = build_soil(resolved, threads)
-        keeper = Keeper(out / CHECKPOINTS, resolved, run_id, writer.sync)
+        keeper = Keeper(opened.out / CHECKPOINTS, resolved, opened.run_id, writer.sync)
         controller = build_controller(resolved, resumed)
-        run_direct(resolved, run_id, mover, soil, writer, progress, stop_signal, keeper, resumed, controller)
+        run_direct(
+            resolved,
+            opened.run_id,
+            opened.mover,
+            soil,
+            writer,
+            progress,
+            stop_signal,
+            keeper,
+            resumed,
+            controller,
+        )
     finally:
         writer.close()
 
 
 def _run_composed(
-    resolved: ResolvedScene,
-    run_id: str,
-    out: Path,
+    opened: OpenedRun,
     threads: int,
+    paused: bool,
+    live: int,
+    namespace: str,
     progress: Callable[[int], None],
     stop_signal: Callable[[], int],
-    resumed: Checkpoint | None,
-    paused: bool,
 ) -> None:
     with run_domain() as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
@@ -227,49 +209,35 @@ def _run_composed(
         from ..nodes.composed import run_composed, scene_builds  # the other modes need no ROS here
         from ..nodes.lifeline import NodeRun
 
-        node_run = NodeRun(run_id, resolved, out / CHECKPOINTS, resumed)
-        builds = scene_builds(node_run, out / "bag", threads, progress, paused)
-        _say_what_it_waits_for(resolved, run_id, domain, paused)
-        ending = run_composed(node_run, builds, stop_signal)
+        node_run = NodeRun(opened.run_id, opened.resolved, opened.out / CHECKPOINTS, opened.resumed)
+        builds = scene_builds(node_run, opened.out / "bag", threads, progress, paused, live)
+        _say_what_it_waits_for(opened.resolved, opened.run_id, domain, namespace, paused)
+        ending = run_composed(node_run, builds, stop_signal, namespace)
     if ending.exit_status:
         raise ending.error()
 
 
 def _run_nodes(
-    resolved: ResolvedScene,
-    run_id: str,
-    out: Path,
-    threads: int,
+    plan: RunPlan,
+    namespace: str,
+    logs: Path,
     progress: Callable[[int], None],
     stop_signal: Callable[[], int],
-    resumed: Checkpoint | None,
-    paused: bool,
 ) -> None:
     progress = announce_kernels_of_nodes(progress)
-    logs = out / "log"
     logs.mkdir()
-    parameters: Parameters = {
-        "scene": str((out / "scene.yaml").resolve()),
-        "run_id": run_id,
-        "supervised": True,
-        "checkpoints": str((out / CHECKPOINTS).resolve()),
-        "resume": str(resumed.path.resolve()) if resumed is not None else "",
-    }
-    own: dict[str, Parameters] = {
-        SOIL: {"threads": threads},
-        RECORDER: {"bag": str((out / "bag").resolve())},
-        COUPLER: {"paused": paused},
-    }
-    names = [*participants(resolved.scene), COUPLER]
-    if CONTROLLER in names and build_controller(resolved) is None:
-        names.remove(CONTROLLER)  # somebody else's
     with run_domain() as domain:
-        _say_what_it_waits_for(resolved, run_id, domain, paused)
+        _say_what_it_waits_for(plan.resolved, plan.run_id, domain, namespace, plan.paused)
         processes = [
             start_node(
-                name, node_program(name), logs / f"{name}.log", {**parameters, **own.get(name, {})}, domain
+                node.name,
+                node_program(node.name),
+                logs / f"{node.name}.log",
+                node.parameters,
+                domain,
+                namespace,
             )
-            for name in names
+            for node in plan.nodes()
         ]
         ending = Supervisor(processes, progress).follow(stop_signal)
     if ending.exit_status:

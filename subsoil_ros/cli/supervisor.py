@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +16,7 @@ from pathlib import Path
 from ..coupling.ending import KEEP_S, SIGNAL_STATUS, Ending, interrupted
 from ..coupling.protocol import COUPLER, RECORDER
 from ..errors import RunError
+from ..nodes.plan import Parameters, ros_arguments
 from ..nodes.shared_memory import sweep_shared_memory
 
 GRACE_S = 4.5
@@ -70,22 +71,16 @@ class NodeProcess:
         return lines[-1] if lines else "it left no message"
 
 
-Parameters = Mapping[str, str | int | bool]
-"""Parameters of a node by name."""
-
-
 def node_program(name: str) -> tuple[str, ...]:
     """The Python program of a node."""
     return ("-m", f"subsoil_ros.nodes.{name}_node")
 
 
 def start_node(
-    name: str, program: Sequence[str], log: Path, parameters: Parameters, domain: int
+    name: str, program: Sequence[str], log: Path, parameters: Parameters, domain: int, namespace: str = ""
 ) -> NodeProcess:
     """Starts a node in a session of its own, so that a Ctrl-C of the terminal reaches only this process."""
-    command = [sys.executable, *program, "--ros-args", "--disable-external-lib-logs"]
-    for key, value in parameters.items():
-        command += ["-p", f"{key}:={json.dumps(value, ensure_ascii=False)}"]
+    command = [sys.executable, *program, *ros_arguments(parameters, namespace)]
     environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", **os.environ, "ROS_DOMAIN_ID": str(domain)}
     with log.open("w", encoding="utf-8") as stream:
         popen = subprocess.Popen(

@@ -8,6 +8,7 @@ from ..messages import Command, Grant, MechanismState, ToolMotions, ToolWrenches
 from ..recording.checkpoint import Checkpoint
 from ..scene.loader import ResolvedScene
 from ..ticks import INITIAL_TICK, tick_end_ns
+from .cloud import recorded_cloud
 from .control import Controller
 from .ending import interrupted
 from .engines import Mechanism, Mover, Soil
@@ -102,7 +103,7 @@ def run_direct(
                 sink.write(soil.state(run_id, tick, end_ns))
             sink.write(work.report(run_id, tick, interval_ns, wall_time_s))
         if soil is not None and schedule.cloud_due(tick):
-            sink.write(soil.cloud(tick, end_ns))
+            sink.write(recorded_cloud(soil.cloud(tick, end_ns), resolved.scene.record))
         on_tick(tick)
         account.check(tick)
         state = CouplingState(tick, motions, wrenches, work, wall_time_s)

@@ -100,6 +100,11 @@ class InterfaceAccount:
         )
         return self.work
 
+    def nears_bound(self, part: float) -> bool:
+        """Whether the residual is above this part of its bound, where the bound applies."""
+        judged = self._bound is not None and self.work.absolute_work_joule > self._grace_joule
+        return judged and self.work.residual_ratio > part * (self._bound or 0.0)
+
     def check(self, tick: int) -> None:
         """Judges the account after `tick`.
 

@@ -385,6 +385,11 @@ class SoilEngine:
             *half_step_sums(p.position, p.velocity, p.spin, p.force, p.torque, *self._masses(), self._step_s)
         )
 
+    @property
+    def alternation(self) -> float:
+        """Part of the motion that turns round from step to step, 0 to 1 (dem.monitors)."""
+        return self._motion_sums().alternation
+
     def _largest_overlap(self) -> float:
         return self._scan_pairs()[1]
 

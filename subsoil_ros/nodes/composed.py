@@ -15,6 +15,7 @@ from ..coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL
 from . import controller_node, coupler_node, mechanism_node, recorder_node, soil_node
 from .lifeline import Lifeline, NodeRun
 from .lockstep_node import LockstepNode
+from .plan import ros_arguments
 from .process import NodeSettings, watched_by
 from .service import Service
 
@@ -23,11 +24,19 @@ Build = Callable[[NodeRun, Lifeline, Context], LockstepNode]
 
 
 def scene_builds(
-    run: NodeRun, bag: Path, threads: int, on_progress: Callable[[int], None], paused: bool = False
+    run: NodeRun,
+    bag: Path,
+    threads: int,
+    on_progress: Callable[[int], None],
+    paused: bool = False,
+    live: int = 0,
 ) -> dict[str, Build]:
-    """How the nodes of a scene are made, by name; an external controller is not among them."""
+    """How the nodes of a scene are made, by name; an external controller is not among them.
+
+    live: port of the recorder's live view; 0: there is none.
+    """
     settings = NodeSettings(
-        str(run.resolved.path), run.run_id, threads, str(bag), run.recorded, supervised=False
+        str(run.resolved.path), run.run_id, threads, str(bag), run.recorded, supervised=False, live=live
     )
     builds: dict[str, Build] = {
         MECHANISM: partial(mechanism_node.build, settings),
@@ -40,15 +49,19 @@ def scene_builds(
     return {name: builds[name] for name in (*run.participants, COUPLER) if name in builds}
 
 
-def run_composed(run: NodeRun, builds: Mapping[str, Build], stop_signal: Callable[[], int]) -> Ending:
+def run_composed(
+    run: NodeRun, builds: Mapping[str, Build], stop_signal: Callable[[], int], namespace: str = ""
+) -> Ending:
     """Runs the nodes until the run ends.
 
     Args:
         builds: of every node that the scene needs, and of the coupler.
         stop_signal: asked several times a second; a signal's number other than 0 ends the run.
+        namespace: of all nodes (plan.checked_namespace).
     """
     context = Context()
-    rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
+    words = ros_arguments({}, namespace)
+    rclpy.init(args=words, context=context, signal_handler_options=SignalHandlerOptions.NO)
     lifelines: dict[str, Lifeline] = {}
     services: dict[str, Service] = {}
     try:

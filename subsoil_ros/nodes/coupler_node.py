@@ -10,6 +10,7 @@ from rclpy.context import Context
 from ..coupling.ending import KEEP_S, SIGNAL_STATUS, Ending
 from ..coupling.exchange import InterfaceAccount, account_of
 from ..coupling.protocol import (
+    ACK_LAG_TICKS,
     CONTROLLER,
     COUPLER,
     MECHANISM,
@@ -37,17 +38,23 @@ from ..recording.topics import CLOCK
 from ..recording.types import message_class, serialize
 from ..ticks import INITIAL_TICK, tick_end_ns
 from .convert import rclpy_class
+from .diagnostics import Health, Level
 from .lifeline import STARTUP_S, Lifeline, NodeRun
 from .lockstep_node import LockstepNode, one_line
 from .pause_services import PauseServices
 from .process import NodeSettings, report_to_supervisor, run_process
 from .qos import PEOPLE_QOS
+from .run_control import RunControl
+from .simulation_services import SimulationServices, StepsAction
 
 DEADLINE_S = 60.0
 """A tick may take this long in any case; kernels that a later tick needs may have to be compiled."""
 
 DEADLINE_MEDIANS = 50.0
 """A tick may take so many times the median of the last ones."""
+
+NEAR = 0.5
+"""Part of a bound at which diagnostics warn (chosen: half)."""
 
 END_WORD_S = 10.0
 """Time for the word that the run is over to reach everybody."""
@@ -111,7 +118,10 @@ class CouplerNode(LockstepNode):
         self.listen(NodeHello, self._on_hello, names)
         if scene.controller is not None:
             self.listen(DriverCommand, self._on_command, (CONTROLLER,))
-        self._pausing = PauseServices(self, self._coupler, self._on_pacing, self._guarded)
+        self._control = RunControl(self._coupler, self._on_pacing, lifeline.request_stop)
+        self._pausing = PauseServices(self, self._control, self._guarded)
+        self._simulation = SimulationServices(self, self._control, self._guarded)
+        self._steps = StepsAction(lifeline, self._control)
 
     def on_poll(self) -> None:
         """Starts the run when all are ready; finds out what is late.
@@ -119,6 +129,7 @@ class CouplerNode(LockstepNode):
         Raises:
             RunError: a tick or the start-up takes longer than it may.
         """
+        self._steps.poll()
         now = time.monotonic()
         if self._account is None:
             if self._coupler.ready and self.matched:
@@ -131,6 +142,28 @@ class CouplerNode(LockstepNode):
         allowed_s = self._allowed_s()
         if now - self._last_advance > allowed_s:
             raise RunError(f"no {self._coupler.missing()} within {allowed_s:.0f} s")
+
+    def health(self) -> Health:
+        """The interface account, how long ticks take, how far the recorder is behind."""
+        coupler, account = self._coupler, self._account
+        if account is None:
+            return Health(message=f"waits for {coupler.missing()}")
+        coupling = self.run.resolved.scene.coupling
+        lag = coupler.done_tick - coupler.acknowledged_tick if self.run.recorded else 0
+        values: dict[str, str | float | int] = {
+            "state": "paused" if coupler.paused else "running",
+            "interface_residual_joule": account.work.residual_joule,
+            "interface_residual_ratio": account.work.residual_ratio,
+            "residual_bound": coupling.residual_bound,
+            "interface_work_joule": account.work.absolute_work_joule,
+            "tick_time_median_s": statistics.median(self._tick_times_s) if self._tick_times_s else 0.0,
+            "recorder_lag_ticks": lag,
+        }
+        if account.nears_bound(NEAR):
+            return Health(Level.WARN, "the interface energy residual comes near its bound", values)
+        if lag > NEAR * ACK_LAG_TICKS:
+            return Health(Level.WARN, f"the recorder is {lag} ticks behind; the disk is slow", values)
+        return Health(Level.OK, "paused" if coupler.paused else "running", values)
 
     def on_stop(self, stop: Ending) -> None:
         """A run that is interrupted writes a checkpoint first, if that is soon done.
@@ -165,7 +198,7 @@ class CouplerNode(LockstepNode):
     def on_fault(self, error: BaseException) -> None:
         """Tells everybody the tick at which the record is cut, and why."""
         self._grants.publish(self.bytes_of(self._coupler.abort(one_line(error))))
-        self._pausing.refuse_waiting(f"the run has ended: {one_line(error)}")
+        self._control.refuse_waiting(f"the run has ended: {one_line(error)}")
 
     @property
     def done_tick(self) -> int:
@@ -237,7 +270,7 @@ class CouplerNode(LockstepNode):
     def _follow(self) -> None:
         while (finished := self._coupler.take_finished()) is not None:
             self._account_for(finished)
-        self._pausing.note_done()
+        self._control.note_done()
         self._grant()
         if self._coupler.finished:
             self._end()
@@ -262,7 +295,7 @@ class CouplerNode(LockstepNode):
 
     def _end(self) -> None:
         self._on_progress(self._coupler.done_tick)
-        self._pausing.refuse_waiting("the run has ended")
+        self._control.refuse_waiting("the run has ended")
         self.lifeline.say(NodeState.ENDED)
         self.lifeline.flush(END_WORD_S)
         self.finish(0)

@@ -6,6 +6,7 @@ The thread runs while an engine computes: compiled kernels release the GIL.
 import os
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -115,6 +116,7 @@ class Lifeline:
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(HEARTBEAT_S, self._on_timer, clock=steady)
         self._closing = threading.Event()
+        self._destroys: list[Callable[[], None]] = []
         self._thread = threading.Thread(target=self._spin, name=f"{name}_lifeline", daemon=True)
 
     def start(self) -> None:
@@ -136,6 +138,11 @@ class Lifeline:
         self._publish()
 
     @property
+    def node(self) -> Node:
+        """The ROS node that is spun here."""
+        return self._node
+
+    @property
     def state(self) -> NodeState:
         """What was said last."""
         return self._hello.state
@@ -154,10 +161,16 @@ class Lifeline:
         """Waits until the last word has arrived."""
         self._publisher.wait_for_all_acked(Duration(seconds=timeout_s))
 
+    def at_close(self, destroy: Callable[[], None]) -> None:
+        """Has something destroyed that lives on the node, once nobody spins it."""
+        self._destroys.append(destroy)
+
     def close(self) -> None:
         """Falls silent."""
         self._closing.set()
         self._thread.join()
+        for destroy in self._destroys:
+            destroy()
         self._node.destroy_node()
 
     def _spin(self) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 from rclpy.context import Context
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy
 from rclpy.subscription import Subscription
@@ -17,12 +18,16 @@ from ..errors import ProtocolError, RunError, SubsoilError
 from ..messages import Grant, NodeHello, NodeState
 from ..recording.topics import TOPIC_OF
 from .convert import class_of, reader, writer
+from .diagnostics import Diagnostics, Health, Level
 from .lifeline import Lifeline, NodeRun
 from .message_loop import serve
 from .qos import qos_of
 
 POLL_S = 0.1
 """How often a node looks after what no message brings: matched endpoints, wishes to stop, silence."""
+
+OWN_TIME = [Parameter("use_sim_time", value=False)]
+"""These nodes make the simulated time: none follows /clock, whatever use_sim_time says to others."""
 
 LAST_WORD_S = 1.5
 """Time given to a last message to arrive; it is used up if somebody is dead."""
@@ -45,7 +50,12 @@ class LockstepNode(Node):
     """Pause after every wake-up; for nodes that nobody waits for."""
 
     def __init__(self, name: str, run: NodeRun, lifeline: Lifeline, context: Context | None = None) -> None:
-        super().__init__(name, context=context, start_parameter_services=False)
+        super().__init__(
+            name,
+            context=context,
+            start_parameter_services=False,
+            parameter_overrides=[*OWN_TIME, Parameter("start_type_description_service", value=False)],
+        )
         self.run = run
         self.lifeline = lifeline
         self.ended = threading.Event()
@@ -53,6 +63,7 @@ class LockstepNode(Node):
         self._interval_ns = run.resolved.timing.interval_ns
         self._writers: dict[type, Callable[[Any], bytes]] = {}
         self._partners: list[tuple[Publisher | Subscription, tuple[str, ...]]] = []
+        self._diagnostics = Diagnostics(self, run.run_id, self._interval_ns)
 
     def spin(self) -> None:
         """Serves until the node ends."""
@@ -109,6 +120,10 @@ class LockstepNode(Node):
     def on_poll(self) -> None:
         """Looks after what no message brings."""
 
+    def health(self) -> Health:
+        """What diagnostics say of the node beside its rate."""
+        return Health()
+
     def on_stop(self, stop: Ending) -> None:
         """Takes the wish, seen at every poll, that the node ends.
 
@@ -135,6 +150,8 @@ class LockstepNode(Node):
     def finish(self, exit_status: int, reason: str = "") -> None:
         """Ends the node."""
         self.ending = Ending(exit_status, reason)
+        level = Level.ERROR if exit_status else Level.OK
+        self._diagnostics.publish(Health(level, reason or "the run has ended"), self.lifeline.tick)
         self.ended.set()
 
     def finish_aborted(self, grant: Grant) -> None:
@@ -176,6 +193,8 @@ class LockstepNode(Node):
             raise RunError(self.lifeline.lost)
         self._refuse_other_publishers()
         self.on_poll()
+        if self._diagnostics.due():
+            self._diagnostics.publish(self.health(), self.lifeline.tick)
 
     def _refuse_other_publishers(self) -> None:
         """Raises ProtocolError if a lockstep topic has more publishers than the run."""

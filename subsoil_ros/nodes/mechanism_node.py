@@ -1,5 +1,7 @@
 """The mechanism as a node: advances each granted tick with the soil's last answer."""
 
+import time
+
 from rclpy.context import Context
 
 from ..coupling.engines import Mechanism, build_mechanism
@@ -18,8 +20,10 @@ from ..messages import (
     ToolWrenches,
 )
 from ..ticks import tick_end_ns
+from .diagnostics import Health
 from .lifeline import Lifeline, NodeRun
 from .lockstep_node import LockstepNode
+from .picture import Picture
 from .process import NodeSettings, run_process
 
 
@@ -44,10 +48,13 @@ class MechanismNode(LockstepNode):
             first_tick=run.first_tick,
         )
         self._keeper = run.keeper()
+        self._state: MechanismState | None = None  # the last one published
+        self._engine_s = 0.0  # spent in the engine
         listeners = (SOIL, COUPLER, RECORDER) if self._with_soil else (COUPLER, RECORDER)
         self._motions = self.publisher(ToolMotions, listeners)
         controllers = (CONTROLLER,) if scene.controller is not None else ()
         self._states = self.publisher(MechanismState, (RECORDER, *controllers))
+        self._picture = Picture(self, run.resolved)
         self._initial_motions = engine.initial_motions()
         self.lifeline.say(NodeState.STARTING, motions=self._initial_motions)
         self.listen(NodeHello, self._on_hello, ())
@@ -62,6 +69,14 @@ class MechanismNode(LockstepNode):
         """Says that it is ready once it has what tick 0 needs and everybody listens."""
         if self.lifeline.state is NodeState.STARTING and self._started and self.matched:
             self.lifeline.say(NodeState.READY, motions=self._initial_motions)
+
+    def health(self) -> Health:
+        """How well the constraints hold, from the last state published."""
+        values: dict[str, str | float | int] = {"engine_s": self._engine_s}
+        if self._state is not None:
+            names = ("position_residual_m", "velocity_residual_m_per_s", "draft_newton")
+            values |= {name: getattr(self._state, name) for name in names}
+        return Health(values=values)
 
     def _on_hello(self, hello: NodeHello) -> None:
         if hello.node == SOIL and hello.state is NodeState.READY and hello.run_id == self.run.run_id:
@@ -98,20 +113,24 @@ class MechanismNode(LockstepNode):
             end_ns = tick_end_ns(tick, self._interval_ns)
             if work.command is not None:
                 self._engine.command(work.command)
+            begin = time.perf_counter()
             motions = self._engine.advance(tick, work.wrenches)
+            self._engine_s += time.perf_counter() - begin
             if self._keeper is not None and self._keeper.due(tick):
                 self._keep(tick)  # before the answer: who has it knows that the part is there
             self._motions.publish(self.bytes_of(ToolMotions(self.run.run_id, tick, end_ns, motions)))
             if self._schedule.series_due(tick):
-                self._publish_state(tick)
+                self._picture.move(self._publish_state(tick), None, end_ns)
             self._participant.finish(tick)
             if self._keeper is not None and self._participant.finished:
                 self._keeper.note_end(tick, MECHANISM, self._engine)
             self.note_tick(tick, self._participant.finished)
 
-    def _publish_state(self, tick: int) -> None:
+    def _publish_state(self, tick: int) -> MechanismState:
         state = self._engine.state(self.run.run_id, tick, tick_end_ns(tick, self._interval_ns))
         self._states.publish(self.bytes_of(state))
+        self._state = state
+        return state
 
     def _keep(self, tick: int) -> None:
         if self._keeper is not None:

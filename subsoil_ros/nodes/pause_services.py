@@ -1,7 +1,6 @@
 """Pause, resume and step as services of the coupler: ~/pause, ~/resume (std_srvs/Trigger), ~/step.
 
-They are the operations that simulation_interfaces' SetSimulationState and StepSimulation need; the names of
-those are left free.
+The short way; simulation_services.py has the operations of simulation_interfaces.
 """
 
 from collections.abc import Callable
@@ -12,72 +11,45 @@ from rclpy.service import Service
 from std_srvs.srv import Trigger
 from subsoil_msgs.srv import Step
 
-from ..coupling.protocol import Coupler
-from ..errors import ProtocolError
+from .run_control import Answer, Result, RunControl
 
 
 class PauseServices:
-    """Serves a coupler. A pause and steps are answered when the run stands.
+    """Serves a coupler.
 
     Services are taken by message_loop.serve, which calls with the request and what the answer is sent to.
 
     Args:
-        changed: called when ticks may be granted again, or when the run begins to pause.
         guarded: makes a callback whose errors are the node's fault.
     """
 
     def __init__(
-        self,
-        node: Node,
-        coupler: Coupler,
-        changed: Callable[[], None],
-        guarded: Callable[[Callable[..., None]], Callable[..., None]],
+        self, node: Node, control: RunControl, guarded: Callable[[Callable[..., None]], Callable[..., None]]
     ) -> None:
-        self._coupler = coupler
-        self._changed = changed
-        self._waiting: list[tuple[int, Service, Any]] = []  # tick to be done, whom to answer
+        self._control = control
         self._pause = node.create_service(Trigger, "~/pause", guarded(self._on_pause))
         self._resume = node.create_service(Trigger, "~/resume", guarded(self._on_resume))
         self._step = node.create_service(Step, "~/step", guarded(self._on_step))
 
-    def note_done(self) -> None:
-        """Answers whoever waited for ticks that are done now."""
-        done = self._coupler.done_tick
-        waiting, self._waiting = self._waiting, []
-        for tick, service, header in waiting:
-            if tick > done:
-                self._waiting.append((tick, service, header))
-            else:
-                _answer(service, header, True, f"the run stands at the end of tick {done}", done)
-
-    def refuse_waiting(self, reason: str) -> None:
-        """Answers whoever waits that the run has ended."""
-        for _, service, header in self._waiting:
-            _answer(service, header, False, reason, self._coupler.done_tick)
-        self._waiting = []
-
     def _on_pause(self, request: Any, header: Any) -> None:
-        self._waiting.append((self._coupler.pause(), self._pause, header))
-        self._changed()
-        self.note_done()
+        self._control.pause(self._answer(self._pause, header))
 
     def _on_resume(self, request: Any, header: Any) -> None:
-        self._coupler.resume()
-        _answer(self._resume, header, True, "the run goes on", self._coupler.done_tick)
-        self._changed()
+        answer = Trigger.Response(success=True, message="the run goes on")
+        self._resume.send_response(answer, header)
+        self._control.resume()
 
     def _on_step(self, request: Any, header: Any) -> None:
-        try:
-            tick = self._coupler.step(request.steps)
-        except ProtocolError as error:
-            _answer(self._step, header, False, str(error), self._coupler.done_tick)
-            return
-        self._waiting.append((tick, self._step, header))
-        self._changed()
+        self._control.step(request.steps, self._answer(self._step, header))
 
+    def _answer(self, service: Service, header: Any) -> Answer:
+        def answer(result: Result, reason: str) -> None:
+            done = self._control.done_tick
+            response = service.srv_type.Response(  # type: ignore[attr-defined]
+                success=result is Result.OK, message=reason or f"the run stands at the end of tick {done}"
+            )
+            if service is self._step:
+                response.tick = done
+            service.send_response(response, header)
 
-def _answer(service: Service, header: Any, success: bool, message: str, tick: int) -> None:
-    response = service.srv_type.Response(success=success, message=message)  # type: ignore[attr-defined]
-    if service.srv_type is Step:
-        response.tick = tick
-    service.send_response(response, header)
+        return answer

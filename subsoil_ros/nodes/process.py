@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
-from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.msg import IntegerRange, ParameterDescriptor
+from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
@@ -22,7 +23,7 @@ from ..errors import InputError, RunError
 from ..recording.checkpoint import read_checkpoint
 from ..scene.loader import ResolvedScene, load_scene
 from .lifeline import Lifeline, NodeRun
-from .lockstep_node import LAST_WORD_S, LockstepNode, one_line
+from .lockstep_node import LAST_WORD_S, OWN_TIME, LockstepNode, one_line
 from .service import Service
 from .signals import caught_signals
 
@@ -43,6 +44,7 @@ class NodeSettings:
     paused: bool = False
     checkpoints: str = ""
     resume: str = ""
+    live: int = 0
 
     def node_run(self, resolved: ResolvedScene) -> NodeRun:
         """What all nodes of the run share.
@@ -59,34 +61,72 @@ class NodeSettings:
         )
 
 
-_DESCRIPTIONS: dict[str, tuple[Any, str]] = {
-    "scene": ("", "scene file, the same for all nodes"),
-    "run_id": ("run", "name of the run, the same for all nodes; other runs' messages are refused"),
-    "threads": (1, "threads of the soil engine; results do not depend on it"),
-    "bag": ("", "folder for the recorder's bag; it must not exist"),
-    "checkpoints": ("", "folder for checkpoints, the same for all nodes; empty: none are written"),
-    "resume": ("", "checkpoint to go on from, the same for all nodes; empty: from tick 0"),
-    "paused": (False, "the coupler: grant no tick before a call of its services resume or step"),
-    "recorded": (True, "whether the run has a recorder, the same for all nodes"),
-    "supervised": (False, "end when standard input ends, take wishes to stop from it"),
+_TEXT = "text; a number in quotes is one too: run_id:=\"'7'\""
+_FLAG = "true or false"
+LARGEST_THREAD_COUNT = 1024
+"""Of the parameter's range (chosen: more than any machine has)."""
+
+_RANGES = {"threads": (1, LARGEST_THREAD_COUNT), "live": (0, 65535)}
+
+PARAMETERS: dict[str, tuple[Any, str, str]] = {
+    "scene": ("", "scene file, the same for all nodes", "path of a scene file (.yaml)"),
+    "run_id": ("run", "name of the run, the same for all nodes; other runs' messages are refused", _TEXT),
+    "threads": (
+        1,
+        "threads of the soil engine; results do not depend on it",
+        f"a whole number from 1 to {LARGEST_THREAD_COUNT}",
+    ),
+    "bag": ("", "folder for the recorder's bag", "path of a folder that does not exist"),
+    "checkpoints": (
+        "",
+        "folder for checkpoints, the same for all nodes; empty: none are written",
+        "path of a folder, or empty",
+    ),
+    "resume": (
+        "",
+        "checkpoint to go on from, the same for all nodes; empty: from tick 0",
+        "path of a checkpoint of this scene, or empty",
+    ),
+    "live": (
+        0,
+        "the recorder: port on this machine of a live view for Foxglove; 0: there is none",
+        "a whole number from 0 to 65535",
+    ),
+    "paused": (False, "the coupler: grant no tick before a call of its services resume or step", _FLAG),
+    "recorded": (True, "whether the run has a recorder, the same for all nodes", _FLAG),
+    "supervised": (False, "end when standard input ends, take wishes to stop from it", _FLAG),
 }
+"""Of every node's process: default, description, what is allowed."""
 
 
-def read_settings(node: Node) -> NodeSettings:
-    """Declares the parameters on `node` and reads them.
+def read_settings(node: Node, name: str) -> NodeSettings:
+    """Declares the parameters on `node`, the process of the protocol's node `name`, and reads them.
 
     Raises:
-        InputError: no scene is given.
+        InputError: no scene is given, a parameter is not what it may be, or the node was renamed.
     """
-    values = {
-        name: node.declare_parameter(
-            name, default, ParameterDescriptor(description=description, read_only=True)
-        ).value
-        for name, (default, description) in _DESCRIPTIONS.items()
-    }
+    if node.get_name() != f"{name}_process":
+        raise InputError(
+            f"the node was renamed to '{node.get_name()}'; nodes of a run know each other by "
+            "their names, so use a namespace (-r __ns:=/NAME) instead"
+        )
+    values = {key: _declare(node, key) for key in PARAMETERS}
     if not values["scene"]:
-        raise InputError(f"{node.get_name()}: parameter 'scene' is empty; name a scene, -p scene:=FILE")
+        raise InputError("parameter 'scene' is empty; name a scene, -p scene:=FILE")
     return NodeSettings(**values)
+
+
+def _declare(node: Node, key: str) -> Any:
+    default, description, allowed = PARAMETERS[key]
+    descriptor = ParameterDescriptor(description=description, additional_constraints=allowed, read_only=True)
+    if key in _RANGES:
+        lowest, largest = _RANGES[key]
+        descriptor.integer_range = [IntegerRange(from_value=lowest, to_value=largest, step=1)]
+    try:
+        return node.declare_parameter(key, default, descriptor).value
+    except ParameterException as error:
+        words = " ".join(str(error).split())
+        raise InputError(f"parameter '{key}': needed is {allowed} ({words})") from error
 
 
 def watched_by(name: str, run: NodeRun) -> tuple[str, ...]:
@@ -117,12 +157,12 @@ def run_process(name: str, build: Callable[..., LockstepNode]) -> int:
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     try:
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
-        node = Node(f"{name}_process")
+        node = Node(f"{name}_process", parameter_overrides=OWN_TIME)
     except RuntimeError as error:  # rcl's are such; security asked for, say, and not to be had
         say(f"{name}: no ROS node can be made: {' '.join(str(error).split())}")
         return RunError.exit_status
     try:
-        settings = read_settings(node)
+        settings = read_settings(node, name)
         run = settings.node_run(load_scene(settings.scene))
     except InputError as error:
         say(f"{name}: {one_line(error)}")

@@ -41,7 +41,15 @@ PEOPLE_QOS = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=10,
 )
-"""Poses, wrenches and /clock: live, for whoever listens; the bag derives its own."""
+"""Poses, wrenches, /tf and /clock: live, for whoever listens; the bag derives its own."""
+
+LATCHED_QOS = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1,
+)
+"""What is said once and kept for who comes later: the machine's description, its tools."""
 
 
 def qos_of(kind: type) -> QoSProfile:

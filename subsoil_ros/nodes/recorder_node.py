@@ -25,11 +25,12 @@ from ..messages import (
     ToolMotions,
     ToolWrenches,
 )
-from ..recording.bag_writer import BagWriter
+from ..recording.bag_writer import BagWriter, open_bag
 from ..recording.topics import TOPIC_OF
 from ..scene.loader import ResolvedScene
 from ..ticks import INITIAL_TICK, NANOSECONDS_PER_SECOND
 from .convert import reader
+from .diagnostics import Health
 from .lifeline import Lifeline, NodeRun
 from .lockstep_node import LockstepNode
 from .process import NodeSettings, run_process
@@ -124,6 +125,11 @@ class RecorderNode(LockstepNode):
             self.get_logger().warning(f"the record is cut early; not here: {self._barrier.missing()}")
             self._end_aborted(self._abort)
 
+    def health(self) -> Health:
+        """How far the record is on the disk, and what it waits for."""
+        barrier = self._barrier
+        return Health(values={"recorded_tick": barrier.done_tick, "waits_for": barrier.missing()})
+
     def on_fault(self, error: BaseException) -> None:
         """Leaves a readable bag, if the disk lets it; with all whole ticks if nobody is left to cut it."""
         try:
@@ -216,12 +222,12 @@ def build(
     """The node with its bag.
 
     Raises:
-        InputError: no folder is named, or it exists, or cannot be created.
+        InputError: no folder is named, or it exists, or cannot be created, or the live view cannot serve.
     """
     if not settings.bag:
         raise InputError("recorder: parameter 'bag' is empty; name the folder for the bag, -p bag:=FOLDER")
-    scene, timing = run.resolved.scene, run.resolved.timing
-    return RecorderNode(BagWriter(Path(settings.bag), scene, timing), run, lifeline, context)
+    writer = open_bag(Path(settings.bag), run.resolved, settings.live)
+    return RecorderNode(writer, run, lifeline, context)
 
 
 def main() -> int:

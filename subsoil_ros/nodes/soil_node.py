@@ -1,7 +1,11 @@
 """The soil as a node: answers the motions of each tick with the wrenches on the tools."""
 
+import time
+from dataclasses import fields
+
 from rclpy.context import Context
 
+from ..coupling.cloud import recorded_cloud
 from ..coupling.engines import Mover, Resumable, Soil, build_paths, build_soil
 from ..coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL, Needs, Participant
 from ..coupling.resumption import PATHS, CouplingState, restore_engine
@@ -24,10 +28,16 @@ from ..recording.topics import pose_topic, wrench_topic
 from ..recording.types import message_class, serialize
 from ..ticks import tick_end_ns
 from .convert import rclpy_class
+from .diagnostics import Health, Level
 from .lifeline import Lifeline, NodeRun
 from .lockstep_node import LockstepNode
+from .picture import Picture
 from .process import NodeSettings, run_process
 from .qos import PEOPLE_QOS
+
+_MONITORS = tuple(
+    item.name for item in fields(SoilState) if item.name not in ("run_id", "tick", "end_time_ns")
+)
 
 
 class SoilNode(LockstepNode):
@@ -56,6 +66,8 @@ class SoilNode(LockstepNode):
             run.run_id, timing.tick_count, needs, tuple(scene.tools), first_tick=run.first_tick
         )
         self._keeper = run.keeper()
+        self._state: SoilState | None = None  # the last one published
+        self._engine_s = 0.0  # spent in the engine
         self._initial_motions: tuple[ToolMotion, ...] = ()
         self._last_wrenches: tuple[ToolWrench, ...] | None = None  # None: the soil has not answered yet
         listeners = (COUPLER, RECORDER) if mover is not None else (MECHANISM, COUPLER, RECORDER)
@@ -74,6 +86,7 @@ class SoilNode(LockstepNode):
             )
             for name in scene.tools
         }
+        self._picture = Picture(self, run.resolved) if mover is not None else None
         self.listen(Grant, self._on_grant, (COUPLER,))
         if mover is None:
             self.listen(ToolMotions, self._on_motions, (MECHANISM,))
@@ -90,6 +103,17 @@ class SoilNode(LockstepNode):
         if self._last_wrenches is not None and self.matched:
             motions = self._initial_motions if self._mover is not None else ()
             self.lifeline.say(NodeState.READY, motions=motions, wrenches=self._last_wrenches)
+
+    def health(self) -> Health:
+        """What the monitors of the last state published say; of a reduced soil there is none."""
+        values: dict[str, str | float | int] = {"engine_s": self._engine_s}
+        state = self._state
+        if state is None or self.run.resolved.scene.particle_soil is None:
+            return Health(values=values)
+        values |= {name: getattr(state, name) for name in _MONITORS}
+        if state.lost_particle_count:
+            return Health(Level.WARN, f"{state.lost_particle_count} particles left the bin", values)
+        return Health(values=values)
 
     def _start(self, motions: tuple[ToolMotion, ...]) -> None:
         self._initial_motions = motions
@@ -128,15 +152,19 @@ class SoilNode(LockstepNode):
             if self._mover is not None:
                 motions = self._mover.advance(tick, self._last_wrenches or ())
                 self._motions.publish(self.bytes_of(ToolMotions(self.run.run_id, tick, end_ns, motions)))
+            begin = time.perf_counter()
             wrenches = self._last_wrenches = self._engine.advance(tick, motions)
+            self._engine_s += time.perf_counter() - begin
             if self._keeper is not None and self._keeper.due(tick):
                 self._keep(tick)  # before the answer: who has it knows that the part is there
             self._wrenches.publish(self.bytes_of(ToolWrenches(self.run.run_id, tick, end_ns, wrenches)))
             if self._schedule.series_due(tick):
-                self._states.publish(self.bytes_of(self._engine.state(self.run.run_id, tick, end_ns)))
+                self._state = self._engine.state(self.run.run_id, tick, end_ns)
+                self._states.publish(self.bytes_of(self._state))
                 self._publish_for_people(motions, wrenches, end_ns)
             if self._schedule.cloud_due(tick):
-                self._clouds.publish(self.bytes_of(self._engine.cloud(tick, end_ns)))
+                cloud = recorded_cloud(self._engine.cloud(tick, end_ns), self.run.resolved.scene.record)
+                self._clouds.publish(self.bytes_of(cloud))
             self._participant.finish(tick)
             if self._keeper is not None and self._participant.finished:
                 for part, engine in self._parts():
@@ -157,6 +185,9 @@ class SoilNode(LockstepNode):
         self, motions: tuple[ToolMotion, ...], wrenches: tuple[ToolWrench, ...], end_ns: int
     ) -> None:
         scene = self.run.resolved.scene
+        if self._picture is not None:
+            moved = ToolMotions(self.run.run_id, end_ns // self._interval_ns - 1, end_ns, motions)
+            self._picture.move(None, moved, end_ns)
         for motion, wrench in zip(motions, wrenches, strict=True):
             self._poses[motion.tool].publish(serialize(pose_stamped(message_class, motion, end_ns)))
             frame = body_frame(scene, wrench.tool)

@@ -3,7 +3,7 @@
 import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import zstandard
 from mcap.exceptions import McapError
@@ -17,16 +17,10 @@ from .conversion import cloud_from_message, from_message, message_type
 from .topics import RECORD_OF, TOPIC_OF, bag_topic
 from .types import deserialize
 
-_BROKEN = (McapError, struct.error, zstandard.ZstdError, ValueError)
+BROKEN = (McapError, struct.error, zstandard.ZstdError, ValueError)
+"""What the readers of MCAP, its strings and its chunks meet where a file is cut or overwritten."""
+
 _KIND_OF_BAG_TOPIC = {bag_topic(topic): kind for topic, kind in RECORD_OF.items()}
-
-
-class TopicCount(NamedTuple):
-    """A topic of a bag."""
-
-    name: str
-    message_type: str
-    message_count: int
 
 
 def mcap_path(path: Path) -> Path:
@@ -46,6 +40,13 @@ def mcap_path(path: Path) -> Path:
     raise InputError(f"{path}: no bag there; give a bag folder, an .mcap file or the folder of a run")
 
 
+def damaged(path: Path, why: object) -> RecordingError:
+    """The error that names the cure of a bag that was not closed or is damaged."""
+    return RecordingError(
+        f"{path}: the bag was not closed or is damaged ({why}); mend it with `subsoil bag recover {path}`"
+    )
+
+
 class BagReader:
     """Reads a finished bag. Memory is bounded by a few chunks, not by the bag."""
 
@@ -60,20 +61,12 @@ class BagReader:
         try:
             with self.path.open("rb") as stream:
                 summary = make_reader(stream).get_summary()
-        except _BROKEN as error:
-            raise self._damaged(error) from error
+        except BROKEN as error:
+            raise damaged(self.path, error) from error
         if summary is None or summary.statistics is None:
-            raise self._damaged("it has no index")
+            raise damaged(self.path, "it has no index")
         self._summary: Summary = summary
         self._statistics: Statistics = summary.statistics
-
-    def topics(self) -> list[TopicCount]:
-        """Every topic, in the order of their first messages."""
-        counts = self._statistics.channel_message_counts
-        return [
-            TopicCount(channel.topic, self._summary.schemas[channel.schema_id].name, counts.get(number, 0))
-            for number, channel in self._summary.channels.items()
-        ]
 
     def schema_texts(self) -> dict[str, str]:
         """Schema of every message type in the bag."""
@@ -114,11 +107,5 @@ class BagReader:
                 reader = make_reader(stream, validate_crcs=True)
                 for _, channel, message in reader.iter_messages(topics):
                     yield channel.topic, message.log_time, message.data
-        except _BROKEN as error:
-            raise self._damaged(error) from error
-
-    def _damaged(self, why: object) -> RecordingError:
-        return RecordingError(
-            f"{self.path}: the bag was not closed or is damaged ({why}); mend it with "
-            f"`subsoil bag recover {self.path}`"
-        )
+        except BROKEN as error:
+            raise damaged(self.path, error) from error

@@ -1,18 +1,24 @@
-"""Records of a run into a bag: the same content whether records or CDR bytes come in."""
+"""Records of a run into a bag, and into a live view: the same content whether records or bytes come in."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..errors import ProtocolError
-from ..messages import Grant, MechanismState, ToolMotions, ToolWrenches
+from ..errors import InputError, ProtocolError
+from ..messages import CouplingReport, Grant, MechanismState, SoilState, ToolMotions, ToolWrenches
+from ..scene.cloud import SPEED_BITS, position_step_m
 from ..scene.limits import Timing
+from ..scene.loader import ResolvedScene
 from ..scene.model import Scene
 from ..ticks import INITIAL_TICK, every_ticks, tick_end_ns
 from .bag_folder import BagFolder, TopicInfo
 from .conversion import from_message, message_type, to_message
+from .description import latched_messages
+from .live import SERIES_DEPTH, LiveView
 from .standard import body_frame, clock, pose_stamped, transforms, wrench_stamped
 from .topics import (
     CLOCK,
+    LATCHED,
     RECORD_OF,
     TOPIC_OF,
     TRANSFORMS,
@@ -20,12 +26,15 @@ from .topics import (
     derived_topics,
     pose_topic,
     qos_profile,
+    recorded_topics,
     wrench_topic,
 )
 from .types import deserialize, message_class, schema_text, serialize, type_hash
 
 _RANK = {topic: rank for rank, topic in enumerate(RECORD_OF)}
 _NEEDED_FOR_PEOPLE = {TOPIC_OF[kind] for kind in (ToolMotions, ToolWrenches, MechanismState)}
+_NEWEST_ONLY = {CLOCK, *RECORD_OF} - {TOPIC_OF[kind] for kind in (MechanismState, SoilState, CouplingReport)}
+"""What comes with every tick, and clouds: a live view shows the newest of those that came meanwhile."""
 
 
 class _Held(NamedTuple):
@@ -43,11 +52,21 @@ class BagWriter:
     wrenches and /tf, then by /clock. Not for use from several threads at once.
     """
 
-    def __init__(self, directory: Path, scene: Scene, timing: Timing) -> None:
+    def __init__(
+        self,
+        directory: Path,
+        scene: Scene,
+        timing: Timing,
+        latched: Mapping[str, Any] | None = None,
+        live_port: int = 0,
+    ) -> None:
         """Creates `directory` with the bag in it.
 
+        latched: messages by topic (description.latched_messages), written at the time of the first tick.
+        live_port: where a live view serves; 0: there is none.
+
         Raises:
-            InputError: it exists or cannot be created.
+            InputError: it exists or cannot be created, or the live view cannot serve.
             RecordingError: subsoil_msgs is not there.
         """
         self._scene = scene
@@ -55,11 +74,18 @@ class BagWriter:
         self._last_tick = timing.tick_count - 1
         self._series_ticks = scene.record.series_ticks
         self._types = {topic: message_type(kind) for topic, kind in RECORD_OF.items()}
-        self._types.update(derived_topics(scene))
+        self._types.update(derived_topics(scene) | LATCHED)
+        self._latched = dict(latched or {})  # not yet written
         self._tick = INITIAL_TICK
         self._held: list[_Held] = []  # of self._tick
         schema_text(message_type(Grant))  # without message definitions there is no bag
-        self._folder = BagFolder(directory, notes=_notes(scene, timing))
+        self._live = self._open_live_view(live_port) if live_port else None
+        try:
+            self._folder = BagFolder(directory, notes=_notes(scene, timing))
+        except InputError:
+            if self._live is not None:
+                self._live.close()
+            raise
 
     def write(self, record: Any) -> None:
         """Takes any record of messages.py.
@@ -103,7 +129,11 @@ class BagWriter:
             if held:
                 self._write_tick(self._tick, held)
         finally:
-            self._folder.close()
+            try:
+                self._folder.close()
+            finally:
+                if self._live is not None:
+                    self._live.close()
 
     def _hold(self, tick: int, held: _Held) -> None:
         if tick < self._tick:
@@ -119,6 +149,9 @@ class BagWriter:
 
     def _write_tick(self, tick: int, held: list[_Held]) -> None:
         time_ns = tick_end_ns(tick, self._interval_ns)
+        for topic, message in self._latched.items():
+            self._emit_message(topic, time_ns, message)
+        self._latched = {}
         held.sort(key=lambda item: item.rank)  # stable: equal topics stay in their order
         for item in held:
             self._emit(item.topic, time_ns, item.data)
@@ -157,21 +190,55 @@ class BagWriter:
     def _emit(self, topic: str, time_ns: int, data: bytes) -> None:
         name = bag_topic(topic)
         if name not in self._folder:
-            kind = self._types[topic]
-            self._folder.add_topic(
-                TopicInfo(name, kind, schema_text(kind), type_hash(kind), [qos_profile(topic)])
-            )
+            self._folder.add_topic(self._info(topic))
         self._folder.write(name, time_ns, data)
+        if self._live is not None:
+            self._live.write(name, time_ns, data)
+
+    def _info(self, topic: str) -> TopicInfo:
+        kind = self._types[topic]
+        return TopicInfo(bag_topic(topic), kind, schema_text(kind), type_hash(kind), [qos_profile(topic)])
+
+    def _open_live_view(self, port: int) -> LiveView:
+        """A view with every topic of the run from the start."""
+        live = LiveView(port, f"subsoil {self._scene.name}")
+        for topic in (*self._latched, *recorded_topics(self._scene)):
+            live.add_topic(self._info(topic), 1 if topic in _NEWEST_ONLY else SERIES_DEPTH)
+        return live
 
 
 def _notes(scene: Scene, timing: Timing) -> dict[str, str]:
     """What a reader cannot see from the messages: what is recorded of every tick, and what is thinned."""
+    record = scene.record
     cloud_ticks = 0
     if scene.particle_soil is not None:
-        cloud_ticks = every_ticks(scene.record.cloud_hz, timing.interval_ns)
-    return {
+        cloud_ticks = every_ticks(record.cloud_hz, timing.interval_ns)
+    notes = {
         "interval_ns": str(timing.interval_ns),
         "lockstep_messages": "every tick",
-        "series": f"every {scene.record.series_ticks} ticks, and the last",
+        "series": f"every {record.series_ticks} ticks, and the last",
         "clouds": f"thinned: every {cloud_ticks} ticks, and the last" if cloud_ticks else "none",
     }
+    if cloud_ticks and record.cloud_region is not None:
+        spans = zip("xyz", record.cloud_region.spans_m, strict=True)
+        named = ", ".join(f"{axis} {span[0]:g} to {span[1]:g} m" for axis, span in spans if span)
+        notes["cloud_region"] = f"thinned: only particles with their centre in {named}"
+    if cloud_ticks and record.cloud_resolution_m > 0.0:
+        step_m = position_step_m(record.cloud_resolution_m)
+        notes["cloud_resolution"] = (
+            f"rounded: positions to multiples of {step_m:.6g} m, speeds to {SPEED_BITS} significant bits"
+        )
+    return notes
+
+
+def open_bag(directory: Path, resolved: ResolvedScene, live_port: int = 0) -> BagWriter:
+    """The writer of a run's bag, which also describes the machine.
+
+    live_port: where a live view serves; 0: there is none.
+
+    Raises:
+        InputError: the folder exists or cannot be created, or the live view cannot serve.
+        RecordingError: subsoil_msgs is not there.
+    """
+    latched = latched_messages(message_class, resolved)
+    return BagWriter(directory, resolved.scene, resolved.timing, latched, live_port)

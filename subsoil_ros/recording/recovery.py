@@ -1,23 +1,17 @@
 """Mends a bag whose writer was killed: every whole chunk is read in sequence and written anew."""
 
 import shutil
-import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
-import zstandard
-from mcap.exceptions import McapError
 from mcap.records import Channel, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 
 from ..errors import InputError, RecordingError
 from .bag_folder import NOTES, BagFolder, TopicInfo
-from .bag_reader import mcap_path
-
-# what the readers of MCAP, its strings and its chunks meet where a file is cut or overwritten
-_BROKEN = (McapError, struct.error, zstandard.ZstdError, ValueError)
+from .bag_reader import BROKEN, mcap_path
 
 
 @dataclass(frozen=True)
@@ -30,11 +24,11 @@ class Recovery:
     end_time_ns: int
 
 
-def recover(path: Path) -> Recovery:
+def recover(path: Path, on_progress: Callable[[int], None] = lambda done_bytes: None) -> Recovery:
     """Mends the bag at `path` (bag folder, .mcap file or folder of a run) in its place.
 
     The damaged file is kept as NAME.damaged. A bag that is whole is left as it is. The messages of the
-    chunk that was being written are lost.
+    chunk that was being written are lost. `on_progress` is called now and then with the bytes that were read.
 
     Raises:
         InputError: there is no bag, or an earlier recovery's remains are in the way.
@@ -49,7 +43,7 @@ def recover(path: Path) -> Recovery:
             if obstacle.exists():
                 raise InputError(f"{obstacle}: is left from an earlier recovery; move it away first")
     try:
-        return _recover(source, fresh, kept, whole)
+        return _recover(source, fresh, kept, whole, on_progress)
     except (OSError, RecordingError) as error:
         cause = error if isinstance(error, OSError) else error.__cause__
         if not isinstance(cause, OSError):
@@ -61,13 +55,15 @@ def recover(path: Path) -> Recovery:
         ) from error
 
 
-def _recover(source: Path, fresh: Path, kept: Path, whole: bool) -> Recovery:
+def _recover(
+    source: Path, fresh: Path, kept: Path, whole: bool, on_progress: Callable[[int], None]
+) -> Recovery:
     directory = source.parent
     channels: dict[int, str] = {}
     schemas: dict[int, Schema] = {}
     folder = None if whole else BagFolder(fresh, source.name, _notes(source))
     count, end_ns = 0, 0
-    for record in _readable(source):
+    for record in _readable(source, on_progress):
         if isinstance(record, Schema):
             schemas[record.id] = record
         elif isinstance(record, Channel):
@@ -130,15 +126,18 @@ def _is_whole(path: Path) -> bool:
         with path.open("rb") as stream:
             for _ in StreamReader(stream, validate_crcs=True).records:
                 pass
-    except _BROKEN:
+    except BROKEN:
         return False
     return True
 
 
-def _readable(path: Path) -> Iterator[object]:
+def _readable(path: Path, on_progress: Callable[[int], None] = lambda done_bytes: None) -> Iterator[object]:
     """Records up to the first that is cut off or damaged."""
     with path.open("rb") as stream:
         try:
-            yield from StreamReader(stream, validate_crcs=True).records
-        except _BROKEN:
+            for number, record in enumerate(StreamReader(stream, validate_crcs=True).records):
+                yield record
+                if number % 1000 == 0:
+                    on_progress(stream.tell())
+        except BROKEN:
             return  # the end of what can be read

@@ -15,6 +15,7 @@ from ..messages import (
     ToolWrenches,
 )
 from ..scene.model import Scene
+from .conversion import message_type
 
 BAG_NAMESPACE = "/subsoil"
 """Topics stand below it in every bag, whatever namespace the nodes ran in."""
@@ -39,6 +40,13 @@ TOPIC_OF: dict[type, str] = {
 RECORD_OF: dict[str, type] = {topic: kind for kind, topic in TOPIC_OF.items()}
 
 CLOCK, TRANSFORMS = "/clock", "/tf"
+ROBOT_DESCRIPTION, TOOL_MARKERS = "/robot_description", "tool_markers"
+
+LATCHED: dict[str, str] = {
+    ROBOT_DESCRIPTION: "std_msgs/msg/String",
+    TOOL_MARKERS: "visualization_msgs/msg/MarkerArray",
+}
+"""Said once, before the first tick, and kept for who comes later: topic -> message type."""
 
 
 def pose_topic(tool: str) -> str:
@@ -60,6 +68,20 @@ def derived_topics(scene: Scene) -> dict[str, str]:
     return topics
 
 
+def recorded_topics(scene: Scene) -> dict[str, str]:
+    """Every topic that a run of the scene writes beside the latched ones: topic -> message type."""
+    kinds: list[type] = [Grant, ToolMotions, CouplingReport]
+    if scene.controller is not None:
+        kinds.append(DriverCommand)
+    if scene.mechanism is not None:
+        kinds.append(MechanismState)
+    if scene.soil is not None:
+        kinds += [ToolWrenches, SoilState]
+    if scene.particle_soil is not None and scene.record.cloud_hz > 0.0:
+        kinds.append(SoilCloud)
+    return {TOPIC_OF[kind]: message_type(kind) for kind in kinds} | derived_topics(scene)
+
+
 def bag_topic(topic: str) -> str:
     """Name of a topic inside a bag."""
     return topic if topic.startswith("/") else f"{BAG_NAMESPACE}/{topic}"
@@ -68,12 +90,13 @@ def bag_topic(topic: str) -> str:
 def qos_profile(topic: str) -> dict[str, Any]:
     """Offered QoS as rosbag2 metadata (version 9) writes it, so that a replay offers the same."""
     lockstep = topic in RECORD_OF and topic != TOPIC_OF[SoilCloud]
+    latched = topic in LATCHED
     unlimited = {"sec": 9223372036, "nsec": 854775807}
     return {
         "history": "keep_last",
-        "depth": LOCKSTEP_DEPTH if lockstep else 10,
+        "depth": LOCKSTEP_DEPTH if lockstep else 1 if latched else 10,
         "reliability": "reliable",
-        "durability": "volatile",
+        "durability": "transient_local" if latched else "volatile",
         "deadline": dict(unlimited),
         "lifespan": dict(unlimited),
         "liveliness": "automatic",

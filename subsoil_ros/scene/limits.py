@@ -14,10 +14,10 @@ DENSE_COORDINATION = 10.4
 """Damped contacts per particle of random close packing under the wet law (SOIL_FINDINGS.md). A cubic
 grid starts with 6, but where a tool compacts it, it comes near this, so the limits use it."""
 
-SAFETY = 0.8
-"""Part of the smallest limit that `time_step_s: auto` takes (chosen: the densest neighbourhoods of a dense
-random bed damp faster than its mean coordination says; the largest eigenvalue of its tangential dampers
-leaves 0.86 of the limit, with 4,360 and with 19,950 particles, and at 0.9 the resting bed spins)."""
+SAFETY = 0.6
+"""Part of the smallest limit that `time_step_s: auto` takes (measured, docs/physics.md: at rest the densest
+neighbourhoods of a dense random bed damp faster than its mean coordination says and leave 0.86 of the limit;
+the wedge that a share compacts, up to 16 damped contacts a particle, spins from 0.69 on, is calm at 0.63)."""
 
 RAYLEIGH_PART = 0.2
 """Part of the Rayleigh time that a step may take under the Hertz law (usual: 0.1 to 0.2)."""

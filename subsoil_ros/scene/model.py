@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from .base import Finite, NonNegative, Part, Positive
+from .cloud import CloudRegion
 from .controller import Controller, DraftLimit, HoldHeight
 from .laws import ConstantLaw
 from .mechanism import Driver, Mechanism, WheelContact
@@ -40,7 +41,9 @@ class Record(Part):
     """What goes into the bag, and how often. Lockstep messages are always recorded, all of them."""
 
     series_ticks: int = Field(default=20, ge=1)  # series, poses, wrenches, /tf every so many ticks
-    cloud_hz: NonNegative = 10.0  # soil clouds per simulated second; 0: only none
+    cloud_hz: NonNegative = 10.0  # soil clouds per simulated second; 0: none
+    cloud_region: CloudRegion | None = None  # particles with their centre outside of it are left out
+    cloud_resolution_m: Annotated[float, Field(ge=0.0, le=0.1)] = 0.0  # positions are rounded to it; 0: not
     checkpoint_s: NonNegative = 0.5  # simulated seconds between checkpoints; 0: none but on SIGTERM or SIGINT
 
 

@@ -22,7 +22,7 @@ from subsoil_ros.recording.joined import open_record
 from subsoil_ros.scene.loader import load_scene
 
 from ..ros.conftest import LIMIT_S, SCENE, Run, messages, run_arguments, wait_until_gone
-from ..ros.test_controller import CHANGES, CONTROL
+from ..ros.test_controller import CHANGES, CONTROL, LATCHED_IN_BAG
 from .test_modes import without_run
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -71,7 +71,8 @@ def summary(out: Path) -> dict:
 def joined(first: Path, second: Path) -> list[tuple[str, int, bytes]]:
     """Messages of both bags as of one run: of the first only those up to the checkpoint."""
     end_ns = json.loads((second / "resumed_from.json").read_text())["end_time_ns"]
-    return [item for item in without_run(first) if item[1] <= end_ns] + without_run(second)
+    before = [item for item in without_run(first) if item[1] <= end_ns]
+    return before + [item for item in without_run(second) if item[0] not in LATCHED_IN_BAG]
 
 
 def assert_same(whole: Path, first: Path, second: Path) -> None:

@@ -85,6 +85,8 @@ def test_cmake_builds_every_message():
     assert sorted(re.findall(r'"msg/(\w+)\.msg"', text)) == [path.stem for path in MESSAGE_FILES]
     services = sorted(path.stem for path in (ROOT / "msg_defs" / "srv").glob("*.srv"))
     assert sorted(re.findall(r'"srv/(\w+)\.srv"', text)) == services
+    actions = sorted(path.stem for path in (ROOT / "msg_defs" / "action").glob("*.action"))
+    assert sorted(re.findall(r'"action/(\w+)\.action"', text)) == actions
 
 
 def test_one_version_everywhere():

@@ -13,6 +13,7 @@ SOURCES = [
     "LICENSE",
     "README.md",
     "config",
+    "launch",
     "msg_defs",
     "package.xml",
     "pyproject.toml",
@@ -51,14 +52,15 @@ def run(command: list[str | Path], directory: Path) -> str:
 
 
 def assert_is_ros_package(prefix: Path) -> None:
-    """Fails unless `prefix` has what ROS tools look for: programs, marker, description, scenes, meshes."""
+    """Fails unless `prefix` has what ROS tools look for: programs, marker, description, shared files."""
     programs = prefix / "lib" / "subsoil_ros"
     assert sorted(path.name for path in programs.iterdir()) == PROGRAMS
     assert all(os.access(path, os.X_OK) for path in programs.iterdir())
     share = prefix / "share"
     assert (share / "ament_index" / "resource_index" / "packages" / "subsoil_ros").is_file()
     assert (share / "subsoil_ros" / "package.xml").is_file()
-    for folder, pattern in (("config/scenes", "*.yaml"), ("config/meshes", "*.stl")):
+    folders = (("config/scenes", "*.yaml"), ("config/meshes", "*.stl"), ("launch", "*.launch.py"))
+    for folder, pattern in folders:
         expected = {path.name for path in (ROOT / folder).glob(pattern)}
         assert {path.name for path in (share / "subsoil_ros" / folder).glob(pattern)} == expected
 

@@ -174,6 +174,16 @@ def test_nodes_record_what_the_direct_run_records(tmp_path: Path, scheme: str) -
     assert ticks == {name: list(range(TICKS)) for name in ticks}
 
 
+def test_clouds_are_thinned_alike(tmp_path: Path) -> None:
+    """Region and rounding are applied before the cloud leaves its maker, in both ways."""
+    thinned = ["record.cloud_resolution_m=0.01", "record.cloud_region={x_m: [-9.0, 9.0]}"]
+    resolved = load_scene(SCENE, [*CHANGES, *thinned])
+    assert run_nodes(resolved, tmp_path / "nodes", SpringSoil) == Ending()
+    run_without_ros(resolved, tmp_path / "direct", SpringSoil())
+    run_without_ros(load_scene(SCENE, CHANGES), tmp_path / "exact", SpringSoil())
+    assert contents(tmp_path / "nodes") == contents(tmp_path / "direct") != contents(tmp_path / "exact")
+
+
 def test_a_fault_of_an_engine_cuts_the_record_alike(resolved: ResolvedScene, tmp_path: Path) -> None:
     """An engine fails at tick 17: the run ends with its words, the bag with tick 16, in both ways."""
     ending = run_nodes(resolved, tmp_path / "nodes", lambda: SpringSoil(fail_tick=17))

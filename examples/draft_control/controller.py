@@ -1,0 +1,132 @@
+"""Draft control of a hitch: a node of one's own in the lockstep of a run.
+
+    python controller.py --ros-args -p scene:=RUN/scene.yaml -p run_id:=NAME
+
+`subsoil run` of a scene with `controller.law: {kind: external}` prints the run's name and domain and waits.
+Every control tick the run hands over the machine's state and waits for the answer, a speed of the hitch, so
+results do not depend on how fast this program is. With real_time:=true it holds the run to the wall clock.
+"""
+
+import time
+from dataclasses import dataclass
+
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
+from rclpy.context import Context
+
+from subsoil_ros.coupling.protocol import CONTROLLER
+from subsoil_ros.messages import DriverCommand, MechanismState
+from subsoil_ros.nodes.controller_node import ControllerNode
+from subsoil_ros.nodes.lifeline import Lifeline, NodeRun
+from subsoil_ros.nodes.process import NodeSettings, run_process
+from subsoil_ros.scene.controller import Controller as ControllerKeys
+
+TARGETS = {
+    "target_newton": (1300.0, "draft to hold"),
+    "later_target_newton": (1700.0, "draft to hold from step_at_s on"),
+    "step_at_s": (5.0, "simulated time of the step between the two"),
+}
+LARGEST_TARGET = 1e5  # of the parameters' ranges
+
+GAIN_M_PER_NEWTON_S = 4e-4
+"""Speed of the hitch for each newton of draft too much. Draft grows with depth by about S = 5000 N/m in this
+soil (config/soils/paper_grid.yaml). With the filter T the loop is T s^2 + s + GAIN S = 0: two real roots, the
+slower one -2.8 /s, -3.2 /s with the sampling: the draft follows its target in 0.3 s, without overshoot."""
+
+FILTER_S = 0.1
+"""Time constant of the mean that is controlled: longer than a failure of the soil (18 mm at 0.5 m/s: 36 ms),
+shorter than the loop's."""
+
+ENGAGED_NEWTON = 300.0
+"""Below it the share is not in the soil yet: the hitch holds still."""
+
+
+@dataclass(frozen=True)
+class Targets:
+    """The draft that is asked for."""
+
+    target_newton: float
+    later_target_newton: float
+    step_at_s: float
+
+    def at(self, time_s: float) -> float:
+        """The target at a simulated time [N]."""
+        return self.target_newton if time_s < self.step_at_s else self.later_target_newton
+
+
+class DraftControl:
+    """Lifts while the draft is above its target, lowers while it is below. Speeds are upward [m/s]."""
+
+    def __init__(self, keys: ControllerKeys, targets: Targets, interval_s: float) -> None:
+        self._keys, self._targets, self._interval_s = keys, targets, interval_s
+        self._draft = 0.0  # filtered [N]
+        self._speed = 0.0
+
+    def command(self, tick: int, state: MechanismState) -> DriverCommand:
+        """The speed of the hitch by the end of the next control interval."""
+        self._draft += (state.draft_newton - self._draft) * self._interval_s / (FILTER_S + self._interval_s)
+        wished = 0.0
+        if self._draft > ENGAGED_NEWTON:
+            wished = GAIN_M_PER_NEWTON_S * (self._draft - self._targets.at(state.end_time_ns * 1e-9))
+        change = self._keys.largest_acceleration_m_per_s2 * self._interval_s
+        reachable = min(max(wished, self._speed - change), self._speed + change)
+        self._speed = min(max(reachable, self._keys.lowest_speed_m_per_s), self._keys.highest_speed_m_per_s)
+        return DriverCommand(state.run_id, tick, self._keys.driver, self._speed)
+
+
+class RealTime:
+    """A controller that lets no simulated time pass before its wall time; knows how late the run came."""
+
+    def __init__(self, controller: DraftControl) -> None:
+        self._controller = controller
+        self._start: float | None = None
+        self.worst_s = 0.0
+
+    def command(self, tick: int, state: MechanismState) -> DriverCommand:
+        """The controller's, when it is due."""
+        time_s = state.end_time_ns * 1e-9
+        if self._start is None:
+            self._start = time.monotonic() - time_s
+        early_s = self._start + time_s - time.monotonic()
+        if early_s > 0.0:
+            time.sleep(early_s)
+        self.worst_s = max(self.worst_s, -early_s)
+        return self._controller.command(tick, state)
+
+
+class DraftControlNode(ControllerNode):
+    """Says at the end how well the run kept up with the clock."""
+
+    def __init__(
+        self, real_time: RealTime | None, controller: DraftControl, run: NodeRun, lifeline: Lifeline,
+        context: Context | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(real_time or controller, run, lifeline, context)
+        self._real_time = real_time
+
+    def spin(self) -> None:
+        """Serves until the run ends."""
+        super().spin()
+        if self._real_time is not None:
+            print(f"real time: the run was at most {1e3 * self._real_time.worst_s:.1f} ms late", flush=True)
+
+
+def build(
+    settings: NodeSettings, run: NodeRun, lifeline: Lifeline, context: Context | None = None
+) -> DraftControlNode:
+    """The node, its targets from its parameters."""
+    keys = run.resolved.scene.controller
+    assert keys is not None  # subsoil_ros names the scene's mistake before
+    values = {}
+    for name, (default, words) in TARGETS.items():
+        limits = [FloatingPointRange(from_value=0.0, to_value=LARGEST_TARGET)]
+        descriptor = ParameterDescriptor(description=words, floating_point_range=limits, read_only=True)
+        values[name] = lifeline.node.declare_parameter(name, default, descriptor).value
+    words = ParameterDescriptor(description="hold the run to the wall clock", read_only=True)
+    paced = lifeline.node.declare_parameter("real_time", False, words).value
+    interval_s = keys.interval_ticks * run.resolved.timing.interval_s
+    control = DraftControl(keys, Targets(**values), interval_s)
+    return DraftControlNode(RealTime(control) if paced else None, control, run, lifeline, context)
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_process(CONTROLLER, build))

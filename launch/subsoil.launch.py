@@ -1,0 +1,110 @@
+"""Starts a run under ros2 launch: the processes of `subsoil run`, from the same plan (nodes/plan.py).
+
+ros2 launch subsoil_ros subsoil.launch.py scene:=my_scene.yaml namespace:=left
+"""
+
+import shlex
+import sys
+import time
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
+from launch.actions import DeclareLaunchArgument, ExecuteProcess, LogInfo, OpaqueFunction
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node, SetParameter
+from launch_ros.parameter_descriptions import ParameterValue
+
+from subsoil_ros.cli.live import live_port, say_where
+from subsoil_ros.cli.opened_run import open_run
+from subsoil_ros.errors import InputError
+from subsoil_ros.nodes.plan import checked_namespace, remappings
+from subsoil_ros.scene.loader import load_scene
+
+DEFAULT_SCENE = "config/scenes/subsoiler_1s300_resistance.yaml"
+
+ARGUMENTS = {
+    "scene": (None, "scene file (.yaml); the machine on reduced soil without it"),
+    "out": ("", "folder for the results; must not exist. runs/<time> without it"),
+    "mode": ("nodes", "nodes: one process per node; composed: all in one process; direct: no ROS"),
+    "recording": ("true", "whether the run has a recorder, which writes the bag"),
+    "namespace": ("", "of all nodes and topics, /clock and /tf too, so that several runs share a domain"),
+    "use_sim_time": ("false", "for other nodes of this launch: those of the run make the time"),
+    "threads": ("1", "of the soil engine; results do not depend on it"),
+    "paused": ("false", "stand before the first tick until a service lets it go"),
+    "live": ("", "port of a live view for Foxglove, 0: any that is free; empty: none"),
+    "overrides": ("", 'changes of the scene, as "soil.bed.seed=3 duration_s=1.0"'),
+}
+
+
+def generate_launch_description() -> LaunchDescription:
+    """The arguments, and what they ask for."""
+    share = Path(get_package_share_directory("subsoil_ros"))
+    declared = [
+        DeclareLaunchArgument(
+            name, default_value=str(share / DEFAULT_SCENE) if default is None else default, description=words
+        )
+        for name, (default, words) in ARGUMENTS.items()
+    ]
+    return LaunchDescription(
+        [
+            *declared,
+            SetParameter("use_sim_time", LaunchConfiguration("use_sim_time")),
+            OpaqueFunction(function=start),
+        ]
+    )
+
+
+def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
+    """The processes of the run."""
+    given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
+    scene, threads = given["scene"], whole_number("threads", given["threads"])
+    recording, paused = flag("recording", given["recording"]), flag("paused", given["paused"])
+    out = Path(given["out"] or f"runs/{time.strftime('%Y%m%d-%H%M%S')}")
+    namespace = checked_namespace(given["namespace"])
+    overrides = shlex.split(given["overrides"])
+    if given["mode"] != "nodes":
+        if not recording:
+            raise InputError("recording: given false, but only mode:=nodes runs without a recorder")
+        command = [sys.executable, "-m", "subsoil_ros.cli.main", "run", scene, "--out", str(out)]
+        command += ["--mode", given["mode"], "--threads", str(threads)]
+        command += [f"--namespace={namespace}"] if namespace else []
+        command += ["--paused"] if paused else []
+        command += ["--live", given["live"]] if given["live"] else []
+        command += [word for change in overrides for word in ("--set", change)]
+        return [ExecuteProcess(cmd=command, output="screen")]
+    live = live_port(given["live"] or None)
+    opened = open_run(load_scene(scene, overrides), scene, out, threads)
+    plan = opened.plan(threads, paused, recorded=recording, live=live)
+    say_where(live)
+    nodes = [
+        Node(
+            package="subsoil_ros",
+            executable=node.executable,
+            namespace=namespace,
+            parameters=[
+                # typed, because launch_ros reads a plain text as YAML: "7" would become a number
+                {key: ParameterValue(value, value_type=type(value)) for key, value in node.parameters.items()}
+            ],
+            remappings=list(remappings(namespace)),
+            ros_arguments=["--disable-external-lib-logs"],
+            output="screen",
+        )
+        for node in plan.nodes()
+    ]
+    words = f"run '{plan.run_id}' in {out}; `subsoil report {out}` makes series and figures of it"
+    return [LogInfo(msg=words), *nodes]
+
+
+def flag(name: str, text: str) -> bool:
+    """A launch argument that is true or false."""
+    if text.lower() not in ("true", "false"):
+        raise InputError(f"{name}: given '{text}', allowed are true and false")
+    return text.lower() == "true"
+
+
+def whole_number(name: str, text: str) -> int:
+    """A launch argument that counts, from 1."""
+    if not text.isdecimal() or int(text) < 1:
+        raise InputError(f"{name}: given '{text}', needed is a whole number from 1")
+    return int(text)

@@ -1,0 +1,39 @@
+"""subsoil urdf SCENE: the machine as URDF, as it is published and recorded on /robot_description."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from ..errors import InputError
+from .arguments import add_overrides
+
+SUMMARY = "write the machine of a scene as URDF (each body floats on `world`; /tf moves it)"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `subsoil urdf`."""
+    parser.add_argument("scene", help="scene file (.yaml)")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="file to write; standard output without it")
+    add_overrides(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the URDF.
+
+    Raises:
+        InputError: the scene cannot be used, or the file cannot be written.
+    """
+    from ..scene.loader import load_scene
+    from ..scene.urdf import robot_description
+
+    text = robot_description(load_scene(args.scene, args.overrides).scene)
+    if args.out is None:
+        sys.stdout.write(text)
+        return 0
+    try:
+        args.out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(
+            f"--out {args.out}: cannot be written ({error.strerror}); name a file that can"
+        ) from error
+    return 0

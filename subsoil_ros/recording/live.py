@@ -1,0 +1,138 @@
+"""Live view of a run: what goes into the bag goes to Foxglove too, over foxglove-sdk's WebSocket server.
+
+Whoever records only puts messages into boxes of bounded size, which never waits; a thread of this module
+takes them out many times a second and hands them to the server, which drops what a slow client does not
+take. So nobody who watches can hold a run or change it, and who is too slow misses messages.
+"""
+
+import threading
+from collections import deque
+from dataclasses import dataclass
+from typing import Any
+
+from ..errors import InputError
+from .bag_folder import TopicInfo
+
+HOST = "127.0.0.1"
+"""Who watches from elsewhere comes through a tunnel: there is no password."""
+
+PERIOD_S = 0.02
+"""Between two deliveries (chosen: no screen shows more)."""
+
+SERIES_DEPTH = 200
+"""Messages of a series topic that one delivery takes (chosen: 10,000 a second, more than runs make)."""
+
+_LAST_DELIVERY_S = 5.0
+"""Time for the delivery in progress when the view is closed."""
+
+_Message = tuple[int, bytes]  # simulated time [ns], CDR
+
+
+@dataclass
+class _Topic:
+    channel: Any  # foxglove.Channel
+    box: deque[_Message]
+    newest: _Message | None = None
+
+
+class LiveView:
+    """A server on this machine that shows topics while they are written. Close it with the run."""
+
+    def __init__(self, port: int, name: str) -> None:
+        """Serves on `port`.
+
+        Raises:
+            InputError: foxglove-sdk is not installed, or the port is taken.
+        """
+        try:
+            import foxglove
+            from foxglove.websocket import Capability, ServerListener
+        except ImportError as error:
+            raise InputError(
+                f"live view: needs the package foxglove-sdk ({error}); install it, or leave the view out"
+            ) from error
+
+        asked = self._asked = set[str]()
+
+        class _Newcomers(ServerListener):
+            """Notes which topics somebody new wants to see; the next delivery has the newest message."""
+
+            def on_subscribe(self, client: Any, channel: Any) -> None:
+                asked.add(channel.topic)
+
+        self._foxglove = foxglove
+        self._context = foxglove.Context()
+        try:
+            self._server = foxglove.start_server(
+                name=name,
+                host=HOST,
+                port=port,
+                capabilities=[Capability.Time],
+                server_listener=_Newcomers(),
+                context=self._context,
+            )
+        except (OSError, RuntimeError) as error:
+            raise InputError(
+                f"live view: port {port} cannot be used ({error}); name another, or 0 for any that is free"
+            ) from error
+        self._topics: dict[str, _Topic] = {}
+        self._time_ns = -1
+        self._told_ns = -1
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._deliver_until_over, name="live view", daemon=True)
+        self._thread.start()
+
+    @property
+    def port(self) -> int:
+        """Where it serves."""
+        return int(self._server.port)
+
+    def add_topic(self, info: TopicInfo, depth: int) -> None:
+        """Offers a topic; before its first message.
+
+        depth: messages that wait for a delivery; when there are more, the oldest are dropped.
+        """
+        schema = self._foxglove.Schema(
+            name=info.message_type, encoding="ros2msg", data=info.schema.encode("utf-8")
+        )
+        channel = self._foxglove.Channel(
+            info.name, schema=schema, message_encoding="cdr", context=self._context
+        )
+        self._topics[info.name] = _Topic(channel, deque(maxlen=depth))
+
+    def write(self, topic: str, time_ns: int, data: bytes) -> None:
+        """Takes a message; returns at once. Of a topic that is not offered: is ignored."""
+        known = self._topics.get(topic)
+        if known is not None:  # a view never fails a run
+            known.box.append((time_ns, data))
+            self._time_ns = time_ns
+
+    def close(self) -> None:
+        """Delivers what waits and stops serving. Idempotent."""
+        if self._over.is_set():
+            return
+        self._over.set()
+        self._thread.join(_LAST_DELIVERY_S)
+        self._server.stop()
+
+    def _deliver_until_over(self) -> None:
+        while not self._over.wait(PERIOD_S):
+            self._deliver()
+        self._deliver()
+
+    def _deliver(self) -> None:
+        waiting: list[tuple[int, bytes, _Topic]] = []
+        for name, topic in list(self._topics.items()):
+            if name in self._asked:
+                self._asked.discard(name)
+                if topic.newest is not None:
+                    waiting.append((*topic.newest, topic))
+            while topic.box:
+                topic.newest = topic.box.popleft()
+                waiting.append((*topic.newest, topic))
+        waiting.sort(key=lambda item: item[0])  # stable: equal times stay in their order
+        for time_ns, data, topic in waiting:
+            topic.channel.log(data, log_time=time_ns)
+        if self._time_ns > self._told_ns:
+            self._told_ns = self._time_ns
+            self._server.broadcast_time(self._told_ns)

@@ -36,7 +36,7 @@ ros_prefix := AMENT_PREFIX_PATH=$(prefix) CMAKE_PREFIX_PATH=$(prefix)
 pip := $(bin)/python -m pip
 
 .DEFAULT_GOAL := setup
-.PHONY: setup run test check format colcon bench clean help
+.PHONY: setup run test check format colcon wheels docs test-kilted bench clean help
 
 setup: $(set_up)  ## make .venv: ROS 2 Jazzy, subsoil_msgs, subsoil_ros (again only when their files change)
 
@@ -60,6 +60,16 @@ format: setup  ## put the sources in the style that check wants
 colcon: setup  ## build both packages as a ROS 2 workspace into build/ and install/
 	$(ros_prefix) $(bin)/colcon build --base-paths . msg_defs
 
+wheels: setup  ## wheels of both packages into build/wheels
+	rm -rf build/lib build/bdist.*  # setuptools would pack what an older build left there
+	$(ros_prefix) $(pip) wheel --quiet --no-build-isolation --no-deps --wheel-dir build/wheels . ./msg_defs
+
+docs: setup  ## documentation as a site into build/site, strictly
+	NO_MKDOCS_2_WARNING=1 $(bin)/mkdocs build --strict --quiet
+
+test-kilted: setup  ## the same run under ROS 2 Jazzy and Kilted: the same bits? 5 min the first time
+	$(bin)/python benchmarks/two_distributions.py build/kilted
+
 bench: setup  ## cost of engines and lockstep, beside the peers that are installed; tens of minutes
 	$(bin)/subsoil bench soil
 	$(bin)/python -m benchmarks.peers.compare
@@ -72,7 +82,7 @@ clean:  ## remove .venv and all that was built; runs/ stays
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 help:  ## this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 $(prefix)/.set-up-packages: $(wildcard requirements/*.txt)
 	@test -n "$(PYTHON)" || { echo "No Python 3.10 to 3.13 with venv found. Install one (Debian: python3-venv)," \
@@ -94,7 +104,7 @@ $(prefix)/.set-up-messages: $(prefix)/.set-up-packages $(wildcard msg_defs/* msg
 
 # Editable: a change of Python sources needs no new set-up. Launch files, scenes and meshes are copied to share/.
 $(prefix)/.set-up-subsoil: $(prefix)/.set-up-messages setup.py setup.cfg package.xml \
-		$(wildcard resource/* scripts/* launch/*.launch.py config/scenes/*.yaml config/meshes/*.stl config/soils/*.yaml config/calibration/*.yaml \
-		config/studies/*.yaml config/foxglove/*.json)
+		$(wildcard resource/* scripts/* launch/*.launch.py config/*.json config/scenes/*.yaml config/templates/*.yaml \
+		config/meshes/*.stl config/soils/*.yaml config/calibration/*.yaml config/studies/*.yaml config/foxglove/*.json)
 	$(pip) install --quiet --no-build-isolation --no-deps --force-reinstall --editable .
 	touch $@

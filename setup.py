@@ -26,8 +26,14 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/subsoil_ros"]),
         (SHARE, ["package.xml"]),
+        (f"{SHARE}/config", ["config/scene.schema.json"]),
+        (
+            f"{SHARE}/msg_defs/msg",
+            files("msg_defs/msg/*.msg"),
+        ),  # for bags where subsoil_msgs is not installed
         (f"{SHARE}/launch", files("launch/*.launch.py")),
         (f"{SHARE}/config/scenes", files("config/scenes/*.yaml")),
+        (f"{SHARE}/config/templates", files("config/templates/*.yaml")),
         (f"{SHARE}/config/meshes", files("config/meshes/*.stl")),
         (f"{SHARE}/config/soils", files("config/soils/*.yaml")),
         (f"{SHARE}/config/calibration", files("config/calibration/*.yaml")),

@@ -2,7 +2,7 @@
 
 import csv
 from array import array
-from collections.abc import Iterator, Mapping, Sized
+from collections.abc import Callable, Iterator, Mapping, Sized
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -78,10 +78,12 @@ class Series:
         return len(self.columns["time_s"])
 
 
-def read_series(bag: Path, scene: Scene) -> Series:
+def read_series(bag: Path, scene: Scene, watch: Callable[[int], None] = lambda time_ns: None) -> Series:
     """The series of a bag that `scene` was recorded into; a run cut short has fewer rows.
 
     That of a run that went on from another begins with what the other recorded.
+
+    watch: told the simulated time [ns] of every message as it is passed.
 
     Raises:
         InputError: there is no bag.
@@ -101,7 +103,12 @@ def read_series(bag: Path, scene: Scene) -> Series:
     by_tick: dict[int, dict[type, Any]] = {}
     columns: dict[str, array[Any]] = {}  # 8 bytes a number, where a list takes 40
     last: CouplingReport | None = None
-    for record in reader.records(*kinds, at=lambda time_ns: time_ns % step_ns == 0 or time_ns == last_ns):
+
+    def wanted(time_ns: int) -> bool:
+        watch(time_ns)
+        return time_ns % step_ns == 0 or time_ns == last_ns
+
+    for record in reader.records(*kinds, at=wanted):
         records = by_tick.setdefault(record.tick, {})
         records[type(record)] = record
         if len(records) == len(kinds):

@@ -349,11 +349,12 @@ def run_soil_tests(
     inertial_number: float = INERTIAL_NUMBER,
     threads: int = 1,
     watch: Watch = lambda name, timing: nullcontext(lambda tick: None),
+    working: Callable[[str], AbstractContextManager[object]] = nullcontext,
 ) -> SoilTests:
     """Direct shear at every stress of `normal_pa`, and tension if the soil has adhesion.
 
     The specimen in tension is as long as wide, and a quarter higher than wide. `folder` takes a scene with
-    its meshes and bed for each test, in a folder of its own.
+    its meshes and bed for each test, in a folder of its own. `watch` and `working` show what is going on.
     """
 
     def subfolder(name: str) -> Path:
@@ -361,7 +362,8 @@ def run_soil_tests(
         path.mkdir(parents=True)
         return path
 
-    specimen = prepare_specimen(resolved, size_m, subfolder("specimen"), threads)
+    with working("preparing the specimen"):
+        specimen = prepare_specimen(resolved, size_m, subfolder("specimen"), threads)
     curves = tuple(
         run_shear(
             specimen, stress, subfolder(f"shear_{stress:g}_pa"), inertial_number=inertial_number,
@@ -372,7 +374,8 @@ def run_soil_tests(
     tension = None
     if pair_values(specimen.soil)[0].adhesion > 0.0:
         column = (size_m[1], size_m[1], 1.25 * size_m[1])
-        pulled = prepare_specimen(resolved, column, subfolder("column"), threads)
+        with working("preparing the column"):
+            pulled = prepare_specimen(resolved, column, subfolder("column"), threads)
         tension = run_tension(
             pulled, subfolder("tension"), inertial_number=inertial_number, threads=threads, watch=watch
         )

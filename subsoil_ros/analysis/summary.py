@@ -23,7 +23,7 @@ from .window import metrics_window, window_span_s
 Summary = dict[str, Any]
 
 RUN_FACTS = (
-    "mode", "threads", "whole_wall_s", "failure", "resumed_from", "checkpoint", "state_sha256",
+    "mode", "threads", "whole_wall_s", "versions", "failure", "resumed_from", "checkpoint", "state_sha256",
 )  # fmt: skip
 """What a summary has from the run itself, and a later report takes over."""
 
@@ -104,24 +104,16 @@ def write_summary(summary: Summary, path: Path) -> None:
 def print_summary(summary: Summary, scene: Scene, directory: Path, console: Console | None = None) -> None:
     """The table for people: metrics, the paper's values where the scene is the paper's, and where all is."""
     console = console or Console(width=None if sys.stdout.isatty() else 140, highlight=False)
-    compared = scene.report.paper
+    headings, rows = metrics_table(summary, scene)
     table = Table(title=f"{summary['scene']}: {summary['simulated_s']:.4g} s simulated", title_justify="left")
-    table.add_column("quantity", no_wrap=True)
-    for heading in ("mean", "min", "max", "range"):
-        table.add_column(heading, justify="right")
-    table.add_column("run min", justify="right")
-    table.add_column("run max", justify="right")
-    if compared:
-        table.add_column("paper")
-    for label, name, scale, digits, value in _lines(scene, summary):
-        cells = [_cell(summary, f"{name}_{key}", scale, digits) for key in ("mean", "min", "max")]
-        low, high = summary[f"{name}_min"], summary[f"{name}_max"]
-        cells.append(f"{(high - low) * scale:.{digits}f}")
-        cells += [_cell(summary, f"run.{name}_{key}", scale, digits) for key in ("min", "max")]
-        table.add_row(escape(label), *cells, *([value.printed if value else ""] if compared else []))
+    for heading in headings:
+        words = heading in ("quantity", "paper")
+        table.add_column(heading, justify="left" if words else "right", no_wrap=heading == "quantity")
+    for row in rows:
+        table.add_row(escape(row[0]), *row[1:])
     if table.row_count:
         console.print(table)
-    for line in _facts(summary, compared):
+    for line in summary_facts(summary, scene):
         console.print(line, soft_wrap=True, markup=False)
     console.print(_bag_words(directory / "bag"), soft_wrap=True, markup=False)
     figures = directory / "figures"
@@ -131,6 +123,29 @@ def print_summary(summary: Summary, scene: Scene, directory: Path, console: Cons
         console.print(
             f"figures: none yet, `subsoil report {directory}` draws them", soft_wrap=True, markup=False
         )
+
+
+def metrics_table(summary: Summary, scene: Scene) -> tuple[list[str], list[list[str]]]:
+    """Headings and rows of the metrics, and the paper's values where the scene is the paper's; as text."""
+    compared = scene.report.paper
+    headings = [
+        "quantity",
+        "mean",
+        "min",
+        "max",
+        "range",
+        "run min",
+        "run max",
+        *(["paper"] if compared else []),
+    ]
+    rows = []
+    for label, name, scale, digits, value in _lines(scene, summary):
+        cells = [_cell(summary, f"{name}_{key}", scale, digits) for key in ("mean", "min", "max")]
+        low, high = summary[f"{name}_min"], summary[f"{name}_max"]
+        cells.append(f"{(high - low) * scale:.{digits}f}")
+        cells += [_cell(summary, f"run.{name}_{key}", scale, digits) for key in ("min", "max")]
+        rows.append([label, *cells, *([value.printed if value else ""] if compared else [])])
+    return headings, rows
 
 
 def _bag_words(bag: Path) -> str:
@@ -179,7 +194,8 @@ def _soil_words(summary: Summary) -> str:
     return f"{count} particles" if count else "no particles"
 
 
-def _facts(summary: Summary, compared: bool) -> list[str]:
+def summary_facts(summary: Summary, scene: Scene) -> list[str]:
+    """What else is to be said of a run, line by line; a warning begins with WARNING or NOTE."""
     window = summary["window"]
     if window["whole_run"]:
         span = f"the whole run, because no row of it lies in the window ({window['rule']})"
@@ -211,7 +227,7 @@ def _facts(summary: Summary, compared: bool) -> list[str]:
         )
     if not summary["complete"]:
         lines.append("The run ended before its last tick.")
-    if compared:
+    if scene.report.paper:
         lines.append(paper.CONTRADICTIONS)
     if summary["note"]:
         lines.append(f"NOTE: {summary['note']}")

@@ -14,6 +14,7 @@ from ..errors import InputError
 from ..scene.loader import ResolvedScene
 from .bed_preparation import prepare_bed_first
 from .preparation import KernelAnnouncer
+from .progress import working
 
 LEFT_ALONE_S = 0.02
 """How long the bed runs without tools: waves cross some 0.3 m of it (chosen)."""
@@ -34,12 +35,15 @@ def print_bed(console: Console, resolved: ResolvedScene, threads: int, out: Path
             write_bed(out, bed, soil)
         except OSError as error:
             raise InputError(f"--bed-out: {out}: cannot be written ({error.strerror})") from error
-    motion = free_motion(resolved, bed, SoilEngine, threads, LEFT_ALONE_S)
+    with working("looking at the bed"):
+        looked = report_bed(bed, soil)
+    with working("leaving the bed alone"):
+        motion = free_motion(resolved, bed, SoilEngine, threads, LEFT_ALONE_S)
     table = Table(title="bed", title_justify="left", title_style="bold", box=None, show_header=False)
     table.add_row("prepared in", f"{seconds:.1f} s")
     if bed.period_m is not None:
         table.add_row("period", f"{bed.period_m:.5g} m in y")
-    for name, text in _rows(report_bed(bed, soil), motion):
+    for name, text in _rows(looked, motion):
         table.add_row(name, text)
     if out is not None:
         table.add_row("written to", str(out))

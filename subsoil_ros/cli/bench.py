@@ -1,16 +1,18 @@
 """subsoil bench mechanism|soil|lockstep: cost of the engines and of the exchange, beside peers."""
 
+from __future__ import annotations
+
 import argparse
 import json
 import math
 import sys
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.table import Table
 
-from ..mbd.benchmark import ChainCost, chain_costs, machine_cost
-from ..mbd.exudyn_peer import exudyn_cost
-from .preparation import KernelAnnouncer
+if TYPE_CHECKING:
+    from ..mbd.benchmark import ChainCost
 
 SUMMARY = "measure the cost of an engine, or of the lockstep between the nodes"
 
@@ -42,11 +44,16 @@ def run(args: argparse.Namespace) -> int:
         from . import bench_lockstep
 
         return bench_lockstep.run(args)
+    from .preparation import KernelAnnouncer
+
     with KernelAnnouncer():
         return _mechanism(args)
 
 
 def _mechanism(args: argparse.Namespace) -> int:
+    from ..mbd.benchmark import chain_costs, machine_cost
+    from ..mbd.exudyn_peer import exudyn_cost
+
     peer = exudyn_cost()  # right before and right after: the same load on the machine
     ours = machine_cost()
     if peer is not None:

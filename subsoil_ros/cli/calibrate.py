@@ -1,25 +1,24 @@
 """subsoil calibrate DESIGN: fits a reduced soil to runs with particles, or a law to soil tests."""
 
+from __future__ import annotations
+
 import argparse
 import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.table import Table
 
-from ..analysis.calibration.density import bed_density_kg_per_m3
-from ..analysis.calibration.design import LawDesign, base_scene, read_design
-from ..analysis.calibration.law import LawFit, fit_law, write_law
-from ..analysis.calibration.resistance import FITTED, ResistanceFit, fit_resistance, measure
 from ..errors import InputError
-from ..kernel_cache import user_cache_folder
-from ..scene.limits import Timing
-from ..scene.soil_file import write_soil_file
-from .preparation import KernelAnnouncer, say
-from .progress import RunProgress
+
+if TYPE_CHECKING:
+    from ..analysis.calibration.law import LawFit
+    from ..analysis.calibration.resistance import ResistanceFit
+    from ..scene.limits import Timing
 
 SUMMARY = "fit a reduced soil to runs with particles, or a law of particles to soil tests"
 
@@ -54,6 +53,15 @@ def run(args: argparse.Namespace) -> int:
         InputError: design, scene or file cannot be used; nothing was written.
         RunError: a run failed; finished runs are kept.
     """
+    from ..analysis.calibration.density import bed_density_kg_per_m3
+    from ..analysis.calibration.design import LawDesign, base_scene, read_design
+    from ..analysis.calibration.law import fit_law, write_law
+    from ..analysis.calibration.resistance import FITTED, fit_resistance, measure
+    from ..kernel_cache import user_cache_folder
+    from ..scene.soil_file import write_soil_file
+    from .preparation import KernelAnnouncer, say
+    from .progress import working
+
     design = read_design(args.design)
     if args.out.exists():
         raise InputError(f"--out {args.out}: exists already; results are never written over, name another")
@@ -69,9 +77,11 @@ def run(args: argparse.Namespace) -> int:
         return 0
     with KernelAnnouncer():
         measured = measure(scene, design, folder, args.threads, _watch)
-        density = bed_density_kg_per_m3(scene, args.threads)
+        with working("preparing the bed"):
+            density = bed_density_kg_per_m3(scene, args.threads)
         say(f"fitting {len(FITTED)} values to {sum(item.used for item in measured)} points")
-        fit = fit_resistance(scene, design, density, measured)
+        with working("fitting"):
+            fit = fit_resistance(scene, design, density, measured)
     write_soil_file(args.out, fit.soil)
     _print(fit, args.out)
     return 0
@@ -79,12 +89,17 @@ def run(args: argparse.Namespace) -> int:
 
 @contextmanager
 def _watch(name: str, timing: Timing) -> Iterator[Callable[[int], None]]:
+    from .preparation import say
+    from .progress import RunProgress
+
     say(f"running {name}")
     with RunProgress(name, timing) as progress:
         yield progress
 
 
 def _print(fit: ResistanceFit, out: Path) -> None:
+    from ..analysis.calibration.resistance import FITTED
+
     console = Console(width=None if sys.stdout.isatty() else 140)
     table = Table(title="fitted values", title_justify="left", title_style="bold", box=None)
     for heading in ("value", "", "95 % confidence"):

@@ -1,24 +1,24 @@
 """subsoil check SCENE: says what a run would be, and what is wrong with it, without running it."""
 
+from __future__ import annotations
+
 import argparse
 import sys
 from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.table import Table
 
 from ..errors import SceneError
-from ..mbd.statics import Rest, Survey, survey
-from ..scene.coupling_bounds import CouplingBound, coupling_bounds
-from ..scene.limits import step_limits, step_notes
-from ..scene.loader import ResolvedScene, load_scene
-from ..scene.mechanism import Mechanism
-from ..scene.meshes import load_tool_mesh
-from ..scene.tool_mass import tool_mass
-from .accuracy_rows import accuracy_lines
 from .arguments import add_overrides
-from .soil_rows import particle_rows, reduced_rows, start_count
+
+if TYPE_CHECKING:
+    from ..mbd.statics import Rest, Survey
+    from ..scene.coupling_bounds import CouplingBound
+    from ..scene.loader import ResolvedScene
+    from ..scene.mechanism import Mechanism
 
 SUMMARY = "validate a scene and print what a run of it would cost"
 
@@ -51,6 +51,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Validate the scene and print its tables. Raises SceneError for whatever would stop a run."""
+    from ..mbd.statics import survey
+    from ..scene.limits import step_notes
+    from ..scene.loader import load_scene
+    from .accuracy_rows import accuracy_lines
+    from .soil_rows import particle_rows, reduced_rows, start_count
+
     resolved = load_scene(args.scene, args.overrides)
     mechanism = resolved.scene.mechanism
     try:
@@ -101,6 +107,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _bounds(resolved: ResolvedScene) -> tuple[CouplingBound, ...]:
+    from ..scene.coupling_bounds import coupling_bounds
+    from ..scene.meshes import load_tool_mesh
+
     scene = resolved.scene
     meshes = {name: load_tool_mesh(resolved.directory, scene, name) for name in scene.tools}
     bounds = coupling_bounds(scene, meshes)
@@ -125,6 +134,9 @@ def _table(title: str, rows: Iterable[tuple[str, str]]) -> Table:
 
 
 def _general(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
+    from ..scene.meshes import load_tool_mesh
+    from ..scene.tool_mass import tool_mass
+
     scene, timing = resolved.scene, resolved.timing
     yield "file", str(resolved.path)
     if "start" in resolved.document:
@@ -169,6 +181,8 @@ def _general(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
 
 def _limits(resolved: ResolvedScene) -> Table:
     """Every limit on the soil step; the smallest binds."""
+    from ..scene.limits import step_limits
+
     soil, used_s = resolved.scene.particle_soil, resolved.timing.soil_step_s
     table = Table(title="soil step", title_justify="left", title_style="bold", box=None)
     for heading in ("limit", "cause", ""):

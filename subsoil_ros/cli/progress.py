@@ -1,7 +1,20 @@
-"""Progress of a run: simulated time, speed, time left."""
+"""Progress on standard error: of a run (simulated time, speed, time left), and of what else takes seconds."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    SpinnerColumn,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Column
 from rich.text import Text
 
@@ -50,3 +63,47 @@ class RunProgress:
     def __call__(self, tick: int) -> None:
         self.started = True
         self._progress.update(self._task, completed=tick_end_s(tick, self._interval_ns))
+
+
+_SHOWN_PARTS = 200
+"""A bar that reads a bag moves at most so often: there may be millions of messages."""
+
+
+def _bar(*columns: ProgressColumn) -> Progress:
+    """A bar that goes when its work is done, and is not there at all where nobody looks at a terminal."""
+    console = Console(stderr=True)
+    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+
+
+@contextmanager
+def working(what: str) -> Iterator[None]:
+    """Says that `what` is going on, and since when; for work that does not say how far it is."""
+    with _bar(SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()) as progress:
+        progress.add_task(what, total=None)
+        yield
+
+
+@contextmanager
+def counted(what: str, count: int) -> Iterator[Callable[[], None]]:
+    """A bar over `count` things; gives what to call after each."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with _bar(*columns) as progress:
+        task = progress.add_task(what, total=count)
+        yield lambda: progress.advance(task)
+
+
+@contextmanager
+def reading_bag(timing: Timing) -> Iterator[Callable[[int], None]]:
+    """A bar over the time of a bag that is read; gives what to call with each message's time [ns]."""
+    end_ns = timing.tick_count * timing.interval_ns
+    shown_ns = 0
+    with _bar(TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn()) as progress:
+        task = progress.add_task("reading the bag", total=end_ns)
+
+        def show(time_ns: int) -> None:
+            nonlocal shown_ns
+            if (time_ns - shown_ns) * _SHOWN_PARTS >= end_ns:
+                shown_ns = time_ns
+                progress.update(task, completed=time_ns)
+
+        yield show

@@ -1,24 +1,17 @@
 """subsoil report DIR: metrics and figures of a run, from its bag and scene."""
 
+from __future__ import annotations
+
 import argparse
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ..analysis.disturbance import write_height_map_csv
-from ..analysis.fatigue import write_cycles_csv
-from ..analysis.figures import draw_figures
-from ..analysis.findings import Findings, find_out
-from ..analysis.load_figures import draw_load_figures
-from ..analysis.reproduction import Reproduction, reproduction
-from ..analysis.reproduction_table import print_reproduction, write_reproduction
-from ..analysis.series import read_series, write_series_csv
-from ..analysis.spectra import write_spectra_csv
-from ..analysis.summary import print_summary, run_facts, summarize, write_summary
-from ..analysis.window import metrics_window
 from ..errors import InputError
-from ..recording.joined import mend_earlier
-from ..scene.loader import load_scene
+
+if TYPE_CHECKING:
+    from ..analysis.findings import Findings
+    from ..analysis.reproduction import Reproduction
 
 SUMMARY = "print the metrics of a run and draw its figures (PNG)"
 
@@ -26,6 +19,11 @@ SUMMARY = "print the metrics of a run and draw its figures (PNG)"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `subsoil report`."""
     parser.add_argument("directory", type=Path, help="folder of a run, as given to `subsoil run --out`")
+    parser.add_argument(
+        "--html",
+        action="store_true",
+        help="write report.html as well: one page with all of it that needs no other file and no network",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -34,20 +32,28 @@ def run(args: argparse.Namespace) -> int:
     spectra.csv, load_cycles.csv, height_map.csv where the run has them; reproduction.csv, .json and .md where
     the scene is the paper's.
     """
+    from ..analysis.figures import draw_figures
+    from ..analysis.findings import find_out
+    from ..analysis.load_figures import draw_load_figures
+    from ..analysis.reproduction import reproduction
+    from ..analysis.reproduction_table import print_reproduction
+    from ..analysis.series import read_series, write_series_csv
+    from ..analysis.summary import print_summary, summarize, write_summary
+    from ..analysis.window import metrics_window
+    from ..recording.joined import mend_earlier
+    from ..scene.loader import load_scene
+    from .progress import reading_bag, working
+
     directory: Path = args.directory
-    scene_file = directory / "scene.yaml"
-    if not scene_file.is_file():
-        raise InputError(
-            f"{directory}: no folder of a run (it has no scene.yaml); name one that `subsoil run` made"
-        )
-    resolved = load_scene(scene_file)
+    resolved = load_scene(scene_of_run(directory))
     mend_earlier(directory)
     bag = directory / "bag"
-    series = read_series(bag, resolved.scene)
+    with reading_bag(resolved.timing) as watch:
+        series = read_series(bag, resolved.scene, watch)
     window = metrics_window(series, resolved.scene)
-    findings = find_out(bag, resolved, series, window)
-    facts = _known_facts(directory / "summary.json")
-    summary = summarize(bag, resolved, facts, series, findings)
+    with working("reading the clouds"):
+        findings = find_out(bag, resolved, series, window)
+    summary = summarize(bag, resolved, _known_facts(directory / "summary.json"), series, findings)
     table = None
     if resolved.scene.report.paper:
         table = reproduction(resolved.scene, resolved.scene_hash, series, window, findings)
@@ -55,17 +61,44 @@ def run(args: argparse.Namespace) -> int:
         write_series_csv(series, directory / "series.csv")
         write_summary(summary, directory / "summary.json")
         _write_tables(findings, table, directory)
-        draw_figures(bag, resolved, directory / "figures", series)
-        draw_load_figures(findings, resolved.scene.name, directory / "figures", table)
+        with working("drawing the figures"):
+            figures = draw_figures(bag, resolved, directory / "figures", series)
+            figures += draw_load_figures(findings, resolved.scene.name, directory / "figures", table)
+        if args.html:
+            from ..analysis.html_report import write_html
+
+            pictures = sorted((directory / "pictures").glob("*.png"))
+            page = write_html(directory, resolved, summary, [*figures, *pictures])
     except OSError as error:
         raise InputError(f"{error.filename}: cannot be written ({error.strerror})") from error
     print_summary(summary, resolved.scene, directory)
     if table is not None:
         print_reproduction(table)
+    if args.html:
+        print(f"page: {page}")
     return 0
 
 
+def scene_of_run(directory: Path) -> Path:
+    """The scene file in the folder of a run.
+
+    Raises:
+        InputError: it is no such folder.
+    """
+    scene_file = directory / "scene.yaml"
+    if not scene_file.is_file():
+        raise InputError(
+            f"{directory}: no folder of a run (it has no scene.yaml); name one that `subsoil run` made"
+        )
+    return scene_file
+
+
 def _write_tables(findings: Findings, table: Reproduction | None, directory: Path) -> None:
+    from ..analysis.disturbance import write_height_map_csv
+    from ..analysis.fatigue import write_cycles_csv
+    from ..analysis.reproduction_table import write_reproduction
+    from ..analysis.spectra import write_spectra_csv
+
     if findings.spectra:
         write_spectra_csv(findings.spectra, directory / "spectra.csv")
     if findings.cycles is not None:
@@ -78,6 +111,8 @@ def _write_tables(findings: Findings, table: Reproduction | None, directory: Pat
 
 def _known_facts(path: Path) -> dict[str, Any]:
     """What the run itself wrote down and no bag tells; nothing if it never came to it."""
+    from ..analysis.summary import run_facts
+
     try:
         return run_facts(json.loads(path.read_text(encoding="utf-8")))
     except (FileNotFoundError, ValueError):

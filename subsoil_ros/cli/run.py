@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ..analysis.series import read_series, write_series_csv
 from ..analysis.summary import print_summary, summarize, write_summary
+from ..analysis.versions import versions
 from ..coupling.control import build_controller
 from ..coupling.direct import run_direct
 from ..coupling.engines import build_soil
@@ -26,7 +27,7 @@ from .arguments import add_overrides
 from .live import add_live, live_port, say_where
 from .opened_run import OpenedRun, open_run
 from .preparation import KernelAnnouncer, announce_kernels_of_nodes
-from .progress import RunProgress
+from .progress import RunProgress, reading_bag
 from .resumption import CHECKPOINTS, checkpoint_facts, name_checkpoint
 from .supervisor import Supervisor, node_program, start_node
 
@@ -123,7 +124,7 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
         shutil.rmtree(out)  # bad input that showed only when the bed was there: nothing ran
         raise failure
     wall_s = time.monotonic() - start
-    facts = {"mode": args.mode, "threads": args.threads, "whole_wall_s": wall_s}
+    facts = {"mode": args.mode, "threads": args.threads, "whole_wall_s": wall_s, "versions": versions()}
     if failure is not None:
         name_checkpoint(failure, out, resumed)
     _summarize(resolved, out, facts | checkpoint_facts(out, resumed), failure)
@@ -253,7 +254,8 @@ def _summarize(
             recover(bag)  # its writer may have been killed; a whole bag is left as it is
             run_info = run_info | {"failure": str(failure)}
         mend_earlier(out)
-        series = read_series(bag, resolved.scene)
+        with reading_bag(resolved.timing) as watch:
+            series = read_series(bag, resolved.scene, watch)
         write_series_csv(series, out / "series.csv")
         summary = summarize(bag, resolved, run_info, series)
         write_summary(summary, out / "summary.json")

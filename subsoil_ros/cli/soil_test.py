@@ -18,7 +18,7 @@ from ..scene.limits import Timing
 from ..scene.loader import ResolvedScene, load_scene
 from ..scene.pairs import pair_values
 from .arguments import add_overrides
-from .progress import RunProgress
+from .progress import RunProgress, working
 
 SUMMARY = "test the soil of a scene: direct shear at several normal stresses, tension, density"
 
@@ -102,6 +102,7 @@ def run(args: argparse.Namespace) -> int:
         tests = run_soil_tests(
             resolved, stresses, (length, width, height), folder / "tests",
             inertial_number=args.inertial_number, threads=args.threads, watch=watch,
+            working=working,
         )  # fmt: skip
         facts = {
             "scene": resolved.scene.name,

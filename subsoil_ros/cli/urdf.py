@@ -5,8 +5,6 @@ import sys
 from pathlib import Path
 
 from ..errors import InputError
-from ..scene.loader import load_scene
-from ..scene.urdf import robot_description
 from .arguments import add_overrides
 
 SUMMARY = "write the machine of a scene as URDF (each body floats on `world`; /tf moves it)"
@@ -25,6 +23,9 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         InputError: the scene cannot be used, or the file cannot be written.
     """
+    from ..scene.loader import load_scene
+    from ..scene.urdf import robot_description
+
     text = robot_description(load_scene(args.scene, args.overrides).scene)
     if args.out is None:
         sys.stdout.write(text)

@@ -23,7 +23,8 @@ _RULE = "=" * 80
 def _search_path() -> list[Path]:
     prefixes = [item for item in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if item]
     installed = [Path(prefix) / "share/subsoil_msgs/msg" for prefix in (*prefixes, sys.prefix)]
-    return [*installed, Path(__file__).parents[2] / "msg_defs/msg"]
+    copy = Path(sys.prefix) / "share/subsoil_ros/msg_defs/msg"  # in the wheel: enough without ROS
+    return [*installed, copy, Path(__file__).parents[2] / "msg_defs/msg"]
 
 
 @cache

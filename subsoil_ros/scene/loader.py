@@ -25,6 +25,7 @@ from .meshes import load_tool_mesh
 from .model import Scene
 from .overrides import CHOICES, Override, apply_override, parse_overrides
 from .presets import Preset, read_preset
+from .shipped import shipped_scene
 from .soil_file import check_reduced_soil
 
 
@@ -48,7 +49,7 @@ class ResolvedScene:
 
 
 def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> ResolvedScene:
-    """Read, merge and validate a scene.
+    """Read, merge and validate a scene, a file or the name of a shipped one.
 
     overrides: "a.b.c=value" texts, the value in YAML, applied last; "start=NAME" chooses the start and
     "accuracy=NAME" the preset.
@@ -58,7 +59,7 @@ def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> ResolvedScene
             the file (or the override) and the place.
     """
     shown = str(path)
-    path = Path(path)
+    path = shipped_scene(Path(path))
     changes = parse_overrides(overrides)
     document = _with_base(path, shown, ())
     presets = {

@@ -1,0 +1,16 @@
+# docker build --tag subsoil .
+# docker run --rm --volume "$PWD/runs:/work/runs" subsoil run tine --out runs/first
+FROM debian:bookworm-slim
+
+RUN apt-get update \
+ && apt-get install --yes --no-install-recommends \
+      ca-certificates g++ libegl1 libgl1-mesa-dri make python3 python3-dev python3-venv \
+ && rm -rf /var/lib/apt/lists/*
+
+COPY . /opt/subsoil_ros
+RUN PIP_NO_CACHE_DIR=1 make -C /opt/subsoil_ros setup
+
+ENV PATH=/opt/subsoil_ros/.venv/bin:$PATH HOME=/work
+WORKDIR /work
+ENTRYPOINT ["subsoil"]
+CMD ["--help"]

@@ -1,0 +1,30 @@
+"""What software and machine a run was made with."""
+
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from .. import __version__
+
+PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "pydantic", "trimesh", "mcap", "rosbags", "ros-rclpy")
+"""Whose versions may change results, or how they are recorded."""
+
+
+def versions() -> dict[str, str]:
+    """Versions by name, system and processor among them; what is not installed is left out."""
+    found = {"subsoil_ros": __version__, "python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found | {"system": platform.platform(), "processor": _processor()}
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.machine()

@@ -1,0 +1,158 @@
+"""subsoil render DIR: pictures or a film of soil and machine, or VTK files of them."""
+
+from __future__ import annotations
+
+import argparse
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..analysis.views import VIEWS
+from ..errors import InputError
+
+if TYPE_CHECKING:
+    from ..analysis.frames import Frames
+    from ..scene.loader import ResolvedScene
+
+SUMMARY = "pictures or a film of soil and machine, or VTK files for ParaView"
+
+SMALLEST_PIXELS, LARGEST_PIXELS = 64, 7680
+"""Of a side of a picture (chosen: a stamp; 8K, and what H.264 takes)."""
+
+NEEDED = "'subsoil_ros[pictures]'"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `subsoil render`."""
+    parser.add_argument("directory", type=Path, help="folder of a run, as given to `subsoil run --out`")
+    parser.add_argument(
+        "--view",
+        choices=VIEWS,
+        help="longitudinal: the bed cut along its mid-plane, from the side; cross: cut at the tip of the "
+        "tool, from the front; corner: cut along the mid-plane, from the front and above; above. Default: "
+        "all of them; of a film, longitudinal",
+    )
+    parser.add_argument(
+        "--at",
+        type=float,
+        nargs="+",
+        metavar="S",
+        help="simulated times of the pictures [s], the nearest recorded moments (default: the middle)",
+    )
+    parser.add_argument(
+        "--colour",
+        choices=("speed", "displacement"),
+        default="speed",
+        help="of the particles; displacement is from the first recorded moment (default: speed)",
+    )
+    parser.add_argument(
+        "--range",
+        dest="limits",
+        type=float,
+        nargs=2,
+        metavar=("LOW", "HIGH"),
+        help="of the colours, in m/s or m (default: 0 to 0.2 m/s, or 0 to 5 particle diameters)",
+    )
+    parser.add_argument(
+        "--size",
+        type=int,
+        nargs=2,
+        default=(1280, 720),
+        metavar=("W", "H"),
+        help="pixels (default: 1280 720)",
+    )
+    parser.add_argument("--film", type=Path, metavar="FILE", help="write all moments as FILE, .mp4 or .gif")
+    parser.add_argument(
+        "--fps", type=float, metavar="N", help="pictures a second of a film (default: real time)"
+    )
+    parser.add_argument(
+        "--vtk", type=Path, metavar="FOLDER", help="write all moments as .vtp files into a new FOLDER"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Draw what was asked for.
+
+    Raises:
+        InputError: folder or arguments cannot be used, or a library is missing; nothing was written.
+        RecordingError: the bag cannot be read.
+    """
+    from .report import scene_of_run
+
+    scene_file = scene_of_run(args.directory)
+    _check(args)
+    for library in ("pyvista", "imageio_ffmpeg"):
+        if find_spec(library) is None:
+            raise InputError(f"subsoil render needs {library}, which is not there: pip install {NEEDED}")
+    from ..analysis.frames import Frames
+    from ..recording.joined import mend_earlier
+    from ..scene.loader import load_scene
+    from .progress import working
+
+    resolved = load_scene(scene_file)
+    with working("reading the bag"):
+        mend_earlier(args.directory)
+        frames = Frames(args.directory / "bag", resolved)
+    try:
+        if args.vtk is not None:
+            _write_vtk(args, resolved, frames)
+        if args.film is not None or args.vtk is None:
+            _draw(args, resolved, frames)
+    except OSError as error:
+        raise InputError(f"{error.filename}: cannot be written ({error.strerror})") from error
+    return 0
+
+
+def _check(args: argparse.Namespace) -> None:
+    for pixels in args.size:
+        if not SMALLEST_PIXELS <= pixels <= LARGEST_PIXELS or pixels % 2:
+            raise InputError(
+                f"--size: given {args.size[0]} {args.size[1]}, allowed are even numbers from "
+                f"{SMALLEST_PIXELS} to {LARGEST_PIXELS}"
+            )
+    if args.limits is not None and not args.limits[0] < args.limits[1]:
+        raise InputError(f"--range: given {args.limits[0]:g} {args.limits[1]:g}, needed is low, then high")
+    if args.fps is not None and not 0.0 < args.fps <= 240.0:
+        raise InputError(f"--fps: given {args.fps:g}, allowed is more than 0, up to 240")
+    if args.fps is not None and args.film is None:
+        raise InputError("--fps: is of a film; give --film FILE as well")
+    if args.at is not None and args.film is not None:
+        raise InputError("--at: a film shows all moments; leave out --at or --film")
+    if args.film is not None and args.film.suffix not in (".mp4", ".gif"):
+        raise InputError(f"--film {args.film}: its ending is '{args.film.suffix}', allowed are .mp4 and .gif")
+    if args.film is not None and not args.film.parent.is_dir():
+        raise InputError(f"--film {args.film}: its folder is not there; make it, or name another")
+    if args.vtk is not None and args.vtk.exists():
+        raise InputError(f"--vtk {args.vtk}: exists already; nothing is written over, name another folder")
+
+
+def _draw(args: argparse.Namespace, resolved: ResolvedScene, frames: Frames) -> None:
+    from ..analysis.picture import Studio, Style, default_limits, save_film, save_pictures
+    from .progress import counted
+
+    given = args.limits
+    limits = (given[0], given[1]) if given is not None else default_limits(resolved, args.colour)
+    style = Style(args.colour, limits, (args.size[0], args.size[1]))
+    studio = Studio(resolved, style)
+    if args.film is not None:
+        with counted("drawing", len(frames.times_ns)) as done:
+            rate = save_film(frames, studio, args.view or VIEWS[0], args.film, args.fps, done)
+        print(f"{args.film}: {len(frames.times_ns)} pictures, {rate:g} a second")
+        return
+    middle_s = 0.5e-9 * (frames.times_ns[0] + frames.times_ns[-1])
+    times = sorted({frames.nearest_ns(time_s) for time_s in args.at or [middle_s]})
+    views = [args.view] if args.view else list(VIEWS)
+    with counted("drawing", len(times) * len(views)) as done:
+        paths = save_pictures(frames, studio, times, views, args.directory / "pictures", done)
+    for path in paths:
+        print(path)
+
+
+def _write_vtk(args: argparse.Namespace, resolved: ResolvedScene, frames: Frames) -> None:
+    from ..analysis.vtk_series import write_vtk_series
+    from .progress import counted
+
+    with counted("writing VTK files", len(frames.times_ns)) as done:
+        paths = write_vtk_series(resolved, frames, args.vtk, done)
+    for path in paths:
+        print(path)

@@ -1,0 +1,41 @@
+"""Files that come with the package: scenes, meshes, templates, the schema."""
+
+from pathlib import Path
+
+from ..errors import InputError
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def config_folder() -> Path:
+    """The folder `config` of the source tree, or that of the installation, in share/subsoil_ros.
+
+    Raises:
+        InputError: the package was copied without its data files.
+    """
+    if (_PACKAGE.parent / "package.xml").is_file():
+        return _PACKAGE.parent / "config"
+    for prefix in _PACKAGE.parents:  # an installed package stands some folders below its prefix
+        found = prefix / "share" / "subsoil_ros" / "config"
+        if found.is_dir():
+            return found
+    raise InputError(
+        f"{_PACKAGE}: the files that come with it (share/subsoil_ros) are not there; install the package "
+        "with pip or colcon instead of copying it"
+    )
+
+
+def shipped_scene(path: Path) -> Path:
+    """`path` itself; a bare name of a shipped scene where no such file is there: that scene."""
+    if path.exists() or path.suffix or path.parent != Path():
+        return path
+    try:
+        found = config_folder() / "scenes" / f"{path}.yaml"
+    except InputError:
+        return path
+    return found if found.is_file() else path
+
+
+def template_names() -> list[str]:
+    """Names of the scenes that `subsoil new` writes."""
+    return sorted(path.stem for path in (config_folder() / "templates").glob("*.yaml"))

@@ -1,0 +1,159 @@
+"""Commands, Python and scenes in README and docs work: what readers copy runs here.
+
+The blocks of a page run in their order in one folder, which has the repository's `config` in it. A block
+below a line `<!-- not run: REASON -->` is only checked: its syntax, and the words of every `subsoil` command.
+"""
+
+import contextlib
+import functools
+import io
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from subsoil_ros.cli.main import VERBS, parse
+from subsoil_ros.scene.document import parse_yaml
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+LANGUAGES = {"bash", "python", "yaml", "text", "json", "dockerfile"}
+_FENCE = re.compile(r"^ *```(.*)$")
+_NOT_RUN = re.compile(r"^ *<!-- not run: (.+) -->$")
+_INDENTED_COMMAND = re.compile(r"^    (subsoil|python|ros2|make|export|pip|colcon|docker) ")
+_INLINE_COMMAND = re.compile(r"(?<!`)`subsoil ([a-z][a-z-]*)([^`]*)`")
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced block of a page."""
+
+    page: Path
+    line: int
+    language: str
+    text: str
+    not_run: str  # why; empty if it runs
+
+    @property
+    def name(self) -> str:
+        return f"{self.page.relative_to(ROOT)}:{self.line}"
+
+
+def blocks(page: Path) -> list[Block]:
+    """All fenced blocks of a page."""
+    found: list[Block] = []
+    inside: list[str] | None = None
+    above, label, start = "", "", 0
+    for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), 1):
+        fence = _FENCE.match(line)
+        if fence and inside is None:
+            inside, label, start = [], fence.group(1), number
+        elif fence and inside is not None:
+            why = _NOT_RUN.match(above)
+            found.append(Block(page, start, label, "\n".join(inside) + "\n", why.group(1) if why else ""))
+            inside = None
+        elif inside is not None:
+            inside.append(line)
+        if inside is None and line.strip():
+            above = line
+    assert inside is None, f"{page}: a fence is not closed"
+    return found
+
+
+ALL = [block for page in PAGES for block in blocks(page)]
+
+
+def test_blocks_say_their_language():
+    """No block goes unchecked because it names no language, or is indented instead of fenced."""
+    assert [block.name for block in ALL if block.language not in LANGUAGES] == []
+    assert [
+        f"{page.name}: {line}"
+        for page in PAGES
+        for line in page.read_text().splitlines()
+        if _INDENTED_COMMAND.match(line) and not any(line in block.text for block in ALL)
+    ] == []
+
+
+def complaint(words: list[str]) -> str:
+    """What `subsoil` says against the words of a command; empty if it understands them."""
+    with contextlib.redirect_stderr(io.StringIO()) as said, contextlib.redirect_stdout(io.StringIO()):
+        try:
+            parse(words)
+        except SystemExit as ended:
+            return said.getvalue() if ended.code else ""  # --help ends with 0
+    return ""
+
+
+@pytest.mark.parametrize("block", [b for b in ALL if b.language == "bash"], ids=lambda block: block.name)
+def test_commands_exist(block):
+    """The shell reads every block, and `subsoil` knows every verb and option in it."""
+    subprocess.run(["bash", "-n"], input=block.text, text=True, check=True)
+    text = re.sub(r"<<'?END'?.*?^END$", "", block.text.replace("\\\n", " "), flags=re.DOTALL | re.MULTILINE)
+    for line in text.splitlines():
+        words = shlex.split(line, comments=True)
+        words = words[1:] if words and "=" in words[0] else words
+        if words and words[0].rpartition("/")[2] == "subsoil":
+            assert complaint([word for word in words[1:] if word != "&"]) == "", line
+
+
+@functools.cache
+def help_of(*words: str) -> str:
+    """What `subsoil VERB --help` prints, or `subsoil VERB ACTION --help`."""
+    quiet = contextlib.redirect_stderr(io.StringIO())
+    with quiet, contextlib.redirect_stdout(io.StringIO()) as said, contextlib.suppress(SystemExit):
+        parse([*words, "--help"])
+    return said.getvalue()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_in_the_text_exist(page):
+    """Verbs and options that a sentence or a table names are those of the command line."""
+    wrong = []
+    for verb, rest in _INLINE_COMMAND.findall(page.read_text()):
+        options = re.findall(r"(?<![\w-])--[a-z-]+", rest)
+        known = help_of(verb) + help_of(verb, rest.split()[0]) if options else ""
+        if verb not in VERBS or any(option not in known for option in options):
+            wrong.append(f"subsoil {verb}{rest}")
+    assert wrong == []
+
+
+@pytest.mark.parametrize("block", [b for b in ALL if b.language == "yaml"], ids=lambda block: block.name)
+def test_scenes_are_valid(block):
+    """Scenes and parts of scenes in the docs have only keys that there are, with values that are allowed."""
+    if block.not_run:
+        return
+    schema = json.loads((ROOT / "config/scene.schema.json").read_text())
+    part = {key: value for key, value in schema.items() if key not in ("if", "then", "else")}
+    document = parse_yaml(block.text, block.name)
+    jsonschema.Draft7Validator(part | {"$ref": "#/$defs/PartialScene"}).validate(document)
+
+
+RUN = {
+    page: [b for b in ALL if b.page == page and b.language in ("bash", "python") and not b.not_run]
+    for page in PAGES
+}
+
+
+@pytest.mark.parametrize("page", [page for page, found in RUN.items() if found], ids=lambda page: page.name)
+def test_page_runs(page, tmp_path):
+    """Every block of a page ends well, in the order of the page."""
+    (tmp_path / "config").symlink_to(ROOT / "config")
+    environment = {
+        **os.environ,
+        "PATH": f"{sys.prefix}/bin:{os.environ['PATH']}",
+        "PYTHONPATH": str(ROOT),
+        "MPLBACKEND": "Agg",
+    }
+    for block in RUN[page]:
+        program = ["bash", "-euo", "pipefail", "-c"] if block.language == "bash" else [sys.executable, "-c"]
+        done = subprocess.run(
+            [*program, block.text], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, f"{block.name}\n{block.text}\n{done.stdout}\n{done.stderr}"

@@ -1,0 +1,229 @@
+"""Pictures, films and VTK files of a run: what stands where, in which colour, at what time."""
+
+import argparse
+import json
+from pathlib import Path
+
+import imageio_ffmpeg
+import numpy as np
+import pytest
+import pyvista
+from PIL import Image
+
+from subsoil_ros.analysis.frames import Frame, Frames
+from subsoil_ros.analysis.picture import Studio, Style, default_limits
+from subsoil_ros.analysis.views import VIEWS
+from subsoil_ros.cli import new, render, run
+from subsoil_ros.errors import InputError
+from subsoil_ros.messages import ToolMotions
+from subsoil_ros.recording.bag_reader import BagReader
+from subsoil_ros.scene.loader import ResolvedScene, load_scene
+
+SIZE = (640, 360)
+LIMITS = (0.0, 0.2)
+TEMPLATE_CLOUDS = 5
+
+
+def verb(module, *words: object) -> int:
+    parser = argparse.ArgumentParser()
+    module.add_arguments(parser)
+    return module.run(parser.parse_args([str(word) for word in words]))
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory) -> Path:
+    """The folder of a run of a machine in soil, 10 ms with a cloud every 2 ms."""
+    folder = tmp_path_factory.mktemp("render")
+    verb(new, folder / "scene", "--template", "machine")
+    changes = ["duration_s=0.0101", "record.cloud_hz=500", "record.series_ticks=5"]
+    words = [word for change in changes for word in ("--set", change)]
+    verb(run, folder / "scene/scene.yaml", "--out", folder / "run", "--mode", "direct", *words)
+    return folder / "run"
+
+
+@pytest.fixture(scope="module")
+def resolved(recorded) -> ResolvedScene:
+    return load_scene(recorded / "scene.yaml")
+
+
+def block(x: tuple[float, float], y: tuple[float, float], speed: float) -> tuple[np.ndarray, np.ndarray]:
+    """Particles on a fine grid in a part of the bin, all at one speed."""
+    axes = [np.arange(low + 0.01, high, 0.015) for low, high in (x, y, (-0.27, 0.0))]
+    places = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 3).astype(np.float32)
+    return places, np.full(len(places), speed, dtype=np.float32)
+
+
+def made_up(*blocks: tuple[np.ndarray, np.ndarray]) -> Frame:
+    """A moment with these particles and no machine."""
+    places, speeds = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
+    return Frame(0.0, places, speeds, np.zeros_like(speeds), (), ())
+
+
+def is_soil(pixel: np.ndarray) -> bool:
+    """Whether a pixel has a colour, unlike background, tool and text."""
+    return int(np.ptp(pixel.astype(int))) > 40
+
+
+def is_fast(pixel: np.ndarray) -> bool:
+    """Whether a pixel is of the upper end of the colours (yellow), not of the lower one (violet)."""
+    return int(pixel[0]) > int(pixel[2])
+
+
+def pixel(picture: np.ndarray, right: float, up: float) -> np.ndarray:
+    """The brightest-coloured pixel near a place, as parts of the picture from its lower left corner."""
+    column, row = round(right * picture.shape[1]), round((1.0 - up) * picture.shape[0])
+    near = picture[row - 4 : row + 5, column - 4 : column + 5].reshape(-1, 3)
+    return near[np.argmax(np.ptp(near.astype(int), axis=1))]
+
+
+def test_frames_are_what_was_recorded(recorded, resolved):
+    """Every cloud is a moment, with the poses of its tick; displacement is counted from the first."""
+    frames = Frames(recorded / "bag", resolved)
+    reader = BagReader(recorded)
+    assert frames.times_ns == reader.cloud_times_ns()
+    clouds = {c.end_time_ns: c for c in reader.clouds(resolved.timing.interval_ns)}
+    motions = {m.end_time_ns: m for m in reader.records(ToolMotions)}
+    found = list(frames.read(frames.times_ns))
+    assert len(found) == len(clouds) >= TEMPLATE_CLOUDS
+    first = np.asarray(clouds[frames.times_ns[0]].positions_m)
+    for time_ns, frame in zip(frames.times_ns, found, strict=True):
+        assert frame.time_s == time_ns * 1e-9
+        np.testing.assert_array_equal(frame.positions_m, clouds[time_ns].positions_m)
+        moved = np.linalg.norm(np.asarray(clouds[time_ns].positions_m) - first, axis=1)
+        np.testing.assert_allclose(frame.displacements_m, moved, rtol=1e-6)
+        assert frame.tools == motions[time_ns].tools
+        assert {body.name for body in frame.bodies} == {"trolley", "tine"}
+    assert found[0].displacements_m.max() == 0.0
+
+
+def test_longitudinal_has_x_to_the_right(resolved):
+    """Soil that is fast in the front half of the bin is bright on the right, below the surface only."""
+    slow, fast = block((0.0, 0.3), (0.0, 0.125), 0.0), block((0.3, 0.6), (0.0, 0.125), 0.2)
+    picture = Studio(resolved, Style("speed", LIMITS, SIZE)).draw(made_up(slow, fast), "longitudinal")
+    assert picture.shape == (SIZE[1], SIZE[0], 3)
+    # the view is 1.06 (0.27 + 0.45) m high and centred on the middle of bin and headroom
+    high = 1.06 * 0.72
+    wide = high * SIZE[0] / SIZE[1]
+    left, right = (pixel(picture, 0.5 + (x - 0.3) / wide, 0.5 + (-0.135 - 0.09) / high) for x in (0.1, 0.5))
+    assert is_soil(left)
+    assert is_soil(right)
+    assert is_fast(right)
+    assert not is_fast(left)
+    assert not is_soil(pixel(picture, 0.5, 0.5 + (0.2 - 0.09) / high))
+    assert not is_soil(pixel(picture, 0.5 - 0.4 / wide, 0.5 + (-0.135 - 0.09) / high))
+
+
+def test_longitudinal_is_cut_at_the_mid_plane(resolved):
+    """Particles on the side of the eye are taken away."""
+    near, far = block((0.0, 0.6), (-0.125, -0.005), 0.2), block((0.0, 0.6), (0.0, 0.125), 0.0)
+    picture = Studio(resolved, Style("speed", LIMITS, SIZE)).draw(made_up(near, far), "longitudinal")
+    assert not is_fast(pixel(picture, 0.5, 0.5 + (-0.135 - 0.09) / (1.06 * 0.72)))
+
+
+def test_cross_is_seen_from_the_front(resolved):
+    """The machine's left, +y, is on the right, and what stands before the cut is taken away."""
+    left, right = block((0.0, 0.3), (0.02, 0.125), 0.2), block((0.0, 0.3), (-0.125, -0.02), 0.0)
+    before = block((0.35, 0.6), (-0.125, 0.125), 0.2)
+    picture = Studio(resolved, Style("speed", LIMITS, SIZE)).draw(made_up(left, right, before), "cross")
+    high = 1.06 * 0.72
+    wide = high * SIZE[0] / SIZE[1]
+    up = 0.5 + (-0.135 - 0.09) / high
+    assert is_fast(pixel(picture, 0.5 + 0.07 / wide, up))
+    assert is_soil(pixel(picture, 0.5 - 0.07 / wide, up))
+    assert not is_fast(pixel(picture, 0.5 - 0.07 / wide, up))
+
+
+def test_tool_stands_at_its_pose(recorded, resolved):
+    """The tip of the share is where the bag says: grey pixels there, none below or before it."""
+    frames = Frames(recorded / "bag", resolved)
+    frame = next(frames.read(frames.times_ns[-1:]))
+    bare = Frame(frame.time_s, np.empty((0, 3), "f4"), np.empty(0, "f4"), np.empty(0, "f4"), frame.tools, ())
+    picture = Studio(resolved, Style("speed", LIMITS, SIZE)).draw(bare, "longitudinal").astype(int)
+    high = 1.06 * 0.72
+    metres = high / SIZE[1]
+    x = 0.3 + (np.arange(SIZE[0]) + 0.5 - 0.5 * SIZE[0]) * metres
+    z = 0.09 - (np.arange(SIZE[1]) + 0.5 - 0.5 * SIZE[1]) * metres
+    grey = (np.ptp(picture, axis=2) < 12) & (picture.max(axis=2) < 200) & (z < -0.01)[:, None]
+    rows, columns = np.nonzero(grey)
+    assert len(rows) > 50
+    tip_x = -0.05 + 0.5 * frame.time_s
+    # to three pixels, and the little that the spring gives way
+    np.testing.assert_allclose(x[columns].max(), tip_x, atol=3 * metres + 0.003)
+    np.testing.assert_allclose(z[rows].min(), -0.20, atol=3 * metres + 0.003)
+
+
+def test_pictures_of_all_views(recorded, capsys):
+    """`subsoil render DIR` leaves one picture of every view, of the size asked for."""
+    assert verb(render, recorded, "--size", *SIZE, "--at", "0.004") == 0
+    names = [f"{view}_0.004s.png" for view in VIEWS]
+    assert [Path(line).name for line in capsys.readouterr().out.splitlines()] == names
+    for name in names:
+        picture = np.asarray(Image.open(recorded / "pictures" / name))
+        assert picture.shape == (SIZE[1], SIZE[0], 3)
+        assert (np.ptp(picture.astype(int), axis=2) > 40).sum() > 500
+
+
+def test_displacement_and_range(recorded, resolved):
+    """Displacement has a scale of its own, and a picture needs no speed for it."""
+    assert default_limits(resolved, "speed") == (0.0, 0.2)
+    assert default_limits(resolved, "displacement") == (0.0, pytest.approx(0.1))
+    words = ["--colour", "displacement", "--range", "0", "1e-4", "--view", "above", "--size", *SIZE]
+    assert verb(render, recorded, *words) == 0
+
+
+@pytest.mark.parametrize("name", ["film.mp4", "film.gif"])
+def test_film_has_every_moment(name, recorded, resolved, tmp_path):
+    """As many pictures as moments, readable by others, at the rate asked for."""
+    count = len(Frames(recorded / "bag", resolved).times_ns)
+    path = tmp_path / name
+    assert verb(render, recorded, "--film", path, "--fps", "10", "--size", *SIZE, "--view", "corner") == 0
+    if path.suffix == ".gif":
+        with Image.open(path) as film:
+            assert film.n_frames == count
+            assert film.size == SIZE
+            assert film.info["duration"] == pytest.approx(100.0)
+    else:
+        frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))
+        assert frames == count
+        assert seconds == pytest.approx(count / 10.0, abs=0.11)
+    assert [item.name for item in tmp_path.iterdir()] == [name]
+
+
+def test_vtk_series(recorded, resolved, tmp_path):
+    """ParaView's series files name all moments with their times, and VTK reads back what was recorded."""
+    frames = Frames(recorded / "bag", resolved)
+    assert verb(render, recorded, "--vtk", tmp_path / "vtk") == 0
+    for name in ("soil", "tools", "machine"):
+        series = json.loads((tmp_path / "vtk" / f"{name}.vtp.series").read_text())
+        assert [item["time"] for item in series["files"]] == [time_ns * 1e-9 for time_ns in frames.times_ns]
+        assert all((tmp_path / "vtk" / item["name"]).is_file() for item in series["files"])
+    last = next(frames.read(frames.times_ns[-1:]))
+    mesh = pyvista.read(tmp_path / "vtk" / f"soil_{len(frames.times_ns) - 1:04d}.vtp")
+    np.testing.assert_array_equal(mesh.points, last.positions_m)
+    np.testing.assert_array_equal(mesh.point_data["speed_m_per_s"], last.speeds_m_per_s)
+    tools = pyvista.read(tmp_path / "vtk/tools_0000.vtp")
+    assert tools.is_manifold
+    with pytest.raises(InputError, match="exists already"):
+        verb(render, recorded, "--vtk", tmp_path / "vtk")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--size", "641", "360"], "even numbers"),
+        (["--range", "2", "1"], "needed is low, then high"),
+        (["--film", "film.avi"], "allowed are .mp4 and .gif"),
+        (["--fps", "10"], "give --film"),
+        (["--film", "film.mp4", "--at", "1"], "shows all moments"),
+    ],
+)
+def test_bad_arguments(words, message, recorded):
+    """One message for what cannot be drawn."""
+    with pytest.raises(InputError, match=message):
+        verb(render, recorded, *words)
+
+
+def test_no_run(tmp_path):
+    """A folder without a run is bad input."""
+    with pytest.raises(InputError, match="no folder of a run"):
+        verb(render, tmp_path)

@@ -11,7 +11,7 @@ from ..scene.loader import ResolvedScene
 from ..scene.mechanism import GROUND, Driver, Mechanism, SpringDamper, WheelContact
 from ..scene.meshes import ToolMesh, load_tool_mesh
 from .frames import Frame
-from .soil_cut import posed_vertices_m
+from .poses import posed_vertices_m
 
 RIM_CORNERS = 48
 """Of the circle that stands for a wheel without a mesh (chosen)."""

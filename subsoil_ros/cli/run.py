@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ..analysis.series import read_series, write_series_csv
-from ..analysis.summary import print_summary, summarize, write_summary
+from ..analysis.summary import print_summary, summarize, summarize_unrecorded, write_summary
 from ..coupling.control import build_controller
 from ..coupling.direct import run_direct
 from ..coupling.engines import Mover, build_mechanism, build_paths, build_soil
@@ -200,14 +200,16 @@ def _run_direct(
     stop_signal: Callable[[], int],
     resumed: Checkpoint | None,
 ) -> None:
-    writer = BagWriter(out / "bag", resolved.scene, resolved.timing)
+    writer = BagWriter(out / "bag", resolved.scene, resolved.timing) if resolved.scene.record.bag else None
+    sync = (writer.sync,) if writer is not None else ()
     try:
         soil = build_soil(resolved, threads)
-        keeper = Keeper(out / CHECKPOINTS, resolved, run_id, writer.sync)
+        keeper = Keeper(out / CHECKPOINTS, resolved, run_id, *sync)
         controller = build_controller(resolved, resumed)
         run_direct(resolved, run_id, mover, soil, writer, progress, stop_signal, keeper, resumed, controller)
     finally:
-        writer.close()
+        if writer is not None:
+            writer.close()
 
 
 def _run_composed(
@@ -280,10 +282,15 @@ def _summarize(
 ) -> None:
     """Makes series and summary from the bag; of a run that failed, if there is anything to show."""
     bag = out / "bag"
+    if failure is not None:
+        run_info = run_info | {"failure": str(failure)}
     try:
+        if not resolved.scene.record.bag:
+            write_summary(summarize_unrecorded(resolved, run_info), out / "summary.json")
+            print(f"nothing is recorded (record.bag: false); {out / 'summary.json'} says how the run ended")
+            return
         if failure is not None:
             recover(bag)  # its writer may have been killed; a whole bag is left as it is
-            run_info = run_info | {"failure": str(failure)}
         mend_earlier(out)
         series = read_series(bag, resolved.scene)
         write_series_csv(series, out / "series.csv")

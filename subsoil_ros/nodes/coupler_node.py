@@ -106,7 +106,7 @@ class CouplerNode(LockstepNode):
         self.listen(ToolMotions, self._on_motions, (mover,))
         if scene.soil is not None:
             self.listen(ToolWrenches, self._on_wrenches, (SOIL,))
-        if run.recorded:
+        if RECORDER in names:
             self.listen(TickAck, self._on_ack, (RECORDER,))
         self.listen(NodeHello, self._on_hello, names)
         if scene.controller is not None:
@@ -228,8 +228,7 @@ class CouplerNode(LockstepNode):
     def _on_ack(self, ack: TickAck) -> None:
         self._coupler.accept_ack(ack)
         self._last_advance = time.monotonic()
-        while self._keeper is not None and self._to_commit and self._to_commit[0].tick <= ack.tick:
-            self._keeper.commit(self._to_commit.popleft())
+        self._commit_recorded()
         self._grant()
         if self._coupler.finished:
             self._end()
@@ -257,8 +256,15 @@ class CouplerNode(LockstepNode):
         self._last = CouplingState(tick, finished.motions, finished.wrenches, work, now - self._start)
         if self._keeper is not None and self._keeper.due(tick):
             self._to_commit.append(self._last)
+            self._commit_recorded()
         if self._keeper is not None and tick == self._schedule.last_tick:
             self._keeper.note_coupling_end(self._last)
+
+    def _commit_recorded(self) -> None:
+        """A checkpoint stands at the end of a record that is on the disk; without a record, at once."""
+        recorded = self._coupler.acknowledged_tick
+        while self._keeper is not None and self._to_commit and self._to_commit[0].tick <= recorded:
+            self._keeper.commit(self._to_commit.popleft())
 
     def _end(self) -> None:
         self._on_progress(self._coupler.done_tick)

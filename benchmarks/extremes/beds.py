@@ -9,7 +9,7 @@ from subsoil_ros.dem.engine import SoilEngine
 from .cases import REFUSED, RIGHT, STOPPED, Cases, Outcome, must, refused, right, stopped
 from .laboratory import GRAVITY, MASS, RADIUS, Document, Laboratory, advance, placed, wet
 from .laws import CALM_M_PER_S, ROOM_M, at_rest
-from .steps import DEFECT, SIZE_M
+from .steps import DEFECT
 
 CASES = Cases()
 
@@ -55,7 +55,7 @@ def a_million(laboratory: Laboratory) -> Outcome:
 
 def resting(laboratory: Laboratory, steps: int) -> str:
     """A dense random bed under the whole law; counted after 10,000 steps in which it settles."""
-    engine = SoilEngine(laboratory.soil(size_m=SIZE_M, bed={"kind": "dense_random"}))
+    engine = SoilEngine(laboratory.soil(bed={"kind": "dense_random"}))
     engine.start(())
     advance(engine, 10_000)
     place, before = engine.positions_m(), engine.state("", 0, 0)

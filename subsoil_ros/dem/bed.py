@@ -146,7 +146,7 @@ def prepare_grid(soil: Soil, gravity_m_per_s2: float) -> Bed:
 
 
 def _refuse_too_soft(soil: Soil, heights_m: np.ndarray) -> None:
-    """SceneError if the weight presses layers at `heights_m` (n,) so close that one reaches the next but one."""
+    """SceneError if the weight presses layers at `heights_m` (n,) so close that one reaches over the next."""
     nearest = soil.particles.mean_volume_radius_m + 0.5 * pair_values(soil)[0].reach
     closest = float(np.diff(heights_m).min(initial=np.inf))
     if closest <= nearest:

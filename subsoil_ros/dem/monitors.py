@@ -114,7 +114,7 @@ class Watch:
         self._alarm = max(1, count // ONE_IN) if given is None else given
         self._gone = np.zeros(count, np.bool_)
         self.first_lost: list[LostParticle] = []
-        # between two looks nobody may cross a particle unseen: a rebuild says that somebody moved by half a skin
+        # between two looks nobody may cross a particle unseen; a rebuild says that one moved by half a skin
         self._hurry_steps = soil.monitors.every_steps * soil.skin_m / (4.0 * self._radius)
         self._steps, self._suspicious, self._rebuild_step, self._hurried = 0, 0, 0, 0
         self._start_joule: float | None = None

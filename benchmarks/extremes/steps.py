@@ -109,7 +109,7 @@ def where_it_is_caught(laboratory: Laboratory) -> Outcome:
     """Dragged tool, dense bed: at which multiple it is stopped, and what the draft has lost there."""
     bed = dense_bed(laboratory)
     found, caught, reference = [], [], None
-    for multiple in (0.5, 0.8, 0.84, 0.86, 0.88, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2):
+    for multiple in (0.5, 0.8, 0.85, 0.9, 0.95, 1.0, 1.1, 1.3):
         try:
             dragged(scene(laboratory, multiple, "dense_random"), bed, book=False)
             ending = "runs"

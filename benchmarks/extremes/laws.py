@@ -35,7 +35,10 @@ def at_rest(resolved: ResolvedScene, steps: int = 300) -> str:
 
 
 def head_on(resolved: ResolvedScene, speed: float, gap: float = 0.0, steps: int = 1) -> list[float]:
-    """Overlap of two spheres [m] after every step, beginning `gap` apart with a closing `speed`."""
+    """Overlap of two spheres [m] after every step, beginning `gap` apart with a closing `speed`.
+
+    Of spheres thrown apart (a negative speed) no further than where they turn back.
+    """
     x = 0.5 * ROOM_M[0]
     half = RADIUS + 0.5 * gap
     engine = placed(
@@ -48,6 +51,8 @@ def head_on(resolved: ResolvedScene, speed: float, gap: float = 0.0, steps: int 
         engine.advance(tick, ())
         place = engine.positions_m()
         overlaps.append(2.0 * RADIUS - float(np.linalg.norm(place[1] - place[0])))
+        if speed < 0.0 and tick > 0 and overlaps[-1] > overlaps[-2]:
+            break
     return overlaps
 
 

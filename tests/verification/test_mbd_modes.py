@@ -179,7 +179,8 @@ def test_check_prints_statics_and_modes(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(("integrator", "order", "reach", "growth"), [
-    ("adams_moulton", 2, 1.836, 5e-8), ("adams_moulton", 3, 0.125, 4.5e-6), ("adams_moulton", 4, 0.1275, 5e-8),
+    ("adams_moulton", 2, 1.836, 5e-8), ("adams_moulton", 3, 0.125, 4.5e-6),
+    ("adams_moulton", 4, 0.1275, 5e-8),
     ("runge_kutta_4", 4, 2.828, 5e-8),
 ])  # fmt: skip
 def test_step_above_the_bound_is_refused_and_below_it_is_stable(

@@ -146,8 +146,11 @@ def prepare_grid(soil: Soil, gravity_m_per_s2: float) -> Bed:
 
 
 def _refuse_too_soft(soil: Soil, heights_m: np.ndarray) -> None:
-    """SceneError if the weight presses layers at `heights_m` (n,) so close that one reaches over the next."""
-    nearest = soil.particles.mean_volume_radius_m + 0.5 * pair_values(soil)[0].reach
+    """SceneError if the weight presses layers at `heights_m` (n,) so close that particles reach others than
+    their six neighbours: those of the layer after the next, or across a diagonal."""
+    reach = 2.0 * soil.particles.mean_volume_radius_m + pair_values(soil)[0].reach
+    diagonal = float(np.sqrt(max(0.0, reach**2 - particle_spacing_m(soil) ** 2)))
+    nearest = max(0.5 * reach, diagonal)
     closest = float(np.diff(heights_m).min(initial=np.inf))
     if closest <= nearest:
         raise SceneError(

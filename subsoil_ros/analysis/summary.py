@@ -87,6 +87,18 @@ def summarize(
     return summary
 
 
+def summarize_unrecorded(resolved: ResolvedScene, run_info: Mapping[str, Any]) -> Summary:
+    """What is known of a run without a bag."""
+    return {
+        "scene": resolved.scene.name,
+        "scene_hash": resolved.scene_hash,
+        **run_info,
+        "note": resolved.scene.report.note,
+        "recorded": False,
+        "complete": "failure" not in run_info,
+    }
+
+
 def run_facts(document: Mapping[str, Any]) -> Summary:
     """The part of a summary, or of a run_info, that no bag tells."""
     return {key: document[key] for key in RUN_FACTS if key in document}

@@ -32,7 +32,9 @@ def find_checkpoint(directory: Path, resolved: ResolvedScene) -> Checkpoint:
     if not directory.is_dir():
         raise InputError(f"--resume {directory}: no such folder; name one that `subsoil run` made")
     try:
-        last_tick = _last_time_ns(directory / "bag") // resolved.timing.interval_ns - 1
+        last_tick = None
+        if resolved.scene.record.bag:
+            last_tick = _last_time_ns(directory / "bag") // resolved.timing.interval_ns - 1
         checkpoint, complaints = newest_valid(directory / CHECKPOINTS, resolved.scene_hash, last_tick)
     except InputError as error:
         raise InputError(f"--resume {error}") from error

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ..analysis.series import read_series, write_series_csv
-from ..analysis.summary import print_summary, summarize, write_summary
+from ..analysis.summary import print_summary, summarize, summarize_unrecorded, write_summary
 from ..analysis.versions import versions
 from ..coupling.control import build_controller
 from ..coupling.direct import run_direct
@@ -98,6 +98,8 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
     if args.mode == "direct":
         _refuse_direct(args, resolved)
     live = live_port(args.live)
+    if live and not resolved.scene.record.bag:
+        raise InputError("--live: shows what is recorded, and record.bag is false; add --set record.bag=true")
     opened = open_run(resolved, args.scene, Path(args.out), args.threads, args.resume)
     out, resumed = opened.out, opened.resumed
     say_where(live)
@@ -173,10 +175,11 @@ def _run_direct(
     stop_signal: Callable[[], int],
 ) -> None:
     resolved, resumed = opened.resolved, opened.resumed
-    writer = open_bag(opened.out / "bag", resolved, live)
+    writer = open_bag(opened.out / "bag", resolved, live) if resolved.scene.record.bag else None
+    sync = (writer.sync,) if writer is not None else ()
     try:
         soil = build_soil(resolved, threads)
-        keeper = Keeper(opened.out / CHECKPOINTS, resolved, opened.run_id, writer.sync)
+        keeper = Keeper(opened.out / CHECKPOINTS, resolved, opened.run_id, *sync)
         controller = build_controller(resolved, resumed)
         run_direct(
             resolved,
@@ -191,7 +194,8 @@ def _run_direct(
             controller,
         )
     finally:
-        writer.close()
+        if writer is not None:
+            writer.close()
 
 
 def _run_composed(
@@ -249,10 +253,15 @@ def _summarize(
 ) -> None:
     """Makes series and summary from the bag; of a run that failed, if there is anything to show."""
     bag = out / "bag"
+    if failure is not None:
+        run_info = run_info | {"failure": str(failure)}
     try:
+        if not resolved.scene.record.bag:
+            write_summary(summarize_unrecorded(resolved, run_info), out / "summary.json")
+            print(f"nothing is recorded (record.bag: false); {out / 'summary.json'} says how the run ended")
+            return
         if failure is not None:
             recover(bag)  # its writer may have been killed; a whole bag is left as it is
-            run_info = run_info | {"failure": str(failure)}
         mend_earlier(out)
         with reading_bag(resolved.timing) as watch:
             series = read_series(bag, resolved.scene, watch)

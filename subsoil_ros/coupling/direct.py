@@ -31,7 +31,7 @@ def run_direct(
     run_id: str,
     mover: Mover,
     soil: Soil | None,
-    sink: RecordSink,
+    sink: RecordSink | None,
     on_tick: Callable[[int], None] = lambda tick: None,
     stop_signal: Callable[[], int] = lambda: 0,
     keeper: Keeper | None = None,
@@ -42,6 +42,7 @@ def run_direct(
 
     Args:
         mover: the mechanism of the scene, or the paths of its tools.
+        sink: takes the record; None: nothing is recorded.
         on_tick: called after each tick is written.
         controller: of the scene, if it names one.
         stop_signal: asked before each tick; a signal's number other than 0 ends the run there.
@@ -63,6 +64,7 @@ def run_direct(
     if mechanism is not None and resumed is not None:
         machine = mechanism.state(run_id, state.tick, tick_end_ns(state.tick, interval_ns))
     start = time.monotonic() - state.wall_time_s
+    write = sink.write if sink is not None else _forget
 
     def keep() -> None:
         """Writes the checkpoint of `state`, if there is not yet one of it."""
@@ -89,21 +91,21 @@ def run_direct(
             wrenches = soil.advance(tick, state.motions if parallel else motions)
         work = account.add(motions, wrenches)
         wall_time_s = time.monotonic() - start
-        sink.write(Grant(run_id, tick, Command.END if tick == schedule.last_tick else Command.RUN))
+        write(Grant(run_id, tick, Command.END if tick == schedule.last_tick else Command.RUN))
         if command is not None:
-            sink.write(command)
-        sink.write(ToolMotions(run_id, tick, end_ns, motions))
+            write(command)
+        write(ToolMotions(run_id, tick, end_ns, motions))
         if soil is not None:
-            sink.write(ToolWrenches(run_id, tick, end_ns, wrenches))
+            write(ToolWrenches(run_id, tick, end_ns, wrenches))
         if schedule.series_due(tick):
             if mechanism is not None:
                 machine = mechanism.state(run_id, tick, end_ns)
-                sink.write(machine)
-            if soil is not None:
-                sink.write(soil.state(run_id, tick, end_ns))
-            sink.write(work.report(run_id, tick, interval_ns, wall_time_s))
-        if soil is not None and schedule.cloud_due(tick):
-            sink.write(recorded_cloud(soil.cloud(tick, end_ns), resolved.scene.record))
+                write(machine)
+            if soil is not None and sink is not None:
+                write(soil.state(run_id, tick, end_ns))
+            write(work.report(run_id, tick, interval_ns, wall_time_s))
+        if soil is not None and sink is not None and schedule.cloud_due(tick):
+            write(recorded_cloud(soil.cloud(tick, end_ns), resolved.scene.record))
         on_tick(tick)
         account.check(tick)
         state = CouplingState(tick, motions, wrenches, work, wall_time_s)
@@ -114,6 +116,10 @@ def run_direct(
         if soil is not None:
             keeper.note_end(state.tick, SOIL, soil)
         keeper.note_coupling_end(state)
+
+
+def _forget(record: Any) -> None:
+    """In the place of a sink where nothing is recorded."""
 
 
 def _first_state(mover: Mover, soil: Soil | None, part: str, resumed: Checkpoint | None) -> CouplingState:

@@ -5,8 +5,6 @@ from typing import Any, Protocol
 
 from numpy.typing import NDArray
 
-from ..mbd.engine import MechanismEngine
-from ..mbd.path import PathEngine
 from ..messages import DriverCommand, MechanismState, SoilCloud, SoilState, ToolMotion, ToolWrench
 from ..scene.loader import ResolvedScene
 
@@ -72,14 +70,18 @@ class Soil(Resumable, Protocol):
 
 
 def build_mechanism(resolved: ResolvedScene) -> Mechanism | None:
-    """The scene's mechanism, assembled; None if it names none."""
+    """The scene's mechanism, assembled; None if it names none. Only the engine that is named is imported."""
     if resolved.scene.mechanism is None:
         return None
+    from ..mbd.engine import MechanismEngine
+
     return MechanismEngine(resolved.scene, resolved.timing)
 
 
 def build_paths(resolved: ResolvedScene) -> Mover:
     """The mover of a scene without mechanism."""
+    from ..mbd.path import PathEngine
+
     return PathEngine(resolved.scene, resolved.timing)
 
 

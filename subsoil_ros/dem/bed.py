@@ -130,6 +130,7 @@ def prepare_grid(soil: Soil, gravity_m_per_s2: float) -> Bed:
         np.stack(np.meshgrid([x[i]], y, floor + column(layers), indexing="ij"), axis=-1).reshape(-1, 3)
         for i, layers in enumerate(heights)
     ]
+    _refuse_too_soft(soil, column(nz))
     grid = np.concatenate(slices)
     if isinstance(soil.bed, GridBed) and soil.bed.jitter_m > 0.0:
         generator = np.random.default_rng(soil.bed.seed)
@@ -142,6 +143,21 @@ def prepare_grid(soil: Soil, gravity_m_per_s2: float) -> Bed:
         materials=np.concatenate([np.tile(material[:n], ny) for n in heights]) if soil.layers else None,
         sides=soil.bin.sides,
     )
+
+
+def _refuse_too_soft(soil: Soil, heights_m: np.ndarray) -> None:
+    """SceneError if the weight presses layers at `heights_m` (n,) so close that particles reach others than
+    their six neighbours: those of the layer after the next, or across a diagonal."""
+    reach = 2.0 * soil.particles.mean_volume_radius_m + pair_values(soil)[0].reach
+    diagonal = float(np.sqrt(max(0.0, reach**2 - particle_spacing_m(soil) ** 2)))
+    nearest = max(0.5 * reach, diagonal)
+    closest = float(np.diff(heights_m).min(initial=np.inf))
+    if closest <= nearest:
+        raise SceneError(
+            f"soil.law: too soft for a bed of {len(heights_m)} layers: their weight presses the lowest to "
+            f"{closest:.3g} m of each other, allowed is more than {nearest:.3g} m; make soil.law.particle "
+            "stiffer, or the bed lighter or less deep"
+        )
 
 
 def refuse_outside(bed: Bed, planes: np.ndarray, position_m: np.ndarray) -> None:

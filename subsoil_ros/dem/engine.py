@@ -25,7 +25,7 @@ from .pairs import history_blocks, pair_forces, pair_scan
 from .periodic import TOOL_SKIN, refuse_narrow_period, refuse_tool_at_seam, wrapped
 from .snapshot import bed_digest, from_named, motion_from, named
 from .state import PairList, Particles, WallList
-from .tool_surface import ToolSurface, motion_within
+from .tool_surface import ToolSurface, motion_within, refuse_leap
 from .walls import near_walls, wall_forces, wall_planes, wall_scan
 
 _CELLS_PER_SLAB = 1
@@ -63,7 +63,7 @@ class SoilEngine:
         self._step_s = resolved.timing.soil_step_s
         self._kind = np.float32 if soil.precision == "mixed" else np.float64  # of all but positions
         self._gravity = resolved.scene.gravity_m_per_s2
-        self._radius = soil.particles.bounds_m[1]  # the largest where they are unequal
+        self._smallest, self._radius = soil.particles.bounds_m  # equal, or smallest and largest radius
         self._mass = particle_mass_kg(soil)
         self._inertia = 0.4 * self._mass * self._radius**2
         self.bed: Bed = bed or prepare_bed(resolved, SoilEngine, threads)
@@ -408,10 +408,15 @@ class SoilEngine:
         return tuple(tool.wrench() for tool in self._tools)
 
     def _advance_step(self, tick: int, step: int, motions: tuple[ToolMotion, ...]) -> None:
+        for tool, motion in zip(self._tools, motions, strict=True):
+            if tool.speed_m_per_s(motion) * self._step_s > self._smallest:
+                refuse_leap(self._where(tick, step), tool, motion, self._step_s, self._smallest)
         calls = self._calls or self._bind(self._step_s)
         if calls.kick_drift() or self._tools_left_their_lists(motions):
             refuse_lost_numbers(self._where(tick, step), self._particles)
             self._rebuild(motions)
+            if self._watch is not None:
+                self._watch.note_rebuild()
             calls = self._bind(self._step_s)
         calls.pair_forces()
         calls.wall_forces()

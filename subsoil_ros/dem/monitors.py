@@ -114,7 +114,9 @@ class Watch:
         self._alarm = max(1, count // ONE_IN) if given is None else given
         self._gone = np.zeros(count, np.bool_)
         self.first_lost: list[LostParticle] = []
-        self._steps, self._suspicious = 0, 0
+        # between two looks nobody may cross a particle unseen; a rebuild says that one moved by half a skin
+        self._hurry_steps = soil.monitors.every_steps * soil.skin_m / (4.0 * self._radius)
+        self._steps, self._suspicious, self._rebuild_step, self._hurried = 0, 0, 0, 0
         self._start_joule: float | None = None
         self._largest_kinetic = 0.0
 
@@ -125,7 +127,7 @@ class Watch:
             "gone": self._gone,
             "first_lost": np.array([(lost.identity, lost.tick) for lost in self.first_lost], np.int64),
             "first_lost_m": np.array([lost.position_m for lost in self.first_lost], np.float64),
-            "counts": np.array([self._steps, self._suspicious]),
+            "counts": np.array([self._steps, self._suspicious, self._rebuild_step, self._hurried]),
             "joules": np.array([start, self._largest_kinetic]),
         }
 
@@ -138,7 +140,7 @@ class Watch:
                 arrays["first_lost"].tolist(), arrays["first_lost_m"].tolist(), strict=True
             )
         ]
-        self._steps, self._suspicious = arrays["counts"].tolist()
+        self._steps, self._suspicious, self._rebuild_step, self._hurried = arrays["counts"].tolist()
         start, self._largest_kinetic = arrays["joules"].tolist()
         self._start_joule = None if np.isnan(start) else start
 
@@ -156,10 +158,16 @@ class Watch:
         """From where the energy is balanced."""
         self._start_joule, self._largest_kinetic = book.total_joule, book.kinetic_joule
 
+    def note_rebuild(self) -> None:
+        """Lists were rebuilt in the step that is counted next; soon after the last time, it is looked at."""
+        self._hurried = int(self._steps - self._rebuild_step < self._hurry_steps)
+        self._rebuild_step = self._steps
+
     def due(self, *, last: bool) -> bool:
         """Counts one more step; whether it is one to look at."""
         self._steps += 1
-        return last or self._suspicious > 0 or self._steps % self._bounds.every_steps == 0
+        hurried, self._hurried = self._hurried, 0
+        return last or hurried > 0 or self._suspicious > 0 or self._steps % self._bounds.every_steps == 0
 
     def look(
         self,

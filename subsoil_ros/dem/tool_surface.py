@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..errors import PhysicsError
 from ..messages import GroupForce, ToolMotion, ToolWrench
 from ..scene.meshes import ToolMesh
 from .contact import Features, PairLaw
@@ -88,6 +89,11 @@ class ToolSurface:
         then = self._searched
         shift = math.hypot(motion.x_m - then.x_m, motion.z_m - then.z_m)
         return shift + self._radius_m * abs(motion.phi_rad - then.phi_rad)
+
+    def speed_m_per_s(self, motion: ToolMotion) -> float:
+        """Bound on the speed of any point of the surface [m/s]."""
+        speed = math.hypot(motion.velocity_x_m_per_s, motion.velocity_z_m_per_s)
+        return speed + self._radius_m * abs(motion.phi_rate_rad_per_s)
 
     def overlapped(self, particles: Particles, clearance_m: np.ndarray) -> np.ndarray:
         """Particles (numbers) inside the surface or closer to it than their `clearance_m` (n,)."""
@@ -176,6 +182,20 @@ class ToolSurface:
         return ToolWrench(
             self.name, fx, fy, fz, tx, ty, tz, self.felt.work_joule, self.felt.contacts, tuple(groups)
         )  # fmt: skip
+
+
+def refuse_leap(where: str, tool: ToolSurface, motion: ToolMotion, step_s: float, radius_m: float) -> None:
+    """A contact begins from outside, so a surface that moves by more than a radius may pass a centre unseen.
+
+    Raises:
+        PhysicsError: always.
+    """
+    speed = tool.speed_m_per_s(motion)
+    raise PhysicsError(
+        f"{where}: tool {tool.name} moves at up to {speed:.3g} m/s, {speed * step_s:.3g} m in one soil step; "
+        f"allowed is the radius of the smallest particle, {radius_m:g} m: make the tool slower, or use a "
+        "smaller soil.time_step_s"
+    )
 
 
 def motion_within(start: ToolMotion, end: ToolMotion, interval_s: float, part: float) -> ToolMotion:

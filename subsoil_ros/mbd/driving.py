@@ -1,11 +1,16 @@
-"""A driver that takes commands: its speed goes linearly from one command to the next."""
+"""Drivers: none jumps in speed; the speed of one that takes commands goes linearly from one to the next."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ..errors import PhysicsError, ProtocolError
+import numpy as np
+
+from ..errors import PhysicsError, ProtocolError, SceneError
 from ..messages import DriverCommand
 from ..scene.controller import Controller
+from ..scene.laws import HalfSineLaw, Law, PolynomialLaw, RampLaw, SineLaw, SumLaw, TableLaw
+from ..scene.mechanism import Driver, Mechanism
 from .laws import LawTable
 
 ROUND_OFF = 1e-9
@@ -63,6 +68,39 @@ def next_ramp(
             f"controller.largest_acceleration_m_per_s2 {largest:g}"
         )
     return Ramp(start_s, before, acceleration, speed, ramp.travel_at(start_s))
+
+
+def refuse_jumps(mechanism: Mechanism, step_s: float) -> None:
+    """SceneError if the speed of a driver changes within less than a step: no step sees its acceleration."""
+    for name, joint in mechanism.joints.items():
+        if not isinstance(joint, Driver):
+            continue
+        for span_s, change in _changes(joint.speed):
+            if span_s < step_s and change != 0.0:
+                raise SceneError(
+                    f"mechanism.joints.{name}.speed: changes by {change:.3g} within {span_s:.3g} s, less "
+                    f"than a step of {step_s:.3g} s: a jump; no force makes one; give it a step or more, or "
+                    "raise coupling.mechanism_steps"
+                )
+
+
+def _changes(law: Law) -> Iterator[tuple[float, float]]:
+    """Times [s] in which a law changes, and by how much."""
+    if isinstance(law, SumLaw):
+        for term in law.terms:
+            yield from _changes(term)
+    elif isinstance(law, RampLaw):
+        yield law.end_s - law.start_s, law.end_value - law.start_value
+    elif isinstance(law, TableLaw):
+        yield from zip(np.diff(law.times_s).tolist(), np.diff(law.values).tolist(), strict=True)
+    elif isinstance(law, HalfSineLaw):
+        yield 0.5 * law.duration_s, law.peak
+    elif isinstance(law, SineLaw):
+        yield 0.25 / law.frequency_hz, law.amplitude
+    elif isinstance(law, PolynomialLaw) and law.end_s is not None:
+        span_s = law.end_s - law.start_s
+        end = float(np.polynomial.polynomial.polyval(span_s, law.coefficients))
+        yield span_s, end - law.coefficients[0]
 
 
 def write_ramp(laws: LawTable, law: int, ramp: Ramp) -> None:

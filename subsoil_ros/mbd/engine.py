@@ -16,7 +16,7 @@ from .assembly import Start, assemble, weakest_joints
 from .closure import Closure
 from .constraints import evaluate_residual, turns_of
 from .diagnostics import mechanism_state
-from .driving import Ramp, next_ramp, write_ramp
+from .driving import Ramp, next_ramp, refuse_jumps, write_ramp
 from .stability import refuse_unstable_step
 from .tables import (
     CONTRADICTION,
@@ -44,7 +44,8 @@ class MechanismEngine:
         """Assemble the machine and bring it to its initial state.
 
         Raises:
-            SceneError: no mechanism in the scene, one that cannot be assembled, or a step too large for it.
+            SceneError: no mechanism in the scene, one that cannot be assembled, a step too large for it, or
+                a driver that jumps in speed.
             SingularMechanismError: it starts in a singular position.
         """
         if scene.mechanism is None:
@@ -52,6 +53,7 @@ class MechanismEngine:
         self._interval_ns = timing.interval_ns
         self._steps = max(1, timing.mechanism_steps)
         step_s = timing.interval_ns * 1e-9 / self._steps
+        refuse_jumps(scene.mechanism, step_s)
         start = assemble(scene.mechanism, scene.gravity_m_per_s2, step_s)
         refuse_unstable_step(start, timing.interval_ns * 1e-9)
         self._machine, self._redundant = start.machine, start.redundant

@@ -26,7 +26,10 @@ SOLVED = 1e-12
 
 STALLED = 1e-9
 """So does one of more than half the last, below this part of the accelerations or of 1 m/s2: near rest,
-forces that cancel leave their round-off."""
+forces that cancel leave their round-off. So does one that moves no place by more than its own."""
+
+PLACE_ROUND_OFF = 16.0 * np.finfo(np.float64).eps
+"""Of places and lengths, as a part of the machine's reach (chosen: some operations lie between them)."""
 
 DIFFERENCE = 1e-5
 """Accelerations are moved by this part of the largest for the differences of the Jacobian."""
@@ -84,7 +87,10 @@ def step_generalized_alpha(model, state, work, start, step, select):
         work.unknown[j] -= DIFFERENCE * largest
     if not lu_factor(work.newton, work.newton_pivots, freedom - 1, freedom - 1):
         return SINGULAR, most
-    before = np.inf
+    before, reach = np.inf, model.size
+    for i in range(state.q.shape[0]):
+        reach = max(reach, abs(state.q[i]))
+    unseen = PLACE_ROUND_OFF * reach / (BETA * step * step)
     for _ in range(LAST_ITERATION):
         lu_solve(work.newton, work.newton_pivots, freedom - 1, freedom - 1, work.newton_right)
         change = 0.0
@@ -93,7 +99,7 @@ def step_generalized_alpha(model, state, work, start, step, select):
             change = max(change, abs(work.newton_right[i]))
         status, iterations = _evaluate(model, state, work, time, select, step)
         most = max(most, iterations)
-        stalled = change >= 0.5 * before and change <= STALLED * max(largest, 1.0)
+        stalled = change >= 0.5 * before and change <= max(STALLED * max(largest, 1.0), unseen)
         if status != OK or stalled or change <= SOLVED * largest:
             return status, most
         before = change

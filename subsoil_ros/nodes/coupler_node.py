@@ -113,7 +113,7 @@ class CouplerNode(LockstepNode):
         self.listen(ToolMotions, self._on_motions, (mover,))
         if scene.soil is not None:
             self.listen(ToolWrenches, self._on_wrenches, (SOIL,))
-        if run.recorded:
+        if RECORDER in names:
             self.listen(TickAck, self._on_ack, (RECORDER,))
         self.listen(NodeHello, self._on_hello, names)
         if scene.controller is not None:
@@ -149,7 +149,7 @@ class CouplerNode(LockstepNode):
         if account is None:
             return Health(message=f"waits for {coupler.missing()}")
         coupling = self.run.resolved.scene.coupling
-        lag = coupler.done_tick - coupler.acknowledged_tick if self.run.recorded else 0
+        lag = coupler.done_tick - coupler.acknowledged_tick if RECORDER in self.run.participants else 0
         values: dict[str, str | float | int] = {
             "state": "paused" if coupler.paused else "running",
             "interface_residual_joule": account.work.residual_joule,
@@ -261,8 +261,7 @@ class CouplerNode(LockstepNode):
     def _on_ack(self, ack: TickAck) -> None:
         self._coupler.accept_ack(ack)
         self._last_advance = time.monotonic()
-        while self._keeper is not None and self._to_commit and self._to_commit[0].tick <= ack.tick:
-            self._keeper.commit(self._to_commit.popleft())
+        self._commit_recorded()
         self._grant()
         if self._coupler.finished:
             self._end()
@@ -290,8 +289,15 @@ class CouplerNode(LockstepNode):
         self._last = CouplingState(tick, finished.motions, finished.wrenches, work, now - self._start)
         if self._keeper is not None and self._keeper.due(tick):
             self._to_commit.append(self._last)
+            self._commit_recorded()
         if self._keeper is not None and tick == self._schedule.last_tick:
             self._keeper.note_coupling_end(self._last)
+
+    def _commit_recorded(self) -> None:
+        """A checkpoint stands at the end of a record that is on the disk; without a record, at once."""
+        recorded = self._coupler.acknowledged_tick
+        while self._keeper is not None and self._to_commit and self._to_commit[0].tick <= recorded:
+            self._keeper.commit(self._to_commit.popleft())
 
     def _end(self) -> None:
         self._on_progress(self._coupler.done_tick)

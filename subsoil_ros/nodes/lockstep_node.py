@@ -102,7 +102,7 @@ class LockstepNode(Node):
     def publisher(self, kind: type, partners: tuple[str, ...]) -> Publisher:
         """A publisher of records of `kind` that the nodes named must be listening to before tick 0."""
         publisher = self.create_publisher(class_of(kind), TOPIC_OF[kind], qos_of(kind))
-        if not self.run.recorded:
+        if RECORDER not in self.run.participants:
             partners = tuple(name for name in partners if name != RECORDER)
         self._partners.append((publisher, partners))
         self._writers[kind] = writer(kind, self._interval_ns)

@@ -111,7 +111,9 @@ class RecorderNode(LockstepNode):
         if scene.mechanism is not None:
             sources.append((MechanismState, MECHANISM))
         if scene.soil is not None:
-            sources += [(ToolWrenches, SOIL), (SoilState, SOIL), (SoilCloud, SOIL)]
+            sources += [(ToolWrenches, SOIL), (SoilState, SOIL)]
+        if self._schedule.cloud_ticks:
+            sources.append((SoilCloud, SOIL))
         if scene.controller is not None:
             sources.append((DriverCommand, CONTROLLER))
         for kind, source in sources:

@@ -73,7 +73,7 @@ class SoilNode(LockstepNode):
         listeners = (COUPLER, RECORDER) if mover is not None else (MECHANISM, COUPLER, RECORDER)
         self._wrenches = self.publisher(ToolWrenches, listeners)
         self._states = self.publisher(SoilState, (RECORDER,))
-        self._clouds = self.publisher(SoilCloud, (RECORDER,))
+        self._clouds = self.publisher(SoilCloud, (RECORDER,)) if self._schedule.cloud_ticks else None
         self._poses = {
             name: self.create_publisher(
                 rclpy_class("geometry_msgs/msg/PoseStamped"), pose_topic(name), PEOPLE_QOS
@@ -162,7 +162,7 @@ class SoilNode(LockstepNode):
                 self._state = self._engine.state(self.run.run_id, tick, end_ns)
                 self._states.publish(self.bytes_of(self._state))
                 self._publish_for_people(motions, wrenches, end_ns)
-            if self._schedule.cloud_due(tick):
+            if self._clouds is not None and self._schedule.cloud_due(tick):
                 cloud = recorded_cloud(self._engine.cloud(tick, end_ns), self.run.resolved.scene.record)
                 self._clouds.publish(self.bytes_of(cloud))
             self._participant.finish(tick)

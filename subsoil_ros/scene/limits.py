@@ -7,7 +7,7 @@ from ..errors import SceneError
 from ..ticks import NANOSECONDS_PER_SECOND, tick_count
 from .damping import SMALLEST_RATIO, damping_ratios, lag_rates, largest_lagged_step_s
 from .model import Scene
-from .pairs import layer_soils, particle_values, sphere_mass_kg
+from .pairs import boundary_values, layer_soils, particle_values, sphere_mass_kg
 from .soil import HertzMindlinLaw, Soil
 
 DENSE_COORDINATION = 10.4
@@ -43,6 +43,9 @@ def step_limits(soil: Soil, coordination: float = DENSE_COORDINATION) -> tuple[S
     Dampers, z contacts per particle: neighbours in opposite motion see the rate 2 z C / m, equal spins
     (4/3) z C l^2 / I with I = 0.4 m r^2 and the arm l = r - delta_c / 2; stable for step x rate <= 2.
     Springs: the same modes, omega^2 = 2 z (K_X + 2 K_Y) / (3 m) and (4/3) z K_Y l^2 / I; step <= 2 / omega.
+    K_C, the stiffness below the rest overlap, counts in the place of K_X where it is larger.
+    Walls and tools do not give way: a particle in a corner has three contacts, rates (C_X + 2 C_Y) / m and
+    2 C_Y l^2 / I, the same of the springs.
 
     Of unlike particles the worst one binds: (a + b)^2 <= 2 a^2 + 2 b^2, contact by contact, bounds each of
     these rates of the whole bed by its largest over single particles, and the smallest of a layer has the
@@ -56,8 +59,9 @@ def step_limits(soil: Soil, coordination: float = DENSE_COORDINATION) -> tuple[S
     smallest: dict[str, StepLimit] = {}
     for k, layer in enumerate(layers):
         named = f", layer {soil.layers[k].name}" if soil.layers else ""
-        for other in layers:
-            for kind, found in _particle_limits(layer, other, coordination, named).items():
+        candidates = [_particle_limits(layer, other, coordination, named) for other in layers]
+        for limits in (*candidates, _boundary_limits(layer, named)):
+            for kind, found in limits.items():
                 if kind not in smallest or found.limit_s < smallest[kind].limit_s:
                     smallest[kind] = found
     return tuple(sorted(smallest.values(), key=lambda item: item.limit_s))
@@ -77,6 +81,7 @@ def _particle_limits(soil: Soil, other: Soil, z: float, named: str) -> dict[str,
         if rate > 0.0:
             limits[kind] = StepLimit(cause, 2.0 / (math.sqrt(rate) if spring else rate))
 
+    stiffness = max(pair.stiffness, pair.contact_adhesion)
     normal_lag, tangential_lag = lag_rates(soil)[0]
     lagged = "" if soil.damping == "explicit" else "lagged "
     add(
@@ -98,8 +103,8 @@ def _particle_limits(soil: Soil, other: Soil, z: float, named: str) -> dict[str,
     )
     add(
         "translation, springs",
-        f"stiffness {pair.stiffness:g} and {pair.tangential_stiffness:g} N/m of the bed, {name}",
-        2.0 * z * (pair.stiffness + 2.0 * pair.tangential_stiffness) / (3.0 * mass),
+        f"stiffness {stiffness:g} and {pair.tangential_stiffness:g} N/m of the bed, {name}",
+        2.0 * z * (stiffness + 2.0 * pair.tangential_stiffness) / (3.0 * mass),
         spring=True,
     )
     add(
@@ -110,10 +115,34 @@ def _particle_limits(soil: Soil, other: Soil, z: float, named: str) -> dict[str,
     )
     add(
         "pair",
-        f"stiffness {pair.stiffness:g} N/m of a single pair",
-        2.0 * pair.stiffness / mass,
+        f"stiffness {stiffness:g} N/m of a single pair",
+        2.0 * stiffness / mass,
         spring=True,
     )
+    return limits
+
+
+def _boundary_limits(soil: Soil, named: str) -> dict[str, StepLimit]:
+    """Limits of the smallest particle of `soil` in a corner of walls or tools, which do not give way."""
+    radius = soil.particles.bounds_m[0]
+    mass = sphere_mass_kg(soil, radius)
+    wall = boundary_values(soil, radius, mass)
+    normal = max(max(1.0, soil.tool_stiffness_factor) * wall.stiffness, wall.contact_adhesion)
+    tangential = wall.tangential_stiffness
+    arm = radius - wall.rest_overlap
+    turning = 2.0 * arm**2 / (0.4 * radius**2)  # of two walls beside a turn, over the mass
+    spring = max(normal + 2.0 * tangential, turning * tangential) / mass
+    damper = max(wall.damping + 2.0 * wall.tangential_damping, turning * wall.tangential_damping) / mass
+    damper -= 2.0 * min(lag_rates(soil)[1])
+    name = f"at walls and tools, particle {mass * 1e3:.3g} g{named}"
+    limits = {
+        "boundary, springs": StepLimit(
+            f"stiffness {normal:g} and {tangential:g} N/m {name}", 2.0 / math.sqrt(spring)
+        )
+    }
+    if damper > 0.0:
+        cause = f"damping {wall.damping:g} and {wall.tangential_damping:g} N s/m {name}"
+        limits["boundary, dampers"] = StepLimit(cause, 2.0 / damper)
     return limits
 
 
@@ -128,7 +157,10 @@ def _rayleigh_limit(soil: Soil) -> StepLimit:
     shear = law.particle.youngs_modulus_pa / (2.0 * (1.0 + nu))
     radius, density = soil.particles.bounds_m[0], soil.particles.density_kg_per_m3
     time = math.pi * radius * math.sqrt(density / shear) / (0.1631 * nu + 0.8766)
-    return StepLimit(f"{RAYLEIGH_PART:g} of the Rayleigh time {time:.3g} s", RAYLEIGH_PART * time)
+    stiffer = max(1.0, soil.tool_stiffness_factor)
+    tools = "" if stiffer == 1.0 else f", over the root of tool_stiffness_factor {stiffer:g}"
+    cause = f"{RAYLEIGH_PART:g} of the Rayleigh time {time:.3g} s{tools}"
+    return StepLimit(cause, RAYLEIGH_PART * time / math.sqrt(stiffer))
 
 
 def step_notes(soil: Soil, step_s: float) -> tuple[str, ...]:

@@ -38,8 +38,9 @@ class Coupling(Part):
 
 
 class Record(Part):
-    """What goes into the bag, and how often. Lockstep messages are always recorded, all of them."""
+    """What goes into the bag, and how often. Of the lockstep messages it has all."""
 
+    bag: bool = True  # false: nothing is recorded; no recorder, no bag, no series
     series_ticks: int = Field(default=20, ge=1)  # series, poses, wrenches, /tf every so many ticks
     cloud_hz: NonNegative = 10.0  # soil clouds per simulated second; 0: none
     cloud_region: CloudRegion | None = None  # particles with their centre outside of it are left out

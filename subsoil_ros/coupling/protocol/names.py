@@ -20,4 +20,6 @@ def participants(scene: Scene) -> tuple[str, ...]:
     names = [name for name, part in ((MECHANISM, scene.mechanism), (SOIL, scene.soil)) if part is not None]
     if scene.controller is not None:
         names.append(CONTROLLER)
-    return (*names, RECORDER)
+    if scene.record.bag:
+        names.append(RECORDER)
+    return tuple(names)

@@ -1,0 +1,318 @@
+"""C1 to C6: the exchange between soil and machine, inside, near and beyond its limits."""
+
+import math
+import re
+from dataclasses import dataclass, replace
+from typing import Any
+
+from subsoil_ros.coupling.direct import run_direct
+from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.errors import RunError
+from subsoil_ros.mbd.engine import MechanismEngine
+from subsoil_ros.messages import CouplingReport, MechanismState, ToolMotion, ToolMotions, ToolWrench
+from subsoil_ros.scene.coupling_bounds import PARALLEL_DAMPER_SHARE, SERIAL_DAMPER_SHARE, force_age_ticks
+from subsoil_ros.scene.loader import ResolvedScene
+from subsoil_ros.scene.model import Coupling
+
+from .cases import RIGHT, STOPPED, Cases, Outcome, WrongEndError, must, right
+from .laboratory import Document, Laboratory
+
+CASES = Cases()
+
+CAUSES = "residual|overlaps a particle|not finite|moves at up to"
+"""What an exchange beyond its limits may be stopped by."""
+
+STIFFNESS, RADIUS, PRESSED, LIFTED = 1e4, 0.05, 1e-3, 1e-4
+HALF_HEIGHT = 0.03125
+REST_M = -0.25 + RADIUS + HALF_HEIGHT - PRESSED
+"""z of a block that rests on the sphere under its load [m]."""
+
+
+@dataclass(frozen=True)
+class Press:
+    """A block on a rail, under a load of k x 1 mm, let go 0.1 mm above its rest on a sphere that stays."""
+
+    mass: float
+    damping: float
+    interval_s: float
+    soil_steps: int = 1
+    scheme: str = "serial"
+    force: str = "tick_end"
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Smallest and largest damper of a stable exchange [N s/m] (docs/physics.md)."""
+        coupling = Coupling(scheme=self.scheme, force=self.force)  # type: ignore[arg-type]
+        share = PARALLEL_DAMPER_SHARE if self.scheme == "parallel" else SERIAL_DAMPER_SHARE
+        age_s = force_age_ticks(coupling, self.soil_steps) * self.interval_s
+        return age_s * STIFFNESS, share * self.mass / self.interval_s
+
+    @property
+    def settling_ticks(self) -> int:
+        """Until 0.1 mm has become 0.1 um, by the slower of the two rates of a damped mass on a spring."""
+        slow = min(0.5 * self.damping / self.mass, STIFFNESS / self.damping)
+        return math.ceil(10.0 / (slow * self.interval_s)) + 100
+
+
+class _PressedSoil:
+    """The soil engine with one sphere; the block is set onto it, where a start would remove the sphere."""
+
+    def __init__(self, resolved: ResolvedScene) -> None:
+        self._engine = SoilEngine(resolved)
+        self._engine.place([[0.25, 0.0, -0.25]])  # type: ignore[arg-type]
+
+    def start(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
+        (motion,) = motions
+        self._engine.start((replace(motion, z_m=motion.z_m + 2.0 * PRESSED),))
+        self._engine.advance(0, motions)
+        return self._engine.advance(1, motions)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._engine, name)
+
+
+class _Kept(list[Any]):
+    """A sink that keeps the records of some kinds."""
+
+    def __init__(self, *kinds: type) -> None:
+        super().__init__()
+        self._kinds = kinds
+
+    def write(self, record: Any) -> None:
+        if isinstance(record, self._kinds):
+            self.append(record)
+
+
+def pressed(laboratory: Laboratory, case: Press, ticks: int) -> float:
+    """Runs it; distance from rest at the end [m]."""
+    row = {
+        "stiffness_newton_per_m": STIFFNESS, "damping_newton_s_per_m": case.damping,
+        "tangential_stiffness_newton_per_m": 0.0, "tangential_damping_newton_s_per_m": 0.0,
+        "static_friction": 0.0, "sliding_friction": 0.0,
+    }  # fmt: skip
+    point = [0.25, REST_M + LIFTED]
+    load = {"kind": "constant", "value": -STIFFNESS * PRESSED}
+    interval_ns = round(case.interval_s * 1e9 / case.soil_steps) * case.soil_steps
+    mesh = {"mesh": laboratory.box(0.125, 0.125, 2.0 * HALF_HEIGHT), "position_m": [0.25, 0.0, point[1]]}
+    resolved = laboratory.resolve(
+        {
+            "name": "press", "duration_s": ticks * interval_ns * 1e-9, "gravity_m_per_s2": 0.0,
+            "soil": {
+                "bin": {"length_m": 0.5, "width_m": 0.5, "depth_m": 0.5},
+                "particles": {"radius_m": RADIUS, "density_kg_per_m3": 1e20},
+                "bed": {"kind": "grid", "spacing_m": 0.1},
+                "law": {"kind": "linear", "particle": row, "boundary": row},
+                "time_step_s": interval_ns * 1e-9 / case.soil_steps,
+            },
+            "mechanism": {
+                "bodies": {"block": {"mass_kg": case.mass, "inertia_kg_m2": case.mass, "position_m": point}},
+                "joints": {
+                    "rail": {
+                        "kind": "prismatic", "body_a": "ground", "body_b": "block", "point_m": point,
+                        "axis": [0, 1],
+                    },
+                },
+                "forces": {
+                    "load": {
+                        "kind": "point_load", "body": "block", "point_m": point, "force_z_newton": load,
+                    },
+                },
+            },
+            "tools": {"block": {"body": "block", "groups": {"all": mesh}}},
+            "coupling": {"interval_ns": interval_ns, "scheme": case.scheme, "force": case.force},
+        }
+    )  # fmt: skip
+    kept = _Kept(ToolMotions)
+    mechanism = MechanismEngine(resolved.scene, resolved.timing)
+    run_direct(resolved, "run", mechanism, _PressedSoil(resolved), kept)
+    return abs(kept[-1].tools[0].z_m - REST_M)
+
+
+def comes_to_rest(laboratory: Laboratory, case: Press) -> str:
+    """The block must end within a hundredth of where it was let go."""
+    low, high = case.limits
+    must(low < case.damping < high, f"{case}: damper outside {low} to {high}")
+    left = pressed(laboratory, case, case.settling_ticks)
+    must(left < 0.01 * LIFTED, f"{case}: {left} m from rest after {case.settling_ticks} ticks")
+    return f"{left / LIFTED:.1g}"
+
+
+def inside(case: Press) -> Press:
+    """The case with a damper in the middle of its limits."""
+    low, high = case.limits
+    return replace(case, damping=math.sqrt(low * high))
+
+
+def interval(mass: float) -> float:
+    """One at which k H^2 / m is 0.1."""
+    return math.sqrt(0.1 * mass / STIFFNESS)
+
+
+SCHEMES = [
+    ("serial", "tick_end"),
+    ("serial", "tick_mean"),
+    ("parallel", "tick_end"),
+    ("parallel", "tick_mean"),
+]
+
+
+@CASES.add("C1", RIGHT)
+def inside_the_limits(laboratory: Laboratory) -> Outcome:
+    """1 kg, interval of 1, 10 and 100 soil steps, every scheme, damper inside the limits."""
+    found = []
+    for scheme, force in SCHEMES:
+        for steps in (1, 10, 100):
+            case = inside(Press(1.0, 0.0, interval(1.0), steps, scheme, force))
+            found.append(f"{scheme} {force} {steps}: {comes_to_rest(laboratory, case)}")
+    return right("part of the first distance left; " + "; ".join(found))
+
+
+@CASES.add("C1", RIGHT, long=True)
+def inside_the_limits_of_long_intervals(laboratory: Laboratory) -> Outcome:
+    """1 kg, interval of 1000 soil steps, every scheme, damper inside the limits."""
+    found = []
+    for scheme, force in SCHEMES:
+        case = inside(Press(1.0, 0.0, interval(1.0), 1000, scheme, force))
+        found.append(f"{scheme} {force}: {comes_to_rest(laboratory, case)}")
+    return right("part of the first distance left; " + "; ".join(found))
+
+
+def must_stop(laboratory: Laboratory, case: Press, ticks: int) -> str:
+    """The run must be stopped by the residual or by the tool's overlap."""
+    try:
+        left = pressed(laboratory, case, ticks)
+    except RunError as error:
+        return cause(error).split(";")[0].split(", above")[0]
+    raise WrongEndError(f"{case}: went on for {ticks} ticks, {left} m from rest")
+
+
+def cause(error: RunError) -> str:
+    """Why the run was stopped, if it is one of CAUSES."""
+    must(re.search(CAUSES, str(error)), f"stopped with another cause: {error}")
+    return str(error)
+
+
+@CASES.add("C2", STOPPED)
+def outside_the_limits(laboratory: Laboratory) -> Outcome:
+    """1 kg, damper outside the limits: no damper at all, and twice the largest."""
+    found = []
+    for scheme, force in SCHEMES[::2]:
+        case = Press(1.0, 0.0, interval(1.0), 1, scheme, force)
+        for damping in (0.0, 2.0 * case.limits[1]):
+            words = must_stop(laboratory, replace(case, damping=damping), 4000)
+            found.append(f"{scheme}, {damping:.3g} N s/m: {words}")
+    return Outcome(STOPPED, "; ".join(found))
+
+
+@CASES.add("C3", RIGHT)
+def masses(laboratory: Laboratory) -> Outcome:
+    """1 g, 1 kg, 1 t and 100 t, damper inside the limits of each."""
+    found = []
+    for mass in (1e-3, 1.0, 1e3, 1e5):
+        case = inside(Press(mass, 0.0, interval(mass)))
+        found.append(f"{mass:g} kg, {1e3 * case.interval_s:.3g} ms: {comes_to_rest(laboratory, case)}")
+    return right("part of the first distance left; " + "; ".join(found))
+
+
+@CASES.add("C4", STOPPED)
+def light_tool(laboratory: Laboratory) -> Outcome:
+    """1 g at an interval and a damper that are right for 1 kg."""
+    case = inside(Press(1.0, 0.0, interval(1.0)))
+    return Outcome(STOPPED, must_stop(laboratory, replace(case, mass=1e-3), 4000))
+
+
+def block_machine(mesh: str) -> Document:
+    """A block of 6 kg on a spring behind a driven trolley, dragged through the upper 60 mm of a bed."""
+    return {
+        "mechanism": {
+            "bodies": {
+                "trolley": {"mass_kg": 20.0, "inertia_kg_m2": 1.0, "position_m": [0.3, 0.2]},
+                "block": {"mass_kg": 6.0, "inertia_kg_m2": 0.05, "position_m": [0.05, -0.03]},
+            },
+            "joints": {
+                "rail": {
+                    "kind": "prismatic", "body_a": "ground", "body_b": "trolley", "point_m": [0.3, 0.2],
+                    "axis": [1, 0],
+                },
+                "drive": {
+                    "kind": "driver", "body": "trolley", "coordinate": "x",
+                    "speed": {"kind": "constant", "value": 0.4},
+                },
+                "hinge": {"kind": "revolute", "body_a": "trolley", "body_b": "block", "point_m": [0.05, 0.2]},
+            },
+            "forces": {
+                "spring": {
+                    "kind": "spring_damper", "body_a": "trolley", "point_a_m": [0.3, 0.05], "body_b": "block",
+                    "point_b_m": [0.05, 0.05], "stiffness_newton_per_m": 4000.0,
+                    "damping_newton_s_per_m": 20.0, "free_length_m": 0.25,
+                },
+            },
+            "draft_driver": "drive",
+        },
+        "tools": {
+            "block": {"body": "block", "groups": {"body": {"mesh": mesh, "position_m": [0.05, 0.0, -0.03]}}},
+        },
+    }  # fmt: skip
+
+
+def dragged(laboratory: Laboratory, steps: int, scheme: str, force: str) -> tuple[float, float]:
+    """Mean draft of the last 0.2 s [N] and residual of the whole, exchanging every `steps` soil steps."""
+    plain = laboratory.soil(
+        size_m=(0.4, 0.12, 0.1), bed={"kind": "grid", "spacing_m": "rest", "jitter_m": 3e-4}
+    )
+    interval_ns = 40_000 * steps
+    document = {
+        **plain.document, **block_machine(laboratory.box(0.03, 0.05, 0.06)), "duration_s": 0.4,
+        "coupling": {
+            "interval_ns": interval_ns, "scheme": scheme, "force": force, "mechanism_steps": min(steps, 100),
+        },
+        "record": {"series_ticks": max(1, 20 // steps), "cloud_hz": 0.0},
+    }  # fmt: skip
+    document["soil"]["time_step_s"] = 4e-5
+    resolved = laboratory.resolve(document)
+    kept = _Kept(MechanismState, CouplingReport)
+    run_direct(resolved, "run", MechanismEngine(resolved.scene, resolved.timing), SoilEngine(resolved), kept)
+    drafts = [record.draft_newton for record in kept if isinstance(record, MechanismState)]
+    residual = [record for record in kept if isinstance(record, CouplingReport)][-1].residual_ratio
+    return sum(drafts[len(drafts) // 2 :]) / (len(drafts) - len(drafts) // 2), residual
+
+
+def exchanged(
+    laboratory: Laboratory, steps: int, scheme: str, force: str, reference: float
+) -> tuple[str, bool]:
+    """Draft against the reference and residual, or the cause of the stop; and whether it was stopped."""
+    try:
+        draft, residual = dragged(laboratory, steps, scheme, force)
+    except RunError as error:
+        return cause(error).split(". ")[0], True
+    must(residual < 0.02, f"{steps} {scheme} {force}: residual {residual}, not stopped")
+    must(
+        abs(draft / reference - 1.0) < 0.05,
+        f"{steps} {scheme} {force}: draft {draft} N, {reference} N with 1",
+    )
+    return f"{draft:.1f} N, residual {100.0 * residual:.2g} %", False
+
+
+@CASES.add("C5", RIGHT, STOPPED)
+def machine_intervals(laboratory: Laboratory) -> Outcome:
+    """A block dragged through the bed, exchange every 1, 10 and 100 soil steps, both schemes."""
+    reference, residual = dragged(laboratory, 1, "serial", "tick_end")
+    found = [f"1 serial: {reference:.1f} N, residual {100.0 * residual:.2g} %"]
+    for steps, scheme, force in (
+        (1, "parallel", "tick_end"), (10, "serial", "tick_end"), (10, "serial", "tick_mean"),
+        (10, "parallel", "tick_mean"), (100, "serial", "tick_mean"), (100, "parallel", "tick_mean"),
+    ):  # fmt: skip
+        words, _ = exchanged(laboratory, steps, scheme, force, reference)
+        found.append(f"{steps} {scheme} {force}: {words}")
+    return right("; ".join(found))
+
+
+@CASES.add("C6", STOPPED)
+def machine_at_a_thousand_steps(laboratory: Laboratory) -> Outcome:
+    """The same, exchange every 1000 steps (40 ms)."""
+    found = []
+    for scheme in ("serial", "parallel"):
+        words, was_stopped = exchanged(laboratory, 1000, scheme, "tick_end", math.nan)
+        must(was_stopped, f"{scheme}: went on: {words}")
+        found.append(f"{scheme}: {words}")
+    return Outcome(STOPPED, "; ".join(found))

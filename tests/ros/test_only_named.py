@@ -1,0 +1,104 @@
+"""Processes and topics of a run are those that its scene names, and without a bag nothing is recorded."""
+
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+
+from .conftest import LIMIT_S, Run
+
+pytestmark = pytest.mark.ros
+
+SCENES = Path(__file__).parents[2] / "config" / "scenes"
+ALWAYS = {"/node_hello", "/grant", "/tool_motions", "/coupling_report", "/clock"}
+OF_ROS = {"/rosout", "/parameter_events"}
+RECORDER = {"/tick_ack"}
+MECHANISM = {"/mechanism_state"}
+SOIL = {"/tool_wrenches", "/soil_state"}
+TINE = {"/tool/tine/pose", "/tool/tine/wrench"}
+SMALL = ["soil.bin.length_m=0.1", "soil.bin.width_m=0.1", "soil.bin.depth_m=0.06"]
+
+
+@pytest.fixture
+def runs() -> Iterator[list[Run]]:
+    """Runs to be ended, whatever the test found."""
+    started: list[Run] = []
+    yield started
+    for run in started:
+        run.end(run.node_pids())
+
+
+def look(domain: int, expected: set[str]) -> set[str]:
+    """Topics of a domain once the expected ones are there, and a second later."""
+    context = Context()
+    rclpy.init(context=context, domain_id=domain)
+    node = Node("onlooker", context=context)
+
+    def topics() -> set[str]:
+        return {name for name, _ in node.get_topic_names_and_types()} - OF_ROS
+
+    deadline = time.monotonic() + LIMIT_S
+    while not expected <= topics() and time.monotonic() < deadline:
+        time.sleep(0.1)
+    time.sleep(1.0)
+    found = topics()
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("scene", "overrides", "nodes", "topics"),
+    [
+        ("mechanism_only.yaml", [], {"mechanism", "recorder"}, ALWAYS | MECHANISM | RECORDER),
+        ("mechanism_only.yaml", ["record.bag=false"], {"mechanism"}, ALWAYS | MECHANISM),
+        ("tine.yaml", SMALL, {"soil", "recorder"}, ALWAYS | SOIL | TINE | RECORDER | {"/soil/cloud"}),
+        ("tine.yaml", [*SMALL, "record.cloud_hz=0"], {"soil", "recorder"}, ALWAYS | SOIL | TINE | RECORDER),
+    ],
+)
+def test_processes_and_topics(
+    tmp_path: Path,
+    runs: list[Run],
+    monkeypatch: pytest.MonkeyPatch,
+    scene: str,
+    overrides: list[str],
+    nodes: set[str],
+    topics: set[str],
+) -> None:
+    """As an onlooker sees them while the run waits for its first tick."""
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    sets = [part for change in overrides for part in ("--set", change)]
+    run = Run(tmp_path / "out", "nodes", 1.0, *sets, "--paused", scene=SCENES / scene)
+    runs.append(run)
+    assert run.process.stdout is not None
+    said = next(line for line in run.process.stdout if "ROS_DOMAIN_ID=" in line)
+    domain = int(said.split("ROS_DOMAIN_ID=")[1].split()[0])
+    assert look(domain, topics) == topics
+    assert set(run.node_pids()) == nodes | {"coupler"}
+
+
+def test_without_a_bag_every_mode_gives_the_same_state(tmp_path: Path) -> None:
+    """Nothing is recorded; the state at the end is that of a recorded run; a checkpoint is gone on from."""
+    scene, digests = SCENES / "mechanism_only.yaml", []
+    for mode, bag in (("direct", "true"), ("direct", "false"), ("composed", "false"), ("nodes", "false")):
+        out = tmp_path / f"{mode}_{bag}"
+        sets = ["--set", f"record.bag={bag}", "--set", "record.checkpoint_s=0.06"]
+        status, _, err = Run(out, mode, 0.1, *sets, scene=scene).finish()
+        assert status == 0, err
+        assert (out / "bag").exists() == (out / "series.csv").exists() == (bag == "true")
+        digests.append(json.loads((out / "summary.json").read_text())["state_sha256"])
+    assert digests[1:] == digests[:1] * 3
+    resumed = Run(
+        tmp_path / "resumed", "nodes", 0.1, *sets, "--resume", str(tmp_path / "nodes_false"), scene=scene
+    )
+    status, _, err = resumed.finish()
+    assert status == 0, err
+    summary = json.loads((tmp_path / "resumed" / "summary.json").read_text())
+    assert summary["state_sha256"] == digests[0]
+    assert summary["recorded"] is False
+    assert summary["resumed_from"]["tick"] > 0

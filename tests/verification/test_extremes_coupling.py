@@ -1,0 +1,16 @@
+"""Exchange at the extremes: the quick cases of docs/extremes.md end as was written there before the run."""
+
+from pathlib import Path
+
+import pytest
+
+from benchmarks.extremes import coupling
+from benchmarks.extremes.cases import Case
+
+CASES = [case for case in coupling.CASES if not case.long]
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.key} {case.title}")
+def test_the_case_ends_as_it_must(case: Case, tmp_path: Path) -> None:
+    """A right answer, a refusal or a stop with a named cause; each case checks its own figures."""
+    case.run(tmp_path)

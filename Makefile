@@ -44,8 +44,8 @@ run: setup  ## simulate SCENE (the quick one) into OUT (runs/<time>), then repor
 	$(bin)/subsoil run $(SCENE) --out $(out) $(RUN_FLAGS)
 	$(bin)/subsoil report $(out)
 
-test: setup  ## all tests; PYTEST_FLAGS='-m "not slow"' leaves out the slow ones
-	$(bin)/python -m pytest $(PYTEST_FLAGS)
+test: setup  ## all tests, files on two workers; PYTEST_FLAGS='-m "not slow"' leaves out the slow ones
+	$(bin)/python -m pytest -n 2 --dist loadfile $(PYTEST_FLAGS)
 
 check: setup  ## style, types, layers
 	$(bin)/ruff check .

@@ -19,7 +19,7 @@ def bed_with_tool(laboratory: Laboratory, **soil: object) -> SoilEngine:
     return SoilEngine(laboratory.soil(size_m=BED_M, tool=laboratory.box(*TOOL_M), **soil), book=True)
 
 
-STEP_S = 4.2e-5
+STEP_S = 3.2e-5
 """What `auto` takes."""
 
 

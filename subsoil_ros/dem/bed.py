@@ -152,7 +152,7 @@ def _refuse_too_soft(soil: Soil, heights_m: np.ndarray) -> None:
     diagonal = float(np.sqrt(max(0.0, reach**2 - particle_spacing_m(soil) ** 2)))
     nearest = max(0.5 * reach, diagonal)
     closest = float(np.diff(heights_m).min(initial=np.inf))
-    if closest <= nearest:
+    if closest <= nearest < particle_spacing_m(soil):  # a closer spacing is the scene's own choice
         raise SceneError(
             f"soil.law: too soft for a bed of {len(heights_m)} layers: their weight presses the lowest to "
             f"{closest:.3g} m of each other, allowed is more than {nearest:.3g} m; make soil.law.particle "

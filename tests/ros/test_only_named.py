@@ -15,12 +15,13 @@ from .conftest import LIMIT_S, Run
 pytestmark = pytest.mark.ros
 
 SCENES = Path(__file__).parents[2] / "config" / "scenes"
-ALWAYS = {"/node_hello", "/grant", "/tool_motions", "/coupling_report", "/clock"}
+STEPS = {f"/simulate_steps/_action/{part}" for part in ("status", "feedback")}
+ALWAYS = {"/node_hello", "/grant", "/tool_motions", "/coupling_report", "/clock", "/diagnostics", *STEPS}
 OF_ROS = {"/rosout", "/parameter_events"}
 RECORDER = {"/tick_ack"}
-MECHANISM = {"/mechanism_state"}
+MECHANISM = {"/mechanism_state", "/robot_description"}
 SOIL = {"/tool_wrenches", "/soil_state"}
-TINE = {"/tool/tine/pose", "/tool/tine/wrench"}
+TINE = {"/tool/tine/pose", "/tool/tine/wrench", "/tool_markers", "/robot_description"}
 SMALL = ["soil.bin.length_m=0.1", "soil.bin.width_m=0.1", "soil.bin.depth_m=0.06"]
 
 

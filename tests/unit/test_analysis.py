@@ -41,7 +41,7 @@ from subsoil_ros.scene.loader import ResolvedScene, load_scene
 from subsoil_ros.scene.meshes import ToolMesh
 
 SCENES = Path(__file__).parents[2] / "config/scenes"
-INTERVAL_NS = 40_000
+INTERVAL_NS = 30_000
 SERIES_TICKS = 4
 TICKS = 42  # not a multiple: the last tick is a series tick of its own
 SMALL_BIN = ("soil.bin.width_m=0.1", "soil.bin.depth_m=0.36", "soil.bin.length_m=0.5")

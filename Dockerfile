@@ -1,5 +1,5 @@
 # docker build --tag subsoil .
-# docker run --rm --volume "$PWD/runs:/work/runs" subsoil run tine --out runs/first
+# docker run --rm --volume "$PWD/runs:/data/runs" subsoil run tine --out runs/first
 FROM debian:bookworm-slim
 
 RUN apt-get update \
@@ -10,7 +10,7 @@ RUN apt-get update \
 COPY . /opt/subsoil_ros
 RUN PIP_NO_CACHE_DIR=1 make -C /opt/subsoil_ros setup
 
-ENV PATH=/opt/subsoil_ros/.venv/bin:$PATH HOME=/work
-WORKDIR /work
+ENV PATH=/opt/subsoil_ros/.venv/bin:$PATH HOME=/data
+WORKDIR /data
 ENTRYPOINT ["subsoil"]
 CMD ["--help"]

@@ -85,6 +85,8 @@ class ResistanceEngine:
         self._gravity = resolved.scene.gravity_m_per_s2
         self._tools = tuple(self._tool(name) for name in resolved.scene.tools)
         self.memory = ResistanceState()
+        # loads the kernel: at the first cut that would be a pause of 0.2 s in a run that keeps real time
+        failure(Plate(1.0, 1.0, 0.1, 0.1), mean_strength(self._layers, 0.1, 0.1, self._gravity), 0.0)
 
     def _tool(self, name: str) -> _Tool:
         scene = self._resolved.scene

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 CONFIDENCE = 0.95
 
@@ -55,9 +55,9 @@ def mean_interval(values: Sequence[float], confidence: float = CONFIDENCE) -> In
     return Interval(mean, t_quantile(count - 1, confidence) * error, count)
 
 
-def t_quantile(freedoms: int, confidence: float) -> float:
-    """How many standard errors a two-sided interval reaches."""
-    return float(student.ppf(0.5 + 0.5 * confidence, freedoms))
+def t_quantile(freedoms: float, confidence: float = CONFIDENCE) -> float:
+    """How many standard errors a two-sided interval reaches; infinite without a degree of freedom."""
+    return float(stdtrit(freedoms, 0.5 + 0.5 * confidence)) if freedoms > 0.0 else math.inf
 
 
 def paired_difference(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .steadiness import student
+from .intervals import t_quantile
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,6 @@ def paired_difference(case: Sequence[float], control: Sequence[float]) -> Paired
         case_mean=float(one.mean()),
         control_mean=float(two.mean()),
         difference=float(difference.mean()),
-        half_width=error * student(count - 1.0) if count > 1 else math.inf,
+        half_width=error * t_quantile(count - 1) if count > 1 else math.inf,
         pair_count=count,
     )

@@ -5,12 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 from scipy.signal import periodogram
 
 from ..scene.document import read_document
 from .kept_runs import KeptRun
-from .series import Series
+from .smoothing import moving_mean
 
 MOVING_MEAN_S = 0.010
 """Peaks and ranges are of the mean over this: single contacts come and go in a millisecond."""
@@ -55,11 +54,11 @@ def metrics_of(run: KeptRun) -> dict[str, float]:
     if "draft_newton" in series:
         draft = series["draft_newton"]
         found["draft_mean_newton"] = float(np.mean(draft[rows]))
-        found["draft_peak_newton"] = float(np.max(_moving_mean(series, draft)[rows]))
+        found["draft_peak_newton"] = float(np.max(moving_mean(series, "draft_newton", MOVING_MEAN_S)[rows]))
         found["draft_frequency_hz"] = dominant_frequency_hz(times[rows], draft[rows])
     spring = spring_of(run)
     if spring is not None and (name := f"spring.{spring}.force_newton") in series:
-        found["spring_range_newton"] = float(np.ptp(_moving_mean(series, series[name])[rows]))
+        found["spring_range_newton"] = float(np.ptp(moving_mean(series, name, MOVING_MEAN_S)[rows]))
     if DISTURBED_AREA in summary:
         found["disturbed_area_m2"] = float(summary[DISTURBED_AREA])
     return {name: value for name, value in found.items() if math.isfinite(value)}
@@ -70,14 +69,6 @@ def spring_of(run: KeptRun) -> str | None:
     path = run.folder / "scene.yaml"
     spring = (read_document(path, str(path)).get("report") or {}).get("spring")
     return None if spring is None else str(spring)
-
-
-def _moving_mean(series: Series, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    times = series["time_s"]
-    if len(times) < 3:
-        return values
-    count = max(1, round(MOVING_MEAN_S / float(np.median(np.diff(times)))))
-    return np.asarray(uniform_filter1d(values, min(count, len(values)), mode="nearest"))
 
 
 def dominant_frequency_hz(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> float:

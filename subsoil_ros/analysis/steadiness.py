@@ -16,6 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .intervals import t_quantile
+
 WINDOW_FACTOR = 5.0
 """Lags per autocorrelation time that are summed: a bias of e^-5 (Madras and Sokal)."""
 
@@ -24,8 +26,6 @@ LEAST_EFFECTIVE = 8.0
 
 BLOCKS = 4
 """Blocks whose means are shown (chosen: each still longer than a cycle of the paper in 4 s)."""
-
-CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Steadiness:
     @property
     def mean_half_width(self) -> float:
         """Of the interval of the mean; infinite where two samples or fewer are independent."""
-        return self.mean_error * student(self.effective_count - 1.0)
+        return self.mean_error * t_quantile(self.effective_count - 1.0)
 
     @property
     def drift(self) -> float:
@@ -63,13 +63,6 @@ class Steadiness:
         if self.effective_count_about_trend < LEAST_EFFECTIVE:
             return "too short"
         return "drifts" if abs(self.slope_per_s) > self.slope_half_width_per_s else "no drift seen"
-
-
-def student(degrees: float) -> float:
-    """Two-sided 95 % factor of Student's distribution; infinite without a degree of freedom."""
-    from scipy.special import stdtrit
-
-    return float(stdtrit(degrees, 0.5 + 0.5 * CONFIDENCE)) if degrees > 0.0 else math.inf
 
 
 def correlation_steps(values: NDArray[np.float64]) -> float:
@@ -104,7 +97,7 @@ def steadiness(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> Ste
     tau_residual = correlation_steps(residual)
     variance = float(residual @ residual) / (count - 2) / spread * 2.0 * tau_residual
     about_trend = count / (2.0 * tau_residual)
-    factor = student(about_trend - 2.0)
+    factor = t_quantile(about_trend - 2.0)
     return Steadiness(
         mean=float(values.mean()),
         mean_error=float(values.std(ddof=1)) / math.sqrt(effective),

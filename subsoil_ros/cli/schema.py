@@ -2,10 +2,9 @@
 
 import argparse
 import json
-import sys
 from pathlib import Path
 
-from ..errors import InputError
+from .arguments import write_out
 
 SUMMARY = "write the JSON Schema of scene files, for editors"
 
@@ -25,15 +24,5 @@ def run(args: argparse.Namespace) -> int:
     """Write the schema."""
     from ..scene.schema import scene_schema
 
-    text = json.dumps(scene_schema(), indent=1) + "\n"
-    if args.out is None:
-        sys.stdout.write(text)
-        return 0
-    try:
-        args.out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(
-            f"--out {args.out}: cannot be written ({error.strerror}); name a file that can"
-        ) from error
-    print(f"written to {args.out}")
+    write_out(json.dumps(scene_schema(), indent=1) + "\n", args.out)
     return 0

@@ -1,11 +1,9 @@
 """subsoil urdf SCENE: the machine as URDF, as it is published and recorded on /robot_description."""
 
 import argparse
-import sys
 from pathlib import Path
 
-from ..errors import InputError
-from .arguments import add_overrides
+from .arguments import add_overrides, write_out
 
 SUMMARY = "write the machine of a scene as URDF (each body floats on `world`; /tf moves it)"
 
@@ -26,14 +24,5 @@ def run(args: argparse.Namespace) -> int:
     from ..scene.loader import load_scene
     from ..scene.urdf import robot_description
 
-    text = robot_description(load_scene(args.scene, args.overrides).scene)
-    if args.out is None:
-        sys.stdout.write(text)
-        return 0
-    try:
-        args.out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(
-            f"--out {args.out}: cannot be written ({error.strerror}); name a file that can"
-        ) from error
+    write_out(robot_description(load_scene(args.scene, args.overrides).scene), args.out)
     return 0

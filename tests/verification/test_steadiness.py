@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from subsoil_ros.analysis.steadiness import correlation_steps, steadiness, student
+from subsoil_ros.analysis.intervals import t_quantile
+from subsoil_ros.analysis.steadiness import correlation_steps, steadiness
 
 LAG_ONE = 0.9
 
@@ -71,7 +72,7 @@ def test_a_short_window_judges_nothing():
 
 def test_student_factor():
     """Tables: 12.706 for one degree of freedom, 2.228 for ten, 1.960 for endless many."""
-    assert student(1.0) == pytest.approx(12.706, abs=5e-4)
-    assert student(10.0) == pytest.approx(2.228, abs=5e-4)
-    assert student(1e9) == pytest.approx(1.960, abs=5e-4)
-    assert student(0.0) == math.inf
+    assert t_quantile(1.0) == pytest.approx(12.706, abs=5e-4)
+    assert t_quantile(10.0) == pytest.approx(2.228, abs=5e-4)
+    assert t_quantile(1e9) == pytest.approx(1.960, abs=5e-4)
+    assert t_quantile(0.0) == math.inf

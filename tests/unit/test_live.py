@@ -52,8 +52,9 @@ def view() -> Iterator[LiveView]:
 def test_a_client_gets_schema_messages_and_time(view: LiveView) -> None:
     """As the protocol has them: CDR, ros2msg, log times in simulated nanoseconds."""
     client = LiveClient(view.port)
-    wait_until(lambda: len(client.channels) == 2)
-    for tick in range(50):
+    view.write(TOPIC.name, 0, bytes([0]))
+    wait_until(lambda: bool(client.of(TOPIC.name)))  # its subscription has arrived
+    for tick in range(1, 50):
         view.write(TOPIC.name, 1000 * tick, bytes([tick]))
     view.close()
     client.join(20.0)
@@ -102,10 +103,11 @@ def test_the_view_ends_with_the_bag(tmp_path: Path) -> None:
     """And what was last written has been seen."""
     writer = BagWriter(tmp_path / "bag", SCENE, TIMING, live_port=(port := free_port()))
     client = LiveClient(port)
-    wait_until(lambda: bool(client.server))
-    for tick in range(20):
+    for tick in range(2):  # the second one ends tick 0
         writer.write(Grant("run", tick))
-    wait_until(lambda: bool(client.channels))
+    wait_until(lambda: bool(client.of("/subsoil/grant")))  # its subscription has arrived
+    for tick in range(2, 20):
+        writer.write(Grant("run", tick))
     writer.close()
     client.join(20.0)
     assert not client.is_alive()

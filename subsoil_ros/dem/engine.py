@@ -16,17 +16,18 @@ from .bed import Bed, finite_rows, refuse_outside
 from .beds.prepare import prepare_bed
 from .contact import SINKS, PairLaw, law_features, soil_laws
 from .energy import EnergyBook
-from .integration import kick, kick_drift, mass_sums, motion_sums
+from .integration import kick, mass_sums, motion_sums
 from .kernel_calls import KernelCalls, use_threads
 from .mixture import REACH, REST_OVERLAP, Mixture, law_tables, material_at
 from .monitors import Domain, LostParticle, MotionSums, Watch, half_step_sums, refuse_lost_numbers
-from .neighbours import carry_pairs, carry_rows, cell_grid, half_list, slab_starts, sort_by_cell
-from .pairs import history_blocks, pair_forces, pair_scan
+from .neighbours import carry_pairs, cell_grid, half_list, slab_starts, sort_by_cell
+from .pairs import history_blocks, pair_scan
 from .periodic import TOOL_SKIN, refuse_narrow_period, refuse_tool_at_seam, wrapped
 from .snapshot import bed_digest, from_named, motion_from, named
 from .state import PairList, Particles, WallList
+from .step import drift_and_contacts
 from .tool_surface import ToolSurface, motion_within, refuse_leap
-from .walls import near_walls, wall_forces, wall_planes, wall_scan
+from .walls import CHUNKS, carry_walls, near_walls, wall_planes, wall_scan
 
 _CELLS_PER_SLAB = 1
 """Slab width in cells: wider than the reach, narrow enough to keep threads equally busy (chosen)."""
@@ -35,9 +36,7 @@ _CELLS_PER_SLAB = 1
 class _StepCalls(NamedTuple):
     """Kernels of a step, with the arrays as they stand until lists are built anew."""
 
-    kick_drift: Callable[[], int]
-    pair_forces: Callable[[], None]
-    wall_forces: Callable[[], None]
+    drift_and_contacts: Callable[[int, bool], int]
     kick: Callable[[], None]
 
 
@@ -95,6 +94,15 @@ class SoilEngine:
         """Contacts in reach per particle, those between particles only."""
         return 2.0 * self._scan_pairs()[0] / self._particles.count
 
+    @property
+    def _particles(self) -> Particles:
+        """At the end of the last step, or as they stand within one."""
+        if self._owes_kick and self._calls is not None:
+            use_threads(self._threads)
+            self._calls.kick()
+            self._owes_kick = False
+        return self._moving
+
     def _refuse_step_too_large(self) -> None:
         """The scene's step was chosen for dense packing; a bed denser still needs a smaller one."""
         if self.coordination <= DENSE_COORDINATION:
@@ -108,7 +116,8 @@ class SoilEngine:
 
     def _load(self, position: np.ndarray, radii: np.ndarray | None, materials: np.ndarray | None) -> None:
         """Start from particles at rest without contact history; without `materials`, by their depth."""
-        self._particles = p = Particles.at_rest(
+        self._owes_kick = False
+        self._moving = p = Particles.at_rest(
             np.array(position), np.arange(len(position), dtype=np.int32), self._kind
         )
         if self._soil.particles.sizes is not None or self._soil.layers is not None:
@@ -135,8 +144,8 @@ class SoilEngine:
         self._pairs = PairList(
             rows, np.empty(0, np.int32), history_blocks(0, self._kind), np.zeros(1, np.int64)
         )
-        walls = np.empty((0, len(self._planes), 3))
-        self._walls = WallList(np.empty(0, np.int64), walls, walls.copy())
+        none = np.empty(0, np.int64)
+        self._walls = WallList(none, none.copy(), history_blocks(0, np.float64))
 
     def place(
         self,
@@ -275,9 +284,7 @@ class SoilEngine:
         p.force[:] = 0.0
         p.force[:, 2] = -self._masses()[0] * self._gravity
         p.torque[:] = 0.0
-        calls = self._bind(step=0.0)
-        calls.pair_forces()
-        calls.wall_forces()
+        self._bind(step=0.0).drift_and_contacts(0, True)
         self._tool_forces(motions)
         self._calls = None
         if self._watch is not None and self._watch.balances:
@@ -338,7 +345,7 @@ class SoilEngine:
         self._tools = self._surfaces(tuple(motions))
         for surface, tool in zip(self._tools, tools, strict=True):
             surface.restore(tool)
-        self._particles = from_named(Particles, "particles", arrays)
+        self._moving, self._owes_kick = from_named(Particles, "particles", arrays), False
         self._pairs = from_named(PairList, "pairs", arrays)
         self._walls = from_named(WallList, "walls", arrays)
         self._calls = None
@@ -412,16 +419,17 @@ class SoilEngine:
             if tool.speed_m_per_s(motion) * self._step_s > self._smallest:
                 refuse_leap(self._where(tick, step), tool, motion, self._step_s, self._smallest)
         calls = self._calls or self._bind(self._step_s)
-        if calls.kick_drift() or self._tools_left_their_lists(motions):
+        near = not self._tools_left_their_lists(motions)
+        far = calls.drift_and_contacts(2 if self._owes_kick else 1, near)
+        self._owes_kick = False
+        if far > 0 or not near:
             refuse_lost_numbers(self._where(tick, step), self._particles)
             self._rebuild(motions)
             if self._watch is not None:
                 self._watch.note_rebuild()
-            calls = self._bind(self._step_s)
-        calls.pair_forces()
-        calls.wall_forces()
+            self._bind(self._step_s).drift_and_contacts(0, True)
         self._tool_forces(motions)
-        calls.kick()
+        self._owes_kick = True
         for tool in self._tools:
             if tool.largest_overlap_m > self._overlap_bound:
                 raise PhysicsError(
@@ -440,23 +448,24 @@ class SoilEngine:
         p, pairs, walls, features = self._particles, self._pairs, self._walls, self._features
         motion, (mass, inertia) = (p.position, p.velocity, p.spin, p.force, p.torque), self._masses()
         bind = self._kernels.bind
-        self._calls = calls = _StepCalls(
-            bind(
-                kick_drift, *motion, p.built_position,
-                mass, inertia, self._gravity, step, (0.5 * self._soil.skin_m) ** 2,
-            ),
-            bind(
-                pair_forces, pairs.slab_start, pairs.row_start, pairs.neighbour, *motion, pairs.history,
-                self._kind(self._radius), self._kind(step), self._pair_law, self._mixture(self._pair_laws),
-                features, self._pair_book,
-            ),
-            bind(
-                wall_forces, walls.particle, self._planes, *motion, walls.shear, walls.roll,
-                self._radius, step, self._boundary, self._mixture(self._wall_laws), features,
-                self._wall_force, self._wall_book,
-            ),
-            bind(kick, p.velocity, p.spin, p.force, p.torque, mass, inertia, step),
+        drift = (
+            *motion, p.built_position,
+            mass, inertia, self._gravity, step, (0.5 * self._soil.skin_m) ** 2,
         )  # fmt: skip
+        of_pairs = (
+            pairs.slab_start, pairs.row_start, pairs.neighbour, *motion, pairs.history,
+            self._kind(self._radius), self._kind(step), self._pair_law, self._mixture(self._pair_laws),
+            features, self._pair_book,
+        )  # fmt: skip
+        of_walls = (
+            walls.particle, walls.wall, self._planes, *motion, walls.history,
+            self._radius, step, self._boundary, self._mixture(self._wall_laws), features,
+            self._wall_force, self._wall_book,
+        )  # fmt: skip
+        self._calls = calls = _StepCalls(
+            bind(drift_and_contacts, drift, of_pairs, of_walls, varying=(1, True)),
+            bind(kick, p.velocity, p.spin, p.force, p.torque, mass, inertia, step),
+        )
         for tool in self._tools:
             tool.bind(p, self._radius, step, self._at_tools, self._mixture(self._tool_laws), features)
         return calls
@@ -490,14 +499,15 @@ class SoilEngine:
         slabs = slab_starts(cell_start, grid, _CELLS_PER_SLAB)
         self._flush_books()
         self._pairs = PairList(row_start, neighbour, history, slabs)
-        particle = near_walls(p.position, self._planes, boundary_reach + skin)
-        histories = carry_rows(order, self._walls.particle, particle, (self._walls.shear, self._walls.roll))
-        self._walls = WallList(particle, *histories)
+        before, (particle, wall) = self._walls, near_walls(p.position, self._planes, boundary_reach + skin)
+        history = history_blocks(len(particle), np.float64)
+        carry_walls(order, before.particle, before.wall, before.history, particle, wall, history)
+        self._walls = WallList(particle, wall, history)
         for tool, motion in zip(self._tools, motions, strict=True):
             tool.search(motion, p, order, cell_start, grid, boundary_reach + TOOL_SKIN * skin)
         self._wall_force = np.zeros((len(particle), 3))
         self._pair_book = np.zeros((len(slabs) - 1, len(SINKS)))
-        self._wall_book = np.zeros((len(particle), len(SINKS)))
+        self._wall_book = np.zeros((CHUNKS, len(SINKS)))
         self._rebuilds += 1
 
     def _flush_books(self) -> None:
@@ -552,7 +562,7 @@ class SoilEngine:
         self._flush_books()
         kinetic, gravity = self._moving_joule()
         at_walls = wall_scan(
-            walls.particle, self._planes, p.position, walls.shear, walls.roll,
+            walls.particle, walls.wall, self._planes, p.position, walls.history,
             self._radius, self._boundary, self._mixture(self._wall_laws), self._features,
         )[2]  # fmt: skip
         mixture = self._mixture(self._tool_laws)

@@ -1,7 +1,8 @@
 """Time integration and sums over particles.
 
 Velocity Verlet: half kick, drift, forces, half kick. Forces see the half-step velocity, which makes
-velocity-dependent forces first order in the step. A sphere's inertia is a scalar, so its spin needs no
+velocity-dependent forces first order in the step. Where nobody looks at the velocities between two steps,
+both half kicks are made in one pass, one after the other, with the same bits. A sphere's inertia is a scalar, so its spin needs no
 frame of its own.
 """
 
@@ -12,21 +13,27 @@ from .per_particle import of_particle
 
 
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def kick_drift(position, velocity, spin, force, torque, built, mass, inertia, gravity, step, limit_squared):
+def kick_drift(
+    position, velocity, spin, force, torque, built, mass, inertia, gravity, step, limit_squared, kicks
+):  # fmt: skip
     """First half kick and drift; forces become gravity alone, torques zero.
 
-    mass [kg] and inertia [kg m2] are those of every particle, or arrays (n,).
+    mass [kg] and inertia [kg m2] are those of every particle, or arrays (n,). With 2 `kicks` the second half
+    kick of the step before comes first.
 
     Returns the number of particles farther than sqrt(limit_squared) [m] from where the lists were built
     (not a number counts as far).
     """
     far, kind = 0, velocity.dtype.type  # in float32 too no product goes through float64
+    owed = kind(kicks - 1)
     for i in prange(position.shape[0]):
         half_m = kind(0.5 * step / of_particle(mass, i))
         half_i = kind(0.5 * step / of_particle(inertia, i))
         moved = 0.0
         for a in range(3):
+            velocity[i, a] += owed * half_m * force[i, a]
             velocity[i, a] += half_m * force[i, a]
+            spin[i, a] += owed * half_i * torque[i, a]
             spin[i, a] += half_i * torque[i, a]
             position[i, a] += step * velocity[i, a]
             d = position[i, a] - built[i, a]

@@ -30,12 +30,13 @@ class CellGrid(NamedTuple):
 
 @njit(cache=True)
 def _bounds(position):
-    low, high = position[0].copy(), position[0].copy()
-    for i in range(position.shape[0]):
-        for a in range(3):
-            low[a] = min(low[a], position[i, a])
-            high[a] = max(high[a], position[i, a])
-    return low, high
+    low_x, low_y, low_z = position[0, 0], position[0, 1], position[0, 2]
+    high_x, high_y, high_z = low_x, low_y, low_z
+    for i in range(1, position.shape[0]):
+        x, y, z = position[i, 0], position[i, 1], position[i, 2]
+        low_x, low_y, low_z = min(low_x, x), min(low_y, y), min(low_z, z)
+        high_x, high_y, high_z = max(high_x, x), max(high_y, y), max(high_z, z)
+    return np.array([low_x, low_y, low_z]), np.array([high_x, high_y, high_z])
 
 
 def cell_grid(
@@ -61,8 +62,12 @@ _RUNS = 6
 _CHUNKS = 64
 """Parts of the particles that threads search one by one (chosen: enough to share them evenly)."""
 
+_LANES = 8
+"""Candidates looked at together: a vector of float64."""
+
 _USUAL_PARTNERS = 16
-"""Partners kept from count to list (chosen: equal spheres have 7, rarely 13); beyond, sought again."""
+"""Partners per particle that there is room for until all are counted (chosen: equal spheres have 7, rarely
+13); where a part of the bed has more, they are sought again."""
 
 
 @njit(cache=True, inline="always")
@@ -127,55 +132,62 @@ def _forward_range(grid, cx, cy, cz, k, cell_start):
     return cell_start[column + low], cell_start[column + high + 1]
 
 
-@njit(cache=True)
-def _row(i, position, grid, cell_start, reach, smaller, found):
-    """Partners of particle i into found[:count]; returns the array, a longer one if need be, and the count.
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _find_pairs(first_cell, last_cell, position, grid, cell_start, reach, smaller, found, begin, end, count):
+    """Partners of the particles of these cells, one after the other, into found[begin:end] as long as there
+    is room; `count` receives their number by particle. Returns the number of all, and the most candidates
+    that a particle had.
 
-    Every candidate is written and then kept or overwritten: no branch to guess wrongly.
+    The candidates of a cell are gathered once. Each is written and then kept or overwritten: no branch to
+    guess wrongly.
     """
-    px, py, pz = position[i, 0], position[i, 1], position[i, 2]
-    cx = _axis_cell(px, grid.origin_x, grid.edge, grid.nx)
-    cy = _axis_cell(py, grid.origin_y, grid.edge_y, grid.ny)
-    cz = _axis_cell(pz, grid.origin_z, grid.edge, grid.nz)
-    own_reach, count = reach - of_particle(smaller, i), 0
-    for k in range(_RUNS):
-        low, high = _forward_range(grid, cx, cy, cz, k, cell_start)
-        low = max(low, i + 1)
-        if count + high - low >= found.shape[0]:
-            longer = np.empty(2 * (count + high - low), np.int32)
-            longer[:count] = found[:count]
-            found = longer
-        for j in range(low, high):
-            limit = own_reach - of_particle(smaller, j)
-            dx, dy, dz = position[j, 0] - px, position[j, 1] - py, position[j, 2] - pz
-            if grid.period != np.inf:
-                dy = nearest_image(dy, grid.period)
-            found[count] = j
-            count += int(dx * dx + dy * dy + dz * dz < limit * limit)
-    return found, count
-
-
-@njit(cache=True)
-def _find_rows(first, last, position, grid, cell_start, reach, smaller, count, partner):
-    """Number of partners of the particles first <= i < last; the partners too where they fit into a row."""
-    found = np.empty(256, np.int32)
-    for i in range(first, last):
-        found, number = _row(i, position, grid, cell_start, reach, smaller, found)
-        count[i] = number
-        if number <= partner.shape[1]:
-            partner[i, :number] = found[:number]
-
-
-@njit(cache=True)
-def _fill_rows(first, last, position, grid, cell_start, reach, smaller, row_start, partner, neighbour):
-    found = np.empty(256, np.int32)
-    for i in range(first, last):
-        begin, end = row_start[i], row_start[i + 1]
-        if end - begin <= partner.shape[1]:
-            neighbour[begin:end] = partner[i, : end - begin]
-        else:
-            found, number = _row(i, position, grid, cell_start, reach, smaller, found)
-            neighbour[begin:end] = found[:number]
+    room = 64
+    index, places, excess = np.empty(room, np.int32), np.empty((4, room)), np.empty(room)
+    pairs, most, lows, highs = 0, 0, np.empty(_RUNS, np.int64), np.empty(_RUNS, np.int64)
+    for cell in range(first_cell, last_cell):
+        first, last = cell_start[cell], cell_start[cell + 1]
+        if first == last:
+            continue
+        column, cz = cell // grid.nz, cell % grid.nz
+        candidates = 0
+        for k in range(_RUNS):
+            lows[k], highs[k] = _forward_range(
+                grid, column // grid.ny, column % grid.ny, cz, k, cell_start
+            )
+            candidates += highs[k] - lows[k]
+        most = max(most, candidates)
+        if candidates + _LANES > room:
+            room = 2 * candidates + _LANES
+            index, places, excess = np.empty(room, np.int32), np.empty((4, room)), np.empty(room)
+        x, y, z, limit = places[0], places[1], places[2], places[3]
+        m = 0
+        for k in range(_RUNS):
+            for j in range(lows[k], highs[k]):
+                index[m] = j
+                x[m], y[m], z[m] = position[j, 0], position[j, 1], position[j, 2]
+                limit[m] = reach - of_particle(smaller, j)
+                m += 1
+        for i in range(first, last):
+            px, py, pz, less = position[i, 0], position[i, 1], position[i, 2], of_particle(smaller, i)
+            after = i + 1 - first  # the first run begins with the cell itself
+            for group in range(after, candidates, _LANES):
+                for m in range(group, group + _LANES):
+                    dx, dy, dz = x[m] - px, y[m] - py, z[m] - pz
+                    if grid.period != np.inf:
+                        dy = nearest_image(dy, grid.period)
+                    allowed = limit[m] - less
+                    excess[m] = dx * dx + dy * dy + dz * dz - allowed * allowed
+            number = 0
+            if begin + pairs + candidates <= end:
+                for m in range(after, candidates):
+                    found[begin + pairs + number] = index[m]
+                    number += int(excess[m] < 0.0)
+            else:
+                for m in range(after, candidates):
+                    number += int(excess[m] < 0.0)
+            count[i] = number
+            pairs += number
+    return pairs, most
 
 
 @njit(cache=True, parallel=True)
@@ -186,22 +198,33 @@ def half_list(position, grid, cell_start, reach, smaller):
     where they are equal.
     """
     n = position.shape[0]
+    first_cell = np.searchsorted(cell_start, np.arange(_CHUNKS + 1) * n // _CHUNKS)
+    first_cell[_CHUNKS] = cell_start.shape[0] - 1
     count = np.empty(n, np.int64)
-    partner = np.empty((n, _USUAL_PARTNERS), np.int32)
+    found = np.empty(n * _USUAL_PARTNERS, np.int32)
+    most = np.zeros(_CHUNKS, np.int64)
     for chunk in prange(_CHUNKS):
-        _find_rows(
-            chunk * n // _CHUNKS, (chunk + 1) * n // _CHUNKS, position, grid, cell_start, reach, smaller,
-            count, partner,
-        )  # fmt: skip
+        cells = first_cell[chunk], first_cell[chunk + 1]
+        begin, end = cell_start[cells[0]] * _USUAL_PARTNERS, cell_start[cells[1]] * _USUAL_PARTNERS
+        most[chunk] = _find_pairs(
+            cells[0], cells[1], position, grid, cell_start, reach, smaller, found, begin, end, count
+        )[1]
     row_start = np.zeros(n + 1, np.int64)
     for i in range(n):
         row_start[i + 1] = row_start[i] + count[i]
     neighbour = np.empty(row_start[n], np.int32)
     for chunk in prange(_CHUNKS):
-        _fill_rows(
-            chunk * n // _CHUNKS, (chunk + 1) * n // _CHUNKS, position, grid, cell_start, reach, smaller,
-            row_start, partner, neighbour,
-        )  # fmt: skip
+        cells = first_cell[chunk], first_cell[chunk + 1]
+        first, last = cell_start[cells[0]], cell_start[cells[1]]
+        pairs, begin = row_start[last] - row_start[first], first * _USUAL_PARTNERS
+        if begin + pairs + most[chunk] <= last * _USUAL_PARTNERS:
+            neighbour[row_start[first] : row_start[last]] = found[begin : begin + pairs]
+        else:
+            own = np.empty(pairs + most[chunk], np.int32)
+            _find_pairs(
+                cells[0], cells[1], position, grid, cell_start, reach, smaller, own, 0, own.shape[0], count
+            )
+            neighbour[row_start[first] : row_start[last]] = own[:pairs]
     return row_start, neighbour
 
 
@@ -214,7 +237,8 @@ def slab_starts(cell_start: np.ndarray, grid: CellGrid, cells_per_slab: int) -> 
 
 @njit(cache=True, parallel=True)
 def carry_pairs(order, old_row, old_neighbour, old_history, row_start, neighbour, history):
-    """Fills `history` with that of the pairs that were in the lists before the particles were put in `order`.
+    """Fills `history` with that of the pairs that were in the lists before the particles were put in `order`,
+    and zeros.
 
     A pair whose particles changed places sees its springs from the other side: the sign turns.
     """
@@ -229,9 +253,12 @@ def _carry_row(i, order, old_row, old_neighbour, old_history, row_start, neighbo
         turned = first > second
         if turned:
             first, second = second, first
+        to = history_place(k)
+        for a in range(HISTORY):
+            history[to + a * BLOCK] = 0.0
         for m in range(old_row[first], old_row[first + 1]):
             if old_neighbour[m] == second:
-                to, here = history_place(k), history_place(m)
+                here = history_place(m)
                 for a in range(HISTORY):
                     kept = old_history[here + a * BLOCK]
                     history[to + a * BLOCK] = -kept if turned else kept

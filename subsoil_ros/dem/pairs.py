@@ -25,7 +25,7 @@ HISTORY = 6
 _LINE_BYTES = 64
 """A cache line, and the widest vector: one that starts on a line costs half of one that crosses two."""
 
-_ROW = BLOCK + 16
+ROW = BLOCK + 16
 """Length of a scratch row: whole lines, but no power of two, so that the rows do not compete for the same
 lines of the cache."""
 
@@ -39,15 +39,13 @@ _BOOKED = len(SINKS)
 
 
 def history_blocks(pairs: int, kind: type) -> np.ndarray:
-    """History of `pairs` pairs, at zero: component c of pair k stands at history_place(k) + c * BLOCK."""
-    return _on_lines(-(-pairs // BLOCK) * BLOCK * HISTORY, kind)
-
-
-def _on_lines(count: int, kind: type) -> np.ndarray:
-    """`count` zeros from the start of a cache line on."""
-    spare = _LINE_BYTES // np.dtype(kind).itemsize
-    numbers: np.ndarray = np.zeros(count + spare, kind)
+    """Room for the history of `pairs` pairs, from the start of a cache line on; not set but for what follows
+    the last pair, zero. Component c of pair k stands at history_place(k) + c * BLOCK."""
+    size = BLOCK * HISTORY
+    count, spare = -(-pairs // BLOCK) * size, _LINE_BYTES // np.dtype(kind).itemsize
+    numbers: np.ndarray = np.empty(count + spare, kind)
     first = _first_on_line(numbers)
+    numbers[first + pairs // BLOCK * size :] = 0.0
     return numbers[first : first + count]
 
 
@@ -106,14 +104,21 @@ def _gather(
 
 
 @njit(cache=True, forceinline=True, error_model="numpy")
-def _law_of_pair(b, scratch):
-    """PairLaw in the scratch rows behind the radii."""
+def law_in_rows(b, scratch):
+    """PairLaw in column b of the first scratch rows."""
     return PairLaw(
-        scratch[b + 14 * _ROW], scratch[b + 15 * _ROW], scratch[b + 16 * _ROW], scratch[b + 17 * _ROW],
-        scratch[b + 18 * _ROW], scratch[b + 19 * _ROW], scratch[b + 20 * _ROW], scratch[b + 21 * _ROW],
-        scratch[b + 22 * _ROW], scratch[b + 23 * _ROW], scratch[b + 24 * _ROW], scratch[b + 25 * _ROW],
-        scratch[b + 26 * _ROW],
+        scratch[b], scratch[b + ROW], scratch[b + 2 * ROW], scratch[b + 3 * ROW], scratch[b + 4 * ROW],
+        scratch[b + 5 * ROW], scratch[b + 6 * ROW], scratch[b + 7 * ROW], scratch[b + 8 * ROW],
+        scratch[b + 9 * ROW], scratch[b + 10 * ROW], scratch[b + 11 * ROW], scratch[b + 12 * ROW],
     )  # fmt: skip
+
+
+@njit(cache=True, forceinline=True, error_model="numpy")
+def scratch_rows(count, kind):
+    """`count` rows of ROW numbers, one after the other from the start of a cache line on; not set."""
+    spare = np.empty((count + 1) * ROW, kind)
+    first = _first_on_line(spare)
+    return spare[first : first + count * ROW]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
@@ -126,29 +131,29 @@ def _compute(count, scratch, history, radius, step, common_law, features, book):
     law, touch = common_law, radius + radius
     for b in range(count):
         if features.sizes.ndim == 2 or features.materials.ndim == 2:
-            law = _law_of_pair(b, scratch)
-            touch = scratch[b + 12 * _ROW] + scratch[b + 13 * _ROW]
+            law = law_in_rows(b + 14 * ROW, scratch)
+            touch = scratch[b + 12 * ROW] + scratch[b + 13 * ROW]
         reach = touch + law.reach if features.adhesion.ndim == 2 else touch
-        dx, dy, dz = scratch[b], scratch[b + _ROW], scratch[b + 2 * _ROW]
+        dx, dy, dz = scratch[b], scratch[b + ROW], scratch[b + 2 * ROW]
         squared = dx * dx + dy * dy + dz * dz
         inverse = inverse_root(squared)
         distance = squared * inverse
         nx, ny, nz = dx * inverse, dy * inverse, dz * inverse
         arm_i = arm_j = half * distance  # both bodies reach to the middle of overlap or gap
-        wx, wy, wz = scratch[b + 6 * _ROW], scratch[b + 7 * _ROW], scratch[b + 8 * _ROW]
-        ox, oy, oz = scratch[b + 9 * _ROW], scratch[b + 10 * _ROW], scratch[b + 11 * _ROW]
+        wx, wy, wz = scratch[b + 6 * ROW], scratch[b + 7 * ROW], scratch[b + 8 * ROW]
+        ox, oy, oz = scratch[b + 9 * ROW], scratch[b + 10 * ROW], scratch[b + 11 * ROW]
         # velocity of i against j at the contact: v_i - v_j + (arm_i w_i + arm_j w_j) x n
         if features.sizes.ndim == 2:
-            longer = half * (scratch[b + 12 * _ROW] - scratch[b + 13 * _ROW])
+            longer = half * (scratch[b + 12 * ROW] - scratch[b + 13 * ROW])
             arm_i += longer
             arm_j -= longer
             cx, cy, cz = arm_i * wx + arm_j * ox, arm_i * wy + arm_j * oy, arm_i * wz + arm_j * oz
         else:
             cx, cy, cz = arm_i * (wx + ox), arm_i * (wy + oy), arm_i * (wz + oz)
         relative = (
-            scratch[b + 3 * _ROW] + cy * nz - cz * ny,
-            scratch[b + 4 * _ROW] + cz * nx - cx * nz,
-            scratch[b + 5 * _ROW] + cx * ny - cy * nx,
+            scratch[b + 3 * ROW] + cy * nz - cz * ny,
+            scratch[b + 4 * ROW] + cz * nx - cx * nz,
+            scratch[b + 5 * ROW] + cx * ny - cy * nx,
         )
         shear = history[b], history[b + BLOCK], history[b + 2 * BLOCK]
         roll = history[b + 3 * BLOCK], history[b + 4 * BLOCK], history[b + 5 * BLOCK]
@@ -165,11 +170,11 @@ def _compute(count, scratch, history, radius, step, common_law, features, book):
         mx, my, mz = acts * m[0], acts * m[1], acts * m[2]
         # torques arm n x f have one sign: opposite force on the opposite side
         qx, qy, qz = ny * fz - nz * fy, nz * fx - nx * fz, nx * fy - ny * fx
-        scratch[b], scratch[b + _ROW], scratch[b + 2 * _ROW] = fx, fy, fz
-        scratch[b + 3 * _ROW], scratch[b + 4 * _ROW], scratch[b + 5 * _ROW] = (
+        scratch[b], scratch[b + ROW], scratch[b + 2 * ROW] = fx, fy, fz
+        scratch[b + 3 * ROW], scratch[b + 4 * ROW], scratch[b + 5 * ROW] = (
             arm_i * qx + mx, arm_i * qy + my, arm_i * qz + mz,
         )  # fmt: skip
-        scratch[b + 6 * _ROW], scratch[b + 7 * _ROW], scratch[b + 8 * _ROW] = (
+        scratch[b + 6 * ROW], scratch[b + 7 * ROW], scratch[b + 8 * ROW] = (
             arm_j * qx - mx, arm_j * qy - my, arm_j * qz - mz,
         )  # fmt: skip
         if features.book.ndim == 2:
@@ -217,10 +222,8 @@ def _slab_forces(
     count = _GATHERED
     if features.sizes.ndim == 2 or features.materials.ndim == 2:
         count += _OF_PAIR
-    spare = np.empty((count + 1) * _ROW, history.dtype)
-    first_number = _first_on_line(spare)
-    flat = spare[first_number : first_number + count * _ROW]
-    rows = flat.reshape((count, _ROW))
+    flat = scratch_rows(count, history.dtype)
+    rows = flat.reshape((count, ROW))
     pair, end = row_start[first], row_start[last]
     row = first
     while pair < end:

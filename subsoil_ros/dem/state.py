@@ -87,11 +87,11 @@ class PairList:
 
 @dataclass
 class WallList:
-    """Particles that may touch a wall. Slots are the five planes of dem.walls."""
+    """Pairs of a particle and a wall that it may touch, by particle, then by wall."""
 
-    particle: np.ndarray  # (w,) int64, increasing
-    shear: np.ndarray  # (w, 5, 3) [m]
-    roll: np.ndarray  # (w, 5, 3) [rad]
+    particle: np.ndarray  # (w,) int64
+    wall: np.ndarray  # (w,) int64, row of dem.walls.wall_planes
+    history: np.ndarray  # tangential and rolling springs, float64, in blocks (dem.pairs.history_blocks)
 
 
 @dataclass

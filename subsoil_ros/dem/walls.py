@@ -1,15 +1,25 @@
-"""Plane walls of the bin: x = 0, far x, right y, left y, floor. The top is open."""
+"""Plane walls of the bin: x = 0, far x, right y, left y, floor. The top is open.
+
+Forces go as those of pairs do (dem.pairs): in blocks, gathered, computed along the rows, scattered.
+"""
 
 import numpy as np
 from numba import njit, prange
 
-from .contact import contact, normal_potential, spring_energy
+from .contact import SINKS, PairLaw, contact, like, normal_potential, spring_energy
 from .mixture import sphere_of
+from .pairs import BLOCK, HISTORY, ROW, history_place, law_in_rows, scratch_rows
 
 WALLS = ("near", "far", "right", "left", "floor")
 
-_CHUNKS = 16
-"""Split of the listed particles among threads."""
+CHUNKS = 16
+"""Parts of the list that threads compute one by one."""
+
+_GATHERED = 10
+"""Scratch rows: distance of the centre, normal, velocity, spin. Results take their place: force, torque."""
+
+_OF_PARTICLE = 1 + len(PairLaw._fields)
+"""Further rows where particles are unequal: radius, law."""
 
 
 def wall_planes(
@@ -33,102 +43,171 @@ def wall_planes(
     return planes
 
 
-def near_walls(position: np.ndarray, planes: np.ndarray, reach: float) -> np.ndarray:
-    """Particles whose centre is closer than `reach` [m] to a wall, in increasing order."""
-    return np.flatnonzero(_near(position, planes, reach))
+def near_walls(position: np.ndarray, planes: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs of a particle whose centre is closer than `reach` [m] to a wall, and that wall: both (w,) int64, by
+    particle, then by wall."""
+    near = np.flatnonzero(_near(position, planes, reach))
+    return near // len(planes), near % len(planes)
 
 
 @njit(cache=True, parallel=True)
 def _near(position, planes, reach):
-    near = np.zeros(position.shape[0], np.bool_)
+    near = np.empty((position.shape[0], planes.shape[0]), np.bool_)
     for i in prange(position.shape[0]):
         for wall in range(planes.shape[0]):
             gap = planes[wall, 3]
             for a in range(3):
                 gap -= planes[wall, a] * position[i, a]
-            if gap < reach:
-                near[i] = True
+            near[i, wall] = gap < reach
     return near
 
 
+@njit(cache=True)
+def carry_walls(order, old_particle, old_wall, old_history, particle, wall, history):
+    """Fills `history` with that of the pairs that were in the list before the particles were put in `order`,
+    and zeros."""
+    for k in range(particle.shape[0]):
+        i, to = order[particle[k]], history_place(k)
+        for a in range(HISTORY):
+            history[to + a * BLOCK] = 0.0
+        for m in range(np.searchsorted(old_particle, i), old_particle.shape[0]):
+            if old_particle[m] != i:
+                break
+            if old_wall[m] == wall[k]:
+                here = history_place(m)
+                for a in range(HISTORY):
+                    history[to + a * BLOCK] = old_history[here + a * BLOCK]
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
-def _rows_forces(
-    first, last, particle, planes, position, velocity, spin, force, torque, shear, roll,
-    common_radius, step, common_law, mixture, features, wall_force, book,
+def _gather(
+    first, last, particle, wall, planes, position, velocity, spin, rows, common_radius, common_law, mixture,
+    features,
 ):  # fmt: skip
-    """Walls on the listed particles first <= row < last."""
-    for row in range(first, last):
-        i = particle[row]
-        radius, law = sphere_of(i, common_radius, common_law, mixture, features)
-        reach = radius + (law.reach if features.adhesion.ndim == 2 else 0.0)
+    for k in range(first, last):
+        b, i, plane = np.uint64(k - first), particle[k], planes[wall[k]]
+        nx, ny, nz = plane[0], plane[1], plane[2]
+        rows[0, b] = plane[3] - (nx * position[i, 0] + ny * position[i, 1] + nz * position[i, 2])
+        rows[1, b], rows[2, b], rows[3, b] = nx, ny, nz
         for a in range(3):
-            wall_force[row, a] = 0.0
-        for wall in range(5):
-            nx, ny, nz = planes[wall, 0], planes[wall, 1], planes[wall, 2]
-            distance = planes[wall, 3] - (nx * position[i, 0] + ny * position[i, 1] + nz * position[i, 2])
-            if distance >= reach:
-                if features.book.ndim == 2:
-                    book[row, 4] += spring_energy(0.0, shear[row, wall], roll[row, wall], law, features)
-                for a in range(3):
-                    shear[row, wall, a] = 0.0
-                    roll[row, wall, a] = 0.0
-                continue
-            arm = 0.5 * (radius + distance)
-            wx, wy, wz = spin[i, 0], spin[i, 1], spin[i, 2]
-            relative = (
-                velocity[i, 0] + arm * (wy * nz - wz * ny),
-                velocity[i, 1] + arm * (wz * nx - wx * nz),
-                velocity[i, 2] + arm * (wx * ny - wy * nx),
-            )
-            f, m, s, r, sinks = contact(
-                radius - distance, (nx, ny, nz), relative, (wx, wy, wz),
-                (shear[row, wall, 0], shear[row, wall, 1], shear[row, wall, 2]),
-                (roll[row, wall, 0], roll[row, wall, 1], roll[row, wall, 2]),
-                step, law, features,
-            )  # fmt: skip
+            rows[4 + a, b] = velocity[i, a]
+            rows[7 + a, b] = spin[i, a]
+        if features.sizes.ndim == 2 or features.materials.ndim == 2:
+            rows[10, b], of_particle = sphere_of(i, common_radius, common_law, mixture, features)
+            for a, number in enumerate(of_particle):
+                rows[11 + a, b] = number
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _compute(count, scratch, history, common_radius, step, common_law, features, book):
+    """Forces and torques of `count` pairs in the place of their states; new histories."""
+    zero, half, one = like(step, 0.0), like(step, 0.5), like(step, 1.0)
+    law, radius = common_law, common_radius
+    for b in range(count):
+        if features.sizes.ndim == 2 or features.materials.ndim == 2:
+            radius = scratch[b + 10 * ROW]
+            law = law_in_rows(b + 11 * ROW, scratch)
+        reach = radius + law.reach if features.adhesion.ndim == 2 else radius
+        distance = scratch[b]
+        nx, ny, nz = scratch[b + ROW], scratch[b + 2 * ROW], scratch[b + 3 * ROW]
+        wx, wy, wz = scratch[b + 7 * ROW], scratch[b + 8 * ROW], scratch[b + 9 * ROW]
+        arm = half * (radius + distance)
+        relative = (
+            scratch[b + 4 * ROW] + arm * (wy * nz - wz * ny),
+            scratch[b + 5 * ROW] + arm * (wz * nx - wx * nz),
+            scratch[b + 6 * ROW] + arm * (wx * ny - wy * nx),
+        )
+        shear = history[b], history[b + BLOCK], history[b + 2 * BLOCK]
+        roll = history[b + 3 * BLOCK], history[b + 4 * BLOCK], history[b + 5 * BLOCK]
+        f, m, s, r, sinks = contact(
+            radius - distance, (nx, ny, nz), relative, (wx, wy, wz), shear, roll, step, law, features
+        )
+        acts = one if distance < reach else zero
+        history[b], history[b + BLOCK], history[b + 2 * BLOCK] = acts * s[0], acts * s[1], acts * s[2]
+        history[b + 3 * BLOCK], history[b + 4 * BLOCK], history[b + 5 * BLOCK] = (
+            acts * r[0], acts * r[1], acts * r[2],
+        )  # fmt: skip
+        fx, fy, fz = acts * f[0], acts * f[1], acts * f[2]
+        scratch[b], scratch[b + ROW], scratch[b + 2 * ROW] = fx, fy, fz
+        scratch[b + 3 * ROW] = arm * (ny * fz - nz * fy) + acts * m[0]
+        scratch[b + 4 * ROW] = arm * (nz * fx - nx * fz) + acts * m[1]
+        scratch[b + 5 * ROW] = arm * (nx * fy - ny * fx) + acts * m[2]
+        if features.book.ndim == 2:
+            for a in range(len(SINKS)):
+                book[a] += acts * sinks[a]
+            book[4] += (one - acts) * spring_energy(zero, shear, roll, law, features)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _part_forces(
+    first, last, particle, wall, planes, position, velocity, spin, force, torque, history,
+    radius, step, law, mixture, features, wall_force, book,
+):  # fmt: skip
+    """Pairs first <= k < last of the list. `book` (5,) gathers the sinks [J]."""
+    count = _GATHERED
+    if features.sizes.ndim == 2 or features.materials.ndim == 2:
+        count += _OF_PARTICLE
+    flat = scratch_rows(count, history.dtype)
+    rows = flat.reshape((count, ROW))
+    start = first
+    while start < last:
+        stop = min(last, start - start % BLOCK + BLOCK)
+        _gather(
+            start, stop, particle, wall, planes, position, velocity, spin, rows, radius, law, mixture,
+            features,
+        )  # fmt: skip
+        _compute(stop - start, flat, history[history_place(start) :], radius, step, law, features, book)
+        for k in range(start, stop):
+            b, i = np.uint64(k - start), particle[k]
             for a in range(3):
-                shear[row, wall, a] = s[a]
-                roll[row, wall, a] = r[a]
-                force[i, a] += f[a]
-                wall_force[row, a] += f[a]
-            torque[i, 0] += arm * (ny * f[2] - nz * f[1]) + m[0]
-            torque[i, 1] += arm * (nz * f[0] - nx * f[2]) + m[1]
-            torque[i, 2] += arm * (nx * f[1] - ny * f[0]) + m[2]
-            if features.book.ndim == 2:
-                for a in range(5):
-                    book[row, a] += sinks[a]
+                force[i, a] += rows[a, b]
+                torque[i, a] += rows[3 + a, b]
+                wall_force[k, a] = rows[a, b]
+        start = stop
+
+
+@njit(cache=True, nogil=True)
+def _first_of_particle(k, particle):
+    """The first pair of the particle of pair k, so that no particle is in two parts of the list."""
+    while 0 < k < particle.shape[0] and particle[k] == particle[k - 1]:
+        k -= 1
+    return k
 
 
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def wall_forces(
-    particle, planes, position, velocity, spin, force, torque, shear, roll,
+    particle, wall, planes, position, velocity, spin, force, torque, history,
     radius, step, law, mixture, features, wall_force, book,
 ):  # fmt: skip
-    """Adds the forces of the walls. `wall_force` (w, 3) [N] receives what the walls put on each particle,
-    `book` (w, 5) the sinks [J] of its wall contacts. `mixture`: see pair_forces."""
+    """Adds the forces of the walls. `wall_force` (w, 3) [N] receives that of each pair, `book` (CHUNKS, 5)
+    gathers the sinks [J]. `mixture`: see pair_forces."""
     count = particle.shape[0]
-    for chunk in prange(_CHUNKS):
-        _rows_forces(
-            chunk * count // _CHUNKS, (chunk + 1) * count // _CHUNKS, particle, planes, position, velocity,
-            spin, force, torque, shear, roll, radius, step, law, mixture, features, wall_force, book,
+    for chunk in prange(CHUNKS):
+        _part_forces(
+            _first_of_particle(chunk * count // CHUNKS, particle),
+            _first_of_particle((chunk + 1) * count // CHUNKS, particle),
+            particle, wall, planes, position, velocity, spin, force, torque, history,
+            radius, step, law, mixture, features, wall_force, book[chunk],
         )  # fmt: skip
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def wall_scan(particle, planes, position, shear, roll, common_radius, common_law, mixture, features):
+def wall_scan(particle, wall, planes, position, history, common_radius, common_law, mixture, features):
     """Wall contacts in reach, largest overlap [m], stored energy [J]."""
     contacts, largest, energy = 0, 0.0, 0.0
-    for row in range(particle.shape[0]):
-        i = particle[row]
+    for k in range(particle.shape[0]):
+        i, plane = particle[k], planes[wall[k]]
         radius, law = sphere_of(i, common_radius, common_law, mixture, features)
-        reach = law.reach if features.adhesion.ndim == 2 else 0.0
-        for wall in range(5):
-            overlap = radius - planes[wall, 3]
-            for a in range(3):
-                overlap += planes[wall, a] * position[i, a]
-            if overlap > -reach:
-                contacts += 1
-                largest = max(largest, overlap)
-                energy += normal_potential(overlap, law, features)
-                energy += spring_energy(overlap, shear[row, wall], roll[row, wall], law, features)
+        overlap = radius - plane[3]
+        for a in range(3):
+            overlap += plane[a] * position[i, a]
+        if overlap > (-law.reach if features.adhesion.ndim == 2 else 0.0):
+            contacts += 1
+            largest = max(largest, overlap)
+            energy += normal_potential(overlap, law, features)
+            h = history_place(k)
+            energy += spring_energy(
+                overlap, (history[h], history[h + BLOCK], history[h + 2 * BLOCK]),
+                (history[h + 3 * BLOCK], history[h + 4 * BLOCK], history[h + 5 * BLOCK]), law, features,
+            )  # fmt: skip
     return contacts, largest, energy

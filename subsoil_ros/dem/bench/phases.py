@@ -7,8 +7,12 @@ from typing import Any
 
 from ..bed import Bed
 from ..engine import SoilEngine
+from ..integration import kick_drift
 from ..kernel_calls import KernelCalls
+from ..pairs import pair_forces
+from ..step import drift_and_contacts
 from ..tool_surface import ToolSurface
+from ..walls import wall_forces
 from .cases import Case
 from .measure import prepared_engine, run_steps
 
@@ -46,8 +50,24 @@ def clocked(clock: Callable[[], float] = time.process_time) -> Iterator[dict[str
     bind = KernelCalls.bind
 
     def timed_bind(calls: KernelCalls, kernel: Any, *arguments: Any, **more: Any) -> Callable[..., Any]:
+        if kernel is drift_and_contacts:
+            return taken_apart(calls, *arguments)
         call, phase = bind(calls, kernel, *arguments, **more), _KERNELS.get(kernel.__name__)
         return call if phase is None else _timed(call, phase, spent, clock)
+
+    def taken_apart(calls: KernelCalls, motion: Any, pairs: Any, walls: Any) -> Callable[[int, bool], int]:
+        """drift_and_contacts with a clock around each of its kernels."""
+        drift = timed_bind(calls, kick_drift, *motion, varying=(1,))
+        contacts = timed_bind(calls, pair_forces, *pairs), timed_bind(calls, wall_forces, *walls)
+
+        def step(kicks: int, with_contacts: bool) -> int:
+            far: int = drift(kicks) if kicks > 0 else 0
+            if with_contacts and far == 0:
+                for forces in contacts:
+                    forces()
+            return far
+
+        return step
 
     for phase, (owner, name) in _METHODS.items():
         setattr(owner, name, _timed(getattr(owner, name), phase, spent, clock))

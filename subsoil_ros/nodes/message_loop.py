@@ -17,7 +17,11 @@ BURST = 64
 
 
 def serve(
-    node: Node, poll: Callable[[], None], poll_s: float, ended: Callable[[], bool], rest_s: float = 0.0
+    node: Node,
+    poll: Callable[[], None],
+    poll_s: float,
+    ended: Callable[[], bool],
+    rest_s: Callable[[], float] = lambda: 0.0,
 ) -> None:
     """Serves the subscriptions, raw ones all, and services of `node` in this thread; no executor may have it.
 
@@ -26,7 +30,7 @@ def serve(
     Args:
         poll: called every `poll_s`, also while messages come.
         ended: asked after every message and every poll; the loop ends when it is true.
-        rest_s: pause after every wake-up, so that what comes meanwhile is taken in one go. For nodes that
+        rest_s: asked for the pause after every wake-up, so that what comes meanwhile is taken in one go. For nodes that
             nobody waits for: each wake-up takes a core from those that compute.
     """
     served = [(item.handle, item.handle.pointer, item.msg_type, item.callback) for item in node.subscriptions]
@@ -61,5 +65,6 @@ def serve(
                     request, header = service.handle.service_take_request(service.srv_type.Request)  # type: ignore[attr-defined]
                     if header is not None:
                         service.callback(request, header)
-        if rest_s > 0.0:
-            time.sleep(rest_s)
+        pause_s = rest_s()
+        if pause_s > 0.0:
+            time.sleep(pause_s)

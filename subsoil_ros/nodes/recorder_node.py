@@ -88,6 +88,7 @@ class RecorderNode(LockstepNode):
     """Takes part in the barrier: what it acknowledges is written, and nothing else is lost."""
 
     rest_s = 0.004
+    rest_ticks = 4
 
     def __init__(
         self, writer: BagWriter, run: NodeRun, lifeline: Lifeline, context: Context | None = None

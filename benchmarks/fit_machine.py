@@ -5,7 +5,8 @@
 statics   spring and its lever in closed form, held against their ranges; no run
 reduced   depth, damping and start on the reduced soil; seconds a run
 coarse    depth, friction limit and start with larger particles and wheels on plain ground; minutes a run
-full      the best of the coarse stage in the paper's bin; hours: only when asked for by name
+full      the best of the coarse stage in the paper's bin, bag, tables and figures kept; half an hour on
+          two cores: only when asked for by name
 
 Ranges and reasons: config/fit/subsoiler_1s300.yaml. A run scores how many of the printed values it holds
 within 25 %, and the root mean square of ln(ours / printed), sign changes counted as a factor of ten. Whole
@@ -152,12 +153,15 @@ def variant(
     return path
 
 
-def run_all(cases: Sequence[tuple[Parameters, Path]], out: Path, threads: int) -> list[Parameters]:
+def run_all(
+    cases: Sequence[tuple[Parameters, Path]], out: Path, threads: int, *, keep_bag: bool
+) -> list[Parameters]:
     """Scores of all cases, the best first; a failed one is reported and does not stop the others."""
     rows = []
     for parameters, path in cases:
         try:
-            rows.append({**parameters, **score(kept_run(path, out / "runs", (), threads))})
+            summary = kept_run(path, out / "runs", (), threads, keep_bag=keep_bag)
+            rows.append({**parameters, **score(summary)})
         except (FailedRun, SubsoilError) as error:
             print(f"{path.stem}: {error}", flush=True)
             continue
@@ -207,7 +211,7 @@ def stage(name: str, ranges: dict[str, Any], out: Path, args: argparse.Namespace
         )
         for parameters in chosen(parameter_sets(name, ranges, out), args.only)
     ]
-    return run_all(cases, out / name, args.threads)
+    return run_all(cases, out / name, args.threads, keep_bag=name == "full")
 
 
 def write(name: str, rows: list[Parameters], out: Path) -> None:

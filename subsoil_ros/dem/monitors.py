@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import njit, prange
 
 from ..errors import PhysicsError
 from ..scene.soil import Soil
@@ -87,6 +87,23 @@ class LostParticle:
     tick: int
 
 
+@njit(cache=True, parallel=True, nogil=True)
+def outside(position, planes, radius, ceiling):
+    """(n,) bool: a centre a radius [m], one of all or (n,), behind a plane, or above `ceiling` [m].
+
+    A kernel, because the threads of numpy's matrix products stay awake and take a core from the next steps.
+    """
+    found = np.empty(position.shape[0], np.bool_)
+    for i in prange(position.shape[0]):
+        x, y, z = position[i, 0], position[i, 1], position[i, 2]
+        out = z > ceiling
+        for k in range(planes.shape[0]):
+            gap = planes[k, 3] - planes[k, 0] * x - planes[k, 1] * y - planes[k, 2] * z
+            out = out or gap < -of_particle(radius, i)
+        found[i] = out
+    return found
+
+
 class Domain:
     """Where particles belong: no centre a radius beyond a wall or the floor, none far above the bed."""
 
@@ -98,10 +115,8 @@ class Domain:
 
     def outside(self, particles: Particles) -> np.ndarray:
         """(n,) bool."""
-        position = particles.position
-        gap = (self._planes[:, 3] - position @ self._planes[:, :3].T).min(axis=1)
         radius = particles.radius if particles.unequal else self._radius
-        return (gap < -radius) | (position[:, 2] > self.ceiling_m)
+        return outside(particles.position, self._planes, radius, self.ceiling_m)
 
 
 class Watch:

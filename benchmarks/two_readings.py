@@ -133,7 +133,8 @@ def judge(case: Case, summary: Summary) -> dict[str, Any]:
     entry = row["run_draft_min_newton"] < 0.0 <= row["draft_min_newton"]
     low = row["run_height_range_m"] >= RANGE_PART * paper.HEIGHT_TRAVEL_M > row["height_range_m"]
     if rhythm and wide:
-        row["verdict"] = "steady cycle"
+        steady = row["drift"] == "no drift seen"
+        row["verdict"] = "steady cycle" if steady else "cycle that does not stay"
     elif entry or low:
         row["verdict"] = "entry: printed extremes outside of the steady work only"
     else:

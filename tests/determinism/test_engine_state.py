@@ -70,6 +70,29 @@ def test_soil_goes_on(tmp_path: Path, kind: str) -> None:
     assert state_sha256(second.state_arrays()) == state_sha256(first.state_arrays())
 
 
+@pytest.mark.parametrize("kind", ["layers", "mixed precision"])
+def test_who_looks_at_a_soil_changes_nothing(tmp_path: Path, kind: str) -> None:
+    """Between two ticks a half kick may be owed: it is made when somebody looks, or with the next step."""
+    soil = {
+        "bin": {"length_m": 0.3, "width_m": 0.1, "depth_m": 0.08},
+        "particles": {"radius_m": 0.01, "density_kg_per_m3": 1800.0},
+        "bed": {"kind": "grid", "spacing_m": 0.018, "jitter_m": 0.0004},
+        "law": WET,
+        "time_step_s": STEP_S,
+        **SOILS[kind],
+    }
+    maker = SoilMaker(tmp_path)
+    resolved = maker.scene(soil=soil, tools=one_tool(maker.box(0.03, 0.04, 0.08, subdivide=1)))
+    alone, watched = SoilEngine(resolved), SoilEngine(resolved)
+    looks = (watched.state_arrays, watched.energy, watched.velocities_m_per_s, watched.spins_rad_per_s)
+    alone.start(bar(-1))
+    watched.start(bar(-1))
+    for tick in range(300):
+        assert alone.advance(tick, bar(tick)) == watched.advance(tick, bar(tick))
+        looks[tick % len(looks)]()
+    assert state_sha256(alone.state_arrays()) == state_sha256(watched.state_arrays())
+
+
 def pulled(resolved: ResolvedScene, tick: int) -> tuple[ToolWrench, ...]:
     """Wrenches that change from tick to tick."""
     force = -800.0 + 300.0 * np.sin(0.01 * tick)

@@ -478,8 +478,8 @@ class SoilEngine:
 
     def _rebuild(self, motions: tuple[ToolMotion, ...]) -> None:
         """Sort particles into cells, find pairs, walls and tool candidates, carry histories over."""
-        self._calls = None
         p, skin = self._particles, self._soil.skin_m
+        self._calls = None
         adhesive = self._features.adhesion.ndim == 2
         reach = 2.0 * self._radius + (float(self._pair_laws[:, REACH].max()) if adhesive else 0.0) + skin
         boundary_reach = self._radius + (float(self._wall_laws[:, REACH].max()) if adhesive else 0.0)

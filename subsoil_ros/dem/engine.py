@@ -21,7 +21,7 @@ from .kernel_calls import KernelCalls, use_threads
 from .mixture import REACH, REST_OVERLAP, Mixture, law_tables, material_at
 from .monitors import Domain, LostParticle, MotionSums, Watch, half_step_sums, refuse_lost_numbers
 from .neighbours import carry_pairs, cell_grid, half_list, slab_starts, sort_by_cell
-from .pairs import history_blocks, pair_scan
+from .pairs import contact_scan, history_blocks, pair_energy
 from .periodic import TOOL_SKIN, refuse_narrow_period, refuse_tool_at_seam, wrapped
 from .snapshot import bed_digest, from_named, motion_from, named
 from .state import PairList, Particles, WallList
@@ -92,7 +92,7 @@ class SoilEngine:
     @property
     def coordination(self) -> float:
         """Contacts in reach per particle, those between particles only."""
-        return 2.0 * self._scan_pairs()[0] / self._particles.count
+        return 2.0 * self._scan_contacts()[0] / self._particles.count
 
     @property
     def _particles(self) -> Particles:
@@ -387,6 +387,7 @@ class SoilEngine:
         return f"tick {tick}" if steps == 1 else f"tick {tick}, soil step {step} of {steps}"
 
     def _motion_sums(self) -> MotionSums:
+        use_threads(self._threads)
         p = self._particles
         return MotionSums(
             *half_step_sums(p.position, p.velocity, p.spin, p.force, p.torque, *self._masses(), self._step_s)
@@ -398,7 +399,7 @@ class SoilEngine:
         return self._motion_sums().alternation
 
     def _largest_overlap(self) -> float:
-        return self._scan_pairs()[1]
+        return self._scan_contacts()[1]
 
     def _begin_tick(self) -> None:
         for tool in self._tools:
@@ -523,7 +524,7 @@ class SoilEngine:
         in between.
         """
         n = self._particles.count
-        contacts, largest, _ = self._scan_pairs()
+        contacts, largest = self._scan_contacts()
         sums = self._motion_sums()
         return SoilState(
             run_id,
@@ -540,9 +541,19 @@ class SoilEngine:
             largest_tool_overlap_m=max((t.largest_overlap_m for t in self._tools), default=0.0),
         )
 
-    def _scan_pairs(self) -> tuple[int, float, float]:
+    def _scan_contacts(self) -> tuple[int, float]:
+        """Contacts in reach, and the largest overlap [m]."""
+        use_threads(self._threads)
         pairs = self._pairs
-        return pair_scan(
+        return contact_scan(
+            pairs.row_start, pairs.neighbour, self._particles.position,
+            self._radius, self._mixture(self._pair_laws), self._features,
+        )  # fmt: skip
+
+    def _stored_in_pairs(self) -> float:
+        use_threads(self._threads)
+        pairs = self._pairs
+        return pair_energy(
             pairs.row_start, pairs.neighbour, self._particles.position, pairs.history,
             self._radius, self._mixture(self._pair_laws), self._features,
         )  # fmt: skip
@@ -573,7 +584,7 @@ class SoilEngine:
         return EnergyBook(
             kinetic_joule=kinetic,
             gravity_joule=gravity,
-            stored_joule=self._scan_pairs()[2] + at_walls + at_tools,
+            stored_joule=self._stored_in_pairs() + at_walls + at_tools,
             sinks_joule=dict(zip(SINKS, sinks.tolist(), strict=True)),
             tool_work_joule=self._tool_work,
         )

@@ -5,6 +5,11 @@ from numba import types
 from numba.extending import overload
 
 
+PARTS = 64
+"""Parts of the particles that threads take one by one, and whose sums are added in their order: no sum depends
+on the number of threads (chosen: enough to share them evenly)."""
+
+
 def of_particle(value, i):
     """Number i of an array; a number for all stands for itself. Told apart when a kernel is compiled."""
     return value[i] if isinstance(value, np.ndarray) else value

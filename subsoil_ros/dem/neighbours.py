@@ -148,9 +148,7 @@ def _find_pairs(first_cell, last_cell, position, grid, cell_start, reach, smalle
         column, cz = cell // grid.nz, cell % grid.nz
         candidates = 0
         for k in range(_RUNS):
-            lows[k], highs[k] = _forward_range(
-                grid, column // grid.ny, column % grid.ny, cz, k, cell_start
-            )
+            lows[k], highs[k] = _forward_range(grid, column // grid.ny, column % grid.ny, cz, k, cell_start)
             candidates += highs[k] - lows[k]
         most = max(most, candidates)
         if candidates + _LANES > room:

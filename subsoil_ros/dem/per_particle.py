@@ -4,10 +4,9 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-
 PARTS = 64
-"""Parts of the particles that threads take one by one, and whose sums are added in their order: no sum depends
-on the number of threads (chosen: enough to share them evenly)."""
+"""Parts of the particles that threads take one by one; their sums are added in order, so that no sum
+depends on the number of threads (chosen: enough to share them evenly)."""
 
 
 def of_particle(value, i):

@@ -69,6 +69,12 @@ class Outcome:
     faults: tuple[str, ...]  # what was not as it should be
 
 
+def take_terminal() -> None:
+    """In the child: standard input is its terminal, whose hanging up is not ignored, as under nohup."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+
+
 class Run:
     """One `subsoil run` and what it consists of."""
 

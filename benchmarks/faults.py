@@ -90,7 +90,7 @@ class Run:
             threading.Thread(target=self._drain, daemon=True).start()
             self.process = subprocess.Popen(
                 [*command, *changes], stdin=slave, stdout=slave, stderr=slave, start_new_session=True,
-                preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
+                preexec_fn=take_terminal,
             )  # fmt: skip
             os.close(slave)
         else:

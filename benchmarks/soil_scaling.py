@@ -3,8 +3,8 @@
 python benchmarks/soil_scaling.py [SEEDS]   (default 3; half an hour on one core; docs/soil_tests.md shows it)
 """
 
+import argparse
 import json
-import sys
 import tempfile
 from pathlib import Path
 
@@ -52,7 +52,9 @@ def strength_of(radius_m: float, law_radius_m: float | None, seed: int) -> dict[
 
 def main() -> None:
     """One line of JSON for each specimen, then mean and standard deviation over the seeds."""
-    seeds = range(int(sys.argv[1]) if len(sys.argv) > 1 else 3)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("seeds", nargs="?", type=int, default=3, help="how many (default 3)")
+    seeds = range(parser.parse_args().seeds)
     found: dict[str, list[dict[str, float]]] = {case: [] for case in CASES}
     for seed in seeds:
         for case, (radius_m, law_radius_m) in CASES.items():

@@ -5,6 +5,7 @@
 Runs it five times in fresh processes and prints one JSON object: medians of CPU and wall time [s], by stage.
 """
 
+import argparse
 import json
 import statistics
 import subprocess
@@ -40,7 +41,9 @@ def first_step(scene: str, started: float) -> None:
 
 def main() -> None:
     """Prints the medians; the first process, which may have to compile, does not count."""
-    scene = sys.argv[1] if len(sys.argv) > 1 else str(SCENE)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("scene", nargs="?", default=str(SCENE))
+    scene = parser.parse_args().scene
     runs = []
     for _ in range(REPEATS + 1):
         command = [sys.executable, __file__, "--child", scene, repr(time.monotonic())]

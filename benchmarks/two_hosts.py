@@ -6,6 +6,7 @@ run without ROS. Once with discovery over the subnet, once with nothing but the 
 Exit status 0: the same; 77: cannot be made here, and why; 1: not the same.
 """
 
+import argparse
 import os
 import shutil
 import subprocess
@@ -130,8 +131,11 @@ def messages(bag: Path) -> list[tuple[str, int, bytes]]:
 
 def main() -> int:
     """Runs it both ways; with arguments it is one of the hosts."""
-    if sys.argv[1:]:
-        scene, place, *names = sys.argv[1:]
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("host", nargs="*", help="given by itself, to the two hosts that it starts")
+    host = parser.parse_args().host
+    if host:
+        scene, place, *names = host
         return be_a_host(scene, Path(place), names)
     reason = why_not()
     if reason:

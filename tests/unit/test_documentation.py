@@ -1,15 +1,19 @@
-"""Commands, Python and scenes in README and docs work: what readers copy runs here.
+"""Commands, Python and scenes in README, docs and the READMEs of examples work: what readers copy runs here.
 
-The blocks of a page run in their order in one folder, which has the repository's `config` in it. A block
-below a line `<!-- not run: REASON -->` is only checked: its syntax, and the words of every `subsoil` command.
+The blocks of a page run in their order in one folder, with `config` and `examples` of the repository
+in it. A block below a line `<!-- not run: REASON -->` is only checked: its syntax, the words of every
+`subsoil` command, and the options of benchmarks and examples. A block below `<!-- design: MODULE -->` is
+read by its `read_design`.
 """
 
 import contextlib
 import functools
+import importlib
 import io
 import json
 import os
 import re
+import runpy
 import shlex
 import subprocess
 import sys
@@ -23,11 +27,19 @@ from subsoil_ros.cli.main import VERBS, parse
 from subsoil_ros.scene.document import parse_yaml
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [
+    ROOT / "README.md",
+    *sorted((ROOT / "docs").rglob("*.md")),
+    *sorted((ROOT / "examples").glob("*/README.md")),
+]
 LANGUAGES = {"bash", "python", "yaml", "text", "json", "dockerfile"}
 _FENCE = re.compile(r"^ *```(.*)$")
 _NOT_RUN = re.compile(r"^ *<!-- not run: (.+) -->$")
-_INDENTED_COMMAND = re.compile(r"^    (subsoil|python|ros2|make|export|pip|colcon|docker) ")
+_DESIGN = re.compile(r"^ *<!-- design: ([\w.]+) -->$")
+_LIST_ITEM = re.compile(r" *([-*+]|\d+[.)]) ")
+_PROGRAM = re.compile(
+    r"(?<![\w/])python3? (?:-m (benchmarks[.\w]+)|((?:benchmarks|examples)/[\w/]+\.py))([^`\n|]*)"
+)
 _INLINE_COMMAND = re.compile(r"(?<!`)`subsoil ([a-z][a-z-]*)([^`]*)`")
 
 
@@ -40,6 +52,7 @@ class Block:
     language: str
     text: str
     not_run: str  # why; empty if it runs
+    design: str  # module that reads it; empty if it is no design of a study or calibration
 
     @property
     def name(self) -> str:
@@ -56,8 +69,9 @@ def blocks(page: Path) -> list[Block]:
         if fence and inside is None:
             inside, label, start = [], fence.group(1), number
         elif fence and inside is not None:
-            why = _NOT_RUN.match(above)
-            found.append(Block(page, start, label, "\n".join(inside) + "\n", why.group(1) if why else ""))
+            why, design = _NOT_RUN.match(above), _DESIGN.match(above)
+            text = "\n".join(inside) + "\n"
+            found.append(Block(page, start, label, text, why[1] if why else "", design[1] if design else ""))
             inside = None
         elif inside is not None:
             inside.append(line)
@@ -70,15 +84,31 @@ def blocks(page: Path) -> list[Block]:
 ALL = [block for page in PAGES for block in blocks(page)]
 
 
+def indented_code(text: str) -> list[str]:
+    """First lines of code blocks that are made by indenting, outside of lists: they would escape the checks."""
+    found = []
+    fenced, listed, before = False, False, ""
+    for line in text.splitlines():
+        if _FENCE.match(line):
+            fenced = not fenced
+        elif not fenced and line.strip():
+            if _LIST_ITEM.match(line):
+                listed = True
+            elif not line.startswith(" ") and not before.strip():
+                listed = False
+            if line.startswith("    ") and not before.strip() and not listed:
+                found.append(line)
+        before = line
+    return found
+
+
 def test_blocks_say_their_language():
     """No block goes unchecked because it names no language, or is indented instead of fenced."""
     assert [block.name for block in ALL if block.language not in LANGUAGES] == []
-    assert [
-        f"{page.name}: {line}"
-        for page in PAGES
-        for line in page.read_text().splitlines()
-        if _INDENTED_COMMAND.match(line) and not any(line in block.text for block in ALL)
-    ] == []
+    assert [f"{page.name}: {line}" for page in PAGES for line in indented_code(page.read_text())] == []
+    assert indented_code("Text:\n\n    subsoil run\n    more\n") == ["    subsoil run"]
+    assert indented_code("- item\n\n    of the item\n\n```text\n\n    fenced\n```\n") == []
+    assert indented_code("- item\n\ntext\n\n    code\n") == ["    code"]
 
 
 def complaint(words: list[str]) -> str:
@@ -124,11 +154,45 @@ def test_commands_in_the_text_exist(page):
     assert wrong == []
 
 
-@pytest.mark.parametrize("block", [b for b in ALL if b.language == "yaml"], ids=lambda block: block.name)
+SCENE_BLOCKS = [b for b in ALL if b.language == "yaml" and not b.design and not b.not_run]
+
+PROGRAMS = sorted(
+    {
+        (module or path, tuple(re.findall(r"(?<![\w-])--[a-z-]+", words)))
+        for page in PAGES
+        for module, path, words in _PROGRAM.findall(page.read_text())
+        if "--ros-args" not in words  # a node: tests/ros starts it
+    }
+)
+
+
+@pytest.mark.parametrize(("program", "options"), PROGRAMS, ids=str)
+def test_programs_exist(program, options, monkeypatch):
+    """Benchmarks and examples that a page tells to start do start, and know the options it gives them."""
+    if program == "benchmarks.rerun_picture":
+        pytest.importorskip("rerun", reason="rerun-sdk is not installed")
+    monkeypatch.setattr(sys, "argv", [program, "--help"])
+    monkeypatch.syspath_prepend(str(ROOT))
+    with contextlib.redirect_stdout(io.StringIO()) as said, pytest.raises(SystemExit) as ended:
+        if program.endswith(".py"):
+            runpy.run_path(str(ROOT / program), run_name="__main__")
+        else:
+            runpy.run_module(program, run_name="__main__", alter_sys=True)
+    assert ended.value.code == 0
+    assert [option for option in options if option not in said.getvalue()] == []
+
+
+@pytest.mark.parametrize("block", [b for b in ALL if b.design], ids=lambda block: block.name)
+def test_designs_are_valid(block, tmp_path):
+    """Designs of studies and calibrations in the docs are read as the command reads its file."""
+    path = tmp_path / "design.yaml"
+    path.write_text(block.text)
+    importlib.import_module(block.design).read_design(path)
+
+
+@pytest.mark.parametrize("block", SCENE_BLOCKS, ids=lambda block: block.name)
 def test_scenes_are_valid(block):
     """Scenes and parts of scenes in the docs have only keys that there are, with values that are allowed."""
-    if block.not_run:
-        return
     schema = json.loads((ROOT / "config/scene.schema.json").read_text())
     part = {key: value for key, value in schema.items() if key not in ("if", "then", "else")}
     document = parse_yaml(block.text, block.name)
@@ -144,7 +208,8 @@ RUN = {
 @pytest.mark.parametrize("page", [page for page, found in RUN.items() if found], ids=lambda page: page.name)
 def test_page_runs(page, tmp_path):
     """Every block of a page ends well, in the order of the page."""
-    (tmp_path / "config").symlink_to(ROOT / "config")
+    for folder in ("config", "examples"):
+        (tmp_path / folder).symlink_to(ROOT / folder)
     environment = {
         **os.environ,
         "PATH": f"{sys.prefix}/bin:{os.environ['PATH']}",

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 from rosbags.highlevel import AnyReader
@@ -96,6 +97,24 @@ def test_the_scene_shows_soil_by_speed_and_the_machine(layout: dict[str, Any], m
     assert {marker.header.frame_id for marker in markers} <= frames
 
 
+def test_the_machine_is_a_urdf_that_tf_moves(layout: dict[str, Any], machine_bag: Path) -> None:
+    """The layer's topic is a URDF, and a frame of /tf stands for each of its links but the root."""
+    (scene,) = panels(layout, "3D")
+    machine = scene["layers"]["machine"]
+    assert (machine["layerId"], machine["sourceType"]) == ("foxglove.Urdf", "topic")
+    assert (machine["controlMode"], machine["framePrefix"]) == ("transforms", "")
+    with AnyReader([machine_bag]) as reader:
+        wanted = [item for item in reader.connections if item.topic in (machine["topic"], "/tf")]
+        last = {
+            connection.topic: reader.deserialize(data, connection.msgtype)
+            for connection, _, data in reader.messages(wanted)
+        }
+    robot = ElementTree.fromstring(last[machine["topic"]].data)
+    frames = {item.child_frame_id for item in last["/tf"].transforms}
+    assert robot.tag == "robot"
+    assert {link.get("name") for link in robot.findall("link")} == frames | {scene["followTf"]}
+
+
 def leaves(tree: dict[str, Any] | str) -> Iterator[str]:
     """Panels of the tree of splits."""
     if isinstance(tree, str):
@@ -135,3 +154,4 @@ def test_every_setting_is_one_that_foxglove_knows(layout: dict[str, Any]) -> Non
     assert set(topics["/subsoil/soil/cloud"]) <= keys_of(layouts.BaseRendererPointCloudTopicSettings)
     assert set(topics["/subsoil/tool_markers"]) <= keys_of(layouts.BaseRendererRosMarkerTopicSettings)
     assert set(scene["layers"]["surface"]) <= keys_of(layouts.BaseRendererGridLayerSettings)
+    assert set(scene["layers"]["machine"]) <= keys_of(layouts.BaseRendererUrdfLayerSettings)

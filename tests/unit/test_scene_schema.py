@@ -16,9 +16,10 @@ from subsoil_ros.scene.model import Scene
 from subsoil_ros.scene.overrides import LOADER_KEYS
 from subsoil_ros.scene.schema import scene_schema, unit_of
 
-CONFIG = Path(__file__).parents[2] / "config"
+ROOT = Path(__file__).parents[2]
+CONFIG = ROOT / "config"
 SHIPPED = CONFIG / "scene.schema.json"
-SCENES = sorted((CONFIG / "scenes").glob("*.yaml"))
+SCENES = sorted([*(CONFIG / "scenes").glob("*.yaml"), *(ROOT / "examples").glob("*/*.yaml")])
 TEMPLATES = sorted((CONFIG / "templates").glob("*.yaml"))
 
 
@@ -49,7 +50,8 @@ def test_schema_is_current(tmp_path):
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
 def test_shipped_scenes(path):
     """Every shipped scene names the schema in its first line, and it and the scene as run are valid by it."""
-    assert path.read_text().splitlines()[0] == "# yaml-language-server: $schema=../scene.schema.json"
+    named = path.read_text().splitlines()[0].removeprefix("# yaml-language-server: $schema=")
+    assert (path.parent / named).resolve() == SHIPPED
     assert errors(read_document(path, str(path))) == []
     assert errors(load_scene(path).document) == []
 

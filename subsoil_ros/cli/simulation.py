@@ -1,4 +1,4 @@
-"""subsoil run SCENE --out DIR: simulates a scene and leaves a bag, a series and a summary."""
+"""What `subsoil run` does, in each of its modes. Apart from its arguments: this needs all libraries."""
 
 import argparse
 import os
@@ -23,71 +23,16 @@ from ..recording.bag_writer import open_bag
 from ..recording.joined import mend_earlier
 from ..recording.recovery import recover
 from ..scene.loader import ResolvedScene, load_scene
-from .arguments import add_overrides
-from .live import add_live, live_port, say_where
+from .live import live_port, say_where
 from .opened_run import OpenedRun, open_run
-from .preparation import KernelAnnouncer, announce_kernels_of_nodes
-from .progress import RunProgress, reading_bag
+from .preparation import KernelAnnouncer, announce_kernels_of_nodes, say
+from .progress import RunProgress, reading_bag, working
 from .resumption import CHECKPOINTS, checkpoint_facts, name_checkpoint
 from .supervisor import Supervisor, node_program, start_node
 
-SUMMARY = "simulate a scene; DIR gets bag/, scene.yaml, series.csv, summary.json and log/"
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of `subsoil run`."""
-    parser.add_argument("scene", help="scene file (.yaml)")
-    parser.add_argument("--out", required=True, metavar="DIR", help="folder for the results; must not exist")
-    parser.add_argument(
-        "--mode",
-        choices=("nodes", "composed", "direct"),
-        default="nodes",
-        help="nodes: one process per node over DDS; composed: the same nodes in one process; "
-        "direct: no ROS (default: nodes; the results are the same bits)",
-    )
-    add_overrides(parser)
-    parser.add_argument(
-        "--threads",
-        type=_thread_count,
-        default=1,
-        metavar="N",
-        help="threads of the soil engine (default: 1)",
-    )
-    parser.add_argument(
-        "--resume",
-        type=Path,
-        metavar="RUN",
-        help="go on from the newest checkpoint in the folder of an earlier run of the same scene",
-    )
-    add_live(parser)
-    parser.add_argument(
-        "--paused",
-        action="store_true",
-        help="nodes and composed: stand before the first tick until the coupler's services resume or step "
-        "are called",
-    )
-    parser.add_argument(
-        "--namespace",
-        default="",
-        metavar="NAME",
-        help="nodes and composed: ROS namespace of all nodes and topics, /clock and /tf too, so that several "
-        "runs share a domain (ROS_DOMAIN_ID)",
-    )
-
-
-def _thread_count(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"'{text}' is no number of threads; give 1 or more")
-    return int(text)
-
-
-def run(args: argparse.Namespace) -> int:
-    """Run the scene.
-
-    Raises:
-        InputError: the scene or the folder cannot be used; nothing was written.
-        RunError: the run failed; what was recorded before is in the folder.
-    """
+def simulate(args: argparse.Namespace) -> int:
+    """Runs the scene as the arguments of `subsoil run` say. Raises as run.run does."""
     with KernelAnnouncer() as kernels:
         return _run(args, kernels)
 
@@ -167,6 +112,11 @@ def _say_what_it_waits_for(
         )
 
 
+def _say_domain(domain: int, namespace: str) -> None:
+    """Tells the user where other programs find the nodes."""
+    say(f"nodes in ROS_DOMAIN_ID={domain}{f', namespace {namespace}' if namespace else ''}")
+
+
 def _run_direct(
     opened: OpenedRun,
     threads: int,
@@ -215,6 +165,7 @@ def _run_composed(
 
         node_run = NodeRun(opened.run_id, opened.resolved, opened.out / CHECKPOINTS, opened.resumed)
         builds = scene_builds(node_run, opened.out / "bag", threads, progress, paused, live)
+        _say_domain(domain, namespace)
         _say_what_it_waits_for(opened.resolved, opened.run_id, domain, namespace, paused)
         ending = run_composed(node_run, builds, stop_signal, namespace)
     if ending.exit_status:
@@ -231,6 +182,7 @@ def _run_nodes(
     progress = announce_kernels_of_nodes(progress)
     logs.mkdir()
     with run_domain() as domain:
+        _say_domain(domain, namespace)
         _say_what_it_waits_for(plan.resolved, plan.run_id, domain, namespace, plan.paused)
         processes = [
             start_node(
@@ -261,12 +213,14 @@ def _summarize(
             print(f"nothing is recorded (record.bag: false); {out / 'summary.json'} says how the run ended")
             return
         if failure is not None:
-            recover(bag)  # its writer may have been killed; a whole bag is left as it is
+            with working("looking after the bag"):
+                recover(bag)  # its writer may have been killed; a whole bag is left as it is
         mend_earlier(out)
         with reading_bag(resolved.timing) as watch:
             series = read_series(bag, resolved.scene, watch)
         write_series_csv(series, out / "series.csv")
-        summary = summarize(bag, resolved, run_info, series)
+        with working("reading the clouds"):
+            summary = summarize(bag, resolved, run_info, series)
         write_summary(summary, out / "summary.json")
         print_summary(summary, resolved.scene, out)
     except SubsoilError:

@@ -85,7 +85,7 @@ ALL = [block for page in PAGES for block in blocks(page)]
 
 
 def indented_code(text: str) -> list[str]:
-    """First lines of code blocks that are made by indenting, outside of lists: they would escape the checks."""
+    """First lines of code blocks that are made by indenting, outside of lists: they escape the checks."""
     found = []
     fenced, listed, before = False, False, ""
     for line in text.splitlines():
@@ -173,11 +173,12 @@ def test_programs_exist(program, options, monkeypatch):
         pytest.importorskip("rerun", reason="rerun-sdk is not installed")
     monkeypatch.setattr(sys, "argv", [program, "--help"])
     monkeypatch.syspath_prepend(str(ROOT))
+    if program.endswith(".py"):
+        start = functools.partial(runpy.run_path, str(ROOT / program))
+    else:
+        start = functools.partial(runpy.run_module, program)
     with contextlib.redirect_stdout(io.StringIO()) as said, pytest.raises(SystemExit) as ended:
-        if program.endswith(".py"):
-            runpy.run_path(str(ROOT / program), run_name="__main__")
-        else:
-            runpy.run_module(program, run_name="__main__", alter_sys=True)
+        start(run_name="__main__")
     assert ended.value.code == 0
     assert [option for option in options if option not in said.getvalue()] == []
 

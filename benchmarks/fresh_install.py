@@ -53,6 +53,7 @@ def main() -> int:
     assert str(prefix / "share/subsoil_ros/config/scenes/tine.yaml") in subsoil("check", "tine").replace(
         "\n", ""
     )
+    check_shipped_files(prefix / "share/subsoil_ros/config")
     subsoil("new", "first")
     subsoil("run", "first/scene.yaml", "--out", "runs/first", "--set", "duration_s=0.02")
     subsoil("report", "runs/first", "--html")
@@ -62,6 +63,15 @@ def main() -> int:
     assert (work / "runs/first/report.html").is_file()
     print("works")
     return 0
+
+
+def check_shipped_files(share: Path) -> None:
+    """Every file of config/, but programs, came with the wheel."""
+    config = ROOT / "config"
+    wanted = {path.relative_to(config) for path in config.rglob("*.*") if path.suffix not in (".py", ".pyc")}
+    missing = sorted(str(path) for path in wanted if not (share / path).is_file())
+    assert not missing, f"not in the wheel: {missing}"
+    print(f"{len(wanted)} files of config/ are there", flush=True)
 
 
 def build_wheels(folder: Path) -> None:

@@ -1,12 +1,15 @@
-"""Where `ros2 run` looks for the package: after set-up by pip, after a build by colcon."""
+"""The tree as a ROS workspace: where `ros2 run` looks, `colcon test`, and packages that no registry has."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from .scratch_packages import PACKAGES, write_packages
 
 ROOT = Path(__file__).parents[2]
 SOURCES = [
@@ -22,6 +25,7 @@ SOURCES = [
     "setup.cfg",
     "setup.py",
     "subsoil_ros",
+    "tests",
 ]
 PROGRAMS = ["controller_node", "coupler_node", "mechanism_node", "recorder_node", "soil_node", "subsoil"]
 
@@ -72,11 +76,13 @@ def workspace(tmp_path_factory):
     for name in SOURCES:
         source = ROOT / name
         if source.is_dir():
-            ignored = shutil.ignore_patterns("__pycache__")
+            ignored = shutil.ignore_patterns("__pycache__", "node_modules")
             shutil.copytree(source, directory / name, symlinks=True, ignore=ignored)
         else:
             shutil.copy2(source, directory / name)
-    run(["colcon", "build", "--base-paths", ".", "msg_defs"], directory)
+    write_packages(directory / "scratch", directory / "msg_defs")
+    scratch = [f"scratch/{name}" for name in PACKAGES]
+    run(["colcon", "build", "--base-paths", ".", "msg_defs", *scratch], directory)
     return directory
 
 
@@ -109,3 +115,43 @@ def test_colcon_workspace_runs_its_own_code(workspace):
     assert Path(message).is_relative_to(workspace / "install" / "subsoil_msgs")
     assert tick == "0"
     assert "usage: subsoil" in lines[1]
+
+
+@pytest.mark.slow
+def test_colcon_test_passes(workspace):
+    """`colcon test` of both packages, tests that need the compiled messages; `colcon test-result` counts.
+
+    All tests take as long as `make test`; here are those of the types and their bytes under rclpy.
+    """
+    few = ["tests/unit/test_recording_types.py", "tests/unit/test_recording_rclpy.py"]
+    command = ["colcon", "test", "--base-paths", ".", "msg_defs", "--return-code-on-test-failure"]
+    run([*command, "--packages-select", "subsoil_msgs", "subsoil_ros", "--pytest-args", *few], workspace)
+    said = run(["colcon", "test-result"], workspace)
+    tests, errors, failures, skipped = map(int, re.findall(r"(\d+) (?:tests|errors|failures|skipped)", said))
+    assert tests > 10
+    assert (errors, failures) == (0, 0)
+    assert skipped < tests // 2
+
+
+def pytest_in(workspace: Path, *tests: str) -> None:
+    """Runs tests in the workspace, with its packages; none may be skipped."""
+    command = f". install/setup.bash && python3 -m pytest -q -p no:cacheprovider {' '.join(tests)}"
+    said = run(["bash", "-c", command], workspace)
+    assert re.search(r"^\d+ passed", said.splitlines()[-1]), said
+    assert "skipped" not in said.splitlines()[-1], said
+
+
+@pytest.mark.slow
+def test_where_simulation_interfaces_is_installed_its_types_are_served(workspace):
+    """Every service and the action over DDS, in the standard's own messages."""
+    ask = "from subsoil_ros.nodes.simulation_services import dialect; print(dialect())"
+    said = run(["bash", "-c", f". install/setup.bash && python3 -c '{ask}'"], workspace)
+    assert "simulation_interfaces" in said
+    assert "standard=True" in said
+    pytest_in(workspace, "tests/ros/test_simulation_services.py")
+
+
+@pytest.mark.slow
+def test_where_tf2_msgs_is_installed_tf_is_live(workspace):
+    """/tf arrives, with the bytes of the bag, and moves."""
+    pytest_in(workspace, "tests/ros/test_conventions.py::test_tf_moves_live")

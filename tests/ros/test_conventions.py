@@ -1,6 +1,5 @@
 """What a ROS developer expects of the nodes: parameters, diagnostics, live topics, namespaces."""
 
-import importlib.util
 import os
 import subprocess
 import sys
@@ -18,6 +17,7 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
@@ -224,10 +224,6 @@ def test_live_topics_carry_the_bytes_of_the_bag(
     listen(MarkerArray, "/tool_markers", "/subsoil/tool_markers", LATCHED_QOS)
     listen(PoseStamped, f"/{pose}", f"/subsoil/{pose}")
     listen(Clock, "/clock", "/clock")
-    if importlib.util.find_spec("tf2_msgs") is not None:  # in no package registry
-        from tf2_msgs.msg import TFMessage
-
-        listen(TFMessage, "/tf", "/tf")
     matched = [item for item in listener.subscriptions]
     spin(listener, lambda: all(item.get_publisher_count() == 1 for item in matched))
     spin(listener, lambda: heard["/robot_description"] and heard["/subsoil/tool_markers"])
@@ -244,6 +240,31 @@ def test_live_topics_carry_the_bytes_of_the_bag(
     assert len(recorded["/robot_description"]) == len(recorded["/subsoil/tool_markers"]) == 1
     begin = [topic for topic, _, _ in messages(tmp_path / "bag")][:2]
     assert begin == ["/robot_description", "/subsoil/tool_markers"]
+
+
+def test_tf_moves_live(
+    resolved: ResolvedScene,  # noqa: F811
+    tmp_path: Path,
+    listener: Node,  # noqa: F811
+) -> None:
+    """/tf as in the bag, each time with the body further on; test_colcon.py runs this where there is none."""
+    kinds = pytest.importorskip("tf2_msgs.msg", reason="tf2_msgs is in no package registry")
+    heard: list[bytes] = []
+    gate, at = threading.Event(), threading.Event()
+    run = Run(resolved, described_builds(resolved, tmp_path / "bag", lambda: GatedSoil(gate, at)))
+    assert at.wait(LIMIT_S)
+    subscription = listener.create_subscription(kinds.TFMessage, "/tf", heard.append, 100, raw=True)
+    spin(listener, lambda: subscription.get_publisher_count() == 1)
+    gate.set()
+    spin(listener, lambda: not run.is_alive())
+    assert run.ending() == Ending()
+    recorded = [data.rstrip(b"\0") for topic, _, data in messages(tmp_path / "bag") if topic == "/tf"]
+    assert len(heard) > 1
+    assert [data.rstrip(b"\0") for data in heard] == recorded[-len(heard) :]
+    found = [deserialize_message(data, kinds.TFMessage).transforms[0] for data in heard]
+    assert {item.header.frame_id for item in found} == {"world"}
+    places_m = [item.transform.translation.x for item in found]
+    assert len(set(places_m)) == len(places_m)
 
 
 def test_two_runs_share_a_domain_in_namespaces(

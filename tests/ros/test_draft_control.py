@@ -1,6 +1,8 @@
 """The example examples/draft_control: its law, and a short run of it as a user starts it."""
 
 import importlib.util
+import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -86,16 +88,20 @@ def test_it_holds_still_before_the_share_meets_soil(controller: ModuleType) -> N
 
 @pytest.mark.slow
 def test_the_example_runs(tmp_path: Path) -> None:
-    """As its README says, for 1.8 s: a command every 20 ms in the bag, the draft goes to its target."""
+    """As its README says, in real time for 1.8 s: a command every 20 ms, the draft goes to its target."""
     out = tmp_path / "out"
     done = subprocess.run(
         [
             sys.executable, str(EXAMPLE / "run.py"), "--out", str(out), "--target", "1100", "--step-at", "9",
-            "--set", "duration_s=1.8",
+            "--set", "duration_s=1.8", "--real-time",
         ],
         capture_output=True, text=True, timeout=240.0, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
+    late = re.search(r"^real time: the run was at most (\d+\.\d) ms late$", done.stdout, re.MULTILINE)
+    assert late, done.stdout
+    wall_s = json.loads((out / "summary.json").read_text())["wall_s"]
+    assert wall_s > 1.8 - 3 * INTERVAL_S  # never ahead of the clock, which begins with the first command
     resolved = load_scene(out / "scene.yaml")
     ticks = [command.tick for command in BagReader(out / "bag").records(DriverCommand)]
     assert ticks == list(range(20, resolved.timing.tick_count, 20))
@@ -103,3 +109,30 @@ def test_the_example_runs(tmp_path: Path) -> None:
     draft = [float(row.split(",")[head.split(",").index("draft_newton")]) for row in rows]
     assert np.mean(draft[-20:]) == pytest.approx(1100.0, abs=150.0)
     assert (out / "draft_control.png").read_bytes()[1:4] == b"PNG"
+
+
+@pytest.mark.slow
+def test_the_example_runs_in_particles(tmp_path: Path) -> None:
+    """The other scene, 0.1 s of it in a small bin: the share stands in soil, commanded all the same."""
+    out = tmp_path / "out"
+    small = [
+        "duration_s=0.1", "soil.bin.length_m=0.5", "soil.bin.width_m=0.12",
+        "mechanism.initial.translate_x_m=0.0",
+    ]  # fmt: skip
+    words = [word for change in small for word in ("--set", change)]
+    done = subprocess.run(
+        [
+            sys.executable, str(EXAMPLE / "run.py"), "--scene", "toolbar_particles.yaml", "--out", str(out),
+            "--step-at", "0.05", *words,
+        ],
+        capture_output=True, text=True, timeout=240.0, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    resolved = load_scene(out / "scene.yaml")
+    every, count = resolved.scene.controller.interval_ticks, resolved.timing.tick_count
+    assert [command.tick for command in BagReader(out / "bag").records(DriverCommand)] == list(
+        range(every, count, every)
+    )
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["particle_count"] > 1000
+    assert summary["run.draft_newton_max"] > 100.0

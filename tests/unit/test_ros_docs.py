@@ -1,7 +1,9 @@
 """What is written for ROS developers is what there is."""
 
+import ast
 import re
 from pathlib import Path
+from xml.etree import ElementTree
 
 import yaml
 
@@ -11,6 +13,14 @@ from subsoil_ros.scene.loader import load_scene
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "docs" / "ros.md").read_text(encoding="utf-8")
+ROS_PACKAGES = {
+    "ament_index_python",
+    "launch",
+    "launch_ros",
+    "rcl_interfaces",
+    "rclpy",
+    "simulation_interfaces",
+}
 
 
 def rows(heading: str) -> list[list[str]]:
@@ -56,3 +66,28 @@ def test_the_citation_is_of_this_version() -> None:
     assert {"cff-version", "message", "title", "authors"} <= set(document)
     assert document["version"] == subsoil_ros.__version__
     assert document["license"] == "Apache-2.0"
+
+
+def imported_ros_packages(folder: str) -> set[str]:
+    """ROS packages that Python files import, or name as a message type in a text."""
+    found: set[str] = set()
+    for path in (ROOT / folder).rglob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                found.add(node.module.partition(".")[0])
+            elif isinstance(node, ast.Import):
+                found |= {alias.name.partition(".")[0] for alias in node.names}
+        found |= set(re.findall(r'"(\w+)/msg/\w+"', text))
+    return {name for name in found if name.endswith(("_msgs", "_srvs")) or name in ROS_PACKAGES}
+
+
+def test_package_xml_names_what_is_imported() -> None:
+    """Of nodes, recording, launch file and example at run time; of the tests at test time."""
+    tree = ElementTree.parse(ROOT / "package.xml")
+    at_run_time = {item.text for item in tree.iter("exec_depend")}
+    at_test_time = at_run_time | {item.text for item in tree.iter("test_depend")}
+    used = set().union(*map(imported_ros_packages, ("subsoil_ros/nodes", "launch", "examples")))
+    assert {"rclpy", "tf2_msgs", "rcl_interfaces", "launch_ros", "ament_index_python"} <= used
+    assert used <= at_run_time
+    assert imported_ros_packages("tests/ros") - {"subsoil_msgs", "simulation_interfaces"} <= at_test_time

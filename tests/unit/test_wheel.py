@@ -16,6 +16,10 @@ SOURCES = [
     "LICENSE", "README.md", "config", "launch", "msg_defs", "package.xml", "pyproject.toml", "resource",
     "scripts", "setup.cfg", "setup.py", "subsoil_ros",
 ]  # fmt: skip
+SHIPPED = (
+    "scenes/*.yaml", "templates/*.yaml", "meshes/*.stl", "soils/*.yaml", "calibration/*.yaml",
+    "fit/*.yaml", "studies/*.yaml", "foxglove/*.json", "*.json",
+)  # fmt: skip
 
 
 def run(command: list[str | Path], directory: Path, **environment: str) -> str:
@@ -60,9 +64,9 @@ def program(tmp_path_factory) -> Path:
 
 
 def test_shipped_files(program):
-    """Scenes, templates, schema, meshes and soils of the sources are all in the environment."""
+    """Every file of config/ but programs is in the environment."""
     share = program.parents[1] / "share/subsoil_ros/config"
-    for pattern in ("scenes/*.yaml", "templates/*.yaml", "meshes/*.stl", "soils/*.yaml", "*.json"):
+    for pattern in SHIPPED:
         wanted = {path.name for path in (ROOT / "config").glob(pattern)}
         assert wanted
         assert {path.name for path in share.glob(pattern)} == wanted
@@ -89,3 +93,11 @@ def test_it_runs_without_the_sources(program, tmp_path):
     assert json.loads((tmp_path / "out/summary.json").read_text())["complete"]
     run([program, "report", "out", "--html"], tmp_path)
     assert (tmp_path / "out/report.html").is_file()
+
+
+def test_no_folder_is_left_out():
+    """Every file of config/ but the program that makes the meshes is one of those above."""
+    config = ROOT / "config"
+    shipped = {path for pattern in SHIPPED for path in config.glob(pattern)}
+    there = {path for path in config.rglob("*.*") if path.suffix not in (".py", ".pyc")}
+    assert there == shipped

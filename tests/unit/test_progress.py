@@ -1,0 +1,71 @@
+"""What takes seconds says so on a terminal, and says nothing where nobody looks."""
+
+import os
+import pty
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from subsoil_ros.cli.main import main
+
+ROOT = Path(__file__).parents[2]
+
+
+def on_a_terminal(*words: str) -> str:
+    """Standard error of a command that ends well, as a terminal gets it."""
+    reader, terminal = pty.openpty()
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "TERM": "xterm", "COLUMNS": "200"}
+    with subprocess.Popen(
+        [sys.executable, "-m", "subsoil_ros.cli.main", *words],
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=terminal,
+    ) as process:
+        os.close(terminal)
+        said = b""
+        while True:
+            try:
+                part = os.read(reader, 65536)
+            except OSError:  # Linux' word for: the other side is closed
+                break
+            if not part:
+                break
+            said += part
+    os.close(reader)
+    assert process.returncode == 0, said
+    return said.decode(errors="replace")
+
+
+def assert_shown(words: tuple[str, ...], *steps: str) -> None:
+    """A command shows these, one after the other."""
+    said, at = on_a_terminal(*words), 0
+    for step in steps:
+        at = said.find(step, at)
+        assert at >= 0, (words, step, said)
+
+
+@pytest.mark.slow
+def test_bars_of_a_run_and_what_follows(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Each step of run, report, compare and bench in its turn; nothing of it in a pipe."""
+    assert main(["new", str(tmp_path / "scene"), "--template", "reduced"]) == 0
+    out, scene = tmp_path / "out", tmp_path / "scene/scene.yaml"
+    run = ["run", str(scene), "--mode", "direct", "--set", "duration_s=0.05"]
+    assert_shown((*run, "--out", str(out)), "of 0.050 s", "reading the bag", "reading the clouds")
+    again = shutil.copytree(out, tmp_path / "again")
+    expected = {
+        ("report", str(out), "--html"): ("reading the clouds", "drawing the figures", "writing the page"),
+        ("compare", str(out), str(again), "--out", str(tmp_path / "both")): (
+            "reading the series",
+            "drawing the curves",
+        ),
+        ("bench", "mechanism", "--largest", "1"): ("measuring the machine", "measuring chains"),
+    }
+    for words, steps in expected.items():
+        assert_shown(words, *steps)
+    capfd.readouterr()
+    assert main(["report", str(out), "--html"]) == 0
+    assert capfd.readouterr().err == ""

@@ -1,5 +1,5 @@
 # docker build --tag subsoil .
-# docker run --rm --volume "$PWD/runs:/data/runs" subsoil run tine --out runs/first
+# docker run --rm --user "$(id -u):$(id -g)" --volume "$PWD/runs:/data/runs" subsoil run tine --out runs/first
 FROM debian:bookworm-slim
 
 RUN apt-get update \
@@ -10,6 +10,8 @@ RUN apt-get update \
 COPY . /opt/subsoil_ros
 RUN PIP_NO_CACHE_DIR=1 make -C /opt/subsoil_ros setup
 
+# Home of whoever `--user` names: kernels and logs are kept there.
+RUN mkdir --mode=1777 /data
 ENV PATH=/opt/subsoil_ros/.venv/bin:$PATH HOME=/data
 WORKDIR /data
 ENTRYPOINT ["subsoil"]

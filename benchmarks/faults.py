@@ -69,6 +69,12 @@ class Outcome:
     faults: tuple[str, ...]  # what was not as it should be
 
 
+def take_terminal() -> None:
+    """In the child: standard input is its terminal, whose hanging up is not ignored, as under nohup."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+
+
 class Run:
     """One `subsoil run` and what it consists of."""
 
@@ -84,7 +90,7 @@ class Run:
             threading.Thread(target=self._drain, daemon=True).start()
             self.process = subprocess.Popen(
                 [*command, *changes], stdin=slave, stdout=slave, stderr=slave, start_new_session=True,
-                preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
+                preexec_fn=take_terminal,
             )  # fmt: skip
             os.close(slave)
         else:

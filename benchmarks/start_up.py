@@ -24,14 +24,15 @@ def first_step(scene: str, started: float) -> None:
     def lap(stage: str) -> None:
         stages.append((stage, time.process_time(), time.monotonic() - started))
 
-    from subsoil_ros.cli import run
+    from subsoil_ros.cli import simulation
+    from subsoil_ros.coupling.engines import build_mechanism, build_paths
 
     lap("imports")
-    resolved = run.load_scene(scene)
+    resolved = simulation.load_scene(scene)
     lap("scene")
-    mover = run.build_mechanism(resolved) or run.build_paths(resolved)
+    mover = build_mechanism(resolved) or build_paths(resolved)
     lap("mechanism")
-    soil = run.build_soil(resolved, 1)
+    soil = simulation.build_soil(resolved, 1)
     wrenches = soil.start(mover.initial_motions())
     lap("bed")
     soil.advance(0, mover.advance(0, wrenches))

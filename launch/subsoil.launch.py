@@ -3,6 +3,8 @@
 ros2 launch subsoil_ros subsoil.launch.py scene:=my_scene.yaml namespace:=left
 """
 
+from __future__ import annotations
+
 import shlex
 import sys
 import time
@@ -10,7 +12,8 @@ from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
-from launch.actions import DeclareLaunchArgument, ExecuteProcess, LogInfo, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, ExecuteProcess, LogInfo, OpaqueFunction, Shutdown
+from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node, SetParameter
 from launch_ros.parameter_descriptions import ParameterValue
@@ -32,6 +35,7 @@ ARGUMENTS = {
     "use_sim_time": ("false", "for other nodes of this launch: those of the run make the time"),
     "threads": ("1", "of the soil engine; results do not depend on it"),
     "paused": ("false", "stand before the first tick until a service lets it go"),
+    "resume": ("", "folder of an earlier run of the scene: go on from its newest checkpoint"),
     "live": ("", "port of a live view for Foxglove, 0: any that is free; empty: none"),
     "overrides": ("", 'changes of the scene, as "soil.bed.seed=3 duration_s=1.0"'),
 }
@@ -70,11 +74,13 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         command += ["--mode", given["mode"], "--threads", str(threads)]
         command += [f"--namespace={namespace}"] if namespace else []
         command += ["--paused"] if paused else []
+        command += ["--resume", given["resume"]] if given["resume"] else []
         command += ["--live", given["live"]] if given["live"] else []
         command += [word for change in overrides for word in ("--set", change)]
         return [ExecuteProcess(cmd=command, output="screen")]
     live = live_port(given["live"] or None)
-    opened = open_run(load_scene(scene, overrides), scene, out, threads)
+    resume = Path(given["resume"]) if given["resume"] else None
+    opened = open_run(load_scene(scene, overrides), scene, out, threads, resume)
     plan = opened.plan(threads, paused, recorded=recording, live=live)
     say_where(live)
     nodes = [
@@ -89,11 +95,19 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
             remappings=list(remappings(namespace)),
             ros_arguments=["--disable-external-lib-logs"],
             output="screen",
+            on_exit=end_if_failed,
         )
         for node in plan.nodes()
     ]
     words = f"run '{plan.run_id}' in {out}; `subsoil report {out}` makes series and figures of it"
     return [LogInfo(msg=words), *nodes]
+
+
+def end_if_failed(event: ProcessExited, context: LaunchContext) -> Shutdown | None:
+    """Ends the launch when a node has failed; one that ends in order leaves the others time for the bag."""
+    if event.returncode == 0:
+        return None
+    return Shutdown(reason=f"{event.process_name} ended with status {event.returncode}")
 
 
 def flag(name: str, text: str) -> bool:

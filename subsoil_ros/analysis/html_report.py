@@ -54,7 +54,7 @@ def write_html(directory: Path, resolved: ResolvedScene, summary: Summary, figur
         versions=summary.get("versions") or versions(),
         versions_of="the run" if summary.get("versions") else "this report (the run did not record its own)",
         quantities=_quantities(summary),
-        scene_text=(directory / "scene.yaml").read_text(encoding="utf-8"),
+        scene_text=resolved.path.read_text(encoding="utf-8"),
         scene_hash=resolved.scene_hash,
         run_id=summary["run_id"],
     )

@@ -23,14 +23,11 @@ from ..scene.loader import ResolvedScene
 from ..scene.pairs import pair_values, tool_values
 from .shear_box import GLUE, ShearBox, ShearLoading, TensionLoading, shear_machine, tension_machine
 from .smoothing import running_mean
+from .soil_test_options import INERTIAL_NUMBER
 from .specimen import Size, Specimen, box_around, prepare_specimen, write_scene
 
 Watch = Callable[[str, Timing], AbstractContextManager[Callable[[int], None]]]
 """Told the name and time of each run, gives what is called with every tick."""
-
-INERTIAL_NUMBER = 3e-3
-"""Of the shear: rate x diameter x sqrt(density / stress). By mu(I) of P. Jop et al., Nature
-441 (2006) 727-730, it raises the friction coefficient by 0.003; docs/soil_tests.md has a measured check."""
 
 BAND_DIAMETERS = 6.0
 """Height over which the rate of shear is counted (chosen: the least height of a specimen)."""

@@ -13,10 +13,8 @@ from matplotlib.axes import Axes
 
 from ..errors import InputError
 from .plotting import COLOURS, new_figure, save_figure
+from .soil_test_options import LEAST_POINTS
 from .soil_tests import SoilTests, rumpf_strength_pa
-
-LEAST_POINTS = 3
-"""A line through two points has no error to show."""
 
 
 @dataclass(frozen=True)

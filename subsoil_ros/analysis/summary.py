@@ -113,8 +113,13 @@ def write_summary(summary: Summary, path: Path) -> None:
     path.write_text(json.dumps(finite, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
-def print_summary(summary: Summary, scene: Scene, directory: Path, console: Console | None = None) -> None:
-    """The table for people: metrics, the paper's values where the scene is the paper's, and where all is."""
+def print_summary(
+    summary: Summary, scene: Scene, directory: Path, console: Console | None = None, bag: Path | None = None
+) -> None:
+    """The table for people: metrics, the paper's values where the scene is the paper's, and where all is.
+
+    bag: folder or .mcap file (default: `bag` in `directory`).
+    """
     console = console or Console(width=None if sys.stdout.isatty() else 140, highlight=False)
     headings, rows = metrics_table(summary, scene)
     table = Table(title=f"{summary['scene']}: {summary['simulated_s']:.4g} s simulated", title_justify="left")
@@ -127,7 +132,7 @@ def print_summary(summary: Summary, scene: Scene, directory: Path, console: Cons
         console.print(table)
     for line in summary_facts(summary, scene):
         console.print(line, soft_wrap=True, markup=False)
-    console.print(_bag_words(directory / "bag"), soft_wrap=True, markup=False)
+    console.print(_bag_words(bag or directory / "bag"), soft_wrap=True, markup=False)
     figures = directory / "figures"
     if figures.is_dir():
         console.print(f"figures: {figures}", soft_wrap=True, markup=False)
@@ -161,7 +166,8 @@ def metrics_table(summary: Summary, scene: Scene) -> tuple[list[str], list[list[
 
 
 def _bag_words(bag: Path) -> str:
-    size_bytes = sum(path.stat().st_size for path in bag.glob("*.mcap"))
+    files = [bag] if bag.is_file() else bag.glob("*.mcap")
+    size_bytes = sum(path.stat().st_size for path in files)
     return f"bag: {bag}, {size_bytes / 1e6:.3g} MB (`subsoil bag info {bag}` says what takes the room)"
 
 

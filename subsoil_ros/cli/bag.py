@@ -1,5 +1,7 @@
 """subsoil bag info|recover FILE: describes a bag, or mends one whose writer was killed."""
 
+from __future__ import annotations
+
 import argparse
 import json
 import sys
@@ -7,15 +9,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from ..recording.bag_info import BagFacts, describe
-from ..recording.bag_reader import mcap_path
-from ..recording.recovery import recover
+if TYPE_CHECKING:
+    from ..recording.bag_info import BagFacts
 
 SUMMARY = "describe a bag, or mend one whose writer was killed"
 
@@ -39,6 +40,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _info(path: Path, as_json: bool) -> int:
+    from ..recording.bag_info import describe
+
     with _bar(path, "reading") as on_progress:
         facts = describe(path, on_progress)
     if as_json:
@@ -55,6 +58,8 @@ def _info(path: Path, as_json: bool) -> int:
 @contextmanager
 def _bar(path: Path, text: str) -> Iterator[Callable[[int], None]]:
     """A bar on a terminal while the bag at `path` is read; takes the bytes that are done."""
+    from ..recording.bag_reader import mcap_path
+
     columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeRemainingColumn())
     size_bytes = mcap_path(path).stat().st_size
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
@@ -99,6 +104,9 @@ def _lines(facts: BagFacts) -> Iterator[str]:
         yield f"run {facts.run_id}, {end}"
     for name, text in facts.notes.items():
         yield f"{name}: {text}"
+    if facts.attachments:
+        size_bytes = sum(facts.attachments.values())
+        yield f"attached: {', '.join(facts.attachments)} ({size_bytes / 1e3:.1f} kB)"
 
 
 def _document(facts: BagFacts) -> dict[str, Any]:
@@ -109,6 +117,8 @@ def _document(facts: BagFacts) -> dict[str, Any]:
 
 
 def _recover(path: Path) -> int:
+    from ..recording.recovery import recover
+
     with _bar(path, "mending") as on_progress:
         result = recover(path, on_progress)
     if result.damaged_path is None:

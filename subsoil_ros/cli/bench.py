@@ -53,12 +53,15 @@ def run(args: argparse.Namespace) -> int:
 def _mechanism(args: argparse.Namespace) -> int:
     from ..mbd.benchmark import chain_costs, machine_cost
     from ..mbd.exudyn_peer import exudyn_cost
+    from .progress import working
 
-    peer = exudyn_cost()  # right before and right after: the same load on the machine
-    ours = machine_cost()
-    if peer is not None:
-        peer = min(peer, exudyn_cost() or peer)
-    chain = chain_costs(args.largest)
+    with working("measuring the machine"):
+        peer = exudyn_cost()  # right before and right after: the same load on the machine
+        ours = machine_cost()
+        if peer is not None:
+            peer = min(peer, exudyn_cost() or peer)
+    with working(f"measuring chains of up to {args.largest} rods"):
+        chain = chain_costs(args.largest)
     result = {
         "machine_us_per_step": ours,
         "exudyn_us_per_step": peer,

@@ -22,6 +22,7 @@ from ..nodes.plan import Parameters
 from ..scene.document import dump_yaml
 from ..scene.loader import load_scene
 from .helics_peer import helics_cost
+from .progress import working
 from .supervisor import NodeProcess, Supervisor, node_program, start_node
 
 TICKS, QUICK_TICKS = 12_000, 2500
@@ -58,10 +59,11 @@ class ExchangeCost:
 def run(args: argparse.Namespace) -> int:
     """Measure and print."""
     ticks = QUICK_TICKS if args.quick else TICKS
-    peer = helics_cost(ticks, WARM_UP_TICKS)  # before and after: the same load on the machine
-    three = exchange_cost(ticks, recorded=False)
-    four = exchange_cost(ticks, recorded=True)
-    again = helics_cost(ticks, WARM_UP_TICKS) if peer is not None else None
+    with working(f"exchanging {ticks} times without and with a recorder"):
+        peer = helics_cost(ticks, WARM_UP_TICKS)  # before and after: the same load on the machine
+        three = exchange_cost(ticks, recorded=False)
+        four = exchange_cost(ticks, recorded=True)
+        again = helics_cost(ticks, WARM_UP_TICKS) if peer is not None else None
     if peer is not None and again is not None:
         peer = min(peer, again, key=lambda cost: cost["wall_us_median"])
     if args.json:

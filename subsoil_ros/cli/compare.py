@@ -61,21 +61,24 @@ def run(args: argparse.Namespace) -> int:
         usual_columns,
         write_differences_csv,
     )
+    from .progress import working
 
     if len(args.runs) < 2 and args.measured is None:
         raise InputError(f"{args.runs[0]}: is one run; name a second one, or a measurement by --measured")
     if args.out.exists():
         raise InputError(f"--out {args.out}: exists already; results are never written over, name another")
-    sources = [read_run(*item) for item in zip(args.runs, labels_of(args.runs), strict=True)]
-    if args.measured is not None:
-        sources.append(read_measured(args.measured, sources))
-    columns = args.show or usual_columns(args.runs, sources)
-    _refuse_unknown(columns, sources)
-    found = differences(sources, columns)
+    with working("reading the series"):
+        sources = [read_run(*item) for item in zip(args.runs, labels_of(args.runs), strict=True)]
+        if args.measured is not None:
+            sources.append(read_measured(args.measured, sources))
+        columns = args.show or usual_columns(args.runs, sources)
+        _refuse_unknown(columns, sources)
+        found = differences(sources, columns)
     try:
         args.out.mkdir(parents=True)
         write_differences_csv(found, sources, args.out / "comparison.csv")
-        draw_overlay(sources, columns, args.out / "comparison.png")
+        with working("drawing the curves"):
+            draw_overlay(sources, columns, args.out / "comparison.png")
     except OSError as error:
         raise InputError(f"--out {args.out}: cannot be written ({error.strerror}); name another") from error
     _print(found, sources, args.out)

@@ -4,7 +4,6 @@ import argparse
 import socket
 
 from ..errors import InputError
-from ..recording.live import HOST
 
 DEFAULT_PORT = 8765
 """What Foxglove offers when it is asked to open a connection."""
@@ -30,6 +29,8 @@ def live_port(wanted: str | None) -> int:
     """
     if wanted is None:
         return 0
+    from ..recording.live import HOST
+
     if not wanted.isdecimal() or int(wanted) > 65535:
         raise InputError(f"live view: given '{wanted}', needed is a port from 1024 to 65535, or 0 for any")
     with socket.socket() as probe:
@@ -47,4 +48,6 @@ def live_port(wanted: str | None) -> int:
 def say_where(port: int) -> None:
     """Prints the address of the live view, if there is one."""
     if port:
+        from ..recording.live import HOST
+
         print(f"live view: ws://{HOST}:{port} (Foxglove: Open connection, Foxglove WebSocket)", flush=True)

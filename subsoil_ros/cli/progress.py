@@ -1,7 +1,10 @@
 """Progress on standard error: of a run (simulated time, speed, time left), and of what else takes seconds."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import (
@@ -18,8 +21,10 @@ from rich.progress import (
 from rich.table import Column
 from rich.text import Text
 
-from ..scene.limits import Timing
 from ..ticks import tick_end_s
+
+if TYPE_CHECKING:
+    from ..scene.limits import Timing
 
 
 class _SpeedColumn(ProgressColumn):
@@ -46,14 +51,14 @@ class RunProgress:
             _SpeedColumn(),
             TimeRemainingColumn(),
             console=Console(stderr=True),
-            refresh_per_second=4,
+            refresh_per_second=_REFRESHES_PER_S,
             speed_estimate_period=30.0,
         )
         self._task = self._progress.add_task(name, total=duration_s)
         self.started = False
         """Whether a tick has been done."""
 
-    def __enter__(self) -> "RunProgress":
+    def __enter__(self) -> RunProgress:
         self._progress.start()
         return self
 
@@ -68,11 +73,20 @@ class RunProgress:
 _SHOWN_PARTS = 200
 """A bar that reads a bag moves at most so often: there may be millions of messages."""
 
+_REFRESHES_PER_S = 4
+"""Few (chosen): a benchmark is measured beside it, in rounds much shorter than its period."""
+
 
 def _bar(*columns: ProgressColumn) -> Progress:
     """A bar that goes when its work is done, and is not there at all where nobody looks at a terminal."""
     console = Console(stderr=True)
-    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+    return Progress(
+        *columns,
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+        refresh_per_second=_REFRESHES_PER_S,
+    )
 
 
 @contextmanager

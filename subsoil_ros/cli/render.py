@@ -1,4 +1,4 @@
-"""subsoil render DIR: pictures or a film of soil and machine, or VTK files of them."""
+"""subsoil render RECORD: pictures or a film of soil and machine, or VTK files of them."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 from ..analysis.views import VIEWS
 from ..errors import InputError
+from .recorded_run import RECORD_HELP, RecordedRun, recorded_run
 
 if TYPE_CHECKING:
     from ..analysis.frames import Frames
-    from ..scene.loader import ResolvedScene
 
 SUMMARY = "pictures or a film of soil and machine, or VTK files for ParaView"
 
@@ -24,7 +24,7 @@ NEEDED = "'subsoil_ros[pictures]'"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `subsoil render`."""
-    parser.add_argument("directory", type=Path, help="folder of a run, as given to `subsoil run --out`")
+    parser.add_argument("record", type=Path, help=RECORD_HELP)
     parser.add_argument(
         "--view",
         choices=VIEWS,
@@ -77,27 +77,25 @@ def run(args: argparse.Namespace) -> int:
         InputError: folder or arguments cannot be used, or a library is missing; nothing was written.
         RecordingError: the bag cannot be read.
     """
-    from .report import scene_of_run
-
-    scene_file = scene_of_run(args.directory)
     _check(args)
     for library in ("pyvista", "imageio_ffmpeg"):
         if find_spec(library) is None:
             raise InputError(f"subsoil render needs {library}, which is not there: pip install {NEEDED}")
+    with recorded_run(args.record) as recorded:
+        return _render(args, recorded)
+
+
+def _render(args: argparse.Namespace, recorded: RecordedRun) -> int:
     from ..analysis.frames import Frames
-    from ..recording.joined import mend_earlier
-    from ..scene.loader import load_scene
     from .progress import working
 
-    resolved = load_scene(scene_file)
     with working("reading the bag"):
-        mend_earlier(args.directory)
-        frames = Frames(args.directory / "bag", resolved)
+        frames = Frames(recorded.bag, recorded.resolved)
     try:
         if args.vtk is not None:
-            _write_vtk(args, resolved, frames)
+            _write_vtk(args, recorded, frames)
         if args.film is not None or args.vtk is None:
-            _draw(args, resolved, frames)
+            _draw(args, recorded, frames)
     except OSError as error:
         raise InputError(f"{error.filename}: cannot be written ({error.strerror})") from error
     return 0
@@ -126,14 +124,14 @@ def _check(args: argparse.Namespace) -> None:
         raise InputError(f"--vtk {args.vtk}: exists already; nothing is written over, name another folder")
 
 
-def _draw(args: argparse.Namespace, resolved: ResolvedScene, frames: Frames) -> None:
+def _draw(args: argparse.Namespace, recorded: RecordedRun, frames: Frames) -> None:
     from ..analysis.picture import Studio, Style, default_limits, save_film, save_pictures
     from .progress import counted
 
     given = args.limits
-    limits = (given[0], given[1]) if given is not None else default_limits(resolved, args.colour)
+    limits = (given[0], given[1]) if given is not None else default_limits(recorded.resolved, args.colour)
     style = Style(args.colour, limits, (args.size[0], args.size[1]))
-    studio = Studio(resolved, style)
+    studio = Studio(recorded.resolved, style)
     if args.film is not None:
         with counted("drawing", len(frames.times_ns)) as done:
             rate = save_film(frames, studio, args.view or VIEWS[0], args.film, args.fps, done)
@@ -142,17 +140,18 @@ def _draw(args: argparse.Namespace, resolved: ResolvedScene, frames: Frames) -> 
     middle_s = 0.5e-9 * (frames.times_ns[0] + frames.times_ns[-1])
     times = sorted({frames.nearest_ns(time_s) for time_s in args.at or [middle_s]})
     views = [args.view] if args.view else list(VIEWS)
+    recorded.make_directory()
     with counted("drawing", len(times) * len(views)) as done:
-        paths = save_pictures(frames, studio, times, views, args.directory / "pictures", done)
+        paths = save_pictures(frames, studio, times, views, recorded.directory / "pictures", done)
     for path in paths:
         print(path)
 
 
-def _write_vtk(args: argparse.Namespace, resolved: ResolvedScene, frames: Frames) -> None:
+def _write_vtk(args: argparse.Namespace, recorded: RecordedRun, frames: Frames) -> None:
     from ..analysis.vtk_series import write_vtk_series
     from .progress import counted
 
     with counted("writing VTK files", len(frames.times_ns)) as done:
-        paths = write_vtk_series(resolved, frames, args.vtk, done)
+        paths = write_vtk_series(recorded.resolved, frames, args.vtk, done)
     for path in paths:
         print(path)

@@ -1,4 +1,4 @@
-"""subsoil report DIR: metrics and figures of a run, from its bag and scene."""
+"""subsoil report RECORD: metrics and figures of a run, from its bag and scene."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from .recorded_run import RECORD_HELP, RecordedRun, recorded_run
 
 if TYPE_CHECKING:
     from ..analysis.findings import Findings
@@ -18,7 +19,7 @@ SUMMARY = "print the metrics of a run and draw its figures (PNG)"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `subsoil report`."""
-    parser.add_argument("directory", type=Path, help="folder of a run, as given to `subsoil run --out`")
+    parser.add_argument("record", type=Path, help=RECORD_HELP)
     parser.add_argument(
         "--html",
         action="store_true",
@@ -32,6 +33,11 @@ def run(args: argparse.Namespace) -> int:
     spectra.csv, load_cycles.csv, height_map.csv where the run has them; reproduction.csv, .json and .md where
     the scene is the paper's.
     """
+    with recorded_run(args.record) as recorded:
+        return _report(recorded, args.html)
+
+
+def _report(recorded: RecordedRun, html: bool) -> int:
     from ..analysis.figures import draw_figures
     from ..analysis.findings import find_out
     from ..analysis.load_figures import draw_load_figures
@@ -40,14 +46,9 @@ def run(args: argparse.Namespace) -> int:
     from ..analysis.series import read_series, write_series_csv
     from ..analysis.summary import print_summary, summarize, write_summary
     from ..analysis.window import metrics_window
-    from ..recording.joined import mend_earlier
-    from ..scene.loader import load_scene
     from .progress import reading_bag, working
 
-    directory: Path = args.directory
-    resolved = load_scene(scene_of_run(directory))
-    mend_earlier(directory)
-    bag = directory / "bag"
+    directory, bag, resolved = recorded.directory, recorded.bag, recorded.resolved
     with reading_bag(resolved.timing) as watch:
         series = read_series(bag, resolved.scene, watch)
     window = metrics_window(series, resolved.scene)
@@ -57,6 +58,7 @@ def run(args: argparse.Namespace) -> int:
     table = None
     if resolved.scene.report.paper:
         table = reproduction(resolved.scene, resolved.scene_hash, series, window, findings)
+    recorded.make_directory()
     try:
         write_series_csv(series, directory / "series.csv")
         write_summary(summary, directory / "summary.json")
@@ -64,33 +66,20 @@ def run(args: argparse.Namespace) -> int:
         with working("drawing the figures"):
             figures = draw_figures(bag, resolved, directory / "figures", series)
             figures += draw_load_figures(findings, resolved.scene.name, directory / "figures", table)
-        if args.html:
+        if html:
             from ..analysis.html_report import write_html
 
             pictures = sorted((directory / "pictures").glob("*.png"))
-            page = write_html(directory, resolved, summary, [*figures, *pictures])
+            with working("writing the page"):
+                page = write_html(directory, resolved, summary, [*figures, *pictures])
     except OSError as error:
         raise InputError(f"{error.filename}: cannot be written ({error.strerror})") from error
-    print_summary(summary, resolved.scene, directory)
+    print_summary(summary, resolved.scene, directory, bag=bag)
     if table is not None:
         print_reproduction(table)
-    if args.html:
+    if html:
         print(f"page: {page}")
     return 0
-
-
-def scene_of_run(directory: Path) -> Path:
-    """The scene file in the folder of a run.
-
-    Raises:
-        InputError: it is no such folder.
-    """
-    scene_file = directory / "scene.yaml"
-    if not scene_file.is_file():
-        raise InputError(
-            f"{directory}: no folder of a run (it has no scene.yaml); name one that `subsoil run` made"
-        )
-    return scene_file
 
 
 def _write_tables(findings: Findings, table: Reproduction | None, directory: Path) -> None:

@@ -1,5 +1,7 @@
 """subsoil soil-test SCENE: cohesion, friction angle, tensile strength and density of a scene's soil."""
 
+from __future__ import annotations
+
 import argparse
 import os
 import shutil
@@ -7,18 +9,17 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.table import Table
-
-from ..analysis.soil_tests import INERTIAL_NUMBER, SoilTests, run_soil_tests
-from ..analysis.strength import LEAST_POINTS, CoulombFit, SoilStrength, shear_rows, write_results
+from ..analysis.soil_test_options import INERTIAL_NUMBER, LEAST_POINTS
 from ..errors import InputError
-from ..scene.limits import Timing
-from ..scene.loader import ResolvedScene, load_scene
-from ..scene.pairs import pair_values
 from .arguments import add_overrides
-from .progress import RunProgress, working
+
+if TYPE_CHECKING:
+    from ..analysis.soil_tests import SoilTests
+    from ..analysis.strength import CoulombFit
+    from ..scene.limits import Timing
+    from ..scene.loader import ResolvedScene
 
 SUMMARY = "test the soil of a scene: direct shear at several normal stresses, tension, density"
 
@@ -71,6 +72,12 @@ def run(args: argparse.Namespace) -> int:
         InputError: scene, numbers or folder cannot be used; nothing was written.
         RunError: a test failed; nothing was written.
     """
+    from ..analysis.soil_tests import run_soil_tests
+    from ..analysis.strength import write_results
+    from ..scene.loader import load_scene
+    from ..scene.pairs import pair_values
+    from .progress import RunProgress, working
+
     resolved = load_scene(args.scene, args.overrides)
     if resolved.scene.particle_soil is None:
         raise InputError(f"{args.scene}: has no 'soil', so there is nothing to test")
@@ -141,6 +148,11 @@ def _new_folder(out: str | None) -> Iterator[Path]:
 
 
 def _print(resolved: ResolvedScene, tests: SoilTests, out: str | None) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from ..analysis.strength import SoilStrength, shear_rows
+
     console = Console()
     strength = SoilStrength.of(tests)
     rows = Table(title="direct shear", title_justify="left", title_style="bold", box=None)

@@ -2,8 +2,8 @@
 
 Velocity Verlet: half kick, drift, forces, half kick. Forces see the half-step velocity, which makes
 velocity-dependent forces first order in the step. Where nobody looks at the velocities between two steps,
-both half kicks are made in one pass, one after the other, with the same bits. A sphere's inertia is a scalar, so its spin needs no
-frame of its own.
+both half kicks are made in one pass, one after the other, with the same bits. A sphere's inertia is a scalar,
+so its spin needs no frame of its own.
 """
 
 import numpy as np

@@ -24,7 +24,7 @@ from ..errors import PhysicsError
 from ..scene.soil import Soil
 from .bed import Bed
 from .energy import EnergyBook
-from .per_particle import of_particle
+from .per_particle import PARTS, of_particle
 from .state import Particles
 
 CONFIRMING_STEPS = 10
@@ -64,10 +64,9 @@ def _part(half2: float, whole2: float) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def half_step_sums(position, velocity, spin, force, torque, mass, inertia, step):
-    """MotionSums in index order. mass [kg], inertia [kg m2]: of every particle, or arrays (n,)."""
+def _part_sums(first, last, position, velocity, spin, force, torque, mass, inertia, step):
     v2, a2, w2, t2, place = 0.0, 0.0, 0.0, 0.0, 0.0
-    for i in range(velocity.shape[0]):
+    for i in range(first, last):
         by_force, by_torque = 0.5 * step / of_particle(mass, i), 0.5 * step / of_particle(inertia, i)
         for a in range(3):
             v2 += velocity[i, a] * velocity[i, a]
@@ -76,6 +75,23 @@ def half_step_sums(position, velocity, spin, force, torque, mass, inertia, step)
             t2 += (by_torque * torque[i, a]) ** 2
             place += position[i, a]
     return v2, a2, w2, t2, place
+
+
+@njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def half_step_sums(position, velocity, spin, force, torque, mass, inertia, step):
+    """MotionSums, in an order that the threads do not change.
+
+    mass [kg], inertia [kg m2]: of every particle, or arrays (n,).
+    """
+    n = position.shape[0]
+    sums = np.zeros((PARTS, 5))
+    for part in prange(PARTS):
+        sums[part, 0], sums[part, 1], sums[part, 2], sums[part, 3], sums[part, 4] = _part_sums(
+            part * n // PARTS, (part + 1) * n // PARTS, position, velocity, spin, force, torque, mass,
+            inertia, step,
+        )  # fmt: skip
+    total = sums.sum(axis=0)
+    return total[0], total[1], total[2], total[3], total[4]
 
 
 @dataclass(frozen=True)

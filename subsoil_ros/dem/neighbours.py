@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit, prange
 
 from .pairs import BLOCK, HISTORY, history_place
-from .per_particle import of_particle
+from .per_particle import PARTS, of_particle
 from .periodic import nearest_image
 
 
@@ -58,9 +58,6 @@ def cell_grid(
 
 _RUNS = 6
 """Runs of _forward_range."""
-
-_CHUNKS = 64
-"""Parts of the particles that threads search one by one (chosen: enough to share them evenly)."""
 
 _LANES = 8
 """Candidates looked at together: a vector of float64."""
@@ -151,9 +148,7 @@ def _find_pairs(first_cell, last_cell, position, grid, cell_start, reach, smalle
         column, cz = cell // grid.nz, cell % grid.nz
         candidates = 0
         for k in range(_RUNS):
-            lows[k], highs[k] = _forward_range(
-                grid, column // grid.ny, column % grid.ny, cz, k, cell_start
-            )
+            lows[k], highs[k] = _forward_range(grid, column // grid.ny, column % grid.ny, cz, k, cell_start)
             candidates += highs[k] - lows[k]
         most = max(most, candidates)
         if candidates + _LANES > room:
@@ -198,12 +193,12 @@ def half_list(position, grid, cell_start, reach, smaller):
     where they are equal.
     """
     n = position.shape[0]
-    first_cell = np.searchsorted(cell_start, np.arange(_CHUNKS + 1) * n // _CHUNKS)
-    first_cell[_CHUNKS] = cell_start.shape[0] - 1
+    first_cell = np.searchsorted(cell_start, np.arange(PARTS + 1) * n // PARTS)
+    first_cell[PARTS] = cell_start.shape[0] - 1
     count = np.empty(n, np.int64)
     found = np.empty(n * _USUAL_PARTNERS, np.int32)
-    most = np.zeros(_CHUNKS, np.int64)
-    for chunk in prange(_CHUNKS):
+    most = np.zeros(PARTS, np.int64)
+    for chunk in prange(PARTS):
         cells = first_cell[chunk], first_cell[chunk + 1]
         begin, end = cell_start[cells[0]] * _USUAL_PARTNERS, cell_start[cells[1]] * _USUAL_PARTNERS
         most[chunk] = _find_pairs(
@@ -213,7 +208,7 @@ def half_list(position, grid, cell_start, reach, smaller):
     for i in range(n):
         row_start[i + 1] = row_start[i] + count[i]
     neighbour = np.empty(row_start[n], np.int32)
-    for chunk in prange(_CHUNKS):
+    for chunk in prange(PARTS):
         cells = first_cell[chunk], first_cell[chunk + 1]
         first, last = cell_start[cells[0]], cell_start[cells[1]]
         pairs, begin = row_start[last] - row_start[first], first * _USUAL_PARTNERS

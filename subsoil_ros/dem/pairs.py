@@ -12,6 +12,7 @@ from numba.extending import register_jitable
 
 from .contact import SINKS, PairLaw, contact, like, normal_potential, spring_energy
 from .mixture import pair_of
+from .per_particle import PARTS
 from .periodic import nearest_image
 from .roots import inverse_root
 
@@ -257,27 +258,65 @@ def pair_forces(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def pair_scan(row_start, neighbour, position, history, radius, mixture, features):
-    """Contacts in reach, largest overlap [m], stored energy: normal and springs [J]."""
-    contacts, largest, energy = 0, 0.0, 0.0
-    period = features.periodic.item()
-    for i in range(position.shape[0]):
+def _overlap_and_law(i, j, position, radius, mixture, features):
+    """Overlap [m], negative across a gap, of particles i and j, and their law."""
+    dx = position[j, 0] - position[i, 0]
+    dy = position[j, 1] - position[i, 1]
+    dz = position[j, 2] - position[i, 2]
+    if features.periodic.ndim == 2:
+        dy = nearest_image(dy, features.periodic.item())
+    radius_i, radius_j, law = pair_of(i, j, radius, mixture, features)
+    return radius_i + radius_j - np.sqrt(dx * dx + dy * dy + dz * dz), law
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _rows_scan(first, last, row_start, neighbour, position, radius, mixture, features):
+    contacts, largest = 0, 0.0
+    for i in range(first, last):
         for k in range(row_start[i], row_start[i + 1]):
-            j = neighbour[k]
-            dx = position[j, 0] - position[i, 0]
-            dy = position[j, 1] - position[i, 1]
-            dz = position[j, 2] - position[i, 2]
-            if features.periodic.ndim == 2:
-                dy = nearest_image(dy, period)
-            radius_i, radius_j, law = pair_of(i, j, radius, mixture, features)
-            overlap = radius_i + radius_j - np.sqrt(dx * dx + dy * dy + dz * dz)
+            overlap, law = _overlap_and_law(i, neighbour[k], position, radius, mixture, features)
+            contacts += int(overlap > (-law.reach if features.adhesion.ndim == 2 else 0.0))
+            largest = max(largest, overlap)
+    return contacts, largest
+
+
+@njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def contact_scan(row_start, neighbour, position, radius, mixture, features):
+    """Contacts in reach, and the largest overlap [m]."""
+    n = position.shape[0]
+    contacts, largest = np.zeros(PARTS, np.int64), np.zeros(PARTS)
+    for part in prange(PARTS):
+        contacts[part], largest[part] = _rows_scan(
+            part * n // PARTS, (part + 1) * n // PARTS, row_start, neighbour, position, radius, mixture,
+            features,
+        )  # fmt: skip
+    return contacts.sum(), largest.max()
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _rows_energy(first, last, row_start, neighbour, position, history, radius, mixture, features):
+    energy = 0.0
+    for i in range(first, last):
+        for k in range(row_start[i], row_start[i + 1]):
+            overlap, law = _overlap_and_law(i, neighbour[k], position, radius, mixture, features)
             if overlap > (-law.reach if features.adhesion.ndim == 2 else 0.0):
-                contacts += 1
-                largest = max(largest, overlap)
                 energy += normal_potential(overlap, law, features)
                 h = history_place(k)
                 energy += spring_energy(
                     overlap, (history[h], history[h + BLOCK], history[h + 2 * BLOCK]),
                     (history[h + 3 * BLOCK], history[h + 4 * BLOCK], history[h + 5 * BLOCK]), law, features,
                 )  # fmt: skip
-    return contacts, largest, energy
+    return energy
+
+
+@njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def pair_energy(row_start, neighbour, position, history, radius, mixture, features):
+    """Energy stored between particles: normal and springs [J]."""
+    n = position.shape[0]
+    energy = np.zeros(PARTS)
+    for part in prange(PARTS):
+        energy[part] = _rows_energy(
+            part * n // PARTS, (part + 1) * n // PARTS, row_start, neighbour, position, history, radius,
+            mixture, features,
+        )  # fmt: skip
+    return energy.sum()

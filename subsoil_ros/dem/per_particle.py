@@ -4,6 +4,10 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
+PARTS = 64
+"""Parts of the particles that threads take one by one; their sums are added in order, so that no sum
+depends on the number of threads (chosen: enough to share them evenly)."""
+
 
 def of_particle(value, i):
     """Number i of an array; a number for all stands for itself. Told apart when a kernel is compiled."""

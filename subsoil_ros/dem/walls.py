@@ -44,8 +44,10 @@ def wall_planes(
 
 
 def near_walls(position: np.ndarray, planes: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs of a particle whose centre is closer than `reach` [m] to a wall, and that wall: both (w,) int64, by
-    particle, then by wall."""
+    """Particles whose centre is closer than `reach` [m] to a wall, and that wall: both (w,) int64.
+
+    A pair each, by particle, then by wall.
+    """
     near = np.flatnonzero(_near(position, planes, reach))
     return near // len(planes), near % len(planes)
 

@@ -63,8 +63,6 @@ REST_S = 0.001
 REST_WINDOW = 4
 """With grants for so many ticks ahead, nobody waits for the coupler while it rests: a quarter of them."""
 
-_MEASURED_TICKS = 101
-
 
 class CouplerNode(LockstepNode):
     """Lets nobody run ahead, waits for nobody for ever, and judges the interface energy."""
@@ -98,13 +96,11 @@ class CouplerNode(LockstepNode):
         self._last: CouplingState | None = None  # the exchange at the end of the last finished tick
         self._keep_said = False
         self._keep_deadline: float | None = None  # of the checkpoint before an end by wish
-        self.rest_ticks = scene.coupling.grant_window // REST_WINDOW
-        self.rest_s = REST_S if self.rest_ticks > 0 else 0.0
+        self.rest_s = REST_S if scene.coupling.grant_window >= REST_WINDOW else 0.0
         self._on_progress = on_progress
         self._account: InterfaceAccount | None = None  # from the initial exchange
         self._progress_tick = INITIAL_TICK
         self._start = self._last_advance = time.monotonic()
-        self._tick_times_s: deque[float] = deque(maxlen=_MEASURED_TICKS)
         self._grants = self.publisher(Grant, names)
         self._reports = self.publisher(CouplingReport, (RECORDER,))
         self._clock_publisher = self.create_publisher(
@@ -140,6 +136,7 @@ class CouplerNode(LockstepNode):
             self._on_progress(self._progress_tick)
         if self._coupler.standing:
             self._last_advance = now  # no deadline while the run is paused
+            self.discount_wait()
         allowed_s = self._allowed_s()
         if now - self._last_advance > allowed_s:
             raise RunError(f"no {self._coupler.missing()} within {allowed_s:.0f} s")
@@ -157,7 +154,7 @@ class CouplerNode(LockstepNode):
             "interface_residual_ratio": account.work.residual_ratio,
             "residual_bound": coupling.residual_bound,
             "interface_work_joule": account.work.absolute_work_joule,
-            "tick_time_median_s": statistics.median(self._tick_times_s) if self._tick_times_s else 0.0,
+            "tick_time_median_s": statistics.median(self.tick_times_s) if self.tick_times_s else 0.0,
             "recorder_lag_ticks": lag,
         }
         if account.nears_bound(NEAR):
@@ -209,7 +206,8 @@ class CouplerNode(LockstepNode):
     def _allowed_s(self) -> float:
         if self._coupler.done_tick < self.run.first_tick:
             return STARTUP_S
-        return max(DEADLINE_S, DEADLINE_MEDIANS * statistics.median(self._tick_times_s))
+        usual_s = statistics.median(self.tick_times_s) if self.tick_times_s else 0.0
+        return max(DEADLINE_S, DEADLINE_MEDIANS * usual_s)
 
     def _begin(self, now: float) -> None:
         coupler = self._coupler
@@ -229,11 +227,14 @@ class CouplerNode(LockstepNode):
     def _on_pacing(self) -> None:
         """A pause, its end, or steps were asked for."""
         self._last_advance = time.monotonic()
+        self.discount_wait()
         if self._account is not None:
             self._say_pacing()
         self._grant()
 
     def _say_pacing(self) -> None:
+        window = self.run.resolved.scene.coupling.grant_window
+        self.rest_ticks = 0 if self._coupler.paused else window // REST_WINDOW  # steps are waited for
         state = NodeState.PAUSED if self._coupler.paused else NodeState.RUNNING
         if self.lifeline.state is not state:
             self.lifeline.say(state)
@@ -278,7 +279,6 @@ class CouplerNode(LockstepNode):
     def _account_for(self, finished: FinishedTick) -> None:
         assert self._account is not None  # no tick is granted before
         tick, now = finished.tick, time.monotonic()
-        self._tick_times_s.append(now - self._last_advance)
         self._last_advance = now
         work = self._account.add(finished.motions, finished.wrenches)
         if self._schedule.series_due(tick):

@@ -3,6 +3,7 @@
 import threading
 import time
 import traceback
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -28,7 +29,10 @@ POLL_S = 0.1
 """How often a node looks after what no message brings: matched endpoints, wishes to stop, silence."""
 
 LONGEST_REST_S = 0.05
-"""A paused run is answered after so long at most."""
+"""A wish that comes while a node rests waits so long at most."""
+
+_MEASURED, _RECENT = 101, 4
+"""Wake-ups whose tick times are kept, and those of them that the rest follows (chosen)."""
 
 OWN_TIME = [Parameter("use_sim_time", value=False)]
 """These nodes make the simulated time: none follows /clock, whatever use_sim_time says to others."""
@@ -70,20 +74,26 @@ class LockstepNode(Node):
         self._writers: dict[type, Callable[[Any], bytes]] = {}
         self._partners: list[tuple[Publisher | Subscription, tuple[str, ...]]] = []
         self._diagnostics = Diagnostics(self, run.run_id, self._interval_ns)
-        self._rested = run.first_tick, time.monotonic()  # the tick at the last pause, and when
-        self._tick_s = 0.0
+        self._woken = run.first_tick, time.monotonic()  # the last tick at the last wake-up, and when
+        self.tick_times_s: deque[float] = deque(maxlen=_MEASURED)
+        """Of the last wake-ups, the mean time of a tick between one and the next."""
 
     def spin(self) -> None:
         """Serves until the node ends."""
         serve(self, self._guarded(self._poll), POLL_S, self.ended.is_set, self._pause_s)
 
+    def discount_wait(self) -> None:
+        """The time up to now was not taken by ticks: nobody asked for any."""
+        self._woken = self.lifeline.tick, time.monotonic()
+
     def _pause_s(self) -> float:
-        tick, (last_tick, last) = self.lifeline.tick, self._rested
+        tick, (last_tick, last) = self.lifeline.tick, self._woken
         if tick > last_tick:
-            now = time.monotonic()
-            self._tick_s = (now - last) / (tick - last_tick)
-            self._rested = tick, now
-        return min(max(self.rest_s, self.rest_ticks * self._tick_s), LONGEST_REST_S)
+            self.tick_times_s.append((time.monotonic() - last) / (tick - last_tick))
+            self.discount_wait()
+        # the least of some: one of them may hold a wait for somebody who keeps real time
+        tick_s = min(list(self.tick_times_s)[-_RECENT:], default=0.0)
+        return min(max(self.rest_s, self.rest_ticks * tick_s), LONGEST_REST_S)
 
     def listen(self, kind: type, handle: Callable[[Any], None], partners: tuple[str, ...]) -> None:
         """Hands records of `kind`, from the nodes named, to `handle`."""

@@ -21,6 +21,9 @@ CHUNK_BYTES = 128 * 1024
 NOTES = "subsoil_ros"
 """Name of the metadata record with the notes."""
 
+MEDIA_TYPES = {".yaml": "application/yaml", ".stl": "model/stl"}
+"""Of attachments, by the ending of their name (RFC 9512; IANA)."""
+
 _ROSBAG2_VERSION = 9
 _SCHEMA_ENCODING = "ros2msg"
 
@@ -51,12 +54,16 @@ class BagFolder:
     """
 
     def __init__(
-        self, directory: Path, file_name: str | None = None, notes: Mapping[str, str] | None = None
+        self,
+        directory: Path,
+        file_name: str | None = None,
+        notes: Mapping[str, str] | None = None,
+        attachments: Mapping[str, bytes] | None = None,
     ) -> None:
         """Creates the folder, and in it `file_name` (default: as rosbag2 names it, FOLDER_0.mcap).
 
         `notes` say something about the whole bag: in the file's metadata from the start, and in
-        metadata.yaml as custom_data.
+        metadata.yaml as custom_data. `attachments` are files by name, before the first message too.
 
         Raises:
             InputError: it exists, or cannot be created.
@@ -80,10 +87,15 @@ class BagFolder:
         self._open = True
         self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._notes = dict(notes or {})
-        self._writer.start(profile="ros2", library="subsoil_ros")
-        if self._notes:
-            self._writer.add_metadata(NOTES, self._notes)
-        self._stream.flush()
+        try:
+            self._writer.start(profile="ros2", library="subsoil_ros")
+            if self._notes:
+                self._writer.add_metadata(NOTES, self._notes)
+            for name, content in (attachments or {}).items():
+                self._writer.add_attachment(0, 0, name, _media_type(name), content)  # simulated time 0
+            self._stream.flush()
+        except OSError as error:
+            raise self._refused(error) from error
         self._on_disk = self._stream.tell()
 
     def __contains__(self, topic: str) -> bool:
@@ -187,6 +199,10 @@ class BagFolder:
             "custom_data": self._notes or None,
             "ros_distro": "jazzy",
         }
+
+
+def _media_type(name: str) -> str:
+    return MEDIA_TYPES.get(Path(name).suffix, "application/octet-stream")
 
 
 class _PlainDumper(yaml.SafeDumper):

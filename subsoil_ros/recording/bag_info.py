@@ -64,6 +64,7 @@ class BagFacts:
     packed_bytes: int  # of all chunks, in the file
     topics: tuple[TopicFacts, ...]
     notes: dict[str, str]  # what the writer said is thinned
+    attachments: dict[str, int]  # sizes of the files in it, by name
     run_id: str  # empty: the bag is of no run
     complete: bool  # the run came to its end
 
@@ -119,6 +120,7 @@ def describe(path: Path, on_progress: Callable[[int], None] = lambda done_bytes:
         packed_bytes=sum(chunk.compressed_size for chunk in chunks),
         topics=tuple(topics.values()),
         notes=notes[0] if notes else {},
+        attachments={item.name: item.data_size for item in summary.attachment_indexes},
         run_id=_grant(first[0]).run_id if first else "",
         complete=bool(last) and _grant(last[0]).command is Command.END,
     )

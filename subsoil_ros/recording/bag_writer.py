@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..errors import InputError, ProtocolError
+from ..errors import ProtocolError, SubsoilError
 from ..messages import (
     CouplingReport,
     Grant,
@@ -18,8 +18,10 @@ from ..scene.cloud import SPEED_BITS, position_step_m
 from ..scene.limits import Timing
 from ..scene.loader import ResolvedScene
 from ..scene.model import Scene
+from ..scene.parcel import Parcel, pack
 from ..ticks import INITIAL_TICK, every_ticks, tick_end_ns
 from .bag_folder import BagFolder, TopicInfo
+from .bag_scene import scene_attachments, scene_notes
 from .conversion import cloud_from_message, from_message, message_type, to_message
 from .description import latched_messages
 from .height_map import height_map
@@ -74,11 +76,13 @@ class BagWriter:
         timing: Timing,
         latched: Mapping[str, Any] | None = None,
         live_port: int = 0,
+        parcel: Parcel | None = None,
     ) -> None:
         """Creates `directory` with the bag in it.
 
         latched: messages by topic (description.latched_messages), written at the time of the first tick.
         live_port: where a live view serves; 0: there is none.
+        parcel: the scene, for who has only the bag.
 
         Raises:
             InputError: it exists or cannot be created, or the live view cannot serve.
@@ -96,8 +100,11 @@ class BagWriter:
         schema_text(message_type(Grant))  # without message definitions there is no bag
         self._live = self._open_live_view(live_port) if live_port else None
         try:
-            self._folder = BagFolder(directory, notes=_notes(scene, timing))
-        except InputError:
+            notes, attachments = scene_notes(parcel), scene_attachments(parcel)
+            self._folder = BagFolder(
+                directory, notes={**_notes(scene, timing), **notes}, attachments=attachments
+            )
+        except SubsoilError:
             if self._live is not None:
                 self._live.close()
             raise
@@ -257,7 +264,7 @@ def _notes(scene: Scene, timing: Timing) -> dict[str, str]:
 
 
 def open_bag(directory: Path, resolved: ResolvedScene, live_port: int = 0) -> BagWriter:
-    """The writer of a run's bag, which also describes the machine.
+    """The writer of a run's bag, which also describes the machine and holds the scene.
 
     live_port: where a live view serves; 0: there is none.
 
@@ -266,4 +273,5 @@ def open_bag(directory: Path, resolved: ResolvedScene, live_port: int = 0) -> Ba
         RecordingError: subsoil_msgs is not there.
     """
     latched = latched_messages(message_class, resolved)
-    return BagWriter(directory, resolved.scene, resolved.timing, latched, live_port)
+    parcel = pack(resolved, with_bed=False)
+    return BagWriter(directory, resolved.scene, resolved.timing, latched, live_port, parcel)

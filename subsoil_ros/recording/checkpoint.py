@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from .. import __version__
 from ..errors import InputError, RecordingError
 
-FORMAT = 1
+FORMAT = 2
 """Counts up when older checkpoints cannot be read any more."""
 
 KEPT = 2

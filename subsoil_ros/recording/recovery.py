@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
-from mcap.records import Channel, Message, Metadata, Schema
+from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 
 from ..errors import InputError, RecordingError
@@ -61,7 +61,7 @@ def _recover(
     directory = source.parent
     channels: dict[int, str] = {}
     schemas: dict[int, Schema] = {}
-    folder = None if whole else BagFolder(fresh, source.name, _notes(source))
+    folder = None if whole else BagFolder(fresh, source.name, *_beginning(source))
     count, end_ns = 0, 0
     for record in _readable(source, on_progress):
         if isinstance(record, Schema):
@@ -88,14 +88,18 @@ def _recover(
     return Recovery(source, kept, count, end_ns)
 
 
-def _notes(path: Path) -> dict[str, str]:
-    """What the writer noted about the bag; it stands before the first message."""
+def _beginning(path: Path) -> tuple[dict[str, str], dict[str, bytes]]:
+    """What the writer noted about the bag, and its attachments; they stand before the first message."""
+    notes: dict[str, str] = {}
+    attachments: dict[str, bytes] = {}
     for record in _readable(path):
         if isinstance(record, Metadata) and record.name == NOTES:
-            return dict(record.metadata)
-        if isinstance(record, Message):
+            notes = dict(record.metadata)
+        elif isinstance(record, Attachment):
+            attachments[record.name] = record.data
+        elif isinstance(record, Message):
             break
-    return {}
+    return notes, attachments
 
 
 def last_time_ns(path: Path) -> int:

@@ -10,8 +10,8 @@ from typing import Any, Protocol
 from ..analysis.execution import Executed, code_digest, machine_name
 from ..analysis.kept_runs import KeptRun, find_run, keep_run
 from ..errors import RunError
+from ..scene.parcel import pack
 from .cluster import connected, local_worker_count
-from .parcel import pack
 from .plan import Job
 from .worker import PROGRESS, run_parcel
 

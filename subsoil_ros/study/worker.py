@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 from ..analysis.execution import Executed, code_digest, execute
-from .parcel import Parcel, unpack
+from ..scene.parcel import Parcel, unpack
 
 PROGRESS = "subsoil-progress"
 """Dask's topic for (name of the run, part of it that is done)."""

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
 
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.mbd.engine import MechanismEngine
@@ -67,6 +68,20 @@ def test_series_are_equal_byte_for_byte(results: dict[str, Path], way: str) -> N
 def test_bags_are_equal_message_for_message(results: dict[str, Path], way: str) -> None:
     """Every message of the bag, clouds included, in the same order with the same bytes."""
     assert without_run(results[way]) == without_run(results["direct"])
+
+
+def attached(out: Path) -> dict[str, bytes]:
+    """Files in a bag by name."""
+    (path,) = out.glob("bag/*.mcap")
+    with path.open("rb") as stream:
+        return {item.name: item.data for item in make_reader(stream).iter_attachments()}
+
+
+@pytest.mark.parametrize("way", [name for name in WAYS if name != "direct"])
+def test_bags_hold_the_same_scene(results: dict[str, Path], way: str) -> None:
+    """Scene and meshes, byte for byte: nothing in them depends on who wrote the bag, or where."""
+    assert len(attached(results[way])) > 1
+    assert attached(results[way]) == attached(results["direct"])
 
 
 @pytest.mark.parametrize("way", [name for name in WAYS if name != "direct"])

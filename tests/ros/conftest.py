@@ -54,7 +54,7 @@ class Run:
 
         def is_recording() -> bool:
             assert self.process.poll() is None, self.process.communicate()
-            return sum(path.stat().st_size for path in self.out.glob("bag/*.mcap")) > 60_000
+            return sum(path.stat().st_size for path in self.out.glob("bag/*.mcap")) > 90_000
 
         _wait_until(is_recording, f"{self.out}/bag")
 

@@ -58,7 +58,15 @@ def stand_ins(share: Path) -> dict[str, ModuleType]:
     """The modules that the launch file imports."""
     names = {
         "launch": ("LaunchContext", "LaunchDescription", "LaunchDescriptionEntity"),
-        "launch.actions": ("DeclareLaunchArgument", "ExecuteProcess", "LogInfo", "OpaqueFunction"),
+        "launch.actions": (
+            "DeclareLaunchArgument",
+            "ExecuteProcess",
+            "LogInfo",
+            "OpaqueFunction",
+            "Shutdown",
+        ),
+        "launch.events": (),
+        "launch.events.process": ("ProcessExited",),
         "launch_ros": (),
         "launch_ros.actions": ("Node", "SetParameter"),
     }
@@ -115,7 +123,7 @@ def test_it_starts_what_subsoil_run_starts(
 ) -> None:
     """The same executables with the same parameters as `subsoil run`, but for who holds standard input."""
     plans: list[RunPlan] = []
-    monkeypatch.setattr("subsoil_ros.cli.run._run_nodes", lambda plan, *_: plans.append(plan))
+    monkeypatch.setattr("subsoil_ros.cli.simulation._run_nodes", lambda plan, *_: plans.append(plan))
     scene = SCENE.parent / "subsoiler_1s300_resistance.yaml"
     assert main(["run", str(scene), "--out", str(tmp_path / "run"), "--threads", "2", "--paused"]) != 0
     (plan,) = plans  # nothing was recorded
@@ -170,16 +178,40 @@ def test_other_modes_are_left_to_subsoil_run(start: Callable[..., list[Taken]], 
     """composed and direct: `subsoil run`, which gets every argument and makes the folder itself."""
     (process,) = start(
         scene=str(MACHINE), out=str(tmp_path / "out"), mode="composed", namespace="field", paused="true",
-        overrides="duration_s=0.1 'gravity_m_per_s2=9.8'",
+        overrides="duration_s=0.1 'gravity_m_per_s2=9.8'", resume="runs/before",
     )  # fmt: skip
     assert process.kind == "ExecuteProcess"
     assert process.cmd[1:] == [
         "-m", "subsoil_ros.cli.main", "run", str(MACHINE), "--out", str(tmp_path / "out"),
         "--mode", "composed",
-        "--threads", "1", "--namespace=/field", "--paused",
+        "--threads", "1", "--namespace=/field", "--paused", "--resume", "runs/before",
         "--set", "duration_s=0.1", "--set", "gravity_m_per_s2=9.8",
     ]  # fmt: skip
     assert not (tmp_path / "out").exists()
+
+
+def test_a_node_that_fails_ends_the_launch(start: Callable[..., list[Taken]], tmp_path: Path) -> None:
+    """With its name and status; a node that ends in order ends nothing, so the recorder can close the bag."""
+    _, *nodes = start(scene=str(MACHINE), out=str(tmp_path / "out"))
+    for node in nodes:
+        assert node.on_exit(SimpleNamespace(returncode=0, process_name="soil_node-2"), None) is None
+        for status in (3, -9):
+            ended = node.on_exit(SimpleNamespace(returncode=status, process_name="soil_node-2"), None)
+            assert (ended.kind, ended.reason) == ("Shutdown", f"soil_node-2 ended with status {status}")
+
+
+def test_it_goes_on_from_an_earlier_run(start: Callable[..., list[Taken]], tmp_path: Path) -> None:
+    """resume:=FOLDER hands its newest checkpoint to the nodes; a folder without one is named."""
+    kept = f"{SHORT} record.checkpoint_s=0.02"
+    words = [word for change in kept.split() for word in ("--set", change)]
+    first = tmp_path / "first"
+    assert main(["run", str(MACHINE), "--out", str(first), "--mode", "direct", *words]) == 0
+    newest = max(path.parent for path in first.glob("checkpoints/*/manifest.json"))
+    _, *nodes = start(scene=str(MACHINE), out=str(tmp_path / "second"), overrides=kept, resume=str(first))
+    assert {parameters(node)["resume"] for node in nodes} == {str(newest)}
+    with pytest.raises(InputError, match=r"^--resume .*nowhere: no such folder"):
+        start(scene=str(MACHINE), out=str(tmp_path / "third"), resume=str(tmp_path / "nowhere"))
+    assert not (tmp_path / "third").exists()
 
 
 def test_a_run_without_record(start: Callable[..., list[Taken]], tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """Processes and topics of a run are those that its scene names, and without a bag nothing is recorded."""
 
 import json
+import re
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -91,6 +92,7 @@ def test_without_a_bag_every_mode_gives_the_same_state(tmp_path: Path) -> None:
         sets = ["--set", f"record.bag={bag}", "--set", "record.checkpoint_s=0.06"]
         status, _, err = Run(out, mode, 0.1, *sets, scene=scene).finish()
         assert status == 0, err
+        assert bool(re.search(r"^nodes in ROS_DOMAIN_ID=\d+$", err, re.MULTILINE)) == (mode != "direct")
         assert (out / "bag").exists() == (out / "series.csv").exists() == (bag == "true")
         digests.append(json.loads((out / "summary.json").read_text())["state_sha256"])
     assert digests[1:] == digests[:1] * 3

@@ -55,7 +55,7 @@ class NodeSet:
     def wait_until_recording(self) -> None:
         """Until a chunk of the bag is on the disk."""
         deadline = time.monotonic() + LIMIT_S
-        while sum(path.stat().st_size for path in self.folder.glob("bag/*.mcap")) < 60_000:
+        while sum(path.stat().st_size for path in self.folder.glob("bag/*.mcap")) < 70_000:
             assert time.monotonic() < deadline, self.words()
             time.sleep(0.02)
 

@@ -12,9 +12,6 @@ import pytest
 from subsoil_ros.cli.main import VERBS
 
 ROOT = Path(__file__).parents[2]
-SLOWER = ("run", "soil-test", "bag")
-"""Verbs whose options come from libraries."""
-
 HEAVY = {
     "dask", "imageio", "jinja2", "matplotlib", "numba", "numpy", "pandas", "pydantic", "pyvista", "rclpy",
     "rosbags", "scipy", "trimesh", "vtkmodules",
@@ -40,7 +37,7 @@ def imported(*words: str) -> set[str]:
 
 
 @pytest.mark.parametrize(
-    "words", [["--help"], ["--version"], *([verb, "--help"] for verb in VERBS if verb not in SLOWER)],
+    "words", [["--help"], ["--version"], *([verb, "--help"] for verb in VERBS), ["bag", "info", "--help"]],
     ids=" ".join,
 )  # fmt: skip
 def test_help_imports_nothing_heavy(words):

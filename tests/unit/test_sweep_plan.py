@@ -6,7 +6,7 @@ import pytest
 
 from subsoil_ros.errors import InputError, SceneError
 from subsoil_ros.scene.loader import load_scene
-from subsoil_ros.study.parcel import pack, unpack
+from subsoil_ros.scene.parcel import pack, unpack
 from subsoil_ros.study.plan import Point, combinations, jobs_of, parse_variations, seed_key
 
 SCENES = Path(__file__).parents[2] / "config" / "scenes"

@@ -1,0 +1,247 @@
+"""What can be read of a soil between two soil steps: particles, contacts, energy, messages."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..messages import SoilCloud, SoilState
+from .bed import Bed
+from .contact import SINKS, Features, PairLaw
+from .energy import EnergyBook
+from .integration import mass_sums, motion_sums
+from .kernel_calls import use_threads
+from .mixture import Mixture
+from .monitors import LostParticle, MotionSums, Watch, half_step_sums
+from .pairs import contact_scan, pair_energy
+from .periodic import wrapped
+from .state import PairList, Particles, WallList
+from .tool_surface import ToolSurface
+from .walls import wall_scan
+
+
+class SoilReadings(ABC):
+    """The reading side of a soil engine, which sets these attributes."""
+
+    bed: Bed
+    _threads: int
+    _step_s: float
+    _gravity: float
+    _radius: float  # of all, or the largest [m]
+    _mass: float  # of all, or of one of mean volume [kg]
+    _inertia: float
+    _density: np.ndarray  # (layers,)
+    _features: Features
+    _pair_laws: np.ndarray
+    _wall_laws: np.ndarray
+    _tool_laws: np.ndarray
+    _boundary: PairLaw
+    _at_tools: PairLaw
+    _planes: np.ndarray
+    _loaded_position: np.ndarray
+    _pairs: PairList
+    _walls: WallList
+    _tools: Sequence[ToolSurface]
+    _watch: Watch | None
+    _rebuilds: int
+    _tool_work: float
+    _sinks: np.ndarray
+    _wall_force: np.ndarray
+    _pair_book: np.ndarray
+    _wall_book: np.ndarray
+
+    @property
+    @abstractmethod
+    def _particles(self) -> Particles:
+        """At the end of the last step, or as they stand within one."""
+
+    @property
+    def particle_count(self) -> int:
+        """Particles in the bin."""
+        return self._particles.count
+
+    @property
+    def listed_pair_count(self) -> int:
+        """Pairs in the neighbour list, the skin included."""
+        return len(self._pairs.neighbour)
+
+    @property
+    def mass_kg(self) -> float:
+        """Mass of one particle; of one of mean volume where they are unequal."""
+        return self._mass
+
+    @property
+    def coordination(self) -> float:
+        """Contacts in reach per particle, those between particles only."""
+        return 2.0 * self._scan_contacts()[0] / self._particles.count
+
+    def radii_m(self) -> np.ndarray:
+        """(n,) float64, in the order of the prepared bed."""
+        p = self._particles
+        return p.radius[np.argsort(p.identity)] if p.unequal else np.full(p.count, self._radius)
+
+    def materials(self) -> np.ndarray:
+        """(n,) int64 number of the layer of each particle, in the order of the prepared bed."""
+        p = self._particles
+        return p.material[np.argsort(p.identity)] if p.unequal else np.zeros(p.count, np.int64)
+
+    def positions_m(self) -> np.ndarray:
+        """(n, 3) float64, world axes, in the order of the prepared bed; inside the box if it is periodic."""
+        position = self._particles.position[np.argsort(self._particles.identity)]
+        if self.bed.period_m is not None:
+            position[:, 1] = wrapped(position[:, 1], self.bed.lower_m[1], self.bed.period_m)[0]
+        return position
+
+    def displacements_m(self) -> np.ndarray:
+        """(n, 3) float64, world axes: from the place in the prepared bed, in its order. The disturbance.
+
+        It goes on growing where a particle passes from one periodic side to the other.
+        """
+        p = self._particles
+        back = np.argsort(p.identity)
+        moved = p.position[back] - self._loaded_position[p.identity[back]]
+        if self.bed.period_m is not None:
+            moved[:, 1] += p.image[back] * self.bed.period_m
+        return moved
+
+    def velocities_m_per_s(self) -> np.ndarray:
+        """(n, 3) float64, world axes, in the order of the prepared bed."""
+        return self._particles.velocity[np.argsort(self._particles.identity)].astype(np.float64)
+
+    def spins_rad_per_s(self) -> np.ndarray:
+        """(n, 3) float64, world axes, in the order of the prepared bed."""
+        return self._particles.spin[np.argsort(self._particles.identity)].astype(np.float64)
+
+    def forces_newton(self) -> np.ndarray:
+        """(n, 3) float64, world axes, sum on each particle at the end of the last step, weight included."""
+        return self._particles.force[np.argsort(self._particles.identity)].astype(np.float64)
+
+    @property
+    def wall_force_newton(self) -> np.ndarray:
+        """(3,) sum of what the walls put on the particles in the last soil step, world axes."""
+        return self._wall_force.sum(axis=0)
+
+    @property
+    def momentum_kg_m_per_s(self) -> np.ndarray:
+        """(3,) of all particles, world axes."""
+        p = self._particles
+        if p.unequal:
+            return mass_sums(p.position, p.velocity, p.spin, p.mass, p.inertia)[2]
+        return self._mass * motion_sums(p.position, p.velocity, p.spin)[3]
+
+    @property
+    def lost_particles(self) -> tuple[LostParticle, ...]:
+        """The first that left the domain."""
+        return tuple(self._watch.first_lost) if self._watch is not None else ()
+
+    @property
+    def alternation(self) -> float:
+        """Part of the motion that turns round from step to step, 0 to 1 (dem.monitors)."""
+        return self._motion_sums().alternation
+
+    def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
+        """Monitors at the end of `tick`.
+
+        The rms spin is that half a step before and after: one that turns round from step to step is zero
+        in between.
+        """
+        n = self._particles.count
+        contacts, largest = self._scan_contacts()
+        sums = self._motion_sums()
+        return SoilState(
+            run_id,
+            tick,
+            end_time_ns,
+            particle_count=n,
+            contact_count=contacts,
+            lost_particle_count=self._watch.lost_count if self._watch is not None else 0,
+            rebuild_count=self._rebuilds,
+            kinetic_energy_joule=self._moving_joule()[0],
+            rms_speed_m_per_s=float(np.sqrt(sums.speed2 / n)),
+            rms_spin_rad_per_s=float(np.sqrt((sums.spin2 + sums.half_spin2) / n)),
+            largest_overlap_m=largest,
+            largest_tool_overlap_m=max((t.largest_overlap_m for t in self._tools), default=0.0),
+        )
+
+    def energy(self) -> EnergyBook:
+        """The energy book at the end of the last tick."""
+        p, walls = self._particles, self._walls
+        self._flush_books()
+        kinetic, gravity = self._moving_joule()
+        at_walls = wall_scan(
+            walls.particle, walls.wall, self._planes, p.position, walls.history,
+            self._radius, self._boundary, self._mixture(self._wall_laws), self._features,
+        )[2]  # fmt: skip
+        mixture = self._mixture(self._tool_laws)
+        at_tools = sum(
+            t.stored_joule(p, self._radius, self._at_tools, mixture, self._features) for t in self._tools
+        )
+        sinks = self._sinks + sum((t.sinks_joule for t in self._tools), np.zeros(len(SINKS)))
+        return EnergyBook(
+            kinetic_joule=kinetic,
+            gravity_joule=gravity,
+            stored_joule=self._stored_in_pairs() + at_walls + at_tools,
+            sinks_joule=dict(zip(SINKS, sinks.tolist(), strict=True)),
+            tool_work_joule=self._tool_work,
+        )
+
+    def potential_joule(self) -> float:
+        """Energy of position: stored in contacts, and gravity."""
+        book = self.energy()
+        return book.stored_joule + book.gravity_joule
+
+    def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:
+        """Particles in the order of the prepared bed, float32."""
+        speed = np.linalg.norm(self.velocities_m_per_s(), axis=1)
+        return SoilCloud(tick, end_time_ns, self.positions_m().astype(np.float32), speed.astype(np.float32))
+
+    def _masses(self) -> tuple[float | np.ndarray, float | np.ndarray]:
+        """Mass [kg] and inertia [kg m2] for the kernels: of all particles, or arrays (n,)."""
+        p = self._particles
+        return (p.mass, p.inertia) if p.unequal else (self._mass, self._inertia)
+
+    def _mixture(self, laws: np.ndarray) -> Mixture:
+        p = self._particles
+        return Mixture(p.radius, p.mass, p.material, laws, len(self._density))
+
+    def _motion_sums(self) -> MotionSums:
+        use_threads(self._threads)
+        p = self._particles
+        return MotionSums(
+            *half_step_sums(p.position, p.velocity, p.spin, p.force, p.torque, *self._masses(), self._step_s)
+        )
+
+    def _largest_overlap(self) -> float:
+        return self._scan_contacts()[1]
+
+    def _scan_contacts(self) -> tuple[int, float]:
+        """Contacts in reach, and the largest overlap [m]."""
+        use_threads(self._threads)
+        pairs = self._pairs
+        return contact_scan(
+            pairs.row_start, pairs.neighbour, self._particles.position,
+            self._radius, self._mixture(self._pair_laws), self._features,
+        )  # fmt: skip
+
+    def _stored_in_pairs(self) -> float:
+        use_threads(self._threads)
+        pairs = self._pairs
+        return pair_energy(
+            pairs.row_start, pairs.neighbour, self._particles.position, pairs.history,
+            self._radius, self._mixture(self._pair_laws), self._features,
+        )  # fmt: skip
+
+    def _moving_joule(self) -> tuple[float, float]:
+        """Kinetic energy and that of gravity, zero at z = 0."""
+        p = self._particles
+        if p.unequal:
+            kinetic, height, _ = mass_sums(p.position, p.velocity, p.spin, p.mass, p.inertia)
+            return kinetic, self._gravity * height
+        speed2, spin2, height, _ = motion_sums(p.position, p.velocity, p.spin)
+        return 0.5 * (self._mass * speed2 + self._inertia * spin2), self._mass * self._gravity * height
+
+    def _flush_books(self) -> None:
+        if self._features.book.ndim == 2 and self._rebuilds > 0:
+            self._sinks += self._pair_book.sum(axis=0) + self._wall_book.sum(axis=0)
+            self._pair_book[:] = 0.0
+            self._wall_book[:] = 0.0

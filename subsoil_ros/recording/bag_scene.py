@@ -1,0 +1,56 @@
+"""The scene in a bag, for who has only the bag: as run, with its meshes, under the hash it was run with."""
+
+from pathlib import Path
+
+from mcap.reader import make_reader
+
+from ..errors import InputError, SceneError
+from ..scene.loader import ResolvedScene
+from ..scene.parcel import SCENE_FILE, Parcel, unpack_to_show
+from .bag_folder import NOTES
+from .bag_reader import BROKEN, damaged, mcap_path
+
+_HASH = "scene_hash"
+
+
+def scene_attachments(parcel: Parcel | None) -> dict[str, bytes]:
+    """The files of a bag's attachments by name."""
+    return {} if parcel is None else {SCENE_FILE: parcel.text.encode(), **parcel.files}
+
+
+def scene_notes(parcel: Parcel | None) -> dict[str, str]:
+    """What stands in a bag's metadata about its scene."""
+    return {} if parcel is None else {_HASH: parcel.scene_hash}
+
+
+def read_scene(bag: Path, folder: Path) -> ResolvedScene:
+    """The scene that a bag was recorded from; its files are written into `folder`, which must be there.
+
+    A saved bed is not in a bag: a scene that has one can be shown, but not run again.
+
+    Raises:
+        InputError: there is no bag, or no scene is in it.
+        SceneError: this version cannot read the scene.
+        RecordingError: the bag was not closed, or is damaged.
+    """
+    path = mcap_path(bag)
+    try:
+        with path.open("rb") as stream:
+            reader = make_reader(stream)
+            if reader.get_summary() is None:
+                raise damaged(path, "it has no index")
+            files = {item.name: item.data for item in reader.iter_attachments()}
+            notes = {record.name: record.metadata for record in reader.iter_metadata()}.get(NOTES, {})
+    except BROKEN as error:
+        raise damaged(path, error) from error
+    if SCENE_FILE not in files or _HASH not in notes:
+        raise InputError(
+            f"{path}: no scene is in it, as `subsoil run` leaves one in its bags; name the folder of its "
+            "run, which has a scene.yaml"
+        )
+    text = files.pop(SCENE_FILE).decode(errors="replace")
+    plain = {name: data for name, data in files.items() if Path(name).name == name}  # none beside `folder`
+    try:
+        return unpack_to_show(Parcel(text, plain, notes[_HASH]), folder)
+    except SceneError as error:
+        raise SceneError(f"{path}: the scene in it: {error}") from error

@@ -24,7 +24,7 @@ from ..errors import PhysicsError
 from ..scene.soil import Soil
 from .bed import Bed
 from .energy import EnergyBook
-from .per_particle import PARTS, of_particle
+from .per_particle import PARTS, added_up, of_particle
 from .state import Particles
 
 CONFIRMING_STEPS = 10
@@ -84,14 +84,14 @@ def half_step_sums(position, velocity, spin, force, torque, mass, inertia, step)
     mass [kg], inertia [kg m2]: of every particle, or arrays (n,).
     """
     n = position.shape[0]
-    sums = np.zeros((PARTS, 5))
+    v2, a2, w2, t2 = np.zeros(PARTS), np.zeros(PARTS), np.zeros(PARTS), np.zeros(PARTS)
+    place = np.zeros(PARTS)
     for part in prange(PARTS):
-        sums[part, 0], sums[part, 1], sums[part, 2], sums[part, 3], sums[part, 4] = _part_sums(
+        v2[part], a2[part], w2[part], t2[part], place[part] = _part_sums(
             part * n // PARTS, (part + 1) * n // PARTS, position, velocity, spin, force, torque, mass,
             inertia, step,
         )  # fmt: skip
-    total = sums.sum(axis=0)
-    return total[0], total[1], total[2], total[3], total[4]
+    return added_up(v2), added_up(a2), added_up(w2), added_up(t2), added_up(place)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from numba.extending import register_jitable
 
 from .contact import SINKS, PairLaw, contact, like, normal_potential, spring_energy
 from .mixture import pair_of
-from .per_particle import PARTS
+from .per_particle import PARTS, added_up
 from .periodic import nearest_image
 from .roots import inverse_root
 
@@ -290,7 +290,7 @@ def contact_scan(row_start, neighbour, position, radius, mixture, features):
             part * n // PARTS, (part + 1) * n // PARTS, row_start, neighbour, position, radius, mixture,
             features,
         )  # fmt: skip
-    return contacts.sum(), largest.max()
+    return contacts.sum(), largest.max()  # integers and a maximum: in any order
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -319,4 +319,4 @@ def pair_energy(row_start, neighbour, position, history, radius, mixture, featur
             part * n // PARTS, (part + 1) * n // PARTS, row_start, neighbour, position, history, radius,
             mixture, features,
         )  # fmt: skip
-    return energy.sum()
+    return added_up(energy)

@@ -1,7 +1,7 @@
 """Numbers that belong to each particle, or to all of them alike, in kernels that serve both."""
 
 import numpy as np
-from numba import types
+from numba import njit, types
 from numba.extending import overload
 
 PARTS = 64
@@ -19,3 +19,12 @@ def _of_particle(value, i):
     if isinstance(value, types.Array):
         return lambda value, i: value[i]
     return lambda value, i: value
+
+
+@njit(cache=True, nogil=True)
+def added_up(parts):
+    """Sum of an array (n,) in its order; `parts.sum()` in a parallel kernel is shared among threads."""
+    total = 0.0
+    for number in parts:
+        total += number
+    return total

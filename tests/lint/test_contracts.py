@@ -106,6 +106,8 @@ def test_every_requirement_is_locked(name):
     lock = (ROOT / "requirements" / "lock.txt").read_text().lower()
     wanted = (ROOT / "requirements" / f"{name}.txt").read_text().splitlines()
     names = [
-        line.split("[")[0].lower().replace("_", "-") for line in wanted if line and not line.startswith("#")
+        line.split(";")[0].split("[")[0].lower().replace("_", "-")
+        for line in wanted
+        if line and not line.startswith("#")
     ]
     assert [name for name in names if f"\n{name}==" not in lock] == []

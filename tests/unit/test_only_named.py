@@ -30,11 +30,11 @@ modules = sorted(name for name in sys.modules if name.startswith("subsoil_ros.")
 kernels = {}
 if "subsoil_ros.dem" in sys.modules:
     from subsoil_ros.dem.contact import Features
-    from subsoil_ros.dem.pairs import pair_forces
-    for signature in pair_forces.overloads:
-        features = next(kind for kind in signature if getattr(kind, "instance_class", None) is Features)
+    from subsoil_ros.dem.step import drift_and_contacts
+    for motion, pairs, *others in drift_and_contacts.overloads:
+        features = next(kind for kind in pairs if getattr(kind, "instance_class", None) is Features)
         names = [name for name, kind in zip(Features._fields, features.types) if kind.ndim == 2]
-        kernels.setdefault("pair_forces", []).append(names)
+        kernels.setdefault("drift_and_contacts", []).append(names)
 found = {"status": status, "modules": modules, "kernels": kernels, "rclpy": "rclpy" in sys.modules}
 print(json.dumps(found))
 """
@@ -101,7 +101,7 @@ def test_only_the_engines_named_are_imported(
 
 def test_a_run_compiles_its_kernels_once_for_its_own_features(found: dict[str, dict]) -> None:
     """The tine's soil: adhesion, tangential and rolling springs, no other feature."""
-    assert found["tine.yaml"]["kernels"] == {"pair_forces": [["adhesion", "tangential", "rolling"]]}
+    assert found["tine.yaml"]["kernels"] == {"drift_and_contacts": [["adhesion", "tangential", "rolling"]]}
 
 
 WET = [*SMALL_TINE, "soil.bed.spacing_m=rest"]

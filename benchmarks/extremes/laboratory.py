@@ -37,6 +37,16 @@ def linear(stiffness: float, **values: float) -> Document:
     return {"kind": "linear", "particle": row, "boundary": row}
 
 
+def box_mesh(folder: Path, x_m: float, y_m: float, z_m: float, subdivide: int = 0) -> str:
+    """STL in `folder` of a box about its centre; every facet cut in four, so many times."""
+    mesh = trimesh.creation.box((x_m, y_m, z_m))
+    for _ in range(subdivide):
+        mesh = mesh.subdivide()
+    path = folder / f"box_{x_m}_{y_m}_{z_m}_{subdivide}.stl"
+    mesh.export(path)
+    return str(path)
+
+
 @dataclass
 class Laboratory:
     """Writes scenes into a folder and loads them as a user's."""
@@ -79,13 +89,8 @@ class Laboratory:
         return self.resolve(document)
 
     def box(self, x_m: float, y_m: float, z_m: float, subdivide: int = 0) -> str:
-        """STL of a box about its centre; every facet cut in four, so many times."""
-        mesh = trimesh.creation.box((x_m, y_m, z_m))
-        for _ in range(subdivide):
-            mesh = mesh.subdivide()
-        path = self.folder / f"box_{x_m}_{y_m}_{z_m}_{subdivide}.stl"
-        mesh.export(path)
-        return str(path)
+        """As box_mesh, in the laboratory's folder."""
+        return box_mesh(self.folder, x_m, y_m, z_m, subdivide)
 
     def machine(
         self, mechanism: Document, interval_ns: int, gravity: float = GRAVITY, **more: Any

@@ -10,7 +10,6 @@ from ..errors import InputError, PhysicsError, SceneError
 from ..messages import ToolMotion, ToolWrench
 from ..scene.limits import DENSE_COORDINATION, SAFETY, step_limits
 from ..scene.loader import ResolvedScene
-from ..scene.meshes import load_tool_mesh
 from ..scene.pairs import layer_soils, particle_mass_kg
 from .bed import Bed, finite_rows, refuse_outside
 from .beds.prepare import prepare_bed
@@ -21,12 +20,12 @@ from .mixture import REACH, REST_OVERLAP, law_tables, material_at
 from .monitors import Domain, Watch, refuse_lost_numbers
 from .neighbours import carry_pairs, cell_grid, half_list, slab_starts, sort_by_cell
 from .pairs import history_blocks
-from .periodic import TOOL_SKIN, refuse_narrow_period, refuse_tool_at_seam
+from .periodic import TOOL_SKIN, refuse_narrow_period
 from .readings import SoilReadings
-from .snapshot import bed_digest, from_named, motion_from, named
+from .snapshot import bed_digest, below, from_named, motion_from, named
 from .state import PairList, Particles, WallList
 from .step import drift_and_contacts
-from .tool_surface import ToolSurface, motion_within, refuse_leap
+from .tool_surface import ToolSurface, motion_within, refuse_leap, surfaces
 from .walls import CHUNKS, carry_walls, near_walls, wall_planes
 
 _CELLS_PER_SLAB = 1
@@ -95,7 +94,8 @@ class SoilEngine(SoilReadings):
     @property
     def _particles(self) -> Particles:
         """At the end of the last step, or as they stand within one."""
-        if self._owes_kick and self._calls is not None:
+        if self._owes_kick:
+            assert self._calls is not None
             use_threads(self._threads)
             self._calls.kick()
             self._owes_kick = False
@@ -181,7 +181,7 @@ class SoilEngine(SoilReadings):
         A particle goes when its centre is inside a tool or so near that the contact would press.
         """
         use_threads(self._threads)
-        tools = self._surfaces(motions)
+        tools = surfaces(self._resolved, self.bed, motions)
         p = self._particles
         if p.unequal:
             clearance = p.radius - self._wall_laws[p.material, REST_OVERLAP]
@@ -205,17 +205,6 @@ class SoilEngine(SoilReadings):
         if self._watch is not None and self._watch.balances:
             self._watch.begin(self.energy())
         return self._wrenches()
-
-    def _surfaces(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolSurface, ...]:
-        """The tools of the scene at `motions`."""
-        scene, tools = self._resolved.scene, []
-        bodies = scene.mechanism.bodies if scene.mechanism else {}
-        for (name, tool), motion in zip(scene.tools.items(), motions, strict=True):
-            mesh = load_tool_mesh(self._resolved.directory, scene, name)
-            refuse_tool_at_seam(name, mesh.vertices_m, self.bed, self._soil)
-            reference = bodies[tool.body].angle_rad if tool.body else 0.0
-            tools.append(ToolSurface(name, mesh, reference, motion))
-        return tuple(tools)
 
     def state_arrays(self) -> dict[str, np.ndarray]:
         """All that later ticks depend on, and what their results count from; by name, not copied.
@@ -249,15 +238,10 @@ class SoilEngine(SoilReadings):
         """
         if not np.array_equal(arrays["bed"], bed_digest(self.bed, self._loaded_position)):
             raise ValueError("the bed prepared here is not the one that the state began with")
-
-        def part(prefix: str) -> dict[str, np.ndarray]:
-            start = f"{prefix}."
-            return {key.removeprefix(start): item for key, item in arrays.items() if key.startswith(start)}
-
-        tools = [part(f"tool.{name}") for name in self._resolved.scene.tools]
         names = self._resolved.scene.tools
+        tools = [below(f"tool.{name}", arrays) for name in names]
         motions = (motion_from(name, tool["last"]) for name, tool in zip(names, tools, strict=True))
-        self._tools = self._surfaces(tuple(motions))
+        self._tools = surfaces(self._resolved, self.bed, tuple(motions))
         for surface, tool in zip(self._tools, tools, strict=True):
             surface.restore(tool)
         self._moving, self._owes_kick = from_named(Particles, "particles", arrays), False
@@ -269,7 +253,7 @@ class SoilEngine(SoilReadings):
         self._sinks = arrays["sinks"]
         self._tool_work, self._rebuilds = float(arrays["tool_work"]), int(arrays["rebuilds"])
         if self._watch is not None:
-            self._watch.restore(part("watch"))
+            self._watch.restore(below("watch", arrays))
 
     def advance(self, tick: int, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
         """Wrenches of `tick`, the tools moving from where they stand to `motions`.

@@ -62,6 +62,14 @@ def history_place(pair):
     return pair // BLOCK * (BLOCK * HISTORY) + pair % BLOCK
 
 
+@njit(cache=True, forceinline=True)
+def springs_of(history, pair):
+    """Tangential and rolling spring of a pair or wall contact, each a tuple of three."""
+    h = history_place(pair)
+    shear = (history[h], history[h + BLOCK], history[h + 2 * BLOCK])
+    return shear, (history[h + 3 * BLOCK], history[h + 4 * BLOCK], history[h + 5 * BLOCK])
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _gather(
     first_row, pair, last, row_start, neighbour, position, velocity, spin, scratch,
@@ -301,11 +309,7 @@ def _rows_energy(first, last, row_start, neighbour, position, history, radius, m
             overlap, law = _overlap_and_law(i, neighbour[k], position, radius, mixture, features)
             if overlap > (-law.reach if features.adhesion.ndim == 2 else 0.0):
                 energy += normal_potential(overlap, law, features)
-                h = history_place(k)
-                energy += spring_energy(
-                    overlap, (history[h], history[h + BLOCK], history[h + 2 * BLOCK]),
-                    (history[h + 3 * BLOCK], history[h + 4 * BLOCK], history[h + 5 * BLOCK]), law, features,
-                )  # fmt: skip
+                energy += spring_energy(overlap, *springs_of(history, k), law, features)
     return energy
 
 

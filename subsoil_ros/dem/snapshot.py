@@ -27,6 +27,12 @@ def from_named(kind: type[Record], prefix: str, arrays: Mapping[str, np.ndarray]
     return kind(**{item.name: arrays[f"{prefix}.{item.name}"] for item in fields(kind)})  # type: ignore[arg-type]
 
 
+def below(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The arrays under PREFIX., by the rest of their names."""
+    start = f"{prefix}."
+    return {key.removeprefix(start): array for key, array in arrays.items() if key.startswith(start)}
+
+
 def motion_array(motion: ToolMotion) -> np.ndarray:
     """A motion as (7,) float64, without the tool's name."""
     return np.array(astuple(motion)[1:], np.float64)

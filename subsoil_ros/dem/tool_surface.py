@@ -8,12 +8,15 @@ import numpy as np
 
 from ..errors import PhysicsError
 from ..messages import GroupForce, ToolMotion, ToolWrench
-from ..scene.meshes import ToolMesh
+from ..scene.loader import ResolvedScene
+from ..scene.meshes import ToolMesh, load_tool_mesh
+from .bed import Bed
 from .contact import Features, PairLaw
 from .facets import Facets, facets_of, inside_or_near, near_facets
 from .kernel_calls import KernelCalls
 from .mixture import Mixture
 from .neighbours import CellGrid, carry_rows
+from .periodic import refuse_tool_at_seam
 from .snapshot import from_named, motion_array, motion_from, named
 from .state import Particles, ToolList
 from .tools import CONTACTS, chunk_buffers, tool_forces, tool_scan
@@ -182,6 +185,24 @@ class ToolSurface:
         return ToolWrench(
             self.name, fx, fy, fz, tx, ty, tz, self.felt.work_joule, self.felt.contacts, tuple(groups)
         )  # fmt: skip
+
+
+def surfaces(resolved: ResolvedScene, bed: Bed, motions: tuple[ToolMotion, ...]) -> tuple[ToolSurface, ...]:
+    """The tools of a scene at `motions`.
+
+    Raises:
+        SceneError: a mesh cannot be used, or a tool would reach across the seam of a periodic bed.
+    """
+    scene, soil = resolved.scene, resolved.scene.particle_soil
+    assert soil is not None
+    bodies = scene.mechanism.bodies if scene.mechanism else {}
+    found = []
+    for (name, tool), motion in zip(scene.tools.items(), motions, strict=True):
+        mesh = load_tool_mesh(resolved.directory, scene, name)
+        refuse_tool_at_seam(name, mesh.vertices_m, bed, soil)
+        reference = bodies[tool.body].angle_rad if tool.body else 0.0
+        found.append(ToolSurface(name, mesh, reference, motion))
+    return tuple(found)
 
 
 def refuse_leap(where: str, tool: ToolSurface, motion: ToolMotion, step_s: float, radius_m: float) -> None:

@@ -8,7 +8,7 @@ from numba import njit, prange
 
 from .contact import SINKS, PairLaw, contact, like, normal_potential, spring_energy
 from .mixture import sphere_of
-from .pairs import BLOCK, HISTORY, ROW, history_place, law_in_rows, scratch_rows
+from .pairs import BLOCK, HISTORY, ROW, history_place, law_in_rows, scratch_rows, springs_of
 
 WALLS = ("near", "far", "right", "left", "floor")
 
@@ -207,9 +207,5 @@ def wall_scan(particle, wall, planes, position, history, common_radius, common_l
             contacts += 1
             largest = max(largest, overlap)
             energy += normal_potential(overlap, law, features)
-            h = history_place(k)
-            energy += spring_energy(
-                overlap, (history[h], history[h + BLOCK], history[h + 2 * BLOCK]),
-                (history[h + 3 * BLOCK], history[h + 4 * BLOCK], history[h + 5 * BLOCK]), law, features,
-            )  # fmt: skip
+            energy += spring_energy(overlap, *springs_of(history, k), law, features)
     return contacts, largest, energy

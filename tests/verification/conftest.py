@@ -4,9 +4,9 @@ import copy
 from pathlib import Path
 
 import pytest
-import trimesh
 import yaml
 
+from benchmarks.extremes.laboratory import box_mesh
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.messages import ToolMotion
 from subsoil_ros.scene.loader import ResolvedScene, load_scene
@@ -68,13 +68,8 @@ class SoilMaker:
         return SoilEngine(self.scene(*overrides, **kw), threads, book=book)
 
     def box(self, x_m: float, y_m: float, z_m: float, *, subdivide: int = 0) -> str:
-        """STL of a box about its centre; `subdivide` cuts every facet in four, so many times."""
-        mesh = trimesh.creation.box((x_m, y_m, z_m))
-        for _ in range(subdivide):
-            mesh = mesh.subdivide()
-        path = self.folder / f"box_{x_m}_{y_m}_{z_m}_{subdivide}.stl"
-        mesh.export(path)
-        return str(path)
+        """STL of a box about its centre, in the maker's folder."""
+        return box_mesh(self.folder, x_m, y_m, z_m, subdivide)
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import trapezoid
 
+from benchmarks.extremes.coupling import block_machine
 from subsoil_ros.coupling.exchange import InterfaceAccount
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.mbd.engine import MechanismEngine
@@ -11,45 +12,11 @@ from subsoil_ros.mbd.engine import MechanismEngine
 DURATION_S = 0.06
 
 
-def machine(mesh: str) -> dict:
-    """A block of 6 kg on a spring behind a driven trolley, sliding in x over the bed's surface layer."""
-    return {
-        "mechanism": {
-            "bodies": {
-                "trolley": {"mass_kg": 20.0, "inertia_kg_m2": 1.0, "position_m": [0.3, 0.2]},
-                "block": {"mass_kg": 6.0, "inertia_kg_m2": 0.05, "position_m": [0.05, -0.03]},
-            },
-            "joints": {
-                "rail": {
-                    "kind": "prismatic", "body_a": "ground", "body_b": "trolley", "point_m": [0.3, 0.2],
-                    "axis": [1, 0],
-                },
-                "drive": {
-                    "kind": "driver", "body": "trolley", "coordinate": "x",
-                    "speed": {"kind": "constant", "value": 0.4},
-                },
-                "hinge": {"kind": "revolute", "body_a": "trolley", "body_b": "block", "point_m": [0.05, 0.2]},
-            },
-            "forces": {
-                "spring": {
-                    "kind": "spring_damper", "body_a": "trolley", "point_a_m": [0.3, 0.05], "body_b": "block",
-                    "point_b_m": [0.05, 0.05], "stiffness_newton_per_m": 4000.0,
-                    "damping_newton_s_per_m": 20.0, "free_length_m": 0.25,
-                },
-            },
-            "draft_driver": "drive",
-        },
-        "tools": {
-            "block": {"body": "block", "groups": {"body": {"mesh": mesh, "position_m": [0.05, 0.0, -0.03]}}},
-        },
-    }  # fmt: skip
-
-
 def coupled(soil, step):
     """The serial scheme of a run, without a bag. Yields engines, wrenches held and answered, account."""
     resolved = soil.scene(
         f"soil.time_step_s={step}", "soil.bin.length_m=0.3", "soil.bed.jitter_m=0.0003",
-        **machine(soil.box(0.03, 0.05, 0.06)),
+        **block_machine(soil.box(0.03, 0.05, 0.06)),
     )  # fmt: skip
     mechanism = MechanismEngine(resolved.scene, resolved.timing)
     bed = SoilEngine(resolved, 1, book=True)

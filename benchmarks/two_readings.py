@@ -132,7 +132,9 @@ def judge(case: Case, summary: Summary) -> dict[str, Any]:
     }
     entry = row["run_draft_min_newton"] < 0.0 <= row["draft_min_newton"]
     low = row["run_height_range_m"] >= RANGE_PART * paper.HEIGHT_TRAVEL_M > row["height_range_m"]
-    if rhythm and wide:
+    if "shank.past_dead_centre_s" in summary:
+        row["verdict"] = "none: the soil folds the shank back"
+    elif rhythm and wide:
         steady = row["drift"] == "no drift seen"
         row["verdict"] = "steady cycle" if steady else "cycle that does not stay"
     elif entry or low:

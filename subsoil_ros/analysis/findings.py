@@ -11,6 +11,7 @@ from ..scene.loader import ResolvedScene
 from ..scene.model import Scene
 from .disturbance import Disturbance, read_disturbance
 from .fatigue import LoadCycles, load_cycles
+from .levers import past_dead_centre_s
 from .loads import Loads, loads_of
 from .series import Series
 from .smoothing import moving_mean, step_s
@@ -34,6 +35,7 @@ class Findings:
     disturbance: Disturbance | None
     moving_extremes: dict[str, tuple[float, float]]  # of the 10 ms moving mean
     run_extremes: dict[str, tuple[float, float]]
+    past_dead_centre_s: float | None  # when the shank passed that of its spring
 
     def metrics(self) -> dict[str, Any]:
         """Flat, as summary.json holds them; what is not finite is left out."""
@@ -42,6 +44,8 @@ class Findings:
             for name, (low, high) in extremes.items():
                 found[f"{prefix}{name}_10ms_min"], found[f"{prefix}{name}_10ms_max"] = low, high
         found.update(self.loads.metrics)
+        if self.past_dead_centre_s is not None:
+            found["shank.past_dead_centre_s"] = self.past_dead_centre_s
         for name, steady in self.steadiness.items():
             found.update(_of_steadiness(f"steady.{name}", steady))
         for name, item in self.spectra.items():
@@ -108,6 +112,7 @@ def find_out(bag: Path, resolved: ResolvedScene, series: Series, window: Window)
         disturbance=read_disturbance(bag, resolved, series, window),
         moving_extremes=inside,
         run_extremes=whole,
+        past_dead_centre_s=past_dead_centre_s(resolved.scene, series.columns),
     )
 
 

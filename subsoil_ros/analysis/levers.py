@@ -10,10 +10,13 @@ S_0 is the spring's force without soil. Compression must hold a shank that the s
 paper.
 """
 
+import cmath
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..scene.mechanism import Revolute, SpringDamper
 from ..scene.model import Scene
@@ -119,16 +122,10 @@ def rest_angle_rad(scene: Scene) -> float | None:
     """Angle of the shank against an upright frame at which its weight rests on the spring; None as
     levers_of."""
     found = levers_of(scene)
-    if found is None or scene.mechanism is None:
+    if found is None:
         return None
-    spring = scene.mechanism.forces[str(scene.report.spring)]
-    assert isinstance(spring, SpringDamper)
-    assert spring.stiffness_newton_per_m is not None
-    on_shank, other = spring.point_b_m, spring.point_a_m
-    if spring.body_a == scene.report.shank:
-        on_shank, other = other, on_shank
-    hinge, stiffness = complex(*found.hinge_m), spring.stiffness_newton_per_m
-    lug, anchor = complex(*on_shank) - hinge, complex(*other) - hinge
+    spring, lug, anchor = _spring_from_hinge(scene, found)
+    stiffness = float(spring.stiffness_newton_per_m or 0.0)
     com = complex(*found.com_arm_m)
 
     def moment(angle: float) -> float:
@@ -147,3 +144,35 @@ def rest_angle_rad(scene: Scene) -> float | None:
     if moment(-widest) * moment(widest) > 0.0:
         return None
     return float(brentq(moment, -widest, widest, xtol=1e-12))
+
+
+def past_dead_centre_s(scene: Scene, columns: Mapping[str, NDArray[np.float64]]) -> float | None:
+    """When the shank had been pushed back so far that its spring pointed through the hinge; None if never.
+
+    From there on the spring folds the shank up. columns: of a run's series, each (n,). None also where
+    levers_of finds no such shank.
+    """
+    found = levers_of(scene)
+    if found is None or scene.mechanism is None:
+        return None
+    spring, lug, anchor = _spring_from_hinge(scene, found)
+    shank = str(scene.report.shank)
+    frame = spring.body_b if spring.body_a == shank else spring.body_a
+    angle = np.zeros(len(columns["time_s"]))
+    for body, sign in ((shank, 1.0), (frame, -1.0)):
+        if body in scene.mechanism.bodies:  # the ground does not turn
+            angle += sign * (columns[f"body.{body}.angle_rad"] - scene.mechanism.bodies[body].angle_rad)
+    past = np.flatnonzero(angle <= cmath.phase(anchor / lug))
+    return float(columns["time_s"][past[0]]) if len(past) else None
+
+
+def _spring_from_hinge(scene: Scene, levers: Levers) -> tuple[SpringDamper, complex, complex]:
+    """The spring, its point on the shank and the other one, x + i z from the hinge."""
+    assert scene.mechanism is not None
+    spring = scene.mechanism.forces[str(scene.report.spring)]
+    assert isinstance(spring, SpringDamper)
+    on_shank, other = spring.point_b_m, spring.point_a_m
+    if spring.body_a == scene.report.shank:
+        on_shank, other = other, on_shank
+    hinge = complex(*levers.hinge_m)
+    return spring, complex(*on_shank) - hinge, complex(*other) - hinge

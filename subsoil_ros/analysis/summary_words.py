@@ -9,6 +9,7 @@ Summary = Mapping[str, Any]
 def load_lines(summary: Summary) -> list[str]:
     """Lines for what the run has; none for what it has not."""
     lines = [
+        _folded(summary),
         _steady(summary),
         _vertical(summary),
         _power(summary),
@@ -17,6 +18,15 @@ def load_lines(summary: Summary) -> list[str]:
         _disturbance(summary),
     ]
     return [line for line in lines if line]
+
+
+def _folded(summary: Summary) -> str:
+    if "shank.past_dead_centre_s" not in summary:
+        return ""
+    return (
+        f"the soil folded the shank back: at {summary['shank.past_dead_centre_s']:.3f} s it passed the dead "
+        "centre of its spring, and what follows is not the draft of a working tool"
+    )
 
 
 def _steady(summary: Summary) -> str:

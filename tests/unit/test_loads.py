@@ -65,7 +65,7 @@ def findings_of(series: Series, resolved: ResolvedScene, window: Window) -> Find
     """Without soil."""
     steady = steadiness(series["time_s"], series["draft_newton"])
     loads = loads_of(series, resolved, window)
-    return Findings(loads, {"draft_newton": steady}, {}, None, None, {}, {})
+    return Findings(loads, {"draft_newton": steady}, {}, None, None, {}, {}, None)
 
 
 def test_weight_is_carried_by_all_parts(machine):

@@ -1,8 +1,8 @@
 """Which spring saves draft, and does what it saves come from vibration?
 
-    python -m benchmarks.design_study [--stage springs depth angles exchange] [--out DIR] [--seeds 0,1,2]
+    python -m benchmarks.design_study [--stage springs depth angles exchange particles] [--out DIR]
 
-On the reduced soil (seconds a run), with `subsoil sweep` where it can:
+On the reduced soil (seconds a run), with `subsoil sweep` where it can, three seeds each:
 
 springs   stiffness, preload (as the spring's length without force) and damping, every combination, against
           the shank locked in its nominal place
@@ -10,6 +10,8 @@ depth     depth and speed of the declared machine, against the same
 angles    the shank locked at other angles: what a share draws that does not move on its spring
 exchange  the declared and the recommended spring with shorter and longer exchange, against the shank locked
           at their own mean angles: what is saved counts only if it stays
+particles the same question of 5,600 particles of r = 25 mm (benchmarks/draft_saving.py), with shorter steps
+          and longer exchange
 
 A spring also sets the angle at which the share works, and that alone changes the draft. design_study.png and
 .json therefore compare every spring with the locked shank at its own mean angle, seed by seed.
@@ -29,11 +31,18 @@ import numpy as np
 from benchmarks.draft_saving import mean_angle_rad
 from benchmarks.kept_runs import Summary, kept_run, write_scene
 from subsoil_ros.analysis.intervals import Interval, mean_interval
-from subsoil_ros.analysis.machine_variants import at_depth, at_rest, locked_shank
+from subsoil_ros.analysis.machine_variants import (
+    at_depth,
+    at_rest,
+    coarse_soil,
+    locked_shank,
+    on_plain_ground,
+)
 from subsoil_ros.analysis.plotting import COLOURS, new_figure, save_figure
 from subsoil_ros.scene.loader import load_scene
 
-SCENE = Path(__file__).parents[1] / "config" / "scenes" / "subsoiler_1s300_resistance.yaml"
+SCENES = Path(__file__).parents[1] / "config" / "scenes"
+SCENE, PARTICLES = SCENES / "subsoiler_1s300_resistance.yaml", SCENES / "subsoiler_1s300.yaml"
 SPRING = "mechanism.forces.H9_spring"
 SPEED = "mechanism.joints.H10_drive.speed"
 LOCKED = (f"{SPRING}.locked=true", "mechanism.initial.coordinates.shank.angle_rad=null")
@@ -51,6 +60,17 @@ DEPTHS_M = (0.18, 0.22, 0.26, 0.30)
 SPEEDS = (0.3, 0.5, 0.8)
 ANGLES_RAD = tuple(round(-0.40 + 0.05 * i, 2) for i in range(9))
 INTERVALS_NS = (125_000, 250_000, 500_000, 1_000_000, 2_000_000)
+
+COARSE_RADIUS_M, COARSE_BIN_M = 0.025, (2.0, 0.72, 0.4)
+_MEAN = ("soil.time_step_s=auto", "coupling.force=tick_mean")
+ON_PARTICLES = {
+    "exchange of 1.6 ms": (*_MEAN, "coupling.interval_ns=1600000", "record.series_ticks=1"),
+    "exchange of 0.4 ms": (*_MEAN, "coupling.interval_ns=400000", "record.series_ticks=4"),
+    "as declared: every step of 80 us": (),
+    "every step of 40 us": ("soil.time_step_s=4e-5", "record.series_ticks=40"),
+    "every step of 20 us": ("soil.time_step_s=2e-5", "record.series_ticks=80"),
+}
+"""Coarser and finer exchange and step."""
 
 
 def sweep(scene: Path, out: Path, words: list[str], args: argparse.Namespace) -> Path:
@@ -142,6 +162,38 @@ def exchange(args: argparse.Namespace) -> None:
     write_rows(args.out / "exchange.csv", rows)
 
 
+def particles(args: argparse.Namespace) -> None:
+    """What the declared spring saves on coarse particles, over exchange and step."""
+    first = load_scene(PARTICLES, ["start=lowered"])
+    depth_m = DEPTHS_M[-1]
+    document = on_plain_ground(at_depth(first, depth_m, from_above=True))
+    document = coarse_soil(document, COARSE_RADIUS_M, COARSE_BIN_M)
+    path = write_scene(document, args.out / "scenes" / "particles.yaml")
+    write_scene(at_rest(document, load_scene(path)), path)
+    rows = []
+    for name, changes in ON_PARTICLES.items():
+        out = args.out / "particles" / name.replace(" ", "_").replace(":", "")
+        command = [sys.executable, "-m", "benchmarks.draft_saving", str(path), "--out", str(out)]
+        command += ["--most-seeds", str(len(args.seeds.split(",")))]
+        for change in changes:
+            command += ["--set", change]
+        print(" ".join(command[1:]), flush=True)
+        subprocess.run(command, check=True)
+        found = json.loads((out / "draft_saving.json").read_text(encoding="utf-8"))["differences"]
+        for control, quantities in found.items():
+            draft = quantities["draft_newton_mean"]
+            rows.append(
+                {
+                    "exchange": name,
+                    "control": control,
+                    "draft_newton": draft["case_mean"],
+                    "saving": draft["difference"] / draft["control_mean"],
+                    "half_width": draft["half_width"] / draft["control_mean"],
+                }
+            )
+    write_rows(args.out / "particles.csv", rows)
+
+
 def recommended(out: Path) -> dict[str, float]:
     """Keys and values of the spring that the ranking recommends, or else of its first."""
     rows = read_rows(out / "springs" / "ranking.csv")
@@ -220,7 +272,7 @@ def write_rows(path: Path, rows: list[dict[str, Any]]) -> None:
         writer.writerows(rows)
 
 
-STAGES = {"springs": springs, "depth": depth, "angles": angles, "exchange": exchange}
+STAGES = {"springs": springs, "depth": depth, "angles": angles, "exchange": exchange, "particles": particles}
 
 
 def main() -> None:

@@ -17,8 +17,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from benchmarks.kept_runs import FailedRun, Summary, kept_run, write_scene
 from subsoil_ros.analysis import paper
+from subsoil_ros.analysis.levers import past_dead_centre_s
 from subsoil_ros.analysis.machine_variants import at_depth, at_rest, coarse_soil, on_plain_ground
 from subsoil_ros.errors import SubsoilError
 from subsoil_ros.scene.loader import load_scene
@@ -60,13 +63,16 @@ class Case(NamedTuple):
 
 
 def matrix() -> Iterator[Case]:
-    """Every case; the law has no strength that falls with speed or strain, so no soils of that kind."""
+    """Every case. Limit `weakening`: as `total`, but what slides holds half (the one strength that falls
+    with strain; none falls with speed)."""
     for start in ("lowered", "end_wall"):
         for friction in ("total", "repulsive", "absolute"):
             for depth in (0.18, 0.22, 0.26, 0.30):
                 yield Case(start, depth, "grid", friction)
         for depth in (0.18, 0.30):
             yield Case(start, depth, "dense_random", "total")
+            yield Case(start, depth, "dense_random", "absolute")
+            yield Case(start, depth, "grid", "weakening")
 
 
 def scene_of(case: Case, out: Path, coarse_radius_m: float | None) -> Path:
@@ -82,7 +88,11 @@ def scene_of(case: Case, out: Path, coarse_radius_m: float | None) -> Path:
     else:
         soil["bin"].update(length_m=length, width_m=width)
     soil = document["soil"]
-    soil["law"]["friction_normal"] = case.friction
+    law = soil["law"]
+    law["friction_normal"] = "total" if case.friction == "weakening" else case.friction
+    if case.friction == "weakening":
+        for row in (law["particle"], law["boundary"]):
+            row["sliding_friction"] = 0.5 * row["static_friction"]
     if case.bed == "dense_random":
         soil["bed"] = {"kind": "dense_random", "seed": 0}
     document["duration_s"] = (length - INSIDE_M + 0.4) / speed + 0.5
@@ -95,8 +105,8 @@ def scene_of(case: Case, out: Path, coarse_radius_m: float | None) -> Path:
     return path
 
 
-def judge(case: Case, summary: Summary) -> dict[str, Any]:
-    """One row of the verdict table."""
+def judge(case: Case, scene: Path, summary: Summary) -> dict[str, Any]:
+    """One row of the verdict table; `scene` is the file that the summary is of."""
     spring, angle, height = "spring.H9_spring.force_newton", "body.shank.angle_rad", "body.shank.z_m"
 
     def span(prefix: str, name: str) -> float:
@@ -132,7 +142,8 @@ def judge(case: Case, summary: Summary) -> dict[str, Any]:
     }
     entry = row["run_draft_min_newton"] < 0.0 <= row["draft_min_newton"]
     low = row["run_height_range_m"] >= RANGE_PART * paper.HEIGHT_TRAVEL_M > row["height_range_m"]
-    if "shank.past_dead_centre_s" in summary:
+    row["folded_s"] = past_dead_centre_s(load_scene(scene).scene, columns(Path(summary["folder"])))
+    if row["folded_s"] is not None:
         row["verdict"] = "none: the soil folds the shank back"
     elif rhythm and wide:
         steady = row["drift"] == "no drift seen"
@@ -142,6 +153,14 @@ def judge(case: Case, summary: Summary) -> dict[str, Any]:
     else:
         row["verdict"] = "neither"
     return row
+
+
+def columns(folder: Path) -> dict[str, np.ndarray]:
+    """Of a kept run's series."""
+    with (folder / "series.csv").open(newline="", encoding="utf-8") as stream:
+        rows = csv.reader(stream)
+        names = next(rows)
+        return dict(zip(names, np.array([[float(cell) for cell in row] for row in rows]).T, strict=True))
 
 
 def main() -> None:
@@ -163,7 +182,7 @@ def main() -> None:
     for case in cases:
         try:
             path = scene_of(case, args.out, args.coarse)
-            rows.append(judge(case, kept_run(path, args.out / "runs", (), args.threads)))
+            rows.append(judge(case, path, kept_run(path, args.out / "runs", (), args.threads)))
         except (FailedRun, SubsoilError) as error:
             print(f"{case.name}: {error}", file=sys.stderr, flush=True)
             continue

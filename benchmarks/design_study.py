@@ -20,6 +20,7 @@ A spring also sets the angle at which the share works, and that alone changes th
 import argparse
 import csv
 import json
+import math
 import subprocess
 import sys
 from collections import defaultdict
@@ -58,7 +59,7 @@ DAMPING = (200.0, 1000.0, 3000.0)
 
 DEPTHS_M = (0.18, 0.22, 0.26, 0.30)
 SPEEDS = (0.3, 0.5, 0.8)
-ANGLES_RAD = tuple(round(-0.40 + 0.05 * i, 2) for i in range(9))
+ANGLES_RAD = tuple(round(-0.50 + 0.05 * i, 2) for i in range(13))
 INTERVALS_NS = (125_000, 250_000, 500_000, 1_000_000, 2_000_000)
 
 COARSE_RADIUS_M, COARSE_BIN_M = 0.025, (2.0, 0.72, 0.4)
@@ -217,7 +218,7 @@ def at_own_angle(out: Path) -> list[dict[str, Any]]:
         )
         at, drafts = np.array(sorted(locked[int(row["seed"])])).T
         draft = float(row["draft_newton_mean"])
-        found[spring].append((angle, draft, float(np.interp(angle, at, drafts))))
+        found[spring].append((angle, draft, float(np.interp(angle, at, drafts, math.nan, math.nan))))
     rows = []
     for spring, runs in found.items():
         saving: Interval = mean_interval([1.0 - draft / other for _, draft, other in runs])

@@ -24,13 +24,14 @@ import math
 import subprocess
 import sys
 from collections import defaultdict
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.draft_saving import mean_angle_rad
-from benchmarks.kept_runs import Summary, kept_run, write_scene
+from benchmarks.draft_saving import mean_angle_rad, run_seed
+from benchmarks.kept_runs import FailedRun, Summary, kept_run, write_scene
 from subsoil_ros.analysis.intervals import Interval, mean_interval
 from subsoil_ros.analysis.machine_variants import (
     at_depth,
@@ -73,6 +74,13 @@ ON_PARTICLES = {
 }
 """Coarser and finer exchange and step."""
 
+UNBOUND = ("coupling.residual_bound=1e9",)
+"""Lets a run go on whose exchange makes energy, to see what it would have shown."""
+
+Changes = tuple[str, ...]
+Pair = tuple[float, float]
+"""Mean draft of the sprung and of the locked machine [N]."""
+
 
 def sweep(scene: Path, out: Path, words: list[str], args: argparse.Namespace) -> Path:
     """Runs `subsoil sweep`; its folder."""
@@ -98,11 +106,12 @@ def springs(args: argparse.Namespace) -> None:
 def depth(args: argparse.Namespace) -> None:
     """The declared machine, mounted for every depth and drawn at every speed: the same way in each."""
     first = load_scene(SCENE)
-    duration, still_s = first.scene.duration_s, 0.45  # the trolley stands while the wheels settle
+    still_s = 0.45  # the trolley stands while the wheels settle
+    way_m = 0.5 * (first.scene.duration_s - 0.1 - still_s)  # the wheels must not leave the bin
     laws = ",".join(
         f"{{kind: table, times_s: [0.0, 0.4, 0.5], values: [0.0, 0.0, {speed}]}}" for speed in SPEEDS
     )
-    times = ",".join(f"{still_s + (duration - still_s) * 0.5 / speed:.3f}" for speed in SPEEDS)
+    times = ",".join(f"{still_s + way_m / speed:.3f}" for speed in SPEEDS)
     for depth_m in DEPTHS_M:
         document = at_depth(first, depth_m)
         path = write_scene(document, args.out / "scenes" / f"{document['name']}.yaml")
@@ -137,62 +146,72 @@ def angles(args: argparse.Namespace) -> None:
 
 def exchange(args: argparse.Namespace) -> None:
     """What two springs save, over the interval of the exchange."""
+    seeds = [int(seed) for seed in args.seeds.split(",")]
     rows = []
     for name, spring in (("declared", {}), ("recommended", recommended(args.out))):
         changes = tuple(f"{key}={value}" for key, value in spring.items())
         for interval_ns in INTERVALS_NS:
             series = max(1, 10_000_000 // interval_ns)
             timing = (f"coupling.interval_ns={interval_ns}", f"record.series_ticks={series}")
-            savings = []
-            for seed in map(int, args.seeds.split(",")):
-                given = (f"soil.seed={seed}", *timing, *changes)
+
+            def pair(
+                seed: int, more: tuple[str, ...], timing: Changes = timing, changes: Changes = changes
+            ) -> Pair:
+                given = (f"soil.seed={seed}", *timing, *changes, *more)
                 sprung = kept_run(SCENE, args.out / "runs", given)
                 angle = mean_angle_rad(sprung, load_scene(SCENE, given))
-                locked = locked_at(angle, seed, args.out, timing)
-                savings.append(1.0 - sprung["draft_newton_mean"] / locked["draft_newton_mean"])
-            saving = mean_interval(savings)
-            rows.append(
-                {
-                    "spring": name,
-                    "interval_s": 1e-9 * interval_ns,
-                    "saving": saving.mean,
-                    "half_width": saving.half_width,
-                }
-            )
-            print(rows[-1], flush=True)
+                locked = locked_at(angle, seed, args.out, (*timing, *more))
+                return sprung["draft_newton_mean"], locked["draft_newton_mean"]
+
+            rows += judged({"spring": name, "interval_s": 1e-9 * interval_ns}, pair, seeds)
     write_rows(args.out / "exchange.csv", rows)
 
 
 def particles(args: argparse.Namespace) -> None:
     """What the declared spring saves on coarse particles, over exchange and step."""
-    first = load_scene(PARTICLES, ["start=lowered"])
-    depth_m = DEPTHS_M[-1]
-    document = on_plain_ground(at_depth(first, depth_m, from_above=True))
-    document = coarse_soil(document, COARSE_RADIUS_M, COARSE_BIN_M)
+    seeds = [int(seed) for seed in args.seeds.split(",")]
+    document = at_depth(load_scene(PARTICLES, ["start=lowered"]), DEPTHS_M[-1], from_above=True)
+    document = coarse_soil(on_plain_ground(document), COARSE_RADIUS_M, COARSE_BIN_M)
     path = write_scene(document, args.out / "scenes" / "particles.yaml")
     write_scene(at_rest(document, load_scene(path)), path)
     rows = []
     for name, changes in ON_PARTICLES.items():
-        out = args.out / "particles" / name.replace(" ", "_").replace(":", "")
-        command = [sys.executable, "-m", "benchmarks.draft_saving", str(path), "--out", str(out)]
-        command += ["--most-seeds", str(len(args.seeds.split(",")))]
-        for change in changes:
-            command += ["--set", change]
-        print(" ".join(command[1:]), flush=True)
-        subprocess.run(command, check=True)
-        found = json.loads((out / "draft_saving.json").read_text(encoding="utf-8"))["differences"]
-        for control, quantities in found.items():
-            draft = quantities["draft_newton_mean"]
-            rows.append(
-                {
-                    "exchange": name,
-                    "control": control,
-                    "draft_newton": draft["case_mean"],
-                    "saving": draft["difference"] / draft["control_mean"],
-                    "half_width": draft["half_width"] / draft["control_mean"],
-                }
-            )
+
+        def pair(seed: int, more: tuple[str, ...], changes: Changes = changes) -> Pair:
+            found = run_seed(path, [*changes, *more], seed, args.out / "particles", threads=1)
+            return found["sprung"]["draft_newton_mean"], found["locked, mean angle"]["draft_newton_mean"]
+
+        rows += judged({"exchange": name}, pair, seeds)
     write_rows(args.out / "particles.csv", rows)
+
+
+def judged(
+    what: dict[str, Any], pair: Callable[[int, tuple[str, ...]], Pair], seeds: Sequence[int]
+) -> list[dict[str, Any]]:
+    """Rows of what is saved; where the residual stops a run, one that says so, and one without that bound."""
+    rows = []
+    for bound, more in (("on", ()), ("off", UNBOUND)):
+        row = {
+            **what,
+            "residual_bound": bound,
+            "draft_newton": "",
+            "saving": "",
+            "half_width": "",
+            "ended": "",
+        }
+        try:
+            drafts = np.array([pair(seed, more) for seed in seeds])
+        except FailedRun as error:
+            row["ended"] = str(error).splitlines()[-1].split(";")[0].partition("subsoil run: ")[2]
+        else:
+            saving = mean_interval(1.0 - drafts[:, 0] / drafts[:, 1])
+            row |= {"draft_newton": float(drafts[:, 0].mean()), "saving": saving.mean,
+                    "half_width": saving.half_width}  # fmt: skip
+        rows.append(row)
+        print(row, flush=True)
+        if not row["ended"]:
+            break
+    return rows
 
 
 def recommended(out: Path) -> dict[str, float]:

@@ -35,6 +35,7 @@ class StudyDesign(Part):
     seeds: Seeds
     confidence: Fraction = 0.95
     knobs: dict[str, dict[str, Overrides]]  # knob, value, its changes of the finest
+    one_at_a_time: tuple[str, ...] | None = None  # knobs whose values also run alone (default: every knob)
     combinations: dict[str, dict[str, str]] = {}  # name, then the value of each knob that differs
     judged_by: tuple[str, ...] = ("draft_mean_newton", "spring_range_newton")  # the Pareto set's error
     also_against: dict[str, Reference] = {}
@@ -43,6 +44,9 @@ class StudyDesign(Part):
     def _known(self) -> "StudyDesign":
         if len(set(self.seeds)) < len(self.seeds):
             raise ValueError("seeds: one is given twice; each bed counts once")
+        for knob in self.one_at_a_time or ():
+            if knob not in self.knobs:
+                raise ValueError(f"one_at_a_time: no knob '{knob}'; {suggestion(knob, self.knobs)}")
         for name, chosen in self.combinations.items():
             for knob, value in chosen.items():
                 if knob not in self.knobs:
@@ -62,10 +66,10 @@ class StudyDesign(Part):
         return self
 
     def variants(self) -> tuple["Variant", ...]:
-        """The finest run, every knob's values one at a time, the combinations; without seeds."""
+        """The finest run, the values of knobs one at a time, the combinations; without seeds."""
         found = [Variant(Point({}, name=FINEST, overrides=self.finest), {})]
-        for knob, values in self.knobs.items():
-            for value in values:
+        for knob in self.knobs if self.one_at_a_time is None else self.one_at_a_time:
+            for value in self.knobs[knob]:
                 found.append(self._variant(f"{knob}: {value}", {knob: value}))
         return (*found, *(self._variant(name, chosen) for name, chosen in self.combinations.items()))
 

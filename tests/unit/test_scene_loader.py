@@ -56,6 +56,14 @@ def test_start_is_laid_over_the_rest(scene_file: Path) -> None:
     assert high.mechanism.initial.coordinates == {"bob.angle_rad": 1.5}
 
 
+def test_a_whole_part_may_be_added(scene_file: Path) -> None:
+    """A force under a new name; a value below a name that is not there is a slip of the pen (below)."""
+    force = "{kind: point_load, body: bob, point_m: [0.0, -1.0], force_x_newton: {kind: constant, value: 2.0}}"
+    found = load_scene(scene_file, [f"mechanism.forces.pull={force}"]).scene.mechanism
+    assert found is not None
+    assert list(found.forces) == ["push", "pull"]
+
+
 @pytest.mark.parametrize(
     "overrides", [(), ("start=high",), ("duration_s=0.3", "mechanism.bodies.bob.mass_kg=3")]
 )

@@ -140,10 +140,18 @@ def test_shipped_designs_fit_their_scenes(path: Path) -> None:
     assert len(set(hashes.values())) == len(hashes)
 
 
+def test_knobs_that_run_alone() -> None:
+    """All of them, or those that are named; combinations may use the others."""
+    names = [variant.point.name for variant in design().variants()]
+    alone = [variant.point.name for variant in design(one_at_a_time=["step"]).variants()]
+    assert alone == [name for name in names if not name.startswith("cloud")]
+    assert alone != names
+
+
 def test_finest_of_the_paper_is_what_was_agreed() -> None:
     """The full bin, float64, a step that its monitors let pass, serial exchange every step."""
     found = read_design(CONFIG / "studies" / "subsoiler_1s300.yaml")
-    found = found.model_copy(update={"knobs": {}, "combinations": {}, "also_against": {}})
+    found = found.model_copy(update={"one_at_a_time": (), "combinations": {}, "also_against": {}})
     scene = next(iter(study_jobs(str(CONFIG / "scenes" / "subsoiler_1s300.yaml"), (), found))).scene
     soil = scene.scene.particle_soil
     assert soil is not None
@@ -167,6 +175,7 @@ def test_finest_of_the_paper_is_what_was_agreed() -> None:
         ({"seeds": [1, 1]}, "seeds: one is given twice"),
         ({"combinations": {"a": {"steps": "x"}}}, "combinations.a: no knob 'steps'"),
         ({"combinations": {"a": {"soil_step": "aut"}}}, "combinations.a.soil_step: no value 'aut'"),
+        ({"one_at_a_time": ["stap"]}, "one_at_a_time: no knob 'stap'"),
         ({"judged_by": ["draft"]}, "judged_by: no metric 'draft'"),
         ({"also_against": {"finest": {"overrides": []}}}, "'finest' names another run"),
     ],

@@ -58,7 +58,7 @@ def test_start_is_laid_over_the_rest(scene_file: Path) -> None:
 
 def test_a_whole_part_may_be_added(scene_file: Path) -> None:
     """A force under a new name; a value below a name that is not there is a slip of the pen (below)."""
-    force = "{kind: point_load, body: bob, point_m: [0.0, -1.0], force_x_newton: {kind: constant, value: 2.0}}"
+    force = "{kind: point_load, body: bob, point_m: [0.0, -1.0], force_x_newton: {kind: constant, value: 2}}"
     found = load_scene(scene_file, [f"mechanism.forces.pull={force}"]).scene.mechanism
     assert found is not None
     assert list(found.forces) == ["push", "pull"]

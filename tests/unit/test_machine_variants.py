@@ -3,6 +3,7 @@
 from math import cos, sin
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
@@ -118,11 +119,32 @@ def test_matrix_of_both_readings_loads(tmp_path):
     cases = list(two_readings.matrix())
     assert len({case.name for case in cases}) == len(cases)
     whole = load_scene(two_readings.scene_of(cases[0], tmp_path, None)).scene
-    coarse = load_scene(two_readings.scene_of(cases[-1], tmp_path, 0.02)).scene
+    dense = next(case for case in cases if case.bed == "dense_random")
+    coarse = load_scene(two_readings.scene_of(dense, tmp_path, 0.02)).scene
     assert whole.particle_soil.particles.radius_m == 0.01
     assert coarse.particle_soil.bed.kind == "dense_random"
     working_m = coarse.soil.bin.length_m - 2.0 * coarse.report.window_inside_m
     assert working_m >= 0.5 * two_readings.STEADY_S
+
+
+def test_what_weakens_slides_on_half(tmp_path):
+    """Sliding friction half of static at particles and boundaries, the limit that of `total`."""
+    case = next(case for case in two_readings.matrix() if case.friction == "weakening")
+    law = load_scene(two_readings.scene_of(case, tmp_path, 0.02)).scene.particle_soil.law
+    assert law.friction_normal == "total"
+    for row in (law.particle, law.boundary):
+        assert row.sliding_friction == 0.5 * row.static_friction
+
+
+def test_a_rhythm_repeats_itself():
+    """A sine of 0.9 s is found on a trend; noise that is correlated over 0.05 s has none."""
+    times, noise = np.arange(0.0, 6.6, 0.0016), np.random.default_rng(0).normal(size=4125)
+    period, height = two_readings.rhythm(times, 3.0 * times + np.sin(2.0 * np.pi * times / 0.9))
+    assert (period, height) == pytest.approx((0.9, 1.0), abs=0.01)
+    red = np.zeros(len(times))
+    for i in range(1, len(times)):
+        red[i] = red[i - 1] * np.exp(-0.0016 / 0.05) + noise[i]
+    assert two_readings.rhythm(times, red)[1] < two_readings.REGULAR
 
 
 def test_statics_of_the_fit():

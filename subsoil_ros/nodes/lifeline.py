@@ -40,6 +40,9 @@ stopped."""
 STARTUP_S = 300.0
 """Time for all nodes to be heard and ready: engines may have to be compiled."""
 
+LATE_S = 30.0
+"""A coupler that refuses a run stays so long to tell nodes that are still being started (chosen)."""
+
 
 @dataclass(frozen=True)
 class NodeRun:
@@ -104,7 +107,7 @@ class Lifeline:
         self._heard: dict[str, float] = {}
         self._process_ids: dict[str, int] = {}
         self._was_here: dict[str, bool] = {}  # whether that process was on this machine when first heard of
-        self._ended: dict[str, float] = {}  # when a node said that it ends
+        self._ended: dict[str, tuple[float, str]] = {}  # when a node said that it ends, and why
         self._lost = ""
         self._said = threading.Lock()
         hello_class = class_of(NodeHello)
@@ -161,6 +164,22 @@ class Lifeline:
         """Waits until the last word has arrived."""
         self._publisher.wait_for_all_acked(Duration(seconds=timeout_s))
 
+    @property
+    def untold(self) -> tuple[str, ...]:
+        """Watched nodes that have neither said that they end nor fallen silent."""
+        now = time.monotonic()
+        return tuple(
+            name
+            for name in self._watched
+            if name not in self._ended and now - self._heard.get(name, now) <= SILENCE_S
+        )
+
+    def outlast(self, limit_s: float) -> None:
+        """Goes on saying that the run has ended until everybody knows, or for `limit_s`."""
+        deadline = time.monotonic() + limit_s
+        while self.untold and self.stop is None and time.monotonic() < deadline:
+            time.sleep(0.1)
+
     def at_close(self, destroy: Callable[[], None]) -> None:
         """Has something destroyed that lives on the node, once nobody spins it."""
         self._destroys.append(destroy)
@@ -193,7 +212,7 @@ class Lifeline:
                 self._process_ids[hello.node] = hello.process_id
                 self._was_here[hello.node] = _lives(hello.process_id)
             if hello.state in (NodeState.ENDED, NodeState.FAULT):
-                self._ended.setdefault(hello.node, time.monotonic())
+                self._ended.setdefault(hello.node, (time.monotonic(), hello.message))
 
     def _on_timer(self) -> None:
         self._publish()
@@ -206,8 +225,9 @@ class Lifeline:
                 return
             ended = self._ended.get(name)
             if ended is not None:
-                if name == COUPLER and now - ended > SILENCE_S:  # without it nothing more can come
-                    self._lost = f"{name} has ended"
+                since, reason = ended
+                if name == COUPLER and now - since > SILENCE_S:  # without it nothing more can come
+                    self._lost = f"{name} has ended" + (f": {reason}" if reason else "")
                 continue
             heard = self._heard.get(name)
             if heard is None and now - self._started > STARTUP_S:

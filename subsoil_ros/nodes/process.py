@@ -22,7 +22,7 @@ from ..coupling.protocol import COUPLER, RECORDER
 from ..errors import InputError, RunError
 from ..recording.checkpoint import read_checkpoint
 from ..scene.loader import ResolvedScene, load_scene
-from .lifeline import Lifeline, NodeRun
+from .lifeline import LATE_S, Lifeline, NodeRun
 from .lockstep_node import LAST_WORD_S, OWN_TIME, LockstepNode, one_line
 from .service import Service
 from .signals import caught_signals
@@ -186,6 +186,8 @@ def _serve(
         say(f"{name}: {ending.reason}")
     if settings.supervised and name == COUPLER:
         report_to_supervisor(exit_status=ending.exit_status, reason=ending.reason)
+    elif name == COUPLER and ending.exit_status:
+        lifeline.outlast(LATE_S)  # a node that starts later would wait for this one
     lifeline.close()
     rclpy.shutdown()
     return ending.exit_status

@@ -113,6 +113,21 @@ def test_a_node_of_another_version_is_refused(node_set: Callable[[int], NodeSet]
     assert "node_hello: soil is subsoil_ros 0.0, the coupler 0." in nodes.words()[COUPLER]
 
 
+def test_a_node_that_starts_after_the_refusal_hears_of_it(node_set: Callable[[int], NodeSet]) -> None:
+    """The coupler stays for a while to say so: nobody waits for a coupler that has gone."""
+    nodes = node_set(100_000)
+    for name in (SOIL, RECORDER, COUPLER):
+        nodes.start(name, OTHER_VERSION if name == SOIL else PROGRAMS[name])
+    refused_by = time.monotonic() + LIMIT_S
+    while "node_hello" not in nodes.words()[COUPLER]:
+        assert time.monotonic() < refused_by, nodes.words()
+        time.sleep(0.05)
+    assert nodes.processes[SOIL].wait(LIMIT_S) == 3
+    nodes.start(MECHANISM, PROGRAMS[MECHANISM])
+    assert nodes.wait() == dict.fromkeys((SOIL, RECORDER, COUPLER, MECHANISM), 3), nodes.words()
+    assert nodes.words()[MECHANISM].startswith("mechanism: coupler has ended: node_hello: soil is")
+
+
 def test_the_terminal_of_the_coupler_closes(node_set: Callable[[int], NodeSet]) -> None:
     """SIGHUP of the coupler ends the run for all, with a finished bag and the cause in every node's words."""
     nodes = node_set(100_000)

@@ -15,12 +15,11 @@ particles the same question of 5,600 particles of r = 25 mm (benchmarks/draft_sa
           go over into a denser state at some time, and beds differ by a third
 
 A spring also sets the angle at which the share works, and that alone changes the draft. design_study.png and
-.json therefore compare every spring with the locked shank at its own mean angle, seed by seed.
+springs_at_own_angle.csv therefore compare every spring with the locked shank at its own mean angle, seed by
+seed.
 """
 
 import argparse
-import csv
-import json
 import math
 import subprocess
 import sys
@@ -32,7 +31,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.draft_saving import mean_angle_rad, run_seed
-from benchmarks.kept_runs import FailedRun, Summary, kept_run, write_scene
+from benchmarks.fit_machine import COARSE_BIN_M
+from benchmarks.kept_runs import FailedRun, Summary, kept_run, read_rows, write_rows, write_scene
 from subsoil_ros.analysis.intervals import Interval, mean_interval
 from subsoil_ros.analysis.machine_variants import (
     at_depth,
@@ -67,14 +67,13 @@ INTERVALS_NS = (125_000, 250_000, 500_000, 1_000_000, 2_000_000)
 UPRIGHT_FREE_LENGTH_M = 0.433
 """5.8 kN at 33 mm of the declared spring: what 2350 N on the share ask, and then the shank is upright."""
 
-COARSE_RADIUS_M, COARSE_BIN_M = 0.025, (2.0, 0.72, 0.4)
+COARSE_RADIUS_M = 0.025
 _MEAN = ("soil.time_step_s=auto", "coupling.force=tick_mean")
 ON_PARTICLES = {
     "as declared: every step of 80 us": (),
     "every step of 40 us": ("soil.time_step_s=4e-5", "record.series_ticks=40"),
     "exchange of 1.6 ms": (*_MEAN, "coupling.interval_ns=1600000", "record.series_ticks=1"),
     "exchange of 0.4 ms": (*_MEAN, "coupling.interval_ns=400000", "record.series_ticks=4"),
-    "every step of 20 us": ("soil.time_step_s=2e-5", "record.series_ticks=80"),
 }
 """Coarser and finer exchange and step."""
 
@@ -220,9 +219,15 @@ def judged(
 
 
 def recommended(out: Path) -> dict[str, float]:
-    """Keys and values of the spring that the ranking recommends, or else of its first."""
+    """Keys and values of the spring that the ranking recommends.
+
+    Raises:
+        SystemExit: it recommends none: no spring saves beyond the scatter of the seeds.
+    """
     rows = read_rows(out / "springs" / "ranking.csv")
-    best = next((row for row in rows if row["recommended"] == "True"), rows[0])
+    best = next((row for row in rows if row["recommended"] == "True"), None)
+    if best is None:
+        raise SystemExit(f"{out}/springs/ranking.csv recommends no spring, so there is none to refine")
     return {key: float(value) for key, value in best.items() if key.startswith(SPRING)}
 
 
@@ -231,15 +236,13 @@ def at_own_angle(out: Path) -> list[dict[str, Any]]:
     locked: dict[int, list[tuple[float, float]]] = defaultdict(list)
     for row in read_rows(out / "angles.csv"):
         locked[int(row["seed"])].append((float(row["angle_rad"]), float(row["draft_newton"])))
-    upright = {name: body.angle_rad for name, body in load_scene(SCENE).scene.mechanism.bodies.items()}  # type: ignore[union-attr]
+    resolved = load_scene(SCENE)
     found: dict[tuple[float, ...], list[tuple[float, float, float]]] = defaultdict(list)
     for row in read_rows(out / "springs" / "sweep.csv"):
         if row["failure"] or row[f"{SPRING}.stiffness_newton_per_m"] == "":
             continue
-        spring = tuple(float(row[key]) for key in row if key.startswith(SPRING) and "." in key)
-        angle = (float(row["body.shank.angle_rad_mean"]) - upright["shank"]) - (
-            float(row["body.frame.angle_rad_mean"]) - upright["frame"]
-        )
+        spring = tuple(float(row[key]) for key in row if key.startswith(SPRING))
+        angle = mean_angle_rad(row, resolved)
         at, drafts = np.array(sorted(locked[int(row["seed"])])).T
         draft = float(row["draft_newton_mean"])
         found[spring].append((angle, draft, float(np.interp(angle, at, drafts, math.nan, math.nan))))
@@ -283,20 +286,6 @@ def draw(rows: list[dict[str, Any]], out: Path) -> Path:
     return save_figure(figure, out / "design_study.png")
 
 
-def read_rows(path: Path) -> list[dict[str, str]]:
-    """A CSV file."""
-    with path.open(newline="", encoding="utf-8") as stream:
-        return list(csv.DictReader(stream))
-
-
-def write_rows(path: Path, rows: list[dict[str, Any]]) -> None:
-    """A CSV file."""
-    with path.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-
-
 STAGES = {"springs": springs, "depth": depth, "angles": angles, "exchange": exchange, "particles": particles}
 
 
@@ -316,7 +305,6 @@ def main() -> None:
     if (args.out / "angles.csv").is_file() and (args.out / "springs" / "sweep.csv").is_file():
         rows = at_own_angle(args.out)
         write_rows(args.out / "springs_at_own_angle.csv", rows)
-        (args.out / "design_study.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
         print(draw(rows, args.out))
 
 

@@ -8,13 +8,12 @@ are not fitted, and their strength is that of the bed's own shear tests (docs/so
 """
 
 import argparse
-import csv
 import json
 import sys
 from pathlib import Path
 from typing import Any
 
-from benchmarks.kept_runs import kept_run
+from benchmarks.kept_runs import kept_run, write_rows
 from subsoil_ros.analysis.draft_bands import (
     ASABE_RANGE,
     PAPER_GRID,
@@ -158,11 +157,7 @@ def main() -> None:
     parser.add_argument("--set", dest="overrides", action="append", default=[], metavar="KEY=VALUE")
     args = parser.parse_args()
     rows = run_cases(args.out, args.radius, args.overrides, args.threads)
-    (args.out / "draft_bands.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
-    with (args.out / "draft_bands.csv").open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(args.out / "draft_bands.csv", rows)
     command = " ".join(["python -m benchmarks.draft_bands", *sys.argv[1:]])
     (args.out / "draft_bands.md").write_text(markdown(rows, command), encoding="utf-8")
     print(draw(rows, args.out / "draft_bands.png"))

@@ -17,6 +17,7 @@ import argparse
 import json
 import math
 import sys
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -60,13 +61,16 @@ def bed_overrides(resolved: ResolvedScene, seed: int) -> list[str]:
     return found
 
 
-def mean_angle_rad(summary: Summary, resolved: ResolvedScene) -> float:
-    """Mean angle of the shank against the frame over the window, zero in the reference pose."""
+def mean_angle_rad(summary: Mapping[str, Any], resolved: ResolvedScene) -> float:
+    """Mean angle of the shank against the frame over the window, zero in the reference pose.
+
+    Of a summary, or of a row of a sweep's table, whose numbers are text.
+    """
     shank, frame = shank_and_frame(resolved.scene)
     assert resolved.scene.mechanism is not None
     bodies = resolved.scene.mechanism.bodies
-    of = {name: summary[f"body.{name}.angle_rad_mean"] - bodies[name].angle_rad for name in (shank, frame)}
-    return float(of[shank] - of[frame])
+    means = {name: float(summary[f"body.{name}.angle_rad_mean"]) for name in (shank, frame)}
+    return (means[shank] - bodies[shank].angle_rad) - (means[frame] - bodies[frame].angle_rad)
 
 
 def run_seed(scene: Path, overrides: list[str], seed: int, out: Path, threads: int) -> dict[str, Summary]:

@@ -16,7 +16,6 @@ kept.
 
 import argparse
 import copy
-import csv
 import json
 import math
 from collections.abc import Sequence
@@ -26,7 +25,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from benchmarks.kept_runs import FailedRun, Summary, kept_run, write_scene
+from benchmarks.kept_runs import FailedRun, Summary, kept_run, write_rows, write_scene
 from subsoil_ros.analysis import paper
 from subsoil_ros.analysis.levers import SHARE_DEPTH_PART
 from subsoil_ros.analysis.machine_variants import at_depth, at_rest, coarse_soil, on_plain_ground
@@ -214,15 +213,6 @@ def stage(name: str, ranges: dict[str, Any], out: Path, args: argparse.Namespace
     return run_all(cases, out / name, args.threads, keep_bag=name == "full")
 
 
-def write(name: str, rows: list[Parameters], out: Path) -> None:
-    """Leaves a stage's table as CSV and JSON."""
-    (out / f"{name}.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
-    with (out / f"{name}.csv").open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-
-
 def main() -> None:
     """Runs the stages that are asked for."""
     parser = argparse.ArgumentParser(
@@ -253,7 +243,7 @@ def main() -> None:
         else:
             rows = stage(name, ranges, args.out, args)
         if rows:
-            write(name, rows, args.out)
+            write_rows(args.out / f"{name}.csv", rows)
             print(f"{name}: first {rows[0]}")
 
 

@@ -4,11 +4,12 @@ A folder appears under its name when its run is whole, so what was stopped goes 
 removed unless they are asked for: a summary holds what is compared.
 """
 
+import csv
 import json
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -59,3 +60,18 @@ def kept_run(
         part.rename(out)
     summary: Summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     return {**summary, "folder": str(out)}
+
+
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """Rows of a table in CSV, as they are written."""
+    with path.open(newline="", encoding="utf-8") as stream:
+        return list(csv.DictReader(stream))
+
+
+def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Writes a table as CSV, columns as in its first row, and as JSON beside it."""
+    path.with_suffix(".json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)

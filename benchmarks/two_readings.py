@@ -10,7 +10,6 @@ days. Finished runs are kept.
 """
 
 import argparse
-import csv
 import json
 import sys
 from collections.abc import Iterator
@@ -19,10 +18,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.kept_runs import FailedRun, Summary, kept_run, write_scene
+from benchmarks.kept_runs import FailedRun, Summary, kept_run, write_rows, write_scene
 from subsoil_ros.analysis import paper
 from subsoil_ros.analysis.levers import past_dead_centre_s
 from subsoil_ros.analysis.machine_variants import at_depth, at_rest, coarse_soil, on_plain_ground
+from subsoil_ros.analysis.series_file import read_series_csv
 from subsoil_ros.errors import SubsoilError
 from subsoil_ros.scene.loader import load_scene
 
@@ -51,7 +51,6 @@ largest value stands out of red noise also where the draft only wanders, more sl
 
 RANGE_PART = 0.5
 """Of a printed range that counts as being the paper's (chosen)."""
-
 
 SPRING, ANGLE, HEIGHT = "spring.H9_spring.force_newton", "body.shank.angle_rad", "body.shank.z_m"
 
@@ -119,7 +118,7 @@ def judge(case: Case, scene: Path, summary: Summary) -> dict[str, Any]:
     def span(prefix: str, name: str) -> float:
         return float(summary[f"{prefix}{name}_10ms_max"] - summary[f"{prefix}{name}_10ms_min"])
 
-    series = columns(Path(summary["folder"]))
+    series = read_series_csv(Path(summary["folder"]) / "series.csv")
     times = series["time_s"]
     inside = (times >= summary["window"]["start_s"]) & (times <= summary["window"]["end_s"])
     period_s, regularity = rhythm(times[inside], series["draft_newton"][inside])
@@ -188,14 +187,6 @@ def rhythm(times_s: np.ndarray, values: np.ndarray) -> tuple[float, float]:
     return best * float(times_s[1] - times_s[0]), float(correlation[best])
 
 
-def columns(folder: Path) -> dict[str, np.ndarray]:
-    """Of a kept run's series."""
-    with (folder / "series.csv").open(newline="", encoding="utf-8") as stream:
-        rows = csv.reader(stream)
-        names = next(rows)
-        return dict(zip(names, np.array([[float(cell) for cell in row] for row in rows]).T, strict=True))
-
-
 def main() -> None:
     """Runs the cases that are asked for and writes the verdict table."""
     parser = argparse.ArgumentParser(
@@ -222,11 +213,7 @@ def main() -> None:
         print(json.dumps(rows[-1]), flush=True)
     if not rows:
         raise SystemExit("no case ended well")
-    (args.out / "two_readings.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
-    with (args.out / "two_readings.csv").open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(args.out / "two_readings.csv", rows)
 
 
 if __name__ == "__main__":

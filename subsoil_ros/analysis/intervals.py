@@ -60,7 +60,7 @@ def t_quantile(freedoms: float, confidence: float = CONFIDENCE) -> float:
     return float(stdtrit(freedoms, 0.5 + 0.5 * confidence)) if freedoms > 0.0 else math.inf
 
 
-def paired_difference(
+def difference_by_seed(
     values: dict[int, float], reference: dict[int, float], confidence: float = CONFIDENCE
 ) -> Interval:
     """Mean of value - reference over the seeds (keys) that both have."""

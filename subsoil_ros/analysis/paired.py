@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .intervals import t_quantile
+from .intervals import mean_interval
 
 
 @dataclass(frozen=True)
@@ -48,13 +48,11 @@ def paired_difference(case: Sequence[float], control: Sequence[float]) -> Paired
     one, two = np.asarray(case, np.float64), np.asarray(control, np.float64)
     if one.shape != two.shape or one.size == 0:
         raise ValueError(f"{one.size} and {two.size} values make no pairs")
-    difference = two - one
-    count = len(difference)
-    error = float(difference.std(ddof=1)) / math.sqrt(count) if count > 1 else math.inf
+    found = mean_interval((two - one).tolist())
     return PairedDifference(
         case_mean=float(one.mean()),
         control_mean=float(two.mean()),
-        difference=float(difference.mean()),
-        half_width=error * t_quantile(count - 1) if count > 1 else math.inf,
-        pair_count=count,
+        difference=found.mean,
+        half_width=found.half_width if found.count > 1 else math.inf,
+        pair_count=found.count,
     )

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from ..analysis.intervals import Interval, difference_from_one, mean_interval, paired_difference
+from ..analysis.intervals import Interval, difference_by_seed, difference_from_one, mean_interval
 from ..analysis.run_metrics import METRICS, Metric
 from .design import FINEST, StudyDesign
 
@@ -84,7 +84,7 @@ def _times(
 ) -> None:
     judged.wall_s = mean_interval([run.wall_s for run in runs.values()], confidence)
     judged.cpu_s = mean_interval([run.cpu_s for run in runs.values()], confidence)
-    gains = paired_difference(
+    gains = difference_by_seed(
         {seed: math.log(run.wall_s) for seed, run in finest.items()},
         {seed: math.log(run.wall_s) for seed, run in runs.items()},
         confidence,
@@ -108,7 +108,7 @@ def _errors(
     if not true or (metric.relative and not any(true.values())):
         return  # nothing to be relative to
     mean = sum(true.values()) / len(true)
-    difference = paired_difference(values, true, design.confidence)
+    difference = difference_by_seed(values, true, design.confidence)
     if difference.count:
         judged.errors[metric.name] = _relative(difference, metric, mean)
     scatter = _deviation(list(true.values()))

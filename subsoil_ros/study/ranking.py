@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from ..analysis.intervals import Interval, mean_interval, paired_difference
+from ..analysis.intervals import Interval, difference_by_seed, mean_interval
 from .plan import Point
 
 DRAFT = "draft_newton_mean"
@@ -78,7 +78,7 @@ def rank(
             point.values,
             mean_interval(list(drafts.values()), confidence),
             saving,
-            paired_difference(drafts, found[0][1], confidence),
+            difference_by_seed(drafts, found[0][1], confidence),
             load,
             failures,
         )
@@ -139,7 +139,7 @@ def _saving(drafts: dict[int, float], control: pd.DataFrame, confidence: float) 
         return None
     reference = _by_seed(done, DRAFT)
     mean = sum(reference.values()) / len(reference)
-    return paired_difference(drafts, reference, confidence).scaled(-1.0 / mean)
+    return difference_by_seed(drafts, reference, confidence).scaled(-1.0 / mean)
 
 
 def _load_columns(rows: pd.DataFrame) -> list[str]:

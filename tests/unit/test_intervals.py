@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from subsoil_ros.analysis.intervals import (
+    difference_by_seed,
     difference_from_one,
     mean_interval,
-    paired_difference,
     t_quantile,
 )
 
@@ -44,7 +44,7 @@ def test_pairs_take_the_beds_out() -> None:
     """Scatter that both runs of a seed share does not hide a difference; seeds of only one do not count."""
     bed = {0: 100.0, 1: 140.0, 2: 60.0, 3: 90.0}
     other = {seed: value + 5.0 + 0.1 * seed for seed, value in bed.items() if seed != 3}
-    found = paired_difference(other, bed)
+    found = difference_by_seed(other, bed)
     assert (found.count, found.mean) == (3, pytest.approx(5.1))
     assert found.resolved
     assert found.half_width == pytest.approx(4.3027 * 0.1 / math.sqrt(3.0), rel=1e-3)

@@ -1,6 +1,5 @@
 """The tables in docs/results are those of the series beside them."""
 
-import csv
 import json
 from pathlib import Path
 
@@ -8,7 +7,7 @@ import numpy as np
 import pytest
 
 from subsoil_ros.analysis.findings import MOVING_S
-from subsoil_ros.analysis.series import Series
+from subsoil_ros.analysis.series_file import read_series_csv
 from subsoil_ros.analysis.smoothing import moving_mean
 
 RESULTS = Path(__file__).parents[2] / "docs" / "results"
@@ -26,14 +25,6 @@ TAKE = {
 }  # fmt: skip
 
 
-def read(path: Path) -> Series:
-    """A series.csv."""
-    with path.open() as stream:
-        heading, *rows = csv.reader(stream)
-    table = np.array(rows, dtype=np.float64)
-    return Series(dict(zip(heading, table.T, strict=True)), "shipped", 0.0)
-
-
 def test_there_are_results():
     """At least one run is shipped."""
     assert FOLDERS
@@ -42,7 +33,7 @@ def test_there_are_results():
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
 def test_tables_are_those_of_the_series(folder):
     """Every draft, force, angle and height of the table follows from the rows of window or rest."""
-    series = read(folder / "series.csv")
+    series = read_series_csv(folder / "series.csv")
     document = json.loads((folder / "reproduction.json").read_text())
     summary = json.loads((folder / "summary.json").read_text())
     provenance = json.loads((folder / "provenance.json").read_text())

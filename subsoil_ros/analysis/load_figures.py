@@ -52,9 +52,11 @@ def _draw_spectra(spectra: dict[str, Spectrum], title: str, path: Path) -> Path:
             ls="--",
             label="red noise, 95 % anywhere",
         )
-        stands = "stands out" if found.significant else "does not stand out"
         axes.axvline(
-            found.dominant_hz, color=COLOURS["share"], lw=1.0, label=f"{found.dominant_hz:.2f} Hz, {stands}"
+            found.dominant_hz,
+            color=COLOURS["share"],
+            lw=1.0,
+            label=f"{found.dominant_hz:.2f} Hz, {found.verdict}",
         )
         axes.set_title(name, fontsize=9, loc="left")
         axes.set_ylabel("density [unit$^2$/Hz]")

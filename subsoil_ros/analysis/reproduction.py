@@ -205,9 +205,8 @@ def _period_rows(scene: Scene, window: Window, series: Series, findings: Finding
         found = findings.spectra.get(name)
         if found is None:
             continue
-        stands = "stands" if found.significant else "does not stand"
         half = 0.5 * found.resolution_hz
-        remark = f"dominant at {found.dominant_hz:.2f} +- {half:.2f} Hz, {stands} out of red noise"
+        remark = f"dominant at {found.dominant_hz:.2f} +- {half:.2f} Hz, {found.verdict}"
         if length_s < RESOLVED_PERIODS * published:
             remark += f"; {length_s:.2f} s do not hold {RESOLVED_PERIODS:g} periods of {published:g} s"
         yield Row(label, "s", "dominant", published, 1.0 / found.dominant_hz, None, None, None, remark)

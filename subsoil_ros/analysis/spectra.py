@@ -5,10 +5,12 @@ segments under the window w, D apart, the relative variance is
 
     V = (1 + 2 sum_m (1 - m / K) r(m)) / K,   r(m) = (sum_n w_n w_{n + m D})^2 / (sum_n w_n^2)^2
 
-and nu = 2 / V degrees of freedom; nu P / chi2 is the interval. What stands out does so against an
-autoregressive process of first order with the variance and the lag-one correlation of the series (C.
-Torrence, G.P. Compo, Bull. Amer. Meteor. Soc. 79 (1998) 61-78, eq. 16), at 95 % for all frequencies together
-(Bonferroni).
+and nu = 2 / V degrees of freedom; nu P / chi2 is the interval. What stands out does so against
+autoregressive processes of first order with the variance of the series (C. Torrence, G.P. Compo, Bull. Amer.
+Meteor. Soc. 79 (1998) 61-78, eq. 16), at 95 % for all frequencies together (Bonferroni). One has the lag-one
+correlation r of the series, as there. Where a slow wander carries quick noise, r tells of the noise, and the
+wander would pass for a rhythm; so another has the integrated correlation time of the series, tau steps: r =
+(2 tau - 1) / (2 tau + 1). The larger of the two densities counts.
 """
 
 import csv
@@ -18,11 +20,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from .steadiness import correlation_steps
+
 SEGMENTS = 4
 """Lengths of a segment in the record (chosen: 7 half-overlapping ones; more would blur what is slow)."""
 
 LEAST_ROWS = 64
 """Shorter records have no spectrum (chosen: 16 values a segment)."""
+
+SLOWEST = 2
+"""Row of the slowest frequency looked at: periods that a segment holds."""
 
 CONFIDENCE = 0.95
 
@@ -38,7 +45,7 @@ class Spectrum:
     density: NDArray[np.float64]  # unit of the series squared per hertz
     low: NDArray[np.float64]  # 95 % interval of the density
     high: NDArray[np.float64]
-    noise: NDArray[np.float64]  # of red noise
+    noise: NDArray[np.float64]  # of red noise, the larger of two
     level: NDArray[np.float64]  # what red noise passes in one record of twenty, anywhere
     degrees_of_freedom: float
     resolution_hz: float
@@ -46,7 +53,7 @@ class Spectrum:
     @property
     def dominant(self) -> int:
         """Row of the largest density, of frequencies that a segment holds twice."""
-        return 2 + int(np.argmax(self.density[2:]))
+        return SLOWEST + int(np.argmax(self.density[SLOWEST:]))
 
     @property
     def dominant_hz(self) -> float:
@@ -57,6 +64,15 @@ class Spectrum:
     def significant(self) -> bool:
         """Whether the dominant frequency stands out of red noise."""
         return bool(self.density[self.dominant] > self.level[self.dominant])
+
+    @property
+    def verdict(self) -> str:
+        """What the dominant frequency does, in words."""
+        if self.significant:
+            return "stands out of red noise"
+        if self.dominant == SLOWEST:
+            return "is the slowest looked at: no rhythm seen"
+        return "does not stand out of red noise"
 
 
 def spectrum(step_s: float, values: NDArray[np.float64]) -> Spectrum | None:
@@ -84,8 +100,13 @@ def spectrum(step_s: float, values: NDArray[np.float64]) -> Spectrum | None:
 
     tail = 0.5 * (1.0 - CONFIDENCE)
     lag_one = float(about[1:] @ about[:-1] / (about @ about))
-    turn = np.cos(2.0 * np.pi * frequency * step_s)
-    noise = 2.0 * step_s * variance * (1.0 - lag_one**2) / (1.0 + lag_one**2 - 2.0 * lag_one * turn)
+    steps = correlation_steps(about)
+    noise = np.maximum(
+        *(
+            variance * red_noise(frequency, step_s, correlation)
+            for correlation in (lag_one, (2.0 * steps - 1.0) / (2.0 * steps + 1.0))
+        )
+    )
     return Spectrum(
         frequency_hz=frequency,
         density=density,
@@ -96,6 +117,16 @@ def spectrum(step_s: float, values: NDArray[np.float64]) -> Spectrum | None:
         degrees_of_freedom=nu,
         resolution_hz=HANN_BINS * float(frequency[1]),
     )
+
+
+def red_noise(frequency_hz: NDArray[np.float64], step_s: float, correlation: float) -> NDArray[np.float64]:
+    """One-sided density [1/Hz] of an autoregressive process of first order with unit variance.
+
+    Args:
+        correlation: of neighbouring values.
+    """
+    turn = np.cos(2.0 * np.pi * frequency_hz * step_s)
+    return 2.0 * step_s * (1.0 - correlation**2) / (1.0 + correlation**2 - 2.0 * correlation * turn)
 
 
 def degrees_of_freedom(count: int, length: int) -> float:

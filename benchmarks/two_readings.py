@@ -46,8 +46,7 @@ PERIODS_S = (0.4, 2.0)
 
 REGULAR = 0.5
 """Correlation of the draft with itself a period later from which there is a rhythm (chosen: a sine has 1, 40
-records of red noise with correlation times of 0.01 to 0.2 s had up to 0.5). A spectrum tells less: its
-largest value stands out of red noise also where the draft only wanders, more slowly than such noise does."""
+records of red noise with correlation times of 0.01 to 0.2 s had up to 0.5)."""
 
 RANGE_PART = 0.5
 """Of a printed range that counts as being the paper's (chosen)."""

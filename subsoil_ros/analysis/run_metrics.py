@@ -10,12 +10,10 @@ from scipy.signal import periodogram
 from ..scene.document import read_document
 from .kept_runs import KeptRun
 from .smoothing import moving_mean
+from .spectra import LEAST_ROWS, spectrum
 
 MOVING_MEAN_S = 0.010
 """Peaks and ranges are of the mean over this: single contacts come and go in a millisecond."""
-
-RESOLVED_PERIODS = 3.0
-"""Periods longer than the window over this are drift (chosen)."""
 
 DISTURBED_AREA = "disturbance.area_m2"
 """Column of a summary; runs without it have no such metric."""
@@ -43,8 +41,8 @@ METRICS = (
 def metrics_of(run: KeptRun) -> dict[str, float]:
     """Every metric that a run has a column for, over its metrics window; by Metric.name.
 
-    Peak and range are of the 10 ms moving mean; the dominant frequency is that of the largest density of the
-    draft about its trend (Hann), of at least three periods in the window.
+    Peak and range are of the 10 ms moving mean. There is a dominant frequency only where a rhythm of the
+    draft stands out of red noise.
     """
     summary, series = run.summary, run.series()
     window = summary["window"]
@@ -72,18 +70,19 @@ def spring_of(run: KeptRun) -> str | None:
 
 
 def dominant_frequency_hz(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> float:
-    """Frequency of the largest density about the trend; nan where the window is too short to tell one.
+    """Frequency of the rhythm about the trend that stands out of red noise (spectra.py); nan where none does.
 
-    A window of length T resolves 1 / T, so differences below that are none.
+    Welch's estimate finds it; the periodogram of the whole window, four times as fine, places it. A window of
+    length T resolves 1 / T, so differences below that are none.
     """
-    if len(times_s) < 8:
+    count = len(times_s)
+    if count < LEAST_ROWS:
         return math.nan
-    span_s = float(times_s[-1] - times_s[0])
-    even = np.linspace(times_s[0], times_s[-1], len(times_s))  # the last tick may stand off the grid
-    frequency, density = periodogram(
-        np.interp(even, times_s, values), (len(even) - 1) / span_s, window="hann", detrend="linear"
-    )
-    slow = frequency < RESOLVED_PERIODS / span_s
-    if slow.all() or not density[~slow].max() > 0.0:
+    step_s = float(times_s[-1] - times_s[0]) / (count - 1)
+    even = np.interp(times_s[0] + step_s * np.arange(count), times_s, values)  # the last tick may stand off
+    found = spectrum(step_s, even)
+    if found is None or not found.significant:
         return math.nan
-    return float(frequency[~slow][np.argmax(density[~slow])])
+    frequency, density = periodogram(even, 1.0 / step_s, window="hann", detrend="linear")
+    near = np.flatnonzero(np.abs(frequency - found.dominant_hz) <= found.resolution_hz)
+    return float(frequency[near[np.argmax(density[near])]])

@@ -21,6 +21,7 @@ class Expected(Part):
 
     against: str  # the runs that count as true
     errors: dict[str, ErrorInterval]  # by name of the metric
+    errors_against: dict[str, dict[str, ErrorInterval]] = {}  # of other references, by their names
     confidence: Fraction  # of the intervals
     wall_s_per_simulated_s: Positive
     machine: str  # that took this time

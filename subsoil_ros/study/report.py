@@ -110,22 +110,23 @@ def _legend(design: StudyDesign) -> list[str]:
 def expected_presets(
     judged: Sequence[Judged], design: StudyDesign, facts: Mapping[str, Any], duration_s: float, scene: str
 ) -> dict[str, Any]:
-    """`expected:` of each combination, as a scene's presets take it; only intervals that were measured."""
+    """`expected:` of the finest and each combination, as a scene's presets take it; only measured intervals.
+
+    The finest's own error is the scatter of its mean over the seeds.
+    """
+    seeds = f"{len(design.seeds)} bed seeds"
     found: dict[str, Any] = {}
     for item in judged:
-        if item.name not in design.combinations or item.wall_s is None:
+        if item.wall_s is None or item.name not in (FINEST, *design.combinations):
             continue
-        errors = {
-            metric.name: {"mean": error.mean, "low": error.low, "high": error.high}
-            for metric in METRICS
-            if metric.relative
-            and (error := item.errors.get(metric.name)) is not None
-            and not math.isnan(error.half_width)
-        }
+        errors, against = item.errors, f"{FINEST}, {seeds}"
+        if item.name == FINEST:
+            errors, against = _scatter(item), f"its own mean over {seeds}"
         found[item.name] = {
             "expected": {
-                "against": f"{FINEST}, {len(design.seeds)} bed seeds",
-                "errors": errors,
+                "against": against,
+                "errors": _intervals(errors),
+                "errors_against": {name: _intervals(others) for name, others in item.errors_against.items()},
                 "confidence": design.confidence,
                 "wall_s_per_simulated_s": item.wall_s.mean / duration_s,
                 "machine": f"{facts['machine']}, {facts['threads']} threads",
@@ -133,6 +134,26 @@ def expected_presets(
             }
         }
     return found
+
+
+def _scatter(item: Judged) -> dict[str, Interval]:
+    """Relative intervals of a variant's own means."""
+    return {
+        name: Interval(0.0, value.half_width / abs(value.mean), value.count)
+        for name, value in item.values.items()
+        if value.mean
+    }
+
+
+def _intervals(errors: Mapping[str, Interval]) -> dict[str, dict[str, float]]:
+    """Of the metrics whose error is a part of the true value, where there is an interval."""
+    return {
+        metric.name: {"mean": error.mean, "low": error.low, "high": error.high}
+        for metric in METRICS
+        if metric.relative
+        and (error := errors.get(metric.name)) is not None
+        and not math.isnan(error.half_width)
+    }
 
 
 def draw(judged: Sequence[Judged], design: StudyDesign, scene: str, path: Path) -> Path:

@@ -229,6 +229,10 @@ def test_a_study_of_real_runs(tmp_path: Path, capsys: Captured) -> None:
     preset = read_preset(expected["coarse"], "expected.yaml: coarse")
     assert preset.expected is not None
     assert preset.expected.errors["draft_mean_newton"].mean == pytest.approx(error, rel=1e-9)
+    scatter = read_preset(expected["finest"], "expected.yaml: finest").expected
+    assert scatter is not None
+    of_two = 12.706 * abs(np.diff(drafts["finest"])[0]) / 2.0 / drafts["finest"].mean()  # t(1) s / sqrt(2)
+    assert scatter.errors["draft_mean_newton"].high == pytest.approx(of_two, rel=1e-4)
     assert (out / "study.png").stat().st_size > 10_000
     capsys.readouterr()
     assert main(arguments) == 0

@@ -105,8 +105,8 @@ def test_check_quotes_what_was_measured(scene_file: Path, capsys: Captured) -> N
     """With source and interval where a study was made; where not, it says so and invents nothing."""
     assert main(["check", str(scene_file), "--accuracy", "coarse", "--set", "duration_s=0.5"]) == 0
     text = " ".join(capsys.readouterr().out.split())
-    for words in ("finest, 3 bed seeds", "-3 %", "-5 to -1 %", "against r = 7 mm", "-4 to +8 %",
-                  "expected wall time: 6 s", "study.csv", "measured without --set duration_s=0.5"):  # fmt: skip
+    for words in ("finest, 3 bed seeds", "-3 %", "-5 to -1 %", "against r = 7 mm", "-4 to +8 %", "study.csv",
+                  "expected wall time: 6 s", "measured without --set duration_s=0.5"):  # fmt: skip
         assert words in text
     assert main(["check", str(scene_file), "--accuracy", "fine"]) == 0
     text = " ".join(capsys.readouterr().out.split())

@@ -279,7 +279,7 @@ def draw(rows: list[dict[str, Any]], out: Path) -> Path:
             [row["mean_angle_rad"] for row in shown], [row["draft_newton"] for row in shown], marker, ms=5,
             label=f"{1e-3 * k:g} kN/m",
         )  # fmt: skip
-    axes.set_xlabel("mean angle of the shank against the frame [rad]; less: share pushed back, and deeper")
+    axes.set_xlabel("mean angle of the shank against the frame [rad]; less: share pushed back, steeper")
     axes.set_ylabel("mean draft [N]")
     axes.grid(alpha=0.3)
     axes.legend()

@@ -23,13 +23,14 @@ from .impossible import Statement, statements
 from .levers import levers_of
 from .series import Series
 from .smoothing import moving_mean
+from .spectra import SEGMENTS, SLOWEST
 from .window import Window
 
 TARGET = 0.25
 """Relative difference that counts as reproduced."""
 
-RESOLVED_PERIODS = 2.0
-"""A window that holds fewer of a period cannot show it."""
+RESOLVED_PERIODS = SEGMENTS * SLOWEST
+"""A window that holds fewer of a period cannot show it: its spectrum does not look at it."""
 
 
 @dataclass(frozen=True)
@@ -206,10 +207,11 @@ def _period_rows(scene: Scene, window: Window, series: Series, findings: Finding
         if found is None:
             continue
         half = 0.5 * found.resolution_hz
-        remark = f"dominant at {found.dominant_hz:.2f} +- {half:.2f} Hz, {found.verdict}"
+        remark = f"largest density at {found.dominant_hz:.2f} +- {half:.2f} Hz, which {found.verdict}"
+        period_s = 1.0 / found.dominant_hz if found.significant else None
         if length_s < RESOLVED_PERIODS * published:
             remark += f"; {length_s:.2f} s do not hold {RESOLVED_PERIODS:g} periods of {published:g} s"
-        yield Row(label, "s", "dominant", published, 1.0 / found.dominant_hz, None, None, None, remark)
+        yield Row(label, "s", "dominant", published, period_s, None, None, None, remark)
 
 
 def _phase_rows(scene: Scene, series: Series, window: Window) -> Iterator[Row]:

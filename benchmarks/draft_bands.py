@@ -76,6 +76,7 @@ def run_cases(out: Path, radius_m: float, overrides: list[str], threads: int) ->
                 "half_width_newton": found.get("steady.draft_newton_mean_half_width"),
                 "drift": found.get("steady.draft_newton_verdict"),
                 **formulas(depth, speed),
+                "scene_hash": found["scene_hash"],
             }
         )
         print(json.dumps(rows[-1]), flush=True)

@@ -87,7 +87,8 @@ def score(summary: Summary) -> dict[str, Any]:
         held += abs(value - printed) <= TARGET * abs(printed)
         same_sign = value * printed > 0.0
         misses.append(math.log(abs(value / printed)) if same_sign else math.log(SIGN_FACTOR))
-    return {"held": int(held), "rms_log": float(np.sqrt(np.mean(np.square(misses)))), **ours}
+    rms = float(np.sqrt(np.mean(np.square(misses))))
+    return {"held": int(held), "rms_log": rms, **ours}
 
 
 def statics(ranges: dict[str, Any], depth_m: float) -> dict[str, float]:
@@ -160,7 +161,7 @@ def run_all(
     for parameters, path in cases:
         try:
             summary = kept_run(path, out / "runs", (), threads, keep_bag=keep_bag)
-            rows.append({**parameters, **score(summary)})
+            rows.append({**parameters, **score(summary), "scene_hash": summary["scene_hash"]})
         except (FailedRun, SubsoilError) as error:
             print(f"{path.stem}: {error}", flush=True)
             continue

@@ -141,6 +141,7 @@ def judge(case: Case, scene: Path, summary: Summary) -> dict[str, Any]:
         "height_range_m": span("", HEIGHT),
         "run_height_range_m": span("run.", HEIGHT),
         "folded_s": past_dead_centre_s(load_scene(scene).scene, series),
+        "scene_hash": summary["scene_hash"],
     }
     swing = paper.ANGLE_RAD[1] - paper.ANGLE_RAD[0]
     if row["folded_s"] is not None:

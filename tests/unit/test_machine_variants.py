@@ -155,7 +155,9 @@ def test_how_strong_a_rhythm_must_be(part, least, most):
     hold = np.exp(-0.0016 / 0.05)
     found = 0
     for _ in range(20):
-        noise = lfilter([np.sqrt(1.0 - hold**2)], [1.0, -hold], random.standard_normal(len(times) + 500))[500:]
+        noise = lfilter([np.sqrt(1.0 - hold**2)], [1.0, -hold], random.standard_normal(len(times) + 500))[
+            500:
+        ]
         tone = np.sqrt(2.0) * np.sin(2.0 * np.pi * times + random.uniform(0.0, 6.0))
         period, height = two_readings.rhythm(times, np.sqrt(1.0 - part) * noise + np.sqrt(part) * tone)
         found += height >= two_readings.REGULAR and 0.4 <= period <= 2.0

@@ -68,16 +68,44 @@ def difference_by_seed(
     return mean_interval([values[seed] - reference[seed] for seed in seeds], confidence)
 
 
-def difference_from_one(
-    values: Sequence[float], reference: float, scatter: float, confidence: float = CONFIDENCE
+def error_by_seed(
+    values: dict[int, float], reference: dict[int, float], confidence: float = CONFIDENCE
 ) -> Interval:
-    """Mean of values minus a single reference whose seed scatter is taken to be `scatter`.
+    """Mean of values over the mean of the reference, less 1, over the seeds (keys) that both have.
 
-    Variance of the mean, s^2 / n, plus that of the one reference run, scatter^2; n - 1 freedoms (fewer than
-    both together have, so the interval is on the safe side).
+    The ratio estimator R of W.G. Cochran, Sampling Techniques, 3rd ed. (Wiley 1977), section 6.3: its error
+    is that of the mean of (value - R reference) / mean reference: the scatter of the reference counts too.
+    """
+    seeds = sorted(values.keys() & reference.keys())
+    if not seeds:
+        return Interval(math.nan, math.nan, 0)
+    mean = float(np.mean([reference[seed] for seed in seeds]))
+    ratio = float(np.mean([values[seed] for seed in seeds])) / mean
+    left = mean_interval([(values[seed] - ratio * reference[seed]) / mean for seed in seeds], confidence)
+    return Interval(math.copysign(1.0, mean) * (ratio - 1.0), left.half_width, left.count)
+
+
+def error_against_one(
+    values: Sequence[float],
+    reference: float,
+    scatter: float,
+    scatter_count: int,
+    confidence: float = CONFIDENCE,
+) -> Interval:
+    """Mean of n values over a single reference, less 1; the reference has the seed scatter of other runs.
+
+    Variance of the mean, s^2 / n, plus the ratio's square times that of the one reference run, scatter^2. As
+    many freedoms as the smaller of both samples has: fewer than both together, so on the safe side.
+
+    Args:
+        scatter: standard deviation over the seeds, of `scatter_count` other runs.
     """
     own = mean_interval(values, confidence)
-    if own.count < 2:
-        return Interval(own.mean - reference, math.nan, own.count)
-    reach = t_quantile(own.count - 1, confidence)
-    return Interval(own.mean - reference, math.hypot(own.half_width, reach * scatter), own.count)
+    error = (own.mean - reference) / abs(reference)
+    count = min(own.count, scatter_count)
+    if count < 2:
+        return Interval(error, math.nan, own.count)
+    deviation = math.hypot(
+        float(np.std(values, ddof=1)) / math.sqrt(own.count), own.mean / reference * scatter
+    )
+    return Interval(error, t_quantile(count - 1, confidence) * deviation / abs(reference), own.count)

@@ -26,20 +26,21 @@ class Metric:
     name: str  # with its unit
     label: str
     relative: bool = True  # its error is a part of the finest's value, else a difference
+    resolution: str | None = None  # key of what a run can tell of it
 
 
 METRICS = (
     Metric("draft_mean_newton", "mean draft"),
     Metric("draft_peak_newton", "peak draft"),
     Metric("spring_range_newton", "spring force range"),
-    Metric("draft_frequency_hz", "dominant frequency"),
+    Metric("draft_frequency_hz", "dominant frequency", resolution="frequency_resolution_hz"),
     Metric("disturbed_area_m2", "disturbed area"),
     Metric("energy_residual", "energy residual", relative=False),
 )
 
 
 def metrics_of(run: KeptRun) -> dict[str, float]:
-    """Every metric that a run has a column for, over its metrics window; by Metric.name.
+    """Every metric that a run has a column for, over its metrics window; by Metric.name, resolutions too.
 
     Peak and range are of the 10 ms moving mean. There is a dominant frequency only where a rhythm of the
     draft stands out of red noise.
@@ -54,6 +55,7 @@ def metrics_of(run: KeptRun) -> dict[str, float]:
         found["draft_mean_newton"] = float(np.mean(draft[rows]))
         found["draft_peak_newton"] = float(np.max(moving_mean(series, "draft_newton", MOVING_MEAN_S)[rows]))
         found["draft_frequency_hz"] = dominant_frequency_hz(times[rows], draft[rows])
+        found["frequency_resolution_hz"] = 1.0 / float(np.ptp(times[rows]))
     spring = spring_of(run)
     if spring is not None and (name := f"spring.{spring}.force_newton") in series:
         found["spring_range_newton"] = float(np.ptp(moving_mean(series, name, MOVING_MEAN_S)[rows]))

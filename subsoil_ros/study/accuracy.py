@@ -4,7 +4,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from ..analysis.intervals import Interval, difference_by_seed, difference_from_one, mean_interval
+from ..analysis.intervals import (
+    Interval,
+    difference_by_seed,
+    error_against_one,
+    error_by_seed,
+    mean_interval,
+)
 from ..analysis.run_metrics import METRICS, Metric
 from .design import FINEST, StudyDesign
 
@@ -56,9 +62,9 @@ def judge(
 ) -> list[Judged]:
     """Every variant of the design, in its order; those that failed in every seed have no numbers.
 
-    Errors are means of (variant - finest) over the seeds that both have, over its mean; intervals are
-    Student's t of these paired differences. Speed-ups likewise, of logarithms, since times scale. A reference
-    of one run has no scatter of its own: the finest's stands for it.
+    Errors are ratios of the means over the seeds that both have, less 1; intervals are Student's t of what is
+    left seed by seed (intervals.py). Speed-ups are of logarithms, since times scale. A reference of one run
+    has no scatter of its own: the finest's stands for it.
     """
     by_variant: dict[str, dict[int, Measurement]] = {}
     for item in measured:
@@ -73,7 +79,8 @@ def judge(
             _times(judged, runs, finest, design.confidence)
             for metric in METRICS:
                 _errors(judged, metric, runs, finest, by_variant, design)
-            judged.bound = _bound(judged, design.judged_by)
+            known = [name for name in design.judged_by if any(name in run.metrics for run in finest.values())]
+            judged.bound = _bound(judged, known, len(design.seeds))
         found.append(judged)
     _mark_pareto(found)
     return found
@@ -107,30 +114,35 @@ def _errors(
     judged.values[metric.name] = mean_interval(list(values.values()), design.confidence)
     if not true or (metric.relative and not any(true.values())):
         return  # nothing to be relative to
-    mean = sum(true.values()) / len(true)
-    difference = difference_by_seed(values, true, design.confidence)
-    if difference.count:
-        judged.errors[metric.name] = _relative(difference, metric, mean)
+    compare = error_by_seed if metric.relative else difference_by_seed
+    error = compare(values, true, design.confidence)
+    if error.count:
+        judged.errors[metric.name] = _resolvable(error, metric, finest)
     scatter = _deviation(list(true.values()))
     for name in design.also_against:
         other = list(_of(by_variant.get(name, {}), metric).values())
-        if not other or (metric.relative and not any(other)):
+        if not metric.relative or not any(other):
             continue
         centre = sum(other) / len(other)
-        apart = difference_from_one(
-            list(values.values()), centre, scatter / math.sqrt(len(other)), design.confidence
+        judged.errors_against.setdefault(name, {})[metric.name] = error_against_one(
+            list(values.values()), centre, scatter / math.sqrt(len(other)), len(true), design.confidence
         )
-        judged.errors_against.setdefault(name, {})[metric.name] = _relative(apart, metric, centre)
+
+
+def _resolvable(error: Interval, metric: Metric, finest: dict[int, Measurement]) -> Interval:
+    """No narrower than what a run can tell of the metric; runs with the same value stay the same."""
+    if metric.resolution is None or error.mean == error.half_width == 0.0:
+        return error
+    told = max(
+        run.metrics[metric.resolution] / run.metrics[metric.name]
+        for run in finest.values()
+        if metric.name in run.metrics
+    )
+    return Interval(error.mean, max(error.half_width, told), error.count)
 
 
 def _of(runs: dict[int, Measurement], metric: Metric) -> dict[int, float]:
     return {seed: run.metrics[metric.name] for seed, run in runs.items() if metric.name in run.metrics}
-
-
-def _relative(difference: Interval, metric: Metric, reference: float) -> Interval:
-    if not metric.relative:
-        return difference
-    return difference.scaled(1.0 / abs(reference))
 
 
 def _deviation(values: Sequence[float]) -> float:
@@ -141,20 +153,23 @@ def _deviation(values: Sequence[float]) -> float:
     return math.sqrt(sum((value - mean) ** 2 for value in values) / (len(values) - 1))
 
 
-def _bound(judged: Judged, names: Sequence[str]) -> float:
-    """Largest |error| that the intervals still hold; with one seed, of the errors themselves."""
+def _bound(judged: Judged, names: Sequence[str], seeds: int) -> float:
+    """Largest |error| that the intervals still hold; with one seed in all, of the errors themselves.
+
+    Infinite where an error is not known: too few seeds are left, or the variant lost what is judged.
+    """
     ends = []
     for name in names:
         error = judged.errors.get(name)
-        if error is not None:
-            half = 0.0 if math.isnan(error.half_width) else error.half_width
-            ends.append(abs(error.mean) + half)
+        if error is None or (seeds > 1 and math.isnan(error.half_width)):
+            return math.inf
+        ends.append(abs(error.mean) + (error.half_width if seeds > 1 else 0.0))
     return max(ends, default=math.nan)
 
 
 def _mark_pareto(found: Sequence[Judged]) -> None:
     """Marks every variant that no other beats in both wall time and bound."""
-    rated = [item for item in found if item.wall_s is not None and not math.isnan(item.bound)]
+    rated = [item for item in found if item.wall_s is not None and math.isfinite(item.bound)]
     for item in rated:
         assert item.wall_s is not None
         item.pareto = not any(

@@ -7,7 +7,8 @@ import pytest
 
 from subsoil_ros.analysis.intervals import (
     difference_by_seed,
-    difference_from_one,
+    error_against_one,
+    error_by_seed,
     mean_interval,
     t_quantile,
 )
@@ -57,9 +58,27 @@ def test_one_seed_resolves_nothing() -> None:
     assert not found.resolved
 
 
+def test_relative_errors_hold_the_truth() -> None:
+    """Ratio of two means that both scatter, paired and not: 95 % of the intervals hold it."""
+    random = np.random.default_rng(4)
+    for paired in (0.0, 0.9):
+        hits = []
+        for _ in range(3000):
+            beds, own = random.normal(size=(2, 4))
+            true = dict(enumerate(1000.0 + 30.0 * beds))
+            other = dict(enumerate(850.0 + 30.0 * (paired * beds + math.sqrt(1.0 - paired**2) * own)))
+            found = error_by_seed(other, true)
+            hits.append(found.low <= -0.15 <= found.high)
+        assert np.mean(hits) == pytest.approx(0.95, abs=0.015)
+    assert error_by_seed({0: 2.0, 1: 3.0}, {0: 2.0, 2: 9.0}).mean == 0.0  # of the shared seeds alone
+
+
 def test_a_single_reference_has_the_scatter_it_is_given() -> None:
-    """Against one run the half-width is that of n values and one more, t(n - 1) s sqrt(1 + 1 / n)."""
+    """Against one run: s^2 / n of the values and (ratio x scatter)^2, over the reference, times t."""
     values = [1.0, 2.0, 3.0]  # s = 1
-    found = difference_from_one(values, 1.5, scatter=1.0)
-    assert found.mean == 0.5
-    assert found.half_width == pytest.approx(4.3027 * math.sqrt(1.0 + 1.0 / 3.0), rel=1e-4)
+    found = error_against_one(values, 1.5, scatter=1.0, scatter_count=3)
+    assert found.mean == pytest.approx(0.5 / 1.5)
+    assert found.half_width == pytest.approx(4.3027 * math.sqrt(1.0 / 3.0 + (2.0 / 1.5) ** 2) / 1.5, rel=1e-4)
+    fewer = error_against_one(values, 1.5, scatter=1.0, scatter_count=2)
+    assert fewer.half_width == pytest.approx(12.706 / 4.3027 * found.half_width, rel=1e-4)
+    assert math.isnan(error_against_one(values, 1.5, scatter=math.nan, scatter_count=1).half_width)

@@ -150,14 +150,13 @@ def test_a_rhythm_repeats_itself():
 
 @pytest.mark.parametrize(("part", "least", "most"), [(0.3, 0, 4), (0.5, 4, 16), (0.7, 19, 20)])
 def test_how_strong_a_rhythm_must_be(part, least, most):
-    """1 Hz in 6 s of red noise of 0.05 s, with that part of the power: in how many of 20 records it is found."""
+    """1 Hz in 6 s of red noise of 0.05 s, with that part of the power: how many of 20 are found."""
     times, random = np.arange(0.0, 6.0, 0.0016), np.random.default_rng(1)
     hold = np.exp(-0.0016 / 0.05)
     found = 0
     for _ in range(20):
-        noise = lfilter([np.sqrt(1.0 - hold**2)], [1.0, -hold], random.standard_normal(len(times) + 500))[
-            500:
-        ]
+        white = random.standard_normal(len(times) + 500)
+        noise = lfilter([np.sqrt(1.0 - hold**2)], [1.0, -hold], white)[500:]
         tone = np.sqrt(2.0) * np.sin(2.0 * np.pi * times + random.uniform(0.0, 6.0))
         period, height = two_readings.rhythm(times, np.sqrt(1.0 - part) * noise + np.sqrt(part) * tone)
         found += height >= two_readings.REGULAR and 0.4 <= period <= 2.0

@@ -1,6 +1,7 @@
 """subsoil study: errors by hand, the shipped designs, and a real study in miniature."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -78,7 +79,8 @@ def test_errors_by_hand() -> None:
     found = {item.name: item for item in judge(design(), made_up(), {})}
     large = found["step: large"].errors["draft_mean_newton"]
     assert large.mean == pytest.approx(-0.010)
-    assert large.half_width == pytest.approx(4.3027 * 0.5 / math.sqrt(3.0) / 1000.0, rel=1e-3)
+    left = math.sqrt((0.3**2 + 0.5**2 + 0.2**2) / 2.0)  # scatter of value - 0.99 finest [N]
+    assert large.half_width == pytest.approx(4.3027 * left / math.sqrt(3.0) / 1000.0, rel=1e-3)
     assert found["step: large"].verdict("draft_mean_newton") == "resolved"
     assert found["step: large"].speed_up == pytest.approx((5.0, 5.0, 5.0))
     assert found["step: huge"].errors["draft_mean_newton"].mean == pytest.approx(-20.0 / 1000.0)
@@ -88,11 +90,12 @@ def test_errors_by_hand() -> None:
 
 
 def test_errors_against_a_single_finer_run() -> None:
-    """Against one run of 1040 N its scatter is the finest's, 20 N: 4 % and t(2) 20 sqrt(1 + 1 / 3) / 1040."""
+    """Against one run of 1040 N its scatter is the finest's, 20 N, here times the ratio of both."""
     found = {item.name: item for item in judge(design(), made_up(), {})}
     error = found["finest"].errors_against["r = 7 mm"]["draft_mean_newton"]
     assert error.mean == pytest.approx(-40.0 / 1040.0)
-    assert error.half_width == pytest.approx(4.3027 * 20.0 * math.sqrt(4.0 / 3.0) / 1040.0, rel=1e-3)
+    both = 20.0 * math.sqrt(1.0 / 3.0 + (1000.0 / 1040.0) ** 2)
+    assert error.half_width == pytest.approx(4.3027 * both / 1040.0, rel=1e-3)
 
 
 def test_pareto_set() -> None:
@@ -102,6 +105,29 @@ def test_pareto_set() -> None:
     assert found == {"finest": False, "step: large": True, "step: huge": True, "cloud: none": True}
     slow = [*made_up(), *runs("step: huge", 30.0, [940.0, 1030.0, 970.0])]
     assert not {item.name: item.pareto for item in judge(design(), slow, {})}["step: huge"]
+
+
+def test_what_lost_its_seeds_is_in_no_pareto_set() -> None:
+    """With one seed left of three, or without the quantity that is judged, nothing bounds the error."""
+    left = [item for item in made_up() if item.variant != "step: huge" or item.seed == 0]
+    bare = [replace(item, metrics={}) if item.variant == "cloud: none" else item for item in left]
+    found = {item.name: item for item in judge(design(), bare, {})}
+    for name in ("step: huge", "cloud: none"):
+        assert math.isinf(found[name].bound)
+        assert not found[name].pareto
+
+
+def test_a_frequency_is_told_to_a_line_of_the_spectrum() -> None:
+    """Lines of 0.5 Hz apart: 7 and 7.5 Hz on every seed are no resolved difference; the same is the same."""
+
+    def measured(variant: str, hertz: float) -> list[Measurement]:
+        metrics = {"draft_frequency_hz": hertz, "frequency_resolution_hz": 0.5}
+        return [Measurement(variant, seed, 1.0, 1.0, metrics) for seed in range(3)]
+
+    runs = [*measured("finest", 7.0), *measured("step: large", 7.5), *measured("step: huge", 7.0)]
+    found = {item.name: item for item in judge(design(), runs, {})}
+    assert found["step: large"].verdict("draft_frequency_hz") == "within seed scatter"
+    assert found["step: huge"].verdict("draft_frequency_hz") == "same"
 
 
 def test_one_seed_says_so() -> None:

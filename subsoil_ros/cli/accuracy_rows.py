@@ -10,12 +10,15 @@ from ..scene.presets import ErrorInterval, Expected
 
 
 def accuracy_lines(resolved: ResolvedScene, overrides: Sequence[str]) -> Iterator[RenderableType]:
-    """What a study measured of the chosen preset, or that there is nothing measured."""
-    name = resolved.accuracy
+    """What a study measured of the chosen preset, or of all of them, or that there is nothing measured."""
+    name, duration = resolved.accuracy, resolved.scene.duration_s
     if name is None:
         if resolved.presets:
             names = ", ".join(resolved.presets)
             yield f"accuracy: as written; presets of this scene: {names} (--accuracy NAME)"
+        known = {key: item.expected for key, item in resolved.presets.items() if item.expected is not None}
+        if known:
+            yield _all_presets(known, duration)
         return
     expected = resolved.presets[name].expected
     if expected is None:
@@ -27,14 +30,27 @@ def accuracy_lines(resolved: ResolvedScene, overrides: Sequence[str]) -> Iterato
     yield _table(f"accuracy: {name}, expected error against {expected.against}", expected.errors, expected)
     for other, errors in expected.errors_against.items():
         yield _table(f"against {other}", errors, expected)
-    duration = resolved.scene.duration_s
     yield (
-        f"expected wall time: {expected.wall_s_per_simulated_s * duration:.3g} s for {duration:g} s, on "
+        f"expected wall time: {_wall_s(expected, duration)} s for {duration:g} s, without start-up, on "
         f"{expected.machine}; source: {expected.source}"
     )
     changed = [text for text in overrides if text.partition("=")[0].strip() not in ("accuracy", "start")]
     if changed:
         yield f"note: measured without {', '.join(f'--set {text}' for text in changed)}"
+
+
+def _all_presets(known: Mapping[str, Expected], duration_s: float) -> Table:
+    """One row each; what an error is against, and whence, is told of the chosen one."""
+    table = Table(title="expected error", title_justify="left", title_style="bold", box=None)
+    table.add_column("preset")
+    metrics = list(dict.fromkeys(metric for item in known.values() for metric in item.errors))
+    for metric in metrics:
+        table.add_column(metric, justify="right")
+    table.add_column(f"wall time for {duration_s:g} s", justify="right")
+    for name, item in known.items():
+        cells = [_interval(item.errors[metric]) if metric in item.errors else "" for metric in metrics]
+        table.add_row(name, *cells, f"{_wall_s(item, duration_s)} s")
+    return table
 
 
 def _table(title: str, errors: Mapping[str, ErrorInterval], expected: Expected) -> Table:
@@ -43,6 +59,13 @@ def _table(title: str, errors: Mapping[str, ErrorInterval], expected: Expected) 
     table.add_column("error", justify="right")
     table.add_column(f"{100.0 * expected.confidence:g} % interval", justify="right")
     for metric, error in errors.items():
-        interval = f"{100.0 * error.low:+.2g} to {100.0 * error.high:+.2g} %"
-        table.add_row(metric, f"{100.0 * error.mean:+.2g} %", interval)
+        table.add_row(metric, f"{100.0 * error.mean:+.2g} %", _interval(error))
     return table
+
+
+def _interval(error: ErrorInterval) -> str:
+    return f"{100.0 * error.low:+.2g} to {100.0 * error.high:+.2g} %"
+
+
+def _wall_s(expected: Expected, duration_s: float) -> str:
+    return f"{expected.wall_s_per_simulated_s * duration_s:.3g}"

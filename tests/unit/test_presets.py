@@ -112,7 +112,9 @@ def test_check_quotes_what_was_measured(scene_file: Path, capsys: Captured) -> N
     text = " ".join(capsys.readouterr().out.split())
     assert "fine: its error and its time are not known: the study of this scene has not been run" in text
     assert main(["check", str(scene_file)]) == 0
-    assert "presets of this scene: fine, coarse" in " ".join(capsys.readouterr().out.split())
+    text = " ".join(capsys.readouterr().out.split())
+    assert "presets of this scene: fine, coarse" in text
+    assert "coarse -5 to -1 % 1.2 s" in text  # of 0.1 s; nothing is said of what was not measured
 
 
 def test_files_of_a_preset_are_seen_from_its_scene(tmp_path: Path) -> None:

@@ -23,6 +23,8 @@ RECORDER = {"/tick_ack"}
 MECHANISM = {"/mechanism_state", "/robot_description"}
 SOIL = {"/tool_wrenches", "/soil_state"}
 TINE = {"/tool/tine/pose", "/tool/tine/wrench", "/tool_markers", "/robot_description"}
+MACHINE = {"/tool/shank/pose", "/tool/shank/wrench", "/tool_markers"}
+WHEELS = {f"/tool/wheel_{side}/{what}" for side in ("left", "right") for what in ("pose", "wrench")}
 SMALL = ["soil.bin.length_m=0.1", "soil.bin.width_m=0.1", "soil.bin.depth_m=0.06"]
 
 
@@ -61,6 +63,18 @@ def look(domain: int, expected: set[str]) -> set[str]:
         ("mechanism_only.yaml", ["record.bag=false"], {"mechanism"}, ALWAYS | MECHANISM),
         ("tine.yaml", SMALL, {"soil", "recorder"}, ALWAYS | SOIL | TINE | RECORDER | {"/soil/cloud"}),
         ("tine.yaml", [*SMALL, "record.cloud_hz=0"], {"soil", "recorder"}, ALWAYS | SOIL | TINE | RECORDER),
+        (
+            "subsoiler_1s300_resistance.yaml",
+            [],
+            {"mechanism", "soil", "recorder"},
+            ALWAYS | MECHANISM | SOIL | MACHINE | WHEELS | RECORDER,
+        ),
+        (
+            "subsoiler_1s300_draft_limit.yaml",
+            [],
+            {"mechanism", "soil", "controller", "recorder"},
+            ALWAYS | MECHANISM | SOIL | MACHINE | RECORDER | {"/soil/cloud", "/driver_command"},
+        ),
     ],
 )
 def test_processes_and_topics(

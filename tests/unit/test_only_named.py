@@ -13,6 +13,7 @@ from numba import njit
 from subsoil_ros.coupling.engines import build_mechanism, build_soil
 from subsoil_ros.coupling.protocol import participants
 from subsoil_ros.dem.contact import NO, YES, Features, PairLaw, contact, law_features
+from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.scene.loader import load_scene
 
 SCENES = Path(__file__).parents[2] / "config" / "scenes"
@@ -132,7 +133,7 @@ def test_what_both_rows_leave_out_is_no_feature(feature: str) -> None:
 
 
 def test_what_is_named_is_a_feature() -> None:
-    """Books, sizes, layers, and the options of the law are compiled in by name only."""
+    """Sizes, layers, and the options of the law are compiled in by name only."""
     assert features_of() == {"adhesion", "tangential", "rolling"}
     assert features_of("soil.law.damped_zones=all") - features_of() == {"damp_all_zones"}
     assert features_of("soil.law.friction_normal=absolute") - features_of() == {"friction_absolute"}
@@ -141,6 +142,20 @@ def test_what_is_named_is_a_feature() -> None:
     assert features_of(*sized) - features_of() == {"sizes"}
     layers = "soil.layers=[{name: a, thickness_m: 0.02}, {name: b}]"
     assert features_of(layers) - features_of() == {"materials"}
+
+
+def test_what_is_no_part_of_the_law_is_named_too() -> None:
+    """Energy books come with their monitor, the period with periodic sides."""
+
+    def engine_of(*overrides: str) -> set[str]:
+        soil = build_soil(load_scene(SCENES / "tine.yaml", [*WET, *overrides]), 1)
+        assert isinstance(soil, SoilEngine)
+        return {name for name in Features._fields if getattr(soil._features, name).ndim == 2}
+
+    assert engine_of() == features_of()
+    assert engine_of("soil.monitors={largest_energy_defect: 0.5}") - engine_of() == {"book"}
+    assert engine_of("soil.bin.sides=periodic") - engine_of() == {"periodic"}
+    assert features_of("soil.law.friction_normal=repulsive") - features_of() == {"friction_repulsive"}
 
 
 def instructions(features: Features) -> int:
@@ -159,9 +174,9 @@ def instructions(features: Features) -> int:
 
 def test_the_code_of_absent_features_is_not_there() -> None:
     """Every feature taken away leaves fewer instructions of a contact."""
-    all_there = Features(YES, YES, YES, NO, NO, NO, NO, YES)
+    all_there = Features(YES, YES, YES, YES, NO, NO, NO, YES)
     counts = [instructions(all_there)]
-    for name in ("book", "rolling", "tangential", "adhesion"):
+    for name in ("book", "hertz", "rolling", "tangential", "adhesion"):
         all_there = all_there._replace(**{name: NO})
         counts.append(instructions(all_there))
     assert all(after < before for before, after in itertools.pairwise(counts)), counts

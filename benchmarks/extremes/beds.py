@@ -4,10 +4,11 @@ import resource
 
 import numpy as np
 
+from subsoil_ros.cli.check import BYTES_OF_PROCESS, BYTES_PER_PARTICLE
 from subsoil_ros.dem.engine import SoilEngine
 
 from .cases import REFUSED, RIGHT, Cases, Outcome, must, refused, right, stopped
-from .laboratory import GRAVITY, MASS, RADIUS, Document, Laboratory, advance, placed, wet
+from .laboratory import GRAVITY, MASS, RADIUS, Document, Laboratory, advance, placed, tool_at, wet
 from .laws import CALM_M_PER_S, ROOM_M, at_rest
 from .steps import DEFECT
 
@@ -38,9 +39,11 @@ def one_particle(laboratory: Laboratory) -> Outcome:
 
 @CASES.add("S13b", REFUSED)
 def no_particle(laboratory: Laboratory) -> Outcome:
-    """No particle: bin smaller than one, none placed."""
+    """No particle: bin smaller than one, none placed, a tool in the place of all."""
     engine = SoilEngine(laboratory.soil())
     refused(lambda: engine.place(np.empty((0, 3))), "given no particle")
+    away = SoilEngine(laboratory.soil(tool=laboratory.box(1.0, 1.0, 1.0)))
+    refused(lambda: away.start(tool_at(0.06, -0.05)), "overlap every particle")
     return refused(lambda: SoilEngine(laboratory.soil(size_m=(0.015, 0.1, 0.1))), "holds no particle")
 
 
@@ -50,6 +53,8 @@ def a_million(laboratory: Laboratory) -> Outcome:
     resolved = laboratory.soil(size_m=(1.8, 1.8, 1.8))
     found = at_rest(resolved, 20)
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    expected = BYTES_OF_PROCESS + BYTES_PER_PARTICLE * 1e6
+    must(memory < expected, f"{memory / 1e9} GB, `check` says {expected / 1e9} GB")
     return right(f"{found}; {memory / 1e9:.2f} GB")
 
 

@@ -1,6 +1,7 @@
 """S2 to S8: laws, sizes, densities and gravity at their ends."""
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.lib.scimath import sqrt as complex_root
@@ -9,8 +10,8 @@ from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.scene.loader import ResolvedScene
 
 from .cases import REFUSED, RIGHT, Cases, Outcome, must, refused, right
-from .laboratory import GRAVITY, MASS, RADIUS, Laboratory, advance, drag, linear, placed, wet
-from .steps import DEFECT
+from .laboratory import GRAVITY, MASS, RADIUS, Document, Laboratory, advance, drag, linear, placed, wet
+from .steps import DEFECT, SAME
 
 CASES = Cases()
 
@@ -230,17 +231,30 @@ def much_friction(laboratory: Laboratory) -> Outcome:
     return right(f"{speed:.6f} m/s (5/7: {0.5 * 5.0 / 7.0:.6f}), rim {rim:.6f} m/s")
 
 
+def dragged_twice(laboratory: Laboratory, law: Document, **soil: Any) -> str:
+    """A tool at 0.5 m/s for 50 mm: the same force with half the step, and books that close."""
+    size_m, box = (0.2, 0.12, 0.1), laboratory.box(0.02, 0.04, 0.06)
+    whole = laboratory.soil(law, size_m, tool=box, **soil)
+    half = laboratory.soil(law, size_m, tool=box, time_step_s=0.5 * whole.timing.soil_step_s, **soil)
+    drags = [
+        drag(SoilEngine(resolved, book=True), resolved.timing.soil_step_s, 0.1, lambda t: 0.5)
+        for resolved in (whole, half)
+    ]
+    forces, defect = [moved.mean_newton for moved in drags], max(moved.defect for moved in drags)
+    off = forces[1] / forces[0] - 1.0
+    must(defect < DEFECT, f"defect {defect}")
+    must(abs(off) < SAME, f"{forces[0]} N, {forces[1]} N with half the step")
+    return f"{forces[0]:.1f} N, {100.0 * off:+.1f} % with half the step, defect {defect:.2g}"
+
+
 @CASES.add("S5c", RIGHT)
 def beds_of_friction(laboratory: Laboratory) -> Outcome:
     """Resting bed of friction 10; tool dragged through beds of friction 0 and 10."""
     found = []
     for friction in (0.0, 10.0):
         law = wet(static_friction=friction, sliding_friction=friction)
-        resolved = laboratory.soil(law, (0.2, 0.12, 0.1), tool=laboratory.box(0.02, 0.04, 0.06))
-        engine = SoilEngine(resolved, book=True)
-        moved = drag(engine, resolved.timing.soil_step_s, 0.1, lambda t: 0.5)
-        must(moved.defect < DEFECT, f"friction {friction}: defect {moved.defect}")
-        found.append(f"{friction:g}: {moved.mean_newton:.1f} N, defect {moved.defect:.2g}")
+        words = dragged_twice(laboratory, law)
+        found.append(f"{friction:g}: {words}")
     bed = at_rest(laboratory.soil(wet(static_friction=10.0, sliding_friction=10.0)))
     return right(f"friction: force, defect; {'; '.join(found)}; at rest with 10, {bed}")
 
@@ -265,14 +279,14 @@ def densities(laboratory: Laboratory) -> Outcome:
         steps.append(resolved.timing.interval_ns / density)
         found.append(f"{density:g} kg/m3, {at_rest(resolved)}")
     must(abs(steps[0] / steps[1] - 1.0) < 0.01, f"ns per kg/m3: {steps}")
+    heavy = {"radius_m": RADIUS, "density_kg_per_m3": 20_000.0}
+    found.append(f"dragged at 20,000 kg/m3: {dragged_twice(laboratory, wet(), particles=heavy)}")
     return right("; ".join(found))
 
 
 @CASES.add("S8", RIGHT)
 def gravities(laboratory: Laboratory) -> Outcome:
     """Gravity 0 and 100 m/s2."""
-    return right(
-        "; ".join(
-            f"{gravity:g} m/s2, {at_rest(laboratory.soil(gravity=gravity))}" for gravity in (0.0, 100.0)
-        )
-    )
+    found = [f"{g:g} m/s2, {at_rest(laboratory.soil(gravity=g))}" for g in (0.0, 100.0)]
+    found.append(f"dragged at 100 m/s2: {dragged_twice(laboratory, wet(), gravity=100.0)}")
+    return right("; ".join(found))

@@ -5,8 +5,8 @@ import numpy as np
 from subsoil_ros.dem.engine import SoilEngine
 
 from .cases import REFUSED, RIGHT, STOPPED, Cases, Outcome, must, refused, right, right_or_stopped, stopped
-from .laboratory import RADIUS, Laboratory, advance, drag, tool_at, wet
-from .steps import DEFECT
+from .laboratory import RADIUS, Drag, Laboratory, advance, drag, tool_at, wet
+from .steps import DEFECT, SAME
 
 CASES = Cases()
 
@@ -42,10 +42,15 @@ def standing_tool(laboratory: Laboratory) -> Outcome:
 
 
 def at_speed(laboratory: Laboratory, speed: float) -> str:
-    """The tool at this speed for 30 mm, or 0.1 s."""
-    moved = drag(bed_with_tool(laboratory), STEP_S, min(0.1, 0.03 / speed), lambda t: speed)
+    """The tool at this speed for 30 mm, or 0.1 s: the same force with half the step, and books that close."""
+    moved, halved = (
+        drag(bed_with_tool(laboratory, **step), step_s, min(0.1, 0.03 / speed), lambda t: speed)
+        for step_s, step in ((STEP_S, {}), (0.5 * STEP_S, {"time_step_s": 0.5 * STEP_S}))
+    )
     must(moved.defect < DEFECT, f"{speed} m/s: defect {moved.defect}")
-    return f"{moved.mean_newton:.1f} N, defect {moved.defect:.2g}"
+    off = halved.mean_newton / moved.mean_newton - 1.0
+    must(abs(off) < SAME, f"{speed} m/s: {moved.mean_newton} N, {halved.mean_newton} N with half the step")
+    return f"{moved.mean_newton:.1f} N, {100.0 * off:+.1f} % with half the step, defect {moved.defect:.2g}"
 
 
 @CASES.add("S9b", RIGHT, STOPPED)
@@ -67,18 +72,28 @@ def there_and_back(time: float) -> float:
     return float(np.interp(time, (0.1, 0.102, 0.2, 0.202), (0.5, -0.5, -0.5, 0.0)))
 
 
+def ahead_and_back(moved: Drag, step_s: float) -> tuple[float, float]:
+    """Mean force of the last half of both ways [N]."""
+    force = np.array(moved.forces_newton)
+    ahead, back = (force[int(a / step_s) : int(b / step_s)].mean() for a, b in ((0.05, 0.1), (0.15, 0.2)))
+    return ahead, back
+
+
 @CASES.add("S9c", RIGHT)
 def reversal_and_stop(laboratory: Laboratory) -> Outcome:
     """Tool reverses from +0.5 to -0.5 m/s, then stops."""
     moved = drag(bed_with_tool(laboratory), STEP_S, 0.3, there_and_back)
-    force = np.array(moved.forces_newton)
-    ahead, back = (force[int(a / STEP_S) : int(b / STEP_S)].mean() for a, b in ((0.05, 0.1), (0.15, 0.2)))
+    ahead, back = ahead_and_back(moved, STEP_S)
+    halved = drag(bed_with_tool(laboratory, time_step_s=0.5 * STEP_S), 0.5 * STEP_S, 0.2, there_and_back)
+    again = ahead_and_back(halved, 0.5 * STEP_S)
+    must(abs(again[0] / ahead - 1.0) < SAME, f"{ahead} N ahead, {again[0]} N with half the step")
     state = moved.engine.state("", 0, 0)
     must(moved.defect < DEFECT, f"defect {moved.defect}")
     must(ahead < 0.0 < back, f"forces {ahead} N ahead, {back} N back")
     must(state.rms_speed_m_per_s < 1e-3, f"rms speed {state.rms_speed_m_per_s} m/s at the end")
     return right(
-        f"{ahead:.1f} N ahead, {back:.1f} N back, defect {moved.defect:.2g}, rms speed 0.1 s after the stop "
+        f"{ahead:.1f} N ahead ({again[0]:.1f} N with half the step), {back:.1f} N back, defect "
+        f"{moved.defect:.2g}, rms speed 0.1 s after the stop "
         f"{state.rms_speed_m_per_s:.2g} m/s"
     )
 
@@ -132,10 +147,11 @@ def pressed(laboratory: Laboratory, mesh: str, top_m: float) -> tuple[float, int
 
 @CASES.add("S12", RIGHT)
 def shapes(laboratory: Laboratory) -> Outcome:
-    """Blade 0.2 mm thick, 20 m plate, facets of 0.3 mm on a sphere."""
+    """Blade 0.2 mm thick on its edge and flat, 20 m plate, facets of 0.3 mm on a sphere."""
     stiffness = 1.0 / (1.0 / 10_000.0 + 1.0 / 16_000.0)
     meshes = {
         "on the edge of a blade": (laboratory.box(0.06, 0.0002, 0.04), 0.02),
+        "on the flat of it": (laboratory.box(0.06, 0.04, 0.0002), 0.0001),
         "20 m plate": (laboratory.box(19.9, 0.1, 0.02), 0.01),
         "facets of 0.3 mm": (laboratory.box(0.02, 0.02, 0.02, subdivide=6), 0.01),
     }

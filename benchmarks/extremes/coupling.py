@@ -197,12 +197,12 @@ def inside_the_limits_of_long_intervals(laboratory: Laboratory) -> Outcome:
 
 @CASES.add("C1", RIGHT)
 def near_the_limits(laboratory: Laboratory) -> Outcome:
-    """1 kg, interval of 1 soil step, every scheme, damper a tenth inside each of its limits."""
+    """1 kg, interval of 1 soil step, every scheme, damper a fifth inside each of its limits."""
     found = {}
     for scheme, force in SCHEMES:
         case = Press(1.0, 0.0, interval(1.0), 1, scheme, force)
         low, high = case.limits
-        for damping in (1.1 * low, 0.9 * high):
+        for damping in (1.2 * low, 0.8 * high):
             found[f"{scheme} {force}, {damping:.3g} N s/m"] = comes_to_rest(
                 laboratory, replace(case, damping=damping)
             )

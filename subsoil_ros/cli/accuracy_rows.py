@@ -59,12 +59,12 @@ def _table(title: str, errors: Mapping[str, ErrorInterval], expected: Expected) 
     table.add_column("error", justify="right")
     table.add_column(f"{100.0 * expected.confidence:g} % interval", justify="right")
     for metric, error in errors.items():
-        table.add_row(metric, f"{100.0 * error.mean:+.2g} %", _interval(error))
+        table.add_row(metric, f"{100.0 * error.mean:+.3g} %", _interval(error))
     return table
 
 
 def _interval(error: ErrorInterval) -> str:
-    return f"{100.0 * error.low:+.2g} to {100.0 * error.high:+.2g} %"
+    return f"{100.0 * error.low:+.3g} to {100.0 * error.high:+.3g} %"
 
 
 def _wall_s(expected: Expected, duration_s: float) -> str:

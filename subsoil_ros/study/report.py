@@ -75,7 +75,7 @@ def _cell(item: Judged, metric: Metric) -> str:
     if item.name == FINEST:
         return f"({item.values[metric.name].mean:.4g})"
     scaled = error.scaled(100.0) if metric.relative else error
-    text = _plus_minus(scaled, "{:+.2g}" if metric.relative else "{:+.1g}")
+    text = _plus_minus(scaled, "{:+.3g}" if metric.relative else "{:+.1g}")
     return f"{text} (~)" if item.verdict(metric.name) == "within seed scatter" else text
 
 

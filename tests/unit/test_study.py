@@ -11,6 +11,7 @@ import yaml
 
 from subsoil_ros.cli.main import main
 from subsoil_ros.errors import InputError
+from subsoil_ros.scene.loader import load_scene
 from subsoil_ros.scene.presets import read_preset
 from subsoil_ros.study.accuracy import Measurement, judge
 from subsoil_ros.study.design import StudyDesign, design_of, read_design
@@ -172,6 +173,23 @@ def test_knobs_that_run_alone() -> None:
     alone = [variant.point.name for variant in design(one_at_a_time=["step"]).variants()]
     assert alone == [name for name in names if not name.startswith("cloud")]
     assert alone != names
+
+
+PRESETS = {"fine": "finest", "standard": "10 mm, 0.6 m wide, plain ground, mixed", "coarse": "reduced soil"}
+
+
+def test_presets_of_the_paper_are_runs_of_its_study() -> None:
+    """What `check` quotes was measured of this very scene: the same hash, seed by seed."""
+    scene = CONFIG / "scenes" / "subsoiler_1s300.yaml"
+    found = read_design(CONFIG / "studies" / "subsoiler_1s300.yaml")
+    jobs = study_jobs(str(scene), (), found.model_copy(update={"also_against": {}}))
+    hashes = {(job.point.name, job.point.seed): job.scene.scene_hash for job in jobs}
+    for preset, variant in PRESETS.items():
+        key = "soil.seed" if preset == "coarse" else "soil.bed.seed"
+        resolved = load_scene(scene, [f"accuracy={preset}", f"{key}=1"])
+        assert resolved.scene_hash == hashes[variant, 1], preset
+        assert resolved.presets[preset].expected is not None
+    assert list(resolved.presets) == list(PRESETS)
 
 
 def test_finest_of_the_paper_is_what_was_agreed() -> None:

@@ -31,6 +31,12 @@ POLL_S = 0.1
 LONGEST_REST_S = 0.05
 """A wish that comes while a node rests waits so long at most."""
 
+NAME_TRIES = 10
+"""Looks, POLL_S apart, for the name of a node whose publisher was found (chosen: a second)."""
+
+_UNKNOWN = "_NODE_NAME_UNKNOWN_"
+"""What rmw calls such a node."""
+
 _MEASURED, _RECENT = 101, 4
 """Wake-ups whose tick times are kept, and those of them that the rest follows (chosen)."""
 
@@ -228,12 +234,20 @@ class LockstepNode(Node):
             if not isinstance(endpoint, Subscription) or endpoint.topic_name.endswith(TOPIC_OF[NodeHello]):
                 continue  # every node says hello
             if endpoint.get_publisher_count() > len(names):
-                infos = self.get_publishers_info_by_topic(endpoint.topic_name)
-                found = ", ".join(sorted(info.node_name for info in infos))
+                found = ", ".join(self._publishers_of(endpoint.topic_name))
                 raise ProtocolError(
                     f"{endpoint.topic_name.lstrip('/')}: published by the nodes {found}; in a run it comes "
                     f"from {', '.join(names)} alone. Give every run a ROS_DOMAIN_ID of its own"
                 )
+
+    def _publishers_of(self, topic: str) -> list[str]:
+        """Names of the nodes that publish it. They are heard of a little later than the publishers."""
+        for _ in range(NAME_TRIES):
+            names = sorted(info.node_name for info in self.get_publishers_info_by_topic(topic))
+            if _UNKNOWN not in names:
+                break
+            time.sleep(POLL_S)
+        return ["a node not heard of yet" if name == _UNKNOWN else name for name in names]
 
     def _guarded(self, handle: Callable[..., None]) -> Callable[..., None]:
         def guarded(*arguments: Any) -> None:

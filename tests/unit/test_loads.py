@@ -160,4 +160,4 @@ def test_periods_that_the_window_cannot_hold_are_said(machine):
     findings.spectra[name] = spectrum(STEP_S, series[name][rows])
     table = reproduction(machine.scene, "0" * 64, series, window, findings)
     row = next(row for row in table.rows if row.quantity == "period of the spring force")
-    assert "do not hold 2 periods" in row.remark
+    assert "do not hold 8 periods" in row.remark

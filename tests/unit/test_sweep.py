@@ -114,10 +114,12 @@ def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:
     out = tmp_path / "out"
     arguments = sweep(out, "--vary", "soil.seed=" + ",".join(map(str, range(12))), "--workers", "1")
     arguments += ["--set", "duration_s=1.0"]
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in a shell's background
     process = subprocess.Popen(
         [sys.executable, "-m", "subsoil_ros.cli.main", *arguments],
         stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True,
     )  # fmt: skip
+    signal.signal(signal.SIGINT, before)
     until(lambda: any(out.glob("runs/*/run.json")) or process.poll() is not None, "the first run")
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all of them
     _, errors = process.communicate(timeout=LIMIT_S)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from ..analysis.intervals import Interval, difference_by_seed, mean_interval
+from ..analysis.intervals import Interval, difference_by_seed, error_by_seed, mean_interval
 from .plan import Point
 
 DRAFT = "draft_newton_mean"
@@ -133,13 +133,11 @@ def _by_seed(rows: pd.DataFrame, column: str) -> dict[int, float]:
 
 
 def _saving(drafts: dict[int, float], control: pd.DataFrame, confidence: float) -> Interval | None:
-    """1 - draft / control's draft, seed by seed: differences over the control's mean."""
+    """1 - mean draft / mean draft of the control, over the seeds that both have (error_by_seed)."""
     done = control[control["failure"] == ""]
     if done.empty:
         return None
-    reference = _by_seed(done, DRAFT)
-    mean = sum(reference.values()) / len(reference)
-    return difference_by_seed(drafts, reference, confidence).scaled(-1.0 / mean)
+    return error_by_seed(drafts, _by_seed(done, DRAFT), confidence).scaled(-1.0)
 
 
 def _load_columns(rows: pd.DataFrame) -> list[str]:

@@ -18,7 +18,8 @@ def accuracy_lines(resolved: ResolvedScene, overrides: Sequence[str]) -> Iterato
             yield f"accuracy: as written; presets of this scene: {names} (--accuracy NAME)"
         known = {key: item.expected for key, item in resolved.presets.items() if item.expected is not None}
         if known:
-            yield _all_presets(known, duration)
+            yield from _all_presets(known, duration)
+            yield from _changed(overrides)
         return
     expected = resolved.presets[name].expected
     if expected is None:
@@ -34,22 +35,37 @@ def accuracy_lines(resolved: ResolvedScene, overrides: Sequence[str]) -> Iterato
         f"expected wall time: {_wall_s(expected, duration)} s for {duration:g} s, without start-up, on "
         f"{expected.machine}; source: {expected.source}"
     )
-    changed = [text for text in overrides if text.partition("=")[0].strip() not in ("accuracy", "start")]
+    yield from _changed(overrides)
+
+
+def _changed(overrides: Sequence[str]) -> Iterator[str]:
+    """A note where this is not the scene that was measured."""
+    changed = [text for text in overrides if text.partition("=")[0].strip() != "accuracy"]
     if changed:
         yield f"note: measured without {', '.join(f'--set {text}' for text in changed)}"
 
 
-def _all_presets(known: Mapping[str, Expected], duration_s: float) -> Table:
-    """One row each; what an error is against, and whence, is told of the chosen one."""
-    table = Table(title="expected error", title_justify="left", title_style="bold", box=None)
+def _all_presets(known: Mapping[str, Expected], duration_s: float) -> Iterator[Table]:
+    """One row each, with the time they take, and again for each further reference."""
+    walls = {name: f"{_wall_s(item, duration_s)} s" for name, item in known.items()}
+    errors = {name: item.errors for name, item in known.items()}
+    yield _one_row_each("expected error", errors, {f"wall time for {duration_s:g} s": walls})
+    for other in dict.fromkeys(other for item in known.values() for other in item.errors_against):
+        against = {name: item.errors_against.get(other, {}) for name, item in known.items()}
+        yield _one_row_each(f"against {other}", against, {})
+
+
+def _one_row_each(
+    title: str, errors: Mapping[str, Mapping[str, ErrorInterval]], further: Mapping[str, Mapping[str, str]]
+) -> Table:
+    table = Table(title=title, title_justify="left", title_style="bold", box=None)
     table.add_column("preset")
-    metrics = list(dict.fromkeys(metric for item in known.values() for metric in item.errors))
-    for metric in metrics:
-        table.add_column(metric, justify="right")
-    table.add_column(f"wall time for {duration_s:g} s", justify="right")
-    for name, item in known.items():
-        cells = [_interval(item.errors[metric]) if metric in item.errors else "" for metric in metrics]
-        table.add_row(name, *cells, f"{_wall_s(item, duration_s)} s")
+    metrics = list(dict.fromkeys(metric for found in errors.values() for metric in found))
+    for column in (*metrics, *further):
+        table.add_column(column, justify="right")
+    for name, found in errors.items():
+        cells = [_interval(found[metric]) if metric in found else "" for metric in metrics]
+        table.add_row(name, *cells, *(column[name] for column in further.values()))
     return table
 
 

@@ -1,40 +1,49 @@
 """Cost of a scene, one feature after the other taken away: it must fall with each.
 
-    python benchmarks/features.py [--rounds N] [--json FILE]
+    python -m benchmarks.features [--rounds N] [--json FILE]
 
 The first table is the soil alone: CPU time per particle and step of a plate dragged through beds of the same
 size. Each line has what the line above has, less one feature. The second is a whole run: CPU time per tick,
-direct, of the machine in a small bin, less recorder, less soil or less mechanism. All variants of a table run
-by turns, so other load meets them alike; medians of the rounds.
+direct, of the machine in a small bin with a controller, a bag and clouds, less one after the other, and then
+less the soil or less the mechanism (the same tool on a path). All variants of a table run by turns, so other
+load meets them alike; medians of the rounds, changes being those of the same round. Ends with status 1 if a
+cost does not fall.
 """
 
 import argparse
 import json
+import shutil
 import statistics
+import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import trimesh
 import yaml
 
-from subsoil_ros.coupling.direct import RecordSink
+from subsoil_ros.coupling.control import build_controller
+from subsoil_ros.coupling.direct import run_direct
 from subsoil_ros.coupling.engines import build_mechanism, build_paths, build_soil
 from subsoil_ros.dem.bench.cases import WET_BOUNDARY, WET_PARTICLE
 from subsoil_ros.dem.engine import SoilEngine
-from subsoil_ros.messages import SoilCloud, ToolMotion, ToolMotions, ToolWrenches
-from subsoil_ros.recording.bag_writer import BagWriter
+from subsoil_ros.messages import ToolMotion
+from subsoil_ros.recording.bag_writer import open_bag
 from subsoil_ros.scene.loader import ResolvedScene, load_scene
-from subsoil_ros.ticks import tick_end_ns
 
 SCENES = Path(__file__).parents[1] / "config" / "scenes"
-STEPS, TICKS = 150, 100
+STEPS, TICKS, WARM_UP_TICKS = 150, 500, 20
 """Of a round."""
+
+SOIL_UNIT, RUN_UNIT = "ns per particle and step", "us per tick"
 
 Turn = Callable[[], float]
 """Does a round, gives its CPU time per unit [s]."""
+
+Rows = list[dict[str, Any]]
 
 
 def soils(folder: Path) -> list[tuple[str, dict[str, Any]]]:
@@ -80,6 +89,18 @@ def soils(folder: Path) -> list[tuple[str, dict[str, Any]]]:
     return found
 
 
+def soil_variants(folder: Path) -> list[tuple[str, str, Turn]]:
+    """(name, name of the line above, a round) of every bed."""
+    variants = soils(folder)
+    names = ["", *(name for name, _ in variants)]
+    found = [
+        (name, above, soil_turn(name, keys, folder))
+        for (name, keys), above in zip(variants, names, strict=False)
+    ]
+    found.append(("less tool", names[-1], soil_turn("less tool", variants[-1][1], folder, tool=False)))
+    return found
+
+
 def soil_turn(name: str, keys: dict[str, Any], folder: Path, tool: bool = True) -> Turn:
     """Rounds of a bed with a plate dragged through it."""
     document: dict[str, Any] = {"name": "features", "duration_s": 100.0, "soil": keys}
@@ -109,82 +130,110 @@ def soil_turn(name: str, keys: dict[str, Any], folder: Path, tool: bool = True) 
     return turn
 
 
-class _WithoutClouds:
-    """A writer's sink that leaves clouds out: they are due at other ticks than the rest."""
+def runs(folder: Path) -> list[tuple[str, str, Turn]]:
+    """Whole runs of the machine in a small bin, and of its parts: (name, name of what has more, a round)."""
+    changes = [
+        "soil.bin.length_m=0.5",
+        "soil.bin.width_m=0.2",
+        "mechanism.initial.translate_x_m=0.05",
+        "record.cloud_hz=200.0",
+    ]
+    found: list[tuple[str, str, Turn]] = []
 
-    def __init__(self, writer: BagWriter) -> None:
-        self._writer = writer
+    def add(name: str, above: str, further: Sequence[str]) -> None:
+        resolved = load_scene(SCENES / "subsoiler_1s300_draft_limit.yaml", [*changes, *further])
+        timing = replace(resolved.timing, tick_count=TICKS)
+        found.append((name, above, run_turn(replace(resolved, timing=timing), folder / str(len(found)))))
 
-    def write(self, record: Any) -> None:
-        if not isinstance(record, SoilCloud):
-            self._writer.write(record)
+    def less(name: str, further: Sequence[str]) -> None:
+        add(name, found[-1][0] if found else "", further)
+        changes.extend(further)
+
+    less("machine, soil, bag, clouds, controller", [])
+    interval_ns = load_scene(SCENES / "subsoiler_1s300_draft_limit.yaml", changes).timing.interval_ns
+    changes.append(f"coupling.interval_ns={interval_ns}")
+    less("less controller", ["controller=null"])
+    less("less clouds", ["record.cloud_hz=0.0"])
+    less("less bag", ["record.bag=false"])
+    bare = found[-1][0]
+    machine = ["soil=null", "tools=null"]
+    for name, further in (
+        ("less soil", []),
+        (
+            "less soil and ground of the wheels",
+            [f"mechanism.forces.ground_{s}=null" for s in ("left", "right")],
+        ),
+        ("less soil, ground and spring", ["mechanism.forces.H9_spring=null", "report.spring=null"]),
+    ):
+        machine += further
+        add(name, found[-1][0], machine)
+    add(
+        "less mechanism",
+        bare,
+        [
+            "mechanism=null",
+            "report={shank: null, spring: null}",
+            "tools.shank.body=null",
+            "tools.shank.path={start_x_m: 0.05, speed_x_m_per_s: {kind: constant, value: 0.5}}",
+        ],
+    )
+    return found
 
 
-def run_turn(resolved: ResolvedScene, bag: Path | None) -> Turn:
-    """Rounds of a direct run; the record has lockstep messages and series."""
-    mechanism, soil = build_mechanism(resolved), build_soil(resolved, 1)
-    mover = mechanism or build_paths(resolved)
-    sink: RecordSink | None = None
-    if bag is not None:
-        sink = _WithoutClouds(BagWriter(bag, resolved.scene, resolved.timing))
-    motions, done = mover.initial_motions(), 0
-    wrenches = soil.start(motions) if soil is not None else ()
-    series = resolved.scene.record.series_ticks
+def run_turn(resolved: ResolvedScene, folder: Path) -> Turn:
+    """Rounds of a direct run with all that its scene names; ticks that load kernels do not count."""
 
     def turn() -> float:
-        nonlocal done, motions, wrenches
-        start = time.process_time()
-        for tick in range(done, done + TICKS):
-            motions = mover.advance(tick, wrenches)
-            if soil is not None:
-                wrenches = soil.advance(tick, motions)
-            if sink is None:
-                continue
-            end_ns = tick_end_ns(tick, resolved.timing.interval_ns)
-            sink.write(ToolMotions("run", tick, end_ns, motions))
-            if soil is not None:
-                sink.write(ToolWrenches("run", tick, end_ns, wrenches))
-            if (tick + 1) % series == 0:
-                for engine in (mechanism, soil):
-                    if engine is not None:
-                        sink.write(engine.state("run", tick, end_ns))
-        done += TICKS
-        return (time.process_time() - start) / TICKS
+        mover = build_mechanism(resolved) or build_paths(resolved)
+        soil = build_soil(resolved, 1)
+        writer = open_bag(folder, resolved) if resolved.scene.record.bag else None
+        started = 0.0
+
+        def on_tick(tick: int) -> None:
+            nonlocal started
+            if tick == WARM_UP_TICKS - 1:
+                started = time.process_time()
+
+        try:
+            run_direct(
+                resolved, "features", mover, soil, writer, on_tick, controller=build_controller(resolved)
+            )
+            return (time.process_time() - started) / (resolved.timing.tick_count - WARM_UP_TICKS)
+        finally:
+            if writer is not None:
+                writer.close()
+                shutil.rmtree(folder)
 
     turn()
     return turn
 
 
-def runs(folder: Path) -> dict[str, Turn]:
-    """Whole runs of the machine in a small bin, and of its parts."""
-    small = ["soil.bin.length_m=0.5", "soil.bin.width_m=0.2", "mechanism.initial.translate_x_m=0.05"]
-    coarse = ["record.series_ticks=20", "duration_s=1000"]
-    whole = load_scene(SCENES / "subsoiler_1s300_quick.yaml", [*small, *coarse])
-    interval = f"coupling.interval_ns={whole.timing.interval_ns}"
-    machine = load_scene(SCENES / "mechanism_only.yaml", [interval, *coarse])
-    tine = load_scene(
-        SCENES / "tine.yaml",
-        ["soil.bin={length_m: 0.5, width_m: 0.2, depth_m: 0.4}", "tools.tine.path.start_x_m=-0.05", *coarse],
-    )
-    return {
-        "machine, soil, recorder": run_turn(whole, folder / "whole"),
-        "less recorder": run_turn(whole, None),
-        "less mechanism": run_turn(tine, None),
-        "less soil": run_turn(machine, None),
-    }
-
-
-def by_turns(turns: dict[str, Turn], rounds: int) -> dict[str, float]:
-    """Median of every variant [s]."""
-    found: dict[str, list[float]] = {name: [] for name in turns}
+def by_turns(variants: Sequence[tuple[str, str, Turn]], rounds: int, unit: str, scale: float) -> Rows:
+    """Median of every variant, and of what it costs less than the one above in the same round."""
+    found: dict[str, list[float]] = {name: [] for name, _, _ in variants}
     for _ in range(rounds):
-        for name, turn in turns.items():
-            found[name].append(turn())
-    return {name: statistics.median(values) for name, values in found.items()}
+        for name, _, turn in variants:
+            found[name].append(scale * turn())
+    rows: Rows = []
+    for name, above, _ in variants:
+        row: dict[str, Any] = {"variant": name, unit: statistics.median(found[name])}
+        if above:
+            falls = [before - here for before, here in zip(found[above], found[name], strict=True)]
+            row |= {"falls by": statistics.median(falls), "from": min(falls), "to": max(falls)}
+        rows.append(row)
+    return rows
 
 
-def main() -> None:
-    """Measures both tables."""
+def print_table(rows: Rows, unit: str) -> None:
+    """Markdown."""
+    print(f"\n| | {unit} | falls by (least to largest of the rounds) |\n|---|---|---|")
+    for row in rows:
+        fall = f"{row['falls by']:.1f} ({row['from']:.1f} to {row['to']:.1f})" if "falls by" in row else ""
+        print(f"| {row['variant']} | {row[unit]:.1f} | {fall} |")
+
+
+def main() -> int:
+    """Measures both tables; 1 if a cost did not fall."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -193,22 +242,19 @@ def main() -> None:
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        variants = soils(folder)
-        turns = {variant: soil_turn(variant, keys, folder) for variant, keys in variants}
-        turns["less tool"] = soil_turn("less tool", variants[-1][1], folder, tool=False)
-        soil = {name: 1e9 * value for name, value in by_turns(turns, args.rounds).items()}
-        whole = {name: 1e6 * value for name, value in by_turns(runs(folder), args.rounds).items()}
-    print("| soil | ns per particle and step |\n|---|---|")
-    for name, value in soil.items():
-        print(f"| {name} | {value:.1f} |")
-    print("\n| run | us per tick |\n|---|---|")
-    for name, value in whole.items():
-        print(f"| {name} | {value:.1f} |")
+        tables = {
+            SOIL_UNIT: by_turns(soil_variants(folder), args.rounds, SOIL_UNIT, 1e9),
+            RUN_UNIT: by_turns(runs(folder), args.rounds, RUN_UNIT, 1e6),
+        }
+    for unit, rows in tables.items():
+        print_table(rows, unit)
     if args.json is not None:
-        args.json.write_text(
-            json.dumps({"soil_ns": soil, "run_us": whole}, indent=1) + "\n", encoding="utf-8"
-        )
+        args.json.write_text(json.dumps(tables, indent=1) + "\n", encoding="utf-8")
+    risen = [row["variant"] for rows in tables.values() for row in rows if row.get("falls by", 1.0) <= 0.0]
+    for variant in risen:
+        print(f"does not fall: {variant}", file=sys.stderr)
+    return 1 if risen else 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..errors import InputError
-from ..scene.beds import DenseRandomBed, GridBed
 from ..scene.document import parse_yaml
 from ..scene.loader import ResolvedScene, load_scene
-from ..scene.resistance import ResistanceSoil
+from ..scene.seeds import seed_key
 
 LARGEST_COUNT = 100_000
 """More runs than this are a slip of the pen (chosen)."""
@@ -94,27 +93,6 @@ def combinations(product: Sequence[Variation], paired: Sequence[Variation] = ())
         Point({**dict(zip((item.key for item in product), values, strict=True)), **step})
         for values in itertools.product(*(item.values for item in product))
         for step in steps
-    )
-
-
-def seed_key(scene: ResolvedScene) -> str:
-    """The key of the seed that makes a bed another one.
-
-    Raises:
-        InputError: nothing in the scene's soil is random, so that seeds would change nothing.
-    """
-    soil = scene.scene.soil
-    if isinstance(soil, ResistanceSoil):
-        return "soil.seed"
-    bed = None if soil is None else soil.bed
-    if isinstance(bed, DenseRandomBed) or (isinstance(bed, GridBed) and bed.jitter_m > 0.0):
-        return "soil.bed.seed"
-    what = "there is no soil" if bed is None else f"soil.bed is of kind '{bed.kind}' without jitter"
-    if bed is not None and bed.kind == "saved":
-        what = "soil.bed is a saved one"
-    raise InputError(
-        f"{scene.path}: seeds would change nothing: {what}. Use a dense_random bed, or a grid with "
-        "soil.bed.jitter_m, for instance a hundredth of a radius"
     )
 
 

@@ -3,14 +3,16 @@
 import json
 import math
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 
-from subsoil_ros.analysis.calibration import law
+from subsoil_ros.analysis.calibration import law, soil_results
 from subsoil_ros.analysis.calibration.design import (
+    DraftTarget,
     ResistanceDesign,
     base_scene,
     point_overrides,
@@ -22,6 +24,7 @@ from subsoil_ros.analysis.calibration.soil_results import slope_rad
 from subsoil_ros.analysis.execution import execute
 from subsoil_ros.analysis.kept_runs import keep_run
 from subsoil_ros.cli.main import main
+from subsoil_ros.errors import InputError
 from subsoil_ros.scene.loader import ResolvedScene, load_scene
 from subsoil_ros.scene.soil_file import read_soil_file
 
@@ -284,6 +287,25 @@ def test_grainlearning_is_used_where_it_is_installed(
     assert status == 0
     report = json.loads(out.with_suffix(".json").read_text())
     assert report["results"]["draft_newton"]["found"] == pytest.approx(900.0, rel=0.15)
+
+
+def test_a_draft_is_the_mean_over_the_beds_of_its_target(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each seed lays another bed; on a bed without anything random it is refused."""
+
+    def no_watch(*_: object) -> nullcontext[Callable[[int], None]]:
+        return nullcontext(lambda tick: None)
+
+    def known(scene: ResolvedScene, *_: object) -> float:
+        soil = scene.scene.particle_soil
+        assert soil is not None
+        return 100.0 * soil.bed.seed  # type: ignore[union-attr]
+
+    monkeypatch.setattr(soil_results, "_draft_newton", known)
+    target = DraftTarget(kind="draft", draft_newton=900.0, seeds=(3, 5))
+    jittered = load_scene(SCENES / "tine.yaml", ["soil.bed.jitter_m=1.0e-4"])
+    assert soil_results.draft_results(jittered, target, 1, no_watch) == {"draft_newton": 400.0}
+    with pytest.raises(InputError, match="seeds would change nothing"):
+        soil_results.draft_results(load_scene(SCENES / "tine.yaml"), target, 1, no_watch)
 
 
 def test_slope_of_a_heap() -> None:

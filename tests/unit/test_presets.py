@@ -113,7 +113,8 @@ def test_check_quotes_what_was_measured(scene_file: Path, capsys: Captured) -> N
     assert "fine: its error and its time are not known: the study of this scene has not been run" in text
     assert main(["check", str(scene_file)]) == 0
     text = " ".join(capsys.readouterr().out.split())
-    assert "presets of this scene: fine, coarse" in text and "measured without" not in text
+    assert "presets of this scene: fine, coarse" in text
+    assert "measured without" not in text
     assert "against r = 7 mm preset draft_mean_newton coarse -4 to +8 %" in text
     assert "coarse -5 to -1 % 1.2 s" in text  # of 0.1 s; nothing is said of what was not measured
     assert main(["check", str(scene_file), "--set", "gravity_m_per_s2=5.0"]) == 0

@@ -70,10 +70,11 @@ class StrengthTarget(Part):
 
 
 class DraftTarget(Part):
-    """Mean draft of the scene on its own path, over its metrics window."""
+    """Mean draft of the scene on its own path, over its metrics window and the beds of `seeds`."""
 
     kind: Literal["draft"]
     draft_newton: Positive
+    seeds: tuple[int, ...] = ()  # of a random or jittered bed; none: the bed as the scene has it
     tolerance: Fraction = 0.05
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ...coupling.engines import build_soil
 from ...dem.engine import SoilEngine
 from ...scene.loader import ResolvedScene, load_scene
+from ...scene.seeds import seed_key
 from ..soil_tests import run_soil_tests
 from ..strength import SoilStrength
 from .design import DraftTarget, ReposeTarget, StrengthTarget, tip_of
@@ -44,15 +45,30 @@ def strength_results(
 
 
 def draft_results(scene: ResolvedScene, target: DraftTarget, threads: int, watch: Watch) -> dict[str, float]:
-    """Mean draft while the tip is in the metrics window."""
+    """Mean draft while the tip is in the metrics window, over all beds of the target.
+
+    Raises InputError: seeds are given, and nothing in the bed is random.
+    """
+    beds = [_changed(scene, [f"{seed_key(scene)}={seed}"]) for seed in target.seeds] or [scene]
+    return {"draft_newton": float(np.mean([_draft_newton(bed, threads, watch) for bed in beds]))}
+
+
+def _draft_newton(scene: ResolvedScene, threads: int, watch: Watch) -> float:
     _, (tip_x, _) = tip_of(scene)
     soil = scene.scene.particle_soil
     assert soil is not None
     inside = scene.scene.report.window_inside_m
     with watch("draft", scene.timing) as on_tick:
         found = pull(scene, build_soil(scene, threads), on_tick)
-    read = numbers(found, tip_x, (inside, soil.bin.length_m - inside))
-    return {"draft_newton": read.draft_newton}
+    return numbers(found, tip_x, (inside, soil.bin.length_m - inside)).draft_newton
+
+
+def _changed(scene: ResolvedScene, changes: list[str]) -> ResolvedScene:
+    """A resolved scene with overrides laid over it."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "changed.yaml"
+        scene.write(path)
+        return load_scene(path, changes)
 
 
 def repose_results(
@@ -65,10 +81,7 @@ def repose_results(
     duration = FALLS * math.sqrt(2.0 * height / gravity)
     changes = [f"soil.bin={box}", "soil.bed={kind: grid, spacing_m: rest}", f"duration_s={duration!r}"]
     changes += [f"{key}=null" for key in ("tools", "mechanism", "report") if key in scene.document]
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "repose.yaml"
-        scene.write(path)
-        resolved = load_scene(path, changes)
+    resolved = _changed(scene, changes)
     engine = SoilEngine(resolved, threads)
     radius = engine.radii_m()[0]
     step = LOOSE * 2.0 * radius

@@ -54,11 +54,12 @@ def markdown(judged: Sequence[Judged], design: StudyDesign) -> str:
     heads = ["variant", "wall s", "times faster", *(_heading(metric) for metric in metrics), "Pareto"]
     lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for item in judged:
+        name = item.name.replace("|", r"\|")
         if item.wall_s is None:
             reason = item.failures[0].replace("|", "/") if item.failures else "no run"
-            lines.append(f"| {item.name} | failed: {reason} |" + " |" * (len(heads) - 2))
+            lines.append(f"| {name} | failed: {reason} |" + " |" * (len(heads) - 2))
             continue
-        cells = [item.name, _plus_minus(item.wall_s, "{:.3g}"), _faster(item)]
+        cells = [name, _plus_minus(item.wall_s, "{:.3g}"), _faster(item)]
         cells += [_cell(item, metric) for metric in metrics]
         lines.append(f"| {' | '.join([*cells, 'yes' if item.pareto else ''])} |")
     return "\n".join([*lines, "", *_legend(design), ""])

@@ -175,7 +175,12 @@ def test_knobs_that_run_alone() -> None:
     assert alone != names
 
 
-PRESETS = {"fine": "finest", "standard": "10 mm, 0.6 m wide, plain ground, mixed", "coarse": "reduced soil"}
+PRESETS = {
+    "fine": "finest",
+    "standard": "reduced soil",
+    "coarse": "reduced soil, 2 ms, rows of 10 ms",
+    "narrow": "10 mm, 0.6 m wide, plain ground, mixed",
+}
 
 
 def test_presets_of_the_paper_are_runs_of_its_study() -> None:
@@ -185,7 +190,7 @@ def test_presets_of_the_paper_are_runs_of_its_study() -> None:
     jobs = study_jobs(str(scene), (), found.model_copy(update={"also_against": {}}))
     hashes = {(job.point.name, job.point.seed): job.scene.scene_hash for job in jobs}
     for preset, variant in PRESETS.items():
-        key = "soil.seed" if preset == "coarse" else "soil.bed.seed"
+        key = "soil.seed" if preset in ("standard", "coarse") else "soil.bed.seed"
         resolved = load_scene(scene, [f"accuracy={preset}", f"{key}=1"])
         assert resolved.scene_hash == hashes[variant, 1], preset
         assert resolved.presets[preset].expected is not None

@@ -1,0 +1,27 @@
+"""Which key of a scene makes its bed another one."""
+
+from ..errors import InputError
+from .beds import DenseRandomBed, GridBed
+from .loader import ResolvedScene
+from .resistance import ResistanceSoil
+
+
+def seed_key(scene: ResolvedScene) -> str:
+    """The key of the seed that makes a bed another one.
+
+    Raises:
+        InputError: nothing in the scene's soil is random, so that seeds would change nothing.
+    """
+    soil = scene.scene.soil
+    if isinstance(soil, ResistanceSoil):
+        return "soil.seed"
+    bed = None if soil is None else soil.bed
+    if isinstance(bed, DenseRandomBed) or (isinstance(bed, GridBed) and bed.jitter_m > 0.0):
+        return "soil.bed.seed"
+    what = "there is no soil" if bed is None else f"soil.bed is of kind '{bed.kind}' without jitter"
+    if bed is not None and bed.kind == "saved":
+        what = "soil.bed is a saved one"
+    raise InputError(
+        f"{scene.path}: seeds would change nothing: {what}. Use a dense_random bed, or a grid with "
+        "soil.bed.jitter_m, for instance a hundredth of a radius"
+    )

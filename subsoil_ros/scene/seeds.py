@@ -1,9 +1,14 @@
 """Which key of a scene makes its bed another one."""
 
 from ..errors import InputError
-from .beds import DenseRandomBed, GridBed
+from .beds import Bed, DenseRandomBed, GridBed
 from .loader import ResolvedScene
 from .resistance import ResistanceSoil
+
+
+def is_random(bed: Bed) -> bool:
+    """Whether another seed makes it another bed."""
+    return isinstance(bed, DenseRandomBed) or (isinstance(bed, GridBed) and bed.jitter_m > 0.0)
 
 
 def seed_key(scene: ResolvedScene) -> str:
@@ -16,7 +21,7 @@ def seed_key(scene: ResolvedScene) -> str:
     if isinstance(soil, ResistanceSoil):
         return "soil.seed"
     bed = None if soil is None else soil.bed
-    if isinstance(bed, DenseRandomBed) or (isinstance(bed, GridBed) and bed.jitter_m > 0.0):
+    if bed is not None and is_random(bed):
         return "soil.bed.seed"
     what = "there is no soil" if bed is None else f"soil.bed is of kind '{bed.kind}' without jitter"
     if bed is not None and bed.kind == "saved":

@@ -188,6 +188,8 @@ def test_presets_of_the_paper_are_runs_of_its_study() -> None:
     scene = CONFIG / "scenes" / "subsoiler_1s300.yaml"
     found = read_design(CONFIG / "studies" / "subsoiler_1s300.yaml")
     jobs = study_jobs(str(scene), (), found.model_copy(update={"also_against": {}}))
+    order = [job.point.seed for job in jobs]
+    assert order == sorted(order, key=found.seeds.index)  # near each other in time, for their ratios
     hashes = {(job.point.name, job.point.seed): job.scene.scene_hash for job in jobs}
     for preset, variant in PRESETS.items():
         key = "soil.seed" if preset in ("standard", "coarse") else "soil.bed.seed"

@@ -10,10 +10,10 @@ from pydantic import Field, TypeAdapter, ValidationError
 from ...errors import InputError
 from ...scene.base import Finite, Fraction, NonNegative, Part, Positive
 from ...scene.bed_spacing import particle_spacing_m
-from ...scene.beds import DenseRandomBed, GridBed
 from ...scene.document import read_document
 from ...scene.loader import ResolvedScene, load_scene
 from ...scene.resistance import WheelSoil
+from ...scene.seeds import is_random
 from ...scene.soil_file import law_of
 
 GOLDEN = ((math.sqrt(5.0) - 1.0) / 2.0, 0.7548776662466927)
@@ -149,8 +149,8 @@ def point_overrides(
     shift = [0.0, 0.0]
     changes = []
     bed = soil.bed
-    if replicate and (isinstance(bed, DenseRandomBed) or (isinstance(bed, GridBed) and bed.jitter_m > 0.0)):
-        changes.append(f"soil.bed.seed={bed.seed + replicate}")
+    if replicate and is_random(bed):
+        changes.append(f"soil.bed.seed={bed.seed + replicate}")  # type: ignore[union-attr]  # random: it has one
     elif replicate:
         spacing = particle_spacing_m(soil)
         shift = [round((part * replicate) % 1.0 * spacing, 6) for part in GOLDEN]

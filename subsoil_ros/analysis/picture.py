@@ -25,6 +25,7 @@ _TUBE_M = 0.012  # radius of the lines of the machine (chosen)
 _FAR_M = 20.0  # of a camera without perspective from what it looks at
 _COLOURS = {"tool": "#9aa0a6", "body": "#3c4043", "spring": "#c55a11", "bin": "#806040"}
 _MARGIN = 1.06
+_SMALLEST_FONT = 6  # points (chosen: what can still be read)
 
 
 @dataclass(frozen=True)
@@ -77,8 +78,8 @@ class Studio:
         bounds = self._bounds()
         plotter.add_mesh(pyvista.Box(bounds).outline(), color=_COLOURS["bin"], line_width=2)
         plotter.add_text(
-            f"{self._resolved.scene.name}   t = {frame.time_s:.3f} s", position="upper_left", font_size=10,
-            color="black",
+            f"{self._resolved.scene.name}   t = {frame.time_s:.3f} s", position="upper_left",
+            font_size=self._font_size(10), color="black",
         )  # fmt: skip
         self._aim(plotter, view, bounds)
 
@@ -87,7 +88,7 @@ class Studio:
         assert soil is not None
         cloud = pyvista.PolyData(frame.positions_m[keep])
         named = {"speed": frame.speeds_m_per_s, "displacement": frame.displacements_m}[self._style.colour]
-        title = {"speed": "particle speed [m/s]", "displacement": "displacement [m]"}[self._style.colour]
+        title = {"speed": "speed\n[m/s]", "displacement": "displacement\n[m]"}[self._style.colour]
         cloud.point_data[title] = named[keep]
         actor = plotter.add_mesh(
             cloud,
@@ -101,10 +102,15 @@ class Studio:
             scalar_bar_args={
                 "title": f"{title}\n", "color": "black", "n_labels": 5, "fmt": "%.3g", "vertical": True,
                 "position_x": 0.9, "position_y": 0.25, "height": 0.5, "width": 0.05,
-                "title_font_size": 16, "label_font_size": 14,
+                "title_font_size": self._font_size(16), "label_font_size": self._font_size(14),
             },
         )  # fmt: skip
         actor.mapper.scale_factor = soil.particles.mean_volume_radius_m
+
+    def _font_size(self, points: int) -> int:
+        """Of a text that has so many points in a picture of 1280 x 720."""
+        width, height = self._style.size
+        return max(_SMALLEST_FONT, round(points * min(width / 1280.0, height / 720.0)))
 
     def _cut(
         self, frame: Frame, surfaces: Sequence[Surface], view: str

@@ -133,6 +133,16 @@ def test_cross_is_seen_from_the_front(resolved):
     assert not is_fast(pixel(picture, 0.5 - 0.07 / wide, up))
 
 
+@pytest.mark.parametrize("size", [(320, 180), (1280, 720), (640, 640)], ids=["small", "usual", "square"])
+@pytest.mark.parametrize("colour", ["speed", "displacement"])
+def test_bar_of_colours_is_whole(size, colour, resolved):
+    frame = made_up(block((0.1, 0.3), (0.0, 0.15), 0.1))
+    picture = Studio(resolved, Style(colour, LIMITS, size)).draw(frame, "above")
+    right = (picture[:, size[0] * 9 // 10 :] < 128).any(axis=2)
+    assert right.any()  # bar and title
+    assert not right[:, -2:].any()
+
+
 def test_tool_stands_at_its_pose(recorded, resolved):
     """The tip of the share is where the bag says: grey pixels there, none below or before it."""
     frames = Frames(recorded / "bag", resolved)

@@ -27,13 +27,21 @@ class Metric:
     label: str
     relative: bool = True  # its error is a part of the finest's value, else a difference
     resolution: str | None = None  # key of what a run can tell of it
+    absent_in_some: str = ""  # why not every run has it
+    unit: str = ""
 
 
 METRICS = (
     Metric("draft_mean_newton", "mean draft"),
     Metric("draft_peak_newton", "peak draft"),
     Metric("spring_range_newton", "spring force range"),
-    Metric("draft_frequency_hz", "dominant frequency", resolution="frequency_resolution_hz"),
+    Metric(
+        "draft_frequency_hz",
+        "dominant frequency",
+        resolution="frequency_resolution_hz",
+        absent_in_some="there is one where a rhythm of the draft stands out of red noise",
+        unit="Hz",
+    ),
     Metric("disturbed_area_m2", "disturbed area"),
     Metric("energy_residual", "energy residual", relative=False),
 )

@@ -19,6 +19,7 @@ def accuracy_lines(resolved: ResolvedScene, overrides: Sequence[str]) -> Iterato
         known = {key: item.expected for key, item in resolved.presets.items() if item.expected is not None}
         if known:
             yield from _all_presets(known, duration)
+            yield from (f"{key}: {note}" for key, item in known.items() for note in item.notes)
             yield from _changed(overrides)
         return
     expected = resolved.presets[name].expected
@@ -31,6 +32,7 @@ def accuracy_lines(resolved: ResolvedScene, overrides: Sequence[str]) -> Iterato
     yield _table(f"accuracy: {name}, expected error against {expected.against}", expected.errors, expected)
     for other, errors in expected.errors_against.items():
         yield _table(f"against {other}", errors, expected)
+    yield from expected.notes
     yield (
         f"expected wall time: {_wall_s(expected, duration)} s for {duration:g} s, without start-up, on "
         f"{expected.machine}; source: {expected.source}"
@@ -64,7 +66,7 @@ def _one_row_each(
     for column in (*metrics, *further):
         table.add_column(column, justify="right")
     for name, found in errors.items():
-        cells = [_interval(found[metric]) if metric in found else "" for metric in metrics]
+        cells = [_mean_and_interval(found[metric]) if metric in found else "" for metric in metrics]
         table.add_row(name, *cells, *(column[name] for column in further.values()))
     return table
 
@@ -77,6 +79,10 @@ def _table(title: str, errors: Mapping[str, ErrorInterval], expected: Expected) 
     for metric, error in errors.items():
         table.add_row(metric, f"{100.0 * error.mean:+.3g} %", _interval(error))
     return table
+
+
+def _mean_and_interval(error: ErrorInterval) -> str:
+    return f"{100.0 * error.mean:+.3g} % ({_interval(error)})"
 
 
 def _interval(error: ErrorInterval) -> str:

@@ -23,6 +23,7 @@ class Expected(Part):
     errors: dict[str, ErrorInterval]  # by name of the metric
     errors_against: dict[str, dict[str, ErrorInterval]] = {}  # of other references, by their names
     confidence: Fraction  # of the intervals
+    notes: list[str] = []  # what no error says
     wall_s_per_simulated_s: Positive
     machine: str  # that took this time
     source: str  # table, command and version

@@ -43,6 +43,10 @@ class Judged:
     bound: float = math.nan  # largest error of the metrics that are judged, at the far end of its interval
     pareto: bool = False
 
+    def runs_with(self, metric: str) -> int:
+        """How many of its runs have a metric."""
+        return self.values[metric].count if metric in self.values else 0
+
     def verdict(self, metric: str) -> str:
         """In words, whether its difference from the finest is more than the scatter of the seeds."""
         error = self.errors.get(metric)

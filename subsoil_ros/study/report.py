@@ -17,7 +17,8 @@ _SPEED_UP = ("speed_up", "speed_up_low", "speed_up_high")
 
 def wide_table(judged: Sequence[Judged], design: StudyDesign) -> list[dict[str, Any]]:
     """A row per variant. METRIC_error is relative to the finest (energy_residual: a difference), _low and
-    _high are of its interval, _verdict is in words; METRIC_error_vs_NAME is against a reference.
+    _high are of its interval, _verdict is in words; METRIC_error_vs_NAME is against a reference. _runs: how
+    many of its runs have the metric, where not all need have it.
     """
     rows = []
     for item in judged:
@@ -35,6 +36,8 @@ def wide_table(judged: Sequence[Judged], design: StudyDesign) -> list[dict[str, 
             row |= _interval(metric.name, item.values.get(metric.name))
             row |= _interval(f"{metric.name}_error", item.errors.get(metric.name))
             row[f"{metric.name}_verdict"] = item.verdict(metric.name)
+            if metric.absent_in_some:
+                row[f"{metric.name}_runs"] = item.runs_with(metric.name)
             for name in design.also_against:
                 error = item.errors_against.get(name, {}).get(metric.name)
                 row |= _interval(f"{metric.name}_error_vs_{name}", error)
@@ -50,7 +53,7 @@ def _interval(name: str, interval: Interval | None) -> dict[str, float]:
 
 def markdown(judged: Sequence[Judged], design: StudyDesign) -> str:
     """The table for people: wall time, speed-up, and each error with its interval."""
-    metrics = [metric for metric in METRICS if any(metric.name in item.errors for item in judged)]
+    metrics = [metric for metric in METRICS if _told(judged, metric)]
     heads = ["variant", "wall s", "times faster", *(_heading(metric) for metric in metrics), "Pareto"]
     lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for item in judged:
@@ -62,7 +65,14 @@ def markdown(judged: Sequence[Judged], design: StudyDesign) -> str:
         cells = [name, _plus_minus(item.wall_s, "{:.3g}"), _faster(item)]
         cells += [_cell(item, metric) for metric in metrics]
         lines.append(f"| {' | '.join([*cells, 'yes' if item.pareto else ''])} |")
-    return "\n".join([*lines, "", *_legend(design), ""])
+    return "\n".join([*lines, "", *_legend(judged, design), ""])
+
+
+def _told(judged: Sequence[Judged], metric: Metric) -> bool:
+    """Whether a metric has a column: an error, or a value where the finest runs have none."""
+    return any(metric.name in item.errors for item in judged) or (
+        metric.absent_in_some != "" and any(metric.name in item.values for item in judged)
+    )
 
 
 def _heading(metric: Metric) -> str:
@@ -70,14 +80,22 @@ def _heading(metric: Metric) -> str:
 
 
 def _cell(item: Judged, metric: Metric) -> str:
-    error = item.errors.get(metric.name)
-    if error is None:
+    value, error = item.values.get(metric.name), item.errors.get(metric.name)
+    if metric.absent_in_some and (error is None or item.name == FINEST):
+        return f"({_presence(item, metric)})"
+    if value is None or error is None:
         return ""
     if item.name == FINEST:
-        return f"({item.values[metric.name].mean:.4g})"
+        return f"({value.mean:.4g})"
     scaled = error.scaled(100.0) if metric.relative else error
     text = _plus_minus(scaled, "{:+.3g}" if metric.relative else "{:+.1g}")
     return f"{text} (~)" if item.verdict(metric.name) == "within seed scatter" else text
+
+
+def _presence(item: Judged, metric: Metric) -> str:
+    """The value of a metric that not all runs have, and how many do."""
+    value = item.values.get(metric.name)
+    return "none" if value is None else f"{value.mean:.3g} {metric.unit} in {value.count} of {item.seeds}"
 
 
 def _plus_minus(interval: Interval, form: str) -> str:
@@ -94,7 +112,7 @@ def _faster(item: Judged) -> str:
     return f"{mean:.3g}" if math.isnan(low) else f"{mean:.3g} ({low:.3g} to {high:.3g})"
 
 
-def _legend(design: StudyDesign) -> list[str]:
+def _legend(judged: Sequence[Judged], design: StudyDesign) -> list[str]:
     percent = f"{100.0 * design.confidence:g} %"
     lines = [
         f"Errors against `{FINEST}`, whose row has the values themselves; {len(design.seeds)} bed seeds. "
@@ -103,6 +121,10 @@ def _legend(design: StudyDesign) -> list[str]:
         "start-up and compilation. Pareto: no other run is both faster and nearer, by "
         f"{' and '.join(design.judged_by)} at the far end of their intervals."
     ]
+    for metric in METRICS:
+        if metric.absent_in_some:
+            told = "in brackets the value itself" if _told(judged, metric) else "no run has one"
+            lines.append(f"{metric.label.capitalize()}: {told}; {metric.absent_in_some}.")
     if len(design.seeds) == 1:
         lines.append("One seed: nothing says how much a difference means.")
     return lines
@@ -129,12 +151,23 @@ def expected_presets(
                 "errors": _intervals(errors),
                 "errors_against": {name: _intervals(others) for name, others in item.errors_against.items()},
                 "confidence": design.confidence,
+                **_notes(item, judged[0]),
                 "wall_s_per_simulated_s": item.wall_s.mean / duration_s,
                 "machine": f"{facts['machine']}, {facts['threads']} threads",
                 "source": f"subsoil study {Path(scene).name}, version {__version__}, engines {facts['code']}",
             }
         }
     return found
+
+
+def _notes(item: Judged, finest: Judged) -> dict[str, list[str]]:
+    """What no error says: a metric that more or fewer of its runs have than of the finest."""
+    notes = [
+        f"{metric.label}: {_presence(item, metric)}; {FINEST}: {_presence(finest, metric)}"
+        for metric in METRICS
+        if metric.absent_in_some and item.runs_with(metric.name) != finest.runs_with(metric.name)
+    ]
+    return {"notes": notes} if notes else {}
 
 
 def _scatter(item: Judged) -> dict[str, Interval]:
@@ -162,6 +195,8 @@ def draw(judged: Sequence[Judged], design: StudyDesign, scene: str, path: Path) 
     panels = []
     for metric in METRICS:
         factor = 100.0 if metric.relative else 1.0
+        title = f"{metric.label}, against the finest run"
+        unit = "error [%]" if metric.relative else "difference"
         dots = tuple(
             Dot(
                 number, _group(item), item.wall_s.mean, factor * error.mean, factor * error.half_width,
@@ -170,9 +205,15 @@ def draw(judged: Sequence[Judged], design: StudyDesign, scene: str, path: Path) 
             for number, item in enumerate(judged)
             if item.wall_s is not None and (error := item.errors.get(metric.name)) is not None
         )  # fmt: skip
+        if not dots and _told(judged, metric):
+            title, unit = f"{metric.label}; the finest run has none", f"[{metric.unit}]"
+            dots = tuple(
+                Dot(number, _group(item), item.wall_s.mean, value.mean, value.half_width, resolved=True)
+                for number, item in enumerate(judged)
+                if item.wall_s is not None and (value := item.values.get(metric.name)) is not None
+            )
         if dots:
-            unit = "error [%]" if metric.relative else "difference"
-            panels.append(Panel(f"{metric.label}, against the finest run", unit, dots))
+            panels.append(Panel(title, unit, dots))
     pareto = [number for number, item in enumerate(judged) if item.pareto]
     title = (
         f"{scene}: {len(design.seeds)} bed seeds, {100 * design.confidence:g} % intervals; "

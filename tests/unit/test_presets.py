@@ -27,6 +27,7 @@ presets:
       errors: {draft_mean_newton: {mean: -0.03, low: -0.05, high: -0.01}}
       errors_against: {r = 7 mm: {draft_mean_newton: {mean: 0.02, low: -0.04, high: 0.08}}}
       confidence: 0.95
+      notes: [swings where the finest does not]
       wall_s_per_simulated_s: 12.0
       machine: two cores
       source: docs/results/study.csv
@@ -106,6 +107,7 @@ def test_check_quotes_what_was_measured(scene_file: Path, capsys: Captured) -> N
     assert main(["check", str(scene_file), "--accuracy", "coarse", "--set", "duration_s=0.5"]) == 0
     text = " ".join(capsys.readouterr().out.split())
     for words in ("finest, 3 bed seeds", "-3 %", "-5 to -1 %", "against r = 7 mm", "-4 to +8 %", "study.csv",
+                  "swings where the finest does not",
                   "expected wall time: 6 s", "measured without --set duration_s=0.5"):  # fmt: skip
         assert words in text
     assert main(["check", str(scene_file), "--accuracy", "fine"]) == 0
@@ -115,8 +117,9 @@ def test_check_quotes_what_was_measured(scene_file: Path, capsys: Captured) -> N
     text = " ".join(capsys.readouterr().out.split())
     assert "presets of this scene: fine, coarse" in text
     assert "measured without" not in text
-    assert "against r = 7 mm preset draft_mean_newton coarse -4 to +8 %" in text
-    assert "coarse -5 to -1 % 1.2 s" in text  # of 0.1 s; nothing is said of what was not measured
+    assert "against r = 7 mm preset draft_mean_newton coarse +2 % (-4 to +8 %)" in text
+    assert "coarse: swings where the finest does not" in text
+    assert "coarse -3 % (-5 to -1 %) 1.2 s" in text  # of 0.1 s; nothing is said of what was not measured
     assert main(["check", str(scene_file), "--set", "gravity_m_per_s2=5.0"]) == 0
     assert "measured without --set gravity_m_per_s2=5.0" in " ".join(capsys.readouterr().out.split())
 

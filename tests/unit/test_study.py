@@ -15,7 +15,7 @@ from subsoil_ros.scene.loader import load_scene
 from subsoil_ros.scene.presets import read_preset
 from subsoil_ros.study.accuracy import Measurement, judge
 from subsoil_ros.study.design import StudyDesign, design_of, read_design
-from subsoil_ros.study.report import markdown, wide_table
+from subsoil_ros.study.report import expected_presets, markdown, wide_table
 from subsoil_ros.study.study import study_jobs
 
 Captured = pytest.CaptureFixture[str]
@@ -129,6 +129,34 @@ def test_a_frequency_is_told_to_a_line_of_the_spectrum() -> None:
     found = {item.name: item for item in judge(design(), runs, {})}
     assert found["step: large"].verdict("draft_frequency_hz") == "within seed scatter"
     assert found["step: huge"].verdict("draft_frequency_hz") == "same"
+
+
+def test_a_rhythm_that_the_finest_has_not() -> None:
+    """There is no error to give: table, figure and preset say how many runs have it."""
+    measured = [
+        replace(item, metrics={**item.metrics, "draft_frequency_hz": 7.2, "frequency_resolution_hz": 0.5})
+        if item.variant == "step: large" or (item.variant, item.seed) == ("step: huge", 1)
+        else item
+        for item in made_up()
+    ]
+    rhythm = design(combinations={"quick": {"step": "large"}}, knobs={"step": {"large": [], "huge": []}})
+    measured += [replace(item, variant="quick") for item in measured if item.variant == "step: large"]
+    found = judge(rhythm, measured, {})
+    rows = {line.split("|")[1].strip(): line for line in markdown(found, rhythm).splitlines() if "|" in line}
+    assert "dominant frequency" in rows["variant"]
+    assert "(7.2 Hz in 3 of 3)" in rows["step: large"]
+    assert "(7.2 Hz in 1 of 3)" in rows["step: huge"]
+    assert "(none)" in rows["finest"]
+    table = pd.DataFrame(wide_table(found, rhythm)).set_index("variant")
+    assert table["draft_frequency_hz_runs"].to_dict() == {
+        "finest": 0, "step: large": 3, "step: huge": 1, "quick": 3
+    }  # fmt: skip
+    facts = {"machine": "two cores", "threads": 1, "code": "0"}
+    presets = expected_presets(found, rhythm, facts, 1.0, "scene.yaml")
+    assert presets["quick"]["expected"]["notes"] == ["dominant frequency: 7.2 Hz in 3 of 3; finest: none"]
+    assert "notes" not in presets["finest"]["expected"]
+    none = judge(design(), made_up(), {})
+    assert "Dominant frequency: no run has one" in markdown(none, design())
 
 
 def test_one_seed_says_so() -> None:

@@ -25,7 +25,8 @@ CAUSES = "residual|overlaps a particle|not finite|moves at up to"
 SMALL_RESIDUAL = 0.02
 """Of the interface over its work: the default bound of scenes."""
 
-STIFFNESS, RADIUS, PRESSED, LIFTED = 1e4, 0.05, 1e-3, 1e-4
+SOFT, STIFF = 1e4, 1e7  # N/m, of the soil under the block
+RADIUS, PRESSED, LIFTED = 0.05, 1e-3, 1e-4
 HALF_HEIGHT = 0.03125
 REST_M = -0.25 + RADIUS + HALF_HEIGHT - PRESSED
 """z of a block that rests on the sphere under its load [m]."""
@@ -41,6 +42,7 @@ class Press:
     soil_steps: int = 1
     scheme: str = "serial"
     force: str = "tick_end"
+    stiffness: float = SOFT
 
     @property
     def limits(self) -> tuple[float, float]:
@@ -48,14 +50,14 @@ class Press:
         coupling = Coupling(scheme=self.scheme, force=self.force)  # type: ignore[arg-type]
         share = PARALLEL_DAMPER_SHARE if self.scheme == "parallel" else SERIAL_DAMPER_SHARE
         age_s = force_age_ticks(coupling, self.soil_steps) * self.interval_s
-        return age_s * STIFFNESS, share * self.mass / self.interval_s
+        return age_s * self.stiffness, share * self.mass / self.interval_s
 
     @property
     def settling_ticks(self) -> int:
         """Until 0.1 mm has become 0.1 um, by the slower of the two rates of a damped mass on a spring; of the
         damper only what the age of the force leaves."""
         left = self.damping - self.limits[0]
-        slow = min(0.5 * left / self.mass, STIFFNESS / self.damping)
+        slow = min(0.5 * left / self.mass, self.stiffness / self.damping)
         return math.ceil(10.0 / (slow * self.interval_s)) + 100
 
 
@@ -91,12 +93,12 @@ class _Kept(list[Any]):
 def pressed(laboratory: Laboratory, case: Press, ticks: int) -> tuple[float, float]:
     """Runs it; distance from rest at the end [m], and the residual over the work."""
     row = {
-        "stiffness_newton_per_m": STIFFNESS, "damping_newton_s_per_m": case.damping,
+        "stiffness_newton_per_m": case.stiffness, "damping_newton_s_per_m": case.damping,
         "tangential_stiffness_newton_per_m": 0.0, "tangential_damping_newton_s_per_m": 0.0,
         "static_friction": 0.0, "sliding_friction": 0.0,
     }  # fmt: skip
     point = [0.25, REST_M + LIFTED]
-    load = {"kind": "constant", "value": -STIFFNESS * PRESSED}
+    load = {"kind": "constant", "value": -case.stiffness * PRESSED}
     interval_ns = round(case.interval_s * 1e9 / case.soil_steps) * case.soil_steps
     mesh = {"mesh": laboratory.box(0.125, 0.125, 2.0 * HALF_HEIGHT), "position_m": [0.25, 0.0, point[1]]}
     resolved = laboratory.resolve(
@@ -150,9 +152,9 @@ def inside(case: Press) -> Press:
     return replace(case, damping=math.sqrt(low * high))
 
 
-def interval(mass: float) -> float:
+def interval(mass: float, stiffness: float = SOFT) -> float:
     """One at which k H^2 / m is 0.1."""
-    return math.sqrt(0.1 * mass / STIFFNESS)
+    return math.sqrt(0.1 * mass / stiffness)
 
 
 SCHEMES = [
@@ -238,20 +240,26 @@ def outside_the_limits(laboratory: Laboratory) -> Outcome:
 
 @CASES.add("C3", RIGHT)
 def masses(laboratory: Laboratory) -> Outcome:
-    """1 g, 1 kg, 1 t and 100 t, k H^2 / m of 0.001 and 0.1, damper inside the limits of each."""
+    """1 g to 100 t on soil of 1e4 and 1e7 N/m, k H^2 / m of 0.001 and 0.1, damper inside the limits."""
     found = {}
     for mass in (1e-3, 1.0, 1e3, 1e5):
-        for part in (0.1, 1.0):
-            case = inside(Press(mass, 0.0, part * interval(mass)))
-            found[f"{mass:g} kg, {1e3 * case.interval_s:.3g} ms"] = comes_to_rest(laboratory, case)
+        for stiffness in (SOFT, STIFF):
+            for part in (0.1, 1.0):
+                case = inside(Press(mass, 0.0, part * interval(mass, stiffness), stiffness=stiffness))
+                name = f"{mass:g} kg on {stiffness:g} N/m, {1e3 * case.interval_s:.3g} ms"
+                found[name] = comes_to_rest(laboratory, case)
     return words_of(found)
 
 
 @CASES.add("C4", STOPPED)
-def light_tool(laboratory: Laboratory) -> Outcome:
-    """1 g at an interval and a damper that are right for 1 kg."""
+def light_tool_or_stiff_soil(laboratory: Laboratory) -> Outcome:
+    """At an interval and a damper that are right for 1 kg on 1e4 N/m: 1 g, soil of 1e7 N/m, and both."""
     case = inside(Press(1.0, 0.0, interval(1.0)))
-    return Outcome(STOPPED, must_stop(laboratory, replace(case, mass=1e-3), 4000))
+    found = []
+    for mass, stiffness in ((1e-3, SOFT), (1.0, STIFF), (1e-3, STIFF)):
+        words = must_stop(laboratory, replace(case, mass=mass, stiffness=stiffness), 4000)
+        found.append(f"{mass:g} kg on {stiffness:g} N/m: {words}")
+    return Outcome(STOPPED, "; ".join(found))
 
 
 def block_machine(mesh: str) -> Document:

@@ -7,6 +7,7 @@ import re
 import numpy as np
 from scipy.optimize import brentq
 
+from subsoil_ros.cli.check import RESOLVED_STEPS
 from subsoil_ros.errors import SceneError
 from subsoil_ros.mbd.benchmark import SEVEN_BODIES
 from subsoil_ros.mbd.engine import MechanismEngine
@@ -171,7 +172,11 @@ def stiff_spring_at_a_coarse_step(laboratory: Laboratory) -> Outcome:
 
 @CASES.add("M2b", RIGHT)
 def stiff_spring_at_the_bound(laboratory: Laboratory) -> Outcome:
-    """1 kg on 1e9 N/m with the steps that the refusal names, 1e5 of them, both explicit methods."""
+    """1 kg on 1e9 N/m with the steps that the refusal names, 1e5 of them, both explicit methods.
+
+    Adams-Moulton keeps the energy of the swing. Runge-Kutta does not at so few steps a period: stable, but
+    the swing is no result, and `subsoil check` calls the mode not resolved.
+    """
     found = []
     for integrator in ("adams_moulton", "runge_kutta_4"):
         machine = stiff(integrator=integrator)
@@ -184,7 +189,13 @@ def stiff_spring_at_the_bound(laboratory: Laboratory) -> Outcome:
         before = stored(engine.state("", -1, 0))
         energy = stored(after(engine, 100_000 // steps, 500_000))
         must(energy <= 1.0101 * before, f"{integrator}, {steps} steps: energy grew {energy / before} times")
-        found.append(f"{integrator}: {steps} steps a tick, energy {energy / before:.3g} of the first")
+        period = 2.0 * math.pi * math.sqrt(1e-9) * steps / 0.5e-3  # in steps
+        kept = energy >= 0.99 * before
+        must(kept or period < RESOLVED_STEPS, f"{integrator}, {steps} steps: {energy / before} of the energy")
+        found.append(
+            f"{integrator}: {steps} steps a tick, {period:.3g} a period, "
+            f"energy {energy / before:.3g} of the first"
+        )
     return right("; ".join(found))
 
 

@@ -22,6 +22,10 @@ the wedge that a share compacts, up to 16 damped contacts a particle, spins from
 RAYLEIGH_PART = 0.2
 """Part of the Rayleigh time that a step may take under the Hertz law (usual: 0.1 to 0.2)."""
 
+DENSE_CALM = 0.4
+"""Part of the limit at which a dense random bed stayed calm before the paper's machine; at 0.6 it spun and
+was stopped on three beds of three (docs/accuracy.md)."""
+
 REDUCED_INTERVAL_NS = 1_000_000
 """Tick of a scene on reduced soil (chosen: its springs and wheels swing a hundred times slower)."""
 
@@ -174,6 +178,13 @@ def step_notes(soil: Soil, step_s: float) -> tuple[str, ...]:
             f"{boundary.tangential:.3f} at walls and tools"
         )
     limit = step_limits(soil)[0]
+    calm_s = DENSE_CALM * limit.limit_s
+    if soil.bed.kind == "dense_random" and calm_s < 0.98 * step_s:
+        notes.append(
+            f"soil.time_step_s: {step_s * 1e6:.4g} us is {step_s / limit.limit_s:.2f} of the limit: a dense "
+            "random bed that a tool compacts may spin, and be stopped; at "
+            f"{DENSE_CALM:g} of it, {calm_s * 1e6:.3g} us, the paper's machine ran"
+        )
     if step_s > limit.limit_s:
         notes.append(
             f"soil.force_time_step: the step {step_s * 1e6:.4g} us is above the stable limit "

@@ -13,6 +13,7 @@ from subsoil_ros.dem.beds.report import free_motion, report_bed
 from subsoil_ros.dem.beds.surface import top_surface_m
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.errors import SceneError
+from subsoil_ros.scene.limits import step_limits, step_notes
 
 RADIUS = 0.01
 MASS = 1800.0 * 4.0 / 3.0 * np.pi * RADIUS**3
@@ -103,6 +104,19 @@ def test_dense_bed_is_the_same_for_any_number_of_threads(soil, engine):
     assert_array_equal(SoilEngine(scene, 2).bed.positions_m, engine.bed.positions_m)
     other = SoilEngine(dense(soil, seed=1)).bed.positions_m
     assert other.shape != engine.bed.positions_m.shape or not np.allclose(other, engine.bed.positions_m)
+
+
+@pytest.mark.parametrize(
+    ("bed", "part", "warned"),
+    [({"kind": "dense_random"}, 0.6, True), ({"kind": "dense_random"}, 0.4, False),
+     ({"kind": "grid", "spacing_m": "rest"}, 0.6, False)],
+    ids=["dense", "dense, smaller step", "grid"],
+)  # fmt: skip
+def test_a_dense_bed_near_its_limit_is_warned_of(soil, bed, part, warned):
+    """Where the machine of the paper's study spun the bed up (docs/accuracy.md)."""
+    scene = dense(soil, bed=bed).scene.soil
+    notes = step_notes(scene, part * step_limits(scene)[0].limit_s)
+    assert any("dense random bed that a tool compacts may spin" in note for note in notes) == warned
 
 
 def test_rest_spacing_is_that_of_the_law(soil):

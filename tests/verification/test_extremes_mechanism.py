@@ -1,4 +1,4 @@
-"""Machines at the extremes: the quick cases of docs/extremes.md end as was written there before the run."""
+"""Machines at the extremes: the quick cases of docs/extremes.md end as it says."""
 
 from pathlib import Path
 

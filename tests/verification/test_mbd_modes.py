@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from subsoil_ros.cli import check
+from subsoil_ros.cli.main import main
 from subsoil_ros.errors import SceneError
 from subsoil_ros.mbd.statics import survey
 from subsoil_ros.scene.mechanism import Mechanism
@@ -173,6 +174,25 @@ def test_check_prints_statics_and_modes(tmp_path, capsys):
     for words in ("degrees of freedom  1", "reactions not unique: A, B, C, D, E, F", "static equilibrium",
                   "not unique", "frequency Hz", "damping ratio", " angle 1"):  # fmt: skip
         assert words in text
+
+
+def test_check_marks_modes_that_the_step_does_not_resolve(tmp_path, capsys):
+    """The linkage swings as a pendulum; with fewer than 20 steps a period its swing is the integrator's."""
+    path = tmp_path / "linkage.yaml"
+    path.write_text(SCENE)
+    slow = ["--set", "mechanism.integrator=generalized_alpha", "--set", "coupling.interval_ns=100000000"]
+    found = []
+    for words in ([], slow):
+        assert main(["check", str(path), *words]) == 0
+        lines = capsys.readouterr().out.splitlines()
+        row = lines[next(k for k, line in enumerate(lines) if "frequency Hz" in line) + 1]
+        hertz, _, steps = row.split()[:3]
+        found.append((float(hertz), float(steps.rstrip(",")), "not resolved" in row))
+    (hertz, steps, coarse), (_, slow_steps, slow_coarse) = found
+    assert steps == pytest.approx(1.0 / (hertz * 0.5e-3), rel=0.01)
+    assert slow_steps == pytest.approx(1.0 / (hertz * 0.1), rel=0.01)
+    assert slow_steps < 20.0 < steps
+    assert (coarse, slow_coarse) == (False, True)
 
 
 # --- stability bounds -------------------------------------------------------------------------------

@@ -15,6 +15,9 @@ from .spectra import LEAST_ROWS, spectrum
 MOVING_MEAN_S = 0.010
 """Peaks and ranges are of the mean over this: single contacts come and go in a millisecond."""
 
+SWING_MEAN_S = 0.3
+"""The swing is about the mean over this (chosen: two periods of the shank); slower is drift."""
+
 DISTURBED_AREA = "disturbance.area_m2"
 """Column of a summary; runs without it have no such metric."""
 
@@ -35,6 +38,7 @@ METRICS = (
     Metric("draft_mean_newton", "mean draft"),
     Metric("draft_peak_newton", "peak draft"),
     Metric("spring_range_newton", "spring force range"),
+    Metric("spring_swing_newton", "spring force swing"),
     Metric(
         "draft_frequency_hz",
         "dominant frequency",
@@ -50,8 +54,9 @@ METRICS = (
 def metrics_of(run: KeptRun) -> dict[str, float]:
     """Every metric that a run has a column for, over its metrics window; by Metric.name, resolutions too.
 
-    Peak and range are of the 10 ms moving mean. There is a dominant frequency only where a rhythm of the
-    draft stands out of red noise.
+    Peak and range are of the 10 ms moving mean. The swing is the standard deviation about the 0.3 s moving
+    mean: the range alone does not tell vibration from a bed that gives way once. There is a dominant
+    frequency only where a rhythm of the draft stands out of red noise.
     """
     summary, series = run.summary, run.series()
     window = summary["window"]
@@ -67,6 +72,8 @@ def metrics_of(run: KeptRun) -> dict[str, float]:
     spring = spring_of(run)
     if spring is not None and (name := f"spring.{spring}.force_newton") in series:
         found["spring_range_newton"] = float(np.ptp(moving_mean(series, name, MOVING_MEAN_S)[rows]))
+        about = series[name] - moving_mean(series, name, SWING_MEAN_S)
+        found["spring_swing_newton"] = float(np.std(about[rows]))
     if DISTURBED_AREA in summary:
         found["disturbed_area_m2"] = float(summary[DISTURBED_AREA])
     return {name: value for name, value in found.items() if math.isfinite(value)}

@@ -1,12 +1,13 @@
 """Runs kept by the hash of their scene: the numbers of `subsoil run`, found again, replaced."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from subsoil_ros.analysis.execution import execute
-from subsoil_ros.analysis.kept_runs import find_run, keep_run
+from subsoil_ros.analysis.kept_runs import KeptRun, find_run, keep_run
 from subsoil_ros.analysis.run_metrics import dominant_frequency_hz, metrics_of
 from subsoil_ros.analysis.series import read_series
 from subsoil_ros.analysis.series_file import read_series_csv, read_table_csv
@@ -145,3 +146,20 @@ def test_metrics_of_a_kept_run(tmp_path: Path) -> None:
     )
     assert "spring_range_newton" not in metrics
     assert "disturbed_area_m2" not in metrics
+
+
+@pytest.mark.parametrize(("vibration", "step"), [(100.0, 0.0), (0.0, 2000.0)], ids=["vibrates", "gives way"])
+def test_swing_tells_vibration_from_drift(tmp_path: Path, vibration: float, step: float) -> None:
+    """7 Hz less what the 0.3 s mean holds of it; a slow fall of 2 kN has the larger range, hardly a swing."""
+    times = np.arange(0.0, 3.0, 1e-3)
+    slow = 5000.0 + 400.0 * times + 0.5 * step * np.tanh((times - 1.7) / 0.5)
+    force = slow + vibration * np.sqrt(2.0) * np.sin(2.0 * np.pi * 7.0 * times)
+    (tmp_path / "scene.yaml").write_text("report: {spring: S}\n")
+    window = {"start_s": 1.0, "end_s": 2.5}
+    (tmp_path / "summary.json").write_text(json.dumps({"window": window, "interface_residual_ratio": 0.0}))
+    rows = "\n".join(f"{t:.6f},{f:.9f}" for t, f in zip(times, force, strict=True))
+    (tmp_path / "series.csv").write_text(f"time_s,spring.S.force_newton\n{rows}\n")
+    metrics = metrics_of(KeptRun(tmp_path))
+    left = 1.0 - np.sinc(7.0 * 0.301)
+    assert metrics["spring_swing_newton"] == pytest.approx(left * vibration, abs=25.0 if step else 1.0)
+    assert (metrics["spring_range_newton"] > 1500.0) == (step > 0.0)

@@ -125,6 +125,12 @@ def _legend(judged: Sequence[Judged], design: StudyDesign) -> list[str]:
         if metric.absent_in_some:
             told = "in brackets the value itself" if _told(judged, metric) else "no run has one"
             lines.append(f"{metric.label.capitalize()}: {told}; {metric.absent_in_some}.")
+    by_seed = [
+        f"{metric.label} {', '.join(f'{value:.4g}' for value in judged[0].by_seed[metric.name].values())}"
+        for metric in METRICS
+        if metric.name in judged[0].by_seed
+    ]
+    lines.append(f"`{FINEST}`, seed by seed: {'; '.join(by_seed)}.")
     if len(design.seeds) == 1:
         lines.append("One seed: nothing says how much a difference means.")
     return lines

@@ -175,6 +175,7 @@ def test_table_names_failures_and_what_is_not_resolved() -> None:
     measured = [item for item in made_up() if item.variant != "cloud: none"]
     found = judge(design(), measured, {"cloud: none": ["tick 7: NaN"] * 3})
     text = markdown(found, design())
+    assert "`finest`, seed by seed: mean draft 980, 1000, 1020." in text
     assert "| cloud: none | failed: tick 7: NaN |" in text
     row = next(line for line in text.splitlines() if line.startswith("| step: huge"))
     assert "(~)" in row

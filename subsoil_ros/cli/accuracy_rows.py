@@ -51,10 +51,12 @@ def _all_presets(known: Mapping[str, Expected], duration_s: float) -> Iterator[T
     """One row each, with the time they take, and again for each further reference."""
     walls = {name: f"{_wall_s(item, duration_s)} s" for name, item in known.items()}
     errors = {name: item.errors for name, item in known.items()}
-    yield _one_row_each("expected error", errors, {f"wall time for {duration_s:g} s": walls})
+    yield _one_row_each(
+        "expected error in %, with its interval", errors, {f"wall time for {duration_s:g} s": walls}
+    )
     for other in dict.fromkeys(other for item in known.values() for other in item.errors_against):
         against = {name: item.errors_against.get(other, {}) for name, item in known.items()}
-        yield _one_row_each(f"against {other}", against, {})
+        yield _one_row_each(f"against {other}, in %", against, {})
 
 
 def _one_row_each(
@@ -82,7 +84,10 @@ def _table(title: str, errors: Mapping[str, ErrorInterval], expected: Expected) 
 
 
 def _mean_and_interval(error: ErrorInterval) -> str:
-    return f"{100.0 * error.mean:+.3g} % ({_interval(error)})"
+    mean, low, high = (
+        f"{100.0 * value:+.{1 if abs(value) < 0.1 else 0}f}" for value in (error.mean, error.low, error.high)
+    )
+    return f"{mean} ({low} to {high})"
 
 
 def _interval(error: ErrorInterval) -> str:

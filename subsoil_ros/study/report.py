@@ -9,7 +9,7 @@ from .. import __version__
 from ..analysis.intervals import Interval
 from ..analysis.run_metrics import METRICS, Metric
 from ..analysis.study_figure import Dot, Panel, draw_study
-from .accuracy import Judged
+from .accuracy import Judged, Measurement
 from .design import FINEST, StudyDesign
 
 _SPEED_UP = ("speed_up", "speed_up_low", "speed_up_high")
@@ -51,7 +51,7 @@ def _interval(name: str, interval: Interval | None) -> dict[str, float]:
     return {name: interval.mean, f"{name}_low": interval.low, f"{name}_high": interval.high}
 
 
-def markdown(judged: Sequence[Judged], design: StudyDesign) -> str:
+def markdown(judged: Sequence[Judged], design: StudyDesign, measured: Sequence[Measurement]) -> str:
     """The table for people: wall time, speed-up, and each error with its interval."""
     metrics = [metric for metric in METRICS if _told(judged, metric)]
     heads = ["variant", "wall s", "times faster", *(_heading(metric) for metric in metrics), "Pareto"]
@@ -65,7 +65,7 @@ def markdown(judged: Sequence[Judged], design: StudyDesign) -> str:
         cells = [name, _plus_minus(item.wall_s, "{:.3g}"), _faster(item)]
         cells += [_cell(item, metric) for metric in metrics]
         lines.append(f"| {' | '.join([*cells, 'yes' if item.pareto else ''])} |")
-    return "\n".join([*lines, "", *_legend(judged, design), ""])
+    return "\n".join([*lines, "", *_legend(judged, design), *_references(design, measured), ""])
 
 
 def _told(judged: Sequence[Judged], metric: Metric) -> bool:
@@ -134,6 +134,21 @@ def _legend(judged: Sequence[Judged], design: StudyDesign) -> list[str]:
     if len(design.seeds) == 1:
         lines.append("One seed: nothing says how much a difference means.")
     return lines
+
+
+def _references(design: StudyDesign, measured: Sequence[Measurement]) -> list[str]:
+    """The runs of also_against themselves."""
+    return [
+        f"`{item.variant}`, seed {item.seed}, {item.wall_s:.4g} s: "
+        + "; ".join(
+            f"{metric.label} {item.metrics[metric.name]:.4g}"
+            for metric in METRICS
+            if metric.name in item.metrics
+        )
+        + "."
+        for item in measured
+        if item.variant in design.also_against
+    ]
 
 
 def expected_presets(

@@ -64,13 +64,14 @@ def run_study(
     write_whole(out / REQUEST, lambda part: part.write_text(dump_yaml(request), encoding="utf-8"))
     runs = run_jobs(jobs, out / RUNS, manner, watcher)
     failed = [(job.point.label, run.failure) for job, run in zip(jobs, runs, strict=True) if run.failure]
-    judged = judge(design, _measured(jobs, runs), _failures(jobs, runs))
+    measured = _measured(jobs, runs)
+    judged = judge(design, measured, _failures(jobs, runs))
     write_table(table_of(jobs, runs), out / "runs")
     if judged[0].wall_s is None:
         message = judged[0].failures[0] if judged[0].failures else "it has no series"
         raise RunError(f"{FINEST}: failed with every seed, so nothing can be measured against it: {message}")
     paths = [*write_table(pd.DataFrame(wide_table(judged, design)), out / "study"), out / "study.md"]
-    text = markdown(judged, design)
+    text = markdown(judged, design, measured)
     write_whole(out / "study.md", lambda part: part.write_text(text, encoding="utf-8"))
     facts = next(run.facts for job, run in zip(jobs, runs, strict=True) if job.point.name == FINEST)
     expected = expected_presets(judged, design, facts, jobs[0].scene.scene.duration_s, scene)

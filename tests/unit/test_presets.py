@@ -117,9 +117,9 @@ def test_check_quotes_what_was_measured(scene_file: Path, capsys: Captured) -> N
     text = " ".join(capsys.readouterr().out.split())
     assert "presets of this scene: fine, coarse" in text
     assert "measured without" not in text
-    assert "against r = 7 mm preset draft_mean_newton coarse +2 % (-4 to +8 %)" in text
+    assert "against r = 7 mm, in % preset draft_mean_newton coarse +2.0 (-4.0 to +8.0)" in text
     assert "coarse: swings where the finest does not" in text
-    assert "coarse -3 % (-5 to -1 %) 1.2 s" in text  # of 0.1 s; nothing is said of what was not measured
+    assert "coarse -3.0 (-5.0 to -1.0) 1.2 s" in text  # of 0.1 s; nothing is said of what was not measured
     assert main(["check", str(scene_file), "--set", "gravity_m_per_s2=5.0"]) == 0
     assert "measured without --set gravity_m_per_s2=5.0" in " ".join(capsys.readouterr().out.split())
 

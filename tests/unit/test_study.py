@@ -142,7 +142,11 @@ def test_a_rhythm_that_the_finest_has_not() -> None:
     rhythm = design(combinations={"quick": {"step": "large"}}, knobs={"step": {"large": [], "huge": []}})
     measured += [replace(item, variant="quick") for item in measured if item.variant == "step: large"]
     found = judge(rhythm, measured, {})
-    rows = {line.split("|")[1].strip(): line for line in markdown(found, rhythm).splitlines() if "|" in line}
+    rows = {
+        line.split("|")[1].strip(): line
+        for line in markdown(found, rhythm, measured).splitlines()
+        if "|" in line
+    }
     assert "dominant frequency" in rows["variant"]
     assert "(7.2 Hz in 3 of 3)" in rows["step: large"]
     assert "(7.2 Hz in 1 of 3)" in rows["step: huge"]
@@ -156,7 +160,7 @@ def test_a_rhythm_that_the_finest_has_not() -> None:
     assert presets["quick"]["expected"]["notes"] == ["dominant frequency: 7.2 Hz in 3 of 3; finest: none"]
     assert "notes" not in presets["finest"]["expected"]
     none = judge(design(), made_up(), {})
-    assert "Dominant frequency: no run has one" in markdown(none, design())
+    assert "Dominant frequency: no run has one" in markdown(none, design(), made_up())
 
 
 def test_one_seed_says_so() -> None:
@@ -166,16 +170,17 @@ def test_one_seed_says_so() -> None:
     found = judge(alone, measured, {})
     large = next(item for item in found if item.name == "step: large")
     assert large.verdict("draft_mean_newton") == "one seed"
-    assert "One seed" in markdown(found, alone)
-    assert "+-" not in markdown(found, alone).split("Errors against")[0]
+    assert "One seed" in markdown(found, alone, measured)
+    assert "+-" not in markdown(found, alone, measured).split("Errors against")[0]
 
 
 def test_table_names_failures_and_what_is_not_resolved() -> None:
     """A variant that failed has its message; a difference within the scatter is marked."""
     measured = [item for item in made_up() if item.variant != "cloud: none"]
     found = judge(design(), measured, {"cloud: none": ["tick 7: NaN"] * 3})
-    text = markdown(found, design())
+    text = markdown(found, design(), measured)
     assert "`finest`, seed by seed: mean draft 980, 1000, 1020." in text
+    assert "`r = 7 mm`, seed 0, 900 s: mean draft 1040." in text
     assert "| cloud: none | failed: tick 7: NaN |" in text
     row = next(line for line in text.splitlines() if line.startswith("| step: huge"))
     assert "(~)" in row

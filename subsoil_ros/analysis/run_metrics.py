@@ -9,7 +9,7 @@ from scipy.signal import periodogram
 
 from ..scene.document import read_document
 from .kept_runs import KeptRun
-from .smoothing import moving_mean
+from .smoothing import moving_mean, step_s
 from .spectra import LEAST_ROWS, spectrum
 
 MOVING_MEAN_S = 0.010
@@ -55,8 +55,8 @@ def metrics_of(run: KeptRun) -> dict[str, float]:
     """Every metric that a run has a column for, over its metrics window; by Metric.name, resolutions too.
 
     Peak and range are of the 10 ms moving mean. The swing is the standard deviation about the 0.3 s moving
-    mean: the range alone does not tell vibration from a bed that gives way once. There is a dominant
-    frequency only where a rhythm of the draft stands out of red noise.
+    mean, of rows of 30 ms or less: the range alone does not tell vibration from a bed that gives way once.
+    There is a dominant frequency only where a rhythm of the draft stands out of red noise.
     """
     summary, series = run.summary, run.series()
     window = summary["window"]
@@ -72,8 +72,9 @@ def metrics_of(run: KeptRun) -> dict[str, float]:
     spring = spring_of(run)
     if spring is not None and (name := f"spring.{spring}.force_newton") in series:
         found["spring_range_newton"] = float(np.ptp(moving_mean(series, name, MOVING_MEAN_S)[rows]))
-        about = series[name] - moving_mean(series, name, SWING_MEAN_S)
-        found["spring_swing_newton"] = float(np.std(about[rows]))
+        if step_s(series) <= 0.1 * SWING_MEAN_S:
+            about = series[name] - moving_mean(series, name, SWING_MEAN_S)
+            found["spring_swing_newton"] = float(np.std(about[rows]))
     if DISTURBED_AREA in summary:
         found["disturbed_area_m2"] = float(summary[DISTURBED_AREA])
     return {name: value for name, value in found.items() if math.isfinite(value)}

@@ -163,3 +163,6 @@ def test_swing_tells_vibration_from_drift(tmp_path: Path, vibration: float, step
     left = 1.0 - np.sinc(7.0 * 0.301)
     assert metrics["spring_swing_newton"] == pytest.approx(left * vibration, abs=25.0 if step else 1.0)
     assert (metrics["spring_range_newton"] > 1500.0) == (step > 0.0)
+    rare = "\n".join(rows.splitlines()[::50])  # tell nothing of a vibration
+    (tmp_path / "series.csv").write_text(f"time_s,spring.S.force_newton\n{rare}\n")
+    assert "spring_swing_newton" not in metrics_of(KeptRun(tmp_path))

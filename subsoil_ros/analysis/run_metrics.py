@@ -9,14 +9,17 @@ from scipy.signal import periodogram
 
 from ..scene.document import read_document
 from .kept_runs import KeptRun
-from .smoothing import moving_mean, step_s
+from .smoothing import moving_mean
 from .spectra import LEAST_ROWS, spectrum
 
 MOVING_MEAN_S = 0.010
 """Peaks and ranges are of the mean over this: single contacts come and go in a millisecond."""
 
-SWING_MEAN_S = 0.3
-"""The swing is about the mean over this (chosen: two periods of the shank); slower is drift."""
+SWING_S = 0.3
+"""Length of the pieces that a swing is the median of (chosen: two periods of the paper's shank)."""
+
+SWING_ROWS = 10
+"""Rows that a piece must have."""
 
 DISTURBED_AREA = "disturbance.area_m2"
 """Column of a summary; runs without it have no such metric."""
@@ -54,9 +57,9 @@ METRICS = (
 def metrics_of(run: KeptRun) -> dict[str, float]:
     """Every metric that a run has a column for, over its metrics window; by Metric.name, resolutions too.
 
-    Peak and range are of the 10 ms moving mean. The swing is the standard deviation about the 0.3 s moving
-    mean, of rows of 30 ms or less: the range alone does not tell vibration from a bed that gives way once.
-    There is a dominant frequency only where a rhythm of the draft stands out of red noise.
+    Peak and range are of the 10 ms moving mean; the range does not tell vibration from a bed that gives way
+    once, so there is the swing. There is a dominant frequency only where a rhythm of the draft stands out of
+    red noise.
     """
     summary, series = run.summary, run.series()
     window = summary["window"]
@@ -72,9 +75,7 @@ def metrics_of(run: KeptRun) -> dict[str, float]:
     spring = spring_of(run)
     if spring is not None and (name := f"spring.{spring}.force_newton") in series:
         found["spring_range_newton"] = float(np.ptp(moving_mean(series, name, MOVING_MEAN_S)[rows]))
-        if step_s(series) <= 0.1 * SWING_MEAN_S:
-            about = series[name] - moving_mean(series, name, SWING_MEAN_S)
-            found["spring_swing_newton"] = float(np.std(about[rows]))
+        found["spring_swing_newton"] = swing(times[rows], series[name][rows])
     if DISTURBED_AREA in summary:
         found["disturbed_area_m2"] = float(summary[DISTURBED_AREA])
     return {name: value for name, value in found.items() if math.isfinite(value)}
@@ -85,6 +86,23 @@ def spring_of(run: KeptRun) -> str | None:
     path = run.folder / "scene.yaml"
     spring = (read_document(path, str(path)).get("report") or {}).get("spring")
     return None if spring is None else str(spring)
+
+
+def swing(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> float:
+    """Standard deviation about a straight line, the median over pieces of 0.3 s that overlap by half.
+
+    A fall, however steep, is in two or three of the pieces, so the median is of the vibration beside it; nan
+    with fewer than three pieces, or fewer than ten rows in one.
+    """
+    starts = np.arange(times_s[0], times_s[-1] - SWING_S + 1e-9, 0.5 * SWING_S)
+    found = []
+    for start in starts:
+        piece = (times_s >= start - 1e-9) & (times_s < start + SWING_S - 1e-9)
+        if piece.sum() < SWING_ROWS:
+            return math.nan
+        line = np.polyfit(times_s[piece] - start, values[piece], 1)
+        found.append(np.std(values[piece] - np.polyval(line, times_s[piece] - start)))
+    return float(np.median(found)) if len(found) >= 3 else math.nan
 
 
 def dominant_frequency_hz(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> float:

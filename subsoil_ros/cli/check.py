@@ -37,7 +37,7 @@ LOCKSTEP_S_PER_TICK = 4.0e-4
 
 RESOLVED_STEPS = 20
 """Steps a period from which a mode counts as resolved (chosen: runge_kutta_4 then takes 0.03 % of the energy
-of an undamped swing in a period; with two or three steps it is stable, and damps the swing away)."""
+of an undamped swing in a period; with 2.3 to 3 it is stable, and damps the swing away)."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -76,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
     if soil is not None:
         console.print(_table("soil", particle_rows(resolved, soil, particle_count)))
         console.print(_limits(resolved))
-        for note in step_notes(soil, resolved.timing.soil_step_s):
+        for note in step_notes(resolved.scene, resolved.timing.soil_step_s):
             console.print(note)
     if resolved.scene.reduced_soil is not None:
         console.print(_table("soil, reduced", reduced_rows(resolved, resolved.scene.reduced_soil)))

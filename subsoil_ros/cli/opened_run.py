@@ -86,9 +86,9 @@ def _prepare_bed(resolved: ResolvedScene, threads: int) -> None:
 
 
 def _notes(resolved: ResolvedScene) -> tuple[str, ...]:
-    soil = resolved.scene.particle_soil
-    of_the_step = step_notes(soil, resolved.timing.soil_step_s) if soil is not None else ()
-    return (*resolved.notes, *of_the_step)
+    if resolved.scene.particle_soil is None:
+        return resolved.notes
+    return (*resolved.notes, *step_notes(resolved.scene, resolved.timing.soil_step_s))
 
 
 def _create_folder(out: Path) -> None:

@@ -89,6 +89,8 @@ def _cell(item: Judged, metric: Metric) -> str:
         return f"({value.mean:.4g})"
     scaled = error.scaled(100.0) if metric.relative else error
     text = _plus_minus(scaled, "{:+.3g}" if metric.relative else "{:+.1g}")
+    if metric.absent_in_some and error.count < item.seeds:
+        text += f", in {error.count} of {item.seeds}"
     return f"{text} (~)" if item.verdict(metric.name) == "within seed scatter" else text
 
 
@@ -125,10 +127,14 @@ def _legend(judged: Sequence[Judged], design: StudyDesign) -> list[str]:
         if metric.absent_in_some:
             told = "in brackets the value itself" if _told(judged, metric) else "no run has one"
             lines.append(f"{metric.label.capitalize()}: {told}; {metric.absent_in_some}.")
+    found = judged[0].by_seed
     by_seed = [
-        f"{metric.label} {', '.join(f'{value:.4g}' for value in judged[0].by_seed[metric.name].values())}"
+        f"{metric.label} "
+        + ", ".join(
+            f"{found[metric.name][seed]:.4g}" if seed in found[metric.name] else "-" for seed in design.seeds
+        )
         for metric in METRICS
-        if metric.name in judged[0].by_seed
+        if metric.name in found
     ]
     lines.append(f"`{FINEST}`, seed by seed: {'; '.join(by_seed)}.")
     if len(design.seeds) == 1:

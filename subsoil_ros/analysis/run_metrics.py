@@ -19,7 +19,7 @@ SWING_S = 0.3
 """Length of the pieces that a swing is the median of (chosen: two periods of the paper's shank)."""
 
 SWING_ROWS = 10
-"""Rows that a piece must have."""
+"""Rows that a piece must have (chosen: four to five in a period of the paper's shank, 7.6 Hz)."""
 
 DISTURBED_AREA = "disturbance.area_m2"
 """Column of a summary; runs without it have no such metric."""
@@ -95,13 +95,13 @@ def swing(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> float:
     with fewer than three pieces, or fewer than ten rows in one.
     """
     starts = np.arange(times_s[0], times_s[-1] - SWING_S + 1e-9, 0.5 * SWING_S)
+    first, last = np.searchsorted(times_s, starts - 1e-9), np.searchsorted(times_s, starts + SWING_S - 1e-9)
     found = []
-    for start in starts:
-        piece = (times_s >= start - 1e-9) & (times_s < start + SWING_S - 1e-9)
-        if piece.sum() < SWING_ROWS:
+    for start, low, high in zip(starts, first, last, strict=True):
+        if high - low < SWING_ROWS:
             return math.nan
-        line = np.polyfit(times_s[piece] - start, values[piece], 1)
-        found.append(np.std(values[piece] - np.polyval(line, times_s[piece] - start)))
+        since, piece = times_s[low:high] - start, values[low:high]
+        found.append(np.std(piece - np.polyval(np.polyfit(since, piece, 1), since)))
     return float(np.median(found)) if len(found) >= 3 else math.nan
 
 

@@ -37,7 +37,6 @@ class Judged:
     wall_s: Interval | None = None
     cpu_s: Interval | None = None
     speed_up: tuple[float, float, float] | None = None  # mean, low, high
-    by_seed: dict[str, dict[int, float]] = field(default_factory=dict)
     values: dict[str, Interval] = field(default_factory=dict)
     errors: dict[str, Interval] = field(default_factory=dict)  # against the finest
     errors_against: dict[str, dict[str, Interval]] = field(default_factory=dict)  # by reference
@@ -116,7 +115,6 @@ def _errors(
     values, true = _of(runs, metric), _of(finest, metric)
     if not values:
         return
-    judged.by_seed[metric.name] = values
     judged.values[metric.name] = mean_interval(list(values.values()), design.confidence)
     if not true or (metric.relative and not any(true.values())):
         return  # nothing to be relative to

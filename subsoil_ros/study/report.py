@@ -65,7 +65,7 @@ def markdown(judged: Sequence[Judged], design: StudyDesign, measured: Sequence[M
         cells = [name, _plus_minus(item.wall_s, "{:.3g}"), _faster(item)]
         cells += [_cell(item, metric) for metric in metrics]
         lines.append(f"| {' | '.join([*cells, 'yes' if item.pareto else ''])} |")
-    return "\n".join([*lines, "", *_legend(judged, design), *_references(design, measured), ""])
+    return "\n".join([*lines, "", *_legend(judged, design), *_true_runs(design, measured), ""])
 
 
 def _told(judged: Sequence[Judged], metric: Metric) -> bool:
@@ -127,25 +127,15 @@ def _legend(judged: Sequence[Judged], design: StudyDesign) -> list[str]:
         if metric.absent_in_some:
             told = "in brackets the value itself" if _told(judged, metric) else "no run has one"
             lines.append(f"{metric.label.capitalize()}: {told}; {metric.absent_in_some}.")
-    found = judged[0].by_seed
-    by_seed = [
-        f"{metric.label} "
-        + ", ".join(
-            f"{found[metric.name][seed]:.4g}" if seed in found[metric.name] else "-" for seed in design.seeds
-        )
-        for metric in METRICS
-        if metric.name in found
-    ]
-    lines.append(f"`{FINEST}`, seed by seed: {'; '.join(by_seed)}.")
     if len(design.seeds) == 1:
         lines.append("One seed: nothing says how much a difference means.")
     return lines
 
 
-def _references(design: StudyDesign, measured: Sequence[Measurement]) -> list[str]:
-    """The runs of also_against themselves."""
+def _true_runs(design: StudyDesign, measured: Sequence[Measurement]) -> list[str]:
+    """The runs that count as true, one by one: a list of the finest and of the references."""
     return [
-        f"`{item.variant}`, seed {item.seed}, {item.wall_s:.4g} s: "
+        f"- `{item.variant}`, seed {item.seed}, {item.wall_s:.4g} s: "
         + "; ".join(
             f"{metric.label} {item.metrics[metric.name]:.4g}"
             for metric in METRICS
@@ -153,7 +143,7 @@ def _references(design: StudyDesign, measured: Sequence[Measurement]) -> list[st
         )
         + "."
         for item in measured
-        if item.variant in design.also_against
+        if item.variant in (FINEST, *design.also_against)
     ]
 
 

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 import yaml
 
+from subsoil_ros.analysis.run_metrics import METRICS
 from subsoil_ros.cli.main import main
 from subsoil_ros.errors import InputError
 from subsoil_ros.scene.loader import load_scene
@@ -179,8 +180,8 @@ def test_table_names_failures_and_what_is_not_resolved() -> None:
     measured = [item for item in made_up() if item.variant != "cloud: none"]
     found = judge(design(), measured, {"cloud: none": ["tick 7: NaN"] * 3})
     text = markdown(found, design(), measured)
-    assert "`finest`, seed by seed: mean draft 980, 1000, 1020." in text
-    assert "`r = 7 mm`, seed 0, 900 s: mean draft 1040." in text
+    assert "- `finest`, seed 2, 102 s: mean draft 1020." in text
+    assert "- `r = 7 mm`, seed 0, 900 s: mean draft 1040." in text
     assert "| cloud: none | failed: tick 7: NaN |" in text
     row = next(line for line in text.splitlines() if line.startswith("| step: huge"))
     assert "(~)" in row
@@ -231,6 +232,37 @@ def test_presets_of_the_paper_are_runs_of_its_study() -> None:
         assert resolved.scene_hash == hashes[variant, 1], preset
         assert resolved.presets[preset].expected is not None
     assert list(resolved.presets) == list(PRESETS)
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_presets_of_the_paper_quote_its_study(preset: str) -> None:
+    """Errors, intervals and times in the scene are those of the shipped table, to four digits."""
+    resolved = load_scene(CONFIG / "scenes" / "subsoiler_1s300.yaml")
+    expected = resolved.presets[preset].expected
+    assert expected is not None
+    table = pd.read_csv(CONFIG.parent / "docs/results/studies/subsoiler_1s300.csv").set_index("variant")
+    row = table.loc[PRESETS[preset]]
+    quoted = {f"{name}_error": error for name, error in expected.errors.items()}
+    quoted |= {
+        f"{name}_error_vs_{reference}": error
+        for reference, errors in expected.errors_against.items()
+        for name, error in errors.items()
+    }
+    assert list(expected.errors_against) == ["r = 7 mm"]
+    assert row["wall_s"] / resolved.scene.duration_s == pytest.approx(
+        expected.wall_s_per_simulated_s, rel=1e-3
+    )
+    for column, error in quoted.items():
+        found = [row[column], row[f"{column}_low"], row[f"{column}_high"]]
+        name = column.removesuffix("_error")
+        if PRESETS[preset] == "finest" and name in expected.errors:  # the scatter of its own mean
+            half = row[f"{name}_high"] / row[name] - 1.0
+            found = [0.0, -half, half]
+        assert found == pytest.approx([error.mean, error.low, error.high], rel=1e-3, abs=1e-9), column
+    shown = {
+        metric.name for metric in METRICS if metric.relative and not np.isnan(row[f"{metric.name}_error"])
+    }
+    assert set(expected.errors) == shown
 
 
 def test_finest_of_the_paper_is_what_was_agreed() -> None:

@@ -23,8 +23,9 @@ RAYLEIGH_PART = 0.2
 """Part of the Rayleigh time that a step may take under the Hertz law (usual: 0.1 to 0.2)."""
 
 DENSE_CALM = 0.41
-"""Part of the limit at which a dense random bed stayed calm before the paper's machine (22 us); at 0.6 it
-spun and was stopped on three beds of three (docs/accuracy.md)."""
+"""Part of a limit set by dampers at which a dense random bed stayed calm before the paper's machine (22 us);
+at 0.6 it spun and was stopped on three beds of three (docs/accuracy.md). A limit set by springs falls with
+the root of the coordination only, and 0.6 of it is as calm as 0.3 (docs/cycle.md)."""
 
 REDUCED_INTERVAL_NS = 1_000_000
 """Tick of a scene on reduced soil (chosen: its springs and wheels swing a hundred times slower)."""
@@ -39,6 +40,7 @@ class StepLimit:
 
     cause: str
     limit_s: float
+    damped: bool = False  # set by dampers, else by springs
 
 
 def step_limits(soil: Soil, coordination: float = DENSE_COORDINATION) -> tuple[StepLimit, ...]:
@@ -83,7 +85,7 @@ def _particle_limits(soil: Soil, other: Soil, z: float, named: str) -> dict[str,
 
     def add(kind: str, cause: str, rate: float, *, spring: bool) -> None:
         if rate > 0.0:
-            limits[kind] = StepLimit(cause, 2.0 / (math.sqrt(rate) if spring else rate))
+            limits[kind] = StepLimit(cause, 2.0 / (math.sqrt(rate) if spring else rate), damped=not spring)
 
     stiffness = max(pair.stiffness, pair.contact_adhesion)
     normal_lag, tangential_lag = lag_rates(soil)[0]
@@ -146,7 +148,7 @@ def _boundary_limits(soil: Soil, named: str) -> dict[str, StepLimit]:
     }
     if damper > 0.0:
         cause = f"damping {wall.damping:g} and {wall.tangential_damping:g} N s/m {name}"
-        limits["boundary, dampers"] = StepLimit(cause, 2.0 / damper)
+        limits["boundary, dampers"] = StepLimit(cause, 2.0 / damper, damped=True)
     return limits
 
 
@@ -180,7 +182,8 @@ def step_notes(scene: Scene, step_s: float) -> tuple[str, ...]:
         )
     limit = step_limits(soil)[0]
     calm_s = DENSE_CALM * limit.limit_s
-    if scene.mechanism is not None and soil.bed.kind == "dense_random" and step_s > calm_s:
+    dense = soil.bed.kind == "dense_random"
+    if scene.mechanism is not None and dense and limit.damped and step_s > calm_s:
         notes.append(
             f"soil.time_step_s: {step_s * 1e6:.4g} us is {step_s / limit.limit_s:.2f} of the limit: a dense "
             "random bed that a tool compacts may spin, and be stopped; at "

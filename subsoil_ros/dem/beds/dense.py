@@ -24,12 +24,12 @@ from ...scene.bed_spacing import rest_spacing_m
 from ...scene.beds import SurfaceProfile
 from ...scene.bin import Bin
 from ...scene.loader import ResolvedScene
-from ...scene.pairs import pair_values, particle_mass_kg
+from ...scene.pairs import pair_values
 from ...scene.sizes import mean_power, sampled_radii_m
 from ...scene.soil import Soil
 from ..bed import Bed, grid_shape
 from ..mixture import material_at
-from .settling import EngineOf, Rest, Settling, Watch
+from .settling import SETTLING_GRAVITY, EngineOf, Rest, Settling, Watch
 from .surface import cut_to_depth, mean_above_profile_m
 
 CLOSE_PACKING = 0.64
@@ -42,9 +42,6 @@ the gaps between large ones; too many are only cut off again)."""
 
 POURED = 0.55
 """Solid fraction of the random points before they settle (chosen: it falls by a seventh of its height)."""
-
-SETTLING_GRAVITY = 9.81
-"""[m/s2] while settling, also where the scene has none."""
 
 PILOT_DIAMETERS = 12.0
 """Edge of the small bed that tells how far a bonded bed shrinks, in rest distances."""
@@ -74,9 +71,16 @@ def settled_rest(radius_m: float) -> Rest:
     return Rest(0.05 * math.sqrt(4.0 * SETTLING_GRAVITY * radius_m), 1.5)
 
 
-def relaxed_rest(radius_m: float) -> Rest:
+RELAX_PERIODS = 260.0
+"""Longest relaxation in periods of a contact, 2 pi sqrt(m / K). A bed of stiff contacts with little adhesion
+never comes to full rest without friction: its particles keep creeping, held back by the global damping alone.
+After so many periods a tenth of their weight is out of balance, which the friction of the run holds (chosen:
+2 s of the paper's law, whose beds come to rest long before)."""
+
+
+def relaxed_rest(radius_m: float, contact_rate_per_s: float) -> Rest:
     """After relaxation: 1 % of the radius in a second (chosen)."""
-    return Rest(0.01 * radius_m, 2.0)
+    return Rest(0.01 * radius_m, RELAX_PERIODS * 2.0 * math.pi / contact_rate_per_s)
 
 
 def prepare_dense(resolved: ResolvedScene, seed: int, engine_of: EngineOf, threads: int, watch: Watch) -> Bed:
@@ -111,7 +115,6 @@ def _settled(soil: Soil, box: Bin, seed: int, loose: Settling) -> Bed:
     sphere = rest_volume_m3(soil)
     packing = CLOSE_PACKING if sizes is None else UNEQUAL_PACKING
     area = box.length_m * box.width_m
-    stiffness, mass = pair_values(soil)[0].stiffness, particle_mass_kg(soil)
     count = math.ceil(packing * area * (box.depth_m + rest) / sphere)
     half_width = 0.5 * box.width_m
     side = 0.0 if box.sides == "periodic" else wall
@@ -122,7 +125,7 @@ def _settled(soil: Soil, box: Bin, seed: int, loose: Settling) -> Bed:
     sides = (0.0, -half_width, 0.0), (box.length_m, half_width)
     bed = Bed(points, *sides, sides=box.sides, radii_m=radii)
     # Far above the critical damping of a pair, so that no particle flies out of the top.
-    bed = loose.run(bed, Rest(0.0, QUENCH_S), QUENCH_DAMPING * math.sqrt(stiffness / mass), "parting")
+    bed = loose.run(bed, Rest(0.0, QUENCH_S), QUENCH_DAMPING * loose.contact_rate_per_s, "parting")
     damping = FALL_DAMPING * math.sqrt(SETTLING_GRAVITY / box.depth_m)
     bed = loose.run(bed, settled_rest(radius), damping, "settling")
     if soil.layers is None:
@@ -147,8 +150,8 @@ def _bonded(
     radius = soil.particles.mean_volume_radius_m
     bed, _ = _least_energy(bed, bonded)
     bed = cut_to_depth(bed, radius, depth_m, surface)
-    rest = relaxed_rest(radius)
-    damping = RELAX_DAMPING * math.sqrt(pair_values(soil)[0].stiffness / particle_mass_kg(soil))
+    rest = relaxed_rest(radius, bonded.contact_rate_per_s)
+    damping = RELAX_DAMPING * bonded.contact_rate_per_s
     for _ in range(LARGEST_RESIZES):
         bed = bonded.run(bed, Rest(rest.speed_m_per_s, RESIZE_S), damping, "fitting")
         bed, scale = _least_energy(bed, bonded)

@@ -25,6 +25,10 @@ _SLIDING = (
 )  # fmt: skip
 _ADHESION = "adhesion_newton_per_m"
 _DAMPING = "damping_newton_s_per_m"
+_STIFFNESS = "stiffness_newton_per_m"
+
+SETTLING_GRAVITY = 9.81
+"""[m/s2] while settling, also where the scene has none."""
 
 DAMPING_RATIO = 0.3
 """Largest damping ratio of a contact while settling (chosen: the step grows five times, C = 2.6 N s/m)."""
@@ -35,6 +39,11 @@ touching neighbours (of unequal ones the large have more, but more mass still)."
 
 STEP_SAFETY = 0.8
 """Part of the stable step that is taken while settling (chosen)."""
+
+SETTLING_OVERLAP = 0.005
+"""Overlap over the radius of the lowest contacts under the weight of the bed that is enough while particles
+without adhesion find their places (chosen: half of the 1 % that calibrations allow in work). Contacts stiffer
+than that only shorten the step; they get their own stiffness back before the bed is bonded."""
 
 STEPS_PER_DAMPING = 5
 """Soil steps between two applications of the global damping (chosen)."""
@@ -89,10 +98,11 @@ EngineOf = Callable[..., SettlingEngine]
 
 
 def smooth_soil(soil: Soil, *, adhesive: bool) -> Soil:
-    """The soil without friction, without adhesion unless `adhesive`, its contacts damped DAMPING_RATIO.
+    """The soil without friction, its contacts damped DAMPING_RATIO at most.
 
-    Layers keep what is left of their own laws. Step, skin and precision are those of the preparation: a bed
-    serves runs of every kind.
+    Unless `adhesive`, it has no adhesion and is no stiffer than SETTLING_OVERLAP asks for. Layers keep what
+    is left of their own laws. Step, skin and precision are those of the preparation: a bed serves runs of
+    every kind.
     """
     law = _smooth_law(soil, adhesive=adhesive)
     layers = soil.layers and tuple(
@@ -108,13 +118,16 @@ def _smooth_law(soil: Soil, *, adhesive: bool) -> ContactLaw:
     """The law of a soil, its own layers apart, as smooth_soil leaves it."""
     without = _SLIDING if adhesive else (*_SLIDING, _ADHESION)
     pair, _ = pair_values(soil)
-    wanted = 2.0 * DAMPING_RATIO * math.sqrt(0.5 * particle_mass_kg(soil) * pair.stiffness)
-    lowered = min(1.0, wanted / pair.damping) if pair.damping > 0.0 else 1.0
+    softened = 1.0 if adhesive else min(1.0, settling_stiffness_newton_per_m(soil) / pair.stiffness)
+    wanted = 2.0 * DAMPING_RATIO * math.sqrt(0.5 * particle_mass_kg(soil) * softened * pair.stiffness)
+    same_ratio = math.sqrt(softened)
+    lowered = min(same_ratio, wanted / pair.damping) if pair.damping > 0.0 else 1.0
 
     def smooth(row: Part) -> Part:
         changes = {key: 0.0 for key in without if key in type(row).model_fields}
-        if _DAMPING in type(row).model_fields:
-            changes[_DAMPING] = lowered * getattr(row, _DAMPING)
+        for key, factor in ((_STIFFNESS, softened), (_DAMPING, lowered)):
+            if key in type(row).model_fields:
+                changes[key] = factor * getattr(row, key)
         return row.model_copy(update=changes)
 
     rows = {
@@ -123,6 +136,17 @@ def _smooth_law(soil: Soil, *, adhesive: bool) -> ContactLaw:
         if isinstance(getattr(soil.law, key), Part)
     }
     return soil.law.model_copy(update=rows)
+
+
+def settling_stiffness_newton_per_m(soil: Soil) -> float:
+    """Stiffness of a pair that overlaps by SETTLING_OVERLAP under the bed's weight.
+
+    The pair carries the stress on the floor over the square of a diameter. The bed counts as solid: an upper
+    bound of its weight.
+    """
+    radius = soil.particles.mean_volume_radius_m
+    stress_pa = soil.particles.density_kg_per_m3 * SETTLING_GRAVITY * soil.bin.depth_m
+    return stress_pa * (2.0 * radius) ** 2 / (SETTLING_OVERLAP * radius)
 
 
 def settling_step_s(soil: Soil) -> float:
@@ -157,6 +181,8 @@ class Settling:
     ) -> None:
         assert resolved.scene.particle_soil is not None
         soil = smooth_soil(resolved.scene.particle_soil, adhesive=adhesive)
+        self.contact_rate_per_s = math.sqrt(pair_values(soil)[0].stiffness / particle_mass_kg(soil))
+        """sqrt(K / m) of a pair."""
         self._interval_s = STEPS_PER_DAMPING * settling_step_s(soil)
         scene = resolved.scene.model_copy(
             update={"soil": soil, "mechanism": None, "tools": {}, "gravity_m_per_s2": gravity_m_per_s2}

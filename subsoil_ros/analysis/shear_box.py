@@ -133,7 +133,8 @@ def _body(box: ShearBox, mass_kg: float, z_m: float) -> Document:
 class ShearLoading:
     """What is done to the specimen in direct shear."""
 
-    load_newton: float  # on the lid, its weight included
+    normal_pa: float  # held on the section that is left
+    load_newton: float  # on the lid before it moves, its weight included
     lid_mass_kg: float
     lid_damping_newton_s_per_m: float  # of its motion along z
     load_s: float  # the load grows for so long, and then rests as long
@@ -156,11 +157,22 @@ def shear_machine(box: ShearBox, loading: ShearLoading, gravity_m_per_s2: float)
 
     The lid is one body with the upper frame, which is free to rise and sink: so what the walls put on the
     soil along z does not change the load on the plane of shear (R. A. Jewell, Geotechnique 39 (1989)
-    309-322, has the load pad fixed to the upper half for this).
+    309-322, has the load pad fixed to the upper half for this). The load falls with the section, so that the
+    normal stress stays.
     """
     start, x = loading.start_s, box.centre_m[0]
     rise = 0.05 * loading.travel_m / loading.speed_m_per_s
-    push = loading.load_newton - loading.lid_mass_kg * gravity_m_per_s2
+    reached = 0.5 * loading.speed_m_per_s * rise  # displacement when the speed is reached
+
+    def push(displacement_m: float) -> float:
+        left_newton = loading.load_newton - loading.normal_pa * box.width_m * displacement_m
+        return -(left_newton - loading.lid_mass_kg * gravity_m_per_s2)
+
+    load = {
+        "kind": "table",
+        "times_s": [0.0, loading.load_s, start, start + rise, loading.duration_s],
+        "values": [0.0, push(0.0), push(0.0), push(reached), push(loading.travel_m)],
+    }
     point = [x, box.middle_m]
     return {
         "mechanism": {
@@ -190,7 +202,7 @@ def shear_machine(box: ShearBox, loading: ShearLoading, gravity_m_per_s2: float)
             "forces": {
                 "load": {
                     "kind": "point_load", "body": "upper", "point_m": point,
-                    "force_z_newton": {"kind": "ramp", "end_value": -push, "end_s": loading.load_s},
+                    "force_z_newton": load,
                 },
                 "damper": {
                     "kind": "coordinate_spring", "body": "upper", "coordinate": "z",

@@ -80,6 +80,14 @@ class ShearCurve:
         k = int(np.argmax(self.shear_pa))
         return float(self.normal_pa[k]), float(self.shear_pa[k])
 
+    @property
+    def normal_error(self) -> float:
+        """Largest difference of the normal stress from the nominal one, over the nominal, of means over a
+        twentieth of the travel, once the speed is reached."""
+        parts = np.floor(20.0 * self.displacement_m / self.displacement_m[-1])
+        means = [self.normal_pa[parts == part].mean() for part in range(1, 20)]
+        return float(np.abs(np.array(means) / self.nominal_pa - 1.0).max())
+
     def residual(self) -> tuple[float, float]:
         """Normal and shear stress [Pa], mean over the last RESIDUAL_PART of the travel."""
         last = self.displacement_m >= (1.0 - RESIDUAL_PART) * self.displacement_m[-1]
@@ -260,6 +268,7 @@ def _shear_loading(
             f"{least:.4g} Pa; give more, or make the specimen lower"
         )
     return ShearLoading(
+        normal_pa=normal_pa,
         load_newton=load,
         lid_mass_kg=lid_kg,
         lid_damping_newton_s_per_m=_lid_damping_newton_s_per_m(specimen, normal_pa, box.area_m2),
@@ -270,20 +279,21 @@ def _shear_loading(
 
 
 def _lid_damping_newton_s_per_m(specimen: Specimen, normal_pa: float, area_m2: float) -> float:
-    """Four times k H; what a lid on contacts of stiffness k needs against a force held for H is k H / 2.
+    """Twice what keeps a lid on the contacts of the section stable against a force held for a tick H.
 
-    H is the soil step, one contact stands on each square of a diameter, and k is the larger of that under
-    load and that of the glue. What the damper takes of the load is not lost: the stress on the plane is
-    measured.
+    A contact of stiffness k needs k H / 2 (coupling_bounds.py), of which its own damper gives a part; the
+    glue pulls without a damper. One contact stands on each square of a diameter.
     """
     soil = specimen.soil
     pair, _ = pair_values(soil)
     boundary = tool_values(soil)
     diameter = 2.0 * soil.particles.mean_volume_radius_m
-    stiffness = boundary.linear_at(boundary.loaded_m(normal_pa * diameter**2)).stiffness
+    step_s = specimen.resolved.timing.soil_step_s
+    pressed = boundary.linear_at(boundary.loaded_m(normal_pa * diameter**2))
+    missing = max(0.0, 0.5 * pressed.stiffness * step_s - pressed.damping)
     if pair.adhesion > 0.0:
-        stiffness = max(stiffness, GLUE * pair.peak_attraction / boundary.rest_overlap)
-    return 4.0 * area_m2 / diameter**2 * stiffness * specimen.resolved.timing.soil_step_s
+        missing = max(missing, 0.5 * GLUE * pair.peak_attraction / boundary.rest_overlap * step_s)
+    return 2.0 * missing * area_m2 / diameter**2
 
 
 def run_tension(

@@ -113,6 +113,7 @@ def shear_rows(tests: SoilTests) -> list[dict[str, float]]:
                 "residual_shear_pa": last_shear,
                 "settled_strain": curve.settled,
                 "speed_m_per_s": curve.speed_m_per_s,
+                "normal_error": curve.normal_error,
                 "force_imbalance": curve.imbalance,
             }
         )

@@ -156,7 +156,15 @@ def _print(resolved: ResolvedScene, tests: SoilTests, out: str | None) -> None:
     console = Console()
     strength = SoilStrength.of(tests)
     rows = Table(title="direct shear", title_justify="left", title_style="bold", box=None)
-    for heading in ("normal kPa", "peak kPa", "at", "residual kPa", "speed m/s", "force imbalance"):
+    for heading in (
+        "normal kPa",
+        "peak kPa",
+        "at",
+        "residual kPa",
+        "normal held to",
+        "speed m/s",
+        "imbalance",
+    ):
         rows.add_column(heading, justify="right")
     for row in shear_rows(tests):
         rows.add_row(
@@ -164,6 +172,7 @@ def _print(resolved: ResolvedScene, tests: SoilTests, out: str | None) -> None:
             f"{1e-3 * row['peak_shear_pa']:.2f} under {1e-3 * row['peak_normal_pa']:.2f}",
             f"{1e3 * row['peak_displacement_m']:.1f} mm",
             f"{1e-3 * row['residual_shear_pa']:.2f} under {1e-3 * row['residual_normal_pa']:.2f}",
+            f"{100.0 * row['normal_error']:.2g} %",
             f"{row['speed_m_per_s']:.3g}",
             f"{100.0 * row['force_imbalance']:.2g} %",
         )

@@ -101,10 +101,12 @@ def test_settlement_of_a_lattice(lattice) -> None:
 
 
 def test_forces_of_the_box_balance(lattice) -> None:
-    """The drive pulls with what the soil puts on the upper half, and the plane carries the nominal stress.
+    """The drive pulls with what the soil puts on the upper half, and the plane carries the nominal stress to
+    the end.
 
-    Before the shear begins nothing moves: the lid's damper takes nothing, the section is whole. Getting some
-    2 kg to 0.3 m/s takes 0.6 N s of the 0.17 s of shear, 3.5 N of the 100 N that the drive reaches.
+    Its section falls to some two thirds, and the load with it; the rest is the lid that a lattice throws up
+    at each of its rows. Getting some 2 kg to 0.3 m/s takes 0.6 N s of the 0.17 s of shear, 3.5 N of the 100
+    N that the drive reaches.
     """
     specimen, folder = lattice("balance", dry=True)
     curve = run_shear(specimen, 8e3, subfolder(folder, "shear"), inertial_number=0.02)
@@ -113,7 +115,8 @@ def test_forces_of_the_box_balance(lattice) -> None:
     box, _ = box_around(specimen, 0.1, 0.02)
     left = 1.0 - curve.displacement_m / box.length_m  # of the section; down to some two thirds
     assert_allclose(left[-1], 0.70, atol=0.01)
-    assert_allclose((curve.normal_pa * left).mean(), 8e3, rtol=0.05)  # as much as the lid's damper may take
+    assert_allclose(curve.normal_pa.mean(), 8e3, rtol=0.02)
+    assert curve.normal_error < 0.1
     assert curve.peak()[1] > 1e3
 
 

@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 from ..scene.loader import ResolvedScene
 from ..scene.model import Scene
 from . import paper
+from .failure_cycles import SMOOTHED_S
+from .findings import failures_of
 from .plotting import COLOURS, new_figure, save_figure
 from .series import Series, read_series
 from .smoothing import moving_mean
 from .soil_cut import draw_soil_cut
-from .window import metrics_window, window_span_s
+from .window import Window, metrics_window, tip_x_m, window_span_s
 
 _SMOOTHED_S = 0.05  # over the noise of single contacts (chosen: a quarter of the paper's shortest rise)
 
@@ -54,8 +56,40 @@ def draw_figures(
         # below the curves, so that it covers none
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, frameon=False, fontsize=9)
         paths.append(save_figure(figure, directory / name))
+    over_travel = _draw_over_travel(series, scene, window, directory / "over_travel.png")
+    paths += [] if over_travel is None else [over_travel]
     cut = draw_soil_cut(bag, resolved, directory / "soil_cut.png", span_s)
     return paths if cut is None else [*paths, cut]
+
+
+def _draw_over_travel(series: Series, scene: Scene, window: Window, path: Path) -> Path | None:
+    """Draft, spring force and share angle over the travel of the tip, failures marked; None without a tip in
+    soil."""
+    tip = tip_x_m(series, scene)
+    report = scene.report
+    columns = {"draft_newton": f"draft [N], mean over {1e3 * SMOOTHED_S:.0f} ms"}
+    columns[f"spring.{report.spring}.force_newton"] = "spring force [N], compression +"
+    columns[f"body.{report.shank}.angle_rad"] = "share angle [rad]"
+    columns = {name: label for name, label in columns.items() if name in series}
+    if tip is None or scene.soil is None or not columns:
+        return None
+    figure = new_figure(9.0, 2.2 * len(columns) + 0.8)
+    panels = figure.subplots(len(columns), 1, sharex=True, squeeze=False)[:, 0]
+    failures = failures_of(series, scene, window)
+    for axes, (name, label) in zip(panels, columns.items(), strict=True):
+        smoothed = name == "draft_newton"
+        values = moving_mean(series, name, SMOOTHED_S) if smoothed else series[name]
+        axes.plot(tip, values, color=COLOURS["main"], lw=1.2)
+        axes.set_ylabel(label, fontsize=9)
+        axes.grid(alpha=0.3)
+        if failures is not None:
+            at = np.flatnonzero(window.rows)[failures.failures]
+            axes.plot(tip[at], values[at], "o", color=COLOURS["share"], ms=4, label="failure of the soil")
+    if failures is not None:
+        panels[0].legend(loc="upper left", fontsize=8)
+    panels[-1].set_xlabel("travel of the tip, x [m]")
+    figure.suptitle(f"Load cycles over travel\n{scene.name}", fontsize=11)
+    return save_figure(figure, path)
 
 
 def _smooth(series: Series, name: str) -> NDArray[np.float64]:

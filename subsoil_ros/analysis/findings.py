@@ -10,6 +10,7 @@ import numpy as np
 from ..scene.loader import ResolvedScene
 from ..scene.model import Scene
 from .disturbance import Disturbance, read_disturbance
+from .failure_cycles import SMOOTHED_S, FailureCycles, failure_cycles
 from .fatigue import LoadCycles, load_cycles
 from .levers import past_dead_centre_s
 from .loads import Loads, loads_of
@@ -17,7 +18,7 @@ from .series import Series
 from .smoothing import moving_mean, step_s
 from .spectra import Spectrum, spectrum
 from .steadiness import Steadiness, steadiness
-from .window import Window
+from .window import Window, tip_x_m
 
 MOVING_S = 0.010
 """Time of the moving mean whose extremes are compared: over the noise of single contacts (as measured with
@@ -32,6 +33,7 @@ class Findings:
     steadiness: dict[str, Steadiness]
     spectra: dict[str, Spectrum]
     cycles: LoadCycles | None
+    failures: FailureCycles | None
     disturbance: Disturbance | None
     moving_extremes: dict[str, tuple[float, float]]  # of the 10 ms moving mean
     run_extremes: dict[str, tuple[float, float]]
@@ -57,6 +59,8 @@ class Findings:
             found["rainflow.cycle_count"] = float(self.cycles.count.sum())
             found["rainflow.largest_range_newton"] = self.cycles.largest_range_newton
             found["rainflow.equivalent_range_newton"] = self.cycles.equivalent_range_newton()
+        if self.failures is not None:
+            found.update(self.failures.metrics())
         if self.disturbance is not None:
             found.update(self.disturbance.metrics())
             found.update(_per_area(found, self.disturbance.area_m2))
@@ -109,11 +113,22 @@ def find_out(bag: Path, resolved: ResolvedScene, series: Series, window: Window)
         steadiness=steady,
         spectra=spectra,
         cycles=cycles,
+        failures=failures_of(series, resolved.scene, window),
         disturbance=read_disturbance(bag, resolved, series, window),
         moving_extremes=inside,
         run_extremes=whole,
         past_dead_centre_s=past_dead_centre_s(resolved.scene, series.columns),
     )
+
+
+def failures_of(series: Series, scene: Scene, window: Window) -> FailureCycles | None:
+    """Failure cycles of the draft over a run's window; None without a tip in soil, or with too few."""
+    tip = tip_x_m(series, scene)
+    if tip is None or scene.soil is None or "draft_newton" not in series:
+        return None
+    rows = window.rows
+    draft = moving_mean(series, "draft_newton", SMOOTHED_S)
+    return failure_cycles(series["time_s"][rows], tip[rows], draft[rows])
 
 
 def _of_steadiness(prefix: str, steady: Steadiness) -> dict[str, Any]:

@@ -20,6 +20,7 @@ CAPTIONS = {
     "spring_force": "Force of the spring over time",
     "share_angle": "Entry angle of the share over time",
     "shank_height": "Height of the shank over time",
+    "over_travel": "Draft, spring force and share angle over the travel of the tip",
     "soil_cut": "Cut through the soil along the mid-plane of the bin",
 }
 

@@ -14,6 +14,7 @@ def load_lines(summary: Summary) -> list[str]:
         _vertical(summary),
         _power(summary),
         _rhythm(summary),
+        _failures(summary),
         _spring(summary),
         _disturbance(summary),
     ]
@@ -84,6 +85,20 @@ def _rhythm(summary: Summary) -> str:
     return (
         f"draft is strongest at {summary[f'{prefix}_dominant_hz']:.2f} Hz (resolved to "
         f"{summary[f'{prefix}_resolution_hz']:.2f} Hz), which {stands} red noise (95 %)"
+    )
+
+
+def _failures(summary: Summary) -> str:
+    if "cycle.count" not in summary:
+        return ""
+    travel = {key: 1e3 * summary[f"cycle.travel_m_{key}"] for key in ("mean", "half_width", "deviation")}
+    return (
+        f"soil fails every {travel['mean']:.0f} +- {travel['half_width']:.0f} mm of travel (deviation "
+        f"{travel['deviation']:.0f} mm), every {summary['cycle.time_s_mean']:.2f} s (deviation "
+        f"{summary['cycle.time_s_deviation']:.2f} s): {summary['cycle.count']:.0f} cycles between peaks of "
+        f"the draft that stand out by {summary['cycle.threshold_newton']:.0f} N, one standard deviation; the "
+        f"draft rises in {summary['cycle.loading_fraction']:.2f} of the time and falls "
+        f"{summary['cycle.unloading_over_loading']:.2f} times as fast as it rises"
     )
 
 

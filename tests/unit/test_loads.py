@@ -65,7 +65,7 @@ def findings_of(series: Series, resolved: ResolvedScene, window: Window) -> Find
     """Without soil."""
     steady = steadiness(series["time_s"], series["draft_newton"])
     loads = loads_of(series, resolved, window)
-    return Findings(loads, {"draft_newton": steady}, {}, None, None, {}, {}, None)
+    return Findings(loads, {"draft_newton": steady}, {}, None, None, None, {}, {}, None)
 
 
 def test_weight_is_carried_by_all_parts(machine):
@@ -143,7 +143,7 @@ def test_reproduction_compares_inside_and_outside(machine, tmp_path):
     assert any(not item["holds"] for item in document["statements"])
     text = (tmp_path / "reproduction.md").read_text()
     assert text == markdown(table)
-    assert "Impossible: the spring in 2231 N of tension" in text
+    assert "Impossible: 181 mm of height" in text
     assert len((tmp_path / "reproduction.csv").read_text().splitlines()) == 1 + len(table.rows)
     assert all(len(cells(row)) == len(COLUMNS) for row in table.rows)
 

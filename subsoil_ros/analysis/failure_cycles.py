@@ -1,0 +1,101 @@
+"""Failure cycles: travel of a tool from one failure of the soil to the next, and how the load rises and
+falls.
+
+A failure is a peak of the draft whose prominence, the height over the higher one of the two lows that part it
+from higher peaks, is a standard deviation or more. The trough between two failures parts unloading from
+loading. The count depends on the threshold, so it stands in every table beside the result.
+"""
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .intervals import Interval, mean_interval
+
+SMOOTHED_S = 0.020
+"""Length of the moving mean in which peaks are looked for (chosen: a seventh of the period of the paper's
+shank on its spring; single contacts come and go in less)."""
+
+THRESHOLD = 1.0
+"""Prominence of a failure in standard deviations of the draft (chosen; docs/cycle.md shows 0.5 and 1.5
+too)."""
+
+LEAST_CYCLES = 2
+"""Fewer have no scatter."""
+
+
+@dataclass(frozen=True)
+class FailureCycles:
+    """Cycles from failure to failure; arrays (n,)."""
+
+    threshold_newton: float  # prominence of a failure
+    failures: NDArray[np.int64]  # (n + 1,) rows of the series given
+    travel_m: NDArray[np.float64]
+    time_s: NDArray[np.float64]
+    loading_fraction: float  # part of the time in which the draft rises from a trough to a failure
+    unloading_over_loading: float  # mean rate of the fall over that of the rise
+
+    @property
+    def count(self) -> int:
+        """Cycles."""
+        return len(self.travel_m)
+
+    @property
+    def travel(self) -> Interval:
+        """Mean travel between failures with its 95 % interval [m]."""
+        return mean_interval(self.travel_m.tolist())
+
+    def metrics(self) -> dict[str, float]:
+        """For summary.json, units in the names."""
+        return {
+            "cycle.count": float(self.count),
+            "cycle.threshold_newton": self.threshold_newton,
+            "cycle.travel_m_mean": self.travel.mean,
+            "cycle.travel_m_half_width": self.travel.half_width,
+            "cycle.travel_m_deviation": float(self.travel_m.std(ddof=1)),
+            "cycle.time_s_mean": float(self.time_s.mean()),
+            "cycle.time_s_deviation": float(self.time_s.std(ddof=1)),
+            "cycle.loading_fraction": self.loading_fraction,
+            "cycle.unloading_over_loading": self.unloading_over_loading,
+        }
+
+
+def failure_cycles(
+    times_s: NDArray[np.float64],
+    travel_m: NDArray[np.float64],
+    draft_newton: NDArray[np.float64],
+    threshold: float = THRESHOLD,
+) -> FailureCycles | None:
+    """Cycles of a draft (n,) at `times_s` (n,) over the travel of the tip (n,); None for fewer than
+    LEAST_CYCLES.
+
+    Args:
+        draft_newton: its moving mean over SMOOTHED_S.
+        threshold: prominence of a failure in standard deviations.
+    """
+    from scipy.signal import find_peaks
+
+    prominence = threshold * float(draft_newton.std())
+    if prominence == 0.0:
+        return None
+    peaks = find_peaks(draft_newton, prominence=prominence)[0]
+    if len(peaks) <= LEAST_CYCLES:
+        return None
+    troughs = np.array(
+        [first + int(np.argmin(draft_newton[first:last])) for first, last in itertools.pairwise(peaks)]
+    )
+    loading_s = float((times_s[peaks[1:]] - times_s[troughs]).sum())
+    unloading_s = float((times_s[troughs] - times_s[peaks[:-1]]).sum())
+    rise = float((draft_newton[peaks[1:]] - draft_newton[troughs]).sum())
+    fall = float((draft_newton[peaks[:-1]] - draft_newton[troughs]).sum())
+    return FailureCycles(
+        threshold_newton=prominence,
+        failures=peaks,
+        travel_m=np.diff(travel_m[peaks]),
+        time_s=np.diff(times_s[peaks]),
+        loading_fraction=loading_s / (loading_s + unloading_s),
+        unloading_over_loading=(fall / unloading_s) / (rise / loading_s) if unloading_s > 0.0 else math.inf,
+    )

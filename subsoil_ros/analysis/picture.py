@@ -196,19 +196,26 @@ def save_pictures(
 
 
 def save_film(
-    frames: Frames, studio: Studio, view: str, path: Path, rate_hz: float | None, done: Callable[[], None]
+    frames: Frames,
+    studio: Studio,
+    times_ns: Sequence[int],
+    view: str,
+    path: Path,
+    rate_hz: float | None,
+    done: Callable[[], None],
 ) -> float:
-    """Writes all moments as MP4 (H.264) or GIF, by the ending of `path`; returns pictures per second.
+    """Writes the moments at `times_ns` as MP4 (H.264) or GIF, by the ending of `path`; returns pictures per
+    second.
 
     rate_hz: None: as many as moments per simulated second, so that the film runs in real time.
 
     Raises:
         InputError: the ending is of no film.
     """
-    rate = rate_hz or _natural_rate_hz(frames.times_ns)
+    rate = rate_hz or _natural_rate_hz(times_ns)
     part = path.with_name(f".{path.name}.part{path.suffix}")
     with _film_writer(part, rate) as append:
-        for frame in frames.read(frames.times_ns):
+        for frame in frames.read(times_ns):
             append(studio.draw(frame, view))
             done()
     part.replace(path)

@@ -37,7 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         nargs="+",
         metavar="S",
-        help="simulated times of the pictures [s], the nearest recorded moments (default: the middle)",
+        help="simulated times of the pictures [s], the nearest recorded moments (default: the middle); of a "
+        "film, its first and its last (default: all)",
     )
     parser.add_argument(
         "--colour",
@@ -61,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar=("W", "H"),
         help="pixels (default: 1280 720)",
     )
-    parser.add_argument("--film", type=Path, metavar="FILE", help="write all moments as FILE, .mp4 or .gif")
+    parser.add_argument("--film", type=Path, metavar="FILE", help="write the moments as FILE, .mp4 or .gif")
     parser.add_argument(
         "--fps", type=float, metavar="N", help="pictures a second of a film (default: real time)"
     )
@@ -114,8 +115,9 @@ def _check(args: argparse.Namespace) -> None:
         raise InputError(f"--fps: given {args.fps:g}, allowed is more than 0, up to 240")
     if args.fps is not None and args.film is None:
         raise InputError("--fps: is of a film; give --film FILE as well")
-    if args.at is not None and args.film is not None:
-        raise InputError("--at: a film shows all moments; leave out --at or --film")
+    if args.film is not None and args.at is not None and (len(args.at) != 2 or args.at[0] >= args.at[1]):
+        given = " ".join(f"{time:g}" for time in args.at)
+        raise InputError(f"--at: given {given}, a film needs its first and its last time, or no --at for all")
     if args.film is not None and args.film.suffix not in (".mp4", ".gif"):
         raise InputError(f"--film {args.film}: its ending is '{args.film.suffix}', allowed are .mp4 and .gif")
     if args.film is not None and not args.film.parent.is_dir():
@@ -133,9 +135,13 @@ def _draw(args: argparse.Namespace, recorded: RecordedRun, frames: Frames) -> No
     style = Style(args.colour, limits, (args.size[0], args.size[1]))
     studio = Studio(recorded.resolved, style)
     if args.film is not None:
-        with counted("drawing", len(frames.times_ns)) as done:
-            rate = save_film(frames, studio, args.view or VIEWS[0], args.film, args.fps, done)
-        print(f"{args.film}: {len(frames.times_ns)} pictures, {rate:g} a second")
+        first, last = (
+            (frames.times_ns[0], frames.times_ns[-1]) if args.at is None else map(frames.nearest_ns, args.at)
+        )
+        shown = [time_ns for time_ns in frames.times_ns if first <= time_ns <= last]
+        with counted("drawing", len(shown)) as done:
+            rate = save_film(frames, studio, shown, args.view or VIEWS[0], args.film, args.fps, done)
+        print(f"{args.film}: {len(shown)} pictures, {rate:g} a second")
         return
     middle_s = 0.5e-9 * (frames.times_ns[0] + frames.times_ns[-1])
     times = sorted({frames.nearest_ns(time_s) for time_s in args.at or [middle_s]})

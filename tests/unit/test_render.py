@@ -199,6 +199,16 @@ def test_film_has_every_moment(name, recorded, resolved, tmp_path):
     assert [item.name for item in tmp_path.iterdir()] == [name]
 
 
+def test_film_of_a_part(recorded, resolved, tmp_path):
+    """`--at` of a film names its first and its last moment: one cycle of a long run."""
+    times = Frames(recorded / "bag", resolved).times_ns
+    path = tmp_path / "part.gif"
+    ends = [repr(times[k] * 1e-9) for k in (1, len(times) - 2)]
+    assert verb(render, recorded, "--film", path, "--at", *ends, "--size", *SIZE) == 0
+    with Image.open(path) as film:
+        assert film.n_frames == len(times) - 2 >= 2
+
+
 def test_vtk_series(recorded, resolved, tmp_path):
     """ParaView's series files name all moments with their times, and VTK reads back what was recorded."""
     frames = Frames(recorded / "bag", resolved)
@@ -224,7 +234,7 @@ def test_vtk_series(recorded, resolved, tmp_path):
         (["--range", "2", "1"], "needed is low, then high"),
         (["--film", "film.avi"], "allowed are .mp4 and .gif"),
         (["--fps", "10"], "give --film"),
-        (["--film", "film.mp4", "--at", "1"], "shows all moments"),
+        (["--film", "film.mp4", "--at", "1"], "its first and its last time"),
     ],
 )
 def test_bad_arguments(words, message, recorded):

@@ -1,4 +1,8 @@
-"""What of the paper's numbers cannot hold at once, by statics and energy of the scene's own levers."""
+"""What of the paper's numbers cannot hold at once, by statics, inertia and energy of the scene's own levers.
+
+A shank at rest has the moments of soil and spring in balance. One that the soil lets go at once swings at its
+own frequency, and its inertia then takes up to stiffness times half the range of the swing.
+"""
 
 import math
 from typing import NamedTuple
@@ -35,57 +39,68 @@ def statements(levers: Levers, speed_m_per_s: float) -> tuple[Statement, ...]:
     )
 
 
+def _swing_newton(levers: Levers, period_s: float) -> float:
+    """Spring force that the shank's inertia can take up while it swings through the printed range."""
+    return levers.inertial_newton(paper.ANGLE_RAD[1] - paper.ANGLE_RAD[0], period_s)
+
+
+def _released_newton(levers: Levers) -> float:
+    """The same of a shank that the soil lets go at once: it swings at its own frequency."""
+    return _swing_newton(levers, 1.0 / levers.frequency_hz)
+
+
 def _inertia_words(levers: Levers) -> str:
-    swing = paper.ANGLE_RAD[1] - paper.ANGLE_RAD[0]
-    newton = levers.inertial_newton(swing, paper.PERIOD_S)
     return (
-        f"the shank's inertia, {levers.inertia_kg_m2:.2f} kg m2 about the hinge, swung by {swing:g} rad in "
-        f"{paper.PERIOD_S:g} s, accounts for {newton:.0f} N of spring force"
+        f"swung by {paper.ANGLE_RAD[1] - paper.ANGLE_RAD[0]:g} rad, the shank's inertia, "
+        f"{levers.inertia_kg_m2:.2f} kg m2 about the hinge, takes up "
+        f"{_swing_newton(levers, paper.PERIOD_S):.0f} N in a cycle of {paper.PERIOD_S:g} s, "
+        f"{_swing_newton(levers, paper.DRAFT_PERIOD_S):.0f} N in {paper.DRAFT_PERIOD_S:g} s, and "
+        f"{_released_newton(levers):.0f} N where the soil lets go at once and the shank swings at its own "
+        f"{levers.frequency_hz:.1f} Hz"
     )
 
 
 def _tension(levers: Levers) -> Statement:
     tension, least = paper.SPRING_NEWTON[0], paper.DRAFT_NEWTON[0]
-    tip = levers.draft_newton(tension, levers.tip_lever_m)
+    held = levers.unloaded_newton + least * levers.tip_lever_m / levers.spring_arm_m
     share = levers.draft_newton(tension, levers.share_lever_m)
     return Statement(
         f"the spring in {-tension:g} N of tension",
-        f"needs a draft of {share:.0f} N on the share (lever {levers.share_lever_m:.2f} m against the "
-        f"spring's {levers.spring_arm_m:.2f} m), {tip:.0f} N if all of it acted at the tip; printed is "
-        f"{least:g} N at least, and {_inertia_words(levers)}",
-        tip,
-        least,
+        f"at rest it needs a draft of {share:.0f} N on the share (lever {levers.share_lever_m:.2f} m against "
+        f"the spring's {levers.spring_arm_m:.2f} m); the printed least of {least:g} N, all of it at the tip, "
+        f"leaves {held - tension:.0f} N of the spring to inertia: {_inertia_words(levers)}",
+        held - tension,
+        _released_newton(levers),
         "N",
     )
 
 
 def _compression_of_largest_draft(levers: Levers) -> Statement:
     largest, printed = paper.DRAFT_NEWTON[1], paper.SPRING_NEWTON[1]
-    needed = levers.spring_newton(largest)
+    at_rest = levers.spring_newton(largest)
     return Statement(
         f"{largest:g} N of draft with {printed:g} N on the spring",
-        f"{largest:g} N on the share press the spring with {needed:.0f} N; {printed:g} N go with "
-        f"{levers.draft_newton(printed, levers.share_lever_m):.0f} N there, the rest on the wheels",
-        needed,
-        printed,
+        f"at rest {largest:g} N on the share press the spring with {at_rest:.0f} N; {printed:g} N go with "
+        f"{levers.draft_newton(printed, levers.share_lever_m):.0f} N there: the rest is on the wheels, or "
+        f"{at_rest - printed:.0f} N of the spring are taken up by inertia, as in the moment after a failure",
+        at_rest - printed,
+        _released_newton(levers),
         "N",
     )
 
 
 def _phase(levers: Levers) -> Statement:
     spring, draft = paper.SPRING_NEWTON[1], paper.DRAFT_CYCLE_NEWTON[0]
-    spring_moment = (spring - levers.unloaded_newton) * levers.spring_arm_m
-    soil_moment = draft * levers.tip_lever_m
-    missing = spring_moment - soil_moment
-    swing = paper.ANGLE_RAD[1] - paper.ANGLE_RAD[0]
-    inertia = levers.inertial_newton(swing, paper.PERIOD_S) * levers.spring_arm_m
+    at_rest = levers.unloaded_newton + draft * levers.tip_lever_m / levers.spring_arm_m
     return Statement(
         f"{spring:g} N on the spring while the draft is {draft:g} N (conclusion 3, at 1.5 s)",
-        f"the spring's moment is {spring_moment:.0f} N m, the soil's at most {soil_moment:.0f} N m (all at "
-        f"the tip); the {missing:.0f} N m between would have to be inertia, which gives {inertia:.0f} N m",
-        missing,
-        inertia,
-        "N m",
+        f"{draft:g} N of draft, all of it at the tip, hold {at_rest:.0f} N of the spring; the other "
+        f"{spring - at_rest:.0f} N must accelerate the shank, as in the moment after a failure "
+        f"({_released_newton(levers):.0f} N at most), but not in a smooth cycle of {paper.PERIOD_S:g} s "
+        f"({_swing_newton(levers, paper.PERIOD_S):.0f} N)",
+        spring - at_rest,
+        _released_newton(levers),
+        "N",
     )
 
 

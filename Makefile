@@ -2,7 +2,7 @@
 # Needs Python 3.10 to 3.13 with its headers, a C++ compiler and the package registry; no ROS installation, no root.
 
 VENV ?= .venv
-SCENE ?= config/scenes/subsoiler_1s300_quick.yaml
+SCENE ?= config/scenes/subsoiler_1s300_cycle.yaml
 OUT ?= runs/$(shell date +%Y%m%d-%H%M%S)
 RUN_FLAGS ?=
 PYTEST_FLAGS ?=
@@ -40,7 +40,7 @@ pip := $(bin)/python -m pip
 
 setup: $(set_up)  ## make .venv: ROS 2 Jazzy, subsoil_msgs, subsoil_ros (again only when their files change)
 
-run: setup  ## simulate SCENE (the quick one) into OUT (runs/<time>), then report; RUN_FLAGS go to subsoil run
+run: setup  ## simulate SCENE (the cycle one) into OUT (runs/<time>), then report; RUN_FLAGS go to subsoil run
 	$(bin)/subsoil run $(SCENE) --out $(out) $(RUN_FLAGS)
 	$(bin)/subsoil report $(out)
 

@@ -39,8 +39,7 @@ def kept_run(
         SubsoilError: the scene cannot be used.
         FailedRun: the run failed.
     """
-    resolved = load_scene(scene, overrides)
-    out = folder / f"{resolved.scene.name}-{resolved.scene_hash[:12]}"
+    out = _run_folder(scene, folder, overrides)
     if not (out / "summary.json").is_file():
         part = out.with_suffix(".part")
         shutil.rmtree(part, ignore_errors=True)
@@ -58,6 +57,21 @@ def kept_run(
             shutil.rmtree(part / "bag")
         shutil.rmtree(part / "checkpoints", ignore_errors=True)
         part.rename(out)
+    return _summary(out)
+
+
+def find_kept_run(scene: Path, folder: Path, overrides: Sequence[str] = ()) -> Summary | None:
+    """Summary of a run that kept_run has made; none where it has not."""
+    out = _run_folder(scene, folder, overrides)
+    return _summary(out) if (out / "summary.json").is_file() else None
+
+
+def _run_folder(scene: Path, folder: Path, overrides: Sequence[str]) -> Path:
+    resolved = load_scene(scene, overrides)
+    return folder / f"{resolved.scene.name}-{resolved.scene_hash[:12]}"
+
+
+def _summary(out: Path) -> Summary:
     summary: Summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     return {**summary, "folder": str(out)}
 

@@ -73,7 +73,7 @@ def _draw_over_travel(series: Series, scene: Scene, window: Window, path: Path) 
     columns = {name: label for name, label in columns.items() if name in series}
     if tip is None or scene.soil is None or not columns:
         return None
-    figure = new_figure(9.0, 2.2 * len(columns) + 0.8)
+    figure = new_figure(9.0, 2.2 * len(columns) + 1.2)
     panels = figure.subplots(len(columns), 1, sharex=True, squeeze=False)[:, 0]
     failures = failures_of(series, scene, window)
     for axes, (name, label) in zip(panels, columns.items(), strict=True):

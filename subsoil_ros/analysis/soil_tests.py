@@ -33,8 +33,8 @@ BAND_DIAMETERS = 6.0
 """Height over which the rate of shear is counted (chosen: the least height of a specimen)."""
 
 GAP_DIAMETERS = {True: 1.75, False: 0.75}
-"""Gap between the frames. With adhesion: no particle is glued to both when they have come nearer under the
-load; without: none slips out, as some do from a gap of one diameter (chosen)."""
+"""Gap between the frames. Glued: no particle is glued to both when they have come nearer under the load; not
+glued: none slips out, as some do from a gap of one diameter (chosen)."""
 
 PASS_DIAMETERS = 0.1
 """How far frames without glue may pass each other (chosen: where they did by 0.24, a dry soil read a third
@@ -189,31 +189,34 @@ def run_shear(
     folder: Path,
     *,
     inertial_number: float = INERTIAL_NUMBER,
+    glued: bool | None = None,
     threads: int = 1,
     watch: Watch = lambda name, timing: nullcontext(lambda tick: None),
 ) -> ShearCurve:
     """A direct shear test under `normal_pa` on the plane of shear, over a third of the length.
 
     The upper frame and its lid are free along z, so that plane carries load, lid and the soil above it
-    whatever the walls do. `folder` takes the scene.
+    whatever the walls do. `folder` takes the scene; `glued`: whether the box is, None: as needs_glue says.
 
     Raises:
         InputError: the load is below the weight of what lies on the plane.
         RunError: the run failed.
     """
+    glued = needs_glue(specimen, normal_pa) if glued is None else glued
     diameter = 2.0 * specimen.soil.particles.mean_volume_radius_m
     travel = float(np.ptp(specimen.bed.positions_m[:, 0])) / 3.0
-    box, bed = box_around(specimen, travel + 2.0 * diameter, _gap_m(specimen))
+    box, bed = box_around(specimen, travel + 2.0 * diameter, GAP_DIAMETERS[glued] * diameter)
     gravity = specimen.resolved.scene.gravity_m_per_s2
-    loading = _shear_loading(specimen, box, normal_pa, inertial_number, travel)
+    loading = _shear_loading(specimen, box, normal_pa, inertial_number, travel, glued=glued)
     name = f"direct shear at {normal_pa:g} Pa"
     grace = GRACE_STRAIN * normal_pa * box.area_m2 * box.height_m
     machine = shear_machine(box, loading, gravity) | {"coupling": {"residual_grace_joule": grace}}
-    resolved = write_scene(specimen, name, folder, box, bed, loading.duration_s, machine)
+    resolved = write_scene(specimen, name, folder, box, bed, loading.duration_s, machine, glued=glued)
     series = _run(resolved, specimen, threads, watch(name, resolved.timing))[0]
     moving = np.array(series.times_s) >= loading.start_s
     drive, upper, z = series.column("drive"), series.column("upper_x"), series.column("z")
-    _refuse_closed_gap(specimen, normal_pa, box.gap_m, float(z[0] - z[int(np.argmax(moving))]))
+    settled_m = float(z[0] - z[int(np.argmax(moving))])
+    _refuse_closed_gap(specimen, normal_pa, box.gap_m, settled_m, glued=glued)
     displacement = series.column("x") - box.centre_m[0]
     section = (box.length_m - displacement) * box.width_m
     normal = series.column("upper_z") + 0.5 * specimen.mass_kg * gravity
@@ -230,11 +233,21 @@ def run_shear(
     )
 
 
-def _refuse_closed_gap(specimen: Specimen, normal_pa: float, gap_m: float, settled_m: float) -> None:
+def needs_glue(specimen: Specimen, normal_pa: float) -> bool:
+    """Whether a soil would slide out of a plain box as a block under this or a larger normal stress.
+
+    One whose tension, by Rumpf, is above the stress. One that is weaker is pressed to the walls by the load,
+    and the wide gap that glue needs would let it run out after its peak.
+    """
+    return rumpf_strength_pa(specimen) > normal_pa
+
+
+def _refuse_closed_gap(
+    specimen: Specimen, normal_pa: float, gap_m: float, settled_m: float, *, glued: bool
+) -> None:
     """A particle held by both frames makes a soil stronger than it is."""
-    pair, boundary = pair_values(specimen.soil)
+    _, boundary = pair_values(specimen.soil)
     radius = specimen.soil.particles.mean_volume_radius_m
-    glued = pair.adhesion > 0.0
     reach = 2.0 * (radius + boundary.reach) if glued else -2.0 * PASS_DIAMETERS * radius
     if gap_m - settled_m < reach:
         raise InputError(
@@ -244,18 +257,19 @@ def _refuse_closed_gap(specimen: Specimen, normal_pa: float, gap_m: float, settl
         )
 
 
-def _gap_m(specimen: Specimen) -> float:
-    soil = specimen.soil
-    return 2.0 * soil.particles.mean_volume_radius_m * GAP_DIAMETERS[pair_values(soil)[0].adhesion > 0.0]
-
-
 def _waves_s(specimen: Specimen, box: ShearBox, stress_pa: float) -> float:
     sound = math.sqrt(affine_modulus_pa(specimen, stress_pa) / specimen.density_kg_per_m3)
     return WAVES_OF_LOADING * box.height_m / sound
 
 
 def _shear_loading(
-    specimen: Specimen, box: ShearBox, normal_pa: float, inertial_number: float, travel_m: float
+    specimen: Specimen,
+    box: ShearBox,
+    normal_pa: float,
+    inertial_number: float,
+    travel_m: float,
+    *,
+    glued: bool,
 ) -> ShearLoading:
     gravity = specimen.resolved.scene.gravity_m_per_s2
     soil_above_kg = 0.5 * specimen.mass_kg
@@ -271,14 +285,16 @@ def _shear_loading(
         normal_pa=normal_pa,
         load_newton=load,
         lid_mass_kg=lid_kg,
-        lid_damping_newton_s_per_m=_lid_damping_newton_s_per_m(specimen, normal_pa, box.area_m2),
+        lid_damping_newton_s_per_m=_lid_damping_newton_s_per_m(specimen, normal_pa, box.area_m2, glued=glued),
         load_s=_waves_s(specimen, box, normal_pa),
         speed_m_per_s=quasi_static_speed_m_per_s(specimen, normal_pa, inertial_number),
         travel_m=travel_m,
     )
 
 
-def _lid_damping_newton_s_per_m(specimen: Specimen, normal_pa: float, area_m2: float) -> float:
+def _lid_damping_newton_s_per_m(
+    specimen: Specimen, normal_pa: float, area_m2: float, *, glued: bool
+) -> float:
     """Twice what keeps a lid on the contacts of the section stable against a force held for a tick H.
 
     A contact of stiffness k needs k H / 2 (coupling_bounds.py), of which its own damper gives a part; the
@@ -291,7 +307,7 @@ def _lid_damping_newton_s_per_m(specimen: Specimen, normal_pa: float, area_m2: f
     step_s = specimen.resolved.timing.soil_step_s
     pressed = boundary.linear_at(boundary.loaded_m(normal_pa * diameter**2))
     missing = max(0.0, 0.5 * pressed.stiffness * step_s - pressed.damping)
-    if pair.adhesion > 0.0:
+    if glued:
         missing = max(missing, 0.5 * GLUE * pair.peak_attraction / boundary.rest_overlap * step_s)
     return 2.0 * missing * area_m2 / diameter**2
 
@@ -311,7 +327,7 @@ def run_tension(
     """
     diameter = 2.0 * specimen.soil.particles.mean_volume_radius_m
     travel = TENSION_DIAMETERS * diameter
-    box, bed = box_around(specimen, travel + 2.0 * diameter, _gap_m(specimen))
+    box, bed = box_around(specimen, travel + 2.0 * diameter, GAP_DIAMETERS[True] * diameter)
     speed = quasi_static_speed_m_per_s(specimen, 0.0, inertial_number)
     loading = TensionLoading(_waves_s(specimen, box, 0.0), speed, travel)
     resolved = write_scene(
@@ -371,10 +387,11 @@ def run_soil_tests(
 
     with working("preparing the specimen"):
         specimen = prepare_specimen(resolved, size_m, subfolder("specimen"), threads)
+    glued = needs_glue(specimen, min(normal_pa))  # one box for all points of a line
     curves = tuple(
         run_shear(
             specimen, stress, subfolder(f"shear_{stress:g}_pa"), inertial_number=inertial_number,
-            threads=threads, watch=watch,
+            glued=glued, threads=threads, watch=watch,
         )
         for stress in normal_pa
     )  # fmt: skip

@@ -131,10 +131,12 @@ def write_scene(
     bed: Bed,
     duration_s: float,
     machine: Document,
+    *,
+    glued: bool = True,
 ) -> ResolvedScene:
     """Writes a test as a scene with its meshes and bed into `folder`, and loads it.
 
-    machine: keys `mechanism`, `tools`, and more of a scene.
+    machine: keys `mechanism`, `tools`, and more of a scene. glued: the box grips the soil.
     """
     write_meshes(box, folder)
     soil = specimen.resolved.document["soil"] | {
@@ -144,7 +146,7 @@ def write_scene(
             "depth_m": -bed.lower_m[2],
         },
         "bed": {"kind": "saved", "file": "bed.npz"},
-        "law": gripping_law(specimen.soil),
+        "law": gripping_law(specimen.soil) if glued else specimen.soil.law.model_dump(mode="json"),
     }
     write_bed(folder / "bed.npz", bed, Soil.model_validate_json(json.dumps(soil), strict=True))
     document: Document = {

@@ -66,8 +66,8 @@ def test_note_of_the_scene_is_printed(tmp_path):
 @pytest.mark.parametrize(
     ("make", "expected"),
     [
-        (full_machine, {"draft", "spring_force", "share_angle", "shank_height", "soil_cut"}),
-        (tine, {"draft", "soil_cut"}),
+        (full_machine, {"draft", "spring_force", "share_angle", "shank_height", "over_travel", "soil_cut"}),
+        (tine, {"draft", "over_travel", "soil_cut"}),
         (machine_alone, {"draft", "spring_force", "share_angle", "shank_height"}),
     ],
 )
@@ -167,7 +167,7 @@ def test_report_of_the_papers_scene_writes_the_table(tmp_path, capsys):
     directory = run.write(tmp_path / "run")
     assert verb(report_verb, str(directory)) == 0
     shown = capsys.readouterr().out
-    assert "Impossible: the spring in 2231 N of tension" in shown
+    assert "Impossible: 181 mm of height" in shown
     document = json.loads((directory / "reproduction.json").read_text())
     assert {row["quantity"] for row in document["rows"]} >= {"draft, cycle", "draft, run", "spring force"}
     assert (directory / "reproduction.csv").is_file()

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from subsoil_ros.analysis import soil_tests
 from subsoil_ros.analysis.shear_box import ShearBox, TensionLoading, frame_mesh, plate_mesh, tension_machine
-from subsoil_ros.analysis.soil_tests import run_shear, run_tension
+from subsoil_ros.analysis.soil_tests import needs_glue, rumpf_strength_pa, run_shear, run_tension
 from subsoil_ros.analysis.specimen import Specimen, box_around, prepare_specimen, write_scene
 from subsoil_ros.cli.main import main
 from subsoil_ros.coupling.direct import run_direct
@@ -118,6 +118,15 @@ def test_forces_of_the_box_balance(lattice) -> None:
     assert_allclose(curve.normal_pa.mean(), 8e3, rtol=0.02)
     assert curve.normal_error < 0.1
     assert curve.peak()[1] > 1e3
+
+
+def test_a_weak_soil_is_not_glued(lattice) -> None:
+    """Glue is for a soil whose tension is above the normal stress; a dry one never needs it."""
+    dry, sticky = lattice("no_glue", dry=True)[0], lattice("glue", dry=False)[0]
+    strength = rumpf_strength_pa(sticky)
+    assert needs_glue(sticky, 0.9 * strength)
+    assert not needs_glue(sticky, 1.1 * strength)
+    assert not needs_glue(dry, 1.0)
 
 
 def test_frames_that_meet_are_refused(lattice, monkeypatch: pytest.MonkeyPatch) -> None:

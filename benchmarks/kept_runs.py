@@ -41,7 +41,7 @@ def kept_run(
     """
     out = _run_folder(scene, folder, overrides)
     if not (out / "summary.json").is_file():
-        part = out.with_suffix(".part")
+        part = out.with_name(f"{out.name}.part")
         shutil.rmtree(part, ignore_errors=True)
         out.parent.mkdir(parents=True, exist_ok=True)
         words = [sys.executable, "-m", "subsoil_ros.cli.main", "run", str(scene), "--out", str(part)]

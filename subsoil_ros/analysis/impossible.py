@@ -1,7 +1,8 @@
 """What of the paper's numbers cannot hold at once, by statics, inertia and energy of the scene's own levers.
 
 A shank at rest has the moments of soil and spring in balance. One that the soil lets go at once swings at its
-own frequency, and its inertia then takes up to stiffness times half the range of the swing.
+own frequency, and its inertia then takes up to stiffness times half the range of the swing: half the printed
+range of the spring force, to which the declared stiffness was fitted.
 """
 
 import math
@@ -82,7 +83,7 @@ def _compression_of_largest_draft(levers: Levers) -> Statement:
         f"{largest:g} N of draft with {printed:g} N on the spring",
         f"at rest {largest:g} N on the share press the spring with {at_rest:.0f} N; {printed:g} N go with "
         f"{levers.draft_newton(printed, levers.share_lever_m):.0f} N there: the rest is on the wheels, or "
-        f"{at_rest - printed:.0f} N of the spring are taken up by inertia, as in the moment after a failure",
+        f"{at_rest - printed:.0f} N are inertia of a shank that the next block stops",
         at_rest - printed,
         _released_newton(levers),
         "N",

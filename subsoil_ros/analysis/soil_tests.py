@@ -237,7 +237,7 @@ def needs_glue(specimen: Specimen, normal_pa: float) -> bool:
     """Whether a soil would slide out of a plain box as a block under this or a larger normal stress.
 
     One whose tension, by Rumpf, is above the stress. One that is weaker is pressed to the walls by the load,
-    and the wide gap that glue needs would let it run out after its peak.
+    and needs no gap as wide as glue does.
     """
     return rumpf_strength_pa(specimen) > normal_pa
 

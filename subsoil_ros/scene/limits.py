@@ -23,9 +23,9 @@ RAYLEIGH_PART = 0.2
 """Part of the Rayleigh time that a step may take under the Hertz law (usual: 0.1 to 0.2)."""
 
 DENSE_CALM = 0.41
-"""Part of a limit set by dampers at which a dense random bed stayed calm before the paper's machine (22 us);
-at 0.6 it spun and was stopped on three beds of three (docs/accuracy.md). A limit set by springs falls with
-the root of the coordination only, and 0.6 of it is as calm as 0.3 (docs/cycle.md)."""
+"""Part of the limit set by dampers at which a dense random bed stayed calm before the paper's machine (22
+us); at 0.6 it spun and was stopped on three beds of three (docs/accuracy.md). Limits set by springs fall
+with the root of the coordination only."""
 
 REDUCED_INTERVAL_NS = 1_000_000
 """Tick of a scene on reduced soil (chosen: its springs and wheels swing a hundred times slower)."""
@@ -180,15 +180,16 @@ def step_notes(scene: Scene, step_s: float) -> tuple[str, ...]:
             f"normal and {pair.tangential:.3f} tangential between particles, {boundary.normal:.3f} and "
             f"{boundary.tangential:.3f} at walls and tools"
         )
-    limit = step_limits(soil)[0]
-    calm_s = DENSE_CALM * limit.limit_s
-    dense = soil.bed.kind == "dense_random"
-    if scene.mechanism is not None and dense and limit.damped and step_s > calm_s:
+    limits = step_limits(soil)
+    damped = next((found for found in limits if found.damped), None)
+    dense = scene.mechanism is not None and soil.bed.kind == "dense_random"
+    if dense and damped is not None and step_s > DENSE_CALM * damped.limit_s:
         notes.append(
-            f"soil.time_step_s: {step_s * 1e6:.4g} us is {step_s / limit.limit_s:.2f} of the limit: a dense "
-            "random bed that a tool compacts may spin, and be stopped; at "
-            f"{DENSE_CALM:g} of it, {calm_s * 1e6:.3g} us, the paper's machine ran"
+            f"soil.time_step_s: {step_s * 1e6:.4g} us is {step_s / damped.limit_s:.2f} of the limit set by "
+            "dampers: a dense random bed that a tool compacts may spin, and be stopped; at "
+            f"{DENSE_CALM:g} of it, {DENSE_CALM * damped.limit_s * 1e6:.3g} us, the paper's machine ran"
         )
+    limit = limits[0]
     if step_s > limit.limit_s:
         notes.append(
             f"soil.force_time_step: the step {step_s * 1e6:.4g} us is above the stable limit "

@@ -4,14 +4,15 @@
 2. Settled under gravity without friction and adhesion, to random close packing.
 3. Adhesion on. Neighbours that do not touch now pull, and a bed between fixed walls would tear off them:
    bed and walls are scaled together to the size of least energy.
-4. Cut to its depth, and relaxed under global damping, size and walls following, until it is at rest.
+4. Cut to its depth, and relaxed under global damping, size and walls following, until it is at rest, or for
+   RELAX_PERIODS.
 
 Sizes are drawn before step 1. Layers are told apart by depth after step 2, which has the common law and
 density; from step 3 on every layer has its own. Layers whose bonds shrink them differently share one width,
 so one of them may be left under tension: the report shows gaps.
 
-No step has friction, so no tangential spring is wound up: normal forces alone hold the bed, its positions
-are its whole state, and it stands as well with the friction of the run.
+No step has friction, so no tangential spring is wound up: its positions are the bed's whole state, and what
+normal forces alone do not hold yet, a part of the weight of stiff particles, the friction of the run does.
 """
 
 import dataclasses

@@ -1,9 +1,10 @@
 """Failure cycles: travel of a tool from one failure of the soil to the next, and how the load rises and
 falls.
 
-A failure is a peak of the draft whose prominence, the height over the higher one of the two lows that part it
-from higher peaks, is a standard deviation or more. The trough between two failures parts unloading from
-loading. The count depends on the threshold, so it stands in every table beside the result.
+A failure is a peak of the draft with a prominence of a standard deviation or more. Prominence is the height
+of a peak above the higher one of the two minima that separate it from higher peaks. The trough between two
+failures separates unloading from loading. The count depends on the threshold, so the threshold is part of
+the result.
 """
 
 import itertools
@@ -20,11 +21,11 @@ SMOOTHED_S = 0.020
 shank on its spring; single contacts come and go in less)."""
 
 THRESHOLD = 1.0
-"""Prominence of a failure in standard deviations of the draft (chosen; docs/cycle.md shows 0.5 and 1.5
-too)."""
+"""Prominence of a failure in standard deviations of the draft (chosen: ripples of a loading soil are a half
+and less; docs/cycle.md has 0.5 and 1.5 too)."""
 
 LEAST_CYCLES = 2
-"""Fewer have no scatter."""
+"""Smallest number of cycles (chosen: fewer have no standard deviation)."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class FailureCycles:
         return mean_interval(self.travel_m.tolist())
 
     def metrics(self) -> dict[str, float]:
-        """For summary.json, units in the names."""
+        """Return the metrics for summary.json, units in the names."""
         return {
             "cycle.count": float(self.count),
             "cycle.threshold_newton": self.threshold_newton,

@@ -17,7 +17,8 @@ from pathlib import Path
 RESULTS = Path(__file__).parents[1] / "docs" / "results"
 KEPT = ("reproduction.csv", "reproduction.json", "reproduction.md")
 FIGURES = ("draft.png", "spring_force.png", "share_angle.png", "shank_height.png", "soil_cut.png",
-           "over_travel.png", "disturbance.png", "spectra.png", "load_cycles.png", "reproduction.png")  # fmt: skip
+           "over_travel.png", "disturbance.png", "spectra.png", "load_cycles.png",
+           "reproduction.png")  # fmt: skip
 COLUMNS = ("time_s", "draft_newton", "draft.share_newton", "draft.wheels_newton")
 
 

@@ -306,5 +306,6 @@ def test_no_particle_code_is_imported(tmp_path):
     assert result.returncode == 0, result.stderr
     head = (tmp_path / "out" / "series.csv").read_text().splitlines()[0].split(",")
     assert not [name for name in head if name.startswith("soil.")]  # nothing to monitor, nothing invented
-    assert sorted(path.name for path in (tmp_path / "out" / "figures").iterdir()) == ["draft.png"]
+    figures = sorted(path.name for path in (tmp_path / "out" / "figures").iterdir())
+    assert figures == ["draft.png", "over_travel.png"]
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["particle_count"] == 0

@@ -24,8 +24,6 @@ SCENE = Path(__file__).parents[1] / "config" / "scenes" / "subsoiler_1s300_cycle
 STEP_S = 5.3e-5
 """What `time_step_s: auto` takes in the scene."""
 
-RADIUS_M = 0.015
-
 GROUND_STIFFNESS, SINKAGE_M = 28000.0, 0.0209
 """Of the wheel ground as declared [N/m], and how far the wheels sink into it in work, where the share is
 carried by the soil in part."""
@@ -171,7 +169,7 @@ def scene_of(case: Case, out: Path) -> Path:
     return write_scene(changes, out / "scenes" / f"{case.key}.yaml")
 
 
-def run_case(case: Case, out: Path, threads: int = 1) -> Summary:
+def run_case(case: Case, out: Path) -> Summary:
     """Summary of a case, its bag kept; what it needs runs first.
 
     Raises:
@@ -179,9 +177,9 @@ def run_case(case: Case, out: Path, threads: int = 1) -> Summary:
     """
     path = scene_of(case, out)
     if case.locked:
-        sprung = kept_run(path, out / "runs", (), threads, keep_bag=True)
+        sprung = kept_run(path, out / "runs", keep_bag=True)
         path = _locked_scene(case, path, sprung, out)
-    return kept_run(path, out / "runs", (), threads, keep_bag=True)
+    return kept_run(path, out / "runs", keep_bag=True)
 
 
 def find_case(case: Case, out: Path) -> Summary | None:

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks import cycle, cycle_runs
+from benchmarks import cycle, cycle_rhythm, cycle_runs
 from subsoil_ros.analysis.levers import levers_of
 from subsoil_ros.analysis.series import Series
 from subsoil_ros.scene.loader import load_scene
@@ -57,7 +57,7 @@ def test_passive_shank(ratio):
         "tool.shank.torque_y_newton_m": -0.4 * push,  # 0.4 m below the centre of mass: z F_x
     }
     run = SimpleNamespace(series=Series(columns, "run", 0.0), scene=scene)
-    force = cycle.through_the_shank(run, levers, 1000.0)[times > 3.0]
+    force = cycle_rhythm.through_the_shank(run, levers, 1000.0)[times > 3.0]
     lever = 0.25 + 0.4  # of the force, below the hinge
     assert force.mean() == pytest.approx(1000.0 * lever / 0.25, rel=0.01)
     damping = 1000.0 * 0.25**2
@@ -66,6 +66,37 @@ def test_passive_shank(ratio):
     gain = abs(spring) / abs(spring - inertia * omega**2)
     expected = 200.0 * lever / 0.25 * gain * (ratio > 0.0)
     assert 0.5 * np.ptp(force) == pytest.approx(expected, rel=0.02, abs=1.0)
+
+
+@pytest.mark.parametrize("soil_newton_per_m", cycle_rhythm.TRAVEL_MODELS.values())
+def test_shank_over_the_travel(soil_newton_per_m):
+    """A soil of one strength holds the shank at rest under moment over arm; one whose strength falls to
+    nothing at a place throws it forward once, and then its spring swings about zero and comes to rest."""
+    scene = load_scene(cycle_runs.SCENE)
+    levers = levers_of(scene.scene)
+    body = scene.scene.mechanism.bodies["shank"]
+    times = np.arange(0.0, 4.0, 1e-3)
+    zero = np.zeros_like(times)
+    for falls in (False, True):
+        push = np.where(falls & (times > 1.0), 0.0, -1000.0)
+        columns = {
+            "time_s": times,
+            "body.shank.x_m": 0.5 * times,
+            "body.shank.z_m": zero + body.position_m[1],
+            "body.shank.angle_rad": zero + body.angle_rad,
+            "tool.shank.force_x_newton": push,
+            "tool.shank.force_z_newton": zero,
+            "tool.shank.torque_y_newton_m": -0.4 * push,
+        }
+        run = SimpleNamespace(series=Series(columns, "run", 0.0), scene=scene)
+        force = cycle_rhythm.over_the_travel(run, levers, 1000.0, soil_newton_per_m)
+        held = 1000.0 * (0.25 + 0.4) / 0.25
+        if falls:
+            assert force[times < 0.9] == pytest.approx(held, rel=1e-6)
+            assert force.min() < -0.5 * held  # a damping ratio of 0.13 leaves 0.66 of the first swing
+            assert force[-1] == pytest.approx(0.0, abs=1.0)
+        else:
+            assert force == pytest.approx(held, rel=1e-6)
 
 
 def test_pooled_scatter():

@@ -4,6 +4,7 @@ Sources: Yuan & Yu (2020) eq. 12-21 with eq. 17 corrected (continuity), table 3;
 open is chosen in docs/physics.md: friction limit, damped zones, lifetime of the tangential spring, rolling.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -81,6 +82,19 @@ def _like(number, value):
     return lambda number, value: value
 
 
+@njit(cache=True, forceinline=True, error_model="numpy")
+def numbers_like(number, law):
+    """A PairLaw in the floating-point type of `number`."""
+    return PairLaw(
+        like(number, law.stiffness), like(number, law.tangential_stiffness), like(number, law.damping),
+        like(number, law.tangential_damping), like(number, law.adhesion),
+        like(number, law.contact_adhesion), like(number, law.rest_overlap), like(number, law.reach),
+        like(number, law.peak_attraction), like(number, law.static_friction),
+        like(number, law.sliding_friction), like(number, law.rolling_stiffness),
+        like(number, law.rolling_arm),
+    )  # fmt: skip
+
+
 def pair_law(values: PairValues, effective_radius: float, *, has_adhesion: bool) -> PairLaw:
     """Numbers for the kernels; `effective_radius` [m] is r1 r2/(r1+r2), or r at a boundary."""
     adhesion = values.adhesion if has_adhesion else 0.0
@@ -143,7 +157,7 @@ def normal_elastic(overlap, law, features):
     """
     zero = like(overlap, 0.0)
     if features.hertz.ndim == 2:
-        return law.stiffness * np.sqrt(max(overlap, zero)) * overlap
+        return law.stiffness * math.sqrt(max(overlap, zero)) * overlap
     force = law.stiffness * max(overlap - law.rest_overlap, zero)
     if features.adhesion.ndim == 2:
         touching = law.contact_adhesion * min(overlap - law.rest_overlap, zero)
@@ -192,10 +206,10 @@ def contact(overlap, normal, velocity, spin, shear, roll, step, law, features):
     damped = law.damping * overlap_rate
     grown, before, held_part = one, one, one  # Hertz: stiffness over its coefficient, now and a step ago
     if features.hertz.ndim == 2:
-        grown = np.sqrt(max(overlap, zero))
-        before = np.sqrt(max(overlap - step * overlap_rate, zero))
+        grown = math.sqrt(max(overlap, zero))
+        before = math.sqrt(max(overlap - step * overlap_rate, zero))
         held_part = min(before / max(grown, tiny), one) if grown > zero else zero
-        damped *= np.sqrt(grown)
+        damped *= math.sqrt(grown)
     elif features.damp_all_zones.ndim == 1:
         damped = damped if overlap > law.rest_overlap else zero
     force_n += damped
@@ -222,7 +236,7 @@ def contact(overlap, normal, velocity, spin, shear, roll, step, law, features):
                 stored = half * k * (sx * sx + sy * sy + sz * sz)
                 released = stored * (before - grown * held_part * held_part)
             sx, sy, sz = held_part * sx, held_part * sy, held_part * sz
-            k, c = k * grown, c * np.sqrt(grown)
+            k, c = k * grown, c * math.sqrt(grown)
         yielding = k * step + c
         # trial force if the slider held
         qx, qy, qz = k * sx + yielding * tx, k * sy + yielding * ty, k * sz + yielding * tz
@@ -274,7 +288,7 @@ def contact(overlap, normal, velocity, spin, shear, roll, step, law, features):
 def spring_energy(overlap, shear, roll, law, features):
     """Energy in the tangential and the rolling spring [J]; lost when a contact separates."""
     half = like(overlap, 0.5)
-    grown = np.sqrt(max(overlap, like(overlap, 0.0))) if features.hertz.ndim == 2 else like(overlap, 1.0)
+    grown = math.sqrt(max(overlap, like(overlap, 0.0))) if features.hertz.ndim == 2 else like(overlap, 1.0)
     return half * grown * law.tangential_stiffness * (
         shear[0] * shear[0] + shear[1] * shear[1] + shear[2] * shear[2]
     ) + half * grown * law.rolling_stiffness * (roll[0] * roll[0] + roll[1] * roll[1] + roll[2] * roll[2])

@@ -12,6 +12,36 @@ from numba import njit, prange
 from .per_particle import of_particle
 
 
+@njit(cache=True, forceinline=True, error_model="numpy")
+def kicked_and_moved(i, position, velocity, spin, force, torque, built, mass, inertia, step, owed):
+    """First half kick and drift of particle i; `owed` is 1 if the second half kick of the step before comes
+    first, else 0, in the type of velocities. Returns the square of how far it is from `built` [m]."""
+    kind = velocity.dtype.type  # in float32 too no product goes through float64
+    half_m = kind(0.5 * step / of_particle(mass, i))
+    half_i = kind(0.5 * step / of_particle(inertia, i))
+    moved = 0.0
+    for a in range(3):
+        velocity[i, a] += owed * half_m * force[i, a]
+        velocity[i, a] += half_m * force[i, a]
+        spin[i, a] += owed * half_i * torque[i, a]
+        spin[i, a] += half_i * torque[i, a]
+        position[i, a] += step * velocity[i, a]
+        d = position[i, a] - built[i, a]
+        moved += d * d
+    return moved
+
+
+@njit(cache=True, forceinline=True, error_model="numpy")
+def kicked(i, velocity, spin, force, torque, mass, inertia, step):
+    """Second half kick of particle i."""
+    kind = velocity.dtype.type
+    half_m = kind(0.5 * step / of_particle(mass, i))
+    half_i = kind(0.5 * step / of_particle(inertia, i))
+    for a in range(3):
+        velocity[i, a] += half_m * force[i, a]
+        spin[i, a] += half_i * torque[i, a]
+
+
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def kick_drift(
     position, velocity, spin, force, torque, built, mass, inertia, gravity, step, limit_squared, kicks
@@ -24,20 +54,11 @@ def kick_drift(
     Returns the number of particles farther than sqrt(limit_squared) [m] from where the lists were built
     (not a number counts as far).
     """
-    far, kind = 0, velocity.dtype.type  # in float32 too no product goes through float64
+    far, kind = 0, velocity.dtype.type
     owed = kind(kicks - 1)
     for i in prange(position.shape[0]):
-        half_m = kind(0.5 * step / of_particle(mass, i))
-        half_i = kind(0.5 * step / of_particle(inertia, i))
-        moved = 0.0
+        moved = kicked_and_moved(i, position, velocity, spin, force, torque, built, mass, inertia, step, owed)
         for a in range(3):
-            velocity[i, a] += owed * half_m * force[i, a]
-            velocity[i, a] += half_m * force[i, a]
-            spin[i, a] += owed * half_i * torque[i, a]
-            spin[i, a] += half_i * torque[i, a]
-            position[i, a] += step * velocity[i, a]
-            d = position[i, a] - built[i, a]
-            moved += d * d
             force[i, a] = kind(0.0)
             torque[i, a] = kind(0.0)
         force[i, 2] = kind(-of_particle(mass, i) * gravity)
@@ -48,13 +69,8 @@ def kick_drift(
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def kick(velocity, spin, force, torque, mass, inertia, step):
     """Second half kick."""
-    kind = velocity.dtype.type
     for i in prange(velocity.shape[0]):
-        half_m = kind(0.5 * step / of_particle(mass, i))
-        half_i = kind(0.5 * step / of_particle(inertia, i))
-        for a in range(3):
-            velocity[i, a] += half_m * force[i, a]
-            spin[i, a] += half_i * torque[i, a]
+        kicked(i, velocity, spin, force, torque, mass, inertia, step)
 
 
 @njit(cache=True, nogil=True)

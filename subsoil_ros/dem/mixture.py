@@ -4,6 +4,7 @@ Contacts of unequal spheres: the reduced radius R = r1 r2 / (r1 + r2) and mass m
 numbers of the law, and both bodies reach to one point on the line of centres, the middle of overlap or gap.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -58,8 +59,8 @@ def scaled_law(laws, row, radius, mass, features):
     """
     normal, damper = 1.0, 1.0
     if features.sizes.ndim == 2 and features.hertz.ndim == 2:
-        normal = np.sqrt(radius)
-        damper = np.sqrt(normal * mass)
+        normal = math.sqrt(radius)
+        damper = math.sqrt(normal * mass)
     arm = radius if features.sizes.ndim == 2 else 1.0
     return PairLaw(
         normal * laws[row, 0], normal * laws[row, 1], damper * laws[row, 2], damper * laws[row, 3],

@@ -68,7 +68,7 @@ _USUAL_PARTNERS = 16
 
 
 @njit(cache=True, inline="always")
-def _axis_cell(value, origin, edge, count):
+def axis_cell(value, origin, edge, count):
     return min(max(int((value - origin) / edge), 0), count - 1)
 
 
@@ -80,9 +80,9 @@ def sort_by_cell(position, grid):
     cell = np.empty(n, np.int64)
     start = np.zeros(cells + 1, np.int64)
     for i in range(n):
-        cx = _axis_cell(position[i, 0], grid.origin_x, grid.edge, grid.nx)
-        cy = _axis_cell(position[i, 1], grid.origin_y, grid.edge_y, grid.ny)
-        cz = _axis_cell(position[i, 2], grid.origin_z, grid.edge, grid.nz)
+        cx = axis_cell(position[i, 0], grid.origin_x, grid.edge, grid.nx)
+        cy = axis_cell(position[i, 1], grid.origin_y, grid.edge_y, grid.ny)
+        cz = axis_cell(position[i, 2], grid.origin_z, grid.edge, grid.nz)
         cell[i] = (cx * grid.ny + cy) * grid.nz + cz
         start[cell[i] + 1] += 1
     for c in range(cells):

@@ -6,6 +6,8 @@ results are scattered to the particles in the order of the list. Histories live 
 numbers of each component, one after the other, so that no copy is needed.
 """
 
+import math
+
 import numpy as np
 from numba import njit, prange
 from numba.extending import register_jitable
@@ -130,66 +132,93 @@ def scratch_rows(count, kind):
     return spare[first : first + count * ROW]
 
 
+@njit(cache=True, forceinline=True, error_model="numpy", fastmath={"contract"})
+def contact_of_pair(apart, relative, spin_i, spin_j, radius_i, radius_j, shear, roll, step, law, features):
+    """Contact of particles i and j, in reach or not.
+
+    apart [m]: x_j - x_i; relative [m/s]: v_i - v_j of the centres; spins [rad/s], radii [m]; shear [m], roll
+    [rad]: springs.
+    Returns 1 if they are in reach, else 0, all the rest being zero then; force on i [N]; torques on i and on
+    j [N m]; shear, roll; sinks [J] (dem.contact.SINKS), where a separated pair loses its springs.
+    """
+    zero, half, one = like(step, 0.0), like(step, 0.5), like(step, 1.0)
+    touch = radius_i + radius_j
+    reach = touch + law.reach if features.adhesion.ndim == 2 else touch
+    dx, dy, dz = apart
+    squared = dx * dx + dy * dy + dz * dz
+    inverse = inverse_root(squared)
+    distance = squared * inverse
+    nx, ny, nz = dx * inverse, dy * inverse, dz * inverse
+    arm_i = arm_j = half * distance  # both bodies reach to the middle of overlap or gap
+    wx, wy, wz = spin_i
+    ox, oy, oz = spin_j
+    # velocity of i against j at the contact: v_i - v_j + (arm_i w_i + arm_j w_j) x n
+    if features.sizes.ndim == 2:
+        longer = half * (radius_i - radius_j)
+        arm_i += longer
+        arm_j -= longer
+        cx, cy, cz = arm_i * wx + arm_j * ox, arm_i * wy + arm_j * oy, arm_i * wz + arm_j * oz
+    else:
+        cx, cy, cz = arm_i * (wx + ox), arm_i * (wy + oy), arm_i * (wz + oz)
+    sliding = (
+        relative[0] + cy * nz - cz * ny,
+        relative[1] + cz * nx - cx * nz,
+        relative[2] + cx * ny - cy * nx,
+    )
+    f, m, s, r, sinks = contact(
+        touch - distance, (nx, ny, nz), sliding, (wx - ox, wy - oy, wz - oz), shear, roll, step, law, features
+    )
+    acts = one if distance < reach else zero
+    fx, fy, fz = acts * f[0], acts * f[1], acts * f[2]
+    mx, my, mz = acts * m[0], acts * m[1], acts * m[2]
+    # torques arm n x f have one sign: opposite force on the opposite side
+    qx, qy, qz = ny * fz - nz * fy, nz * fx - nx * fz, nx * fy - ny * fx
+    lost = zero
+    if features.book.ndim == 2:
+        lost = (one - acts) * spring_energy(zero, shear, roll, law, features)
+    return (
+        acts,
+        (fx, fy, fz),
+        (arm_i * qx + mx, arm_i * qy + my, arm_i * qz + mz),
+        (arm_j * qx - mx, arm_j * qy - my, arm_j * qz - mz),
+        (acts * s[0], acts * s[1], acts * s[2]),
+        (acts * r[0], acts * r[1], acts * r[2]),
+        (acts * sinks[0], acts * sinks[1], acts * sinks[2], acts * sinks[3], acts * sinks[4] + lost),
+    )
+
+
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _compute(count, scratch, history, radius, step, common_law, features, book):
     """Forces and torques of `count` pairs in the place of their states; new histories.
 
     `scratch` and `history` are flat, so that the compiler knows how far apart their rows are.
     """
-    zero, half, one = like(radius, 0.0), like(radius, 0.5), like(radius, 1.0)
-    law, touch = common_law, radius + radius
+    law, radius_i, radius_j = common_law, radius, radius
     for b in range(count):
         if features.sizes.ndim == 2 or features.materials.ndim == 2:
+            radius_i, radius_j = scratch[b + 12 * ROW], scratch[b + 13 * ROW]
             law = law_in_rows(b + 14 * ROW, scratch)
-            touch = scratch[b + 12 * ROW] + scratch[b + 13 * ROW]
-        reach = touch + law.reach if features.adhesion.ndim == 2 else touch
-        dx, dy, dz = scratch[b], scratch[b + ROW], scratch[b + 2 * ROW]
-        squared = dx * dx + dy * dy + dz * dz
-        inverse = inverse_root(squared)
-        distance = squared * inverse
-        nx, ny, nz = dx * inverse, dy * inverse, dz * inverse
-        arm_i = arm_j = half * distance  # both bodies reach to the middle of overlap or gap
-        wx, wy, wz = scratch[b + 6 * ROW], scratch[b + 7 * ROW], scratch[b + 8 * ROW]
-        ox, oy, oz = scratch[b + 9 * ROW], scratch[b + 10 * ROW], scratch[b + 11 * ROW]
-        # velocity of i against j at the contact: v_i - v_j + (arm_i w_i + arm_j w_j) x n
-        if features.sizes.ndim == 2:
-            longer = half * (scratch[b + 12 * ROW] - scratch[b + 13 * ROW])
-            arm_i += longer
-            arm_j -= longer
-            cx, cy, cz = arm_i * wx + arm_j * ox, arm_i * wy + arm_j * oy, arm_i * wz + arm_j * oz
-        else:
-            cx, cy, cz = arm_i * (wx + ox), arm_i * (wy + oy), arm_i * (wz + oz)
-        relative = (
-            scratch[b + 3 * ROW] + cy * nz - cz * ny,
-            scratch[b + 4 * ROW] + cz * nx - cx * nz,
-            scratch[b + 5 * ROW] + cx * ny - cy * nx,
+        _, f, on_i, on_j, s, r, sinks = contact_of_pair(
+            (scratch[b], scratch[b + ROW], scratch[b + 2 * ROW]),
+            (scratch[b + 3 * ROW], scratch[b + 4 * ROW], scratch[b + 5 * ROW]),
+            (scratch[b + 6 * ROW], scratch[b + 7 * ROW], scratch[b + 8 * ROW]),
+            (scratch[b + 9 * ROW], scratch[b + 10 * ROW], scratch[b + 11 * ROW]),
+            radius_i,
+            radius_j,
+            (history[b], history[b + BLOCK], history[b + 2 * BLOCK]),
+            (history[b + 3 * BLOCK], history[b + 4 * BLOCK], history[b + 5 * BLOCK]),
+            step,
+            law,
+            features,
         )
-        shear = history[b], history[b + BLOCK], history[b + 2 * BLOCK]
-        roll = history[b + 3 * BLOCK], history[b + 4 * BLOCK], history[b + 5 * BLOCK]
-        f, m, s, r, sinks = contact(
-            touch - distance, (nx, ny, nz), relative, (wx - ox, wy - oy, wz - oz),
-            shear, roll, step, law, features,
-        )  # fmt: skip
-        acts = one if distance < reach else zero
-        history[b], history[b + BLOCK], history[b + 2 * BLOCK] = acts * s[0], acts * s[1], acts * s[2]
-        history[b + 3 * BLOCK], history[b + 4 * BLOCK], history[b + 5 * BLOCK] = (
-            acts * r[0], acts * r[1], acts * r[2],
-        )  # fmt: skip
-        fx, fy, fz = acts * f[0], acts * f[1], acts * f[2]
-        mx, my, mz = acts * m[0], acts * m[1], acts * m[2]
-        # torques arm n x f have one sign: opposite force on the opposite side
-        qx, qy, qz = ny * fz - nz * fy, nz * fx - nx * fz, nx * fy - ny * fx
-        scratch[b], scratch[b + ROW], scratch[b + 2 * ROW] = fx, fy, fz
-        scratch[b + 3 * ROW], scratch[b + 4 * ROW], scratch[b + 5 * ROW] = (
-            arm_i * qx + mx, arm_i * qy + my, arm_i * qz + mz,
-        )  # fmt: skip
-        scratch[b + 6 * ROW], scratch[b + 7 * ROW], scratch[b + 8 * ROW] = (
-            arm_j * qx - mx, arm_j * qy - my, arm_j * qz - mz,
-        )  # fmt: skip
+        history[b], history[b + BLOCK], history[b + 2 * BLOCK] = s
+        history[b + 3 * BLOCK], history[b + 4 * BLOCK], history[b + 5 * BLOCK] = r
+        scratch[b], scratch[b + ROW], scratch[b + 2 * ROW] = f
+        scratch[b + 3 * ROW], scratch[b + 4 * ROW], scratch[b + 5 * ROW] = on_i
+        scratch[b + 6 * ROW], scratch[b + 7 * ROW], scratch[b + 8 * ROW] = on_j
         if features.book.ndim == 2:
             for a in range(_BOOKED):
-                book[a] += acts * sinks[a]
-            book[4] += (one - acts) * spring_energy(zero, shear, roll, law, features)
+                book[a] += sinks[a]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -274,7 +303,7 @@ def _overlap_and_law(i, j, position, radius, mixture, features):
     if features.periodic.ndim == 2:
         dy = nearest_image(dy, features.periodic.item())
     radius_i, radius_j, law = pair_of(i, j, radius, mixture, features)
-    return radius_i + radius_j - np.sqrt(dx * dx + dy * dy + dz * dz), law
+    return radius_i + radius_j - math.sqrt(dx * dx + dy * dy + dz * dz), law
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -11,7 +11,7 @@ depends on the number of threads (chosen: enough to share them evenly)."""
 
 def of_particle(value, i):
     """Number i of an array; a number for all stands for itself. Told apart when a kernel is compiled."""
-    return value[i] if isinstance(value, np.ndarray) else value
+    return value[i] if np.ndim(value) > 0 else value
 
 
 @overload(of_particle)

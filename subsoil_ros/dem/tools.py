@@ -7,6 +7,8 @@ outside, and then holds its face even when the centre is pressed through it, so 
 to the far side of a thin share. Geometry and histories live in the tool's body frame.
 """
 
+import math
+
 import numpy as np
 from numba import njit, prange
 
@@ -63,7 +65,7 @@ def _find_contacts(px, py, pz, facets, first, last, facet, reach, was_active, wa
         m = facet[q]
         qx, qy, qz, kind = closest_feature(px, py, pz, facets.corner[m])
         dx, dy, dz = qx - px, qy - py, qz - pz
-        distance = np.sqrt(dx * dx + dy * dy + dz * dz)
+        distance = math.sqrt(dx * dx + dy * dy + dz * dz)
         if distance >= reach:
             continue
         nx, ny, nz = facets.normal[m, 0], facets.normal[m, 1], facets.normal[m, 2]
@@ -164,30 +166,47 @@ def _candidate(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def row_forces(
+    row, particle, facet_start, facet, facets, motion, position, velocity, spin, force, torque,
+    active, normal, shear, roll, common_radius, step, common_law, mixture, features,
+    out, old_shear, old_roll, group_force, moment, sums,
+):  # fmt: skip
+    """Forces of the tool on candidate `row`, and what it puts on the tool, added.
+
+    out (CONTACTS, 6), old_shear and old_roll (CONTACTS, 3) are room to work in.
+    """
+    x0, z0, cosine, sine = motion[0], motion[1], motion[2], motion[3]
+    i = particle[row]
+    radius, law = sphere_of(i, common_radius, common_law, mixture, features)
+    reach = radius + (law.reach if features.adhesion.ndim == 2 else 0.0)
+    dx, dz = position[i, 0] - x0, position[i, 2] - z0
+    found = _find_contacts(
+        cosine * dx + sine * dz, position[i, 1], cosine * dz - sine * dx, facets,
+        facet_start[row], facet_start[row + 1], facet, reach, active[row], normal[row], out,
+    )  # fmt: skip
+    _candidate(
+        row, i, found, out, position, velocity, spin, force, torque, motion, active, normal, shear,
+        roll, old_shear, old_roll, radius, step, law, features, group_force, moment, sums,
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _rows_forces(
     first, last, particle, facet_start, facet, facets, motion, position, velocity, spin, force, torque,
     active, normal, shear, roll, common_radius, step, common_law, mixture, features,
     group_force, moment, sums,
 ):  # fmt: skip
     """Candidates first <= row < last; group_force (groups, 3), moment (3,), sums (7,) are theirs alone."""
-    x0, z0, cosine, sine = motion[0], motion[1], motion[2], motion[3]
     out = np.empty((CONTACTS, 6))
     old_shear, old_roll = np.empty((CONTACTS, 3)), np.empty((CONTACTS, 3))
     group_force[:] = 0.0
     moment[:] = 0.0
     sums[:] = 0.0
     for row in range(first, last):
-        i = particle[row]
-        radius, law = sphere_of(i, common_radius, common_law, mixture, features)
-        reach = radius + (law.reach if features.adhesion.ndim == 2 else 0.0)
-        dx, dz = position[i, 0] - x0, position[i, 2] - z0
-        found = _find_contacts(
-            cosine * dx + sine * dz, position[i, 1], cosine * dz - sine * dx, facets,
-            facet_start[row], facet_start[row + 1], facet, reach, active[row], normal[row], out,
-        )  # fmt: skip
-        _candidate(
-            row, i, found, out, position, velocity, spin, force, torque, motion, active, normal, shear,
-            roll, old_shear, old_roll, radius, step, law, features, group_force, moment, sums,
+        row_forces(
+            row, particle, facet_start, facet, facets, motion, position, velocity, spin, force, torque,
+            active, normal, shear, roll, common_radius, step, common_law, mixture, features,
+            out, old_shear, old_roll, group_force, moment, sums,
         )  # fmt: skip
 
 

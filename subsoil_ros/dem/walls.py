@@ -100,44 +100,73 @@ def _gather(
                 rows[11 + a, b] = number
 
 
+@njit(cache=True, forceinline=True, error_model="numpy", fastmath={"contract"})
+def contact_at_wall(distance, normal, velocity, spin, radius, shear, roll, step, law, features):
+    """Contact of a particle whose centre is `distance` [m] from a wall, in reach or not.
+
+    normal: unit vector towards the wall; velocity [m/s] of the centre; the rest as in dem.pairs.
+    Returns 1 if it is in reach, else 0, all the rest being zero then; force [N], torque [N m], shear, roll,
+    sinks [J], where a separated contact loses its springs.
+    """
+    zero, half, one = like(step, 0.0), like(step, 0.5), like(step, 1.0)
+    reach = radius + law.reach if features.adhesion.ndim == 2 else radius
+    nx, ny, nz = normal
+    wx, wy, wz = spin
+    arm = half * (radius + distance)
+    relative = (
+        velocity[0] + arm * (wy * nz - wz * ny),
+        velocity[1] + arm * (wz * nx - wx * nz),
+        velocity[2] + arm * (wx * ny - wy * nx),
+    )
+    f, m, s, r, sinks = contact(
+        radius - distance, (nx, ny, nz), relative, (wx, wy, wz), shear, roll, step, law, features
+    )
+    acts = one if distance < reach else zero
+    fx, fy, fz = acts * f[0], acts * f[1], acts * f[2]
+    lost = zero
+    if features.book.ndim == 2:
+        lost = (one - acts) * spring_energy(zero, shear, roll, law, features)
+    return (
+        acts,
+        (fx, fy, fz),
+        (
+            arm * (ny * fz - nz * fy) + acts * m[0],
+            arm * (nz * fx - nx * fz) + acts * m[1],
+            arm * (nx * fy - ny * fx) + acts * m[2],
+        ),
+        (acts * s[0], acts * s[1], acts * s[2]),
+        (acts * r[0], acts * r[1], acts * r[2]),
+        (acts * sinks[0], acts * sinks[1], acts * sinks[2], acts * sinks[3], acts * sinks[4] + lost),
+    )
+
+
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _compute(count, scratch, history, common_radius, step, common_law, features, book):
     """Forces and torques of `count` pairs in the place of their states; new histories."""
-    zero, half, one = like(step, 0.0), like(step, 0.5), like(step, 1.0)
     law, radius = common_law, common_radius
     for b in range(count):
         if features.sizes.ndim == 2 or features.materials.ndim == 2:
             radius = scratch[b + 10 * ROW]
             law = law_in_rows(b + 11 * ROW, scratch)
-        reach = radius + law.reach if features.adhesion.ndim == 2 else radius
-        distance = scratch[b]
-        nx, ny, nz = scratch[b + ROW], scratch[b + 2 * ROW], scratch[b + 3 * ROW]
-        wx, wy, wz = scratch[b + 7 * ROW], scratch[b + 8 * ROW], scratch[b + 9 * ROW]
-        arm = half * (radius + distance)
-        relative = (
-            scratch[b + 4 * ROW] + arm * (wy * nz - wz * ny),
-            scratch[b + 5 * ROW] + arm * (wz * nx - wx * nz),
-            scratch[b + 6 * ROW] + arm * (wx * ny - wy * nx),
+        _, f, on_it, s, r, sinks = contact_at_wall(
+            scratch[b],
+            (scratch[b + ROW], scratch[b + 2 * ROW], scratch[b + 3 * ROW]),
+            (scratch[b + 4 * ROW], scratch[b + 5 * ROW], scratch[b + 6 * ROW]),
+            (scratch[b + 7 * ROW], scratch[b + 8 * ROW], scratch[b + 9 * ROW]),
+            radius,
+            (history[b], history[b + BLOCK], history[b + 2 * BLOCK]),
+            (history[b + 3 * BLOCK], history[b + 4 * BLOCK], history[b + 5 * BLOCK]),
+            step,
+            law,
+            features,
         )
-        shear = history[b], history[b + BLOCK], history[b + 2 * BLOCK]
-        roll = history[b + 3 * BLOCK], history[b + 4 * BLOCK], history[b + 5 * BLOCK]
-        f, m, s, r, sinks = contact(
-            radius - distance, (nx, ny, nz), relative, (wx, wy, wz), shear, roll, step, law, features
-        )
-        acts = one if distance < reach else zero
-        history[b], history[b + BLOCK], history[b + 2 * BLOCK] = acts * s[0], acts * s[1], acts * s[2]
-        history[b + 3 * BLOCK], history[b + 4 * BLOCK], history[b + 5 * BLOCK] = (
-            acts * r[0], acts * r[1], acts * r[2],
-        )  # fmt: skip
-        fx, fy, fz = acts * f[0], acts * f[1], acts * f[2]
-        scratch[b], scratch[b + ROW], scratch[b + 2 * ROW] = fx, fy, fz
-        scratch[b + 3 * ROW] = arm * (ny * fz - nz * fy) + acts * m[0]
-        scratch[b + 4 * ROW] = arm * (nz * fx - nx * fz) + acts * m[1]
-        scratch[b + 5 * ROW] = arm * (nx * fy - ny * fx) + acts * m[2]
+        history[b], history[b + BLOCK], history[b + 2 * BLOCK] = s
+        history[b + 3 * BLOCK], history[b + 4 * BLOCK], history[b + 5 * BLOCK] = r
+        scratch[b], scratch[b + ROW], scratch[b + 2 * ROW] = f
+        scratch[b + 3 * ROW], scratch[b + 4 * ROW], scratch[b + 5 * ROW] = on_it
         if features.book.ndim == 2:
             for a in range(len(SINKS)):
-                book[a] += acts * sinks[a]
-            book[4] += (one - acts) * spring_energy(zero, shear, roll, law, features)
+                book[a] += sinks[a]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

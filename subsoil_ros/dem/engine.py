@@ -196,15 +196,20 @@ class SoilEngine(SoilReadings):
         self._keep(kept)
         self._rebuild(motions)
         self._begin_tick()
+        self._first_forces(motions)
+        if self._watch is not None and self._watch.balances:
+            self._watch.begin(self.energy())
+        return self._wrenches()
+
+    def _first_forces(self, motions: tuple[ToolMotion, ...]) -> None:
+        """Forces of the initial state."""
+        p = self._particles
         p.force[:] = 0.0
         p.force[:, 2] = -self._masses()[0] * self._gravity
         p.torque[:] = 0.0
         self._bind(step=0.0).drift_and_contacts(0, True)
         self._tool_forces(motions)
         self._calls = None
-        if self._watch is not None and self._watch.balances:
-            self._watch.begin(self.energy())
-        return self._wrenches()
 
     def state_arrays(self) -> dict[str, np.ndarray]:
         """All that later ticks depend on, and what their results count from; by name, not copied.
@@ -274,11 +279,23 @@ class SoilEngine(SoilReadings):
                 for a, b in zip(starts, motions, strict=True)
             )
             self._advance_step(tick, s, now)
-            last = s == steps and tick == self._resolved.timing.tick_count - 1
-            if self._watch is not None and self._watch.due(last=last):
-                sums, where = self._motion_sums(), self._where(tick, s)
-                self._watch.look(where, tick, self._particles, sums, self._largest_overlap, self.energy)
+            self._after_step(tick, s)
         return self._wrenches()
+
+    def _after_step(self, tick: int, step: int) -> None:
+        """Refuses a tool sunk too deep into a particle, and looks at the soil when it is time."""
+        for tool in self._tools:
+            if tool.largest_overlap_m > self._overlap_bound:
+                raise PhysicsError(
+                    f"{self._where(tick, step)}: tool {tool.name} overlaps a particle by "
+                    f"{tool.largest_overlap_m:.3g} m, allowed is soil.largest_tool_overlap_m "
+                    f"{self._overlap_bound:.3g} m; raise soil.tool_stiffness_factor, or make the tool slower "
+                    "or thicker"
+                )
+        timing = self._resolved.timing
+        last = step == timing.soil_steps and tick == timing.tick_count - 1
+        if self._watch is not None and self._watch.due(last=last):
+            self._watch.look(self._where(tick, step), tick, self)
 
     def _where(self, tick: int, step: int) -> str:
         """Of an error, in words."""
@@ -315,14 +332,6 @@ class SoilEngine(SoilReadings):
             self._bind(self._step_s).drift_and_contacts(0, True)
         self._tool_forces(motions)
         self._owes_kick = True
-        for tool in self._tools:
-            if tool.largest_overlap_m > self._overlap_bound:
-                raise PhysicsError(
-                    f"{self._where(tick, step)}: tool {tool.name} overlaps a particle by "
-                    f"{tool.largest_overlap_m:.3g} m, allowed is soil.largest_tool_overlap_m "
-                    f"{self._overlap_bound:.3g} m; raise soil.tool_stiffness_factor, or make the tool slower "
-                    "or thicker"
-                )
 
     def _tools_left_their_lists(self, motions: tuple[ToolMotion, ...]) -> bool:
         allowed = (TOOL_SKIN - 0.5) * self._soil.skin_m
@@ -357,9 +366,14 @@ class SoilEngine(SoilReadings):
 
     def _tool_forces(self, motions: tuple[ToolMotion, ...]) -> None:
         for tool, at in zip(self._tools, motions, strict=True):
-            work = tool.felt.work_joule
-            tool.add_forces(at)
-            self._tool_work -= tool.felt.work_joule - work
+            self._felt_by(tool, *tool.forces(at), at)
+
+    def _felt_by(
+        self, tool: ToolSurface, by_group: np.ndarray, moment: np.ndarray, sums: np.ndarray, at: ToolMotion
+    ) -> None:
+        work = tool.felt.work_joule
+        tool.feel(by_group, moment, sums, at)
+        self._tool_work -= tool.felt.work_joule - work
 
     def _rebuild(self, motions: tuple[ToolMotion, ...]) -> None:
         """Sort particles into cells, find pairs, walls and tool candidates, carry histories over."""
@@ -394,3 +408,15 @@ class SoilEngine(SoilReadings):
         self._pair_book = np.zeros((len(slabs) - 1, len(SINKS)))
         self._wall_book = np.zeros((CHUNKS, len(SINKS)))
         self._rebuilds += 1
+
+
+def build_engine(
+    resolved: ResolvedScene, threads: int = 1, *, book: bool = False, bed: Bed | None = None
+) -> SoilEngine:
+    """The engine for the device that the scene names."""
+    soil = resolved.scene.particle_soil
+    if soil is None or soil.device == "cpu":
+        return SoilEngine(resolved, threads, book=book, bed=bed)
+    from .gpu.engine import GpuSoilEngine
+
+    return GpuSoilEngine(resolved, threads, book=book, bed=bed)

@@ -15,7 +15,7 @@ healthy bed shows less than 0.02, whatever the speed of its tools, and one above
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numba import njit, prange
@@ -135,6 +135,18 @@ class Domain:
         return outside(particles.position, self._planes, radius, self.ceiling_m)
 
 
+class Seen(Protocol):
+    """A soil that is looked at: only what is asked for is brought together."""
+
+    @property
+    def particle_count(self) -> int: ...
+    def particles(self) -> Particles: ...
+    def motion_sums(self) -> MotionSums: ...
+    def largest_overlap_m(self) -> float: ...
+    def anyone_outside(self) -> bool: ...
+    def energy(self) -> EnergyBook: ...
+
+
 class Watch:
     """Looks at one soil and remembers who was lost."""
 
@@ -200,29 +212,29 @@ class Watch:
         hurried, self._hurried = self._hurried, 0
         return last or hurried > 0 or self._suspicious > 0 or self._steps % self._bounds.every_steps == 0
 
-    def look(
-        self,
-        where: str,
-        tick: int,
-        particles: Particles,
-        sums: MotionSums,
-        largest_overlap_m: Callable[[], float],
-        energy: Callable[[], EnergyBook],
-    ) -> None:
+    def steps_until_due(self) -> int:
+        """Steps from now on until the next look, if no list is rebuilt and the run does not end before."""
+        if self._hurried > 0 or self._suspicious > 0:
+            return 1
+        return self._bounds.every_steps - self._steps % self._bounds.every_steps
+
+    def look(self, where: str, tick: int, soil: Seen) -> None:
         """Looks at the state at the end of a step, `where` in words.
 
         Raises:
             PhysicsError: a bound is passed, or a number is none.
         """
+        sums = soil.motion_sums()
         if not np.isfinite(sums).all():
-            refuse_lost_numbers(where, particles)
-        self._look_for_alternation(where, sums, particles.count)
+            refuse_lost_numbers(where, soil.particles())
+        self._look_for_alternation(where, sums, soil.particle_count)
         if self._suspicious > 1:
             return  # the rest was looked at when the suspicion arose
-        self._look_for_overlap(where, largest_overlap_m)
-        self._look_for_lost(where, tick, particles)
+        self._look_for_overlap(where, soil.largest_overlap_m)
+        if soil.anyone_outside():
+            self._look_for_lost(where, tick, soil.particles())
         if self.balances:
-            self._look_at_balance(where, energy())
+            self._look_at_balance(where, soil.energy())
 
     def _look_for_alternation(self, where: str, sums: MotionSums, count: int) -> None:
         bound = self._bounds.largest_alternation

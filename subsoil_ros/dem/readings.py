@@ -73,7 +73,7 @@ class SoilReadings(ABC):
     @property
     def coordination(self) -> float:
         """Contacts in reach per particle, those between particles only."""
-        return 2.0 * self._scan_contacts()[0] / self._particles.count
+        return 2.0 * self._scan_contacts()[0] / self.particle_count
 
     def radii_m(self) -> np.ndarray:
         """(n,) float64, in the order of the prepared bed."""
@@ -137,7 +137,7 @@ class SoilReadings(ABC):
     @property
     def alternation(self) -> float:
         """Part of the motion that turns round from step to step, 0 to 1 (dem.monitors)."""
-        return self._motion_sums().alternation
+        return self.motion_sums().alternation
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
         """Monitors at the end of `tick`.
@@ -145,9 +145,9 @@ class SoilReadings(ABC):
         The rms spin is that half a step before and after: one that turns round from step to step is zero
         in between.
         """
-        n = self._particles.count
+        n = self.particle_count
         contacts, largest = self._scan_contacts()
-        sums = self._motion_sums()
+        sums = self.motion_sums()
         return SoilState(
             run_id,
             tick,
@@ -204,15 +204,25 @@ class SoilReadings(ABC):
         p = self._particles
         return Mixture(p.radius, p.mass, p.material, laws, len(self._density))
 
-    def _motion_sums(self) -> MotionSums:
+    def motion_sums(self) -> MotionSums:
+        """What the monitors judge motions by."""
         use_threads(self._threads)
         p = self._particles
         return MotionSums(
             *half_step_sums(p.position, p.velocity, p.spin, p.force, p.torque, *self._masses(), self._step_s)
         )
 
-    def _largest_overlap(self) -> float:
+    def particles(self) -> Particles:
+        """As the kernels have them, sorted by cell; not copied."""
+        return self._particles
+
+    def largest_overlap_m(self) -> float:
+        """Largest overlap of two particles."""
         return self._scan_contacts()[1]
+
+    def anyone_outside(self) -> bool:
+        """Whether a particle may have left the domain: a look at each says."""
+        return True
 
     def _scan_contacts(self) -> tuple[int, float]:
         """Contacts in reach, and the largest overlap [m]."""

@@ -85,6 +85,10 @@ class ToolSurface:
         old = self.near
         histories = carry_rows(order, old.particle, particle, (old.active, old.normal, old.shear, old.roll))
         self.near = ToolList(particle, facet_start, facet, *histories)
+        self.searched_at(motion)
+
+    def searched_at(self, motion: ToolMotion) -> None:
+        """Candidates were found with the tool there."""
         self._searched = motion
 
     def moved_m(self, motion: ToolMotion) -> float:
@@ -129,9 +133,15 @@ class ToolSurface:
             *self._buffers, varying=(self.kernel_motion(self.last),),
         )  # fmt: skip
 
-    def add_forces(self, motion: ToolMotion) -> None:
-        """Forces of one soil step at whose end the tool stands at `motion`; sums what the tool felt."""
-        by_group, torque, sums = self._tool_forces(self.kernel_motion(motion))
+    def forces(self, motion: ToolMotion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Adds the forces on the particles of one soil step at whose end the tool stands at `motion`.
+
+        Returns what the tool feels: see tools.tool_forces.
+        """
+        return self._tool_forces(self.kernel_motion(motion))
+
+    def feel(self, by_group: np.ndarray, torque: np.ndarray, sums: np.ndarray, motion: ToolMotion) -> None:
+        """Sums up what `forces` returned for a step that ends at `motion`."""
         fx, _, fz = by_group.sum(axis=0).tolist()
         self.felt.group_force += by_group
         self.felt.moment += torque

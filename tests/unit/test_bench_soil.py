@@ -39,10 +39,10 @@ def test_every_phase_takes_time(tmp_path):
 
 def test_clocks_are_taken_off_again(tmp_path):
     """After a profile the engine runs as before."""
-    before = (KernelCalls.bind, SoilEngine._rebuild, ToolSurface.add_forces)
+    before = (KernelCalls.bind, SoilEngine._rebuild, ToolSurface.forces)
     case = linear_case(GRID, SIZE_M, 1, "small")
     phase_parts(case, prepare_bed(case.resolved, SoilEngine))
-    assert (KernelCalls.bind, SoilEngine._rebuild, ToolSurface.add_forces) == before
+    assert (KernelCalls.bind, SoilEngine._rebuild, ToolSurface.forces) == before
 
 
 def test_bytes_count_an_array_once():

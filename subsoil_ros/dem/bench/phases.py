@@ -24,7 +24,7 @@ _KERNELS = {
 }
 _METHODS: dict[str, tuple[Any, str]] = {
     "search": (SoilEngine, "_rebuild"),
-    "tool": (ToolSurface, "add_forces"),
+    "tool": (ToolSurface, "forces"),
 }
 _BIND = (KernelCalls, "bind")
 PHASES = (*dict.fromkeys(_KERNELS.values()), *_METHODS)

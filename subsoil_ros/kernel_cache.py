@@ -16,7 +16,7 @@ import numba
 from llvmlite.binding import get_host_cpu_features
 
 _PACKAGE = Path(__file__).parent
-KERNEL_FOLDERS = (_PACKAGE / "dem", _PACKAGE / "mbd", _PACKAGE / "resistance")
+KERNEL_FOLDERS = (_PACKAGE / "dem", _PACKAGE / "dem" / "gpu", _PACKAGE / "mbd", _PACKAGE / "resistance")
 
 
 SPIN_COUNT = "3000"

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..coupling.direct import run_direct
 from ..coupling.engines import build_mechanism
-from ..dem.engine import SoilEngine
+from ..dem.engine import build_engine
 from ..errors import InputError
 from ..messages import MechanismState, SoilState, ToolMotions, ToolWrenches
 from ..scene.limits import Timing
@@ -353,7 +353,7 @@ def _run(
     watched: AbstractContextManager[Callable[[int], None]],
 ) -> tuple[_Series, NDArray[np.float64]]:
     """The series of a test, and how far each particle rose [m]."""
-    mechanism, soil = build_mechanism(resolved), SoilEngine(resolved, threads)
+    mechanism, soil = build_mechanism(resolved), build_engine(resolved, threads)
     assert mechanism is not None
     series = _Series()
     with watched as on_tick:

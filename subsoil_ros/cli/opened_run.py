@@ -81,6 +81,10 @@ def _prepare_bed(resolved: ResolvedScene, threads: int) -> None:
     from ..dem.beds.prepare import check_start
     from .bed_preparation import prepare_bed_first
 
+    if resolved.scene.particle_soil.device == "gpu":
+        from ..dem.gpu.device import refuse_without_gpu
+
+        refuse_without_gpu()
     check_start(resolved)
     prepare_bed_first(resolved, threads)
 

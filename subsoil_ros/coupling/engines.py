@@ -93,6 +93,6 @@ def build_soil(resolved: ResolvedScene, threads: int) -> Soil | None:
         from ..resistance.engine import ResistanceEngine
 
         return ResistanceEngine(resolved)
-    from ..dem.engine import SoilEngine
+    from ..dem.engine import build_engine
 
-    return SoilEngine(resolved, threads)
+    return build_engine(resolved, threads)

@@ -128,6 +128,7 @@ class Soil(Part):
     law: ContactLaw
     time_step_s: Annotated[Positive | Auto, Field(union_mode="left_to_right")] = "auto"
     precision: Literal["float64", "mixed"] = "float64"  # mixed: all but positions and boundaries in float32
+    device: Literal["cpu", "gpu"] = "cpu"  # gpu: an NVIDIA one, with subsoil_ros[gpu]
     force_time_step: bool = False  # take time_step_s even above the stable limit, for studies
     damping: Literal["explicit", "lagged"] = "explicit"  # lagged: weaker dampers, scene.damping
     force_lagged_damping: bool = False  # take time_step_s even if less than half of a damper is left

@@ -1,12 +1,19 @@
 """Small soils for the verification tests: the paper's law unless a test changes it."""
 
 import copy
+import os
 from pathlib import Path
 
 import pytest
 import yaml
 
+import subsoil_ros.dem.engine
 from benchmarks.extremes.laboratory import box_mesh
+
+if os.environ.get("SUBSOIL_TEST_DEVICE") == "gpu":  # every soil of these tests on a GPU: docs/gpu.md
+    from subsoil_ros.dem.gpu.engine import GpuSoilEngine
+
+    subsoil_ros.dem.engine.SoilEngine = GpuSoilEngine  # type: ignore[misc]
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.messages import ToolMotion
 from subsoil_ros.scene.loader import ResolvedScene, load_scene

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...coupling.engines import build_soil
-from ...dem.engine import SoilEngine
+from ...dem.engine import build_engine
 from ...scene.loader import ResolvedScene, load_scene
 from ...scene.seeds import seed_key
 from ..soil_tests import run_soil_tests
@@ -82,7 +82,7 @@ def repose_results(
     changes = [f"soil.bin={box}", "soil.bed={kind: grid, spacing_m: rest}", f"duration_s={duration!r}"]
     changes += [f"{key}=null" for key in ("tools", "mechanism", "report") if key in scene.document]
     resolved = _changed(scene, changes)
-    engine = SoilEngine(resolved, threads)
+    engine = build_engine(resolved, threads)
     radius = engine.radii_m()[0]
     step = LOOSE * 2.0 * radius
     counts = [max(1, int(size / step)) for size in (length, width, height)]

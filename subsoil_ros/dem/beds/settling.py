@@ -110,7 +110,7 @@ def smooth_soil(soil: Soil, *, adhesive: bool) -> Soil:
         for layer, whole in zip(soil.layers, layer_soils(soil), strict=True)
     )
     skin = SKIN * soil.particles.mean_volume_radius_m
-    changes = {"law": law, "layers": layers, "skin_m": skin, "precision": "float64"}
+    changes = {"law": law, "layers": layers, "skin_m": skin, "precision": "float64", "device": "cpu"}
     return soil.model_copy(update=changes | {"damping": "explicit", "monitors": None})
 
 

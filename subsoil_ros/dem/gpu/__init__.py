@@ -1,0 +1,1 @@
+"""The soil engine on a GPU: laws, contacts and integration of dem, compiled a second time by numba-cuda."""

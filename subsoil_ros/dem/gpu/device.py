@@ -1,0 +1,150 @@
+"""The GPU that numba-cuda drives: whether there is one, and kernels that are launched together."""
+
+import functools
+import os
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError
+
+os.environ.setdefault("NUMBA_CUDA_LOW_OCCUPANCY_WARNINGS", "0")  # small beds have small grids
+
+from numba import cuda
+
+SIMULATED = os.environ.get("NUMBA_ENABLE_CUDASIM") == "1"
+"""Whether numba's simulator, which runs kernels as plain Python, stands for a GPU."""
+
+THREADS = 8 if SIMULATED else 128
+"""Threads of a block (chosen: four warps; the simulator starts a thread of the operating system for each)."""
+
+WARP = 32
+
+
+def refuse_without_gpu() -> None:
+    """Nothing starts where no GPU can be used.
+
+    Raises:
+        InputError: says what is missing.
+    """
+    if cuda.is_available():
+        return
+    raise InputError(
+        "soil.device: 'gpu' given, but no CUDA GPU can be used here; allowed is 'gpu' where an NVIDIA driver "
+        "is installed and 'subsoil_ros[gpu]' brings its CUDA libraries: install them, or use 'cpu'"
+    )
+
+
+def blocks(count: int) -> int:
+    """Blocks of THREADS for `count` threads, at least one."""
+    return max(1, -(-count // THREADS))
+
+
+class Launches:
+    """Kernels that are launched one after the other, always with the same arguments.
+
+    The first time they are launched one by one, which compiles them; then they are recorded as a CUDA graph,
+    which starts in some 10 us however many they are (one by one each takes 50 to 100 us of Python).
+    """
+
+    def __init__(self, stream: Any) -> None:
+        self._stream, self._warm = stream, False
+        self._graph: Any = None
+        self._launches: list[tuple[Any, int, int, tuple[Any, ...]]] = []
+
+    def add(self, kernel: Any, grid: int, *arguments: Any, threads: int = THREADS) -> None:
+        """One more, on `grid` blocks."""
+        self._launches.append((kernel, grid, threads, arguments))
+
+    def run(self) -> None:
+        """Launches all."""
+        if self._graph is not None:
+            _checked(_driver().cuGraphLaunch(self._graph, _handle(self._stream)))
+        elif self._warm and not SIMULATED:
+            self._record()
+            self.run()
+        else:
+            self._launch()
+            self._warm = True
+
+    def _launch(self) -> None:
+        for kernel, grid, threads, arguments in self._launches:
+            kernel[grid, threads, self._stream](*arguments)
+
+    def _record(self) -> None:
+        driver, stream = _driver(), _handle(self._stream)
+        mode = driver.CUstreamCaptureMode.CU_STREAM_CAPTURE_MODE_THREAD_LOCAL
+        _checked(driver.cuStreamBeginCapture(stream, mode))
+        self._launch()
+        graph = _checked(driver.cuStreamEndCapture(stream))
+        self._graph = _checked(driver.cuGraphInstantiate(graph, 0))
+
+
+class Mirror:
+    """Some float64 on the device, and a copy of them here: what is exchanged every tick.
+
+    Copies go through the driver: numba's own take several times as long for so little.
+    """
+
+    def __init__(self, shape: tuple[int, ...], stream: Any) -> None:
+        self.there = cuda.to_device(np.zeros(shape))
+        self.here = cuda.pinned_array(shape, np.float64)
+        self.here[:] = 0.0
+        self._stream, self._places = stream, (0, 0, 0)
+        if not SIMULATED:
+            there = self.there.__cuda_array_interface__["data"][0]
+            self._places = there, self.here.ctypes.data, self.here.nbytes
+
+    def send(self) -> None:
+        """Copies them there; `here` may be changed after the next `take` of any."""
+        if SIMULATED:
+            self.there.copy_to_device(self.here)
+        else:
+            there, here, size = self._places
+            _checked(_driver().cuMemcpyHtoDAsync(there, here, size, _handle(self._stream)))
+
+    def take(self) -> np.ndarray:
+        """Waits for all that was launched and copies them here; they stay until the next time."""
+        if SIMULATED:
+            self.there.copy_to_host(self.here)
+        else:
+            there, here, size = self._places
+            _checked(_driver().cuMemcpyDtoHAsync(here, there, size, _handle(self._stream)))
+            _checked(_driver().cuStreamSynchronize(_handle(self._stream)))
+        return self.here
+
+
+@functools.cache
+def _driver() -> Any:
+    from cuda.bindings import driver
+
+    return driver
+
+
+@functools.lru_cache(maxsize=8)
+def _handle(stream: Any) -> Any:
+    return _driver().CUstream(int(getattr(stream.handle, "value", stream.handle)))
+
+
+def _checked(result: tuple[Any, ...]) -> Any:
+    """What a call of the driver returned.
+
+    Raises:
+        RuntimeError: it failed.
+    """
+    if int(result[0]) != 0:
+        raise RuntimeError(f"CUDA driver: {result[0]}")
+    return result[1] if len(result) > 1 else None
+
+
+def room_for(count: int) -> int:
+    """Length of an array for `count` numbers that may become more."""
+    return int(count * 1.1) + 256
+
+
+def on_device(array: np.ndarray) -> Any:
+    """A copy there; of an empty array, which kernels cannot take, one row long."""
+    given = np.ascontiguousarray(array)
+    if given.size == 0:
+        given = np.zeros([max(length, 1) for length in given.shape], given.dtype)
+    return cuda.to_device(given)

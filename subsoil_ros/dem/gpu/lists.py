@@ -1,0 +1,289 @@
+"""Cells, neighbour lists and candidates on the GPU, and the histories they carry over.
+
+Every particle lists all its partners, so that it gathers its own forces and no two threads write to one
+place. Rows stand in slices of WARP particles, as wide as the longest of them: partner number k of particle i
+is at slice_start[i // WARP] + WARP k + i % WARP, side by side in memory for the particles of a warp.
+
+A partner out of reach is listed as ~j: the pair's springs are zero, whatever stands in the history. Those
+of a pair are kept twice, for both sides alike, as of the particle with the lower number against the other.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import cuda, float32
+
+from ..facets import closest_feature
+from ..neighbours import axis_cell
+from ..pairs import HISTORY
+from ..per_particle import of_particle
+from ..periodic import nearest_image
+from ..tools import CONTACTS
+from ..walls import WALLS
+from .device import WARP
+
+_WALLS = len(WALLS)
+
+
+class OnDevice(NamedTuple):
+    """Arrays of dem.state.Particles on the GPU; those of unequal ones have length 1 where all are equal."""
+
+    position: object
+    velocity: object
+    spin: object
+    force: object
+    torque: object
+    built_position: object
+    identity: object
+    image: object
+    radius: object
+    mass: object
+    inertia: object
+    material: object
+
+
+@cuda.jit(cache=True)
+def clear(numbers):
+    """Sets integers to zero."""
+    k = cuda.grid(1)
+    if k < numbers.shape[0]:
+        numbers[k] = 0
+
+
+@cuda.jit(cache=True)
+def find_cells(position, image, grid, low_y, cell, rank, cell_count):
+    """The cell of each particle, put back into its period first. `rank`: any order within a cell."""
+    i = cuda.grid(1)
+    if i < position.shape[0]:
+        if grid.period != np.inf:
+            y = position[i, 1]
+            turns = int((y - low_y) // grid.period)
+            y -= turns * grid.period
+            if y >= low_y + grid.period:
+                y = low_y
+                turns += 1
+            position[i, 1] = y
+            image[i] += turns
+        cx = axis_cell(position[i, 0], grid.origin_x, grid.edge, grid.nx)
+        cy = axis_cell(position[i, 1], grid.origin_y, grid.edge_y, grid.ny)
+        cz = axis_cell(position[i, 2], grid.origin_z, grid.edge, grid.nz)
+        here = (cx * grid.ny + cy) * grid.nz + cz
+        cell[i] = here
+        rank[i] = cuda.atomic.add(cell_count, here, 1)
+
+
+@cuda.jit(cache=True)
+def place(cell, rank, cell_start, order):
+    """Particle numbers cell by cell."""
+    i = cuda.grid(1)
+    if i < cell.shape[0]:
+        order[cell_start[cell[i]] + rank[i]] = i
+
+
+@cuda.jit(cache=True)
+def sort_in_cells(cell_start, order):
+    """Within each cell by number: the order in which threads came to it is forgotten."""
+    c = cuda.grid(1)
+    if c < cell_start.shape[0] - 1:
+        first = cell_start[c]
+        for k in range(first + 1, cell_start[c + 1]):
+            moving = order[k]
+            m = k
+            while m > first and order[m - 1] > moving:
+                order[m] = order[m - 1]
+                m -= 1
+            order[m] = moving
+
+
+@cuda.jit(cache=True)
+def reorder(order, old, new, unequal):
+    """Particle order[i] of `old` in place i of `new`."""
+    i = cuda.grid(1)
+    if i < order.shape[0]:
+        k = order[i]
+        for a in range(3):
+            new.position[i, a] = old.position[k, a]
+            new.velocity[i, a] = old.velocity[k, a]
+            new.spin[i, a] = old.spin[k, a]
+            new.force[i, a] = old.force[k, a]
+            new.torque[i, a] = old.torque[k, a]
+            new.built_position[i, a] = float32(old.position[k, a])
+        new.identity[i] = old.identity[k]
+        new.image[i] = old.image[k]
+        if unequal:
+            new.radius[i] = old.radius[k]
+            new.mass[i] = old.mass[k]
+            new.inertia[i] = old.inertia[k]
+            new.material[i] = old.material[k]
+
+
+@cuda.jit(device=True)
+def _carry(i, j, at, order, neighbour, history, old_count, old_start, old_neighbour, old_history):
+    """Lists j as the partner at `at` of particle i, with the springs that the pair had."""
+    first, second = order[i], order[j]
+    spot = old_start[first // WARP] + first % WARP
+    neighbour[at] = ~j
+    for _ in range(old_count[first]):
+        if old_neighbour[spot] == second:
+            turned = (first < second) != (i < j)
+            for a in range(HISTORY):
+                kept = old_history[a, spot]
+                history[a, at] = -kept if turned else kept
+            neighbour[at] = j
+            return
+        spot += WARP
+
+
+@cuda.jit(cache=True)
+def list_partners(
+    fill, position, radius, largest, grid, cell_start, reach, count, slice_start, neighbour, history,
+    order, old_count, old_start, old_neighbour, old_history,
+):  # fmt: skip
+    """Partners closer than `reach` [m], less what their radii lack to the `largest`: counted into `count`, or
+    with `fill` listed as far as there is room."""
+    i = cuda.grid(1)
+    if i >= position.shape[0]:
+        return
+    x, y, z = position[i, 0], position[i, 1], position[i, 2]
+    cx = axis_cell(x, grid.origin_x, grid.edge, grid.nx)
+    cy = axis_cell(y, grid.origin_y, grid.edge_y, grid.ny)
+    cz = axis_cell(z, grid.origin_z, grid.edge, grid.nz)
+    low, high = max(cz - 1, 0), min(cz + 1, grid.nz - 1)
+    allowed_here = reach - (largest - of_particle(radius, i))
+    found = 0
+    for column_x in range(max(cx - 1, 0), min(cx + 1, grid.nx - 1) + 1):
+        for side in range(cy - 1, cy + 2):
+            column_y = side
+            if side < 0 or side >= grid.ny:
+                if grid.period == np.inf:
+                    continue
+                column_y = side + grid.ny if side < 0 else side - grid.ny
+            column = (column_x * grid.ny + column_y) * grid.nz
+            for j in range(cell_start[column + low], cell_start[column + high + 1]):
+                if j != i:
+                    dx, dy, dz = position[j, 0] - x, position[j, 1] - y, position[j, 2] - z
+                    if grid.period != np.inf:
+                        dy = nearest_image(dy, grid.period)
+                    allowed = allowed_here - (largest - of_particle(radius, j))
+                    if dx * dx + dy * dy + dz * dz < allowed * allowed:
+                        if fill:
+                            at = slice_start[i // WARP] + WARP * found + i % WARP
+                            if at < neighbour.shape[0]:
+                                _carry(
+                                    i, j, at, order, neighbour, history,
+                                    old_count, old_start, old_neighbour, old_history,
+                                )  # fmt: skip
+                        found += 1
+    if not fill:
+        count[i] = found
+
+
+@cuda.jit(cache=True)
+def slice_widths(count, width):
+    """Places that each slice of WARP rows takes."""
+    s = cuda.grid(1)
+    if s < width.shape[0]:
+        widest = 0
+        for i in range(WARP * s, min(WARP * s + WARP, count.shape[0])):
+            widest = max(widest, count[i])
+        width[s] = WARP * widest
+
+
+@cuda.jit(cache=True)
+def find_near_walls(position, planes, reach, near):
+    """`near` (n,) 1 where a wall is closer than `reach` [m], else 0."""
+    i = cuda.grid(1)
+    if i < position.shape[0]:
+        near[i] = 0
+        for wall in range(_WALLS):
+            gap = planes[wall, 3]
+            for a in range(3):
+                gap -= planes[wall, a] * position[i, a]
+            if gap < reach:
+                near[i] = 1
+
+
+@cuda.jit(cache=True)
+def list_near_walls(near, row, order, particle, held, springs, old_row, old_held, old_springs):
+    """Rows of the particles near walls, with the springs they had: held (rows,) has a bit for each wall,
+    springs (WALLS * HISTORY, rows)."""
+    i = cuda.grid(1)
+    if i < near.shape[0] and near[i] and row[i] < particle.shape[0]:
+        to, k = row[i], order[i]
+        particle[to], held[to] = i, 0
+        if old_row[k + 1] > old_row[k] and old_row[k] < old_held.shape[0]:
+            here = old_row[k]
+            held[to] = old_held[here]
+            for a in range(_WALLS * HISTORY):
+                springs[a, to] = old_springs[a, here]
+
+
+@cuda.jit(cache=True)
+def find_near_tool(position, pose, low, high, corner, centre, extent, reach, near, facets_near):
+    """`facets_near` (n,): facets closer than `reach` [m]; `near` 1 where there are any.
+
+    pose (4,): x, z [m], cosine, sine of the body. In its frame: low, high (3,) corners of the tool's box;
+    centre (m, 3) and extent (m,) [m] of a ball around each facet.
+    """
+    i = cuda.grid(1)
+    if i >= position.shape[0]:
+        return
+    dx, dz = position[i, 0] - pose[0], position[i, 2] - pose[1]
+    x, y, z = pose[2] * dx + pose[3] * dz, position[i, 1], pose[2] * dz - pose[3] * dx
+    found = 0
+    inside = x > low[0] - reach and y > low[1] - reach and z > low[2] - reach
+    if inside and x < high[0] + reach and y < high[1] + reach and z < high[2] + reach:
+        for m in range(corner.shape[0]):
+            if _near_facet(x, y, z, m, corner, centre, extent, reach):
+                found += 1
+    facets_near[i] = found
+    near[i] = 1 if found > 0 else 0
+
+
+@cuda.jit(device=True)
+def _near_facet(x, y, z, m, corner, centre, extent, reach):
+    ball = reach + extent[m]
+    dx, dy, dz = x - centre[m, 0], y - centre[m, 1], z - centre[m, 2]
+    if dx * dx + dy * dy + dz * dz >= ball * ball:
+        return False
+    qx, qy, qz, _ = closest_feature(x, y, z, corner[m])
+    return (x - qx) * (x - qx) + (y - qy) * (y - qy) + (z - qz) * (z - qz) < reach * reach
+
+
+@cuda.jit(cache=True)
+def list_near_tool(
+    position, pose, corner, centre, extent, reach, near, row, first_facet, order,
+    particle, facet_start, facet, active, normal, shear, roll,
+    old_row, old_active, old_normal, old_shear, old_roll,
+):  # fmt: skip
+    """Candidates of a tool as in dem.state.ToolList, with the contacts they had."""
+    i = cuda.grid(1)
+    n = position.shape[0]
+    if i == n - 1 and row[n] < facet_start.shape[0]:
+        facet_start[row[n]] = first_facet[n]
+    if i >= n or near[i] == 0 or row[i] >= particle.shape[0]:
+        return
+    to, k = row[i], order[i]
+    dx, dz = position[i, 0] - pose[0], position[i, 2] - pose[1]
+    x, y, z = pose[2] * dx + pose[3] * dz, position[i, 1], pose[2] * dz - pose[3] * dx
+    particle[to], facet_start[to] = i, first_facet[i]
+    at = first_facet[i]
+    for m in range(corner.shape[0]):
+        if _near_facet(x, y, z, m, corner, centre, extent, reach):
+            if at < facet.shape[0]:
+                facet[at] = m
+            at += 1
+    known = old_row[k + 1] > old_row[k] and old_row[k] < old_active.shape[0]
+    here = old_row[k] if known else 0
+    for s in range(CONTACTS):
+        active[to, s] = known and old_active[here, s]
+        for a in range(3):
+            normal[to, s, a] = old_normal[here, s, a] if known else 0.0
+            shear[to, s, a] = old_shear[here, s, a] if known else 0.0
+            roll[to, s, a] = old_roll[here, s, a] if known else 0.0
+
+
+@cuda.jit(cache=True)
+def note_size(sizes, k, before):
+    """Keeps the sum at the end of a scan."""
+    sizes[k] = before[before.shape[0] - 1]

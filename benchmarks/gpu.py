@@ -3,7 +3,7 @@
     python -m benchmarks.gpu throughput [--counts 1e4 1e5 1e6 1e7 3e7] [--repeats 3]
     python -m benchmarks.gpu kernels [--count 1e6]
     python -m benchmarks.gpu exchange
-    python -m benchmarks.gpu field [--radii 0.010 0.005 0.0025] [--part 0.02]
+    python -m benchmarks.gpu field [--radii 0.010 0.005 0.0025] [--part 0.01]
     python -m benchmarks.gpu peer [--lammps PROGRAM] [--sides 46 100]
     python -m benchmarks.gpu scene SCENE [--device gpu] [--set KEY=VALUE ...]
 
@@ -13,7 +13,7 @@ throughput: the paper's law on dense random beds, a plate dragged through at 0.5
 tick. A bed of some 8,000 particles or 65,000 is prepared on the GPU and repeated sideways, its sides being
 periodic.
 kernels: each kernel of a step on such a bed, repeated in one graph.
-exchange: a tick of one step, and of ten, on a bed so small that little else is left.
+exchange: a tick of one step, and of ten, on a small bed: the difference is nine steps.
 field: a metre of field with r, r/2 and r/4: a dense random bed 2 m long, 0.6 m wide and 0.28 m deep under the
 law of the cycle scene, which is scaled with the radius. A part of the metre is run.
 peer: a cubic grid of equal spheres that move at random, linear springs, friction, no rolling, beside
@@ -89,7 +89,7 @@ def main() -> int:
     parser.add_argument("--count", type=float, default=1e6)
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--radii", type=float, nargs="+", default=[0.010, 0.005, 0.0025])
-    parser.add_argument("--part", type=float, default=0.01, help="of the metre that is run")
+    parser.add_argument("--part", type=float, default=0.01, help="part of the metre that is run")
     parser.add_argument("--lammps", type=Path, help="built with KOKKOS for this GPU")
     parser.add_argument("--sides", type=int, nargs="+", default=[46, 100], help="spheres along an edge")
     parser.add_argument("--device", choices=["cpu", "gpu"], default="gpu")
@@ -246,7 +246,7 @@ def throughput(folder: Path, counts: list[int], repeats: int) -> Iterable[dict[s
     for count in counts:
         for precision in MIXED_AND_FLOAT64:
             if precision == "float64" and count > 1.5e7:
-                continue  # more than the memory of a GPU of 80 GB
+                continue  # 30 million take 82 GB
             case, bed = dense_case(folder, count, precision)
             free = cuda.current_context().get_memory_info()[0]
             engine = started(case, bed)
@@ -275,7 +275,7 @@ def throughput(folder: Path, counts: list[int], repeats: int) -> Iterable[dict[s
 
 
 def kernels(folder: Path, count: int) -> Iterable[dict[str, Any]]:
-    """Time of each kernel of a step, and of new lists."""
+    """Wall time of each kernel of a step, and of new lists."""
     from subsoil_ros.dem.gpu.device import Launches
 
     for precision in MIXED_AND_FLOAT64:
@@ -287,7 +287,7 @@ def kernels(folder: Path, count: int) -> Iterable[dict[str, Any]]:
         device.run_steps(1)
         here, other = (device._sides[k].launches for k in (device._at, 1 - device._at))
         one_by_one = {launch[0].py_func.__name__: [launch] for launch in here["step"]._launches}
-        drift = one_by_one.pop("drift")  # last: after it nobody computes until lists are new
+        drift = one_by_one.pop("drift")  # last: after it kernels return until lists are new
         del one_by_one["end_step"]
         rebuilt = {f"new lists: {name}": other[name]._launches for name in ("sort", "lists", "fill")}
         parts = [*one_by_one.items(), ("drift", drift), *rebuilt.items()]
@@ -407,7 +407,7 @@ def _field_bed(resolved: ResolvedScene, radius: float) -> Bed:
 
 
 def peer(folder: Path, sides: list[int], lammps: Path | None, repeats: int) -> Iterable[dict[str, Any]]:
-    """The same soil here and there; LAMMPS takes the box periodic on all sides, here walls are at four."""
+    """The same soil here and there; the box of LAMMPS is periodic on all sides, ours in y."""
     for side in sides:
         steps = 2000 if side < 80 else 500
         walls = [_ours(side, steps) for _ in range(repeats)]

@@ -38,7 +38,7 @@ class PairLaw(NamedTuple):
     rolling_arm: float  # mu_r R_eff [m]: torque limit over normal force
 
 
-YES, NO = np.empty((1, 1)), np.empty(1)
+YES, NO = np.zeros((1, 1)), np.zeros(1)
 """Values of Features."""
 
 

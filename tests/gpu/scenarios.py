@@ -29,16 +29,18 @@ HERTZ = {
     "static_friction": 0.5, "sliding_friction": 0.4, "rolling_friction": 0.2,
 }  # fmt: skip
 LAWS = {"wet": WET, "linear": ROW, "hertz_mindlin": HERTZ}
-TICKS, STEPS = 4, 2
-SPEED_M_PER_S = 0.5
+TICKS, STEPS = 2, 4
+SPEED_M_PER_S = 5.0  # the tool leaves a list of 0.1 mm every second step
 SIZE_M = (0.08, 0.06, 0.06)
 WIDE_M = (0.1, 0.12, 0.04)  # three cells of the search fit between periodic sides
 
 SCENARIOS: dict[str, dict[str, Any]] = {
     "linear": {"law": "linear", "stirred": True, "soil": {"skin_m": 0.0005}},
     "hertz": {"law": "hertz_mindlin", "stirred": True, "bed": {"kind": "grid", "spacing_m": 0.0199}},
-    "wet with a tool": {"law": "wet", "tool": True},
-    "wet in mixed precision": {"law": "wet", "tool": True, "soil": {"precision": "mixed"}},
+    "wet with a tool": {"law": "wet", "tool": True, "soil": {"skin_m": 1e-4}},
+    "wet in mixed precision": {
+        "law": "wet", "tool": True, "soil": {"precision": "mixed", "skin_m": 1e-4}
+    },
     "sizes, layers, periodic sides": {"law": "wet", "stirred": True, "unequal": True},
     "lost particle": {"law": "linear", "stirred": True, "thrown": True},
 }  # fmt: skip

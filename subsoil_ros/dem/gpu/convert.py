@@ -1,4 +1,4 @@
-"""Lists of the GPU in the form of the CPU's, and back: a run may go on on the other."""
+"""Lists of the GPU to the form of the CPU's, and back, for checkpoints."""
 
 import numpy as np
 
@@ -106,6 +106,6 @@ def wall_rows(walls: WallList, force: np.ndarray, particles: int) -> dict[str, n
         "row": row,
         "particle": particle,
         "held": held,
-        "springs": springs.reshape(-1, near),
-        "force": forces.reshape(-1, near),
+        "springs": springs.reshape(_WALLS * HISTORY, near),
+        "force": forces.reshape(_WALLS * 3, near),
     }

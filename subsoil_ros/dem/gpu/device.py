@@ -22,10 +22,10 @@ WARP = 32
 
 
 def refuse_without_gpu() -> None:
-    """Nothing starts where no GPU can be used.
+    """Looks for a GPU that can be used.
 
     Raises:
-        InputError: says what is missing.
+        InputError: there is none; says what is missing.
     """
     if cuda.is_available():
         return
@@ -74,9 +74,10 @@ class Launches:
     def _record(self) -> None:
         driver, stream = _driver(), _handle(self._stream)
         mode = driver.CUstreamCaptureMode.CU_STREAM_CAPTURE_MODE_THREAD_LOCAL
-        _checked(driver.cuStreamBeginCapture(stream, mode))
-        self._launch()
-        graph = _checked(driver.cuStreamEndCapture(stream))
+        with cuda.defer_cleanup():  # memory given back meanwhile would end the recording
+            _checked(driver.cuStreamBeginCapture(stream, mode))
+            self._launch()
+            graph = _checked(driver.cuStreamEndCapture(stream))
         self._graph = _checked(driver.cuGraphInstantiate(graph, 0))
 
 

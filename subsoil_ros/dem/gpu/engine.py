@@ -15,6 +15,7 @@ from ..mixture import REACH
 from ..monitors import MotionSums, refuse_lost_numbers
 from ..neighbours import CellGrid, slab_starts
 from ..periodic import TOOL_SKIN
+from ..readings import SoilReadings
 from ..state import PairList, Particles, WallList
 from ..tool_surface import motion_within, refuse_leap
 from ..walls import CHUNKS
@@ -27,15 +28,16 @@ _HEADROOM = 0.25
 what is higher belongs to the uppermost cells."""
 
 _UNKNOWN_STEPS, _FEWEST_STEPS = 16, 4
-"""Soil steps that are launched before anybody asks whether lists are still good: before the lists have lasted
-once, and when they have lasted as long as the last ones (chosen: a step in vain costs some 10 us)."""
+"""Soil steps that are launched before the host asks whether lists are still good: while nobody knows how long
+they last, and when they have lasted as long as the last ones (chosen: a step in vain costs some 10 us)."""
 
 
 class GpuSoilEngine(SoilEngine):
     """SoilEngine whose particles, lists, histories and tools are on a GPU.
 
     Two runs on one device give the same bits. Those of the CPU differ by round-off: forces are added up in
-    another order. Arrays come back only when they are asked for.
+    another order. Arrays come back only when they are asked for. An engine that raised PhysicsError is of no
+    further use: its particles may have gone on for some steps.
 
     Raises:
         InputError: there is no GPU, besides what SoilEngine raises.
@@ -50,6 +52,9 @@ class GpuSoilEngine(SoilEngine):
         self._there_is_old = True  # particles here have been put elsewhere
         self._steps_done = 0  # on this device
         self._looked: np.ndarray | None = None  # sums over particles, until they move
+        self._restored_slabs: np.ndarray | None = (
+            None  # of lists that were restored, until there are new ones
+        )
         self._lasted = self._since = 0  # soil steps between the last two new lists, and since then
         super().__init__(resolved, threads, book=book, bed=bed)
 
@@ -90,6 +95,18 @@ class GpuSoilEngine(SoilEngine):
         super()._keep(kept)
         self._there_is_old = True
 
+    def place(
+        self,
+        position_m: np.ndarray,
+        velocity_m_per_s: np.ndarray | None = None,
+        spin_rad_per_s: np.ndarray | None = None,
+        radii_m: np.ndarray | None = None,
+    ) -> None:
+        """See SoilEngine."""
+        super().place(position_m, velocity_m_per_s, spin_rad_per_s, radii_m)
+        self._soil_there.put_particles(self._particles)
+        self._looked = None
+
     def damp(self, kept: float) -> None:
         """Global damping: every velocity and spin times `kept`."""
         self._soil_there.damp(kept)
@@ -98,9 +115,9 @@ class GpuSoilEngine(SoilEngine):
     # lists
 
     def _grid(self, reach: float) -> CellGrid:
-        """Cells over the whole bed, the same for all lists: nobody has to look where particles are."""
+        """Cells over the whole bed, the same for all lists, so that the host needs no places of particles."""
         low, high = np.array(self.bed.lower_m), np.array([*self.bed.upper_m, 0.0])
-        top = float(self._moving.position[:, 2].max())
+        top = float(self._loaded_position[:, 2].max())  # as a restored run has it too
         high[2] = min(self._domain.ceiling_m, top + _HEADROOM * (top - low[2]))
         count = np.maximum(np.ceil((high - low) / reach), 1).astype(np.int64)
         edge_y, period = reach, np.inf
@@ -146,7 +163,7 @@ class GpuSoilEngine(SoilEngine):
         tools = [(tool.facets, len(tool.mesh.groups)) for tool in self._tools]
         self._device = DeviceSoil(numbers, self._moving, self._grid(reach), tools)
         self._here_is_old = self._there_is_old = False
-        self._steps_done = 0
+        self._steps_done, self._looked, self._restored_slabs = 0, None, None
 
     def _rebuild(self, motions: tuple[ToolMotion, ...]) -> None:
         if self._there_is_old:
@@ -156,6 +173,7 @@ class GpuSoilEngine(SoilEngine):
         for tool, motion in zip(self._tools, motions, strict=True):
             tool.searched_at(motion)
         self._here_is_old, self._looked = True, None
+        self._restored_slabs = None
         self._rebuilds += 1
         self._lasted, self._since = self._since, 0
 
@@ -203,17 +221,19 @@ class GpuSoilEngine(SoilEngine):
             told, felt = device.report()
             reached = told["steps"] - self._steps_done
             rebuilt = bool(told["halted"]) or wanted == 0
+            self._since += reached - done
+            for s in range(
+                done, reached
+            ):  # a step to look at is the last of those launched, so none where it halted
+                self._end_step(tick, s, felt[s], ends[s], rebuilt=False)
             if rebuilt:
                 if told["lost"]:
-                    refuse_lost_numbers(self._where(tick, reached + 1), self._particles)
-                self._since += reached - done
+                    refuse_lost_numbers(self._where(tick, reached + 1), device.take_particles())
                 self._rebuild(ends[reached])
                 device.finish_step()
                 told, felt = device.report()
+                self._end_step(tick, reached, felt[reached], ends[reached], rebuilt=True)
                 reached += 1
-            self._since += 0 if rebuilt else reached - done
-            for s in range(done, reached):
-                self._end_step(tick, s, felt[s], ends[s], rebuilt=rebuilt and s == reached - 1)
             done = reached
         self._steps_done += steps
         return self._wrenches()
@@ -229,10 +249,11 @@ class GpuSoilEngine(SoilEngine):
         return len(ends)
 
     def _steps_to_launch(self, done: int, end: int, ends: list[tuple[ToolMotion, ...]]) -> int:
-        """Soil steps from `done` on until somebody looks; 0 where a tool leaves its lists in the next."""
+        """Soil steps from `done` on until the host looks; 0 where a tool leaves its lists in the next."""
         for s in range(done, end):
             if self._tools_left_their_lists(ends[s]):
                 end = s
+                break
         left = max(self._lasted - self._since, _FEWEST_STEPS) if self._lasted else _UNKNOWN_STEPS
         until_look = left if self._watch is None else self._watch.steps_until_due()
         return min(end - done, left, until_look)
@@ -289,7 +310,9 @@ class GpuSoilEngine(SoilEngine):
         self._flush_books()
         self._fetch_boundaries()
         lists = self._soil_there.take_pairs()
-        slabs = slab_starts(lists["cell_start"], self._soil_there.grid, 1)
+        slabs = self._restored_slabs
+        if slabs is None:
+            slabs = slab_starts(lists["cell_start"], self._soil_there.grid, 1)
         self._pairs = PairList(*half_rows(lists, self._kind), slabs)
         self._pair_book = np.zeros((len(slabs) - 1, len(SINKS)))
         self._wall_book = np.zeros((CHUNKS, len(SINKS)))
@@ -305,8 +328,10 @@ class GpuSoilEngine(SoilEngine):
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
         """See SoilEngine."""
         super().restore(arrays)
+        SoilReadings._flush_books(self)  # what a CPU has not booked yet
         self._here_is_old = False
         self._new_device()
+        self._restored_slabs = self._pairs.slab_start
         self._soil_there.put_lists(
             self._pairs, self._walls, [tool.near for tool in self._tools], self._wall_force
         )

@@ -3,9 +3,9 @@ dem.contact, dem.pairs, dem.walls and dem.tools, compiled for the GPU when a ker
 
 A thread gathers all forces on its particle in the order of its row, so no sum depends on timing. Each pair is
 computed twice, with the same numbers in the same order, the particle of the lower number first, so that the
-force on one is that on the other to the last bit, turned round.
+force on one is that on the other to the last bit, with opposite sign.
 
-What a kernel does is told by `report`, (REPORT + results,) float64 on the device, whose first numbers are:
+The kernels are controlled by `report`, (REPORT + results,) float64 on the device, whose first numbers are:
 STEP, soil steps done so far; FAR, a particle left the reach of its lists in the drift of the present step;
 HALTED, it did, and everything waits for new lists; OWES, the second half kick of the last step is still to
 come; LOST, a particle's place is no longer a number.

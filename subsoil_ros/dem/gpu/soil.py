@@ -1,6 +1,6 @@
 """A soil on the GPU: its arrays, and the launches that work on them.
 
-All exists twice, `old` and `new`: lists are built from one into the other, which then serves the steps.
+Particles and lists exist twice: new ones are built from the old ones, and then serve the steps.
 """
 
 from collections.abc import Callable, Sequence
@@ -105,7 +105,7 @@ class _Rows:
             cuda.device_array(particles, np.int32),
             cuda.device_array(slices + 1, np.int64),
             cuda.device_array(room, np.int32),
-            cuda.device_array((HISTORY, room), kind),
+            cuda.to_device(np.zeros((HISTORY, room), kind)),  # springs that a law has not stay zero
         )
 
 
@@ -127,7 +127,7 @@ class _WallRows:
             cuda.device_array(room, np.int64),
             cuda.device_array(room, np.int32),
             cuda.device_array((of_walls * HISTORY, room), np.float64),
-            cuda.device_array((of_walls * 3, room), np.float64),
+            cuda.to_device(np.zeros((of_walls * 3, room))),
         )
 
 
@@ -278,8 +278,9 @@ class DeviceSoil:
         self.stream.synchronize()
 
     def take_particles(self) -> Particles:
-        """A copy, at the end of the last step."""
-        self.finish_kick()
+        """A copy, at the end of the last step or, where it halted, after the drift."""
+        if not self._report.take()[HALTED]:
+            self.finish_kick()
         arrays = {
             name: array.copy_to_host(stream=self.stream)
             for name, array in self._side.particles._asdict().items()

@@ -52,9 +52,7 @@ class GpuSoilEngine(SoilEngine):
         self._there_is_old = True  # particles here have been put elsewhere
         self._steps_done = 0  # on this device
         self._looked: np.ndarray | None = None  # sums over particles, until they move
-        self._restored_slabs: np.ndarray | None = (
-            None  # of lists that were restored, until there are new ones
-        )
+        self._restored_slabs: np.ndarray | None = None  # of restored lists, until there are new ones
         self._lasted = self._since = 0  # soil steps between the last two new lists, and since then
         super().__init__(resolved, threads, book=book, bed=bed)
 

@@ -233,20 +233,22 @@ class LockstepNode(Node):
         for endpoint, names in self._partners:
             if not isinstance(endpoint, Subscription) or endpoint.topic_name.endswith(TOPIC_OF[NodeHello]):
                 continue  # every node says hello
-            if endpoint.get_publisher_count() > len(names):
-                found = ", ".join(self._publishers_of(endpoint.topic_name))
+            count = endpoint.get_publisher_count()
+            if count > len(names):
+                found = ", ".join(self._publishers_of(endpoint.topic_name, count))
                 raise ProtocolError(
                     f"{endpoint.topic_name.lstrip('/')}: published by the nodes {found}; in a run it comes "
                     f"from {', '.join(names)} alone. Give every run a ROS_DOMAIN_ID of its own"
                 )
 
-    def _publishers_of(self, topic: str) -> list[str]:
-        """Names of the nodes that publish it. They are heard of a little later than the publishers."""
+    def _publishers_of(self, topic: str, count: int) -> list[str]:
+        """Names of the nodes of its `count` publishers, who are heard of a little later than these."""
         for _ in range(NAME_TRIES):
             names = sorted(info.node_name for info in self.get_publishers_info_by_topic(topic))
-            if _UNKNOWN not in names:
+            if len(names) >= count and _UNKNOWN not in names:
                 break
             time.sleep(POLL_S)
+        names += [_UNKNOWN] * (count - len(names))
         return ["a node not heard of yet" if name == _UNKNOWN else name for name in names]
 
     def _guarded(self, handle: Callable[..., None]) -> Callable[..., None]:

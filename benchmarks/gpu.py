@@ -26,9 +26,7 @@ import csv
 import dataclasses
 import importlib.metadata
 import math
-import re
 import statistics
-import subprocess
 import sys
 import tempfile
 import time
@@ -38,32 +36,25 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.gpu_drive import STEPS_PER_TICK, Drive, gpu_engine, periodic, ticks_of
+from benchmarks.kept_runs import write_rows
+from benchmarks.peers.lammps_gpu import peer
 from subsoil_ros.analysis.execution import execute, machine_name
 from subsoil_ros.analysis.intervals import mean_interval
 from subsoil_ros.coupling.engines import build_mechanism
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.beds.dense import prepare_dense
-from subsoil_ros.dem.beds.settling import Look
-from subsoil_ros.dem.bench.cases import (
-    DENSE,
-    RADIUS_M,
-    Case,
-    linear_case,
-    stirred_velocities,
-    wet_case,
-)
+from subsoil_ros.dem.beds.settling import unwatched
+from subsoil_ros.dem.bench.cases import DENSE, Case, wet_case
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.kernel_cache import set_up_numba
 from subsoil_ros.messages import ToolMotion
-from subsoil_ros.scene.limits import Timing
 from subsoil_ros.scene.loader import ResolvedScene, load_scene
 
 OUT = Path(__file__).parents[1] / "docs/results/gpu"
-DECK = Path(__file__).parent / "peers/gran_hooke.in"
 CYCLE = Path(__file__).parents[1] / "config/scenes/subsoiler_1s300_cycle.yaml"
 
 SMALL_BED_M, LARGE_BED_M = (0.60, 0.20, 0.30), (1.80, 0.40, 0.40)
-STEPS_PER_TICK = 10
 WARM_UP_TICKS = 5
 PARTICLE_STEPS = 1e9
 """Per repeat, unless that makes fewer than 100 steps or more than 1000: the plate stays off the far wall."""
@@ -124,10 +115,7 @@ def write(path: Path, rows: Iterable[dict[str, Any]]) -> None:
         written.append({**row, **provenance()})
         print(" ".join(f"{key} {_short(value)}" for key, value in row.items()), flush=True)
         path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("w", newline="", encoding="utf-8") as file:
-            table = csv.DictWriter(file, list(written[0]))
-            table.writeheader()
-            table.writerows(written)
+        write_rows(path, written)
 
 
 def _short(value: Any) -> str:
@@ -154,25 +142,16 @@ def _has(name: str) -> bool:
     return True
 
 
-def gpu_engine() -> type[SoilEngine]:
-    """The engine, imported when a GPU is asked for."""
-    from subsoil_ros.dem.gpu.engine import GpuSoilEngine
-
-    return GpuSoilEngine
-
-
-def _unwatched(look: Look) -> None:
-    pass
-
-
-def dense_case(folder: Path, count: int, precision: str) -> tuple[Case, Bed]:
+def dense_case(
+    folder: Path, count: int, precision: str, soil_steps: int = STEPS_PER_TICK
+) -> tuple[Case, Bed]:
     """A case of about `count` particles and its bed."""
     size = SMALL_BED_M if count < 50_000 else LARGE_BED_M
     case = wet_case(DENSE, size, 1, f"dense random {count:,}", folder, precision)
-    case = _periodic(case, size[1])
+    case = periodic(case, size[1])
     one = _cell(case, size)
     times = max(1, round(count / len(one.positions_m)))
-    return _ticks_of(_periodic(case, times * size[1]), STEPS_PER_TICK), repeated(one, times)
+    return ticks_of(periodic(case, times * size[1]), soil_steps), repeated(one, times)
 
 
 _cells: dict[tuple[float, ...], Bed] = {}
@@ -180,24 +159,8 @@ _cells: dict[tuple[float, ...], Bed] = {}
 
 def _cell(case: Case, size: tuple[float, ...]) -> Bed:
     if size not in _cells:
-        _cells[size] = prepare_dense(case.resolved, 0, gpu_engine(), 1, _unwatched)
+        _cells[size] = prepare_dense(case.resolved, 0, gpu_engine(), 1, unwatched)
     return _cells[size]
-
-
-def _periodic(case: Case, width_m: float) -> Case:
-    soil = case.resolved.scene.particle_soil
-    assert soil is not None
-    wider = soil.bin.model_copy(update={"width_m": width_m, "sides": "periodic"})
-    scene = case.resolved.scene.model_copy(update={"soil": soil.model_copy(update={"bin": wider})})
-    return dataclasses.replace(case, resolved=dataclasses.replace(case.resolved, scene=scene))
-
-
-def _ticks_of(case: Case, soil_steps: int) -> Case:
-    timing = case.resolved.timing
-    longer = Timing(
-        timing.interval_ns * soil_steps, tick_count=10**9, soil_steps=soil_steps, mechanism_steps=0
-    )
-    return dataclasses.replace(case, resolved=dataclasses.replace(case.resolved, timing=longer))
 
 
 def repeated(bed: Bed, times: int) -> Bed:
@@ -224,21 +187,6 @@ def started(case: Case, bed: Bed) -> SoilEngine:
     return engine
 
 
-class _Drive:
-    """Goes on with a case."""
-
-    def __init__(self, engine: SoilEngine, case: Case) -> None:
-        self._engine, self._case, self._tick = engine, case, 0
-
-    def run(self, ticks: int) -> float:
-        """Wall time of so many ticks [s]."""
-        start = time.perf_counter()
-        for _ in range(ticks):
-            self._engine.advance(self._tick, self._case.motions(self._tick + 1))
-            self._tick += 1
-        return time.perf_counter() - start
-
-
 def throughput(folder: Path, counts: list[int], repeats: int) -> Iterable[dict[str, Any]]:
     """Particle-steps per second of wall time."""
     from numba import cuda
@@ -250,7 +198,7 @@ def throughput(folder: Path, counts: list[int], repeats: int) -> Iterable[dict[s
             case, bed = dense_case(folder, count, precision)
             free = cuda.current_context().get_memory_info()[0]
             engine = started(case, bed)
-            n, drive = engine.particle_count, _Drive(engine, case)
+            n, drive = engine.particle_count, Drive(engine, case)
             drive.run(WARM_UP_TICKS)
             ticks = round(min(max(PARTICLE_STEPS / n, 100.0), 1000.0) / STEPS_PER_TICK)
             rebuilds = engine.state("", 0, 0).rebuild_count
@@ -316,26 +264,15 @@ def kernels(folder: Path, count: int) -> Iterable[dict[str, Any]]:
 def exchange(folder: Path, repeats: int) -> Iterable[dict[str, Any]]:
     """Wall time of a tick of one soil step, and of ten."""
     for soil_steps in (1, STEPS_PER_TICK):
-        case, bed = dense_case(folder, 1_000, "mixed")
-        case = dataclasses.replace(
-            case,
-            resolved=dataclasses.replace(
-                case.resolved,
-                timing=Timing(
-                    42_000 * soil_steps, tick_count=10**9, soil_steps=soil_steps, mechanism_steps=0
-                ),
-            ),
-        )
-        engine, ticks, walls = started(case, bed), 1000 // soil_steps, []
-        for repeat in range(repeats + 1):
-            start = time.perf_counter()
-            for tick in range(repeat * ticks, (repeat + 1) * ticks):
-                engine.advance(tick, case.motions(tick + 1))
-            walls.append(time.perf_counter() - start)
+        case, bed = dense_case(folder, 1_000, "mixed", soil_steps)
+        engine, ticks = started(case, bed), 1000 // soil_steps
+        drive = Drive(engine, case)
+        drive.run(ticks)
+        walls = [drive.run(ticks) for _ in range(repeats)]
         yield {
             "particles": engine.particle_count,
             "soil_steps_per_tick": soil_steps,
-            "us_per_tick": 1e6 * statistics.median(walls[1:]) / ticks,
+            "us_per_tick": 1e6 * statistics.median(walls) / ticks,
         }
 
 
@@ -402,65 +339,8 @@ def _field_bed(resolved: ResolvedScene, radius: float) -> Bed:
         narrow = soil.bin.model_copy(update={"width_m": soil.bin.width_m / times})
         scene = resolved.scene.model_copy(update={"soil": soil.model_copy(update={"bin": narrow})})
         slice_of_it = dataclasses.replace(resolved, scene=scene)
-        _field_beds[radius] = repeated(prepare_dense(slice_of_it, 0, gpu_engine(), 1, _unwatched), times)
+        _field_beds[radius] = repeated(prepare_dense(slice_of_it, 0, gpu_engine(), 1, unwatched), times)
     return _field_beds[radius]
-
-
-def peer(folder: Path, sides: list[int], lammps: Path | None, repeats: int) -> Iterable[dict[str, Any]]:
-    """The same soil here and there; the box of LAMMPS is periodic on all sides, ours in y."""
-    for side in sides:
-        steps = 2000 if side < 80 else 500
-        walls = [_ours(side, steps) for _ in range(repeats)]
-        yield _peer_row("subsoil_ros", side, steps, walls)
-        if lammps is not None:
-            yield _peer_row(
-                "LAMMPS KOKKOS", side, steps, [_theirs(folder, lammps, side, steps) for _ in range(repeats)]
-            )
-
-
-def _peer_row(program: str, side: int, steps: int, walls: list[float]) -> dict[str, Any]:
-    wall = statistics.median(walls)
-    return {
-        "program": program,
-        "particles": side**3,
-        "steps": steps,
-        "us_per_step": 1e6 * wall / steps,
-        "particle_steps_per_s": side**3 * steps / wall,
-    }
-
-
-def _ours(side: int, steps: int) -> float:
-    """Wall time of so many steps after 200."""
-    edge = 2.0 * RADIUS_M * side
-    case = linear_case({"kind": "grid", "spacing_m": 2.0 * RADIUS_M}, (edge, edge, edge), 1, "peer")
-    scene = case.resolved.scene
-    assert scene.particle_soil is not None
-    law = scene.particle_soil.law
-    row = law.particle.model_copy(update={"rolling_friction": 0.0})
-    soil = scene.particle_soil.model_copy(
-        update={"law": law.model_copy(update={"particle": row, "boundary": row, "values_are": "pair"})}
-    )
-    still = scene.model_copy(update={"soil": soil, "gravity_m_per_s2": 0.0})
-    case = dataclasses.replace(case, resolved=dataclasses.replace(case.resolved, scene=still))
-    case = _ticks_of(_periodic(case, edge), STEPS_PER_TICK)
-    engine = gpu_engine()(case.resolved)
-    assert engine.particle_count == side**3
-    engine.place(engine.bed.positions_m, stirred_velocities(side**3))
-    engine.start(())
-    drive = _Drive(engine, case)
-    drive.run(200 // STEPS_PER_TICK)
-    return drive.run(steps // STEPS_PER_TICK)
-
-
-def _theirs(folder: Path, lammps: Path, side: int, steps: int) -> float:
-    log = folder / "log.lammps"
-    on_gpu = ["-k", "on", "g", "1", "-sf", "kk", "-pk", "kokkos", "neigh", "half", "newton", "off"]
-    variables = ["-var", "side", str(side), "-var", "steps", str(steps)]
-    subprocess.run(
-        [lammps, *on_gpu, "-in", DECK, *variables, "-log", log, "-screen", "none"], check=True, cwd=folder
-    )
-    times = re.findall(r"^Loop time of (\S+)", log.read_text(encoding="utf-8"), re.MULTILINE)
-    return float(times[-1])
 
 
 def scene(path: Path, device: str, threads: int, overrides: list[str]) -> Iterable[dict[str, Any]]:

@@ -168,6 +168,10 @@ class SoilEngine(SoilReadings):
             if given is not None:
                 rows = finite_rows(name, given, len(position))[back]
                 setattr(self._particles, name, rows.astype(self._kind))
+        self._take_over_particles()
+
+    def _take_over_particles(self) -> None:
+        """Particles were given other arrays."""
         self._calls = None
 
     def damp(self, kept: float) -> None:
@@ -375,13 +379,19 @@ class SoilEngine(SoilReadings):
         tool.feel(by_group, moment, sums, at)
         self._tool_work -= tool.felt.work_joule - work
 
+    def _reaches_m(self) -> tuple[float, float]:
+        """How far apart two centres act on each other at most, and a centre and a wall or tool."""
+        if self._features.adhesion.ndim == 1:
+            return 2.0 * self._radius, self._radius
+        at_pairs, at_walls = (float(laws[:, REACH].max()) for laws in (self._pair_laws, self._wall_laws))
+        return 2.0 * self._radius + at_pairs, self._radius + at_walls
+
     def _rebuild(self, motions: tuple[ToolMotion, ...]) -> None:
         """Sort particles into cells, find pairs, walls and tool candidates, carry histories over."""
         p, skin = self._particles, self._soil.skin_m
         self._calls = None
-        adhesive = self._features.adhesion.ndim == 2
-        reach = 2.0 * self._radius + (float(self._pair_laws[:, REACH].max()) if adhesive else 0.0) + skin
-        boundary_reach = self._radius + (float(self._wall_laws[:, REACH].max()) if adhesive else 0.0)
+        reach, boundary_reach = self._reaches_m()
+        reach += skin
         low, high = np.array(self.bed.lower_m), np.array([*self.bed.upper_m, self._domain.ceiling_m])
         period = np.inf
         if self.bed.period_m is not None:
@@ -410,13 +420,11 @@ class SoilEngine(SoilReadings):
         self._rebuilds += 1
 
 
-def build_engine(
-    resolved: ResolvedScene, threads: int = 1, *, book: bool = False, bed: Bed | None = None
-) -> SoilEngine:
+def build_engine(resolved: ResolvedScene, threads: int = 1) -> SoilEngine:
     """The engine for the device that the scene names."""
     soil = resolved.scene.particle_soil
     if soil is None or soil.device == "cpu":
-        return SoilEngine(resolved, threads, book=book, bed=bed)
+        return SoilEngine(resolved, threads)
     from .gpu.engine import GpuSoilEngine
 
-    return GpuSoilEngine(resolved, threads, book=book, bed=bed)
+    return GpuSoilEngine(resolved, threads)

@@ -35,7 +35,7 @@ SIZE_M = (0.08, 0.06, 0.06)
 WIDE_M = (0.1, 0.12, 0.04)  # three cells of the search fit between periodic sides
 
 SCENARIOS: dict[str, dict[str, Any]] = {
-    "linear": {"law": "linear", "stirred": True, "soil": {"skin_m": 0.0005}},
+    "linear": {"law": "linear", "stirred": True, "fast": True, "soil": {"skin_m": 0.0005}},
     "hertz": {"law": "hertz_mindlin", "stirred": True, "bed": {"kind": "grid", "spacing_m": 0.0199}},
     "wet with a tool": {"law": "wet", "tool": True, "soil": {"skin_m": 1e-4}},
     "wet in mixed precision": {
@@ -138,7 +138,10 @@ def start(engine: Any, scenario: dict[str, Any]) -> None:
     if scenario.get("stirred"):
         n = len(engine.bed.positions_m)
         random = np.random.default_rng(1)
-        velocity, spin = random.normal(0.0, 0.4, (n, 3)), random.normal(0.0, 20.0, (n, 3))
+        speed = (
+            6.0 if scenario.get("fast") else 0.4
+        )  # so fast that partners change places in the order of cells
+        velocity, spin = random.normal(0.0, speed, (n, 3)), random.normal(0.0, 20.0, (n, 3))
         if scenario.get("thrown"):
             velocity[n // 2] = 0.0, 0.0, 3000.0
         engine.place(engine.bed.positions_m, velocity, spin, engine.bed.radii_m)

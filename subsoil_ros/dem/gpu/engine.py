@@ -11,7 +11,6 @@ from ..bed import Bed
 from ..contact import SINKS, PairLaw
 from ..energy import EnergyBook
 from ..engine import SoilEngine
-from ..mixture import REACH
 from ..monitors import MotionSums, refuse_lost_numbers
 from ..neighbours import CellGrid, slab_starts
 from ..periodic import TOOL_SKIN
@@ -21,7 +20,9 @@ from ..tool_surface import motion_within, refuse_leap
 from ..walls import CHUNKS
 from .convert import half_rows, wall_pairs
 from .device import refuse_without_gpu
-from .soil import DeviceSoil, Numbers
+from .device_lists import Numbers
+from .forces import TOOL_SUMS
+from .soil import DeviceSoil
 
 _HEADROOM = 0.25
 """Height over the bed that has cells of its own, in heights of the bed (chosen: soil that a tool heaps up);
@@ -93,15 +94,7 @@ class GpuSoilEngine(SoilEngine):
         super()._keep(kept)
         self._there_is_old = True
 
-    def place(
-        self,
-        position_m: np.ndarray,
-        velocity_m_per_s: np.ndarray | None = None,
-        spin_rad_per_s: np.ndarray | None = None,
-        radii_m: np.ndarray | None = None,
-    ) -> None:
-        """See SoilEngine."""
-        super().place(position_m, velocity_m_per_s, spin_rad_per_s, radii_m)
+    def _take_over_particles(self) -> None:
         self._soil_there.put_particles(self._particles)
         self._looked = None
 
@@ -131,10 +124,8 @@ class GpuSoilEngine(SoilEngine):
         """A soil on the device with the particles and tools that stand here, all lists to be built."""
         self._device = None  # first gives back what it takes
         kind, skin = self._kind, self._soil.skin_m
-        adhesive = self._features.adhesion.ndim == 2
-        pair_reach = float(self._pair_laws[:, REACH].max()) if adhesive else 0.0
-        wall_reach = self._radius + (float(self._wall_laws[:, REACH].max()) if adhesive else 0.0)
-        reach = 2.0 * self._radius + pair_reach + skin
+        reach, wall_reach = self._reaches_m()
+        reach += skin
         numbers = Numbers(
             features=self._features,
             precision=kind,
@@ -190,8 +181,8 @@ class GpuSoilEngine(SoilEngine):
         for tool, at in zip(self._tools, motions, strict=True):
             of_groups = 3 * len(tool.mesh.groups)
             by_group, rest = felt[first : first + of_groups], felt[first + of_groups :]
-            self._felt_by(tool, by_group.reshape(-1, 3), rest[:3], rest[3:10], at)
-            first += of_groups + 10
+            self._felt_by(tool, by_group.reshape(-1, 3), rest[:3], rest[3:TOOL_SUMS], at)
+            first += of_groups + TOOL_SUMS
 
     def advance(self, tick: int, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
         """See SoilEngine."""
@@ -220,9 +211,8 @@ class GpuSoilEngine(SoilEngine):
             reached = told["steps"] - self._steps_done
             rebuilt = bool(told["halted"]) or wanted == 0
             self._since += reached - done
-            for s in range(
-                done, reached
-            ):  # a step to look at is the last of those launched, so none where it halted
+            # a step to look at is the last of those launched: where it halted there is none
+            for s in range(done, reached):
                 self._end_step(tick, s, felt[s], ends[s], rebuilt=False)
             if rebuilt:
                 if told["lost"]:

@@ -1,41 +1,66 @@
-"""How numba compiles and runs kernels, and where it keeps them: one folder per state of the sources.
-
-numba looks only at the file of the function it compiles, not at those it calls. With one cache, a changed
-contact law would go on running as it was, compiled into the pair kernel. So the folder's name is a digest
-of every kernel source. It stands outside the package, which may be read-only.
-"""
+"""How numba compiles and runs kernels, and where it keeps them: outside the package, perhaps read-only."""
 
 import functools
-import hashlib
 import os
 import tempfile
-from collections.abc import Iterable
 from pathlib import Path
 
 import numba
 from llvmlite.binding import get_host_cpu_features
+from numba.core.caching import CacheImpl
 
-_PACKAGE = Path(__file__).parent
-KERNEL_FOLDERS = (_PACKAGE / "dem", _PACKAGE / "dem" / "gpu", _PACKAGE / "mbd", _PACKAGE / "resistance")
-
+from .source_digest import PACKAGE, kernel_digest
 
 SPIN_COUNT = "3000"
 """Turns that GNU's OpenMP waits awake, about 0.1 ms (measured, 0 to 30,000: with it two threads on 9,000
 particles take 0.6 of the time, and more turns gain nothing)."""
 
 
-def kernel_cache_folder(sources: Iterable[Path] = KERNEL_FOLDERS) -> Path:
-    """The cache folder for the kernels in the folders `sources`, under the user's cache folder."""
-    return user_cache_folder() / source_digest(sources)[:16]
+def kernel_cache_folder() -> Path:
+    """Where compiled kernels are kept: in NUMBA_CACHE_DIR, or the user's cache folder."""
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    return Path(given) if given else user_cache_folder() / "kernels"
 
 
-def source_digest(sources: Iterable[Path]) -> str:
-    """sha256 hex of numba's version and of the Python files in `sources`, each a folder or a file."""
-    digest = hashlib.sha256(numba.__version__.encode())
-    for source in sources:
-        for path in sorted(source.glob("*.py")) if source.is_dir() else (source,):
-            digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
-    return digest.hexdigest()
+class KernelLocator:
+    """Tells numba where the kernels of one source file of this package are kept, and that they still hold.
+
+    numba itself looks at the time of that file only: with a changed contact law, the kernel that calls it
+    from another file would go on running as it was. Here the names of the kept files hold the digest of all
+    that the file imports.
+    """
+
+    def __init__(self, source: Path) -> None:
+        self._digest = kernel_digest(source)[:16]
+        self._folder = kernel_cache_folder() / source.parent.relative_to(PACKAGE)
+
+    @classmethod
+    def from_function(cls, function: object, file: str) -> "KernelLocator | None":
+        """The locator of a kernel; None: it is not of this package."""
+        source = Path(file)
+        return cls(source) if source.is_relative_to(PACKAGE) else None
+
+    def get_cache_path(self) -> str:
+        """The folder."""
+        return str(self._folder)
+
+    def ensure_cache_path(self) -> None:
+        """Makes the folder."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+
+    def get_source_stamp(self) -> str:
+        """What kept kernels must have been compiled from."""
+        return self._digest
+
+    def get_disambiguator(self) -> str:
+        """What tells the files of equally named kernels apart."""
+        return self._digest
+
+
+def soil_kernels_are_kept() -> bool:
+    """Whether a soil step, as its sources are now, has been compiled before."""
+    digest = kernel_digest(PACKAGE / "dem" / "step.py")[:16]
+    return any((kernel_cache_folder() / "dem").glob(f"step.*-{digest}.*.nbc"))
 
 
 def user_cache_folder() -> Path:
@@ -71,8 +96,11 @@ def _is_ours(place: Path) -> bool:
 def set_up_numba() -> None:
     """How numba keeps, compiles and runs the kernels; what the user's NUMBA_ variables say, stands."""
     given = os.environ
-    if not given.get("NUMBA_CACHE_DIR"):
-        numba.config.CACHE_DIR = str(kernel_cache_folder())
+    if not given.get("NUMBA_CACHE_LOCATOR_CLASSES"):
+        numba.config.CACHE_LOCATOR_CLASSES = ",".join(
+            f"{locator.__module__}.{locator.__qualname__}"
+            for locator in (KernelLocator, *CacheImpl._locator_classes)
+        )
     if not given.get("NUMBA_CPU_FEATURES") and not given.get("NUMBA_CPU_NAME"):
         numba.config.CPU_FEATURES = _features_of_this_core()
     if not given.get("NUMBA_THREADING_LAYER_PRIORITY"):

@@ -14,10 +14,10 @@ from ..coupling.control import build_controller
 from ..coupling.direct import run_direct
 from ..coupling.engines import build_mechanism, build_paths, build_soil
 from ..errors import InputError, SubsoilError
-from ..kernel_cache import KERNEL_FOLDERS, source_digest
 from ..recording.bag_writer import BagWriter
 from ..recording.recovery import recover
 from ..scene.loader import ResolvedScene
+from ..source_digest import result_digest
 from .series import read_series, write_series_csv
 from .summary import summarize, write_summary
 
@@ -148,8 +148,8 @@ def _results(resolved: ResolvedScene, folder: Path, facts: dict[str, Any]) -> di
 
 
 def code_digest() -> str:
-    """16 hex digits that stand for the engines' sources: runs of other engines are not quite comparable."""
-    return source_digest(KERNEL_FOLDERS)[:16]
+    """16 hex digits that stand for all that results depend on: others are not quite comparable."""
+    return result_digest()[:16]
 
 
 def machine_name() -> str:

@@ -7,10 +7,10 @@ after.
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 
-import numba
 from numba.core import event
+
+from ..kernel_cache import kernel_cache_folder, soil_kernels_are_kept
 
 
 def say(line: str) -> None:
@@ -33,7 +33,7 @@ class KernelAnnouncer(event.Listener):
     def on_start(self, event: object) -> None:
         """A kernel, or one it calls, is compiled from here."""
         if self._compiled == 0:
-            say(f"compiling kernels, once: kept in {numba.config.CACHE_DIR}")
+            say(f"compiling kernels, once: kept in {kernel_cache_folder()}")
         if self._depth == 0:
             self._since = time.monotonic()
         self._depth += 1
@@ -74,9 +74,9 @@ def announce_kernels_of_nodes(on_tick: Callable[[int], None]) -> Callable[[int],
 
     Returns `on_tick`, which then says at the first tick how long it took.
     """
-    if any(Path(numba.config.CACHE_DIR).glob("dem_*/*.nbc")):
+    if soil_kernels_are_kept():
         return on_tick
-    say(f"the nodes compile their kernels, once: kept in {numba.config.CACHE_DIR}")
+    say(f"the nodes compile their kernels, once: kept in {kernel_cache_folder()}")
     waiting = [time.monotonic()]
 
     def told(tick: int) -> None:

@@ -1,28 +1,107 @@
 """Compiled kernels never outlive the sources they were made from."""
 
+import ast
+import importlib.util
+import inspect
 import os
+import pkgutil
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+from numba.core.dispatcher import Dispatcher
 
-from subsoil_ros.kernel_cache import kernel_cache_folder
+from subsoil_ros.source_digest import PACKAGE, _dump, _tree, kernel_digest, result_digest
 
 
-def test_any_changed_source_changes_the_folder(tmp_path):
-    """The folder follows the content of every source, not only of the file that defines a kernel."""
-    caller, callee = tmp_path / "pairs.py", tmp_path / "contact.py"
-    caller.write_text("calls contact")
-    callee.write_text("stiffness")
-    before = kernel_cache_folder([tmp_path])
-    assert kernel_cache_folder([tmp_path]) == before
-    callee.write_text("damping")
-    assert kernel_cache_folder([tmp_path]) != before
+@pytest.fixture(scope="module")
+def package(tmp_path_factory):
+    """A copy of the package's sources, to change."""
+    copy = tmp_path_factory.mktemp("sources") / "subsoil_ros"
+    shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    return copy
+
+
+def digests_after(package, place, change):
+    """(digest of the soil step's kernels, of the mechanism's step, of results) with one file changed."""
+    file = package / place
+    before = file.read_text()
+    file.write_text(change(before))
+    try:
+        _tree.cache_clear()
+        _dump.cache_clear()
+        step, advance = package / "dem/step.py", package / "mbd/advance.py"
+        return kernel_digest(step, package), kernel_digest(advance, package), result_digest(package)
+    finally:
+        file.write_text(before)
+
+
+@pytest.mark.parametrize(
+    ("place", "kernels"),
+    [
+        ("dem/contact.py", "soil"),
+        ("dem/periodic.py", "soil"),
+        ("mbd/laws.py", "mechanism"),
+        ("mbd/engine.py", "none"),
+        ("dem/beds/dense.py", "none"),
+        ("scene/pairs.py", "none"),
+        ("scene/layers.py", "none"),
+        ("coupling/direct.py", "none"),
+        ("resistance/wedge.py", "none"),
+    ],
+)
+def test_a_changed_source_outdates_its_kernels_and_all_results(package, place, kernels):
+    """Bed preparation, combining rules and the exchange are no kernels: results know of them all the same."""
+    as_it_is = digests_after(package, place, str)
+    changed = digests_after(package, place, lambda text: text + "\nCHANGED = 1\n")
+    expected = (kernels == "soil", kernels == "mechanism", True)
+    assert tuple(new != old for new, old in zip(changed, as_it_is, strict=True)) == expected
+
+
+def test_a_comment_outdates_nothing(package):
+    """Nor does a docstring, nor what no result depends on."""
+    as_it_is = digests_after(package, "dem/contact.py", str)
+    assert (
+        digests_after(package, "dem/contact.py", lambda text: "# why\n" + text + '\n"""Said."""\n')
+        == as_it_is
+    )
+    assert digests_after(package, "cli/run.py", lambda text: text + "\nCHANGED = 1\n") == as_it_is
+
+
+def test_kernels_take_nothing_from_outside_their_folder():
+    """Their digest does not look there."""
+    for kernel in all_kernels():
+        engine = kernel.py_func.__module__.split(".")[1]
+        tree = ast.parse(Path(inspect.getfile(kernel.py_func)).read_bytes())
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and node.level:
+                names = {alias.asname or alias.name for alias in node.names}
+                used = names & set(kernel.py_func.__code__.co_names)
+                module = importlib.util.resolve_name(
+                    "." * node.level + (node.module or ""), kernel.py_func.__module__.rpartition(".")[0]
+                )
+                assert not used or module.split(".")[1] == engine, (kernel, used)
+
+
+def all_kernels():
+    """Every compiled function of the engines."""
+    import subsoil_ros
+
+    found = []
+    for engine in ("dem", "mbd", "resistance"):
+        for module in pkgutil.walk_packages([str(PACKAGE / engine)], f"{subsoil_ros.__name__}.{engine}."):
+            if ".gpu" not in module.name:
+                values = vars(importlib.import_module(module.name)).values()
+                found += [value for value in values if isinstance(value, Dispatcher)]
+    assert len(found) > 50
+    return found
 
 
 def cache_folder_seen_by(**environment):
     """Where the engines of another process keep their kernels."""
-    show = "import subsoil_ros.dem, subsoil_ros.mbd, numba; print(numba.config.CACHE_DIR)"
+    show = "from subsoil_ros.dem.step import drift_and_contacts as step; print(step._cache.cache_path)"
     kept = {k: v for k, v in os.environ.items() if k not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")}
     return subprocess.run(
         [sys.executable, "-c", show], env=kept | environment, capture_output=True, text=True, check=True
@@ -32,8 +111,8 @@ def cache_folder_seen_by(**environment):
 def test_kernels_are_kept_outside_the_package(tmp_path):
     """The engines point numba at the user's cache, and leave a folder given by the user alone."""
     plain = {"XDG_CACHE_HOME": str(tmp_path)}
-    assert cache_folder_seen_by(**plain).startswith(str(tmp_path / "subsoil_ros"))
-    assert cache_folder_seen_by(**plain, NUMBA_CACHE_DIR="/given") == "/given"
+    assert cache_folder_seen_by(**plain) == str(tmp_path / "subsoil_ros" / "kernels" / "dem")
+    assert cache_folder_seen_by(**plain, NUMBA_CACHE_DIR="/given") == "/given/dem"
 
 
 def test_kernels_find_a_place_without_a_home(tmp_path):

@@ -6,6 +6,7 @@ import pytest
 from subsoil_ros.cli.bed_preparation import prepare_bed_first
 from subsoil_ros.cli.preparation import KernelAnnouncer, announce_kernels_of_nodes
 from subsoil_ros.dem.bench.cases import DENSE, GRID, linear_case
+from subsoil_ros.source_digest import PACKAGE, kernel_digest
 
 
 def test_a_compilation_is_announced_before_and_timed_after(capsys: pytest.CaptureFixture[str]) -> None:
@@ -38,7 +39,7 @@ def test_kernels_that_are_there_pass_in_silence(capsys: pytest.CaptureFixture[st
 
 def test_nodes_announce_only_a_cold_cache(tmp_path, monkeypatch, capsys: pytest.CaptureFixture[str]) -> None:
     """A line before and one at the first tick; with kernels of the soil engine in the cache, no word."""
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     ticks = []
     on_tick = announce_kernels_of_nodes(ticks.append)
     assert str(tmp_path) in capsys.readouterr().err
@@ -46,8 +47,9 @@ def test_nodes_announce_only_a_cold_cache(tmp_path, monkeypatch, capsys: pytest.
         on_tick(tick)
     assert ticks == [0, 1]
     assert len(capsys.readouterr().err.splitlines()) == 1
-    (tmp_path / "dem_0").mkdir()
-    (tmp_path / "dem_0" / "pairs.nbc").touch()
+    (tmp_path / "dem").mkdir()
+    digest = kernel_digest(PACKAGE / "dem" / "step.py")[:16]
+    (tmp_path / "dem" / f"step.drift_and_contacts-{digest}.py311.1.nbc").touch()
     assert announce_kernels_of_nodes(print) is print
     assert capsys.readouterr().err == ""
 

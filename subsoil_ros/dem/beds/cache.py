@@ -6,16 +6,14 @@ import json
 from pathlib import Path
 
 from ...errors import SceneError
-from ...kernel_cache import source_digest, user_cache_folder
+from ...kernel_cache import user_cache_folder
 from ...scene.loader import ResolvedScene
 from ...scene.soil import Soil
+from ...source_digest import PACKAGE, tree_digest
 from ..bed import Bed
 from .bed_file import VERSION, read_bed, write_bed
 
-_DEM = Path(__file__).parents[1]
-_SCENE = _DEM.parent / "scene"
-_RULES = ("bed_spacing.py", "limits.py", "pairs.py", "sizes.py")
-SOURCES = (_DEM, _DEM / "beds", *(_SCENE / name for name in _RULES))
+SOURCES = (*(PACKAGE / "dem").glob("*.py"), PACKAGE / "dem" / "beds", PACKAGE / "scene")
 """Code that a bed depends on."""
 
 _OF_THE_RUN = {
@@ -32,7 +30,7 @@ def cached_bed_path(resolved: ResolvedScene) -> Path:
     content = {
         "soil": soil.model_dump(mode="json", exclude=_OF_THE_RUN),
         "gravity_m_per_s2": resolved.scene.gravity_m_per_s2,
-        "code": source_digest(SOURCES),
+        "code": tree_digest(SOURCES),
         "version": VERSION,
     }
     key = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

@@ -14,6 +14,7 @@ from numba.extending import overload
 from ..scene.damping import integrated_values
 from ..scene.pairs import PairValues, layer_soils, pair_values
 from ..scene.soil import Soil, WetLaw
+from .compiled import inner_kernel
 from .roots import inverse_root
 
 SINKS = ("normal_dashpot", "tangential_dashpot", "sliding", "rolling", "separation")
@@ -82,7 +83,7 @@ def _like(number, value):
     return lambda number, value: value
 
 
-@njit(cache=True, forceinline=True, error_model="numpy")
+@inner_kernel(forceinline=True)
 def numbers_like(number, law):
     """A PairLaw in the floating-point type of `number`."""
     return PairLaw(

@@ -9,10 +9,11 @@ so its spin needs no frame of its own.
 import numpy as np
 from numba import njit, prange
 
+from .compiled import inner_kernel
 from .per_particle import of_particle
 
 
-@njit(cache=True, forceinline=True, error_model="numpy")
+@inner_kernel(forceinline=True)
 def kicked_and_moved(i, position, velocity, spin, force, torque, built, mass, inertia, step, owed):
     """First half kick and drift of particle i; `owed` is 1 if the second half kick of the step before comes
     first, else 0, in the type of velocities. Returns the square of how far it is from `built` [m]."""
@@ -31,7 +32,7 @@ def kicked_and_moved(i, position, velocity, spin, force, torque, built, mass, in
     return moved
 
 
-@njit(cache=True, forceinline=True, error_model="numpy")
+@inner_kernel(forceinline=True)
 def kicked(i, velocity, spin, force, torque, mass, inertia, step):
     """Second half kick of particle i."""
     kind = velocity.dtype.type

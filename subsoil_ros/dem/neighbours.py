@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, prange
 
+from .compiled import inner_kernel
 from .pairs import BLOCK, HISTORY, history_place
 from .per_particle import PARTS, of_particle
 from .periodic import nearest_image
@@ -129,7 +130,7 @@ def _forward_range(grid, cx, cy, cz, k, cell_start):
     return cell_start[column + low], cell_start[column + high + 1]
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@inner_kernel(fastmath={"contract"})
 def _find_pairs(first_cell, last_cell, position, grid, cell_start, reach, smaller, found, begin, end, count):
     """Partners of the particles of these cells, one after the other, into found[begin:end] as long as there
     is room; `count` receives their number by particle. Returns the number of all, and the most candidates
@@ -217,7 +218,17 @@ def half_list(position, grid, cell_start, reach, smaller):
         else:
             own = np.empty(pairs + most[chunk], np.int32)
             _find_pairs(
-                cells[0], cells[1], position, grid, cell_start, reach, smaller, own, 0, own.shape[0], count
+                cells[0],
+                cells[1],
+                position,
+                grid,
+                cell_start,
+                reach,
+                smaller,
+                own,
+                np.int64(0),
+                own.shape[0],
+                count,
             )
             neighbour[row_start[first] : row_start[last]] = own[:pairs]
     return row_start, neighbour
@@ -238,10 +249,10 @@ def carry_pairs(order, old_row, old_neighbour, old_history, row_start, neighbour
     A pair whose particles changed places sees its springs from the other side: the sign turns.
     """
     for i in prange(order.shape[0]):
-        _carry_row(i, order, old_row, old_neighbour, old_history, row_start, neighbour, history)
+        _carry_row(np.int64(i), order, old_row, old_neighbour, old_history, row_start, neighbour, history)
 
 
-@njit(cache=True)
+@inner_kernel()
 def _carry_row(i, order, old_row, old_neighbour, old_history, row_start, neighbour, history):
     for k in range(row_start[i], row_start[i + 1]):
         first, second = order[i], order[neighbour[k]]

@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit, prange
 from numba.extending import register_jitable
 
+from .compiled import inner_kernel
 from .contact import SINKS, PairLaw, contact, like, normal_potential, spring_energy
 from .mixture import pair_of
 from .per_particle import PARTS, added_up
@@ -64,7 +65,7 @@ def history_place(pair):
     return pair // BLOCK * (BLOCK * HISTORY) + pair % BLOCK
 
 
-@njit(cache=True, forceinline=True)
+@inner_kernel(forceinline=True)
 def springs_of(history, pair):
     """Tangential and rolling spring of a pair or wall contact, each a tuple of three."""
     h = history_place(pair)
@@ -72,7 +73,7 @@ def springs_of(history, pair):
     return shear, (history[h + 3 * BLOCK], history[h + 4 * BLOCK], history[h + 5 * BLOCK])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel()
 def _gather(
     first_row, pair, last, row_start, neighbour, position, velocity, spin, scratch,
     radius, mixture, features,
@@ -114,7 +115,7 @@ def _gather(
         start = stop
 
 
-@njit(cache=True, forceinline=True, error_model="numpy")
+@inner_kernel(forceinline=True)
 def law_in_rows(b, scratch):
     """PairLaw in column b of the first scratch rows."""
     return PairLaw(
@@ -124,7 +125,7 @@ def law_in_rows(b, scratch):
     )  # fmt: skip
 
 
-@njit(cache=True, forceinline=True, error_model="numpy")
+@inner_kernel(forceinline=True)
 def scratch_rows(count, kind):
     """`count` rows of ROW numbers, one after the other from the start of a cache line on; not set."""
     spare = np.empty((count + 1) * ROW, kind)
@@ -132,7 +133,7 @@ def scratch_rows(count, kind):
     return spare[first : first + count * ROW]
 
 
-@njit(cache=True, forceinline=True, error_model="numpy", fastmath={"contract"})
+@inner_kernel(forceinline=True, fastmath={"contract"})
 def contact_of_pair(apart, relative, spin_i, spin_j, radius_i, radius_j, shear, roll, step, law, features):
     """Contact of particles i and j, in reach or not.
 
@@ -187,7 +188,7 @@ def contact_of_pair(apart, relative, spin_i, spin_j, radius_i, radius_j, shear, 
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@inner_kernel(fastmath={"contract"})
 def _compute(count, scratch, history, radius, step, common_law, features, book):
     """Forces and torques of `count` pairs in the place of their states; new histories.
 
@@ -221,7 +222,7 @@ def _compute(count, scratch, history, radius, step, common_law, features, book):
                 book[a] += sinks[a]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel()
 def _scatter(first_row, pair, last, row_start, neighbour, force, torque, scratch):
     """Adds the results of the pairs pair <= k < last. Returns the row of the last one."""
     i, end = first_row, row_start[first_row + 1]
@@ -251,7 +252,7 @@ def _scatter(first_row, pair, last, row_start, neighbour, force, torque, scratch
     return i
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel()
 def _slab_forces(
     first, last, row_start, neighbour, position, velocity, spin, force, torque, history,
     radius, step, law, mixture, features, book,
@@ -294,7 +295,7 @@ def pair_forces(
             )  # fmt: skip
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel()
 def _overlap_and_law(i, j, position, radius, mixture, features):
     """Overlap [m], negative across a gap, of particles i and j, and their law."""
     dx = position[j, 0] - position[i, 0]
@@ -306,7 +307,7 @@ def _overlap_and_law(i, j, position, radius, mixture, features):
     return radius_i + radius_j - math.sqrt(dx * dx + dy * dy + dz * dz), law
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel()
 def _rows_scan(first, last, row_start, neighbour, position, radius, mixture, features):
     contacts, largest = 0, 0.0
     for i in range(first, last):
@@ -330,7 +331,7 @@ def contact_scan(row_start, neighbour, position, radius, mixture, features):
     return contacts.sum(), largest.max()  # integers and a maximum: in any order
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel()
 def _rows_energy(first, last, row_start, neighbour, position, history, radius, mixture, features):
     energy = 0.0
     for i in range(first, last):

@@ -12,6 +12,7 @@ import math
 import numpy as np
 from numba import njit, prange
 
+from .compiled import inner_kernel
 from .contact import contact, normal_potential, spring_energy
 from .facets import closest_feature
 from .mixture import sphere_of
@@ -26,7 +27,7 @@ _SAME_NORMAL = 0.7
 """Cosine up to which a contact continues the one before (chosen: 45 degrees)."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel()
 def _is_nearest(px, py, pz, dx, dy, dz, facets, m, kind):
     """Whether edge or vertex `kind` of facet m is nearest to p on every facet that shares it, m being the
     first of these and p outside of one at least. d [m]: from p to the nearest point.
@@ -53,7 +54,7 @@ def _is_nearest(px, py, pz, dx, dy, dz, facets, m, kind):
             return False
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel()
 def _find_contacts(px, py, pz, facets, first, last, facet, reach, was_active, was_normal, out):
     """Contacts of a centre p [m, body frame] with the facets facet[first:last].
 
@@ -99,7 +100,7 @@ def _find_contacts(px, py, pz, facets, first, last, facet, reach, was_active, wa
     return found
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel()
 def _candidate(
     row, i, found, out, position, velocity, spin, force, torque, motion, active, normal, shear, roll,
     old_shear, old_roll, radius, step, law, features, group_force, moment, sums,
@@ -190,7 +191,7 @@ def row_forces(
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel()
 def _rows_forces(
     first, last, particle, facet_start, facet, facets, motion, position, velocity, spin, force, torque,
     active, normal, shear, roll, common_radius, step, common_law, mixture, features,

@@ -6,6 +6,7 @@ Forces go as those of pairs do (dem.pairs): in blocks, gathered, computed along 
 import numpy as np
 from numba import njit, prange
 
+from .compiled import inner_kernel
 from .contact import SINKS, PairLaw, contact, like, normal_potential, spring_energy
 from .mixture import sphere_of
 from .pairs import BLOCK, HISTORY, ROW, history_place, law_in_rows, scratch_rows, springs_of
@@ -81,7 +82,7 @@ def carry_walls(order, old_particle, old_wall, old_history, particle, wall, hist
                     history[to + a * BLOCK] = old_history[here + a * BLOCK]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel()
 def _gather(
     first, last, particle, wall, planes, position, velocity, spin, rows, common_radius, common_law, mixture,
     features,
@@ -100,7 +101,7 @@ def _gather(
                 rows[11 + a, b] = number
 
 
-@njit(cache=True, forceinline=True, error_model="numpy", fastmath={"contract"})
+@inner_kernel(forceinline=True, fastmath={"contract"})
 def contact_at_wall(distance, normal, velocity, spin, radius, shear, roll, step, law, features):
     """Contact of a particle whose centre is `distance` [m] from a wall, in reach or not.
 
@@ -140,7 +141,7 @@ def contact_at_wall(distance, normal, velocity, spin, radius, shear, roll, step,
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@inner_kernel(fastmath={"contract"})
 def _compute(count, scratch, history, common_radius, step, common_law, features, book):
     """Forces and torques of `count` pairs in the place of their states; new histories."""
     law, radius = common_law, common_radius
@@ -169,7 +170,7 @@ def _compute(count, scratch, history, common_radius, step, common_law, features,
                 book[a] += sinks[a]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel()
 def _part_forces(
     first, last, particle, wall, planes, position, velocity, spin, force, torque, history,
     radius, step, law, mixture, features, wall_force, book,
@@ -197,7 +198,7 @@ def _part_forces(
         start = stop
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel()
 def _first_of_particle(k, particle):
     """The first pair of the particle of pair k, so that no particle is in two parts of the list."""
     while 0 < k < particle.shape[0] and particle[k] == particle[k - 1]:

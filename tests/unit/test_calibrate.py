@@ -268,27 +268,6 @@ def test_bad_law_design(
     assert words in capsys.readouterr().err
 
 
-def test_grainlearning_is_used_where_it_is_installed(
-    law_design: Callable[..., Path],
-    known_tests: list[str],
-    tmp_path: Path,
-    capsys: Captured,
-) -> None:
-    """Where not, that is said, with what to do."""
-    design = law_design(method="grainlearning", largest_runs=40)
-    out = tmp_path / "fit.yaml"
-    status = main(["calibrate", str(design), "--runs", str(tmp_path / "runs"), "--out", str(out)])
-    try:
-        import grainlearning  # noqa: F401
-    except ImportError:
-        assert status == 2
-        assert "pip install grainlearning" in capsys.readouterr().err
-        return
-    assert status == 0
-    report = json.loads(out.with_suffix(".json").read_text())
-    assert report["results"]["draft_newton"]["found"] == pytest.approx(900.0, rel=0.15)
-
-
 def test_a_draft_is_the_mean_over_the_beds_of_its_target(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each seed lays another bed; on a bed without anything random it is refused."""
 

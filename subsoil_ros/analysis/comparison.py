@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..scene.document import read_document
 from .plotting import new_figure, save_figure
-from .series_file import read_table_csv
+from .series import read_table_csv
 
 STATISTICS = ("mean", "min", "max")
 SMOOTHED_S = 0.05

@@ -16,8 +16,7 @@ from typing import Any
 from ..errors import InputError, RunError, SubsoilError
 from ..scene.loader import ResolvedScene
 from .execution import Executed
-from .series import Series
-from .series_file import read_series_csv
+from .series import Series, read_series_csv
 
 NAME_DIGITS = 32
 """Of the hash, in a folder's name."""

@@ -9,8 +9,7 @@ import pytest
 from subsoil_ros.analysis.execution import execute
 from subsoil_ros.analysis.kept_runs import KeptRun, find_run, keep_run
 from subsoil_ros.analysis.run_metrics import dominant_frequency_hz, metrics_of, swing
-from subsoil_ros.analysis.series import read_series
-from subsoil_ros.analysis.series_file import read_series_csv, read_table_csv
+from subsoil_ros.analysis.series import read_series, read_series_csv, read_table_csv
 from subsoil_ros.cli.main import main
 from subsoil_ros.errors import InputError, RunError
 from subsoil_ros.scene.loader import ResolvedScene, load_scene

@@ -6,6 +6,7 @@ wide (4.3 standard errors at 95 %), which is the price of three seeds.
 """
 
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -44,15 +45,15 @@ class Interval:
 
 
 def mean_interval(values: Sequence[float], confidence: float = CONFIDENCE) -> Interval:
-    """Mean of values with its interval: mean +- t(n - 1) s / sqrt(n)."""
-    count = len(values)
-    if count == 0:
+    """Mean of values with its interval: mean +- t(n - 1) s / sqrt(n); unknown (nan) for a single value."""
+    from scipy.stats import ttest_1samp
+
+    if not len(values):
         return Interval(math.nan, math.nan, 0)
-    mean = float(np.mean(values))
-    if count == 1:
-        return Interval(mean, math.nan, 1)
-    error = float(np.std(values, ddof=1)) / math.sqrt(count)
-    return Interval(mean, t_quantile(count - 1, confidence) * error, count)
+    with warnings.catch_warnings():  # of scipy, where there is one value or all are equal
+        warnings.simplefilter("ignore", RuntimeWarning)
+        ends = ttest_1samp(values, 0.0).confidence_interval(confidence)
+    return Interval(float(np.mean(values)), 0.5 * float(ends.high - ends.low), len(values))
 
 
 def t_quantile(freedoms: float, confidence: float = CONFIDENCE) -> float:

@@ -149,8 +149,8 @@ def _results(
         content = json.dumps([resolved.scene_hash, target.model_dump(mode="json")], sort_keys=True)
         path = folder / f"{hashlib.sha256(content.encode()).hexdigest()[:32]}.json"
         if not path.is_file():
-            results = _run(resolved, target, threads, watch)
             path.parent.mkdir(parents=True, exist_ok=True)
+            results = _run(resolved, target, folder, threads, watch)
             part = path.with_suffix(".part")
             part.write_text(json.dumps(results))
             os.replace(part, path)
@@ -158,11 +158,11 @@ def _results(
     return np.array(found)
 
 
-def _run(scene: ResolvedScene, target: Target, threads: int, watch: Watch) -> dict[str, float]:
+def _run(scene: ResolvedScene, target: Target, folder: Path, threads: int, watch: Watch) -> dict[str, float]:
     if isinstance(target, StrengthTarget):
         return strength_results(scene, target, threads, watch)
     if isinstance(target, DraftTarget):
-        return draft_results(scene, target, threads, watch)
+        return draft_results(scene, target, folder, threads, watch)
     return repose_results(scene, target, threads, watch)
 
 

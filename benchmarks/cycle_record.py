@@ -9,8 +9,7 @@ from scipy.signal import periodogram
 from benchmarks.cycle_runs import Case
 from benchmarks.kept_runs import Summary
 from subsoil_ros.analysis.failure_cycles import SMOOTHED_S, FailureCycles, failure_cycles
-from subsoil_ros.analysis.series import Series
-from subsoil_ros.analysis.series_file import read_series_csv
+from subsoil_ros.analysis.series import Series, read_series_csv
 from subsoil_ros.analysis.smoothing import moving_mean, step_s
 from subsoil_ros.analysis.window import tip_path_m
 from subsoil_ros.scene.loader import load_scene

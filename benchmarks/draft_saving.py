@@ -23,8 +23,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.kept_runs import Summary, kept_run, write_scene
+from subsoil_ros.analysis.intervals import PairedDifference, paired_difference
 from subsoil_ros.analysis.machine_variants import locked_shank, shank_and_frame
-from subsoil_ros.analysis.paired import PairedDifference, paired_difference
 from subsoil_ros.scene.loader import ResolvedScene, load_scene
 
 SCENES = Path(__file__).parents[1] / "config" / "scenes"

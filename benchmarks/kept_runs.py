@@ -1,20 +1,20 @@
-"""Runs that a benchmark needs: each in a process of its own, once, kept by the hash of its scene.
-
-A folder appears under its name when its run is whole, so what was stopped goes on with the next run. Bags are
-removed unless they are asked for: a summary holds what is compared.
-"""
+"""Runs that a benchmark needs: each in a process of its own, once, kept as a sweep keeps them."""
 
 import csv
 import json
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from subsoil_ros import __version__
+from subsoil_ros.analysis.execution import code_digest, machine_name
+from subsoil_ros.analysis.kept_runs import KeptRun, find_run, keep_folder
 from subsoil_ros.scene.document import Document, dump_yaml
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.scene.loader import ResolvedScene, load_scene
 
 Summary = dict[str, Any]
 
@@ -33,47 +33,62 @@ def write_scene(document: Document, path: Path) -> Path:
 def kept_run(
     scene: Path, folder: Path, overrides: Sequence[str] = (), threads: int = 1, *, keep_bag: bool = False
 ) -> Summary:
-    """Summary of a direct run of a scene, from `folder` where it has been run before.
+    """Summary of a direct run of a scene, its folder among it; from `folder` where it has been run before.
+
+    keep_bag: also its bag and the figures of `subsoil report`.
 
     Raises:
         SubsoilError: the scene cannot be used.
         FailedRun: the run failed.
     """
-    out = _run_folder(scene, folder, overrides)
-    if not (out / "summary.json").is_file():
-        part = out.with_name(f"{out.name}.part")
-        shutil.rmtree(part, ignore_errors=True)
-        out.parent.mkdir(parents=True, exist_ok=True)
-        words = [sys.executable, "-m", "subsoil_ros.cli.main", "run", str(scene), "--out", str(part)]
-        words += ["--mode", "direct", "--threads", str(threads)]
-        words += [word for text in overrides for word in ("--set", text)]
-        ended = subprocess.run(words, capture_output=True, text=True, check=False)
-        if ended.returncode != 0:
-            raise FailedRun(f"{out.name}: exit {ended.returncode}: {ended.stderr.strip()}")
-        if keep_bag:
-            report = [sys.executable, "-m", "subsoil_ros.cli.main", "report", str(part)]
-            subprocess.run(report, capture_output=True, text=True, check=True)
-        else:
-            shutil.rmtree(part / "bag")
-        shutil.rmtree(part / "checkpoints", ignore_errors=True)
-        part.rename(out)
-    return _summary(out)
+    resolved = load_scene(scene, overrides)
+    kept = find_run(folder, resolved.scene_hash)
+    if kept is None or kept.failure is not None or (keep_bag and not (kept.folder / "bag").is_dir()):
+        kept = _run(scene, resolved, folder, overrides, threads, keep_bag)
+    return {**kept.summary, "folder": str(kept.folder)}
 
 
 def find_kept_run(scene: Path, folder: Path, overrides: Sequence[str] = ()) -> Summary | None:
     """Summary of a run that kept_run has made; none where it has not."""
-    out = _run_folder(scene, folder, overrides)
-    return _summary(out) if (out / "summary.json").is_file() else None
+    kept = find_run(folder, load_scene(scene, overrides).scene_hash)
+    return None if kept is None or kept.failure is not None else {**kept.summary, "folder": str(kept.folder)}
 
 
-def _run_folder(scene: Path, folder: Path, overrides: Sequence[str]) -> Path:
-    resolved = load_scene(scene, overrides)
-    return folder / f"{resolved.scene.name}-{resolved.scene_hash[:12]}"
+def _run(
+    scene: Path, resolved: ResolvedScene, cache: Path, overrides: Sequence[str], threads: int, keep_bag: bool
+) -> KeptRun:
+    cache.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".part-", dir=cache) as part:
+        made = Path(part) / "run"
+        changes = [word for text in overrides for word in ("--set", text)]
+        words = ["run", str(scene), "--out", str(made), "--mode", "direct", "--threads", str(threads)]
+        _subsoil(*words, *changes)
+        if keep_bag:
+            _subsoil("report", str(made))
+        else:
+            shutil.rmtree(made / "bag")
+        shutil.rmtree(made / "checkpoints", ignore_errors=True)
+        facts = {
+            "failure": None,
+            "exit_status": 0,
+            "wall_s": None,  # not timed as a study does
+            "cpu_s": None,
+            "whole_wall_s": json.loads((made / "summary.json").read_text(encoding="utf-8"))["whole_wall_s"],
+            "threads": threads,
+            "at_once": 1,
+            "machine": machine_name(),
+            "version": __version__,
+            "code": code_digest(),
+        }
+        return keep_folder(cache, resolved.scene_hash, made, facts)
 
 
-def _summary(out: Path) -> Summary:
-    summary: Summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
-    return {**summary, "folder": str(out)}
+def _subsoil(*words: str) -> None:
+    """A verb in a process of its own. Raises FailedRun."""
+    command = [sys.executable, "-m", "subsoil_ros.cli.main", *words]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    if ended.returncode != 0:
+        raise FailedRun(f"subsoil {' '.join(words[:2])}: exit {ended.returncode}: {ended.stderr.strip()}")
 
 
 def read_rows(path: Path) -> list[dict[str, str]]:

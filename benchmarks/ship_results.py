@@ -8,11 +8,12 @@ commit, scene hash, wall time). tests/unit/test_shipped_results.py holds every t
 """
 
 import argparse
-import csv
 import json
 import shutil
 import subprocess
 from pathlib import Path
+
+import pandas as pd
 
 RESULTS = Path(__file__).parents[1] / "docs" / "results"
 KEPT = ("reproduction.csv", "reproduction.json", "reproduction.md")
@@ -26,12 +27,8 @@ def slim_series(source: Path, target: Path, spring: str, shank: str) -> None:
     """Copies the columns that the tables compare, with all their digits."""
     wanted = [*COLUMNS, f"spring.{spring}.force_newton", f"spring.{spring}.length_m"]
     wanted += [f"body.{shank}.angle_rad", f"body.{shank}.z_m"]
-    with source.open(newline="") as stream, target.open("w", newline="", encoding="utf-8") as out:
-        reader = csv.DictReader(stream)
-        names = [name for name in wanted if name in (reader.fieldnames or ())]
-        writer = csv.DictWriter(out, names, lineterminator="\n", extrasaction="ignore")
-        writer.writeheader()
-        writer.writerows(reader)
+    table = pd.read_csv(source, usecols=lambda name: name in wanted, dtype=str, keep_default_na=False)
+    table[[name for name in wanted if name in table]].to_csv(target, index=False)
 
 
 def ship(run: Path, name: str, command: str) -> Path:

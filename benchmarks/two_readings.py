@@ -22,7 +22,7 @@ from benchmarks.kept_runs import FailedRun, Summary, kept_run, write_rows, write
 from subsoil_ros.analysis import paper
 from subsoil_ros.analysis.levers import past_dead_centre_s
 from subsoil_ros.analysis.machine_variants import at_depth, at_rest, coarse_soil, on_plain_ground
-from subsoil_ros.analysis.series_file import read_series_csv
+from subsoil_ros.analysis.series import read_series_csv
 from subsoil_ros.errors import SubsoilError
 from subsoil_ros.scene.loader import load_scene
 

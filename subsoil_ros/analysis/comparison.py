@@ -1,6 +1,5 @@
 """Runs side by side, and beside what was measured in the field: curves, metrics, differences."""
 
-import csv
 import difflib
 import json
 import math
@@ -14,14 +13,14 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..scene.document import read_document
-from .plotting import new_figure, save_figure
-from .series_file import read_table_csv
+from .plotting import CYCLE, new_figure, save_figure
+from .series import read_table_csv
+from .smoothing import moving_mean
 
 STATISTICS = ("mean", "min", "max")
 SMOOTHED_S = 0.05
 """Curves are drawn as recorded, pale, and as means over this (as in the figures of a report)."""
 
-_CYCLE = ("#1f4e79", "#c55a11", "#548235", "#7030a0", "#bf9000", "#a31515", "#008080", "#7f7f7f")
 _MEASURED = "#000000"
 
 
@@ -161,18 +160,18 @@ def _rms_difference(first: Source, other: Source, name: str) -> float:
 
 def write_differences_csv(found: Sequence[Difference], sources: Sequence[Source], path: Path) -> None:
     """A row per column and statistic: the value of each source, then difference and part of the first."""
-    others = [source.label for source in sources[1:]]
-    with path.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        heads = [f"{kind} {label}" for label in others for kind in ("difference", "part")]
-        writer.writerow(["column", "statistic", *(source.label for source in sources), *heads])
-        for item in found:
-            apart: list[float] = []
-            for place in range(1, len(sources)):
-                apart += (
-                    (math.nan, math.nan) if item.statistic == "rms_difference" else item.against_first(place)
-                )
-            writer.writerow([item.column, item.statistic, *map(repr, item.values), *map(repr, apart)])
+    import pandas as pd
+
+    labels = [source.label for source in sources]
+    heads = [f"{kind} {label}" for label in labels[1:] for kind in ("difference", "part")]
+    rows = []
+    for item in found:
+        row: list[Any] = [item.column, item.statistic, *item.values]
+        for place in range(1, len(sources)):
+            row += item.against_first(place) if item.statistic in STATISTICS else (math.nan, math.nan)
+        rows.append(row)
+    table = pd.DataFrame(rows, columns=["column", "statistic", *labels, *heads])
+    table.to_csv(path, index=False, na_rep="nan")
 
 
 def draw_overlay(sources: Sequence[Source], columns: Sequence[str], path: Path) -> Path:
@@ -184,24 +183,14 @@ def draw_overlay(sources: Sequence[Source], columns: Sequence[str], path: Path) 
         for k, source in enumerate(sources):
             if name not in source.columns:
                 continue
-            colour = _MEASURED if source.measured else _CYCLE[k % len(_CYCLE)]
+            colour = _MEASURED if source.measured else CYCLE[k % len(CYCLE)]
             times, values = source.columns["time_s"], source.columns[name]
             axes.plot(times, values, color=colour, lw=0.6, alpha=0.35)
-            axes.plot(times, _smoothed(times, values), color=colour, lw=1.5, label=source.label)
+            smooth = moving_mean(source.columns, name, SMOOTHED_S)
+            axes.plot(times, smooth, color=colour, lw=1.5, label=source.label)
         axes.set_ylabel(name, fontsize=8)
         axes.tick_params(labelsize=8)
         axes.grid(alpha=0.3)
     panels[0].legend(fontsize=8, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
     panels[-1].set_xlabel("time [s]", fontsize=9)
     return save_figure(figure, path)
-
-
-def _smoothed(times: NDArray[np.float64], values: NDArray[Any]) -> NDArray[np.float64]:
-    from scipy.ndimage import uniform_filter1d
-
-    if len(times) < 3:
-        return np.asarray(values, np.float64)
-    count = max(1, round(SMOOTHED_S / float(np.median(np.diff(times)))))
-    return np.asarray(
-        uniform_filter1d(np.asarray(values, np.float64), min(count, len(values)), mode="nearest")
-    )

@@ -7,7 +7,6 @@ more than a radius. The loosened cross-section is the moved part of the slab tim
 the surface is that of the columns of the uppermost layer of which half or more moved.
 """
 
-import csv
 import itertools
 from dataclasses import dataclass
 from pathlib import Path
@@ -230,14 +229,11 @@ def _surface_width_m(
 
 def write_height_map_csv(lift: HeightGrid, path: Path) -> None:
     """One row for each cell: its centre and how far its surface rose; empty where no soil is."""
-    with path.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(("x_m", "y_m", "lift_m"))
-        xs, ys = lift.centres_m()
-        for j, y in enumerate(ys.tolist()):
-            for i, x in enumerate(xs.tolist()):
-                value = float(lift.height_m[j, i])
-                writer.writerow((f"{x:.6g}", f"{y:.6g}", f"{value:.6g}" if np.isfinite(value) else ""))
+    import pandas as pd
+
+    x, y = np.meshgrid(*lift.centres_m())
+    columns = {"x_m": x.ravel(), "y_m": y.ravel(), "lift_m": lift.height_m.ravel()}
+    pd.DataFrame(columns).to_csv(path, index=False, float_format="%.6g")
 
 
 def _period_m(soil: Soil, first_m: Values) -> float | None:

@@ -8,7 +8,6 @@ of
 in the time T. Mean loads are listed but not weighed: that needs the wire's diameter and the spring's stress.
 """
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -56,10 +55,7 @@ def load_cycles(force_newton: NDArray[np.float64], duration_s: float) -> LoadCyc
 
 def write_cycles_csv(cycles: LoadCycles, path: Path) -> None:
     """One row for each cycle, the largest range first."""
-    order = np.argsort(-cycles.range_newton, kind="stable")
-    with path.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(("range_newton", "mean_newton", "count"))
-        for k in order:
-            row = (cycles.range_newton[k], cycles.mean_newton[k], cycles.count[k])
-            writer.writerow([repr(float(value)) for value in row])
+    import pandas as pd
+
+    table = pd.DataFrame(vars(cycles), columns=["range_newton", "mean_newton", "count"])
+    table.sort_values("range_newton", ascending=False, kind="stable").to_csv(path, index=False)

@@ -6,6 +6,7 @@ wide (4.3 standard errors at 95 %), which is the price of three seeds.
 """
 
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -44,15 +45,15 @@ class Interval:
 
 
 def mean_interval(values: Sequence[float], confidence: float = CONFIDENCE) -> Interval:
-    """Mean of values with its interval: mean +- t(n - 1) s / sqrt(n)."""
-    count = len(values)
-    if count == 0:
+    """Mean of values with its interval: mean +- t(n - 1) s / sqrt(n); unknown (nan) for a single value."""
+    from scipy.stats import ttest_1samp
+
+    if not len(values):
         return Interval(math.nan, math.nan, 0)
-    mean = float(np.mean(values))
-    if count == 1:
-        return Interval(mean, math.nan, 1)
-    error = float(np.std(values, ddof=1)) / math.sqrt(count)
-    return Interval(mean, t_quantile(count - 1, confidence) * error, count)
+    with warnings.catch_warnings():  # of scipy, where there is one value or all are equal
+        warnings.simplefilter("ignore", RuntimeWarning)
+        ends = ttest_1samp(values, 0.0).confidence_interval(confidence)
+    return Interval(float(np.mean(values)), 0.5 * float(ends.high - ends.low), len(values))
 
 
 def t_quantile(freedoms: float, confidence: float = CONFIDENCE) -> float:
@@ -109,3 +110,52 @@ def error_against_one(
         float(np.std(values, ddof=1)) / math.sqrt(own.count), own.mean / reference * scatter
     )
     return Interval(error, t_quantile(count - 1, confidence) * deviation / abs(reference), own.count)
+
+
+@dataclass(frozen=True)
+class PairedDifference:
+    """Of one quantity on n beds: control less case, bed by bed; half-widths are of 95 %."""
+
+    case_mean: float
+    control_mean: float
+    difference: float
+    half_width: float  # infinite for a single pair
+    pair_count: int
+
+    @property
+    def saving(self) -> float:
+        """Part of the control's mean that the case saves."""
+        return self.difference / self.control_mean
+
+    @property
+    def saving_half_width(self) -> float:
+        """Of `saving`, the control's mean taken as known."""
+        return self.half_width / abs(self.control_mean)
+
+    def resolved(self, bound: float) -> bool:
+        """Whether the half-width is below a part of the control's mean."""
+        return self.saving_half_width < bound
+
+    @property
+    def verdict(self) -> str:
+        """In words."""
+        if not math.isfinite(self.half_width):
+            return "one pair tells no interval"
+        if abs(self.difference) <= self.half_width:
+            return "no difference seen"
+        return "saves" if self.difference > 0.0 else "costs"
+
+
+def paired_difference(case: Sequence[float], control: Sequence[float]) -> PairedDifference:
+    """Of values on the same beds in the same order: Student's interval of the mean difference."""
+    one, two = np.asarray(case, np.float64), np.asarray(control, np.float64)
+    if one.shape != two.shape or one.size == 0:
+        raise ValueError(f"{one.size} and {two.size} values make no pairs")
+    found = mean_interval((two - one).tolist())
+    return PairedDifference(
+        case_mean=float(one.mean()),
+        control_mean=float(two.mean()),
+        difference=found.mean,
+        half_width=found.half_width if found.count > 1 else math.inf,
+        pair_count=found.count,
+    )

@@ -1,13 +1,15 @@
-"""Finished runs, kept by the hash of their scene: calibrations, sweeps and studies share them.
+"""Finished runs, kept by the hash of their scene: calibrations, sweeps, studies and benchmarks share them.
 
 A kept run is a folder with scene.yaml, series.csv and summary.json as `subsoil run` leaves them and run.json,
-which says how it went and what it took. There is no bag: scene.yaml gives it again, bit for bit.
+which says how it went and what it took. A bag is there only where somebody wanted it: scene.yaml gives it
+again, bit for bit.
 """
 
 import json
 import os
 import shutil
 import tempfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -16,8 +18,7 @@ from typing import Any
 from ..errors import InputError, RunError, SubsoilError
 from ..scene.loader import ResolvedScene
 from .execution import Executed
-from .series import Series
-from .series_file import read_series_csv
+from .series import Series, read_series_csv
 
 NAME_DIGITS = 32
 """Of the hash, in a folder's name."""
@@ -73,21 +74,29 @@ def find_run(cache: Path, scene_hash: str) -> KeptRun | None:
 
 def keep_run(cache: Path, scene: ResolvedScene, executed: Executed) -> KeptRun:
     """Keeps a run in place of an earlier one of the same scene; its folder appears in one piece."""
-    folder = run_folder(cache, scene.scene_hash)
     cache.mkdir(parents=True, exist_ok=True)
-    part = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=cache))
+    part = Path(tempfile.mkdtemp(prefix=".part-", dir=cache))
     try:
         scene.write(part / "scene.yaml")
         for name, content in executed.files.items():
             (part / name).write_bytes(content)
-        (part / "run.json").write_text(json.dumps(executed.facts, indent=1) + "\n", encoding="utf-8")
         part.chmod(0o755)  # mkdtemp's are for the user alone
-        shutil.rmtree(folder, ignore_errors=True)
-        try:
-            os.rename(part, folder)
-        except OSError:
-            if not folder.is_dir():  # else somebody has just kept the same scene: the same numbers
-                raise
+        return keep_folder(cache, scene.scene_hash, part, executed.facts)
     finally:
         shutil.rmtree(part, ignore_errors=True)
+
+
+def keep_folder(cache: Path, scene_hash: str, made: Path, facts: Mapping[str, Any]) -> KeptRun:
+    """Keeps a folder that `subsoil run` made on the disk of the cache, as keep_run does; it is moved.
+
+    facts: as Executed has them.
+    """
+    folder = run_folder(cache, scene_hash)
+    (made / "run.json").write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8")
+    shutil.rmtree(folder, ignore_errors=True)
+    try:
+        os.rename(made, folder)
+    except OSError:
+        if not folder.is_dir():  # else somebody has just kept the same scene: the same numbers
+            raise
     return KeptRun(folder)

@@ -9,12 +9,10 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from .intervals import mean_interval
-from .plotting import new_figure, save_figure
+from .plotting import CYCLE, new_figure, save_figure
 
 LINES = 6
 """More values of a second key than this are drawn as one mean (chosen: more lines are not told apart)."""
-
-_CYCLE = ("#1f4e79", "#c55a11", "#548235", "#7030a0", "#bf9000", "#7f7f7f")
 
 
 def draw_response(
@@ -50,7 +48,7 @@ def draw_response(
 def _panel(axes: Axes, table: pd.DataFrame, key: str, name: str, other: str | None, bars: bool) -> None:
     groups = [("", table)] if other is None else list(table.groupby(other, sort=True))
     places = _places(axes, table[key])
-    for (value, rows), colour in zip(groups, _CYCLE, strict=False):
+    for (value, rows), colour in zip(groups, CYCLE, strict=False):
         at = [places[item] for item in rows[key]]
         axes.plot(at, rows[name], ".", color=colour, alpha=0.35, ms=5)
         means = []

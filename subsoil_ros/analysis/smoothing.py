@@ -1,26 +1,34 @@
 """Moving means of series."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from .series import Series
 
+Columns = Series | Mapping[str, NDArray[Any]]
+"""By name, each (n,), time_s among them."""
+
 
 def running_mean(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """Centred mean over `count` (made odd) values, over fewer at the ends; (n,) -> (n,)."""
+    """Centred mean over `count` (made odd) values, over fewer at the ends, nan left out; (n,) -> (n,)."""
+    import pandas as pd
+
     half = min(count // 2, (len(values) - 1) // 2)
     if half < 1:
         return values
-    kernel = np.ones(2 * half + 1)
-    return np.convolve(values, kernel, "same") / np.convolve(np.ones_like(values), kernel, "same")
+    means = pd.Series(values).rolling(2 * half + 1, min_periods=1, center=True).mean()
+    return np.asarray(means, np.float64)
 
 
-def moving_mean(series: Series, name: str, seconds: float) -> NDArray[np.float64]:
+def moving_mean(columns: Columns, name: str, seconds: float) -> NDArray[np.float64]:
     """Centred mean over a time [s] of a column (n,); the column itself where rows are farther apart."""
-    return running_mean(series[name], max(1, round(seconds / step_s(series, seconds))))
+    return running_mean(columns[name], max(1, round(seconds / step_s(columns, seconds))))
 
 
-def step_s(series: Series, otherwise_s: float = 1.0) -> float:
+def step_s(columns: Columns, otherwise_s: float = 1.0) -> float:
     """Time from row to row [s]; `otherwise_s` for a single row."""
-    times = series["time_s"]
+    times = columns["time_s"]
     return float(np.median(np.diff(times))) if len(times) > 1 else otherwise_s

@@ -13,7 +13,6 @@ wander would pass for a rhythm; so another has the integrated correlation time o
 (2 tau - 1) / (2 tau + 1). The larger of the two densities counts.
 """
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -146,12 +145,9 @@ def degrees_of_freedom(count: int, length: int) -> float:
 
 def write_spectra_csv(spectra: dict[str, Spectrum], path: Path) -> None:
     """One row for each frequency of each quantity; densities in the quantity's unit squared per hertz."""
-    with path.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(("quantity", "frequency_hz", "density", "low", "high", "red_noise", "level"))
-        for name, found in spectra.items():
-            columns = (
-                found.frequency_hz, found.density, found.low, found.high, found.noise, found.level,
-            )  # fmt: skip
-            for row in zip(*(column.tolist() for column in columns), strict=True):
-                writer.writerow((name, *map(repr, row)))
+    import pandas as pd
+
+    columns = ["frequency_hz", "density", "low", "high", "noise", "level"]
+    tables = {name: pd.DataFrame(vars(found), columns=columns) for name, found in spectra.items()}
+    table = pd.concat(tables, names=["quantity"]).droplevel(1)
+    table.rename(columns={"noise": "red_noise"}).to_csv(path)

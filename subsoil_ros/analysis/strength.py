@@ -1,6 +1,5 @@
 """What soil tests say: the line of Mohr and Coulomb and the numbers beside it, as JSON, CSV and figure."""
 
-import csv
 import json
 import math
 from collections.abc import Sequence
@@ -125,22 +124,17 @@ def write_results(tests: SoilTests, facts: dict[str, Any], folder: Path) -> None
 
     facts: what else the JSON file is to say (scene, its hash).
     """
+    import pandas as pd
+
     strength = SoilStrength.of(tests)
     content = facts | {"size_m": tests.size_m, "strength": asdict(strength), "tests": shear_rows(tests)}
     (folder / "soil_test.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    with (folder / "shear.csv").open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(("nominal_normal_pa", "displacement_m", "shear_pa", "normal_pa", "rise_m"))
-        for curve in tests.shear:
-            columns = (curve.displacement_m, curve.shear_pa, curve.normal_pa, curve.rise_m)
-            for row in zip(*(column.tolist() for column in columns), strict=True):
-                writer.writerow((repr(curve.nominal_pa), *map(repr, row)))
+    columns = ["nominal_pa", "displacement_m", "shear_pa", "normal_pa", "rise_m"]
+    shear = pd.concat([pd.DataFrame(vars(curve), columns=columns) for curve in tests.shear])
+    shear.rename(columns={"nominal_pa": "nominal_normal_pa"}).to_csv(folder / "shear.csv", index=False)
     if tests.tension is not None:
-        with (folder / "tension.csv").open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.writer(stream, lineterminator="\n")
-            writer.writerow(("opening_m", "tension_pa"))
-            pairs = (tests.tension.opening_m.tolist(), tests.tension.tension_pa.tolist())
-            writer.writerows((repr(a), repr(b)) for a, b in zip(*pairs, strict=True))
+        tension = pd.DataFrame(vars(tests.tension), columns=["opening_m", "tension_pa"])
+        tension.to_csv(folder / "tension.csv", index=False)
     draw_tests(tests, strength, str(facts.get("scene", "")), folder / "soil_test.png")
 
 

@@ -7,9 +7,7 @@ from pathlib import Path
 
 from matplotlib.axes import Axes
 
-from .plotting import new_figure, save_figure
-
-_COLOURS = ("#1f4e79", "#c55a11", "#548235", "#7030a0", "#bf9000", "#a31515", "#008080", "#7f7f7f", "#4d4d4d")
+from .plotting import CYCLE, new_figure, save_figure
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,7 @@ def draw_study(
     figure = new_figure(13.0, 1.0 + 3.3 * rows)
     grid = figure.add_gridspec(rows, columns + 1, width_ratios=[1.0, 1.0, 0.62])
     groups = list(dict.fromkeys(dot.group for panel in panels for dot in panel.dots))
-    colours = {group: _COLOURS[k % len(_COLOURS)] for k, group in enumerate(groups)}
+    colours = {group: CYCLE[k % len(CYCLE)] for k, group in enumerate(groups)}
     for k, panel in enumerate(panels):
         _paint(figure.add_subplot(grid[k // columns, k % columns]), panel, colours)
     legend = figure.add_subplot(grid[:, columns])

@@ -4,6 +4,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import pandas as pd
+
 from ..analysis.intervals import (
     Interval,
     difference_by_seed,
@@ -122,7 +124,7 @@ def _errors(
     error = compare(values, true, design.confidence)
     if error.count:
         judged.errors[metric.name] = _resolvable(error, metric, finest)
-    scatter = _deviation(list(true.values()))
+    scatter = float(pd.Series(true).std())  # nan with one
     for name in design.also_against:
         other = list(_of(by_variant.get(name, {}), metric).values())
         if not metric.relative or not any(other):
@@ -147,14 +149,6 @@ def _resolvable(error: Interval, metric: Metric, finest: dict[int, Measurement])
 
 def _of(runs: dict[int, Measurement], metric: Metric) -> dict[int, float]:
     return {seed: run.metrics[metric.name] for seed, run in runs.items() if metric.name in run.metrics}
-
-
-def _deviation(values: Sequence[float]) -> float:
-    """Standard deviation over the seeds; nan with one."""
-    if len(values) < 2:
-        return math.nan
-    mean = sum(values) / len(values)
-    return math.sqrt(sum((value - mean) ** 2 for value in values) / (len(values) - 1))
 
 
 def _bound(judged: Judged, names: Sequence[str], seeds: int) -> float:

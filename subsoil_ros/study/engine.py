@@ -70,8 +70,10 @@ def _is_missing(kept: KeptRun | None, manner: Manner) -> bool:
         return True
     if kept.failure is not None:
         return manner.retry_failed
+    if not manner.timed:
+        return False
     had_company = kept.facts["at_once"] > (manner.workers or 1) or kept.facts["threads"] != manner.threads
-    return manner.timed and had_company
+    return had_company or kept.facts["cpu_s"] is None
 
 
 def _run_missing(missing: dict[str, Job], cache: Path, manner: Manner, watcher: Watcher) -> None:

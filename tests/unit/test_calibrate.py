@@ -268,28 +268,9 @@ def test_bad_law_design(
     assert words in capsys.readouterr().err
 
 
-def test_grainlearning_is_used_where_it_is_installed(
-    law_design: Callable[..., Path],
-    known_tests: list[str],
-    tmp_path: Path,
-    capsys: Captured,
+def test_a_draft_is_the_mean_over_the_beds_of_its_target(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where not, that is said, with what to do."""
-    design = law_design(method="grainlearning", largest_runs=40)
-    out = tmp_path / "fit.yaml"
-    status = main(["calibrate", str(design), "--runs", str(tmp_path / "runs"), "--out", str(out)])
-    try:
-        import grainlearning  # noqa: F401
-    except ImportError:
-        assert status == 2
-        assert "pip install grainlearning" in capsys.readouterr().err
-        return
-    assert status == 0
-    report = json.loads(out.with_suffix(".json").read_text())
-    assert report["results"]["draft_newton"]["found"] == pytest.approx(900.0, rel=0.15)
-
-
-def test_a_draft_is_the_mean_over_the_beds_of_its_target(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each seed lays another bed; on a bed without anything random it is refused."""
 
     def no_watch(*_: object) -> nullcontext[Callable[[int], None]]:
@@ -303,9 +284,24 @@ def test_a_draft_is_the_mean_over_the_beds_of_its_target(monkeypatch: pytest.Mon
     monkeypatch.setattr(soil_results, "_draft_newton", known)
     target = DraftTarget(kind="draft", draft_newton=900.0, seeds=(3, 5))
     jittered = load_scene(SCENES / "tine.yaml", ["soil.bed.jitter_m=1.0e-4"])
-    assert soil_results.draft_results(jittered, target, 1, no_watch) == {"draft_newton": 400.0}
+    assert soil_results.draft_results(jittered, target, tmp_path, 1, no_watch) == {"draft_newton": 400.0}
     with pytest.raises(InputError, match="seeds would change nothing"):
-        soil_results.draft_results(load_scene(SCENES / "tine.yaml"), target, 1, no_watch)
+        soil_results.draft_results(load_scene(SCENES / "tine.yaml"), target, tmp_path, 1, no_watch)
+
+
+def test_the_run_of_a_draft_is_a_kept_run(tmp_path: Path) -> None:
+    """One that a sweep has made is not run again; the force of every tick is in it."""
+    every_tick = ["record.series_ticks=1", "record.cloud_hz=0.0"]
+    reduced = f"soil={{model: resistance, file: {SCENES.parent / 'soils' / 'paper_grid.yaml'}}}"
+    run = execute(load_scene(SCENES / "tine.yaml", [*every_tick, reduced]))
+    kept = keep_run(tmp_path, load_scene(SCENES / "tine.yaml", every_tick), run)
+
+    def never(name: str, timing: object) -> nullcontext[Callable[[int], None]]:
+        raise AssertionError(f"{name} was run")
+
+    target = DraftTarget(kind="draft", draft_newton=900.0)
+    found = soil_results.draft_results(load_scene(SCENES / "tine.yaml"), target, tmp_path, 1, never)
+    assert found["draft_newton"] == pytest.approx(kept.summary["draft_newton_mean"], rel=0.01)
 
 
 def test_slope_of_a_heap() -> None:

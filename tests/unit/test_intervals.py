@@ -32,6 +32,18 @@ def test_interval_of_three_values_by_hand() -> None:
     assert mean_interval([10.0, 11.0, 12.0]).resolved
 
 
+@pytest.mark.parametrize("scatter", [0.0, 1e-6, 1.0, 1e4])
+def test_interval_is_students_formula(scatter: float) -> None:
+    """t(n - 1) s / sqrt(n) to round-off of the mean (1e-14); all equal, without a warning: no width."""
+    random = np.random.default_rng(6)
+    for count in (2, 3, 7, 30):
+        values = 100.0 + scatter * random.normal(size=count)
+        found = mean_interval(values.tolist(), 0.9)
+        by_hand = t_quantile(count - 1, 0.9) * float(np.std(values, ddof=1)) / math.sqrt(count)
+        assert found.mean == float(np.mean(values))
+        assert found.half_width == pytest.approx(by_hand, rel=1e-14, abs=1e-14 * abs(found.mean))
+
+
 def test_interval_holds_the_truth_as_often_as_it_says() -> None:
     """Of 4000 samples of four normal values 95 % hold the mean: within 3 sigma of the binomial, 0.0103."""
     random = np.random.default_rng(5)

@@ -114,6 +114,17 @@ def test_running_mean_keeps_straight_lines():
     assert running_mean(np.array([3.0]), 9) == [3.0]
 
 
+@pytest.mark.parametrize("count", [1, 2, 3, 6, 11, 40, 41, 90])
+def test_running_mean_by_hand(count):
+    """Of the values within half of `count`, those that are there at the ends; never wider than the series."""
+    values = 1e4 + np.random.default_rng(2).normal(size=40)
+    half = min(count // 2, 19)
+    by_hand = [values[max(0, k - half) : k + half + 1].mean() for k in range(40)]
+    np.testing.assert_allclose(running_mean(values, count), by_hand, rtol=1e-14)
+    gap = np.where(np.arange(40) == 20, np.nan, values)
+    np.testing.assert_array_equal(np.isnan(running_mean(gap, count)), np.isnan(gap) & (count < 2))
+
+
 def verb(module, *words: str) -> int:
     """Runs one verb of the command line."""
     parser = argparse.ArgumentParser()

@@ -10,8 +10,8 @@ import pytest
 
 from benchmarks.kept_runs import read_rows
 from subsoil_ros.analysis.findings import MOVING_S
-from subsoil_ros.analysis.paired import paired_difference
-from subsoil_ros.analysis.series_file import read_series_csv
+from subsoil_ros.analysis.intervals import paired_difference
+from subsoil_ros.analysis.series import read_series_csv
 from subsoil_ros.analysis.smoothing import moving_mean
 
 RESULTS = Path(__file__).parents[2] / "docs" / "results"

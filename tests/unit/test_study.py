@@ -9,13 +9,18 @@ import pandas as pd
 import pytest
 import yaml
 
+from subsoil_ros.analysis.execution import Executed, execute
+from subsoil_ros.analysis.kept_runs import keep_run
 from subsoil_ros.analysis.run_metrics import METRICS
 from subsoil_ros.cli.main import main
+from subsoil_ros.cli.sweep_progress import SweepProgress
 from subsoil_ros.errors import InputError
 from subsoil_ros.scene.loader import load_scene
 from subsoil_ros.scene.presets import read_preset
 from subsoil_ros.study.accuracy import Measurement, judge
 from subsoil_ros.study.design import StudyDesign, design_of, read_design
+from subsoil_ros.study.engine import Manner, run_jobs
+from subsoil_ros.study.plan import Point, jobs_of
 from subsoil_ros.study.report import expected_presets, markdown, wide_table
 from subsoil_ros.study.study import study_jobs
 
@@ -316,6 +321,19 @@ def test_a_wrong_knob_shows_before_anything_runs(tmp_path: Path, capsys: Capture
     assert main(["study", scene, "--design", str(path), "--out", str(tmp_path / "out")]) == 2
     assert "did you mean 'skin_m'" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_a_run_that_nobody_timed_runs_again_in_a_study(tmp_path: Path, capsys: Captured) -> None:
+    """A benchmark's, say, has no CPU time; a sweep takes it as it is, a study times it."""
+    soil = f"soil={{model: resistance, file: {CONFIG / 'soils' / 'paper_grid.yaml'}}}"
+    jobs = jobs_of(str(CONFIG / "scenes" / "tine.yaml"), [soil, "duration_s=0.01"], [Point({})])
+    done = execute(jobs[0].scene)
+    keep_run(tmp_path, jobs[0].scene, Executed(done.files, {**done.facts, "wall_s": None, "cpu_s": None}))
+    for timed, kept in ((False, 1), (True, 0), (True, 1)):
+        with SweepProgress("study") as progress:
+            found = run_jobs(jobs, tmp_path, Manner(workers=1, timed=timed), progress)
+        assert f"1 runs, {kept} of them kept" in capsys.readouterr().err
+        assert (found[0].facts["cpu_s"] is not None) == timed
 
 
 def test_a_study_of_real_runs(tmp_path: Path, capsys: Captured) -> None:

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import ttest_rel
 
 from subsoil_ros.analysis.draft_bands import ShearStrength, asabe_newton, mckyes_newton
-from subsoil_ros.analysis.paired import paired_difference
+from subsoil_ros.analysis.intervals import paired_difference
 
 
 def test_asabe_at_the_papers_speed():

@@ -98,7 +98,6 @@ class LawDesign(Part):
     overrides: tuple[str, ...] = ()
     parameters: Annotated[tuple[Parameter, ...], Field(min_length=1)]
     targets: Annotated[tuple[Target, ...], Field(min_length=1)]
-    method: Literal["least_squares", "grainlearning"] = "least_squares"
     difference: Fraction = 0.1  # step of the parameters, relative to their bounds: above the noise of a test
     largest_runs: Annotated[int, Field(ge=2)] = 30
 

@@ -57,8 +57,7 @@ def fit_law(
     same sets again, from there. Standard errors are from the Jacobian, tolerances being standard deviations.
 
     Raises:
-        InputError: a parameter is no number of the scene or starts outside its bounds; GrainLearning is asked
-            for and not installed.
+        InputError: a parameter is no number of the scene or starts outside its bounds.
         RunError: a test failed.
     """
     names, wanted, tolerance = _wanted(design.targets)
@@ -93,23 +92,18 @@ def fit_law(
     errors = np.full(len(keys), np.nan)
     finished = True
     try:
-        if design.method == "grainlearning":
-            from .grain import sample
-
-            sample(evaluate, low, high, keys, wanted, tolerance, design.largest_runs)
-        else:
-            width = high - low
-            # from 1 to 2, so that a step relative to a parameter is one relative to its bounds
-            end = least_squares(
-                lambda x: (evaluate(low + (x - 1.0) * width) - wanted) / (tolerance * wanted),
-                1.0 + (start - low) / width,
-                bounds=(1.0, 2.0),
-                diff_step=design.difference,
-                xtol=1e-3,
-                ftol=1e-3,
-            )
-            covariance = np.linalg.pinv(end.jac.T @ end.jac)
-            errors = np.sqrt(np.diag(covariance)) * width
+        width = high - low
+        # from 1 to 2, so that a step relative to a parameter is one relative to its bounds
+        end = least_squares(
+            lambda x: (evaluate(low + (x - 1.0) * width) - wanted) / (tolerance * wanted),
+            1.0 + (start - low) / width,
+            bounds=(1.0, 2.0),
+            diff_step=design.difference,
+            xtol=1e-3,
+            ftol=1e-3,
+        )
+        covariance = np.linalg.pinv(end.jac.T @ end.jac)
+        errors = np.sqrt(np.diag(covariance)) * width
     except _Enough:
         finished = False
     return LawFit(scene, keys, best[1], errors, names, wanted, best[2], tolerance, len(tested), finished)
@@ -155,8 +149,8 @@ def _results(
         content = json.dumps([resolved.scene_hash, target.model_dump(mode="json")], sort_keys=True)
         path = folder / f"{hashlib.sha256(content.encode()).hexdigest()[:32]}.json"
         if not path.is_file():
-            results = _run(resolved, target, threads, watch)
             path.parent.mkdir(parents=True, exist_ok=True)
+            results = _run(resolved, target, folder, threads, watch)
             part = path.with_suffix(".part")
             part.write_text(json.dumps(results))
             os.replace(part, path)
@@ -164,11 +158,11 @@ def _results(
     return np.array(found)
 
 
-def _run(scene: ResolvedScene, target: Target, threads: int, watch: Watch) -> dict[str, float]:
+def _run(scene: ResolvedScene, target: Target, folder: Path, threads: int, watch: Watch) -> dict[str, float]:
     if isinstance(target, StrengthTarget):
         return strength_results(scene, target, threads, watch)
     if isinstance(target, DraftTarget):
-        return draft_results(scene, target, threads, watch)
+        return draft_results(scene, target, folder, threads, watch)
     return repose_results(scene, target, threads, watch)
 
 

@@ -7,14 +7,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...coupling.engines import build_soil
 from ...dem.engine import build_engine
 from ...scene.loader import ResolvedScene, load_scene
 from ...scene.seeds import seed_key
 from ..soil_tests import run_soil_tests
 from ..strength import SoilStrength
 from .design import DraftTarget, ReposeTarget, StrengthTarget, tip_of
-from .runs import Watch, numbers, pull
+from .runs import Watch, kept_pull, numbers
 
 LOOSE = 1.075
 """Distance of the column's spheres over their diameter: they fall into place (chosen)."""
@@ -44,22 +43,24 @@ def strength_results(
     return {name: value for name, value in results.items() if getattr(target, name) is not None}
 
 
-def draft_results(scene: ResolvedScene, target: DraftTarget, threads: int, watch: Watch) -> dict[str, float]:
-    """Mean draft while the tip is in the metrics window, over all beds of the target.
+def draft_results(
+    scene: ResolvedScene, target: DraftTarget, folder: Path, threads: int, watch: Watch
+) -> dict[str, float]:
+    """Mean draft while the tip is in the metrics window, over all beds of the target; runs are in `folder`.
 
     Raises InputError: seeds are given, and nothing in the bed is random.
     """
-    beds = [_changed(scene, [f"{seed_key(scene)}={seed}"]) for seed in target.seeds] or [scene]
-    return {"draft_newton": float(np.mean([_draft_newton(bed, threads, watch) for bed in beds]))}
+    seeds = [[f"{seed_key(scene)}={seed}"] for seed in target.seeds] or [[]]
+    beds = [_changed(scene, ["record.series_ticks=1", "record.cloud_hz=0.0", *seed]) for seed in seeds]
+    return {"draft_newton": float(np.mean([_draft_newton(bed, folder, threads, watch) for bed in beds]))}
 
 
-def _draft_newton(scene: ResolvedScene, threads: int, watch: Watch) -> float:
+def _draft_newton(scene: ResolvedScene, folder: Path, threads: int, watch: Watch) -> float:
     _, (tip_x, _) = tip_of(scene)
     soil = scene.scene.particle_soil
     assert soil is not None
     inside = scene.scene.report.window_inside_m
-    with watch("draft", scene.timing) as on_tick:
-        found = pull(scene, build_soil(scene, threads), on_tick)
+    found = kept_pull(scene, folder, "draft", threads, watch)
     return numbers(found, tip_x, (inside, soil.bin.length_m - inside)).draft_newton
 
 

@@ -10,7 +10,7 @@ from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.errors import RunError
 from subsoil_ros.mbd.engine import MechanismEngine
 from subsoil_ros.messages import CouplingReport, MechanismState, ToolMotion, ToolMotions, ToolWrench
-from subsoil_ros.scene.coupling_bounds import PARALLEL_DAMPER_SHARE, SERIAL_DAMPER_SHARE, force_age_ticks
+from subsoil_ros.scene.coupling_bounds import DAMPER_SHARE, force_age_ticks
 from subsoil_ros.scene.loader import ResolvedScene
 from subsoil_ros.scene.model import Coupling
 
@@ -40,17 +40,15 @@ class Press:
     damping: float
     interval_s: float
     soil_steps: int = 1
-    scheme: str = "serial"
     force: str = "tick_end"
     stiffness: float = SOFT
 
     @property
     def limits(self) -> tuple[float, float]:
         """Smallest and largest damper of a stable exchange [N s/m] (docs/physics.md)."""
-        coupling = Coupling(scheme=self.scheme, force=self.force)  # type: ignore[arg-type]
-        share = PARALLEL_DAMPER_SHARE if self.scheme == "parallel" else SERIAL_DAMPER_SHARE
+        coupling = Coupling(force=self.force)  # type: ignore[arg-type]
         age_s = force_age_ticks(coupling, self.soil_steps) * self.interval_s
-        return age_s * self.stiffness, share * self.mass / self.interval_s
+        return age_s * self.stiffness, DAMPER_SHARE * self.mass / self.interval_s
 
     @property
     def settling_ticks(self) -> int:
@@ -126,7 +124,7 @@ def pressed(laboratory: Laboratory, case: Press, ticks: int) -> tuple[float, flo
                 },
             },
             "tools": {"block": {"body": "block", "groups": {"all": mesh}}},
-            "coupling": {"interval_ns": interval_ns, "scheme": case.scheme, "force": case.force},
+            "coupling": {"interval_ns": interval_ns, "force": case.force},
         }
     )  # fmt: skip
     kept = _Kept(ToolMotions, CouplingReport)
@@ -157,12 +155,7 @@ def interval(mass: float, stiffness: float = SOFT) -> float:
     return math.sqrt(0.1 * mass / stiffness)
 
 
-SCHEMES = [
-    ("serial", "tick_end"),
-    ("serial", "tick_mean"),
-    ("parallel", "tick_end"),
-    ("parallel", "tick_mean"),
-]
+FORCES = ("tick_end", "tick_mean")
 
 
 def words_of(found: dict[str, tuple[float, float]]) -> Outcome:
@@ -173,41 +166,39 @@ def words_of(found: dict[str, tuple[float, float]]) -> Outcome:
 
 @CASES.add("C1", RIGHT)
 def inside_the_limits(laboratory: Laboratory) -> Outcome:
-    """1 kg, interval of 1, 10 and 100 soil steps of 32 us, every scheme, damper inside the limits."""
+    """1 kg, interval of 1, 10 and 100 soil steps of 32 us, both forces, damper inside the limits."""
     found = {}
-    for scheme, force in SCHEMES:
+    for force in FORCES:
         residuals = []
         for steps in (1, 10, 100):
-            case = inside(Press(1.0, 0.0, interval(1.0) * steps / 100, steps, scheme, force))
-            name = f"{scheme} {force} {steps}"
+            case = inside(Press(1.0, 0.0, interval(1.0) * steps / 100, steps, force))
+            name = f"{force} {steps}"
             found[name] = comes_to_rest(laboratory, case)
             residuals.append(found[name][1])
-        must(residuals == sorted(residuals), f"{scheme} {force}: residuals {residuals} do not grow with H")
-        must(residuals[0] < SMALL_RESIDUAL, f"{scheme} {force}: residual {residuals[0]} at one step")
+        must(residuals == sorted(residuals), f"{force}: residuals {residuals} do not grow with H")
+        must(residuals[0] < SMALL_RESIDUAL, f"{force}: residual {residuals[0]} at one step")
     return words_of(found)
 
 
 @CASES.add("C1", RIGHT, long=True)
 def inside_the_limits_of_long_intervals(laboratory: Laboratory) -> Outcome:
-    """1 kg, interval of 1000 soil steps, every scheme, damper inside the limits."""
+    """1 kg, interval of 1000 soil steps, both forces, damper inside the limits."""
     found = {}
-    for scheme, force in SCHEMES:
-        case = inside(Press(1.0, 0.0, interval(1.0), 1000, scheme, force))
-        found[f"{scheme} {force}"] = comes_to_rest(laboratory, case)
+    for force in FORCES:
+        case = inside(Press(1.0, 0.0, interval(1.0), 1000, force))
+        found[force] = comes_to_rest(laboratory, case)
     return words_of(found)
 
 
 @CASES.add("C1", RIGHT)
 def near_the_limits(laboratory: Laboratory) -> Outcome:
-    """1 kg, interval of 1 soil step, every scheme, damper a fifth inside each of its limits."""
+    """1 kg, interval of 1 soil step, both forces, damper a fifth inside each of its limits."""
     found = {}
-    for scheme, force in SCHEMES:
-        case = Press(1.0, 0.0, interval(1.0), 1, scheme, force)
+    for force in FORCES:
+        case = Press(1.0, 0.0, interval(1.0), 1, force)
         low, high = case.limits
         for damping in (1.2 * low, 0.8 * high):
-            found[f"{scheme} {force}, {damping:.3g} N s/m"] = comes_to_rest(
-                laboratory, replace(case, damping=damping)
-            )
+            found[f"{force}, {damping:.3g} N s/m"] = comes_to_rest(laboratory, replace(case, damping=damping))
     return words_of(found)
 
 
@@ -230,11 +221,10 @@ def cause(error: RunError) -> str:
 def outside_the_limits(laboratory: Laboratory) -> Outcome:
     """1 kg, damper outside the limits: no damper at all, and twice the largest."""
     found = []
-    for scheme, force in SCHEMES[::2]:
-        case = Press(1.0, 0.0, interval(1.0), 1, scheme, force)
-        for damping in (0.0, 2.0 * case.limits[1]):
-            words = must_stop(laboratory, replace(case, damping=damping), 4000)
-            found.append(f"{scheme}, {damping:.3g} N s/m: {words}")
+    case = Press(1.0, 0.0, interval(1.0))
+    for damping in (0.0, 2.0 * case.limits[1]):
+        words = must_stop(laboratory, replace(case, damping=damping), 4000)
+        found.append(f"{damping:.3g} N s/m: {words}")
     return Outcome(STOPPED, "; ".join(found))
 
 
@@ -296,7 +286,7 @@ def block_machine(mesh: str) -> Document:
     }  # fmt: skip
 
 
-def dragged(laboratory: Laboratory, steps: int, scheme: str, force: str) -> tuple[float, float]:
+def dragged(laboratory: Laboratory, steps: int, force: str) -> tuple[float, float]:
     """Mean draft of the last 0.2 s [N] and residual of the whole, exchanging every `steps` soil steps."""
     plain = laboratory.soil(
         size_m=(0.4, 0.12, 0.1), bed={"kind": "grid", "spacing_m": "rest", "jitter_m": 3e-4}
@@ -305,7 +295,7 @@ def dragged(laboratory: Laboratory, steps: int, scheme: str, force: str) -> tupl
     document = {
         **plain.document, **block_machine(laboratory.box(0.03, 0.05, 0.06)), "duration_s": 0.4,
         "coupling": {
-            "interval_ns": interval_ns, "scheme": scheme, "force": force, "mechanism_steps": min(steps, 100),
+            "interval_ns": interval_ns, "force": force, "mechanism_steps": min(steps, 100),
         },
         "record": {"series_ticks": max(1, 20 // steps), "cloud_hz": 0.0},
     }  # fmt: skip
@@ -318,45 +308,36 @@ def dragged(laboratory: Laboratory, steps: int, scheme: str, force: str) -> tupl
     return sum(drafts[len(drafts) // 2 :]) / (len(drafts) - len(drafts) // 2), residual
 
 
-def exchanged(
-    laboratory: Laboratory, steps: int, scheme: str, force: str, reference: float
-) -> tuple[str, bool]:
+def exchanged(laboratory: Laboratory, steps: int, force: str, reference: float) -> tuple[str, bool]:
     """Draft against the reference and residual, or the cause of the stop; and whether it was stopped."""
     try:
-        draft, residual = dragged(laboratory, steps, scheme, force)
+        draft, residual = dragged(laboratory, steps, force)
     except RunError as error:
         return cause(error).split(". ")[0], True
-    must(residual < 0.02, f"{steps} {scheme} {force}: residual {residual}, not stopped")
+    must(residual < 0.02, f"{steps} {force}: residual {residual}, not stopped")
     must(
         abs(draft / reference - 1.0) < 0.05,
-        f"{steps} {scheme} {force}: draft {draft} N, {reference} N with 1",
+        f"{steps} {force}: draft {draft} N, {reference} N with 1",
     )
     return f"{draft:.1f} N, residual {100.0 * residual:.2g} %", False
 
 
 @CASES.add("C5", RIGHT, STOPPED)
 def machine_intervals(laboratory: Laboratory) -> Outcome:
-    """A block dragged through the bed, exchange every 1, 10 and 100 soil steps, both schemes."""
-    reference, residual = dragged(laboratory, 1, "serial", "tick_end")
-    found = [f"1 serial: {reference:.1f} N, residual {100.0 * residual:.2g} %"]
-    for steps, scheme, force in (
-        (1, "parallel", "tick_end"), (10, "serial", "tick_end"), (10, "serial", "tick_mean"),
-        (10, "parallel", "tick_end"), (10, "parallel", "tick_mean"), (100, "serial", "tick_mean"),
-        (100, "parallel", "tick_end"), (100, "parallel", "tick_mean"),
-    ):  # fmt: skip
-        words, was_stopped = exchanged(laboratory, steps, scheme, force, reference)
-        goes_on = steps == 1 or (steps, scheme, force) == (10, "serial", "tick_end")
-        must(not (goes_on and was_stopped), f"{steps} {scheme} {force}: stopped: {words}")
-        found.append(f"{steps} {scheme} {force}: {words}")
+    """A block dragged through the bed, exchange every 1, 10 and 100 soil steps."""
+    reference, residual = dragged(laboratory, 1, "tick_end")
+    found = [f"1: {reference:.1f} N, residual {100.0 * residual:.2g} %"]
+    for steps, force in ((10, "tick_end"), (10, "tick_mean"), (100, "tick_mean")):
+        words, was_stopped = exchanged(laboratory, steps, force, reference)
+        goes_on = (steps, force) == (10, "tick_end")
+        must(not (goes_on and was_stopped), f"{steps} {force}: stopped: {words}")
+        found.append(f"{steps} {force}: {words}")
     return right("; ".join(found))
 
 
 @CASES.add("C6", STOPPED)
 def machine_at_a_thousand_steps(laboratory: Laboratory) -> Outcome:
     """The same, exchange every 1000 steps (40 ms)."""
-    found = []
-    for scheme in ("serial", "parallel"):
-        words, was_stopped = exchanged(laboratory, 1000, scheme, "tick_end", math.nan)
-        must(was_stopped, f"{scheme}: went on: {words}")
-        found.append(f"{scheme}: {words}")
-    return Outcome(STOPPED, "; ".join(found))
+    words, was_stopped = exchanged(laboratory, 1000, "tick_end", math.nan)
+    must(was_stopped, f"went on: {words}")
+    return Outcome(STOPPED, words)

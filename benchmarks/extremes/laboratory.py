@@ -65,17 +65,19 @@ class Laboratory:
         size_m: tuple[float, float, float] = (0.12, 0.1, 0.1),
         gravity: float = GRAVITY,
         tool: str | None = None,
+        allow: Sequence[str] = (),
         **soil: Any,
     ) -> ResolvedScene:
         """A bin of this size with a grid at rest under the paper's law; `soil` has further keys of it.
 
-        tool: mesh of a tool named `tool`.
+        tool: mesh of a tool named `tool`. allow: key of the scene.
         """
         length, width, depth = size_m
         document: Document = {
             "name": "extreme",
             "duration_s": 1000.0,
             "gravity_m_per_s2": gravity,
+            "allow": list(allow),
             "soil": {
                 "bin": {"length_m": length, "width_m": width, "depth_m": depth},
                 "particles": {"radius_m": RADIUS, "density_kg_per_m3": DENSITY},

@@ -77,6 +77,7 @@ def prepare_specimen(resolved: ResolvedScene, size_m: Size, folder: Path, thread
         "name": "specimen",
         "duration_s": 1.0,
         "gravity_m_per_s2": resolved.scene.gravity_m_per_s2,
+        "allow": list(resolved.scene.allow),
         "soil": soil | {"bin": {"length_m": length, "width_m": width, "depth_m": depth}},
     }
     path = folder / "specimen.yaml"
@@ -153,6 +154,7 @@ def write_scene(
         "name": name,
         "duration_s": duration_s,
         "gravity_m_per_s2": specimen.resolved.scene.gravity_m_per_s2,
+        "allow": list(specimen.resolved.scene.allow),
         "soil": soil,
         **machine,
         "record": {"cloud_hz": 0.0},

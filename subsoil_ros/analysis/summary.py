@@ -59,6 +59,7 @@ def summarize(
         "scene_hash": resolved.scene_hash,
         "run_id": series.run_id,
         **run_info,
+        "allow": list(scene.allow),
         "note": scene.report.note,
         "simulated_s": simulated_s,
         "complete": tick_count == timing.tick_count,
@@ -93,6 +94,7 @@ def summarize_unrecorded(resolved: ResolvedScene, run_info: Mapping[str, Any]) -
         "scene": resolved.scene.name,
         "scene_hash": resolved.scene_hash,
         **run_info,
+        "allow": list(resolved.scene.allow),
         "note": resolved.scene.report.note,
         "recorded": False,
         "complete": "failure" not in run_info,
@@ -245,6 +247,8 @@ def summary_facts(summary: Summary, scene: Scene) -> list[str]:
         )
     if not summary["complete"]:
         lines.append("The run ended before its last tick.")
+    if scene.allow:
+        lines.append(f"WARNING: the scene overrides refusals, allow: {', '.join(scene.allow)}")
     if scene.report.paper:
         lines.append(paper.CONTRADICTIONS)
     if summary["note"]:

@@ -96,11 +96,6 @@ def run(args: argparse.Namespace) -> int:
         from .bed_table import print_bed  # imports the engine of particles
 
         print_bed(console, resolved, args.threads, args.bed_out)
-    if resolved.scene.coupling.scheme == "parallel":
-        console.print(
-            "warning: coupling.scheme: parallel is for study: each side meets the other's tick before, which "
-            "is less stable than serial and saves nothing"
-        )
     for bound in bounds:
         if resolved.timing.interval_s > bound.undamped_s:
             console.print(
@@ -180,6 +175,8 @@ def _general(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
             if tool.body and scene.mechanism:
                 body = scene.mechanism.bodies[tool.body]
                 yield f"body {tool.body}, typed", f"{body.mass_kg:.4g} kg, {body.inertia_kg_m2:.4g} kg m2"
+    if scene.allow:
+        yield "allow", ", ".join(scene.allow)
     if scene.report.note:
         yield "note", scene.report.note
 

@@ -55,7 +55,6 @@ def run_direct(
     """
     interval_ns = resolved.timing.interval_ns
     schedule = schedule_of(resolved.scene, resolved.timing)
-    parallel = resolved.scene.coupling.scheme == "parallel"
     mechanism: Mechanism | None = mover if resolved.scene.mechanism is not None else None  # type: ignore[assignment]
     part = mover_part(resolved.scene)
     state = _first_state(mover, soil, part, resumed)
@@ -88,7 +87,7 @@ def run_direct(
             mechanism.command(command)
         motions, wrenches = mover.advance(tick, state.wrenches), state.wrenches
         if soil is not None:
-            wrenches = soil.advance(tick, state.motions if parallel else motions)
+            wrenches = soil.advance(tick, motions)
         work = account.add(motions, wrenches)
         wall_time_s = time.monotonic() - start
         write(Grant(run_id, tick, Command.END if tick == schedule.last_tick else Command.RUN))

@@ -2,8 +2,7 @@
 
 The mechanism holds the wrench of tick k-1 while it moves through tick k, the soil works against it
 with the force of its own steps. Both works would be equal in an exchange without delay; their
-difference is energy that the exchange invents or loses. In the parallel scheme the soil meets a motion
-one tick later than the mechanism makes it: its work is compared with what the mechanism took the tick before.
+difference is energy that the exchange invents or loses.
 """
 
 from dataclasses import dataclass
@@ -63,7 +62,6 @@ class InterfaceAccount:
         bound: largest residual, as a part of the absolute work; None: not judged.
         grace_joule: absolute work below which the bound is not applied.
         work: the account so far, of a run that goes on.
-        parallel: whether the soil works against the motion of the tick before.
     """
 
     def __init__(
@@ -73,13 +71,11 @@ class InterfaceAccount:
         bound: float | None,
         grace_joule: float,
         work: InterfaceWork | None = None,
-        parallel: bool = False,
     ) -> None:
         self._motions = motions
         self._wrenches = wrenches
         self._bound = bound
         self._grace_joule = grace_joule
-        self._parallel = parallel
         self.work = work or InterfaceWork()
 
     def add(self, motions: tuple[ToolMotion, ...], wrenches: tuple[ToolWrench, ...]) -> InterfaceWork:
@@ -91,11 +87,10 @@ class InterfaceAccount:
             soil += wrench.work_joule
             absolute += abs(wrench.work_joule)
         self._motions, self._wrenches = motions, wrenches
-        compared = self.work.mechanism_work_joule if self._parallel else held
         self.work = InterfaceWork(
             held,
             soil,
-            self.work.residual_joule + (compared - soil),
+            self.work.residual_joule + (held - soil),
             self.work.absolute_work_joule + absolute,
         )
         return self.work
@@ -121,16 +116,12 @@ class InterfaceAccount:
             return
         if work.residual_ratio > self._bound:
             does = "invents" if work.residual_joule > 0.0 else "loses"
-            cure = (
-                "use coupling.scheme: serial"
-                if self._parallel
-                else "set coupling.force: tick_mean when a tick has several soil steps"
-            )
             raise PhysicsError(
                 f"tick {tick}: interface energy residual {work.residual_joule:.3g} J is "
                 f"{100.0 * work.residual_ratio:.3g} % of {work.absolute_work_joule:.3g} J interface work, "
                 f"above coupling.residual_bound {100.0 * self._bound:.3g} %. The exchange {does} energy: "
-                f"lower coupling.interval_ns, or {cure}"
+                "lower coupling.interval_ns, or set coupling.force: tick_mean when a tick has several soil "
+                "steps"
             )
 
 
@@ -146,5 +137,4 @@ def account_of(
     """
     coupling = scene.coupling
     bound = coupling.residual_bound if scene.mechanism is not None else None
-    parallel = coupling.scheme == "parallel"
-    return InterfaceAccount(motions, wrenches, bound, coupling.residual_grace_joule, work, parallel)
+    return InterfaceAccount(motions, wrenches, bound, coupling.residual_grace_joule, work)

@@ -11,7 +11,6 @@ import numpy as np
 from numba import njit, types
 from numba.extending import overload
 
-from ..scene.damping import integrated_values
 from ..scene.pairs import PairValues, layer_soils, pair_values
 from ..scene.soil import Soil, WetLaw
 from .compiled import inner_kernel
@@ -139,9 +138,9 @@ def law_features(soil: Soil, *, book: bool = False, period_m: float | None = Non
     )
 
 
-def soil_laws(soil: Soil, features: Features, step_s: float) -> tuple[PairLaw, PairLaw]:
-    """Laws of particle-particle and particle-boundary at a soil step, equal spheres of one material."""
-    pair, boundary = integrated_values(soil, step_s)
+def soil_laws(soil: Soil, features: Features) -> tuple[PairLaw, PairLaw]:
+    """Laws of particle-particle and particle-boundary, equal spheres of one material."""
+    pair, boundary = pair_values(soil)
     has_adhesion = features.adhesion.ndim == 2
     radius = soil.particles.mean_volume_radius_m
     return (

@@ -71,7 +71,7 @@ class SoilEngine(SoilReadings):
         refuse_narrow_period(self.bed, soil)
         book = book or (soil.monitors is not None and soil.monitors.largest_energy_defect is not None)
         self._features = law_features(soil, book=book, period_m=self.bed.period_m)
-        law, self._boundary = soil_laws(soil, self._features, self._step_s)
+        law, self._boundary = soil_laws(soil, self._features)
         self._pair_law = PairLaw(*np.array(law, self._kind))
         factor = soil.tool_stiffness_factor
         self._at_tools = self._boundary._replace(stiffness=self._boundary.stiffness * factor)
@@ -106,7 +106,7 @@ class SoilEngine(SoilReadings):
         if self.coordination <= DENSE_COORDINATION:
             return
         limit = step_limits(self._soil, self.coordination)[0]
-        if self._step_s > limit.limit_s and not self._soil.force_time_step:
+        if self._step_s > limit.limit_s and "unstable_time_step" not in self._resolved.scene.allow:
             raise SceneError(
                 f"soil.time_step_s: {self._step_s:.3g} s is above the stable limit {limit.limit_s:.3g} s of "
                 f"the prepared bed ({limit.cause}); use at most {SAFETY * limit.limit_s:.2g} s"

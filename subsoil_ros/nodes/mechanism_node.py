@@ -81,7 +81,7 @@ class MechanismNode(LockstepNode):
     def _on_hello(self, hello: NodeHello) -> None:
         if hello.node == SOIL and hello.state is NodeState.READY and hello.run_id == self.run.run_id:
             if not self._started:
-                self._participant.start(wrenches=hello.initial_wrenches)
+                self._participant.start(hello.initial_wrenches)
                 self._started = True
         else:
             self.follow_coupler_end(hello)

@@ -60,8 +60,6 @@ class SoilNode(LockstepNode):
         self._mover = mover
         self._schedule = schedule_of(scene, timing)
         needs = Needs.MOTIONS if mover is None else Needs.NOTHING
-        if scene.coupling.scheme == "parallel":
-            needs = Needs.MOTIONS_BEFORE
         self._participant = Participant(
             run.run_id, timing.tick_count, needs, tuple(scene.tools), first_tick=run.first_tick
         )
@@ -121,7 +119,6 @@ class SoilNode(LockstepNode):
             self._last_wrenches = CouplingState.of(self.run.resumed).wrenches
         else:
             self._last_wrenches = self._engine.start(motions)
-        self._participant.start(motions=motions)
 
     def _on_hello(self, hello: NodeHello) -> None:
         if hello.node == MECHANISM and self._mover is None and hello.run_id == self.run.run_id:

@@ -80,7 +80,8 @@ class ResistanceEngine:
         self._interval_s = resolved.timing.interval_s
         self._length_m, self._seed = soil.bin.length_m, soil.seed
         found = soil_of(soil)
-        self._values, self._range = found.values, None if soil.beyond_range else found.fitted_range
+        beyond = "beyond_fitted_range" in resolved.scene.allow
+        self._values, self._range = found.values, None if beyond else found.fitted_range
         self._layers = layer_values(self._values, soil.layers)
         self._gravity = resolved.scene.gravity_m_per_s2
         self._tools = tuple(self._tool(name) for name in resolved.scene.tools)
@@ -294,7 +295,7 @@ class ResistanceEngine:
                 raise PhysicsError(
                     f"{where}: tools.{tool} is {value:.3g} {unit} {word}, the soil file was fitted up to "
                     f"{largest:.3g} {unit} and is taken up to {RANGE_MARGIN:g} times that; fit it further, "
-                    "or set soil.beyond_range: true"
+                    "or add allow: [beyond_fitted_range]"
                 )
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:

@@ -35,6 +35,7 @@ _BOUNDS = {
     "less_than": ("lt", "less than"),
     "less_than_equal": ("le", "at most"),
 }
+_QUOTED = re.compile(r"'([^']+)'")
 _SUBPATH = re.compile(r"^([A-Za-z_][\w.\[\]]*): ")
 
 
@@ -108,11 +109,17 @@ def _message(place: tuple[str, ...], found: list[ErrorDetails], document: Docume
         kind = first["input"].get("kind")
         if kind is None:
             return path, f"'kind' is missing; allowed are {', '.join(allowed)}"
-        hint = suggestion(str(kind), allowed)
-        hint = f"; {hint}" if hint.startswith("did") else ""
-        return f"{path}.kind", f"given {_given(kind)}, allowed are {', '.join(allowed)}{hint}"
+        return f"{path}.kind", f"given {_given(kind)}, allowed are {', '.join(allowed)}{_hint(kind, allowed)}"
     needed = " or ".join(dict.fromkeys(_need(details) for details in found))
-    return path, f"given {given}, needed is {needed}"
+    expected = [details["ctx"]["expected"] for details in found if details["type"] == "literal_error"]
+    hint = _hint(first["input"], _QUOTED.findall(" ".join(expected)))
+    return path, f"given {given}, needed is {needed}{hint}"
+
+
+def _hint(given: object, allowed: Sequence[str]) -> str:
+    """What follows a message where a text comes near an allowed one."""
+    words = suggestion(given, allowed) if isinstance(given, str) else ""
+    return f"; {words}" if words.startswith("did") else ""
 
 
 def _need(details: ErrorDetails) -> str:

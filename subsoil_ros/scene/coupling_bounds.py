@@ -1,10 +1,10 @@
-"""How long soil and mechanism may go without exchange: bounds of the scene's scheme, per tool.
+"""How long soil and mechanism may go without exchange: bounds per tool.
 
 A force held over an interval H acts like negative damping. On a soil spring k with damper c under a mass m,
-for k H^2 / m << 1, the exchange is stable where (age of the force) k <= c <= (share) m / H. The force that
-acts within a tick is H / 2 old on average; the parallel scheme adds H, a mean over n soil steps adds
-(n - 1) / (2 n) H. n contacts share one law, k = n K and c = n C, so the lower bound on the damper does not
-depend on n. tests/verification/test_exchange_stability.py holds the bounds against the exact one-tick map.
+for k H^2 / m << 1, the exchange is stable where (age of the force) k <= c <= 2 m / H. The force that acts
+within a tick is H / 2 old on average; a mean over n soil steps adds (n - 1) / (2 n) H. n contacts share one
+law, k = n K and c = n C, so the lower bound on the damper does not depend on n.
+tests/verification/test_exchange_stability.py holds the bounds against the exact one-tick map.
 """
 
 from dataclasses import dataclass
@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from .bed_spacing import particle_spacing_m
-from .damping import damping_ratios
 from .limits import derive_timing
 from .mechanism import Body
 from .meshes import ToolMesh
@@ -26,13 +25,9 @@ from .tool_faces import cutting_faces
 PRESSED_PART = 0.5
 """Part of a tool's surface that presses on particles at once (chosen: the front half)."""
 
-SERIAL_DAMPER_SHARE = 2.0
-"""c H / m up to which the serial scheme is stable without a spring. Of the mean of n > 1 steps it would be
-the smaller of 2 n and 2 n / (n - 1), never below 2."""
-
-PARALLEL_DAMPER_SHARE = 2.0 * (2.0**0.5 - 1.0)
-"""The same of the parallel scheme: 1 for the tick's end, and down to 2 (sqrt(2) - 1) for the mean of many."""
-
+DAMPER_SHARE = 2.0
+"""c H / m up to which the exchange is stable without a spring. Of the mean of n > 1 steps it would be the
+smaller of 2 n and 2 n / (n - 1), never below 2."""
 
 REFERENCE_OVERLAP = 0.01
 """Overlap over radius at which a Hertzian contact is taken for a linear one (chosen)."""
@@ -62,12 +57,9 @@ def coupling_bounds(scene: Scene, meshes: dict[str, ToolMesh]) -> tuple[Coupling
         return ()
     overlap = REFERENCE_OVERLAP * soil.particles.mean_volume_radius_m
     boundaries = [tool_values(layer).linear_at(overlap) for layer in layer_soils(soil)]
-    left = damping_ratios(soil, derive_timing(scene).soil_step_s)[1].normal
-    relaxation = left * min(boundary.damping / boundary.stiffness for boundary in boundaries)
-    largest_damping = left * max(boundary.damping for boundary in boundaries)
+    relaxation = min(boundary.damping / boundary.stiffness for boundary in boundaries)
+    largest_damping = max(boundary.damping for boundary in boundaries)
     age = force_age_ticks(scene.coupling, derive_timing(scene).soil_steps)
-    parallel = scene.coupling.scheme == "parallel"
-    share = PARALLEL_DAMPER_SHARE if parallel else SERIAL_DAMPER_SHARE
     found = []
     for name, tool in scene.tools.items():
         if tool.body is None:
@@ -80,7 +72,7 @@ def coupling_bounds(scene: Scene, meshes: dict[str, ToolMesh]) -> tuple[Coupling
             CouplingBound(
                 tool=name,
                 undamped_s=relaxation / age,
-                unstable_s=share * mass / damping if damping > 0.0 else np.inf,
+                unstable_s=DAMPER_SHARE * mass / damping if damping > 0.0 else np.inf,
                 effective_mass_kg=mass,
                 contact_count=count,
             )
@@ -90,7 +82,7 @@ def coupling_bounds(scene: Scene, meshes: dict[str, ToolMesh]) -> tuple[Coupling
 
 def force_age_ticks(coupling: Coupling, soil_steps: int) -> float:
     """Mean age of the soil's force when it acts on the mechanism [ticks]."""
-    age = 1.5 if coupling.scheme == "parallel" else 0.5
+    age = 0.5
     if coupling.force == "tick_mean":
         age += 0.5 * (soil_steps - 1) / soil_steps
     return age
@@ -105,11 +97,8 @@ def _reduced_bounds(
     scene: Scene, soil: ResistanceSoil, meshes: dict[str, ToolMesh]
 ) -> tuple[CouplingBound, ...]:
     """Of the springs before shares and shanks: their damper is k H, so it outweighs the held force at any
-    H, up to that of a damper alone, k H = 2 m / H; where both sides advance at once, at none: that takes
-    3/2 k H."""
+    H, up to that of a damper alone, k H = 2 m / H."""
     assert scene.mechanism is not None
-    parallel = scene.coupling.scheme == "parallel"
-    share = PARALLEL_DAMPER_SHARE if parallel else SERIAL_DAMPER_SHARE
     modulus = soil_of(soil).values.bed_modulus_newton_per_m3
     found = []
     for name, tool in scene.tools.items():
@@ -117,8 +106,8 @@ def _reduced_bounds(
             continue
         faces = cutting_faces(meshes[name], f"tools.{name}")
         mass = _effective_mass_kg(scene.mechanism.bodies[tool.body], meshes[name])
-        longest = float(np.sqrt(share * mass / (modulus * sum(face.area_m2 for face in faces))))
-        found.append(CouplingBound(name, 0.0 if parallel else longest, longest, mass, float(len(faces))))
+        longest = float(np.sqrt(DAMPER_SHARE * mass / (modulus * sum(face.area_m2 for face in faces))))
+        found.append(CouplingBound(name, longest, longest, mass, float(len(faces))))
     return tuple(found)
 
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 from ..errors import SceneError
 from ..ticks import NANOSECONDS_PER_SECOND, tick_count
-from .damping import SMALLEST_RATIO, damping_ratios, lag_rates, largest_lagged_step_s
 from .model import Scene
 from .pairs import boundary_values, layer_soils, particle_values, sphere_mass_kg
 from .soil import HertzMindlinLaw, Soil
@@ -57,7 +56,6 @@ def step_limits(soil: Soil, coordination: float = DENSE_COORDINATION) -> tuple[S
     these rates of the whole bed by its largest over single particles, and the smallest of a layer has the
     largest z / m (neighbours grow with the square of the radius at most, mass with its cube) under the
     stiffest of its pairs.
-    Lagged dampers weaken as the step grows, rate / (1 + lag step): stable for step x (rate - 2 lag) <= 2.
     """
     layers = layer_soils(soil)
     if isinstance(soil.law, HertzMindlinLaw):
@@ -88,23 +86,17 @@ def _particle_limits(soil: Soil, other: Soil, z: float, named: str) -> dict[str,
             limits[kind] = StepLimit(cause, 2.0 / (math.sqrt(rate) if spring else rate), damped=not spring)
 
     stiffness = max(pair.stiffness, pair.contact_adhesion)
-    normal_lag, tangential_lag = lag_rates(soil)[0]
-    lagged = "" if soil.damping == "explicit" else "lagged "
     add(
         "spin, dampers",
-        f"{lagged}damping {pair.tangential_damping:g} N s/m acting on spin, {name}",
-        4.0 / 3.0 * z * pair.tangential_damping * arm**2 / inertia - 2.0 * tangential_lag,
+        f"damping {pair.tangential_damping:g} N s/m acting on spin, {name}",
+        4.0 / 3.0 * z * pair.tangential_damping * arm**2 / inertia,
         spring=False,
     )
-    damping, rate = max(
-        (pair.damping, 2.0 * z * pair.damping / mass - 2.0 * normal_lag),
-        (pair.tangential_damping, 2.0 * z * pair.tangential_damping / mass - 2.0 * tangential_lag),
-        key=lambda found: found[1],
-    )
+    damping = max(pair.damping, pair.tangential_damping)
     add(
         "translation, dampers",
-        f"{lagged}damping {damping:g} N s/m acting on translation, {name}",
-        rate,
+        f"damping {damping:g} N s/m acting on translation, {name}",
+        2.0 * z * damping / mass,
         spring=False,
     )
     add(
@@ -139,7 +131,6 @@ def _boundary_limits(soil: Soil, named: str) -> dict[str, StepLimit]:
     turning = 2.0 * arm**2 / (0.4 * radius**2)  # of two walls beside a turn, over the mass
     spring = max(normal + 2.0 * tangential, turning * tangential) / mass
     damper = max(wall.damping + 2.0 * wall.tangential_damping, turning * wall.tangential_damping) / mass
-    damper -= 2.0 * min(lag_rates(soil)[1])
     name = f"at walls and tools, particle {mass * 1e3:.3g} g{named}"
     limits = {
         "boundary, springs": StepLimit(
@@ -170,16 +161,9 @@ def _rayleigh_limit(soil: Soil) -> StepLimit:
 
 
 def step_notes(scene: Scene, step_s: float) -> tuple[str, ...]:
-    """What a run must say of its soil step: dampers that are weakened, a limit that is passed or near."""
+    """What a run must say of its soil step: a limit that is passed or near."""
     soil, notes = scene.particle_soil, []
     assert soil is not None
-    if soil.damping == "lagged":
-        pair, boundary = damping_ratios(soil, step_s)
-        notes.append(
-            f"soil.damping: lagged is another law: at {step_s * 1e6:.4g} us C_eff / C is {pair.normal:.3f} "
-            f"normal and {pair.tangential:.3f} tangential between particles, {boundary.normal:.3f} and "
-            f"{boundary.tangential:.3f} at walls and tools"
-        )
     limits = step_limits(soil)
     damped = next((found for found in limits if found.damped), None)
     dense = scene.mechanism is not None and soil.bed.kind == "dense_random"
@@ -192,7 +176,7 @@ def step_notes(scene: Scene, step_s: float) -> tuple[str, ...]:
     limit = limits[0]
     if step_s > limit.limit_s:
         notes.append(
-            f"soil.force_time_step: the step {step_s * 1e6:.4g} us is above the stable limit "
+            f"allow: unstable_time_step: the step {step_s * 1e6:.4g} us is above the stable limit "
             f"{limit.limit_s * 1e6:.4g} us; the results are no prediction"
         )
     return tuple(notes)
@@ -218,19 +202,12 @@ class Timing:
         return self.interval_ns * 1e-9 / self.soil_steps
 
 
-def _refuse_step(soil: Soil, given_s: float, limit: StepLimit) -> None:
-    if given_s > limit.limit_s and not soil.force_time_step:
+def _refuse_step(scene: Scene, given_s: float, limit: StepLimit) -> None:
+    if given_s > limit.limit_s and "unstable_time_step" not in scene.allow:
         raise SceneError(
             f"soil.time_step_s: {given_s:.3g} s is above the stable limit {limit.limit_s:.3g} s "
             f"({limit.cause}). Use 'auto', or at most {limit.limit_s:.2g} s: a larger step does not blow "
-            "up, it silently lowers the draft. To study that, add soil.force_time_step: true."
-        )
-    ratio = min(found.smallest for found in damping_ratios(soil, given_s))
-    if ratio < SMALLEST_RATIO and not soil.force_lagged_damping:
-        raise SceneError(
-            f"soil.time_step_s: {given_s:.3g} s leaves {ratio:.2f} of a lagged damper, allowed is at least "
-            f"{SMALLEST_RATIO:g}. Use 'auto', or at most {largest_lagged_step_s(soil):.2g} s; to run that "
-            "other law all the same, add soil.force_lagged_damping: true."
+            "up, it silently lowers the draft. To study that, add allow: [unstable_time_step]."
         )
 
 
@@ -251,8 +228,8 @@ def derive_timing(scene: Scene) -> Timing:
         limit = step_limits(soil)[0]
         step = soil.time_step_s
         if step != "auto":
-            _refuse_step(soil, step, limit)
-        largest_s = min(SAFETY * limit.limit_s, largest_lagged_step_s(soil))
+            _refuse_step(scene, step, limit)
+        largest_s = SAFETY * limit.limit_s
         if interval == "auto":
             if step == "auto":
                 interval_ns = int(largest_s * 1e6) * 1000  # whole microseconds

@@ -29,8 +29,6 @@ class Coupling(Part):
 
     interval_ns: Annotated[int, Field(gt=0)] | Auto = "auto"  # auto: one soil step
     mechanism_steps: int = Field(default=1, ge=1, le=1000)  # per exchange
-    # parallel: soil and mechanism advance a tick at once, each on the other's tick before; for study only
-    scheme: Literal["serial", "parallel"] = "serial"
     force: Literal["tick_end", "tick_mean"] = "tick_end"
     grant_window: int = Field(default=8, ge=1, le=64)  # ticks the coupler grants ahead
     residual_bound: Positive = 0.02  # of the interface work, DESIGN.md
@@ -60,6 +58,11 @@ class Report(Part):
     note: str = ""  # a warning that the summary must carry
 
 
+Allowance = Literal["unstable_time_step", "other_contact_law", "beyond_fitted_range"]
+"""A refusal that a scene may override, for studies: `soil.time_step_s` above its stable limit, a `soil.file`
+fitted to other particles than those of `soil.stands_for`, work beyond 1.2 times the range of `soil.file`."""
+
+
 class Scene(Part):
     """A whole scene. No `soil`: no soil engine. No `mechanism`: tools follow their paths."""
 
@@ -67,6 +70,7 @@ class Scene(Part):
     description: str = ""
     duration_s: Positive
     gravity_m_per_s2: NonNegative = 9.81
+    allow: tuple[Allowance, ...] = ()  # refusals that this scene overrides, for studies
     soil: AnySoil | None = None
     mechanism: Mechanism | None = None
     tools: dict[str, Tool] = {}
@@ -89,13 +93,9 @@ class Scene(Part):
     def _consistent(self) -> "Scene":
         if self.soil is None and self.mechanism is None:
             raise ValueError("give 'soil', 'mechanism' or both: there is nothing to simulate")
+        _check_allow(self)
         if self.soil is None and self.tools:
             raise ValueError("tools: given without 'soil'; tools act on soil only")
-        if self.coupling.scheme == "parallel" and (self.soil is None or self.mechanism is None):
-            raise ValueError(
-                "coupling.scheme: 'parallel' exchanges between 'soil' and 'mechanism', and one of them is "
-                "missing; leave it out"
-            )
         bodies = self.mechanism.bodies if self.mechanism else {}
         carried = set()
         for name, tool in self.tools.items():
@@ -125,6 +125,18 @@ class Scene(Part):
         if report.spring is not None and report.spring not in forces:
             raise ValueError(f"report.spring: no force '{report.spring}'")
         return self
+
+
+def _check_allow(scene: Scene) -> None:
+    """Raises ValueError for an entry of `allow` that cannot apply to the scene."""
+    soil, reduced = scene.particle_soil, scene.reduced_soil
+    stepped = soil is not None and soil.time_step_s != "auto"
+    fitted = reduced is not None and reduced.file is not None
+    for name in scene.allow:
+        step = name == "unstable_time_step"
+        if not (stepped if step else fitted):
+            needed = "a number in soil.time_step_s" if step else "a soil.file of a reduced soil"
+            raise ValueError(f"allow: '{name}' is about {needed}, and there is none; remove it from the list")
 
 
 def _check_controller(controller: Controller, mechanism: Mechanism | None, series_ticks: int) -> None:

@@ -91,8 +91,6 @@ class ResistanceSoil(Part):
     values: ResistanceValues | None = None
     file: str | None = None  # relative to the scene file
     stands_for: str | None = None  # scene whose particles the soil file must have been fitted to
-    other_law: bool = False  # take a file that was fitted to other particles or another law
-    beyond_range: bool = False  # take a file beyond 1.2 times the range it was fitted in
     layers: tuple[ResistanceLayer, ...] | None = Field(default=None, min_length=2)  # from top to bottom
     seed: int = Field(default=0, ge=0)  # of the variation from wedge to wedge
 

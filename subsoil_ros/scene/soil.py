@@ -129,9 +129,6 @@ class Soil(Part):
     time_step_s: Annotated[Positive | Auto, Field(union_mode="left_to_right")] = "auto"
     precision: Literal["float64", "mixed"] = "float64"  # mixed: all but positions and boundaries in float32
     device: Literal["cpu", "gpu"] = "cpu"  # gpu: an NVIDIA one, with subsoil_ros[gpu]
-    force_time_step: bool = False  # take time_step_s even above the stable limit, for studies
-    damping: Literal["explicit", "lagged"] = "explicit"  # lagged: weaker dampers, scene.damping
-    force_lagged_damping: bool = False  # take time_step_s even if less than half of a damper is left
     skin_m: Positive = 0.003
     tool_stiffness_factor: Positive = 1.0  # on the boundary's normal stiffness, at tools only
     largest_tool_overlap_m: Positive | None = None  # the run stops beyond it; default: two radii
@@ -146,26 +143,6 @@ class Soil(Part):
             raise ValueError(
                 "bed.kind: 'dense_random' settles under linear springs and cannot be prepared under law "
                 "'hertz_mindlin'; use 'grid', or law 'wet' or 'linear'"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _steps_and_damping(self) -> "Soil":
-        if self.force_time_step and self.time_step_s == "auto":
-            raise ValueError("force_time_step: there is no step to force; give time_step_s a number")
-        if self.force_lagged_damping and self.damping == "explicit":
-            raise ValueError(
-                "force_lagged_damping: damping is 'explicit'; use 'damping: lagged' or leave it out"
-            )
-        if self.damping == "lagged" and isinstance(self.law, HertzMindlinLaw):
-            raise ValueError(
-                "damping: 'lagged' weakens dampers that do not depend on the overlap, those of law "
-                "'hertz_mindlin' do; use 'explicit', or law 'wet' or 'linear'"
-            )
-        if self.damping == "lagged" and (self.particles.sizes is not None or self.layers is not None):
-            raise ValueError(
-                "damping: 'lagged' is one constant for all contacts, so it needs equal particles without "
-                "layers; use 'explicit'"
             )
         return self
 

@@ -111,7 +111,8 @@ def check_reduced_soil(scene: Scene, directory: Path, stands_for: Scene | None) 
     soil = scene.reduced_soil
     assert soil is not None
     found = soil_of(soil)
-    if stands_for is not None and not soil.other_law:
+    beyond = "beyond_fitted_range" in scene.allow
+    if stands_for is not None and "other_contact_law" not in scene.allow:
         _refuse_other_law(soil, stands_for)
     notes: list[str] = []
     for name, tool in scene.tools.items():
@@ -132,7 +133,7 @@ def check_reduced_soil(scene: Scene, directory: Path, stands_for: Scene | None) 
         )
         if found.fitted_range is not None:
             for what, key, value in _work(scene, name, share, rake):
-                notes += _in_range(place, what, key, value, found.fitted_range, soil.beyond_range)
+                notes += _in_range(place, what, key, value, found.fitted_range, beyond)
     return tuple(notes)
 
 
@@ -162,7 +163,7 @@ def _refuse_other_law(soil: ResistanceSoil, stands_for: Scene) -> None:
         raise SceneError(
             f"soil.file: {soil.file}: was fitted to another soil than that of soil.stands_for "
             f"{soil.stands_for}; they differ in {', '.join(differ[:5])}. Calibrate to that scene's soil, or "
-            "set soil.other_law: true"
+            "add allow: [other_contact_law]"
         )
 
 
@@ -194,7 +195,7 @@ def _in_range(place: str, what: str, key: str, value: float, fitted: SoilRange, 
     text = f"{place}: {what} {value:.4g} {unit} is outside the range {low:.4g} to {high:.4g} {unit} that"
     if not beyond and not low / RANGE_MARGIN <= value <= high * RANGE_MARGIN:
         raise SceneError(
-            f"{text} soil.file was fitted in, by more than {RANGE_MARGIN:g} times; fit it further, or set "
-            "soil.beyond_range: true"
+            f"{text} soil.file was fitted in, by more than {RANGE_MARGIN:g} times; fit it further, or add "
+            "allow: [beyond_fitted_range]"
         )
     return [f"warning: {text} the soil was fitted in; the force there is extrapolated"]

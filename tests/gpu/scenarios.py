@@ -63,7 +63,6 @@ def document(folder: Path, scenario: dict[str, Any]) -> dict[str, Any]:
         "bed": scenario.get("bed", {"kind": "grid", "spacing_m": 0.0185, "jitter_m": 0.0003}),
         "law": {"kind": scenario["law"], "particle": row, "boundary": row},
         "time_step_s": 2e-5,
-        "force_time_step": True,
         "monitors": {"every_steps": 4},
     }
     if unequal:
@@ -85,6 +84,7 @@ def document(folder: Path, scenario: dict[str, Any]) -> dict[str, Any]:
     scene: dict[str, Any] = {
         "name": "gpu",
         "duration_s": 1.0,
+        "allow": ["unstable_time_step"],
         "coupling": {"interval_ns": 20_000 * STEPS},
         "soil": soil,
     }

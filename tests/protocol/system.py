@@ -49,7 +49,6 @@ class Case:
     ticks: int = 3
     window: int = 2
     soil: bool = True
-    parallel: bool = False
     series_ticks: int = 1
     control_ticks: int = 0
     first_tick: int = 0  # later where the run goes on from another; then without controller
@@ -127,11 +126,9 @@ class System:
                 RUN, case.ticks, needs, TOOLS, control_ticks=case.control_ticks, first_tick=first
             )
         }
-        self.nodes[MECHANISM].start(wrenches=wrench(first - 1))
+        self.nodes[MECHANISM].start(wrench(first - 1))
         if case.soil:
-            needs = Needs.MOTIONS_BEFORE if case.parallel else Needs.MOTIONS
-            self.nodes[SOIL] = Participant(RUN, case.ticks, needs, TOOLS, first_tick=first)
-            self.nodes[SOIL].start(motions=motion(first - 1))
+            self.nodes[SOIL] = Participant(RUN, case.ticks, Needs.MOTIONS, TOOLS, first_tick=first)
         self.commander = None
         if case.control_ticks:
             self.commander = Commander(RUN, case.ticks, case.series_ticks, case.control_ticks, first)
@@ -247,7 +244,7 @@ class System:
                     state = MechanismState(RUN, tick, 0, *[0.0] * 9)
                     self._send(state, *([CONTROLLER] if case.control_ticks else []), RECORDER)
             else:
-                assert work.motions == motion(tick - 1 if case.parallel else tick)
+                assert work.motions == motion(tick)
                 self._send(ToolWrenches(RUN, tick, 0, wrench(tick)), MECHANISM, COUPLER, RECORDER)
             node.finish(tick)
 

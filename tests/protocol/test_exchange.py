@@ -40,17 +40,6 @@ def test_residual_of_a_spring_is_half_k_h_v_squared_per_tick() -> None:
     assert account.work.residual_ratio == pytest.approx(expected / account.work.absolute_work_joule, rel=1e-9)
 
 
-def test_parallel_residual_compares_the_works_of_one_motion() -> None:
-    """The soil meets a motion one tick later with a force that does not change: nothing is invented."""
-    account = InterfaceAccount((motion(0.0),), (wrench(2.0),), None, 0.0, parallel=True)
-    places = [0.0, 0.0, 0.5, 0.75, 1.5]  # the soil's first tick is without motion
-    for before, place, after in zip(places, places[1:], places[2:], strict=False):
-        work = account.add((motion(after),), (wrench(2.0, work=2.0 * (place - before)),))
-    assert work.residual_joule == 0.0
-    assert work.mechanism_work_joule == 1.5
-    assert work.soil_work_joule == 0.5
-
-
 def test_bound_is_applied_beyond_the_grace_only() -> None:
     """A residual above its bound ends the run with advice, but not before enough work was done."""
     account = InterfaceAccount((motion(0.0),), (wrench(1.0),), 0.02, 1.0)

@@ -110,7 +110,6 @@ def _short_lag(monkeypatch: pytest.MonkeyPatch) -> None:
 
 CASES = [
     *(Case(window=window, soil=soil) for window in (1, 2, 3) for soil in (True, False)),
-    Case(ticks=2, parallel=True),
     Case(ticks=2, control_ticks=1),
     Case(ticks=5, first_tick=3),
     Case(ticks=5, soil=False, series_ticks=2, control_ticks=2),
@@ -163,7 +162,7 @@ def test_a_paused_run_goes_no_further_than_its_steps(case: Case) -> None:
     [
         (Case(ticks=2), ("abort",)),
         (Case(ticks=2), ("pause", "step 1", "abort")),
-        (Case(ticks=2, parallel=True, window=1), ("abort",)),
+        (Case(ticks=2, window=1), ("abort",)),
         (Case(ticks=2, soil=False, control_ticks=1), ("abort",)),
     ],
     ids=str,

@@ -90,7 +90,7 @@ class Execution:
         self.coupler.accept_hello(hello(MECHANISM, initial_motions=motion(-1)))
         self.coupler.accept_hello(hello(SOIL, initial_wrenches=wrench(-1)))
         self.coupler.accept_hello(hello(RECORDER))
-        self.mechanism.start(wrenches=wrench(-1))
+        self.mechanism.start(wrench(-1))
         self._grant()
         while waiting := [key for key, queue in self.queues.items() if queue]:
             key = self.random.choice(waiting)
@@ -287,7 +287,7 @@ def test_abort_stops_the_work_and_names_the_last_tick() -> None:
     aborted.coupler.accept_hello(hello(MECHANISM, initial_motions=motion(-1)))
     aborted.coupler.accept_hello(hello(SOIL, initial_wrenches=wrench(-1)))
     aborted.coupler.accept_hello(hello(RECORDER))
-    aborted.mechanism.start(wrenches=wrench(-1))
+    aborted.mechanism.start(wrench(-1))
     for grant in aborted.coupler.next_grants():
         aborted.mechanism.accept_grant(grant)
         aborted.barrier.add("grant", grant.tick, grant)
@@ -315,7 +315,7 @@ def test_abort_stops_the_work_and_names_the_last_tick() -> None:
         (hello(SOIL, scene_hash="other"), "soil runs scene other, the coupler hash"),
         (hello(SOIL, package_version="2"), "soil is subsoil_ros 2, the coupler 1"),
         (hello(SOIL, message_hashes=("Grant RIHS01_a", "TickAck RIHS01_b")), r"coupler \(Grant, TickAck\)"),
-        (hello(SOIL, capabilities=("parallel",)), "soil cannot do 'tick_mean', .*force: tick_mean"),
+        (hello(SOIL, capabilities=("driver_command",)), "soil cannot do 'tick_mean', .*force: tick_mean"),
         (hello(SOIL, run_id="other"), "run 'other'"),
     ],
 )
@@ -323,7 +323,7 @@ def test_handshake_refuses_what_does_not_fit(word: NodeHello, message: str) -> N
     """A node of another scene, version, message or run, or unable, is refused by name before tick 0."""
     needed = {SOIL: {"tick_mean": "coupling.force: tick_mean"}}
     coupler = Coupler(hello(COUPLER), (SOIL, RECORDER), TOOLS, 9, 1, soil=True, needed=needed)
-    coupler.accept_hello(hello(SOIL, NodeState.STARTING, capabilities=("parallel", "tick_mean")))
+    coupler.accept_hello(hello(SOIL, NodeState.STARTING, capabilities=("tick_mean", "driver_command")))
     with pytest.raises(ProtocolError, match=message):
         coupler.accept_hello(word)
 

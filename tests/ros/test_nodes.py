@@ -163,10 +163,8 @@ def contents(bag: Path) -> list[tuple[str, int, bytes]]:
     ]
 
 
-@pytest.mark.parametrize("scheme", ["serial", "parallel"])
-def test_nodes_record_what_the_direct_run_records(tmp_path: Path, scheme: str) -> None:
+def test_nodes_record_what_the_direct_run_records(resolved: ResolvedScene, tmp_path: Path) -> None:
     """Message for message, every tick once."""
-    resolved = load_scene(SCENE, [*CHANGES, f"coupling.scheme={scheme}"])
     assert run_nodes(resolved, tmp_path / "nodes", SpringSoil) == Ending()
     run_without_ros(resolved, tmp_path / "direct", SpringSoil())
     assert contents(tmp_path / "nodes") == contents(tmp_path / "direct")

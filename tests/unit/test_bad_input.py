@@ -83,18 +83,10 @@ def test_full_scene_is_described(check: Check) -> None:
 
 
 def test_exchange_that_is_doubtful_is_said(check: Check) -> None:
-    """A parallel scheme is named a study; an interval at which the held force wins is warned of."""
-    arguments = ("--set", "coupling.scheme=parallel", "--set", "coupling.interval_ns=2000000")
-    done = check(SCENES / "subsoiler_1s300_quick.yaml", *arguments)
+    """An interval at which the held force wins is warned of."""
+    done = check(SCENES / "subsoiler_1s300_quick.yaml", "--set", "coupling.interval_ns=2000000")
     assert done.returncode == 0, done.stderr
-    assert "coupling.scheme: parallel is for study" in done.stdout
     assert "the held force outweighs the contact's damper" in " ".join(done.stdout.split())
-
-
-def test_parallel_exchange_needs_two_sides(refused: Callable[..., str]) -> None:
-    """A scene without soil has nothing to exchange."""
-    message = refused(SCENES / "mechanism_only.yaml", "--set", "coupling.scheme=parallel")
-    assert "coupling.scheme: 'parallel'" in message
 
 
 def test_missing_file(refused: Callable[..., str]) -> None:

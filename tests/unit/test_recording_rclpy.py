@@ -43,7 +43,7 @@ RECORDS = [
     Grant("run", 3),
     TickAck("run", 2),
     NodeHello(
-        "run", "soil", NodeState.READY, "ab" * 32, "0.1", ("Grant RIHS01_0",), ("parallel",), 12, -1, "",
+        "run", "soil", NodeState.READY, "ab" * 32, "0.1", ("Grant RIHS01_0",), ("tick_mean",), 12, -1, "",
         (MOTION,), (WRENCH,),
     ),
     DriverCommand("run", 40, "drive", 0.25),

@@ -2,15 +2,17 @@
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
 import yaml
 
+from subsoil_ros.analysis.summary import summarize_unrecorded
 from subsoil_ros.cli.main import main
 from subsoil_ros.errors import SceneError
 from subsoil_ros.scene.loader import ResolvedScene, load_scene
+from subsoil_ros.scene.parcel import pack, unpack
 from subsoil_ros.scene.resistance import ResistanceValues, SoilRange
 from subsoil_ros.scene.soil_file import SoilFile, law_of, read_soil_file, write_soil_file
 
@@ -28,8 +30,9 @@ VALUES = {
 def reduced(tmp_path: Path) -> Callable[..., ResolvedScene]:
     """Loads tine.yaml (0.20 m deep, 0.5 m/s, 25 degrees) on a reduced soil of these keys."""
 
-    def load(*overrides: str, **soil: object) -> ResolvedScene:
-        document = {"base": str(SCENES / "tine.yaml"), "soil": {"model": "resistance", **soil}}
+    def load(*overrides: str, allow: Sequence[str] = (), **soil: object) -> ResolvedScene:
+        soil = {"model": "resistance", **soil}
+        document = {"base": str(SCENES / "tine.yaml"), "soil": soil, "allow": list(allow)}
         path = tmp_path / "scene.yaml"
         path.write_text(yaml.safe_dump(document))
         return load_scene(path, overrides)
@@ -124,13 +127,15 @@ def test_a_soil_file_carries_its_law_and_range(
 def test_a_soil_file_of_another_law(
     reduced: Callable[..., ResolvedScene], soil_file: Callable[..., str], tmp_path: Path
 ) -> None:
-    """The keys that differ are named; other_law takes it all the same."""
+    """The keys that differ are named; other_contact_law takes it all the same."""
     other = tmp_path / "other.yaml"
     change = {"soil": {"law": {"particle": {"adhesion_newton_per_m": 1.0}}}}
     other.write_text(json.dumps({"base": str(SCENES / "tine.yaml"), **change}))
-    with pytest.raises(SceneError, match=r"they differ in law\.particle\.adhesion_newton_per_m\."):
+    with pytest.raises(
+        SceneError, match=r"they differ in law\.particle\.adhesion_newton_per_m\..*other_contact_law"
+    ):
         reduced(file=soil_file(), stands_for=str(other))
-    reduced(file=soil_file(), stands_for=str(other), other_law=True)
+    reduced(file=soil_file(), stands_for=str(other), allow=["other_contact_law"])
 
 
 @pytest.mark.parametrize(
@@ -153,11 +158,29 @@ def test_a_little_out_of_range_is_a_warning(
 def test_far_out_of_range_is_refused(
     reduced: Callable[..., ResolvedScene], soil_file: Callable[..., str], key: str, low: float, high: float
 ) -> None:
-    """Beyond 1.2 times the range; beyond_range takes it with the warning."""
+    """Beyond 1.2 times the range; beyond_fitted_range takes it with the warning."""
     file = soil_file(**{key: (low, high)})
-    with pytest.raises(SceneError, match=r"by more than 1\.2 times; fit it further"):
+    with pytest.raises(
+        SceneError, match=r"by more than 1\.2 times; fit it further, or add allow: \[beyond_fi"
+    ):
         reduced(file=file)
-    assert len(reduced(file=file, beyond_range=True).notes) == 1
+    allowed = reduced(file=file, allow=["beyond_fitted_range"])
+    assert len(allowed.notes) == 1
+    assert reduced("allow=[beyond_fitted_range]", file=file).scene_hash == allowed.scene_hash
+
+
+def test_what_a_scene_allows_travels_with_it(
+    reduced: Callable[..., ResolvedScene], soil_file: Callable[..., str], tmp_path: Path
+) -> None:
+    """A parcel drops `stands_for` and keeps `allow`: same hash, same summary."""
+    other = tmp_path / "other.yaml"
+    change = {"soil": {"law": {"particle": {"adhesion_newton_per_m": 1.0}}}}
+    other.write_text(json.dumps({"base": str(SCENES / "tine.yaml"), **change}))
+    scene = reduced(file=soil_file(), stands_for=str(other), allow=["other_contact_law"])
+    folder = tmp_path / "worker"
+    folder.mkdir()
+    assert unpack(pack(scene), folder).scene.allow == ("other_contact_law",)
+    assert summarize_unrecorded(scene, {})["allow"] == ["other_contact_law"]
 
 
 def test_a_file_of_another_model(reduced: Callable[..., ResolvedScene], tmp_path: Path) -> None:

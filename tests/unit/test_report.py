@@ -56,10 +56,13 @@ def test_printed_summary_names_everything_asked_for(machine):
 
 def test_note_of_the_scene_is_printed(tmp_path):
     """A scene's warning cannot be overlooked."""
-    run = Run(tine("report.note=not the paper [at all]"))
+    run = Run(
+        tine("report.note=not the paper [at all]", "soil.time_step_s=3e-5", "allow=[unstable_time_step]")
+    )
     directory = run.write(tmp_path / "run")
     text = printed(summarize(directory / "bag", run.resolved, {}), run, directory)
     assert "NOTE: not the paper [at all]" in text
+    assert "WARNING: the scene overrides refusals, allow: unstable_time_step" in text
     assert "contradicts" not in text
 
 

@@ -75,7 +75,7 @@ def test_templates(path):
         ("soil.bin.depth_m", "deep"),
         ("soil.bin.depth_m", -0.3),
         ("record.series_ticks", 0),
-        ("coupling.scheme", "sequential"),
+        ("coupling.force", "tick_middle"),
     ],
 )
 def test_mistakes_are_found(name, keys, value):
@@ -111,8 +111,8 @@ def test_descriptions_are_the_comments_of_the_model():
     """Comments beside a field, above it and inherited ones, and the docstrings of the parts."""
     definitions = scene_schema()["$defs"]
     assert definitions["Bin"]["properties"]["depth_m"]["description"] == "of the bed. Unit: m."
-    scheme = definitions["Coupling"]["properties"]["scheme"]["description"]
-    assert scheme.startswith("parallel: soil and mechanism advance a tick at once")
+    velocity = definitions["Body"]["properties"]["velocity_m_per_s"]["description"]
+    assert velocity.startswith("Initial velocities are made consistent with the constraints.")
     assert definitions["Bin"]["description"].startswith("Open box")
     assert issubclass(Scene, Part)
     assert set(definitions["Scene"]["properties"]) == {*LOADER_KEYS, *Scene.model_fields}

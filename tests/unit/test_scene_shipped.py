@@ -118,5 +118,3 @@ def test_coupling_bounds_of_the_full_scene() -> None:
     coarse = {"force": "tick_mean", "interval_ns": 4 * resolved.timing.interval_ns}
     mean = scene.model_copy(update={"coupling": scene.coupling.model_copy(update=coarse)})
     assert_allclose(coupling_bounds(mean, meshes)[0].undamped_s, damping / stiffness / (1.0 - 1.0 / 8.0))
-    study = scene.model_copy(update={"coupling": scene.coupling.model_copy(update={"scheme": "parallel"})})
-    assert_allclose(coupling_bounds(study, meshes)[0].undamped_s, damping / stiffness / 1.5)

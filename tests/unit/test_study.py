@@ -42,7 +42,12 @@ TINY = {
     "knobs": {
         "soil_step": {"auto": ["soil.time_step_s=auto"], "same": ["soil.time_step_s=2.0e-5"]},
         "overlap": {"none allowed": ["soil.largest_tool_overlap_m=1.0e-9"]},
-        "soil": {"reduced": ["soil={model: resistance, file: ../soils/paper_grid.yaml, beyond_range: true}"]},
+        "soil": {
+            "reduced": [
+                "soil={model: resistance, file: ../soils/paper_grid.yaml}",
+                "allow=[beyond_fitted_range]",
+            ]
+        },
     },
     "combinations": {"coarse": {"soil_step": "auto"}},
     "judged_by": ["draft_mean_newton"],
@@ -271,7 +276,7 @@ def test_presets_of_the_paper_quote_its_study(preset: str) -> None:
 
 
 def test_finest_of_the_paper_is_what_was_agreed() -> None:
-    """The full bin, float64, a step that its monitors let pass, serial exchange every step."""
+    """The full bin, float64, a step that its monitors let pass, exchange every step."""
     found = read_design(CONFIG / "studies" / "subsoiler_1s300.yaml")
     found = found.model_copy(update={"one_at_a_time": (), "combinations": {}, "also_against": {}})
     scene = next(iter(study_jobs(str(CONFIG / "scenes" / "subsoiler_1s300.yaml"), (), found))).scene
@@ -283,7 +288,7 @@ def test_finest_of_the_paper_is_what_was_agreed() -> None:
         0.4,
         0.01,
     )
-    assert (soil.precision, scene.scene.coupling.scheme, scene.timing.soil_steps) == ("float64", "serial", 1)
+    assert (soil.precision, scene.timing.soil_steps) == ("float64", 1)
     from subsoil_ros.scene.limits import step_limits
 
     assert 0.55 < scene.timing.soil_step_s / step_limits(soil)[0].limit_s <= 0.6

@@ -28,6 +28,8 @@ SOIL = f"soil={{model: resistance, file: {SCENES.parent / 'soils' / 'paper_grid.
 COMMON = [SOIL, "duration_s=0.3", "record.series_ticks=3", "report.window_inside_m=0.0"]
 TOO_FAST = "tools.tine.path.speed_x_m_per_s={kind: ramp, start_value: 0.5, end_value: 4.0, end_s: 0.3}"
 DEPTH = "tools.tine.path.start_z_m"
+BEYOND = '["beyond_fitted_range"]'
+"""A value of `allow`, as tables write it."""
 LIMIT_S = 120.0
 """No test waits longer for a process."""
 
@@ -49,7 +51,7 @@ def until(condition: Callable[[], bool], what: str) -> None:
 def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two depths, two seeds, one of two runs of each beyond the soil's range: it fails."""
     out = tmp_path_factory.mktemp("sweep") / "out"
-    vary = ["--vary", f"{DEPTH}=0.10,0.14", "--vary", "soil.beyond_range=true,false", "--seeds", "0,1"]
+    vary = ["--vary", f"{DEPTH}=0.10,0.14", "--vary", "allow=[beyond_fitted_range],[]", "--seeds", "0,1"]
     assert main(sweep(out, *vary, "--set", TOO_FAST)) == 0
     return out
 
@@ -60,8 +62,8 @@ def test_table_has_every_run(done: Path) -> None:
     parquet = pd.read_parquet(done / "sweep.parquet")
     assert list(table.columns) == list(parquet.columns)
     assert len(table) == 8
-    assert set(zip(parquet[DEPTH], parquet["soil.beyond_range"], parquet["seed"], strict=True)) == {
-        (depth, beyond, seed) for depth in (0.10, 0.14) for beyond in ("true", "false") for seed in (0, 1)
+    assert set(zip(parquet[DEPTH], parquet["allow"], parquet["seed"], strict=True)) == {
+        (depth, beyond, seed) for depth in (0.10, 0.14) for beyond in (BEYOND, "[]") for seed in (0, 1)
     }
     for name in ("draft_newton_mean", "run.draft_newton_max", "wall_s", DEPTH):
         pd.testing.assert_series_equal(table[name], parquet[name], check_exact=True)
@@ -70,12 +72,11 @@ def test_table_has_every_run(done: Path) -> None:
 def test_numbers_are_those_of_a_run_by_hand(done: Path) -> None:
     """A worker gives the bits that this process gives: the scene travelled whole."""
     table = pd.read_parquet(done / "sweep.parquet")
-    row = table[(table[DEPTH] == 0.14) & (table["soil.beyond_range"] == "true") & (table["seed"] == 1)].iloc[
-        0
-    ]
-    scene = load_scene(TINE, [*COMMON, TOO_FAST, f"{DEPTH}=0.14", "soil.beyond_range=true", "soil.seed=1"])
+    row = table[(table[DEPTH] == 0.14) & (table["allow"] == BEYOND) & (table["seed"] == 1)].iloc[0]
+    scene = load_scene(TINE, [*COMMON, TOO_FAST, f"{DEPTH}=0.14", f"allow={BEYOND}", "soil.seed=1"])
     executed = execute(scene)
     summary = json.loads(executed.files["summary.json"])
+    assert summary["allow"] == ["beyond_fitted_range"]
     assert row["run"] == scene.scene_hash[:32]
     assert row["draft_newton_mean"] == summary["draft_newton_mean"]
     assert (done / "runs" / row["run"] / "series.csv").read_bytes() == executed.files["series.csv"]
@@ -85,7 +86,7 @@ def test_failures_are_told_and_stop_nobody(done: Path) -> None:
     """Four runs failed, each with its message and what it had recorded; the others are whole."""
     table = pd.read_parquet(done / "sweep.parquet")
     failed = table[table["failure"] != ""]
-    assert set(failed["soil.beyond_range"]) == {"false"}
+    assert set(failed["allow"]) == {"[]"}
     assert len(failed) == 4
     assert failed["failure"].str.contains("the soil file was fitted up to").all()
     assert (done / "response.png").stat().st_size > 10_000
@@ -96,11 +97,11 @@ def test_what_is_kept_is_not_run_again(done: Path, tmp_path: Path, capsys: Captu
     """The same call ends without a run; --retry-failed takes up the failed ones."""
     done = shutil.copytree(done, tmp_path / "copy")
     times = {path: path.stat().st_mtime_ns for path in done.glob("runs/*/run.json")}
-    vary = ["--vary", f"{DEPTH}=0.10,0.14", "--vary", "soil.beyond_range=true,false", "--seeds", "0,1"]
+    vary = ["--vary", f"{DEPTH}=0.10,0.14", "--vary", "allow=[beyond_fitted_range],[]", "--seeds", "0,1"]
     assert main(sweep(done, *vary, "--set", TOO_FAST)) == 0
     assert "8 runs, 8 of them kept" in capsys.readouterr().err
     assert {path: path.stat().st_mtime_ns for path in done.glob("runs/*/run.json")} == times
-    vary = ["--vary", f"{DEPTH}=0.10,0.14", "--vary", "soil.beyond_range=false", "--seeds", "0"]
+    vary = ["--vary", f"{DEPTH}=0.10,0.14", "--vary", "allow=[]", "--seeds", "0"]
     assert main(sweep(done, *vary, "--set", TOO_FAST, "--retry-failed")) == 3
     printed = capsys.readouterr()
     assert "2 runs, 0 of them kept" in printed.err
@@ -190,7 +191,7 @@ def test_a_cluster_by_its_address(cluster: tuple[str, subprocess.Popen], tmp_pat
         "--vary",
         "duration_s=60.0,0.3",
         "--set",
-        "soil.beyond_range=true",
+        f"allow={BEYOND}",
         "--set",
         "tools.tine.path.speed_x_m_per_s={kind: constant, value: 0.005}",
     ]

@@ -15,13 +15,14 @@ from subsoil_ros.errors import InputError, PhysicsError, SceneError
 from subsoil_ros.messages import SoilState
 from subsoil_ros.recording.bag_reader import BagReader
 
-TOO_LARGE = {"time_step_s": 1.2e-4, "force_time_step": True}
+TOO_LARGE = {"time_step_s": 1.2e-4, "allow": ["unstable_time_step"]}
 """1.3 times the limit of the grid bed itself (z = 6: 94 us), 2.2 times that of a dense one."""
 
 
-def with_soil(maker, gravity=9.81, **changes):
+def with_soil(maker, gravity=9.81, allow=(), **changes):
     """The small scene with other keys of its soil."""
-    return maker.scene(soil=maker.scene().document["soil"] | changes, gravity_m_per_s2=gravity)
+    soil = maker.scene().document["soil"] | changes
+    return maker.scene(soil=soil, gravity_m_per_s2=gravity, allow=list(allow))
 
 
 def run(engine, ticks, motions=()):
@@ -176,11 +177,11 @@ def test_placed_velocities_are_finite_and_as_many_as_particles(soil):
 
 
 def test_a_step_is_forced_by_name_only(soil):
-    """The refusal names the key; forcing 'auto' is an error; the forced step says so."""
-    with pytest.raises(SceneError, match=r"above the stable limit .*soil.force_time_step: true"):
+    """The refusal names the entry of `allow`; with 'auto' there is nothing that it is about."""
+    with pytest.raises(SceneError, match=r"above the stable limit .*allow: \[unstable_time_step\]"):
         with_soil(soil, time_step_s=1.2e-4)
-    with pytest.raises(SceneError, match="no step to force"):
-        with_soil(soil, time_step_s="auto", force_time_step=True)
+    with pytest.raises(SceneError, match="'unstable_time_step' is about a number"):
+        with_soil(soil, time_step_s="auto", allow=["unstable_time_step"])
 
 
 def test_a_stopped_run_leaves_a_readable_bag_and_exit_status_3(soil, tmp_path, capsys):
@@ -190,10 +191,11 @@ def test_a_stopped_run_leaves_a_readable_bag_and_exit_status_3(soil, tmp_path, c
     jitter = ["--set", "soil.bed.jitter_m=0.0005", "--set", "duration_s=0.1"]
     assert main(["run", str(path), "--out", str(out), "--mode", "direct", *jitter]) == 3
     said = capsys.readouterr()
-    assert "the step 120 us is above the stable limit 53.7 us" in said.out
+    assert "allow: unstable_time_step: the step 120 us is above the stable limit 53.7 us" in said.out
     assert "particles turn round from step to step" in said.err
     summary = json.loads((out / "summary.json").read_text())
     assert "largest_alternation" in summary["failure"]
+    assert summary["allow"] == ["unstable_time_step"]
     assert not summary["complete"]
     assert [state.tick for state in BagReader(out / "bag").records(SoilState)] == [19, 39, 59, 79, 99]
 

@@ -11,12 +11,10 @@ from subsoil_ros.coupling.direct import run_direct
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.mbd.engine import MechanismEngine
 from subsoil_ros.messages import ToolWrenches
-from subsoil_ros.scene.coupling_bounds import PARALLEL_DAMPER_SHARE, SERIAL_DAMPER_SHARE, force_age_ticks
+from subsoil_ros.scene.coupling_bounds import DAMPER_SHARE, force_age_ticks
 from subsoil_ros.scene.model import Coupling
 
 from .tick_map import Exchange
-
-SCHEMES = ("serial", "parallel")
 
 
 def crossing(case: Exchange, low: float, high: float) -> float:
@@ -49,21 +47,19 @@ def highest_damping(case: Exchange) -> float:
 
 
 @pytest.mark.parametrize("interval", [1e-4, 4e-3])
-@pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize(("force", "soil_steps"), [("tick_end", 1), ("tick_end", 5), ("tick_mean", 4)])
-def test_the_lowest_damper_is_stiffness_times_age(scheme, force, soil_steps, interval):
-    """k H / 2, parallel k H more, mean up to k H / 2 more; within the order of k H^2 / m that is left out."""
+def test_the_lowest_damper_is_stiffness_times_age(force, soil_steps, interval):
+    """k H / 2, mean up to k H / 2 more; within the order of k H^2 / m that is left out."""
     ratio = 1e-3
-    case = Exchange(interval, 1e4, 0.0, 1e4 * interval**2 / ratio, 0, 0, scheme, force, soil_steps)
-    age = force_age_ticks(Coupling(scheme=scheme, force=force), soil_steps)
+    case = Exchange(interval, 1e4, 0.0, 1e4 * interval**2 / ratio, 0, 0, force, soil_steps)
+    age = force_age_ticks(Coupling(force=force), soil_steps)
     assert_allclose(lowest_damping(case), age * case.stiffness * interval, rtol=5.0 * ratio)
     if force == "tick_mean":
-        many = force_age_ticks(Coupling(scheme=scheme, force=force), 100_000)
-        assert_allclose(many, 2.0 if scheme == "parallel" else 1.0, rtol=1e-5)
+        assert_allclose(force_age_ticks(Coupling(force=force), 100_000), 1.0, rtol=1e-5)
 
 
 @pytest.mark.parametrize("ratio", [1e-3, 0.1, 0.7])
-def test_serial_limits_of_the_end_force_are_exact(ratio):
+def test_limits_of_the_end_force_are_exact(ratio):
     """k H / 2 <= c <= 2 m / H whatever k H^2 / m: determinant and trace of the map say so in closed form."""
     case = Exchange(2e-3, ratio * 3.0 / 4e-6, 0.0, 3.0)
     assert_allclose(lowest_damping(case), 0.5 * case.stiffness * case.interval, rtol=1e-7)
@@ -71,19 +67,13 @@ def test_serial_limits_of_the_end_force_are_exact(ratio):
 
 
 def test_the_highest_damper_in_closed_form():
-    """Without a spring: 2 m/H serial; mean of n steps min(2 n, 2 n/(n-1)); parallel 1, of a mean 0.83."""
+    """Without a spring: 2 m/H; of the mean of n steps min(2 n, 2 n/(n-1)) m/H, never below 2."""
     weak = {"interval": 1e-3, "stiffness": 1e-3, "damping": 0.0, "mass": 1.0}
     unit = 1.0 / 1e-3
-    for steps in (2, 3, 8):
+    for steps in (2, 3, 8, 60):
         mean = Exchange(**weak, force="tick_mean", soil_steps=steps)
         assert_allclose(highest_damping(mean), unit * min(2.0 * steps, 2.0 * steps / (steps - 1)), rtol=1e-5)
-    assert_allclose(highest_damping(Exchange(**weak, scheme="parallel")), unit, rtol=1e-5)
-    many = Exchange(**weak, scheme="parallel", force="tick_mean", soil_steps=60)
-    assert_allclose(highest_damping(many), unit * PARALLEL_DAMPER_SHARE, rtol=1e-2)
-    for steps in (2, 3, 8, 60):
-        parallel = replace(many, soil_steps=steps)
-        assert unit * PARALLEL_DAMPER_SHARE < highest_damping(parallel) < unit
-        assert highest_damping(replace(many, scheme="serial", soil_steps=steps)) > unit * SERIAL_DAMPER_SHARE
+        assert highest_damping(mean) > unit * DAMPER_SHARE
 
 
 METHODS = [
@@ -95,10 +85,9 @@ METHODS = [
 ]
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
-def test_the_integrator_does_not_move_the_limits_of_a_bare_mass(scheme):
+def test_the_integrator_does_not_move_the_limits_of_a_bare_mass():
     """Under a held force alone all integrators are exact, so all have the same limits."""
-    base = Exchange(2e-3, 2e4, 0.0, 1.0, scheme=scheme)
+    base = Exchange(2e-3, 2e4, 0.0, 1.0)
     expected = lowest_damping(base)
     for integrator, order, steps in METHODS:
         case = replace(base, integrator=integrator, order=order, mechanism_steps=steps)
@@ -152,7 +141,7 @@ def scene_of(soil, case: Exchange, ticks: int):
         "tools": {"block": {"body": "block", "groups": {"all": mesh}}},
         "coupling": {
             "interval_ns": interval_ns, "mechanism_steps": case.mechanism_steps, "force": case.force,
-            "scheme": case.scheme, "residual_bound": 1e9,
+            "residual_bound": 1e9,
         },
     }  # fmt: skip
     return soil.resolve(document)
@@ -208,8 +197,7 @@ def run_engines(soil, case: Exchange, ticks: int) -> tuple[np.ndarray, np.ndarra
     run_direct(resolved, "run", block, Pressed(resolved), forces)
     first = 5  # Adams-Moulton has its history
     held = forces[first] - case.stiffness * PRESSED
-    before = block.states[first - 1][:2]
-    state = np.array([*block.states[first][: 3 + case.past_count], held, *before])
+    state = np.array([*block.states[first][: 3 + case.past_count], held])
     expected, matrix = [], case.matrix()
     for _ in range(first, ticks):
         expected.append(state[:2])
@@ -220,23 +208,19 @@ def run_engines(soil, case: Exchange, ticks: int) -> tuple[np.ndarray, np.ndarra
 CASES = [
     Exchange(1.5e-3, STIFFNESS, 0.0, MASS),
     Exchange(7e-3, STIFFNESS, 0.0, MASS),
-    Exchange(3e-3, STIFFNESS, 0.0, MASS, scheme="parallel"),
     Exchange(3e-3, STIFFNESS, 0.0, MASS, force="tick_mean", soil_steps=4, mechanism_steps=3),
-    Exchange(3e-3, STIFFNESS, 0.0, MASS, scheme="parallel", force="tick_mean", soil_steps=4),
     Exchange(7e-3, STIFFNESS, 0.0, MASS, force="tick_end", soil_steps=4, integrator="generalized_alpha"),
     Exchange(5e-3, STIFFNESS, 0.0, MASS, 5e3, 3.0, integrator="adams_moulton", order=2),
     Exchange(5e-3, STIFFNESS, 0.0, MASS, 5e3, 3.0, integrator="adams_moulton", order=3, mechanism_steps=2),
     Exchange(
         5e-3, STIFFNESS, 0.0, MASS, 5e3, 3.0, integrator="adams_moulton", force="tick_mean", soil_steps=3
     ),
-    Exchange(2e-3, STIFFNESS, 0.0, MASS, 5e3, 3.0, "parallel", integrator="generalized_alpha"),
-    Exchange(3.5e-3, STIFFNESS, 0.0, MASS, 5e3, 3.0, "serial", "tick_mean", 2, 2, "generalized_alpha"),
-    Exchange(2e-3, STIFFNESS, 0.0, MASS, 5e3, 3.0, "parallel", "tick_mean", 3, 1, "runge_kutta_4"),
+    Exchange(3.5e-3, STIFFNESS, 0.0, MASS, 5e3, 3.0, "tick_mean", 2, 2, "generalized_alpha"),
+    Exchange(2e-3, STIFFNESS, 0.0, MASS, 5e3, 3.0, "tick_mean", 3, 1, "runge_kutta_4"),
 ]
 UPPER = [
     Exchange(2e-3, STIFFNESS, 0.0, MASS),
     Exchange(5e-3, STIFFNESS, 0.0, MASS, force="tick_mean", soil_steps=3),
-    Exchange(2e-3, STIFFNESS, 0.0, MASS, scheme="parallel"),
 ]
 
 

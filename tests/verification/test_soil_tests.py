@@ -49,6 +49,14 @@ def subfolder(folder: Path, name: str) -> Path:
     return path
 
 
+def test_a_specimen_takes_what_its_scene_allows(soil, tmp_path: Path) -> None:
+    """A step above the limit that the scene allows is allowed in its specimen too."""
+    resolved = soil.scene(GRID, "soil.time_step_s=6e-5", "allow=[unstable_time_step]")
+    specimen = prepare_specimen(resolved, (0.144, 0.108, 0.126), tmp_path)
+    assert specimen.resolved.scene.allow == ("unstable_time_step",)
+    assert specimen.resolved.timing.interval_ns == 60_000
+
+
 def test_meshes_of_the_box() -> None:
     """Closed, outward, of the declared size; the frame's inner faces look at the specimen."""
     box = ShearBox((0.1, -0.08, -0.13), (0.34, 0.08, -0.01), wall_m=0.05, gap_m=0.02)

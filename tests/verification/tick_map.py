@@ -1,4 +1,4 @@
-"""The exact map of one tick for a mass on a linear soil, scheme and integrators as DESIGN.md describes them.
+"""The exact map of one tick for a mass on a linear soil, with exchange and integrators of docs/physics.md.
 
 Everything is linear, so the map of the whole state is a matrix, found column by column from unit states; its
 spectral radius says whether the exchange is stable. Written apart from the engines: only the weights of
@@ -28,7 +28,6 @@ class Exchange:
     mass: float = 1.0
     own_stiffness: float = 0.0  # mechanism
     own_damping: float = 0.0
-    scheme: str = "serial"
     force: str = "tick_end"
     soil_steps: int = 1
     mechanism_steps: int = 1
@@ -42,18 +41,16 @@ class Exchange:
 
     @property
     def size(self) -> int:
-        """State: place, speed, acceleration, past accelerations, force held next, place and speed before."""
-        return 3 + self.past_count + 3
+        """State: place, speed, acceleration, past accelerations, force held next."""
+        return 3 + self.past_count + 1
 
     def tick(self, state: np.ndarray) -> np.ndarray:
         """The state one tick later."""
         past = self.past_count
         x, v, a = state[:3]
-        history, (force, x_before, v_before) = state[3 : 3 + past], state[3 + past :]
+        history, force = state[3 : 3 + past], state[3 + past]
         x_end, v_end, a_end, history = self._mechanism(x, v, a, history, force)
-        parallel = self.scheme == "parallel"
-        answer = self._soil(x_before, v_before, x, v) if parallel else self._soil(x, v, x_end, v_end)
-        return np.array([x_end, v_end, a_end, *history, answer, x, v])
+        return np.array([x_end, v_end, a_end, *history, self._soil(x, v, x_end, v_end)])
 
     def matrix(self) -> np.ndarray:
         """(size, size) float64 map of a tick."""

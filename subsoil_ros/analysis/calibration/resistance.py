@@ -104,7 +104,7 @@ def measure(
                 runs.append(
                     numbers(kept_pull(resolved, folder, label, threads, watch), tip_x, design.window_m)
                 )
-            reduced = load_scene(scene.path, (*point_overrides(scene, design, point, 0), _REDUCED))
+            reduced = load_scene(scene.path, (*point_overrides(scene, design, point, 0), *_REDUCED))
             found.append(Measured(point, reduced, _tip_x_m(scene, point), runs, used))
     groups = scene.scene.tools[name].groups
     if any(len(item.numbers[0].mean_x_newton) != len(groups) for item in found):
@@ -119,7 +119,10 @@ _START = ResistanceValues(
     adhesion_pa=1e3,
     tool_friction_angle_rad=0.2,
 )
-_REDUCED = "soil={model: resistance, values: " + _START.model_dump_json(exclude_none=True) + "}"
+_REDUCED = (
+    "soil={model: resistance, values: " + _START.model_dump_json(exclude_none=True) + "}",
+    "allow=[]",  # what the scene allows concerns its particles
+)
 
 
 def _tip_x_m(scene: ResolvedScene, point: Point) -> float:

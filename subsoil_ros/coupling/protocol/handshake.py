@@ -7,9 +7,6 @@ from ...messages import NodeHello
 from ...scene.model import Scene
 from .names import MECHANISM, RECORDER, SOIL
 
-PARALLEL = "parallel"
-"""coupling.scheme: parallel."""
-
 TICK_MEAN = "tick_mean"
 """coupling.force: tick_mean."""
 
@@ -17,8 +14,8 @@ DRIVER_COMMAND = "driver_command"
 """Takes the commands of a controller."""
 
 CAPABILITIES: Mapping[str, tuple[str, ...]] = {
-    MECHANISM: (PARALLEL, DRIVER_COMMAND),
-    SOIL: (PARALLEL, TICK_MEAN),
+    MECHANISM: (DRIVER_COMMAND,),
+    SOIL: (TICK_MEAN,),
     RECORDER: (DRIVER_COMMAND,),
 }
 """Of the nodes of this package."""
@@ -32,8 +29,6 @@ def needed_capabilities(scene: Scene) -> dict[str, dict[str, str]]:
         for node in nodes:
             needed.setdefault(node, {})[capability] = key
 
-    if scene.coupling.scheme == "parallel":
-        add(PARALLEL, "coupling.scheme: parallel", MECHANISM, SOIL)
     if scene.soil is not None and scene.coupling.force == "tick_mean":
         add(TICK_MEAN, "coupling.force: tick_mean", SOIL)
     if scene.controller is not None:

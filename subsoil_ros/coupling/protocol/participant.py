@@ -15,7 +15,6 @@ class Needs(Enum):
     NOTHING = "nothing"  # a mechanism without soil, a soil that moves its tools itself
     WRENCHES = "wrenches of tick k-1"
     MOTIONS = "motions of tick k"
-    MOTIONS_BEFORE = "motions of tick k-1"  # soil of the parallel scheme
 
 
 @dataclass(frozen=True)
@@ -56,15 +55,12 @@ class Participant:
         self._wrenches = AnswerStream[ToolWrenches]("tool_wrenches", run_id, tick_count, tools, first_tick)
         self._commands = CommandStream(run_id, tick_count, control_ticks, first_tick)
         self._control_ticks = control_ticks
-        self._initial_motions: tuple[ToolMotion, ...] | None = None
         self._initial_wrenches: tuple[ToolWrench, ...] | None = None
         self._at_work = False
 
-    def start(
-        self, motions: tuple[ToolMotion, ...] | None = None, wrenches: tuple[ToolWrench, ...] | None = None
-    ) -> None:
-        """Takes what the first tick needs of the state before it."""
-        self._initial_motions, self._initial_wrenches = motions, wrenches
+    def start(self, wrenches: tuple[ToolWrench, ...]) -> None:
+        """Takes the wrenches before the first tick; only Needs.WRENCHES has to have them."""
+        self._initial_wrenches = wrenches
 
     def accept_grant(self, grant: Grant) -> None:
         """Takes a grant. ABORT may come at any time, and nothing is handed out after it."""
@@ -117,10 +113,8 @@ class Participant:
             return None
         motions: tuple[ToolMotion, ...] | None = ()
         wrenches: tuple[ToolWrench, ...] | None = ()
-        if self._needs is Needs.MOTIONS or (self._needs is Needs.MOTIONS_BEFORE and not first):
+        if self._needs is Needs.MOTIONS:
             motions = self._motions.take().tools if self._motions else None
-        elif self._needs is Needs.MOTIONS_BEFORE:
-            motions = self._initial_motions
         elif self._needs is Needs.WRENCHES and not first:
             wrenches = self._wrenches.take().tools if self._wrenches else None
         elif self._needs is Needs.WRENCHES:

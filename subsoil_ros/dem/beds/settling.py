@@ -111,7 +111,7 @@ def smooth_soil(soil: Soil, *, adhesive: bool) -> Soil:
     )
     skin = SKIN * soil.particles.mean_volume_radius_m
     changes = {"law": law, "layers": layers, "skin_m": skin, "precision": "float64", "device": "cpu"}
-    return soil.model_copy(update=changes | {"damping": "explicit", "monitors": None})
+    return soil.model_copy(update={**changes, "monitors": None})
 
 
 def _smooth_law(soil: Soil, *, adhesive: bool) -> ContactLaw:

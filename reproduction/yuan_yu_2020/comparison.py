@@ -13,18 +13,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.laws import ConstantLaw
-from ..scene.mechanism import Driver
-from ..scene.model import Scene
-from . import paper
-from .disturbance import ZONE_M
-from .findings import MOVING_S, Findings, compared_columns
-from .impossible import Statement, statements
+from subsoil_ros.analysis.disturbance import ZONE_M
+from subsoil_ros.analysis.findings import MOVING_S, Findings, compared_columns
+from subsoil_ros.analysis.series import Series
+from subsoil_ros.analysis.smoothing import moving_mean
+from subsoil_ros.analysis.spectra import SEGMENTS, SLOWEST
+from subsoil_ros.analysis.window import Window
+from subsoil_ros.scene.laws import ConstantLaw
+from subsoil_ros.scene.mechanism import Driver
+from subsoil_ros.scene.model import Scene
+
+from . import printed
+from .consistency import Statement, statements
 from .levers import levers_of
-from .series import Series
-from .smoothing import moving_mean
-from .spectra import SEGMENTS, SLOWEST
-from .window import Window
 
 TARGET = 0.25
 """Relative difference that counts as reproduced."""
@@ -88,7 +89,7 @@ class Reproduction:
                 for row in self.rows
             ],
             "statements": [{**item._asdict(), "holds": item.holds} for item in self.statements],
-            "contradictions": paper.CONTRADICTIONS,
+            "contradictions": printed.REFERENCE.notes,
         }  # fmt: skip
 
 
@@ -120,7 +121,7 @@ def _speed(scene: Scene) -> float:
         driver = mechanism.joints[mechanism.draft_driver]
         if isinstance(driver, Driver) and isinstance(driver.speed, ConstantLaw):
             return driver.speed.value
-    return paper.SPEED_M_PER_S
+    return printed.SPEED_M_PER_S
 
 
 @dataclass(frozen=True)
@@ -165,18 +166,18 @@ class _Extremes:
 
 def _extreme_rows(scene: Scene, series: Series, window: Window) -> Iterator[Row]:
     draft = _Extremes.of(series, "draft_newton", window)
-    low, high = paper.DRAFT_CYCLE_NEWTON
+    low, high = printed.DRAFT_CYCLE_NEWTON
     yield draft.row("draft, cycle", "N", "least", low, "low")
     yield draft.row("draft, cycle", "N", "largest", high, "high")
     yield draft.span("draft, cycle", "N", high - low)
     yield draft.row("draft, cycle", "N", "mean", 0.5 * (low + high), "mean", "printed: middle of the cycle")
-    yield draft.row("draft, run", "N", "largest", paper.DRAFT_NEWTON[1], "high", "printed at 3.5 s")
-    yield draft.row("draft, run", "N", "least", paper.DRAFT_NEWTON[0], "low", "negative: pushed forward")
+    yield draft.row("draft, run", "N", "largest", printed.DRAFT_NEWTON[1], "high", "printed at 3.5 s")
+    yield draft.row("draft, run", "N", "least", printed.DRAFT_NEWTON[0], "low", "negative: pushed forward")
     names = compared_columns(scene)
     spring = f"spring.{scene.report.spring}.force_newton"
     if spring in names and spring in series:
         force = _Extremes.of(series, spring, window)
-        tension, compression = paper.SPRING_NEWTON
+        tension, compression = printed.SPRING_NEWTON
         yield force.row("spring force", "N", "largest compression", compression, "high")
         yield force.row("spring force", "N", "largest tension", tension, "low", "tension is negative")
         yield force.span("spring force", "N", compression - tension)
@@ -185,12 +186,12 @@ def _extreme_rows(scene: Scene, series: Series, window: Window) -> Iterator[Row]
         angle = _Extremes.of(series, f"body.{shank}.angle_rad", window)
         turn = [value - scene.mechanism.bodies[shank].angle_rad for value in (angle.low[0], angle.high[0])]
         yield angle.span(
-            "share entry angle", "rad", paper.ANGLE_RAD[1] - paper.ANGLE_RAD[0],
+            "share entry angle", "rad", printed.ANGLE_RANGE_RAD,
             f"from the working pose, tip back negative: {turn[0]:.4f} to {turn[1]:.4f}; mirrored: "
             f"{-turn[1]:.4f} to {-turn[0]:.4f}",
         )  # fmt: skip
         height = _Extremes.of(series, f"body.{shank}.z_m", window)
-        yield height.span("height of the shank's centre of mass", "m", paper.HEIGHT_TRAVEL_M)
+        yield height.span("height of the shank's centre of mass", "m", printed.HEIGHT_RANGE_M)
 
 
 def _period_rows(scene: Scene, window: Window, series: Series, findings: Findings) -> Iterator[Row]:
@@ -198,10 +199,10 @@ def _period_rows(scene: Scene, window: Window, series: Series, findings: Finding
     length_s = float(times[-1] - times[0])
     spring, shank = scene.report.spring, scene.report.shank
     for label, name, published in (
-        ("period of the draft", "draft_newton", paper.DRAFT_PERIOD_S),
-        ("period of the spring force", f"spring.{spring}.force_newton", paper.PERIOD_S),
-        ("period of the entry angle", f"body.{shank}.angle_rad", paper.PERIOD_S),
-        ("period of the height", f"body.{shank}.z_m", paper.PERIOD_S),
+        ("period of the draft", "draft_newton", printed.DRAFT_PERIOD_S),
+        ("period of the spring force", f"spring.{spring}.force_newton", printed.PERIOD_S),
+        ("period of the entry angle", f"body.{shank}.angle_rad", printed.PERIOD_S),
+        ("period of the height", f"body.{shank}.z_m", printed.PERIOD_S),
     ):
         found = findings.spectra.get(name)
         if found is None:

@@ -8,7 +8,7 @@ range of the spring force, to which the declared stiffness was fitted.
 import math
 from typing import NamedTuple
 
-from . import paper
+from . import printed
 from .levers import Levers
 
 
@@ -42,7 +42,7 @@ def statements(levers: Levers, speed_m_per_s: float) -> tuple[Statement, ...]:
 
 def _swing_newton(levers: Levers, period_s: float) -> float:
     """Spring force that the shank's inertia can take up while it swings through the printed range."""
-    return levers.inertial_newton(paper.ANGLE_RAD[1] - paper.ANGLE_RAD[0], period_s)
+    return levers.inertial_newton(printed.ANGLE_RANGE_RAD, period_s)
 
 
 def _released_newton(levers: Levers) -> float:
@@ -52,17 +52,17 @@ def _released_newton(levers: Levers) -> float:
 
 def _inertia_words(levers: Levers) -> str:
     return (
-        f"swung by {paper.ANGLE_RAD[1] - paper.ANGLE_RAD[0]:g} rad, the shank's inertia, "
+        f"swung by {printed.ANGLE_RANGE_RAD:g} rad, the shank's inertia, "
         f"{levers.inertia_kg_m2:.2f} kg m2 about the hinge, takes up "
-        f"{_swing_newton(levers, paper.PERIOD_S):.0f} N in a cycle of {paper.PERIOD_S:g} s, "
-        f"{_swing_newton(levers, paper.DRAFT_PERIOD_S):.0f} N in {paper.DRAFT_PERIOD_S:g} s, and "
+        f"{_swing_newton(levers, printed.PERIOD_S):.0f} N in a cycle of {printed.PERIOD_S:g} s, "
+        f"{_swing_newton(levers, printed.DRAFT_PERIOD_S):.0f} N in {printed.DRAFT_PERIOD_S:g} s, and "
         f"{_released_newton(levers):.0f} N where the soil lets go at once and the shank swings at its own "
         f"{levers.frequency_hz:.1f} Hz"
     )
 
 
 def _tension(levers: Levers) -> Statement:
-    tension, least = paper.SPRING_NEWTON[0], paper.DRAFT_NEWTON[0]
+    tension, least = printed.SPRING_NEWTON[0], printed.DRAFT_NEWTON[0]
     held = levers.unloaded_newton + least * levers.tip_lever_m / levers.spring_arm_m
     share = levers.draft_newton(tension, levers.share_lever_m)
     return Statement(
@@ -77,28 +77,28 @@ def _tension(levers: Levers) -> Statement:
 
 
 def _compression_of_largest_draft(levers: Levers) -> Statement:
-    largest, printed = paper.DRAFT_NEWTON[1], paper.SPRING_NEWTON[1]
+    largest, force = printed.DRAFT_NEWTON[1], printed.SPRING_NEWTON[1]
     at_rest = levers.spring_newton(largest)
     return Statement(
-        f"{largest:g} N of draft with {printed:g} N on the spring",
-        f"at rest {largest:g} N on the share press the spring with {at_rest:.0f} N; {printed:g} N go with "
-        f"{levers.draft_newton(printed, levers.share_lever_m):.0f} N there: the rest is on the wheels, or "
-        f"{at_rest - printed:.0f} N are inertia of a shank that the next block stops",
-        at_rest - printed,
+        f"{largest:g} N of draft with {force:g} N on the spring",
+        f"at rest {largest:g} N on the share press the spring with {at_rest:.0f} N; {force:g} N go with "
+        f"{levers.draft_newton(force, levers.share_lever_m):.0f} N there: the rest is on the wheels, or "
+        f"{at_rest - force:.0f} N are inertia of a shank that the next block stops",
+        at_rest - force,
         _released_newton(levers),
         "N",
     )
 
 
 def _phase(levers: Levers) -> Statement:
-    spring, draft = paper.SPRING_NEWTON[1], paper.DRAFT_CYCLE_NEWTON[0]
+    spring, draft = printed.SPRING_NEWTON[1], printed.DRAFT_CYCLE_NEWTON[0]
     at_rest = levers.unloaded_newton + draft * levers.tip_lever_m / levers.spring_arm_m
     return Statement(
         f"{spring:g} N on the spring while the draft is {draft:g} N (conclusion 3, at 1.5 s)",
         f"{draft:g} N of draft, all of it at the tip, hold {at_rest:.0f} N of the spring; the other "
         f"{spring - at_rest:.0f} N must accelerate the shank, as in the moment after a failure "
-        f"({_released_newton(levers):.0f} N at most), but not in a smooth cycle of {paper.PERIOD_S:g} s "
-        f"({_swing_newton(levers, paper.PERIOD_S):.0f} N)",
+        f"({_released_newton(levers):.0f} N at most), but not in a smooth cycle of {printed.PERIOD_S:g} s "
+        f"({_swing_newton(levers, printed.PERIOD_S):.0f} N)",
         spring - at_rest,
         _released_newton(levers),
         "N",
@@ -107,8 +107,8 @@ def _phase(levers: Levers) -> Statement:
 
 def _offset(levers: Levers) -> Statement:
     """The line from draft to spring force through both printed ranges, and where it meets no draft."""
-    low, high = paper.DRAFT_NEWTON
-    tension, compression = paper.SPRING_NEWTON
+    low, high = printed.DRAFT_NEWTON
+    tension, compression = printed.SPRING_NEWTON
     ratio = (compression - tension) / (high - low)
     offset = tension - ratio * low
     return Statement(
@@ -124,27 +124,27 @@ def _offset(levers: Levers) -> Statement:
 
 
 def _height(levers: Levers) -> Statement:
-    swing = paper.ANGLE_RAD[1] - paper.ANGLE_RAD[0]
+    swing = printed.ANGLE_RANGE_RAD
     rise = levers.swing_height_m(swing)
     return Statement(
-        f"{1e3 * paper.HEIGHT_TRAVEL_M:.0f} mm of height by {swing:g} rad of swing",
+        f"{1e3 * printed.HEIGHT_RANGE_M:.0f} mm of height by {swing:g} rad of swing",
         f"a swing of {swing:g} rad moves the centre of mass by {1e3 * rise:.1f} mm; the rest, "
-        f"{1e3 * (paper.HEIGHT_TRAVEL_M - rise):.0f} mm, is the whole machine going up or down: an entry",
-        paper.HEIGHT_TRAVEL_M,
+        f"{1e3 * (printed.HEIGHT_RANGE_M - rise):.0f} mm, is the whole machine going up or down: an entry",
+        printed.HEIGHT_RANGE_M,
         rise,
         "m",
     )
 
 
 def _rhythm(levers: Levers) -> Statement:
-    frequency = 1.0 / paper.PERIOD_S
+    frequency = 1.0 / printed.PERIOD_S
     needed = levers.inertia_kg_m2 * (2.0 * math.pi * frequency) ** 2
     return Statement(
         f"the spring's own oscillation at {frequency:g} Hz",
         f"the shank swings on this spring at {levers.frequency_hz:.1f} Hz; {frequency:g} Hz needs "
         f"{needed:.0f} N m/rad instead of {levers.stiffness_newton_m_per_rad:.0f}, and "
-        f"{paper.SPRING_NEWTON[1] * levers.spring_arm_m:.0f} N m would turn it by "
-        f"{paper.SPRING_NEWTON[1] * levers.spring_arm_m / needed:.1f} rad: the rhythm is not the spring's",
+        f"{printed.SPRING_NEWTON[1] * levers.spring_arm_m:.0f} N m would turn it by "
+        f"{printed.SPRING_NEWTON[1] * levers.spring_arm_m / needed:.1f} rad: the rhythm is not the spring's",
         levers.frequency_hz,
         frequency,
         "Hz",
@@ -152,12 +152,12 @@ def _rhythm(levers: Levers) -> Statement:
 
 
 def _energy(levers: Levers, speed_m_per_s: float) -> Statement:
-    stored = 0.5 * paper.SPRING_NEWTON[1] ** 2 / levers.stiffness_newton_per_m
-    work = sum(paper.DRAFT_CYCLE_NEWTON) / 2.0 * speed_m_per_s * paper.PERIOD_S
+    stored = 0.5 * printed.SPRING_NEWTON[1] ** 2 / levers.stiffness_newton_per_m
+    work = sum(printed.DRAFT_CYCLE_NEWTON) / 2.0 * speed_m_per_s * printed.PERIOD_S
     return Statement(
         "the energy that the spring stores in a cycle",
-        f"{stored:.1f} J at {paper.SPRING_NEWTON[1]:g} N, of {work:.0f} J that the trolley spends in "
-        f"{paper.PERIOD_S:g} s: there is enough, so energy does not forbid the cycle",
+        f"{stored:.1f} J at {printed.SPRING_NEWTON[1]:g} N, of {work:.0f} J that the trolley spends in "
+        f"{printed.PERIOD_S:g} s: there is enough, so energy does not forbid the cycle",
         stored,
         work,
         "J",

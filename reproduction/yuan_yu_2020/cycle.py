@@ -1,8 +1,8 @@
-"""Tables of docs/cycle.md from the runs of benchmarks/cycle_runs.py.
+"""Tables of cycle.md from the runs of cycle_runs.py.
 
-    python -m benchmarks.cycle [--out DIR] [--results DIR]
+    python -m reproduction.yuan_yu_2020.cycle [--out DIR] [--results DIR]
 
-Takes the runs that are finished, starts none. Leaves in --results (docs/results/cycle):
+Takes the runs that are finished, starts none. Leaves in --results (results/cycle beside this file):
 
 cases.csv       one row for each run: draft, swing, cycles, spectrum, residual, overlaps
 cases.md        the same for reading, one row for each case; intervals of 95 % from the scatter between seeds
@@ -21,9 +21,6 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from benchmarks.cycle_record import ANGLE, QUANTILES, SPRING, Run, Values, quantile_range
-from benchmarks.cycle_rhythm import rhythm_rows
-from benchmarks.cycle_runs import cases, find_case
 from benchmarks.kept_runs import write_rows
 from subsoil_ros.analysis.failure_cycles import SMOOTHED_S
 from subsoil_ros.analysis.findings import MOVING_S
@@ -32,7 +29,10 @@ from subsoil_ros.analysis.paired import paired_difference
 from subsoil_ros.analysis.window import tip_path_m
 from subsoil_ros.recording.joined import open_record
 
-RESULTS = Path(__file__).parents[1] / "docs" / "results" / "cycle"
+from . import RESULTS
+from .cycle_record import ANGLE, QUANTILES, SPRING, Run, Values, quantile_range
+from .cycle_rhythm import rhythm_rows
+from .cycle_runs import cases, find_case
 
 THRESHOLDS = (0.5, 1.0, 1.5)
 """Prominence of a failure in standard deviations."""
@@ -202,7 +202,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--out", type=Path, default=Path("runs/cycle"), help="where the runs are")
-    parser.add_argument("--results", type=Path, default=RESULTS)
+    parser.add_argument("--results", type=Path, default=RESULTS / "cycle")
     args = parser.parse_args()
     runs = []
     for case in cases():

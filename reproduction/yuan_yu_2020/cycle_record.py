@@ -1,4 +1,4 @@
-"""A finished run of benchmarks/cycle_runs.py, read back over the window that all its tables share."""
+"""A finished run of cycle_runs.py, read back over the window that all its tables share."""
 
 from pathlib import Path
 
@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import periodogram
 
-from benchmarks.cycle_runs import Case
 from benchmarks.kept_runs import Summary
 from subsoil_ros.analysis.failure_cycles import SMOOTHED_S, FailureCycles, failure_cycles
 from subsoil_ros.analysis.series import Series
@@ -14,6 +13,8 @@ from subsoil_ros.analysis.series_file import read_series_csv
 from subsoil_ros.analysis.smoothing import moving_mean, step_s
 from subsoil_ros.analysis.window import tip_path_m
 from subsoil_ros.scene.loader import load_scene
+
+from .cycle_runs import Case
 
 Values = NDArray[np.float64]
 

@@ -12,14 +12,15 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.stats import f as f_distribution
 
-from benchmarks.cycle_record import ANGLE, SPRING, Run, Values, quantile_range
-from benchmarks.cycle_runs import SCENE
 from subsoil_ros.analysis.failure_cycles import SMOOTHED_S
-from subsoil_ros.analysis.levers import Levers, levers_of
 from subsoil_ros.analysis.smoothing import running_mean, step_s
 from subsoil_ros.analysis.window import tip_path_m
 from subsoil_ros.scene.loader import load_scene
 from subsoil_ros.scene.mechanism import SpringDamper
+
+from .cycle_record import ANGLE, SPRING, Run, Values, quantile_range
+from .cycle_runs import SCENE
+from .levers import Levers, levers_of
 
 STEP_S = 1e-4
 """Of the shank on soil that unloads (chosen: below a hundredth of the shortest period, 20 ms)."""

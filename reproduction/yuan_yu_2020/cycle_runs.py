@@ -1,9 +1,9 @@
 """Runs of the cycle scene that could show its swing to be an artefact.
 
-    python -m benchmarks.cycle_runs [--out DIR] [--case NAME ...] [--workers N] [--list]
+    python -m reproduction.yuan_yu_2020.cycle_runs [--out DIR] [--case NAME ...] [--workers N] [--list]
 
 Every case is config/scenes/subsoiler_1s300_cycle.yaml with one thing changed; finished runs are kept with
-their bags. `python -m benchmarks.cycle` makes the tables of docs/cycle.md from them.
+their bags. `python -m reproduction.yuan_yu_2020.cycle` makes the tables of cycle.md from them.
 """
 
 import argparse
@@ -13,13 +13,15 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmarks.draft_saving import mean_angle_rad
 from benchmarks.kept_runs import FailedRun, Summary, find_kept_run, kept_run, write_scene
-from subsoil_ros.analysis.machine_variants import locked_shank
 from subsoil_ros.scene.document import Document
 from subsoil_ros.scene.loader import load_scene
 
-SCENE = Path(__file__).parents[1] / "config" / "scenes" / "subsoiler_1s300_cycle.yaml"
+from . import SCENES
+from .draft_saving import mean_angle_rad
+from .machine_variants import locked_shank
+
+SCENE = SCENES / "subsoiler_1s300_cycle.yaml"
 
 STEP_S = 5.3e-5
 """What `time_step_s: auto` takes in the scene."""
@@ -144,7 +146,7 @@ def cases() -> Iterator[Case]:
         grace_joule = FIRST_CONTACTS_JOULE if seed == 1 else GRACE_JOULE
         yield Case("r = 18 mm", _radius(0.018), seed, grace_joule=grace_joule)
     yield Case("r = 12 mm", _radius(0.012))
-    exchange = {"coupling": {"interval_ns": 2 * round(STEP_S * 1e9)}, "record": {"series_ticks": 10}}
+    exchange: Document = {"coupling": {"interval_ns": 2 * round(STEP_S * 1e9)}, "record": {"series_ticks": 10}}
     exchange |= {"soil": {"time_step_s": STEP_S}}
     yield Case("exchange of two steps", exchange, grace_joule=FIRST_CONTACTS_JOULE)
     yield Case("bin 1.1 m wide", {"soil": {"bin": {"width_m": 1.1}}})

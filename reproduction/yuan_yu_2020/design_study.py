@@ -1,6 +1,7 @@
 """Which spring saves draft, and does what it saves come from vibration?
 
-    python -m benchmarks.design_study [--stage springs depth angles exchange particles] [--out DIR]
+    python -m reproduction.yuan_yu_2020.design_study \
+        [--stage springs depth angles exchange particles] [--out DIR]
 
 On the reduced soil (seconds a run), with `subsoil sweep` where it can, three seeds each:
 
@@ -10,7 +11,7 @@ depth     depth and speed of the declared machine, against the same
 angles    the shank locked at other angles: what a share draws that does not move on its spring
 exchange  the declared and the recommended spring with shorter and longer exchange, against the shank locked
           at their own mean angles: what is saved counts only if it stays
-particles the same question of 5,600 particles of r = 25 mm (benchmarks/draft_saving.py), with shorter steps
+particles the same question of 5,600 particles of r = 25 mm (draft_saving.py), with shorter steps
           and longer exchange; the spring so long that the share works upright: pushed back, it has the grid
           go over into a denser state at some time, and beds differ by a third
 
@@ -30,21 +31,22 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.draft_saving import mean_angle_rad, run_seed
-from benchmarks.fit_machine import COARSE_BIN_M
 from benchmarks.kept_runs import FailedRun, Summary, kept_run, read_rows, write_rows, write_scene
 from subsoil_ros.analysis.intervals import Interval, mean_interval
-from subsoil_ros.analysis.machine_variants import (
+from subsoil_ros.analysis.plotting import COLOURS, new_figure, save_figure
+from subsoil_ros.scene.loader import load_scene
+
+from . import SCENES
+from .draft_saving import mean_angle_rad, run_seed
+from .fit_machine import COARSE_BIN_M
+from .machine_variants import (
     at_depth,
     at_rest,
     coarse_soil,
     locked_shank,
     on_plain_ground,
 )
-from subsoil_ros.analysis.plotting import COLOURS, new_figure, save_figure
-from subsoil_ros.scene.loader import load_scene
 
-SCENES = Path(__file__).parents[1] / "config" / "scenes"
 SCENE, PARTICLES = SCENES / "subsoiler_1s300_resistance.yaml", SCENES / "subsoiler_1s300.yaml"
 SPRING = "mechanism.forces.H9_spring"
 SPEED = "mechanism.joints.H10_drive.speed"
@@ -272,7 +274,7 @@ def draw(rows: list[dict[str, Any]], out: Path) -> Path:
     for row in read_rows(out / "angles.csv"):
         by_angle[float(row["angle_rad"])].append(float(row["draft_newton"]))
     at = sorted(by_angle)
-    axes.plot(at, [np.mean(by_angle[a]) for a in at], "-", color=COLOURS["paper"], label="locked")
+    axes.plot(at, [np.mean(by_angle[a]) for a in at], "-", color=COLOURS["reference"], label="locked")
     for k, marker in zip(STIFFNESS, "vos^D", strict=True):
         shown = [row for row in rows if row["stiffness_newton_per_m"] == k]
         axes.plot(

@@ -1,6 +1,7 @@
 """Draft against depth and speed of share and blade in particles, beside ASABE D497.7 and McKyes and Ali.
 
-    python -m benchmarks.draft_bands [--out DIR] [--radius M] [--threads N] [--set key=value ...]
+    python -m reproduction.yuan_yu_2020.draft_bands \
+        [--out DIR] [--radius M] [--threads N] [--set key=value ...]
 
 Runs share and blade of the 1S-300 on a path through a bed of the paper's soil (radius 20 mm with the law
 scaled unless said), draws the curves beside the formulas, and writes CSV, JSON and Markdown. The formulas
@@ -14,19 +15,21 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.kept_runs import kept_run, write_rows
-from subsoil_ros.analysis.draft_bands import (
+from subsoil_ros.analysis.plotting import COLOURS, new_figure, save_figure
+from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.scene.meshes import load_tool_mesh
+from subsoil_ros.scene.tool_faces import cutting_faces
+
+from . import SCENES
+from .draft_formulas import (
     ASABE_RANGE,
     PAPER_GRID,
     TEXTURES,
     asabe_newton,
     mckyes_newton,
 )
-from subsoil_ros.analysis.plotting import COLOURS, new_figure, save_figure
-from subsoil_ros.scene.loader import load_scene
-from subsoil_ros.scene.meshes import load_tool_mesh
-from subsoil_ros.scene.tool_faces import cutting_faces
 
-TINE = Path(__file__).parents[1] / "config" / "scenes" / "tine.yaml"
+TINE = SCENES / "tine.yaml"
 DEPTHS_M = (0.12, 0.18, 0.24, 0.30)
 SPEEDS_M_PER_S = (0.5, 1.0, 1.5)
 MIDDLE_DEPTH_M, MIDDLE_SPEED = 0.18, 0.5
@@ -111,7 +114,9 @@ def draw(rows: list[dict[str, Any]], path: Path) -> Path:
         high = [(1.0 + ASABE_RANGE) * row["asabe_fine_newton"] for row in shown]
         axes.fill_between(x, low, high, color="#f2e6c9", label="ASABE D497.7, coarse -50 % to fine +50 %")
         for texture in TEXTURES:
-            axes.plot(x, [row[f"asabe_{texture}_newton"] for row in shown], color=COLOURS["paper"], lw=0.8)
+            axes.plot(
+                x, [row[f"asabe_{texture}_newton"] for row in shown], color=COLOURS["reference"], lw=0.8
+            )
         for name, style in (("peak", "-"), ("residual", "--")):
             axes.plot(
                 x, [row[f"mckyes_{name}_newton"] for row in shown], color=COLOURS["share"], ls=style,
@@ -159,7 +164,7 @@ def main() -> None:
     args = parser.parse_args()
     rows = run_cases(args.out, args.radius, args.overrides, args.threads)
     write_rows(args.out / "draft_bands.csv", rows)
-    command = " ".join(["python -m benchmarks.draft_bands", *sys.argv[1:]])
+    command = " ".join(["python -m reproduction.yuan_yu_2020.draft_bands", *sys.argv[1:]])
     (args.out / "draft_bands.md").write_text(markdown(rows, command), encoding="utf-8")
     print(draw(rows, args.out / "draft_bands.png"))
 

@@ -12,7 +12,7 @@ share alone, with c and phi of the bed's own shear tests. Neither is fitted to a
 import math
 from typing import NamedTuple
 
-from ..resistance.wedge import Plate, Strength, least_wedge
+from subsoil_ros.resistance.wedge import Plate, Strength, least_wedge
 
 TEXTURES = {"fine": 1.0, "medium": 0.70, "coarse": 0.45}
 """F_i of the standard."""

@@ -1,6 +1,7 @@
 """How much draft a sprung shank saves: the control that the paper lacks.
 
-    python -m benchmarks.draft_saving [SCENE] [--out DIR] [--most-seeds N] [--threads N] [--set key=value ...]
+    python -m reproduction.yuan_yu_2020.draft_saving \
+        [SCENE] [--out DIR] [--most-seeds N] [--threads N] [--set key=value ...]
 
 On each bed (seeds 0, 1, ... of the grid's jitter, or of a random bed) three machines run: sprung; locked at
 the nominal angle, that of the reference pose; and locked at the mean angle that the sprung one had on this
@@ -23,11 +24,11 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.kept_runs import Summary, kept_run, write_scene
-from subsoil_ros.analysis.machine_variants import locked_shank, shank_and_frame
 from subsoil_ros.analysis.paired import PairedDifference, paired_difference
 from subsoil_ros.scene.loader import ResolvedScene, load_scene
 
-SCENES = Path(__file__).parents[1] / "config" / "scenes"
+from . import SCENES
+from .machine_variants import locked_shank, shank_and_frame
 
 BOUND = 0.02
 """Half-width that counts as resolved, part of the control's mean draft."""
@@ -162,7 +163,7 @@ def main() -> None:
     }
     text = json.dumps(document, indent=1).replace("Infinity", "null")
     (args.out / "draft_saving.json").write_text(text + "\n", encoding="utf-8")
-    command = " ".join(["python -m benchmarks.draft_saving", *sys.argv[1:]])
+    command = " ".join(["python -m reproduction.yuan_yu_2020.draft_saving", *sys.argv[1:]])
     shown = markdown(resolved.scene.name, resolved.scene_hash, table, command)
     (args.out / "draft_saving.md").write_text(shown, encoding="utf-8")
     print(shown)

@@ -1,6 +1,6 @@
 """Fits the free parameters of the 1S-300 to the paper's printed results, stage by stage.
 
-    python -m benchmarks.fit_machine [--stage NAME ...] [--only NAME=VALUE ...] [--out DIR]
+    python -m reproduction.yuan_yu_2020.fit_machine [--stage NAME ...] [--only NAME=VALUE ...] [--out DIR]
 
 statics   spring and its lever in closed form, held against their ranges; no run
 reduced   depth, damping and start on the reduced soil; seconds a run
@@ -8,7 +8,7 @@ coarse    depth, friction limit and start with larger particles and wheels on pl
 full      the best of the coarse stage in the paper's bin, bag, tables and figures kept; half an hour on
           two cores: only when asked for by name
 
-Ranges and reasons: config/fit/subsoiler_1s300.yaml. A run scores how many of the printed values it holds
+Ranges and reasons: fit_ranges.yaml. A run scores how many of the printed values it holds
 within 25 %, and the root mean square of ln(ours / printed), sign changes counted as a factor of ten. Whole
 run and metrics window count alike: the paper does not say which of its ranges are which. Finished runs are
 kept.
@@ -26,18 +26,18 @@ import numpy as np
 import yaml
 
 from benchmarks.kept_runs import FailedRun, Summary, kept_run, write_rows, write_scene
-from subsoil_ros.analysis import paper
-from subsoil_ros.analysis.levers import SHARE_DEPTH_PART
-from subsoil_ros.analysis.machine_variants import at_depth, at_rest, coarse_soil, on_plain_ground
 from subsoil_ros.errors import SubsoilError
 from subsoil_ros.scene.document import Document
 from subsoil_ros.scene.loader import load_scene
 
+from . import HERE, SCENES, printed
+from .levers import SHARE_DEPTH_PART
+from .machine_variants import at_depth, at_rest, coarse_soil, on_plain_ground
+
 Parameters = dict[str, Any]
 
-ROOT = Path(__file__).parents[1]
-FIT = ROOT / "config" / "fit" / "subsoiler_1s300.yaml"
-REDUCED = ROOT / "config" / "scenes" / "subsoiler_1s300_resistance.yaml"
+FIT = HERE / "fit_ranges.yaml"
+REDUCED = SCENES / "subsoiler_1s300_resistance.yaml"
 
 DEPTHS_M = (0.18, 0.22, 0.26, 0.30)
 """Looked at (chosen: the range of the parameter up to the scene's first depth)."""
@@ -59,34 +59,24 @@ DAMPINGS = (200.0, 1000.0, 3000.0)
 """Looked at [N s/m]: the range's ends, and the damping ratio 0.13."""
 
 
-def targets(shank: str = "shank", spring: str = "H9_spring") -> dict[str, tuple[float, str, str | None]]:
-    """Printed value, and the keys of a summary that give ours: one, or a difference of two."""
-    force, height, angle = f"spring.{spring}.force_newton", f"body.{shank}.z_m", f"body.{shank}.angle_rad"
+def targets() -> dict[str, float]:
+    """Printed values by the quantity of a summary that they are compared with; the period is not fitted."""
     return {
-        "draft, cycle least [N]": (paper.DRAFT_CYCLE_NEWTON[0], "draft_newton_10ms_min", None),
-        "draft, cycle largest [N]": (paper.DRAFT_CYCLE_NEWTON[1], "draft_newton_10ms_max", None),
-        "draft, cycle mean [N]": (sum(paper.DRAFT_CYCLE_NEWTON) / 2.0, "draft_newton_mean", None),
-        "draft, run largest [N]": (paper.DRAFT_NEWTON[1], "run.draft_newton_10ms_max", None),
-        "draft, run least [N]": (paper.DRAFT_NEWTON[0], "run.draft_newton_10ms_min", None),
-        "spring, largest compression [N]": (paper.SPRING_NEWTON[1], f"run.{force}_10ms_max", None),
-        "spring, largest tension [N]": (paper.SPRING_NEWTON[0], f"run.{force}_10ms_min", None),
-        "entry angle, range [rad]": (
-            paper.ANGLE_RAD[1] - paper.ANGLE_RAD[0], f"run.{angle}_10ms_max", f"run.{angle}_10ms_min"
-        ),
-        "height, range [m]": (paper.HEIGHT_TRAVEL_M, f"run.{height}_10ms_max", f"run.{height}_10ms_min"),
-    }  # fmt: skip
+        quantity: printed.value(quantity)
+        for quantity in printed.REFERENCE.values
+        if quantity != "cycle.time_s_mean"
+    }
 
 
 def score(summary: Summary) -> dict[str, Any]:
     """Ours beside the printed values, how many are held, and the root mean square of the logarithms."""
     ours: dict[str, float] = {}
     misses, held = [], 0
-    for name, (printed, key, less) in targets().items():
-        value = summary[key] - (summary[less] if less is not None else 0.0)
-        ours[name] = value
-        held += abs(value - printed) <= TARGET * abs(printed)
-        same_sign = value * printed > 0.0
-        misses.append(math.log(abs(value / printed)) if same_sign else math.log(SIGN_FACTOR))
+    for quantity, given in targets().items():
+        value = ours[quantity] = summary[quantity]
+        held += abs(value - given) <= TARGET * abs(given)
+        same_sign = value * given > 0.0
+        misses.append(math.log(abs(value / given)) if same_sign else math.log(SIGN_FACTOR))
     rms = float(np.sqrt(np.mean(np.square(misses))))
     return {"held": int(held), "rms_log": rms, **ours}
 
@@ -101,10 +91,10 @@ def statics(ranges: dict[str, Any], depth_m: float) -> dict[str, float]:
     Raises:
         SystemExit: a value falls out of its range.
     """
-    tension, compression = paper.SPRING_NEWTON
-    swing = paper.ANGLE_RAD[1] - paper.ANGLE_RAD[0]
+    tension, compression = printed.SPRING_NEWTON
+    swing = printed.ANGLE_RANGE_RAD
     per_radian = (compression - tension) / swing
-    ratio = (compression - tension) / (paper.DRAFT_NEWTON[1] - paper.DRAFT_NEWTON[0])
+    ratio = (compression - tension) / (printed.DRAFT_NEWTON[1] - printed.DRAFT_NEWTON[0])
     lever = (TIP_LEVER_M - (1.0 - SHARE_DEPTH_PART) * depth_m) / ratio
     no_force_rad = -swing * -tension / (compression - tension)
     found = {

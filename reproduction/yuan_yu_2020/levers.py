@@ -12,14 +12,13 @@ paper.
 
 import cmath
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.optimize import brentq
 
-from ..scene.mechanism import Revolute, SpringDamper
-from ..scene.model import Scene
+from subsoil_ros.analysis.dead_centre import shank_spring
+from subsoil_ros.scene.model import Scene
 
 SHARE_DEPTH_PART = 0.73
 """Where the share's load acts, part of the tip's depth (derived: 0.22 of 0.30 m, the centroid of share and
@@ -73,106 +72,50 @@ class Levers:
 
 
 def levers_of(scene: Scene) -> Levers | None:
-    """Of the shank and the spring that the scene's report names; None where it has no such pair, or a draft
-    does not compress that spring."""
-    mechanism, report = scene.mechanism, scene.report
-    if mechanism is None or report.shank is None or report.spring is None or report.tip_m is None:
+    """Of the shank and the spring that the scene's report names; None as shank_spring."""
+    found = shank_spring(scene)
+    if found is None:
         return None
-    spring = mechanism.forces.get(report.spring)
-    if not isinstance(spring, SpringDamper) or not spring.stiffness_newton_per_m:
-        return None
-    shank, pair = report.shank, {spring.body_a, spring.body_b}
-    hinges = [
-        joint
-        for joint in mechanism.joints.values()
-        if isinstance(joint, Revolute) and {joint.body_a, joint.body_b} == pair and shank in pair
-    ]
-    if len(hinges) != 1:
-        return None
-    body, hinge = mechanism.bodies[shank], np.array(hinges[0].point_m)
-    on_shank, other = spring.point_b_m, spring.point_a_m
-    if spring.body_a == shank:
-        on_shank, other = other, on_shank
-    along = np.array(on_shank) - np.array(other)  # compression pushes the shank this way
-    along = along / np.linalg.norm(along)
-    lug = np.array(on_shank) - hinge
-    turn = lug[0] * along[1] - lug[1] * along[0]  # moment of 1 N of compression, phi sense
-    if turn <= 0.0:  # a draft stretches this spring: not the machine of the paper
-        return None
-    com = np.array(body.position_m) - hinge
-    # moments about the hinge: weight -m g x, spring S turn, draft D at depth h: -D h
-    weight_moment = -body.mass_kg * scene.gravity_m_per_s2 * float(com[0])
-    depth = -report.tip_m[1]
-    height = float(hinge[1])
+    assert scene.mechanism is not None
+    assert scene.report.tip_m is not None
+    body = scene.mechanism.bodies[str(scene.report.shank)]
+    com = complex(*body.position_m) - found.hinge
+    # moments about the hinge: weight -m g x, spring S arm, draft D at depth h: -D h
+    weight_moment = -body.mass_kg * scene.gravity_m_per_s2 * com.real
+    depth, height = -scene.report.tip_m[1], found.hinge.imag
     return Levers(
-        hinge_m=(float(hinge[0]), height),
-        spring_arm_m=float(turn),
+        hinge_m=(found.hinge.real, height),
+        spring_arm_m=found.arm_m,
         tip_lever_m=height + depth,
         share_lever_m=height + SHARE_DEPTH_PART * depth,
         surface_lever_m=height,
         mass_kg=body.mass_kg,
-        inertia_kg_m2=body.inertia_kg_m2 + body.mass_kg * float(com @ com),
-        com_arm_m=(float(com[0]), float(com[1])),
-        stiffness_newton_per_m=spring.stiffness_newton_per_m,
-        unloaded_newton=-weight_moment / float(turn),
+        inertia_kg_m2=body.inertia_kg_m2 + body.mass_kg * abs(com) ** 2,
+        com_arm_m=(com.real, com.imag),
+        stiffness_newton_per_m=float(found.spring.stiffness_newton_per_m or 0.0),
+        unloaded_newton=-weight_moment / found.arm_m,
     )
 
 
 def rest_angle_rad(scene: Scene) -> float | None:
     """Angle of the shank against an upright frame at which its weight rests on the spring; None as
-    levers_of."""
-    found = levers_of(scene)
-    if found is None:
+    shank_spring."""
+    levers, found = levers_of(scene), shank_spring(scene)
+    if levers is None or found is None:
         return None
-    spring, lug, anchor = _spring_from_hinge(scene, found)
-    stiffness = float(spring.stiffness_newton_per_m or 0.0)
-    com = complex(*found.com_arm_m)
+    spring, com = found.spring, complex(*levers.com_arm_m)
 
     def moment(angle: float) -> float:
         """About the hinge, phi sense; complex numbers stand for (x, z)."""
-        turn = complex(math.cos(angle), math.sin(angle))
-        arm = lug * turn
-        along = arm - anchor
-        push = stiffness * (spring.free_length_m - abs(along)) + spring.preload_newton
+        turn = cmath.rect(1.0, angle)
+        arm = found.lug * turn
+        along = arm - found.anchor
+        push = levers.stiffness_newton_per_m * (spring.free_length_m - abs(along)) + spring.preload_newton
         force = push * along / abs(along)
-        weight = -found.mass_kg * scene.gravity_m_per_s2 * (com * turn).real
+        weight = -levers.mass_kg * scene.gravity_m_per_s2 * (com * turn).real
         return (arm.conjugate() * force).imag + weight
-
-    from scipy.optimize import brentq
 
     widest = 0.5  # the shank hangs within 30 degrees of its working pose
     if moment(-widest) * moment(widest) > 0.0:
         return None
     return float(brentq(moment, -widest, widest, xtol=1e-12))
-
-
-def past_dead_centre_s(scene: Scene, columns: Mapping[str, NDArray[np.float64]]) -> float | None:
-    """When the shank had been pushed back so far that its spring pointed through the hinge; None if never.
-
-    From there on the spring folds the shank up. columns: of a run's series, each (n,). None also where
-    levers_of finds no such shank.
-    """
-    found = levers_of(scene)
-    if found is None or scene.mechanism is None:
-        return None
-    spring, lug, anchor = _spring_from_hinge(scene, found)
-    shank = str(scene.report.shank)
-    frame = spring.body_b if spring.body_a == shank else spring.body_a
-    angle = np.zeros(len(columns["time_s"]))
-    for body, sign in ((shank, 1.0), (frame, -1.0)):
-        if body in scene.mechanism.bodies:  # the ground does not turn
-            angle += sign * (columns[f"body.{body}.angle_rad"] - scene.mechanism.bodies[body].angle_rad)
-    past = np.flatnonzero(angle <= cmath.phase(anchor / lug))
-    return float(columns["time_s"][past[0]]) if len(past) else None
-
-
-def _spring_from_hinge(scene: Scene, levers: Levers) -> tuple[SpringDamper, complex, complex]:
-    """The spring, its point on the shank and the other one, x + i z from the hinge."""
-    assert scene.mechanism is not None
-    spring = scene.mechanism.forces[str(scene.report.spring)]
-    assert isinstance(spring, SpringDamper)
-    on_shank, other = spring.point_b_m, spring.point_a_m
-    if spring.body_a == scene.report.shank:
-        on_shank, other = other, on_shank
-    hinge = complex(*levers.hinge_m)
-    return spring, complex(*on_shank) - hinge, complex(*other) - hinge

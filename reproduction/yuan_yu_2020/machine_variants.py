@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from ..coupling.engines import build_mechanism
-from ..errors import SceneError
-from ..scene.document import Document
-from ..scene.loader import ResolvedScene
-from ..scene.mechanism import WheelContact
-from ..scene.model import Scene
+from subsoil_ros.coupling.engines import build_mechanism
+from subsoil_ros.errors import SceneError
+from subsoil_ros.scene.document import Document
+from subsoil_ros.scene.loader import ResolvedScene
+from subsoil_ros.scene.mechanism import WheelContact
+from subsoil_ros.scene.model import Scene
+
 from .levers import rest_angle_rad
 
 LOCK = "shank_lock"

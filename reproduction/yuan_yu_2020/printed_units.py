@@ -1,6 +1,6 @@
 """Table 3 in N/mm and in N/m: the same share and blade, the same bed, 20 mm of travel.
 
-    python -m benchmarks.printed_units [--out DIR] [--threads N]
+    python -m reproduction.yuan_yu_2020.printed_units [--out DIR] [--threads N]
 
 Runs subsoiler_1s300_printed_units.yaml (twelve minutes of a free core) and the same scene with the values
 read in N/m and N s/m (a second), and prints draft, stable step, attraction of a pair, Rumpf's bound of the
@@ -16,7 +16,9 @@ from subsoil_ros.scene.bed_spacing import rest_spacing_m
 from subsoil_ros.scene.loader import ResolvedScene, load_scene
 from subsoil_ros.scene.pairs import pair_values
 
-SCENE = Path(__file__).parents[1] / "config" / "scenes" / "subsoiler_1s300_printed_units.yaml"
+from . import SCENES
+
+SCENE = SCENES / "subsoiler_1s300_printed_units.yaml"
 TINE = SCENE.with_name("tine.yaml")
 FULL_S = 4.0
 """Of the paper's run."""

@@ -1,6 +1,7 @@
 """Steady self-excited cycle, or entry, drift and end of the bin? The paper's ranges, read both ways.
 
-    python -m benchmarks.two_readings [--out DIR] [--case NAME ...] [--coarse RADIUS_M] [--threads N] [--list]
+    python -m reproduction.yuan_yu_2020.two_readings \
+        [--out DIR] [--case NAME ...] [--coarse RADIUS_M] [--threads N] [--list]
 
 Runs the machine over a matrix of starts, depths, beds and friction limits, long enough for 6 s of steady
 work, and judges each case: is the draft steady (drift test), does it repeat itself and how slowly, how far do
@@ -19,14 +20,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.kept_runs import FailedRun, Summary, kept_run, write_rows, write_scene
-from subsoil_ros.analysis import paper
-from subsoil_ros.analysis.levers import past_dead_centre_s
-from subsoil_ros.analysis.machine_variants import at_depth, at_rest, coarse_soil, on_plain_ground
+from subsoil_ros.analysis.dead_centre import past_dead_centre_s
 from subsoil_ros.analysis.series_file import read_series_csv
 from subsoil_ros.errors import SubsoilError
 from subsoil_ros.scene.loader import load_scene
 
-SCENE = Path(__file__).parents[1] / "config" / "scenes" / "subsoiler_1s300.yaml"
+from . import SCENES, printed
+from .machine_variants import at_depth, at_rest, coarse_soil, on_plain_ground
+
+SCENE = SCENES / "subsoiler_1s300.yaml"
 
 STEADY_S = 6.0
 """Steady work in the window: six of the paper's periods."""
@@ -85,7 +87,7 @@ def scene_of(case: Case, out: Path, coarse_radius_m: float | None) -> Path:
     """Scene file of a case; with a radius of its own in a narrow bin, wheels on plain ground."""
     first = load_scene(SCENE, [f"start={case.start}"])
     document = at_depth(first, case.depth_m, from_above=case.start == "lowered")
-    speed = paper.SPEED_M_PER_S
+    speed = printed.SPEED_M_PER_S
     length = START_M + ENTRY_M + speed * STEADY_S + INSIDE_M
     soil = document["soil"]
     width = soil["bin"]["width_m"]
@@ -140,10 +142,10 @@ def judge(case: Case, scene: Path, summary: Summary) -> dict[str, Any]:
         "run_angle_range_rad": span("run.", ANGLE),
         "height_range_m": span("", HEIGHT),
         "run_height_range_m": span("run.", HEIGHT),
-        "folded_s": past_dead_centre_s(load_scene(scene).scene, series),
+        "folded_s": past_dead_centre_s(load_scene(scene).scene, series.columns),
         "scene_hash": summary["scene_hash"],
     }
-    swing = paper.ANGLE_RAD[1] - paper.ANGLE_RAD[0]
+    swing = printed.ANGLE_RANGE_RAD
     if row["folded_s"] is not None:
         row["work"] = "the soil folds the shank back"
     elif row["angle_range_rad"] < RANGE_PART * swing:
@@ -156,7 +158,7 @@ def judge(case: Case, scene: Path, summary: Summary) -> dict[str, Any]:
         row["work"] = "steady cycle" if row["drift"] == "no drift seen" else "cycle that does not stay"
     only_outside = {
         "negative draft": row["run_draft_min_newton"] < 0.0 <= row["draft_min_newton"],
-        "height": row["run_height_range_m"] >= RANGE_PART * paper.HEIGHT_TRAVEL_M > row["height_range_m"],
+        "height": row["run_height_range_m"] >= RANGE_PART * printed.HEIGHT_RANGE_M > row["height_range_m"],
     }
     row["outside_of_it_only"] = ", ".join(name for name, found in only_outside.items() if found)
     return row

@@ -5,7 +5,7 @@ from pathlib import Path
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-COLOURS = {"main": "#1f4e79", "share": "#c55a11", "wheels": "#548235", "paper": "#7f7f7f"}
+COLOURS = {"main": "#1f4e79", "share": "#c55a11", "wheels": "#548235", "reference": "#7f7f7f"}
 _DPI = 130
 
 

@@ -146,7 +146,10 @@ def cases() -> Iterator[Case]:
         grace_joule = FIRST_CONTACTS_JOULE if seed == 1 else GRACE_JOULE
         yield Case("r = 18 mm", _radius(0.018), seed, grace_joule=grace_joule)
     yield Case("r = 12 mm", _radius(0.012))
-    exchange: Document = {"coupling": {"interval_ns": 2 * round(STEP_S * 1e9)}, "record": {"series_ticks": 10}}
+    exchange: Document = {
+        "coupling": {"interval_ns": 2 * round(STEP_S * 1e9)},
+        "record": {"series_ticks": 10},
+    }
     exchange |= {"soil": {"time_step_s": STEP_S}}
     yield Case("exchange of two steps", exchange, grace_joule=FIRST_CONTACTS_JOULE)
     yield Case("bin 1.1 m wide", {"soil": {"bin": {"width_m": 1.1}}})

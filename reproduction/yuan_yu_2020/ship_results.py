@@ -3,7 +3,7 @@
     python -m reproduction.yuan_yu_2020.ship_results RUN NAME --command "subsoil run ..." \
         [--figure NAME.png ...]
 
-RUN is a folder that `subsoil run` made and `compare` finished. Left in results/NAME: reproduction.csv and .md,
+RUN is a folder that `subsoil run` made and `compare` finished. Left in results/NAME: reproduction.csv, .md,
 provenance.json (command, commit, scene hash, window, wall time), and the figures that a page shows, with 256
 colours and at most 1200 pixels wide. Neither bag nor series: they are large, and the command makes them anew.
 """

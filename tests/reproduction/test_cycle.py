@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks import cycle, cycle_rhythm, cycle_runs
-from subsoil_ros.analysis.levers import levers_of
+from reproduction.yuan_yu_2020 import cycle, cycle_rhythm, cycle_runs
+from reproduction.yuan_yu_2020.levers import levers_of
 from subsoil_ros.analysis.series import Series
 from subsoil_ros.scene.loader import load_scene
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from subsoil_ros.analysis.impossible import statements
-from subsoil_ros.analysis.levers import levers_of, past_dead_centre_s, rest_angle_rad
-from subsoil_ros.analysis.machine_variants import relative_angle_rad
+from reproduction.yuan_yu_2020.consistency import statements
+from reproduction.yuan_yu_2020.levers import levers_of, rest_angle_rad
+from reproduction.yuan_yu_2020.machine_variants import relative_angle_rad
 from subsoil_ros.coupling.engines import build_mechanism
 from subsoil_ros.scene.loader import load_scene
 
@@ -90,16 +90,3 @@ def test_no_levers_without_a_spring():
     """A locked shank, a tool on a path: nothing to say."""
     assert levers_of(load_scene(SCENES / "tine.yaml").scene) is None
     assert levers_of(load_scene(SCENES / "subsoiler_1s300_locked.yaml").scene) is None
-
-
-def test_dead_centre(scene):
-    """The lug stands 0.25 m above the hinge, the spring's other end 0.40 m ahead of it: the spring points
-    through the hinge when the shank has turned back by atan(0.40 / 0.25), 1.012 rad, against the frame."""
-    times, dead = np.linspace(0.0, 1.0, 11), math.atan2(0.40, 0.25)
-    frame = np.full(11, -0.2)
-    columns = {"time_s": times, "body.frame.angle_rad": frame}
-    upright = scene.mechanism.bodies["shank"].angle_rad
-    for reached, expected in ((0.99 * dead, None), (1.01 * dead, 0.5)):
-        turned = np.where(times < 0.45, 0.5 * reached, reached)
-        found = past_dead_centre_s(scene, {**columns, "body.shank.angle_rad": upright + frame - turned})
-        assert found == expected

@@ -160,3 +160,16 @@ def test_bag_verbs(tmp_path, capsys):
     assert verb(bag_verb, "recover", str(directory)) == 0
     assert "mended" in capsys.readouterr().out
     assert verb(bag_verb, "info", str(directory)) == 0
+
+
+def test_report_shows_the_reference(tmp_path, capsys):
+    """The values that the scene's reference file gives: on the screen, as CSV, and in the page."""
+    directory = Run(full_machine()).write(tmp_path / "run")
+    assert verb(report_verb, str(directory), "--html") == 0
+    assert "run.body.shank.z_m_10ms_range" in capsys.readouterr().out
+    rows = (directory / "reference.csv").read_text().splitlines()
+    assert len(rows) == 11
+    assert rows[1].startswith("draft_newton_10ms_min,N,")
+    page = (directory / "report.html").read_text()
+    assert "<h2>Beside Yuan &amp; Yu (2020)</h2>" in page
+    assert "contradicts itself" in page

@@ -106,6 +106,6 @@ $(prefix)/.set-up-messages: $(prefix)/.set-up-packages $(wildcard msg_defs/* msg
 # Editable: a change of Python sources needs no new set-up. Launch files, scenes and meshes are copied to share/.
 $(prefix)/.set-up-subsoil: $(prefix)/.set-up-messages setup.py setup.cfg package.xml \
 		$(wildcard resource/* scripts/* launch/*.launch.py config/*.json config/scenes/*.yaml config/templates/*.yaml \
-		config/meshes/*.stl config/soils/*.yaml config/calibration/*.yaml config/fit/*.yaml config/studies/*.yaml config/foxglove/*.json)
+		config/meshes/*.stl config/soils/*.yaml config/calibration/*.yaml config/references/*.yaml config/studies/*.yaml config/foxglove/*.json)
 	$(pip) install --quiet --no-build-isolation --no-deps --force-reinstall --editable .
 	touch $@

@@ -37,7 +37,7 @@ setup(
         (f"{SHARE}/config/meshes", files("config/meshes/*.stl")),
         (f"{SHARE}/config/soils", files("config/soils/*.yaml")),
         (f"{SHARE}/config/calibration", files("config/calibration/*.yaml")),
-        (f"{SHARE}/config/fit", files("config/fit/*.yaml")),
+        (f"{SHARE}/config/references", files("config/references/*.yaml")),
         (f"{SHARE}/config/studies", files("config/studies/*.yaml")),
         (f"{SHARE}/config/foxglove", files("config/foxglove/*.json")),
         # `ros2 run` looks in lib/subsoil_ros, console scripts are in bin.

@@ -22,7 +22,7 @@ shank on its spring; single contacts come and go in less)."""
 
 THRESHOLD = 1.0
 """Prominence of a failure in standard deviations of the draft (chosen: ripples of a loading soil are a half
-and less; docs/cycle.md has 0.5 and 1.5 too)."""
+and less; reproduction/yuan_yu_2020/cycle.md has 0.5 and 1.5 too)."""
 
 LEAST_CYCLES = 2
 """Smallest number of cycles (chosen: fewer have no standard deviation)."""

@@ -1,4 +1,4 @@
-"""Figures of a run over time, as PNG (paper, figures 5 and 6; figure 7 is soil_cut.py)."""
+"""Figures of a run over time, as PNG."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from ..scene.loader import ResolvedScene
 from ..scene.model import Scene
-from . import paper
 from .failure_cycles import SMOOTHED_S
 from .findings import failures_of
 from .plotting import COLOURS, new_figure, save_figure
@@ -18,7 +17,7 @@ from .smoothing import moving_mean
 from .soil_cut import draw_soil_cut
 from .window import Window, metrics_window, tip_x_m, window_span_s
 
-_SMOOTHED_S = 0.05  # over the noise of single contacts (chosen: a quarter of the paper's shortest rise)
+_SMOOTHED_S = 0.05  # over the noise of single contacts and well below a cycle
 
 
 def draw_figures(
@@ -36,7 +35,7 @@ def draw_figures(
     window = metrics_window(series, scene)
     span_s = window_span_s(series, window)
     directory.mkdir(parents=True, exist_ok=True)
-    painters: dict[str, Callable[[Axes, Series, Scene], bool]] = {
+    painters: dict[str, Callable[[Axes, Series, ResolvedScene], bool]] = {
         "draft.png": _paint_draft,
         "spring_force.png": _paint_spring_force,
         "share_angle.png": _paint_share_angle,
@@ -46,7 +45,7 @@ def draw_figures(
     for name, paint in painters.items():
         figure = new_figure(9.0, 4.2)
         axes = figure.add_subplot()
-        if not paint(axes, series, scene):
+        if not paint(axes, series, resolved):
             continue
         if not window.whole_run and scene.soil is not None:
             axes.axvspan(*span_s, color="#f2e6c9", zorder=0, label="metrics window (tip well inside the bin)")
@@ -100,7 +99,8 @@ def _title(axes: Axes, scene: Scene, text: str) -> None:
     axes.set_title(f"{text}\n{scene.name}", fontsize=11)
 
 
-def _paint_draft(axes: Axes, series: Series, scene: Scene) -> bool:
+def _paint_draft(axes: Axes, series: Series, resolved: ResolvedScene) -> bool:
+    scene = resolved.scene
     if "draft_newton" not in series:
         return False
     times = series["time_s"]
@@ -120,15 +120,14 @@ def _paint_draft(axes: Axes, series: Series, scene: Scene) -> bool:
     for tool in scene.tools:  # of several shanks each has its own
         if (name := f"draft.tool.{tool}_newton") in series:
             axes.plot(times, _smooth(series, name), lw=0.8, ls=":", label=f"of it {tool}, {smoothed}")
-    if scene.report.paper:
-        low, high = paper.DRAFT_CYCLE_NEWTON
-        _band(axes, low, high, f"paper: cycle {low:g} to {high:g} N")
+    _draw_reference(axes, resolved, "draft_newton", series["draft_newton"])
     axes.set_ylabel("pull along travel [N]")
     _title(axes, scene, "Draft: forward pull that moves the tool, positive while soil resists")
     return True
 
 
-def _paint_spring_force(axes: Axes, series: Series, scene: Scene) -> bool:
+def _paint_spring_force(axes: Axes, series: Series, resolved: ResolvedScene) -> bool:
+    scene = resolved.scene
     name = f"spring.{scene.report.spring}.force_newton"
     if name not in series:
         return False
@@ -136,45 +135,64 @@ def _paint_spring_force(axes: Axes, series: Series, scene: Scene) -> bool:
         series["time_s"], series[name], color=COLOURS["main"], lw=1.2, label=f"spring {scene.report.spring}"
     )
     axes.axhline(0.0, color="black", lw=0.6)
-    if scene.report.paper:
-        low, high = paper.SPRING_NEWTON
-        _band(axes, low, high, f"paper: {low:g} to {high:g} N")
+    _draw_reference(axes, resolved, name, series[name])
     axes.set_ylabel("force [N], compression positive")
     _title(axes, scene, "Force of the spring between frame and shank")
     return True
 
 
-def _paint_share_angle(axes: Axes, series: Series, scene: Scene) -> bool:
+def _paint_share_angle(axes: Axes, series: Series, resolved: ResolvedScene) -> bool:
+    scene = resolved.scene
     shank = scene.report.shank
     if shank is None or scene.mechanism is None:
         return False
-    turn = series[f"body.{shank}.angle_rad"] - scene.mechanism.bodies[shank].angle_rad
+    name, zero = f"body.{shank}.angle_rad", scene.mechanism.bodies[shank].angle_rad
+    turn = series[name] - zero
     axes.plot(series["time_s"], turn, color=COLOURS["main"], lw=1.2, label="share, from its working pose")
-    if scene.report.paper:
-        low, high = paper.ANGLE_RAD
-        _band(axes, low, high, f"paper: {low:g} to {high:g} rad (its zero is ambiguous)")
+    _draw_reference(axes, resolved, name, turn, zero=zero)
     axes.set_ylabel("entry angle [rad], negative: tip back")
     _title(axes, scene, "Entry angle of the share")
     return True
 
 
-def _paint_shank_height(axes: Axes, series: Series, scene: Scene) -> bool:
+def _paint_shank_height(axes: Axes, series: Series, resolved: ResolvedScene) -> bool:
+    scene = resolved.scene
     shank = scene.report.shank
     if shank is None or scene.mechanism is None:
         return False
     height_mm = 1e3 * series[f"body.{shank}.z_m"]
     travel = f"{height_mm.max() - height_mm.min():.1f} mm from lowest to highest"
-    if scene.report.paper:
-        travel += f" (paper: {1e3 * paper.HEIGHT_TRAVEL_M:.0f} mm)"
     axes.plot(series["time_s"], height_mm, color=COLOURS["main"], lw=1.2, label=f"centre of mass: {travel}")
-    if scene.report.paper:  # its zero is not known: both ranges have one middle
-        middle, half = 0.5 * float(height_mm.max() + height_mm.min()), 0.5e3 * paper.HEIGHT_TRAVEL_M
-        _band(axes, middle - half, middle + half, "paper: 181 mm, its zero unknown")
+    _draw_reference(axes, resolved, f"body.{shank}.z_m", height_mm, scale=1e3)
     axes.set_ylabel("height over the bed's surface [mm]")
     _title(axes, scene, "Height of the shank's centre of mass")
     return True
 
 
-def _band(axes: Axes, low: float, high: float, label: str) -> None:
-    axes.axhline(low, color=COLOURS["paper"], lw=1.0, ls="--", label=label)
-    axes.axhline(high, color=COLOURS["paper"], lw=1.0, ls="--")
+def _draw_reference(
+    axes: Axes,
+    resolved: ResolvedScene,
+    column: str,
+    shown: NDArray[np.float64],
+    scale: float = 1.0,
+    zero: float = 0.0,
+) -> None:
+    """Draw what the reference gives of a column, least, mean and largest; a range about the middle of ours.
+
+    shown: the curve (n,), scale * (column - zero).
+    """
+    if resolved.reference is None:
+        return
+    levels = []
+    for quantity, given in resolved.reference.values.items():
+        of, _, measure = quantity.removeprefix("run.").rpartition("_")
+        if of.removesuffix("_10ms") != column or given.value is None:
+            continue
+        if measure == "range":
+            middle, half = 0.5 * float(shown.max() + shown.min()), 0.5 * scale * given.value
+            levels += [middle - half, middle + half]
+        elif measure in ("mean", "min", "max"):
+            levels.append(scale * (given.value - zero))
+    for place, level in enumerate(levels):
+        label = resolved.reference.name if place == 0 else None
+        axes.axhline(level, color=COLOURS["reference"], lw=1.0, ls="--", label=label)

@@ -9,10 +9,10 @@ import numpy as np
 
 from ..scene.loader import ResolvedScene
 from ..scene.model import Scene
+from .dead_centre import past_dead_centre_s
 from .disturbance import Disturbance, read_disturbance
 from .failure_cycles import SMOOTHED_S, FailureCycles, failure_cycles
 from .fatigue import LoadCycles, load_cycles
-from .levers import past_dead_centre_s
 from .loads import Loads, loads_of
 from .series import Series
 from .smoothing import moving_mean, step_s
@@ -45,6 +45,7 @@ class Findings:
         for prefix, extremes in (("", self.moving_extremes), ("run.", self.run_extremes)):
             for name, (low, high) in extremes.items():
                 found[f"{prefix}{name}_10ms_min"], found[f"{prefix}{name}_10ms_max"] = low, high
+                found[f"{prefix}{name}_10ms_range"] = high - low
         found.update(self.loads.metrics)
         if self.past_dead_centre_s is not None:
             found["shank.past_dead_centre_s"] = self.past_dead_centre_s
@@ -70,7 +71,7 @@ class Findings:
 
 
 def compared_columns(scene: Scene) -> tuple[str, ...]:
-    """Columns that the paper prints, and every designer asks for: draft, spring, angle and height."""
+    """Columns that every designer asks for: draft, spring, angle and height."""
     report = scene.report
     names = ["draft_newton"]
     if report.spring is not None:

@@ -9,6 +9,7 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from ..scene.loader import ResolvedScene
+from .reference_table import HEADINGS, WORDS, reference_lines, reference_rows
 from .summary import Summary, metrics_table, summary_facts
 from .versions import versions
 
@@ -35,7 +36,8 @@ def write_html(directory: Path, resolved: ResolvedScene, summary: Summary, figur
         OSError: it cannot be written; an older one is left as it was.
     """
     headings, rows = metrics_table(summary, resolved.scene)
-    facts = summary_facts(summary, resolved.scene)
+    facts = summary_facts(summary)
+    reference = resolved.reference
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent),
         autoescape=True,
@@ -49,6 +51,11 @@ def write_html(directory: Path, resolved: ResolvedScene, summary: Summary, figur
         headings=headings,
         rows=rows,
         facts=[line for line in facts if not _WARNING.match(line)],
+        reference=reference,
+        reference_headings=HEADINGS,
+        reference_words=WORDS,
+        reference_rows=[] if reference is None else [r.cells() for r in reference_rows(reference, summary)],
+        reference_lines=[] if reference is None else reference_lines(reference, summary),
         warnings=_warnings(directory, resolved, summary, facts),
         figures=[_figure(path) for path in figures],
         timings=_timings(summary),

@@ -1,24 +1,19 @@
-"""Figures of loads and disturbance: spectra, load cycles, loosened section, height map, reproduction."""
+"""Figures of loads and disturbance: spectra, load cycles, loosened section, height map."""
 
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from .disturbance import Disturbance
 from .fatigue import LoadCycles
 from .findings import Findings
 from .plotting import COLOURS, new_figure, save_figure
-from .reproduction import Reproduction, Row
 from .spectra import Spectrum
 
 _CYCLE_BINS = 24
-_BAR_ROWS = ("draft, cycle", "spring force", "share entry angle", "height of the shank's centre of mass")
 
 
-def draw_load_figures(
-    findings: Findings, title: str, directory: Path, table: Reproduction | None = None
-) -> list[Path]:
+def draw_load_figures(findings: Findings, title: str, directory: Path) -> list[Path]:
     """Draws what the findings hold into `directory`; returns the paths."""
     directory.mkdir(parents=True, exist_ok=True)
     paths = []
@@ -28,8 +23,6 @@ def draw_load_figures(
         paths.append(_draw_cycles(findings.cycles, title, directory / "load_cycles.png"))
     if findings.disturbance is not None:
         paths.append(_draw_disturbance(findings.disturbance, title, directory / "disturbance.png"))
-    if table is not None:
-        paths.append(_draw_reproduction(table, directory / "reproduction.png"))
     return paths
 
 
@@ -47,7 +40,7 @@ def _draw_spectra(spectra: dict[str, Spectrum], title: str, path: Path) -> Path:
         axes.loglog(
             frequency,
             found.level[rows],
-            color=COLOURS["paper"],
+            color=COLOURS["reference"],
             lw=1.0,
             ls="--",
             label="red noise, 95 % anywhere",
@@ -112,30 +105,3 @@ def _draw_disturbance(found: Disturbance, title: str, path: Path) -> Path:
     surface.set_title("height of the surface, after less before", fontsize=10, loc="left")
     figure.suptitle(f"Disturbance of the soil behind the tool\n{title}", fontsize=11)
     return save_figure(figure, path)
-
-
-def _draw_reproduction(table: Reproduction, path: Path) -> Path:
-    """Ours over the printed value, row by row; the band of the target in grey."""
-    rows = [row for row in table.rows if row.quantity in _BAR_ROWS and row.published]
-    figure = new_figure(9.0, 0.5 * len(rows) + 1.8)
-    axes = figure.add_subplot()
-    axes.axvspan(0.75, 1.25, color="#f2e6c9", zorder=0, label="within 25 %")
-    axes.axvline(1.0, color=COLOURS["paper"], lw=1.0, ls="--", label="paper")
-    for place, row in enumerate(rows):
-        _mark(axes, place, row)
-    axes.set_yticks(range(len(rows)), [f"{row.quantity}, {row.measure}" for row in rows], fontsize=8)
-    axes.invert_yaxis()
-    axes.set_xlabel("ours over the printed value")
-    axes.grid(alpha=0.3, axis="x")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.4, -0.14), ncols=4, frameon=False, fontsize=8)
-    axes.set_title(f"Results beside the paper's\n{table.scene}", fontsize=11)
-    return save_figure(figure, path)
-
-
-def _mark(axes: Axes, place: int, row: Row) -> None:
-    assert row.published
-    parts = (("window", row.inside, "o", "main"), ("outside the window", row.outside, "s", "share"))
-    for label, value, marker, colour in parts:
-        if value is not None:
-            shown = label if place == 0 else None
-            axes.plot(value / row.published, place, marker, color=COLOURS[colour], label=shown, ms=6)

@@ -176,7 +176,7 @@ def draw_tests(tests: SoilTests, strength: SoilStrength, title: str, path: Path)
             label=f"largest {strongest:.1f} kPa",
         )  # fmt: skip
         rumpf = 1e-3 * strength.rumpf_strength_pa
-        pull.axhline(rumpf, color=COLOURS["paper"], ls="--", label=f"Rumpf {rumpf:.1f} kPa")
+        pull.axhline(rumpf, color=COLOURS["reference"], ls="--", label=f"Rumpf {rumpf:.1f} kPa")
         _label(pull, "opening [mm]", "tension [kPa]", "tension")
     save_figure(figure, path)
 

@@ -14,8 +14,9 @@ from rich.table import Table
 
 from ..scene.loader import ResolvedScene
 from ..scene.model import Scene
-from . import paper
+from ..scene.reference import Reference
 from .findings import Findings, find_out
+from .reference_table import print_reference
 from .series import Series, read_series
 from .summary_words import load_lines
 from .window import metrics_window, window_span_s
@@ -116,9 +117,14 @@ def write_summary(summary: Summary, path: Path) -> None:
 
 
 def print_summary(
-    summary: Summary, scene: Scene, directory: Path, console: Console | None = None, bag: Path | None = None
+    summary: Summary,
+    scene: Scene,
+    directory: Path,
+    console: Console | None = None,
+    bag: Path | None = None,
+    reference: Reference | None = None,
 ) -> None:
-    """The table for people: metrics, the paper's values where the scene is the paper's, and where all is.
+    """The tables for people: metrics, the values of a reference beside them, and where all is.
 
     bag: folder or .mcap file (default: `bag` in `directory`).
     """
@@ -126,13 +132,15 @@ def print_summary(
     headings, rows = metrics_table(summary, scene)
     table = Table(title=f"{summary['scene']}: {summary['simulated_s']:.4g} s simulated", title_justify="left")
     for heading in headings:
-        words = heading in ("quantity", "paper")
-        table.add_column(heading, justify="left" if words else "right", no_wrap=heading == "quantity")
+        words = heading == "quantity"
+        table.add_column(heading, justify="left" if words else "right", no_wrap=words)
     for row in rows:
         table.add_row(escape(row[0]), *row[1:])
     if table.row_count:
         console.print(table)
-    for line in summary_facts(summary, scene):
+    if reference is not None:
+        print_reference(reference, summary, console)
+    for line in summary_facts(summary):
         console.print(line, soft_wrap=True, markup=False)
     console.print(_bag_words(bag or directory / "bag"), soft_wrap=True, markup=False)
     figures = directory / "figures"
@@ -145,25 +153,15 @@ def print_summary(
 
 
 def metrics_table(summary: Summary, scene: Scene) -> tuple[list[str], list[list[str]]]:
-    """Headings and rows of the metrics, and the paper's values where the scene is the paper's; as text."""
-    compared = scene.report.paper
-    headings = [
-        "quantity",
-        "mean",
-        "min",
-        "max",
-        "range",
-        "run min",
-        "run max",
-        *(["paper"] if compared else []),
-    ]
+    """Headings and rows of the metrics, as text."""
+    headings = ["quantity", "mean", "min", "max", "range", "run min", "run max"]
     rows = []
-    for label, name, scale, digits, value in _lines(scene, summary):
+    for label, name, scale, digits in _lines(scene, summary):
         cells = [_cell(summary, f"{name}_{key}", scale, digits) for key in ("mean", "min", "max")]
         low, high = summary[f"{name}_min"], summary[f"{name}_max"]
         cells.append(f"{(high - low) * scale:.{digits}f}")
         cells += [_cell(summary, f"run.{name}_{key}", scale, digits) for key in ("min", "max")]
-        rows.append([label, *cells, *([value.printed if value else ""] if compared else [])])
+        rows.append([label, *cells])
     return headings, rows
 
 
@@ -194,17 +192,17 @@ def _cell(summary: Summary, key: str, scale: float, digits: int) -> str:
     return f"{summary[key] * scale:.{digits}f}"
 
 
-def _lines(scene: Scene, summary: Summary) -> list[tuple[str, str, float, int, paper.PaperValue | None]]:
-    """(label, column, scale, digits, printed value) of the table, without what the run does not have."""
+def _lines(scene: Scene, summary: Summary) -> list[tuple[str, str, float, int]]:
+    """(label, column, scale, digits) of the table, without what the run does not have."""
     shank, spring = scene.report.shank, scene.report.spring
-    lines: list[tuple[str, str, float, int, paper.PaperValue | None]] = [
-        ("draft [N]", "draft_newton", 1.0, 1, paper.DRAFT),
-        ("  of it share [N]", "draft.share_newton", 1.0, 1, None),
-        *((f"    of it {tool} [N]", f"draft.tool.{tool}_newton", 1.0, 1, None) for tool in scene.tools),
-        ("  of it wheels [N]", "draft.wheels_newton", 1.0, 1, None),
-        ("spring force, compression + [N]", f"spring.{spring}.force_newton", 1.0, 1, paper.SPRING),
-        ("share angle [rad]", f"body.{shank}.angle_rad", 1.0, 4, paper.ANGLE),
-        ("shank centre of mass, height [mm]", f"body.{shank}.z_m", 1e3, 2, paper.HEIGHT),
+    lines: list[tuple[str, str, float, int]] = [
+        ("draft [N]", "draft_newton", 1.0, 1),
+        ("  of it share [N]", "draft.share_newton", 1.0, 1),
+        *((f"    of it {tool} [N]", f"draft.tool.{tool}_newton", 1.0, 1) for tool in scene.tools),
+        ("  of it wheels [N]", "draft.wheels_newton", 1.0, 1),
+        ("spring force, compression + [N]", f"spring.{spring}.force_newton", 1.0, 1),
+        ("share angle [rad]", f"body.{shank}.angle_rad", 1.0, 4),
+        ("shank centre of mass, height [mm]", f"body.{shank}.z_m", 1e3, 2),
     ]
     return [line for line in lines if f"{line[1]}_mean" in summary]
 
@@ -214,7 +212,7 @@ def _soil_words(summary: Summary) -> str:
     return f"{count} particles" if count else "no particles"
 
 
-def summary_facts(summary: Summary, scene: Scene) -> list[str]:
+def summary_facts(summary: Summary) -> list[str]:
     """What else is to be said of a run, line by line; a warning begins with WARNING or NOTE."""
     window = summary["window"]
     if window["whole_run"]:
@@ -247,10 +245,8 @@ def summary_facts(summary: Summary, scene: Scene) -> list[str]:
         )
     if not summary["complete"]:
         lines.append("The run ended before its last tick.")
-    if scene.allow:
-        lines.append(f"WARNING: the scene overrides refusals, allow: {', '.join(scene.allow)}")
-    if scene.report.paper:
-        lines.append(paper.CONTRADICTIONS)
+    if summary["allow"]:
+        lines.append(f"WARNING: the scene overrides refusals, allow: {', '.join(summary['allow'])}")
     if summary["note"]:
         lines.append(f"NOTE: {summary['note']}")
     return lines

@@ -12,7 +12,6 @@ from .recorded_run import RECORD_HELP, RecordedRun, recorded_run
 
 if TYPE_CHECKING:
     from ..analysis.findings import Findings
-    from ..analysis.reproduction import Reproduction
 
 SUMMARY = "print the metrics of a run and draw its figures (PNG)"
 
@@ -30,8 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write series.csv, summary.json, tables and figures/ anew from the bag, and print the summary.
 
-    spectra.csv, load_cycles.csv, height_map.csv where the run has them; reproduction.csv, .json and .md where
-    the scene is the paper's.
+    spectra.csv, load_cycles.csv, height_map.csv where the run has them; reference.csv where the scene names a
+    reference.
     """
     with recorded_run(args.record) as recorded:
         return _report(recorded, args.html)
@@ -41,8 +40,7 @@ def _report(recorded: RecordedRun, html: bool) -> int:
     from ..analysis.figures import draw_figures
     from ..analysis.findings import find_out
     from ..analysis.load_figures import draw_load_figures
-    from ..analysis.reproduction import reproduction
-    from ..analysis.reproduction_table import print_reproduction
+    from ..analysis.reference_table import reference_rows, write_reference_csv
     from ..analysis.series import read_series, write_series_csv
     from ..analysis.summary import print_summary, summarize, write_summary
     from ..analysis.window import metrics_window
@@ -55,17 +53,16 @@ def _report(recorded: RecordedRun, html: bool) -> int:
     with working("reading the clouds"):
         findings = find_out(bag, resolved, series, window)
     summary = summarize(bag, resolved, _known_facts(directory / "summary.json"), series, findings)
-    table = None
-    if resolved.scene.report.paper:
-        table = reproduction(resolved.scene, resolved.scene_hash, series, window, findings)
     recorded.make_directory()
     try:
         write_series_csv(series, directory / "series.csv")
         write_summary(summary, directory / "summary.json")
-        _write_tables(findings, table, directory)
+        _write_tables(findings, directory)
+        if resolved.reference is not None:
+            write_reference_csv(reference_rows(resolved.reference, summary), directory / "reference.csv")
         with working("drawing the figures"):
             figures = draw_figures(bag, resolved, directory / "figures", series)
-            figures += draw_load_figures(findings, resolved.scene.name, directory / "figures", table)
+            figures += draw_load_figures(findings, resolved.scene.name, directory / "figures")
         if html:
             from ..analysis.html_report import write_html
 
@@ -74,18 +71,15 @@ def _report(recorded: RecordedRun, html: bool) -> int:
                 page = write_html(directory, resolved, summary, [*figures, *pictures])
     except OSError as error:
         raise InputError(f"{error.filename}: cannot be written ({error.strerror})") from error
-    print_summary(summary, resolved.scene, directory, bag=bag)
-    if table is not None:
-        print_reproduction(table)
+    print_summary(summary, resolved.scene, directory, bag=bag, reference=resolved.reference)
     if html:
         print(f"page: {page}")
     return 0
 
 
-def _write_tables(findings: Findings, table: Reproduction | None, directory: Path) -> None:
+def _write_tables(findings: Findings, directory: Path) -> None:
     from ..analysis.disturbance import write_height_map_csv
     from ..analysis.fatigue import write_cycles_csv
-    from ..analysis.reproduction_table import write_reproduction
     from ..analysis.spectra import write_spectra_csv
 
     if findings.spectra:
@@ -94,8 +88,6 @@ def _write_tables(findings: Findings, table: Reproduction | None, directory: Pat
         write_cycles_csv(findings.cycles, directory / "load_cycles.csv")
     if findings.disturbance is not None:
         write_height_map_csv(findings.disturbance.lift, directory / "height_map.csv")
-    if table is not None:
-        write_reproduction(table, directory)
 
 
 def _known_facts(path: Path) -> dict[str, Any]:

@@ -222,7 +222,7 @@ def _summarize(
         with working("reading the clouds"):
             summary = summarize(bag, resolved, run_info, series)
         write_summary(summary, out / "summary.json")
-        print_summary(summary, resolved.scene, out)
+        print_summary(summary, resolved.scene, out, reference=resolved.reference)
     except SubsoilError:
         if failure is None:
             raise

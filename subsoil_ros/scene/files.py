@@ -1,4 +1,4 @@
-"""Where a scene document names files: meshes, a saved bed, a soil file and the scene it stands for."""
+"""Where a scene document names files: meshes, a saved bed, a soil file and its scene, a reference file."""
 
 import copy
 from collections.abc import Callable
@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from .document import Document
+from .shipped import shipped_reference
 
 
 def map_files(document: Document, change: Callable[[str], str]) -> Document:
@@ -16,6 +17,7 @@ def map_files(document: Document, change: Callable[[str], str]) -> Document:
         _change(soil, key, change)
     if isinstance(soil, dict):
         _change(soil.get("bed"), "file", change)
+    _change(copied.get("report"), "reference", change)
     tools = copied.get("tools")
     for tool in tools.values() if isinstance(tools, dict) else ():
         groups = tool.get("groups") if isinstance(tool, dict) else None
@@ -30,5 +32,13 @@ def _change(holder: Any, key: str, change: Callable[[str], str]) -> None:
 
 
 def with_absolute_files(document: Document, directory: Path) -> Document:
-    """A copy with files by absolute path, seen from the folder the document was written in."""
-    return map_files(document, lambda name: str((directory / name).resolve()))
+    """A copy with files by absolute path, seen from the folder the document was written in.
+
+    A bare name that is no file there may be that of a shipped reference.
+    """
+
+    def absolute(name: str) -> str:
+        path = directory / name
+        return str((path if path.exists() else directory / shipped_reference(Path(name))).resolve())
+
+    return map_files(document, absolute)

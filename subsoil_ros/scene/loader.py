@@ -25,6 +25,7 @@ from .meshes import load_tool_mesh
 from .model import Scene
 from .overrides import CHOICES, Override, apply_override, parse_overrides
 from .presets import Preset, read_preset
+from .reference import Reference, read_reference
 from .shipped import shipped_scene
 from .soil_file import check_reduced_soil
 
@@ -42,6 +43,7 @@ class ResolvedScene:
     notes: tuple[str, ...] = ()  # what a run must say before it begins
     accuracy: str | None = None  # the preset that was chosen
     presets: Mapping[str, Preset] = field(default_factory=dict)  # all that the scene file has
+    reference: Reference | None = None  # what report.reference names
 
     def write(self, path: Path) -> None:
         """Write `document` as a scene file."""
@@ -79,6 +81,8 @@ def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> ResolvedScene
         for tool in scene.tools:
             load_tool_mesh(path.parent, scene, tool)
         notes = _reduced_notes(scene, path.parent)
+        named = scene.report.reference
+        reference = None if named is None else read_reference(Path(named))
     except SceneError as error:
         raise SceneError(f"{shown}: {error}") from error
     return ResolvedScene(
@@ -91,6 +95,7 @@ def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> ResolvedScene
         notes=notes,
         accuracy=kept.get("accuracy"),
         presets=presets,
+        reference=reference,
     )
 
 
@@ -208,8 +213,12 @@ def _validated(document: Document, shown: str, changes: Sequence[Override]) -> S
 
 
 def _scene_hash(scene: Scene) -> str:
-    """Hash of what is run: defaults filled in, order of bodies kept, meshes and bed file by content."""
+    """Hash of what is run: defaults filled in, order of bodies kept, meshes and bed file by content.
+
+    The reference is left out: no number of a run depends on it.
+    """
     content = scene.model_dump(mode="json")
+    content["report"].pop("reference")
     for name, tool in content["tools"].items():
         for group, part in tool["groups"].items():
             advice = "an .stl file"

@@ -54,7 +54,7 @@ class Report(Part):
     tip_m: tuple[Finite, Finite] | None = None  # (x, z) of the share tip in the reference pose
     window_inside_m: NonNegative = 0.3  # metrics: tip this far inside both ends of the bin
     settle_s: NonNegative = 0.0  # metrics start after this
-    paper: bool = False  # print the paper's values beside
+    reference: str | None = None  # reference file, or name of a shipped one: its values stand beside ours
     note: str = ""  # a warning that the summary must carry
 
 

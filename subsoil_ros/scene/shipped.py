@@ -1,4 +1,4 @@
-"""Files that come with the package: scenes, meshes, templates, the schema."""
+"""Files that come with the package: scenes, references, meshes, templates, the schema."""
 
 from pathlib import Path
 
@@ -27,10 +27,19 @@ def config_folder() -> Path:
 
 def shipped_scene(path: Path) -> Path:
     """`path` itself; a bare name of a shipped scene where no such file is there: that scene."""
+    return _shipped(path, "scenes")
+
+
+def shipped_reference(path: Path) -> Path:
+    """The same of the reference files."""
+    return _shipped(path, "references")
+
+
+def _shipped(path: Path, kind: str) -> Path:
     if path.exists() or path.suffix or path.parent != Path():
         return path
     try:
-        found = config_folder() / "scenes" / f"{path}.yaml"
+        found = config_folder() / kind / f"{path}.yaml"
     except InputError:
         return path
     return found if found.is_file() else path

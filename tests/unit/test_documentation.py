@@ -31,6 +31,7 @@ PAGES = [
     ROOT / "README.md",
     *sorted((ROOT / "docs").rglob("*.md")),
     *sorted((ROOT / "examples").glob("*/README.md")),
+    *sorted((ROOT / "reproduction").glob("*/*.md")),
 ]
 LANGUAGES = {"bash", "python", "yaml", "text", "json", "dockerfile"}
 _FENCE = re.compile(r"^ *```(.*)$")
@@ -38,7 +39,8 @@ _NOT_RUN = re.compile(r"^ *<!-- not run: (.+) -->$")
 _DESIGN = re.compile(r"^ *<!-- design: ([\w.]+) -->$")
 _LIST_ITEM = re.compile(r" *([-*+]|\d+[.)]) ")
 _PROGRAM = re.compile(
-    r"(?<![\w/])python3? (?:-m (benchmarks[.\w]+)|((?:benchmarks|examples)/[\w/]+\.py))([^`\n|]*)"
+    r"(?<![\w/])python3? (?:-m ((?:benchmarks|reproduction)[.\w]+)|((?:benchmarks|examples)/[\w/]+\.py))"
+    r"([^`\n|]*)"
 )
 _INLINE_COMMAND = re.compile(r"(?<!`)`subsoil ([a-z][a-z-]*)([^`]*)`")
 

@@ -35,12 +35,12 @@ def machine(tmp_path_factory) -> tuple[Run, Path]:
 def printed(summary: dict, run: Run, directory: Path) -> str:
     """What print_summary prints, on one line."""
     console = Console(width=200, record=True, file=(directory / "printed.txt").open("w"))
-    print_summary(summary, run.resolved.scene, directory, console)
+    print_summary(summary, run.resolved.scene, directory, console, reference=run.resolved.reference)
     return " ".join(console.export_text().split())
 
 
 def test_printed_summary_names_everything_asked_for(machine):
-    """Metrics, counts, times, residual, the paper's values beside, and where the files are."""
+    """Metrics, counts, times, residual, the values of the reference beside, and where the files are."""
     run, directory = machine
     summary = summarize(directory / "bag", run.resolved, {"whole_wall_s": 99.0})
     text = printed(summary, run, directory)
@@ -48,7 +48,8 @@ def test_printed_summary_names_everything_asked_for(machine):
         "draft [N]", "of it share [N]", "of it wheels [N]", "spring force", "share angle [rad]",
         "height [mm]", "300 particles", f"{TICKS} steps", "20.5 s wall time (99.0 s with start-up)",
         "real-time factor", "residual",
-        "363 to 1000 N", "contradicts itself", "no row of it lies in the window", str(directory / "bag"),
+        "beside Yuan & Yu (2020)", "draft_newton_10ms_min", "272.2 to 453.8", "contradicts itself",
+        "no row of it lies in the window", str(directory / "bag"),
         "figures",
     ):  # fmt: skip
         assert piece in text, piece
@@ -175,15 +176,14 @@ def test_bag_verbs(tmp_path, capsys):
     assert verb(bag_verb, "info", str(directory)) == 0
 
 
-def test_report_of_the_papers_scene_writes_the_table(tmp_path, capsys):
-    """The paper's numbers beside ours on the screen, as CSV, JSON and Markdown, and what cannot hold."""
-    run = Run(full_machine())
-    directory = run.write(tmp_path / "run")
-    assert verb(report_verb, str(directory)) == 0
-    shown = capsys.readouterr().out
-    assert "Impossible: 181 mm of height" in shown
-    document = json.loads((directory / "reproduction.json").read_text())
-    assert {row["quantity"] for row in document["rows"]} >= {"draft, cycle", "draft, run", "spring force"}
-    assert (directory / "reproduction.csv").is_file()
-    assert (directory / "reproduction.md").is_file()
-    assert (directory / "figures/reproduction.png").is_file()
+def test_report_shows_the_reference(tmp_path, capsys):
+    """The values that the scene's reference file gives: on the screen, as CSV, and in the page."""
+    directory = Run(full_machine()).write(tmp_path / "run")
+    assert verb(report_verb, str(directory), "--html") == 0
+    assert "run.body.shank.z_m_10ms_range" in capsys.readouterr().out
+    rows = (directory / "reference.csv").read_text().splitlines()
+    assert len(rows) == 11
+    assert rows[1].startswith("draft_newton_10ms_min,N,")
+    page = (directory / "report.html").read_text()
+    assert "<h2>Beside Yuan &amp; Yu (2020)</h2>" in page
+    assert "contradicts itself" in page

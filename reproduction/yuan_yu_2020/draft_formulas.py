@@ -1,0 +1,76 @@
+"""Draft of a subsoiler by formulas that know nothing of this project's particles.
+
+ASABE D497.7 (R2015), Agricultural Machinery Management Data, table 1: draft of one tool
+
+    D = F_i (A + B S + C S^2) T   [N],   S speed [km/h], T depth [cm]
+
+subsoiler with narrow points: A = 226, B = 0, C = 1.8 per tool; F = 1.0 fine, 0.70 medium, 0.45 coarse soil;
+the standard's range is +- 50 %. McKyes and Ali (1977): the wedge of the reduced soil (resistance/wedge.py),
+share alone, with c and phi of the bed's own shear tests. Neither is fitted to anything here.
+"""
+
+import math
+from typing import NamedTuple
+
+from subsoil_ros.resistance.wedge import Plate, Strength, least_wedge
+
+TEXTURES = {"fine": 1.0, "medium": 0.70, "coarse": 0.45}
+"""F_i of the standard."""
+
+ASABE_RANGE = 0.50
+"""Part by which the standard expects single drafts to differ."""
+
+_A, _B, _C = 226.0, 0.0, 1.8
+
+
+def asabe_newton(depth_m: float, speed_m_per_s: float, texture: str) -> float:
+    """ASABE D497.7 draft of one narrow-pointed subsoiler [N]. texture: a key of TEXTURES."""
+    speed, depth = 3.6 * speed_m_per_s, 100.0 * depth_m
+    return TEXTURES[texture] * (_A + _B * speed + _C * speed * speed) * depth
+
+
+class ShearStrength(NamedTuple):
+    """What shear tests of a bed gave."""
+
+    cohesion_pa: float
+    friction_rad: float
+    density_kg_per_m3: float
+    source: str
+
+
+PAPER_GRID = (
+    ShearStrength(37.9e3, math.radians(23.1), 1296.0, "grid, peak"),
+    ShearStrength(21.6e3, math.radians(39.8), 1296.0, "grid, residual"),
+)
+"""Of the paper's soil on its grid (docs/soil_tests.md)."""
+
+TOOL_FRICTION_RAD = math.atan(0.5)
+"""Table 3: particle on boundary, 0.5."""
+
+
+def mckyes_newton(
+    depth_m: float,
+    speed_m_per_s: float,
+    strength: ShearStrength,
+    width_m: float,
+    rake_rad: float,
+    gravity_m_per_s2: float = 9.81,
+) -> float:
+    """Horizontal force [N] on a plate from its tip to the surface, without adhesion (McKyes and Ali 1977).
+
+    Tool friction is at most the soil's own.
+    """
+    delta = min(TOOL_FRICTION_RAD, strength.friction_rad)
+    soil = Strength(
+        unit_weight=strength.density_kg_per_m3 * gravity_m_per_s2,
+        density=strength.density_kg_per_m3,
+        cohesion=strength.cohesion_pa,
+        friction=strength.friction_rad,
+        adhesion=0.0,
+        tool_friction=delta,
+        surcharge=0.0,
+        speed_factor=1.0,
+    )
+    plate = Plate(width_m, rake_rad, depth_m, depth_m)
+    _, force = least_wedge(plate, soil, speed_m_per_s)
+    return float(force * math.sin(rake_rad + delta))

@@ -1,0 +1,56 @@
+"""Series of the machine with known numbers."""
+
+import math
+
+import numpy as np
+
+from subsoil_ros.analysis.findings import Findings
+from subsoil_ros.analysis.loads import loads_of
+from subsoil_ros.analysis.series import Series
+from subsoil_ros.analysis.steadiness import steadiness
+from subsoil_ros.analysis.window import Window
+from subsoil_ros.scene.loader import ResolvedScene
+
+ROWS = 2001
+STEP_S = 0.001
+
+
+def made_up(resolved: ResolvedScene) -> Series:
+    """Steady pull at 0.5 m/s: every part carries a known share of the machine, the draft swings by a sine."""
+    scene = resolved.scene
+    times = STEP_S * (1 + np.arange(ROWS))
+    columns = {"time_s": times, "draft_newton": 700.0 + 300.0 * np.sin(2.0 * math.pi * 2.0 * times)}
+    level = np.ones(ROWS)
+    for name, body in scene.mechanism.bodies.items():
+        columns[f"body.{name}.x_m"] = body.position_m[0] + 0.5 * times
+        columns[f"body.{name}.z_m"] = body.position_m[1] * level
+        columns[f"body.{name}.angle_rad"] = body.angle_rad * level
+        columns[f"body.{name}.velocity_x_m_per_s"] = 0.5 * level
+    for name, (force_x, force_z) in {
+        "shank": (-600.0, -200.0), "wheel_left": (-50.0, 600.0), "wheel_right": (-50.0, 610.0)
+    }.items():  # fmt: skip
+        columns |= {
+            f"tool.{name}.force_x_newton": force_x * level, f"tool.{name}.force_z_newton": force_z * level,
+            f"tool.{name}.torque_y_newton_m": 4.0 * level, f"tool.{name}.velocity_x_m_per_s": 0.5 * level,
+            f"tool.{name}.velocity_z_m_per_s": 0.1 * level,
+            f"tool.{name}.angular_velocity_rad_per_s": -2.5 * level,
+        }  # fmt: skip
+    columns["joint.H1_rail.force_z_newton"] = 1300.0 * level
+    columns["coordinate_spring.chain.force_newton"] = 5.0 * level
+    spring = scene.mechanism.forces["H9_spring"]
+    force = 2.5 * columns["draft_newton"]
+    columns["spring.H9_spring.force_newton"] = force
+    columns["spring.H9_spring.length_m"] = spring.free_length_m - force / spring.stiffness_newton_per_m
+    return Series(columns, "run", 1.0)
+
+
+def whole(series: Series) -> Window:
+    """A window of all rows."""
+    return Window(np.ones(len(series), dtype=bool), "all", False)
+
+
+def findings_of(series: Series, resolved: ResolvedScene, window: Window) -> Findings:
+    """Without soil."""
+    steady = steadiness(series["time_s"], series["draft_newton"])
+    loads = loads_of(series, resolved, window)
+    return Findings(loads, {"draft_newton": steady}, {}, None, None, None, {}, {}, None)

@@ -1,0 +1,112 @@
+"""`report.reference`: values of a paper or a field record beside those of a run."""
+
+import csv
+from pathlib import Path
+
+import pytest
+
+from subsoil_ros.analysis.reference_table import (
+    reference_lines,
+    reference_rows,
+    write_reference_csv,
+)
+from subsoil_ros.errors import SceneError
+from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.scene.parcel import pack, unpack
+from subsoil_ros.scene.reference import Reference, read_reference
+from subsoil_ros.scene.shipped import config_folder
+
+SCENES = Path(__file__).parents[2] / "config/scenes"
+FIELD = """\
+name: Field of 12 May
+source: load cell
+notes: [Wet.]
+values:
+  draft_newton_mean: {value: 1850.0, low: 1700.0, high: 2000.0, unit: N, source: three passes}
+  draft_newton_max: {value: -200.0, tolerance: 0.1, unit: N}
+  tip_depth_m_mean: {low: 0.2, high: 0.3, unit: m}
+  power.draft_watt_mean: {value: 900.0, unit: W}
+  draft_newton_meen: {value: 1.0, unit: N}
+"""
+
+
+def reference(text: str, folder: Path) -> Reference:
+    """Of a file with this text."""
+    path = folder / "field.yaml"
+    path.write_text(text, encoding="utf-8")
+    return read_reference(path)
+
+
+@pytest.mark.parametrize(
+    "path", sorted((config_folder() / "references").glob("*.yaml")), ids=lambda p: p.stem
+)
+def test_shipped_references_load(path):
+    """By their bare names from any scene."""
+    named = load_scene(SCENES / "tine.yaml", [f"report.reference={path.stem}"])
+    assert named.reference == read_reference(path)
+    assert Path(named.document["report"]["reference"]) == path
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "wanted"),
+    [
+        ("low: 1700.0", "lowest: 1700.0", r"values\.draft_newton_mean.*'lowest'; did you mean 'low'\?"),
+        ("low: 1700.0, ", "", "a band needs both 'low' and 'high'"),
+        ("low: 1700.0", "low: 2700.0", "low 2700 is above high 2000"),
+        ("value: 900.0, ", "", r"power\.draft_watt_mean: needs a 'value', or a band"),
+        ("value: -200.0", "value: 0.0", "'tolerance' is a part of a 'value' that is not 0"),
+        ("tolerance: 0.1", "tolerance: -0.1", "greater than 0"),
+        ("value: 900.0, unit: W", "value: 900.0", r"power\.draft_watt_mean\.unit: is missing"),
+        ("value: 900.0", "value: '900'", r"draft_watt_mean\.value: .*valid number"),
+        ("name: Field of 12 May\n", "", "name: is missing"),
+        ("source: load cell", "title: load cell", "unknown key 'title'"),
+    ],
+)
+def test_wrong_files_are_refused(old, new, wanted, tmp_path):
+    """The line names file, value and key, and says what is allowed."""
+    assert old in FIELD
+    with pytest.raises(SceneError, match=wanted) as raised:
+        reference(FIELD.replace(old, new, 1), tmp_path)
+    assert str(raised.value).startswith(f"report.reference: {tmp_path / 'field.yaml'}: ")
+
+
+def test_missing_file_is_named():
+    """With the scene, the key and the path that was looked for."""
+    with pytest.raises(SceneError, match=r"report\.reference: .*nothing_there\.yaml: no such"):
+        load_scene(SCENES / "tine.yaml", ["report.reference=nothing_there.yaml"])
+
+
+def test_file_beside_the_scene_travels_with_it(tmp_path):
+    """Its path is seen from the scene; a parcel carries it; the hash of the scene does not depend on it."""
+    (tmp_path / "field.yaml").write_text(FIELD)
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(f"base: {SCENES / 'mechanism_only.yaml'}\nreport: {{reference: field.yaml}}\n")
+    resolved = load_scene(scene)
+    assert resolved.reference is not None
+    assert resolved.reference.name == "Field of 12 May"
+    assert resolved.scene_hash == load_scene(SCENES / "mechanism_only.yaml").scene_hash
+    (tmp_path / "there").mkdir()
+    assert unpack(pack(resolved), tmp_path / "there").reference == resolved.reference
+
+
+def test_rows_stand_beside_those_of_the_run(tmp_path):
+    """Difference over the value, verdict by the band; what the run lacks is named with the nearest name."""
+    found = reference(FIELD, tmp_path)
+    summary = {"draft_newton_mean": 2220.0, "draft_newton_max": -195.0, "tip_depth_m_mean": 0.19,
+               "power.draft_watt_mean": 450.0}  # fmt: skip
+    rows = {row.quantity: row for row in reference_rows(found, summary)}
+    assert rows["draft_newton_mean"].difference == pytest.approx(0.2)
+    verdicts = [row.agrees for row in rows.values()]
+    assert verdicts == ["above", "yes", "below", "", ""]
+    assert rows["draft_newton_max"].given.band == pytest.approx((-220.0, -180.0))
+    assert rows["tip_depth_m_mean"].difference is None
+    assert rows["power.draft_watt_mean"].difference == pytest.approx(-0.5)
+    assert rows["draft_newton_mean"].cells()[3:7] == ["1850", "1700 to 2000", "+20 %", "above"]
+    assert reference_lines(found, summary) == [
+        "Wet.", "this run has no draft_newton_meen; the nearest is draft_newton_mean",
+    ]  # fmt: skip
+    write_reference_csv(list(rows.values()), tmp_path / "reference.csv")
+    with (tmp_path / "reference.csv").open() as stream:
+        lines = list(csv.DictReader(stream))
+    assert lines[0]["ours"] == "2220.0"
+    assert [line["agrees"] for line in lines] == verdicts

@@ -19,7 +19,7 @@ class Particles(Part):
     sizes: Sizes | None = None
     density_kg_per_m3: Positive
     law_radius_m: Positive | None = Field(
-        None, description="radius the law was found for; it is scaled from there (scaling.py)."
+        None, description="radius the law was found for; it is scaled from there."
     )
 
     @model_validator(mode="after")

@@ -8,9 +8,10 @@ import pytest
 
 from subsoil_ros.analysis.impossible import statements
 from subsoil_ros.analysis.levers import levers_of, past_dead_centre_s, rest_angle_rad
-from subsoil_ros.analysis.machine_variants import relative_angle_rad
 from subsoil_ros.coupling.engines import build_mechanism
 from subsoil_ros.scene.loader import load_scene
+
+from ..shank_angle import relative_angle_rad
 
 SCENES = Path(__file__).parents[2] / "config/scenes"
 

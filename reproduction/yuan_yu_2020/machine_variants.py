@@ -29,14 +29,6 @@ WHEEL_CONTACT = {
 """Measured on the paper's bed (docs/depth_wheel.md)."""
 
 
-def relative_angle_rad(resolved: ResolvedScene) -> float:
-    """Angle of the shank against the frame at the start, zero in the reference pose."""
-    shank, frame = shank_and_frame(resolved.scene)
-    angles = {name: place[2] for name, place in start_places(resolved).items()}
-    bodies = resolved.scene.mechanism.bodies if resolved.scene.mechanism else {}
-    return (angles[shank] - bodies[shank].angle_rad) - (angles[frame] - bodies[frame].angle_rad)
-
-
 def shank_and_frame(scene: Scene) -> tuple[str, str]:
     """Names of the shank and of the body that its spring leans on.
 
@@ -148,7 +140,7 @@ def on_plain_ground(document: Document) -> Document:
 
 
 def coarse_soil(document: Document, radius_m: float, bin_m: tuple[float, float, float]) -> Document:
-    """Larger particles of the same soil (scaling.py) in another bin: length, width, depth [m]."""
+    """Larger particles of the same soil (`PairValues.scaled`) in another bin: length, width, depth [m]."""
     found = copy.deepcopy(document)
     soil = found["soil"]
     particles = soil["particles"]

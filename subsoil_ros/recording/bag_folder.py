@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
 from mcap.writer import CompressionType, Writer
 
 from ..errors import InputError, RecordingError
+from ..scene.document import dump_yaml
 
 CHUNK_BYTES = 128 * 1024
 """Size of a chunk before compression; a killed writer loses at most the one being filled."""
@@ -113,7 +113,7 @@ class BagFolder:
             info.name,
             "cdr",
             schema_id,
-            {"offered_qos_profiles": _yaml(info.qos_profiles).strip(), "topic_type_hash": info.type_hash},
+            {"offered_qos_profiles": dump_yaml(info.qos_profiles).strip(), "topic_type_hash": info.type_hash},
         )
         self._channels[info.name] = _Channel(info, number)
 
@@ -152,10 +152,10 @@ class BagFolder:
         try:
             with self._stream:
                 information = self._information()
-                self._writer.add_metadata("rosbag2", {"serialized_metadata": _yaml(information).strip()})
+                self._writer.add_metadata("rosbag2", {"serialized_metadata": dump_yaml(information).strip()})
                 self._writer.finish()
             partial = self.directory / "metadata.yaml.tmp"
-            partial.write_text(_yaml({"rosbag2_bagfile_information": information}), encoding="utf-8")
+            partial.write_text(dump_yaml({"rosbag2_bagfile_information": information}), encoding="utf-8")
             partial.replace(self.directory / "metadata.yaml")
         except OSError as error:
             raise self._refused(error) from error
@@ -203,14 +203,3 @@ class BagFolder:
 
 def _media_type(name: str) -> str:
     return MEDIA_TYPES.get(Path(name).suffix, "application/octet-stream")
-
-
-class _PlainDumper(yaml.SafeDumper):
-    """Without anchors, which not every YAML reader of bags follows."""
-
-    def ignore_aliases(self, data: Any) -> bool:
-        return True
-
-
-def _yaml(content: Any) -> str:
-    return yaml.dump(content, Dumper=_PlainDumper, sort_keys=False, width=1000)

@@ -68,10 +68,6 @@ class BagReader:
         self._summary: Summary = summary
         self._statistics: Statistics = summary.statistics
 
-    def schema_texts(self) -> dict[str, str]:
-        """Schema of every message type in the bag."""
-        return {schema.name: schema.data.decode() for schema in self._summary.schemas.values()}
-
     @property
     def end_time_ns(self) -> int:
         """Simulated time of the last message [ns]."""

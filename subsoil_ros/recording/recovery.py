@@ -5,11 +5,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
 from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 
 from ..errors import InputError, RecordingError
+from ..scene.document import parse_yaml
 from .bag_folder import NOTES, BagFolder, TopicInfo
 from .bag_reader import BROKEN, mcap_path
 
@@ -121,7 +121,7 @@ def _topic_info(channel: Channel, schemas: dict[int, Schema]) -> TopicInfo:
         message_type=schema.name,
         schema=schema.data.decode(),
         type_hash=channel.metadata.get("topic_type_hash", ""),
-        qos_profiles=yaml.safe_load(channel.metadata.get("offered_qos_profiles", "")) or [],
+        qos_profiles=parse_yaml(channel.metadata.get("offered_qos_profiles", ""), channel.topic) or [],
     )
 
 

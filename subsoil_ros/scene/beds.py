@@ -30,7 +30,7 @@ class SavedBed(Part):
     """A bed prepared before, under the same law and for the same bin."""
 
     kind: Literal["saved"]
-    file: str = Field(min_length=1)  # relative to the scene file
+    file: str = Field(min_length=1, description="relative to the scene file.")
 
 
 class SurfaceProfile(Part):

@@ -2,6 +2,8 @@
 
 from typing import Literal
 
+from pydantic import Field
+
 from .base import Part, Positive
 
 
@@ -14,5 +16,5 @@ class Bin(Part):
 
     length_m: Positive
     width_m: Positive
-    depth_m: Positive  # of the bed
-    sides: Literal["walls", "periodic"] = "walls"  # at y = +-width/2
+    depth_m: Positive = Field(description="of the bed.")
+    sides: Literal["walls", "periodic"] = Field("walls", description="at y = +-width/2.")

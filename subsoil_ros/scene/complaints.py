@@ -1,11 +1,14 @@
-"""Turns pydantic's errors into lines that say where, what was given, what is allowed, what to do."""
+"""Validates documents; errors are lines that say where, what was given, what is allowed, what to do."""
 
+import json
 import re
 from collections.abc import Sequence
+from typing import Any
 
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
+from ..errors import SceneError
 from .document import Document
 from .keys import annotation_at, kinds, known_keys, suggestion, value_in
 from .model import Scene
@@ -39,14 +42,28 @@ _QUOTED = re.compile(r"'([^']+)'")
 _SUBPATH = re.compile(r"^([A-Za-z_][\w.\[\]]*): ")
 
 
-def describe(error: ValidationError, document: Document, shown: str, overrides: Sequence[Override]) -> str:
-    """The text of a SceneError: one line per wrong place, `shown` being the file's name."""
+def validated(annotation: Any, document: Document, shown: str, overrides: Sequence[Override] = ()) -> Any:
+    """The document as an instance of `annotation`, a model or a union of models.
+
+    Raises:
+        SceneError: one line per wrong place. `shown` names the document there, `overrides` are in it already.
+    """
+    try:
+        # Strict JSON: lists may stand for tuples, but neither text nor booleans for numbers.
+        return TypeAdapter(annotation).validate_json(json.dumps(document), strict=True)
+    except ValidationError as error:
+        raise SceneError(_described(error, annotation, document, shown, overrides)) from error
+
+
+def _described(
+    error: ValidationError, annotation: Any, document: Document, shown: str, overrides: Sequence[Override]
+) -> str:
     places: dict[tuple[str, ...], list[ErrorDetails]] = {}
     for details in error.errors(include_url=False):
         places.setdefault(_place(details["loc"], document), []).append(details)
     lines = []
     for place, found in places.items():
-        path, message = _message(place, found, document)
+        path, message = _message(place, found, annotation, document)
         where = f"{shown}: {path}" if path else shown
         lines.append(f"{where}: {message}{_origin(path, overrides)}")
     hidden_count = len(lines) - SHOWN_COUNT
@@ -80,7 +97,9 @@ def _origin(path: str, overrides: Sequence[Override]) -> str:
     return ""
 
 
-def _message(place: tuple[str, ...], found: list[ErrorDetails], document: Document) -> tuple[str, str]:
+def _message(
+    place: tuple[str, ...], found: list[ErrorDetails], root: Any, document: Document
+) -> tuple[str, str]:
     """Where, and what is wrong there."""
     path = ".".join(place)
     first = found[0]
@@ -93,16 +112,16 @@ def _message(place: tuple[str, ...], found: list[ErrorDetails], document: Docume
         return path, text
     if first["type"] == "extra_forbidden":
         parent = place[:-1]
-        known = known_keys(annotation_at(Scene, document, parent), _value_at(document, parent))
-        known += [] if parent else LOADER_KEYS
+        known = known_keys(annotation_at(root, document, parent), _value_at(document, parent))
+        known += LOADER_KEYS if root is Scene and not parent else []
         return path, f"unknown key '{place[-1]}'; {suggestion(place[-1], known)}"
     if first["type"] == "missing":
-        return path, "is missing; every scene of this kind needs it"
+        return path, "is missing; it has no default"
     if first["type"] in ("union_tag_not_found", "union_tag_invalid"):
-        annotation = annotation_at(Scene, document, place)
+        annotation = annotation_at(root, document, place)
         if models := kinds(annotation, "model"):
             word = first["input"].get("model") if isinstance(first["input"], dict) else first["input"]
-            return f"{path}.model", f"given {_given(word)}, allowed are {', '.join(models)}"
+            return ".".join((*place, "model")), f"given {_given(word)}, allowed are {', '.join(models)}"
         allowed = kinds(annotation)
         if not isinstance(first["input"], dict):
             return path, f"given {given}, needed is a mapping with 'kind', one of {', '.join(allowed)}"

@@ -15,7 +15,7 @@ class DraftLimit(Part):
 
     kind: Literal["draft_limit"]
     draft_limit_newton: Positive
-    gain_per_kg: Positive  # m/s2 per newton
+    gain_per_kg: Positive = Field(description="m/s2 per newton.")
 
 
 class HoldHeight(Part):
@@ -44,10 +44,12 @@ class Controller(Part):
     """
 
     driver: str
-    interval_ticks: int = Field(ge=1)  # a multiple of record.series_ticks: a command answers a recorded state
+    interval_ticks: int = Field(
+        ge=1, description="a multiple of record.series_ticks: a command answers a recorded state."
+    )
     lowest_speed_m_per_s: Finite
     highest_speed_m_per_s: Finite
-    largest_acceleration_m_per_s2: Positive  # a command that asks for more is refused
+    largest_acceleration_m_per_s2: Positive = Field(description="a command that asks for more is refused.")
     law: ControlLaw
 
     @model_validator(mode="after")

@@ -2,89 +2,85 @@
 
 import difflib
 import math
-import re
 from collections.abc import Iterator, Mapping
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
-import yaml
+from ruamel.yaml import YAML
+from ruamel.yaml.composer import Composer, ComposerError
+from ruamel.yaml.constructor import SafeConstructor
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.nodes import MappingNode, ScalarNode
 
 from ..errors import SceneError
 
 Document = dict[str, Any]
 
-_FLOAT = re.compile(
-    r"""^[-+]?(?:[0-9][0-9_]*\.[0-9_]*(?:[eE][-+]?[0-9]+)?
-    |\.[0-9][0-9_]*(?:[eE][-+]?[0-9]+)?
-    |[0-9][0-9_]*[eE][-+]?[0-9]+
-    |\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))$""",
-    re.VERBOSE,
-)
+_PLAIN = ("tag:yaml.org,2002:str", "tag:yaml.org,2002:merge")
 
 
-class _SceneYaml(yaml.SafeLoader):
-    """Safe YAML that refuses repeated keys, reads 1e-5 as a number and dates as text."""
+class _Composer(Composer):
+    """Refuses repeated keys, and keys that are not text."""
 
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
-        seen: dict[object, yaml.Mark] = {}
-        for key_node, _ in node.value:
-            if key_node.tag == "tag:yaml.org,2002:merge":
-                continue
-            key = self.construct_object(key_node, deep=True)
-            if not isinstance(key, str):
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"key {key!r} is not text; put it in quotes", key_node.start_mark
-                )
-            if key in seen:
-                raise yaml.constructor.ConstructorError(
-                    None,
-                    None,
-                    f"key '{key}' is given twice, first in line {seen[key].line + 1}; keep one of them",
-                    key_node.start_mark,
-                )
-            seen[key] = key_node.start_mark
-        return super().construct_mapping(node, deep=deep)
+    def compose_mapping_node(self, anchor: str | None) -> MappingNode:
+        node: MappingNode = super().compose_mapping_node(anchor)
+        lines: dict[str, int] = {}
+        for key, _ in node.value:
+            if key.tag not in _PLAIN:
+                shown = key.value if isinstance(key, ScalarNode) else "of several values"
+                problem = f"key {shown} is not text; put it in quotes"
+                raise ComposerError(None, None, problem, key.start_mark)
+            if key.value in lines:
+                first = lines[key.value]
+                problem = f"key '{key.value}' is given twice, first in line {first}; keep one of them"
+                raise ComposerError(None, None, problem, key.start_mark)
+            lines[key.value] = key.start_mark.line + 1
+        return node
 
 
-_SceneYaml.yaml_implicit_resolvers = {
-    first: [(tag, pattern) for tag, pattern in resolvers if not tag.endswith((":float", ":timestamp"))]
-    for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
-}
-_SceneYaml.add_implicit_resolver("tag:yaml.org,2002:float", _FLOAT, list("-+0123456789."))
+class _Constructor(SafeConstructor):
+    """Reads dates as text."""
 
 
-class _SceneDumper(yaml.SafeDumper):
-    """Quotes the texts that _SceneYaml would not read as text."""
+_Constructor.add_constructor("tag:yaml.org,2002:timestamp", SafeConstructor.construct_yaml_str)
 
 
-_SceneDumper.yaml_implicit_resolvers = {
-    first: [*resolvers, *yaml.SafeDumper.yaml_implicit_resolvers.get(first, ())]
-    for first, resolvers in _SceneYaml.yaml_implicit_resolvers.items()
-}
+def _yaml() -> YAML:
+    """YAML 1.2."""
+    yaml = YAML(typ="safe", pure=True)
+    yaml.Composer, yaml.Constructor = _Composer, _Constructor
+    yaml.default_flow_style = False
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    yaml.width = 1000  # a folded line would end in a blank
+    yaml.representer.ignore_aliases = lambda data: True  # not every reader follows them
+    return yaml
 
 
-def dump_yaml(document: Document) -> str:
+def dump_yaml(document: Document | list[Document]) -> str:
     """The document as YAML text that `parse_yaml` reads back equal, its keys in the same order."""
-    return yaml.dump(document, Dumper=_SceneDumper, sort_keys=False, allow_unicode=True, width=110)
+    stream = StringIO()
+    _yaml().dump(document, stream)
+    return stream.getvalue()
 
 
-def parse_yaml(text: str | bytes, source: str) -> object:
-    """Parse YAML; `source` names it in errors.
+def parse_yaml(text: str | bytes, source: str) -> Any:
+    """Parse YAML 1.2; `source` names it in errors.
 
     Raises SceneError with line and column for a syntax error, a repeated key or a key that is not
     text, and for numbers that are not finite.
     """
     try:
-        value = yaml.load(text, Loader=_SceneYaml)  # a SafeLoader
+        value = _yaml().load(text)
         for path, leaf in leaves(value):
             if isinstance(leaf, float) and not math.isfinite(leaf):
                 where = f"{source}: {path}" if path else source
                 raise SceneError(f"{where}: given {leaf}, allowed are finite numbers only")
-    except yaml.MarkedYAMLError as error:
+    except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f"{source}:{mark.line + 1}:{mark.column + 1}" if mark else source
         raise SceneError(f"{where}: not valid YAML: {error.problem or error.context}") from error
-    except yaml.YAMLError as error:
+    except YAMLError as error:
         raise SceneError(f"{source}: not valid YAML text: {' '.join(str(error).split())}") from error
     except ValueError as error:  # for example an integer of too many digits
         raise SceneError(f"{source}: a value cannot be read: {error}") from error

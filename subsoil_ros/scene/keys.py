@@ -1,4 +1,4 @@
-"""What keys a scene may have at a place, found from the typed model; for errors and overrides."""
+"""What keys a document may have at a place, found from the typed model; for errors and overrides."""
 
 import difflib
 import types
@@ -56,7 +56,7 @@ def item_annotation(annotation: Any) -> Any:
     return None
 
 
-def annotation_at(root: type[BaseModel], document: object, path: Iterable[object]) -> Any:
+def annotation_at(root: Any, document: object, path: Iterable[object]) -> Any:
     """The annotation at a path of the document; None where the path leaves the model."""
     annotation: Any = root
     value = document

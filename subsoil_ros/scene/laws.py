@@ -74,7 +74,7 @@ class PolynomialLaw(Part):
     kind: Literal["polynomial"]
     coefficients: tuple[Finite, ...] = Field(min_length=1, max_length=LARGEST_DEGREE + 1)
     start_s: NonNegative = 0.0
-    end_s: Positive | None = None  # None: it never ends
+    end_s: Positive | None = Field(None, description="None: it never ends.")
 
     @model_validator(mode="after")
     def _ordered(self) -> "PolynomialLaw":

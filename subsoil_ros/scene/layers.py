@@ -76,6 +76,8 @@ class Layer(Part):
     """A layer of the bed. What it does not give comes from `soil.particles` and `soil.law`."""
 
     name: str = Field(min_length=1)
-    thickness_m: Positive | None = None  # the last layer, and only that one, goes on to the floor
+    thickness_m: Positive | None = Field(
+        None, description="the last layer, and only that one, goes on to the floor."
+    )
     density_kg_per_m3: Positive | None = None
     law: LayerLaw | None = None

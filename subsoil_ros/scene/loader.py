@@ -12,11 +12,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pydantic import ValidationError
-
 from ..errors import SceneError
 from .beds import SavedBed
-from .complaints import describe
+from .complaints import validated
 from .document import Document, dump_yaml, merge, read_document
 from .files import with_absolute_files
 from .keys import suggestion
@@ -74,7 +72,7 @@ def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> ResolvedScene
     kept = {key: document.pop(key) for item in CHOICES.items() for key in item if key in document}
     for change in changes:
         document = with_absolute_files(apply_override(document, change), path.resolve().parent)
-    scene = _validated(document, shown, changes)
+    scene: Scene = validated(Scene, document, shown, changes)
     try:
         timing = derive_timing(scene)
         scene_hash = _scene_hash(scene)
@@ -202,14 +200,6 @@ def _chosen(
         known = f"; {suggestion(str(name), named)}" if named else f"; the scene has no '{section}'"
         raise SceneError(f"{where}: no {'preset' if key == 'accuracy' else key} '{name}'{known}")
     return name
-
-
-def _validated(document: Document, shown: str, changes: Sequence[Override]) -> Scene:
-    try:
-        # Strict JSON: lists may stand for tuples, but neither text nor booleans for numbers.
-        return Scene.model_validate_json(json.dumps(document), strict=True)
-    except ValidationError as error:
-        raise SceneError(describe(error, document, shown, changes)) from error
 
 
 def _scene_hash(scene: Scene) -> str:

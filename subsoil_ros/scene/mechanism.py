@@ -15,12 +15,14 @@ class Body(Part):
     """A rigid body of the plane y = 0, given by its centre of mass in the reference pose."""
 
     mass_kg: Positive
-    inertia_kg_m2: Positive  # about the centre of mass
+    inertia_kg_m2: Positive = Field(description="about the centre of mass.")
     position_m: Point
     angle_rad: Finite = 0.0
-    # Initial velocities are made consistent with the constraints. What is not given follows from the
-    # rest: bodies move along with the drivers of x and z.
-    velocity_m_per_s: Point | None = None
+    velocity_m_per_s: Point | None = Field(
+        None,
+        description="Initial velocities are made consistent with the constraints. What is not given "
+        "follows from the rest: bodies move along with the drivers of x and z.",
+    )
     angular_velocity_rad_per_s: Finite | None = None
 
 
@@ -64,8 +66,10 @@ class TurnFriction(Part):
 
     preload_newton_m: NonNegative = 0.0
     coefficient: NonNegative = 0.0
-    radius_m: NonNegative = 0.0  # of the pin
-    slip_speed_rad_per_s: Positive = 0.01  # chosen: friction reaches 76 % of its limit at this speed
+    radius_m: NonNegative = Field(0.0, description="of the pin.")
+    slip_speed_rad_per_s: Positive = Field(
+        0.01, description="chosen: friction reaches 76 % of its limit at this speed."
+    )
 
     @model_validator(mode="after")
     def _whole(self) -> "TurnFriction":
@@ -79,7 +83,9 @@ class TravelFriction(Part):
 
     preload_newton: NonNegative = 0.0
     coefficient: NonNegative = 0.0
-    slip_speed_m_per_s: Positive = 0.01  # chosen: friction reaches 76 % of its limit at this speed
+    slip_speed_m_per_s: Positive = Field(
+        0.01, description="chosen: friction reaches 76 % of its limit at this speed."
+    )
 
 
 class Revolute(Part):
@@ -88,7 +94,7 @@ class Revolute(Part):
     kind: Literal["revolute"]
     body_a: str
     body_b: str
-    point_m: Point  # used for both bodies unless point_b_m is given
+    point_m: Point = Field(description="used for both bodies unless point_b_m is given.")
     point_b_m: Point | None = None
     friction: TurnFriction | None = None
     stops: TurnStops | None = None
@@ -101,9 +107,11 @@ class Prismatic(Part):
     body_a: str
     body_b: str
     point_m: Point
-    axis: Point  # direction of the line in world axes, any length but zero
+    axis: Point = Field(description="direction of the line in world axes, any length but zero.")
     friction: TravelFriction | None = None
-    stops: TravelStops | None = None  # of the travel along the axis, zero in the reference pose
+    stops: TravelStops | None = Field(
+        None, description="of the travel along the axis, zero in the reference pose."
+    )
 
 
 class PointOnLine(Part):
@@ -112,10 +120,12 @@ class PointOnLine(Part):
     kind: Literal["point_on_line"]
     body_a: str
     body_b: str
-    point_m: Point  # of body_b, and a point of the line
-    axis: Point  # direction of the line in world axes, any length but zero
+    point_m: Point = Field(description="of body_b, and a point of the line.")
+    axis: Point = Field(description="direction of the line in world axes, any length but zero.")
     friction: TravelFriction | None = None
-    stops: TravelStops | None = None  # of the travel along the axis, zero in the reference pose
+    stops: TravelStops | None = Field(
+        None, description="of the travel along the axis, zero in the reference pose."
+    )
 
 
 class Fixed(Part):
@@ -137,7 +147,7 @@ class Driver(Part):
     kind: Literal["driver"]
     body: str
     coordinate: Literal["x", "z", "angle"]
-    speed: Law  # m/s or rad/s; the coordinate starts from its initial value
+    speed: Law = Field(description="m/s or rad/s; the coordinate starts from its initial value.")
     relative_to: str | None = None
 
 
@@ -147,8 +157,8 @@ Joint = Annotated[Revolute | Prismatic | PointOnLine | Fixed | Driver, Field(dis
 class ForceTable(Part):
     """A spring's force against its compression: linear between the points and beyond the last two."""
 
-    compressions_m: tuple[Finite, ...] = Field(min_length=2)  # free length less length
-    forces_newton: tuple[Finite, ...] = Field(min_length=2)  # positive in compression
+    compressions_m: tuple[Finite, ...] = Field(min_length=2, description="free length less length.")
+    forces_newton: tuple[Finite, ...] = Field(min_length=2, description="positive in compression.")
 
     @model_validator(mode="after")
     def _ordered(self) -> "ForceTable":
@@ -159,7 +169,7 @@ class ForceTable(Part):
 class MomentTable(Part):
     """A torsion spring's moment against the angle back to rest: linear between the points and beyond."""
 
-    angles_rad: tuple[Finite, ...] = Field(min_length=2)  # rest angle less angle
+    angles_rad: tuple[Finite, ...] = Field(min_length=2, description="rest angle less angle.")
     moments_newton_m: tuple[Finite, ...] = Field(min_length=2)
 
     @model_validator(mode="after")
@@ -191,10 +201,10 @@ class SpringDamper(Part):
     stiffness_newton_per_m: NonNegative | None = None
     damping_newton_s_per_m: NonNegative = 0.0
     free_length_m: Positive
-    preload_newton: Finite = 0.0  # at the free length
+    preload_newton: Finite = Field(0.0, description="at the free length.")
     only: Literal["both", "tension", "compression"] = "both"
     table: ForceTable | None = None
-    stops: TravelStops | None = None  # of the length
+    stops: TravelStops | None = Field(None, description="of the length.")
     locked: bool = False
 
     @model_validator(mode="after")
@@ -216,8 +226,8 @@ class TorsionSpring(Part):
     stiffness_newton_m_per_rad: NonNegative | None = None
     damping_newton_m_s_per_rad: NonNegative = 0.0
     rest_angle_rad: Finite = 0.0
-    preload_newton_m: Finite = 0.0  # at the rest angle
-    only: Literal["both", "positive", "negative"] = "both"  # sign of the moment on body_b
+    preload_newton_m: Finite = Field(0.0, description="at the rest angle.")
+    only: Literal["both", "positive", "negative"] = Field("both", description="sign of the moment on body_b.")
     table: MomentTable | None = None
     stops: TurnStops | None = None
     locked: bool = False
@@ -247,8 +257,8 @@ class CoordinateSpring(Part):
     kind: Literal["coordinate_spring"]
     body: str
     coordinate: Literal["x", "z", "angle"]
-    target: Law  # m or rad
-    stiffness_newton_per_m: NonNegative  # N m/rad for an angle
+    target: Law = Field(description="m or rad.")
+    stiffness_newton_per_m: NonNegative = Field(description="N m/rad for an angle.")
     damping_newton_s_per_m: NonNegative = 0.0
     only: Literal["both", "pull_up", "push_down"] = "both"
 
@@ -274,7 +284,9 @@ class WheelContact(Part):
     stiffness_newton_per_m: Positive
     damping_newton_s_per_m: NonNegative
     friction: NonNegative
-    slip_speed_m_per_s: Positive = 0.02  # chosen: friction reaches 76 % of its limit at this slip
+    slip_speed_m_per_s: Positive = Field(
+        0.02, description="chosen: friction reaches 76 % of its limit at this slip."
+    )
 
 
 Force = Annotated[
@@ -301,10 +313,10 @@ class Mechanism(Part):
     bodies: dict[str, Body] = Field(min_length=1)
     joints: dict[str, Joint] = {}
     forces: dict[str, Force] = {}
-    draft_driver: str | None = None  # the joint whose x force is the draft
+    draft_driver: str | None = Field(None, description="the joint whose x force is the draft.")
     initial: InitialState = InitialState()
     integrator: Literal["adams_moulton", "runge_kutta_4", "generalized_alpha"] = "adams_moulton"
-    integrator_order: Literal[2, 3, 4] = 4  # of Adams-Moulton
+    integrator_order: Literal[2, 3, 4] = Field(4, description="of Adams-Moulton.")
 
     @model_validator(mode="after")
     def _names(self) -> "Mechanism":

@@ -27,35 +27,49 @@ AnySoil = Annotated[
 class Coupling(Part):
     """Exchange between soil and mechanism."""
 
-    interval_ns: Annotated[int, Field(gt=0)] | Auto = "auto"  # auto: one soil step
-    mechanism_steps: int = Field(default=1, ge=1, le=1000)  # per exchange
+    interval_ns: Annotated[int, Field(gt=0)] | Auto = Field("auto", description="auto: one soil step.")
+    mechanism_steps: int = Field(1, ge=1, le=1000, description="per exchange.")
     force: Literal["tick_end", "tick_mean"] = "tick_end"
-    grant_window: int = Field(default=8, ge=1, le=64)  # ticks the coupler grants ahead
-    residual_bound: Positive = 0.02  # of the interface work, DESIGN.md
-    residual_grace_joule: NonNegative = 1.0  # the bound is not applied to less work than this
+    grant_window: int = Field(8, ge=1, le=64, description="ticks the coupler grants ahead.")
+    residual_bound: Positive = Field(0.02, description="of the interface work, DESIGN.md.")
+    residual_grace_joule: NonNegative = Field(
+        1.0, description="the bound is not applied to less work than this."
+    )
 
 
 class Record(Part):
     """What goes into the bag, and how often. Of the lockstep messages it has all."""
 
-    bag: bool = True  # false: nothing is recorded; no recorder, no bag, no series
-    series_ticks: int = Field(default=20, ge=1)  # series, poses, wrenches, /tf every so many ticks
-    cloud_hz: NonNegative = 10.0  # soil clouds per simulated second; 0: none
-    cloud_region: CloudRegion | None = None  # particles with their centre outside of it are left out
-    cloud_resolution_m: Annotated[float, Field(ge=0.0, le=0.1)] = 0.0  # positions are rounded to it; 0: not
-    checkpoint_s: NonNegative = 0.5  # simulated seconds between checkpoints; 0: none but on SIGTERM or SIGINT
+    bag: bool = Field(True, description="false: nothing is recorded; no recorder, no bag, no series.")
+    series_ticks: int = Field(20, ge=1, description="series, poses, wrenches, /tf every so many ticks.")
+    cloud_hz: NonNegative = Field(10.0, description="soil clouds per simulated second; 0: none.")
+    cloud_region: CloudRegion | None = Field(
+        None, description="particles with their centre outside of it are left out."
+    )
+    cloud_resolution_m: Annotated[float, Field(ge=0.0, le=0.1)] = Field(
+        0.0, description="positions are rounded to it; 0: not."
+    )
+    checkpoint_s: NonNegative = Field(
+        0.5, description="simulated seconds between checkpoints; 0: none but on SIGTERM or SIGINT."
+    )
 
 
 class Report(Part):
     """What the summary and the figures speak of."""
 
-    shank: str | None = None  # body whose angle and height are shown
-    spring: str | None = None  # force element
-    tip_m: tuple[Finite, Finite] | None = None  # (x, z) of the share tip in the reference pose
-    window_inside_m: NonNegative = 0.3  # metrics: tip this far inside both ends of the bin
-    settle_s: NonNegative = 0.0  # metrics start after this
-    reference: str | None = None  # reference file, or name of a shipped one: its values stand beside ours
-    note: str = ""  # a warning that the summary must carry
+    shank: str | None = Field(None, description="body whose angle and height are shown.")
+    spring: str | None = Field(None, description="force element.")
+    tip_m: tuple[Finite, Finite] | None = Field(
+        None, description="(x, z) of the share tip in the reference pose."
+    )
+    window_inside_m: NonNegative = Field(
+        0.3, description="metrics: tip this far inside both ends of the bin."
+    )
+    settle_s: NonNegative = Field(0.0, description="metrics start after this.")
+    reference: str | None = Field(
+        None, description="reference file, or name of a shipped one: its values stand beside ours."
+    )
+    note: str = Field("", description="a warning that the summary must carry.")
 
 
 Allowance = Literal["unstable_time_step", "other_contact_law", "beyond_fitted_range"]
@@ -70,7 +84,7 @@ class Scene(Part):
     description: str = ""
     duration_s: Positive
     gravity_m_per_s2: NonNegative = 9.81
-    allow: tuple[Allowance, ...] = ()  # refusals that this scene overrides, for studies
+    allow: tuple[Allowance, ...] = Field((), description="refusals that this scene overrides, for studies.")
     soil: AnySoil | None = None
     mechanism: Mechanism | None = None
     tools: dict[str, Tool] = {}

@@ -40,7 +40,17 @@ class PairValues:
         return (force_newton / self.stiffness) ** (2.0 / 3.0 if self.hertzian else 1.0)
 
     def scaled(self, ratio: float) -> "PairValues":
-        """Of spheres `ratio` times as large that make soil of the same strength and modulus (scaling.py)."""
+        """Values of spheres `ratio` times as large that make soil of the same strength and modulus.
+
+        A bed of spheres of diameter d and density rho is a continuum of modulus K / d, strength
+        K_B delta_B / d^2 and damping ratio C / sqrt(K m), with m ~ rho d^3. They stay what they are for
+
+            K, K_t, K_B ~ ratio    C ~ ratio^2    delta_c, delta_B ~ ratio    friction, rho ~ 1
+
+        and so do stress, strain and density; forces of contacts grow with ratio^2, overlaps and the time
+        step (~ sqrt(m / K)) with ratio. What is as small as a particle is lost: the width of a shear band,
+        the roughness of a surface, the teeth of a tool.
+        """
         if self.hertzian:  # follows from the materials: moduli, not stiffnesses, are given
             return self
         return replace(

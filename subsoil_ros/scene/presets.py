@@ -2,10 +2,9 @@
 
 from typing import Any
 
-from pydantic import ValidationError
-
-from ..errors import SceneError
 from .base import Finite, Fraction, Part, Positive
+from .complaints import validated
+from .document import Document
 
 
 class ErrorInterval(Part):
@@ -36,13 +35,7 @@ class Preset(Part):
     expected: Expected | None = None  # None: the study has not been run
 
 
-def read_preset(content: object, place: str) -> Preset:
+def read_preset(content: Document, place: str) -> Preset:
     """A preset of a scene document; `place` names it in errors. Raises SceneError."""
-    try:
-        return Preset.model_validate(content or {})
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join([place, *(str(part) for part in first["loc"])])
-        if first["type"] == "extra_forbidden":
-            raise SceneError(f"{where}: unknown key; a preset has 'changes' and 'expected'") from error
-        raise SceneError(f"{where}: {first['msg'].lower()} (given {str(first['input'])[:60]})") from error
+    preset: Preset = validated(Preset, content, place)
+    return preset

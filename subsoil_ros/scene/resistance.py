@@ -18,11 +18,11 @@ Part01 = Annotated[float, Field(ge=0.0, lt=1.0)]
 class WheelSoil(Part):
     """Pressure under a wheel, p = (k_c / b + k_phi) z^n (Bekker), and shear along it (Janosi, Hanamoto)."""
 
-    cohesive_modulus: NonNegative  # k_c [N/m^(n+1)]
-    frictional_modulus: NonNegative  # k_phi [N/m^(n+2)]
-    exponent: Annotated[float, Field(gt=0.0, lt=3.0)]  # n
-    recovered_part: Part01 = 0.0  # of the work of compaction, given back behind the wheel
-    shear_deformation_m: Positive = 0.01  # K
+    cohesive_modulus: NonNegative = Field(description="k_c [N/m^(n+1)].")
+    frictional_modulus: NonNegative = Field(description="k_phi [N/m^(n+2)].")
+    exponent: Annotated[float, Field(gt=0.0, lt=3.0)] = Field(description="n.")
+    recovered_part: Part01 = Field(0.0, description="of the work of compaction, given back behind the wheel.")
+    shear_deformation_m: Positive = Field(0.01, description="K.")
     damping_newton_s_per_m: NonNegative = 0.0
 
     @model_validator(mode="after")
@@ -38,16 +38,28 @@ class ResistanceValues(Part):
     density_kg_per_m3: Positive
     cohesion_pa: NonNegative
     friction_angle_rad: FrictionAngle
-    adhesion_pa: NonNegative  # c_a, soil on tool
-    tool_friction_angle_rad: FrictionAngle  # delta
+    adhesion_pa: NonNegative = Field(description="c_a, soil on tool.")
+    tool_friction_angle_rad: FrictionAngle = Field(description="delta.")
     surcharge_pa: NonNegative = 0.0
-    speed_factor: NonNegative = 1.0  # on the inertia of the soil that gives way; 1: as the theory has it
-    bed_modulus_newton_per_m3: Positive = 2.0e7  # pressure over displacement while a wedge forms
-    drop: Part01 = 0.3  # part of the force lost when a wedge has failed
-    period_factor: Positive = 0.3  # travel from failure to failure over the length of the wedge
-    period_m: Positive | None = None  # the travel itself, where it does not follow the wedge (a regular bed)
-    variation: Part01 = 0.1  # standard deviation of strength and length from wedge to wedge, relative
-    shank_part: NonNegative = 1.0  # of a lone shank's resistance, met in soil that the share has broken
+    speed_factor: NonNegative = Field(
+        1.0, description="on the inertia of the soil that gives way; 1: as the theory has it."
+    )
+    bed_modulus_newton_per_m3: Positive = Field(
+        2.0e7, description="pressure over displacement while a wedge forms."
+    )
+    drop: Part01 = Field(0.3, description="part of the force lost when a wedge has failed.")
+    period_factor: Positive = Field(
+        0.3, description="travel from failure to failure over the length of the wedge."
+    )
+    period_m: Positive | None = Field(
+        None, description="the travel itself, where it does not follow the wedge (a regular bed)."
+    )
+    variation: Part01 = Field(
+        0.1, description="standard deviation of strength and length from wedge to wedge, relative."
+    )
+    shank_part: NonNegative = Field(
+        1.0, description="of a lone shank's resistance, met in soil that the share has broken."
+    )
     wheels: WheelSoil | None = None
 
     @model_validator(mode="after")
@@ -79,7 +91,9 @@ class ResistanceLayer(Part):
     """A layer of depth. What it does not give comes from the soil's values."""
 
     name: str = Field(min_length=1)
-    thickness_m: Positive | None = None  # the last layer, and only that one, goes on downward
+    thickness_m: Positive | None = Field(
+        None, description="the last layer, and only that one, goes on downward."
+    )
     values: ResistanceChange = ResistanceChange()
 
 
@@ -87,12 +101,14 @@ class ResistanceSoil(Part):
     """Everything the reduced soil engine needs; values stand here, or in a file of `subsoil calibrate`."""
 
     model: Literal["resistance"]
-    bin: Bin  # soil lies in 0 <= x <= length
+    bin: Bin = Field(description="soil lies in 0 <= x <= length.")
     values: ResistanceValues | None = None
-    file: str | None = None  # relative to the scene file
-    stands_for: str | None = None  # scene whose particles the soil file must have been fitted to
-    layers: tuple[ResistanceLayer, ...] | None = Field(default=None, min_length=2)  # from top to bottom
-    seed: int = Field(default=0, ge=0)  # of the variation from wedge to wedge
+    file: str | None = Field(None, description="relative to the scene file.")
+    stands_for: str | None = Field(
+        None, description="scene whose particles the soil file must have been fitted to."
+    )
+    layers: tuple[ResistanceLayer, ...] | None = Field(None, min_length=2, description="from top to bottom.")
+    seed: int = Field(0, ge=0, description="of the variation from wedge to wedge.")
 
     @model_validator(mode="after")
     def _one_source(self) -> "ResistanceSoil":

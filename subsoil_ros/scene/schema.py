@@ -1,15 +1,12 @@
 """JSON Schema of scene files, for editors: from the typed model, with the loader's own keys.
 
-A field is described by the comment that stands beside it, or above it, in its class; its unit is in its name.
+Fields are described where they are declared, by Field(description=...); their unit is in their name.
 A file with `base` or `starts` gives only a part of a scene: there every key may be left out, or null.
 """
 
 import copy
-import inspect
-import re
 from typing import Any
 
-from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import core_schema
 
@@ -50,13 +47,10 @@ UNITS = {
 }
 """Endings of keys and their units, the longer ones before those they end in."""
 
-_FIELD = re.compile(r"^    (\w+):[^#]*(?:#\s*(.*\S))?\s*$")
-_COMMENT = re.compile(r"^ {4,}#\s*(.*\S)\s*$")
-
 
 def scene_schema() -> Schema:
     """The schema of a scene file, draft 7."""
-    whole = Scene.model_json_schema(schema_generator=_DescribedSchema)
+    whole = Scene.model_json_schema(schema_generator=_SchemaWithUnits)
     definitions = whole.pop("$defs")
     definitions["Scene"] = whole
     partial = {f"{PARTIAL}{name}": _partial(found) for name, found in definitions.items()}
@@ -106,39 +100,18 @@ def _loader_keys() -> Schema:
     return {key: known[key] for key in LOADER_KEYS}
 
 
-class _DescribedSchema(GenerateJsonSchema):
-    """Takes the comments beside the fields as their descriptions, and gives no titles that repeat the key."""
+class _SchemaWithUnits(GenerateJsonSchema):
+    """Adds its unit to the description of a field, and gives no titles that repeat the key."""
 
     def field_title_should_be_set(self, schema: Any) -> bool:
         return False
 
     def model_schema(self, schema: core_schema.ModelSchema) -> Schema:
         found = super().model_schema(schema)
-        comments = _comments(schema["cls"])
         for key, item in found.get("properties", {}).items():
-            words = [comments.get(key, ""), f"Unit: {unit}." if (unit := unit_of(key)) else ""]
-            if text := " ".join(word for word in words if word):
-                item["description"] = text
+            if unit := unit_of(key):
+                item["description"] = f"{item.get('description', '')} Unit: {unit}.".lstrip()
         return found
-
-
-def _comments(model: type[BaseModel]) -> dict[str, str]:
-    """The comment of each field, those of the classes it inherits from too."""
-    found: dict[str, str] = {}
-    for part in reversed(model.__mro__):
-        if not issubclass(part, BaseModel) or part is BaseModel:
-            continue
-        above: list[str] = []
-        for line in inspect.getsource(part).splitlines():
-            if comment := _COMMENT.match(line):
-                above.append(comment.group(1))
-                continue
-            if (field := _FIELD.match(line)) and field.group(1) in model.model_fields:
-                text = " ".join([*above, field.group(2) or ""]).strip()
-                if text:
-                    found[field.group(1)] = text.rstrip(".") + "."
-            above = []
-    return found
 
 
 def _partial(schema: Any) -> Any:

@@ -18,7 +18,9 @@ class Particles(Part):
     radius_m: Positive | None = None
     sizes: Sizes | None = None
     density_kg_per_m3: Positive
-    law_radius_m: Positive | None = None  # radius the law was found for; it is scaled from there (scaling.py)
+    law_radius_m: Positive | None = Field(
+        None, description="radius the law was found for; it is scaled from there."
+    )
 
     @model_validator(mode="after")
     def _one_form(self) -> "Particles":
@@ -47,16 +49,16 @@ class Particles(Part):
 class WetValues(Part):
     """One row of table 3 of the paper."""
 
-    stiffness_newton_per_m: Positive  # K_X
-    tangential_stiffness_newton_per_m: NonNegative  # K_Y, K_Z
-    damping_newton_s_per_m: NonNegative  # C_X
-    tangential_damping_newton_s_per_m: NonNegative  # C_Y, C_Z
-    adhesion_newton_per_m: NonNegative  # K_B
+    stiffness_newton_per_m: Positive = Field(description="K_X.")
+    tangential_stiffness_newton_per_m: NonNegative = Field(description="K_Y, K_Z.")
+    damping_newton_s_per_m: NonNegative = Field(description="C_X.")
+    tangential_damping_newton_s_per_m: NonNegative = Field(description="C_Y, C_Z.")
+    adhesion_newton_per_m: NonNegative = Field(description="K_B.")
     static_friction: NonNegative
     sliding_friction: NonNegative
     rolling_friction: NonNegative
-    rest_overlap_m: Positive  # delta_c
-    reach_m: Positive  # delta_B
+    rest_overlap_m: Positive = Field(description="delta_c.")
+    reach_m: Positive = Field(description="delta_B.")
 
 
 class WetLaw(Part):
@@ -127,15 +129,23 @@ class Soil(Part):
     bed: Bed
     law: ContactLaw
     time_step_s: Annotated[Positive | Auto, Field(union_mode="left_to_right")] = "auto"
-    precision: Literal["float64", "mixed"] = "float64"  # mixed: all but positions and boundaries in float32
-    device: Literal["cpu", "gpu"] = "cpu"  # gpu: an NVIDIA one, with subsoil_ros[gpu]
+    precision: Literal["float64", "mixed"] = Field(
+        "float64", description="mixed: all but positions and boundaries in float32."
+    )
+    device: Literal["cpu", "gpu"] = Field("cpu", description="gpu: an NVIDIA one, with subsoil_ros[gpu].")
     skin_m: Positive = 0.003
-    tool_stiffness_factor: Positive = 1.0  # on the boundary's normal stiffness, at tools only
-    largest_tool_overlap_m: Positive | None = None  # the run stops beyond it; default: two radii
-    surface: SurfaceProfile | None = None  # trims the bed
-    layers: tuple[Layer, ...] | None = Field(default=None, min_length=2)  # from top to bottom
-    monitors: Monitors | None = Monitors()  # null: none
-    largest_lost_particles: Annotated[int, Field(ge=0)] | None = None  # default: one in a thousand
+    tool_stiffness_factor: Positive = Field(
+        1.0, description="on the boundary's normal stiffness, at tools only."
+    )
+    largest_tool_overlap_m: Positive | None = Field(
+        None, description="the run stops beyond it; default: two radii."
+    )
+    surface: SurfaceProfile | None = Field(None, description="trims the bed.")
+    layers: tuple[Layer, ...] | None = Field(None, min_length=2, description="from top to bottom.")
+    monitors: Monitors | None = Field(Monitors(), description="null: none.")
+    largest_lost_particles: Annotated[int, Field(ge=0)] | None = Field(
+        None, description="default: one in a thousand."
+    )
 
     @model_validator(mode="after")
     def _bed_of_linear_springs(self) -> "Soil":

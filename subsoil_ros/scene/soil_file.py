@@ -1,15 +1,15 @@
 """Soil files: values of a reduced soil, what they were fitted to, and in which range."""
 
 import hashlib
-import json
 import math
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from ..errors import SceneError, SubsoilError
 from .base import Part
+from .complaints import validated
 from .document import dump_yaml, read_document
 from .meshes import load_tool_mesh
 from .model import Scene
@@ -54,15 +54,8 @@ def read_soil_file(path: Path, place: str = "soil.file") -> SoilFile:
             f"{place}: {path}: its model is {document.get('model')!r}, needed is a file with model "
             "'resistance', as `subsoil calibrate` writes it"
         )
-    try:
-        return SoilFile.model_validate_json(json.dumps(document), strict=True)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise SceneError(
-            f"{place}: {path}: {where}: {first['msg'].lower()} (given {str(first['input'])[:60]}); write it "
-            "anew with `subsoil calibrate`"
-        ) from error
+    soil: SoilFile = validated(SoilFile, document, f"{place}: {path}")
+    return soil
 
 
 def write_soil_file(path: Path, soil: SoilFile) -> None:

@@ -13,7 +13,7 @@ class MeshPart(Part):
     mechanism (world axes), or in the path's frame for a tool without a body.
     """
 
-    mesh: str  # relative to the scene file
+    mesh: str = Field(description="relative to the scene file.")
     scale: Positive = 1.0
     position_m: tuple[Finite, Finite, Finite] = (0.0, 0.0, 0.0)
 
@@ -34,10 +34,12 @@ class Tool(Part):
 
     body: str | None = None
     path: Path | None = None
-    lateral_m: Finite = 0.0  # y of the body the tool belongs to
+    lateral_m: Finite = Field(0.0, description="y of the body the tool belongs to.")
     groups: dict[str, MeshPart] = Field(min_length=1)
-    density_kg_per_m3: Positive | None = None  # of the solid: `subsoil check` prints mass and inertia from it
-    share: bool = True  # counted as share in the split of the draft; wheels: false
+    density_kg_per_m3: Positive | None = Field(
+        None, description="of the solid: `subsoil check` prints mass and inertia from it."
+    )
+    share: bool = Field(True, description="counted as share in the split of the draft; wheels: false.")
 
     @model_validator(mode="after")
     def _carried(self) -> "Tool":

@@ -1,15 +1,15 @@
 """What a study compares: knobs and their values, the finest run, seeds; read from a design file."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from ..analysis.run_metrics import METRICS
 from ..errors import InputError
 from ..scene.base import Fraction, Part
+from ..scene.complaints import validated
 from ..scene.document import read_document
 from ..scene.keys import suggestion
 from .plan import Point
@@ -88,17 +88,8 @@ class Variant:
 
 def read_design(path: Path) -> StudyDesign:
     """Raises InputError for a file that is missing or is no design; a line per wrong place."""
-    document = read_document(path, str(path))
-    try:
-        return StudyDesign.model_validate_json(json.dumps(document), strict=True)
-    except ValidationError as error:
-        lines = []
-        for found in error.errors(include_url=False)[:8]:
-            place = ".".join(str(part) for part in found["loc"])
-            message = found["msg"].removeprefix("Value error, ")
-            given = "" if found["type"] == "value_error" else f" (given {str(found['input'])[:60]})"
-            lines.append(f"{path}: {f'{place}: ' if place else ''}{message}{given}")
-        raise InputError("\n".join(lines)) from error
+    design: StudyDesign = validated(StudyDesign, read_document(path, str(path)), str(path))
+    return design
 
 
 def design_of(scene: Path) -> Path:

@@ -15,11 +15,12 @@ from reproduction.yuan_yu_2020.machine_variants import (
     coarse_soil,
     locked_shank,
     on_plain_ground,
-    relative_angle_rad,
     start_places,
 )
 from subsoil_ros.scene.document import dump_yaml
 from subsoil_ros.scene.loader import ResolvedScene, load_scene
+
+from ..shank_angle import relative_angle_rad
 
 SCENES = Path(__file__).parents[2] / "config/scenes"
 GIVEN_TO = 1e-6

@@ -140,9 +140,9 @@ def test_tip_stands_where_the_point_says(design: Path) -> None:
     [
         ({"scene": "none.yaml"}, "none.yaml: no such scene file"),
         ({"scene": str(SCENES / "mechanism_only.yaml"), "overrides": []}, "has no soil of particles"),
-        ({"fit": []}, "fit: Tuple should have at least 3 items"),
-        ({"model": "cam_clay"}, "cam_clay"),
-        ({"fitt": 1}, "fitt: Extra inputs are not permitted"),
+        ({"fit": []}, "fit: given a list of 0, needed is at least 3 entries"),
+        ({"model": "cam_clay"}, ": model: given the text 'cam_clay', allowed are resistance, dem"),
+        ({"fitt": 1}, "fitt: unknown key 'fitt'; did you mean 'fit'?"),
     ],
 )
 def test_bad_design(design: Path, tmp_path: Path, capsys: Captured, change: dict, words: str) -> None:

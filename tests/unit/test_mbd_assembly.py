@@ -2,13 +2,12 @@
 
 import copy
 import math
-import warnings
 
 import pytest
 
 from subsoil_ros.errors import PhysicsError, ProtocolError, SceneError, SingularMechanismError
-from subsoil_ros.mbd.assembly import RedundantConstraintsWarning
-from subsoil_ros.mbd.topology import analyse_topology
+from subsoil_ros.mbd.assembly import RedundantConstraintsWarning, assemble
+from subsoil_ros.mbd.topology import Topology
 from subsoil_ros.messages import ToolWrench
 from subsoil_ros.scene.mechanism import Mechanism
 
@@ -245,11 +244,11 @@ def test_third_parallel_link_is_redundant_but_moves(mechanism_engine):
     assert state.bodies[0].phi_rad == pytest.approx(turned, abs=1e-8)
 
 
-def test_topology_counts_without_a_warning():
-    """analyse_topology tells freedoms and redundant joints of a machine, quietly."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        topology = analyse_topology(Mechanism.model_validate(_with_third_link()))
+def test_topology_counts_freedoms_and_redundant_joints():
+    """Of a parallelogram with a third link."""
+    with pytest.warns(RedundantConstraintsWarning):
+        start = assemble(Mechanism.model_validate(_with_third_link()), 9.81, step_s=1.0)
+    topology = Topology.of(start)
     assert (topology.coordinate_count, topology.constraint_count, topology.freedom_count) == (12, 12, 1)
     assert set(topology.redundant_joints) == set(_with_third_link()["joints"])
 

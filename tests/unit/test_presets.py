@@ -82,8 +82,8 @@ def test_presets_of_the_base(scene_file: Path) -> None:
         ("accuracy=coarser", "", "", ["--set accuracy: no preset 'coarser'", "did you mean 'coarse'"]),
         ("presets.fine=1", "", "", ["'presets' cannot be set", "accuracy=NAME"]),
         ("name=x", "presets:", "starts:", ["start: is missing"]),
-        ("name=x", "fine: {changes", "fine: {changed", ["presets.fine.changed", "unknown key"]),
-        ("name=x", "confidence: 0.95", "confidence: 95", ["presets.coarse.expected.confidence", "95"]),
+        ("name=x", "fine: {changes", "fine: {changed", ["presets.fine: changed: unknown key", "'changes'"]),
+        ("name=x", "confidence: 0.95", "confidence: 95", ["presets.coarse: expected.confidence: given 95"]),
         (
             "accuracy=fine",
             "mechanism_steps: 8",

@@ -42,8 +42,13 @@ def complaint(path: Path, *overrides: str) -> str:
 
 
 def test_exponent_without_point_is_a_number(scene_file: Path) -> None:
-    """1e-1 is read as 0.1, which plain YAML 1.1 would take for text."""
+    """1e-1 is read as 0.1."""
     assert load_scene(scene_file).scene.duration_s == 0.1
+
+
+def test_leading_zeros_are_decimal(scene_file: Path) -> None:
+    """YAML 1.2: 010 is ten; YAML 1.1 took it for the octal eight."""
+    assert load_scene(scene_file, ["duration_s=010"]).scene.duration_s == 10.0
 
 
 def test_start_is_laid_over_the_rest(scene_file: Path) -> None:
@@ -176,11 +181,20 @@ def test_override_of_a_default(scene_file: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("duration_s: 1e-1", "duration_s: yes", ["duration_s: given true, needed is a number"]),
+        ("duration_s: 1e-1", "duration_s: true", ["duration_s: given true, needed is a number"]),
+        ("duration_s: 1e-1", "duration_s: yes", ["duration_s: given the text 'yes', needed is a number"]),
+        ("duration_s: 1e-1", "duration_s: 1:30", ["duration_s: given the text '1:30', needed is a number"]),
+        ("name: pendulum", "name: 2020-01-02\nduration: 1", ["duration: unknown key"]),
         ("duration_s: 1e-1", "duration_s: 10 s", ["duration_s: given the text '10 s', needed is a number"]),
         ("duration_s: 1e-1", "duration_s: .nan", ["duration_s: given nan", "finite"]),
         ("duration_s: 1e-1", "duration_s: 1\nduration_s: 2", ["4:1", "'duration_s' is given twice", "3"]),
+        (
+            "  high:\n",
+            "  high:\n    <<: {}\n    name: a\n    name: b\n",
+            ["'name' is given twice", "first in line"],
+        ),
         ("duration_s: 1e-1", "2: 3", ["key 2 is not text"]),
+        ("duration_s: 1e-1", "[a, b]: 3", ["key of several values is not text"]),
         ("kind: revolute", "kind: revolut", ["joints.pivot.kind", "did you mean 'revolute'"]),
         (
             "kind: revolute, ",

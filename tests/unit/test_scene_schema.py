@@ -107,8 +107,8 @@ def test_every_quantity_has_its_unit():
     assert unit_of("static_friction") == ""
 
 
-def test_descriptions_are_the_comments_of_the_model():
-    """Comments beside a field, above it and inherited ones, and the docstrings of the parts."""
+def test_descriptions_are_those_of_the_model():
+    """Of fields, with their units, and of parts: their docstrings."""
     definitions = scene_schema()["$defs"]
     assert definitions["Bin"]["properties"]["depth_m"]["description"] == "of the bed. Unit: m."
     velocity = definitions["Body"]["properties"]["velocity_m_per_s"]["description"]

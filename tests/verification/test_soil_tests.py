@@ -22,7 +22,6 @@ from subsoil_ros.messages import ToolWrenches
 from subsoil_ros.scene.limits import Timing
 from subsoil_ros.scene.loader import ResolvedScene
 from subsoil_ros.scene.pairs import pair_values, tool_values
-from subsoil_ros.scene.scaling import scaled_soil
 
 GRID = "soil.bed.spacing_m=rest"
 DRY = "adhesion_newton_per_m"
@@ -206,15 +205,18 @@ def test_scaled_soil_moves_alike(soil) -> None:
     )
     assert resolved.scene.soil is not None
     small = resolved.scene.soil
-    wide = scaled_soil(small, ratio * small.particles.radius_m)
     box = {key: ratio * getattr(small.bin, key) for key in ("length_m", "width_m", "depth_m")}
-    wide = wide.model_copy(update={"bin": small.bin.model_copy(update=box)})
-    scene = resolved.scene.model_copy(
-        update={"soil": wide, "gravity_m_per_s2": resolved.scene.gravity_m_per_s2 / ratio}
+    wide = soil.scene(
+        f"soil.bin={box}",
+        f"soil.particles.radius_m={ratio * small.particles.radius_m}",
+        f"soil.particles.law_radius_m={small.particles.radius_m}",
+        f"soil.bed={{kind: grid, spacing_m: {ratio * 0.0185}, jitter_m: {ratio * 0.0005}}}",
+        f"soil.skin_m={ratio * small.skin_m}",
+        f"soil.time_step_s={ratio * 5e-5}",
+        gravity_m_per_s2=resolved.scene.gravity_m_per_s2 / ratio,
     )
-    step_ns = resolved.timing.interval_ns
-    timing = Timing(round(ratio * step_ns), ticks, 1, 0)
-    larger = SoilEngine(dataclasses.replace(resolved, scene=scene, timing=timing))
+    timing = Timing(round(ratio * resolved.timing.interval_ns), ticks, 1, 0)
+    larger = SoilEngine(dataclasses.replace(wide, timing=timing))
     smaller = SoilEngine(resolved)
     for engine in (smaller, larger):
         engine.start(())

@@ -1,15 +1,15 @@
 """What a calibration is to do: scenes to run and numbers to find, read from a design file."""
 
-import json
 import math
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field
 
 from ...errors import InputError
 from ...scene.base import Finite, Fraction, NonNegative, Part, Positive
 from ...scene.bed_spacing import particle_spacing_m
+from ...scene.complaints import validated
 from ...scene.document import read_document
 from ...scene.loader import ResolvedScene, load_scene
 from ...scene.resistance import WheelSoil
@@ -107,18 +107,9 @@ Design = ResistanceDesign | LawDesign
 
 def read_design(path: Path) -> Design:
     """Raises InputError for a file that is missing or is no design."""
-    document = read_document(path, str(path))
-    adapter: TypeAdapter[Design] = TypeAdapter(
-        Annotated[ResistanceDesign | LawDesign, Field(discriminator="model")]
-    )
-    try:
-        return adapter.validate_json(json.dumps(document), strict=True)
-    except ValidationError as error:
-        lines = []
-        for found in error.errors(include_url=False)[:8]:
-            place = ".".join(str(part) for part in found["loc"][1:]) or "model"
-            lines.append(f"{path}: {place}: {found['msg']} (given {str(found['input'])[:60]})")
-        raise InputError("\n".join(lines)) from error
+    kind = Annotated[Design, Field(discriminator="model")]
+    design: Design = validated(kind, read_document(path, str(path)), str(path))
+    return design
 
 
 def tip_of(scene: ResolvedScene) -> tuple[str, tuple[float, float]]:

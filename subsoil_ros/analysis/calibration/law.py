@@ -19,9 +19,6 @@ from .design import DraftTarget, LawDesign, StrengthTarget, Target
 from .runs import Watch
 from .soil_results import draft_results, repose_results, strength_results
 
-Evaluate = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""Parameters (n,) in their units to the results of all targets (m,)."""
-
 
 @dataclass(frozen=True)
 class LawFit:

@@ -34,8 +34,8 @@ from rosbags.interfaces import Nodetype
 ROOT = Path(__file__).resolve().parents[1]
 NAMES = Path(__file__).with_name("same_bits_names.yaml")
 MODES = ("direct", "composed", "nodes")
-SHOWN = 8
-"""Differences listed for one run."""
+SHOWN = 4
+"""Differences listed for each section of a run."""
 
 SCENES: dict[str, dict[str, float]] = {
     "tine": {"duration_s": 0.06, "tools.tine.path.start_x_m": -0.08},
@@ -289,22 +289,20 @@ def read_run(out: Path, side: Side, left_out: Mapping[str, Sequence[str]]) -> di
 
 def compare_sections(base: Mapping[str, Values], here: Mapping[str, Values], title: str) -> bool:
     """Prints how two sets of sections compare. Whether they are equal."""
-    different, retyped = [], []
+    lines, count = [], 0
     for section, values in base.items():
-        unlike, types = compare(values, here[section])
+        different, retyped = compare(values, here[section])
         if section == "field types":  # a field that one side alone has stands among the fields
-            types, unlike = [line for line in unlike if ": only in" not in line], []
-        different += [f"{section}: {line}" for line in unlike or ([] if values else ["nothing found"])]
-        retyped += [f"{section}: {line}" for line in types]
+            different, retyped = [], [line for line in different if ": only in" not in line]
+        elif not values:
+            different = ["nothing found"]
+        count += len(different)
+        lines += [f"  {section}: {line}" for line in different[:SHOWN]]
+        lines += [f"  {section}: and {len(different) - SHOWN} more"] * (len(different) > SHOWN)
+        lines += [f"  {section}, type changed: {line}" for line in retyped]
     counts = ", ".join(f"{len(values)} {section}" for section, values in base.items())
-    print(f"{title}: {f'{len(different)} DIFFERENCES' if different else 'equal'} ({counts})", flush=True)
-    for line in different[:SHOWN]:
-        print(f"  {line}")
-    if len(different) > SHOWN:
-        print(f"  and {len(different) - SHOWN} more")
-    for line in retyped:
-        print(f"  type changed, {line}")
-    return not different
+    print(f"{title}: {f'{count} DIFFERENCES' if count else 'equal'} ({counts})", *lines, sep="\n", flush=True)
+    return not count
 
 
 def compare_scene(base: Side, here: Side, scene: str, modes: Sequence[str], left_out: Values) -> bool:
@@ -343,6 +341,8 @@ def main() -> int:
     same_names: dict[str, Rules] = {section: {} for section in names}
     with tempfile.TemporaryDirectory() as temporary:
         work = (args.work or Path(temporary)).resolve()
+        for beds in work.glob("*/cache/**/beds"):  # of an earlier comparison
+            shutil.rmtree(beds)
         checkout, git = Path(args.base).resolve(), ["git", "-C", str(ROOT), "worktree"]
         revision = not (checkout / "subsoil_ros").is_dir()
         if revision:

@@ -11,7 +11,7 @@ from reproduction.yuan_yu_2020.levers import levers_of, rest_angle_rad
 from subsoil_ros.coupling.engines import build_mechanism
 from subsoil_ros.scene.loader import load_scene
 
-from ..shank_angle import relative_angle_rad
+from .shank_angle import relative_angle_rad
 
 SCENES = Path(__file__).parents[2] / "config/scenes"
 

@@ -20,7 +20,7 @@ from reproduction.yuan_yu_2020.machine_variants import (
 from subsoil_ros.scene.document import dump_yaml
 from subsoil_ros.scene.loader import ResolvedScene, load_scene
 
-from ..shank_angle import relative_angle_rad
+from .shank_angle import relative_angle_rad
 
 SCENES = Path(__file__).parents[2] / "config/scenes"
 GIVEN_TO = 1e-6

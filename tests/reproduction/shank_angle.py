@@ -1,6 +1,6 @@
 """The shank's angle as the mechanism engine starts with it, for tests of the levers."""
 
-from subsoil_ros.analysis.machine_variants import shank_and_frame, start_places
+from reproduction.yuan_yu_2020.machine_variants import shank_and_frame, start_places
 from subsoil_ros.scene.loader import ResolvedScene
 
 

@@ -15,8 +15,6 @@ from ..errors import InputError
 if TYPE_CHECKING:
     from ..analysis.comparison import Difference, Source
 
-SUMMARY = "overlay runs and a measured CSV: figure, metrics and differences"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `subsoil compare`."""

@@ -14,8 +14,6 @@ from .recorded_run import RECORD_HELP, RecordedRun, recorded_run
 if TYPE_CHECKING:
     from ..analysis.frames import Frames
 
-SUMMARY = "pictures or a film of soil and machine, or VTK files for ParaView"
-
 SMALLEST_PIXELS, LARGEST_PIXELS = 64, 7680
 """Of a side of a picture (chosen: a stamp; 8K, and what H.264 takes)."""
 

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from ..analysis.findings import Findings
     from ..analysis.reproduction import Reproduction
 
-SUMMARY = "print the metrics of a run and draw its figures (PNG)"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `subsoil report`."""

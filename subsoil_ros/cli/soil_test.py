@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from ..scene.limits import Timing
     from ..scene.loader import ResolvedScene
 
-SUMMARY = "test the soil of a scene: direct shear at several normal stresses, tension, density"
-
 SHEAR_DIAMETERS = (12.0, 8.0, 6.0)
 """Length, width and height of the specimen in particle diameters (chosen: usual least sizes)."""
 

@@ -13,8 +13,6 @@ from .sweep import add_manner
 if TYPE_CHECKING:
     from ..study.design import StudyDesign
 
-SUMMARY = "sweep the knobs of a scene against its finest run: errors with intervals against wall time"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `subsoil study`."""

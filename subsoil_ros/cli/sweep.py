@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from ..study.ranking import Ranked
     from ..study.sweep import Outcome
 
-SUMMARY = "run a scene with every combination of values; one table (CSV, Parquet), figure and ranking"
-
 SHOWN_ROWS = 12
 
 

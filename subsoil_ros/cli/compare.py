@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ..errors import InputError
+from ..extras import require
 
 if TYPE_CHECKING:
     from ..analysis.comparison import Difference, Source
@@ -48,8 +49,9 @@ def run(args: argparse.Namespace) -> int:
     """Write comparison.csv and comparison.png, and print the table.
 
     Raises:
-        InputError: a folder or the measurement cannot be used; nothing was written.
+        InputError: a folder or the measurement cannot be used, or a library is missing; nothing was written.
     """
+    require("subsoil compare", "matplotlib")
     from ..analysis.comparison import (
         differences,
         draw_overlay,

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from ..extras import require
 from .recorded_run import RECORD_HELP, RecordedRun, recorded_run
 
 if TYPE_CHECKING:
@@ -30,7 +31,11 @@ def run(args: argparse.Namespace) -> int:
 
     spectra.csv, load_cycles.csv, height_map.csv where the run has them; reproduction.csv, .json and .md where
     the scene is the paper's.
+
+    Raises:
+        InputError: the record cannot be used, or a library is missing; nothing was written.
     """
+    require("subsoil report", "jinja2", "matplotlib")
     with recorded_run(args.record) as recorded:
         return _report(recorded, args.html)
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
+from ..extras import require
 from .arguments import add_overrides
 from .sweep import add_manner
 
@@ -35,9 +36,10 @@ def run(args: argparse.Namespace) -> int:
     """Run what has not been run, write tables and figure, print the table.
 
     Raises:
-        InputError: scene, design, folder or cluster cannot be used.
+        InputError: scene, design, folder or cluster cannot be used, or a library is missing.
         RunError: the finest run failed.
     """
+    require("subsoil study", "dask", "distributed", "matplotlib", "pyarrow")
     from ..errors import InputError
     from ..study.design import design_of, read_design
     from ..study.engine import Manner

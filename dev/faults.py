@@ -1,4 +1,4 @@
-"""Many runs, each with one fault at a random moment: python -m benchmarks.faults [--runs N] [--seed S]
+"""Many runs, each with one fault at a random moment: python -m dev.faults [--runs N] [--seed S]
 
 A small scene as separate nodes under `subsoil run`. Every run must end by itself, with the right exit status
 and one message that names the cause, leave no process behind and a bag that can be read with every tick

@@ -24,7 +24,7 @@ EXTRA_OF = {
 def require(what: str, *modules: str) -> None:
     """Check that optional libraries are installed, without importing them.
 
-    what: verb or option that needs them, for the message; modules: keys of EXTRA_OF.
+    what: needs them, for the message, as "drawing" or "--live"; modules: keys of EXTRA_OF.
 
     Raises:
         InputError: one is missing; names the extra to install.
@@ -34,5 +34,5 @@ def require(what: str, *modules: str) -> None:
         extras = ",".join(sorted({EXTRA_OF[module] for module in missing}))
         raise InputError(
             f"{what} needs {', '.join(missing)}, which a plain installation leaves out; "
-            f"install it by: pip install 'subsoil_ros[{extras}]'"
+            f"install by: pip install 'subsoil_ros[{extras}]'"
         )

@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         InputError: a folder or the measurement cannot be used, or a library is missing; nothing was written.
     """
-    require("subsoil compare", "matplotlib")
+    require("drawing", "matplotlib")
     from ..analysis.comparison import (
         differences,
         draw_overlay,

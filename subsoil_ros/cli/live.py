@@ -30,7 +30,7 @@ def live_port(wanted: str | None) -> int:
     """
     if wanted is None:
         return 0
-    require("subsoil run --live", "foxglove")
+    require("--live", "foxglove")
     from ..recording.live import HOST
 
     if not wanted.isdecimal() or int(wanted) > 65535:

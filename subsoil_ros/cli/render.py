@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
         RecordingError: the bag cannot be read.
     """
     _check(args)
-    require("subsoil render", "imageio", "imageio_ffmpeg", "matplotlib", "pyvista", "vtkmodules")
+    require("drawing", "imageio", "imageio_ffmpeg", "matplotlib", "pyvista", "vtkmodules")
     with recorded_run(args.record) as recorded:
         return _render(args, recorded)
 

@@ -35,7 +35,7 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         InputError: the record cannot be used, or a library is missing; nothing was written.
     """
-    require("subsoil report", "jinja2", "matplotlib")
+    require("drawing", "jinja2", "matplotlib")
     with recorded_run(args.record) as recorded:
         return _report(recorded, args.html)
 

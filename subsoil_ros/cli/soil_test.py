@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
         RunError: a test failed; nothing was written.
     """
     if args.out is not None:
-        require("subsoil soil-test --out", "matplotlib")
+        require("--out: the figure", "matplotlib")
     from ..analysis.soil_tests import run_soil_tests
     from ..analysis.strength import write_results
     from ..scene.loader import load_scene

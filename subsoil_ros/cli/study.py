@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
         InputError: scene, design, folder or cluster cannot be used, or a library is missing.
         RunError: the finest run failed.
     """
-    require("subsoil study", "dask", "distributed", "matplotlib", "pyarrow")
+    require("a study", "dask", "distributed", "matplotlib", "pyarrow")
     from ..errors import InputError
     from ..study.design import design_of, read_design
     from ..study.engine import Manner

@@ -91,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
         InputError: scene, keys, values, folder or cluster cannot be used, or a library is missing.
         RunError: every run failed.
     """
-    require("subsoil sweep", "dask", "distributed", "matplotlib", "pyarrow")
+    require("a sweep", "dask", "distributed", "matplotlib", "pyarrow")
     from ..study.engine import Manner
     from ..study.plan import parse_variations
     from ..study.sweep import Sweep, run_sweep

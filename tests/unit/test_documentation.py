@@ -1,4 +1,4 @@
-"""Commands, Python and scenes in README, CONTRIBUTING, docs and the READMEs of examples work: what readers copy runs here.
+"""Commands, Python and scenes in README, docs and their like work: what readers copy runs here.
 
 The blocks of a page run in their order in one folder, with `config` and `examples` of the repository
 in it. A block below a line `<!-- not run: REASON -->` is only checked: its syntax, the words of every

@@ -69,7 +69,7 @@ docs: setup  ## documentation as a site into build/site, strictly
 	NO_MKDOCS_2_WARNING=1 $(bin)/mkdocs build --strict
 
 test-kilted: setup  ## the same run under ROS 2 Jazzy and Kilted: the same bits? 5 min the first time
-	$(bin)/python benchmarks/two_distributions.py build/kilted
+	$(bin)/python dev/two_distributions.py build/kilted
 
 bench: setup  ## cost of engines and lockstep, beside the peers that are installed; tens of minutes
 	$(bin)/subsoil bench soil

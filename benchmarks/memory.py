@@ -12,11 +12,13 @@ import sys
 import tempfile
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
+
+import psutil
 
 INTERVAL_NS = 100_000
 SCENE = Path(__file__).parents[1] / "config/scenes/mechanism_only.yaml"
-_PAGE_MB = 4096e-6
 
 
 def main() -> int:
@@ -63,11 +65,10 @@ def measure(scene: Path, mode: str, ticks: int) -> list[dict[str, object]]:
         while process.poll() is None:
             written = sum(path.stat().st_size for path in out.glob("bag/*.mcap"))
             whole = (out / "bag" / "metadata.yaml").exists()
-            for pid, name in _processes(process.pid).items():
-                resident = _resident_mb(pid)
-                if resident > 0.0 and written > 0 and not whole:
-                    names[pid] = name
-                    samples.setdefault(pid, []).append((written, resident))
+            for found in _with_children(process.pid) if written > 0 and not whole else ():
+                with suppress(psutil.NoSuchProcess):  # it has ended
+                    names[found.pid] = _name(found)
+                    samples.setdefault(found.pid, []).append((written, 1e-6 * found.memory_info().rss))
             time.sleep(0.5)
         if process.returncode:
             raise SystemExit(f"{mode}: ended with status {process.returncode}")
@@ -87,25 +88,21 @@ def _row(mode: str, name: str, ticks: int, rows: list[tuple[int, float]]) -> dic
     }
 
 
-def _processes(pid: int) -> dict[int, str]:
-    """The process and its children, by name of the node."""
-    found = {pid: "subsoil"}
-    for path in Path(f"/proc/{pid}/task").glob("*/children"):
-        try:
-            for child in path.read_text().split():
-                words = Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")
-                name = next((word for word in words if word.startswith(b"subsoil_ros.nodes.")), b"")
-                found[int(child)] = name.decode().rpartition(".")[2].removesuffix("_node") or "other"
-        except OSError:
-            continue  # it has ended
-    return found
-
-
-def _resident_mb(pid: int) -> float:
+def _with_children(pid: int) -> list[psutil.Process]:
     try:
-        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * _PAGE_MB
-    except OSError:
-        return 0.0
+        process = psutil.Process(pid)
+        return [process, *process.children()]
+    except psutil.NoSuchProcess:
+        return []
+
+
+def _name(process: psutil.Process) -> str:
+    """Of the node that it is."""
+    words = process.cmdline()
+    if "subsoil_ros.cli.main" in words:
+        return "subsoil"
+    name = next((word for word in words if word.startswith("subsoil_ros.nodes.")), "")
+    return name.rpartition(".")[2].removesuffix("_node") or "other"
 
 
 if __name__ == "__main__":

@@ -1,7 +1,6 @@
 """One run of a scene in this process, without ROS, down to its series and its metrics."""
 
 import os
-import platform
 import tempfile
 import time
 from collections.abc import Callable
@@ -20,6 +19,7 @@ from ..scene.loader import ResolvedScene
 from ..source_digest import result_digest
 from .series import read_series, write_series_csv
 from .summary import summarize, write_summary
+from .versions import processor_name
 
 OnTick = Callable[[int], None]
 
@@ -154,12 +154,4 @@ def code_digest() -> str:
 
 def machine_name() -> str:
     """The processor and how many of its cores this process may use."""
-    model = platform.processor() or platform.machine()
-    try:
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                model = line.partition(":")[2].strip()
-                break
-    except OSError:
-        pass
-    return f"{model}, {len(os.sched_getaffinity(0))} cores"
+    return f"{processor_name()}, {len(os.sched_getaffinity(0))} cores"

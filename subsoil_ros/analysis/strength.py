@@ -1,4 +1,4 @@
-"""What soil tests say: the line of Mohr and Coulomb and the numbers beside it, as JSON, CSV and figure."""
+"""What soil tests say: the line of Mohr and Coulomb and the numbers beside it, as JSON and CSV."""
 
 import json
 import math
@@ -8,10 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from ..errors import InputError
-from .plotting import COLOURS, new_figure, save_figure
 from .soil_test_options import LEAST_POINTS
 from .soil_tests import SoilTests, rumpf_strength_pa
 
@@ -120,14 +118,14 @@ def shear_rows(tests: SoilTests) -> list[dict[str, float]]:
 
 
 def write_results(tests: SoilTests, facts: dict[str, Any], folder: Path) -> None:
-    """Writes soil_test.json, shear.csv, tension.csv and soil_test.png into `folder`.
+    """Writes soil_test.json, shear.csv and tension.csv into `folder`.
 
     facts: what else the JSON file is to say (scene, its hash).
     """
     import pandas as pd
 
-    strength = SoilStrength.of(tests)
-    content = facts | {"size_m": tests.size_m, "strength": asdict(strength), "tests": shear_rows(tests)}
+    strength = asdict(SoilStrength.of(tests))
+    content = facts | {"size_m": tests.size_m, "strength": strength, "tests": shear_rows(tests)}
     (folder / "soil_test.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     columns = ["nominal_pa", "displacement_m", "shear_pa", "normal_pa", "rise_m"]
     shear = pd.concat([pd.DataFrame(vars(curve), columns=columns) for curve in tests.shear])
@@ -135,55 +133,3 @@ def write_results(tests: SoilTests, facts: dict[str, Any], folder: Path) -> None
     if tests.tension is not None:
         tension = pd.DataFrame(vars(tests.tension), columns=["opening_m", "tension_pa"])
         tension.to_csv(folder / "tension.csv", index=False)
-    draw_tests(tests, strength, str(facts.get("scene", "")), folder / "soil_test.png")
-
-
-def draw_tests(tests: SoilTests, strength: SoilStrength, title: str, path: Path) -> None:
-    """Curves of shear and tension, and the points with the fitted lines, as one PNG."""
-    figure = new_figure(13.0, 4.4)
-    figure.suptitle(f"Soil tests: {title}", fontsize=11)
-    curves, line, pull = figure.subplots(1, 3)
-    for k, curve in enumerate(tests.shear):
-        shade = 1.0 - 0.7 * k / max(1, len(tests.shear) - 1)
-        label = f"{1e-3 * curve.nominal_pa:g} kPa"
-        curves.plot(
-            1e3 * curve.displacement_m, 1e-3 * curve.shear_pa, color=COLOURS["main"], alpha=shade, label=label
-        )
-    _label(curves, "shear displacement [mm]", "shear stress [kPa]", "direct shear, by normal stress")
-    for name, fit, stresses in (
-        ("main", strength.peak, [curve.peak() for curve in tests.shear]),
-        ("share", strength.residual, [curve.residual() for curve in tests.shear]),
-    ):
-        x, y = 1e-3 * np.array(stresses).T
-        ends = np.array([0.0, x.max()])
-        slope = math.tan(math.radians(fit.friction_angle_deg))
-        words = (
-            f"{'peak' if name == 'main' else 'residual'}: c = {1e-3 * fit.cohesion_pa:.1f} $\\pm$ "
-            f"{1e-3 * fit.cohesion_error_pa:.1f} kPa,\n$\\phi$ = {fit.friction_angle_deg:.1f} $\\pm$ "
-            f"{fit.friction_angle_error_deg:.1f} deg, $R^2$ = {fit.r_squared:.4f}"
-        )
-        line.plot(ends, 1e-3 * fit.cohesion_pa + slope * ends, color=COLOURS[name], label=words)
-        line.plot(x, y, "o", color=COLOURS[name])
-    _label(line, "normal stress [kPa]", "shear stress [kPa]", "Mohr-Coulomb line")
-    line.set_xlim(left=0.0)
-    line.set_ylim(bottom=min(0.0, line.get_ylim()[0]))
-    if tests.tension is None:
-        pull.axis("off")
-    else:
-        strongest = 1e-3 * tests.tension.strength_pa
-        pull.plot(
-            1e3 * tests.tension.opening_m, 1e-3 * tests.tension.tension_pa, color=COLOURS["main"],
-            label=f"largest {strongest:.1f} kPa",
-        )  # fmt: skip
-        rumpf = 1e-3 * strength.rumpf_strength_pa
-        pull.axhline(rumpf, color=COLOURS["reference"], ls="--", label=f"Rumpf {rumpf:.1f} kPa")
-        _label(pull, "opening [mm]", "tension [kPa]", "tension")
-    save_figure(figure, path)
-
-
-def _label(axes: Axes, x: str, y: str, title: str) -> None:
-    axes.set_xlabel(x)
-    axes.set_ylabel(y)
-    axes.set_title(title, fontsize=10)
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize=8)

@@ -18,13 +18,14 @@ def versions() -> dict[str, str]:
             found[package] = version(package)
         except PackageNotFoundError:
             continue
-    return found | {"system": platform.platform(), "processor": _processor()}
+    return found | {"system": platform.platform(), "processor": processor_name()}
 
 
-def _processor() -> str:
+def processor_name() -> str:
+    """The model of this machine's processor; where the system does not tell it, its architecture."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
-        return platform.processor() or platform.machine()
+        lines = []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.machine()
+    return names[0] if names else platform.processor() or platform.machine()

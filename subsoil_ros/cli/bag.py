@@ -18,8 +18,6 @@ from rich.table import Table
 if TYPE_CHECKING:
     from ..recording.bag_info import BagFacts
 
-SUMMARY = "describe a bag, or mend one whose writer was killed"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `subsoil bag`."""

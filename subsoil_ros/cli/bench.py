@@ -14,8 +14,6 @@ from rich.table import Table
 if TYPE_CHECKING:
     from ..mbd.benchmark import ChainCost
 
-SUMMARY = "measure the cost of an engine, or of the lockstep between the nodes"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `subsoil bench`."""

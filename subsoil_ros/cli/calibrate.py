@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from ..analysis.calibration.resistance import ResistanceFit
     from ..scene.limits import Timing
 
-SUMMARY = "fit a reduced soil to runs with particles, or a law of particles to soil tests"
-
 CORRELATED = 0.95
 """Correlation of two fitted values beyond which the runs hardly tell them apart (chosen)."""
 

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from ..scene.loader import ResolvedScene
     from ..scene.mechanism import Mechanism
 
-SUMMARY = "validate a scene and print what a run of it would cost"
-
 BYTES_PER_PARTICLE = 600
 """State, neighbour list and contact history of one particle."""
 

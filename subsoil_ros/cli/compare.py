@@ -11,11 +11,10 @@ from rich.console import Console
 from rich.table import Table
 
 from ..errors import InputError
+from ..extras import require
 
 if TYPE_CHECKING:
     from ..analysis.comparison import Difference, Source
-
-SUMMARY = "overlay runs and a measured CSV: figure, metrics and differences"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,8 +49,9 @@ def run(args: argparse.Namespace) -> int:
     """Write comparison.csv and comparison.png, and print the table.
 
     Raises:
-        InputError: a folder or the measurement cannot be used; nothing was written.
+        InputError: a folder or the measurement cannot be used, or a library is missing; nothing was written.
     """
+    require("drawing", "matplotlib")
     from ..analysis.comparison import (
         differences,
         draw_overlay,

@@ -4,6 +4,7 @@ import argparse
 import socket
 
 from ..errors import InputError
+from ..extras import require
 
 DEFAULT_PORT = 8765
 """What Foxglove offers when it is asked to open a connection."""
@@ -25,10 +26,11 @@ def live_port(wanted: str | None) -> int:
     """A port that is free now; 0 if no live view is wanted.
 
     Raises:
-        InputError: it is no port, or cannot be had.
+        InputError: it is no port, or cannot be had, or foxglove-sdk is not installed.
     """
     if wanted is None:
         return 0
+    require("--live", "foxglove")
     from ..recording.live import HOST
 
     if not wanted.isdecimal() or int(wanted) > 65535:

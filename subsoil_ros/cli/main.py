@@ -1,47 +1,36 @@
 """The command `subsoil`: one verb per file beside this one."""
 
 import argparse
-import ast
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from pathlib import Path
 from types import ModuleType
 
 from .. import __version__
 from ..errors import InterruptedRunError, SubsoilError
 
-VERBS = (
-    "check",
-    "run",
-    "report",
-    "render",
-    "compare",
-    "sweep",
-    "study",
-    "soil-test",
-    "calibrate",
-    "bag",
-    "bench",
-    "new",
-    "schema",
-    "urdf",
-)
-"""Modules of this folder (a dash is an underscore there), each with SUMMARY, add_arguments(parser) and
-run(args) -> exit status."""
+VERBS = {
+    "check": "validate a scene and print what a run of it would cost",
+    "run": "simulate a scene; DIR gets bag/, scene.yaml, series.csv, summary.json and log/",
+    "report": "print the metrics of a run and draw its figures (PNG)",
+    "render": "pictures or a film of soil and machine, or VTK files for ParaView",
+    "compare": "overlay runs and a measured CSV: figure, metrics and differences",
+    "sweep": "run a scene with every combination of values; one table (CSV, Parquet), figure and ranking",
+    "study": "sweep the knobs of a scene against its finest run: errors with intervals against wall time",
+    "soil-test": "test the soil of a scene: direct shear at several normal stresses, tension, density",
+    "calibrate": "fit a reduced soil to runs with particles, or a law of particles to soil tests",
+    "bag": "describe a bag, or mend one whose writer was killed",
+    "bench": "measure the cost of an engine, or of the lockstep between the nodes",
+    "new": "write a commented scene to start from, with its meshes",
+    "schema": "write the JSON Schema of scene files, for editors",
+    "urdf": "write the machine of a scene as URDF (each body floats on `world`; /tf moves it)",
+}
+"""What each verb does. Verbs are modules of this folder (a dash is an underscore there), each with
+add_arguments(parser) and run(args) -> exit status; to import all of them for a list would take seconds."""
 
 
 def _module(verb: str) -> ModuleType:
     return import_module(f"{__package__}.{verb.replace('-', '_')}")
-
-
-def _summary(verb: str) -> str:
-    """SUMMARY of a verb as its source has it: to import all verbs, only to list them, would take seconds."""
-    source = Path(__file__).with_name(f"{verb.replace('-', '_')}.py").read_text(encoding="utf-8")
-    for statement in ast.parse(source).body:
-        if isinstance(statement, ast.Assign) and ast.unparse(statement.targets[0]) == "SUMMARY":
-            return str(ast.literal_eval(statement.value))
-    raise AttributeError(f"{verb}: has no SUMMARY")
 
 
 def _parser(given: str | None) -> argparse.ArgumentParser:
@@ -52,8 +41,7 @@ def _parser(given: str | None) -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"subsoil {__version__}")
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
-    for verb in VERBS:
-        summary = _summary(verb)
+    for verb, summary in VERBS.items():
         added = verbs.add_parser(verb, help=summary, description=summary)
         if verb == given:
             _module(verb).add_arguments(added)

@@ -10,8 +10,6 @@ from pathlib import Path
 from ..errors import InputError
 from ..scene.shipped import config_folder, template_names
 
-SUMMARY = "write a commented scene to start from, with its meshes"
-
 SCHEMA = "scene.schema.json"
 _MESH = re.compile(r"\bmeshes/([\w.-]+\.stl)")
 _NAME = re.compile(r"[A-Za-z][\w-]*")

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import argparse
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..analysis.views import VIEWS
 from ..errors import InputError
+from ..extras import require
 from .recorded_run import RECORD_HELP, RecordedRun, recorded_run
 
 if TYPE_CHECKING:
     from ..analysis.frames import Frames
 
-SUMMARY = "pictures or a film of soil and machine, or VTK files for ParaView"
-
 SMALLEST_PIXELS, LARGEST_PIXELS = 64, 7680
 """Of a side of a picture (chosen: a stamp; 8K, and what H.264 takes)."""
-
-NEEDED = "'subsoil_ros[pictures]'"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -79,9 +75,7 @@ def run(args: argparse.Namespace) -> int:
         RecordingError: the bag cannot be read.
     """
     _check(args)
-    for library in ("pyvista", "imageio_ffmpeg"):
-        if find_spec(library) is None:
-            raise InputError(f"subsoil render needs {library}, which is not there: pip install {NEEDED}")
+    require("drawing", "imageio", "imageio_ffmpeg", "matplotlib", "pyvista", "vtkmodules")
     with recorded_run(args.record) as recorded:
         return _render(args, recorded)
 

@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from ..extras import require
 from .recorded_run import RECORD_HELP, RecordedRun, recorded_run
 
 if TYPE_CHECKING:
     from ..analysis.findings import Findings
-
-SUMMARY = "print the metrics of a run and draw its figures (PNG)"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,7 +30,11 @@ def run(args: argparse.Namespace) -> int:
 
     spectra.csv, load_cycles.csv, height_map.csv where the run has them; reference.csv where the scene names a
     reference.
+
+    Raises:
+        InputError: the record cannot be used, or a library is missing; nothing was written.
     """
+    require("drawing", "jinja2", "matplotlib")
     with recorded_run(args.record) as recorded:
         return _report(recorded, args.html)
 

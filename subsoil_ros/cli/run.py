@@ -6,8 +6,6 @@ from pathlib import Path
 from .arguments import add_overrides
 from .live import add_live
 
-SUMMARY = "simulate a scene; DIR gets bag/, scene.yaml, series.csv, summary.json and log/"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `subsoil run`."""

@@ -6,8 +6,6 @@ from pathlib import Path
 
 from .arguments import write_out
 
-SUMMARY = "write the JSON Schema of scene files, for editors"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `subsoil schema`."""

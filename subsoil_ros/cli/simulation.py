@@ -5,6 +5,7 @@ import os
 import shutil
 import time
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 
 from ..analysis.series import read_series, write_series_csv
@@ -42,6 +43,11 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
     namespace = checked_namespace(args.namespace)
     if args.mode == "direct":
         _refuse_direct(args, resolved)
+    elif find_spec("rclpy") is None or find_spec("subsoil_msgs") is None:
+        raise InputError(
+            f"--mode {args.mode}: needs ROS 2 with rclpy and subsoil_msgs, which are not installed here; "
+            "install them as docs/install.md says, or give --mode direct"
+        )
     live = live_port(args.live)
     if live and not resolved.scene.record.bag:
         raise InputError("--live: shows what is recorded, and record.bag is false; add --set record.bag=true")

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from ..analysis.soil_test_options import INERTIAL_NUMBER, LEAST_POINTS
 from ..errors import InputError
+from ..extras import require
 from .arguments import add_overrides
 
 if TYPE_CHECKING:
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
     from ..analysis.strength import CoulombFit
     from ..scene.limits import Timing
     from ..scene.loader import ResolvedScene
-
-SUMMARY = "test the soil of a scene: direct shear at several normal stresses, tension, density"
 
 SHEAR_DIAMETERS = (12.0, 8.0, 6.0)
 """Length, width and height of the specimen in particle diameters (chosen: usual least sizes)."""
@@ -69,9 +68,11 @@ def run(args: argparse.Namespace) -> int:
     """Run the tests, print the results, write the folder.
 
     Raises:
-        InputError: scene, numbers or folder cannot be used; nothing was written.
+        InputError: scene, numbers or folder cannot be used, or a library is missing; nothing was written.
         RunError: a test failed; nothing was written.
     """
+    if args.out is not None:
+        require("--out: the figure", "matplotlib")
     from ..analysis.soil_tests import run_soil_tests
     from ..analysis.strength import write_results
     from ..scene.loader import load_scene
@@ -111,12 +112,16 @@ def run(args: argparse.Namespace) -> int:
             inertial_number=args.inertial_number, threads=args.threads, watch=watch,
             working=working,
         )  # fmt: skip
-        facts = {
-            "scene": resolved.scene.name,
-            "scene_hash": resolved.scene_hash,
-            "inertial_number": args.inertial_number,
-        }
-        write_results(tests, facts, folder)
+        if args.out is not None:
+            from ..analysis.strength_figure import draw_tests
+
+            facts = {
+                "scene": resolved.scene.name,
+                "scene_hash": resolved.scene_hash,
+                "inertial_number": args.inertial_number,
+            }
+            write_results(tests, facts, folder)
+            draw_tests(tests, resolved.scene.name, folder / "soil_test.png")
     _print(resolved, tests, args.out)
     return 0
 

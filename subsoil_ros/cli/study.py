@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
+from ..extras import require
 from .arguments import add_overrides
 from .sweep import add_manner
 
 if TYPE_CHECKING:
     from ..study.design import StudyDesign
-
-SUMMARY = "sweep the knobs of a scene against its finest run: errors with intervals against wall time"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,9 +36,10 @@ def run(args: argparse.Namespace) -> int:
     """Run what has not been run, write tables and figure, print the table.
 
     Raises:
-        InputError: scene, design, folder or cluster cannot be used.
+        InputError: scene, design, folder or cluster cannot be used, or a library is missing.
         RunError: the finest run failed.
     """
+    require("a study", "dask", "distributed", "matplotlib", "pyarrow")
     from ..errors import InputError
     from ..study.design import design_of, read_design
     from ..study.engine import Manner

@@ -13,6 +13,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+import psutil
+
 from ..coupling.ending import KEEP_S, SIGNAL_STATUS, Ending, interrupted
 from ..coupling.protocol import COUPLER, RECORDER
 from ..errors import RunError
@@ -51,10 +53,9 @@ class NodeProcess:
     def stands_still(self) -> bool:
         """Whether it was stopped (SIGSTOP) and cannot end by itself."""
         try:
-            status = Path(f"/proc/{self.popen.pid}/stat").read_text(encoding="utf-8", errors="replace")
-        except OSError:
-            return False  # ended, or no such folder on this system
-        return status.rpartition(")")[2].split()[0] == "T"
+            return psutil.Process(self.popen.pid).status() == psutil.STATUS_STOPPED
+        except psutil.NoSuchProcess:
+            return False
 
     def send_stop(self, ending: Ending) -> None:
         """Asks the node to end."""

@@ -9,13 +9,12 @@ from rich.console import Console
 from rich.table import Table
 
 from ..errors import InputError, RunError
+from ..extras import require
 from .arguments import add_overrides, positive_count
 
 if TYPE_CHECKING:
     from ..study.ranking import Ranked
     from ..study.sweep import Outcome
-
-SUMMARY = "run a scene with every combination of values; one table (CSV, Parquet), figure and ranking"
 
 SHOWN_ROWS = 12
 
@@ -89,9 +88,10 @@ def run(args: argparse.Namespace) -> int:
     """Run what has not been run, write the tables, print the ranking.
 
     Raises:
-        InputError: scene, keys, values, folder or cluster cannot be used.
+        InputError: scene, keys, values, folder or cluster cannot be used, or a library is missing.
         RunError: every run failed.
     """
+    require("a sweep", "dask", "distributed", "matplotlib", "pyarrow")
     from ..study.engine import Manner
     from ..study.plan import parse_variations
     from ..study.sweep import Sweep, run_sweep

@@ -5,8 +5,6 @@ from pathlib import Path
 
 from .arguments import add_overrides, write_out
 
-SUMMARY = "write the machine of a scene as URDF (each body floats on `world`; /tf moves it)"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `subsoil urdf`."""

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..errors import InputError
+from ..extras import require
 from .bag_folder import TopicInfo
 
 HOST = "127.0.0.1"
@@ -44,13 +45,9 @@ class LiveView:
         Raises:
             InputError: foxglove-sdk is not installed, or the port is taken.
         """
-        try:
-            import foxglove
-            from foxglove.websocket import Capability, ServerListener
-        except ImportError as error:
-            raise InputError(
-                f"live view: needs the package foxglove-sdk ({error}); install it, or leave the view out"
-            ) from error
+        require("a live view", "foxglove")
+        import foxglove
+        from foxglove.websocket import Capability, ServerListener
 
         asked = self._asked = set[str]()
 

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import psutil
 import pytest
 from mcap.reader import make_reader
 
@@ -61,15 +62,9 @@ class Run:
     def node_pids(self) -> dict[str, int]:
         """Process ids of the nodes, by name."""
         pids = {}
-        for folder in Path("/proc").glob("[0-9]*"):
-            try:
-                parent = (folder / "stat").read_text().rpartition(")")[2].split()[1]
-                words = (folder / "cmdline").read_bytes().split(b"\0")
-            except OSError:
-                continue  # ended meanwhile
-            if int(parent) == self.process.pid:
-                module = next(word for word in words if word.startswith(b"subsoil_ros.nodes."))
-                pids[module.decode().rpartition(".")[2].removesuffix("_node")] = int(folder.name)
+        for child in psutil.Process(self.process.pid).children():
+            module = next(word for word in child.cmdline() if word.startswith("subsoil_ros.nodes."))
+            pids[module.rpartition(".")[2].removesuffix("_node")] = child.pid
         return pids
 
     def finish(self) -> tuple[int, str, str]:
@@ -88,8 +83,8 @@ class Run:
 def is_alive(pid: int) -> bool:
     """Whether a process runs; one that has ended and waits to be reaped does not."""
     try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
         return False
 
 

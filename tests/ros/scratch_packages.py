@@ -64,7 +64,7 @@ def write_packages(folder: Path, msg_defs: Path) -> None:
         depends = "".join(f"<depend>{name}</depend>" for name in needed)
         (folder / package / "package.xml").write_text(
             f'<package format="3"><name>{package}</name><version>0.0.0</version>'
-            "<description>For a test.</description><maintainer email='none@example.org'>none</maintainer>"
+            "<description>For a test.</description><maintainer email='none@scratch.invalid'>none</maintainer>"
             "<license>Apache-2.0</license><buildtool_depend>ament_cmake</buildtool_depend>"
             f"<buildtool_depend>rosidl_default_generators</buildtool_depend>{depends}"
             "<member_of_group>rosidl_interface_packages</member_of_group>"

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import psutil
 import pytest
 
 from subsoil_ros.cli.main import main
@@ -149,17 +150,12 @@ def test_a_full_disk_ends_the_run(start_run: Callable) -> None:
 def test_a_second_soil_ends_the_run(start_run: Callable) -> None:
     """Another soil node of the same run: named, both end, exit 3."""
     run, pids = start_run()
-    environment = dict(
-        item.split("=", 1)
-        for item in Path(f"/proc/{pids['coupler']}/environ").read_text().split("\0")
-        if "=" in item
-    )
-    words = Path(f"/proc/{pids['coupler']}/cmdline").read_text()
-    run_id = re.search(r'run_id:="(\w+)"', words).group(1)
+    coupler = psutil.Process(pids["coupler"])
+    run_id = re.search(r'run_id:="(\w+)"', " ".join(coupler.cmdline())).group(1)
     parameters = ("-p", f"scene:={run.out / 'scene.yaml'}", "-p", f"run_id:='{run_id}'")
     second = subprocess.Popen(
         [sys.executable, "-m", "subsoil_ros.nodes.soil_node", "--ros-args", *parameters],
-        env=environment,
+        env=coupler.environ(),
         stderr=subprocess.DEVNULL,
     )
     try:

@@ -1,4 +1,4 @@
-"""Commands, Python and scenes in README, docs and the READMEs of examples work: what readers copy runs here.
+"""Commands, Python and scenes in README, docs and their like work: what readers copy runs here.
 
 The blocks of a page run in their order in one folder, with `config` and `examples` of the repository
 in it. A block below a line `<!-- not run: REASON -->` is only checked: its syntax, the words of every
@@ -29,6 +29,7 @@ from subsoil_ros.scene.document import parse_yaml
 ROOT = Path(__file__).parents[2]
 PAGES = [
     ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
     *sorted((ROOT / "docs").rglob("*.md")),
     *sorted((ROOT / "examples").glob("*/README.md")),
     *sorted((ROOT / "reproduction").glob("*/*.md")),
@@ -39,8 +40,8 @@ _NOT_RUN = re.compile(r"^ *<!-- not run: (.+) -->$")
 _DESIGN = re.compile(r"^ *<!-- design: ([\w.]+) -->$")
 _LIST_ITEM = re.compile(r" *([-*+]|\d+[.)]) ")
 _PROGRAM = re.compile(
-    r"(?<![\w/])python3? (?:-m ((?:benchmarks|reproduction)[.\w]+)|((?:benchmarks|examples)/[\w/]+\.py))"
-    r"([^`\n|]*)"
+    r"(?<![\w/])python3? (?:-m ((?:benchmarks|dev|reproduction)[.\w]+)"
+    r"|((?:benchmarks|dev|examples)/[\w/]+\.py))([^`\n|]*)"
 )
 _INLINE_COMMAND = re.compile(r"(?<!`)`subsoil ([a-z][a-z-]*)([^`]*)`")
 
@@ -171,7 +172,7 @@ PROGRAMS = sorted(
 @pytest.mark.parametrize(("program", "options"), PROGRAMS, ids=str)
 def test_programs_exist(program, options, monkeypatch):
     """Benchmarks and examples that a page tells to start do start, and know the options it gives them."""
-    if program == "benchmarks.rerun_picture":
+    if program == "dev.rerun_picture":
         pytest.importorskip("rerun", reason="rerun-sdk is not installed")
     monkeypatch.setattr(sys, "argv", [program, "--help"])
     monkeypatch.syspath_prepend(str(ROOT))

@@ -12,13 +12,14 @@ SLACK_BYTES = 1_000_000  # two chunks, raw and compressed, and what the allocato
 PROGRAM = """
 import sys
 from pathlib import Path
+import psutil
 from subsoil_ros.coupling.direct import run_direct
 from subsoil_ros.coupling.engines import build_mechanism
 from subsoil_ros.recording.bag_writer import BagWriter
 from subsoil_ros.scene.loader import load_scene
 
 def resident():
-    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
+    return psutil.Process().memory_info().rss
 
 def look(tick):
     if tick + 1 in (ticks // 4, ticks):

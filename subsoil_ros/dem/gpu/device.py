@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError
+from ...extras import require
 
 os.environ.setdefault("NUMBA_CUDA_LOW_OCCUPANCY_WARNINGS", "0")  # small beds have small grids
 
@@ -25,14 +26,15 @@ def refuse_without_gpu() -> None:
     """Looks for a GPU that can be used.
 
     Raises:
-        InputError: there is none; says what is missing.
+        InputError: there is none, or its libraries are missing; says what is missing.
     """
-    if cuda.is_available():
-        return
-    raise InputError(
-        "soil.device: 'gpu' given, but no CUDA GPU can be used here; allowed is 'gpu' where an NVIDIA driver "
-        "is installed and 'subsoil_ros[gpu]' brings its CUDA libraries: install them, or use 'cpu'"
-    )
+    if not SIMULATED:
+        require("soil.device: 'gpu'", "cuda", "numba_cuda")
+    if not cuda.is_available():
+        raise InputError(
+            "soil.device: 'gpu' given, but no CUDA GPU can be used here; install an NVIDIA driver, or use "
+            "'cpu'"
+        )
 
 
 def blocks(count: int) -> int:

@@ -1,4 +1,4 @@
-"""Soil on one host, mechanism, coupler and recorder on another: python -m benchmarks.two_hosts (needs root)
+"""Soil on one host, mechanism, coupler and recorder on another: python -m dev.two_hosts (needs root)
 
 Two network namespaces joined by a veth pair stand for the hosts; each has its own processes and its own
 shared memory too, so nothing but the network joins them. The record must be, message for message, that of a
@@ -78,7 +78,7 @@ def run_hosts(scene: Path, folder: Path, discovery: dict[str, dict[str, str]]) -
     Raises:
         RuntimeError: a node failed, or they did not end.
     """
-    command = [sys.executable, "-m", "benchmarks.two_hosts", str(scene), str(folder)]
+    command = [sys.executable, "-m", "dev.two_hosts", str(scene), str(folder)]
     isolate = ["unshare", "--mount", "--pid", "--fork", "--kill-child", "--mount-proc"]
     with_own_memory = ["sh", "-c", 'mount -t tmpfs none /dev/shm && exec "$@"', "sh"]
     processes = [

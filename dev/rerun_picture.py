@@ -6,7 +6,7 @@ viewer runs without a screen, on Vulkan in software (lavapipe):
 
     apt install mesa-vulkan-drivers libvulkan1          # Debian, once
     pip install rerun-sdk                               # 0.41 or later
-    python -m benchmarks.rerun_picture runs/quick --out docs/pictures/rerun.png
+    python -m dev.rerun_picture runs/quick --out docs/pictures/rerun.png
 
 It fails unless every view of the picture has something in it: earth-coloured pixels where the soil is, pixels
 in the colour of the line in each of the plots, and no complaint of the viewer's.

@@ -1,6 +1,6 @@
 """The wheels in a fresh environment, away from the sources: does a new user's first run work?
 
-`python benchmarks/fresh_install.py FOLDER`. FOLDER, which must not exist, gets the wheels of subsoil_ros and
+`python dev/fresh_install.py FOLDER`. FOLDER, which must not exist, gets the wheels of subsoil_ros and
 subsoil_msgs, a virtual environment with them and everything else from the package registry at the versions
 of requirements/lock.txt, and an empty folder to work in. There a new scene is run as four processes over DDS
 and reported, and a shipped scene is checked by its name; HOME is empty. Minutes: the kernels are compiled

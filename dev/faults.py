@@ -1,4 +1,4 @@
-"""Many runs, each with one fault at a random moment: python -m benchmarks.faults [--runs N] [--seed S]
+"""Many runs, each with one fault at a random moment: python -m dev.faults [--runs N] [--seed S]
 
 A small scene as separate nodes under `subsoil run`. Every run must end by itself, with the right exit status
 and one message that names the cause, leave no process behind and a bag that can be read with every tick
@@ -27,6 +27,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+import psutil
 from mcap.reader import make_reader
 
 from subsoil_ros.recording.recovery import recover
@@ -124,11 +125,7 @@ class Run:
 
     def start_other(self, *arguments: str) -> None:
         """Somebody else in the same domain."""
-        environment = dict(
-            item.split("=", 1)
-            for item in Path(f"/proc/{self.pids['coupler']}/environ").read_text().split("\0")
-            if "=" in item
-        )
+        environment = psutil.Process(self.pids["coupler"]).environ()
         devnull = subprocess.DEVNULL
         self._others.append(
             subprocess.Popen([sys.executable, *arguments], env=environment, stdout=devnull, stderr=devnull)
@@ -136,7 +133,7 @@ class Run:
 
     def run_id(self) -> str:
         """As the nodes were told."""
-        words = Path(f"/proc/{self.pids['coupler']}/cmdline").read_text()
+        words = " ".join(psutil.Process(self.pids["coupler"]).cmdline())
         return re.search(r'run_id:="?(\w+)', words).group(1)  # type: ignore[union-attr]
 
     def wait(self) -> bool:
@@ -176,27 +173,24 @@ class Run:
 
 def _state(pid: int) -> str:
     try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
-    except OSError:
-        return "X"
+        return psutil.Process(pid).status()
+    except psutil.NoSuchProcess:
+        return psutil.STATUS_DEAD
 
 
 def _runs(pid: int) -> bool:
-    return _state(pid) not in "ZX"
+    return _state(pid) not in (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD)
 
 
 def _is_stopped(pid: int) -> bool:
-    return _state(pid) == "T"
+    return _state(pid) == psutil.STATUS_STOPPED
 
 
 def _children(parent: int) -> dict[str, int]:
     pids = {}
-    for folder in Path("/proc").glob("[0-9]*"):
-        with suppress(OSError):
-            if int((folder / "stat").read_text().rpartition(")")[2].split()[1]) == parent:
-                words = (folder / "cmdline").read_bytes().split(b"\0")
-                module = next(word for word in words if word.startswith(b"subsoil_ros.nodes."))
-                pids[module.decode().rpartition(".")[2].removesuffix("_node")] = int(folder.name)
+    for child in psutil.Process(parent).children():
+        module = next(word for word in child.cmdline() if word.startswith("subsoil_ros.nodes."))
+        pids[module.rpartition(".")[2].removesuffix("_node")] = child.pid
     return pids
 
 

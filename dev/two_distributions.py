@@ -1,6 +1,6 @@
 """The same run under ROS 2 Jazzy (this environment) and Kilted (one made in FOLDER): the same bits?
 
-`python benchmarks/two_distributions.py FOLDER [--duration-s 0.02]`. FOLDER gets a virtual environment with
+`python dev/two_distributions.py FOLDER [--duration-s 0.02]`. FOLDER gets a virtual environment with
 Kilted's wheels from the package registry and everything else at the versions of requirements/lock.txt, and
 subsoil_msgs compiled for it. The machine in a small bin then runs as four processes in both; the digests of
 the full state at the end and the recorded series are compared. Exit 0 if they are equal, 1 if not.

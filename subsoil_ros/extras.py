@@ -1,0 +1,38 @@
+"""Optional libraries: which extra of the package installs each, and one message where they are missing."""
+
+from importlib.util import find_spec
+
+from .errors import InputError
+
+EXTRA_OF = {
+    "cuda": "gpu",
+    "dask": "study",
+    "distributed": "study",
+    "foxglove": "live",
+    "imageio": "report",
+    "imageio_ffmpeg": "report",
+    "jinja2": "report",
+    "matplotlib": "report",
+    "numba_cuda": "gpu",
+    "pyarrow": "study",
+    "pyvista": "report",
+    "vtkmodules": "report",
+}
+"""Extra of setup.cfg by the module that it installs."""
+
+
+def require(what: str, *modules: str) -> None:
+    """Check that optional libraries are installed, without importing them.
+
+    what: needs them, for the message, as "drawing" or "--live"; modules: keys of EXTRA_OF.
+
+    Raises:
+        InputError: one is missing; names the extra to install.
+    """
+    missing = [module for module in modules if find_spec(module) is None]
+    if missing:
+        extras = ",".join(sorted({EXTRA_OF[module] for module in missing}))
+        raise InputError(
+            f"{what} needs {', '.join(missing)}, which a plain installation leaves out; "
+            f"install by: pip install 'subsoil_ros[{extras}]'"
+        )

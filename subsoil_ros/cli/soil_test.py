@@ -11,13 +11,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..analysis.soil_test_options import INERTIAL_NUMBER, LEAST_POINTS
 from ..errors import InputError
+from ..experiments.soil_tests.options import INERTIAL_NUMBER, LEAST_POINTS
 from .arguments import add_overrides
 
 if TYPE_CHECKING:
-    from ..analysis.soil_tests import SoilTests
-    from ..analysis.strength import CoulombFit
+    from ..experiments.soil_tests.runs import SoilTests
+    from ..experiments.soil_tests.strength import CoulombFit
     from ..scene.limits import Timing
     from ..scene.loader import ResolvedScene
 
@@ -72,8 +72,8 @@ def run(args: argparse.Namespace) -> int:
         InputError: scene, numbers or folder cannot be used; nothing was written.
         RunError: a test failed; nothing was written.
     """
-    from ..analysis.soil_tests import run_soil_tests
-    from ..analysis.strength import write_results
+    from ..experiments.soil_tests.runs import run_soil_tests
+    from ..experiments.soil_tests.strength import write_results
     from ..scene.loader import load_scene
     from ..scene.pairs import pair_values
     from .progress import RunProgress, working
@@ -151,7 +151,7 @@ def _print(resolved: ResolvedScene, tests: SoilTests, out: str | None) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from ..analysis.strength import SoilStrength, shear_rows
+    from ..experiments.soil_tests.strength import SoilStrength, shear_rows
 
     console = Console()
     strength = SoilStrength.of(tests)

@@ -12,8 +12,8 @@ from ..errors import InputError, RunError
 from .arguments import add_overrides, positive_count
 
 if TYPE_CHECKING:
-    from ..study.ranking import Ranked
-    from ..study.sweep import Outcome
+    from ..experiments.sweep.ranking import Ranked
+    from ..experiments.sweep.sweep import Outcome
 
 SUMMARY = "run a scene with every combination of values; one table (CSV, Parquet), figure and ranking"
 
@@ -92,9 +92,9 @@ def run(args: argparse.Namespace) -> int:
         InputError: scene, keys, values, folder or cluster cannot be used.
         RunError: every run failed.
     """
-    from ..study.engine import Manner
-    from ..study.plan import parse_variations
-    from ..study.sweep import Sweep, run_sweep
+    from ..experiments.sweep.engine import Manner
+    from ..experiments.sweep.plan import parse_variations
+    from ..experiments.sweep.sweep import Sweep, run_sweep
     from .sweep_progress import SweepProgress
 
     if not args.vary and not args.pair:

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..errors import InputError
-from .plotting import COLOURS, new_figure, save_figure
-from .soil_test_options import LEAST_POINTS
-from .soil_tests import SoilTests, rumpf_strength_pa
+from ...analysis.plotting import COLOURS, new_figure, save_figure
+from ...errors import InputError
+from .options import LEAST_POINTS
+from .runs import SoilTests, rumpf_strength_pa
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from ..analysis.intervals import Interval, difference_by_seed, error_by_seed, mean_interval
+from ...analysis.intervals import Interval, difference_by_seed, error_by_seed, mean_interval
 from .plan import Point
 
 DRAFT = "draft_newton_mean"

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import periodogram
 
+from ..analysis.smoothing import moving_mean
+from ..analysis.spectra import LEAST_ROWS, spectrum
 from ..scene.document import read_document
 from .kept_runs import KeptRun
-from .smoothing import moving_mean
-from .spectra import LEAST_ROWS, spectrum
 
 MOVING_MEAN_S = 0.010
 """Peaks and ranges are of the mean over this: single contacts come and go in a millisecond."""

@@ -11,8 +11,8 @@ from ...coupling.engines import build_soil
 from ...dem.engine import build_engine
 from ...scene.loader import ResolvedScene, load_scene
 from ...scene.seeds import seed_key
-from ..soil_tests import run_soil_tests
-from ..strength import SoilStrength
+from ..soil_tests.runs import run_soil_tests
+from ..soil_tests.strength import SoilStrength
 from .design import DraftTarget, ReposeTarget, StrengthTarget, tip_of
 from .runs import Watch, numbers, pull
 

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...api.execution import execute
 from ...coupling.direct import run_direct
 from ...coupling.engines import Soil, build_paths
 from ...errors import RunError
 from ...messages import ToolMotions, ToolWrenches
 from ...scene.limits import Timing
 from ...scene.loader import ResolvedScene
-from ..execution import execute
 from ..kept_runs import find_run, keep_run
 
 Watch = Callable[[str, Timing], AbstractContextManager[Callable[[int], None]]]

@@ -11,15 +11,15 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import ConvexHull, Voronoi, cKDTree
 
-from ..dem.bed import Bed
-from ..dem.beds.bed_file import write_bed
-from ..dem.engine import SoilEngine
-from ..errors import InputError
-from ..scene.beds import SavedBed
-from ..scene.document import Document, dump_yaml
-from ..scene.loader import ResolvedScene, load_scene
-from ..scene.pairs import pair_values, particle_mass_kg
-from ..scene.soil import Soil
+from ...dem.bed import Bed
+from ...dem.beds.bed_file import write_bed
+from ...dem.engine import SoilEngine
+from ...errors import InputError
+from ...scene.beds import SavedBed
+from ...scene.document import Document, dump_yaml
+from ...scene.loader import ResolvedScene, load_scene
+from ...scene.pairs import pair_values, particle_mass_kg
+from ...scene.soil import Soil
 from .shear_box import ShearBox, gripping_law, write_meshes
 
 Size = tuple[float, float, float]

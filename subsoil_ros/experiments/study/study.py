@@ -6,17 +6,17 @@ from pathlib import Path
 
 import pandas as pd
 
-from ..analysis.kept_runs import KeptRun
-from ..analysis.run_metrics import metrics_of
-from ..errors import RunError
-from ..scene.document import dump_yaml
+from ...errors import RunError
+from ...scene.document import dump_yaml
+from ..kept_runs import KeptRun
+from ..run_metrics import metrics_of
+from ..sweep.engine import Manner, Watcher, run_jobs
+from ..sweep.plan import Job, Point, jobs_of
+from ..sweep.sweep import RUNS, open_folder
+from ..sweep.table import table_of, write_table, write_whole
 from .accuracy import Judged, Measurement, judge
 from .design import FINEST, StudyDesign
-from .engine import Manner, Watcher, run_jobs
-from .plan import Job, Point, jobs_of
 from .report import draw, expected_presets, markdown, wide_table
-from .sweep import RUNS, open_folder
-from .table import table_of, write_table, write_whole
 
 REQUEST = "study.yaml"
 

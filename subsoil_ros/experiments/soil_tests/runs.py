@@ -13,17 +13,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..coupling.direct import run_direct
-from ..coupling.engines import build_mechanism
-from ..dem.engine import build_engine
-from ..errors import InputError
-from ..messages import MechanismState, SoilState, ToolMotions, ToolWrenches
-from ..scene.limits import Timing
-from ..scene.loader import ResolvedScene
-from ..scene.pairs import pair_values, tool_values
+from ...analysis.smoothing import running_mean
+from ...coupling.direct import run_direct
+from ...coupling.engines import build_mechanism
+from ...dem.engine import build_engine
+from ...errors import InputError
+from ...messages import MechanismState, SoilState, ToolMotions, ToolWrenches
+from ...scene.limits import Timing
+from ...scene.loader import ResolvedScene
+from ...scene.pairs import pair_values, tool_values
+from .options import INERTIAL_NUMBER
 from .shear_box import GLUE, ShearBox, ShearLoading, TensionLoading, shear_machine, tension_machine
-from .smoothing import running_mean
-from .soil_test_options import INERTIAL_NUMBER
 from .specimen import Size, Specimen, box_around, prepare_specimen, write_scene
 
 Watch = Callable[[str, Timing], AbstractContextManager[Callable[[int], None]]]

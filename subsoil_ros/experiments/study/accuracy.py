@@ -4,14 +4,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from ..analysis.intervals import (
+from ...analysis.intervals import (
     Interval,
     difference_by_seed,
     error_against_one,
     error_by_seed,
     mean_interval,
 )
-from ..analysis.run_metrics import METRICS, Metric
+from ..run_metrics import METRICS, Metric
 from .design import FINEST, StudyDesign
 
 

@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from .. import __version__
+from ..analysis.series import read_series, write_series_csv
+from ..analysis.summary import summarize, write_summary
 from ..coupling.control import build_controller
 from ..coupling.direct import run_direct
 from ..coupling.engines import build_mechanism, build_paths, build_soil
@@ -18,8 +20,6 @@ from ..kernel_cache import KERNEL_FOLDERS, source_digest
 from ..recording.bag_writer import BagWriter
 from ..recording.recovery import recover
 from ..scene.loader import ResolvedScene
-from .series import read_series, write_series_csv
-from .summary import summarize, write_summary
 
 OnTick = Callable[[int], None]
 

@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from .. import __version__
-from ..analysis.intervals import Interval
-from ..analysis.run_metrics import METRICS, Metric
-from ..analysis.study_figure import Dot, Panel, draw_study
+from ... import __version__
+from ...analysis.intervals import Interval
+from ...analysis.study_figure import Dot, Panel, draw_study
+from ..run_metrics import METRICS, Metric
 from .accuracy import Judged, Measurement
 from .design import FINEST, StudyDesign
 

@@ -7,12 +7,12 @@ from typing import Annotated
 
 from pydantic import Field, ValidationError, model_validator
 
-from ..analysis.run_metrics import METRICS
-from ..errors import InputError
-from ..scene.base import Fraction, Part
-from ..scene.document import read_document
-from ..scene.keys import suggestion
-from .plan import Point
+from ...errors import InputError
+from ...scene.base import Fraction, Part
+from ...scene.document import read_document
+from ...scene.keys import suggestion
+from ..run_metrics import METRICS
+from ..sweep.plan import Point
 
 FINEST = "finest"
 

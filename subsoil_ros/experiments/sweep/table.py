@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from ..analysis.kept_runs import KeptRun
+from ..kept_runs import KeptRun
 from .plan import Job, as_text
 
 RUN_COLUMNS = ("run", "name", "seed", "failure", "wall_s", "cpu_s", "threads", "at_once", "machine", "code")

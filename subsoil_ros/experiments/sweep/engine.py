@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from ..analysis.execution import Executed, code_digest, machine_name
-from ..analysis.kept_runs import KeptRun, find_run, keep_run
-from ..errors import RunError
-from ..scene.parcel import pack
+from ...api.execution import Executed, code_digest, machine_name
+from ...errors import RunError
+from ...scene.parcel import pack
+from ..kept_runs import KeptRun, find_run, keep_run
 from .cluster import connected, local_worker_count
 from .plan import Job
 from .worker import PROGRESS, run_parcel

@@ -13,11 +13,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from ..analysis.series import Series
+from ..analysis.series_file import read_series_csv
+from ..api.execution import Executed
 from ..errors import InputError, RunError, SubsoilError
 from ..scene.loader import ResolvedScene
-from .execution import Executed
-from .series import Series
-from .series_file import read_series_csv
 
 NAME_DIGITS = 32
 """Of the hash, in a folder's name."""

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from ..analysis.intervals import CONFIDENCE
-from ..analysis.kept_runs import KeptRun
-from ..analysis.response import draw_response
-from ..errors import InputError
-from ..scene.document import dump_yaml
+from ...analysis.intervals import CONFIDENCE
+from ...analysis.response import draw_response
+from ...errors import InputError
+from ...scene.document import dump_yaml
+from ..kept_runs import KeptRun
 from .engine import Manner, Watcher, run_jobs
 from .plan import Job, Point, Variation, combinations, jobs_of
 from .ranking import DRAFT, Ranked, control_point, point_key, rank, ranking_table, recommended

@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from typing import Any
 from urllib.parse import urlsplit
 
-from ..analysis.execution import code_digest
-from ..errors import InputError
+from ...api.execution import code_digest
+from ...errors import InputError
 from .worker import engines_of_worker, ignore_interrupts
 
 PATIENCE_S = 20.0

@@ -5,8 +5,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from ..analysis.execution import Executed, code_digest, execute
-from ..scene.parcel import Parcel, unpack
+from ...api.execution import Executed, code_digest, execute
+from ...scene.parcel import Parcel, unpack
 
 PROGRESS = "subsoil-progress"
 """Dask's topic for (name of the run, part of it that is done)."""

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..errors import InputError
-from ..scene.document import parse_yaml
-from ..scene.loader import ResolvedScene, load_scene
-from ..scene.seeds import seed_key
+from ...errors import InputError
+from ...scene.document import parse_yaml
+from ...scene.loader import ResolvedScene, load_scene
+from ...scene.seeds import seed_key
 
 LARGEST_COUNT = 100_000
 """More runs than this are a slip of the pen (chosen)."""

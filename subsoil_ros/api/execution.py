@@ -4,24 +4,16 @@ import os
 import platform
 import tempfile
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from .. import __version__
-from ..analysis.series import read_series, write_series_csv
-from ..analysis.summary import summarize, write_summary
-from ..coupling.control import build_controller
-from ..coupling.direct import run_direct
-from ..coupling.engines import build_mechanism, build_paths, build_soil
-from ..errors import InputError, SubsoilError
+from .._version import __version__
+from ..errors import SubsoilError
 from ..kernel_cache import KERNEL_FOLDERS, source_digest
-from ..recording.bag_writer import BagWriter
-from ..recording.recovery import recover
 from ..scene.loader import ResolvedScene
-
-OnTick = Callable[[int], None]
+from .results import write_results
+from .simulate import OnTick, simulate
 
 WARM_UP_TICKS = 3
 """Ticks that load or compile the kernels before a run is timed."""
@@ -63,13 +55,6 @@ class _Stopwatch:
         return wall_s, cpu_s
 
 
-class _Nowhere:
-    """Takes records and forgets them."""
-
-    def write(self, record: Any) -> None:
-        """Takes one record."""
-
-
 def execute(
     resolved: ResolvedScene,
     threads: int = 1,
@@ -92,12 +77,8 @@ def execute(
             if warm_up:
                 ticks = min(WARM_UP_TICKS, resolved.timing.tick_count)
                 short = replace(resolved, timing=replace(resolved.timing, tick_count=ticks))
-                _run(short, threads, lambda tick: None, _Nowhere())
-            writer = BagWriter(folder / "bag", resolved.scene, resolved.timing)
-            try:
-                _run(resolved, threads, stopwatch, writer)
-            finally:
-                writer.close()
+                simulate(short, threads=threads)
+            simulate(resolved, folder / "bag", run_id="kept", threads=threads, on_tick=stopwatch)
         except SubsoilError as error:
             failure = error
         wall_s, cpu_s = stopwatch.times()
@@ -113,38 +94,10 @@ def execute(
             "version": __version__,
             "code": code_digest(),
         }
-        return Executed(_results(resolved, folder, facts), facts)
-
-
-def _run(resolved: ResolvedScene, threads: int, on_tick: OnTick, sink: Any) -> None:
-    controller = build_controller(resolved)
-    if resolved.scene.controller is not None and controller is None:
-        raise InputError(
-            "controller.law: 'external' is a node of somebody else, and a direct run has no nodes; give "
-            "another law, or leave the controller out"
-        )
-    mover = build_mechanism(resolved) or build_paths(resolved)
-    soil = build_soil(resolved, threads)
-    run_direct(resolved, "kept", mover, soil, sink, on_tick, controller=controller)
-
-
-def _results(resolved: ResolvedScene, folder: Path, facts: dict[str, Any]) -> dict[str, bytes]:
-    """series.csv and summary.json of the bag; of a run that failed, if it came to a series tick."""
-    bag = folder / "bag"
-    try:
-        if facts["failure"] is not None:
-            recover(bag)
-        series = read_series(bag, resolved.scene)
-        run_info = {"mode": "direct", "threads": facts["threads"], "whole_wall_s": facts["whole_wall_s"]}
-        if facts["failure"] is not None:
-            run_info["failure"] = facts["failure"]
-        write_series_csv(series, folder / "series.csv")
-        write_summary(summarize(bag, resolved, run_info, series), folder / "summary.json")
-    except SubsoilError:
-        if facts["failure"] is None:
-            raise
-        return {}
-    return {name: (folder / name).read_bytes() for name in ("series.csv", "summary.json")}
+        run_info = {"mode": "direct", "threads": threads, "whole_wall_s": facts["whole_wall_s"]}
+        write_results(resolved, folder, run_info, failure)
+        found = {name: folder / name for name in ("series.csv", "summary.json")}
+        return Executed({name: path.read_bytes() for name, path in found.items() if path.is_file()}, facts)
 
 
 def code_digest() -> str:

@@ -8,7 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
-from .. import __version__
+from .._version import __version__
 from ..errors import InterruptedRunError, SubsoilError
 
 VERBS = (

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 
 from ..analysis.views import VIEWS
 from ..errors import InputError
-from .recorded_run import RECORD_HELP, RecordedRun, recorded_run
+from .arguments import RECORD_HELP
 
 if TYPE_CHECKING:
     from ..analysis.frames import Frames
+    from ..api.recorded_run import RecordedRun
 
 SUMMARY = "pictures or a film of soil and machine, or VTK files for ParaView"
 
@@ -82,6 +83,8 @@ def run(args: argparse.Namespace) -> int:
     for library in ("pyvista", "imageio_ffmpeg"):
         if find_spec(library) is None:
             raise InputError(f"subsoil render needs {library}, which is not there: pip install {NEEDED}")
+    from ..api.recorded_run import recorded_run
+
     with recorded_run(args.record) as recorded:
         return _render(args, recorded)
 

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from .recorded_run import RECORD_HELP, RecordedRun, recorded_run
+from .arguments import RECORD_HELP
 
 if TYPE_CHECKING:
     from ..analysis.findings import Findings
     from ..analysis.reproduction import Reproduction
+    from ..api.recorded_run import RecordedRun
 
 SUMMARY = "print the metrics of a run and draw its figures (PNG)"
 
@@ -33,6 +34,8 @@ def run(args: argparse.Namespace) -> int:
     spectra.csv, load_cycles.csv, height_map.csv where the run has them; reproduction.csv, .json and .md where
     the scene is the paper's.
     """
+    from ..api.recorded_run import recorded_run
+
     with recorded_run(args.record) as recorded:
         return _report(recorded, args.html)
 

@@ -68,8 +68,8 @@ def _list(args: argparse.Namespace, design: "StudyDesign", console: Console) -> 
     """Every variant with its particles and steps."""
     from rich.table import Table
 
+    from ..api.check import start_count
     from ..experiments.study.study import study_jobs
-    from .soil_rows import start_count
 
     table = Table(title=f"{len(design.seeds)} seeds each", title_justify="left", box=None)
     for heading in ("variant", "particles", "soil steps", "particle-steps"):

@@ -93,6 +93,18 @@ def parse_yaml(text: str | bytes, source: str) -> object:
     return value
 
 
+def plain_value(value: object, source: str) -> object:
+    """A copy of a value as YAML would give it. Raises SceneError for what YAML cannot say, as parse_yaml."""
+    try:
+        text = yaml.dump(value, Dumper=_SceneDumper, sort_keys=False, allow_unicode=True)
+    except yaml.representer.RepresenterError as error:
+        raise SceneError(
+            f"{source}: holds a {type(error.args[1]).__name__}; allowed are numbers, texts, booleans, None, "
+            "lists, and mappings of them"
+        ) from error
+    return parse_yaml(text, source)
+
+
 def read_document(path: Path, shown: str) -> Document:
     """Read a YAML file that holds a mapping; `shown` is its name in errors."""
     try:

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from subsoil_ros.api.simulate import simulate
 from subsoil_ros.cli.main import main
-from subsoil_ros.coupling.direct import run_direct
-from subsoil_ros.coupling.engines import build_mechanism
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.errors import InputError
 from subsoil_ros.experiments.soil_tests import runs as soil_tests
@@ -166,7 +165,7 @@ def test_tension_between_glued_plates(lattice) -> None:
             if isinstance(record, ToolWrenches):
                 felt.append(-record.tools[1].force_z_newton)
 
-    run_direct(resolved, "test", build_mechanism(resolved), SoilEngine(resolved), Sink())
+    simulate(resolved, sink=Sink())
     levels = np.unique(specimen.bed.positions_m[:, 2].round(5))
     columns = len(specimen.bed.positions_m) // len(levels)
     weight_above = specimen.mass_kg * 9.81 * (0.5 + 0.5 / len(levels))  # breaks somewhere below the lid

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...api.execution import execute
-from ...coupling.direct import run_direct
-from ...coupling.engines import Soil, build_paths
+from ...api.simulate import simulate
+from ...coupling.engines import Soil
 from ...errors import RunError
 from ...messages import ToolMotions, ToolWrenches
 from ...scene.limits import Timing
@@ -67,10 +67,15 @@ class _Sink:
             self.forces.append([(group.force_x_newton, group.force_z_newton) for group in found])
 
 
-def pull(scene: ResolvedScene, soil: Soil | None, on_tick: Callable[[int], None] = lambda tick: None) -> Pull:
-    """Runs a scene with one tool on a path."""
+def pull(
+    scene: ResolvedScene,
+    soil: Soil | None = None,
+    on_tick: Callable[[int], None] = lambda tick: None,
+    threads: int = 1,
+) -> Pull:
+    """Runs a scene with one tool on a path; soil: in the place of the scene's own."""
     sink = _Sink()
-    run_direct(scene, "calibration", build_paths(scene), soil, sink, on_tick)
+    simulate(scene, threads=threads, soil=soil, sink=sink, on_tick=on_tick)
     forces = np.array(sink.forces)
     return Pull(np.array(sink.x_m), forces[:, :, 0], forces[:, :, 1], sink.groups)
 

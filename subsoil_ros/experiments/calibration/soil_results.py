@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...coupling.engines import build_soil
 from ...dem.engine import build_engine
 from ...scene.loader import ResolvedScene, load_scene
 from ...scene.seeds import seed_key
@@ -59,7 +58,7 @@ def _draft_newton(scene: ResolvedScene, threads: int, watch: Watch) -> float:
     assert soil is not None
     inside = scene.scene.report.window_inside_m
     with watch("draft", scene.timing) as on_tick:
-        found = pull(scene, build_soil(scene, threads), on_tick)
+        found = pull(scene, on_tick=on_tick, threads=threads)
     return numbers(found, tip_x, (inside, soil.bin.length_m - inside)).draft_newton
 
 

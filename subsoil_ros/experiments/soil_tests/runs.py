@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...analysis.smoothing import running_mean
-from ...coupling.direct import run_direct
-from ...coupling.engines import build_mechanism
+from ...api.simulate import simulate
 from ...dem.engine import build_engine
 from ...errors import InputError
 from ...messages import MechanismState, SoilState, ToolMotions, ToolWrenches
@@ -353,11 +352,10 @@ def _run(
     watched: AbstractContextManager[Callable[[int], None]],
 ) -> tuple[_Series, NDArray[np.float64]]:
     """The series of a test, and how far each particle rose [m]."""
-    mechanism, soil = build_mechanism(resolved), build_engine(resolved, threads)
-    assert mechanism is not None
+    soil = build_engine(resolved, threads)
     series = _Series()
     with watched as on_tick:
-        run_direct(resolved, "soil-test", mechanism, soil, series, on_tick)
+        simulate(resolved, soil=soil, sink=series, on_tick=on_tick)
     height = soil.positions_m()[:, 2]
     assert len(height) == len(specimen.bed.positions_m), "the box stands off every particle"
     return series, height - specimen.bed.positions_m[:, 2]

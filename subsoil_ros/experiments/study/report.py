@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ... import __version__
+from ..._version import __version__
 from ...analysis.intervals import Interval
 from ...analysis.study_figure import Dot, Panel, draw_study
 from ..run_metrics import METRICS, Metric

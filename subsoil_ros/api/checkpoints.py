@@ -1,6 +1,5 @@
-"""Checkpoints as `subsoil run` and its user see them: found, named, gone on from."""
+"""Checkpoints in the folder of a run: found, named, gone on from."""
 
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +16,8 @@ CHECKPOINTS = "checkpoints"
 """Folder of the checkpoints in the folder of a run."""
 
 
-def find_checkpoint(directory: Path, resolved: ResolvedScene) -> Checkpoint:
-    """The newest checkpoint of the run in `directory` that can be used; says why a newer one cannot.
+def find_checkpoint(directory: Path, resolved: ResolvedScene) -> tuple[Checkpoint, list[str]]:
+    """The newest checkpoint of the run in `directory` that can be used, and why newer ones cannot.
 
     Raises:
         InputError: there is none for this scene.
@@ -26,21 +25,19 @@ def find_checkpoint(directory: Path, resolved: ResolvedScene) -> Checkpoint:
     controller = resolved.scene.controller
     if controller is not None and isinstance(controller.law, External):
         raise InputError(
-            f"--resume {directory}: controller.law 'external' is a node of somebody else, whose state is in "
-            "no checkpoint; run the scene from the start"
+            f"resume {directory}: controller.law 'external' is a node of its own, whose state is in no "
+            "checkpoint; run the scene from the start"
         )
     if not directory.is_dir():
-        raise InputError(f"--resume {directory}: no such folder; name one that `subsoil run` made")
+        raise InputError(f"resume {directory}: no such folder; name one that `subsoil run` made")
     try:
         last_tick = None
         if resolved.scene.record.bag:
             last_tick = _last_time_ns(directory / "bag") // resolved.timing.interval_ns - 1
         checkpoint, complaints = newest_valid(directory / CHECKPOINTS, resolved.scene_hash, last_tick)
     except InputError as error:
-        raise InputError(f"--resume {error}") from error
-    for complaint in complaints:
-        print(f"warning: {complaint}; using {checkpoint.path.name}", file=sys.stderr, flush=True)
-    return checkpoint
+        raise InputError(f"resume {error}") from error
+    return checkpoint, [f"{complaint}; using {checkpoint.path.name}" for complaint in complaints]
 
 
 def _last_time_ns(bag: Path) -> int:

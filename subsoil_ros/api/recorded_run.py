@@ -1,23 +1,16 @@
-"""What `subsoil report` and `subsoil render` are given: the folder of a run, or a bag without its run."""
-
-from __future__ import annotations
+"""What was recorded of a run: its folder, or a bag without its run."""
 
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..errors import InputError
-
-if TYPE_CHECKING:
-    from ..scene.loader import ResolvedScene
-
-RECORD_HELP = (
-    "folder of a run, as given to `subsoil run --out`; or a bag folder or .mcap file alone: results go to "
-    "NAME_report beside it"
-)
+from ..recording.bag_reader import mcap_path
+from ..recording.bag_scene import read_scene
+from ..recording.joined import mend_earlier
+from ..scene.loader import ResolvedScene, load_scene
 
 
 @dataclass(frozen=True)
@@ -50,20 +43,12 @@ def recorded_run(path: Path) -> Iterator[RecordedRun]:
         InputError: there is neither, or the bag holds no scene.
         RecordingError: the bag was not closed, or is damaged.
     """
-    from ..recording.joined import mend_earlier
-    from ..scene.loader import load_scene
-    from .progress import working
-
     directory = _folder_of_run(path)
     if directory is not None:
         resolved = load_scene(directory / "scene.yaml")
-        with working("looking after the bags of earlier runs"):
-            mend_earlier(directory)
+        mend_earlier(directory)
         yield RecordedRun(directory, directory / "bag", resolved)
         return
-    from ..recording.bag_reader import mcap_path
-    from ..recording.bag_scene import read_scene
-
     try:
         file = mcap_path(path).resolve()
     except InputError as error:

@@ -3,7 +3,6 @@
 `load_scene`, `check`, `run` and `read_run` are the public interface. Each is imported when it is first used.
 """
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
 from ._version import __version__
@@ -22,8 +21,10 @@ _MODULES = {"check": "check", "load_scene": "load", "read_run": "read", "run": "
 def __getattr__(name: str) -> object:
     if name not in _MODULES:
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    from importlib import import_module
+
     return getattr(import_module(f".api.{_MODULES[name]}", __name__), name)
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted(__all__)

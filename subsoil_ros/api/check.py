@@ -86,7 +86,7 @@ class CheckResult:
             f"cost: {cost.memory_bytes / 1e9:.2f} GB; wall time about {cost.soil_wall_s:.3g} s for the soil "
             f"on one core, and {cost.exchange_wall_s:.3g} s of exchange where the nodes are processes"
         )
-        yield from (f"note: {note}" for note in self.notes)
+        yield from self.notes
         yield from (f"warning: {warning}" for warning in self.warnings)
 
 

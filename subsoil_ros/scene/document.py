@@ -99,8 +99,8 @@ def plain_value(value: object, source: str) -> object:
         text = yaml.dump(value, Dumper=_SceneDumper, sort_keys=False, allow_unicode=True)
     except yaml.representer.RepresenterError as error:
         raise SceneError(
-            f"{source}: holds a {type(error.args[1]).__name__}; allowed are numbers, texts, booleans, None, "
-            "lists, and mappings of them"
+            f"{source}: holds a value of type {type(error.args[1]).__name__}; allowed are numbers, texts, "
+            "booleans, None, lists, and mappings of them"
         ) from error
     return parse_yaml(text, source)
 

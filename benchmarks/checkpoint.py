@@ -13,7 +13,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from subsoil_ros.coupling.engines import build_mechanism, build_soil
+from subsoil_ros.coupling.engines import build_mover, build_soil
 from subsoil_ros.coupling.exchange import InterfaceWork
 from subsoil_ros.coupling.protocol import MECHANISM, SOIL
 from subsoil_ros.coupling.resumption import CouplingState, Keeper, restore_engine
@@ -47,8 +47,7 @@ def main() -> int:
 def measure(name: str, overrides: tuple[str, ...], place: Path, repeats: int) -> dict[str, object]:
     """Writes and reads the same state `repeats` times."""
     resolved = load_scene(SCENE, overrides)
-    mover, soil = build_mechanism(resolved), build_soil(resolved, 1)
-    assert mover is not None
+    mover, soil = build_mover(resolved), build_soil(resolved, 1)
     assert soil is not None
     motions = mover.initial_motions()
     wrenches = soil.start(motions)

@@ -25,13 +25,10 @@ from typing import Any
 import trimesh
 import yaml
 
-from subsoil_ros.coupling.control import build_controller
-from subsoil_ros.coupling.direct import run_direct
-from subsoil_ros.coupling.engines import build_mechanism, build_paths, build_soil
+from subsoil_ros.api.simulate import simulate
 from subsoil_ros.dem.bench.cases import WET_BOUNDARY, WET_PARTICLE
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.messages import ToolMotion
-from subsoil_ros.recording.bag_writer import open_bag
 from subsoil_ros.scene.loader import ResolvedScene, load_scene
 
 SCENES = Path(__file__).parents[1] / "config" / "scenes"
@@ -184,9 +181,6 @@ def run_turn(resolved: ResolvedScene, folder: Path) -> Turn:
     """Rounds of a direct run with all that its scene names; ticks that load kernels do not count."""
 
     def turn() -> float:
-        mover = build_mechanism(resolved) or build_paths(resolved)
-        soil = build_soil(resolved, 1)
-        writer = open_bag(folder, resolved) if resolved.scene.record.bag else None
         started = 0.0
 
         def on_tick(tick: int) -> None:
@@ -194,15 +188,12 @@ def run_turn(resolved: ResolvedScene, folder: Path) -> Turn:
             if tick == WARM_UP_TICKS - 1:
                 started = time.process_time()
 
+        bag = folder if resolved.scene.record.bag else None
         try:
-            run_direct(
-                resolved, "features", mover, soil, writer, on_tick, controller=build_controller(resolved)
-            )
+            simulate(resolved, bag, on_tick=on_tick)
             return (time.process_time() - started) / (resolved.timing.tick_count - WARM_UP_TICKS)
         finally:
-            if writer is not None:
-                writer.close()
-                shutil.rmtree(folder)
+            shutil.rmtree(folder, ignore_errors=True)
 
     turn()
     return turn

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from subsoil_ros import __version__
-from subsoil_ros.analysis.execution import code_digest, machine_name
-from subsoil_ros.analysis.kept_runs import KeptRun, find_run, keep_folder
+from subsoil_ros.api.execution import code_digest, machine_name
+from subsoil_ros.experiments.kept_runs import KeptRun, find_run, keep_folder
 from subsoil_ros.scene.document import Document, dump_yaml
 from subsoil_ros.scene.loader import ResolvedScene, load_scene
 

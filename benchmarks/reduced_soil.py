@@ -18,11 +18,9 @@ from pathlib import Path
 
 import numpy as np
 
-from subsoil_ros.coupling.direct import run_direct
-from subsoil_ros.coupling.engines import build_mechanism, build_paths, build_soil
+from subsoil_ros.api.simulate import simulate
 from subsoil_ros.messages import CouplingReport
 from subsoil_ros.recording.bag_reader import BagReader
-from subsoil_ros.recording.bag_writer import BagWriter
 from subsoil_ros.scene.loader import ResolvedScene, load_scene
 
 SCENES = Path(__file__).parents[1] / "config" / "scenes"
@@ -30,13 +28,9 @@ SCENES = Path(__file__).parents[1] / "config" / "scenes"
 
 def cpu_s_per_simulated_s(resolved: ResolvedScene) -> float:
     """Of a direct run with its bag; the first tick, which compiles and prepares, is left out."""
-    mover = build_mechanism(resolved) or build_paths(resolved)
-    soil = build_soil(resolved, 1)
     marks: list[float] = []
     with tempfile.TemporaryDirectory() as folder:
-        writer = BagWriter(Path(folder) / "bag", resolved.scene, resolved.timing)
-        run_direct(resolved, "bench", mover, soil, writer, lambda tick: marks.append(time.process_time()))
-        writer.close()
+        simulate(resolved, Path(folder) / "bag", on_tick=lambda tick: marks.append(time.process_time()))
         marks[-1] = time.process_time()
     return (marks[-1] - marks[0]) / ((len(marks) - 1) * resolved.timing.interval_s)
 

@@ -10,9 +10,10 @@ import argparse
 import json
 import time
 
-from subsoil_ros.cli.bed_preparation import prepare_bed_first
+from subsoil_ros.api.beds import prepare_bed_first
+from subsoil_ros.cli.bed_preparation import bed_progress
 from subsoil_ros.cli.preparation import KernelAnnouncer
-from subsoil_ros.coupling.engines import build_mechanism, build_paths, build_soil
+from subsoil_ros.coupling.engines import build_mover, build_soil
 from subsoil_ros.dem.bench.phases import clocked
 from subsoil_ros.scene.loader import load_scene
 
@@ -27,8 +28,8 @@ def main() -> None:
     parser.add_argument("--set", dest="overrides", action="append", default=[], metavar="KEY=VALUE")
     args = parser.parse_args()
     resolved = load_scene(args.scene, args.overrides)
-    prepare_bed_first(resolved, args.threads)
-    mover = build_mechanism(resolved) or build_paths(resolved)
+    prepare_bed_first(resolved, args.threads, bed_progress)
+    mover = build_mover(resolved)
     soil = build_soil(resolved, args.threads)
     if soil is None:
         raise SystemExit(f"{args.scene}: has no soil, so there is nothing to profile")

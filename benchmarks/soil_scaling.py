@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from subsoil_ros.analysis.soil_tests import run_soil_tests
-from subsoil_ros.analysis.strength import SoilStrength
+from subsoil_ros.experiments.soil_tests.runs import run_soil_tests
+from subsoil_ros.experiments.soil_tests.strength import SoilStrength
 from subsoil_ros.scene.loader import load_scene
 
 SCENE = Path(__file__).parents[1] / "config" / "scenes" / "subsoiler_1s300.yaml"

@@ -25,14 +25,14 @@ def first_step(scene: str, started: float) -> None:
         stages.append((stage, time.process_time(), time.monotonic() - started))
 
     from subsoil_ros.cli import simulation
-    from subsoil_ros.coupling.engines import build_mechanism, build_paths
+    from subsoil_ros.coupling.engines import build_mover, build_soil
 
     lap("imports")
     resolved = simulation.load_scene(scene)
     lap("scene")
-    mover = build_mechanism(resolved) or build_paths(resolved)
+    mover = build_mover(resolved)
     lap("mechanism")
-    soil = simulation.build_soil(resolved, 1)
+    soil = build_soil(resolved, 1)
     wrenches = soil.start(mover.initial_motions())
     lap("bed")
     soil.advance(0, mover.advance(0, wrenches))

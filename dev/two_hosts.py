@@ -18,9 +18,7 @@ from pathlib import Path
 
 from mcap.reader import make_reader
 
-from subsoil_ros.coupling.direct import run_direct
-from subsoil_ros.coupling.engines import build_mechanism, build_soil
-from subsoil_ros.recording.bag_writer import open_bag
+from subsoil_ros.api.simulate import simulate
 from subsoil_ros.scene.loader import load_scene
 
 SCENE = Path(__file__).parents[1] / "config/scenes/subsoiler_1s300_quick.yaml"
@@ -152,13 +150,7 @@ def main() -> int:
         folder = Path(name)
         resolved = load_scene(SCENE, CHANGES)
         resolved.write(folder / "scene.yaml")
-        mechanism = build_mechanism(resolved)
-        assert mechanism is not None
-        writer = open_bag(folder / "direct", resolved)
-        try:
-            run_direct(resolved, RUN_ID, mechanism, build_soil(resolved, 1), writer)
-        finally:
-            writer.close()
+        simulate(resolved, folder / "direct", run_id=RUN_ID)
         expected = messages(folder / "direct")
         for way, discovery in (("subnet", dict.fromkeys(ADDRESSES, subnet)), ("peers", peers)):
             place = folder / way

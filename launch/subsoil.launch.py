@@ -18,10 +18,12 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node, SetParameter
 from launch_ros.parameter_descriptions import ParameterValue
 
+from subsoil_ros.api.opened_run import open_run
+from subsoil_ros.cli.bed_preparation import bed_progress
 from subsoil_ros.cli.live import live_port, say_where
-from subsoil_ros.cli.opened_run import open_run
+from subsoil_ros.cli.preparation import say_opened
 from subsoil_ros.errors import InputError
-from subsoil_ros.nodes.plan import checked_namespace, remappings
+from subsoil_ros.nodes.plan import RunPlan, checked_namespace, remappings
 from subsoil_ros.scene.loader import load_scene
 
 DEFAULT_SCENE = "config/scenes/subsoiler_1s300_resistance.yaml"
@@ -80,8 +82,10 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         return [ExecuteProcess(cmd=command, output="screen")]
     live = live_port(given["live"] or None)
     resume = Path(given["resume"]) if given["resume"] else None
-    opened = open_run(load_scene(scene, overrides), scene, out, threads, resume)
-    plan = opened.plan(threads, paused, recorded=recording, live=live)
+    resolved = load_scene(scene, overrides)
+    opened = open_run(resolved, out, threads, resume, shown=scene, bed_progress=bed_progress)
+    say_opened(opened)
+    plan = RunPlan.of(opened, threads, paused, recorded=recording, live=live)
     say_where(live)
     nodes = [
         Node(

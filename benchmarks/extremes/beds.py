@@ -4,7 +4,7 @@ import resource
 
 import numpy as np
 
-from subsoil_ros.cli.check import BYTES_OF_PROCESS, BYTES_PER_PARTICLE
+from subsoil_ros.api.check import BYTES_OF_PROCESS, BYTES_PER_PARTICLE
 from subsoil_ros.dem.engine import SoilEngine
 
 from .cases import REFUSED, RIGHT, Cases, Outcome, must, refused, right, stopped

@@ -5,10 +5,9 @@ import re
 from dataclasses import dataclass, replace
 from typing import Any
 
-from subsoil_ros.coupling.direct import run_direct
+from subsoil_ros.api.simulate import simulate
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.errors import RunError
-from subsoil_ros.mbd.engine import MechanismEngine
 from subsoil_ros.messages import CouplingReport, MechanismState, ToolMotion, ToolMotions, ToolWrench
 from subsoil_ros.scene.coupling_bounds import DAMPER_SHARE, force_age_ticks
 from subsoil_ros.scene.loader import ResolvedScene
@@ -128,8 +127,7 @@ def pressed(laboratory: Laboratory, case: Press, ticks: int) -> tuple[float, flo
         }
     )  # fmt: skip
     kept = _Kept(ToolMotions, CouplingReport)
-    mechanism = MechanismEngine(resolved.scene, resolved.timing)
-    run_direct(resolved, "run", mechanism, _PressedSoil(resolved), kept)
+    simulate(resolved, soil=_PressedSoil(resolved), sink=kept)
     last = [next(record for record in reversed(kept) if isinstance(record, kind))
             for kind in (ToolMotions, CouplingReport)]  # fmt: skip
     return abs(last[0].tools[0].z_m - REST_M), last[1].residual_ratio
@@ -302,7 +300,7 @@ def dragged(laboratory: Laboratory, steps: int, force: str) -> tuple[float, floa
     document["soil"]["time_step_s"] = 4e-5
     resolved = laboratory.resolve(document)
     kept = _Kept(MechanismState, CouplingReport)
-    run_direct(resolved, "run", MechanismEngine(resolved.scene, resolved.timing), SoilEngine(resolved), kept)
+    simulate(resolved, sink=kept)
     drafts = [record.draft_newton for record in kept if isinstance(record, MechanismState)]
     residual = [record for record in kept if isinstance(record, CouplingReport)][-1].residual_ratio
     return sum(drafts[len(drafts) // 2 :]) / (len(drafts) - len(drafts) // 2), residual

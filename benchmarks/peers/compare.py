@@ -17,7 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from subsoil_ros.cli.bed_preparation import prepare_bed_first
+from subsoil_ros.api.beds import prepare_bed_first
+from subsoil_ros.cli.bed_preparation import bed_progress
 from subsoil_ros.cli.preparation import KernelAnnouncer
 from subsoil_ros.dem.beds.prepare import prepare_bed
 from subsoil_ros.dem.bench.cases import Case, stirred_velocities, throughput_cases
@@ -32,7 +33,7 @@ PEERS = (liggghts, lammps_granular, yade_viscoelastic)
 
 def job_of(case: Case) -> tuple[Job, str]:
     """A case as a job, and the hash of its bed."""
-    prepare_bed_first(case.resolved, 1)
+    prepare_bed_first(case.resolved, 1, bed_progress)
     bed = prepare_bed(case.resolved, SoilEngine)
     count = len(bed.positions_m)
     velocities = stirred_velocities(count)

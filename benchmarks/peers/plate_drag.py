@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from subsoil_ros.cli.bed_preparation import prepare_bed_first
+from subsoil_ros.api.beds import prepare_bed_first
+from subsoil_ros.cli.bed_preparation import bed_progress
 from subsoil_ros.cli.preparation import KernelAnnouncer
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.beds.prepare import prepare_bed
@@ -43,7 +44,7 @@ SETTLE_S = 0.1
 def bed_with_hole(seed: int) -> Bed:
     """A dense random bed without the particles that the plate would touch at its start."""
     case = linear_case({**DENSE, "seed": seed}, BIN_M, 1, "plate drag")
-    prepare_bed_first(case.resolved, 1)
+    prepare_bed_first(case.resolved, 1, bed_progress)
     bed = prepare_bed(case.resolved, SoilEngine)
     x = bed.positions_m
     beyond = np.abs(x - (START_X_M, 0.0, 0.5 * PLATE_M[2] - DEPTH_M)) - np.multiply(0.5, PLATE_M)

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from subsoil_ros.analysis.shear_box import ShearBox, frame_mesh, plate_mesh
+from subsoil_ros.experiments.soil_tests.shear_box import ShearBox, frame_mesh, plate_mesh
 
 Vertices = NDArray[np.float64]  # (n, 3) [m]
 Facets = NDArray[np.int64]  # (m, 3), counter-clockwise seen from outside

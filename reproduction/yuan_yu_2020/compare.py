@@ -21,7 +21,7 @@ from subsoil_ros.analysis.findings import find_out
 from subsoil_ros.analysis.plotting import COLOURS, new_figure, save_figure
 from subsoil_ros.analysis.series import read_series
 from subsoil_ros.analysis.window import metrics_window
-from subsoil_ros.cli.recorded_run import recorded_run
+from subsoil_ros.api.recorded_run import recorded_run
 
 from . import printed
 from .comparison import TARGET, Reproduction, Row, reproduction

@@ -6,6 +6,11 @@ from pathlib import Path
 
 from ..errors import InputError
 
+RECORD_HELP = (
+    "folder of a run, as given to `subsoil run --out`; or a bag folder or .mcap file alone: results go to "
+    "NAME_report beside it"
+)
+
 
 def add_overrides(parser: argparse.ArgumentParser) -> None:
     """Declare `--set` and `--accuracy`, once for every verb that reads a scene; both become `overrides`."""

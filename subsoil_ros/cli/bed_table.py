@@ -7,12 +7,13 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from ..api.beds import prepare_bed_first
 from ..dem.beds.bed_file import write_bed
 from ..dem.beds.report import BedReport, FreeMotion, free_motion, report_bed
 from ..dem.engine import SoilEngine
 from ..errors import InputError
 from ..scene.loader import ResolvedScene
-from .bed_preparation import prepare_bed_first
+from .bed_preparation import bed_progress
 from .preparation import KernelAnnouncer
 from .progress import working
 
@@ -27,7 +28,7 @@ def print_bed(console: Console, resolved: ResolvedScene, threads: int, out: Path
         raise InputError(f"{resolved.path}: has no 'soil', so there is no bed to look at; leave out --bed")
     started = time.perf_counter()
     with KernelAnnouncer():
-        prepare_bed_first(resolved, threads)
+        prepare_bed_first(resolved, threads, bed_progress)
         bed = SoilEngine(resolved, threads).bed  # refuses a step too large for it
     seconds = time.perf_counter() - started
     if out is not None:

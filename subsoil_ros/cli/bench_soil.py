@@ -13,6 +13,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from ..api.beds import prepare_bed_first
 from ..dem.bed import Bed
 from ..dem.beds.prepare import prepare_bed
 from ..dem.bench.cases import Case, scaling_cases, throughput_cases
@@ -21,7 +22,7 @@ from ..dem.bench.measure import Throughput, measure
 from ..dem.bench.phases import phase_parts
 from ..dem.bench.roofline import roofline
 from ..dem.engine import SoilEngine
-from .bed_preparation import prepare_bed_first
+from .bed_preparation import bed_progress
 from .preparation import KernelAnnouncer, say
 
 SCALING_COUNTS, LARGEST_COUNT = (10_000, 100_000), 1_000_000
@@ -63,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _bed(case: Case) -> Bed:
-    prepare_bed_first(case.resolved, 1)
+    prepare_bed_first(case.resolved, 1, bed_progress)
     return prepare_bed(case.resolved, SoilEngine)
 
 

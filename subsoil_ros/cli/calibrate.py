@@ -16,8 +16,8 @@ from rich.table import Table
 from ..errors import InputError
 
 if TYPE_CHECKING:
-    from ..analysis.calibration.law import LawFit
-    from ..analysis.calibration.resistance import ResistanceFit
+    from ..experiments.calibration.law import LawFit
+    from ..experiments.calibration.resistance import ResistanceFit
     from ..scene.limits import Timing
 
 CORRELATED = 0.95
@@ -51,10 +51,10 @@ def run(args: argparse.Namespace) -> int:
         InputError: design, scene or file cannot be used; nothing was written.
         RunError: a run failed; finished runs are kept.
     """
-    from ..analysis.calibration.density import bed_density_kg_per_m3
-    from ..analysis.calibration.design import LawDesign, base_scene, read_design
-    from ..analysis.calibration.law import fit_law, write_law
-    from ..analysis.calibration.resistance import FITTED, fit_resistance, measure
+    from ..experiments.calibration.density import bed_density_kg_per_m3
+    from ..experiments.calibration.design import LawDesign, base_scene, read_design
+    from ..experiments.calibration.law import fit_law, write_law
+    from ..experiments.calibration.resistance import FITTED, fit_resistance, measure
     from ..kernel_cache import user_cache_folder
     from ..scene.soil_file import write_soil_file
     from .preparation import KernelAnnouncer, say
@@ -96,7 +96,7 @@ def _watch(name: str, timing: Timing) -> Iterator[Callable[[int], None]]:
 
 
 def _print(fit: ResistanceFit, out: Path) -> None:
-    from ..analysis.calibration.resistance import FITTED
+    from ..experiments.calibration.resistance import FITTED
 
     console = Console(width=None if sys.stdout.isatty() else 140)
     table = Table(title="fitted values", title_justify="left", title_style="bold", box=None)

@@ -11,27 +11,15 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.table import Table
 
-from ..errors import SceneError
 from .arguments import add_overrides
 
 if TYPE_CHECKING:
+    from ..api.check import CheckResult
     from ..mbd.statics import Rest, Survey
-    from ..scene.coupling_bounds import CouplingBound
     from ..scene.limits import Timing
     from ..scene.loader import ResolvedScene
     from ..scene.mechanism import Mechanism
 
-BYTES_PER_PARTICLE = 600
-"""State, neighbour list and contact history of one particle."""
-
-BYTES_OF_PROCESS = 250e6
-"""A Python process with the compiled kernels (measured)."""
-
-PARTICLE_STEPS_PER_S = 6.0e6
-"""One core, float64, all features of the wet law (measured: 7.2e6 on a free core of a cloud machine)."""
-
-LOCKSTEP_S_PER_TICK = 4.0e-4
-"""Exchange of one tick between processes, wall time (rough)."""
 
 RESOLVED_STEPS = 20
 """Steps a period from which a mode counts as resolved (chosen: runge_kutta_4 then takes 0.03 % of the energy
@@ -54,72 +42,40 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Validate the scene and print its tables. Raises SceneError for whatever would stop a run."""
-    from ..mbd.statics import survey
-    from ..scene.limits import step_notes
+    from ..api.check import check
     from ..scene.loader import load_scene
     from .accuracy_rows import accuracy_lines
-    from .soil_rows import particle_rows, reduced_rows, start_count
+    from .soil_rows import particle_rows, reduced_rows
 
     resolved = load_scene(args.scene, args.overrides)
-    mechanism = resolved.scene.mechanism
-    try:
-        found = survey(mechanism, resolved.scene.gravity_m_per_s2) if mechanism else None
-        bounds = _bounds(resolved)
-        soil = resolved.scene.particle_soil
-        particle_count = start_count(resolved)
-    except SceneError as error:
-        raise SceneError(f"{args.scene}: {error}") from error
+    found = check(resolved)
+    scene, soil = resolved.scene, resolved.scene.particle_soil
     console = Console(width=None if sys.stdout.isatty() else 140)
-    console.print(_table(resolved.scene.name, _general(resolved)))
+    console.print(_table(scene.name, _general(resolved)))
     if soil is not None:
-        console.print(_table("soil", particle_rows(resolved, soil, particle_count)))
-        console.print(_limits(resolved))
-        for note in step_notes(resolved.scene, resolved.timing.soil_step_s):
-            console.print(note)
-    if resolved.scene.reduced_soil is not None:
-        console.print(_table("soil, reduced", reduced_rows(resolved, resolved.scene.reduced_soil)))
-        for note in resolved.notes:
-            console.print(note)
-    if mechanism and found:
-        console.print(_table("mechanism", _mechanism(mechanism, found)))
-        if found.rest is not None:
-            for table in _at_rest(found.rest, resolved.timing):
+        console.print(_table("soil", particle_rows(resolved, soil, found.particles)))
+        console.print(_limits(found))
+    if scene.reduced_soil is not None:
+        console.print(_table("soil, reduced", reduced_rows(resolved, scene.reduced_soil)))
+    for note in found.notes:
+        console.print(note)
+    if scene.mechanism and found.mechanism:
+        console.print(_table("mechanism", _mechanism(scene.mechanism, found.mechanism)))
+        if found.mechanism.rest is not None:
+            for table in _at_rest(found.mechanism.rest, resolved.timing):
                 console.print(table)
-    if bounds:
-        console.print(_coupling(resolved, bounds))
-    console.print(_table("cost", _cost(resolved, particle_count)))
+    if found.coupling:
+        console.print(_coupling(found))
+    console.print(_table("cost", _cost(found)))
     for line in accuracy_lines(resolved, args.overrides):
         console.print(line)
     if args.bed or args.bed_out:
         from .bed_table import print_bed  # imports the engine of particles
 
         print_bed(console, resolved, args.threads, args.bed_out)
-    for bound in bounds:
-        if resolved.timing.interval_s > bound.undamped_s:
-            console.print(
-                f"warning: coupling.interval_ns: {resolved.timing.interval_ns} is above "
-                f"{bound.undamped_s * 1e9:.0f} ns for tool '{bound.tool}': the held force outweighs the "
-                "contact's damper and can fake vibration"
-            )
+    for warning in found.warnings:
+        console.print(f"warning: {warning}")
     return 0
-
-
-def _bounds(resolved: ResolvedScene) -> tuple[CouplingBound, ...]:
-    from ..scene.coupling_bounds import coupling_bounds
-    from ..scene.meshes import load_tool_mesh
-
-    scene = resolved.scene
-    meshes = {name: load_tool_mesh(resolved.directory, scene, name) for name in scene.tools}
-    bounds = coupling_bounds(scene, meshes)
-    for bound in bounds:
-        if resolved.timing.interval_s > bound.unstable_s:
-            raise SceneError(
-                f"coupling.interval_ns: {resolved.timing.interval_ns} is above the stable limit "
-                f"{bound.unstable_s * 1e9:.0f} ns of tool '{bound.tool}' (effective mass "
-                f"{bound.effective_mass_kg:.3g} kg under {bound.contact_count:.0f} contacts). "
-                "Use 'auto', or less."
-            )
-    return bounds
 
 
 def _table(title: str, rows: Iterable[tuple[str, str]]) -> Table:
@@ -179,16 +135,13 @@ def _general(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
         yield "note", scene.report.note
 
 
-def _limits(resolved: ResolvedScene) -> Table:
+def _limits(found: CheckResult) -> Table:
     """Every limit on the soil step; the smallest binds."""
-    from ..scene.limits import step_limits
-
-    soil, used_s = resolved.scene.particle_soil, resolved.timing.soil_step_s
     table = Table(title="soil step", title_justify="left", title_style="bold", box=None)
     for heading in ("limit", "cause", ""):
         table.add_column(heading, justify="left")
-    for index, limit in enumerate(step_limits(soil) if soil else ()):
-        binding = f"binds: used {used_s * 1e6:.4g} us" if index == 0 else ""
+    for index, limit in enumerate(found.limits):
+        binding = f"binds: used {found.scene.timing.soil_step_s * 1e6:.4g} us" if index == 0 else ""
         table.add_row(f"{limit.limit_s * 1e6:.4g} us", limit.cause, binding)
     return table
 
@@ -249,12 +202,12 @@ def _number(value: float) -> str:
     return f"{value:.1f}" if abs(value) >= 0.05 else "0"
 
 
-def _coupling(resolved: ResolvedScene, bounds: tuple[CouplingBound, ...]) -> Table:
-    title = f"coupling, interval {resolved.timing.interval_ns * 1e-3:g} us"
+def _coupling(found: CheckResult) -> Table:
+    title = f"coupling, interval {found.scene.timing.interval_ns * 1e-3:g} us"
     table = Table(title=title, title_justify="left", title_style="bold", box=None)
     for heading in ("tool", "damper outweighs the held force up to", "stable up to", "estimated from"):
         table.add_column(heading, justify="left")
-    for bound in bounds:
+    for bound in found.coupling:
         table.add_row(
             bound.tool,
             f"{bound.undamped_s * 1e6:.4g} us",
@@ -264,21 +217,18 @@ def _coupling(resolved: ResolvedScene, bounds: tuple[CouplingBound, ...]) -> Tab
     return table
 
 
-def _cost(resolved: ResolvedScene, particle_count: int) -> Iterable[tuple[str, str]]:
-    scene, timing = resolved.scene, resolved.timing
-    lockstep_s = timing.tick_count * LOCKSTEP_S_PER_TICK
-    if scene.particle_soil is None:
-        yield "memory", f"{BYTES_OF_PROCESS / 1e9:.2f} GB for each process"
-        yield "wall time", f"about {_duration(lockstep_s)} as separate processes"
+def _cost(found: CheckResult) -> Iterable[tuple[str, str]]:
+    cost = found.cost
+    exchange, others = _duration(cost.exchange_wall_s), f"{cost.process_bytes / 1e9:.2f} GB for each"
+    if found.scene.scene.particle_soil is None:
+        yield "memory", f"{others} process"
+        yield "wall time", f"about {exchange} as separate processes"
         return
-    memory = BYTES_OF_PROCESS + particle_count * BYTES_PER_PARTICLE
-    others = BYTES_OF_PROCESS / 1e9
-    yield "memory", f"{memory / 1e9:.2f} GB for the soil, {others:.2f} GB for each other process"
-    soil_s = particle_count * timing.soil_steps * timing.tick_count / PARTICLE_STEPS_PER_S
+    yield "memory", f"{cost.memory_bytes / 1e9:.2f} GB for the soil, {others} other process"
     yield (
         "wall time",
         (
-            f"about {_duration(soil_s)} for the soil on one core, and {_duration(lockstep_s)} of exchange "
+            f"about {_duration(cost.soil_wall_s)} for the soil on one core, and {exchange} of exchange "
             "between separate processes"
         ),
     )

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from types import ModuleType
 
-from .. import __version__
+from .._version import __version__
 from ..errors import InterruptedRunError, SubsoilError
 
 VERBS = {

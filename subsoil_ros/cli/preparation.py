@@ -7,15 +7,27 @@ after.
 import sys
 import time
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from numba.core import event
 
 from ..kernel_cache import kernel_cache_folder, soil_kernels_are_kept
 
+if TYPE_CHECKING:
+    from ..api.opened_run import OpenedRun
+
 
 def say(line: str) -> None:
     """One line on standard error."""
     print(line, file=sys.stderr, flush=True)
+
+
+def say_opened(opened: "OpenedRun") -> None:
+    """What is to be said of a run before it begins: warnings on standard error, notes on standard output."""
+    for warning in opened.warnings:
+        say(f"warning: {warning}")
+    for note in opened.notes:
+        print(note, flush=True)
 
 
 class KernelAnnouncer(event.Listener):

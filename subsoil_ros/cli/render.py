@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 from ..analysis.views import VIEWS
 from ..errors import InputError
 from ..extras import require
-from .recorded_run import RECORD_HELP, RecordedRun, recorded_run
+from .arguments import RECORD_HELP
 
 if TYPE_CHECKING:
     from ..analysis.frames import Frames
+    from ..api.recorded_run import RecordedRun
 
 SMALLEST_PIXELS, LARGEST_PIXELS = 64, 7680
 """Of a side of a picture (chosen: a stamp; 8K, and what H.264 takes)."""
@@ -76,6 +77,8 @@ def run(args: argparse.Namespace) -> int:
     """
     _check(args)
     require("drawing", "imageio", "imageio_ffmpeg", "matplotlib", "pyvista", "vtkmodules")
+    from ..api.recorded_run import recorded_run
+
     with recorded_run(args.record) as recorded:
         return _render(args, recorded)
 

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from ..extras import require
-from .recorded_run import RECORD_HELP, RecordedRun, recorded_run
+from .arguments import RECORD_HELP
 
 if TYPE_CHECKING:
     from ..analysis.findings import Findings
+    from ..api.recorded_run import RecordedRun
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,6 +36,8 @@ def run(args: argparse.Namespace) -> int:
         InputError: the record cannot be used, or a library is missing; nothing was written.
     """
     require("drawing", "jinja2", "matplotlib")
+    from ..api.recorded_run import recorded_run
+
     with recorded_run(args.record) as recorded:
         return _report(recorded, args.html)
 

@@ -8,27 +8,22 @@ from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 
-from ..analysis.series import read_series, write_series_csv
-from ..analysis.summary import print_summary, summarize, summarize_unrecorded, write_summary
-from ..analysis.versions import versions
+from ..analysis.summary import print_summary
+from ..api.checkpoints import name_checkpoint
+from ..api.opened_run import OpenedRun, open_run
+from ..api.results import conclude
+from ..api.simulate import needed_controller, simulate_opened
 from ..coupling.control import build_controller
-from ..coupling.direct import run_direct
-from ..coupling.engines import build_soil
 from ..coupling.protocol import CONTROLLER, COUPLER
-from ..coupling.resumption import Keeper
-from ..errors import InputError, RecordingError, SubsoilError
+from ..coupling.signals import caught_signals
+from ..errors import InputError, SubsoilError
 from ..nodes.domain import run_domain
 from ..nodes.plan import RunPlan, checked_namespace
-from ..nodes.signals import caught_signals
-from ..recording.bag_writer import open_bag
-from ..recording.joined import mend_earlier
-from ..recording.recovery import recover
 from ..scene.loader import ResolvedScene, load_scene
+from .bed_preparation import bed_progress
 from .live import live_port, say_where
-from .opened_run import OpenedRun, open_run
-from .preparation import KernelAnnouncer, announce_kernels_of_nodes, say
+from .preparation import KernelAnnouncer, announce_kernels_of_nodes, say, say_opened
 from .progress import RunProgress, reading_bag, working
-from .resumption import CHECKPOINTS, checkpoint_facts, name_checkpoint
 from .supervisor import Supervisor, node_program, start_node
 
 
@@ -51,8 +46,9 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
     live = live_port(args.live)
     if live and not resolved.scene.record.bag:
         raise InputError("--live: shows what is recorded, and record.bag is false; add --set record.bag=true")
-    opened = open_run(resolved, args.scene, Path(args.out), args.threads, args.resume)
-    out, resumed = opened.out, opened.resumed
+    out = Path(args.out)
+    opened = open_run(resolved, out, args.threads, args.resume, shown=args.scene, bed_progress=bed_progress)
+    say_opened(opened)
     say_where(live)
     failure: SubsoilError | None = None
     signals: list[int] = []
@@ -65,22 +61,25 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
         with caught_signals(signals.append), RunProgress(resolved.scene.name, resolved.timing) as bar:
             progress = kernels.before(bar)
             if args.mode == "direct":
-                _run_direct(opened, args.threads, live, progress, stop_signal)
+                simulate_opened(opened, args.threads, progress, stop_signal, live)
             elif args.mode == "composed":
                 _run_composed(opened, args.threads, args.paused, live, namespace, progress, stop_signal)
             else:
-                plan = opened.plan(args.threads, args.paused, supervised=True, live=live)
+                plan = RunPlan.of(opened, args.threads, args.paused, supervised=True, live=live)
                 _run_nodes(plan, namespace, out / "log", progress, stop_signal)
     except SubsoilError as error:
         failure = error
     if failure is not None and failure.exit_status == InputError.exit_status and not bar.started:
         shutil.rmtree(out)  # bad input that showed only when the bed was there: nothing ran
         raise failure
-    wall_s = time.monotonic() - start
-    facts = {"mode": args.mode, "threads": args.threads, "whole_wall_s": wall_s, "versions": versions()}
+    facts = {"mode": args.mode, "threads": args.threads, "whole_wall_s": time.monotonic() - start}
     if failure is not None:
-        name_checkpoint(failure, out, resumed)
-    _summarize(resolved, out, facts | checkpoint_facts(out, resumed), failure)
+        name_checkpoint(failure, out, opened.resumed)
+    summary = conclude(opened, facts, failure, reading=reading_bag, working=working)
+    if summary is not None and resolved.scene.record.bag:
+        print_summary(summary, resolved.scene, out)
+    elif summary is not None:
+        print(f"nothing is recorded (record.bag: false); {out / 'summary.json'} says how the run ended")
     if failure is not None:
         raise failure
     return 0
@@ -92,11 +91,7 @@ def _refuse_direct(args: argparse.Namespace, resolved: ResolvedScene) -> None:
         raise InputError("--namespace: a direct run has no nodes; use --mode nodes or composed")
     if args.paused:
         raise InputError("--paused: a direct run has no services to resume it; use --mode nodes or composed")
-    if resolved.scene.controller is not None and build_controller(resolved) is None:
-        raise InputError(
-            f"{args.scene}: controller.law: 'external' is a node of somebody else, and a direct run has no "
-            "nodes; use --mode nodes or composed"
-        )
+    needed_controller(resolved)
 
 
 def _say_what_it_waits_for(
@@ -123,37 +118,6 @@ def _say_domain(domain: int, namespace: str) -> None:
     say(f"nodes in ROS_DOMAIN_ID={domain}{f', namespace {namespace}' if namespace else ''}")
 
 
-def _run_direct(
-    opened: OpenedRun,
-    threads: int,
-    live: int,
-    progress: Callable[[int], None],
-    stop_signal: Callable[[], int],
-) -> None:
-    resolved, resumed = opened.resolved, opened.resumed
-    writer = open_bag(opened.out / "bag", resolved, live) if resolved.scene.record.bag else None
-    sync = (writer.sync,) if writer is not None else ()
-    try:
-        soil = build_soil(resolved, threads)
-        keeper = Keeper(opened.out / CHECKPOINTS, resolved, opened.run_id, *sync)
-        controller = build_controller(resolved, resumed)
-        run_direct(
-            resolved,
-            opened.run_id,
-            opened.mover,
-            soil,
-            writer,
-            progress,
-            stop_signal,
-            keeper,
-            resumed,
-            controller,
-        )
-    finally:
-        if writer is not None:
-            writer.close()
-
-
 def _run_composed(
     opened: OpenedRun,
     threads: int,
@@ -169,8 +133,8 @@ def _run_composed(
         from ..nodes.composed import run_composed, scene_builds  # the other modes need no ROS here
         from ..nodes.lifeline import NodeRun
 
-        node_run = NodeRun(opened.run_id, opened.resolved, opened.out / CHECKPOINTS, opened.resumed)
-        builds = scene_builds(node_run, opened.out / "bag", threads, progress, paused, live)
+        node_run = NodeRun(opened.run_id, opened.resolved, opened.checkpoints, opened.resumed)
+        builds = scene_builds(node_run, opened.bag, threads, progress, paused, live)
         _say_domain(domain, namespace)
         _say_what_it_waits_for(opened.resolved, opened.run_id, domain, namespace, paused)
         ending = run_composed(node_run, builds, stop_signal, namespace)
@@ -204,34 +168,3 @@ def _run_nodes(
         ending = Supervisor(processes, progress).follow(stop_signal)
     if ending.exit_status:
         raise ending.error()
-
-
-def _summarize(
-    resolved: ResolvedScene, out: Path, run_info: dict[str, object], failure: SubsoilError | None
-) -> None:
-    """Makes series and summary from the bag; of a run that failed, if there is anything to show."""
-    bag = out / "bag"
-    if failure is not None:
-        run_info = run_info | {"failure": str(failure)}
-    try:
-        if not resolved.scene.record.bag:
-            write_summary(summarize_unrecorded(resolved, run_info), out / "summary.json")
-            print(f"nothing is recorded (record.bag: false); {out / 'summary.json'} says how the run ended")
-            return
-        if failure is not None:
-            with working("looking after the bag"):
-                recover(bag)  # its writer may have been killed; a whole bag is left as it is
-        mend_earlier(out)
-        with reading_bag(resolved.timing) as watch:
-            series = read_series(bag, resolved.scene, watch)
-        write_series_csv(series, out / "series.csv")
-        with working("reading the clouds"):
-            summary = summarize(bag, resolved, run_info, series)
-        write_summary(summary, out / "summary.json")
-        print_summary(summary, resolved.scene, out, reference=resolved.reference)
-    except SubsoilError:
-        if failure is None:
-            raise
-    except OSError as error:
-        if failure is None:
-            raise RecordingError(f"{out}: the results cannot be written ({error.strerror})") from error

@@ -15,15 +15,6 @@ from ..scene.soil_file import soil_of
 from ..scene.tool_faces import cutting_faces, wheel_face
 
 
-def start_count(resolved: ResolvedScene) -> int:
-    """Particles before tools remove any; 0 for a soil without. Raises SceneError as check_start does."""
-    if resolved.scene.particle_soil is None:
-        return 0
-    from ..dem.beds.prepare import check_start
-
-    return check_start(resolved)
-
-
 def reduced_rows(resolved: ResolvedScene, soil: ResistanceSoil) -> Iterable[tuple[str, str]]:
     """Values of a reduced soil, and what it sees of each tool."""
     found = soil_of(soil)

@@ -11,14 +11,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..analysis.soil_test_options import INERTIAL_NUMBER, LEAST_POINTS
 from ..errors import InputError
+from ..experiments.soil_tests.options import INERTIAL_NUMBER, LEAST_POINTS
 from ..extras import require
 from .arguments import add_overrides
 
 if TYPE_CHECKING:
-    from ..analysis.soil_tests import SoilTests
-    from ..analysis.strength import CoulombFit
+    from ..experiments.soil_tests.runs import SoilTests
+    from ..experiments.soil_tests.strength import CoulombFit
     from ..scene.limits import Timing
     from ..scene.loader import ResolvedScene
 
@@ -73,8 +73,8 @@ def run(args: argparse.Namespace) -> int:
     """
     if args.out is not None:
         require("--out: the figure", "matplotlib")
-    from ..analysis.soil_tests import run_soil_tests
-    from ..analysis.strength import write_results
+    from ..experiments.soil_tests.runs import run_soil_tests
+    from ..experiments.soil_tests.strength import write_results
     from ..scene.loader import load_scene
     from ..scene.pairs import pair_values
     from .progress import RunProgress, working
@@ -113,7 +113,7 @@ def run(args: argparse.Namespace) -> int:
             working=working,
         )  # fmt: skip
         if args.out is not None:
-            from ..analysis.strength_figure import draw_tests
+            from ..experiments.soil_tests.figure import draw_tests
 
             facts = {
                 "scene": resolved.scene.name,
@@ -156,7 +156,7 @@ def _print(resolved: ResolvedScene, tests: SoilTests, out: str | None) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from ..analysis.strength import SoilStrength, shear_rows
+    from ..experiments.soil_tests.strength import SoilStrength, shear_rows
 
     console = Console()
     strength = SoilStrength.of(tests)

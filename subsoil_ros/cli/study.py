@@ -12,7 +12,7 @@ from .arguments import add_overrides
 from .sweep import add_manner
 
 if TYPE_CHECKING:
-    from ..study.design import StudyDesign
+    from ..experiments.study.design import StudyDesign
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,9 +41,9 @@ def run(args: argparse.Namespace) -> int:
     """
     require("a study", "dask", "distributed", "matplotlib", "pyarrow")
     from ..errors import InputError
-    from ..study.design import design_of, read_design
-    from ..study.engine import Manner
-    from ..study.study import run_study
+    from ..experiments.study.design import design_of, read_design
+    from ..experiments.study.study import run_study
+    from ..experiments.sweep.engine import Manner
     from .sweep_progress import SweepProgress
 
     design = read_design(args.design or design_of(Path(args.scene)))
@@ -68,8 +68,8 @@ def _list(args: argparse.Namespace, design: "StudyDesign", console: Console) -> 
     """Every variant with its particles and steps."""
     from rich.table import Table
 
-    from ..study.study import study_jobs
-    from .soil_rows import start_count
+    from ..api.check import start_count
+    from ..experiments.study.study import study_jobs
 
     table = Table(title=f"{len(design.seeds)} seeds each", title_justify="left", box=None)
     for heading in ("variant", "particles", "soil steps", "particle-steps"):

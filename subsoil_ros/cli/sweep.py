@@ -13,8 +13,8 @@ from ..extras import require
 from .arguments import add_overrides, positive_count
 
 if TYPE_CHECKING:
-    from ..study.ranking import Ranked
-    from ..study.sweep import Outcome
+    from ..experiments.sweep.ranking import Ranked
+    from ..experiments.sweep.sweep import Outcome
 
 SHOWN_ROWS = 12
 
@@ -92,9 +92,9 @@ def run(args: argparse.Namespace) -> int:
         RunError: every run failed.
     """
     require("a sweep", "dask", "distributed", "matplotlib", "pyarrow")
-    from ..study.engine import Manner
-    from ..study.plan import parse_variations
-    from ..study.sweep import Sweep, run_sweep
+    from ..experiments.sweep.engine import Manner
+    from ..experiments.sweep.plan import parse_variations
+    from ..experiments.sweep.sweep import Sweep, run_sweep
     from .sweep_progress import SweepProgress
 
     if not args.vary and not args.pair:

@@ -85,6 +85,11 @@ def build_paths(resolved: ResolvedScene) -> Mover:
     return PathEngine(resolved.scene, resolved.timing)
 
 
+def build_mover(resolved: ResolvedScene) -> Mover:
+    """The scene's mechanism, or the paths of its tools."""
+    return build_mechanism(resolved) or build_paths(resolved)
+
+
 def build_soil(resolved: ResolvedScene, threads: int) -> Soil | None:
     """The scene's soil; None if it names none. Only the engine that is named is imported."""
     if resolved.scene.soil is None:

@@ -17,7 +17,7 @@ from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from .. import __version__
+from .._version import __version__
 from ..coupling.ending import Ending
 from ..coupling.protocol import CAPABILITIES, COUPLER, RECORDER, participants
 from ..coupling.resumption import Keeper

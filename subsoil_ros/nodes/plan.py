@@ -8,11 +8,15 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..coupling.control import build_controller
 from ..coupling.protocol import CONTROLLER, COUPLER, RECORDER, SOIL, participants
 from ..errors import InputError
 from ..scene.loader import ResolvedScene
+
+if TYPE_CHECKING:
+    from ..api.opened_run import OpenedRun
 
 Parameters = Mapping[str, str | int | bool]
 """Parameters of a node by name."""
@@ -55,6 +59,31 @@ class RunPlan:
     live: int = 0  # port of a live view; 0: there is none
     recorded: bool = True
     supervised: bool = False
+
+    @classmethod
+    def of(
+        cls,
+        opened: "OpenedRun",
+        threads: int,
+        paused: bool = False,
+        supervised: bool = False,
+        recorded: bool = True,
+        live: int = 0,
+    ) -> "RunPlan":
+        """The plan of a run whose folder is made."""
+        return cls(
+            opened.resolved,
+            scene=opened.out / "scene.yaml",
+            run_id=opened.run_id,
+            bag=opened.bag,
+            checkpoints=opened.checkpoints,
+            resume=opened.resumed.path if opened.resumed is not None else None,
+            threads=threads,
+            paused=paused,
+            live=live,
+            recorded=recorded,
+            supervised=supervised,
+        )
 
     def nodes(self) -> tuple[NodeStart, ...]:
         """The nodes to start, the coupler last; an external controller is somebody else's."""

@@ -19,13 +19,13 @@ from rclpy.signals import SignalHandlerOptions
 
 from ..coupling.ending import KEEP_S, SIGNAL_STATUS, Ending, interrupted
 from ..coupling.protocol import COUPLER, RECORDER
+from ..coupling.signals import caught_signals
 from ..errors import InputError, RunError
 from ..recording.checkpoint import read_checkpoint
 from ..scene.loader import ResolvedScene, load_scene
 from .lifeline import LATE_S, Lifeline, NodeRun
 from .lockstep_node import LAST_WORD_S, OWN_TIME, LockstepNode, one_line
 from .service import Service
-from .signals import caught_signals
 
 GRACE_S = 2.0
 """Time for a node that computes to come back and end in order; then the process ends itself."""

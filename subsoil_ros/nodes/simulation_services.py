@@ -16,7 +16,7 @@ from rclpy.action import ActionServer, CancelResponse
 from rclpy.node import Node
 from rclpy.service import Service
 
-from .. import __version__
+from .._version import __version__
 from .lifeline import Lifeline
 from .run_control import RESET_ADVICE, Result, RunControl
 

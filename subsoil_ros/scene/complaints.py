@@ -93,7 +93,7 @@ def _origin(path: str, overrides: Sequence[Override]) -> str:
     for override in reversed(overrides):
         within = f"{path}.".startswith(f"{override.path}.")
         if within or f"{override.path}.".startswith(f"{path}."):
-            return f" (given by --set {override.path})"
+            return f" (given by {override.source})"
     return ""
 
 

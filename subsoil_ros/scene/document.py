@@ -12,6 +12,7 @@ from ruamel.yaml.composer import Composer, ComposerError
 from ruamel.yaml.constructor import SafeConstructor
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, ScalarNode
+from ruamel.yaml.representer import RepresenterError
 
 from ..errors import SceneError
 
@@ -87,6 +88,18 @@ def parse_yaml(text: str | bytes, source: str) -> Any:
     except RecursionError as error:
         raise SceneError(f"{source}: nested without end; remove the alias that contains itself") from error
     return value
+
+
+def plain_value(value: object, source: str) -> object:
+    """A copy of a value as YAML would give it. Raises SceneError for what YAML cannot say, as parse_yaml."""
+    try:
+        stream = StringIO()
+        _yaml().dump(value, stream)
+    except RepresenterError as error:
+        raise SceneError(
+            f"{source}: {error}; allowed are numbers, texts, booleans, None, lists, and mappings of them"
+        ) from error
+    return parse_yaml(stream.getvalue(), source)
 
 
 def read_document(path: Path, shown: str) -> Document:

@@ -15,13 +15,13 @@ from pathlib import Path
 from ..errors import SceneError
 from .beds import SavedBed
 from .complaints import validated
-from .document import Document, dump_yaml, merge, read_document
+from .document import Document, dump_yaml, merge, plain_value, read_document
 from .files import with_absolute_files
 from .keys import suggestion
 from .limits import Timing, derive_timing
 from .meshes import load_tool_mesh
 from .model import Scene
-from .overrides import CHOICES, Override, apply_override, parse_overrides
+from .overrides import CHOICES, Override, apply_override, overrides_of, parse_overrides
 from .presets import Preset, read_preset
 from .reference import Reference, read_reference
 from .shipped import shipped_scene
@@ -48,20 +48,25 @@ class ResolvedScene:
         path.write_text(dump_yaml(self.document), encoding="utf-8")
 
 
-def load_scene(path: str | Path, overrides: Sequence[str] = ()) -> ResolvedScene:
-    """Read, merge and validate a scene, a file or the name of a shipped one.
+def load_scene(
+    path: str | Path | Document, overrides: Sequence[str] | Mapping[str, object] = ()
+) -> ResolvedScene:
+    """Read, merge and validate a scene: a file, the name of a shipped one, or a document.
 
-    overrides: "a.b.c=value" texts, the value in YAML, applied last; "start=NAME" chooses the start and
-    "accuracy=NAME" the preset.
+    Files that a document names are seen from the working folder.
+
+    overrides: "a.b.c=value" texts, the value in YAML, or values by dotted path; applied last. `start` chooses
+    the start and `accuracy` the preset.
 
     Raises:
         SceneError: whatever is wrong with file, overrides, meshes or time steps; every line names
             the file (or the override) and the place.
     """
-    shown = str(path)
-    path = shipped_scene(Path(path))
-    changes = parse_overrides(overrides)
-    document = _with_base(path, shown, ())
+    given = path if isinstance(path, dict) else None
+    shown = "scene" if given is not None else str(path)
+    path = Path("scene") if isinstance(path, dict) else shipped_scene(Path(path))
+    changes = overrides_of(overrides) if isinstance(overrides, Mapping) else parse_overrides(overrides)
+    document = _with_base(path, shown, (), given)
     presets = {
         name: read_preset(content, f"{shown}: presets.{name}")
         for name, content in document.get("presets", {}).items()
@@ -105,8 +110,8 @@ def _reduced_notes(scene: Scene, directory: Path) -> tuple[str, ...]:
     return check_reduced_soil(scene, directory, likeness)
 
 
-def _with_base(path: Path, shown: str, above: tuple[Path, ...]) -> Document:
-    """The document of a file laid over its base.
+def _with_base(path: Path, shown: str, above: tuple[Path, ...], given: Document | None = None) -> Document:
+    """The document of a file, or a given one as if it stood there, laid over its base.
 
     A start or a preset replaces the base's of the same name; `starts: null` and `presets: null` drop those
     of the base. What was measured of a preset holds for the scene it stands in, so it is not inherited.
@@ -114,7 +119,7 @@ def _with_base(path: Path, shown: str, above: tuple[Path, ...]) -> Document:
     resolved = path.resolve()
     if resolved in above:
         raise SceneError(f"{shown}: base: the files name each other as base; remove one 'base'")
-    document = read_document(path, shown)
+    document = read_document(path, shown) if given is None else _plain(given, shown)
     own = {
         "starts": _fragments(document, "starts", shown, lambda s: with_absolute_files(s, resolved.parent)),
         "presets": _fragments(document, "presets", shown, lambda s: _absolute_preset(s, resolved.parent)),
@@ -141,6 +146,12 @@ def _with_base(path: Path, shown: str, above: tuple[Path, ...]) -> Document:
         if together:
             merged = {**merged, section: together}
     return merged
+
+
+def _plain(given: Document, shown: str) -> Document:
+    document = plain_value(given, shown)
+    assert isinstance(document, dict)
+    return document
 
 
 def _fragments(

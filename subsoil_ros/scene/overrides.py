@@ -1,11 +1,11 @@
-"""`a.b.c=value`: changes to a scene document from the command line."""
+"""Changes to a scene document: `a.b.c=value` texts of the command line, or values by dotted path."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ..errors import SceneError
-from .document import Document, merge, parse_yaml
+from .document import Document, merge, parse_yaml, plain_value
 from .keys import is_model, item_annotation, known_keys, members, model_at, suggestion
 from .model import Scene
 
@@ -22,11 +22,12 @@ class Override:
 
     path: str
     value: object
+    given_by: str = "--set"
 
     @property
     def source(self) -> str:
         """How the override is called in errors."""
-        return f"--set {self.path}"
+        return f"{self.given_by} {self.path}"
 
 
 def parse_overrides(texts: Sequence[str]) -> list[Override]:
@@ -40,6 +41,17 @@ def parse_overrides(texts: Sequence[str]) -> list[Override]:
                 f"--set {text}: given '{text}', needed is KEY.KEY=VALUE, for example soil.bed.seed=3"
             )
         found.append(Override(path, parse_yaml(value, f"--set {path}")))
+    return found
+
+
+def overrides_of(changes: Mapping[str, object]) -> list[Override]:
+    """Overrides from values by dotted path. Raises SceneError for a path or a value that is none."""
+    found = []
+    for path, value in changes.items():
+        if not isinstance(path, str) or not all(path.split(".")):
+            raise SceneError(f"overrides: given the key {path!r}, needed is KEY.KEY, as 'soil.bed.seed'")
+        override = Override(path, value, "overrides:")
+        found.append(replace(override, value=plain_value(value, override.source)))
     return found
 
 

@@ -12,10 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from subsoil_ros.api.simulate import simulate
 from subsoil_ros.cli.main import main
-from subsoil_ros.coupling.direct import run_direct
-from subsoil_ros.coupling.engines import build_mechanism, build_soil
-from subsoil_ros.coupling.resumption import Keeper
 from subsoil_ros.recording import checkpoint
 from subsoil_ros.recording.checkpoint import end_digests, read_checkpoint
 from subsoil_ros.recording.joined import open_record
@@ -149,13 +147,6 @@ def test_twice_interrupted_while_the_machine_is_busy(whole: Path, start: Callabl
     assert summary(third.out) == before
 
 
-class NoSink:
-    """Records nothing."""
-
-    def write(self, record: object) -> None:
-        """Takes a record."""
-
-
 def test_from_every_checkpoint_and_without_a_recorder(
     whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -166,10 +157,8 @@ def test_from_every_checkpoint_and_without_a_recorder(
 
     def run(name: str, resumed: Path | None, *overrides: str) -> None:
         resolved = load_scene(whole / "scene.yaml", overrides)
-        mover, soil = build_mechanism(resolved), build_soil(resolved, 1)
         kept = read_checkpoint(resumed) if resumed is not None else None
-        keeper = Keeper(tmp_path / name, resolved, name)
-        run_direct(resolved, name, mover, soil, NoSink(), keeper=keeper, resumed=kept)
+        simulate(resolved, run_id=name, checkpoints=tmp_path / name, resumed=kept)
         assert end_digests(tmp_path / name) == end
 
     run("bare", None, "record.cloud_hz=0", "record.checkpoint_s=0", "record.series_ticks=7")

@@ -19,18 +19,15 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from subsoil_ros.api.simulate import simulate
 from subsoil_ros.coupling.control import Controller, build_controller
-from subsoil_ros.coupling.direct import run_direct
 from subsoil_ros.coupling.ending import Ending
-from subsoil_ros.coupling.engines import build_mechanism
 from subsoil_ros.coupling.protocol import CONTROLLER
-from subsoil_ros.coupling.resumption import Keeper
 from subsoil_ros.errors import InterruptedRunError, RunError
 from subsoil_ros.messages import DriverCommand, MechanismState
 from subsoil_ros.nodes.composed import run_composed, scene_builds
 from subsoil_ros.nodes.controller_node import ControllerNode
 from subsoil_ros.nodes.lifeline import NodeRun
-from subsoil_ros.recording.bag_writer import open_bag
 from subsoil_ros.recording.checkpoint import newest_valid
 from subsoil_ros.recording.topics import LATCHED, bag_topic
 from subsoil_ros.scene.loader import ResolvedScene, load_scene
@@ -76,13 +73,7 @@ def run_nodes(scene: ResolvedScene, bag: Path, controller: Callable[[], Controll
 
 def run_without_ros(scene: ResolvedScene, bag: Path, controller: Controller | None) -> None:
     """The same by the direct run."""
-    mechanism = build_mechanism(scene)
-    assert mechanism is not None
-    writer = open_bag(bag, scene)
-    try:
-        run_direct(scene, "test", mechanism, None, writer, controller=controller)
-    finally:
-        writer.close()
+    simulate(scene, bag, run_id="test", controller=controller)
 
 
 def command_ticks(bag: Path, interval_ns: int) -> list[int]:
@@ -114,29 +105,22 @@ def test_nodes_and_direct_run_drive_alike(scene: ResolvedScene, tmp_path: Path, 
 def test_a_resumed_run_is_driven_on_alike(scene: ResolvedScene, tmp_path: Path, stopped: int) -> None:
     """From a checkpoint, in both ways: the messages of a run that was never stopped."""
     run_without_ros(scene, tmp_path / "whole", build_controller(scene))
-    mechanism = build_mechanism(scene)
-    assert mechanism is not None
-    keeper = Keeper(tmp_path / "checkpoints", scene, "test")
     seen: list[int] = []
     with pytest.raises(InterruptedRunError):
-        run_direct(
-            scene, "test", mechanism, None, Nowhere(), seen.append,
-            lambda: signal.SIGTERM if seen[-1:] == [stopped] else 0, keeper,
-            controller=build_controller(scene),
-        )  # fmt: skip
+        simulate(
+            scene,
+            run_id="test",
+            on_tick=seen.append,
+            stop_signal=lambda: signal.SIGTERM if seen[-1:] == [stopped] else 0,
+            checkpoints=tmp_path / "checkpoints",
+        )
     resumed, _ = newest_valid(tmp_path / "checkpoints")
     assert resumed is not None
     assert resumed.tick == stopped
     run = NodeRun("test", scene, None, resumed)
     ending = run_composed(run, scene_builds(run, tmp_path / "nodes", 1, lambda tick: None), lambda: 0)
     assert ending == Ending()
-    writer = open_bag(tmp_path / "direct", scene)
-    again = build_mechanism(scene)
-    assert again is not None
-    run_direct(
-        scene, "test", again, None, writer, resumed=resumed, controller=build_controller(scene, resumed)
-    )
-    writer.close()
+    simulate(scene, tmp_path / "direct", run_id="test", resumed=resumed)
     expected = [item for item in contents(tmp_path / "whole") if item[1] > (stopped + 1) * 500_000]
     direct, nodes = contents(tmp_path / "direct"), contents(tmp_path / "nodes")
     assert nodes == direct

@@ -22,7 +22,7 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
-from subsoil_ros.coupling.direct import run_direct
+from subsoil_ros.api.simulate import simulate
 from subsoil_ros.coupling.ending import Ending
 from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
 from subsoil_ros.errors import InputError
@@ -286,9 +286,7 @@ def test_two_runs_share_a_domain_in_namespaces(
     gate.set()
     assert [run.ending() for run in runs] == [Ending(), Ending()]
     (tool,) = resolved.scene.tools
-    writer = open_bag(tmp_path / "direct", resolved)
-    run_direct(resolved, "test", SpringMover(tool), SpringSoil(), writer)
-    writer.close()
+    simulate(resolved, tmp_path / "direct", run_id="test", mover=SpringMover(tool), soil=SpringSoil())
     for k in range(2):
         assert contents(tmp_path / str(k)) == contents(tmp_path / "direct")
 

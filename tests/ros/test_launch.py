@@ -209,7 +209,7 @@ def test_it_goes_on_from_an_earlier_run(start: Callable[..., list[Taken]], tmp_p
     newest = max(path.parent for path in first.glob("checkpoints/*/manifest.json"))
     _, *nodes = start(scene=str(MACHINE), out=str(tmp_path / "second"), overrides=kept, resume=str(first))
     assert {parameters(node)["resume"] for node in nodes} == {str(newest)}
-    with pytest.raises(InputError, match=r"^--resume .*nowhere: no such folder"):
+    with pytest.raises(InputError, match=r"^resume .*nowhere: no such folder"):
         start(scene=str(MACHINE), out=str(tmp_path / "third"), resume=str(tmp_path / "nowhere"))
     assert not (tmp_path / "third").exists()
 

@@ -16,7 +16,7 @@ from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from subsoil_msgs.msg import ToolMotions as ToolMotionsMessage
 
-from subsoil_ros.coupling.direct import run_direct
+from subsoil_ros.api.simulate import simulate
 from subsoil_ros.coupling.ending import Ending
 from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
 from subsoil_ros.errors import PhysicsError, RunError
@@ -36,7 +36,7 @@ from subsoil_ros.nodes.mechanism_node import MechanismNode
 from subsoil_ros.nodes.qos import LOCKSTEP_QOS
 from subsoil_ros.nodes.recorder_node import RecorderNode
 from subsoil_ros.nodes.soil_node import SoilNode
-from subsoil_ros.recording.bag_writer import BagWriter
+from subsoil_ros.recording.bag_writer import open_bag
 from subsoil_ros.scene.loader import ResolvedScene, load_scene
 
 from .conftest import SCENE, lockstep_ticks, messages
@@ -130,7 +130,7 @@ def builds(
         MECHANISM: lambda run, lifeline, context: MechanismNode(mover(), run, lifeline, context),
         SOIL: lambda run, lifeline, context: SoilNode(soil(), None, run, lifeline, context),
         RECORDER: lambda run, lifeline, context: RecorderNode(
-            BagWriter(bag, resolved.scene, resolved.timing), run, lifeline, context
+            open_bag(bag, resolved), run, lifeline, context
         ),
         COUPLER: CouplerNode,
     }
@@ -148,11 +148,7 @@ def run_nodes(
 def run_without_ros(resolved: ResolvedScene, bag: Path, soil: SpringSoil) -> None:
     """The same by the direct run."""
     (tool,) = resolved.scene.tools
-    writer = BagWriter(bag, resolved.scene, resolved.timing)
-    try:
-        run_direct(resolved, "test", SpringMover(tool), soil, writer)
-    finally:
-        writer.close()
+    simulate(resolved, bag, run_id="test", mover=SpringMover(tool), soil=soil)
 
 
 def contents(bag: Path) -> list[tuple[str, int, bytes]]:
@@ -217,7 +213,7 @@ def test_paths_are_hosted_by_the_soil(tmp_path: Path) -> None:
     """Without mechanism the soil node moves the tools itself and publishes the motions."""
     scene = load_scene(SCENE.parent / "tine.yaml", ["duration_s=0.002"])
     (tool,) = scene.scene.tools
-    writer = BagWriter(tmp_path / "bag", scene.scene, scene.timing)
+    writer = open_bag(tmp_path / "bag", scene)
     nodes: dict[str, Build] = {
         SOIL: lambda run, lifeline, context: SoilNode(
             SpringSoil(), SpringMover(tool), run, lifeline, context

@@ -29,7 +29,8 @@ PROGRAMS: dict[str, tuple[str, ...]] = {
 }
 OTHER_VERSION = (
     "-c",
-    "import sys, subsoil_ros; subsoil_ros.__version__ = '0.0'; sys.argv = ['idle', 'soil', *sys.argv[1:]];"
+    "import sys, subsoil_ros._version as of; of.__version__ = '0.0';"
+    "sys.argv = ['idle', 'soil', *sys.argv[1:]];"
     "from subsoil_ros.nodes.idle import main; raise SystemExit(main())",
 )
 

@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 import yaml
 
-from subsoil_ros.analysis.calibration import law, soil_results
-from subsoil_ros.analysis.calibration.design import (
+from subsoil_ros.api.execution import execute
+from subsoil_ros.cli.main import main
+from subsoil_ros.errors import InputError
+from subsoil_ros.experiments.calibration import law, soil_results
+from subsoil_ros.experiments.calibration.design import (
     DraftTarget,
     ResistanceDesign,
     base_scene,
@@ -19,12 +22,9 @@ from subsoil_ros.analysis.calibration.design import (
     read_design,
     tip_of,
 )
-from subsoil_ros.analysis.calibration.runs import Pull, dominant_period_m, numbers
-from subsoil_ros.analysis.calibration.soil_results import slope_rad
-from subsoil_ros.analysis.execution import execute
-from subsoil_ros.analysis.kept_runs import keep_run
-from subsoil_ros.cli.main import main
-from subsoil_ros.errors import InputError
+from subsoil_ros.experiments.calibration.runs import Pull, dominant_period_m, numbers
+from subsoil_ros.experiments.calibration.soil_results import slope_rad
+from subsoil_ros.experiments.kept_runs import keep_run
 from subsoil_ros.scene.loader import ResolvedScene, load_scene
 from subsoil_ros.scene.soil_file import read_soil_file
 

@@ -51,7 +51,7 @@ def test_what_does_not_fit_is_refused(change: str, words: str) -> None:
         (["--paused"], "--paused: a direct run has no services"),
         (
             ["--set", GIVEN[0], "--set", "controller.law={kind: external}"],
-            "'external' is a node of somebody else",
+            "'external' is a node of its own",
         ),
     ],
 )

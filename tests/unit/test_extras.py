@@ -34,7 +34,7 @@ def test_direct_mode_and_bags_need_no_extra(tmp_path):
     assert (out / "summary.json").is_file()
     (bag,) = (out / "bag").glob("*.mcap")
     plain(verb, "bag", "info", bag)
-    plain("import subsoil_ros.analysis.calibration.law, subsoil_ros.cli.soil_test, subsoil_ros.study.worker")
+    plain("import subsoil_ros.experiments.calibration.law, subsoil_ros.cli.soil_test, subsoil_ros.experiments.sweep.worker")
 
 
 @pytest.mark.parametrize(

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from benchmarks.kept_runs import FailedRun, find_kept_run, kept_run
-from subsoil_ros.analysis.execution import execute
-from subsoil_ros.analysis.kept_runs import KeptRun, find_run, keep_run
-from subsoil_ros.analysis.run_metrics import dominant_frequency_hz, metrics_of, swing
 from subsoil_ros.analysis.series import read_series, read_series_csv, read_table_csv
+from subsoil_ros.api.execution import execute
 from subsoil_ros.cli.main import main
 from subsoil_ros.errors import InputError, RunError
+from subsoil_ros.experiments.kept_runs import KeptRun, find_run, keep_run
+from subsoil_ros.experiments.run_metrics import dominant_frequency_hz, metrics_of, swing
 from subsoil_ros.scene.loader import ResolvedScene, load_scene
 
 SCENES = Path(__file__).parents[2] / "config" / "scenes"

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from subsoil_ros.api.recorded_run import recorded_run
 from subsoil_ros.cli.main import main
-from subsoil_ros.cli.recorded_run import recorded_run
 from subsoil_ros.errors import InputError
 from subsoil_ros.recording.bag_folder import BagFolder
 from subsoil_ros.recording.bag_scene import read_scene

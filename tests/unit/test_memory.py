@@ -13,9 +13,7 @@ PROGRAM = """
 import sys
 from pathlib import Path
 import psutil
-from subsoil_ros.coupling.direct import run_direct
-from subsoil_ros.coupling.engines import build_mechanism
-from subsoil_ros.recording.bag_writer import BagWriter
+from subsoil_ros.api.simulate import simulate
 from subsoil_ros.scene.loader import load_scene
 
 def resident():
@@ -27,9 +25,7 @@ def look(tick):
 
 scene, out, ticks = sys.argv[1], Path(sys.argv[2]), int(sys.argv[3])
 resolved = load_scene(scene, [f"duration_s={ticks * 1e-4}", "coupling.interval_ns=100000"])
-writer = BagWriter(out, resolved.scene, resolved.timing)
-run_direct(resolved, "run", build_mechanism(resolved), None, writer, look)
-writer.close()
+simulate(resolved, out, on_tick=look)
 """
 
 

@@ -3,7 +3,8 @@
 import numba
 import pytest
 
-from subsoil_ros.cli.bed_preparation import prepare_bed_first
+from subsoil_ros.api.beds import prepare_bed_first
+from subsoil_ros.cli.bed_preparation import bed_progress
 from subsoil_ros.cli.preparation import KernelAnnouncer, announce_kernels_of_nodes
 from subsoil_ros.dem.bench.cases import DENSE, GRID, linear_case
 from subsoil_ros.source_digest import PACKAGE, kernel_digest
@@ -59,10 +60,10 @@ def test_a_log_gets_two_lines_about_a_bed(tmp_path, monkeypatch, capsys: pytest.
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr("subsoil_ros.dem.beds.dense.PILOT_DIAMETERS", 5.0)  # quick
     case = linear_case(DENSE, (0.06, 0.06, 0.06), 1, "small")
-    prepare_bed_first(case.resolved, 1)
+    prepare_bed_first(case.resolved, 1, bed_progress)
     before, after = capsys.readouterr().err.splitlines()
     assert before.startswith("preparing a dense random bed of about ")
     assert after.startswith("prepared a dense random bed of about ")
-    prepare_bed_first(case.resolved, 1)
-    prepare_bed_first(linear_case(GRID, (0.1, 0.1, 0.1), 1, "grid").resolved, 1)
+    prepare_bed_first(case.resolved, 1, bed_progress)
+    prepare_bed_first(linear_case(GRID, (0.1, 0.1, 0.1), 1, "grid").resolved, 1, bed_progress)
     assert capsys.readouterr().err == ""

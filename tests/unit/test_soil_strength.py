@@ -8,9 +8,9 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import linregress
 
-from subsoil_ros.analysis.strength import fit_coulomb
 from subsoil_ros.cli.main import main
 from subsoil_ros.errors import InputError
+from subsoil_ros.experiments.soil_tests.strength import fit_coulomb
 
 SCENES = Path(__file__).parents[2] / "config" / "scenes"
 

@@ -9,20 +9,20 @@ import pandas as pd
 import pytest
 import yaml
 
-from subsoil_ros.analysis.execution import Executed, execute
-from subsoil_ros.analysis.kept_runs import keep_run
-from subsoil_ros.analysis.run_metrics import METRICS
+from subsoil_ros.api.execution import Executed, execute
 from subsoil_ros.cli.main import main
 from subsoil_ros.cli.sweep_progress import SweepProgress
 from subsoil_ros.errors import InputError
+from subsoil_ros.experiments.kept_runs import keep_run
+from subsoil_ros.experiments.run_metrics import METRICS
+from subsoil_ros.experiments.study.accuracy import Measurement, judge
+from subsoil_ros.experiments.study.design import StudyDesign, design_of, read_design
+from subsoil_ros.experiments.study.report import expected_presets, markdown, wide_table
+from subsoil_ros.experiments.study.study import study_jobs
+from subsoil_ros.experiments.sweep.engine import Manner, run_jobs
+from subsoil_ros.experiments.sweep.plan import Point, jobs_of
 from subsoil_ros.scene.loader import load_scene
 from subsoil_ros.scene.presets import read_preset
-from subsoil_ros.study.accuracy import Measurement, judge
-from subsoil_ros.study.design import StudyDesign, design_of, read_design
-from subsoil_ros.study.engine import Manner, run_jobs
-from subsoil_ros.study.plan import Point, jobs_of
-from subsoil_ros.study.report import expected_presets, markdown, wide_table
-from subsoil_ros.study.study import study_jobs
 
 Captured = pytest.CaptureFixture[str]
 CONFIG = Path(__file__).parents[2] / "config"

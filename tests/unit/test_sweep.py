@@ -14,12 +14,12 @@ import pandas as pd
 import psutil
 import pytest
 
-from subsoil_ros.analysis.execution import execute
 from subsoil_ros.analysis.intervals import Interval
+from subsoil_ros.api.execution import execute
 from subsoil_ros.cli.main import main
+from subsoil_ros.experiments.sweep.plan import Point
+from subsoil_ros.experiments.sweep.ranking import Ranked, control_point, point_key, rank, recommended
 from subsoil_ros.scene.loader import load_scene
-from subsoil_ros.study.plan import Point
-from subsoil_ros.study.ranking import Ranked, control_point, point_key, rank, recommended
 
 Captured = pytest.CaptureFixture[str]
 SCENES = Path(__file__).parents[2] / "config" / "scenes"
@@ -237,7 +237,7 @@ def test_bad_input(
     tmp_path: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch, arguments: list[str], words: str
 ) -> None:
     """Exit status 2 with what is wrong, before anything runs."""
-    monkeypatch.setattr("subsoil_ros.study.cluster.PATIENCE_S", 1.0)
+    monkeypatch.setattr("subsoil_ros.experiments.sweep.cluster.PATIENCE_S", 1.0)
     try:
         status = main(sweep(tmp_path / "out", *arguments))
     except SystemExit as error:  # argparse

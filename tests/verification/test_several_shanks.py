@@ -9,9 +9,7 @@ from numpy.testing import assert_allclose
 from subsoil_ros.analysis.figures import draw_figures
 from subsoil_ros.analysis.series import Series, read_series
 from subsoil_ros.analysis.summary import print_summary, summarize
-from subsoil_ros.coupling.direct import run_direct
-from subsoil_ros.coupling.engines import build_mechanism, build_soil
-from subsoil_ros.recording.bag_writer import open_bag
+from subsoil_ros.api.simulate import simulate
 from subsoil_ros.scene.loader import ResolvedScene, load_scene
 
 SCENES = Path(__file__).parents[2] / "config" / "scenes"
@@ -20,13 +18,7 @@ SHANKS = ("shank", "shank_left", "shank_right")
 
 def run(resolved: ResolvedScene, bag: Path) -> Series:
     """A direct run of a scene."""
-    mechanism, soil = build_mechanism(resolved), build_soil(resolved, 1)
-    assert mechanism is not None
-    writer = open_bag(bag, resolved)
-    try:
-        run_direct(resolved, "test", mechanism, soil, writer)
-    finally:
-        writer.close()
+    simulate(resolved, bag)
     return read_series(bag, resolved.scene)
 
 

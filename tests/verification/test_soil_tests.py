@@ -9,15 +9,20 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from subsoil_ros.analysis import soil_tests
-from subsoil_ros.analysis.shear_box import ShearBox, TensionLoading, frame_mesh, plate_mesh, tension_machine
-from subsoil_ros.analysis.soil_tests import needs_glue, rumpf_strength_pa, run_shear, run_tension
-from subsoil_ros.analysis.specimen import Specimen, box_around, prepare_specimen, write_scene
+from subsoil_ros.api.simulate import simulate
 from subsoil_ros.cli.main import main
-from subsoil_ros.coupling.direct import run_direct
-from subsoil_ros.coupling.engines import build_mechanism
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.errors import InputError
+from subsoil_ros.experiments.soil_tests import runs as soil_tests
+from subsoil_ros.experiments.soil_tests.runs import needs_glue, rumpf_strength_pa, run_shear, run_tension
+from subsoil_ros.experiments.soil_tests.shear_box import (
+    ShearBox,
+    TensionLoading,
+    frame_mesh,
+    plate_mesh,
+    tension_machine,
+)
+from subsoil_ros.experiments.soil_tests.specimen import Specimen, box_around, prepare_specimen, write_scene
 from subsoil_ros.messages import ToolWrenches
 from subsoil_ros.scene.limits import Timing
 from subsoil_ros.scene.loader import ResolvedScene
@@ -167,7 +172,7 @@ def test_tension_between_glued_plates(lattice) -> None:
             if isinstance(record, ToolWrenches):
                 felt.append(-record.tools[1].force_z_newton)
 
-    run_direct(resolved, "test", build_mechanism(resolved), SoilEngine(resolved), Sink())
+    simulate(resolved, sink=Sink())
     levels = np.unique(specimen.bed.positions_m[:, 2].round(5))
     columns = len(specimen.bed.positions_m) // len(levels)
     weight_above = specimen.mass_kg * 9.81 * (0.5 + 0.5 / len(levels))  # breaks somewhere below the lid

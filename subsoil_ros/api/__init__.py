@@ -1,0 +1,1 @@
+"""Load, check, run and read: the one wiring of engines, recorder and loop."""

@@ -1,0 +1,28 @@
+"""Beds that take long, prepared before a run begins."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+
+from ..dem.beds.cache import cached_bed_path
+from ..dem.beds.prepare import expected_dense_count, prepare_bed
+from ..dem.beds.settling import Watch, unwatched
+from ..dem.engine import SoilEngine
+from ..scene.beds import DenseRandomBed
+from ..scene.loader import ResolvedScene
+
+BedProgress = Callable[[str], AbstractContextManager[Watch]]
+"""Shows that the bed of this description is prepared: gives what is told how it goes."""
+
+
+def prepare_bed_first(resolved: ResolvedScene, threads: int, progress: BedProgress | None = None) -> None:
+    """Prepare and cache a bed that takes long; the engine then finds it in the cache.
+
+    Raises:
+        SceneError: a bed that cannot be made.
+    """
+    soil = resolved.scene.particle_soil
+    if soil is None or not isinstance(soil.bed, DenseRandomBed) or cached_bed_path(resolved).is_file():
+        return
+    what = f"dense random bed of about {expected_dense_count(soil):,} particles"
+    with progress(what) if progress is not None else nullcontext(unwatched) as watch:
+        prepare_bed(resolved, SoilEngine, threads, watch)

@@ -1,0 +1,173 @@
+"""Check a scene: what a run of it would be and cost, without running it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ..errors import SceneError
+from ..scene.coupling_bounds import CouplingBound, coupling_bounds
+from ..scene.limits import StepLimit, step_limits, step_notes
+from ..scene.loader import ResolvedScene
+from ..scene.meshes import load_tool_mesh
+from .load import SceneLike, resolved_scene
+
+if TYPE_CHECKING:
+    from ..mbd.statics import Survey
+
+BYTES_PER_PARTICLE = 600
+"""State, neighbour list and contact history of one particle."""
+
+BYTES_OF_PROCESS = 250e6
+"""A Python process with the compiled kernels (measured)."""
+
+PARTICLE_STEPS_PER_S = 6.0e6
+"""One core, float64, all features of the wet law (measured: 7.2e6 on a free core of a cloud machine)."""
+
+LOCKSTEP_S_PER_TICK = 4.0e-4
+"""Exchange of one tick between processes, wall time (rough)."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a run would take; rough."""
+
+    memory_bytes: float  # of the process with the soil, or of the direct run
+    process_bytes: float  # of every further process, where nodes are processes
+    soil_wall_s: float  # of the soil on one core; 0 without particles
+    exchange_wall_s: float  # of the exchange between processes; a direct run has none
+
+
+@dataclass(frozen=True)
+class CheckResult:
+    """What a run of a scene would be.
+
+    Attributes:
+        scene: the scene as it would run.
+        particles: number of particles before tools remove any; about so many for a dense random bed.
+        limits: every stable soil step [s] with its cause, the smallest first; empty without particles.
+        coupling: longest communication interval [s] of every tool that a body carries.
+        mechanism: topology, static equilibrium and modes; None without a mechanism.
+        cost: memory and wall time.
+        notes: what a run says before it begins.
+        warnings: what may spoil the result.
+    """
+
+    scene: ResolvedScene
+    particles: int
+    limits: tuple[StepLimit, ...]
+    coupling: tuple[CouplingBound, ...]
+    mechanism: Survey | None
+    cost: Cost
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return "\n".join(self._lines())
+
+    def _lines(self) -> Iterator[str]:
+        timing, scene = self.scene.timing, self.scene.scene
+        ticks = f"{timing.tick_count:,} ticks of {timing.interval_ns:,} ns"
+        yield f"{scene.name}: {scene.duration_s:g} s, {ticks}"
+        yield f"particles: {self.particles:,}"
+        for limit in self.limits[:1]:
+            yield (
+                f"soil step: {timing.soil_step_s * 1e6:.4g} us, {timing.soil_steps} per tick; stable up to "
+                f"{limit.limit_s * 1e6:.4g} us ({limit.cause})"
+            )
+        for bound in self.coupling:
+            yield (
+                f"coupling of tool '{bound.tool}': stable up to {bound.unstable_s * 1e6:.4g} us, "
+                f"undamped up to {bound.undamped_s * 1e6:.4g} us"
+            )
+        cost = self.cost
+        yield (
+            f"cost: {cost.memory_bytes / 1e9:.2f} GB; wall time about {cost.soil_wall_s:.3g} s for the soil "
+            f"on one core, and {cost.exchange_wall_s:.3g} s of exchange where the nodes are processes"
+        )
+        yield from self.notes
+        yield from (f"warning: {warning}" for warning in self.warnings)
+
+
+def check(scene: SceneLike | ResolvedScene, overrides: Mapping[str, object] | None = None) -> CheckResult:
+    """Validate a scene and estimate what a run of it costs, without running it.
+
+    Args:
+        scene: as load_scene takes it, or gives it.
+        overrides: as in load_scene.
+
+    Returns:
+        Particles, limits, cost and warnings; `print` shows them.
+
+    Raises:
+        SceneError: whatever would stop a run before its first tick.
+    """
+    resolved = resolved_scene(scene, overrides)
+    model, survey = resolved.scene, None
+    try:
+        if model.mechanism is not None:
+            from ..mbd.statics import survey as survey_of
+
+            survey = survey_of(model.mechanism, model.gravity_m_per_s2)
+        bounds = _bounds(resolved)
+        particles = start_count(resolved)
+    except SceneError as error:
+        raise SceneError(f"{resolved.path}: {error}") from error
+    soil, timing = model.particle_soil, resolved.timing
+    return CheckResult(
+        scene=resolved,
+        particles=particles,
+        limits=step_limits(soil) if soil is not None else (),
+        coupling=bounds,
+        mechanism=survey,
+        cost=Cost(
+            memory_bytes=BYTES_OF_PROCESS + particles * BYTES_PER_PARTICLE,
+            process_bytes=BYTES_OF_PROCESS,
+            soil_wall_s=particles * timing.soil_steps * timing.tick_count / PARTICLE_STEPS_PER_S,
+            exchange_wall_s=timing.tick_count * LOCKSTEP_S_PER_TICK,
+        ),
+        notes=run_notes(resolved),
+        warnings=tuple(_warnings(resolved, bounds)),
+    )
+
+
+def start_count(resolved: ResolvedScene) -> int:
+    """Particles before tools remove any; 0 for a soil without. Raises SceneError as check_start does."""
+    if resolved.scene.particle_soil is None:
+        return 0
+    from ..dem.beds.prepare import check_start
+
+    return check_start(resolved)
+
+
+def run_notes(resolved: ResolvedScene) -> tuple[str, ...]:
+    """What is to be said of a scene before it runs."""
+    if resolved.scene.particle_soil is None:
+        return resolved.notes
+    return (*resolved.notes, *step_notes(resolved.scene, resolved.timing.soil_step_s))
+
+
+def _bounds(resolved: ResolvedScene) -> tuple[CouplingBound, ...]:
+    scene = resolved.scene
+    meshes = {name: load_tool_mesh(resolved.directory, scene, name) for name in scene.tools}
+    bounds = coupling_bounds(scene, meshes)
+    for bound in bounds:
+        if resolved.timing.interval_s > bound.unstable_s:
+            raise SceneError(
+                f"coupling.interval_ns: {resolved.timing.interval_ns} is above the stable limit "
+                f"{bound.unstable_s * 1e9:.0f} ns of tool '{bound.tool}' (effective mass "
+                f"{bound.effective_mass_kg:.3g} kg under {bound.contact_count:.0f} contacts). "
+                "Use 'auto', or less."
+            )
+    return bounds
+
+
+def _warnings(resolved: ResolvedScene, bounds: tuple[CouplingBound, ...]) -> Iterator[str]:
+    for bound in bounds:
+        if resolved.timing.interval_s > bound.undamped_s:
+            yield (
+                f"coupling.interval_ns: {resolved.timing.interval_ns} is above "
+                f"{bound.undamped_s * 1e9:.0f} ns for tool '{bound.tool}': the held force outweighs the "
+                "contact's damper and can fake vibration"
+            )

@@ -1,0 +1,110 @@
+"""One run of a scene in this process, without ROS, down to its series and its metrics."""
+
+import os
+import tempfile
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from .._version import __version__
+from ..analysis.versions import processor_name
+from ..errors import SubsoilError
+from ..scene.loader import ResolvedScene
+from ..source_digest import result_digest
+from .results import write_results
+from .simulate import OnTick, simulate
+
+WARM_UP_TICKS = 3
+"""Ticks that load or compile the kernels before a run is timed."""
+
+
+@dataclass(frozen=True)
+class Executed:
+    """A run that has ended: series.csv and summary.json as bytes, and what it took.
+
+    facts: failure (None: there was none) and its exit_status; wall_s and cpu_s of the ticks but the first,
+    scaled to all of them; whole_wall_s with start-up; threads, at_once, machine, version, code.
+    """
+
+    files: dict[str, bytes]
+    facts: dict[str, Any]
+
+
+class _Stopwatch:
+    """Wall and CPU time [s] of a run's ticks; the first one, which loads kernels, does not count."""
+
+    def __init__(self, on_tick: OnTick) -> None:
+        self._on_tick = on_tick
+        self._first = self._last = (0.0, 0.0)
+        self._count = 0
+
+    def __call__(self, tick: int) -> None:
+        self._last = time.perf_counter(), time.process_time()
+        if self._count == 0:
+            self._first = self._last
+        self._count += 1
+        self._on_tick(tick)
+
+    def times(self) -> tuple[float | None, float | None]:
+        """(wall, CPU) of all ticks, as the mean of those after the first says; None with fewer than two."""
+        if self._count < 2:
+            return None, None
+        scale = self._count / (self._count - 1)
+        wall_s, cpu_s = (scale * (last - first) for first, last in zip(self._first, self._last, strict=True))
+        return wall_s, cpu_s
+
+
+def execute(
+    resolved: ResolvedScene,
+    threads: int = 1,
+    on_tick: OnTick = lambda tick: None,
+    *,
+    at_once: int = 1,
+    warm_up: bool = False,
+) -> Executed:
+    """Runs a scene in direct mode. A run that fails gives its message, and the series up to there.
+
+    at_once: how many runs share this machine, for the record.
+    warm_up: first run a few ticks of it, so that no kernel is loaded or compiled while the time is taken.
+    """
+    stopwatch = _Stopwatch(on_tick)
+    start = time.perf_counter()
+    failure: SubsoilError | None = None
+    with tempfile.TemporaryDirectory(prefix="subsoil-run-") as name:
+        folder = Path(name)
+        try:
+            if warm_up:
+                ticks = min(WARM_UP_TICKS, resolved.timing.tick_count)
+                short = replace(resolved, timing=replace(resolved.timing, tick_count=ticks))
+                simulate(short, threads=threads)
+            simulate(resolved, folder / "bag", run_id="kept", threads=threads, on_tick=stopwatch)
+        except SubsoilError as error:
+            failure = error
+        wall_s, cpu_s = stopwatch.times()
+        facts = {
+            "failure": None if failure is None else str(failure),
+            "exit_status": 0 if failure is None else failure.exit_status,
+            "wall_s": wall_s,
+            "cpu_s": cpu_s,
+            "whole_wall_s": time.perf_counter() - start,
+            "threads": threads,
+            "at_once": at_once,
+            "machine": machine_name(),
+            "version": __version__,
+            "code": code_digest(),
+        }
+        run_info = {"mode": "direct", "threads": threads, "whole_wall_s": facts["whole_wall_s"]}
+        write_results(resolved, folder, run_info, failure)
+        found = {name: folder / name for name in ("series.csv", "summary.json")}
+        return Executed({name: path.read_bytes() for name, path in found.items() if path.is_file()}, facts)
+
+
+def code_digest() -> str:
+    """16 hex digits that stand for all that results depend on: others are not quite comparable."""
+    return result_digest()[:16]
+
+
+def machine_name() -> str:
+    """The processor and how many of its cores this process may use."""
+    return f"{processor_name()}, {len(os.sched_getaffinity(0))} cores"

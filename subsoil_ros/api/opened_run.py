@@ -1,0 +1,102 @@
+"""A run that can begin: its scene checked, its bed prepared, its folder made."""
+
+import uuid
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..coupling.engines import Mover, build_mover
+from ..errors import InputError, SceneError
+from ..recording.checkpoint import Checkpoint
+from ..scene.loader import ResolvedScene
+from .check import run_notes
+from .checkpoints import CHECKPOINTS, find_checkpoint, note_resumption
+
+if TYPE_CHECKING:
+    from .beds import BedProgress
+
+
+@dataclass(frozen=True)
+class OpenedRun:
+    """What a run needs to begin.
+
+    out: its folder, with scene.yaml in it; mover: the mechanism or the paths; resumed: where it goes on;
+    warnings: why newer checkpoints than that are not used.
+    """
+
+    resolved: ResolvedScene
+    out: Path
+    run_id: str
+    mover: Mover
+    resumed: Checkpoint | None
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def bag(self) -> Path:
+        """Folder of its bag, to be made."""
+        return self.out / "bag"
+
+    @property
+    def checkpoints(self) -> Path:
+        """Folder of its checkpoints."""
+        return self.out / CHECKPOINTS
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is to be said of the scene before it runs."""
+        return run_notes(self.resolved)
+
+
+def open_run(
+    resolved: ResolvedScene,
+    out: Path,
+    threads: int = 1,
+    resume: Path | None = None,
+    *,
+    shown: str | None = None,
+    bed_progress: "BedProgress | None" = None,
+) -> OpenedRun:
+    """Check that the scene can be run, prepare its bed, and make the folder `out`.
+
+    Args:
+        resume: folder of an earlier run of the scene, to go on from.
+        shown: the scene as the user named it, for messages.
+        bed_progress: shows that a bed is prepared which takes long.
+
+    Raises:
+        InputError: the scene cannot be run, or the folder exists or cannot be made; nothing was written.
+    """
+    resumed, warnings = (None, []) if resume is None else find_checkpoint(resume, resolved)
+    try:
+        mover = build_mover(resolved)
+        _prepare_soil(resolved, threads, bed_progress)
+    except SceneError as error:
+        raise SceneError(f"{shown or resolved.path}: {error}") from error
+    _create_folder(out)
+    resolved.write(out / "scene.yaml")
+    if resumed is not None and resume is not None:
+        note_resumption(resumed, resume, resolved, out)
+    return OpenedRun(resolved, out, uuid.uuid4().hex[:12], mover, resumed, tuple(warnings))
+
+
+def _prepare_soil(resolved: ResolvedScene, threads: int, progress: "BedProgress | None") -> None:
+    if resolved.scene.particle_soil is None:
+        return  # without particles none of their code is imported
+    from ..dem.beds.prepare import check_start
+    from .beds import prepare_bed_first
+
+    if resolved.scene.particle_soil.device == "gpu":
+        from ..dem.gpu.device import refuse_without_gpu
+
+        refuse_without_gpu()
+    check_start(resolved)
+    prepare_bed_first(resolved, threads, progress)
+
+
+def _create_folder(out: Path) -> None:
+    try:
+        out.mkdir(parents=True)
+    except FileExistsError:
+        raise InputError(f"{out}: exists already; results are never written over, name another") from None
+    except OSError as error:
+        raise InputError(f"{out}: cannot be created ({error.strerror}); name a folder that can") from error

@@ -1,0 +1,117 @@
+"""Read a run back: its scene, series and summary."""
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..analysis.series import Series, read_series, read_series_csv
+from ..analysis.summary import summarize
+from ..errors import InputError
+from ..scene.loader import ResolvedScene
+from .recorded_run import RecordedRun, recorded_run
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Run:
+    """A run that has ended.
+
+    Attributes:
+        scene: the scene as run.
+        summary: metrics of the run, as summary.json holds them; numbers that are not finite are None.
+        folder: where the run was written or read; None of a run in memory.
+    """
+
+    scene: ResolvedScene
+    summary: dict[str, Any]
+    folder: Path | None
+    _recorded: Series | None
+
+    @cached_property
+    def series(self) -> "pd.DataFrame":
+        """One row per series tick; the unit stands in each column's name, the first column is `time_s`.
+
+        Raises:
+            InputError: nothing was recorded.
+        """
+        if self._recorded is None:
+            raise InputError(
+                f"{self.scene.scene.name}: nothing was recorded (record.bag: false), so there is no "
+                "series; run it with record.bag: true"
+            )
+        import pandas as pd
+
+        return pd.DataFrame(self._recorded.columns)
+
+    @property
+    def failure(self) -> str | None:
+        """Why the run ended early; None if it came to its end."""
+        message = self.summary.get("failure")
+        return None if message is None else str(message)
+
+    def __repr__(self) -> str:
+        place = "in memory" if self.folder is None else str(self.folder)
+        ended = (
+            "complete"
+            if self.summary.get("complete")
+            else f"ended early: {self.failure or 'no reason known'}"
+        )
+        return f"<Run of '{self.scene.scene.name}', {place}, {ended}>"
+
+
+def read_run(folder: str | PathLike[str]) -> Run:
+    """Read a run back.
+
+    series.csv and summary.json are taken where they are, and made from the bag where not. The meshes of a
+    bag without its run are not kept on the disk: its scene can be read, but not run again.
+
+    Args:
+        folder: of a run, as `run` or `subsoil run` left it; or a bag alone (its folder or .mcap file).
+
+    Returns:
+        The run.
+
+    Raises:
+        InputError: there is no run, or a file in it is damaged.
+        RecordingError: its bag is needed, and was not closed or is damaged; the message says what mends it.
+    """
+    path = Path(folder)
+    if not path.exists():
+        raise InputError(f"{path}: no such folder; give one that `subsoil run` made, or a bag")
+    with recorded_run(path) as recorded:
+        summary = _summary(recorded.directory / "summary.json")
+        if summary is not None and summary.get("recorded") is False:
+            return Run(recorded.resolved, summary, recorded.directory, None)
+        series = _series(recorded)
+        if summary is None:
+            summary = summarize(recorded.bag, recorded.resolved, {}, series)
+        place = recorded.directory if recorded.directory.is_dir() else None
+        return Run(recorded.resolved, summary, place, series)
+
+
+def _series(recorded: RecordedRun) -> Series:
+    path = recorded.directory / "series.csv"
+    if path.is_file():
+        return read_series_csv(path)
+    return read_series(recorded.bag, recorded.resolved.scene)
+
+
+def _summary(path: Path) -> dict[str, Any] | None:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"{path}: cannot be read ({error}); `subsoil report {path.parent}` writes it anew from the bag"
+        ) from error
+    if not isinstance(found, dict):
+        raise InputError(
+            f"{path}: holds no mapping; `subsoil report {path.parent}` writes it anew from the bag"
+        )
+    return found

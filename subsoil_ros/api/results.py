@@ -1,0 +1,86 @@
+"""series.csv and summary.json of a run that has ended, made from its bag."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import Any
+
+from ..analysis.series import read_series, write_series_csv
+from ..analysis.summary import Summary, summarize, summarize_unrecorded, write_summary
+from ..analysis.versions import versions
+from ..errors import RecordingError, SubsoilError
+from ..recording.joined import mend_earlier
+from ..recording.recovery import recover
+from ..scene.limits import Timing
+from ..scene.loader import ResolvedScene
+from .checkpoints import checkpoint_facts
+from .opened_run import OpenedRun
+
+Reading = Callable[[Timing], AbstractContextManager[Callable[[int], None]]]
+"""Shows that a bag is read: gives what is called with the time [ns] of each message."""
+
+Working = Callable[[str], AbstractContextManager[object]]
+"""Shows that something goes on."""
+
+
+def write_results(
+    resolved: ResolvedScene,
+    out: Path,
+    run_info: dict[str, Any],
+    failure: SubsoilError | None = None,
+    *,
+    reading: Reading = lambda timing: nullcontext(lambda time_ns: None),
+    working: Working = nullcontext,
+) -> Summary | None:
+    """Write series.csv and summary.json into the folder `out` of a run, from its bag.
+
+    run_info: what no bag tells, see summary.RUN_FACTS.
+
+    Returns:
+        The summary; None if the run failed before there was anything to show.
+
+    Raises:
+        RecordingError: the bag of a run that did not fail cannot be read, or the results not be written.
+    """
+    bag = out / "bag"
+    if failure is not None:
+        run_info = run_info | {"failure": str(failure)}
+    try:
+        if not resolved.scene.record.bag and not bag.is_dir():
+            summary = summarize_unrecorded(resolved, run_info)
+            write_summary(summary, out / "summary.json")
+            return summary
+        if failure is not None:
+            with working("looking after the bag"):
+                recover(bag)  # its writer may have been killed; a whole bag is left as it is
+        mend_earlier(out)
+        with reading(resolved.timing) as watch:
+            series = read_series(bag, resolved.scene, watch)
+        write_series_csv(series, out / "series.csv")
+        with working("reading the clouds"):
+            summary = summarize(bag, resolved, run_info, series)
+        write_summary(summary, out / "summary.json")
+        return summary
+    except SubsoilError:
+        if failure is None:
+            raise
+    except OSError as error:
+        if failure is None:
+            raise RecordingError(f"{out}: the results cannot be written ({error.strerror})") from error
+    return None
+
+
+def conclude(
+    opened: OpenedRun,
+    facts: dict[str, Any],
+    failure: SubsoilError | None,
+    *,
+    reading: Reading = lambda timing: nullcontext(lambda time_ns: None),
+    working: Working = nullcontext,
+) -> Summary | None:
+    """Write the results of an opened run as write_results does, with what its folder says of checkpoints.
+
+    facts: mode, threads, whole_wall_s.
+    """
+    run_info = facts | {"versions": versions()} | checkpoint_facts(opened.out, opened.resumed)
+    return write_results(opened.resolved, opened.out, run_info, failure, reading=reading, working=working)

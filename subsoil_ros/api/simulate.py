@@ -1,0 +1,104 @@
+"""The one wiring of engines, controller, bag and loop for a run without ROS."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from ..coupling.control import Controller, build_controller
+from ..coupling.direct import RecordSink, run_direct
+from ..coupling.engines import Mover, Soil, build_mover, build_soil
+from ..coupling.resumption import Keeper
+from ..errors import InputError
+from ..recording.bag_writer import open_bag
+from ..recording.checkpoint import Checkpoint
+from ..scene.loader import ResolvedScene
+from .opened_run import OpenedRun
+
+OnTick = Callable[[int], None]
+
+
+def needed_controller(resolved: ResolvedScene, resumed: Checkpoint | None = None) -> Controller | None:
+    """The scene's controller; None if it names none.
+
+    Raises:
+        InputError: the controller is an external node, which only the modes with nodes can have.
+    """
+    controller = build_controller(resolved, resumed)
+    if resolved.scene.controller is not None and controller is None:
+        raise InputError(
+            f"{resolved.path}: controller.law: 'external' is a node of its own, and a direct run has no "
+            "nodes; use `subsoil run --mode nodes` or composed, another law, or no controller"
+        )
+    return controller
+
+
+def simulate(
+    resolved: ResolvedScene,
+    bag: Path | None = None,
+    *,
+    run_id: str = "run",
+    threads: int = 1,
+    on_tick: OnTick = lambda tick: None,
+    stop_signal: Callable[[], int] = lambda: 0,
+    checkpoints: Path | None = None,
+    resumed: Checkpoint | None = None,
+    live_port: int = 0,
+    mover: Mover | None = None,
+    soil: Soil | None = None,
+    sink: RecordSink | None = None,
+    controller: Controller | None = None,
+) -> None:
+    """Run a scene in this process, from tick 0 or a checkpoint to its last tick.
+
+    Args:
+        bag: folder of the bag, which must not exist; it is closed whatever happens. None: no bag.
+        threads: of the soil engine; the results do not depend on it.
+        on_tick: called with each tick that is done.
+        stop_signal: asked before each tick; the number of a signal ends the run there.
+        checkpoints: folder of the checkpoints; None: none are written.
+        resumed: where to go on.
+        live_port: where the bag is shown while it is written; 0: nowhere.
+        mover, soil, controller: in the place of the scene's own.
+        sink: takes the records where there is no bag.
+
+    Raises:
+        InputError: as open_bag, or the scene needs an external controller.
+        InterruptedRunError: stop_signal ended the run.
+        RunError: an engine or the interface account failed. Every finished tick is recorded.
+    """
+    controller = controller or needed_controller(resolved, resumed)
+    writer = open_bag(bag, resolved, live_port) if bag is not None else None
+    try:
+        mover = mover or build_mover(resolved)
+        soil = soil or build_soil(resolved, threads)
+        keeper = None
+        if checkpoints is not None:
+            sync = (writer.sync,) if writer is not None else ()
+            keeper = Keeper(checkpoints, resolved, run_id, *sync)
+        run_direct(
+            resolved, run_id, mover, soil, writer or sink, on_tick, stop_signal, keeper, resumed, controller
+        )
+    finally:
+        if writer is not None:
+            writer.close()
+
+
+def simulate_opened(
+    opened: OpenedRun,
+    threads: int,
+    on_tick: OnTick,
+    stop_signal: Callable[[], int],
+    live_port: int = 0,
+) -> None:
+    """Run an opened run into its folder, as `simulate`."""
+    simulate(
+        opened.resolved,
+        opened.bag if opened.resolved.scene.record.bag else None,
+        run_id=opened.run_id,
+        threads=threads,
+        on_tick=on_tick,
+        stop_signal=stop_signal,
+        checkpoints=opened.checkpoints,
+        resumed=opened.resumed,
+        live_port=live_port,
+        mover=opened.mover,
+    )

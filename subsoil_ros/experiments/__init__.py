@@ -1,0 +1,1 @@
+"""What runs many simulations: sweeps, studies, calibrations, soil tests, and the runs they keep."""

@@ -1,0 +1,136 @@
+"""Runs that a calibration needs: each once, kept by the hash of its scene, and what is read off them."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...api.execution import execute
+from ...api.simulate import simulate
+from ...coupling.engines import Soil
+from ...errors import RunError
+from ...messages import ToolMotions, ToolWrenches
+from ...scene.limits import Timing
+from ...scene.loader import ResolvedScene
+from ..kept_runs import find_run, keep_run
+
+Watch = Callable[[str, Timing], AbstractContextManager[Callable[[int], None]]]
+"""Told the name and time of each run, gives what is called with every tick."""
+
+SAMPLE_M = 1e-3
+"""Travel between samples of a spectrum (chosen: a twentieth of a particle's diameter)."""
+
+RESOLVED_PERIODS = 5.0
+"""Longer periods than the window over this are drift: too few to tell (chosen)."""
+
+
+@dataclass(frozen=True)
+class Pull:
+    """A tool drawn along; arrays (n,) per tick, or (n, groups). Forces of the soil on the tool."""
+
+    x_m: NDArray[np.float64]
+    force_x_newton: NDArray[np.float64]
+    force_z_newton: NDArray[np.float64]
+    groups: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class PullNumbers:
+    """What is read off a pull over its window."""
+
+    mean_x_newton: NDArray[np.float64]  # (groups,)
+    mean_z_newton: NDArray[np.float64]
+    draft_newton: float
+    deviation_newton: float  # standard deviation of the draft about its trend
+    frequency_per_m: NDArray[np.float64]
+    power: NDArray[np.float64]  # of the draft about its trend
+
+
+class _Sink:
+    """Takes the records of a run with one tool."""
+
+    def __init__(self) -> None:
+        self.x_m: list[float] = []
+        self.forces: list[list[tuple[float, float]]] = []
+        self.groups: tuple[str, ...] = ()
+
+    def write(self, record: Any) -> None:
+        if isinstance(record, ToolMotions):
+            self.x_m.append(record.tools[0].x_m)
+        elif isinstance(record, ToolWrenches):
+            found = record.tools[0].groups
+            self.groups = tuple(group.group for group in found)
+            self.forces.append([(group.force_x_newton, group.force_z_newton) for group in found])
+
+
+def pull(
+    scene: ResolvedScene,
+    soil: Soil | None = None,
+    on_tick: Callable[[int], None] = lambda tick: None,
+    threads: int = 1,
+) -> Pull:
+    """Runs a scene with one tool on a path; soil: in the place of the scene's own."""
+    sink = _Sink()
+    simulate(scene, threads=threads, soil=soil, sink=sink, on_tick=on_tick)
+    forces = np.array(sink.forces)
+    return Pull(np.array(sink.x_m), forces[:, :, 0], forces[:, :, 1], sink.groups)
+
+
+def kept_pull(scene: ResolvedScene, folder: Path, name: str, threads: int, watch: Watch) -> Pull:
+    """The pull of a scene whose series has every tick, from `folder` where it has been run before.
+
+    A run is kept when it is whole, so a calibration that was stopped goes on with the next run; one that
+    failed is tried again.
+
+    Raises:
+        RunError, InputError: the run failed; its message names the point.
+    """
+    kept = find_run(folder, scene.scene_hash)
+    if kept is None or kept.failure is not None:
+        with watch(name, scene.timing) as on_tick:
+            kept = keep_run(folder, scene, execute(scene, threads, on_tick))
+    if kept.failure is not None:
+        raise kept.error(name)
+    tool, keys = next(iter(scene.scene.tools.items()))
+    series, prefix = kept.series(), f"tool.{tool}"
+    return Pull(
+        series[f"{prefix}.x_m"],
+        np.column_stack([series[f"{prefix}.{group}.force_x_newton"] for group in keys.groups]),
+        np.column_stack([series[f"{prefix}.{group}.force_z_newton"] for group in keys.groups]),
+        tuple(keys.groups),
+    )
+
+
+def numbers(found: Pull, tip_x_m: float, window_m: tuple[float, float]) -> PullNumbers:
+    """Means, deviation and spectrum over a window of the tip; tip_x_m: of the tip from the tool's origin."""
+    tip = found.x_m + tip_x_m
+    rows = (tip >= window_m[0]) & (tip <= window_m[1])
+    if rows.sum() < 10:
+        raise RunError(f"window_m {window_m}: the tip was there in {int(rows.sum())} ticks; draw it further")
+    draft = -found.force_x_newton[rows].sum(axis=1)
+    at = np.arange(*window_m, SAMPLE_M)  # the same for all pulls, so that spectra can be averaged
+    sampled = np.interp(at, tip[rows], draft)
+    about = sampled - np.polyval(np.polyfit(at, sampled, 1), at)
+    power = np.abs(np.fft.rfft(about * np.hanning(len(about)))) ** 2
+    return PullNumbers(
+        mean_x_newton=found.force_x_newton[rows].mean(axis=0),
+        mean_z_newton=found.force_z_newton[rows].mean(axis=0),
+        draft_newton=float(draft.mean()),
+        deviation_newton=float(about.std()),
+        frequency_per_m=np.asarray(np.fft.rfftfreq(len(about), SAMPLE_M), np.float64),
+        power=power,
+    )
+
+
+def dominant_period_m(found: list[PullNumbers]) -> float:
+    """Period of the largest peak of the mean spectrum of replicates, of those resolved often enough."""
+    frequency = found[0].frequency_per_m
+    power = np.mean([item.power / item.power.sum() for item in found], axis=0)
+    power = np.convolve(power, [0.25, 0.5, 0.25], "same")
+    lowest = RESOLVED_PERIODS * frequency[1]
+    rows = np.flatnonzero(frequency >= lowest)
+    return float(1.0 / frequency[rows[np.argmax(power[rows])]])

@@ -1,0 +1,102 @@
+"""Finished runs, kept by the hash of their scene: calibrations, sweeps, studies and benchmarks share them.
+
+A kept run is a folder with scene.yaml, series.csv and summary.json as `subsoil run` leaves them and run.json,
+which says how it went and what it took. A bag is there only where somebody wanted it: scene.yaml gives it
+again, bit for bit.
+"""
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from ..analysis.series import Series, read_series_csv
+from ..api.execution import Executed
+from ..errors import InputError, RunError, SubsoilError
+from ..scene.loader import ResolvedScene
+
+NAME_DIGITS = 32
+"""Of the hash, in a folder's name."""
+
+
+@dataclass(frozen=True)
+class KeptRun:
+    """A run in its folder; what has failed is kept too, with its message."""
+
+    folder: Path
+
+    @cached_property
+    def facts(self) -> dict[str, Any]:
+        """What run.json says, see Executed."""
+        return _read_json(self.folder / "run.json")
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """summary.json; empty if a run failed before its first series tick."""
+        path = self.folder / "summary.json"
+        return _read_json(path) if path.is_file() else {}
+
+    @property
+    def failure(self) -> str | None:
+        """Why it failed."""
+        message = self.facts["failure"]
+        return None if message is None else str(message)
+
+    def error(self, name: str) -> SubsoilError:
+        """The failure as it was raised: bad input, or a run that failed."""
+        kind = InputError if self.facts["exit_status"] == InputError.exit_status else RunError
+        return kind(f"{name}: {self.failure}")
+
+    def series(self) -> Series:
+        """Its series, to the last bit."""
+        return read_series_csv(self.folder / "series.csv")
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    return dict(json.loads(path.read_text(encoding="utf-8")))
+
+
+def run_folder(cache: Path, scene_hash: str) -> Path:
+    """Where the run of a scene is kept."""
+    return cache / scene_hash[:NAME_DIGITS]
+
+
+def find_run(cache: Path, scene_hash: str) -> KeptRun | None:
+    """The kept run of a scene; None if there is none."""
+    folder = run_folder(cache, scene_hash)
+    return KeptRun(folder) if (folder / "run.json").is_file() else None
+
+
+def keep_run(cache: Path, scene: ResolvedScene, executed: Executed) -> KeptRun:
+    """Keeps a run in place of an earlier one of the same scene; its folder appears in one piece."""
+    cache.mkdir(parents=True, exist_ok=True)
+    part = Path(tempfile.mkdtemp(prefix=".part-", dir=cache))
+    try:
+        scene.write(part / "scene.yaml")
+        for name, content in executed.files.items():
+            (part / name).write_bytes(content)
+        part.chmod(0o755)  # mkdtemp's are for the user alone
+        return keep_folder(cache, scene.scene_hash, part, executed.facts)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def keep_folder(cache: Path, scene_hash: str, made: Path, facts: Mapping[str, Any]) -> KeptRun:
+    """Keeps a folder that `subsoil run` made on the disk of the cache, as keep_run does; it is moved.
+
+    facts: as Executed has them.
+    """
+    folder = run_folder(cache, scene_hash)
+    (made / "run.json").write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8")
+    shutil.rmtree(folder, ignore_errors=True)
+    try:
+        os.rename(made, folder)
+    except OSError:
+        if not folder.is_dir():  # else somebody has just kept the same scene: the same numbers
+            raise
+    return KeptRun(folder)

@@ -1,0 +1,124 @@
+"""The numbers that accuracy is judged by, read off a kept run."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import periodogram
+
+from ..analysis.smoothing import moving_mean
+from ..analysis.spectra import LEAST_ROWS, spectrum
+from ..scene.document import read_document
+from .kept_runs import KeptRun
+
+MOVING_MEAN_S = 0.010
+"""Peaks and ranges are of the mean over this: single contacts come and go in a millisecond."""
+
+SWING_S = 0.3
+"""Length of the pieces that a swing is the median of (chosen: two periods of the paper's shank)."""
+
+SWING_ROWS = 10
+"""Rows that a piece must have (chosen: four to five in a period of the paper's shank, 7.6 Hz)."""
+
+DISTURBED_AREA = "disturbance.area_m2"
+"""Column of a summary; runs without it have no such metric."""
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One number of a run."""
+
+    name: str  # with its unit
+    label: str
+    relative: bool = True  # its error is a part of the finest's value, else a difference
+    resolution: str | None = None  # key of what a run can tell of it
+    absent_in_some: str = ""  # why not every run has it
+    unit: str = ""
+
+
+METRICS = (
+    Metric("draft_mean_newton", "mean draft"),
+    Metric("draft_peak_newton", "peak draft"),
+    Metric("spring_range_newton", "spring force range"),
+    Metric("spring_swing_newton", "spring force swing"),
+    Metric(
+        "draft_frequency_hz",
+        "dominant frequency",
+        resolution="frequency_resolution_hz",
+        absent_in_some="there is one where a rhythm of the draft stands out of red noise",
+        unit="Hz",
+    ),
+    Metric("disturbed_area_m2", "disturbed area"),
+    Metric("energy_residual", "energy residual", relative=False),
+)
+
+
+def metrics_of(run: KeptRun) -> dict[str, float]:
+    """Every metric that a run has a column for, over its metrics window; by Metric.name, resolutions too.
+
+    Peak and range are of the 10 ms moving mean; the range does not tell vibration from a bed that gives way
+    once, so there is the swing. There is a dominant frequency only where a rhythm of the draft stands out of
+    red noise.
+    """
+    summary, series = run.summary, run.series()
+    window = summary["window"]
+    times = series["time_s"]
+    rows = (times >= window["start_s"]) & (times <= window["end_s"])
+    found = {"energy_residual": abs(float(summary["interface_residual_ratio"]))}
+    if "draft_newton" in series:
+        draft = series["draft_newton"]
+        found["draft_mean_newton"] = float(np.mean(draft[rows]))
+        found["draft_peak_newton"] = float(np.max(moving_mean(series, "draft_newton", MOVING_MEAN_S)[rows]))
+        found["draft_frequency_hz"] = dominant_frequency_hz(times[rows], draft[rows])
+        found["frequency_resolution_hz"] = 1.0 / float(np.ptp(times[rows]))
+    spring = spring_of(run)
+    if spring is not None and (name := f"spring.{spring}.force_newton") in series:
+        found["spring_range_newton"] = float(np.ptp(moving_mean(series, name, MOVING_MEAN_S)[rows]))
+        found["spring_swing_newton"] = swing(times[rows], series[name][rows])
+    if DISTURBED_AREA in summary:
+        found["disturbed_area_m2"] = float(summary[DISTURBED_AREA])
+    return {name: value for name, value in found.items() if math.isfinite(value)}
+
+
+def spring_of(run: KeptRun) -> str | None:
+    """The spring that the run's scene reports."""
+    path = run.folder / "scene.yaml"
+    spring = (read_document(path, str(path)).get("report") or {}).get("spring")
+    return None if spring is None else str(spring)
+
+
+def swing(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> float:
+    """Standard deviation about a straight line, the median over pieces of 0.3 s that overlap by half.
+
+    A fall, however steep, is in two or three of the pieces, so the median is of the vibration beside it; nan
+    with fewer than three pieces, or fewer than ten rows in one.
+    """
+    starts = np.arange(times_s[0], times_s[-1] - SWING_S + 1e-9, 0.5 * SWING_S)
+    first, last = np.searchsorted(times_s, starts - 1e-9), np.searchsorted(times_s, starts + SWING_S - 1e-9)
+    found = []
+    for start, low, high in zip(starts, first, last, strict=True):
+        if high - low < SWING_ROWS:
+            return math.nan
+        since, piece = times_s[low:high] - start, values[low:high]
+        found.append(np.std(piece - np.polyval(np.polyfit(since, piece, 1), since)))
+    return float(np.median(found)) if len(found) >= 3 else math.nan
+
+
+def dominant_frequency_hz(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> float:
+    """Frequency of the rhythm about the trend that stands out of red noise (spectra.py); nan where none does.
+
+    Welch's estimate finds it; the periodogram of the whole window, four times as fine, places it. A window of
+    length T resolves 1 / T, so differences below that are none.
+    """
+    count = len(times_s)
+    if count < LEAST_ROWS:
+        return math.nan
+    step_s = float(times_s[-1] - times_s[0]) / (count - 1)
+    even = np.interp(times_s[0] + step_s * np.arange(count), times_s, values)  # the last tick may stand off
+    found = spectrum(step_s, even)
+    if found is None or not found.significant:
+        return math.nan
+    frequency, density = periodogram(even, 1.0 / step_s, window="hann", detrend="linear")
+    near = np.flatnonzero(np.abs(frequency - found.dominant_hz) <= found.resolution_hz)
+    return float(frequency[near[np.argmax(density[near])]])

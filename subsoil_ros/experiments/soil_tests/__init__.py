@@ -1,0 +1,1 @@
+"""Virtual direct shear and tension tests of a soil of particles."""

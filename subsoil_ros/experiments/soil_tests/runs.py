@@ -1,0 +1,404 @@
+"""Virtual soil tests: direct shear at several normal stresses and tension, run without ROS.
+
+Every stress is a force over the section of the specimen that is left: (length - shear displacement) x width.
+"""
+
+import math
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...analysis.smoothing import running_mean
+from ...api.simulate import simulate
+from ...dem.engine import build_engine
+from ...errors import InputError
+from ...messages import MechanismState, SoilState, ToolMotions, ToolWrenches
+from ...scene.limits import Timing
+from ...scene.loader import ResolvedScene
+from ...scene.pairs import pair_values, tool_values
+from .options import INERTIAL_NUMBER
+from .shear_box import GLUE, ShearBox, ShearLoading, TensionLoading, shear_machine, tension_machine
+from .specimen import Size, Specimen, box_around, prepare_specimen, write_scene
+
+Watch = Callable[[str, Timing], AbstractContextManager[Callable[[int], None]]]
+"""Told the name and time of each run, gives what is called with every tick."""
+
+BAND_DIAMETERS = 6.0
+"""Height over which the rate of shear is counted (chosen: the least height of a specimen)."""
+
+GAP_DIAMETERS = {True: 1.75, False: 0.75}
+"""Gap between the frames. Glued: no particle is glued to both when they have come nearer under the load; not
+glued: none slips out, as some do from a gap of one diameter (chosen)."""
+
+PASS_DIAMETERS = 0.1
+"""How far frames without glue may pass each other (chosen: where they did by 0.24, a dry soil read a third
+too strong)."""
+
+LID_PART = 0.5
+"""Mass of upper frame and lid over that of the soil in it (chosen: less than a load, yet not too light)."""
+
+WAVES_OF_LOADING = 20.0
+"""Duration of the loading in travel times of a sound wave through the height (chosen: quasi-static)."""
+
+GRACE_STRAIN = 0.25
+"""The interface account is judged after the work of the load over this strain: glue snaps on at the start
+(chosen: a few per cent of the work of shear)."""
+
+SMOOTHED_ROWS = 5
+"""Of the series: over the noise of single contacts."""
+
+RESIDUAL_PART = 0.15
+"""Last part of the travel, over which the residual stress is the mean (chosen)."""
+
+TENSION_DIAMETERS = 2.0
+"""Travel in tension: bonds end after delta_c + delta_B, a tenth of this (chosen)."""
+
+
+@dataclass(frozen=True)
+class ShearCurve:
+    """One direct shear test; arrays (n,), from the first movement on."""
+
+    nominal_pa: float  # normal stress on the plane of shear at its full section
+    displacement_m: NDArray[np.float64]
+    shear_pa: NDArray[np.float64]
+    normal_pa: NDArray[np.float64]
+    rise_m: NDArray[np.float64]  # of the lid, from the first movement on
+    settled: float  # strain of the height under the load alone
+    speed_m_per_s: float
+    imbalance: (
+        float  # |driver force - soil on the upper box| over the largest driver force, mean while moving
+    )
+
+    def peak(self) -> tuple[float, float]:
+        """Normal and shear stress [Pa] where shear is largest."""
+        k = int(np.argmax(self.shear_pa))
+        return float(self.normal_pa[k]), float(self.shear_pa[k])
+
+    @property
+    def normal_error(self) -> float:
+        """Largest difference of the normal stress from the nominal one, over the nominal, of means over a
+        twentieth of the travel, once the speed is reached."""
+        parts = np.floor(20.0 * self.displacement_m / self.displacement_m[-1])
+        means = [self.normal_pa[parts == part].mean() for part in range(1, 20)]
+        return float(np.abs(np.array(means) / self.nominal_pa - 1.0).max())
+
+    def residual(self) -> tuple[float, float]:
+        """Normal and shear stress [Pa], mean over the last RESIDUAL_PART of the travel."""
+        last = self.displacement_m >= (1.0 - RESIDUAL_PART) * self.displacement_m[-1]
+        return float(self.normal_pa[last].mean()), float(self.shear_pa[last].mean())
+
+
+@dataclass(frozen=True)
+class TensionCurve:
+    """One tension test; arrays (n,)."""
+
+    opening_m: NDArray[np.float64]
+    tension_pa: NDArray[np.float64]
+    break_height: float  # part of the height below the crack, 0.5: in the middle
+    speed_m_per_s: float
+
+    @property
+    def strength_pa(self) -> float:
+        """Largest tension."""
+        return float(self.tension_pa.max())
+
+
+@dataclass(frozen=True)
+class SoilTests:
+    """All tests of one soil."""
+
+    specimen: Specimen
+    size_m: Size
+    shear: tuple[ShearCurve, ...]
+    tension: TensionCurve | None  # none: a soil without adhesion
+
+
+@dataclass
+class _Series:
+    """Takes the records of a run; one row per series tick."""
+
+    times_s: list[float] = field(default_factory=list)
+    rows: list[dict[str, float]] = field(default_factory=list)
+    _last: dict[type, Any] = field(default_factory=dict)
+
+    def write(self, record: Any) -> None:
+        self._last[type(record)] = record
+        if not isinstance(record, SoilState):  # the last of a tick that is needed here
+            return
+        motions = {motion.tool: motion for motion in self._last[ToolMotions].tools}
+        wrenches = {wrench.tool: wrench for wrench in self._last[ToolWrenches].tools}
+        machine: MechanismState = self._last[MechanismState]
+        self.times_s.append(record.end_time_ns * 1e-9)
+        self.rows.append(
+            {
+                "x": motions["upper"].x_m,
+                "z": motions["upper"].z_m,
+                "upper_x": wrenches["upper"].force_x_newton,
+                "upper_z": wrenches["upper"].force_z_newton,
+                "lower_z": wrenches["lower"].force_z_newton,
+                "drive": machine.draft_newton,
+            }
+        )
+
+    def column(self, name: str) -> NDArray[np.float64]:
+        return np.array([row[name] for row in self.rows])
+
+
+def rumpf_strength_pa(specimen: Specimen) -> float:
+    """Tensile strength by Rumpf, sigma = solid fraction z F / (pi d^2), F the largest attraction of a pair.
+
+    Source: H. Rumpf, Chem. Ing. Tech. 42 (1970) 538-540, before z is replaced by pi over the porosity. d is
+    the distance of particles at rest and z counts all in reach, so it is an upper bound for bonds that all
+    break at once; friction of bonds across the pull is not in it.
+    """
+    pair, _ = pair_values(specimen.soil)
+    distance = 2.0 * specimen.soil.particles.mean_volume_radius_m - pair.rest_overlap
+    bonds = specimen.solid_fraction * specimen.coordination
+    return bonds * pair.peak_attraction / (math.pi * distance**2)
+
+
+def affine_modulus_pa(specimen: Specimen, stress_pa: float) -> float:
+    """Constrained modulus if every particle moved with the mean strain, an upper bound.
+
+    Contacts of stiffness K, K_t in all directions alike, n_c = 3 solid fraction z / (pi d^3) of them per
+    volume: M = n_c d^2 (K / 5 + 2 K_t / 15). Source: K. Walton, J. Mech. Phys. Solids 35 (1987) 213-226, its
+    contact stiffnesses kept.
+    """
+    pair, _ = pair_values(specimen.soil)
+    distance = 2.0 * specimen.soil.particles.mean_volume_radius_m - pair.rest_overlap
+    linear = pair.linear_at(pair.loaded_m(stress_pa * distance**2))
+    contacts = 3.0 * specimen.solid_fraction * specimen.coordination / (math.pi * distance**3)
+    return contacts * distance**2 * (linear.stiffness / 5.0 + 2.0 * linear.tangential_stiffness / 15.0)
+
+
+def quasi_static_speed_m_per_s(specimen: Specimen, stress_pa: float, inertial_number: float) -> float:
+    """Speed at which soil under `stress_pa` and its own attraction reaches `inertial_number` [m/s]."""
+    stress = stress_pa + rumpf_strength_pa(specimen)
+    return inertial_number * BAND_DIAMETERS * math.sqrt(stress / specimen.density_kg_per_m3)
+
+
+def run_shear(
+    specimen: Specimen,
+    normal_pa: float,
+    folder: Path,
+    *,
+    inertial_number: float = INERTIAL_NUMBER,
+    glued: bool | None = None,
+    threads: int = 1,
+    watch: Watch = lambda name, timing: nullcontext(lambda tick: None),
+) -> ShearCurve:
+    """A direct shear test under `normal_pa` on the plane of shear, over a third of the length.
+
+    The upper frame and its lid are free along z, so that plane carries load, lid and the soil above it
+    whatever the walls do. `folder` takes the scene; `glued`: whether the box is, None: as needs_glue says.
+
+    Raises:
+        InputError: the load is below the weight of what lies on the plane.
+        RunError: the run failed.
+    """
+    glued = needs_glue(specimen, normal_pa) if glued is None else glued
+    diameter = 2.0 * specimen.soil.particles.mean_volume_radius_m
+    travel = float(np.ptp(specimen.bed.positions_m[:, 0])) / 3.0
+    box, bed = box_around(specimen, travel + 2.0 * diameter, GAP_DIAMETERS[glued] * diameter)
+    gravity = specimen.resolved.scene.gravity_m_per_s2
+    loading = _shear_loading(specimen, box, normal_pa, inertial_number, travel, glued=glued)
+    name = f"direct shear at {normal_pa:g} Pa"
+    grace = GRACE_STRAIN * normal_pa * box.area_m2 * box.height_m
+    machine = shear_machine(box, loading, gravity) | {"coupling": {"residual_grace_joule": grace}}
+    resolved = write_scene(specimen, name, folder, box, bed, loading.duration_s, machine, glued=glued)
+    series = _run(resolved, specimen, threads, watch(name, resolved.timing))[0]
+    moving = np.array(series.times_s) >= loading.start_s
+    drive, upper, z = series.column("drive"), series.column("upper_x"), series.column("z")
+    settled_m = float(z[0] - z[int(np.argmax(moving))])
+    _refuse_closed_gap(specimen, normal_pa, box.gap_m, settled_m, glued=glued)
+    displacement = series.column("x") - box.centre_m[0]
+    section = (box.length_m - displacement) * box.width_m
+    normal = series.column("upper_z") + 0.5 * specimen.mass_kg * gravity
+    first = int(np.argmax(moving))
+    return ShearCurve(
+        nominal_pa=normal_pa,
+        displacement_m=displacement[moving],
+        shear_pa=running_mean(drive / section, SMOOTHED_ROWS)[moving],
+        normal_pa=running_mean(normal / section, SMOOTHED_ROWS)[moving],
+        rise_m=(z - z[first])[moving],
+        settled=float((z[0] - z[first]) / box.height_m),
+        speed_m_per_s=loading.speed_m_per_s,
+        imbalance=float(np.abs((drive + upper)[moving]).mean() / np.abs(drive).max()),
+    )
+
+
+def needs_glue(specimen: Specimen, normal_pa: float) -> bool:
+    """Whether a soil would slide out of a plain box as a block under this or a larger normal stress.
+
+    One whose tension, by Rumpf, is above the stress. One that is weaker is pressed to the walls by the load,
+    and needs no gap as wide as glue does.
+    """
+    return rumpf_strength_pa(specimen) > normal_pa
+
+
+def _refuse_closed_gap(
+    specimen: Specimen, normal_pa: float, gap_m: float, settled_m: float, *, glued: bool
+) -> None:
+    """A particle held by both frames makes a soil stronger than it is."""
+    _, boundary = pair_values(specimen.soil)
+    radius = specimen.soil.particles.mean_volume_radius_m
+    reach = 2.0 * (radius + boundary.reach) if glued else -2.0 * PASS_DIAMETERS * radius
+    if gap_m - settled_m < reach:
+        raise InputError(
+            f"normal stress: under {normal_pa:g} Pa the specimen settles by {settled_m:.3g} m; of the gap of "
+            f"{gap_m:.3g} m less than {reach:.3g} m is left, and both frames hold the same particles; give "
+            "smaller stresses, or make the specimen lower"
+        )
+
+
+def _waves_s(specimen: Specimen, box: ShearBox, stress_pa: float) -> float:
+    sound = math.sqrt(affine_modulus_pa(specimen, stress_pa) / specimen.density_kg_per_m3)
+    return WAVES_OF_LOADING * box.height_m / sound
+
+
+def _shear_loading(
+    specimen: Specimen,
+    box: ShearBox,
+    normal_pa: float,
+    inertial_number: float,
+    travel_m: float,
+    *,
+    glued: bool,
+) -> ShearLoading:
+    gravity = specimen.resolved.scene.gravity_m_per_s2
+    soil_above_kg = 0.5 * specimen.mass_kg
+    lid_kg = LID_PART * soil_above_kg
+    load = normal_pa * box.area_m2 - soil_above_kg * gravity
+    if load < lid_kg * gravity:
+        least = (soil_above_kg + lid_kg) * gravity / box.area_m2
+        raise InputError(
+            f"normal stress: {normal_pa:g} Pa is below the weight of lid and soil over the plane of shear, "
+            f"{least:.4g} Pa; give more, or make the specimen lower"
+        )
+    return ShearLoading(
+        normal_pa=normal_pa,
+        load_newton=load,
+        lid_mass_kg=lid_kg,
+        lid_damping_newton_s_per_m=_lid_damping_newton_s_per_m(specimen, normal_pa, box.area_m2, glued=glued),
+        load_s=_waves_s(specimen, box, normal_pa),
+        speed_m_per_s=quasi_static_speed_m_per_s(specimen, normal_pa, inertial_number),
+        travel_m=travel_m,
+    )
+
+
+def _lid_damping_newton_s_per_m(
+    specimen: Specimen, normal_pa: float, area_m2: float, *, glued: bool
+) -> float:
+    """Twice what keeps a lid on the contacts of the section stable against a force held for a tick H.
+
+    A contact of stiffness k needs k H / 2 (coupling_bounds.py), of which its own damper gives a part; the
+    glue pulls without a damper. One contact stands on each square of a diameter.
+    """
+    soil = specimen.soil
+    pair, _ = pair_values(soil)
+    boundary = tool_values(soil)
+    diameter = 2.0 * soil.particles.mean_volume_radius_m
+    step_s = specimen.resolved.timing.soil_step_s
+    pressed = boundary.linear_at(boundary.loaded_m(normal_pa * diameter**2))
+    missing = max(0.0, 0.5 * pressed.stiffness * step_s - pressed.damping)
+    if glued:
+        missing = max(missing, 0.5 * GLUE * pair.peak_attraction / boundary.rest_overlap * step_s)
+    return 2.0 * missing * area_m2 / diameter**2
+
+
+def run_tension(
+    specimen: Specimen,
+    folder: Path,
+    *,
+    inertial_number: float = INERTIAL_NUMBER,
+    threads: int = 1,
+    watch: Watch = lambda name, timing: nullcontext(lambda tick: None),
+) -> TensionCurve:
+    """A tension test along z: the two halves of the box are drawn apart, so the soil breaks between them.
+
+    The walls grip over each half; a specimen higher than wide is needed, or it is drawn out of one
+    half: look at `break_height`. `folder` takes the scene.
+    """
+    diameter = 2.0 * specimen.soil.particles.mean_volume_radius_m
+    travel = TENSION_DIAMETERS * diameter
+    box, bed = box_around(specimen, travel + 2.0 * diameter, GAP_DIAMETERS[True] * diameter)
+    speed = quasi_static_speed_m_per_s(specimen, 0.0, inertial_number)
+    loading = TensionLoading(_waves_s(specimen, box, 0.0), speed, travel)
+    resolved = write_scene(
+        specimen, "tension", folder, box, bed, loading.duration_s, tension_machine(box, loading)
+    )
+    series, rise = _run(resolved, specimen, threads, watch("tension", resolved.timing))
+    half_weight = 0.5 * specimen.mass_kg * specimen.resolved.scene.gravity_m_per_s2
+    opening = series.column("z") - box.middle_m
+    moving = np.array(series.times_s) >= loading.rest_s
+    pull = (-series.column("upper_z") - half_weight) / box.area_m2
+    return TensionCurve(
+        opening_m=opening[moving],
+        tension_pa=running_mean(pull, SMOOTHED_ROWS)[moving],
+        break_height=float((rise < 0.5 * opening[-1]).mean()),
+        speed_m_per_s=speed,
+    )
+
+
+def _run(
+    resolved: ResolvedScene,
+    specimen: Specimen,
+    threads: int,
+    watched: AbstractContextManager[Callable[[int], None]],
+) -> tuple[_Series, NDArray[np.float64]]:
+    """The series of a test, and how far each particle rose [m]."""
+    soil = build_engine(resolved, threads)
+    series = _Series()
+    with watched as on_tick:
+        simulate(resolved, soil=soil, sink=series, on_tick=on_tick)
+    height = soil.positions_m()[:, 2]
+    assert len(height) == len(specimen.bed.positions_m), "the box stands off every particle"
+    return series, height - specimen.bed.positions_m[:, 2]
+
+
+def run_soil_tests(
+    resolved: ResolvedScene,
+    normal_pa: tuple[float, ...],
+    size_m: Size,
+    folder: Path,
+    *,
+    inertial_number: float = INERTIAL_NUMBER,
+    threads: int = 1,
+    watch: Watch = lambda name, timing: nullcontext(lambda tick: None),
+    working: Callable[[str], AbstractContextManager[object]] = nullcontext,
+) -> SoilTests:
+    """Direct shear at every stress of `normal_pa`, and tension if the soil has adhesion.
+
+    The specimen in tension is as long as wide, and a quarter higher than wide. `folder` takes a scene with
+    its meshes and bed for each test, in a folder of its own. `watch` and `working` show what is going on.
+    """
+
+    def subfolder(name: str) -> Path:
+        path = folder / name
+        path.mkdir(parents=True)
+        return path
+
+    with working("preparing the specimen"):
+        specimen = prepare_specimen(resolved, size_m, subfolder("specimen"), threads)
+    glued = needs_glue(specimen, min(normal_pa))  # one box for all points of a line
+    curves = tuple(
+        run_shear(
+            specimen, stress, subfolder(f"shear_{stress:g}_pa"), inertial_number=inertial_number,
+            glued=glued, threads=threads, watch=watch,
+        )
+        for stress in normal_pa
+    )  # fmt: skip
+    tension = None
+    if pair_values(specimen.soil)[0].adhesion > 0.0:
+        column = (size_m[1], size_m[1], 1.25 * size_m[1])
+        with working("preparing the column"):
+            pulled = prepare_specimen(resolved, column, subfolder("column"), threads)
+        tension = run_tension(
+            pulled, subfolder("tension"), inertial_number=inertial_number, threads=threads, watch=watch
+        )
+    return SoilTests(specimen, size_m, curves, tension)

@@ -1,0 +1,179 @@
+"""Errors of every variant of a study against its finest run, with intervals over the seeds."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import pandas as pd
+
+from ...analysis.intervals import (
+    Interval,
+    difference_by_seed,
+    error_against_one,
+    error_by_seed,
+    mean_interval,
+)
+from ..run_metrics import METRICS, Metric
+from .design import FINEST, StudyDesign
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One run: a variant with one seed."""
+
+    variant: str
+    seed: int
+    wall_s: float
+    cpu_s: float
+    metrics: dict[str, float]
+
+
+@dataclass
+class Judged:
+    """A variant of a study."""
+
+    name: str
+    knobs: dict[str, str]
+    seeds: int
+    failures: list[str]
+    wall_s: Interval | None = None
+    cpu_s: Interval | None = None
+    speed_up: tuple[float, float, float] | None = None  # mean, low, high
+    values: dict[str, Interval] = field(default_factory=dict)
+    errors: dict[str, Interval] = field(default_factory=dict)  # against the finest
+    errors_against: dict[str, dict[str, Interval]] = field(default_factory=dict)  # by reference
+    bound: float = math.nan  # largest error of the metrics that are judged, at the far end of its interval
+    pareto: bool = False
+
+    def runs_with(self, metric: str) -> int:
+        """How many of its runs have a metric."""
+        return self.values[metric].count if metric in self.values else 0
+
+    def verdict(self, metric: str) -> str:
+        """In words, whether its difference from the finest is more than the scatter of the seeds."""
+        error = self.errors.get(metric)
+        if error is None:
+            return ""
+        if error.mean == 0.0 and error.half_width == 0.0:
+            return "same"
+        if math.isnan(error.half_width):
+            return "one seed"
+        return "resolved" if error.resolved else "within seed scatter"
+
+
+def judge(
+    design: StudyDesign,
+    measured: Sequence[Measurement],
+    failures: dict[str, list[str]],
+) -> list[Judged]:
+    """Every variant of the design, in its order; those that failed in every seed have no numbers.
+
+    Errors are ratios of the means over the seeds that both have, less 1; intervals are Student's t of what is
+    left seed by seed (intervals.py). Speed-ups are of logarithms, since times scale. A reference of one run
+    has no scatter of its own: the finest's stands for it.
+    """
+    by_variant: dict[str, dict[int, Measurement]] = {}
+    for item in measured:
+        by_variant.setdefault(item.variant, {})[item.seed] = item
+    finest = by_variant.get(FINEST, {})
+    found = []
+    for variant in design.variants():
+        point = variant.point
+        runs = by_variant.get(point.name, {})
+        judged = Judged(point.name, variant.knobs, len(runs), failures.get(point.name, []))
+        if runs:
+            _times(judged, runs, finest, design.confidence)
+            for metric in METRICS:
+                _errors(judged, metric, runs, finest, by_variant, design)
+            known = [name for name in design.judged_by if any(name in run.metrics for run in finest.values())]
+            judged.bound = _bound(judged, known, len(design.seeds))
+        found.append(judged)
+    _mark_pareto(found)
+    return found
+
+
+def _times(
+    judged: Judged, runs: dict[int, Measurement], finest: dict[int, Measurement], confidence: float
+) -> None:
+    judged.wall_s = mean_interval([run.wall_s for run in runs.values()], confidence)
+    judged.cpu_s = mean_interval([run.cpu_s for run in runs.values()], confidence)
+    gains = difference_by_seed(
+        {seed: math.log(run.wall_s) for seed, run in finest.items()},
+        {seed: math.log(run.wall_s) for seed, run in runs.items()},
+        confidence,
+    )
+    if gains.count:
+        judged.speed_up = (math.exp(gains.mean), math.exp(gains.low), math.exp(gains.high))
+
+
+def _errors(
+    judged: Judged,
+    metric: Metric,
+    runs: dict[int, Measurement],
+    finest: dict[int, Measurement],
+    by_variant: dict[str, dict[int, Measurement]],
+    design: StudyDesign,
+) -> None:
+    values, true = _of(runs, metric), _of(finest, metric)
+    if not values:
+        return
+    judged.values[metric.name] = mean_interval(list(values.values()), design.confidence)
+    if not true or (metric.relative and not any(true.values())):
+        return  # nothing to be relative to
+    compare = error_by_seed if metric.relative else difference_by_seed
+    error = compare(values, true, design.confidence)
+    if error.count:
+        judged.errors[metric.name] = _resolvable(error, metric, finest)
+    scatter = float(pd.Series(true).std())  # nan with one
+    for name in design.also_against:
+        other = list(_of(by_variant.get(name, {}), metric).values())
+        if not metric.relative or not any(other):
+            continue
+        centre = sum(other) / len(other)
+        judged.errors_against.setdefault(name, {})[metric.name] = error_against_one(
+            list(values.values()), centre, scatter / math.sqrt(len(other)), len(true), design.confidence
+        )
+
+
+def _resolvable(error: Interval, metric: Metric, finest: dict[int, Measurement]) -> Interval:
+    """No narrower than what a run can tell of the metric; runs with the same value stay the same."""
+    if metric.resolution is None or error.mean == error.half_width == 0.0:
+        return error
+    told = max(
+        run.metrics[metric.resolution] / run.metrics[metric.name]
+        for run in finest.values()
+        if metric.name in run.metrics
+    )
+    return Interval(error.mean, max(error.half_width, told), error.count)
+
+
+def _of(runs: dict[int, Measurement], metric: Metric) -> dict[int, float]:
+    return {seed: run.metrics[metric.name] for seed, run in runs.items() if metric.name in run.metrics}
+
+
+def _bound(judged: Judged, names: Sequence[str], seeds: int) -> float:
+    """Largest |error| that the intervals still hold; with one seed in all, of the errors themselves.
+
+    Infinite where an error is not known: too few seeds are left, or the variant lost what is judged.
+    """
+    ends = []
+    for name in names:
+        error = judged.errors.get(name)
+        if error is None or (seeds > 1 and math.isnan(error.half_width)):
+            return math.inf
+        ends.append(abs(error.mean) + (error.half_width if seeds > 1 else 0.0))
+    return max(ends, default=math.nan)
+
+
+def _mark_pareto(found: Sequence[Judged]) -> None:
+    """Marks every variant that no other beats in both wall time and bound."""
+    rated = [item for item in found if item.wall_s is not None and math.isfinite(item.bound)]
+    for item in rated:
+        assert item.wall_s is not None
+        item.pareto = not any(
+            other.wall_s is not None
+            and other.wall_s.mean <= item.wall_s.mean
+            and other.bound <= item.bound
+            and (other.wall_s.mean < item.wall_s.mean or other.bound < item.bound)
+            for other in rated
+        )

@@ -1,0 +1,107 @@
+"""What a study compares: knobs and their values, the finest run, seeds; read from a design file."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from ...errors import InputError
+from ...scene.base import Fraction, Part
+from ...scene.complaints import validated
+from ...scene.document import read_document
+from ...scene.keys import suggestion
+from ..run_metrics import METRICS
+from ..sweep.plan import Point
+
+FINEST = "finest"
+
+Overrides = tuple[str, ...]  # KEY=VALUE, as after --set
+Seeds = Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)]
+
+
+class Reference(Part):
+    """Another run that errors are given against, finer than the finest that can be repeated."""
+
+    overrides: Overrides  # over the scene and the common ones, not over `finest`
+    seeds: Seeds = (0,)
+
+
+class StudyDesign(Part):
+    """A study of one scene."""
+
+    overrides: Overrides = ()  # in every run
+    finest: Overrides = ()  # the run that all others are measured against
+    seeds: Seeds
+    confidence: Fraction = 0.95
+    knobs: dict[str, dict[str, Overrides]]  # knob, value, its changes of the finest
+    one_at_a_time: tuple[str, ...] | None = None  # knobs whose values also run alone (default: every knob)
+    combinations: dict[str, dict[str, str]] = {}  # name, then the value of each knob that differs
+    judged_by: tuple[str, ...] = ("draft_mean_newton", "spring_range_newton")  # the Pareto set's error
+    also_against: dict[str, Reference] = {}
+
+    @model_validator(mode="after")
+    def _known(self) -> "StudyDesign":
+        if len(set(self.seeds)) < len(self.seeds):
+            raise ValueError("seeds: one is given twice; each bed counts once")
+        for knob in self.one_at_a_time or ():
+            if knob not in self.knobs:
+                raise ValueError(f"one_at_a_time: no knob '{knob}'; {suggestion(knob, self.knobs)}")
+        for name, chosen in self.combinations.items():
+            for knob, value in chosen.items():
+                if knob not in self.knobs:
+                    raise ValueError(f"combinations.{name}: no knob '{knob}'; {suggestion(knob, self.knobs)}")
+                if value not in self.knobs[knob]:
+                    raise ValueError(
+                        f"combinations.{name}.{knob}: no value '{value}'; "
+                        f"{suggestion(value, self.knobs[knob])}"
+                    )
+        names = [metric.name for metric in METRICS]
+        for name in self.judged_by:
+            if name not in names:
+                raise ValueError(f"judged_by: no metric '{name}'; {suggestion(name, names)}")
+        taken = {FINEST, *self.combinations} & {*self.also_against}
+        if taken or FINEST in self.combinations:
+            raise ValueError(f"also_against, combinations: '{(taken or {FINEST}).pop()}' names another run")
+        return self
+
+    def variants(self) -> tuple["Variant", ...]:
+        """The finest run, the values of knobs one at a time, the combinations; without seeds."""
+        found = [Variant(Point({}, name=FINEST, overrides=self.finest), {})]
+        for knob in self.knobs if self.one_at_a_time is None else self.one_at_a_time:
+            for value in self.knobs[knob]:
+                found.append(self._variant(f"{knob}: {value}", {knob: value}))
+        return (*found, *(self._variant(name, chosen) for name, chosen in self.combinations.items()))
+
+    def _variant(self, name: str, knobs: dict[str, str]) -> "Variant":
+        own = [change for knob, value in knobs.items() for change in self.knobs[knob][value]]
+        return Variant(Point({}, name=name, overrides=(*self.finest, *own)), knobs)
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A run of a study, without its seed."""
+
+    point: Point
+    knobs: dict[str, str]  # those that differ from the finest
+
+
+def read_design(path: Path) -> StudyDesign:
+    """Raises InputError for a file that is missing or is no design; a line per wrong place."""
+    design: StudyDesign = validated(StudyDesign, read_document(path, str(path)), str(path))
+    return design
+
+
+def design_of(scene: Path) -> Path:
+    """Where the design of a shipped scene stands: studies/NAME.yaml beside its folder.
+
+    Raises:
+        InputError: there is none.
+    """
+    path = scene.parent.parent / "studies" / f"{scene.stem}.yaml"
+    if not path.is_file():
+        raise InputError(
+            f"{scene}: has no design of a study at {path}; name one by --design (docs/studies.md says what "
+            "is in it)"
+        )
+    return path

@@ -1,0 +1,245 @@
+"""Tables and figure of a study."""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ..._version import __version__
+from ...analysis.intervals import Interval
+from ...analysis.study_figure import Dot, Panel, draw_study
+from ..run_metrics import METRICS, Metric
+from .accuracy import Judged, Measurement
+from .design import FINEST, StudyDesign
+
+_SPEED_UP = ("speed_up", "speed_up_low", "speed_up_high")
+
+
+def wide_table(judged: Sequence[Judged], design: StudyDesign) -> list[dict[str, Any]]:
+    """A row per variant. METRIC_error is relative to the finest (energy_residual: a difference), _low and
+    _high are of its interval, _verdict is in words; METRIC_error_vs_NAME is against a reference. _runs: how
+    many of its runs have the metric, where not all need have it.
+    """
+    rows = []
+    for item in judged:
+        row: dict[str, Any] = {
+            "variant": item.name,
+            **{f"knob.{knob}": item.knobs.get(knob, "") for knob in design.knobs},
+            "seeds": item.seeds,
+            "failures": len(item.failures),
+            "failure": item.failures[0] if item.failures else "",
+            **_interval("wall_s", item.wall_s),
+            **_interval("cpu_s", item.cpu_s),
+        }
+        row |= dict(zip(_SPEED_UP, item.speed_up or (math.nan,) * 3, strict=True))
+        for metric in METRICS:
+            row |= _interval(metric.name, item.values.get(metric.name))
+            row |= _interval(f"{metric.name}_error", item.errors.get(metric.name))
+            row[f"{metric.name}_verdict"] = item.verdict(metric.name)
+            if metric.absent_in_some:
+                row[f"{metric.name}_runs"] = item.runs_with(metric.name)
+            for name in design.also_against:
+                error = item.errors_against.get(name, {}).get(metric.name)
+                row |= _interval(f"{metric.name}_error_vs_{name}", error)
+        rows.append({**row, "bound": item.bound, "pareto": item.pareto})
+    return rows
+
+
+def _interval(name: str, interval: Interval | None) -> dict[str, float]:
+    if interval is None:
+        return {name: math.nan, f"{name}_low": math.nan, f"{name}_high": math.nan}
+    return {name: interval.mean, f"{name}_low": interval.low, f"{name}_high": interval.high}
+
+
+def markdown(judged: Sequence[Judged], design: StudyDesign, measured: Sequence[Measurement]) -> str:
+    """The table for people: wall time, speed-up, and each error with its interval."""
+    metrics = [metric for metric in METRICS if _told(judged, metric)]
+    heads = ["variant", "wall s", "times faster", *(_heading(metric) for metric in metrics), "Pareto"]
+    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    for item in judged:
+        name = item.name.replace("|", r"\|")
+        if item.wall_s is None:
+            reason = item.failures[0].replace("|", "/") if item.failures else "no run"
+            lines.append(f"| {name} | failed: {reason} |" + " |" * (len(heads) - 2))
+            continue
+        cells = [name, _plus_minus(item.wall_s, "{:.3g}"), _faster(item)]
+        cells += [_cell(item, metric) for metric in metrics]
+        lines.append(f"| {' | '.join([*cells, 'yes' if item.pareto else ''])} |")
+    return "\n".join([*lines, "", *_legend(judged, design), *_true_runs(design, measured), ""])
+
+
+def _told(judged: Sequence[Judged], metric: Metric) -> bool:
+    """Whether a metric has a column: an error, or a value where the finest runs have none."""
+    return any(metric.name in item.errors for item in judged) or (
+        metric.absent_in_some != "" and any(metric.name in item.values for item in judged)
+    )
+
+
+def _heading(metric: Metric) -> str:
+    return f"{metric.label} %" if metric.relative else f"{metric.label} (difference)"
+
+
+def _cell(item: Judged, metric: Metric) -> str:
+    value, error = item.values.get(metric.name), item.errors.get(metric.name)
+    if metric.absent_in_some and (error is None or item.name == FINEST):
+        return f"({_presence(item, metric)})"
+    if value is None or error is None:
+        return ""
+    if item.name == FINEST:
+        return f"({value.mean:.4g})"
+    scaled = error.scaled(100.0) if metric.relative else error
+    text = _plus_minus(scaled, "{:+.3g}" if metric.relative else "{:+.1g}")
+    if metric.absent_in_some and error.count < item.seeds:
+        text += f", in {error.count} of {item.seeds}"
+    return f"{text} (~)" if item.verdict(metric.name) == "within seed scatter" else text
+
+
+def _presence(item: Judged, metric: Metric) -> str:
+    """The value of a metric that not all runs have, and how many do."""
+    value = item.values.get(metric.name)
+    return "none" if value is None else f"{value.mean:.3g} {metric.unit} in {value.count} of {item.seeds}"
+
+
+def _plus_minus(interval: Interval, form: str) -> str:
+    text = form.format(interval.mean)
+    if math.isnan(interval.half_width):
+        return text
+    return f"{text} +- {form.replace('+', '').format(interval.half_width)}"
+
+
+def _faster(item: Judged) -> str:
+    if item.speed_up is None:
+        return ""
+    mean, low, high = item.speed_up
+    return f"{mean:.3g}" if math.isnan(low) else f"{mean:.3g} ({low:.3g} to {high:.3g})"
+
+
+def _legend(judged: Sequence[Judged], design: StudyDesign) -> list[str]:
+    percent = f"{100.0 * design.confidence:g} %"
+    lines = [
+        f"Errors against `{FINEST}`, whose row has the values themselves; {len(design.seeds)} bed seeds. "
+        f"+-: {percent} intervals, Student's t of the differences of equal seeds; (~): less than the scatter "
+        "of the seeds, so no difference that these runs resolve. Wall time: of the ticks alone, without "
+        "start-up and compilation. Pareto: no other run is both faster and nearer, by "
+        f"{' and '.join(design.judged_by)} at the far end of their intervals."
+    ]
+    for metric in METRICS:
+        if metric.absent_in_some:
+            told = "in brackets the value itself" if _told(judged, metric) else "no run has one"
+            lines.append(f"{metric.label.capitalize()}: {told}; {metric.absent_in_some}.")
+    if len(design.seeds) == 1:
+        lines.append("One seed: nothing says how much a difference means.")
+    return lines
+
+
+def _true_runs(design: StudyDesign, measured: Sequence[Measurement]) -> list[str]:
+    """The runs that count as true, one by one: a list of the finest and of the references."""
+    return [
+        f"- `{item.variant}`, seed {item.seed}, {item.wall_s:.4g} s: "
+        + "; ".join(
+            f"{metric.label} {item.metrics[metric.name]:.4g}"
+            for metric in METRICS
+            if metric.name in item.metrics
+        )
+        + "."
+        for item in measured
+        if item.variant in (FINEST, *design.also_against)
+    ]
+
+
+def expected_presets(
+    judged: Sequence[Judged], design: StudyDesign, facts: Mapping[str, Any], duration_s: float, scene: str
+) -> dict[str, Any]:
+    """`expected:` of the finest and each combination, as a scene's presets take it; only measured intervals.
+
+    The finest's own error is the scatter of its mean over the seeds.
+    """
+    seeds = f"{len(design.seeds)} bed seeds"
+    found: dict[str, Any] = {}
+    for item in judged:
+        if item.wall_s is None or item.name not in (FINEST, *design.combinations):
+            continue
+        errors, against = item.errors, f"{FINEST}, {seeds}"
+        if item.name == FINEST:
+            errors, against = _scatter(item), f"its own mean over {seeds}"
+        found[item.name] = {
+            "expected": {
+                "against": against,
+                "errors": _intervals(errors),
+                "errors_against": {name: _intervals(others) for name, others in item.errors_against.items()},
+                "confidence": design.confidence,
+                **_notes(item, judged[0]),
+                "wall_s_per_simulated_s": item.wall_s.mean / duration_s,
+                "machine": f"{facts['machine']}, {facts['threads']} threads",
+                "source": f"subsoil study {Path(scene).name}, version {__version__}, engines {facts['code']}",
+            }
+        }
+    return found
+
+
+def _notes(item: Judged, finest: Judged) -> dict[str, list[str]]:
+    """What no error says: a metric that more or fewer of its runs have than of the finest."""
+    notes = [
+        f"{metric.label}: {_presence(item, metric)}; {FINEST}: {_presence(finest, metric)}"
+        for metric in METRICS
+        if metric.absent_in_some and item.runs_with(metric.name) != finest.runs_with(metric.name)
+    ]
+    return {"notes": notes} if notes else {}
+
+
+def _scatter(item: Judged) -> dict[str, Interval]:
+    """Relative intervals of a variant's own means."""
+    return {
+        name: Interval(0.0, value.half_width / abs(value.mean), value.count)
+        for name, value in item.values.items()
+        if value.mean
+    }
+
+
+def _intervals(errors: Mapping[str, Interval]) -> dict[str, dict[str, float]]:
+    """Of the metrics whose error is a part of the true value, where there is an interval."""
+    return {
+        metric.name: {"mean": error.mean, "low": error.low, "high": error.high}
+        for metric in METRICS
+        if metric.relative
+        and (error := errors.get(metric.name)) is not None
+        and not math.isnan(error.half_width)
+    }
+
+
+def draw(judged: Sequence[Judged], design: StudyDesign, scene: str, path: Path) -> Path:
+    """Errors against wall time, a panel per metric."""
+    panels = []
+    for metric in METRICS:
+        factor = 100.0 if metric.relative else 1.0
+        title = f"{metric.label}, against the finest run"
+        unit = "error [%]" if metric.relative else "difference"
+        dots = tuple(
+            Dot(
+                number, _group(item), item.wall_s.mean, factor * error.mean, factor * error.half_width,
+                error.resolved,
+            )
+            for number, item in enumerate(judged)
+            if item.wall_s is not None and (error := item.errors.get(metric.name)) is not None
+        )  # fmt: skip
+        if not dots and _told(judged, metric):
+            title, unit = f"{metric.label}; the finest run has none", f"[{metric.unit}]"
+            dots = tuple(
+                Dot(number, _group(item), item.wall_s.mean, value.mean, value.half_width, resolved=True)
+                for number, item in enumerate(judged)
+                if item.wall_s is not None and (value := item.values.get(metric.name)) is not None
+            )
+        if dots:
+            panels.append(Panel(title, unit, dots))
+    pareto = [number for number, item in enumerate(judged) if item.pareto]
+    title = (
+        f"{scene}: {len(design.seeds)} bed seeds, {100 * design.confidence:g} % intervals; "
+        "hollow: less than the seeds' scatter; bold: Pareto"
+    )
+    return draw_study(panels, [item.name for item in judged], pareto, title, path)
+
+
+def _group(item: Judged) -> str:
+    if len(item.knobs) == 1 and ": " in item.name:
+        return next(iter(item.knobs))
+    return FINEST if item.name == FINEST else "combinations"

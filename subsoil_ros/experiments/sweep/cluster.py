@@ -1,0 +1,95 @@
+"""Where the runs of a sweep go: workers of this machine, or a Dask cluster by its address."""
+
+import logging
+import os
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+from urllib.parse import urlsplit
+
+from ...api.execution import code_digest
+from ...errors import InputError
+from .worker import engines_of_worker, ignore_interrupts
+
+PATIENCE_S = 20.0
+"""Wall time for a scheduler to answer, and to have a worker (chosen)."""
+
+
+def local_worker_count(threads: int) -> int:
+    """How many runs of `threads` threads this machine takes at once."""
+    return max(1, len(os.sched_getaffinity(0)) // threads)
+
+
+@contextmanager
+def connected(scheduler: str | None, workers: int) -> Iterator[tuple[Any, int]]:
+    """A Dask client, and how many runs go at once on a machine.
+
+    scheduler: its address; None: a cluster of `workers` processes on this machine, gone at the end.
+
+    Raises:
+        InputError: nobody answers there, there is no worker, or one runs other engines than this process.
+    """
+    import dask
+    from distributed import Client
+
+    settings = {
+        "distributed.scheduler.allowed-failures": 0,  # a worker that dies has its run's failure to tell
+        "distributed.comm.timeouts.connect": f"{PATIENCE_S}s",
+    }
+    with dask.config.set(settings):
+        if scheduler is None:
+            with _local_cluster(workers) as cluster, Client(cluster) as client:
+                client.run(ignore_interrupts)  # in the main thread of each
+                yield client, workers
+            return
+        try:
+            client = Client(scheduler, timeout=PATIENCE_S)
+        except (OSError, TimeoutError, ValueError) as error:
+            raise InputError(
+                f"--scheduler {scheduler}: no Dask scheduler answers there ({error}); start one with `dask "
+                "scheduler`, and `dask worker ADDRESS` in an environment with subsoil_ros"
+            ) from error
+        with client:
+            _look_over(client, scheduler)
+            hosts = Counter(urlsplit(worker).hostname for worker in client.nthreads())
+            yield client, max(hosts.values())
+
+
+@contextmanager
+def _local_cluster(workers: int) -> Iterator[Any]:
+    from distributed import LocalCluster
+
+    with (
+        tempfile.TemporaryDirectory(prefix="subsoil-dask-") as folder,
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            dashboard_address="127.0.0.1:0",
+            memory_limit=None,  # a run cannot be moved to the disk; the system's own limit counts
+            local_directory=folder,
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+    ):
+        yield cluster
+
+
+def _look_over(client: Any, scheduler: str) -> None:
+    """Raises InputError where a run would have no worker, or one with other engines."""
+    try:
+        client.wait_for_workers(1, timeout=PATIENCE_S)
+    except TimeoutError as error:
+        raise InputError(
+            f"--scheduler {scheduler}: has no worker; start some with `dask worker {scheduler} --nthreads 1` "
+            "in an environment with subsoil_ros"
+        ) from error
+    for worker, answer in client.run(engines_of_worker, on_error="return").items():
+        if answer != code_digest():
+            what = f"has engines {answer}" if isinstance(answer, str) else f"answers {answer!r}"
+            raise InputError(
+                f"--scheduler {scheduler}: worker {worker} {what}, this machine {code_digest()}; runs of "
+                "different engines are not one sweep: install the same subsoil_ros there"
+            )

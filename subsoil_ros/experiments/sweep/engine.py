@@ -1,0 +1,147 @@
+"""Runs the jobs of a sweep or a study, each once, and keeps what they gave."""
+
+import uuid
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from ...api.execution import Executed, code_digest, machine_name
+from ...errors import RunError
+from ...scene.parcel import pack
+from ..kept_runs import KeptRun, find_run, keep_run
+from .cluster import connected, local_worker_count
+from .plan import Job
+from .worker import PROGRESS, run_parcel
+
+
+class Watcher(Protocol):
+    """Is told how the runs go."""
+
+    def begin(self, kept: int, count: int) -> None:
+        """`kept` of `count` runs are there already."""
+        ...
+
+    def went_on(self, name: str, part: float) -> None:
+        """A run has done this part of its ticks."""
+        ...
+
+    def ended(self, name: str, failure: str | None) -> None:
+        """A run is kept."""
+        ...
+
+
+@dataclass(frozen=True)
+class Manner:
+    """How jobs are run."""
+
+    scheduler: str | None = None  # address of a Dask cluster; None: this machine
+    workers: int | None = None  # at once on this machine; None: as many as it has cores for
+    threads: int = 1  # of the soil engine
+    retry_failed: bool = False
+    timed: bool = False  # times are wanted: warm up before each run, take no kept one with more company
+
+
+def run_jobs(jobs: Sequence[Job], cache: Path, manner: Manner, watcher: Watcher) -> list[KeptRun]:
+    """The kept run of every job, in their order. A run that fails is kept with its message, the rest go on.
+
+    Ended early, by Ctrl-C say, all that was finished is kept, and the next call goes on from there.
+
+    Raises:
+        InputError: as connected.
+        RunError: the scheduler went away.
+    """
+    wanted = {job.scene.scene_hash: job for job in jobs}  # equal scenes run once
+    missing = {
+        scene_hash: job
+        for scene_hash, job in wanted.items()
+        if _is_missing(find_run(cache, scene_hash), manner)
+    }
+    watcher.begin(len(wanted) - len(missing), len(wanted))
+    if missing:
+        _run_missing(missing, cache, manner, watcher)
+    found = [find_run(cache, job.scene.scene_hash) for job in jobs]
+    return [run for run in found if run is not None]
+
+
+def _is_missing(kept: KeptRun | None, manner: Manner) -> bool:
+    if kept is None:
+        return True
+    if kept.failure is not None:
+        return manner.retry_failed
+    if not manner.timed:
+        return False
+    had_company = kept.facts["at_once"] > (manner.workers or 1) or kept.facts["threads"] != manner.threads
+    return had_company or kept.facts["cpu_s"] is None
+
+
+def _run_missing(missing: dict[str, Job], cache: Path, manner: Manner, watcher: Watcher) -> None:
+    """As many at once as there are workers: what waits on a worker that dies would count as dead with it."""
+    from distributed import as_completed
+
+    workers = min(manner.workers or local_worker_count(manner.threads), len(missing))
+    with connected(manner.scheduler, workers) as (client, at_once), _told(client, watcher.went_on):
+        names = _names(missing)
+        waiting = list(reversed(missing))
+        running = as_completed()
+        hashes: dict[str, str] = {}  # by key of the future
+
+        def submit() -> None:
+            while waiting and len(hashes) < max(1, sum(client.nthreads().values())):
+                scene_hash = waiting.pop()
+                future = client.submit(
+                    run_parcel, names[scene_hash], pack(missing[scene_hash].scene), manner.threads, at_once,
+                    manner.timed, key=f"subsoil-{uuid.uuid4().hex}", pure=False, retries=0,
+                )  # fmt: skip
+                hashes[future.key] = scene_hash
+                running.add(future)
+
+        submit()
+        for future in running:
+            scene_hash = hashes.pop(future.key)
+            kept = keep_run(cache, missing[scene_hash].scene, _executed(future, manner, at_once))
+            watcher.ended(names[scene_hash], kept.failure)
+            submit()
+
+
+def _names(missing: dict[str, Job]) -> dict[str, str]:
+    """Labels by hash, made different where two are equal."""
+    return {scene_hash: f"{job.point.label} ({scene_hash[:6]})" for scene_hash, job in missing.items()}
+
+
+def _executed(future: Any, manner: Manner, at_once: int) -> Executed:
+    """What a future gave; an error that no run catches, as of a worker that was killed, is a failed run."""
+    if future.cancelled():
+        raise RunError("the Dask scheduler has gone; what was finished is kept, the same call goes on")
+    error = future.exception()
+    if error is None:
+        result: Executed = future.result()
+        return result
+    from distributed import KilledWorker
+
+    words = f"{type(error).__name__}: {' '.join(str(error).split())}"
+    if isinstance(error, KilledWorker):
+        words = f"the worker process that ran it died, {error.last_worker.address}: out of memory, or killed"
+    facts: dict[str, Any] = {
+        "failure": words,
+        "exit_status": getattr(error, "exit_status", 3),
+        "wall_s": None,
+        "cpu_s": None,
+        "whole_wall_s": None,
+        "threads": manner.threads,
+        "at_once": at_once,
+        "machine": machine_name(),
+        "code": code_digest(),
+    }
+    return Executed({}, facts)
+
+
+@contextmanager
+def _told(client: Any, went_on: Callable[[str, float], None]) -> Iterator[None]:
+    """Within it `went_on` hears what the workers say of their runs."""
+    client.subscribe_topic(PROGRESS, lambda event: went_on(event[1]["name"], event[1]["part"]))
+    try:
+        yield
+    finally:
+        client.unsubscribe_topic(PROGRESS)

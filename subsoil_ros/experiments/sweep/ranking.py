@@ -1,0 +1,148 @@
+"""Which point of a sweep saves draft, by how much more than the beds scatter, and what its spring bears."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from ...analysis.intervals import Interval, difference_by_seed, error_by_seed, mean_interval
+from .plan import Point
+
+DRAFT = "draft_newton_mean"
+FATIGUE_WORDS = ("equivalent_range", "fatigue", "rainflow")
+"""In the names of a summary's columns that speak of a spring's load cycles; the first found is judged by."""
+
+CONTROL = "control"
+"""Name of the runs that a saving is counted from."""
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """A point of a sweep over its seeds."""
+
+    values: dict[str, Any]
+    draft_newton: Interval
+    saving: Interval | None  # part of the control's draft; None without one
+    behind_best: Interval  # draft above that of the best, same seeds
+    load: dict[str, float]  # spring range and fatigue columns, means over the seeds
+    failures: int
+
+    @property
+    def level_with_best(self) -> bool:
+        """Whether the seeds do not tell it from the best."""
+        return not self.behind_best.resolved
+
+
+def control_point(point: Point, control: Sequence[str]) -> Point:
+    """The run that a point's saving is counted from: the point with the control's values.
+
+    What the point varies in the same part of the scene is left as the scene has it: the stiffness of a spring
+    that is locked says nothing.
+    """
+    parts = tuple(f"{text.partition('=')[0].strip().rpartition('.')[0]}." for text in control)
+    values = {key: value for key, value in point.values.items() if not key.startswith(parts)}
+    return Point(values, point.seed, CONTROL, tuple(control))
+
+
+def rank(
+    points: Sequence[Point],
+    runs: pd.DataFrame,
+    control: Sequence[str],
+    spring: str | None,
+    confidence: float,
+) -> list[Ranked]:
+    """Points by mean draft, least first; points without a draft are left out.
+
+    runs: rows of the sweep, those of the controls among them, with columns of table_of.
+    """
+    found = []
+    for point in points:
+        rows = _rows(runs, point)
+        done = rows[rows["failure"] == ""]
+        if DRAFT not in done or done.empty:
+            continue
+        drafts = _by_seed(done, DRAFT)
+        saving = None
+        if control:
+            saving = _saving(drafts, _rows(runs, control_point(point, control)), confidence)
+        load = {name: float(done[name].mean()) for name in _load_columns(done)}
+        name = f"spring.{spring}.force_newton"
+        if f"{name}_max" in done:
+            load[f"{name}_range"] = float((done[f"{name}_max"] - done[f"{name}_min"]).mean())
+        found.append((point, drafts, saving, load, len(rows) - len(done)))
+    found.sort(key=lambda item: sum(item[1].values()) / len(item[1]))
+    return [
+        Ranked(
+            point.values,
+            mean_interval(list(drafts.values()), confidence),
+            saving,
+            difference_by_seed(drafts, found[0][1], confidence),
+            load,
+            failures,
+        )
+        for point, drafts, saving, load, failures in found
+    ]
+
+
+def recommended(ranked: Sequence[Ranked]) -> Ranked | None:
+    """Of those that the seeds do not tell from the best, the one whose spring has the least fatigue load.
+
+    Without a saving that is more than the scatter there is none to recommend, nor without several seeds.
+    """
+    level = [item for item in ranked if item.level_with_best and not math.isnan(item.behind_best.half_width)]
+    if not level or (level[0].saving is not None and not level[0].saving.resolved):
+        return None
+    column = next((name for word in FATIGUE_WORDS for name in level[0].load if word in name), None)
+    if column is None:
+        return level[0]
+    return min(level, key=lambda item: item.load.get(column, math.inf))
+
+
+def ranking_table(ranked: Sequence[Ranked], best: Ranked | None) -> pd.DataFrame:
+    """The ranking as a table; half-widths are of the confidence intervals."""
+    rows = []
+    for item in ranked:
+        row = {
+            **item.values,
+            "seeds": item.draft_newton.count,
+            "failures": item.failures,
+            DRAFT: item.draft_newton.mean,
+            f"{DRAFT}_half_width": item.draft_newton.half_width,
+        }
+        if item.saving is not None:
+            row |= {"saving": item.saving.mean, "saving_half_width": item.saving.half_width}
+        row |= {"level_with_best": item.level_with_best, "recommended": item is best, **item.load}
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def _rows(runs: pd.DataFrame, point: Point) -> pd.DataFrame:
+    """Rows of a point, whatever their seed."""
+    return runs[runs["point"] == point_key(point)]
+
+
+def point_key(point: Point) -> str:
+    """What names a point whatever its seed."""
+    return repr((point.name, sorted((key, repr(value)) for key, value in point.values.items())))
+
+
+def _by_seed(rows: pd.DataFrame, column: str) -> dict[int, float]:
+    return {int(seed): float(value) for seed, value in zip(rows["seed"], rows[column], strict=True)}
+
+
+def _saving(drafts: dict[int, float], control: pd.DataFrame, confidence: float) -> Interval | None:
+    """1 - mean draft / mean draft of the control, over the seeds that both have (error_by_seed)."""
+    done = control[control["failure"] == ""]
+    if done.empty:
+        return None
+    return error_by_seed(drafts, _by_seed(done, DRAFT), confidence).scaled(-1.0)
+
+
+def _load_columns(rows: pd.DataFrame) -> list[str]:
+    return [
+        str(name)
+        for name in rows.columns
+        if any(word in str(name) for word in FATIGUE_WORDS) and rows[name].notna().any()
+    ]

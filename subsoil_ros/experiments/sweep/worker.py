@@ -1,0 +1,45 @@
+"""What a Dask worker does: one run, in its own process."""
+
+import signal
+import tempfile
+import time
+from pathlib import Path
+
+from ...api.execution import Executed, code_digest, execute
+from ...scene.parcel import Parcel, unpack
+
+PROGRESS = "subsoil-progress"
+"""Dask's topic for (name of the run, part of it that is done)."""
+
+TELL_EVERY_S = 0.5
+"""Wall time between two words of progress (chosen)."""
+
+
+def run_parcel(name: str, parcel: Parcel, threads: int, at_once: int, warm_up: bool) -> Executed:
+    """Runs a scene that came as a parcel. Raises SceneError if it is not the one that was sent."""
+    from distributed import get_worker
+
+    worker = get_worker()
+    told = 0.0
+    with tempfile.TemporaryDirectory(prefix="subsoil-parcel-") as folder:
+        scene = unpack(parcel, Path(folder))
+        count = scene.timing.tick_count
+
+        def on_tick(tick: int) -> None:
+            nonlocal told
+            now = time.monotonic()
+            if now - told > TELL_EVERY_S or tick == count - 1:
+                told = now
+                worker.log_event(PROGRESS, {"name": name, "part": (tick + 1) / count})
+
+        return execute(scene, threads, on_tick, at_once=at_once, warm_up=warm_up)
+
+
+def engines_of_worker() -> str:
+    """The digest of the engines that a worker would run."""
+    return code_digest()
+
+
+def ignore_interrupts() -> None:
+    """Ctrl-C in a terminal goes to all processes; the one that started the sweep ends the workers itself."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

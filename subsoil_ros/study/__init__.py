@@ -1,1 +1,0 @@
-"""Many runs of one scene: sweeps, and what accuracy costs. Dask runs them, the kept runs hold them."""

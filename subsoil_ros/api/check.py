@@ -11,6 +11,7 @@ from ..scene.coupling_bounds import CouplingBound, coupling_bounds
 from ..scene.limits import StepLimit, step_limits, step_notes
 from ..scene.loader import ResolvedScene
 from ..scene.meshes import load_tool_mesh
+from ..scene.soil_file import soil_of
 from .load import SceneLike, resolved_scene
 
 if TYPE_CHECKING:
@@ -151,7 +152,10 @@ def run_notes(resolved: ResolvedScene) -> tuple[str, ...]:
 def _bounds(resolved: ResolvedScene) -> tuple[CouplingBound, ...]:
     scene = resolved.scene
     meshes = {name: load_tool_mesh(resolved.directory, scene, name) for name in scene.tools}
-    bounds = coupling_bounds(scene, meshes)
+    modulus = None
+    if scene.reduced_soil is not None:
+        modulus = soil_of(scene.reduced_soil).values.bed_modulus_newton_per_m3
+    bounds = coupling_bounds(scene, meshes, modulus)
     for bound in bounds:
         if resolved.timing.interval_s > bound.unstable_s:
             raise SceneError(

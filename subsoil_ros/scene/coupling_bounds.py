@@ -17,9 +17,7 @@ from .mechanism import Body
 from .meshes import ToolMesh
 from .model import Coupling, Scene
 from .pairs import layer_soils, tool_values
-from .resistance import ResistanceSoil
 from .soil import Soil
-from .soil_file import soil_of
 from .tool_faces import cutting_faces
 
 PRESSED_PART = 0.5
@@ -44,14 +42,19 @@ class CouplingBound:
     contact_count: float
 
 
-def coupling_bounds(scene: Scene, meshes: dict[str, ToolMesh]) -> tuple[CouplingBound, ...]:
+def coupling_bounds(
+    scene: Scene, meshes: dict[str, ToolMesh], bed_modulus_newton_per_m3: float | None = None
+) -> tuple[CouplingBound, ...]:
     """Bounds of every tool that a body carries; empty without soil or mechanism.
+
+    bed_modulus_newton_per_m3: of a reduced soil, from its values or its file.
 
     The effective mass is that of the free body at its farthest point, 1 / (1/m + d^2/J): joints only add
     to it, so the estimate is on the safe side. Of several layers the worst counts.
     """
     if scene.reduced_soil is not None and scene.mechanism is not None:
-        return _reduced_bounds(scene, scene.reduced_soil, meshes)
+        assert bed_modulus_newton_per_m3 is not None
+        return _reduced_bounds(scene, bed_modulus_newton_per_m3, meshes)
     soil = scene.particle_soil
     if soil is None or scene.mechanism is None:
         return ()
@@ -93,13 +96,10 @@ def _effective_mass_kg(body: Body, mesh: ToolMesh) -> float:
     return 1.0 / (1.0 / body.mass_kg + arm**2 / body.inertia_kg_m2)
 
 
-def _reduced_bounds(
-    scene: Scene, soil: ResistanceSoil, meshes: dict[str, ToolMesh]
-) -> tuple[CouplingBound, ...]:
+def _reduced_bounds(scene: Scene, modulus: float, meshes: dict[str, ToolMesh]) -> tuple[CouplingBound, ...]:
     """Of the springs before shares and shanks: their damper is k H, so it outweighs the held force at any
     H, up to that of a damper alone, k H = 2 m / H."""
     assert scene.mechanism is not None
-    modulus = soil_of(soil).values.bed_modulus_newton_per_m3
     found = []
     for name, tool in scene.tools.items():
         if tool.body is None or not tool.share:

@@ -34,7 +34,8 @@ def test_direct_mode_and_bags_need_no_extra(tmp_path):
     assert (out / "summary.json").is_file()
     (bag,) = (out / "bag").glob("*.mcap")
     plain(verb, "bag", "info", bag)
-    plain("import subsoil_ros.experiments.calibration.law, subsoil_ros.cli.soil_test, subsoil_ros.experiments.sweep.worker")
+    modules = ("experiments.calibration.law", "cli.soil_test", "experiments.sweep.worker")
+    plain(f"import {', '.join(f'subsoil_ros.{module}' for module in modules)}")
 
 
 @pytest.mark.parametrize(

@@ -13,12 +13,12 @@ import tempfile
 import time
 from pathlib import Path
 
+from subsoil_ros.coupling.checkpoints import CouplingState, Keeper, restore_engine
+from subsoil_ros.coupling.energy_account import InterfaceWork
 from subsoil_ros.coupling.engines import build_mover, build_soil
-from subsoil_ros.coupling.exchange import InterfaceWork
 from subsoil_ros.coupling.protocol import MECHANISM, SOIL
-from subsoil_ros.coupling.resumption import CouplingState, Keeper, restore_engine
+from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.recording.checkpoint import newest_valid
-from subsoil_ros.scene.loader import load_scene
 
 SCENE = Path(__file__).parents[1] / "config/scenes/subsoiler_1s300_as_printed.yaml"
 CASES = {"grid": (), "more pairs than a dense bed": ("soil.skin_m=0.0068",)}

@@ -15,7 +15,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.loading.loader import load_scene
 
 FULL = Path(__file__).parents[1] / "config" / "scenes" / "subsoiler_1s300.yaml"
 MODES = ("direct", "nodes")

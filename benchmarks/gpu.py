@@ -48,8 +48,8 @@ from subsoil_ros.dem.beds.settling import unwatched
 from subsoil_ros.dem.bench.cases import DENSE, Case, wet_case
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.kernel_cache import set_up_numba
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import ToolMotion
-from subsoil_ros.scene.loader import ResolvedScene, load_scene
 
 OUT = Path(__file__).parents[1] / "docs/results/gpu"
 CYCLE = Path(__file__).parents[1] / "config/scenes/subsoiler_1s300_cycle.yaml"

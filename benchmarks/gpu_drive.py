@@ -5,7 +5,7 @@ import time
 
 from subsoil_ros.dem.bench.cases import Case
 from subsoil_ros.dem.engine import SoilEngine
-from subsoil_ros.scene.limits import Timing
+from subsoil_ros.limits.stable_steps import Timing
 
 STEPS_PER_TICK = 10
 

@@ -13,8 +13,8 @@ from typing import Any
 from subsoil_ros import __version__
 from subsoil_ros.api.execution import code_digest, machine_name
 from subsoil_ros.experiments.kept_runs import KeptRun, find_run, keep_folder
-from subsoil_ros.scene.document import Document, dump_yaml
-from subsoil_ros.scene.loader import ResolvedScene, load_scene
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
+from subsoil_ros.yaml_document import Document, dump_yaml
 
 Summary = dict[str, Any]
 

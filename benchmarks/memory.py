@@ -101,7 +101,7 @@ def _name(process: psutil.Process) -> str:
     words = process.cmdline()
     if "subsoil_ros.cli.main" in words:
         return "subsoil"
-    name = next((word for word in words if word.startswith("subsoil_ros.nodes.")), "")
+    name = next((word for word in words if word.startswith("subsoil_ros.ros.nodes.")), "")
     return name.rpartition(".")[2].removesuffix("_node") or "other"
 
 

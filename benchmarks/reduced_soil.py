@@ -19,9 +19,9 @@ from pathlib import Path
 import numpy as np
 
 from subsoil_ros.api.simulate import simulate
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import CouplingReport
 from subsoil_ros.recording.bag_reader import BagReader
-from subsoil_ros.scene.loader import ResolvedScene, load_scene
 
 SCENES = Path(__file__).parents[1] / "config" / "scenes"
 

@@ -11,11 +11,11 @@ import json
 import time
 
 from subsoil_ros.api.beds import prepare_bed_first
-from subsoil_ros.cli.bed_preparation import bed_progress
-from subsoil_ros.cli.preparation import KernelAnnouncer
+from subsoil_ros.cli._shared.bed_preparation import bed_progress
+from subsoil_ros.cli._shared.preparation import KernelAnnouncer
 from subsoil_ros.coupling.engines import build_mover, build_soil
 from subsoil_ros.dem.bench.phases import clocked
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.loading.loader import load_scene
 
 
 def main() -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from subsoil_ros.experiments.soil_tests.runs import run_soil_tests
 from subsoil_ros.experiments.soil_tests.strength import SoilStrength
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.loading.loader import load_scene
 
 SCENE = Path(__file__).parents[1] / "config" / "scenes" / "subsoiler_1s300.yaml"
 RADIUS_M = 0.010

@@ -24,7 +24,7 @@ def first_step(scene: str, started: float) -> None:
     def lap(stage: str) -> None:
         stages.append((stage, time.process_time(), time.monotonic() - started))
 
-    from subsoil_ros.cli import simulation
+    from subsoil_ros.cli._shared import simulation
     from subsoil_ros.coupling.engines import build_mover, build_soil
 
     lap("imports")

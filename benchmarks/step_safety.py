@@ -16,13 +16,13 @@ from statistics import fmean
 
 import numpy as np
 
+from subsoil_ros.coupling.checkpoints import CouplingState
 from subsoil_ros.coupling.protocol import SOIL
-from subsoil_ros.coupling.resumption import CouplingState
 from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.limits.stable_steps import step_limits
+from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.messages import ToolMotion
 from subsoil_ros.recording.checkpoint import newest_valid
-from subsoil_ros.scene.limits import step_limits
-from subsoil_ros.scene.loader import load_scene
 
 LOOKS = 6
 

@@ -30,8 +30,8 @@ from pathlib import Path
 import psutil
 from mcap.reader import make_reader
 
+from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.recording.recovery import recover
-from subsoil_ros.scene.loader import load_scene
 
 SCENE = Path(__file__).parents[1] / "config/scenes/subsoiler_1s300_quick.yaml"
 CHANGES = {
@@ -189,7 +189,7 @@ def _is_stopped(pid: int) -> bool:
 def _children(parent: int) -> dict[str, int]:
     pids = {}
     for child in psutil.Process(parent).children():
-        module = next(word for word in child.cmdline() if word.startswith("subsoil_ros.nodes."))
+        module = next(word for word in child.cmdline() if word.startswith("subsoil_ros.ros.nodes."))
         pids[module.rpartition(".")[2].removesuffix("_node")] = child.pid
     return pids
 
@@ -201,18 +201,18 @@ def _send(name: str, number: signal.Signals) -> Callable[[Run], None]:
 def _second_soil(run: Run) -> None:
     scene = run.out / "scene.yaml"
     run.start_other(
-        "-m", "subsoil_ros.nodes.soil_node", "--ros-args", "-p", f"scene:={scene}",
+        "-m", "subsoil_ros.ros.nodes.soil_node", "--ros-args", "-p", f"scene:={scene}",
         "-p", f"run_id:='{run.run_id()}'",
     )  # fmt: skip
 
 
 def _foreign(kind: str) -> Callable[[Run], None]:
-    return lambda run: run.start_other("-m", "benchmarks.intruder", kind, run.run_id())
+    return lambda run: run.start_other("-m", "dev.intruder", kind, run.run_id())
 
 
 def _slow_listener(run: Run) -> None:
     """No fault: the run goes on, until it is asked to end."""
-    run.start_other("-m", "benchmarks.intruder", "slow")
+    run.start_other("-m", "dev.intruder", "slow")
     time.sleep(4.0)
     before = run.bag_bytes()
     time.sleep(4.0)

@@ -28,9 +28,9 @@ from matplotlib.image import imread
 from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
 from rerun.experimental import ViewerClient
 
+from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.messages import MechanismState
 from subsoil_ros.recording.bag_reader import BagReader, mcap_path
-from subsoil_ros.scene.loader import load_scene
 
 STATE, REPORT, CLOUD = "/subsoil/mechanism_state", "/subsoil/coupling_report", "/subsoil/soil/cloud"
 EARTH, LINE = (150, 108, 62), (64, 200, 190)  # of soil and curves (chosen: nothing else has them)

@@ -19,7 +19,7 @@ from pathlib import Path
 from mcap.reader import make_reader
 
 from subsoil_ros.api.simulate import simulate
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.loading.loader import load_scene
 
 SCENE = Path(__file__).parents[1] / "config/scenes/subsoiler_1s300_quick.yaml"
 CHANGES = (
@@ -103,7 +103,7 @@ def be_a_host(scene: str, folder: Path, names: list[str]) -> int:
     for name in names:
         parameters = {"scene": scene, "run_id": RUN_ID, "bag": folder / "bag"}
         options = [item for key, value in parameters.items() for item in ("-p", f"{key}:={value}")]
-        program = [sys.executable, "-m", f"subsoil_ros.nodes.{name}_node", "--ros-args", *options]
+        program = [sys.executable, "-m", f"subsoil_ros.ros.nodes.{name}_node", "--ros-args", *options]
         with (folder / f"{name}.log").open("w") as log:
             processes.append(subprocess.Popen(program, stdin=subprocess.DEVNULL, stdout=log, stderr=log))
     return max([process.wait() for process in processes])

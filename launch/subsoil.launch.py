@@ -1,4 +1,4 @@
-"""Starts a run under ros2 launch: the processes of `subsoil run`, from the same plan (nodes/plan.py).
+"""Starts a run under ros2 launch: the processes of `subsoil run`, from the same plan (ros/process/plan.py).
 
 ros2 launch subsoil_ros subsoil.launch.py scene:=my_scene.yaml namespace:=left
 """
@@ -19,12 +19,12 @@ from launch_ros.actions import Node, SetParameter
 from launch_ros.parameter_descriptions import ParameterValue
 
 from subsoil_ros.api.opened_run import open_run
-from subsoil_ros.cli.bed_preparation import bed_progress
-from subsoil_ros.cli.live import live_port, say_where
-from subsoil_ros.cli.preparation import say_opened
+from subsoil_ros.cli._shared.bed_preparation import bed_progress
+from subsoil_ros.cli._shared.live import live_port, say_where
+from subsoil_ros.cli._shared.preparation import say_opened
 from subsoil_ros.errors import InputError
-from subsoil_ros.nodes.plan import RunPlan, checked_namespace, remappings
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.loading.loader import load_scene
+from subsoil_ros.ros.process.plan import RunPlan, checked_namespace, remappings
 
 DEFAULT_SCENE = "config/scenes/subsoiler_1s300_resistance.yaml"
 

@@ -1,7 +1,7 @@
 """What the parts of a run tell each other: one frozen record per message of subsoil_msgs.
 
 The direct run hands these objects over; the nodes copy their fields into ROS messages and back
-(nodes/convert.py), and so the ways of running cannot differ. Floats are float64. World axes
+(ros/transport/convert.py), and so the ways of running cannot differ. Floats are float64. World axes
 (x forward, y left, z up); the planar angle phi is counter-clockwise seen with x right and z up,
 a rotation about -y. A wrench acts on the body, about its centre of mass.
 """

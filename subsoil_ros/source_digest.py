@@ -15,7 +15,7 @@ PACKAGE = Path(__file__).parent
 RESULT_LIBRARIES = ("numba", "numpy", "scipy")
 """Their versions count as sources of a result."""
 
-WITHOUT_RESULTS = ("cli", "nodes", "dem/bench")
+WITHOUT_RESULTS = ("cli", "ros", "figures", "dem/bench")
 """Folders that no recorded number depends on."""
 
 

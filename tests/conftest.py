@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
+from subsoil_ros.limits.stable_steps import Timing
 from subsoil_ros.mbd.benchmark import SEVEN_BODIES
 from subsoil_ros.mbd.engine import MechanismEngine
-from subsoil_ros.scene.limits import Timing
 from subsoil_ros.scene.model import Scene
 
 VALUES = {

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from subsoil_ros.api.beds import prepare_bed_first
-from subsoil_ros.cli.bed_preparation import bed_progress
-from subsoil_ros.cli.preparation import KernelAnnouncer
+from subsoil_ros.cli._shared.bed_preparation import bed_progress
+from subsoil_ros.cli._shared.preparation import KernelAnnouncer
 from subsoil_ros.dem.beds.prepare import prepare_bed
 from subsoil_ros.dem.bench.cases import Case, stirred_velocities, throughput_cases
 from subsoil_ros.dem.bench.measure import bed_hash

@@ -18,8 +18,8 @@ import numpy as np
 import trimesh
 
 from subsoil_ros.api.beds import prepare_bed_first
-from subsoil_ros.cli.bed_preparation import bed_progress
-from subsoil_ros.cli.preparation import KernelAnnouncer
+from subsoil_ros.cli._shared.bed_preparation import bed_progress
+from subsoil_ros.cli._shared.preparation import KernelAnnouncer
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.beds.prepare import prepare_bed
 from subsoil_ros.dem.bench.cases import DENSE, linear_case

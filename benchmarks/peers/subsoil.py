@@ -9,9 +9,9 @@ import numpy as np
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.bench.cases import linear_case
 from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.limits.stable_steps import Timing
+from subsoil_ros.loading.loader import ResolvedScene
 from subsoil_ros.messages import ToolMotion
-from subsoil_ros.scene.limits import Timing
-from subsoil_ros.scene.loader import ResolvedScene
 from subsoil_ros.scene.tools import Tool
 
 from .job import Job, Law, Result

@@ -15,9 +15,9 @@ from rclpy.context import Context
 
 from subsoil_ros.coupling.protocol import CONTROLLER
 from subsoil_ros.messages import DriverCommand, MechanismState
-from subsoil_ros.nodes.controller_node import ControllerNode
-from subsoil_ros.nodes.lifeline import Lifeline, NodeRun
-from subsoil_ros.nodes.process import NodeSettings, run_process
+from subsoil_ros.ros.nodes.controller_node import ControllerNode
+from subsoil_ros.ros.process.heartbeat import Lifeline, NodeRun
+from subsoil_ros.ros.process.node_process import NodeSettings, run_process
 from subsoil_ros.scene.controller import Controller as ControllerKeys
 
 TARGETS = {

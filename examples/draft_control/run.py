@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from subsoil_ros.analysis.plotting import COLOURS, new_figure, save_figure
 from subsoil_ros.analysis.series import read_series
+from subsoil_ros.figures.plotting import COLOURS, new_figure, save_figure
+from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.messages import DriverCommand
 from subsoil_ros.recording.bag_reader import BagReader
-from subsoil_ros.scene.loader import load_scene
 
 FOLDER = Path(__file__).parent
 WAITING = re.compile(r"waiting for a node 'controller' of run '(\w+)' in ROS_DOMAIN_ID=(\d+)")

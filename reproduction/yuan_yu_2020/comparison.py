@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from subsoil_ros.analysis.disturbance import ZONE_M
-from subsoil_ros.analysis.findings import MOVING_S, Findings, compared_columns
+from subsoil_ros.analysis.run_statistics import MOVING_S, Findings, compared_columns
 from subsoil_ros.analysis.series import Series
 from subsoil_ros.analysis.smoothing import moving_mean
 from subsoil_ros.analysis.spectra import SEGMENTS, SLOWEST
 from subsoil_ros.analysis.window import Window
-from subsoil_ros.scene.laws import ConstantLaw
 from subsoil_ros.scene.mechanism import Driver
 from subsoil_ros.scene.model import Scene
+from subsoil_ros.scene.time_functions import ConstantLaw
 
 from . import printed
 from .consistency import Statement, statements

@@ -23,8 +23,8 @@ from scipy.spatial import cKDTree
 
 from benchmarks.kept_runs import write_rows
 from subsoil_ros.analysis.failure_cycles import SMOOTHED_S
-from subsoil_ros.analysis.findings import MOVING_S
 from subsoil_ros.analysis.intervals import paired_difference, t_quantile
+from subsoil_ros.analysis.run_statistics import MOVING_S
 from subsoil_ros.analysis.window import tip_path_m
 from subsoil_ros.recording.joined import open_record
 

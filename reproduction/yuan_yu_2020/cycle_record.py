@@ -11,7 +11,7 @@ from subsoil_ros.analysis.failure_cycles import SMOOTHED_S, FailureCycles, failu
 from subsoil_ros.analysis.series import Series, read_series_csv
 from subsoil_ros.analysis.smoothing import moving_mean, step_s
 from subsoil_ros.analysis.window import tip_path_m
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.loading.loader import load_scene
 
 from .cycle_runs import Case
 

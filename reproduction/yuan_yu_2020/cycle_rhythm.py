@@ -15,7 +15,7 @@ from scipy.stats import f as f_distribution
 from subsoil_ros.analysis.failure_cycles import SMOOTHED_S
 from subsoil_ros.analysis.smoothing import running_mean, step_s
 from subsoil_ros.analysis.window import tip_path_m
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.scene.mechanism import SpringDamper
 
 from .cycle_record import ANGLE, SPRING, Run, Values, quantile_range

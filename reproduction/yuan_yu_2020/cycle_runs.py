@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmarks.kept_runs import FailedRun, Summary, find_kept_run, kept_run, write_scene
-from subsoil_ros.scene.document import Document
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.loading.loader import load_scene
+from subsoil_ros.yaml_document import Document
 
 from . import SCENES
 from .draft_saving import mean_angle_rad

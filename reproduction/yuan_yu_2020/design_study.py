@@ -33,8 +33,8 @@ import numpy as np
 
 from benchmarks.kept_runs import FailedRun, Summary, kept_run, read_rows, write_rows, write_scene
 from subsoil_ros.analysis.intervals import Interval, mean_interval
-from subsoil_ros.analysis.plotting import COLOURS, new_figure, save_figure
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.figures.plotting import COLOURS, new_figure, save_figure
+from subsoil_ros.loading.loader import load_scene
 
 from . import SCENES
 from .draft_saving import mean_angle_rad, run_seed

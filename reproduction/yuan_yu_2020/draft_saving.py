@@ -25,7 +25,7 @@ from typing import Any
 
 from benchmarks.kept_runs import Summary, kept_run, write_scene
 from subsoil_ros.analysis.intervals import PairedDifference, paired_difference
-from subsoil_ros.scene.loader import ResolvedScene, load_scene
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
 
 from . import SCENES
 from .machine_variants import locked_shank, shank_and_frame

@@ -27,8 +27,8 @@ import yaml
 
 from benchmarks.kept_runs import FailedRun, Summary, kept_run, write_rows, write_scene
 from subsoil_ros.errors import SubsoilError
-from subsoil_ros.scene.document import Document
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.loading.loader import load_scene
+from subsoil_ros.yaml_document import Document
 
 from . import HERE, SCENES, printed
 from .levers import SHARE_DEPTH_PART

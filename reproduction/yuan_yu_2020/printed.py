@@ -1,6 +1,6 @@
 """What Yuan & Yu (2020) print of their run, section 4: the values of config/references/yuan_yu_2020.yaml."""
 
-from subsoil_ros.scene.reference import read_reference
+from subsoil_ros.loading.reference import read_reference
 
 from . import CONFIG
 

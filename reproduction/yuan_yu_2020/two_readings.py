@@ -23,7 +23,7 @@ from benchmarks.kept_runs import FailedRun, Summary, kept_run, write_rows, write
 from subsoil_ros.analysis.dead_centre import past_dead_centre_s
 from subsoil_ros.analysis.series import read_series_csv
 from subsoil_ros.errors import SubsoilError
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.loading.loader import load_scene
 
 from . import SCENES, printed
 from .machine_variants import at_depth, at_rest, coarse_soil, on_plain_ground

@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..loading.loader import ResolvedScene
 from ..messages import SoilCloud, ToolMotions
 from ..recording.height_map import CELL_DIAMETERS, HeightGrid, height_grid
 from ..recording.joined import open_record
 from ..scene.bed_spacing import particle_spacing_m
 from ..scene.beds import GridBed
-from ..scene.loader import ResolvedScene
 from ..scene.meshes import load_tool_mesh
 from ..scene.soil import Soil
 from .poses import posed_vertices_m, reference_angle

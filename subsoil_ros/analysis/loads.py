@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SceneError
-from ..scene.loader import ResolvedScene
+from ..loading.loader import ResolvedScene
 from ..scene.mechanism import GROUND, CoordinateSpring, Driver, WheelContact
 from ..scene.meshes import load_tool_mesh
 from ..scene.model import Scene

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from ..loading.loader import ResolvedScene
 from ..messages import ToolMotion
-from ..scene.loader import ResolvedScene
 from ..scene.meshes import ToolMesh
 
 

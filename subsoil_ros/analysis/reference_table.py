@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from ..scene.reference import Reference, ReferenceValue
+from ..loading.reference import Reference, ReferenceValue
 
 HEADINGS = ("quantity", "unit", "ours", "reference", "band", "difference", "agrees", "source")
 WORDS = ("quantity", "unit", "agrees", "source")

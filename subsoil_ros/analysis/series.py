@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, RecordingError
+from ..limits.stable_steps import derive_timing
 from ..messages import (
     CouplingReport,
     ForceState,
@@ -22,7 +23,6 @@ from ..messages import (
     ToolWrenches,
 )
 from ..recording.joined import open_record
-from ..scene.limits import derive_timing
 from ..scene.model import Scene
 
 Number = int | float

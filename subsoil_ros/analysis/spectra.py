@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from .steadiness import correlation_steps
+from .stationarity import correlation_steps
 
 SEGMENTS = 4
 """Lengths of a segment in the record (chosen: 7 half-overlapping ones; more would blur what is slow)."""

@@ -12,11 +12,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from ..scene.loader import ResolvedScene
+from ..loading.loader import ResolvedScene
+from ..loading.reference import Reference
 from ..scene.model import Scene
-from ..scene.reference import Reference
-from .findings import Findings, find_out
 from .reference_table import print_reference
+from .run_statistics import Findings, find_out
 from .series import Series, read_series
 from .summary_words import load_lines
 from .window import metrics_window, window_span_s

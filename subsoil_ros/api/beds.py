@@ -7,8 +7,8 @@ from ..dem.beds.cache import cached_bed_path
 from ..dem.beds.prepare import expected_dense_count, prepare_bed
 from ..dem.beds.settling import Watch, unwatched
 from ..dem.engine import SoilEngine
+from ..loading.loader import ResolvedScene
 from ..scene.beds import DenseRandomBed
-from ..scene.loader import ResolvedScene
 
 BedProgress = Callable[[str], AbstractContextManager[Watch]]
 """Shows that the bed of this description is prepared: gives what is told how it goes."""

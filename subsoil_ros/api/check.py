@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ..errors import SceneError
-from ..scene.coupling_bounds import CouplingBound, coupling_bounds
-from ..scene.limits import StepLimit, step_limits, step_notes
-from ..scene.loader import ResolvedScene
+from ..limits.communication_steps import CouplingBound, coupling_bounds
+from ..limits.stable_steps import StepLimit, step_limits, step_notes
+from ..loading.loader import ResolvedScene
+from ..loading.soil_file import soil_of
 from ..scene.meshes import load_tool_mesh
-from ..scene.soil_file import soil_of
 from .load import SceneLike, resolved_scene
 
 if TYPE_CHECKING:

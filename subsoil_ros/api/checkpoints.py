@@ -4,12 +4,12 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError, RecordingError, SubsoilError
+from ..loading.loader import ResolvedScene
 from ..recording.bag_reader import BagReader
 from ..recording.checkpoint import Checkpoint, end_digests, newest_valid
 from ..recording.joined import Resumption
 from ..recording.recovery import last_time_ns
 from ..scene.controller import External
-from ..scene.loader import ResolvedScene
 from ..ticks import tick_end_ns
 
 CHECKPOINTS = "checkpoints"

@@ -10,7 +10,7 @@ from typing import Any
 from .._version import __version__
 from ..analysis.versions import processor_name
 from ..errors import SubsoilError
-from ..scene.loader import ResolvedScene
+from ..loading.loader import ResolvedScene
 from ..source_digest import result_digest
 from .results import write_results
 from .simulate import OnTick, simulate

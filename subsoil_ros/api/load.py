@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
-from ..scene import loader
-from ..scene.loader import ResolvedScene
+from ..loading import loader
+from ..loading.loader import ResolvedScene
 
 SceneLike = str | PathLike[str] | Mapping[str, Any]
 """A scene as callers give it: the name of a shipped scene, a file (.yaml), or a document."""

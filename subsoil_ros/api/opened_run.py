@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from ..coupling.engines import Mover, build_mover
 from ..errors import InputError, SceneError
+from ..loading.loader import ResolvedScene
 from ..recording.checkpoint import Checkpoint
-from ..scene.loader import ResolvedScene
 from .check import run_notes
 from .checkpoints import CHECKPOINTS, find_checkpoint, note_resumption
 

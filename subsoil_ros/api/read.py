@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ..analysis.series import Series, read_series, read_series_csv
 from ..analysis.summary import summarize
 from ..errors import InputError
-from ..scene.loader import ResolvedScene
+from ..loading.loader import ResolvedScene
 from .recorded_run import RecordedRun, recorded_run
 
 if TYPE_CHECKING:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import InputError
+from ..loading.loader import ResolvedScene, load_scene
 from ..recording.bag_reader import mcap_path
 from ..recording.bag_scene import read_scene
 from ..recording.joined import mend_earlier
-from ..scene.loader import ResolvedScene, load_scene
 
 
 @dataclass(frozen=True)

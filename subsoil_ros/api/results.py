@@ -9,10 +9,10 @@ from ..analysis.series import read_series, write_series_csv
 from ..analysis.summary import Summary, summarize, summarize_unrecorded, write_summary
 from ..analysis.versions import versions
 from ..errors import RecordingError, SubsoilError
+from ..limits.stable_steps import Timing
+from ..loading.loader import ResolvedScene
 from ..recording.joined import mend_earlier
 from ..recording.recovery import recover
-from ..scene.limits import Timing
-from ..scene.loader import ResolvedScene
 from .checkpoints import checkpoint_facts
 from .opened_run import OpenedRun
 

@@ -12,7 +12,7 @@ from os import PathLike
 from pathlib import Path
 
 from ..errors import InputError, SubsoilError
-from ..scene.loader import ResolvedScene
+from ..loading.loader import ResolvedScene
 from .checkpoints import name_checkpoint
 from .load import SceneLike, resolved_scene
 from .opened_run import OpenedRun, open_run

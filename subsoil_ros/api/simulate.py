@@ -3,14 +3,14 @@
 from collections.abc import Callable
 from pathlib import Path
 
+from ..coupling.checkpoints import Keeper
 from ..coupling.control import Controller, build_controller
 from ..coupling.direct import RecordSink, run_direct
 from ..coupling.engines import Mover, Soil, build_mover, build_soil
-from ..coupling.resumption import Keeper
 from ..errors import InputError
+from ..loading.loader import ResolvedScene
 from ..recording.bag_writer import open_bag
 from ..recording.checkpoint import Checkpoint
-from ..scene.loader import ResolvedScene
 from .opened_run import OpenedRun
 
 OnTick = Callable[[int], None]

@@ -35,14 +35,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Measure and print."""
     if args.engine == "soil":
-        from . import bench_soil  # the other engine needs none of it
+        from ._shared import bench_soil  # the other engine needs none of it
 
         return bench_soil.run(args)
     if args.engine == "lockstep":
-        from . import bench_lockstep
+        from ._shared import bench_lockstep
 
         return bench_lockstep.run(args)
-    from .preparation import KernelAnnouncer
+    from ._shared.preparation import KernelAnnouncer
 
     with KernelAnnouncer():
         return _mechanism(args)
@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
 def _mechanism(args: argparse.Namespace) -> int:
     from ..mbd.benchmark import chain_costs, machine_cost
     from ..mbd.exudyn_peer import exudyn_cost
-    from .progress import working
+    from ._shared.progress import working
 
     with working("measuring the machine"):
         peer = exudyn_cost()  # right before and right after: the same load on the machine

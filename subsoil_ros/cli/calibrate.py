@@ -18,7 +18,7 @@ from ..errors import InputError
 if TYPE_CHECKING:
     from ..experiments.calibration.law import LawFit
     from ..experiments.calibration.resistance import ResistanceFit
-    from ..scene.limits import Timing
+    from ..limits.stable_steps import Timing
 
 CORRELATED = 0.95
 """Correlation of two fitted values beyond which the runs hardly tell them apart (chosen)."""
@@ -56,9 +56,9 @@ def run(args: argparse.Namespace) -> int:
     from ..experiments.calibration.law import fit_law, write_law
     from ..experiments.calibration.resistance import FITTED, fit_resistance, measure
     from ..kernel_cache import user_cache_folder
-    from ..scene.soil_file import write_soil_file
-    from .preparation import KernelAnnouncer, say
-    from .progress import working
+    from ..loading.soil_file import write_soil_file
+    from ._shared.preparation import KernelAnnouncer, say
+    from ._shared.progress import working
 
     design = read_design(args.design)
     if args.out.exists():
@@ -87,8 +87,8 @@ def run(args: argparse.Namespace) -> int:
 
 @contextmanager
 def _watch(name: str, timing: Timing) -> Iterator[Callable[[int], None]]:
-    from .preparation import say
-    from .progress import RunProgress
+    from ._shared.preparation import say
+    from ._shared.progress import RunProgress
 
     say(f"running {name}")
     with RunProgress(name, timing) as progress:

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.table import Table
 
-from .arguments import add_overrides
+from ._shared.arguments import add_overrides
 
 if TYPE_CHECKING:
     from ..api.check import CheckResult
+    from ..limits.stable_steps import Timing
+    from ..loading.loader import ResolvedScene
     from ..mbd.statics import Rest, Survey
-    from ..scene.limits import Timing
-    from ..scene.loader import ResolvedScene
     from ..scene.mechanism import Mechanism
 
 
@@ -43,9 +43,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Validate the scene and print its tables. Raises SceneError for whatever would stop a run."""
     from ..api.check import check
-    from ..scene.loader import load_scene
-    from .accuracy_rows import accuracy_lines
-    from .soil_rows import particle_rows, reduced_rows
+    from ..loading.loader import load_scene
+    from ._shared.accuracy_rows import accuracy_lines
+    from ._shared.soil_rows import particle_rows, reduced_rows
 
     resolved = load_scene(args.scene, args.overrides)
     found = check(resolved)
@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
     for line in accuracy_lines(resolved, args.overrides):
         console.print(line)
     if args.bed or args.bed_out:
-        from .bed_table import print_bed  # imports the engine of particles
+        from ._shared.bed_table import print_bed  # imports the engine of particles
 
         print_bed(console, resolved, args.threads, args.bed_out)
     for warning in found.warnings:

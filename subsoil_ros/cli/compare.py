@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..extras import require
 
 if TYPE_CHECKING:
-    from ..analysis.comparison import Difference, Source
+    from ..figures.comparison import Difference, Source
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
         InputError: a folder or the measurement cannot be used, or a library is missing; nothing was written.
     """
     require("drawing", "matplotlib")
-    from ..analysis.comparison import (
+    from ..figures.comparison import (
         differences,
         draw_overlay,
         labels_of,
@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
         usual_columns,
         write_differences_csv,
     )
-    from .progress import working
+    from ._shared.progress import working
 
     if len(args.runs) < 2 and args.measured is None:
         raise InputError(f"{args.runs[0]}: is one run; name a second one, or a measurement by --measured")
@@ -89,7 +89,7 @@ def _refuse_unknown(columns: Sequence[str], sources: "Sequence[Source]") -> None
     known = list(dict.fromkeys(name for source in sources for name in source.columns))
     for name in columns:
         if name not in known:
-            from ..scene.keys import suggestion
+            from ..loading.keys import suggestion
 
             raise InputError(f"--show {name}: no such column in any of them; {suggestion(name, known)}")
     if not columns:

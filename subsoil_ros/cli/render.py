@@ -6,14 +6,14 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..analysis.views import VIEWS
 from ..errors import InputError
 from ..extras import require
-from .arguments import RECORD_HELP
+from ..figures.views import VIEWS
+from ._shared.arguments import RECORD_HELP
 
 if TYPE_CHECKING:
-    from ..analysis.frames import Frames
     from ..api.recorded_run import RecordedRun
+    from ..figures.snapshots import Frames
 
 SMALLEST_PIXELS, LARGEST_PIXELS = 64, 7680
 """Of a side of a picture (chosen: a stamp; 8K, and what H.264 takes)."""
@@ -84,8 +84,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _render(args: argparse.Namespace, recorded: RecordedRun) -> int:
-    from ..analysis.frames import Frames
-    from .progress import working
+    from ..figures.snapshots import Frames
+    from ._shared.progress import working
 
     with working("reading the bag"):
         frames = Frames(recorded.bag, recorded.resolved)
@@ -124,8 +124,8 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def _draw(args: argparse.Namespace, recorded: RecordedRun, frames: Frames) -> None:
-    from ..analysis.picture import Studio, Style, default_limits, save_film, save_pictures
-    from .progress import counted
+    from ..figures.renderer import Studio, Style, default_limits, save_film, save_pictures
+    from ._shared.progress import counted
 
     given = args.limits
     limits = (given[0], given[1]) if given is not None else default_limits(recorded.resolved, args.colour)
@@ -151,8 +151,8 @@ def _draw(args: argparse.Namespace, recorded: RecordedRun, frames: Frames) -> No
 
 
 def _write_vtk(args: argparse.Namespace, recorded: RecordedRun, frames: Frames) -> None:
-    from ..analysis.vtk_series import write_vtk_series
-    from .progress import counted
+    from ..figures.vtk_series import write_vtk_series
+    from ._shared.progress import counted
 
     with counted("writing VTK files", len(frames.times_ns)) as done:
         paths = write_vtk_series(recorded.resolved, frames, args.vtk, done)

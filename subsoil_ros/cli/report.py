@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from ..extras import require
-from .arguments import RECORD_HELP
+from ._shared.arguments import RECORD_HELP
 
 if TYPE_CHECKING:
-    from ..analysis.findings import Findings
+    from ..analysis.run_statistics import Findings
     from ..api.recorded_run import RecordedRun
 
 
@@ -43,14 +43,14 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _report(recorded: RecordedRun, html: bool) -> int:
-    from ..analysis.figures import draw_figures
-    from ..analysis.findings import find_out
-    from ..analysis.load_figures import draw_load_figures
     from ..analysis.reference_table import reference_rows, write_reference_csv
+    from ..analysis.run_statistics import find_out
     from ..analysis.series import read_series, write_series_csv
     from ..analysis.summary import print_summary, summarize, write_summary
     from ..analysis.window import metrics_window
-    from .progress import reading_bag, working
+    from ..figures.load_figures import draw_load_figures
+    from ..figures.over_time import draw_figures
+    from ._shared.progress import reading_bag, working
 
     directory, bag, resolved = recorded.directory, recorded.bag, recorded.resolved
     with reading_bag(resolved.timing) as watch:
@@ -70,7 +70,7 @@ def _report(recorded: RecordedRun, html: bool) -> int:
             figures = draw_figures(bag, resolved, directory / "figures", series)
             figures += draw_load_figures(findings, resolved.scene.name, directory / "figures")
         if html:
-            from ..analysis.html_report import write_html
+            from ..figures.html_report import write_html
 
             pictures = sorted((directory / "pictures").glob("*.png"))
             with working("writing the page"):

@@ -3,8 +3,8 @@
 import argparse
 from pathlib import Path
 
-from .arguments import add_overrides
-from .live import add_live
+from ._shared.arguments import add_overrides
+from ._shared.live import add_live
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -61,6 +61,6 @@ def run(args: argparse.Namespace) -> int:
         InputError: the scene or the folder cannot be used; nothing was written.
         RunError: the run failed; what was recorded before is in the folder.
     """
-    from .simulation import simulate
+    from ._shared.simulation import simulate
 
     return simulate(args)

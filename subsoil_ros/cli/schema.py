@@ -4,7 +4,7 @@ import argparse
 import json
 from pathlib import Path
 
-from .arguments import write_out
+from ._shared.arguments import write_out
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the schema."""
-    from ..scene.schema import scene_schema
+    from ..loading.schema import scene_schema
 
     write_out(json.dumps(scene_schema(), indent=1) + "\n", args.out)
     return 0

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 from ..errors import InputError
 from ..experiments.soil_tests.options import INERTIAL_NUMBER, LEAST_POINTS
 from ..extras import require
-from .arguments import add_overrides
+from ._shared.arguments import add_overrides
 
 if TYPE_CHECKING:
     from ..experiments.soil_tests.runs import SoilTests
     from ..experiments.soil_tests.strength import CoulombFit
-    from ..scene.limits import Timing
-    from ..scene.loader import ResolvedScene
+    from ..limits.stable_steps import Timing
+    from ..loading.loader import ResolvedScene
 
 SHEAR_DIAMETERS = (12.0, 8.0, 6.0)
 """Length, width and height of the specimen in particle diameters (chosen: usual least sizes)."""
@@ -75,9 +75,9 @@ def run(args: argparse.Namespace) -> int:
         require("--out: the figure", "matplotlib")
     from ..experiments.soil_tests.runs import run_soil_tests
     from ..experiments.soil_tests.strength import write_results
-    from ..scene.loader import load_scene
+    from ..loading.loader import load_scene
     from ..scene.pairs import pair_values
-    from .progress import RunProgress, working
+    from ._shared.progress import RunProgress, working
 
     resolved = load_scene(args.scene, args.overrides)
     if resolved.scene.particle_soil is None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from ..extras import require
-from .arguments import add_overrides
+from ._shared.arguments import add_overrides
 from .sweep import add_manner
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     from ..experiments.study.design import design_of, read_design
     from ..experiments.study.study import run_study
     from ..experiments.sweep.engine import Manner
-    from .sweep_progress import SweepProgress
+    from ._shared.sweep_progress import SweepProgress
 
     design = read_design(args.design or design_of(Path(args.scene)))
     console = Console(width=None if sys.stdout.isatty() else 200, highlight=False)

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from ..errors import InputError, RunError
 from ..extras import require
-from .arguments import add_overrides, positive_count
+from ._shared.arguments import add_overrides, positive_count
 
 if TYPE_CHECKING:
     from ..experiments.sweep.ranking import Ranked
@@ -95,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
     from ..experiments.sweep.engine import Manner
     from ..experiments.sweep.plan import parse_variations
     from ..experiments.sweep.sweep import Sweep, run_sweep
-    from .sweep_progress import SweepProgress
+    from ._shared.sweep_progress import SweepProgress
 
     if not args.vary and not args.pair:
         raise InputError("--vary: is missing; name a key and its values, or use `subsoil run` for one run")

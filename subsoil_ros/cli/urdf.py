@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from .arguments import add_overrides, write_out
+from ._shared.arguments import add_overrides, write_out
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,7 +19,7 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         InputError: the scene cannot be used, or the file cannot be written.
     """
-    from ..scene.loader import load_scene
+    from ..loading.loader import load_scene
     from ..scene.urdf import robot_description
 
     write_out(robot_description(load_scene(args.scene, args.overrides).scene), args.out)

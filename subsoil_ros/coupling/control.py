@@ -2,12 +2,12 @@
 
 from typing import Protocol
 
+from ..loading.loader import ResolvedScene
 from ..mbd.driving import Ramp
 from ..messages import DriverCommand, MechanismState
 from ..recording.checkpoint import Checkpoint
 from ..scene.controller import Controller as ControllerKeys
 from ..scene.controller import DraftLimit, External, HoldHeight
-from ..scene.loader import ResolvedScene
 from .protocol import MECHANISM
 
 

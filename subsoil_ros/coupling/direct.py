@@ -4,17 +4,17 @@ import time
 from collections.abc import Callable
 from typing import Any, Protocol
 
+from ..loading.loader import ResolvedScene
 from ..messages import Command, Grant, MechanismState, ToolMotions, ToolWrenches
 from ..recording.checkpoint import Checkpoint
-from ..scene.loader import ResolvedScene
 from ..ticks import INITIAL_TICK, tick_end_ns
+from .checkpoints import CouplingState, Keeper, mover_part, restore_engine
 from .cloud import recorded_cloud
 from .control import Controller
-from .ending import interrupted
+from .energy_account import InterfaceWork, account_of
 from .engines import Mechanism, Mover, Soil
-from .exchange import InterfaceWork, account_of
+from .exit_status import interrupted
 from .protocol import SOIL
-from .resumption import CouplingState, Keeper, mover_part, restore_engine
 from .schedule import schedule_of
 
 

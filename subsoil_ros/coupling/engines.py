@@ -5,8 +5,8 @@ from typing import Any, Protocol
 
 from numpy.typing import NDArray
 
+from ..loading.loader import ResolvedScene
 from ..messages import DriverCommand, MechanismState, SoilCloud, SoilState, ToolMotion, ToolWrench
-from ..scene.loader import ResolvedScene
 
 
 class Resumable(Protocol):
@@ -95,7 +95,7 @@ def build_soil(resolved: ResolvedScene, threads: int) -> Soil | None:
     if resolved.scene.soil is None:
         return None
     if resolved.scene.reduced_soil is not None:
-        from ..resistance.engine import ResistanceEngine
+        from ..wedge.engine import ResistanceEngine
 
         return ResistanceEngine(resolved)
     from ..dem.engine import build_engine

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from ..scene.limits import Timing
+from ..limits.stable_steps import Timing
 from ..scene.model import Scene
 from ..ticks import NANOSECONDS_PER_SECOND, every_ticks, is_control_tick
 

@@ -14,7 +14,7 @@ from numba.extending import overload
 from ..scene.pairs import PairValues, layer_soils, pair_values
 from ..scene.soil import Soil, WetLaw
 from .compiled import inner_kernel
-from .roots import inverse_root
+from .inverse_root import inverse_root
 
 SINKS = ("normal_dashpot", "tangential_dashpot", "sliding", "rolling", "separation")
 """Energy sinks a contact books, in this order, joule."""

@@ -7,9 +7,9 @@ import numba
 import numpy as np
 
 from ..errors import InputError, PhysicsError, SceneError
+from ..limits.stable_steps import DENSE_COORDINATION, SAFETY, step_limits
+from ..loading.loader import ResolvedScene
 from ..messages import ToolMotion, ToolWrench
-from ..scene.limits import DENSE_COORDINATION, SAFETY, step_limits
-from ..scene.loader import ResolvedScene
 from ..scene.pairs import layer_soils, particle_mass_kg
 from .bed import Bed, finite_rows, refuse_outside
 from .beds.prepare import prepare_bed
@@ -25,7 +25,7 @@ from .readings import SoilReadings
 from .snapshot import bed_digest, below, from_named, motion_from, named
 from .state import PairList, Particles, WallList
 from .step import drift_and_contacts
-from .tool_surface import ToolSurface, motion_within, refuse_leap, surfaces
+from .tools.surface import ToolSurface, motion_within, refuse_leap, surfaces
 from .walls import CHUNKS, carry_walls, near_walls, wall_planes
 
 _CELLS_PER_SLAB = 1

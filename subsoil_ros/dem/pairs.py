@@ -14,10 +14,10 @@ from numba.extending import register_jitable
 
 from .compiled import inner_kernel
 from .contact import SINKS, PairLaw, contact, like, normal_potential, spring_energy
+from .inverse_root import inverse_root
 from .mixture import pair_of
 from .per_particle import PARTS, added_up
 from .periodic import nearest_image
-from .roots import inverse_root
 
 BLOCK = 512
 """Pairs computed at a time (measured, 128 to 1024: one component of the histories is then a page, and a bed

@@ -16,7 +16,7 @@ from .monitors import LostParticle, MotionSums, Watch, half_step_sums
 from .pairs import contact_scan, pair_energy
 from .periodic import wrapped
 from .state import PairList, Particles, WallList
-from .tool_surface import ToolSurface
+from .tools.surface import ToolSurface
 from .walls import wall_scan
 
 

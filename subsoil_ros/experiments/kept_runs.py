@@ -18,7 +18,7 @@ from typing import Any
 from ..analysis.series import Series, read_series_csv
 from ..api.execution import Executed
 from ..errors import InputError, RunError, SubsoilError
-from ..scene.loader import ResolvedScene
+from ..loading.loader import ResolvedScene
 
 NAME_DIGITS = 32
 """Of the hash, in a folder's name."""

@@ -9,7 +9,7 @@ from scipy.signal import periodogram
 
 from ..analysis.smoothing import moving_mean
 from ..analysis.spectra import LEAST_ROWS, spectrum
-from ..scene.document import read_document
+from ..yaml_document import read_document
 from .kept_runs import KeptRun
 
 MOVING_MEAN_S = 0.010

@@ -4,17 +4,17 @@ A step sees every force on one branch (elements.py). Where its end lies on anoth
 switch is found, the step is taken to there, and the rest begins anew without history.
 """
 
-from .adams_moulton import guess_multistep, multistep_power
-from .bridge import can_skip, is_doubtful, skip_ahead
 from .compiled import inner_kernel, kernel
 from .constraints import evaluate_residual, evaluate_turns
 from .dynamics import complete
 from .events import differs, locate_switch
 from .forces import evaluate_regimes
-from .generalized_alpha import keep_auxiliary, step_generalized_alpha
+from .integrators.adams_moulton import guess_multistep, multistep_power
+from .integrators.generalized_alpha import keep_auxiliary, step_generalized_alpha
+from .integrators.runge_kutta import guess_runge_kutta
 from .linear import copy
 from .partition import choose_partition, condition_estimate
-from .runge_kutta import guess_runge_kutta
+from .singular_poses import can_skip, is_doubtful, skip_ahead
 from .tables import (
     ADAMS_MOULTON,
     BY_WRENCHES,

@@ -8,11 +8,11 @@ import numpy as np
 from ..errors import SceneError, SingularMechanismError
 from ..scene.mechanism import Driver, Mechanism
 from .build import Machine, build_machine
-from .closure import RANK_TOLERANCE, Closure, scaled_mass
 from .constraints import evaluate_gamma, evaluate_residual, evaluate_speed, turns_of
 from .equilibrium import settle
-from .laws import law_value
+from .projection import RANK_TOLERANCE, Closure, scaled_mass
 from .tables import DRIVER, RELATIVE_DRIVER, TRAVEL_FRICTION, TURN_FRICTION
+from .time_functions import law_value
 
 CONTRADICTION = 1e-9
 """Part of the largest entry by which Phi_q q' = -Phi_t may fail before constraints contradict."""

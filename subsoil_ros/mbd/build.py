@@ -14,10 +14,9 @@ from ..scene.mechanism import (
     Prismatic,
     Revolute,
 )
-from .adams_moulton import multistep_weights
 from .build_forces import ForceTables, LawList, Pair, tabulate_forces
 from .frames import COORDINATE_INDEX, Frames, across
-from .laws import tabulate
+from .integrators.adams_moulton import multistep_weights
 from .sparsity import sparsity_of
 from .tables import (
     ADAMS_MOULTON,
@@ -36,6 +35,7 @@ from .tables import (
     TURN_LOCK,
     Model,
 )
+from .time_functions import tabulate
 
 INTEGRATORS = {
     "adams_moulton": ADAMS_MOULTON,

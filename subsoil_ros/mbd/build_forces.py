@@ -8,7 +8,6 @@ from typing import Protocol
 import numpy as np
 
 from ..errors import SceneError
-from ..scene.laws import Law
 from ..scene.mechanism import (
     CoordinateSpring,
     Force,
@@ -26,8 +25,8 @@ from ..scene.mechanism import (
     TurnStops,
     WheelContact,
 )
+from ..scene.time_functions import Law
 from .frames import COORDINATE_INDEX, Frames, along
-from .laws import NO_LAW
 from .tables import (
     COORDINATE_SPRING,
     FORCE,
@@ -44,6 +43,7 @@ from .tables import (
     TURN_LOCK,
     WHEEL_CONTACT,
 )
+from .time_functions import NO_LAW
 
 
 class Pair(Protocol):

@@ -13,7 +13,6 @@ import math
 import numpy as np
 
 from .compiled import inner_kernel, kernel
-from .laws import law_integral, law_rate, law_value
 from .tables import (
     DRIVER,
     FIXED,
@@ -23,6 +22,7 @@ from .tables import (
     REVOLUTE,
     ROD,
 )
+from .time_functions import law_integral, law_rate, law_value
 
 
 @kernel

@@ -9,9 +9,9 @@ import numpy as np
 from ..errors import PhysicsError, ProtocolError, SceneError
 from ..messages import DriverCommand
 from ..scene.controller import Controller
-from ..scene.laws import HalfSineLaw, Law, PolynomialLaw, RampLaw, SineLaw, SumLaw, TableLaw
 from ..scene.mechanism import Driver, Mechanism
-from .laws import LawTable
+from ..scene.time_functions import HalfSineLaw, Law, PolynomialLaw, RampLaw, SineLaw, SumLaw, TableLaw
+from .time_functions import LawTable
 
 ROUND_OFF = 1e-9
 """A command may ask for this part more than the largest acceleration: its speed was rounded."""

@@ -8,7 +8,6 @@ from .constraints import evaluate_gamma, evaluate_turns
 from .elements import joint_pressure
 from .forces import evaluate_forces
 from .kkt import factor_whole, solve_whole
-from .laws import law_value
 from .linear import copy, lu_factor, lu_solve, lu_solve_transposed
 from .partition import close_positions, close_velocities, factor_dependent
 from .tables import (
@@ -21,6 +20,7 @@ from .tables import (
     TRAVEL_FRICTION,
     TURN_FRICTION,
 )
+from .time_functions import law_value
 
 LAST_FRICTION = 60
 """Joint friction depends on the reactions and they on it: iterated, at most so often."""

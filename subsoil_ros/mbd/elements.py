@@ -13,8 +13,8 @@ import math
 
 from .compiled import inner_kernel
 from .constraints import difference, turned
-from .laws import law_rate, law_value
 from .tables import LOCKED_SPRING, LOCKED_TORSION, SPRING_DAMPER, TORSION_SPRING, TURN_FRICTION
+from .time_functions import law_rate, law_value
 
 STOPS = 5
 """States of a spring's stops."""

@@ -13,10 +13,10 @@ from ..scene.model import Scene
 from ..ticks import INITIAL_TICK, tick_end_s
 from .advance import advance_tick
 from .assembly import Start, assemble, weakest_joints
-from .closure import Closure
 from .constraints import evaluate_residual, turns_of
 from .diagnostics import mechanism_state
 from .driving import Ramp, next_ramp, refuse_jumps, write_ramp
+from .projection import Closure
 from .stability import refuse_unstable_step
 from .tables import (
     CONTRADICTION,
@@ -34,7 +34,7 @@ from .tables import (
 from .topology import Topology
 
 if TYPE_CHECKING:
-    from ..scene.limits import Timing
+    from ..limits.stable_steps import Timing
 
 
 class MechanismEngine:

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import SceneError
-from .closure import RANK_TOLERANCE, Closure, scaled_mass
 from .constraints import turns_of
 from .forces import evaluate_forces, held_at, report_forces
+from .projection import RANK_TOLERANCE, Closure, scaled_mass
 from .tables import POINT_LOAD, TRAVEL_FRICTION, TURN_FRICTION, Model
 
 RESIDUAL = 1e-10

@@ -20,7 +20,6 @@ from .elements import (
     wheel_contact,
     wheel_regime,
 )
-from .laws import law_value
 from .tables import (
     BY_DRIVERS,
     BY_LOADS,
@@ -37,6 +36,7 @@ from .tables import (
     WHEEL_CONTACT,
     Model,
 )
+from .time_functions import law_value
 
 
 class Held(NamedTuple):

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from .build import Machine
-from .closure import RANK_TOLERANCE, Closure, scaled_mass
 from .constraints import turns_of
 from .elements import STOPS
 from .forces import Held, evaluate_forces, held_at
+from .projection import RANK_TOLERANCE, Closure, scaled_mass
 from .tables import WHEEL_CONTACT
 
 RIGID = 1e-5

@@ -7,13 +7,13 @@ import numpy as np
 
 from ..errors import ProtocolError
 from ..messages import ToolMotion, ToolWrench
-from ..scene.laws import Law
 from ..scene.model import Scene
+from ..scene.time_functions import Law
 from ..ticks import INITIAL_TICK, tick_end_s
-from .laws import NO_LAW, law_integral, law_value, tabulate
+from .time_functions import NO_LAW, law_integral, law_value, tabulate
 
 if TYPE_CHECKING:
-    from ..scene.limits import Timing
+    from ..limits.stable_steps import Timing
 
 
 class PathEngine:

@@ -9,8 +9,8 @@ import math
 import numpy as np
 
 from ..errors import SceneError
-from .adams_moulton import CORRECT_Q, CORRECT_V, PREDICT_Q, PREDICT_V
 from .assembly import Start
+from .integrators.adams_moulton import CORRECT_Q, CORRECT_V, PREDICT_Q, PREDICT_V
 from .modes import Mode, linearise, modes_of
 from .tables import ADAMS_MOULTON, GENERALIZED_ALPHA, Model
 

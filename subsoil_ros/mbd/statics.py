@@ -9,12 +9,12 @@ from ..errors import SceneError
 from ..messages import BodyState, ForceState, JointReaction
 from ..scene.mechanism import Mechanism
 from .assembly import RedundantConstraintsWarning, Start, assemble
-from .closure import RANK_TOLERANCE, Closure
 from .constraints import turns_of
 from .diagnostics import locked_forces, reactions_at
 from .equilibrium import settle
 from .forces import Held, evaluate_forces, held_at, report_forces
 from .modes import Mode, linearise, modes_of
+from .projection import RANK_TOLERANCE, Closure
 from .tables import POINT_LOAD
 from .topology import Topology
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .laws import LawTable
+from .time_functions import LawTable
 
 # Kinds of joints; drivers come last. A rod is a locked spring_damper, a turn lock a locked torsion_spring.
 REVOLUTE, PRISMATIC, FIXED, POINT_ON_LINE, ROD, TURN_LOCK, DRIVER, RELATIVE_DRIVER = 0, 1, 2, 3, 4, 5, 6, 7

@@ -13,7 +13,7 @@ from typing import Any
 from mcap.writer import CompressionType, Writer
 
 from ..errors import InputError, RecordingError
-from ..scene.document import dump_yaml
+from ..yaml_document import dump_yaml
 
 CHUNK_BYTES = 128 * 1024
 """Size of a chunk before compression; a killed writer loses at most the one being filled."""

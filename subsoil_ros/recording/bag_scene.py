@@ -5,8 +5,8 @@ from pathlib import Path
 from mcap.reader import make_reader
 
 from ..errors import InputError, SceneError
-from ..scene.loader import ResolvedScene
-from ..scene.parcel import SCENE_FILE, Parcel, unpack_to_show
+from ..loading.loader import ResolvedScene
+from ..loading.scene_bundle import SCENE_FILE, Parcel, unpack_to_show
 from .bag_folder import NOTES
 from .bag_reader import BROKEN, damaged, mcap_path
 

@@ -5,6 +5,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..errors import ProtocolError, SubsoilError
+from ..limits.stable_steps import Timing
+from ..loading.loader import ResolvedScene
+from ..loading.scene_bundle import Parcel, pack
 from ..messages import (
     CouplingReport,
     Grant,
@@ -15,10 +18,7 @@ from ..messages import (
     ToolWrenches,
 )
 from ..scene.cloud import SPEED_BITS, position_step_m
-from ..scene.limits import Timing
-from ..scene.loader import ResolvedScene
 from ..scene.model import Scene
-from ..scene.parcel import Parcel, pack
 from ..ticks import INITIAL_TICK, every_ticks, tick_end_ns
 from .bag_folder import BagFolder, TopicInfo
 from .bag_scene import scene_attachments, scene_notes

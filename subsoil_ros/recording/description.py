@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..scene.loader import ResolvedScene
+from ..loading.loader import ResolvedScene
 from ..scene.meshes import ToolMesh, load_tool_mesh
 from ..scene.urdf import in_body, robot_description
 from .conversion import Types, header, vector

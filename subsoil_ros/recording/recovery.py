@@ -9,7 +9,7 @@ from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 
 from ..errors import InputError, RecordingError
-from ..scene.document import parse_yaml
+from ..yaml_document import parse_yaml
 from .bag_folder import NOTES, BagFolder, TopicInfo
 from .bag_reader import BROKEN, mcap_path
 

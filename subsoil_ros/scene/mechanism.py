@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from .base import Finite, NonNegative, Part, Point, Positive
-from .laws import Law
+from .time_functions import Law
 
 GROUND = "ground"
 

@@ -7,11 +7,11 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from .base import Finite, NonNegative, Part, Positive
 from .cloud import CloudRegion
 from .controller import Controller, DraftLimit, HoldHeight
-from .laws import ConstantLaw
 from .mechanism import Driver, Mechanism, WheelContact
-from .resistance import ResistanceSoil
 from .soil import Auto, Soil
+from .time_functions import ConstantLaw
 from .tools import Tool
+from .wedge import ResistanceSoil
 
 
 def _soil_model(soil: Any) -> Any:

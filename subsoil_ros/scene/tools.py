@@ -3,7 +3,7 @@
 from pydantic import Field, model_validator
 
 from .base import Finite, Part, Positive
-from .laws import Law
+from .time_functions import Law
 
 
 class MeshPart(Part):

@@ -10,8 +10,8 @@ import math
 import sys
 
 from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.messages import ToolMotion
-from subsoil_ros.scene.loader import load_scene
 
 STEPS, EVERY = 10_000, 50
 

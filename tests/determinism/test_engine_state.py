@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.mbd.engine import MechanismEngine
 from subsoil_ros.mbd.path import PathEngine
 from subsoil_ros.messages import ToolMotion, ToolWrench
 from subsoil_ros.recording.checkpoint import commit, read_checkpoint, state_sha256, write_part
-from subsoil_ros.scene.loader import ResolvedScene, load_scene
 
 from ..verification.conftest import BOUNDARY, PARTICLE, SoilMaker, one_tool
 

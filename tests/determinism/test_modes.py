@@ -7,8 +7,8 @@ import pytest
 from mcap.reader import make_reader
 
 from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.mbd.engine import MechanismEngine
-from subsoil_ros.scene.loader import load_scene
 from subsoil_ros.ticks import tick_end_ns
 
 from ..ros.conftest import Run, lockstep_ticks, messages

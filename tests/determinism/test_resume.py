@@ -14,10 +14,10 @@ import pytest
 
 from subsoil_ros.api.simulate import simulate
 from subsoil_ros.cli.main import main
+from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.recording import checkpoint
 from subsoil_ros.recording.checkpoint import end_digests, read_checkpoint
 from subsoil_ros.recording.joined import open_record
-from subsoil_ros.scene.loader import load_scene
 
 from ..ros.conftest import LIMIT_S, SCENE, Run, messages, run_arguments, wait_until_gone
 from ..ros.test_controller import CHANGES, CONTROL, LATCHED_IN_BAG

@@ -15,8 +15,8 @@ import yaml
 
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.errors import PhysicsError
+from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.messages import ToolMotion
-from subsoil_ros.scene.loader import load_scene
 
 ROW = {
     "stiffness_newton_per_m": 1e4, "tangential_stiffness_newton_per_m": 8e3,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from subsoil_ros.coupling.exchange import InterfaceAccount, held_work_joule
+from subsoil_ros.coupling.energy_account import InterfaceAccount, held_work_joule
 from subsoil_ros.coupling.schedule import Schedule
 from subsoil_ros.errors import PhysicsError
 from subsoil_ros.messages import ToolMotion, ToolWrench

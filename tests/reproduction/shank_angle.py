@@ -1,7 +1,7 @@
 """The shank's angle as the mechanism engine starts with it, for tests of the levers."""
 
 from reproduction.yuan_yu_2020.machine_variants import shank_and_frame, start_places
-from subsoil_ros.scene.loader import ResolvedScene
+from subsoil_ros.loading.loader import ResolvedScene
 
 
 def relative_angle_rad(resolved: ResolvedScene) -> float:

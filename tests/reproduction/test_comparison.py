@@ -13,7 +13,7 @@ from reproduction.yuan_yu_2020.comparison import phase, reproduction
 from subsoil_ros.analysis.series import Series
 from subsoil_ros.analysis.spectra import spectrum
 from subsoil_ros.analysis.window import Window
-from subsoil_ros.scene.loader import ResolvedScene, load_scene
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from tests.unit.made_up_runs import Run, full_machine
 from tests.unit.made_up_series import STEP_S, findings_of, made_up, whole
 

@@ -10,7 +10,7 @@ import pytest
 from reproduction.yuan_yu_2020 import cycle, cycle_rhythm, cycle_runs
 from reproduction.yuan_yu_2020.levers import levers_of
 from subsoil_ros.analysis.series import Series
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.loading.loader import load_scene
 
 
 def test_cases_load(tmp_path):

@@ -9,7 +9,7 @@ import pytest
 from reproduction.yuan_yu_2020.consistency import statements
 from reproduction.yuan_yu_2020.levers import levers_of, rest_angle_rad
 from subsoil_ros.coupling.engines import build_mechanism
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.loading.loader import load_scene
 
 from .shank_angle import relative_angle_rad
 

@@ -17,8 +17,8 @@ from reproduction.yuan_yu_2020.machine_variants import (
     on_plain_ground,
     start_places,
 )
-from subsoil_ros.scene.document import dump_yaml
-from subsoil_ros.scene.loader import ResolvedScene, load_scene
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
+from subsoil_ros.yaml_document import dump_yaml
 
 from .shank_angle import relative_angle_rad
 

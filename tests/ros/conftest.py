@@ -63,7 +63,7 @@ class Run:
         """Process ids of the nodes, by name."""
         pids = {}
         for child in psutil.Process(self.process.pid).children():
-            module = next(word for word in child.cmdline() if word.startswith("subsoil_ros.nodes."))
+            module = next(word for word in child.cmdline() if word.startswith("subsoil_ros.ros.nodes."))
             pids[module.rpartition(".")[2].removesuffix("_node")] = child.pid
         return pids
 

@@ -5,7 +5,8 @@ import json
 
 import pytest
 
-from subsoil_ros.cli import bench, bench_lockstep
+from subsoil_ros.cli import bench
+from subsoil_ros.cli._shared import bench_lockstep
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 

@@ -21,16 +21,16 @@ from rclpy.parameter import Parameter
 
 from subsoil_ros.api.simulate import simulate
 from subsoil_ros.coupling.control import Controller, build_controller
-from subsoil_ros.coupling.ending import Ending
+from subsoil_ros.coupling.exit_status import Ending
 from subsoil_ros.coupling.protocol import CONTROLLER
 from subsoil_ros.errors import InterruptedRunError, RunError
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import DriverCommand, MechanismState
-from subsoil_ros.nodes.composed import run_composed, scene_builds
-from subsoil_ros.nodes.controller_node import ControllerNode
-from subsoil_ros.nodes.lifeline import NodeRun
 from subsoil_ros.recording.checkpoint import newest_valid
 from subsoil_ros.recording.topics import LATCHED, bag_topic
-from subsoil_ros.scene.loader import ResolvedScene, load_scene
+from subsoil_ros.ros.nodes.controller_node import ControllerNode
+from subsoil_ros.ros.process.composed import run_composed, scene_builds
+from subsoil_ros.ros.process.heartbeat import NodeRun
 
 from .conftest import SCENE, Run, is_alive, messages
 from .test_nodes import (

@@ -23,16 +23,16 @@ from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
 from subsoil_ros.api.simulate import simulate
-from subsoil_ros.coupling.ending import Ending
+from subsoil_ros.coupling.exit_status import Ending
 from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
 from subsoil_ros.errors import InputError
-from subsoil_ros.nodes.composed import Build, run_composed
-from subsoil_ros.nodes.lifeline import NodeRun
-from subsoil_ros.nodes.process import PARAMETERS, read_settings
-from subsoil_ros.nodes.qos import LATCHED_QOS
-from subsoil_ros.nodes.recorder_node import RecorderNode
+from subsoil_ros.loading.loader import ResolvedScene
 from subsoil_ros.recording.bag_writer import open_bag
-from subsoil_ros.scene.loader import ResolvedScene
+from subsoil_ros.ros.nodes.recorder_node import RecorderNode
+from subsoil_ros.ros.process.composed import Build, run_composed
+from subsoil_ros.ros.process.heartbeat import NodeRun
+from subsoil_ros.ros.process.node_process import PARAMETERS, read_settings
+from subsoil_ros.ros.transport.qos import LATCHED_QOS
 
 from .conftest import SCENE, messages
 from .test_nodes import (

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from subsoil_ros.cli.supervisor import start_node
+from subsoil_ros.ros.process.supervisor import start_node
 
 from .conftest import SCENE
 
@@ -45,7 +45,7 @@ def test_security_that_cannot_be_had_is_refused(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setenv("ROS_SECURITY_KEYSTORE", str(tmp_path))
     (tmp_path / "enclaves").mkdir()
     done = subprocess.run(
-        [sys.executable, "-m", "subsoil_ros.nodes.coupler_node", "--ros-args", "-p", f"scene:={SCENE}"],
+        [sys.executable, "-m", "subsoil_ros.ros.nodes.coupler_node", "--ros-args", "-p", f"scene:={SCENE}"],
         capture_output=True,
         text=True,
         timeout=60,

@@ -11,9 +11,9 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.messages import BodyState, DriverCommand, MechanismState
 from subsoil_ros.recording.bag_reader import BagReader
-from subsoil_ros.scene.loader import load_scene
 
 pytestmark = pytest.mark.ros
 

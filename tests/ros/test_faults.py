@@ -15,8 +15,8 @@ import psutil
 import pytest
 
 from subsoil_ros.cli.main import main
+from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.recording.recovery import recover
-from subsoil_ros.scene.loader import load_scene
 
 from .conftest import is_alive, lockstep_ticks, run_arguments, wait_until_gone
 
@@ -154,7 +154,7 @@ def test_a_second_soil_ends_the_run(start_run: Callable) -> None:
     run_id = re.search(r'run_id:="(\w+)"', " ".join(coupler.cmdline())).group(1)
     parameters = ("-p", f"scene:={run.out / 'scene.yaml'}", "-p", f"run_id:='{run_id}'")
     second = subprocess.Popen(
-        [sys.executable, "-m", "subsoil_ros.nodes.soil_node", "--ros-args", *parameters],
+        [sys.executable, "-m", "subsoil_ros.ros.nodes.soil_node", "--ros-args", *parameters],
         env=coupler.environ(),
         stderr=subprocess.DEVNULL,
     )

@@ -18,9 +18,9 @@ import pytest
 
 from subsoil_ros.cli.main import main
 from subsoil_ros.errors import InputError
-from subsoil_ros.nodes.domain import run_domain
-from subsoil_ros.nodes.plan import RunPlan
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.loading.loader import load_scene
+from subsoil_ros.ros.process.plan import RunPlan
+from subsoil_ros.ros.transport.domain import run_domain
 
 from .conftest import SCENE
 from .test_nodes import contents
@@ -123,7 +123,7 @@ def test_it_starts_what_subsoil_run_starts(
 ) -> None:
     """The same executables with the same parameters as `subsoil run`, but for who holds standard input."""
     plans: list[RunPlan] = []
-    monkeypatch.setattr("subsoil_ros.cli.simulation._run_nodes", lambda plan, *_: plans.append(plan))
+    monkeypatch.setattr("subsoil_ros.cli._shared.simulation._run_nodes", lambda plan, *_: plans.append(plan))
     scene = SCENE.parent / "subsoiler_1s300_resistance.yaml"
     assert main(["run", str(scene), "--out", str(tmp_path / "run"), "--threads", "2", "--paused"]) != 0
     (plan,) = plans  # nothing was recorded
@@ -156,7 +156,7 @@ def test_what_it_starts_makes_the_run(
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
         running = []
         for node in nodes:
-            command = [sys.executable, "-m", f"subsoil_ros.nodes.{node.executable}", "--ros-args"]
+            command = [sys.executable, "-m", f"subsoil_ros.ros.nodes.{node.executable}", "--ros-args"]
             command += [*node.ros_arguments, "-r", f"__ns:={node.namespace}", "-p", "use_sim_time:=true"]
             command += [word for old, new in node.remappings for word in ("-r", f"{old}:={new}")]
             for key, value in parameters(node).items():

@@ -17,9 +17,10 @@ from rosgraph_msgs.msg import Clock
 from subsoil_msgs.msg import ToolMotions as ToolMotionsMessage
 
 from subsoil_ros.api.simulate import simulate
-from subsoil_ros.coupling.ending import Ending
+from subsoil_ros.coupling.exit_status import Ending
 from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
 from subsoil_ros.errors import PhysicsError, RunError
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import (
     BodyState,
     MechanismState,
@@ -28,16 +29,15 @@ from subsoil_ros.messages import (
     ToolMotion,
     ToolWrench,
 )
-from subsoil_ros.nodes.composed import Build, run_composed
-from subsoil_ros.nodes.coupler_node import CouplerNode
-from subsoil_ros.nodes.domain import run_domain
-from subsoil_ros.nodes.lifeline import NodeRun
-from subsoil_ros.nodes.mechanism_node import MechanismNode
-from subsoil_ros.nodes.qos import LOCKSTEP_QOS
-from subsoil_ros.nodes.recorder_node import RecorderNode
-from subsoil_ros.nodes.soil_node import SoilNode
 from subsoil_ros.recording.bag_writer import open_bag
-from subsoil_ros.scene.loader import ResolvedScene, load_scene
+from subsoil_ros.ros.nodes.coupler_node import CouplerNode
+from subsoil_ros.ros.nodes.mechanism_node import MechanismNode
+from subsoil_ros.ros.nodes.recorder_node import RecorderNode
+from subsoil_ros.ros.nodes.soil_node import SoilNode
+from subsoil_ros.ros.process.composed import Build, run_composed
+from subsoil_ros.ros.process.heartbeat import NodeRun
+from subsoil_ros.ros.transport.domain import run_domain
+from subsoil_ros.ros.transport.qos import LOCKSTEP_QOS
 
 from .conftest import SCENE, lockstep_ticks, messages
 

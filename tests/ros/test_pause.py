@@ -13,13 +13,13 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 from subsoil_msgs.srv import Step
 
-from subsoil_ros.coupling.ending import Ending
+from subsoil_ros.coupling.exit_status import Ending
 from subsoil_ros.coupling.protocol import COUPLER
-from subsoil_ros.nodes import coupler_node
-from subsoil_ros.nodes.composed import run_composed
-from subsoil_ros.nodes.coupler_node import CouplerNode
-from subsoil_ros.nodes.lifeline import NodeRun
-from subsoil_ros.scene.loader import ResolvedScene
+from subsoil_ros.loading.loader import ResolvedScene
+from subsoil_ros.ros.nodes import coupler_node
+from subsoil_ros.ros.nodes.coupler_node import CouplerNode
+from subsoil_ros.ros.process.composed import run_composed
+from subsoil_ros.ros.process.heartbeat import NodeRun
 
 from .test_nodes import (
     LIMIT_S,

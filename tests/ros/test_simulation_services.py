@@ -13,10 +13,10 @@ from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from subsoil_ros.coupling.ending import Ending
-from subsoil_ros.nodes.run_control import Result, RunState
-from subsoil_ros.nodes.simulation_services import FEATURES, dialect
-from subsoil_ros.scene.loader import ResolvedScene
+from subsoil_ros.coupling.exit_status import Ending
+from subsoil_ros.loading.loader import ResolvedScene
+from subsoil_ros.ros.services.run_control import Result, RunState
+from subsoil_ros.ros.services.simulation_services import FEATURES, dialect
 
 from .test_nodes import (
     LIMIT_S,

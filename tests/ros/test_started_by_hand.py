@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from subsoil_ros.cli.bench_lockstep import write_scene
-from subsoil_ros.cli.supervisor import node_program
+from subsoil_ros.cli._shared.bench_lockstep import write_scene
 from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
-from subsoil_ros.nodes.domain import run_domain
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.loading.loader import load_scene
+from subsoil_ros.ros.process.supervisor import node_program
+from subsoil_ros.ros.transport.domain import run_domain
 
 from .conftest import lockstep_ticks
 
@@ -22,8 +22,8 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 LIMIT_S = 90.0
 NODES = (MECHANISM, SOIL, RECORDER, COUPLER)
 PROGRAMS: dict[str, tuple[str, ...]] = {
-    MECHANISM: ("-m", "subsoil_ros.nodes.idle", MECHANISM),
-    SOIL: ("-m", "subsoil_ros.nodes.idle", SOIL),
+    MECHANISM: ("-m", "subsoil_ros.ros.nodes.idle", MECHANISM),
+    SOIL: ("-m", "subsoil_ros.ros.nodes.idle", SOIL),
     RECORDER: node_program(RECORDER),
     COUPLER: node_program(COUPLER),
 }
@@ -31,7 +31,7 @@ OTHER_VERSION = (
     "-c",
     "import sys, subsoil_ros._version as of; of.__version__ = '0.0';"
     "sys.argv = ['idle', 'soil', *sys.argv[1:]];"
-    "from subsoil_ros.nodes.idle import main; raise SystemExit(main())",
+    "from subsoil_ros.ros.nodes.idle import main; raise SystemExit(main())",
 )
 
 

@@ -11,16 +11,16 @@ from rclpy.node import Node
 from subsoil_msgs.msg import ToolWrench as ToolWrenchMessage
 from subsoil_msgs.msg import ToolWrenches as ToolWrenchesMessage
 
-from subsoil_ros.coupling.ending import Ending
+from subsoil_ros.coupling.exit_status import Ending
 from subsoil_ros.coupling.protocol import ACK_LAG_TICKS, RECORDER
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import ToolMotion, ToolWrench
-from subsoil_ros.nodes import lifeline as lifeline_module
-from subsoil_ros.nodes.composed import run_composed
-from subsoil_ros.nodes.lifeline import NodeRun
-from subsoil_ros.nodes.qos import LOCKSTEP_QOS
-from subsoil_ros.nodes.recorder_node import RecorderNode
 from subsoil_ros.recording.bag_writer import BagWriter
-from subsoil_ros.scene.loader import ResolvedScene, load_scene
+from subsoil_ros.ros.nodes.recorder_node import RecorderNode
+from subsoil_ros.ros.process import heartbeat as lifeline_module
+from subsoil_ros.ros.process.composed import run_composed
+from subsoil_ros.ros.process.heartbeat import NodeRun
+from subsoil_ros.ros.transport.qos import LOCKSTEP_QOS
 
 from .conftest import SCENE, lockstep_ticks
 from .test_nodes import (  # noqa: F401  fixtures

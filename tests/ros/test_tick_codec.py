@@ -15,8 +15,8 @@ from subsoil_ros.messages import (
     ToolWrench,
     ToolWrenches,
 )
-from subsoil_ros.nodes.convert import to_bytes
-from subsoil_ros.nodes.tick_codec import TICKED, TickCodec, Ticked
+from subsoil_ros.ros.transport.convert import to_bytes
+from subsoil_ros.ros.transport.tick_codec import TICKED, TickCodec, Ticked
 
 NAMES = [("a", "share", "wheel_left"), ("é",), ("abc", "de"), ()]
 GROUPS = [("share", "blade"), (), ("x",)]

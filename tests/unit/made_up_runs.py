@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import (
     BodyState,
     CouplingReport,
@@ -21,7 +22,6 @@ from subsoil_ros.messages import (
     ToolWrenches,
 )
 from subsoil_ros.recording.bag_writer import BagWriter
-from subsoil_ros.scene.loader import ResolvedScene, load_scene
 
 SCENES = Path(__file__).parents[2] / "config/scenes"
 INTERVAL_NS = 30_000

@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 
-from subsoil_ros.analysis.findings import Findings
 from subsoil_ros.analysis.loads import loads_of
+from subsoil_ros.analysis.run_statistics import Findings
 from subsoil_ros.analysis.series import Series
-from subsoil_ros.analysis.steadiness import steadiness
+from subsoil_ros.analysis.stationarity import steadiness
 from subsoil_ros.analysis.window import Window
-from subsoil_ros.scene.loader import ResolvedScene
+from subsoil_ros.loading.loader import ResolvedScene
 
 ROWS = 2001
 STEP_S = 0.001

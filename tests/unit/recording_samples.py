@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 from mcap.reader import make_reader
 
+from subsoil_ros.limits.stable_steps import Timing
+from subsoil_ros.loading.loader import ResolvedScene
 from subsoil_ros.messages import (
     BodyState,
     Command,
@@ -22,8 +24,6 @@ from subsoil_ros.messages import (
     ToolWrenches,
 )
 from subsoil_ros.recording.bag_writer import BagWriter
-from subsoil_ros.scene.limits import Timing
-from subsoil_ros.scene.loader import ResolvedScene
 from subsoil_ros.scene.model import Scene
 
 MESHES = Path(__file__).parents[2] / "config/meshes"

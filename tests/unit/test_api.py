@@ -16,7 +16,7 @@ import pytest
 import subsoil_ros as subsoil
 from subsoil_ros.cli.main import main
 from subsoil_ros.errors import InputError, InterruptedRunError, RecordingError, RunError, SceneError
-from subsoil_ros.scene.loader import ResolvedScene
+from subsoil_ros.loading.loader import ResolvedScene
 
 CONFIG = Path(__file__).parents[2] / "config"
 TICKS = 300

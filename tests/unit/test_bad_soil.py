@@ -10,7 +10,7 @@ import trimesh
 from subsoil_ros.cli.main import main
 from subsoil_ros.dem.bed import prepare_grid
 from subsoil_ros.dem.beds.bed_file import write_bed
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.loading.loader import load_scene
 
 TINE = Path(__file__).parents[2] / "config" / "scenes" / "tine.yaml"
 SMALL = ("soil.bin.length_m=0.2", "soil.bin.width_m=0.1", "soil.bin.depth_m=0.1")

@@ -11,7 +11,7 @@ from subsoil_ros.dem.bench.measure import array_bytes, bed_hash, measure
 from subsoil_ros.dem.bench.phases import PHASES, phase_parts
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.dem.kernel_calls import KernelCalls
-from subsoil_ros.dem.tool_surface import ToolSurface
+from subsoil_ros.dem.tools.surface import ToolSurface
 
 SIZE_M = (0.3, 0.12, 0.2)
 

@@ -25,8 +25,8 @@ from subsoil_ros.experiments.calibration.design import (
 from subsoil_ros.experiments.calibration.runs import Pull, dominant_period_m, numbers
 from subsoil_ros.experiments.calibration.soil_results import slope_rad
 from subsoil_ros.experiments.kept_runs import keep_run
-from subsoil_ros.scene.loader import ResolvedScene, load_scene
-from subsoil_ros.scene.soil_file import read_soil_file
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
+from subsoil_ros.loading.soil_file import read_soil_file
 
 Captured = pytest.CaptureFixture[str]
 SCENES = Path(__file__).parents[2] / "config" / "scenes"

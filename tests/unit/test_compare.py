@@ -8,12 +8,12 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from subsoil_ros.analysis.comparison import Source, differences, labels_of
 from subsoil_ros.analysis.series import read_series_csv
 from subsoil_ros.api.execution import execute
 from subsoil_ros.cli.main import main
 from subsoil_ros.experiments.kept_runs import keep_run
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.figures.comparison import Source, differences, labels_of
+from subsoil_ros.loading.loader import load_scene
 
 Captured = pytest.CaptureFixture[str]
 SCENES = Path(__file__).parents[2] / "config" / "scenes"

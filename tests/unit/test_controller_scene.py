@@ -7,7 +7,7 @@ import pytest
 
 from subsoil_ros.cli.main import main
 from subsoil_ros.errors import SceneError
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.loading.loader import load_scene
 
 SCENE = Path(__file__).parents[2] / "config/scenes/mechanism_only.yaml"
 CONTROL = {

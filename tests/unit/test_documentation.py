@@ -24,7 +24,7 @@ import jsonschema
 import pytest
 
 from subsoil_ros.cli.main import VERBS, parse
-from subsoil_ros.scene.document import parse_yaml
+from subsoil_ros.yaml_document import parse_yaml
 
 ROOT = Path(__file__).parents[2]
 PAGES = [
@@ -40,7 +40,7 @@ _NOT_RUN = re.compile(r"^ *<!-- not run: (.+) -->$")
 _DESIGN = re.compile(r"^ *<!-- design: ([\w.]+) -->$")
 _LIST_ITEM = re.compile(r" *([-*+]|\d+[.)]) ")
 _PROGRAM = re.compile(
-    r"(?<![\w/])python3? (?:-m ((?:benchmarks|dev|reproduction)[.\w]+)"
+    r"(?<![\w/])python3? (?:-m ((?:benchmarks|dev|reproduction|validation)[.\w]+)"
     r"|((?:benchmarks|dev|examples)/[\w/]+\.py))([^`\n|]*)"
 )
 _INLINE_COMMAND = re.compile(r"(?<!`)`subsoil ([a-z][a-z-]*)([^`]*)`")

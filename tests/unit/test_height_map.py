@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 from rosbags.highlevel import AnyReader
 
+from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.messages import SoilCloud
 from subsoil_ros.recording.bag_writer import BagWriter
 from subsoil_ros.recording.conversion import to_message
 from subsoil_ros.recording.height_map import height_grid
 from subsoil_ros.recording.types import message_class, serialize
-from subsoil_ros.scene.loader import load_scene
 
 SCENES = Path(__file__).parents[2] / "config/scenes"
 RESOLVED = load_scene(SCENES / "tine.yaml", ["soil.surface={x_m: [0.0], z_m: [-0.05]}"])

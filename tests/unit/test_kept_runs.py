@@ -13,7 +13,7 @@ from subsoil_ros.cli.main import main
 from subsoil_ros.errors import InputError, RunError
 from subsoil_ros.experiments.kept_runs import KeptRun, find_run, keep_run
 from subsoil_ros.experiments.run_metrics import dominant_frequency_hz, metrics_of, swing
-from subsoil_ros.scene.loader import ResolvedScene, load_scene
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
 
 SCENES = Path(__file__).parents[2] / "config" / "scenes"
 FAST_PULL = (

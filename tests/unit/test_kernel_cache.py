@@ -43,13 +43,13 @@ def digests_after(package, place, change):
     [
         ("dem/contact.py", "soil"),
         ("dem/periodic.py", "soil"),
-        ("mbd/laws.py", "mechanism"),
+        ("mbd/time_functions.py", "mechanism"),
         ("mbd/engine.py", "none"),
         ("dem/beds/dense.py", "none"),
         ("scene/pairs.py", "none"),
         ("scene/layers.py", "none"),
         ("coupling/direct.py", "none"),
-        ("resistance/wedge.py", "none"),
+        ("wedge/wedge.py", "none"),
     ],
 )
 def test_a_changed_source_outdates_its_kernels_and_all_results(package, place, kernels):

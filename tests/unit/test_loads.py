@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from subsoil_ros.analysis.loads import draft_work, loads_of
-from subsoil_ros.scene.loader import ResolvedScene, load_scene
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
 
 from .made_up_series import ROWS, STEP_S, made_up, whole
 

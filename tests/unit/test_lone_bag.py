@@ -9,11 +9,11 @@ import pytest
 from subsoil_ros.api.recorded_run import recorded_run
 from subsoil_ros.cli.main import main
 from subsoil_ros.errors import InputError
+from subsoil_ros.loading.loader import load_scene
+from subsoil_ros.loading.scene_bundle import pack, unpack_to_show
 from subsoil_ros.recording.bag_folder import BagFolder
 from subsoil_ros.recording.bag_scene import read_scene
 from subsoil_ros.recording.recovery import recover
-from subsoil_ros.scene.loader import load_scene
-from subsoil_ros.scene.parcel import pack, unpack_to_show
 
 Captured = pytest.CaptureFixture[str]
 SCENES = Path(__file__).parents[2] / "config" / "scenes"

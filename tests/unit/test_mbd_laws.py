@@ -7,11 +7,11 @@ import pytest
 from scipy.integrate import quad
 
 from subsoil_ros.errors import ProtocolError
-from subsoil_ros.mbd.laws import NO_LAW, law_integral, law_rate, law_value, tabulate
+from subsoil_ros.limits.stable_steps import Timing
 from subsoil_ros.mbd.path import PathEngine
-from subsoil_ros.scene.laws import ConstantLaw, RampLaw, SineLaw, TableLaw
-from subsoil_ros.scene.limits import Timing
+from subsoil_ros.mbd.time_functions import NO_LAW, law_integral, law_rate, law_value, tabulate
 from subsoil_ros.scene.model import Scene
+from subsoil_ros.scene.time_functions import ConstantLaw, RampLaw, SineLaw, TableLaw
 
 LAWS = {
     "constant": (ConstantLaw(kind="constant", value=1.7), lambda t: 1.7),

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from subsoil_ros.mbd import adams_moulton
-from subsoil_ros.scene import laws, mechanism
+from subsoil_ros.mbd.integrators import adams_moulton
+from subsoil_ros.scene import mechanism
+from subsoil_ros.scene import time_functions as laws
 
 TEXT = (Path(__file__).parents[2] / "docs/mechanism.md").read_text(encoding="utf-8")
 WEIGHTS = {

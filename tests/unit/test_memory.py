@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 import psutil
 from subsoil_ros.api.simulate import simulate
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.loading.loader import load_scene
 
 def resident():
     return psutil.Process().memory_info().rss

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from subsoil_ros.scene.loader import load_scene
-from subsoil_ros.scene.shipped import config_folder, template_names
+from subsoil_ros.loading.loader import load_scene
+from subsoil_ros.loading.shipped import config_folder, template_names
 
 ROOT = Path(__file__).parents[2]
 

@@ -14,7 +14,7 @@ from subsoil_ros.coupling.engines import build_mechanism, build_soil
 from subsoil_ros.coupling.protocol import participants
 from subsoil_ros.dem.contact import NO, YES, Features, PairLaw, contact, law_features
 from subsoil_ros.dem.engine import SoilEngine
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.loading.loader import load_scene
 
 SCENES = Path(__file__).parents[2] / "config" / "scenes"
 SMALL_TINE = ["duration_s=0.002", "soil.bin.length_m=0.1", "soil.bin.width_m=0.1", "soil.bin.depth_m=0.06"]

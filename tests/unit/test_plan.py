@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from subsoil_ros.errors import InputError
-from subsoil_ros.nodes.plan import RunPlan, checked_namespace, remappings, ros_arguments
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.loading.loader import load_scene
+from subsoil_ros.ros.process.plan import RunPlan, checked_namespace, remappings, ros_arguments
 
 SCENES = Path(__file__).parents[2] / "config" / "scenes"
 EXTERNAL = "controller.law={kind: external}"

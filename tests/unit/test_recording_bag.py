@@ -8,6 +8,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
 
 from subsoil_ros.errors import InputError, ProtocolError, RecordingError
+from subsoil_ros.limits.stable_steps import Timing
 from subsoil_ros.messages import (
     CouplingReport,
     DriverCommand,
@@ -28,7 +29,6 @@ from subsoil_ros.recording.bag_reader import BagReader
 from subsoil_ros.recording.bag_writer import BagWriter
 from subsoil_ros.recording.conversion import to_message
 from subsoil_ros.recording.types import message_class, message_folder, schema_text, serialize
-from subsoil_ros.scene.limits import Timing
 
 from .recording_samples import (
     INTERVAL_NS,

@@ -12,12 +12,12 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
+from subsoil_ros.limits.stable_steps import Timing
 from subsoil_ros.messages import ToolWrenches
 from subsoil_ros.recording.bag_folder import CHUNK_BYTES
 from subsoil_ros.recording.bag_reader import BagReader
 from subsoil_ros.recording.bag_writer import BagWriter
 from subsoil_ros.recording.recovery import recover
-from subsoil_ros.scene.limits import Timing
 
 from .recording_samples import INTERVAL_NS, SCENE, SERIES_TICKS, end_ns, raw_messages, write_long_bag
 
@@ -53,7 +53,7 @@ from pathlib import Path
 sys.path[:0] = {paths!r}
 from recording_samples import INTERVAL_NS, SCENE, write_long_bag
 from subsoil_ros.recording.bag_writer import BagWriter
-from subsoil_ros.scene.limits import Timing
+from subsoil_ros.limits.stable_steps import Timing
 write_long_bag(BagWriter(Path({bag!r}), SCENE, Timing(INTERVAL_NS, 10**9, 1, 1)), 10**9)
 """
 

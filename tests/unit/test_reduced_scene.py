@@ -11,10 +11,10 @@ import yaml
 from subsoil_ros.analysis.summary import summarize_unrecorded
 from subsoil_ros.cli.main import main
 from subsoil_ros.errors import SceneError
-from subsoil_ros.scene.loader import ResolvedScene, load_scene
-from subsoil_ros.scene.parcel import pack, unpack
-from subsoil_ros.scene.resistance import ResistanceValues, SoilRange
-from subsoil_ros.scene.soil_file import SoilFile, law_of, read_soil_file, write_soil_file
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
+from subsoil_ros.loading.scene_bundle import pack, unpack
+from subsoil_ros.loading.soil_file import SoilFile, law_of, read_soil_file, write_soil_file
+from subsoil_ros.scene.wedge import ResistanceValues, SoilRange
 
 SCENES = Path(__file__).parents[2] / "config" / "scenes"
 VALUES = {

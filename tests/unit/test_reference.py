@@ -11,10 +11,10 @@ from subsoil_ros.analysis.reference_table import (
     write_reference_csv,
 )
 from subsoil_ros.errors import SceneError
-from subsoil_ros.scene.loader import load_scene
-from subsoil_ros.scene.parcel import pack, unpack
-from subsoil_ros.scene.reference import Reference, read_reference
-from subsoil_ros.scene.shipped import config_folder
+from subsoil_ros.loading.loader import load_scene
+from subsoil_ros.loading.reference import Reference, read_reference
+from subsoil_ros.loading.scene_bundle import pack, unpack
+from subsoil_ros.loading.shipped import config_folder
 
 SCENES = Path(__file__).parents[2] / "config/scenes"
 FIELD = """\

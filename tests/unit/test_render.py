@@ -10,14 +10,14 @@ import pytest
 import pyvista
 from PIL import Image
 
-from subsoil_ros.analysis.frames import Frame, Frames
-from subsoil_ros.analysis.picture import Studio, Style, default_limits
-from subsoil_ros.analysis.views import VIEWS
 from subsoil_ros.cli import new, render, run
 from subsoil_ros.errors import InputError
+from subsoil_ros.figures.renderer import Studio, Style, default_limits
+from subsoil_ros.figures.snapshots import Frame, Frames
+from subsoil_ros.figures.views import VIEWS
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import ToolMotions
 from subsoil_ros.recording.bag_reader import BagReader
-from subsoil_ros.scene.loader import ResolvedScene, load_scene
 
 SIZE = (640, 360)
 LIMITS = (0.0, 0.2)

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from subsoil_ros.analysis.figures import draw_figures
 from subsoil_ros.analysis.poses import posed_vertices_m
 from subsoil_ros.analysis.series import read_series
 from subsoil_ros.analysis.smoothing import running_mean
-from subsoil_ros.analysis.soil_cut import nearest_times_ns
 from subsoil_ros.analysis.summary import print_summary, summarize
 from subsoil_ros.cli import bag as bag_verb
 from subsoil_ros.cli import report as report_verb
 from subsoil_ros.errors import InputError
+from subsoil_ros.figures.over_time import draw_figures
+from subsoil_ros.figures.soil_cut import nearest_times_ns
 from subsoil_ros.messages import ToolMotion
 from subsoil_ros.scene.meshes import ToolMesh
 

@@ -8,8 +8,8 @@ from xml.etree import ElementTree
 import yaml
 
 import subsoil_ros
+from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.recording.topics import LATCHED, TOPIC_OF, derived_topics
-from subsoil_ros.scene.loader import load_scene
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "docs" / "ros.md").read_text(encoding="utf-8")
@@ -44,7 +44,7 @@ def test_every_topic_is_in_the_table_with_its_type() -> None:
 
 def test_every_service_and_action_is_in_the_table() -> None:
     """As simulation_services.py serves them, each with a type that subsoil_msgs has."""
-    source = (ROOT / "subsoil_ros/nodes/simulation_services.py").read_text(encoding="utf-8")
+    source = (ROOT / "subsoil_ros/ros/services/simulation_services.py").read_text(encoding="utf-8")
     served = dict(re.findall(r'_serve\("(\w+)", "(\w+)"', source)) | {"SimulateSteps": "simulate_steps"}
     listed = {cells[0].strip("`"): cells[1].split()[0] for cells in rows("Services and the action")}
     assert {name: kind for kind, name in served.items()}.items() <= listed.items()
@@ -54,7 +54,7 @@ def test_every_service_and_action_is_in_the_table() -> None:
 
 def test_every_parameter_is_in_the_table() -> None:
     """Of the nodes' processes."""
-    source = (ROOT / "subsoil_ros/nodes/process.py").read_text(encoding="utf-8")
+    source = (ROOT / "subsoil_ros/ros/process/node_process.py").read_text(encoding="utf-8")
     declared = re.findall(r'^    "(\w+)": \(', source.split("PARAMETERS: ")[1], re.MULTILINE)
     listed = {name for cells in rows("Parameters") for name in re.findall(r"`(\w+)`", cells[0])}
     assert listed == set(declared)
@@ -87,7 +87,7 @@ def test_package_xml_names_what_is_imported() -> None:
     tree = ElementTree.parse(ROOT / "package.xml")
     at_run_time = {item.text for item in tree.iter("exec_depend")}
     at_test_time = at_run_time | {item.text for item in tree.iter("test_depend")}
-    used = set().union(*map(imported_ros_packages, ("subsoil_ros/nodes", "launch", "examples")))
+    used = set().union(*map(imported_ros_packages, ("subsoil_ros/ros", "launch", "examples")))
     assert {"rclpy", "tf2_msgs", "rcl_interfaces", "launch_ros", "ament_index_python"} <= used
     assert used <= at_run_time
     assert imported_ros_packages("tests/ros") - {"subsoil_msgs", "simulation_interfaces"} <= at_test_time

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from subsoil_ros.errors import SceneError
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.loading.loader import load_scene
 
 SCENE = """
 name: pendulum

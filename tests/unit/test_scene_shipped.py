@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from numpy.testing import assert_allclose
 
+from subsoil_ros.limits.communication_steps import coupling_bounds
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.mbd.engine import MechanismEngine
 from subsoil_ros.messages import BodyState
-from subsoil_ros.scene.coupling_bounds import coupling_bounds
-from subsoil_ros.scene.loader import ResolvedScene, load_scene
 from subsoil_ros.scene.meshes import load_tool_mesh
 
 SCENES = Path(__file__).parents[2] / "config" / "scenes"

@@ -11,9 +11,9 @@ from numpy.testing import assert_allclose
 from scipy.stats import truncnorm
 
 from subsoil_ros.errors import SceneError
+from subsoil_ros.limits.stable_steps import step_limits
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.scene.layers import HertzChange, LinearChange, WetChange
-from subsoil_ros.scene.limits import step_limits
-from subsoil_ros.scene.loader import ResolvedScene, load_scene
 from subsoil_ros.scene.pairs import layer_soils, pair_values, particle_values
 from subsoil_ros.scene.sizes import ListedSizes, NormalSizes, UniformSizes, mean_power, sampled_radii_m
 from subsoil_ros.scene.soil import HertzValues, LinearValues, Soil, WetValues

@@ -10,8 +10,8 @@ import pytest
 import yaml
 
 from subsoil_ros.api.execution import Executed, execute
+from subsoil_ros.cli._shared.sweep_progress import SweepProgress
 from subsoil_ros.cli.main import main
-from subsoil_ros.cli.sweep_progress import SweepProgress
 from subsoil_ros.errors import InputError
 from subsoil_ros.experiments.kept_runs import keep_run
 from subsoil_ros.experiments.run_metrics import METRICS
@@ -21,8 +21,8 @@ from subsoil_ros.experiments.study.report import expected_presets, markdown, wid
 from subsoil_ros.experiments.study.study import study_jobs
 from subsoil_ros.experiments.sweep.engine import Manner, run_jobs
 from subsoil_ros.experiments.sweep.plan import Point, jobs_of
-from subsoil_ros.scene.loader import load_scene
-from subsoil_ros.scene.presets import read_preset
+from subsoil_ros.loading.loader import load_scene
+from subsoil_ros.loading.presets import read_preset
 
 Captured = pytest.CaptureFixture[str]
 CONFIG = Path(__file__).parents[2] / "config"
@@ -289,7 +289,7 @@ def test_finest_of_the_paper_is_what_was_agreed() -> None:
         0.01,
     )
     assert (soil.precision, scene.timing.soil_steps) == ("float64", 1)
-    from subsoil_ros.scene.limits import step_limits
+    from subsoil_ros.limits.stable_steps import step_limits
 
     assert 0.55 < scene.timing.soil_step_s / step_limits(soil)[0].limit_s <= 0.6
 

@@ -19,7 +19,7 @@ from subsoil_ros.api.execution import execute
 from subsoil_ros.cli.main import main
 from subsoil_ros.experiments.sweep.plan import Point
 from subsoil_ros.experiments.sweep.ranking import Ranked, control_point, point_key, rank, recommended
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.loading.loader import load_scene
 
 Captured = pytest.CaptureFixture[str]
 SCENES = Path(__file__).parents[2] / "config" / "scenes"

@@ -8,15 +8,15 @@ import pytest
 import yaml
 
 import subsoil_ros.dem.engine
-from benchmarks.extremes.laboratory import box_mesh
+from validation.laboratory import box_mesh
 
 if os.environ.get("SUBSOIL_TEST_DEVICE") == "gpu":  # engines of these tests on a GPU: docs/gpu.md
     from subsoil_ros.dem.gpu.engine import GpuSoilEngine
 
     subsoil_ros.dem.engine.SoilEngine = GpuSoilEngine  # type: ignore[misc]
 from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import ToolMotion
-from subsoil_ros.scene.loader import ResolvedScene, load_scene
 
 PARTICLE = {
     "stiffness_newton_per_m": 10_000.0,

@@ -4,10 +4,10 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import trapezoid
 
-from benchmarks.extremes.coupling import block_machine
-from subsoil_ros.coupling.exchange import InterfaceAccount
+from subsoil_ros.coupling.energy_account import InterfaceAccount
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.mbd.engine import MechanismEngine
+from validation.coupling import block_machine
 
 DURATION_S = 0.06
 

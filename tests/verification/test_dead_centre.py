@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from subsoil_ros.analysis.dead_centre import past_dead_centre_s
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.loading.loader import load_scene
 
 SCENES = Path(__file__).parents[2] / "config/scenes"
 

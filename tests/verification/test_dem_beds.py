@@ -16,8 +16,8 @@ from subsoil_ros.dem.beds.settling import settling_step_s, smooth_soil, unwatche
 from subsoil_ros.dem.beds.surface import top_surface_m
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.errors import SceneError
-from subsoil_ros.scene.limits import step_limits, step_notes
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.limits.stable_steps import step_limits, step_notes
+from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.scene.pairs import pair_values, particle_mass_kg
 
 SCENES = Path(__file__).parents[2] / "config" / "scenes"

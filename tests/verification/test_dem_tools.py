@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
 
-from subsoil_ros.dem.tool_surface import motion_within
+from subsoil_ros.dem.tools.surface import motion_within
 from subsoil_ros.messages import ToolMotion
 
 MASS = 1800.0 * 4.0 / 3.0 * math.pi * 0.01**3

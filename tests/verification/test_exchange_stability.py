@@ -9,9 +9,9 @@ from numpy.testing import assert_allclose
 
 from subsoil_ros.api.simulate import simulate
 from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.limits.communication_steps import DAMPER_SHARE, force_age_ticks
 from subsoil_ros.mbd.engine import MechanismEngine
 from subsoil_ros.messages import ToolWrenches
-from subsoil_ros.scene.coupling_bounds import DAMPER_SHARE, force_age_ticks
 from subsoil_ros.scene.model import Coupling
 
 from .tick_map import Exchange

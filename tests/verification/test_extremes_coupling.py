@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.extremes import coupling
-from benchmarks.extremes.cases import Case
+from validation import coupling
+from validation.cases import Case
 
 CASES = [case for case in coupling.CASES if not case.long]
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.extremes import mechanism
-from benchmarks.extremes.cases import Case
+from validation import mechanism
+from validation.cases import Case
 
 CASES = [case for case in mechanism.CASES if not case.long]
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.extremes import beds, laws, steps, tools
-from benchmarks.extremes.cases import Case
+from validation import beds, laws, steps, tools
+from validation.cases import Case
 
 CASES = [case for part in (steps, laws, tools, beds) for case in part.CASES if not case.long]
 

@@ -9,10 +9,10 @@ from numpy.testing import assert_allclose
 
 from subsoil_ros.coupling.control import SpeedController
 from subsoil_ros.errors import PhysicsError, ProtocolError, RunError
+from subsoil_ros.limits.stable_steps import Timing
 from subsoil_ros.mbd.engine import MechanismEngine
 from subsoil_ros.messages import DriverCommand, MechanismState
 from subsoil_ros.scene.controller import Controller
-from subsoil_ros.scene.limits import Timing
 from subsoil_ros.scene.model import Scene
 
 INTERVAL_NS, EVERY, MASS = 1_000_000, 10, 40.0

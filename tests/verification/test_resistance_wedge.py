@@ -5,8 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from subsoil_ros.resistance.layers import mean_strength
-from subsoil_ros.resistance.wedge import (
+from subsoil_ros.scene.tool_faces import WheelFace
+from subsoil_ros.scene.wedge import (
+    ResistanceChange,
+    ResistanceLayer,
+    ResistanceValues,
+    WheelSoil,
+    layer_values,
+)
+from subsoil_ros.wedge.layers import mean_strength
+from subsoil_ros.wedge.wedge import (
     Plate,
     Strength,
     failure,
@@ -15,15 +23,7 @@ from subsoil_ros.resistance.wedge import (
     wedge_force,
     wedge_terms,
 )
-from subsoil_ros.resistance.wheel import grip_newton, rolling_resistance_newton, wheel_load_newton
-from subsoil_ros.scene.resistance import (
-    ResistanceChange,
-    ResistanceLayer,
-    ResistanceValues,
-    WheelSoil,
-    layer_values,
-)
-from subsoil_ros.scene.tool_faces import WheelFace
+from subsoil_ros.wedge.wheel import grip_newton, rolling_resistance_newton, wheel_load_newton
 
 WIDE = 1e4
 """Width over depth at which two crescents weigh less than 1e-3 of the wedge."""

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from subsoil_ros.analysis.figures import draw_figures
 from subsoil_ros.analysis.series import Series, read_series
 from subsoil_ros.analysis.summary import print_summary, summarize
 from subsoil_ros.api.simulate import simulate
-from subsoil_ros.scene.loader import ResolvedScene, load_scene
+from subsoil_ros.figures.over_time import draw_figures
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
 
 SCENES = Path(__file__).parents[2] / "config" / "scenes"
 SHANKS = ("shank", "shank_left", "shank_right")

@@ -23,9 +23,9 @@ from subsoil_ros.experiments.soil_tests.shear_box import (
     tension_machine,
 )
 from subsoil_ros.experiments.soil_tests.specimen import Specimen, box_around, prepare_specimen, write_scene
+from subsoil_ros.limits.stable_steps import Timing
+from subsoil_ros.loading.loader import ResolvedScene
 from subsoil_ros.messages import ToolWrenches
-from subsoil_ros.scene.limits import Timing
-from subsoil_ros.scene.loader import ResolvedScene
 from subsoil_ros.scene.pairs import pair_values, tool_values
 
 GRID = "soil.bed.spacing_m=rest"

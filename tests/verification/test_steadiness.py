@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from subsoil_ros.analysis.intervals import t_quantile
-from subsoil_ros.analysis.steadiness import correlation_steps, steadiness
+from subsoil_ros.analysis.stationarity import correlation_steps, steadiness
 
 LAG_ONE = 0.9
 

@@ -7,13 +7,13 @@ from pathlib import Path
 
 from ...errors import SceneError
 from ...kernel_cache import user_cache_folder
-from ...scene.loader import ResolvedScene
+from ...loading.loader import ResolvedScene
 from ...scene.soil import Soil
 from ...source_digest import PACKAGE, tree_digest
 from ..bed import Bed
 from .bed_file import VERSION, read_bed, write_bed
 
-SOURCES = (*(PACKAGE / "dem").glob("*.py"), PACKAGE / "dem" / "beds", PACKAGE / "scene")
+SOURCES = (*(PACKAGE / "dem").glob("*.py"), PACKAGE / "dem" / "beds", PACKAGE / "scene", PACKAGE / "limits")
 """Code that a bed depends on."""
 
 _OF_THE_RUN = {

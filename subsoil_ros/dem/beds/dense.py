@@ -21,10 +21,10 @@ import math
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from ...loading.loader import ResolvedScene
 from ...scene.bed_spacing import rest_spacing_m
 from ...scene.beds import SurfaceProfile
 from ...scene.bin import Bin
-from ...scene.loader import ResolvedScene
 from ...scene.pairs import pair_values
 from ...scene.sizes import mean_power, sampled_radii_m
 from ...scene.soil import Soil

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import SceneError
+from ...loading.loader import ResolvedScene
 from ...scene.bed_spacing import particle_spacing_m, rest_spacing_m
 from ...scene.beds import GridBed, SavedBed
-from ...scene.loader import ResolvedScene
 from ...scene.meshes import load_tool_mesh
 from ...scene.pairs import pair_values
 from ...scene.soil import Soil

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...scene.limits import step_limits
-from ...scene.loader import ResolvedScene
+from ...limits.stable_steps import step_limits
+from ...loading.loader import ResolvedScene
 from ...scene.pairs import layer_soils
 from ...scene.soil import Soil
 from ..bed import Bed

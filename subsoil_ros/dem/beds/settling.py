@@ -11,10 +11,10 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from ...limits.stable_steps import Timing
+from ...loading.loader import ResolvedScene
 from ...messages import SoilState
 from ...scene.base import Part
-from ...scene.limits import Timing
-from ...scene.loader import ResolvedScene
 from ...scene.pairs import layer_soils, pair_values, particle_mass_kg, particle_values, sphere_mass_kg
 from ...scene.soil import ContactLaw, Soil
 from ..bed import Bed

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from ...limits.stable_steps import Timing
+from ...loading.loader import ResolvedScene
 from ...messages import ToolMotion
-from ...scene.limits import Timing
-from ...scene.loader import ResolvedScene
 from ...scene.model import Scene
 
 RADIUS_M, DENSITY_KG_PER_M3 = 0.010, 1800.0

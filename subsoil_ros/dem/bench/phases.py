@@ -11,7 +11,7 @@ from ..integration import kick_drift
 from ..kernel_calls import KernelCalls
 from ..pairs import pair_forces
 from ..step import drift_and_contacts
-from ..tool_surface import ToolSurface
+from ..tools.surface import ToolSurface
 from ..walls import wall_forces
 from .cases import Case
 from .measure import prepared_engine, run_steps

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from ..facets import Facets
 from ..pairs import HISTORY
 from ..state import ToolList
-from ..tools import CONTACTS
+from ..tools.facets import Facets
+from ..tools.forces import CONTACTS
 from ..walls import WALLS
 from .device import WARP
 from .forces import TOOL_SUMS

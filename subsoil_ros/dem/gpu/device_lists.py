@@ -11,9 +11,9 @@ import numpy as np
 from numba import cuda
 
 from ..contact import Features, PairLaw
-from ..facets import Facets
 from ..neighbours import CellGrid
 from ..state import PairList, Particles, ToolList, WallList
+from ..tools.facets import Facets
 from .arrays import Rows, Tool, ToolRows, WallRows
 from .convert import full_rows, wall_rows
 from .device import WARP, Launches, Mirror, blocks, on_device, room_for

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from ...loading.loader import ResolvedScene
 from ...messages import ToolMotion, ToolWrench
-from ...scene.loader import ResolvedScene
 from ..bed import Bed
 from ..contact import SINKS, PairLaw
 from ..energy import EnergyBook
@@ -16,7 +16,7 @@ from ..neighbours import CellGrid, slab_starts
 from ..periodic import TOOL_SKIN
 from ..readings import SoilReadings
 from ..state import PairList, Particles, WallList
-from ..tool_surface import motion_within, refuse_leap
+from ..tools.surface import motion_within, refuse_leap
 from ..walls import CHUNKS
 from .convert import half_rows, wall_pairs
 from .device import refuse_without_gpu

@@ -23,7 +23,7 @@ from ..mixture import pair_of, sphere_of
 from ..pairs import contact_of_pair
 from ..per_particle import of_particle
 from ..periodic import nearest_image
-from ..tools import CONTACTS, row_forces
+from ..tools.forces import CONTACTS, row_forces
 from ..walls import WALLS, contact_at_wall
 from .device import THREADS, WARP
 from .scan import block_largest, block_total

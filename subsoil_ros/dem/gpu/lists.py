@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import cuda, float32
 
-from ..facets import closest_feature
 from ..neighbours import axis_cell
 from ..pairs import HISTORY
 from ..per_particle import of_particle
 from ..periodic import nearest_image
-from ..tools import CONTACTS
+from ..tools.facets import closest_feature
+from ..tools.forces import CONTACTS
 from ..walls import WALLS
 from .device import WARP
 

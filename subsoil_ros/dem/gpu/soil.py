@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from ..facets import Facets
 from ..mixture import Mixture
 from ..neighbours import CellGrid
 from ..state import Particles
+from ..tools.facets import Facets
 from .device import Launches, Mirror, blocks
 from .device_lists import DeviceLists, Numbers
 from .forces import (

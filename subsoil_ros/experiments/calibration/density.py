@@ -3,7 +3,7 @@
 from ...dem.beds.prepare import prepare_bed
 from ...dem.beds.report import report_bed
 from ...dem.engine import SoilEngine
-from ...scene.loader import ResolvedScene
+from ...loading.loader import ResolvedScene
 
 
 def bed_density_kg_per_m3(scene: ResolvedScene, threads: int = 1) -> float:

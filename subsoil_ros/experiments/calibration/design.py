@@ -7,14 +7,14 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from ...errors import InputError
+from ...loading.loader import ResolvedScene, load_scene
+from ...loading.seeds import is_random
+from ...loading.soil_file import law_of
+from ...loading.validation_errors import validated
 from ...scene.base import Finite, Fraction, NonNegative, Part, Positive
 from ...scene.bed_spacing import particle_spacing_m
-from ...scene.complaints import validated
-from ...scene.document import read_document
-from ...scene.loader import ResolvedScene, load_scene
-from ...scene.resistance import WheelSoil
-from ...scene.seeds import is_random
-from ...scene.soil_file import law_of
+from ...scene.wedge import WheelSoil
+from ...yaml_document import read_document
 
 GOLDEN = ((math.sqrt(5.0) - 1.0) / 2.0, 0.7548776662466927)
 """Multiples of these fill a square evenly: shifts of the tool against a regular bed."""

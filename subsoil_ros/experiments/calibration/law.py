@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from ...errors import InputError
-from ...scene.document import dump_yaml
-from ...scene.loader import ResolvedScene, load_scene
+from ...loading.loader import ResolvedScene, load_scene
+from ...yaml_document import dump_yaml
 from .design import DraftTarget, LawDesign, StrengthTarget, Target
 from .runs import Watch
 from .soil_results import draft_results, repose_results, strength_results

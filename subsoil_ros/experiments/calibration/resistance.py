@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from ...errors import RunError
+from ...loading.loader import ResolvedScene, load_scene
+from ...loading.soil_file import SoilFile
 from ...messages import ToolMotion
-from ...resistance.engine import ResistanceEngine
-from ...scene.loader import ResolvedScene, load_scene
 from ...scene.meshes import load_tool_mesh
-from ...scene.resistance import ResistanceValues, SoilRange
-from ...scene.soil_file import SoilFile
 from ...scene.tool_faces import cutting_faces
+from ...scene.wedge import ResistanceValues, SoilRange
+from ...wedge.engine import ResistanceEngine
 from .design import Point, ResistanceDesign, fitted_law, point_overrides, tip_of
 from .runs import PullNumbers, Watch, dominant_period_m, kept_pull, numbers, pull
 
@@ -285,8 +285,8 @@ def _fit_fluctuation(
 
 
 def _wedge_length_m(values: ResistanceValues, item: Measured) -> float:
-    from ...resistance.layers import mean_strength
-    from ...resistance.wedge import Plate, failure
+    from ...wedge.layers import mean_strength
+    from ...wedge.wedge import Plate, failure
 
     name = next(iter(item.scene.scene.tools))
     face = cutting_faces(load_tool_mesh(item.scene.directory, item.scene.scene, name), name)[0]

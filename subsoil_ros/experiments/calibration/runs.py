@@ -13,9 +13,9 @@ from ...api.execution import execute
 from ...api.simulate import simulate
 from ...coupling.engines import Soil
 from ...errors import RunError
+from ...limits.stable_steps import Timing
+from ...loading.loader import ResolvedScene
 from ...messages import ToolMotions, ToolWrenches
-from ...scene.limits import Timing
-from ...scene.loader import ResolvedScene
 from ..kept_runs import find_run, keep_run
 
 Watch = Callable[[str, Timing], AbstractContextManager[Callable[[int], None]]]

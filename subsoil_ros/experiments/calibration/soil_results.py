@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...dem.engine import build_engine
-from ...scene.loader import ResolvedScene, load_scene
-from ...scene.seeds import seed_key
+from ...loading.loader import ResolvedScene, load_scene
+from ...loading.seeds import seed_key
 from ..soil_tests.runs import run_soil_tests
 from ..soil_tests.strength import SoilStrength
 from .design import DraftTarget, ReposeTarget, StrengthTarget, tip_of

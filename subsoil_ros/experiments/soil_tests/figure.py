@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from ...analysis.plotting import COLOURS, new_figure, save_figure
+from ...figures.plotting import COLOURS, new_figure, save_figure
 from .runs import SoilTests
 from .strength import SoilStrength
 

@@ -17,9 +17,9 @@ from ...analysis.smoothing import running_mean
 from ...api.simulate import simulate
 from ...dem.engine import build_engine
 from ...errors import InputError
+from ...limits.stable_steps import Timing
+from ...loading.loader import ResolvedScene
 from ...messages import MechanismState, SoilState, ToolMotions, ToolWrenches
-from ...scene.limits import Timing
-from ...scene.loader import ResolvedScene
 from ...scene.pairs import pair_values, tool_values
 from .options import INERTIAL_NUMBER
 from .shear_box import GLUE, ShearBox, ShearLoading, TensionLoading, shear_machine, tension_machine

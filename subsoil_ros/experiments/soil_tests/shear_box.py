@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from ...scene.document import Document
 from ...scene.pairs import PairValues, pair_values, size_ratio
 from ...scene.soil import Soil
+from ...yaml_document import Document
 
 GLUE = 10.0
 """Largest attraction of the box over that of a pair of particles (chosen: the soil breaks, not the grip)."""

@@ -15,11 +15,11 @@ from ...dem.bed import Bed
 from ...dem.beds.bed_file import write_bed
 from ...dem.engine import SoilEngine
 from ...errors import InputError
+from ...loading.loader import ResolvedScene, load_scene
 from ...scene.beds import SavedBed
-from ...scene.document import Document, dump_yaml
-from ...scene.loader import ResolvedScene, load_scene
 from ...scene.pairs import pair_values, particle_mass_kg
 from ...scene.soil import Soil
+from ...yaml_document import Document, dump_yaml
 from .shear_box import ShearBox, gripping_law, write_meshes
 
 Size = tuple[float, float, float]

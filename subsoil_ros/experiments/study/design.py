@@ -7,10 +7,10 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from ...errors import InputError
+from ...loading.keys import suggestion
+from ...loading.validation_errors import validated
 from ...scene.base import Fraction, Part
-from ...scene.complaints import validated
-from ...scene.document import read_document
-from ...scene.keys import suggestion
+from ...yaml_document import read_document
 from ..run_metrics import METRICS
 from ..sweep.plan import Point
 

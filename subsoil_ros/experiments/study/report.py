@@ -7,7 +7,7 @@ from typing import Any
 
 from ..._version import __version__
 from ...analysis.intervals import Interval
-from ...analysis.study_figure import Dot, Panel, draw_study
+from ...figures.study_figure import Dot, Panel, draw_study
 from ..run_metrics import METRICS, Metric
 from .accuracy import Judged, Measurement
 from .design import FINEST, StudyDesign

@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from ...errors import RunError
-from ...scene.document import dump_yaml
+from ...yaml_document import dump_yaml
 from ..kept_runs import KeptRun
 from ..run_metrics import metrics_of
 from ..sweep.engine import Manner, Watcher, run_jobs

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from ...api.execution import Executed, code_digest, machine_name
 from ...errors import RunError
-from ...scene.parcel import pack
+from ...loading.scene_bundle import pack
 from ..kept_runs import KeptRun, find_run, keep_run
 from .cluster import connected, local_worker_count
 from .plan import Job

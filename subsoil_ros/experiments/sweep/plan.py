@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ...errors import InputError
-from ...scene.document import parse_yaml
-from ...scene.loader import ResolvedScene, load_scene
-from ...scene.seeds import seed_key
+from ...loading.loader import ResolvedScene, load_scene
+from ...loading.seeds import seed_key
+from ...yaml_document import parse_yaml
 
 LARGEST_COUNT = 100_000
 """More runs than this are a slip of the pen (chosen)."""

@@ -7,9 +7,9 @@ from pathlib import Path
 import pandas as pd
 
 from ...analysis.intervals import CONFIDENCE
-from ...analysis.response import draw_response
 from ...errors import InputError
-from ...scene.document import dump_yaml
+from ...figures.response import draw_response
+from ...yaml_document import dump_yaml
 from ..kept_runs import KeptRun
 from .engine import Manner, Watcher, run_jobs
 from .plan import Job, Point, Variation, combinations, jobs_of

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 from ...api.execution import Executed, code_digest, execute
-from ...scene.parcel import Parcel, unpack
+from ...loading.scene_bundle import Parcel, unpack
 
 PROGRESS = "subsoil-progress"
 """Dask's topic for (name of the run, part of it that is done)."""

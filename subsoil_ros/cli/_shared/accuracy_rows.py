@@ -1,0 +1,98 @@
+"""The part of `subsoil check` that says what an accuracy preset costs and how far it is off."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from rich.console import RenderableType
+from rich.table import Table
+
+from ...loading.loader import ResolvedScene
+from ...loading.presets import ErrorInterval, Expected
+
+
+def accuracy_lines(resolved: ResolvedScene, overrides: Sequence[str]) -> Iterator[RenderableType]:
+    """What a study measured of the chosen preset, or of all of them, or that there is nothing measured."""
+    name, duration = resolved.accuracy, resolved.scene.duration_s
+    if name is None:
+        if resolved.presets:
+            names = ", ".join(resolved.presets)
+            yield f"accuracy: as written; presets of this scene: {names} (--accuracy NAME)"
+        known = {key: item.expected for key, item in resolved.presets.items() if item.expected is not None}
+        if known:
+            yield from _all_presets(known, duration)
+            yield from (f"{key}: {note}" for key, item in known.items() for note in item.notes)
+            yield from _changed(overrides)
+        return
+    expected = resolved.presets[name].expected
+    if expected is None:
+        yield (
+            f"accuracy: {name}: its error and its time are not known: the study of this scene has not been "
+            "run (`subsoil study` measures them)"
+        )
+        return
+    yield _table(f"accuracy: {name}, expected error against {expected.against}", expected.errors, expected)
+    for other, errors in expected.errors_against.items():
+        yield _table(f"against {other}", errors, expected)
+    yield from expected.notes
+    yield (
+        f"expected wall time: {_wall_s(expected, duration)} s for {duration:g} s, without start-up, on "
+        f"{expected.machine}; source: {expected.source}"
+    )
+    yield from _changed(overrides)
+
+
+def _changed(overrides: Sequence[str]) -> Iterator[str]:
+    """A note where this is not the scene that was measured."""
+    changed = [text for text in overrides if text.partition("=")[0].strip() != "accuracy"]
+    if changed:
+        yield f"note: measured without {', '.join(f'--set {text}' for text in changed)}"
+
+
+def _all_presets(known: Mapping[str, Expected], duration_s: float) -> Iterator[Table]:
+    """One row each, with the time they take, and again for each further reference."""
+    walls = {name: f"{_wall_s(item, duration_s)} s" for name, item in known.items()}
+    errors = {name: item.errors for name, item in known.items()}
+    yield _one_row_each(
+        "expected error in %, with its interval", errors, {f"wall time for {duration_s:g} s": walls}
+    )
+    for other in dict.fromkeys(other for item in known.values() for other in item.errors_against):
+        against = {name: item.errors_against.get(other, {}) for name, item in known.items()}
+        yield _one_row_each(f"against {other}, in %", against, {})
+
+
+def _one_row_each(
+    title: str, errors: Mapping[str, Mapping[str, ErrorInterval]], further: Mapping[str, Mapping[str, str]]
+) -> Table:
+    table = Table(title=title, title_justify="left", title_style="bold", box=None)
+    table.add_column("preset")
+    metrics = list(dict.fromkeys(metric for found in errors.values() for metric in found))
+    for column in (*metrics, *further):
+        table.add_column(column, justify="right")
+    for name, found in errors.items():
+        cells = [_mean_and_interval(found[metric]) if metric in found else "" for metric in metrics]
+        table.add_row(name, *cells, *(column[name] for column in further.values()))
+    return table
+
+
+def _table(title: str, errors: Mapping[str, ErrorInterval], expected: Expected) -> Table:
+    table = Table(title=title, title_justify="left", title_style="bold", box=None)
+    table.add_column("metric")
+    table.add_column("error", justify="right")
+    table.add_column(f"{100.0 * expected.confidence:g} % interval", justify="right")
+    for metric, error in errors.items():
+        table.add_row(metric, f"{100.0 * error.mean:+.3g} %", _interval(error))
+    return table
+
+
+def _mean_and_interval(error: ErrorInterval) -> str:
+    mean, low, high = (
+        f"{100.0 * value:+.{1 if abs(value) < 0.1 else 0}f}" for value in (error.mean, error.low, error.high)
+    )
+    return f"{mean} ({low} to {high})"
+
+
+def _interval(error: ErrorInterval) -> str:
+    return f"{100.0 * error.low:+.3g} to {100.0 * error.high:+.3g} %"
+
+
+def _wall_s(expected: Expected, duration_s: float) -> str:
+    return f"{expected.wall_s_per_simulated_s * duration_s:.3g}"

@@ -1,0 +1,123 @@
+"""Progress on standard error: of a run (simulated time, speed, time left), and of what else takes seconds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    SpinnerColumn,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Column
+from rich.text import Text
+
+from ...ticks import tick_end_s
+
+if TYPE_CHECKING:
+    from ...limits.stable_steps import Timing
+
+
+class _SpeedColumn(ProgressColumn):
+    """Simulated seconds per second of wall time."""
+
+    def __init__(self) -> None:
+        super().__init__(table_column=Column(no_wrap=True))
+
+    def render(self, task: Task) -> Text:
+        speed = task.finished_speed or task.speed
+        return Text("starting" if speed is None else f"{speed:.3g} x real time")
+
+
+class RunProgress:
+    """A bar on standard error. Use as context manager, and call with each tick that is done."""
+
+    def __init__(self, name: str, timing: Timing) -> None:
+        self._interval_ns = timing.interval_ns
+        duration_s = tick_end_s(timing.tick_count - 1, timing.interval_ns)
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.completed:.3f} of {task.total:.3f} s"),
+            _SpeedColumn(),
+            TimeRemainingColumn(),
+            console=Console(stderr=True),
+            refresh_per_second=_REFRESHES_PER_S,
+            speed_estimate_period=30.0,
+        )
+        self._task = self._progress.add_task(name, total=duration_s)
+        self.started = False
+        """Whether a tick has been done."""
+
+    def __enter__(self) -> RunProgress:
+        self._progress.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._progress.stop()
+
+    def __call__(self, tick: int) -> None:
+        self.started = True
+        self._progress.update(self._task, completed=tick_end_s(tick, self._interval_ns))
+
+
+_SHOWN_PARTS = 200
+"""A bar that reads a bag moves at most so often: there may be millions of messages."""
+
+_REFRESHES_PER_S = 4
+"""Few (chosen): a benchmark is measured beside it, in rounds much shorter than its period."""
+
+
+def _bar(*columns: ProgressColumn) -> Progress:
+    """A bar that goes when its work is done, and is not there at all where nobody looks at a terminal."""
+    console = Console(stderr=True)
+    return Progress(
+        *columns,
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+        refresh_per_second=_REFRESHES_PER_S,
+    )
+
+
+@contextmanager
+def working(what: str) -> Iterator[None]:
+    """Says that `what` is going on, and since when; for work that does not say how far it is."""
+    with _bar(SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()) as progress:
+        progress.add_task(what, total=None)
+        yield
+
+
+@contextmanager
+def counted(what: str, count: int) -> Iterator[Callable[[], None]]:
+    """A bar over `count` things; gives what to call after each."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with _bar(*columns) as progress:
+        task = progress.add_task(what, total=count)
+        yield lambda: progress.advance(task)
+
+
+@contextmanager
+def reading_bag(timing: Timing) -> Iterator[Callable[[int], None]]:
+    """A bar over the time of a bag that is read; gives what to call with each message's time [ns]."""
+    end_ns = timing.tick_count * timing.interval_ns
+    shown_ns = 0
+    with _bar(TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn()) as progress:
+        task = progress.add_task("reading the bag", total=end_ns)
+
+        def show(time_ns: int) -> None:
+            nonlocal shown_ns
+            if (time_ns - shown_ns) * _SHOWN_PARTS >= end_ns:
+                shown_ns = time_ns
+                progress.update(task, completed=time_ns)
+
+        yield show

@@ -1,0 +1,170 @@
+"""What `subsoil run` does, in each of its modes. Apart from its arguments: this needs all libraries."""
+
+import argparse
+import os
+import shutil
+import time
+from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
+
+from ...analysis.summary import print_summary
+from ...api.checkpoints import name_checkpoint
+from ...api.opened_run import OpenedRun, open_run
+from ...api.results import conclude
+from ...api.simulate import needed_controller, simulate_opened
+from ...coupling.control import build_controller
+from ...coupling.protocol import CONTROLLER, COUPLER
+from ...coupling.signals import caught_signals
+from ...errors import InputError, SubsoilError
+from ...loading.loader import ResolvedScene, load_scene
+from ...ros.process.plan import RunPlan, checked_namespace
+from ...ros.process.supervisor import Supervisor, node_program, start_node
+from ...ros.transport.domain import run_domain
+from .bed_preparation import bed_progress
+from .live import live_port, say_where
+from .preparation import KernelAnnouncer, announce_kernels_of_nodes, say, say_opened
+from .progress import RunProgress, reading_bag, working
+
+
+def simulate(args: argparse.Namespace) -> int:
+    """Runs the scene as the arguments of `subsoil run` say. Raises as run.run does."""
+    with KernelAnnouncer() as kernels:
+        return _run(args, kernels)
+
+
+def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
+    resolved = load_scene(args.scene, args.overrides)
+    namespace = checked_namespace(args.namespace)
+    if args.mode == "direct":
+        _refuse_direct(args, resolved)
+    elif find_spec("rclpy") is None or find_spec("subsoil_msgs") is None:
+        raise InputError(
+            f"--mode {args.mode}: needs ROS 2 with rclpy and subsoil_msgs, which are not installed here; "
+            "install them as docs/install.md says, or give --mode direct"
+        )
+    live = live_port(args.live)
+    if live and not resolved.scene.record.bag:
+        raise InputError("--live: shows what is recorded, and record.bag is false; add --set record.bag=true")
+    out = Path(args.out)
+    opened = open_run(resolved, out, args.threads, args.resume, shown=args.scene, bed_progress=bed_progress)
+    say_opened(opened)
+    say_where(live)
+    failure: SubsoilError | None = None
+    signals: list[int] = []
+
+    def stop_signal() -> int:
+        return signals[0] if signals else 0
+
+    start = time.monotonic()
+    try:
+        with caught_signals(signals.append), RunProgress(resolved.scene.name, resolved.timing) as bar:
+            progress = kernels.before(bar)
+            if args.mode == "direct":
+                simulate_opened(opened, args.threads, progress, stop_signal, live)
+            elif args.mode == "composed":
+                _run_composed(opened, args.threads, args.paused, live, namespace, progress, stop_signal)
+            else:
+                plan = RunPlan.of(opened, args.threads, args.paused, supervised=True, live=live)
+                _run_nodes(plan, namespace, out / "log", progress, stop_signal)
+    except SubsoilError as error:
+        failure = error
+    if failure is not None and failure.exit_status == InputError.exit_status and not bar.started:
+        shutil.rmtree(out)  # bad input that showed only when the bed was there: nothing ran
+        raise failure
+    facts = {"mode": args.mode, "threads": args.threads, "whole_wall_s": time.monotonic() - start}
+    if failure is not None:
+        name_checkpoint(failure, out, opened.resumed)
+    summary = conclude(opened, facts, failure, reading=reading_bag, working=working)
+    if summary is not None and resolved.scene.record.bag:
+        print_summary(summary, resolved.scene, out)
+    elif summary is not None:
+        print(f"nothing is recorded (record.bag: false); {out / 'summary.json'} says how the run ended")
+    if failure is not None:
+        raise failure
+    return 0
+
+
+def _refuse_direct(args: argparse.Namespace, resolved: ResolvedScene) -> None:
+    """InputError if the run needs what only nodes can do."""
+    if args.namespace:
+        raise InputError("--namespace: a direct run has no nodes; use --mode nodes or composed")
+    if args.paused:
+        raise InputError("--paused: a direct run has no services to resume it; use --mode nodes or composed")
+    needed_controller(resolved)
+
+
+def _say_what_it_waits_for(
+    resolved: ResolvedScene, run_id: str, domain: int, namespace: str, paused: bool
+) -> None:
+    """Tells the user what must come from outside, and where."""
+    if resolved.scene.controller is not None and build_controller(resolved) is None:
+        place = f", namespace {namespace}" if namespace else ""
+        print(
+            f"waiting for a node '{CONTROLLER}' of run '{run_id}' in ROS_DOMAIN_ID={domain}{place} "
+            "(controller.law: external)",
+            flush=True,
+        )
+    if paused:
+        print(
+            f"paused before the first tick; ROS_DOMAIN_ID={domain} ros2 service call "
+            f"{namespace}/{COUPLER}/resume std_srvs/srv/Trigger lets it go",
+            flush=True,
+        )
+
+
+def _say_domain(domain: int, namespace: str) -> None:
+    """Tells the user where other programs find the nodes."""
+    say(f"nodes in ROS_DOMAIN_ID={domain}{f', namespace {namespace}' if namespace else ''}")
+
+
+def _run_composed(
+    opened: OpenedRun,
+    threads: int,
+    paused: bool,
+    live: int,
+    namespace: str,
+    progress: Callable[[int], None],
+    stop_signal: Callable[[], int],
+) -> None:
+    with run_domain() as domain:
+        os.environ["ROS_DOMAIN_ID"] = str(domain)
+        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        from ...ros.process.composed import run_composed, scene_builds  # the other modes need no ROS here
+        from ...ros.process.heartbeat import NodeRun
+
+        node_run = NodeRun(opened.run_id, opened.resolved, opened.checkpoints, opened.resumed)
+        builds = scene_builds(node_run, opened.bag, threads, progress, paused, live)
+        _say_domain(domain, namespace)
+        _say_what_it_waits_for(opened.resolved, opened.run_id, domain, namespace, paused)
+        ending = run_composed(node_run, builds, stop_signal, namespace)
+    if ending.exit_status:
+        raise ending.error()
+
+
+def _run_nodes(
+    plan: RunPlan,
+    namespace: str,
+    logs: Path,
+    progress: Callable[[int], None],
+    stop_signal: Callable[[], int],
+) -> None:
+    progress = announce_kernels_of_nodes(progress)
+    logs.mkdir()
+    with run_domain() as domain:
+        _say_domain(domain, namespace)
+        _say_what_it_waits_for(plan.resolved, plan.run_id, domain, namespace, plan.paused)
+        processes = [
+            start_node(
+                node.name,
+                node_program(node.name),
+                logs / f"{node.name}.log",
+                node.parameters,
+                domain,
+                namespace,
+            )
+            for node in plan.nodes()
+        ]
+        ending = Supervisor(processes, progress).follow(stop_signal)
+    if ending.exit_status:
+        raise ending.error()

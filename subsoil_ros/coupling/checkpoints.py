@@ -1,0 +1,154 @@
+"""What a run keeps so that it can go on later: the state of the exchange, and who writes which part.
+
+A checkpoint of tick k is the state at its end: of mover and soil as their engines hold it, and of the
+coupling: the last motions and wrenches, which tick k+1 begins with, and the interface account.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import InputError
+from ..loading.loader import ResolvedScene
+from ..messages import GroupForce, ToolMotion, ToolWrench
+from ..recording.checkpoint import (
+    Checkpoint,
+    commit,
+    document_sha256,
+    has_parts,
+    note_end,
+    state_sha256,
+    write_part,
+)
+from ..scene.model import Scene
+from ..ticks import INITIAL_TICK, tick_end_s
+from .energy_account import InterfaceWork
+from .engines import Resumable
+from .protocol import MECHANISM, SOIL
+from .schedule import schedule_of
+
+PATHS = "paths"
+"""Part of the tools' paths in a scene without mechanism."""
+
+COUPLING = "coupling"
+
+
+def mover_part(scene: Scene) -> str:
+    """Name of the part of whoever moves the tools."""
+    return MECHANISM if scene.mechanism is not None else PATHS
+
+
+def part_names(scene: Scene) -> tuple[str, ...]:
+    """Parts of a checkpoint of the scene, beside the coupling's."""
+    return (mover_part(scene), SOIL) if scene.soil is not None else (mover_part(scene),)
+
+
+@dataclass(frozen=True)
+class CouplingState:
+    """The exchange at the end of a tick."""
+
+    tick: int
+    motions: tuple[ToolMotion, ...]
+    wrenches: tuple[ToolWrench, ...]
+    work: InterfaceWork
+    wall_time_s: float = 0.0  # since tick 0, earlier runs included
+
+    def document(self) -> dict[str, Any]:
+        """As JSON, which gives back the same bits of every number; without the wall time."""
+        return {
+            "motions": [asdict(motion) for motion in self.motions],
+            "wrenches": [asdict(wrench) for wrench in self.wrenches],
+            "work": asdict(self.work),
+        }
+
+    @classmethod
+    def of(cls, checkpoint: Checkpoint) -> "CouplingState":
+        """The state in a checkpoint."""
+        document = checkpoint.coupling
+        return cls(
+            checkpoint.tick,
+            tuple(ToolMotion(**motion) for motion in document["motions"]),
+            tuple(_wrench(wrench) for wrench in document["wrenches"]),
+            InterfaceWork(**document["work"]),
+            document["wall_time_s"],
+        )
+
+
+def _wrench(document: Mapping[str, Any]) -> ToolWrench:
+    groups = tuple(GroupForce(**group) for group in document["groups"])
+    return ToolWrench(**{**document, "groups": groups})
+
+
+def restore_engine(engine: Resumable, checkpoint: Checkpoint, part: str) -> None:
+    """Puts an engine, just built, into the state of a checkpoint.
+
+    Raises:
+        InputError: the part is damaged, or does not fit the engine.
+    """
+    try:
+        engine.restore(checkpoint.read_part(part))
+    except (KeyError, ValueError) as error:
+        raise InputError(f"{checkpoint.path}: {part}: does not fit this scene: {error}") from error
+
+
+class Keeper:
+    """Writes the checkpoints of one run, or one process's parts of them.
+
+    Args:
+        directory: of the checkpoints of the run.
+        sync_record: brings the record to the disk, which a checkpoint stands at the end of.
+    """
+
+    def __init__(
+        self,
+        directory: Path,
+        resolved: ResolvedScene,
+        run_id: str,
+        sync_record: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.directory = directory
+        self.last_tick = INITIAL_TICK  # of the newest checkpoint that is valid
+        self._resolved, self._run_id, self._sync_record = resolved, run_id, sync_record
+        self._schedule = schedule_of(resolved.scene, resolved.timing)
+        self._names = part_names(resolved.scene)
+
+    def due(self, tick: int) -> bool:
+        """Whether the scene asks for a checkpoint of `tick`."""
+        return self._schedule.checkpoint_due(tick)
+
+    def keep(self, tick: int, part: str, engine: Resumable) -> None:
+        """Writes the part of an engine that stands at the end of `tick`.
+
+        Raises:
+            RecordingError: the disk refuses.
+        """
+        write_part(self.directory, tick, part, engine.state_arrays())
+
+    def all_kept(self, tick: int) -> bool:
+        """Whether every part of the checkpoint of `tick` is there."""
+        return has_parts(self.directory, tick, self._names)
+
+    def commit(self, state: CouplingState) -> None:
+        """Makes the checkpoint of a tick valid, its parts being on the disk.
+
+        Raises:
+            RecordingError: the disk refuses.
+        """
+        self._sync_record()
+        facts = {
+            "time_s": tick_end_s(state.tick, self._resolved.timing.interval_ns),
+            "run_id": self._run_id,
+            "scene_hash": self._resolved.scene_hash,
+            COUPLING: {**state.document(), "wall_time_s": state.wall_time_s},
+        }
+        commit(self.directory, state.tick, self._names, facts)
+        self.last_tick = state.tick
+
+    def note_end(self, tick: int, part: str, engine: Resumable) -> None:
+        """Notes the digest of an engine's state at the end of the run."""
+        note_end(self.directory, tick, part, state_sha256(engine.state_arrays()))
+
+    def note_coupling_end(self, state: CouplingState) -> None:
+        """Notes the digest of the exchange's state at the end of the run."""
+        note_end(self.directory, state.tick, COUPLING, document_sha256(state.document()))

@@ -1,0 +1,1 @@
+"""Tools in the soil: their surfaces, and the contacts on them."""

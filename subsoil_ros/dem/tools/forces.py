@@ -1,0 +1,272 @@
+"""Forces between particles and one tool.
+
+A contact belongs to a feature of the surface: a face, a convex edge or a vertex. A feature counts when
+it is the nearest one on every facet that shares it, so a flat or convex place gives one contact however
+finely it is meshed, a concave corner one per face. Surfaces are one-sided: a contact starts only from
+outside, and then holds its face even when the centre is pressed through it, so a particle cannot flip
+to the far side of a thin share. Geometry and histories live in the tool's body frame.
+"""
+
+import math
+
+import numpy as np
+from numba import njit, prange
+
+from ..compiled import inner_kernel
+from ..contact import contact, normal_potential, spring_energy
+from ..mixture import sphere_of
+from .facets import closest_feature
+
+CONTACTS = 4
+"""Contacts of one particle with one tool that are kept; a convex body gives at most three."""
+
+_CHUNKS = 32
+"""Fixed split of the candidates, whatever the number of threads."""
+
+_SAME_NORMAL = 0.7
+"""Cosine up to which a contact continues the one before (chosen: 45 degrees)."""
+
+
+@inner_kernel()
+def _is_nearest(px, py, pz, dx, dy, dz, facets, m, kind):
+    """Whether edge or vertex `kind` of facet m is nearest to p on every facet that shares it, m being the
+    first of these and p outside of one at least. d [m]: from p to the nearest point.
+
+    Winding is consistent, so the facets across one edge after another lead around a vertex, or back.
+    """
+    corner = (kind - 1) % 3
+    number = facets.edge[m, corner] if kind < 4 else facets.vertex[m, corner]
+    outside, other = False, m
+    while True:
+        nx, ny, nz = facets.normal[other, 0], facets.normal[other, 1], facets.normal[other, 2]
+        if dx * nx + dy * ny + dz * nz <= 0.0:
+            outside = True
+        other = facets.opposite[other, corner]
+        if other == m:
+            return outside
+        if other < m:
+            return False
+        _, _, _, feature = closest_feature(px, py, pz, facets.corner[other])
+        if feature == 0 or (feature < 4) != (kind < 4):
+            return False
+        corner = (feature - 1) % 3
+        if number != (facets.edge[other, corner] if kind < 4 else facets.vertex[other, corner]):
+            return False
+
+
+@inner_kernel()
+def _find_contacts(px, py, pz, facets, first, last, facet, reach, was_active, was_normal, out):
+    """Contacts of a centre p [m, body frame] with the facets facet[first:last].
+
+    Returns the number found; rows of out (CONTACTS, 6): unit normal towards the tool, distance [m]
+    (negative: centre behind the face), group, history slot or -1.
+    """
+    found = 0
+    for q in range(first, last):
+        m = facet[q]
+        qx, qy, qz, kind = closest_feature(px, py, pz, facets.corner[m])
+        dx, dy, dz = qx - px, qy - py, qz - pz
+        distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+        if distance >= reach:
+            continue
+        nx, ny, nz = facets.normal[m, 0], facets.normal[m, 1], facets.normal[m, 2]
+        height = -(dx * nx + dy * ny + dz * nz)
+        if kind == 0 or (height < 0.0 and distance + height < 1e-12):  # also behind the seam of a flat face
+            nx, ny, nz, distance = -nx, -ny, -nz, height
+        else:
+            if distance == 0.0 or not _is_nearest(px, py, pz, dx, dy, dz, facets, m, kind):
+                continue
+            nx, ny, nz = dx / distance, dy / distance, dz / distance
+        slot, best = -1, _SAME_NORMAL
+        for s in range(CONTACTS):
+            if was_active[s]:
+                cosine = nx * was_normal[s, 0] + ny * was_normal[s, 1] + nz * was_normal[s, 2]
+                if cosine > best:
+                    slot, best = s, cosine
+        if distance < 0.0 and slot < 0:
+            continue  # seen from behind: another face holds this particle
+        same = False
+        for k in range(found):  # two facets of one plane, both sure that the foot is theirs
+            if (
+                nx * out[k, 0] + ny * out[k, 1] + nz * out[k, 2] > 1.0 - 1e-9
+                and abs(distance - out[k, 3]) < 1e-12
+            ):
+                same = True
+        if same or found == CONTACTS:
+            continue
+        out[found, 0], out[found, 1], out[found, 2] = nx, ny, nz
+        out[found, 3], out[found, 4], out[found, 5] = distance, facets.group[m], slot
+        found += 1
+    return found
+
+
+@inner_kernel()
+def _candidate(
+    row, i, found, out, position, velocity, spin, force, torque, motion, active, normal, shear, roll,
+    old_shear, old_roll, radius, step, law, features, group_force, moment, sums,
+):  # fmt: skip
+    """Applies the contacts `out` of particle i. `sums` (7,): sinks, contacts, largest overlap."""
+    x0, z0, cosine, sine, vx0, vz0, rate, lateral = motion
+    for s in range(CONTACTS):
+        for a in range(3):
+            old_shear[s, a] = shear[row, s, a] if active[row, s] else 0.0
+            old_roll[s, a] = roll[row, s, a] if active[row, s] else 0.0
+        active[row, s] = False
+    for k in range(found):
+        bx, by, bz = out[k, 0], out[k, 1], out[k, 2]
+        distance, group, slot = out[k, 3], int(out[k, 4]), int(out[k, 5])
+        nx, ny, nz = cosine * bx - sine * bz, by, sine * bx + cosine * bz
+        arm = 0.5 * (radius + distance)
+        # contact point against the body's centre of mass
+        rx = position[i, 0] + arm * nx - x0
+        ry = position[i, 1] + arm * ny - lateral
+        rz = position[i, 2] + arm * nz - z0
+        wx, wy, wz = spin[i, 0], spin[i, 1], spin[i, 2]
+        relative = (
+            velocity[i, 0] + arm * (wy * nz - wz * ny) - (vx0 - rate * rz),
+            velocity[i, 1] + arm * (wz * nx - wx * nz),
+            velocity[i, 2] + arm * (wx * ny - wy * nx) - (vz0 + rate * rx),
+        )
+        sx, sy, sz, tx, ty, tz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        if slot >= 0:
+            sx, sy, sz = old_shear[slot, 0], old_shear[slot, 1], old_shear[slot, 2]
+            tx, ty, tz = old_roll[slot, 0], old_roll[slot, 1], old_roll[slot, 2]
+            for a in range(3):  # a slot continues in one contact only
+                old_shear[slot, a] = 0.0
+                old_roll[slot, a] = 0.0
+        f, m, s, r, sinks = contact(
+            radius - distance, (nx, ny, nz), relative, (wx, wy + rate, wz),
+            (cosine * sx - sine * sz, sy, sine * sx + cosine * sz),
+            (cosine * tx - sine * tz, ty, sine * tx + cosine * tz),
+            step, law, features,
+        )  # fmt: skip
+        active[row, k] = True
+        normal[row, k, 0], normal[row, k, 1], normal[row, k, 2] = bx, by, bz
+        shear[row, k, 0], shear[row, k, 1], shear[row, k, 2] = (
+            cosine * s[0] + sine * s[2], s[1], cosine * s[2] - sine * s[0],
+        )  # fmt: skip
+        roll[row, k, 0], roll[row, k, 1], roll[row, k, 2] = (
+            cosine * r[0] + sine * r[2], r[1], cosine * r[2] - sine * r[0],
+        )  # fmt: skip
+        for a in range(3):
+            force[i, a] += f[a]
+            group_force[group, a] -= f[a]
+        torque[i, 0] += arm * (ny * f[2] - nz * f[1]) + m[0]
+        torque[i, 1] += arm * (nz * f[0] - nx * f[2]) + m[1]
+        torque[i, 2] += arm * (nx * f[1] - ny * f[0]) + m[2]
+        moment[0] -= ry * f[2] - rz * f[1] + m[0]
+        moment[1] -= rz * f[0] - rx * f[2] + m[1]
+        moment[2] -= rx * f[1] - ry * f[0] + m[2]
+        sums[5] += 1.0
+        sums[6] = max(sums[6], radius - distance)
+        for a in range(5):
+            sums[a] += sinks[a]
+    if features.book.ndim == 2:
+        for s in range(CONTACTS):
+            sums[4] += spring_energy(0.0, old_shear[s], old_roll[s], law, features)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def row_forces(
+    row, particle, facet_start, facet, facets, motion, position, velocity, spin, force, torque,
+    active, normal, shear, roll, common_radius, step, common_law, mixture, features,
+    out, old_shear, old_roll, group_force, moment, sums,
+):  # fmt: skip
+    """Forces of the tool on candidate `row`, and what it puts on the tool, added.
+
+    out (CONTACTS, 6), old_shear and old_roll (CONTACTS, 3) are room to work in.
+    """
+    x0, z0, cosine, sine = motion[0], motion[1], motion[2], motion[3]
+    i = particle[row]
+    radius, law = sphere_of(i, common_radius, common_law, mixture, features)
+    reach = radius + (law.reach if features.adhesion.ndim == 2 else 0.0)
+    dx, dz = position[i, 0] - x0, position[i, 2] - z0
+    found = _find_contacts(
+        cosine * dx + sine * dz, position[i, 1], cosine * dz - sine * dx, facets,
+        facet_start[row], facet_start[row + 1], facet, reach, active[row], normal[row], out,
+    )  # fmt: skip
+    _candidate(
+        row, i, found, out, position, velocity, spin, force, torque, motion, active, normal, shear,
+        roll, old_shear, old_roll, radius, step, law, features, group_force, moment, sums,
+    )  # fmt: skip
+
+
+@inner_kernel()
+def _rows_forces(
+    first, last, particle, facet_start, facet, facets, motion, position, velocity, spin, force, torque,
+    active, normal, shear, roll, common_radius, step, common_law, mixture, features,
+    group_force, moment, sums,
+):  # fmt: skip
+    """Candidates first <= row < last; group_force (groups, 3), moment (3,), sums (7,) are theirs alone."""
+    out = np.empty((CONTACTS, 6))
+    old_shear, old_roll = np.empty((CONTACTS, 3)), np.empty((CONTACTS, 3))
+    group_force[:] = 0.0
+    moment[:] = 0.0
+    sums[:] = 0.0
+    for row in range(first, last):
+        row_forces(
+            row, particle, facet_start, facet, facets, motion, position, velocity, spin, force, torque,
+            active, normal, shear, roll, common_radius, step, common_law, mixture, features,
+            out, old_shear, old_roll, group_force, moment, sums,
+        )  # fmt: skip
+
+
+@njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def tool_forces(
+    particle, facet_start, facet, facets, position, velocity, spin, force, torque,
+    active, normal, shear, roll, radius, step, law, mixture, features, group_force, moment, sums, motion,
+):  # fmt: skip
+    """Adds the forces of one tool on its candidate particles. `mixture`: see pair_forces.
+
+    motion: x [m], z [m], cosine, sine, velocity x, z [m/s], phi rate [rad/s], y [m] of the body. The buffers
+    are filled chunk by chunk and summed in order.
+
+    Returns the force of the soil on the tool by group (groups, 3) [N], the moment (3,) [N m] about the
+    body's centre of mass, and (7,): sinks [J], contacts, largest overlap [m].
+    """
+    count = particle.shape[0]
+    for chunk in prange(_CHUNKS):
+        _rows_forces(
+            chunk * count // _CHUNKS, (chunk + 1) * count // _CHUNKS, particle, facet_start, facet, facets,
+            motion, position, velocity, spin, force, torque, active, normal, shear, roll, radius, step, law,
+            mixture, features, group_force[chunk], moment[chunk], sums[chunk],
+        )  # fmt: skip
+    by_group, torque, total = np.zeros(group_force.shape[1:]), np.zeros(3), np.zeros(7)
+    for chunk in range(_CHUNKS):
+        for group in range(by_group.shape[0]):
+            for a in range(3):
+                by_group[group, a] += group_force[chunk, group, a]
+        for a in range(3):
+            torque[a] += moment[chunk, a]
+        for a in range(6):
+            total[a] += sums[chunk, a]
+        total[6] = max(total[6], sums[chunk, 6])
+    return by_group, torque, total
+
+
+def chunk_buffers(groups: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Arrays that tool_forces fills: group_force, moment, sums."""
+    return np.zeros((_CHUNKS, groups, 3)), np.zeros((_CHUNKS, 3)), np.zeros((_CHUNKS, 7))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def tool_scan(
+    particle, facet_start, facet, facets, motion, position, active, normal, shear, roll,
+    common_radius, common_law, mixture, features,
+):  # fmt: skip
+    """Stored energy of one tool's contacts [J]."""
+    energy = 0.0
+    out = np.empty((CONTACTS, 6))
+    x0, z0, cosine, sine = motion[0], motion[1], motion[2], motion[3]
+    for row in range(particle.shape[0]):
+        i = particle[row]
+        radius, law = sphere_of(i, common_radius, common_law, mixture, features)
+        dx, dz = position[i, 0] - x0, position[i, 2] - z0
+        found = _find_contacts(
+            cosine * dx + sine * dz, position[i, 1], cosine * dz - sine * dx, facets,
+            facet_start[row], facet_start[row + 1], facet, radius + law.reach, active[row], normal[row], out,
+        )  # fmt: skip
+        for k in range(found):  # in the order in which the last step stored them
+            energy += normal_potential(radius - out[k, 3], law, features)
+            energy += spring_energy(radius - out[k, 3], shear[row, k], roll[row, k], law, features)
+    return energy

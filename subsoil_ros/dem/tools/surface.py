@@ -1,0 +1,251 @@
+"""One tool in the soil: its surface, its motion through a tick, its candidates and what it felt."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...errors import PhysicsError
+from ...loading.loader import ResolvedScene
+from ...messages import GroupForce, ToolMotion, ToolWrench
+from ...scene.meshes import ToolMesh, load_tool_mesh
+from ..bed import Bed
+from ..contact import Features, PairLaw
+from ..kernel_calls import KernelCalls
+from ..mixture import Mixture
+from ..neighbours import CellGrid, carry_rows
+from ..periodic import refuse_tool_at_seam
+from ..snapshot import from_named, motion_array, motion_from, named
+from ..state import Particles, ToolList
+from .facets import Facets, facets_of, inside_or_near, near_facets
+from .forces import CONTACTS, chunk_buffers, tool_forces, tool_scan
+
+Motion = tuple[float, float, float, float, float, float, float, float]
+"""x [m], z [m], cosine, sine, velocity x, z [m/s], phi rate [rad/s], y [m]: what the kernels take."""
+
+
+@dataclass
+class Felt:
+    """Sums over the soil steps of one tick."""
+
+    group_force: np.ndarray  # (groups, 3) [N], sum over steps
+    moment: np.ndarray  # (3,) [N m], sum over steps
+    work_joule: float = 0.0
+    contacts: int = 0  # at the last step
+    steps: int = 0
+
+
+@dataclass
+class ToolSurface:
+    """Surface and contact state of one tool."""
+
+    name: str
+    mesh: ToolMesh
+    reference_phi_rad: float
+    last: ToolMotion  # at the end of the last soil step
+    facets: Facets = field(init=False)
+    near: ToolList = field(init=False)
+    largest_overlap_m: float = field(default=0.0, init=False)
+    sinks_joule: np.ndarray = field(default_factory=lambda: np.zeros(5), init=False)
+    felt: Felt = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.facets = facets_of(self.mesh)
+        self._radius_m = float(np.linalg.norm(self.mesh.vertices_m[:, [0, 2]], axis=1).max())
+        self._searched = self.last
+        self._buffers = chunk_buffers(len(self.mesh.groups))
+        self._kernels = KernelCalls()
+        none = np.empty(0, np.int64)
+        empty = (np.zeros((0, CONTACTS), np.bool_), *(np.zeros((0, CONTACTS, 3)) for _ in range(3)))
+        self.near = ToolList(none, np.zeros(1, np.int64), np.empty(0, np.int32), *empty)
+        self.begin_tick()
+
+    def begin_tick(self) -> None:
+        """Forget what was felt in the tick before."""
+        self.felt = Felt(np.zeros((len(self.mesh.groups), 3)), np.zeros(3))
+
+    def kernel_motion(self, motion: ToolMotion) -> Motion:
+        """`motion` as the kernels take it."""
+        turn = motion.phi_rad - self.reference_phi_rad
+        return (
+            motion.x_m, motion.z_m, math.cos(turn), math.sin(turn),
+            motion.velocity_x_m_per_s, motion.velocity_z_m_per_s, motion.phi_rate_rad_per_s, motion.y_m,
+        )  # fmt: skip
+
+    def search(
+        self, motion: ToolMotion, particles: Particles, order: np.ndarray, cell_start: np.ndarray,
+        grid: CellGrid, reach: float,
+    ) -> None:  # fmt: skip
+        """Find the candidates within `reach` [m] of the tool at `motion`, particles being in new `order`."""
+        pose = self.kernel_motion(motion)[:4]
+        particle, facet_start, facet = near_facets(
+            particles.position, cell_start, grid, pose, self.facets.corner, reach
+        )
+        old = self.near
+        histories = carry_rows(order, old.particle, particle, (old.active, old.normal, old.shear, old.roll))
+        self.near = ToolList(particle, facet_start, facet, *histories)
+        self.searched_at(motion)
+
+    def searched_at(self, motion: ToolMotion) -> None:
+        """Candidates were found with the tool there."""
+        self._searched = motion
+
+    def moved_m(self, motion: ToolMotion) -> float:
+        """Bound on how far any point of the surface moved since the search [m]."""
+        then = self._searched
+        shift = math.hypot(motion.x_m - then.x_m, motion.z_m - then.z_m)
+        return shift + self._radius_m * abs(motion.phi_rad - then.phi_rad)
+
+    def speed_m_per_s(self, motion: ToolMotion) -> float:
+        """Bound on the speed of any point of the surface [m/s]."""
+        speed = math.hypot(motion.velocity_x_m_per_s, motion.velocity_z_m_per_s)
+        return speed + self._radius_m * abs(motion.phi_rate_rad_per_s)
+
+    def overlapped(self, particles: Particles, clearance_m: np.ndarray) -> np.ndarray:
+        """Particles (numbers) inside the surface or closer to it than their `clearance_m` (n,)."""
+        pose = self.kernel_motion(self.last)[:4]
+        low, high = self.mesh.vertices_m.min(axis=0), self.mesh.vertices_m.max(axis=0)
+        dx, dz = particles.position[:, 0] - pose[0], particles.position[:, 2] - pose[1]
+        local = np.stack(
+            (pose[2] * dx + pose[3] * dz, particles.position[:, 1], pose[2] * dz - pose[3] * dx), axis=1
+        )
+        near = clearance_m[:, None]
+        candidates = np.flatnonzero(((local > low - near) & (local < high + near)).all(axis=1))
+        hit = inside_or_near(particles.position, candidates, pose, self.facets.corner, clearance_m)
+        return candidates[hit]
+
+    def bind(
+        self,
+        particles: Particles,
+        radius: float,
+        step: float,
+        law: PairLaw,
+        mixture: Mixture,
+        features: Features,
+    ) -> None:
+        """What add_forces works on until particles are sorted, or candidates searched, anew."""
+        near = self.near
+        self._tool_forces: Callable[[Motion], tuple[np.ndarray, np.ndarray, np.ndarray]] = self._kernels.bind(
+            tool_forces, near.particle, near.facet_start, near.facet, self.facets,
+            particles.position, particles.velocity, particles.spin, particles.force, particles.torque,
+            near.active, near.normal, near.shear, near.roll, radius, step, law, mixture, features,
+            *self._buffers, varying=(self.kernel_motion(self.last),),
+        )  # fmt: skip
+
+    def forces(self, motion: ToolMotion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Adds the forces on the particles of one soil step at whose end the tool stands at `motion`.
+
+        Returns what the tool feels: see tools.tool_forces.
+        """
+        return self._tool_forces(self.kernel_motion(motion))
+
+    def feel(self, by_group: np.ndarray, torque: np.ndarray, sums: np.ndarray, motion: ToolMotion) -> None:
+        """Sums up what `forces` returned for a step that ends at `motion`."""
+        fx, _, fz = by_group.sum(axis=0).tolist()
+        self.felt.group_force += by_group
+        self.felt.moment += torque
+        self.felt.work_joule += (
+            fx * (motion.x_m - self.last.x_m)
+            + fz * (motion.z_m - self.last.z_m)
+            - float(torque[1]) * (motion.phi_rad - self.last.phi_rad)
+        )
+        self.felt.contacts = int(sums[5])
+        self.felt.steps += 1
+        self.largest_overlap_m = max(self.largest_overlap_m, float(sums[6]))
+        self.sinks_joule += sums[:5]
+        self.last = motion
+
+    def stored_joule(
+        self, particles: Particles, radius: float, law: PairLaw, mixture: Mixture, features: Features
+    ) -> float:
+        """Energy in this tool's contacts [J]."""
+        near = self.near
+        return tool_scan(
+            near.particle, near.facet_start, near.facet, self.facets, self.kernel_motion(self.last),
+            particles.position, near.active, near.normal, near.shear, near.roll, radius, law, mixture,
+            features,
+        )  # fmt: skip
+
+    def state_arrays(self) -> dict[str, np.ndarray]:
+        """What a checkpoint keeps of it between two ticks; not copied."""
+        return {
+            **named("near", self.near),
+            "last": motion_array(self.last),
+            "searched": motion_array(self._searched),
+            "largest_overlap_m": np.array(self.largest_overlap_m),
+            "sinks_joule": self.sinks_joule,
+        }
+
+    def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Goes on from such a state."""
+        self.near = from_named(ToolList, "near", arrays)
+        self.last = motion_from(self.name, arrays["last"])
+        self._searched = motion_from(self.name, arrays["searched"])
+        self.largest_overlap_m = float(arrays["largest_overlap_m"])
+        self.sinks_joule = arrays["sinks_joule"]
+
+    def wrench(self) -> ToolWrench:
+        """What the tool felt since begin_tick, mean over the steps."""
+        share = 1.0 / max(self.felt.steps, 1)
+        by_group = self.felt.group_force * share
+        fx, fy, fz = by_group.sum(axis=0).tolist()
+        tx, ty, tz = (self.felt.moment * share).tolist()
+        groups = [GroupForce(name, *by_group[g].tolist()) for g, name in enumerate(self.mesh.groups)]
+        return ToolWrench(
+            self.name, fx, fy, fz, tx, ty, tz, self.felt.work_joule, self.felt.contacts, tuple(groups)
+        )  # fmt: skip
+
+
+def surfaces(resolved: ResolvedScene, bed: Bed, motions: tuple[ToolMotion, ...]) -> tuple[ToolSurface, ...]:
+    """The tools of a scene at `motions`.
+
+    Raises:
+        SceneError: a mesh cannot be used, or a tool would reach across the seam of a periodic bed.
+    """
+    scene, soil = resolved.scene, resolved.scene.particle_soil
+    assert soil is not None
+    bodies = scene.mechanism.bodies if scene.mechanism else {}
+    found = []
+    for (name, tool), motion in zip(scene.tools.items(), motions, strict=True):
+        mesh = load_tool_mesh(resolved.directory, scene, name)
+        refuse_tool_at_seam(name, mesh.vertices_m, bed, soil)
+        reference = bodies[tool.body].angle_rad if tool.body else 0.0
+        found.append(ToolSurface(name, mesh, reference, motion))
+    return tuple(found)
+
+
+def refuse_leap(where: str, tool: ToolSurface, motion: ToolMotion, step_s: float, radius_m: float) -> None:
+    """A contact begins from outside, so a surface that moves by more than a radius may pass a centre unseen.
+
+    Raises:
+        PhysicsError: always.
+    """
+    speed = tool.speed_m_per_s(motion)
+    raise PhysicsError(
+        f"{where}: tool {tool.name} moves at up to {speed:.3g} m/s, {speed * step_s:.3g} m in one soil step; "
+        f"allowed is the radius of the smallest particle, {radius_m:g} m: make the tool slower, or use a "
+        "smaller soil.time_step_s"
+    )
+
+
+def motion_within(start: ToolMotion, end: ToolMotion, interval_s: float, part: float) -> ToolMotion:
+    """Cubic in x, z and phi between two motions, at `part` (0 to 1] of the interval (Hermite)."""
+    if part == 1.0:
+        return end
+    t, h = part, interval_s
+    h00, h10 = (1.0 + 2.0 * t) * (1.0 - t) ** 2, t * (1.0 - t) ** 2
+    h01, h11 = t * t * (3.0 - 2.0 * t), t * t * (t - 1.0)
+    d00, d10 = 6.0 * t * (t - 1.0), (1.0 - t) * (1.0 - 3.0 * t)
+    d01, d11 = -d00, t * (3.0 * t - 2.0)
+
+    def between(p0: float, v0: float, p1: float, v1: float) -> tuple[float, float]:
+        return (
+            h00 * p0 + h10 * h * v0 + h01 * p1 + h11 * h * v1,
+            (d00 * p0 + d01 * p1) / h + d10 * v0 + d11 * v1,
+        )
+
+    x, vx = between(start.x_m, start.velocity_x_m_per_s, end.x_m, end.velocity_x_m_per_s)
+    z, vz = between(start.z_m, start.velocity_z_m_per_s, end.z_m, end.velocity_z_m_per_s)
+    phi, rate = between(start.phi_rad, start.phi_rate_rad_per_s, end.phi_rad, end.phi_rate_rad_per_s)
+    return ToolMotion(end.tool, x, end.y_m, z, phi, vx, vz, rate)

@@ -1,0 +1,1 @@
+"""Plots, pictures, films, HTML reports and VTK files of recorded runs."""

@@ -1,0 +1,196 @@
+"""Runs side by side, and beside what was measured in the field: curves, metrics, differences."""
+
+import difflib
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..analysis.series import read_table_csv
+from ..analysis.smoothing import moving_mean
+from ..errors import InputError
+from ..yaml_document import read_document
+from .plotting import CYCLE, new_figure, save_figure
+
+STATISTICS = ("mean", "min", "max")
+SMOOTHED_S = 0.05
+"""Curves are drawn as recorded, pale, and as means over this (as in the figures of a report)."""
+
+_MEASURED = "#000000"
+
+
+@dataclass(frozen=True)
+class Source:
+    """A run, or a measurement: its columns over time, and the span its metrics are taken over."""
+
+    label: str
+    columns: dict[str, NDArray[Any]]
+    span_s: tuple[float, float]
+    measured: bool = False
+
+    def statistics(self, name: str) -> dict[str, float] | None:
+        """Mean, least and largest of a column in the span; None without the column or a row there."""
+        times = self.columns["time_s"]
+        if name not in self.columns:
+            return None
+        values = self.columns[name][(times >= self.span_s[0]) & (times <= self.span_s[1])]
+        values = values[np.isfinite(values)]
+        if not len(values):
+            return None
+        return {"mean": float(values.mean()), "min": float(values.min()), "max": float(values.max())}
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One statistic of one column, of every source; against the first source that has it."""
+
+    column: str
+    statistic: str  # mean, min, max, or rms_difference of the curves
+    values: tuple[float, ...]  # one per source; nan where it has none
+
+    def against_first(self, place: int) -> tuple[float, float]:
+        """(difference, part of the first) of the source at `place`."""
+        difference = self.values[place] - self.values[0]
+        return difference, difference / abs(self.values[0]) if self.values[0] else math.nan
+
+
+def read_run(folder: Path, label: str) -> Source:
+    """A run's folder, of `subsoil run` or of a sweep.
+
+    Raises:
+        InputError: it is no such folder, or has no series.csv and summary.json yet.
+    """
+    if not (folder / "scene.yaml").is_file():
+        raise InputError(
+            f"{folder}: no folder of a run (it has no scene.yaml); name one that `subsoil run` made"
+        )
+    for name in ("series.csv", "summary.json"):
+        if not (folder / name).is_file():
+            raise InputError(f"{folder}: has no {name}; `subsoil report {folder}` makes it from the bag")
+    columns = read_table_csv(folder / "series.csv")
+    try:
+        window = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["window"]
+        span_s = (float(window["start_s"]), float(window["end_s"]))
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(
+            f"{folder / 'summary.json'}: is no summary of a run; `subsoil report {folder}` makes it anew"
+        ) from error
+    return Source(label, columns, span_s)
+
+
+def read_measured(path: Path, runs: Sequence[Source]) -> Source:
+    """A measured CSV: time_s in the run's own time, and columns named as those of the runs.
+
+    Its metrics are over the span of the first run.
+
+    Raises:
+        InputError: no time_s, or no column that a run has.
+    """
+    columns = read_table_csv(path)
+    if "time_s" not in columns:
+        raise InputError(f"{path}: has no column 'time_s' (seconds, from the start of the run)")
+    if np.any(np.diff(columns["time_s"]) <= 0.0):
+        raise InputError(f"{path}: time_s does not grow from row to row; sort it, and leave no time twice")
+    known = list(dict.fromkeys(name for run in runs for name in run.columns if name != "time_s"))
+    shared = [name for name in columns if name in known]
+    if not shared:
+        given = next((name for name in columns if name != "time_s"), "nothing")
+        near = difflib.get_close_matches(given, known, n=3, cutoff=0.3)
+        raise InputError(
+            f"{path}: no column is one of the runs' (given {', '.join(columns)}); name them as series.csv "
+            f"does, units in them{': perhaps ' + ', '.join(near) if near else ''}"
+        )
+    return Source(path.name, columns, runs[0].span_s, measured=True)
+
+
+def labels_of(folders: Sequence[Path]) -> list[str]:
+    """Folder names, with as many of their parents as make them different."""
+    parts = [folder.resolve().parts for folder in folders]
+    for count in range(1, max(map(len, parts)) + 1):
+        labels = ["/".join(item[-count:]) for item in parts]
+        if len(set(labels)) == len(labels):
+            return labels
+    raise InputError(f"{folders[0]}: is named twice; name different runs")
+
+
+def usual_columns(folders: Sequence[Path], sources: Sequence[Source]) -> list[str]:
+    """Draft, spring force, angle and height of the shank, then all that was measured and a run has."""
+    report = read_document(folders[0] / "scene.yaml", str(folders[0] / "scene.yaml")).get("report") or {}
+    names = ["draft_newton"]
+    names += [f"spring.{report['spring']}.force_newton"] if report.get("spring") else []
+    if report.get("shank"):
+        names += [f"body.{report['shank']}.angle_rad", f"body.{report['shank']}.z_m"]
+    runs = [source for source in sources if not source.measured]
+    names += [name for source in sources if source.measured for name in source.columns]
+    return [
+        name for name in dict.fromkeys(names) if name != "time_s" and any(name in run.columns for run in runs)
+    ]
+
+
+def differences(sources: Sequence[Source], columns: Sequence[str]) -> list[Difference]:
+    """Mean, min and max of each column, and how far the curves are apart from the first, root mean square."""
+    found = []
+    for name in columns:
+        statistics = [source.statistics(name) for source in sources]
+        for statistic in STATISTICS:
+            values = tuple(math.nan if item is None else item[statistic] for item in statistics)
+            found.append(Difference(name, statistic, values))
+        apart = tuple(_rms_difference(sources[0], source, name) for source in sources)
+        found.append(Difference(name, "rms_difference", apart))
+    return found
+
+
+def _rms_difference(first: Source, other: Source, name: str) -> float:
+    """Of two curves in the first's span, where both have times; linear between rows."""
+    if name not in first.columns or name not in other.columns:
+        return math.nan
+    times, theirs = first.columns["time_s"], other.columns["time_s"]
+    low, high = max(first.span_s[0], theirs[0]), min(first.span_s[1], theirs[-1])
+    rows = (times >= low) & (times <= high)
+    if not rows.any():
+        return math.nan
+    apart = np.interp(times[rows], theirs, other.columns[name]) - first.columns[name][rows]
+    return float(np.sqrt(np.mean(apart**2)))
+
+
+def write_differences_csv(found: Sequence[Difference], sources: Sequence[Source], path: Path) -> None:
+    """A row per column and statistic: the value of each source, then difference and part of the first."""
+    import pandas as pd
+
+    labels = [source.label for source in sources]
+    heads = [f"{kind} {label}" for label in labels[1:] for kind in ("difference", "part")]
+    rows = []
+    for item in found:
+        row: list[Any] = [item.column, item.statistic, *item.values]
+        for place in range(1, len(sources)):
+            row += item.against_first(place) if item.statistic in STATISTICS else (math.nan, math.nan)
+        rows.append(row)
+    table = pd.DataFrame(rows, columns=["column", "statistic", *labels, *heads])
+    table.to_csv(path, index=False, na_rep="nan")
+
+
+def draw_overlay(sources: Sequence[Source], columns: Sequence[str], path: Path) -> Path:
+    """A panel per column, all sources in it; the metrics span of the first is shaded."""
+    figure = new_figure(9.0, 0.8 + 2.6 * len(columns))
+    panels = figure.subplots(len(columns), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, name in zip(panels, columns, strict=True):
+        axes.axvspan(*sources[0].span_s, color="#f2e6c9", zorder=0)
+        for k, source in enumerate(sources):
+            if name not in source.columns:
+                continue
+            colour = _MEASURED if source.measured else CYCLE[k % len(CYCLE)]
+            times, values = source.columns["time_s"], source.columns[name]
+            axes.plot(times, values, color=colour, lw=0.6, alpha=0.35)
+            smooth = moving_mean(source.columns, name, SMOOTHED_S)
+            axes.plot(times, smooth, color=colour, lw=1.5, label=source.label)
+        axes.set_ylabel(name, fontsize=8)
+        axes.tick_params(labelsize=8)
+        axes.grid(alpha=0.3)
+    panels[0].legend(fontsize=8, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
+    panels[-1].set_xlabel("time [s]", fontsize=9)
+    return save_figure(figure, path)

@@ -1,0 +1,198 @@
+"""Figures of a run over time, as PNG."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from ..analysis.failure_cycles import SMOOTHED_S
+from ..analysis.run_statistics import failures_of
+from ..analysis.series import Series, read_series
+from ..analysis.smoothing import moving_mean
+from ..analysis.window import Window, metrics_window, tip_x_m, window_span_s
+from ..loading.loader import ResolvedScene
+from ..scene.model import Scene
+from .plotting import COLOURS, new_figure, save_figure
+from .soil_cut import draw_soil_cut
+
+_SMOOTHED_S = 0.05  # over the noise of single contacts and well below a cycle
+
+
+def draw_figures(
+    bag: Path, resolved: ResolvedScene, directory: Path, series: Series | None = None
+) -> list[Path]:
+    """Draws every figure the run has something for into `directory`; returns their paths.
+
+    series: of the bag, if it has been read already.
+
+    Raises:
+        InputError, RecordingError: as read_series.
+    """
+    scene = resolved.scene
+    series = series if series is not None else read_series(bag, scene)
+    window = metrics_window(series, scene)
+    span_s = window_span_s(series, window)
+    directory.mkdir(parents=True, exist_ok=True)
+    painters: dict[str, Callable[[Axes, Series, ResolvedScene], bool]] = {
+        "draft.png": _paint_draft,
+        "spring_force.png": _paint_spring_force,
+        "share_angle.png": _paint_share_angle,
+        "shank_height.png": _paint_shank_height,
+    }
+    paths = []
+    for name, paint in painters.items():
+        figure = new_figure(9.0, 4.2)
+        axes = figure.add_subplot()
+        if not paint(axes, series, resolved):
+            continue
+        if not window.whole_run and scene.soil is not None:
+            axes.axvspan(*span_s, color="#f2e6c9", zorder=0, label="metrics window (tip well inside the bin)")
+        axes.set_xlabel("simulated time [s]")
+        axes.set_xlim(0.0, series["time_s"][-1])
+        axes.grid(alpha=0.3)
+        # below the curves, so that it covers none
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, frameon=False, fontsize=9)
+        paths.append(save_figure(figure, directory / name))
+    over_travel = _draw_over_travel(series, scene, window, directory / "over_travel.png")
+    paths += [] if over_travel is None else [over_travel]
+    cut = draw_soil_cut(bag, resolved, directory / "soil_cut.png", span_s)
+    return paths if cut is None else [*paths, cut]
+
+
+def _draw_over_travel(series: Series, scene: Scene, window: Window, path: Path) -> Path | None:
+    """Draft, spring force and share angle over the travel of the tip, failures marked; None without a tip in
+    soil."""
+    tip = tip_x_m(series, scene)
+    report = scene.report
+    columns = {"draft_newton": f"draft [N], mean over {1e3 * SMOOTHED_S:.0f} ms"}
+    columns[f"spring.{report.spring}.force_newton"] = "spring force [N], compression +"
+    columns[f"body.{report.shank}.angle_rad"] = "share angle [rad]"
+    columns = {name: label for name, label in columns.items() if name in series}
+    if tip is None or scene.soil is None or not columns:
+        return None
+    figure = new_figure(9.0, 2.2 * len(columns) + 1.2)
+    panels = figure.subplots(len(columns), 1, sharex=True, squeeze=False)[:, 0]
+    failures = failures_of(series, scene, window)
+    for axes, (name, label) in zip(panels, columns.items(), strict=True):
+        smoothed = name == "draft_newton"
+        values = moving_mean(series, name, SMOOTHED_S) if smoothed else series[name]
+        axes.plot(tip, values, color=COLOURS["main"], lw=1.2)
+        axes.set_ylabel(label, fontsize=9)
+        axes.grid(alpha=0.3)
+        if failures is not None:
+            at = np.flatnonzero(window.rows)[failures.failures]
+            axes.plot(tip[at], values[at], "o", color=COLOURS["share"], ms=4, label="failure of the soil")
+    if failures is not None:
+        panels[0].legend(loc="upper left", fontsize=8)
+    panels[-1].set_xlabel("travel of the tip, x [m]")
+    figure.suptitle(f"Load cycles over travel\n{scene.name}", fontsize=11)
+    return save_figure(figure, path)
+
+
+def _smooth(series: Series, name: str) -> NDArray[np.float64]:
+    return moving_mean(series, name, _SMOOTHED_S)
+
+
+def _title(axes: Axes, scene: Scene, text: str) -> None:
+    axes.set_title(f"{text}\n{scene.name}", fontsize=11)
+
+
+def _paint_draft(axes: Axes, series: Series, resolved: ResolvedScene) -> bool:
+    scene = resolved.scene
+    if "draft_newton" not in series:
+        return False
+    times = series["time_s"]
+    axes.plot(
+        times, series["draft_newton"], color=COLOURS["main"], lw=0.7, alpha=0.5, label="draft as recorded"
+    )
+    smoothed = f"mean over {_SMOOTHED_S:g} s"
+    axes.plot(
+        times, _smooth(series, "draft_newton"), color=COLOURS["main"], lw=1.8, label=f"draft, {smoothed}"
+    )
+    if scene.mechanism is not None:  # otherwise the tools are all there is of it
+        for part, label in (("share", "soil on share and shank"), ("wheels", "soil on wheels")):
+            if (name := f"draft.{part}_newton") in series:
+                axes.plot(
+                    times, _smooth(series, name), color=COLOURS[part], lw=1.2, label=f"{label}, {smoothed}"
+                )
+    for tool in scene.tools:  # of several shanks each has its own
+        if (name := f"draft.tool.{tool}_newton") in series:
+            axes.plot(times, _smooth(series, name), lw=0.8, ls=":", label=f"of it {tool}, {smoothed}")
+    _draw_reference(axes, resolved, "draft_newton", series["draft_newton"])
+    axes.set_ylabel("pull along travel [N]")
+    _title(axes, scene, "Draft: forward pull that moves the tool, positive while soil resists")
+    return True
+
+
+def _paint_spring_force(axes: Axes, series: Series, resolved: ResolvedScene) -> bool:
+    scene = resolved.scene
+    name = f"spring.{scene.report.spring}.force_newton"
+    if name not in series:
+        return False
+    axes.plot(
+        series["time_s"], series[name], color=COLOURS["main"], lw=1.2, label=f"spring {scene.report.spring}"
+    )
+    axes.axhline(0.0, color="black", lw=0.6)
+    _draw_reference(axes, resolved, name, series[name])
+    axes.set_ylabel("force [N], compression positive")
+    _title(axes, scene, "Force of the spring between frame and shank")
+    return True
+
+
+def _paint_share_angle(axes: Axes, series: Series, resolved: ResolvedScene) -> bool:
+    scene = resolved.scene
+    shank = scene.report.shank
+    if shank is None or scene.mechanism is None:
+        return False
+    name, zero = f"body.{shank}.angle_rad", scene.mechanism.bodies[shank].angle_rad
+    turn = series[name] - zero
+    axes.plot(series["time_s"], turn, color=COLOURS["main"], lw=1.2, label="share, from its working pose")
+    _draw_reference(axes, resolved, name, turn, zero=zero)
+    axes.set_ylabel("entry angle [rad], negative: tip back")
+    _title(axes, scene, "Entry angle of the share")
+    return True
+
+
+def _paint_shank_height(axes: Axes, series: Series, resolved: ResolvedScene) -> bool:
+    scene = resolved.scene
+    shank = scene.report.shank
+    if shank is None or scene.mechanism is None:
+        return False
+    height_mm = 1e3 * series[f"body.{shank}.z_m"]
+    travel = f"{height_mm.max() - height_mm.min():.1f} mm from lowest to highest"
+    axes.plot(series["time_s"], height_mm, color=COLOURS["main"], lw=1.2, label=f"centre of mass: {travel}")
+    _draw_reference(axes, resolved, f"body.{shank}.z_m", height_mm, scale=1e3)
+    axes.set_ylabel("height over the bed's surface [mm]")
+    _title(axes, scene, "Height of the shank's centre of mass")
+    return True
+
+
+def _draw_reference(
+    axes: Axes,
+    resolved: ResolvedScene,
+    column: str,
+    shown: NDArray[np.float64],
+    scale: float = 1.0,
+    zero: float = 0.0,
+) -> None:
+    """Draw what the reference gives of a column, least, mean and largest; a range about the middle of ours.
+
+    shown: the curve (n,), scale * (column - zero).
+    """
+    if resolved.reference is None:
+        return
+    levels = []
+    for quantity, given in resolved.reference.values.items():
+        of, _, measure = quantity.removeprefix("run.").rpartition("_")
+        if of.removesuffix("_10ms") != column or given.value is None:
+            continue
+        if measure == "range":
+            middle, half = 0.5 * float(shown.max() + shown.min()), 0.5 * scale * given.value
+            levels += [middle - half, middle + half]
+        elif measure in ("mean", "min", "max"):
+            levels.append(scale * (given.value - zero))
+    for place, level in enumerate(levels):
+        label = resolved.reference.name if place == 0 else None
+        axes.axhline(level, color=COLOURS["reference"], lw=1.0, ls="--", label=label)

@@ -1,0 +1,251 @@
+"""Pictures and films of soil and machine, off screen (VTK through pyvista; needs no display)."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import imageio.v2 as imageio
+import numpy as np
+import pyvista
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..loading.loader import ResolvedScene
+from .machine_shapes import Segments, Shapes, Surface
+from .snapshots import Frame, Frames
+from .soil_cut import SPEED_SCALE_M_PER_S
+
+DISPLACEMENT_SCALE_DIAMETERS = 5.0
+"""Upper end of the colours of displacement (chosen: soil that a tool has carried along)."""
+
+_HEADROOM_M = 0.45  # shown above the bed (chosen: shank and wheels)
+_TUBE_M = 0.012  # radius of the lines of the machine (chosen)
+_FAR_M = 20.0  # of a camera without perspective from what it looks at
+_COLOURS = {"tool": "#9aa0a6", "body": "#3c4043", "spring": "#c55a11", "bin": "#806040"}
+_MARGIN = 1.06
+_SMALLEST_FONT = 6  # points (chosen: what can still be read)
+
+
+@dataclass(frozen=True)
+class Style:
+    """How moments are shown."""
+
+    colour: str  # "speed" [m/s] or "displacement" [m]
+    limits: tuple[float, float]  # of the colours
+    size: tuple[int, int]  # of the picture, pixels
+
+
+def default_limits(resolved: ResolvedScene, colour: str) -> tuple[float, float]:
+    """The paper's scale for speed [m/s]; some diameters for displacement [m]."""
+    soil = resolved.scene.particle_soil
+    if colour == "speed" or soil is None:
+        return SPEED_SCALE_M_PER_S
+    return 0.0, DISPLACEMENT_SCALE_DIAMETERS * 2.0 * soil.particles.mean_volume_radius_m
+
+
+class Studio:
+    """Draws the moments of one run."""
+
+    def __init__(self, resolved: ResolvedScene, style: Style) -> None:
+        """Loads the meshes; opens no window."""
+        self._resolved, self._style = resolved, style
+        self._shapes = Shapes(resolved)
+
+    def draw(self, frame: Frame, view: str) -> NDArray[np.uint8]:
+        """The picture of a moment, (height, width, 3)."""
+        plotter = pyvista.Plotter(off_screen=True, window_size=list(self._style.size))
+        try:
+            self._fill(plotter, frame, view)
+            return np.asarray(plotter.screenshot(None, return_img=True))[:, :, :3]
+        finally:
+            plotter.close()
+
+    def _fill(self, plotter: Any, frame: Frame, view: str) -> None:
+        plotter.set_background("white")
+        surfaces = self._shapes.surfaces(frame)
+        keep, hidden = self._cut(frame, surfaces, view)
+        if keep.any():
+            self._add_particles(plotter, frame, keep)
+        for surface in surfaces:
+            behind = hidden(surface)
+            mesh = pyvista.PolyData.from_regular_faces(surface.vertices_m, surface.facets)
+            plotter.add_mesh(mesh, color=_COLOURS["tool"], opacity=0.25 if behind else 1.0, specular=0.3)
+        _add_lines(plotter, self._shapes.skeleton(frame), "body", _TUBE_M)
+        _add_lines(plotter, self._shapes.wheels(frame), "body", 0.5 * _TUBE_M)
+        _add_lines(plotter, self._shapes.springs(frame), "spring", 1.5 * _TUBE_M)
+        bounds = self._bounds()
+        plotter.add_mesh(pyvista.Box(bounds).outline(), color=_COLOURS["bin"], line_width=2)
+        plotter.add_text(
+            f"{self._resolved.scene.name}   t = {frame.time_s:.3f} s", position="upper_left",
+            font_size=self._font_size(10), color="black",
+        )  # fmt: skip
+        self._aim(plotter, view, bounds)
+
+    def _add_particles(self, plotter: Any, frame: Frame, keep: NDArray[np.bool_]) -> None:
+        soil = self._resolved.scene.particle_soil
+        assert soil is not None
+        cloud = pyvista.PolyData(frame.positions_m[keep])
+        named = {"speed": frame.speeds_m_per_s, "displacement": frame.displacements_m}[self._style.colour]
+        title = {"speed": "speed\n[m/s]", "displacement": "displacement\n[m]"}[self._style.colour]
+        cloud.point_data[title] = named[keep]
+        actor = plotter.add_mesh(
+            cloud,
+            scalars=title,
+            style="points_gaussian",
+            render_points_as_spheres=True,
+            emissive=False,
+            cmap="viridis",
+            clim=self._style.limits,
+            nan_color="#bbbbbb",
+            scalar_bar_args={
+                "title": f"{title}\n", "color": "black", "n_labels": 5, "fmt": "%.3g", "vertical": True,
+                "position_x": 0.9, "position_y": 0.25, "height": 0.5, "width": 0.05,
+                "title_font_size": self._font_size(16), "label_font_size": self._font_size(14),
+            },
+        )  # fmt: skip
+        actor.mapper.scale_factor = soil.particles.mean_volume_radius_m
+
+    def _font_size(self, points: int) -> int:
+        """Of a text that has so many points in a picture of 1280 x 720."""
+        width, height = self._style.size
+        return max(_SMALLEST_FONT, round(points * min(width / 1280.0, height / 720.0)))
+
+    def _cut(
+        self, frame: Frame, surfaces: Sequence[Surface], view: str
+    ) -> tuple[NDArray[np.bool_], Callable[[Surface], bool]]:
+        """Which particles stay (n,), and which tools stand wholly in what was cut away."""
+        x, y = frame.positions_m[:, 0], frame.positions_m[:, 1]
+        if view in ("longitudinal", "corner"):
+            return y >= 0.0, lambda surface: bool((surface.vertices_m[:, 1] < 0.0).all())
+        if view == "cross":
+            plane = self._cross_x_m(surfaces)
+            return x <= plane, lambda surface: bool((surface.vertices_m[:, 0] > plane).all())
+        return np.ones(len(x), dtype=bool), lambda surface: False
+
+    def _cross_x_m(self, surfaces: Sequence[Surface]) -> float:
+        """Forward place of the lowest point of the tools that cut; mid-bin while that is outside."""
+        x0, x1, *_ = self._bounds()
+        tools = self._resolved.scene.tools
+        shares = [surface.vertices_m for surface in surfaces if tools[surface.tool].share]
+        if shares:
+            vertices = np.concatenate(shares)
+            tip = float(vertices[np.argmin(vertices[:, 2]), 0])
+            if x0 < tip < x1:
+                return tip
+        return 0.5 * (x0 + x1)
+
+    def _bounds(self) -> tuple[float, float, float, float, float, float]:
+        """What is shown at least, x, y, z from and to: the bin, or without soil the machine."""
+        scene = self._resolved.scene
+        if scene.soil is not None:
+            size = scene.soil.bin
+            return 0.0, size.length_m, -0.5 * size.width_m, 0.5 * size.width_m, -size.depth_m, 0.0
+        assert scene.mechanism is not None
+        places = np.array([body.position_m for body in scene.mechanism.bodies.values()])
+        (low_x, low_z), (high_x, high_z) = places.min(axis=0) - 0.5, places.max(axis=0) + 0.5
+        return low_x, high_x, -0.5, 0.5, min(low_z, 0.0), high_z
+
+    def _aim(self, plotter: Any, view: str, bounds: tuple[float, ...]) -> None:
+        x0, x1, y0, y1, z0, z1 = bounds
+        top = z1 + (_HEADROOM_M if self._resolved.scene.soil is not None else 0.0)
+        middle = np.array([0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (z0 + top)])
+        towards, up, wide, high = {
+            "longitudinal": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), x1 - x0, top - z0),
+            "cross": ((-1.0, 0.0, 0.0), (0.0, 0.0, 1.0), y1 - y0, top - z0),
+            "above": ((0.0, 0.0, -1.0), (0.0, 1.0, 0.0), x1 - x0, y1 - y0),
+            "corner": ((-0.5, 1.0, -0.5), (0.0, 0.0, 1.0), 0.0, 0.0),
+        }[view]
+        direction = np.array(towards) / np.linalg.norm(towards)
+        camera = plotter.camera
+        camera.focal_point, camera.up = middle, up
+        aspect = self._style.size[0] / self._style.size[1]
+        if view == "corner":
+            reach = float(np.linalg.norm([x1 - x0, y1 - y0, top - z0]))
+            camera.parallel_projection = False
+            camera.position = middle - direction * 1.9 * reach * max(1.0, 1.4 / aspect)
+        else:
+            camera.parallel_projection = True
+            camera.position = middle - direction * _FAR_M
+            # a fifth of the width is left to the bar of colours
+            camera.parallel_scale = 0.5 * _MARGIN * max(high, 1.2 * wide / aspect)
+        plotter.renderer.ResetCameraClippingRange()
+
+
+def _add_lines(plotter: Any, ends_m: Segments, kind: str, radius_m: float) -> None:
+    if len(ends_m):
+        tubes = pyvista.line_segments_from_points(ends_m).tube(radius=radius_m)
+        plotter.add_mesh(tubes, color=_COLOURS[kind])
+
+
+def save_pictures(
+    frames: Frames, studio: Studio, times_ns: Sequence[int], views: Sequence[str], folder: Path,
+    done: Callable[[], None],
+) -> list[Path]:  # fmt: skip
+    """Writes VIEW_TIME.png of every moment and view; returns their paths. `done` is called after each."""
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for frame in frames.read(times_ns):
+        for view in views:
+            path = folder / f"{view}_{frame.time_s:.3f}s.png"
+            imageio.imwrite(path, studio.draw(frame, view))
+            paths.append(path)
+            done()
+    return paths
+
+
+def save_film(
+    frames: Frames,
+    studio: Studio,
+    times_ns: Sequence[int],
+    view: str,
+    path: Path,
+    rate_hz: float | None,
+    done: Callable[[], None],
+) -> float:
+    """Writes the moments at `times_ns` as MP4 (H.264) or GIF, by the ending of `path`; returns pictures per
+    second.
+
+    rate_hz: None: as many as moments per simulated second, so that the film runs in real time.
+
+    Raises:
+        InputError: the ending is of no film.
+    """
+    rate = rate_hz or _natural_rate_hz(times_ns)
+    part = path.with_name(f".{path.name}.part{path.suffix}")
+    with _film_writer(part, rate) as append:
+        for frame in frames.read(times_ns):
+            append(studio.draw(frame, view))
+            done()
+    part.replace(path)
+    return rate
+
+
+def _natural_rate_hz(times_ns: Sequence[int]) -> float:
+    if len(times_ns) < 2:
+        return 1.0
+    return float(np.clip(1e9 / np.median(np.diff(times_ns)), 1.0, 60.0))
+
+
+@contextmanager
+def _film_writer(path: Path, rate_hz: float) -> Iterator[Callable[[NDArray[np.uint8]], None]]:
+    """Gives what takes the pictures; leaves no file behind where something goes wrong."""
+    if path.suffix == ".mp4":
+        options: dict[str, Any] = {
+            "format": "FFMPEG",
+            "fps": rate_hz,
+            "codec": "libx264",
+            "macro_block_size": 2,
+        }
+    elif path.suffix == ".gif":
+        options = {"format": "GIF", "duration": 1e3 / rate_hz, "loop": 0}
+    else:
+        raise InputError(f"--film: given '{path.suffix}', allowed are .mp4 and .gif")
+    try:
+        writer: Any  # untyped: its kind depends on the format
+        with imageio.get_writer(path, mode="I", **options) as writer:
+            yield writer.append_data
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise

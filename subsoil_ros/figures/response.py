@@ -1,0 +1,74 @@
+"""The response of a scene to what a sweep varies: one panel per quantity and key."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from ..analysis.intervals import mean_interval
+from .plotting import CYCLE, new_figure, save_figure
+
+LINES = 6
+"""More values of a second key than this are drawn as one mean (chosen: more lines are not told apart)."""
+
+
+def draw_response(
+    table: pd.DataFrame, keys: Sequence[str], columns: Sequence[str], path: Path
+) -> Path | None:
+    """Draws `columns` over each of `keys`; every run is a dot, the line is their mean.
+
+    With two keys, one line per value of the other. Bars are 95 % intervals over the seeds, where dots of one
+    place differ by nothing else. Returns None if there is nothing to draw.
+
+    table: a row per run, with `seed`, the keys and the columns.
+    """
+    shown = [key for key in keys if key in table and table[key].nunique() > 1]
+    columns = [name for name in columns if name in table and table[name].notna().any()]
+    if not shown or not columns:
+        return None
+    figure = new_figure(max(6.0, 4.6 * len(shown)), max(3.4, 2.9 * len(columns)))
+    grid = figure.subplots(len(columns), len(shown), squeeze=False)
+    for i, name in enumerate(columns):
+        for j, key in enumerate(shown):
+            axes = grid[i][j]
+            other = shown[1 - j] if len(shown) == 2 and table[shown[1 - j]].nunique() <= LINES else None
+            _panel(axes, table, key, name, other, bars=len(shown) == 1 or other is not None)
+            axes.set_ylabel(name if j == 0 else "", fontsize=8)
+            axes.set_xlabel(key if i == len(columns) - 1 else "", fontsize=8)
+            axes.tick_params(labelsize=8)
+            axes.grid(alpha=0.3)
+            if other is not None and i == 0:
+                axes.legend(title=other.rpartition(".")[2], fontsize=7, title_fontsize=7, frameon=False)
+    return save_figure(figure, path)
+
+
+def _panel(axes: Axes, table: pd.DataFrame, key: str, name: str, other: str | None, bars: bool) -> None:
+    groups = [("", table)] if other is None else list(table.groupby(other, sort=True))
+    places = _places(axes, table[key])
+    for (value, rows), colour in zip(groups, CYCLE, strict=False):
+        at = [places[item] for item in rows[key]]
+        axes.plot(at, rows[name], ".", color=colour, alpha=0.35, ms=5)
+        means = []
+        for x, found in sorted(
+            ((places[item], part[name].dropna()) for item, part in rows.groupby(key)),
+            key=lambda pair: pair[0],
+        ):
+            if len(found):
+                interval = mean_interval(found.tolist())
+                means.append((x, interval.mean, interval.half_width))
+        places_x, mean, half = (np.array(column) for column in zip(*means, strict=True))
+        axes.plot(places_x, mean, "-", color=colour, lw=1.4, label=f"{value}")
+        if bars and np.isfinite(half).any():
+            axes.errorbar(places_x, mean, np.nan_to_num(half), fmt="none", ecolor=colour, capsize=3, lw=1.0)
+
+
+def _places(axes: Axes, values: pd.Series) -> dict[Any, float]:
+    """Where each value stands on the x axis: numbers as they are, words one after the other."""
+    if pd.api.types.is_numeric_dtype(values):
+        return {value: float(value) for value in values.unique()}
+    words = sorted(values.unique())
+    axes.set_xticks(range(len(words)), [str(word)[:24] for word in words], rotation=20, ha="right")
+    return {word: float(k) for k, word in enumerate(words)}

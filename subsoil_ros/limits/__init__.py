@@ -1,0 +1,1 @@
+"""Stable soil steps and communication steps, derived from a scene."""

@@ -1,0 +1,120 @@
+"""How long soil and mechanism may go without exchange: bounds per tool.
+
+A force held over an interval H acts like negative damping. On a soil spring k with damper c under a mass m,
+for k H^2 / m << 1, the exchange is stable where (age of the force) k <= c <= 2 m / H. The force that acts
+within a tick is H / 2 old on average; a mean over n soil steps adds (n - 1) / (2 n) H. n contacts share one
+law, k = n K and c = n C, so the lower bound on the damper does not depend on n.
+tests/verification/test_exchange_stability.py holds the bounds against the exact one-tick map.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..scene.bed_spacing import particle_spacing_m
+from ..scene.mechanism import Body
+from ..scene.meshes import ToolMesh
+from ..scene.model import Coupling, Scene
+from ..scene.pairs import layer_soils, tool_values
+from ..scene.soil import Soil
+from ..scene.tool_faces import cutting_faces
+from .stable_steps import derive_timing
+
+PRESSED_PART = 0.5
+"""Part of a tool's surface that presses on particles at once (chosen: the front half)."""
+
+DAMPER_SHARE = 2.0
+"""c H / m up to which the exchange is stable without a spring. Of the mean of n > 1 steps it would be the
+smaller of 2 n and 2 n / (n - 1), never below 2."""
+
+REFERENCE_OVERLAP = 0.01
+"""Overlap over radius at which a Hertzian contact is taken for a linear one (chosen)."""
+
+
+@dataclass(frozen=True)
+class CouplingBound:
+    """Longest intervals for one tool [s]."""
+
+    tool: str
+    undamped_s: float  # above: the contact's damper no longer outweighs the held force
+    unstable_s: float  # above: the damper's held force moves the tool by more than it should
+    effective_mass_kg: float
+    contact_count: float
+
+
+def coupling_bounds(
+    scene: Scene, meshes: dict[str, ToolMesh], bed_modulus_newton_per_m3: float | None = None
+) -> tuple[CouplingBound, ...]:
+    """Bounds of every tool that a body carries; empty without soil or mechanism.
+
+    bed_modulus_newton_per_m3: of a reduced soil, from its values or its file.
+
+    The effective mass is that of the free body at its farthest point, 1 / (1/m + d^2/J): joints only add
+    to it, so the estimate is on the safe side. Of several layers the worst counts.
+    """
+    if scene.reduced_soil is not None and scene.mechanism is not None:
+        assert bed_modulus_newton_per_m3 is not None
+        return _reduced_bounds(scene, bed_modulus_newton_per_m3, meshes)
+    soil = scene.particle_soil
+    if soil is None or scene.mechanism is None:
+        return ()
+    overlap = REFERENCE_OVERLAP * soil.particles.mean_volume_radius_m
+    boundaries = [tool_values(layer).linear_at(overlap) for layer in layer_soils(soil)]
+    relaxation = min(boundary.damping / boundary.stiffness for boundary in boundaries)
+    largest_damping = max(boundary.damping for boundary in boundaries)
+    age = force_age_ticks(scene.coupling, derive_timing(scene).soil_steps)
+    found = []
+    for name, tool in scene.tools.items():
+        if tool.body is None:
+            continue
+        body = scene.mechanism.bodies[tool.body]
+        mass = _effective_mass_kg(body, meshes[name])
+        count = _contact_count(soil, meshes[name])
+        damping = count * largest_damping
+        found.append(
+            CouplingBound(
+                tool=name,
+                undamped_s=relaxation / age,
+                unstable_s=DAMPER_SHARE * mass / damping if damping > 0.0 else np.inf,
+                effective_mass_kg=mass,
+                contact_count=count,
+            )
+        )
+    return tuple(found)
+
+
+def force_age_ticks(coupling: Coupling, soil_steps: int) -> float:
+    """Mean age of the soil's force when it acts on the mechanism [ticks]."""
+    age = 0.5
+    if coupling.force == "tick_mean":
+        age += 0.5 * (soil_steps - 1) / soil_steps
+    return age
+
+
+def _effective_mass_kg(body: Body, mesh: ToolMesh) -> float:
+    arm = float(np.linalg.norm(mesh.vertices_m[:, [0, 2]], axis=1).max())
+    return 1.0 / (1.0 / body.mass_kg + arm**2 / body.inertia_kg_m2)
+
+
+def _reduced_bounds(scene: Scene, modulus: float, meshes: dict[str, ToolMesh]) -> tuple[CouplingBound, ...]:
+    """Of the springs before shares and shanks: their damper is k H, so it outweighs the held force at any
+    H, up to that of a damper alone, k H = 2 m / H."""
+    assert scene.mechanism is not None
+    found = []
+    for name, tool in scene.tools.items():
+        if tool.body is None or not tool.share:
+            continue
+        faces = cutting_faces(meshes[name], f"tools.{name}")
+        mass = _effective_mass_kg(scene.mechanism.bodies[tool.body], meshes[name])
+        longest = float(np.sqrt(DAMPER_SHARE * mass / (modulus * sum(face.area_m2 for face in faces))))
+        found.append(CouplingBound(name, longest, longest, mass, float(len(faces))))
+    return tuple(found)
+
+
+def _contact_count(soil: Soil, mesh: ToolMesh) -> float:
+    """Particles that press on a tool at once, one per spacing squared of its pressed surface."""
+    corners = mesh.vertices_m[mesh.facets]
+    area = 0.5 * np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    return max(1.0, PRESSED_PART * float(area.sum()) / particle_spacing_m(soil) ** 2)

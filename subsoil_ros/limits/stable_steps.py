@@ -1,0 +1,259 @@
+"""What follows from a scene: stable soil steps and ticks."""
+
+import math
+from dataclasses import dataclass
+
+from ..errors import SceneError
+from ..scene.model import Scene
+from ..scene.pairs import boundary_values, layer_soils, particle_values, sphere_mass_kg
+from ..scene.soil import HertzMindlinLaw, Soil
+from ..ticks import NANOSECONDS_PER_SECOND, tick_count
+
+DENSE_COORDINATION = 10.4
+"""Damped contacts per particle of random close packing under the wet law (SOIL_FINDINGS.md). A cubic
+grid starts with 6, but where a tool compacts it, it comes near this, so the limits use it."""
+
+SAFETY = 0.6
+"""Part of the smallest limit that `time_step_s: auto` takes (measured, docs/physics.md: at rest the densest
+neighbourhoods of a dense random bed damp faster than its mean coordination says and leave 0.86 of the limit;
+the wedge that a share compacts, up to 16 damped contacts a particle, spins from 0.69 on, is calm at 0.63)."""
+
+RAYLEIGH_PART = 0.2
+"""Part of the Rayleigh time that a step may take under the Hertz law (usual: 0.1 to 0.2)."""
+
+DENSE_CALM = 0.41
+"""Part of the limit set by dampers at which a dense random bed stayed calm before the paper's machine (22
+us); at 0.6 it spun and was stopped on three beds of three (docs/accuracy.md). Limits set by springs fall
+with the root of the coordination only."""
+
+REDUCED_INTERVAL_NS = 1_000_000
+"""Tick of a scene on reduced soil (chosen: its springs and wheels swing a hundred times slower)."""
+
+MECHANISM_INTERVAL_NS = 500_000
+"""Tick of a scene without soil (chosen: 1/250 of the fastest mode of the paper's machine, 8 Hz)."""
+
+
+@dataclass(frozen=True)
+class StepLimit:
+    """Largest stable soil step for one cause."""
+
+    cause: str
+    limit_s: float
+    damped: bool = False  # set by dampers, else by springs
+
+
+def step_limits(soil: Soil, coordination: float = DENSE_COORDINATION) -> tuple[StepLimit, ...]:
+    """Stable steps of explicit integration, smallest first.
+
+    Dampers, z contacts per particle: neighbours in opposite motion see the rate 2 z C / m, equal spins
+    (4/3) z C l^2 / I with I = 0.4 m r^2 and the arm l = r - delta_c / 2; stable for step x rate <= 2.
+    Springs: the same modes, omega^2 = 2 z (K_X + 2 K_Y) / (3 m) and (4/3) z K_Y l^2 / I; step <= 2 / omega.
+    K_C, the stiffness below the rest overlap, counts in the place of K_X where it is larger.
+    Walls and tools do not give way: a particle in a corner has three contacts, rates (C_X + 2 C_Y) / m and
+    2 C_Y l^2 / I, the same of the springs.
+
+    Of unlike particles the worst one binds: (a + b)^2 <= 2 a^2 + 2 b^2, contact by contact, bounds each of
+    these rates of the whole bed by its largest over single particles, and the smallest of a layer has the
+    largest z / m (neighbours grow with the square of the radius at most, mass with its cube) under the
+    stiffest of its pairs.
+    """
+    layers = layer_soils(soil)
+    if isinstance(soil.law, HertzMindlinLaw):
+        return (min((_rayleigh_limit(layer) for layer in layers), key=lambda item: item.limit_s),)
+    smallest: dict[str, StepLimit] = {}
+    for k, layer in enumerate(layers):
+        named = f", layer {soil.layers[k].name}" if soil.layers else ""
+        candidates = [_particle_limits(layer, other, coordination, named) for other in layers]
+        for limits in (*candidates, _boundary_limits(layer, named)):
+            for kind, found in limits.items():
+                if kind not in smallest or found.limit_s < smallest[kind].limit_s:
+                    smallest[kind] = found
+    return tuple(sorted(smallest.values(), key=lambda item: item.limit_s))
+
+
+def _particle_limits(soil: Soil, other: Soil, z: float, named: str) -> dict[str, StepLimit]:
+    """Limits of the smallest particle of `soil` among z particles of `other`, by kind of motion."""
+    radius = soil.particles.bounds_m[0]
+    mass = sphere_mass_kg(soil, radius)
+    pair = particle_values(soil, other, 0.5 * radius, 0.5 * mass)
+    arm = radius - 0.5 * pair.rest_overlap
+    inertia = 0.4 * mass * radius**2
+    name = f"coordination {z:g}, particle {mass * 1e3:.3g} g{named}"
+    limits: dict[str, StepLimit] = {}
+
+    def add(kind: str, cause: str, rate: float, *, spring: bool) -> None:
+        if rate > 0.0:
+            limits[kind] = StepLimit(cause, 2.0 / (math.sqrt(rate) if spring else rate), damped=not spring)
+
+    stiffness = max(pair.stiffness, pair.contact_adhesion)
+    add(
+        "spin, dampers",
+        f"damping {pair.tangential_damping:g} N s/m acting on spin, {name}",
+        4.0 / 3.0 * z * pair.tangential_damping * arm**2 / inertia,
+        spring=False,
+    )
+    damping = max(pair.damping, pair.tangential_damping)
+    add(
+        "translation, dampers",
+        f"damping {damping:g} N s/m acting on translation, {name}",
+        2.0 * z * damping / mass,
+        spring=False,
+    )
+    add(
+        "translation, springs",
+        f"stiffness {stiffness:g} and {pair.tangential_stiffness:g} N/m of the bed, {name}",
+        2.0 * z * (stiffness + 2.0 * pair.tangential_stiffness) / (3.0 * mass),
+        spring=True,
+    )
+    add(
+        "spin, springs",
+        f"tangential stiffness {pair.tangential_stiffness:g} N/m acting on spin, {name}",
+        4.0 / 3.0 * z * pair.tangential_stiffness * arm**2 / inertia,
+        spring=True,
+    )
+    add(
+        "pair",
+        f"stiffness {stiffness:g} N/m of a single pair",
+        2.0 * stiffness / mass,
+        spring=True,
+    )
+    return limits
+
+
+def _boundary_limits(soil: Soil, named: str) -> dict[str, StepLimit]:
+    """Limits of the smallest particle of `soil` in a corner of walls or tools, which do not give way."""
+    radius = soil.particles.bounds_m[0]
+    mass = sphere_mass_kg(soil, radius)
+    wall = boundary_values(soil, radius, mass)
+    normal = max(max(1.0, soil.tool_stiffness_factor) * wall.stiffness, wall.contact_adhesion)
+    tangential = wall.tangential_stiffness
+    arm = radius - wall.rest_overlap
+    turning = 2.0 * arm**2 / (0.4 * radius**2)  # of two walls beside a turn, over the mass
+    spring = max(normal + 2.0 * tangential, turning * tangential) / mass
+    damper = max(wall.damping + 2.0 * wall.tangential_damping, turning * wall.tangential_damping) / mass
+    name = f"at walls and tools, particle {mass * 1e3:.3g} g{named}"
+    limits = {
+        "boundary, springs": StepLimit(
+            f"stiffness {normal:g} and {tangential:g} N/m {name}", 2.0 / math.sqrt(spring)
+        )
+    }
+    if damper > 0.0:
+        cause = f"damping {wall.damping:g} and {wall.tangential_damping:g} N s/m {name}"
+        limits["boundary, dampers"] = StepLimit(cause, 2.0 / damper, damped=True)
+    return limits
+
+
+def _rayleigh_limit(soil: Soil) -> StepLimit:
+    """Time of a Rayleigh wave around half a sphere, pi r sqrt(rho / G) / (0.1631 nu + 0.8766).
+
+    Source: Y. Li, Y. Xu, C. Thornton, Powder Technology 160 (2005) 219-228.
+    """
+    law = soil.law
+    assert isinstance(law, HertzMindlinLaw)
+    nu = law.particle.poisson_ratio
+    shear = law.particle.youngs_modulus_pa / (2.0 * (1.0 + nu))
+    radius, density = soil.particles.bounds_m[0], soil.particles.density_kg_per_m3
+    time = math.pi * radius * math.sqrt(density / shear) / (0.1631 * nu + 0.8766)
+    stiffer = max(1.0, soil.tool_stiffness_factor)
+    tools = "" if stiffer == 1.0 else f", over the root of tool_stiffness_factor {stiffer:g}"
+    cause = f"{RAYLEIGH_PART:g} of the Rayleigh time {time:.3g} s{tools}"
+    return StepLimit(cause, RAYLEIGH_PART * time / math.sqrt(stiffer))
+
+
+def step_notes(scene: Scene, step_s: float) -> tuple[str, ...]:
+    """What a run must say of its soil step: a limit that is passed or near."""
+    soil, notes = scene.particle_soil, []
+    assert soil is not None
+    limits = step_limits(soil)
+    damped = next((found for found in limits if found.damped), None)
+    dense = scene.mechanism is not None and soil.bed.kind == "dense_random"
+    if dense and damped is not None and step_s > DENSE_CALM * damped.limit_s:
+        notes.append(
+            f"soil.time_step_s: {step_s * 1e6:.4g} us is {step_s / damped.limit_s:.2f} of the limit set by "
+            "dampers: a dense random bed that a tool compacts may spin, and be stopped; at "
+            f"{DENSE_CALM:g} of it, {DENSE_CALM * damped.limit_s * 1e6:.3g} us, the paper's machine ran"
+        )
+    limit = limits[0]
+    if step_s > limit.limit_s:
+        notes.append(
+            f"allow: unstable_time_step: the step {step_s * 1e6:.4g} us is above the stable limit "
+            f"{limit.limit_s * 1e6:.4g} us; the results are no prediction"
+        )
+    return tuple(notes)
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Integer time of a run."""
+
+    interval_ns: int  # one tick, one exchange
+    tick_count: int
+    soil_steps: int  # per tick; 0 without soil
+    mechanism_steps: int  # per tick; 0 without mechanism
+
+    @property
+    def interval_s(self) -> float:
+        """Length of a tick [s]."""
+        return self.interval_ns * 1e-9
+
+    @property
+    def soil_step_s(self) -> float:
+        """Length of a soil step [s]."""
+        return self.interval_ns * 1e-9 / self.soil_steps
+
+
+def _refuse_step(scene: Scene, given_s: float, limit: StepLimit) -> None:
+    if given_s > limit.limit_s and "unstable_time_step" not in scene.allow:
+        raise SceneError(
+            f"soil.time_step_s: {given_s:.3g} s is above the stable limit {limit.limit_s:.3g} s "
+            f"({limit.cause}). Use 'auto', or at most {limit.limit_s:.2g} s: a larger step does not blow "
+            "up, it silently lowers the draft. To study that, add allow: [unstable_time_step]."
+        )
+
+
+def derive_timing(scene: Scene) -> Timing:
+    """Ticks and steps of a scene.
+
+    Raises:
+        SceneError: a soil step above its limit, or an interval that is no whole number of soil steps.
+    """
+    interval = scene.coupling.interval_ns
+    soil_steps = 0
+    soil = scene.particle_soil
+    if soil is None:
+        default_ns = MECHANISM_INTERVAL_NS if scene.soil is None else REDUCED_INTERVAL_NS
+        interval_ns = default_ns if interval == "auto" else interval
+        soil_steps = 0 if scene.soil is None else 1
+    else:
+        limit = step_limits(soil)[0]
+        step = soil.time_step_s
+        if step != "auto":
+            _refuse_step(scene, step, limit)
+        largest_s = SAFETY * limit.limit_s
+        if interval == "auto":
+            if step == "auto":
+                interval_ns = int(largest_s * 1e6) * 1000  # whole microseconds
+                interval_ns = interval_ns or int(largest_s * NANOSECONDS_PER_SECOND)
+            else:
+                interval_ns = round(step * NANOSECONDS_PER_SECOND)
+            if interval_ns < 1:
+                raise SceneError(
+                    f"soil.law: the stable step {limit.limit_s:.3g} s ({limit.cause}) is below the clock's "
+                    "resolution of 1 ns; lower the damping or use larger particles"
+                )
+            soil_steps = 1
+        else:
+            interval_ns = interval
+            largest = largest_s if step == "auto" else step
+            soil_steps = max(1, math.ceil(interval_ns * 1e-9 / largest - 1e-9))
+            if step != "auto" and abs(soil_steps * step - interval_ns * 1e-9) > 1e-9 * step:
+                raise SceneError(
+                    f"coupling.interval_ns: {interval_ns} is no whole number of soil.time_step_s {step:g} s; "
+                    f"use a multiple of {round(step * 1e9)} or time_step_s: auto"
+                )
+    return Timing(
+        interval_ns=interval_ns,
+        tick_count=tick_count(scene.duration_s, interval_ns),
+        soil_steps=soil_steps,
+        mechanism_steps=scene.coupling.mechanism_steps if scene.mechanism else 0,
+    )

@@ -1,0 +1,44 @@
+"""Where a scene document names files: meshes, a saved bed, a soil file and its scene, a reference file."""
+
+import copy
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ..yaml_document import Document
+from .shipped import shipped_reference
+
+
+def map_files(document: Document, change: Callable[[str], str]) -> Document:
+    """A copy of a document, or of a fragment of one, with every file name changed."""
+    copied = copy.deepcopy(document)
+    soil = copied.get("soil")
+    for key in ("file", "stands_for"):
+        _change(soil, key, change)
+    if isinstance(soil, dict):
+        _change(soil.get("bed"), "file", change)
+    _change(copied.get("report"), "reference", change)
+    tools = copied.get("tools")
+    for tool in tools.values() if isinstance(tools, dict) else ():
+        groups = tool.get("groups") if isinstance(tool, dict) else None
+        for part in groups.values() if isinstance(groups, dict) else ():
+            _change(part, "mesh", change)
+    return copied
+
+
+def _change(holder: Any, key: str, change: Callable[[str], str]) -> None:
+    if isinstance(holder, dict) and isinstance(holder.get(key), str):
+        holder[key] = change(holder[key])
+
+
+def with_absolute_files(document: Document, directory: Path) -> Document:
+    """A copy with files by absolute path, seen from the folder the document was written in.
+
+    A bare name that is no file there may be that of a shipped reference.
+    """
+
+    def absolute(name: str) -> str:
+        path = directory / name
+        return str((path if path.exists() else directory / shipped_reference(Path(name))).resolve())
+
+    return map_files(document, absolute)

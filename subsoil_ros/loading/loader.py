@@ -1,0 +1,244 @@
+"""From a scene file and overrides to a validated scene, ready to run.
+
+A scene file may have five keys beside those of the model. `base: FILE` names a scene that this one is
+laid over (mappings merge, anything else replaces, null removes). `starts` holds fragments by name, and
+`start` names the one that is laid over the rest. `presets` holds more of them, each with what a study
+measured of it, and `accuracy` names the one that is laid over all that, if any.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ..errors import SceneError
+from ..limits.stable_steps import Timing, derive_timing
+from ..scene.beds import SavedBed
+from ..scene.meshes import load_tool_mesh
+from ..scene.model import Scene
+from ..yaml_document import Document, dump_yaml, merge, plain_value, read_document
+from .files import with_absolute_files
+from .keys import suggestion
+from .overrides import CHOICES, Override, apply_override, overrides_of, parse_overrides
+from .presets import Preset, read_preset
+from .reference import Reference, read_reference
+from .shipped import shipped_scene
+from .soil_file import check_reduced_soil
+from .validation_errors import validated
+
+
+@dataclass(frozen=True)
+class ResolvedScene:
+    """A scene that can be run: validated, its meshes checked, its time steps derived."""
+
+    scene: Scene
+    path: Path  # the scene file
+    directory: Path  # of the scene file
+    document: Document  # merged, as run; files by absolute path; loads to the same scene and hash
+    scene_hash: str  # sha256 hex of the validated scene with the bytes of its files, without paths
+    timing: Timing
+    notes: tuple[str, ...] = ()  # what a run must say before it begins
+    accuracy: str | None = None  # the preset that was chosen
+    presets: Mapping[str, Preset] = field(default_factory=dict)  # all that the scene file has
+    reference: Reference | None = None  # what report.reference names
+
+    def write(self, path: Path) -> None:
+        """Write `document` as a scene file."""
+        path.write_text(dump_yaml(self.document), encoding="utf-8")
+
+
+def load_scene(
+    path: str | Path | Document, overrides: Sequence[str] | Mapping[str, object] = ()
+) -> ResolvedScene:
+    """Read, merge and validate a scene: a file, the name of a shipped one, or a document.
+
+    Files that a document names are seen from the working folder.
+
+    overrides: "a.b.c=value" texts, the value in YAML, or values by dotted path; applied last. `start` chooses
+    the start and `accuracy` the preset.
+
+    Raises:
+        SceneError: whatever is wrong with file, overrides, meshes or time steps; every line names
+            the file (or the override) and the place.
+    """
+    given = path if isinstance(path, dict) else None
+    shown = "scene" if given is not None else str(path)
+    path = Path("scene") if isinstance(path, dict) else shipped_scene(Path(path))
+    changes = overrides_of(overrides) if isinstance(overrides, Mapping) else parse_overrides(overrides)
+    document = _with_base(path, shown, (), given)
+    presets = {
+        name: read_preset(content, f"{shown}: presets.{name}")
+        for name, content in document.get("presets", {}).items()
+    }
+    document = _with_start(document, shown, [c for c in changes if c.path == "start"])
+    document = _with_accuracy(document, shown, [c for c in changes if c.path == "accuracy"])
+    changes = [c for c in changes if c.path not in CHOICES]
+    kept = {key: document.pop(key) for item in CHOICES.items() for key in item if key in document}
+    for change in changes:
+        document = with_absolute_files(apply_override(document, change), path.resolve().parent)
+    scene: Scene = validated(Scene, document, shown, changes)
+    try:
+        timing = derive_timing(scene)
+        scene_hash = _scene_hash(scene)
+        for tool in scene.tools:
+            load_tool_mesh(path.parent, scene, tool)
+        notes = _reduced_notes(scene, path.parent)
+        named = scene.report.reference
+        reference = None if named is None else read_reference(Path(named))
+    except SceneError as error:
+        raise SceneError(f"{shown}: {error}") from error
+    return ResolvedScene(
+        scene=scene,
+        path=path,
+        directory=path.parent,
+        document=json.loads(json.dumps({"name": scene.name, **kept, **document})),  # shares nothing
+        scene_hash=scene_hash,
+        timing=timing,
+        notes=notes,
+        accuracy=kept.get("accuracy"),
+        presets=presets,
+        reference=reference,
+    )
+
+
+def _reduced_notes(scene: Scene, directory: Path) -> tuple[str, ...]:
+    soil = scene.reduced_soil
+    if soil is None:
+        return ()
+    likeness = None if soil.stands_for is None else load_scene(soil.stands_for).scene
+    return check_reduced_soil(scene, directory, likeness)
+
+
+def _with_base(path: Path, shown: str, above: tuple[Path, ...], given: Document | None = None) -> Document:
+    """The document of a file, or a given one as if it stood there, laid over its base.
+
+    A start or a preset replaces the base's of the same name; `starts: null` and `presets: null` drop those
+    of the base. What was measured of a preset holds for the scene it stands in, so it is not inherited.
+    """
+    resolved = path.resolve()
+    if resolved in above:
+        raise SceneError(f"{shown}: base: the files name each other as base; remove one 'base'")
+    document = read_document(path, shown) if given is None else _plain(given, shown)
+    own = {
+        "starts": _fragments(document, "starts", shown, lambda s: with_absolute_files(s, resolved.parent)),
+        "presets": _fragments(document, "presets", shown, lambda s: _absolute_preset(s, resolved.parent)),
+    }
+    dropped = [section for section in own if section in document and not document[section]]
+    base = document.pop("base", None)
+    document = with_absolute_files(
+        {key: value for key, value in document.items() if key not in own}, resolved.parent
+    )
+    merged = document
+    inherited: dict[str, Document] = {"starts": {}, "presets": {}}
+    if base is not None:
+        if not isinstance(base, str):
+            raise SceneError(f"{shown}: base: given {base!r}, needed is the name of another scene file")
+        below = _with_base(path.parent / base, f"{shown}: base: {path.parent / base}", (*above, resolved))
+        inherited = {section: below.pop(section, {}) for section in own}
+        inherited["presets"] = {
+            name: {key: value for key, value in preset.items() if key != "expected"}
+            for name, preset in inherited["presets"].items()
+        }
+        merged = merge(below, document, shown)
+    for section, fragments in own.items():
+        together = {**({} if section in dropped else inherited[section]), **fragments}
+        if together:
+            merged = {**merged, section: together}
+    return merged
+
+
+def _plain(given: Document, shown: str) -> Document:
+    document = plain_value(given, shown)
+    assert isinstance(document, dict)
+    return document
+
+
+def _fragments(
+    document: Document, section: str, shown: str, change: Callable[[Document], Document]
+) -> dict[str, Document]:
+    """The named fragments of `starts` or `presets`, each changed; empty ones are {}."""
+    found = document.get(section) or {}
+    if not isinstance(found, dict) or not all(
+        fragment is None or isinstance(fragment, dict) for fragment in found.values()
+    ):
+        raise SceneError(f"{shown}: {section}: needed is a mapping of names, each with the keys it changes")
+    return {name: change(fragment or {}) for name, fragment in found.items()}
+
+
+def _absolute_preset(preset: Document, directory: Path) -> Document:
+    changes = preset.get("changes")
+    if not isinstance(changes, dict):
+        return preset
+    return {**preset, "changes": with_absolute_files(changes, directory)}
+
+
+def _with_start(document: Document, shown: str, changes: Sequence[Override]) -> Document:
+    """The document with its chosen start laid over it and no other start left in it."""
+    starts = document.get("starts", {})
+    name = _chosen(document, shown, changes, "start", "starts")
+    if name is None:
+        if starts:
+            raise SceneError(f"{shown}: start: is missing; choose one of {', '.join(starts)}")
+        return document
+    rest = {key: value for key, value in document.items() if key != "starts"}
+    merged = merge(rest, starts[name], f"{shown}: starts.{name}")
+    return {**merged, "start": name, "starts": {name: {}}}
+
+
+def _with_accuracy(document: Document, shown: str, changes: Sequence[Override]) -> Document:
+    """The document with its chosen preset laid over it; without a choice it stays as it is written."""
+    presets = document.get("presets", {})
+    name = _chosen(document, shown, changes, "accuracy", "presets")
+    rest = {key: value for key, value in document.items() if key != "presets"}
+    if name is None:
+        return rest
+    merged = merge(rest, presets[name].get("changes") or {}, f"{shown}: presets.{name}.changes")
+    left = {key: value for key, value in presets[name].items() if key != "changes"}
+    return {**merged, "accuracy": name, "presets": {name: left}}
+
+
+def _chosen(
+    document: Document, shown: str, changes: Sequence[Override], key: str, section: str
+) -> str | None:
+    """The name that `key` gives, in the file or by --set, of a fragment in `section`."""
+    named = document.get(section, {})
+    name = changes[-1].value if changes else document.get(key)
+    where = changes[-1].source if changes else f"{shown}: {key}"
+    if name is None:
+        return None
+    if not isinstance(name, str) or name not in named:
+        known = f"; {suggestion(str(name), named)}" if named else f"; the scene has no '{section}'"
+        raise SceneError(f"{where}: no {'preset' if key == 'accuracy' else key} '{name}'{known}")
+    return name
+
+
+def _scene_hash(scene: Scene) -> str:
+    """Hash of what is run: defaults filled in, order of bodies kept, meshes and bed file by content.
+
+    The reference is left out: no number of a run depends on it.
+    """
+    content = scene.model_dump(mode="json")
+    content["report"].pop("reference")
+    for name, tool in content["tools"].items():
+        for group, part in tool["groups"].items():
+            advice = "an .stl file"
+            part["mesh"] = _file_hash(part["mesh"], f"tools.{name}.groups.{group}.mesh", advice)
+    reduced, particles = scene.reduced_soil, scene.particle_soil
+    if reduced is not None and reduced.file is not None:
+        content["soil"]["file"] = _file_hash(reduced.file, "soil.file", "a soil file")
+        content["soil"].pop("stands_for")
+    if particles is not None and isinstance(particles.bed, SavedBed):
+        bed = content["soil"]["bed"]
+        bed["file"] = _file_hash(bed["file"], "soil.bed.file", "a bed file")
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
+
+
+def _file_hash(path: str, place: str, needed: str) -> str:
+    try:
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    except OSError as error:
+        raise SceneError(
+            f"{place}: {path}: {error.strerror}; give the path of {needed}, seen from the folder of the "
+            "scene file"
+        ) from error

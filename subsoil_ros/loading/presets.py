@@ -1,0 +1,41 @@
+"""Accuracy presets: named changes of a scene, and what a study measured of their error and their time."""
+
+from typing import Any
+
+from ..scene.base import Finite, Fraction, Part, Positive
+from ..yaml_document import Document
+from .validation_errors import validated
+
+
+class ErrorInterval(Part):
+    """Error of one metric relative to what counts as true, and the interval that holds it."""
+
+    mean: Finite
+    low: Finite
+    high: Finite
+
+
+class Expected(Part):
+    """What a study measured of a preset. `subsoil study` writes it; nothing here is estimated."""
+
+    against: str  # the runs that count as true
+    errors: dict[str, ErrorInterval]  # by name of the metric
+    errors_against: dict[str, dict[str, ErrorInterval]] = {}  # of other references, by their names
+    confidence: Fraction  # of the intervals
+    notes: list[str] = []  # what no error says
+    wall_s_per_simulated_s: Positive
+    machine: str  # that took this time
+    source: str  # table, command and version
+
+
+class Preset(Part):
+    """One preset: a fragment that is laid over the scene, as a start is."""
+
+    changes: dict[str, Any] = {}
+    expected: Expected | None = None  # None: the study has not been run
+
+
+def read_preset(content: Document, place: str) -> Preset:
+    """A preset of a scene document; `place` names it in errors. Raises SceneError."""
+    preset: Preset = validated(Preset, content, place)
+    return preset

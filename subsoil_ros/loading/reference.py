@@ -1,0 +1,82 @@
+"""Reference files: values of a paper or a field record that a report prints beside those of a run."""
+
+import json
+from pathlib import Path
+
+from pydantic import Field, ValidationError, model_validator
+
+from ..errors import SceneError
+from ..scene.base import Finite, Part, Positive
+from ..yaml_document import read_document
+from .keys import suggestion
+
+
+class ReferenceValue(Part):
+    """One quantity of the reference, in the unit that the quantity has in summary.json."""
+
+    value: Finite | None = None
+    low: Finite | None = None  # band, both or neither
+    high: Finite | None = None
+    tolerance: Positive | None = None  # the band as a part of the value, instead of low and high
+    unit: str  # for people; 1 for a ratio
+    source: str = ""  # page, figure, instrument, remark
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "ReferenceValue":
+        if (self.low is None) != (self.high is None):
+            raise ValueError("a band needs both 'low' and 'high'")
+        if self.low is not None and self.high is not None and self.low > self.high:
+            raise ValueError(f"low {self.low:g} is above high {self.high:g}; exchange them")
+        if self.value is None and self.low is None:
+            raise ValueError("needs a 'value', or a band of 'low' and 'high'")
+        if self.tolerance is not None and (self.low is not None or not self.value):
+            raise ValueError("'tolerance' is a part of a 'value' that is not 0; else give 'low' and 'high'")
+        return self
+
+    @property
+    def band(self) -> tuple[float, float] | None:
+        """Least and largest that agree; None where the reference gives no band."""
+        if self.low is not None and self.high is not None:
+            return self.low, self.high
+        if self.tolerance is None or self.value is None:
+            return None
+        half = self.tolerance * abs(self.value)
+        return self.value - half, self.value + half
+
+
+class Reference(Part):
+    """What `report.reference` names."""
+
+    name: str = Field(min_length=1)  # heading of the table, and in legends
+    source: str = ""  # where all of it is published, or was measured
+    notes: tuple[str, ...] = ()  # printed below the table
+    values: dict[str, ReferenceValue] = Field(min_length=1)  # by quantity of summary.json
+
+
+def read_reference(path: Path, place: str = "report.reference") -> Reference:
+    """Read a reference file.
+
+    Raises:
+        SceneError: it is missing, no YAML, or no reference; the line says which value is wrong, and how.
+    """
+    document = read_document(path, f"{place}: {path}")
+    try:
+        return Reference.model_validate_json(json.dumps(document), strict=True)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(map(str, first["loc"]))
+        raise SceneError(f"{place}: {path}: {where}: {_words(first['type'], first)}") from error
+
+
+def _words(kind: str, details: object) -> str:
+    """What is wrong at a place, and what is allowed there."""
+    assert isinstance(details, dict)
+    if kind == "extra_forbidden":
+        model = ReferenceValue if details["loc"][0] == "values" else Reference
+        key = details["loc"][-1]
+        return f"unknown key '{key}'; {suggestion(key, model.model_fields)}"
+    if kind == "missing":
+        return "is missing"
+    if kind == "value_error":
+        return str(details["ctx"]["error"])
+    return f"{details['msg'].lower()} (given {str(details['input'])[:60]})"

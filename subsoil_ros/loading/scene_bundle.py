@@ -1,0 +1,76 @@
+"""A scene as it travels, to a worker or in a bag: its text and its files by content, no paths of a sender."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from ..errors import SceneError
+from ..yaml_document import dump_yaml
+from .files import map_files
+from .loader import ResolvedScene, load_scene
+
+SCENE_FILE = "scene.yaml"
+"""Name of the text; the files are called 0.stl, 1.stl, ... in the order in which the scene names them."""
+
+
+@dataclass(frozen=True)
+class Parcel:
+    """Scene and files; unpacked, they have the same hash."""
+
+    text: str  # YAML; files by name in `files`
+    files: dict[str, bytes]
+    scene_hash: str
+
+
+def pack(scene: ResolvedScene, with_bed: bool = True) -> Parcel:
+    """A resolved scene as a parcel.
+
+    with_bed: without it a saved bed is an empty file: the scene can be shown, but not run again.
+
+    Raises SceneError where one of its files has gone since it was loaded.
+    """
+    files: dict[str, bytes] = {}
+    names: dict[str, str] = {}  # by absolute path
+    document = dict(scene.document)
+    soil = document.get("soil")
+    if isinstance(soil, dict) and "stands_for" in soil:  # was checked when the scene was loaded
+        document["soil"] = soil = {key: value for key, value in soil.items() if key != "stands_for"}
+    bed = soil.get("bed") if isinstance(soil, dict) else None
+    left_out = bed.get("file") if isinstance(bed, dict) and not with_bed else None
+
+    def take(path: str) -> str:
+        if path not in names:
+            names[path] = f"{len(names)}{Path(path).suffix}"
+            try:
+                files[names[path]] = b"" if path == left_out else Path(path).read_bytes()
+            except OSError as error:
+                raise SceneError(f"{path}: cannot be read any more ({error.strerror})") from error
+        return names[path]
+
+    return Parcel(dump_yaml(map_files(document, take)), files, scene.scene_hash)
+
+
+def unpack(parcel: Parcel, folder: Path) -> ResolvedScene:
+    """The scene of a parcel, its files in `folder`. Raises SceneError if it is another."""
+    scene = _written(parcel, folder)
+    if scene.scene_hash != parcel.scene_hash:
+        raise SceneError(
+            f"the worker reads another scene (hash {scene.scene_hash[:16]}) than was sent "
+            f"({parcel.scene_hash[:16]}): it has another version of subsoil_ros; install the same there"
+        )
+    return scene
+
+
+def unpack_to_show(parcel: Parcel, folder: Path) -> ResolvedScene:
+    """The scene of a parcel, its files in `folder`, under the hash that it was run with.
+
+    It may lack its bed, or come from another version. Raises SceneError if it cannot be read any more.
+    """
+    return replace(_written(parcel, folder), scene_hash=parcel.scene_hash)
+
+
+def _written(parcel: Parcel, folder: Path) -> ResolvedScene:
+    for name, content in parcel.files.items():
+        (folder / name).write_bytes(content)
+    path = folder / SCENE_FILE
+    path.write_text(parcel.text, encoding="utf-8")
+    return load_scene(path)

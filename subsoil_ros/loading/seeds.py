@@ -1,0 +1,32 @@
+"""Which key of a scene makes its bed another one."""
+
+from ..errors import InputError
+from ..scene.beds import Bed, DenseRandomBed, GridBed
+from ..scene.wedge import ResistanceSoil
+from .loader import ResolvedScene
+
+
+def is_random(bed: Bed) -> bool:
+    """Whether another seed makes it another bed."""
+    return isinstance(bed, DenseRandomBed) or (isinstance(bed, GridBed) and bed.jitter_m > 0.0)
+
+
+def seed_key(scene: ResolvedScene) -> str:
+    """The key of the seed that makes a bed another one.
+
+    Raises:
+        InputError: nothing in the scene's soil is random, so that seeds would change nothing.
+    """
+    soil = scene.scene.soil
+    if isinstance(soil, ResistanceSoil):
+        return "soil.seed"
+    bed = None if soil is None else soil.bed
+    if bed is not None and is_random(bed):
+        return "soil.bed.seed"
+    what = "there is no soil" if bed is None else f"soil.bed is of kind '{bed.kind}' without jitter"
+    if bed is not None and bed.kind == "saved":
+        what = "soil.bed is a saved one"
+    raise InputError(
+        f"{scene.path}: seeds would change nothing: {what}. Use a dense_random bed, or a grid with "
+        "soil.bed.jitter_m, for instance a hundredth of a radius"
+    )

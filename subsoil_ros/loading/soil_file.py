@@ -1,0 +1,194 @@
+"""Soil files: values of a reduced soil, what they were fitted to, and in which range."""
+
+import hashlib
+import math
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field
+
+from ..errors import SceneError, SubsoilError
+from ..scene.base import Part
+from ..scene.meshes import load_tool_mesh
+from ..scene.model import Scene
+from ..scene.soil import Soil
+from ..scene.tool_faces import CuttingFace, cutting_faces, wheel_face
+from ..scene.wedge import ResistanceSoil, ResistanceValues, SoilRange
+from ..yaml_document import dump_yaml, read_document
+from .validation_errors import validated
+
+RANGE_MARGIN = 1.2
+"""How far beyond its range a soil file is taken, with a warning (chosen: the law bends slowly)."""
+
+RAKES_RAD = (math.radians(15.0), 0.5 * math.pi)
+"""Rakes that the wedge theory covers: the charts of McKyes (1985) begin near 15 degrees; behind the upright
+soil stays on the tool and is a part of it."""
+
+LARGEST_SUM_RAD = math.radians(170.0)
+"""Of rake, friction and tool friction: the wedge's force is endless where these and beta come to 180."""
+
+
+class SoilFile(Part):
+    """What `subsoil calibrate` writes and `soil.file` names."""
+
+    model: Literal["resistance"]
+    fitted_law: dict[str, Any]  # particles, bed and law that the runs had, as law_of gives it
+    fitted_range: SoilRange
+    values: ResistanceValues
+    errors: dict[str, float] = {}  # standard error of each fitted value
+    report: dict[str, Any] = Field(default={})  # residuals, runs; for people
+
+
+class FoundSoil(Part):
+    """The values a scene's soil has, wherever they stand."""
+
+    values: ResistanceValues
+    fitted_range: SoilRange | None  # None: the values are the scene's own
+
+
+def read_soil_file(path: Path, place: str = "soil.file") -> SoilFile:
+    """Raises SceneError for a file that is missing, no YAML, or no soil file."""
+    document = read_document(path, f"{place}: {path}")
+    if document.get("model") != "resistance":
+        raise SceneError(
+            f"{place}: {path}: its model is {document.get('model')!r}, needed is a file with model "
+            "'resistance', as `subsoil calibrate` writes it"
+        )
+    soil: SoilFile = validated(SoilFile, document, f"{place}: {path}")
+    return soil
+
+
+def write_soil_file(path: Path, soil: SoilFile) -> None:
+    """Writes a soil file that read_soil_file gives back equal."""
+    path.write_text(dump_yaml(soil.model_dump(mode="json")), encoding="utf-8")
+
+
+def soil_of(soil: ResistanceSoil) -> FoundSoil:
+    """The values of a reduced soil; the loader has made the file's path absolute."""
+    if soil.values is not None:
+        return FoundSoil(values=soil.values, fitted_range=None)
+    assert soil.file is not None
+    found = read_soil_file(Path(soil.file))
+    return FoundSoil(values=found.values, fitted_range=found.fitted_range)
+
+
+def law_of(soil: Soil) -> dict[str, Any]:
+    """What makes a particle soil the soil it is: spheres, packing and law; not bin, steps or seed."""
+    content = soil.model_dump(mode="json", include={"particles", "bed", "law", "layers"}, exclude_none=True)
+    content["bed"].pop("seed", None)
+    if "file" in content["bed"]:
+        content["bed"]["file"] = hashlib.sha256(Path(content["bed"]["file"]).read_bytes()).hexdigest()
+    return dict(content)
+
+
+def _differences(one: Any, two: Any, path: str = "") -> list[str]:
+    """Paths at which two plain documents differ."""
+    if isinstance(one, dict) and isinstance(two, dict):
+        return [
+            place
+            for key in sorted({*one, *two})
+            for place in _differences(one.get(key), two.get(key), f"{path}.{key}" if path else key)
+        ]
+    return [] if one == two else [path]
+
+
+def check_reduced_soil(scene: Scene, directory: Path, stands_for: Scene | None) -> tuple[str, ...]:
+    """Looks at a scene on a reduced soil; returns what a run must say of it.
+
+    stands_for: the scene that `soil.stands_for` names.
+
+    Raises:
+        SceneError: a soil file of another law or out of its range, a rake that the theory does not cover, a
+            wheel that is not round, wheels without values for them.
+    """
+    soil = scene.reduced_soil
+    assert soil is not None
+    found = soil_of(soil)
+    beyond = "beyond_fitted_range" in scene.allow
+    if stands_for is not None and "other_contact_law" not in scene.allow:
+        _refuse_other_law(soil, stands_for)
+    notes: list[str] = []
+    for name, tool in scene.tools.items():
+        place, mesh = f"tools.{name}", load_tool_mesh(directory, scene, name)
+        if not tool.share:
+            wheel_face(mesh, place)
+            if found.values.wheels is None:
+                raise SceneError(
+                    f"soil: has no 'wheels' to carry {place} (share: false); give soil.values.wheels, or "
+                    "leave the wheel to mechanism.forces (wheel_contact)"
+                )
+            continue
+        share = cutting_faces(mesh, place)[0]
+        turn = tool.path.start_angle_rad if tool.path is not None else 0.0
+        rake = share.rake_rad - turn
+        refuse_rake(
+            rake, found.values.friction_angle_rad, found.values.tool_friction_angle_rad, place, SceneError
+        )
+        if found.fitted_range is not None:
+            for what, key, value in _work(scene, name, share, rake):
+                notes += _in_range(place, what, key, value, found.fitted_range, beyond)
+    return tuple(notes)
+
+
+def refuse_rake(
+    rake_rad: float, friction_rad: float, tool_friction_rad: float, place: str, kind: type[SubsoilError]
+) -> None:
+    """Raises `kind` where the wedge theory does not cover a rake."""
+    low, high = RAKES_RAD
+    high = min(high, LARGEST_SUM_RAD - friction_rad - tool_friction_rad)
+    if not low - 1e-9 <= rake_rad <= high + 1e-9:
+        raise kind(
+            f"{place}: its share has a rake of {math.degrees(rake_rad):.1f} degrees; the wedge theory covers "
+            f"{math.degrees(low):.0f} to {math.degrees(high):.1f} degrees in this soil: turn the tool, or "
+            "use soil.model: dem"
+        )
+
+
+def _refuse_other_law(soil: ResistanceSoil, stands_for: Scene) -> None:
+    particles = stands_for.particle_soil
+    if particles is None:
+        raise SceneError(
+            f"soil.stands_for: {soil.stands_for}: has no soil of particles; name a scene that has"
+        )
+    assert soil.file is not None
+    differ = _differences(read_soil_file(Path(soil.file)).fitted_law, law_of(particles))
+    if differ:
+        raise SceneError(
+            f"soil.file: {soil.file}: was fitted to another soil than that of soil.stands_for "
+            f"{soil.stands_for}; they differ in {', '.join(differ[:5])}. Calibrate to that scene's soil, or "
+            "add allow: [other_contact_law]"
+        )
+
+
+def _work(scene: Scene, name: str, share: CuttingFace, rake: float) -> list[tuple[str, str, float]]:
+    """(what, key of SoilRange, value) of what a tool is set to do: on a path, or in the reference pose."""
+    tool = scene.tools[name]
+    work = [("rake", "rake_rad", rake)]
+    if tool.path is not None:
+        path = tool.path
+        turn = path.start_angle_rad
+        tip = math.sin(turn) * share.tip_m[0] + math.cos(turn) * share.tip_m[1]
+        if path.speed_z_m_per_s is None:
+            work.append(("depth", "depth_m", -(path.start_z_m + tip)))
+        law = path.speed_x_m_per_s
+        if law is not None and law.kind == "constant":
+            work.append(("speed", "speed_m_per_s", law.value))
+    elif scene.mechanism is not None and tool.body is not None:
+        body = scene.mechanism.bodies[tool.body]
+        work.append(("depth", "depth_m", -(body.position_m[1] + share.tip_m[1])))
+        work.append(("speed", "speed_m_per_s", (body.velocity_m_per_s or (0.0, 0.0))[0]))
+    return [item for item in work if item[2] > 0.0]
+
+
+def _in_range(place: str, what: str, key: str, value: float, fitted: SoilRange, beyond: bool) -> list[str]:
+    low, high = getattr(fitted, key)
+    unit = {"depth_m": "m", "speed_m_per_s": "m/s", "rake_rad": "rad"}[key]
+    if low <= value <= high:
+        return []
+    text = f"{place}: {what} {value:.4g} {unit} is outside the range {low:.4g} to {high:.4g} {unit} that"
+    if not beyond and not low / RANGE_MARGIN <= value <= high * RANGE_MARGIN:
+        raise SceneError(
+            f"{text} soil.file was fitted in, by more than {RANGE_MARGIN:g} times; fit it further, or add "
+            "allow: [beyond_fitted_range]"
+        )
+    return [f"warning: {text} the soil was fitted in; the force there is extrapolated"]

@@ -1,0 +1,181 @@
+"""Validates documents; errors are lines that say where, what was given, what is allowed, what to do."""
+
+import json
+import re
+from collections.abc import Sequence
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails
+
+from ..errors import SceneError
+from ..scene.model import Scene
+from ..yaml_document import Document
+from .keys import annotation_at, kinds, known_keys, suggestion, value_in
+from .overrides import LOADER_KEYS, Override
+
+SHOWN_COUNT = 8
+"""More errors than these are only counted."""
+
+_NEEDED = {
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "finite_number": "a finite number",
+    "int_type": "a whole number",
+    "int_parsing": "a whole number",
+    "int_from_float": "a whole number",
+    "string_type": "text",
+    "bool_type": "true or false",
+    "model_type": "a mapping of keys",
+    "model_attributes_type": "a mapping of keys",
+    "dict_type": "a mapping of names",
+    "tuple_type": "a list",
+    "list_type": "a list",
+}
+_BOUNDS = {
+    "greater_than": ("gt", "greater than"),
+    "greater_than_equal": ("ge", "at least"),
+    "less_than": ("lt", "less than"),
+    "less_than_equal": ("le", "at most"),
+}
+_QUOTED = re.compile(r"'([^']+)'")
+_SUBPATH = re.compile(r"^([A-Za-z_][\w.\[\]]*): ")
+
+
+def validated(annotation: Any, document: Document, shown: str, overrides: Sequence[Override] = ()) -> Any:
+    """The document as an instance of `annotation`, a model or a union of models.
+
+    Raises:
+        SceneError: one line per wrong place. `shown` names the document there, `overrides` are in it already.
+    """
+    try:
+        # Strict JSON: lists may stand for tuples, but neither text nor booleans for numbers.
+        return TypeAdapter(annotation).validate_json(json.dumps(document), strict=True)
+    except ValidationError as error:
+        raise SceneError(_described(error, annotation, document, shown, overrides)) from error
+
+
+def _described(
+    error: ValidationError, annotation: Any, document: Document, shown: str, overrides: Sequence[Override]
+) -> str:
+    places: dict[tuple[str, ...], list[ErrorDetails]] = {}
+    for details in error.errors(include_url=False):
+        places.setdefault(_place(details["loc"], document), []).append(details)
+    lines = []
+    for place, found in places.items():
+        path, message = _message(place, found, annotation, document)
+        where = f"{shown}: {path}" if path else shown
+        lines.append(f"{where}: {message}{_origin(path, overrides)}")
+    hidden_count = len(lines) - SHOWN_COUNT
+    if hidden_count > 0:
+        lines = [*lines[:SHOWN_COUNT], f"{shown}: and {hidden_count} more errors; mend these first"]
+    return "\n".join(lines)
+
+
+def _place(location: tuple[int | str, ...], document: Document) -> tuple[str, ...]:
+    """The path in the document: pydantic's location without the names of union members."""
+    place: list[str] = []
+    value: object = document
+    for element in location:
+        if isinstance(value, dict):
+            if element not in value and element in (value.get("kind"), value.get("model", "dem")):
+                continue
+            value = value.get(str(element))
+        elif isinstance(value, list) and isinstance(element, int):
+            value = value[element] if element < len(value) else None
+        elif place and value is not None:
+            break  # the members of a union of scalars
+        place.append(str(element))
+    return tuple(place)
+
+
+def _origin(path: str, overrides: Sequence[Override]) -> str:
+    for override in reversed(overrides):
+        within = f"{path}.".startswith(f"{override.path}.")
+        if within or f"{override.path}.".startswith(f"{path}."):
+            return f" (given by {override.source})"
+    return ""
+
+
+def _message(
+    place: tuple[str, ...], found: list[ErrorDetails], root: Any, document: Document
+) -> tuple[str, str]:
+    """Where, and what is wrong there."""
+    path = ".".join(place)
+    first = found[0]
+    given = _given(first["input"])
+    if first["type"] == "value_error":
+        text = str(first["ctx"]["error"])
+        inner = _SUBPATH.match(text)
+        if inner:
+            return ".".join((*place, inner.group(1))), text[inner.end() :]
+        return path, text
+    if first["type"] == "extra_forbidden":
+        parent = place[:-1]
+        known = known_keys(annotation_at(root, document, parent), _value_at(document, parent))
+        known += LOADER_KEYS if root is Scene and not parent else []
+        return path, f"unknown key '{place[-1]}'; {suggestion(place[-1], known)}"
+    if first["type"] == "missing":
+        return path, "is missing; it has no default"
+    if first["type"] in ("union_tag_not_found", "union_tag_invalid"):
+        annotation = annotation_at(root, document, place)
+        if models := kinds(annotation, "model"):
+            word = first["input"].get("model") if isinstance(first["input"], dict) else first["input"]
+            return ".".join((*place, "model")), f"given {_given(word)}, allowed are {', '.join(models)}"
+        allowed = kinds(annotation)
+        if not isinstance(first["input"], dict):
+            return path, f"given {given}, needed is a mapping with 'kind', one of {', '.join(allowed)}"
+        kind = first["input"].get("kind")
+        if kind is None:
+            return path, f"'kind' is missing; allowed are {', '.join(allowed)}"
+        return f"{path}.kind", f"given {_given(kind)}, allowed are {', '.join(allowed)}{_hint(kind, allowed)}"
+    needed = " or ".join(dict.fromkeys(_need(details) for details in found))
+    expected = [details["ctx"]["expected"] for details in found if details["type"] == "literal_error"]
+    hint = _hint(first["input"], _QUOTED.findall(" ".join(expected)))
+    return path, f"given {given}, needed is {needed}{hint}"
+
+
+def _hint(given: object, allowed: Sequence[str]) -> str:
+    """What follows a message where a text comes near an allowed one."""
+    words = suggestion(given, allowed) if isinstance(given, str) else ""
+    return f"; {words}" if words.startswith("did") else ""
+
+
+def _need(details: ErrorDetails) -> str:
+    kind, context = details["type"], details.get("ctx", {})
+    if kind in _NEEDED:
+        return _NEEDED[kind]
+    if kind in _BOUNDS:
+        key, words = _BOUNDS[kind]
+        return f"a number {words} {context[key]:g}"
+    if kind == "literal_error":
+        return str(context["expected"])
+    if kind == "too_short":
+        return f"at least {context['min_length']} entries"
+    if kind == "too_long":
+        return f"at most {context['max_length']} entries"
+    if kind == "string_too_short":
+        return "text that is not empty"
+    message = details["msg"]
+    return message[0].lower() + message[1:]
+
+
+def _given(value: object) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if value is None:
+        return "nothing (null)"
+    if isinstance(value, str):
+        return f"the text '{value[:60]}'"
+    if isinstance(value, dict):
+        return "a mapping of keys"
+    if isinstance(value, list):
+        return f"a list of {len(value)}"
+    return str(value)[:60]
+
+
+def _value_at(document: Document, path: tuple[str, ...]) -> object:
+    value: object = document
+    for key in path:
+        value = value_in(value, key)
+    return value

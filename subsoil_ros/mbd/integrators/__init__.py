@@ -1,0 +1,1 @@
+"""Integration methods of the mechanism."""

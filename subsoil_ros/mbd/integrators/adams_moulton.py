@@ -1,0 +1,62 @@
+"""Adams-Moulton predictor-corrector (PECE) on a history of accelerations.
+
+One polynomial through the accelerations gives both updates: its integral the velocities (the
+Adams formulas), its double integral the positions. History is therefore accelerations only, and when
+the wrench from outside changes they are shifted by what that changes now: the past becomes the one that
+the new wrench would have led through. The sum of the weights being one, a body takes wrench times
+interval to round-off, whatever came before.
+"""
+
+import numpy as np
+from numpy.polynomial import polynomial
+
+from ..compiled import inner_kernel
+
+PREDICT_V, PREDICT_Q, CORRECT_V, CORRECT_Q, EXTRAPOLATE = 0, 1, 2, 3, 4
+
+
+def multistep_weights(order: int) -> np.ndarray:
+    """Weights (5, order) float64 on the accelerations at times 0, -1, ... (predictor, rows 0, 1 and 4)
+    and 1, 0, -1, ... (corrector, rows 2 and 3), times in steps.
+
+    Rows 0 and 2 are the Adams-Bashforth and Adams-Moulton weights of v' = a; rows 1 and 3 those of
+    q(1) = q(0) + v(0) + integral of (1 - s) a(s). Row 4 is the polynomial's own value at 1.
+    """
+    weights = np.zeros((5, order))
+    for row, newest in ((PREDICT_V, 0), (CORRECT_V, 1)):
+        nodes = [newest - i for i in range(order)]
+        for i, node in enumerate(nodes):
+            others = [other for other in nodes if other != node]
+            basis = polynomial.polyfromroots(others) / np.prod([node - other for other in others])
+            weights[row, i] = polynomial.polyval(1.0, polynomial.polyint(basis))
+            doubled = polynomial.polymul([1.0, -1.0], basis)
+            weights[row + 1, i] = polynomial.polyval(1.0, polynomial.polyint(doubled))
+            if newest == 0:
+                weights[EXTRAPOLATE, i] = polynomial.polyval(1.0, basis)
+    return weights
+
+
+@inner_kernel
+def guess_multistep(model, state, work, step, stage):
+    """Predict (stage 1) or correct (stage 2) all coordinates from the accelerations."""
+    order = model.weights.shape[1]
+    row = PREDICT_V if stage == 1 else CORRECT_V
+    for i in range(state.wrench.shape[0]):
+        sum_v, sum_q = 0.0, 0.0
+        for k in range(order):
+            age = k + 1 - stage  # -1: being computed, 0: now, 1 and on: history
+            a = work.a[i] if age < 0 else (state.a[i] if age == 0 else state.past_a[age - 1, i])
+            sum_v += model.weights[row, k] * a
+            sum_q += model.weights[row + 1, k] * a
+        work.v[i] = state.v[i] + step * sum_v
+        work.q[i] = state.q[i] + step * (state.v[i] + step * sum_q)
+
+
+@inner_kernel
+def multistep_power(model, state, work, i):
+    """Mean of the power `i` over the step, by the formula that gave the velocities."""
+    total = model.weights[CORRECT_V, 0] * work.powers[i]
+    total += model.weights[CORRECT_V, 1] * state.powers[i]
+    for k in range(2, model.weights.shape[1]):
+        total += model.weights[CORRECT_V, k] * state.past_powers[k - 2, i]
+    return total

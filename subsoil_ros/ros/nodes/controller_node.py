@@ -1,0 +1,78 @@
+"""A controller as a node: answers the mechanism's state at every control tick with a DriverCommand."""
+
+from rclpy.context import Context
+
+from ...coupling.control import Controller, build_controller
+from ...coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, Commander
+from ...errors import SceneError
+from ...messages import DriverCommand, Grant, MechanismState, NodeHello, NodeState
+from ..process.heartbeat import Lifeline, NodeRun
+from ..process.node_process import NodeSettings, run_process
+from .lockstep_node import LockstepNode
+
+
+class ControllerNode(LockstepNode):
+    """Takes part in the lockstep: the run waits for each of its commands, and for no other."""
+
+    def __init__(
+        self, controller: Controller, run: NodeRun, lifeline: Lifeline, context: Context | None = None
+    ) -> None:
+        """Raises SceneError if the scene has no controller."""
+        super().__init__(CONTROLLER, run, lifeline, context)
+        scene, timing = run.resolved.scene, run.resolved.timing
+        if scene.controller is None:
+            raise SceneError(f"{run.resolved.path}: has no 'controller'; no controller node is needed for it")
+        self._controller = controller
+        self._commander = Commander(
+            run.run_id,
+            timing.tick_count,
+            scene.record.series_ticks,
+            scene.controller.interval_ticks,
+            run.first_tick,
+        )
+        self._commands = self.publisher(DriverCommand, (MECHANISM, COUPLER, RECORDER))
+        self.listen(MechanismState, self._on_state, (MECHANISM,))
+        self.listen(Grant, self._on_grant, (COUPLER,))
+        self.listen(NodeHello, self.follow_coupler_end, ())
+
+    def on_poll(self) -> None:
+        """Says that it is ready once everybody is there."""
+        if self.lifeline.state is NodeState.STARTING and self.matched:
+            self.lifeline.say(NodeState.READY)
+
+    def _on_grant(self, grant: Grant) -> None:
+        self._commander.accept_grant(grant)
+        if self._commander.abort is not None:
+            self.finish_aborted(self._commander.abort)
+
+    def _on_state(self, state: MechanismState) -> None:
+        tick = self._commander.accept_state(state)
+        if tick is None:
+            return
+        self._commands.publish(self.bytes_of(self._controller.command(tick, state)))
+        self.note_tick(tick, self._commander.is_last(tick))
+
+
+def build(
+    settings: NodeSettings, run: NodeRun, lifeline: Lifeline, context: Context | None = None
+) -> ControllerNode:
+    """The node with the scene's control law.
+
+    Raises:
+        SceneError: the scene has none.
+    """
+    controller = build_controller(run.resolved, run.resumed)
+    if controller is None:
+        raise SceneError(
+            f"{run.resolved.path}: has no 'controller', or an external one; this node is not needed for it"
+        )
+    return ControllerNode(controller, run, lifeline, context)
+
+
+def main() -> int:
+    """Runs the node as a process."""
+    return run_process(CONTROLLER, build)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,332 @@
+"""The coupler as a node: grants ticks, accounts the interface energy, publishes /clock, ends the run."""
+
+import statistics
+import time
+from collections import deque
+from collections.abc import Callable
+
+from rclpy.context import Context
+
+from ...coupling.checkpoints import CouplingState
+from ...coupling.energy_account import InterfaceAccount, account_of
+from ...coupling.exit_status import KEEP_S, SIGNAL_STATUS, Ending
+from ...coupling.protocol import (
+    ACK_LAG_TICKS,
+    CONTROLLER,
+    COUPLER,
+    MECHANISM,
+    RECORDER,
+    SOIL,
+    Coupler,
+    FinishedTick,
+    needed_capabilities,
+)
+from ...coupling.schedule import schedule_of
+from ...errors import RunError
+from ...messages import (
+    CouplingReport,
+    DriverCommand,
+    Grant,
+    NodeHello,
+    NodeState,
+    TickAck,
+    ToolMotions,
+    ToolWrenches,
+)
+from ...recording.standard import clock
+from ...recording.topics import CLOCK
+from ...recording.types import message_class, serialize
+from ...ticks import INITIAL_TICK, tick_end_ns
+from ..process.heartbeat import STARTUP_S, Lifeline, NodeRun
+from ..process.node_process import NodeSettings, report_to_supervisor, run_process
+from ..services.diagnostics import Health, Level
+from ..services.pause_services import PauseServices
+from ..services.run_control import RunControl
+from ..services.simulation_services import SimulationServices, StepsAction
+from ..transport.convert import rclpy_class
+from ..transport.qos import PEOPLE_QOS
+from .lockstep_node import LockstepNode, one_line
+
+DEADLINE_S = 60.0
+"""A tick may take this long in any case; kernels that a later tick needs may have to be compiled."""
+
+DEADLINE_MEDIANS = 50.0
+"""A tick may take so many times the median of the last ones."""
+
+NEAR = 0.5
+"""Part of a bound at which diagnostics warn (chosen: half)."""
+
+END_WORD_S = 10.0
+"""Time for the word that the run is over to reach everybody."""
+
+REST_S = 0.001
+REST_WINDOW = 4
+"""With grants for so many ticks ahead, nobody waits for the coupler while it rests: a quarter of them."""
+
+
+class CouplerNode(LockstepNode):
+    """Lets nobody run ahead, waits for nobody for ever, and judges the interface energy."""
+
+    def __init__(
+        self,
+        run: NodeRun,
+        lifeline: Lifeline,
+        context: Context | None = None,
+        on_progress: Callable[[int], None] = lambda tick: None,
+        paused: bool = False,
+    ) -> None:
+        super().__init__(COUPLER, run, lifeline, context)
+        scene, timing = run.resolved.scene, run.resolved.timing
+        names = run.participants
+        self._schedule = schedule_of(scene, timing)
+        self._coupler = Coupler(
+            run.hello(COUPLER),
+            names,
+            tuple(scene.tools),
+            timing.tick_count,
+            scene.coupling.grant_window,
+            soil=scene.soil is not None,
+            first_tick=run.first_tick,
+            control_ticks=self._schedule.control_ticks,
+            needed=needed_capabilities(scene),
+            paused=paused,
+        )
+        self._keeper = run.keeper()
+        self._to_commit: deque[CouplingState] = deque()  # checkpoints whose record is not yet on the disk
+        self._last: CouplingState | None = None  # the exchange at the end of the last finished tick
+        self._keep_said = False
+        self._keep_deadline: float | None = None  # of the checkpoint before an end by wish
+        self.rest_s = REST_S if scene.coupling.grant_window >= REST_WINDOW else 0.0
+        self._on_progress = on_progress
+        self._account: InterfaceAccount | None = None  # from the initial exchange
+        self._progress_tick = INITIAL_TICK
+        self._start = self._last_advance = time.monotonic()
+        self._grants = self.publisher(Grant, names)
+        self._reports = self.publisher(CouplingReport, (RECORDER,))
+        self._clock_publisher = self.create_publisher(
+            rclpy_class("rosgraph_msgs/msg/Clock"), CLOCK, PEOPLE_QOS
+        )
+        mover = MECHANISM if scene.mechanism is not None else SOIL
+        self.listen(ToolMotions, self._on_motions, (mover,))
+        if scene.soil is not None:
+            self.listen(ToolWrenches, self._on_wrenches, (SOIL,))
+        if RECORDER in names:
+            self.listen(TickAck, self._on_ack, (RECORDER,))
+        self.listen(NodeHello, self._on_hello, names)
+        if scene.controller is not None:
+            self.listen(DriverCommand, self._on_command, (CONTROLLER,))
+        self._control = RunControl(self._coupler, self._on_pacing, lifeline.request_stop)
+        self._pausing = PauseServices(self, self._control, self._guarded)
+        self._simulation = SimulationServices(self, self._control, self._guarded)
+        self._steps = StepsAction(lifeline, self._control)
+
+    def on_poll(self) -> None:
+        """Starts the run when all are ready; finds out what is late.
+
+        Raises:
+            RunError: a tick or the start-up takes longer than it may.
+        """
+        self._steps.poll()
+        now = time.monotonic()
+        if self._account is None:
+            if self._coupler.ready and self.matched:
+                self._begin(now)
+        elif self._coupler.done_tick != self._progress_tick:
+            self._progress_tick = self._coupler.done_tick
+            self._on_progress(self._progress_tick)
+        if self._coupler.standing:
+            self._last_advance = now  # no deadline while the run is paused
+            self.discount_wait()
+        allowed_s = self._allowed_s()
+        if now - self._last_advance > allowed_s:
+            raise RunError(f"no {self._coupler.missing()} within {allowed_s:.0f} s")
+
+    def health(self) -> Health:
+        """The interface account, how long ticks take, how far the recorder is behind."""
+        coupler, account = self._coupler, self._account
+        if account is None:
+            return Health(message=f"waits for {coupler.missing()}")
+        coupling = self.run.resolved.scene.coupling
+        lag = coupler.done_tick - coupler.acknowledged_tick if RECORDER in self.run.participants else 0
+        values: dict[str, str | float | int] = {
+            "state": "paused" if coupler.paused else "running",
+            "interface_residual_joule": account.work.residual_joule,
+            "interface_residual_ratio": account.work.residual_ratio,
+            "residual_bound": coupling.residual_bound,
+            "interface_work_joule": account.work.absolute_work_joule,
+            "tick_time_median_s": statistics.median(self.tick_times_s) if self.tick_times_s else 0.0,
+            "recorder_lag_ticks": lag,
+        }
+        if account.nears_bound(NEAR):
+            return Health(Level.WARN, "the interface energy residual comes near its bound", values)
+        if lag > NEAR * ACK_LAG_TICKS:
+            return Health(Level.WARN, f"the recorder is {lag} ticks behind; the disk is slow", values)
+        return Health(Level.OK, "paused" if coupler.paused else "running", values)
+
+    def on_stop(self, stop: Ending) -> None:
+        """A run that is interrupted writes a checkpoint first, if that is soon done.
+
+        Raises:
+            RunError: it is written, or cannot be.
+        """
+        if self._is_kept_before(stop):
+            raise stop.error()
+
+    def _is_kept_before(self, stop: Ending) -> bool:
+        """Whether there is nothing more to wait for; goes one step nearer to it."""
+        keeper, now = self._keeper, time.monotonic()
+        if keeper is None or self._last is None or stop.exit_status <= SIGNAL_STATUS or self.lifeline.lost:
+            return True
+        if self._keep_deadline is None:
+            self._keep_deadline = now + KEEP_S
+            self._coupler.hold()
+        grant = self._coupler.keep()
+        if now > self._keep_deadline or (grant is not None and keeper.last_tick == grant.tick):
+            return True
+        if grant is None:
+            return False
+        if not self._keep_said:
+            self._keep_said = True
+            self._grants.publish(self.bytes_of(grant))
+        if self._coupler.acknowledged_tick < grant.tick or not keeper.all_kept(grant.tick):
+            return False
+        keeper.commit(self._last)
+        return True
+
+    def on_fault(self, error: BaseException) -> None:
+        """Tells everybody the tick at which the record is cut, and why."""
+        self._grants.publish(self.bytes_of(self._coupler.abort(one_line(error))))
+        self._control.refuse_waiting(f"the run has ended: {one_line(error)}")
+
+    @property
+    def done_tick(self) -> int:
+        """The last tick that all have finished."""
+        return self._coupler.done_tick
+
+    def _allowed_s(self) -> float:
+        if self._coupler.done_tick < self.run.first_tick:
+            return STARTUP_S
+        usual_s = statistics.median(self.tick_times_s) if self.tick_times_s else 0.0
+        return max(DEADLINE_S, DEADLINE_MEDIANS * usual_s)
+
+    def _begin(self, now: float) -> None:
+        coupler = self._coupler
+        resumed = self.run.resumed
+        before = CouplingState.of(resumed) if resumed is not None else None
+        self._account = account_of(
+            self.run.resolved.scene,
+            coupler.initial_motions,
+            coupler.initial_wrenches,
+            before.work if before is not None else None,
+        )
+        self._last_advance = now
+        self._start = now - (before.wall_time_s if before is not None else 0.0)
+        self._say_pacing()
+        self._grant()
+
+    def _on_pacing(self) -> None:
+        """A pause, its end, or steps were asked for."""
+        self._last_advance = time.monotonic()
+        self.discount_wait()
+        if self._account is not None:
+            self._say_pacing()
+        self._grant()
+
+    def _say_pacing(self) -> None:
+        window = self.run.resolved.scene.coupling.grant_window
+        self.rest_ticks = 0 if self._coupler.paused else window // REST_WINDOW  # steps are waited for
+        state = NodeState.PAUSED if self._coupler.paused else NodeState.RUNNING
+        if self.lifeline.state is not state:
+            self.lifeline.say(state)
+
+    def _grant(self) -> None:
+        if self._account is None:
+            return
+        for grant in self._coupler.next_grants():
+            self._grants.publish(self.bytes_of(grant))
+
+    def _on_hello(self, hello: NodeHello) -> None:
+        self._coupler.accept_hello(hello)
+
+    def _on_motions(self, motions: ToolMotions) -> None:
+        self._coupler.accept_motions(motions)
+        self._follow()
+
+    def _on_wrenches(self, wrenches: ToolWrenches) -> None:
+        self._coupler.accept_wrenches(wrenches)
+        self._follow()
+
+    def _on_command(self, command: DriverCommand) -> None:
+        self._coupler.accept_command(command)
+        self._follow()
+
+    def _on_ack(self, ack: TickAck) -> None:
+        self._coupler.accept_ack(ack)
+        self._last_advance = time.monotonic()
+        self._commit_recorded()
+        self._grant()
+        if self._coupler.finished:
+            self._end()
+
+    def _follow(self) -> None:
+        while (finished := self._coupler.take_finished()) is not None:
+            self._account_for(finished)
+        self._control.note_done()
+        self._grant()
+        if self._coupler.finished:
+            self._end()
+
+    def _account_for(self, finished: FinishedTick) -> None:
+        assert self._account is not None  # no tick is granted before
+        tick, now = finished.tick, time.monotonic()
+        self._last_advance = now
+        work = self._account.add(finished.motions, finished.wrenches)
+        if self._schedule.series_due(tick):
+            report = work.report(self.run.run_id, tick, self._interval_ns, now - self._start)
+            self._reports.publish(self.bytes_of(report))
+        self._clock_publisher.publish(serialize(clock(message_class, tick_end_ns(tick, self._interval_ns))))
+        self.lifeline.tick = tick
+        self._account.check(tick)
+        self._last = CouplingState(tick, finished.motions, finished.wrenches, work, now - self._start)
+        if self._keeper is not None and self._keeper.due(tick):
+            self._to_commit.append(self._last)
+            self._commit_recorded()
+        if self._keeper is not None and tick == self._schedule.last_tick:
+            self._keeper.note_coupling_end(self._last)
+
+    def _commit_recorded(self) -> None:
+        """A checkpoint stands at the end of a record that is on the disk; without a record, at once."""
+        recorded = self._coupler.acknowledged_tick
+        while self._keeper is not None and self._to_commit and self._to_commit[0].tick <= recorded:
+            self._keeper.commit(self._to_commit.popleft())
+
+    def _end(self) -> None:
+        self._on_progress(self._coupler.done_tick)
+        self._control.refuse_waiting("the run has ended")
+        self.lifeline.say(NodeState.ENDED)
+        self.lifeline.flush(END_WORD_S)
+        self.finish(0)
+
+
+def build(
+    settings: NodeSettings, run: NodeRun, lifeline: Lifeline, context: Context | None = None
+) -> CouplerNode:
+    """The node; under a supervisor it reports its progress there."""
+    if not settings.supervised:
+        return CouplerNode(run, lifeline, context, paused=settings.paused)
+    return CouplerNode(
+        run,
+        lifeline,
+        context,
+        on_progress=lambda tick: report_to_supervisor(tick=tick),
+        paused=settings.paused,
+    )
+
+
+def main() -> int:
+    """Runs the node as a process."""
+    return run_process(COUPLER, build)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

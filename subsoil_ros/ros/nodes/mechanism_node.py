@@ -1,0 +1,163 @@
+"""The mechanism as a node: advances each granted tick with the soil's last answer."""
+
+import time
+
+from rclpy.context import Context
+
+from ...coupling.checkpoints import restore_engine
+from ...coupling.engines import Mechanism, build_mechanism
+from ...coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL, Needs, Participant
+from ...coupling.schedule import schedule_of
+from ...errors import SceneError
+from ...messages import (
+    Command,
+    DriverCommand,
+    Grant,
+    MechanismState,
+    NodeHello,
+    NodeState,
+    ToolMotions,
+    ToolWrenches,
+)
+from ...ticks import tick_end_ns
+from ..process.heartbeat import Lifeline, NodeRun
+from ..process.node_process import NodeSettings, run_process
+from ..services.diagnostics import Health
+from .lockstep_node import LockstepNode
+from .visualization_publisher import Picture
+
+
+class MechanismNode(LockstepNode):
+    """Answers every grant with the motions of its tick; owns no clock and no physics."""
+
+    def __init__(
+        self, engine: Mechanism, run: NodeRun, lifeline: Lifeline, context: Context | None = None
+    ) -> None:
+        super().__init__(MECHANISM, run, lifeline, context)
+        scene, timing = run.resolved.scene, run.resolved.timing
+        self._engine = engine
+        self._schedule = schedule_of(scene, timing)
+        self._with_soil = scene.soil is not None
+        needs = Needs.WRENCHES if self._with_soil else Needs.NOTHING
+        self._participant = Participant(
+            run.run_id,
+            timing.tick_count,
+            needs,
+            tuple(scene.tools),
+            control_ticks=self._schedule.control_ticks,
+            first_tick=run.first_tick,
+        )
+        self._keeper = run.keeper()
+        self._state: MechanismState | None = None  # the last one published
+        self._engine_s = 0.0  # spent in the engine
+        listeners = (SOIL, COUPLER, RECORDER) if self._with_soil else (COUPLER, RECORDER)
+        self._motions = self.publisher(ToolMotions, listeners)
+        controllers = (CONTROLLER,) if scene.controller is not None else ()
+        self._states = self.publisher(MechanismState, (RECORDER, *controllers))
+        self._picture = Picture(self, run.resolved)
+        self._initial_motions = engine.initial_motions()
+        self.lifeline.say(NodeState.STARTING, motions=self._initial_motions)
+        self.listen(NodeHello, self._on_hello, ())
+        self.listen(Grant, self._on_grant, (COUPLER,))
+        if self._with_soil:
+            self.listen(ToolWrenches, self._on_wrenches, (SOIL,))
+        if controllers:
+            self.listen(DriverCommand, self._on_command, controllers)
+        self._started = not self._with_soil
+
+    def on_poll(self) -> None:
+        """Says that it is ready once it has what tick 0 needs and everybody listens."""
+        if self.lifeline.state is NodeState.STARTING and self._started and self.matched:
+            self.lifeline.say(NodeState.READY, motions=self._initial_motions)
+
+    def health(self) -> Health:
+        """How well the constraints hold, from the last state published."""
+        values: dict[str, str | float | int] = {"engine_s": self._engine_s}
+        if self._state is not None:
+            names = ("position_residual_m", "velocity_residual_m_per_s", "draft_newton")
+            values |= {name: getattr(self._state, name) for name in names}
+        return Health(values=values)
+
+    def _on_hello(self, hello: NodeHello) -> None:
+        if hello.node == SOIL and hello.state is NodeState.READY and hello.run_id == self.run.run_id:
+            if not self._started:
+                self._participant.start(hello.initial_wrenches)
+                self._started = True
+        else:
+            self.follow_coupler_end(hello)
+
+    def _on_grant(self, grant: Grant) -> None:
+        if grant.command is Command.KEEP:
+            self._participant.accept_keep(grant)
+            self._keep(grant.tick)
+            return
+        self._participant.accept_grant(grant)
+        if grant.command is Command.ABORT:
+            self.finish_aborted(grant)
+            return
+        if grant.tick == self.run.first_tick and self._schedule.control_due(grant.tick):
+            self._publish_state(grant.tick - 1)  # the run goes on here, and its controller has not seen it
+        self._work()
+
+    def _on_wrenches(self, wrenches: ToolWrenches) -> None:
+        self._participant.accept_wrenches(wrenches)
+        self._work()
+
+    def _on_command(self, command: DriverCommand) -> None:
+        self._participant.accept_command(command)
+        self._work()
+
+    def _work(self) -> None:
+        while (work := self._participant.next_work()) is not None:
+            tick = work.tick
+            end_ns = tick_end_ns(tick, self._interval_ns)
+            if work.command is not None:
+                self._engine.command(work.command)
+            begin = time.perf_counter()
+            motions = self._engine.advance(tick, work.wrenches)
+            self._engine_s += time.perf_counter() - begin
+            if self._keeper is not None and self._keeper.due(tick):
+                self._keep(tick)  # before the answer: who has it knows that the part is there
+            self._motions.publish(self.bytes_of(ToolMotions(self.run.run_id, tick, end_ns, motions)))
+            if self._schedule.series_due(tick):
+                self._picture.move(self._publish_state(tick), None, end_ns)
+            self._participant.finish(tick)
+            if self._keeper is not None and self._participant.finished:
+                self._keeper.note_end(tick, MECHANISM, self._engine)
+            self.note_tick(tick, self._participant.finished)
+
+    def _publish_state(self, tick: int) -> MechanismState:
+        state = self._engine.state(self.run.run_id, tick, tick_end_ns(tick, self._interval_ns))
+        self._states.publish(self.bytes_of(state))
+        self._state = state
+        return state
+
+    def _keep(self, tick: int) -> None:
+        if self._keeper is not None:
+            self._keeper.keep(tick, MECHANISM, self._engine)
+
+
+def build(
+    settings: NodeSettings, run: NodeRun, lifeline: Lifeline, context: Context | None = None
+) -> MechanismNode:
+    """The node with its engine.
+
+    Raises:
+        SceneError: the scene has no mechanism, or it cannot be assembled.
+        InputError: the checkpoint to go on from does not fit.
+    """
+    engine = build_mechanism(run.resolved)
+    if engine is None:
+        raise SceneError(f"{run.resolved.path}: has no 'mechanism'; no mechanism node is needed for it")
+    if run.resumed is not None:
+        restore_engine(engine, run.resumed, MECHANISM)
+    return MechanismNode(engine, run, lifeline, context)
+
+
+def main() -> int:
+    """Runs the node as a process."""
+    return run_process(MECHANISM, build)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,242 @@
+"""The recorder as a node: writes every message of every tick, and says so to the coupler."""
+
+import struct
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from rclpy.context import Context
+
+from ...coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL, RecordBarrier
+from ...coupling.schedule import schedule_of
+from ...errors import InputError, ProtocolError, RunError
+from ...loading.loader import ResolvedScene
+from ...messages import (
+    Command,
+    CouplingReport,
+    DriverCommand,
+    Grant,
+    MechanismState,
+    NodeHello,
+    NodeState,
+    SoilCloud,
+    SoilState,
+    TickAck,
+    ToolMotions,
+    ToolWrenches,
+)
+from ...recording.bag_writer import BagWriter, open_bag
+from ...recording.topics import TOPIC_OF
+from ...ticks import INITIAL_TICK, NANOSECONDS_PER_SECOND
+from ..process.heartbeat import Lifeline, NodeRun
+from ..process.node_process import NodeSettings, run_process
+from ..services.diagnostics import Health
+from ..transport.convert import reader
+from .lockstep_node import LockstepNode
+
+CUT_S = 2.0
+"""After an abort, time for messages of the last finished tick to come in."""
+
+_LOCKSTEP = (Grant, DriverCommand, ToolMotions, ToolWrenches)
+
+
+def due_topics(resolved: ResolvedScene) -> Callable[[int], tuple[str, ...]]:
+    """The function that says which topics a tick of the scene records, in recording order."""
+    scene = resolved.scene
+    schedule = schedule_of(scene, resolved.timing)
+    lockstep: list[type] = [Grant, ToolMotions]
+    states: list[type] = []
+    if scene.soil is not None:
+        lockstep.append(ToolWrenches)
+    if scene.mechanism is not None:
+        states.append(MechanismState)
+    if scene.soil is not None:
+        states.append(SoilState)
+    states.append(CouplingReport)
+    every = tuple(TOPIC_OF[kind] for kind in lockstep)
+    command = (TOPIC_OF[DriverCommand],)
+    series = tuple(TOPIC_OF[kind] for kind in states)
+    cloud = (TOPIC_OF[SoilCloud],)
+
+    def due(tick: int) -> tuple[str, ...]:
+        states_due = series if schedule.series_due(tick) else ()
+        commands_due = command if schedule.control_due(tick) else ()
+        return every + commands_due + states_due + (cloud if schedule.cloud_due(tick) else ())
+
+    return due
+
+
+def stamp_ns(cdr: bytes) -> int:
+    """The stamp of a serialized message that begins with a header [ns]."""
+    order = "<" if cdr[1] & 1 else ">"
+    seconds, nanoseconds = struct.unpack_from(f"{order}iI", cdr, 4)
+    return seconds * NANOSECONDS_PER_SECOND + nanoseconds
+
+
+def run_id_of(cdr: bytes) -> str:
+    """The run of a serialized message of subsoil_msgs: the string after its header."""
+    order = "<" if cdr[1] & 1 else ">"
+    start = 12  # encapsulation, stamp
+    (length,) = struct.unpack_from(f"{order}I", cdr, start)  # of frame_id
+    start += 4 + length + -length % 4
+    (length,) = struct.unpack_from(f"{order}I", cdr, start)
+    return bytes(cdr[start + 4 : start + 3 + length]).decode()
+
+
+class RecorderNode(LockstepNode):
+    """Takes part in the barrier: what it acknowledges is written, and nothing else is lost."""
+
+    rest_s = 0.004
+    rest_ticks = 4
+
+    def __init__(
+        self, writer: BagWriter, run: NodeRun, lifeline: Lifeline, context: Context | None = None
+    ) -> None:
+        super().__init__(RECORDER, run, lifeline, context)
+        scene, timing = run.resolved.scene, run.resolved.timing
+        self._writer = writer
+        self._barrier: RecordBarrier[bytes] = RecordBarrier(
+            timing.tick_count, due_topics(run.resolved), scene.coupling.grant_window, run.first_tick
+        )
+        self._schedule = schedule_of(scene, timing)
+        self._abort: Grant | None = None
+        self._keep_tick = INITIAL_TICK  # a checkpoint is wanted of it, beside those that are due
+        self._cut_deadline = 0.0
+        self._acks = self.publisher(TickAck, (COUPLER,))
+        self.listen(NodeHello, self.follow_coupler_end, ())
+        self._read_grant = reader(Grant, self._interval_ns)
+        mover = MECHANISM if scene.mechanism is not None else SOIL
+        self.listen_raw(Grant, self._on_grant, (COUPLER,))
+        sources: list[tuple[type, str]] = [(ToolMotions, mover), (CouplingReport, COUPLER)]
+        if scene.mechanism is not None:
+            sources.append((MechanismState, MECHANISM))
+        if scene.soil is not None:
+            sources += [(ToolWrenches, SOIL), (SoilState, SOIL)]
+        if self._schedule.cloud_ticks:
+            sources.append((SoilCloud, SOIL))
+        if scene.controller is not None:
+            sources.append((DriverCommand, CONTROLLER))
+        for kind, source in sources:
+            self.listen_raw(kind, partial(self._on_message, kind), (source,))
+
+    def on_poll(self) -> None:
+        """Says that it is ready once everybody is there; ends an aborted record in time."""
+        if self.lifeline.state is NodeState.STARTING and self.matched:
+            self.lifeline.say(NodeState.READY)
+        if self._abort is not None and time.monotonic() > self._cut_deadline:
+            self.get_logger().warning(f"the record is cut early; not here: {self._barrier.missing()}")
+            self._end_aborted(self._abort)
+
+    def health(self) -> Health:
+        """How far the record is on the disk, and what it waits for."""
+        barrier = self._barrier
+        return Health(values={"recorded_tick": barrier.done_tick, "waits_for": barrier.missing()})
+
+    def on_fault(self, error: BaseException) -> None:
+        """Leaves a readable bag, if the disk lets it; with all whole ticks if nobody is left to cut it."""
+        try:
+            if self.lifeline.lost or self.lifeline.stop:
+                self._barrier.note_finished(self._barrier.last_tick)
+                self._record()
+            self._writer.close()
+        except RunError as second:
+            self.get_logger().error(f"the bag could not be closed: {second}")
+
+    def _on_grant(self, cdr: bytes) -> None:
+        grant = self._read_grant(cdr)
+        if grant.command is Command.ABORT:
+            self._refuse_foreign(Grant, grant.run_id, grant.tick)
+            self._abort = grant
+            self._cut_deadline = time.monotonic() + CUT_S
+            self._barrier.cut(grant.tick)
+            self._record()
+            return
+        if grant.command is Command.KEEP:
+            self._refuse_foreign(Grant, grant.run_id, grant.tick)
+            self._barrier.note_finished(grant.tick)
+            self._record()
+            if self._barrier.done_tick == grant.tick:
+                self._sync_and_acknowledge()
+            else:
+                self._keep_tick = grant.tick  # something of it is still on the way
+            return
+        self._on_message(Grant, cdr)
+
+    def _on_message(self, kind: type, cdr: bytes) -> None:
+        end_ns = stamp_ns(cdr)
+        tick, rest = divmod(end_ns, self._interval_ns)
+        if rest:
+            raise ProtocolError(
+                f"{TOPIC_OF[kind]}: stamp {end_ns} ns is no whole number of ticks of {self._interval_ns} ns"
+            )
+        if kind is MechanismState and tick - 1 < self.run.first_tick:
+            return  # of the run that this one goes on from, for the controller
+        if kind in _LOCKSTEP:
+            self._refuse_foreign(kind, run_id_of(cdr), tick - 1)
+        self._barrier.add(TOPIC_OF[kind], tick - 1, cdr)
+        if kind is Grant:
+            self._barrier.note_grant(tick - 1)
+        elif kind is CouplingReport:
+            self._barrier.note_finished(tick - 1)
+        self._record()
+
+    def _refuse_foreign(self, kind: type, run_id: str, tick: int) -> None:
+        if run_id != self.run.run_id:
+            raise ProtocolError(
+                f"{TOPIC_OF[kind]}: tick {tick} is of run '{run_id}', this is run '{self.run.run_id}', at "
+                f"tick {self._barrier.done_tick}; give every run a ROS_DOMAIN_ID of its own"
+            )
+
+    def _record(self) -> None:
+        barrier = self._barrier
+        while (whole := barrier.take_tick()) is not None:
+            tick, messages = whole
+            for topic, cdr in messages:
+                self._writer.write_raw(topic, tick, cdr)
+            last = tick == barrier.last_tick
+            if last:
+                self._writer.close()  # the last acknowledgement says that the bag is finished
+            self.note_tick(tick, last)
+            if self._schedule.checkpoint_due(tick) or tick == self._keep_tick:
+                self._sync_and_acknowledge()
+            else:
+                self._acknowledge(barrier.next_ack())
+        if self._abort is not None and barrier.finished:
+            self._end_aborted(self._abort)
+
+    def _sync_and_acknowledge(self) -> None:
+        """A checkpoint stands at the end of a record that is on the disk."""
+        self._writer.sync()
+        self._acknowledge(self._barrier.next_ack(at_once=True))
+
+    def _acknowledge(self, tick: int | None) -> None:
+        if tick is not None:
+            self._acks.publish(self.bytes_of(TickAck(self.run.run_id, tick)))
+
+    def _end_aborted(self, grant: Grant) -> None:
+        self._writer.close()
+        self.finish_aborted(grant)
+
+
+def build(
+    settings: NodeSettings, run: NodeRun, lifeline: Lifeline, context: Context | None = None
+) -> RecorderNode:
+    """The node with its bag.
+
+    Raises:
+        InputError: no folder is named, or it exists, or cannot be created, or the live view cannot serve.
+    """
+    if not settings.bag:
+        raise InputError("recorder: parameter 'bag' is empty; name the folder for the bag, -p bag:=FOLDER")
+    writer = open_bag(Path(settings.bag), run.resolved, settings.live)
+    return RecorderNode(writer, run, lifeline, context)
+
+
+def main() -> int:
+    """Runs the node as a process."""
+    return run_process(RECORDER, build)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,221 @@
+"""The soil as a node: answers the motions of each tick with the wrenches on the tools."""
+
+import time
+from dataclasses import fields
+
+from rclpy.context import Context
+
+from ...coupling.checkpoints import PATHS, CouplingState, restore_engine
+from ...coupling.cloud import recorded_cloud
+from ...coupling.engines import Mover, Resumable, Soil, build_paths, build_soil
+from ...coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL, Needs, Participant
+from ...coupling.schedule import schedule_of
+from ...errors import SceneError
+from ...messages import (
+    Command,
+    Grant,
+    NodeHello,
+    NodeState,
+    SoilCloud,
+    SoilState,
+    ToolMotion,
+    ToolMotions,
+    ToolWrench,
+    ToolWrenches,
+)
+from ...recording.standard import body_frame, pose_stamped, wrench_stamped
+from ...recording.topics import pose_topic, wrench_topic
+from ...recording.types import message_class, serialize
+from ...ticks import tick_end_ns
+from ..process.heartbeat import Lifeline, NodeRun
+from ..process.node_process import NodeSettings, run_process
+from ..services.diagnostics import Health, Level
+from ..transport.convert import rclpy_class
+from ..transport.qos import PEOPLE_QOS
+from .lockstep_node import LockstepNode
+from .visualization_publisher import Picture
+
+_MONITORS = tuple(
+    item.name for item in fields(SoilState) if item.name not in ("run_id", "tick", "end_time_ns")
+)
+
+
+class SoilNode(LockstepNode):
+    """Answers every motion with the wrench of its tick; owns no clock and no physics.
+
+    In a scene without mechanism it also hosts `mover`, the prescribed paths, and publishes the motions.
+    """
+
+    def __init__(
+        self,
+        engine: Soil,
+        mover: Mover | None,
+        run: NodeRun,
+        lifeline: Lifeline,
+        context: Context | None = None,
+    ) -> None:
+        super().__init__(SOIL, run, lifeline, context)
+        scene, timing = run.resolved.scene, run.resolved.timing
+        self._engine = engine
+        self._mover = mover
+        self._schedule = schedule_of(scene, timing)
+        needs = Needs.MOTIONS if mover is None else Needs.NOTHING
+        self._participant = Participant(
+            run.run_id, timing.tick_count, needs, tuple(scene.tools), first_tick=run.first_tick
+        )
+        self._keeper = run.keeper()
+        self._state: SoilState | None = None  # the last one published
+        self._engine_s = 0.0  # spent in the engine
+        self._initial_motions: tuple[ToolMotion, ...] = ()
+        self._last_wrenches: tuple[ToolWrench, ...] | None = None  # None: the soil has not answered yet
+        listeners = (COUPLER, RECORDER) if mover is not None else (MECHANISM, COUPLER, RECORDER)
+        self._wrenches = self.publisher(ToolWrenches, listeners)
+        self._states = self.publisher(SoilState, (RECORDER,))
+        self._clouds = self.publisher(SoilCloud, (RECORDER,)) if self._schedule.cloud_ticks else None
+        self._poses = {
+            name: self.create_publisher(
+                rclpy_class("geometry_msgs/msg/PoseStamped"), pose_topic(name), PEOPLE_QOS
+            )
+            for name in scene.tools
+        }
+        self._body_wrenches = {
+            name: self.create_publisher(
+                rclpy_class("geometry_msgs/msg/WrenchStamped"), wrench_topic(name), PEOPLE_QOS
+            )
+            for name in scene.tools
+        }
+        self._picture = Picture(self, run.resolved) if mover is not None else None
+        self.listen(Grant, self._on_grant, (COUPLER,))
+        if mover is None:
+            self.listen(ToolMotions, self._on_motions, (MECHANISM,))
+        else:
+            self._motions = self.publisher(ToolMotions, (COUPLER, RECORDER))
+        self.listen(NodeHello, self._on_hello, ())
+
+    def on_poll(self) -> None:
+        """Starts paths, and says that it is ready once the soil has answered and everybody listens."""
+        if self.lifeline.state is not NodeState.STARTING:
+            return
+        if self._mover is not None and self._last_wrenches is None:
+            self._start(self._mover.initial_motions())
+        if self._last_wrenches is not None and self.matched:
+            motions = self._initial_motions if self._mover is not None else ()
+            self.lifeline.say(NodeState.READY, motions=motions, wrenches=self._last_wrenches)
+
+    def health(self) -> Health:
+        """What the monitors of the last state published say; of a reduced soil there is none."""
+        values: dict[str, str | float | int] = {"engine_s": self._engine_s}
+        state = self._state
+        if state is None or self.run.resolved.scene.particle_soil is None:
+            return Health(values=values)
+        values |= {name: getattr(state, name) for name in _MONITORS}
+        if state.lost_particle_count:
+            return Health(Level.WARN, f"{state.lost_particle_count} particles left the bin", values)
+        return Health(values=values)
+
+    def _start(self, motions: tuple[ToolMotion, ...]) -> None:
+        self._initial_motions = motions
+        if self.run.resumed is not None:
+            self._last_wrenches = CouplingState.of(self.run.resumed).wrenches
+        else:
+            self._last_wrenches = self._engine.start(motions)
+
+    def _on_hello(self, hello: NodeHello) -> None:
+        if hello.node == MECHANISM and self._mover is None and hello.run_id == self.run.run_id:
+            if self._last_wrenches is None and len(hello.initial_motions) == len(self._poses):
+                self._start(hello.initial_motions)
+        else:
+            self.follow_coupler_end(hello)
+
+    def _on_grant(self, grant: Grant) -> None:
+        if grant.command is Command.KEEP:
+            self._participant.accept_keep(grant)
+            self._keep(grant.tick)
+            return
+        self._participant.accept_grant(grant)
+        if grant.command is Command.ABORT:
+            self.finish_aborted(grant)
+            return
+        self._work()
+
+    def _on_motions(self, motions: ToolMotions) -> None:
+        self._participant.accept_motions(motions)
+        self._work()
+
+    def _work(self) -> None:
+        while (work := self._participant.next_work()) is not None:
+            tick, motions = work.tick, work.motions
+            end_ns = tick_end_ns(tick, self._interval_ns)
+            if self._mover is not None:
+                motions = self._mover.advance(tick, self._last_wrenches or ())
+                self._motions.publish(self.bytes_of(ToolMotions(self.run.run_id, tick, end_ns, motions)))
+            begin = time.perf_counter()
+            wrenches = self._last_wrenches = self._engine.advance(tick, motions)
+            self._engine_s += time.perf_counter() - begin
+            if self._keeper is not None and self._keeper.due(tick):
+                self._keep(tick)  # before the answer: who has it knows that the part is there
+            self._wrenches.publish(self.bytes_of(ToolWrenches(self.run.run_id, tick, end_ns, wrenches)))
+            if self._schedule.series_due(tick):
+                self._state = self._engine.state(self.run.run_id, tick, end_ns)
+                self._states.publish(self.bytes_of(self._state))
+                self._publish_for_people(motions, wrenches, end_ns)
+            if self._clouds is not None and self._schedule.cloud_due(tick):
+                cloud = recorded_cloud(self._engine.cloud(tick, end_ns), self.run.resolved.scene.record)
+                self._clouds.publish(self.bytes_of(cloud))
+            self._participant.finish(tick)
+            if self._keeper is not None and self._participant.finished:
+                for part, engine in self._parts():
+                    self._keeper.note_end(tick, part, engine)
+            self.note_tick(tick, self._participant.finished)
+
+    def _parts(self) -> list[tuple[str, Resumable]]:
+        """What a checkpoint has from this node."""
+        paths = [] if self._mover is None else [(PATHS, self._mover)]
+        return [(SOIL, self._engine), *paths]
+
+    def _keep(self, tick: int) -> None:
+        if self._keeper is not None:
+            for part, engine in self._parts():
+                self._keeper.keep(tick, part, engine)
+
+    def _publish_for_people(
+        self, motions: tuple[ToolMotion, ...], wrenches: tuple[ToolWrench, ...], end_ns: int
+    ) -> None:
+        scene = self.run.resolved.scene
+        if self._picture is not None:
+            moved = ToolMotions(self.run.run_id, end_ns // self._interval_ns - 1, end_ns, motions)
+            self._picture.move(None, moved, end_ns)
+        for motion, wrench in zip(motions, wrenches, strict=True):
+            self._poses[motion.tool].publish(serialize(pose_stamped(message_class, motion, end_ns)))
+            frame = body_frame(scene, wrench.tool)
+            message = wrench_stamped(message_class, wrench, motion, frame, end_ns)
+            self._body_wrenches[wrench.tool].publish(serialize(message))
+
+
+def build(
+    settings: NodeSettings, run: NodeRun, lifeline: Lifeline, context: Context | None = None
+) -> SoilNode:
+    """The node with its engine.
+
+    Raises:
+        SceneError: the scene has no soil.
+        InputError: the checkpoint to go on from does not fit.
+    """
+    engine = build_soil(run.resolved, settings.threads)
+    if engine is None:
+        raise SceneError(f"{run.resolved.path}: has no 'soil'; no soil node is needed for it")
+    mover = build_paths(run.resolved) if run.resolved.scene.mechanism is None else None
+    if run.resumed is not None:
+        restore_engine(engine, run.resumed, SOIL)
+        if mover is not None:
+            restore_engine(mover, run.resumed, PATHS)
+    return SoilNode(engine, mover, run, lifeline, context)
+
+
+def main() -> int:
+    """Runs the node as a process."""
+    return run_process(SOIL, build)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,1 @@
+"""Nodes as processes and threads: start, supervision, heartbeat, signals."""

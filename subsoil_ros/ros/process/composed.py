@@ -1,0 +1,87 @@
+"""The nodes of a run in one process, one thread each."""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from ...coupling.control import build_controller
+from ...coupling.exit_status import Ending, interrupted
+from ...coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL
+from ..nodes import controller_node, coupler_node, mechanism_node, recorder_node, soil_node
+from ..nodes.lockstep_node import LockstepNode
+from .heartbeat import Lifeline, NodeRun
+from .node_process import NodeSettings, watched_by
+from .node_thread import Service
+from .plan import ros_arguments
+
+Build = Callable[[NodeRun, Lifeline, Context], LockstepNode]
+"""Makes a node with its engine."""
+
+
+def scene_builds(
+    run: NodeRun,
+    bag: Path,
+    threads: int,
+    on_progress: Callable[[int], None],
+    paused: bool = False,
+    live: int = 0,
+) -> dict[str, Build]:
+    """How the nodes of a scene are made, by name; an external controller is not among them.
+
+    live: port of the recorder's live view; 0: there is none.
+    """
+    settings = NodeSettings(
+        str(run.resolved.path), run.run_id, threads, str(bag), run.recorded, supervised=False, live=live
+    )
+    builds: dict[str, Build] = {
+        MECHANISM: partial(mechanism_node.build, settings),
+        SOIL: partial(soil_node.build, settings),
+        RECORDER: partial(recorder_node.build, settings),
+        COUPLER: partial(coupler_node.CouplerNode, on_progress=on_progress, paused=paused),
+    }
+    if build_controller(run.resolved) is not None:
+        builds[CONTROLLER] = partial(controller_node.build, settings)
+    return {name: builds[name] for name in (*run.participants, COUPLER) if name in builds}
+
+
+def run_composed(
+    run: NodeRun, builds: Mapping[str, Build], stop_signal: Callable[[], int], namespace: str = ""
+) -> Ending:
+    """Runs the nodes until the run ends.
+
+    Args:
+        builds: of every node that the scene needs, and of the coupler.
+        stop_signal: asked several times a second; a signal's number other than 0 ends the run.
+        namespace: of all nodes (plan.checked_namespace).
+    """
+    context = Context()
+    words = ros_arguments({}, namespace)
+    rclpy.init(args=words, context=context, signal_handler_options=SignalHandlerOptions.NO)
+    lifelines: dict[str, Lifeline] = {}
+    services: dict[str, Service] = {}
+    try:
+        for name, build in builds.items():
+            node = Node(f"{name}_process", context=context)
+            lifeline = lifelines[name] = Lifeline(node, name, run, watched_by(name, run))
+            services[name] = Service(name, partial(build, run, lifeline, context), lifeline)
+        for name, service in services.items():
+            lifelines[name].start()
+            service.start()
+        coupler = services[COUPLER]
+        while coupler.is_alive():
+            coupler.join(0.1)
+            signal_number = stop_signal()
+            if signal_number:
+                lifelines[COUPLER].request_stop(interrupted(signal_number))
+        for service in services.values():
+            service.join()
+    finally:
+        for lifeline in lifelines.values():
+            lifeline.close()
+        rclpy.shutdown(context=context)
+    return coupler.ending

@@ -1,0 +1,251 @@
+"""Heartbeat of a node, and its watch over the others, in a thread of its own.
+
+The thread runs while an engine computes: compiled kernels release the GIL.
+"""
+
+import os
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import psutil
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+from ..._version import __version__
+from ...coupling.checkpoints import Keeper
+from ...coupling.exit_status import Ending
+from ...coupling.protocol import CAPABILITIES, COUPLER, RECORDER, participants
+from ...loading.loader import ResolvedScene
+from ...messages import NodeHello, NodeState, ToolMotion, ToolWrench
+from ...recording.checkpoint import Checkpoint
+from ...recording.topics import TOPIC_OF
+from ...recording.types import own_type_hashes
+from ...ticks import INITIAL_TICK
+from ..transport.convert import class_of, reader, to_bytes
+from ..transport.qos import HELLO_QOS
+
+HEARTBEAT_S = 0.4
+SILENCE_S = 2.5
+"""Silence after which a node that was heard before is taken for dead, if its process was here and is gone."""
+
+STALL_S = 10.0
+"""The same if its process lives, or is on another machine: it may be short of processor time, compile, or be
+stopped."""
+
+STARTUP_S = 300.0
+"""Time for all nodes to be heard and ready: engines may have to be compiled."""
+
+LATE_S = 30.0
+"""A coupler that refuses a run stays so long to tell nodes that are still being started (chosen)."""
+
+
+@dataclass(frozen=True)
+class NodeRun:
+    """What all nodes of a run share."""
+
+    run_id: str
+    resolved: ResolvedScene
+    checkpoints: Path | None = None  # folder for them; None: none are written
+    resumed: Checkpoint | None = None  # where to go on; None: from tick 0
+    recorded: bool = True  # whether there is a recorder
+
+    @property
+    def participants(self) -> tuple[str, ...]:
+        """The nodes of the run beside the coupler."""
+        names = participants(self.resolved.scene)
+        return names if self.recorded else tuple(name for name in names if name != RECORDER)
+
+    @property
+    def first_tick(self) -> int:
+        """The first tick of this run."""
+        return self.resumed.tick + 1 if self.resumed is not None else 0
+
+    def keeper(self) -> Keeper | None:
+        """Writes a node's part of the checkpoints; None: there are none."""
+        if self.checkpoints is None:
+            return None
+        return Keeper(self.checkpoints, self.resolved, self.run_id)
+
+    def hello(self, node: str) -> NodeHello:
+        """The first word of a node."""
+        return NodeHello(
+            self.run_id,
+            node,
+            NodeState.STARTING,
+            self.resolved.scene_hash,
+            __version__,
+            own_type_hashes(),
+            CAPABILITIES.get(node, ()),
+            os.getpid(),
+            INITIAL_TICK,
+        )
+
+
+class Lifeline:
+    """Says how the node is, and knows which of the watched nodes fell silent.
+
+    Args:
+        node: an ROS node of its own, spun here and nowhere else.
+        name: of the node it speaks for.
+        watched: names of the nodes to listen to.
+    """
+
+    def __init__(self, node: Node, name: str, run: NodeRun, watched: tuple[str, ...]) -> None:
+        self.tick = INITIAL_TICK  # last tick the node has finished, for the next heartbeat
+        self.stop: Ending | None = None  # a wish from outside that the node ends
+        self._node = node
+        self._run = run
+        self._hello = run.hello(name)
+        self._watched = watched
+        now = time.monotonic()
+        self._started = self._checked = now
+        self._heard: dict[str, float] = {}
+        self._process_ids: dict[str, int] = {}
+        self._was_here: dict[str, bool] = {}  # whether that process was on this machine when first heard of
+        self._ended: dict[str, tuple[float, str]] = {}  # when a node said that it ends, and why
+        self._lost = ""
+        self._said = threading.Lock()
+        hello_class = class_of(NodeHello)
+        self._publisher = node.create_publisher(hello_class, TOPIC_OF[NodeHello], HELLO_QOS)
+        self._subscription = node.create_subscription(
+            hello_class, TOPIC_OF[NodeHello], self._on_hello, HELLO_QOS, raw=True
+        )
+        self._read = reader(NodeHello, run.resolved.timing.interval_ns)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = node.create_timer(HEARTBEAT_S, self._on_timer, clock=steady)
+        self._closing = threading.Event()
+        self._destroys: list[Callable[[], None]] = []
+        self._thread = threading.Thread(target=self._spin, name=f"{name}_lifeline", daemon=True)
+
+    def start(self) -> None:
+        """Begins to speak and to listen."""
+        self._publish()
+        self._thread.start()
+
+    def say(
+        self,
+        state: NodeState,
+        message: str = "",
+        motions: tuple[ToolMotion, ...] = (),
+        wrenches: tuple[ToolWrench, ...] = (),
+    ) -> None:
+        """Changes what the heartbeat says, and says it at once."""
+        self._hello = replace(
+            self._hello, state=state, message=message, initial_motions=motions, initial_wrenches=wrenches
+        )
+        self._publish()
+
+    @property
+    def node(self) -> Node:
+        """The ROS node that is spun here."""
+        return self._node
+
+    @property
+    def state(self) -> NodeState:
+        """What was said last."""
+        return self._hello.state
+
+    @property
+    def lost(self) -> str:
+        """Which watched node is silent, in words; empty while all are heard."""
+        return self._lost
+
+    def request_stop(self, stop: Ending) -> None:
+        """Asks the node to end; the first wish stands. From any thread, or a signal handler."""
+        if self.stop is None:
+            self.stop = stop
+
+    def flush(self, timeout_s: float) -> None:
+        """Waits until the last word has arrived."""
+        self._publisher.wait_for_all_acked(Duration(seconds=timeout_s))
+
+    @property
+    def untold(self) -> tuple[str, ...]:
+        """Watched nodes that have neither said that they end nor fallen silent."""
+        now = time.monotonic()
+        return tuple(
+            name
+            for name in self._watched
+            if name not in self._ended and now - self._heard.get(name, now) <= SILENCE_S
+        )
+
+    def outlast(self, limit_s: float) -> None:
+        """Goes on saying that the run has ended until everybody knows, or for `limit_s`."""
+        deadline = time.monotonic() + limit_s
+        while self.untold and self.stop is None and time.monotonic() < deadline:
+            time.sleep(0.1)
+
+    def at_close(self, destroy: Callable[[], None]) -> None:
+        """Has something destroyed that lives on the node, once nobody spins it."""
+        self._destroys.append(destroy)
+
+    def close(self) -> None:
+        """Falls silent."""
+        self._closing.set()
+        self._thread.join()
+        for destroy in self._destroys:
+            destroy()
+        self._node.destroy_node()
+
+    def _spin(self) -> None:
+        executor = SingleThreadedExecutor(context=self._node.context)
+        executor.add_node(self._node)
+        while not self._closing.is_set():
+            executor.spin_once(timeout_sec=HEARTBEAT_S)
+        executor.shutdown()
+
+    def _publish(self) -> None:
+        with self._said:
+            self._hello = replace(self._hello, tick=self.tick)
+            self._publisher.publish(to_bytes(self._hello, self._run.resolved.timing.interval_ns))
+
+    def _on_hello(self, cdr: bytes) -> None:
+        hello = self._read(cdr)
+        if hello.run_id == self._run.run_id and hello.node in self._watched:
+            self._heard[hello.node] = time.monotonic()
+            if self._process_ids.get(hello.node) != hello.process_id:
+                self._process_ids[hello.node] = hello.process_id
+                self._was_here[hello.node] = _lives(hello.process_id)
+            if hello.state in (NodeState.ENDED, NodeState.FAULT):
+                self._ended.setdefault(hello.node, (time.monotonic(), hello.message))
+
+    def _on_timer(self) -> None:
+        self._publish()
+        now = time.monotonic()
+        if now - self._checked > 0.5 * SILENCE_S:  # this process itself stood still: others may be well
+            self._heard = dict.fromkeys(self._heard, now)
+        self._checked = now
+        for name in self._watched:
+            if self._lost:
+                return
+            ended = self._ended.get(name)
+            if ended is not None:
+                since, reason = ended
+                if name == COUPLER and now - since > SILENCE_S:  # without it nothing more can come
+                    self._lost = f"{name} has ended" + (f": {reason}" if reason else "")
+                continue
+            heard = self._heard.get(name)
+            if heard is None and now - self._started > STARTUP_S:
+                self._lost = f"{name} was not heard of within {STARTUP_S:g} s"
+            elif heard is not None and now - heard > self._patience_s(name, now - heard):
+                self._lost = f"{name} has not been heard of for {now - heard:.1f} s"
+
+    def _patience_s(self, name: str, silence_s: float) -> float:
+        if silence_s < SILENCE_S:
+            return SILENCE_S
+        gone = self._was_here[name] and not _lives(self._process_ids[name])
+        return SILENCE_S if gone else STALL_S
+
+
+def _lives(process_id: int) -> bool:
+    """Whether a process of this machine has that number and has not ended."""
+    try:
+        return psutil.Process(process_id).status() not in (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD)
+    except psutil.NoSuchProcess:
+        return False

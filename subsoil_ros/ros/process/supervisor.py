@@ -1,0 +1,241 @@
+"""Starts one process per node, watches them, and leaves none behind."""
+
+import json
+import os
+import queue
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import psutil
+
+from ...coupling.exit_status import KEEP_S, SIGNAL_STATUS, Ending, interrupted
+from ...coupling.protocol import COUPLER, RECORDER
+from ...errors import RunError
+from ..transport.shared_memory import sweep_shared_memory
+from .plan import Parameters, ros_arguments
+
+GRACE_S = 4.5
+"""Time for the nodes to end by themselves once the run is over; then they are killed."""
+
+STARTUP_GRACE_S = 20.0
+"""The same for nodes that may still be starting and have not read what they were asked."""
+
+CUT_PATIENCE_S = 2.5
+"""Time for the recorder to complete the tick at which the coupler cut the record."""
+
+VERDICT_S = 2.0
+"""Time for the coupler to say why the run failed, after a node ended with an error."""
+
+_POLL_S = 0.05
+
+
+@dataclass(frozen=True)
+class NodeProcess:
+    """A node's process and its log."""
+
+    name: str
+    popen: subprocess.Popen[str]
+    log: Path
+
+    @property
+    def exit_status(self) -> int | None:
+        """None while it runs; negative: ended by that signal."""
+        return self.popen.poll()
+
+    @property
+    def stands_still(self) -> bool:
+        """Whether it was stopped (SIGSTOP) and cannot end by itself."""
+        try:
+            return psutil.Process(self.popen.pid).status() == psutil.STATUS_STOPPED
+        except psutil.NoSuchProcess:
+            return False
+
+    def send_stop(self, ending: Ending) -> None:
+        """Asks the node to end."""
+        self._send(json.dumps({"stop": ending.reason, "exit_status": ending.exit_status}) + "\n")
+
+    def _send(self, line: str) -> None:
+        if self.popen.stdin is not None:
+            with suppress(BrokenPipeError):  # it has ended
+                os.write(self.popen.stdin.fileno(), line.encode())  # past the buffer, so that none is left
+
+    def last_words(self) -> str:
+        """The last line of its log."""
+        lines = self.log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+        return lines[-1] if lines else "it left no message"
+
+
+def node_program(name: str) -> tuple[str, ...]:
+    """The Python program of a node."""
+    return ("-m", f"subsoil_ros.ros.nodes.{name}_node")
+
+
+def start_node(
+    name: str, program: Sequence[str], log: Path, parameters: Parameters, domain: int, namespace: str = ""
+) -> NodeProcess:
+    """Starts a node in a session of its own, so that a Ctrl-C of the terminal reaches only this process."""
+    command = [sys.executable, *program, *ros_arguments(parameters, namespace)]
+    environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", **os.environ, "ROS_DOMAIN_ID": str(domain)}
+    with log.open("w", encoding="utf-8") as stream:
+        popen = subprocess.Popen(
+            command,
+            env=environment,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE if name == COUPLER else stream,
+            stderr=stream,
+            text=True,
+            start_new_session=True,
+        )
+    return NodeProcess(name, popen, log)
+
+
+class Supervisor:
+    """Follows the processes of one run to its end.
+
+    The nodes hold the other end of a pipe: should this process be killed, they notice and end.
+    """
+
+    def __init__(self, processes: list[NodeProcess], on_progress: Callable[[int], None]) -> None:
+        self._processes = processes
+        self._on_progress = on_progress
+        self._coupler = next(process for process in processes if process.name == COUPLER)
+        self._events: queue.Queue[dict] = queue.Queue()
+        self._verdict: Ending | None = None
+        self._failed: tuple[float, NodeProcess] | None = None
+        self._progressed = False
+        self._deadline = float("inf")  # then whoever is left is killed
+        self._coupler_end: float | None = None
+        self._asked: set[str] = set()  # nodes asked to end after the coupler
+        self._reader = threading.Thread(target=self._read_events, daemon=True)
+        self._reader.start()
+
+    def follow(self, stop_signal: Callable[[], int]) -> Ending:
+        """Waits for the end of the run. On return no process is left.
+
+        Args:
+            stop_signal: asked many times a second; a signal's number other than 0 ends the run.
+        """
+        ending: Ending | None = None
+        wish: Ending | None = None
+        try:
+            while any(process.exit_status is None for process in self._processes):
+                self._take_events()
+                if wish is None and ending is None and stop_signal():
+                    wish = interrupted(stop_signal())
+                    self._end_coupler(wish)
+                if ending is None:
+                    ending = self._cause()
+                    if ending is not None:
+                        self._end_coupler(ending)
+                if ending is not None:
+                    self._kill_who_stands_still()
+                if self._coupler.exit_status is not None:
+                    self._end_others(ending or wish)
+                if time.monotonic() > self._deadline:
+                    break
+        finally:
+            killed = self._kill_remaining()
+        ending = ending or wish or self._cause()
+        if ending is None and killed:
+            ending = Ending(
+                RunError.exit_status, f"{killed} did not end within {GRACE_S:g} s of the run and was killed"
+            )
+        return ending or Ending()
+
+    def _read_events(self) -> None:
+        for line in self._coupler.popen.stdout or ():
+            try:
+                self._events.put(json.loads(line))
+            except json.JSONDecodeError:
+                continue  # a library's word on standard output
+
+    def _take_events(self) -> None:
+        """Waits a little for events of the coupler, and takes all there are."""
+        timeout_s = _POLL_S
+        while True:
+            try:
+                event = self._events.get(timeout=timeout_s)
+            except queue.Empty:
+                return
+            timeout_s = 0.0
+            if "tick" in event:
+                self._progressed = True
+                self._on_progress(event["tick"])
+            else:
+                self._verdict = Ending(event["exit_status"], event["reason"])
+
+    def _cause(self) -> Ending | None:
+        """Why the run ended, as soon as it is known; None while it goes on, or if all went well."""
+        if self._coupler.exit_status is not None:
+            self._reader.join()  # its last word is on the way
+            self._take_events()
+        for process in self._processes:
+            status = process.exit_status
+            if status is not None and status < 0:
+                return Ending(
+                    RunError.exit_status,
+                    f"{process.name} node (process {process.popen.pid}) was ended by "
+                    f"{signal.Signals(-status).name}; its log is {process.log}",
+                )
+            if status and self._failed is None:
+                self._failed = (time.monotonic(), process)
+        if self._verdict is not None and self._verdict.exit_status:
+            return self._verdict
+        if self._failed is None:
+            return None
+        since, process = self._failed
+        over = all(item.exit_status is not None for item in self._processes)
+        may_tell = self._coupler.exit_status is None and not self._coupler.stands_still
+        if may_tell and not over and time.monotonic() - since < VERDICT_S:
+            return None
+        return Ending(process.exit_status or RunError.exit_status, process.last_words())
+
+    def _end_coupler(self, ending: Ending) -> None:
+        """Asks the coupler to abort the run, which closes the bag in order."""
+        self._coupler.send_stop(ending)
+        grace_s = GRACE_S if self._progressed else STARTUP_GRACE_S
+        if ending.exit_status > SIGNAL_STATUS:
+            grace_s += KEEP_S
+        self._deadline = min(self._deadline, time.monotonic() + grace_s)
+
+    def _end_others(self, ending: Ending | None) -> None:
+        """Asks the others to end after the coupler; a recorder that heard of an abort may follow it first."""
+        now = time.monotonic()
+        if self._coupler_end is None:
+            self._coupler_end = now
+            self._deadline = now + GRACE_S
+        if ending is None:
+            return  # all went well: they have been told
+        killed = (self._coupler.exit_status or 0) < 0
+        for process in self._processes:
+            patience_s = CUT_PATIENCE_S if process.name == RECORDER and not killed else 0.0
+            if process.name not in self._asked and now >= self._coupler_end + patience_s:
+                self._asked.add(process.name)
+                process.send_stop(ending)
+
+    def _kill_who_stands_still(self) -> None:
+        """Ends at once who cannot end by himself."""
+        for process in self._processes:
+            if process.stands_still:
+                process.popen.kill()
+
+    def _kill_remaining(self) -> str:
+        """Names of the nodes that had to be killed."""
+        stuck = [process for process in self._processes if process.exit_status is None]
+        for process in stuck:
+            process.popen.kill()
+        for process in self._processes:
+            process.popen.wait()
+            for stream in (process.popen.stdin, process.popen.stdout):
+                if stream is not None:
+                    stream.close()
+        if any((process.exit_status or 0) < 0 for process in self._processes):
+            sweep_shared_memory()
+        return ", ".join(process.name for process in stuck)

@@ -1,0 +1,1 @@
+"""Messages on the wire: codec, quality of service, ROS domains."""

@@ -1,0 +1,46 @@
+"""Records of messages.py to serialized messages and back; float64 values are only copied.
+
+Nodes publish and take CDR bytes, made by the same serializer as in the direct run: the bags of all
+modes hold the same bytes, and it takes a third of the time of rclpy's own conversion.
+"""
+
+from collections.abc import Callable
+from functools import cache
+from importlib import import_module
+from typing import Any
+
+from ...recording.conversion import from_message, message_type, to_message
+from ...recording.types import deserialize, message_class, serialize
+from .tick_codec import TICKED, TickCodec
+
+
+@cache
+def rclpy_class(name: str) -> Any:
+    """rclpy's class of a message type, "subsoil_msgs/msg/Grant": what a topic is declared with."""
+    package, _, short = name.partition("/msg/")
+    return getattr(import_module(f"{package}.msg"), short)
+
+
+def class_of(kind: type) -> Any:
+    """rclpy's class of the message that carries records of `kind`."""
+    return rclpy_class(message_type(kind))
+
+
+def writer(kind: type, interval_ns: int) -> Callable[[Any], bytes]:
+    """The function that gives the CDR bytes of records of `kind`."""
+    if kind in TICKED:
+        return TickCodec(kind, interval_ns).encode
+    return lambda record: to_bytes(record, interval_ns)
+
+
+def to_bytes(record: Any, interval_ns: int) -> bytes:
+    """CDR of the message that carries `record`."""
+    return serialize(to_message(message_class, record, interval_ns))
+
+
+def reader(kind: type, interval_ns: int) -> Callable[[bytes], Any]:
+    """The function that gives the record of `kind` in CDR bytes."""
+    if kind in TICKED:
+        return TickCodec(kind, interval_ns).decode
+    name = message_type(kind)
+    return lambda cdr: from_message(kind, deserialize(cdr, name))

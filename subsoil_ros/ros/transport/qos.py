@@ -1,0 +1,57 @@
+"""Quality of service of every topic of a run."""
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from ...coupling.protocol import ACK_LAG_TICKS
+from ...messages import NodeHello, SoilCloud
+from ...recording.topics import LOCKSTEP_DEPTH
+
+LOCKSTEP_QOS = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=LOCKSTEP_DEPTH,
+)
+"""Lockstep messages and the states recorded with them. The recorder is never further behind than
+ACK_LAG_TICKS, so nothing leaves the history before it has arrived.
+
+Volatile: nobody may join late, all endpoints are matched before tick 0. A history that is kept for
+late-comers is always full, and Fast DDS then asks every reader for an acknowledgement with every message.
+"""
+
+HELLO_QOS = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=50,
+)
+"""One queue takes the words of all nodes, so it must hold several of each."""
+
+CLOUD_QOS = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=ACK_LAG_TICKS + 1,
+)
+"""Volatile: a cloud is freed as soon as its readers have it. Deep enough for one cloud per tick."""
+
+PEOPLE_QOS = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=10,
+)
+"""Poses, wrenches, /tf and /clock: live, for whoever listens; the bag derives its own."""
+
+LATCHED_QOS = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1,
+)
+"""What is said once and kept for who comes later: the machine's description, its tools."""
+
+
+def qos_of(kind: type) -> QoSProfile:
+    """The quality of service for records of `kind`, to publish and to listen."""
+    return {NodeHello: HELLO_QOS, SoilCloud: CLOUD_QOS}.get(kind, LOCKSTEP_QOS)

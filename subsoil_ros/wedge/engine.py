@@ -1,0 +1,342 @@
+"""The reduced soil engine: motions of the tools in, wrenches on the tools out, in closed form."""
+
+import copy
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+
+import numpy as np
+
+from ..errors import InputError, PhysicsError
+from ..loading.loader import ResolvedScene
+from ..loading.soil_file import RANGE_MARGIN, refuse_rake, soil_of
+from ..messages import GroupForce, SoilCloud, SoilState, ToolMotion, ToolWrench
+from ..scene.meshes import load_tool_mesh
+from ..scene.tool_faces import CuttingFace, WheelFace, cutting_faces, wheel_face
+from ..scene.wedge import ResistanceValues, layer_values
+from .layers import mean_strength
+from .wedge import Plate, failure
+from .wheel import SLOWEST_M_PER_S, grip_newton, rolling_resistance_newton, wheel_load_newton
+
+ROUND_OFF_RAD = 1e-9
+"""A plate that leans forward by less counts as upright (chosen: above the round-off of a pose)."""
+
+
+@dataclass
+class ToolMemory:
+    """What the soil remembers of one tool."""
+
+    x_m: float
+    z_m: float
+    phi_rad: float
+    normal_newton: list[float]  # elastic normal force on each face
+    phase: float = 0.0  # of the failure cycle, 0 to 1
+    failed_count: int = 0  # wedges that have failed
+    strength: float = 1.0  # of this wedge over the mean
+    length: float = 1.0  # of this wedge over the mean
+    shear_m: float = 0.0  # of the soil at the end of a wheel's contact
+
+
+@dataclass
+class ResistanceState:
+    """The whole state of the soil: two engines with equal states go on alike."""
+
+    tools: list[ToolMemory] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class _Tool:
+    """What does not change of a tool."""
+
+    name: str
+    groups: tuple[str, ...]
+    reference_phi_rad: float
+    faces: tuple[CuttingFace, ...] = ()
+    wheel: WheelFace | None = None
+
+
+@dataclass
+class _Felt:
+    """Sums of one tick."""
+
+    groups: list[list[float]]  # force x, z of each group
+    torque: float = 0.0  # about y
+    count: int = 0
+
+    def add(self, group: int, force: tuple[float, float], arm: tuple[float, float]) -> None:
+        self.groups[group][0] += force[0]
+        self.groups[group][1] += force[1]
+        self.torque += arm[1] * force[0] - arm[0] * force[1]
+
+
+class ResistanceEngine:
+    """Wedges, sides and wheels; one step per tick. docs/resistance.md has the equations and their sources."""
+
+    def __init__(self, resolved: ResolvedScene) -> None:
+        soil = resolved.scene.reduced_soil
+        if soil is None:
+            raise InputError(f"{resolved.path}: soil.model is not 'resistance'; it needs another engine")
+        self._resolved = resolved
+        self._interval_s = resolved.timing.interval_s
+        self._length_m, self._seed = soil.bin.length_m, soil.seed
+        found = soil_of(soil)
+        beyond = "beyond_fitted_range" in resolved.scene.allow
+        self._values, self._range = found.values, None if beyond else found.fitted_range
+        self._layers = layer_values(self._values, soil.layers)
+        self._gravity = resolved.scene.gravity_m_per_s2
+        self._tools = tuple(self._tool(name) for name in resolved.scene.tools)
+        self.memory = ResistanceState()
+        # loads the kernel: at the first cut that would be a pause of 0.2 s in a run that keeps real time
+        failure(Plate(1.0, 1.0, 0.1, 0.1), mean_strength(self._layers, 0.1, 0.1, self._gravity), 0.0)
+
+    def _tool(self, name: str) -> _Tool:
+        scene = self._resolved.scene
+        tool, place = scene.tools[name], f"tools.{name}"
+        mesh = load_tool_mesh(self._resolved.directory, scene, name)
+        bodies = scene.mechanism.bodies if scene.mechanism else {}
+        phi = bodies[tool.body].angle_rad if tool.body else 0.0
+        if tool.share:
+            return _Tool(name, mesh.groups, phi, faces=cutting_faces(mesh, place))
+        return _Tool(name, mesh.groups, phi, wheel=wheel_face(mesh, place))
+
+    def with_values(self, values: ResistanceValues) -> "ResistanceEngine":
+        """The same engine at rest in a soil of other values; cheap, for fits."""
+        other = copy.copy(self)
+        soil = self._resolved.scene.reduced_soil
+        other._values, other._layers = values, layer_values(values, soil.layers if soil else None)
+        other.memory = ResistanceState()
+        return other
+
+    def start(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
+        """Wrenches of the initial state: of wheels that stand in the soil; wedges form with travel."""
+        self.memory = ResistanceState(
+            [
+                ToolMemory(m.x_m, m.z_m, m.phi_rad, [0.0] * len(tool.faces))
+                for tool, m in zip(self._tools, motions, strict=True)
+            ]
+        )
+        for index in range(len(self._tools)):
+            self._next_wedge(index)
+        return self._answer("start", motions)
+
+    def advance(self, tick: int, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
+        """Wrenches at the end of `tick`, the tools moving from where they stand to `motions`.
+
+        Raises:
+            PhysicsError: a share left the rakes of the theory, or the range its soil was fitted in.
+        """
+        return self._answer(f"tick {tick}", motions)
+
+    def state_arrays(self) -> dict[str, np.ndarray]:
+        """All that later ticks depend on, by name: the memory of each tool."""
+        return {
+            f"tool.{tool.name}.{name}": np.array(value)
+            for tool, memory in zip(self._tools, self.memory.tools, strict=True)
+            for name, value in asdict(memory).items()
+        }
+
+    def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Goes on from such a state. In place of `start`.
+
+        Raises:
+            KeyError, ValueError: it is not one of this scene.
+        """
+        self.memory = ResistanceState(
+            [
+                ToolMemory(
+                    **{f.name: arrays[f"tool.{tool.name}.{f.name}"].tolist() for f in fields(ToolMemory)}
+                )
+                for tool in self._tools
+            ]
+        )
+        for tool, memory in zip(self._tools, self.memory.tools, strict=True):
+            if len(memory.normal_newton) != len(tool.faces):
+                raise ValueError(f"tool {tool.name}: {len(memory.normal_newton)} faces")
+
+    def _answer(self, where: str, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
+        wrenches = []
+        for index, (tool, motion) in enumerate(zip(self._tools, motions, strict=True)):
+            memory = self.memory.tools[index]
+            moved = (motion.x_m - memory.x_m, motion.z_m - memory.z_m, motion.phi_rad - memory.phi_rad)
+            felt = _Felt([[0.0, 0.0] for _ in tool.groups])
+            if tool.wheel is not None:
+                self._roll(tool.wheel, memory, motion, moved, felt)
+            for number, face in enumerate(tool.faces):
+                self._cut(where, index, number, face, motion, moved, felt)
+            memory.x_m, memory.z_m, memory.phi_rad = motion.x_m, motion.z_m, motion.phi_rad
+            wrenches.append(_wrench(tool, felt, moved))
+        return tuple(wrenches)
+
+    def _cut(
+        self, where: str, index: int, number: int, face: CuttingFace, motion: ToolMotion,
+        moved: tuple[float, float, float], felt: _Felt,
+    ) -> None:  # fmt: skip
+        """Wedge and sides of one face, which stands at `motion` and has come by `moved` (x, z, phi)."""
+        tool, memory = self._tools[index], self.memory.tools[index]
+        turn = motion.phi_rad - tool.reference_phi_rad
+        cosine, sine = math.cos(turn), math.sin(turn)
+        tip, top = ((cosine * x - sine * z, sine * x + cosine * z) for x, z in (face.tip_m, face.top_m))
+        depth, tip_x = -(motion.z_m + tip[1]), motion.x_m + tip[0]
+        if depth <= 0.0 or not 0.0 < tip_x < self._length_m:
+            memory.normal_newton[number] = 0.0
+            return
+        rake = face.rake_rad - turn
+        tall = top[1] - tip[1]
+        height = min(tall, depth)
+        strength = mean_strength(self._layers, depth, height, self._gravity)
+        if face.is_share:
+            refuse_rake(
+                rake, strength.friction, strength.tool_friction, f"{where}: tools.{tool.name}", PhysicsError
+            )
+        else:
+            rake = min(rake, 0.5 * math.pi)  # a shank that leans back is taken as upright
+        if rake < 0.5 * math.pi - ROUND_OFF_RAD:
+            height = min(height, tip_x * math.tan(rake))  # what has come through the end of the bin
+        speed = max(moved[0] - moved[2] * tip[1], 0.0) / self._interval_s
+        if self._range is not None and face.is_share:
+            self._refuse_beyond(where, tool.name, depth, speed)
+        beta, force, length, rising = failure(Plate(face.width_m, rake, depth, height), strength, speed)
+        part = 1.0 if face.is_share else self._values.shank_part
+        force *= part
+        up = (rising / 3.0 + 0.5 * (1.0 - rising)) * height / tall
+        arm = (tip[0] + up * (top[0] - tip[0]), tip[1] + up * (top[1] - tip[1]))
+        way = (moved[0] - moved[2] * arm[1], moved[1] + moved[2] * arm[0])
+        normal = self._press(index, number, face, rake, force, strength.tool_friction, length, way)
+        adhesion = part * strength.adhesion * height * face.width_m / math.sin(rake)
+        felt.add(face.group, _on_plate(rake, beta, normal, force, adhesion, strength.tool_friction, way,
+                                       SLOWEST_M_PER_S * self._interval_s), arm)  # fmt: skip
+        felt.count += normal > 0.0
+        middle = depth - 0.5 * height
+        pressure = (1.0 - math.sin(strength.friction)) * (strength.unit_weight * middle + strength.surcharge)
+        side = strength.adhesion + pressure * math.tan(strength.tool_friction)
+        side *= 2.0 * part * face.side_m2 * height / tall
+        half = 0.5 * height / tall
+        centre = (tip[0] + half * (top[0] - tip[0]), tip[1] + half * (top[1] - tip[1]))
+        slid = (moved[0] - moved[2] * centre[1], moved[1] + moved[2] * centre[0])
+        scale = -side / (math.hypot(*slid) + SLOWEST_M_PER_S * self._interval_s)
+        felt.add(face.group, (scale * slid[0], scale * slid[1]), centre)
+
+    def _press(
+        self, index: int, number: int, face: CuttingFace, rake: float, force: float, delta: float,
+        length: float, way: tuple[float, float],
+    ) -> float:  # fmt: skip
+        """Normal force [N] on a plate after it went `way` (x, z): a spring up to what the wedge bears.
+
+        The wedge bears (1 - drop) P when it begins and P when it fails; only travel beyond the spring's
+        brings it nearer to that. The damper makes up for the force held over a tick (coupling, k H / 2).
+        """
+        memory, values = self.memory.tools[index], self._values
+        bears = force * math.cos(delta) * memory.strength * (1.0 - values.drop * (1.0 - memory.phase))
+        stiffness = values.bed_modulus_newton_per_m3 * face.area_m2
+        into = way[0] * math.sin(rake) + way[1] * math.cos(rake)
+        trial = memory.normal_newton[number] + stiffness * into
+        memory.normal_newton[number] = min(max(trial, 0.0), bears)
+        normal = min(max(memory.normal_newton[number] + stiffness * into, 0.0), bears)
+        if face.is_share and trial > bears and into > 0.0 and length > 0.0:
+            slid = min((trial - bears) / stiffness, into) / math.sin(rake)
+            period = values.period_m or values.period_factor * length
+            memory.phase += slid / (period * memory.length)
+            while memory.phase >= 1.0:
+                memory.phase -= 1.0
+                memory.failed_count += 1
+                self._next_wedge(index)
+        return normal
+
+    def _next_wedge(self, index: int) -> None:
+        """Strength and length of the wedge that forms now: lognormal of mean 1, by seed, tool and number."""
+        memory, spread = self.memory.tools[index], self._values.variation
+        if spread == 0.0:
+            return
+        random = np.random.default_rng([self._seed, index, memory.failed_count])
+        sigma = math.sqrt(math.log1p(spread * spread))
+        memory.strength, memory.length = np.exp(sigma * random.standard_normal(2) - 0.5 * sigma**2).tolist()
+
+    def _roll(
+        self, wheel: WheelFace, memory: ToolMemory, motion: ToolMotion, moved: tuple[float, float, float],
+        felt: _Felt,
+    ) -> None:  # fmt: skip
+        """Load, resistance and grip of one wheel."""
+        sinkage = wheel.radius_m - motion.z_m
+        soil = self._values.wheels
+        if soil is None or sinkage <= 0.0 or not 0.0 < motion.x_m < self._length_m:
+            memory.shear_m = 0.0
+            return
+        interval = self._interval_s
+        sinkage = min(sinkage, wheel.radius_m)
+        load = wheel_load_newton(wheel, soil, sinkage)
+        steep = load * (soil.exponent + 0.5) / sinkage  # dW / dz
+        damping = soil.damping_newton_s_per_m + steep * interval
+        upward = max(load - damping * moved[1] / interval, 0.0)
+        backward = rolling_resistance_newton(wheel, soil, sinkage) * moved[0]
+        backward /= abs(moved[0]) + SLOWEST_M_PER_S * interval
+        # shear of the soil where it leaves the contact; rolling on brings fresh soil
+        contact = math.sqrt(2.0 * wheel.radius_m * sinkage)
+        slid = moved[0] + moved[2] * wheel.radius_m
+        memory.shear_m = (memory.shear_m + slid) / (1.0 + abs(moved[0]) / contact)
+        top = self._layers[0][1]
+        grip = math.copysign(
+            grip_newton(wheel, top, upward, sinkage, abs(memory.shear_m) / contact), memory.shear_m
+        )
+        steep = grip_newton(wheel, top, upward, sinkage, 1e-3) / (1e-3 * contact)
+        grip += steep * slid
+        most = grip_newton(wheel, top, upward, sinkage, 1e3)
+        grip = min(max(grip, -most), most)
+        felt.add(0, (-backward, upward), (0.0, 0.0))
+        felt.add(0, (-grip, 0.0), (0.0, -wheel.radius_m))
+        felt.count += 1
+
+    def _refuse_beyond(self, where: str, tool: str, depth_m: float, speed_m_per_s: float) -> None:
+        assert self._range is not None
+        for word, unit, value, (_, largest) in (
+            ("deep", "m", depth_m, self._range.depth_m),
+            ("fast", "m/s", speed_m_per_s, self._range.speed_m_per_s),
+        ):
+            if value > RANGE_MARGIN * largest:
+                raise PhysicsError(
+                    f"{where}: tools.{tool} is {value:.3g} {unit} {word}, the soil file was fitted up to "
+                    f"{largest:.3g} {unit} and is taken up to {RANGE_MARGIN:g} times that; fit it further, "
+                    "or add allow: [beyond_fitted_range]"
+                )
+
+    def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
+        """Zeros: there are no particles to monitor."""
+        return SoilState(run_id, tick, end_time_ns, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+    def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:
+        """Nobody asks: the schedule of a scene without particles has no clouds.
+
+        Raises:
+            InputError: always.
+        """
+        raise InputError("soil.model: 'resistance' has no particles, so there is no cloud of them")
+
+
+def _on_plate(
+    rake: float, beta: float, normal: float, force: float, adhesion: float, delta: float,
+    way: tuple[float, float], slow_m: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Force (x, z) of the soil on a plate: normal, friction and adhesion against the sliding of the wedge.
+
+    Pressed on, the wedge leaves along beta, and the plate slides under it by way.t - way.n cot(alpha + beta).
+    Never more than passive: what would help the tool along is left out.
+    """
+    n, t = (math.sin(rake), math.cos(rake)), (math.cos(rake), -math.sin(rake))
+    into, along = way[0] * n[0] + way[1] * n[1], way[0] * t[0] + way[1] * t[1]
+    slip = along - into / math.tan(rake + beta) if into > 0.0 else along
+    mobilised = normal / (force * math.cos(delta)) if force > 0.0 else 0.0
+    shear = (normal * math.tan(delta) + adhesion * min(mobilised, 1.0)) * slip / (abs(slip) + slow_m)
+    if into > 0.0 and normal * into + shear * along < 0.0:
+        shear = 0.0
+    return -normal * n[0] - shear * t[0], -normal * n[1] - shear * t[1]
+
+
+def _wrench(tool: _Tool, felt: _Felt, moved: tuple[float, float, float]) -> ToolWrench:
+    """The sums as a wrench; work is force times displacement in this tick, exactly."""
+    fx = sum(force[0] for force in felt.groups)
+    fz = sum(force[1] for force in felt.groups)
+    groups = tuple(
+        GroupForce(name, force[0], 0.0, force[1])
+        for name, force in zip(tool.groups, felt.groups, strict=True)
+    )
+    work = fx * moved[0] + fz * moved[1] - felt.torque * moved[2]
+    return ToolWrench(tool.name, fx, 0.0, fz, 0.0, felt.torque, 0.0, work, felt.count, groups)

@@ -1,0 +1,165 @@
+"""A scene as a plain YAML document: reading, merging, removing. Knows no keys of the scene itself."""
+
+import difflib
+import math
+from collections.abc import Iterator, Mapping
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.composer import Composer, ComposerError
+from ruamel.yaml.constructor import SafeConstructor
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.nodes import MappingNode, ScalarNode
+from ruamel.yaml.representer import RepresenterError
+
+from .errors import SceneError
+
+Document = dict[str, Any]
+
+_PLAIN = ("tag:yaml.org,2002:str", "tag:yaml.org,2002:merge")
+
+
+class _Composer(Composer):
+    """Refuses repeated keys, and keys that are not text."""
+
+    def compose_mapping_node(self, anchor: str | None) -> MappingNode:
+        node: MappingNode = super().compose_mapping_node(anchor)
+        lines: dict[str, int] = {}
+        for key, _ in node.value:
+            if key.tag not in _PLAIN:
+                shown = key.value if isinstance(key, ScalarNode) else "of several values"
+                problem = f"key {shown} is not text; put it in quotes"
+                raise ComposerError(None, None, problem, key.start_mark)
+            if key.value in lines:
+                first = lines[key.value]
+                problem = f"key '{key.value}' is given twice, first in line {first}; keep one of them"
+                raise ComposerError(None, None, problem, key.start_mark)
+            lines[key.value] = key.start_mark.line + 1
+        return node
+
+
+class _Constructor(SafeConstructor):
+    """Reads dates as text."""
+
+
+_Constructor.add_constructor("tag:yaml.org,2002:timestamp", SafeConstructor.construct_yaml_str)
+
+
+def _yaml() -> YAML:
+    """YAML 1.2."""
+    yaml = YAML(typ="safe", pure=True)
+    yaml.Composer, yaml.Constructor = _Composer, _Constructor
+    yaml.default_flow_style = False
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    yaml.width = 1000  # a folded line would end in a blank
+    yaml.representer.ignore_aliases = lambda data: True  # not every reader follows them
+    return yaml
+
+
+def dump_yaml(document: Document | list[Document]) -> str:
+    """The document as YAML text that `parse_yaml` reads back equal, its keys in the same order."""
+    stream = StringIO()
+    _yaml().dump(document, stream)
+    return stream.getvalue()
+
+
+def parse_yaml(text: str | bytes, source: str) -> Any:
+    """Parse YAML 1.2; `source` names it in errors.
+
+    Raises SceneError with line and column for a syntax error, a repeated key or a key that is not
+    text, and for numbers that are not finite.
+    """
+    try:
+        value = _yaml().load(text)
+        for path, leaf in leaves(value):
+            if isinstance(leaf, float) and not math.isfinite(leaf):
+                where = f"{source}: {path}" if path else source
+                raise SceneError(f"{where}: given {leaf}, allowed are finite numbers only")
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        where = f"{source}:{mark.line + 1}:{mark.column + 1}" if mark else source
+        raise SceneError(f"{where}: not valid YAML: {error.problem or error.context}") from error
+    except YAMLError as error:
+        raise SceneError(f"{source}: not valid YAML text: {' '.join(str(error).split())}") from error
+    except ValueError as error:  # for example an integer of too many digits
+        raise SceneError(f"{source}: a value cannot be read: {error}") from error
+    except RecursionError as error:
+        raise SceneError(f"{source}: nested without end; remove the alias that contains itself") from error
+    return value
+
+
+def plain_value(value: object, source: str) -> object:
+    """A copy of a value as YAML would give it. Raises SceneError for what YAML cannot say, as parse_yaml."""
+    try:
+        stream = StringIO()
+        _yaml().dump(value, stream)
+    except RepresenterError as error:
+        raise SceneError(
+            f"{source}: {error}; allowed are numbers, texts, booleans, None, lists, and mappings of them"
+        ) from error
+    return parse_yaml(stream.getvalue(), source)
+
+
+def read_document(path: Path, shown: str) -> Document:
+    """Read a YAML file that holds a mapping; `shown` is its name in errors."""
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError as error:
+        raise SceneError(f"{shown}: no such scene file{_similar_files(path)}") from error
+    except IsADirectoryError as error:
+        raise SceneError(f"{shown}: is a folder; name the scene file (.yaml) in it") from error
+    except OSError as error:
+        raise SceneError(f"{shown}: cannot be read: {error.strerror}") from error
+    document = parse_yaml(content, shown)
+    if not isinstance(document, dict):
+        found = "is empty" if document is None else f"holds a {type(document).__name__}"
+        raise SceneError(f"{shown}: {found}; a scene is a mapping with keys such as name, duration_s, soil")
+    return document
+
+
+def _similar_files(path: Path) -> str:
+    names = {found.name: found for found in path.parent.glob("*.yaml")} if path.parent.is_dir() else {}
+    beside = [names[name] for name in difflib.get_close_matches(path.name, names, n=8, cutoff=0.0)]
+    return f"; beside it there are {', '.join(p.name for p in beside)}" if beside else ""
+
+
+def leaves(value: object, path: str = "") -> Iterator[tuple[str, object]]:
+    """Every scalar of a document with its dotted path."""
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            yield from leaves(item, f"{path}.{key}" if path else str(key))
+    elif isinstance(value, list):
+        for index, item in enumerate(value):
+            yield from leaves(item, f"{path}.{index}" if path else str(index))
+    else:
+        yield path, value
+
+
+def merge(below: Document, above: Document, source: str, path: str = "") -> Document:
+    """`above` laid over `below`: mappings merge, anything else replaces, null removes.
+
+    A mapping whose `kind` differs replaces: the keys of another kind would be unknown there. Where `model`
+    differs, as of soil, only the bin stays.
+    Raises SceneError where null stands for a key that is not there.
+    """
+    merged = dict(below)
+    for key, value in above.items():
+        here = f"{path}.{key}" if path else key
+        if value is None:
+            if key not in merged:
+                raise SceneError(f"{source}: {here}: null removes a key, but there is none to remove")
+            del merged[key]
+            continue
+        present = merged.get(key)
+        if isinstance(value, dict):
+            beneath = present if isinstance(present, dict) else {}
+            if "kind" in value and value["kind"] != beneath.get("kind"):
+                beneath = {}
+            if "model" in value and value["model"] != beneath.get("model", "dem"):
+                beneath = {key: beneath[key] for key in ("bin",) if key in beneath}
+            merged[key] = merge(beneath, value, source, here)
+        else:
+            merged[key] = value
+    return merged

@@ -13,7 +13,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from subsoil_ros.coupling.checkpoints import CouplingState, Keeper, restore_engine
+from subsoil_ros.coupling.checkpoints import CheckpointWriter, CouplingState, restore_engine
 from subsoil_ros.coupling.energy_account import InterfaceWork
 from subsoil_ros.coupling.engines import build_mover, build_soil
 from subsoil_ros.coupling.protocol import MECHANISM, SOIL
@@ -53,7 +53,7 @@ def measure(name: str, overrides: tuple[str, ...], place: Path, repeats: int) ->
     wrenches = soil.start(motions)
     writes, reads = [], []
     with tempfile.TemporaryDirectory(dir=place) as folder:
-        keeper = Keeper(Path(folder), resolved, "benchmark")
+        keeper = CheckpointWriter(Path(folder), resolved, "benchmark")
         for tick in range(repeats):
             start = time.monotonic()
             keeper.keep(tick, MECHANISM, mover)

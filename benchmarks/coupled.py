@@ -44,7 +44,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--set", dest="overrides", action="append", default=[], metavar="KEY=VALUE")
     args = parser.parse_args()
-    interval_s = load_scene(args.scene, args.overrides).timing.interval_s
+    interval_s = load_scene(args.scene, args.overrides).timing.communication_step_s
     overrides = [*args.overrides, f"duration_s={args.ticks * interval_s!r}"]
     wall_s: dict[str, list[float]] = {mode: [] for mode in MODES}
     digests = set()

@@ -46,18 +46,18 @@ Rows = list[dict[str, Any]]
 def soils(folder: Path) -> list[tuple[str, dict[str, Any]]]:
     """Keys of `soil`, from all features to none."""
     trimesh.creation.box((0.02, 0.06, 0.2)).export(folder / "plate.stl")
-    soft = {"law": {"kind": "wet", "particle": {"stiffness_newton_per_m": 9e3}}}
+    soft = {"law": {"kind": "cohesive_linear", "particle": {"stiffness_newton_per_m": 9e3}}}
     keys: dict[str, Any] = {
         "bin": {"length_m": 0.4, "width_m": 0.24, "depth_m": 0.24, "sides": "periodic"},
         "particles": {
-            "sizes": {"kind": "uniform", "smallest_radius_m": 0.0085, "largest_radius_m": 0.0115},
+            "sizes": {"kind": "uniform", "smallest_radius_m": 0.0085, "max_radius_m": 0.0115},
             "density_kg_per_m3": 1800.0,
         },
         "bed": {"kind": "dense_random"},
-        "law": {"kind": "wet", "particle": WET_PARTICLE, "boundary": WET_BOUNDARY},
+        "law": {"kind": "cohesive_linear", "particle": WET_PARTICLE, "boundary": WET_BOUNDARY},
         "layers": [{"name": "upper", "thickness_m": 0.12, **soft}, {"name": "lower"}],
         "time_step_s": 2.5e-5,
-        "monitors": {"largest_energy_defect": 0.5},
+        "monitors": {"max_energy_defect": 0.5},
     }
     found = [("all: energy book, sizes, layers, periodic, rolling, adhesion, tangential", dict(keys))]
 
@@ -71,14 +71,18 @@ def soils(folder: Path) -> list[tuple[str, dict[str, Any]]]:
 
     def law(**values: float) -> dict[str, Any]:
         of = keys["law"]
-        return {"kind": "wet", "particle": of["particle"] | values, "boundary": of["boundary"] | values}
+        return {
+            "kind": "cohesive_linear",
+            "particle": of["particle"] | values,
+            "boundary": of["boundary"] | values,
+        }
 
     less("energy book", monitors=None)
     less("sizes", particles={"radius_m": 0.01, "density_kg_per_m3": 1800.0})
     less("layers", layers=None)
     less("periodic sides", bin=keys["bin"] | {"sides": "walls"})
     less("rolling friction", law=law(rolling_friction=0.0))
-    less("adhesion", law=law(adhesion_newton_per_m=0.0))
+    less("adhesion", law=law(cohesive_stiffness_newton_per_m=0.0))
     less(
         "tangential springs",
         law=law(tangential_stiffness_newton_per_m=0.0, tangential_damping_newton_s_per_m=0.0),
@@ -147,8 +151,10 @@ def runs(folder: Path) -> list[tuple[str, str, Turn]]:
         changes.extend(further)
 
     less("machine, soil, bag, clouds, controller", [])
-    interval_ns = load_scene(SCENES / "subsoiler_1s300_draft_limit.yaml", changes).timing.interval_ns
-    changes.append(f"coupling.interval_ns={interval_ns}")
+    communication_step_ns = load_scene(
+        SCENES / "subsoiler_1s300_draft_limit.yaml", changes
+    ).timing.communication_step_ns
+    changes.append(f"coupling.communication_step_ns={communication_step_ns}")
     less("less controller", ["controller=null"])
     less("less clouds", ["record.cloud_hz=0.0"])
     less("less bag", ["record.bag=false"])

@@ -367,7 +367,7 @@ def scene(path: Path, device: str, threads: int, overrides: list[str]) -> Iterab
         "device": device,
         "precision": resolved.scene.particle_soil.precision if resolved.scene.particle_soil else "",
         "ticks": resolved.timing.tick_count,
-        "simulated_s": resolved.timing.tick_count * resolved.timing.interval_s,
+        "simulated_s": resolved.timing.tick_count * resolved.timing.communication_step_s,
         "wall_s": done.facts["wall_s"],
         **{key: value for key, value in means.items() if math.isfinite(value)},
     }

@@ -30,7 +30,7 @@ def ticks_of(case: Case, soil_steps: int) -> Case:
     """A case whose ticks have so many soil steps."""
     timing = case.resolved.timing
     longer = Timing(
-        timing.interval_ns * soil_steps, tick_count=10**9, soil_steps=soil_steps, mechanism_steps=0
+        timing.communication_step_ns * soil_steps, tick_count=10**9, soil_steps=soil_steps, mechanism_steps=0
     )
     return dataclasses.replace(case, resolved=dataclasses.replace(case.resolved, timing=longer))
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from subsoil_ros import __version__
 from subsoil_ros.api.execution import code_digest, machine_name
-from subsoil_ros.experiments.kept_runs import KeptRun, find_run, keep_folder
+from subsoil_ros.experiments.run_cache import CachedRun, find_run, keep_folder
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.yaml_document import Document, dump_yaml
 
@@ -56,7 +56,7 @@ def find_kept_run(scene: Path, folder: Path, overrides: Sequence[str] = ()) -> S
 
 def _run(
     scene: Path, resolved: ResolvedScene, cache: Path, overrides: Sequence[str], threads: int, keep_bag: bool
-) -> KeptRun:
+) -> CachedRun:
     cache.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".part-", dir=cache) as part:
         made = Path(part) / "run"

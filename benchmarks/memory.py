@@ -48,7 +48,7 @@ def measure(scene: Path, mode: str, ticks: int) -> list[dict[str, object]]:
         out = Path(folder) / "out"
         changes = {
             "duration_s": ticks * INTERVAL_NS * 1e-9,
-            "coupling.interval_ns": INTERVAL_NS,
+            "coupling.communication_step_ns": INTERVAL_NS,
             "record.series_ticks": 100,
         }
         sets = [word for key, value in changes.items() for word in ("--set", f"{key}={value}")]

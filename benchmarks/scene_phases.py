@@ -45,7 +45,7 @@ def main() -> None:
             wrenches = soil.advance(tick, motions)
         wall_s, cpu_s = time.perf_counter() - start, time.process_time() - cpu
     end = resolved.timing.tick_count - 1
-    state = soil.state("", end, (end + 1) * resolved.timing.interval_ns)
+    state = soil.state("", end, (end + 1) * resolved.timing.communication_step_ns)
     steps = resolved.timing.tick_count * resolved.timing.soil_steps
     parts = {phase: seconds / wall_s for phase, seconds in spent.items()}
     parts["mechanism"] = mechanism_s / wall_s

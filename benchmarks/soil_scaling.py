@@ -26,15 +26,15 @@ CASES = {  # radius and, where the law is scaled, the radius it holds for
 }
 
 
-def strength_of(radius_m: float, law_radius_m: float | None, seed: int) -> dict[str, float]:
+def strength_of(radius_m: float, reference_radius_m: float | None, seed: int) -> dict[str, float]:
     """Results of one specimen."""
     overrides = [
-        "start=lowered",
+        "initial_condition=lowered",
         f"soil.bed={{kind: dense_random, seed: {seed}}}",
         f"soil.particles.radius_m={radius_m}",
     ]
-    if law_radius_m is not None:
-        overrides.append(f"soil.particles.law_radius_m={law_radius_m}")
+    if reference_radius_m is not None:
+        overrides.append(f"soil.particles.reference_radius_m={reference_radius_m}")
     with tempfile.TemporaryDirectory() as folder:
         tests = run_soil_tests(
             load_scene(SCENE, overrides), NORMAL_PA, SIZE_M, Path(folder), inertial_number=INERTIAL_NUMBER
@@ -57,8 +57,8 @@ def main() -> None:
     seeds = range(parser.parse_args().seeds)
     found: dict[str, list[dict[str, float]]] = {case: [] for case in CASES}
     for seed in seeds:
-        for case, (radius_m, law_radius_m) in CASES.items():
-            result = strength_of(radius_m, law_radius_m, seed)
+        for case, (radius_m, reference_radius_m) in CASES.items():
+            result = strength_of(radius_m, reference_radius_m, seed)
             found[case].append(result)
             print(json.dumps({"case": case, "seed": seed} | result), flush=True)
     for case, results in found.items():

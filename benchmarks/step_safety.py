@@ -4,7 +4,7 @@
     python benchmarks/step_safety.py RUN [--parts 0.8 0.7 0.6 0.4] [--simulated 0.06]
 
 It goes on from its newest checkpoint, with the tools at the speed they have there. Printed for six equal
-parts of the time: the alternation (dem.monitors; 1: every particle turns round from step to step), and the
+parts of the time: the velocity_reversal (dem.monitors; 1: every particle turns round from step to step), and the
 mean force of the first tool against x.
 """
 
@@ -33,7 +33,7 @@ def moved_on(motion: ToolMotion, interval_s: float) -> ToolMotion:
         motion,
         x_m=motion.x_m + interval_s * motion.velocity_x_m_per_s,
         z_m=motion.z_m + interval_s * motion.velocity_z_m_per_s,
-        phi_rad=motion.phi_rad + interval_s * motion.phi_rate_rad_per_s,
+        angle_rad=motion.angle_rad + interval_s * motion.angular_velocity_rad_per_s,
     )
 
 
@@ -44,7 +44,7 @@ def looks(soil: SoilEngine, motions: tuple[ToolMotion, ...], interval_s: float, 
         motions = tuple(moved_on(motion, interval_s) for motion in motions)
         forces.append(-soil.advance(tick, motions)[0].force_x_newton)
         if (tick + 1) % (ticks // LOOKS) == 0:
-            found.append(f"{soil.alternation:.4f} ({fmean(forces):.0f} N)")
+            found.append(f"{soil.velocity_reversal:.4f} ({fmean(forces):.0f} N)")
             forces = []
     return found
 
@@ -68,13 +68,13 @@ def main() -> None:
         step = f"{part * limit.limit_s:.3e}"
         given = [
             f"soil.time_step_s={step}",
-            "coupling.interval_ns=auto",
-            "soil.monitors.largest_alternation=1.0",
+            "coupling.communication_step_ns=auto",
+            "soil.monitors.max_velocity_reversal=1.0",
         ]
         resolved = load_scene(args.run / "scene.yaml", given)
         soil = SoilEngine(resolved, args.threads)
         soil.restore({name: array.copy() for name, array in state.items()})
-        interval_s = resolved.timing.interval_s
+        interval_s = resolved.timing.communication_step_s
         found = looks(soil, motions, interval_s, int(args.simulated / interval_s))
         print(f"{part:.2f} of it, {float(step) * 1e6:.1f} us:", "  ".join(found), flush=True)
 

@@ -302,13 +302,13 @@ def _bag_faults(out: Path, copy: Path) -> list[str]:
     try:
         recover(copy)
         (path,) = copy.glob("*.mcap")
-        interval_ns = load_scene(out / "scene.yaml").timing.interval_ns
+        communication_step_ns = load_scene(out / "scene.yaml").timing.communication_step_ns
         ticks: dict[str, list[int]] = {"grant": [], "tool_motions": [], "tool_wrenches": []}
         with path.open("rb") as stream:
             for _, channel, message in make_reader(stream).iter_messages(log_time_order=False):
                 name = channel.topic.rpartition("/")[2]
                 if name in ticks:
-                    ticks[name].append(message.log_time // interval_ns - 1)
+                    ticks[name].append(message.log_time // communication_step_ns - 1)
     except Exception as error:  # whatever it is, it goes into the table
         return [f"bag: {type(error).__name__}: {error}"]
     lengths = [len(numbers) for numbers in ticks.values()]

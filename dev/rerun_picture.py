@@ -32,7 +32,7 @@ from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.messages import MechanismState
 from subsoil_ros.recording.bag_reader import BagReader, mcap_path
 
-STATE, REPORT, CLOUD = "/subsoil/mechanism_state", "/subsoil/coupling_report", "/subsoil/soil/cloud"
+STATE, REPORT, CLOUD = "/subsoil/mechanism_state", "/subsoil/coupling_report", "/subsoil/soil/points"
 EARTH, LINE = (150, 108, 62), (64, 200, 190)  # of soil and curves (chosen: nothing else has them)
 CURVES = 5
 LIMIT_S = 120.0
@@ -65,7 +65,7 @@ def layout(state: MechanismState, shank: str, spring: str, radius_m: float) -> r
             rrb.Vertical(
                 curve(STATE, "MechanismState", ".draft_newton", "draft [N]"),
                 curve(STATE, "MechanismState", f".forces[{force}].force_newton", "spring force [N]"),
-                curve(STATE, "MechanismState", f".bodies[{body}].phi_rad", "share angle [rad]"),
+                curve(STATE, "MechanismState", f".bodies[{body}].angle_rad", "share angle [rad]"),
                 curve(STATE, "MechanismState", f".bodies[{body}].z_m", "height of the shank [m]"),
                 curve(REPORT, "CouplingReport", ".residual_ratio", "energy residual / work"),
             ),

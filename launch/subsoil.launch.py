@@ -26,10 +26,10 @@ from subsoil_ros.errors import InputError
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.ros.process.plan import RunPlan, checked_namespace, remappings
 
-DEFAULT_SCENE = "config/scenes/subsoiler_1s300_resistance.yaml"
+DEFAULT_SCENE = "config/scenes/subsoiler_1s300_wedge.yaml"
 
 ARGUMENTS = {
-    "scene": (None, "scene file (.yaml); the machine on reduced soil without it"),
+    "scene": (None, "scene file (.yaml); the machine on wedge model without it"),
     "out": ("", "folder for the results; must not exist. runs/<time> without it"),
     "mode": ("nodes", "nodes: one process per node; composed: all in one process; direct: no ROS"),
     "recording": ("true", "whether the run has a recorder, which writes the bag"),

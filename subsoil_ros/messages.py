@@ -16,11 +16,11 @@ class Command(IntEnum):
     RUN = 0
     END = 1
     ABORT = 2
-    KEEP = 3  # everybody stands at the end of the tick named: write a checkpoint of it
+    CHECKPOINT = 3  # everybody stands at the end of the tick named: write a checkpoint of it
 
 
 class NodeState(IntEnum):
-    """Where a node is in its life. Values stand in NodeHello.msg."""
+    """Where a node is in its life. Values stand in NodeStatus.msg."""
 
     STARTING = 0
     READY = 1
@@ -38,10 +38,10 @@ class ToolMotion:
     x_m: float
     y_m: float  # lateral offset of the tool, constant
     z_m: float
-    phi_rad: float  # not wrapped: a wheel turns past pi
+    angle_rad: float  # not wrapped: a wheel turns past pi
     velocity_x_m_per_s: float
     velocity_z_m_per_s: float
-    phi_rate_rad_per_s: float
+    angular_velocity_rad_per_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class ToolMotions:
 
 
 @dataclass(frozen=True, slots=True)
-class GroupForce:
+class FacetGroupForce:
     """Force of the soil on one facet group of a tool (share, blade, ...), mean over the tick."""
 
     group: str
@@ -77,7 +77,7 @@ class ToolWrench:
     torque_z_newton_m: float
     work_joule: float  # done by the soil on the tool in this tick, summed soil step by soil step
     contact_count: int
-    groups: tuple[GroupForce, ...] = ()
+    groups: tuple[FacetGroupForce, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,9 +103,9 @@ class SoilState:
     rebuild_count: int  # neighbour lists built since the start
     kinetic_energy_joule: float  # translation and spin
     rms_speed_m_per_s: float
-    rms_spin_rad_per_s: float
-    largest_overlap_m: float
-    largest_tool_overlap_m: float
+    rms_angular_velocity_rad_per_s: float
+    max_overlap_m: float
+    max_tool_overlap_m: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,13 +115,13 @@ class BodyState:
     name: str
     x_m: float
     z_m: float
-    phi_rad: float
+    angle_rad: float
     velocity_x_m_per_s: float
     velocity_z_m_per_s: float
-    phi_rate_rad_per_s: float
+    angular_velocity_rad_per_s: float
     acceleration_x_m_per_s2: float
     acceleration_z_m_per_s2: float
-    phi_acceleration_rad_per_s2: float
+    angular_acceleration_rad_per_s2: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,7 +217,7 @@ class TickAck:
 
 
 @dataclass(frozen=True, slots=True)
-class NodeHello:
+class NodeStatus:
     """Who a node is, what it runs and how it is; sent at the start and as heartbeat."""
 
     run_id: str

@@ -5,25 +5,25 @@ INITIAL_TICK = -1
 """Tick of the initial state: its end time is 0."""
 
 
-def tick_end_ns(tick: int, interval_ns: int) -> int:
+def tick_end_ns(tick: int, communication_step_ns: int) -> int:
     """Simulated time at the end of `tick` [ns]; 0 for INITIAL_TICK."""
-    return (tick + 1) * interval_ns
+    return (tick + 1) * communication_step_ns
 
 
-def tick_end_s(tick: int, interval_ns: int) -> float:
+def tick_end_s(tick: int, communication_step_ns: int) -> float:
     """Simulated time at the end of `tick` [s], derived from the integer, never accumulated."""
-    return tick_end_ns(tick, interval_ns) * 1e-9
+    return tick_end_ns(tick, communication_step_ns) * 1e-9
 
 
-def every_ticks(rate_hz: float, interval_ns: int) -> int:
+def every_ticks(rate_hz: float, communication_step_ns: int) -> int:
     """Ticks between events of a rate, the nearest whole number from 1; 0 where the rate is 0."""
-    return max(1, round(NANOSECONDS_PER_SECOND / (rate_hz * interval_ns))) if rate_hz > 0.0 else 0
+    return max(1, round(NANOSECONDS_PER_SECOND / (rate_hz * communication_step_ns))) if rate_hz > 0.0 else 0
 
 
-def tick_count(duration_s: float, interval_ns: int) -> int:
+def tick_count(duration_s: float, communication_step_ns: int) -> int:
     """Number of whole ticks that cover `duration_s`; at least one."""
     duration_ns = round(duration_s * NANOSECONDS_PER_SECOND)
-    return max(1, -(-duration_ns // interval_ns))
+    return max(1, -(-duration_ns // communication_step_ns))
 
 
 def is_control_tick(tick: int, control_ticks: int) -> bool:

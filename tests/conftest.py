@@ -17,24 +17,24 @@ VALUES = {
     "tangential_stiffness_newton_per_m": 8e3,
     "damping_newton_s_per_m": 20.0,
     "tangential_damping_newton_s_per_m": 20.0,
-    "adhesion_newton_per_m": 7e3,
+    "cohesive_stiffness_newton_per_m": 7e3,
     "static_friction": 0.5,
     "sliding_friction": 0.5,
     "rolling_friction": 0.3,
-    "rest_overlap_m": 0.002,
-    "reach_m": 0.002,
+    "equilibrium_overlap_m": 0.002,
+    "cohesion_range_m": 0.002,
 }
 SOIL = {
     "bin": {"length_m": 1.0, "width_m": 0.5, "depth_m": 0.2},
     "particles": {"radius_m": 0.01, "density_kg_per_m3": 1800.0},
     "bed": {"kind": "grid", "spacing_m": 0.018},
-    "law": {"kind": "wet", "particle": VALUES, "boundary": VALUES},
+    "law": {"kind": "cohesive_linear", "particle": VALUES, "boundary": VALUES},
 }
 
 
 def _engine(
     mechanism: dict[str, Any],
-    interval_ns: int = 1_000_000,
+    communication_step_ns: int = 1_000_000,
     steps: int = 1,
     tools: Sequence[str] = (),
     gravity_m_per_s2: float = 9.81,
@@ -52,13 +52,13 @@ def _engine(
             f"{body}_tool": {"body": body, "lateral_m": 0.1 * i, "groups": {"all": {"mesh": "none.stl"}}}
             for i, body in enumerate(tools)
         }
-    timing = Timing(interval_ns, tick_count=1, soil_steps=1 if tools else 0, mechanism_steps=steps)
+    timing = Timing(communication_step_ns, tick_count=1, soil_steps=1 if tools else 0, mechanism_steps=steps)
     return MechanismEngine(Scene.model_validate(document), timing)
 
 
 @pytest.fixture(scope="session")
 def mechanism_engine() -> Callable[..., MechanismEngine]:
-    """Factory: (mechanism, interval_ns, steps, tools, gravity_m_per_s2) -> engine at time 0."""
+    """Factory: (mechanism, communication_step_ns, steps, tools, gravity_m_per_s2) -> engine at time 0."""
     return _engine
 
 

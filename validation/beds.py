@@ -90,7 +90,7 @@ def resting_bed_for_long(laboratory: Laboratory) -> Outcome:
 
 def fired(laboratory: Laboratory, law: Document, speed: float = 100.0) -> SoilEngine:
     """A resting bed, and a particle over it that comes down at this speed [m/s]."""
-    resolved = laboratory.soil(law, largest_lost_particles=0)
+    resolved = laboratory.soil(law, max_lost_particles=0)
     bed = SoilEngine(resolved).bed.positions_m
     place = np.vstack([bed, [0.06, 0.0, 0.03]])
     velocity = np.zeros_like(place)

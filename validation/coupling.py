@@ -96,17 +96,17 @@ def pressed(laboratory: Laboratory, case: Press, ticks: int) -> tuple[float, flo
     }  # fmt: skip
     point = [0.25, REST_M + LIFTED]
     load = {"kind": "constant", "value": -case.stiffness * PRESSED}
-    interval_ns = round(case.interval_s * 1e9 / case.soil_steps) * case.soil_steps
+    communication_step_ns = round(case.interval_s * 1e9 / case.soil_steps) * case.soil_steps
     mesh = {"mesh": laboratory.box(0.125, 0.125, 2.0 * HALF_HEIGHT), "position_m": [0.25, 0.0, point[1]]}
     resolved = laboratory.resolve(
         {
-            "name": "press", "duration_s": ticks * interval_ns * 1e-9, "gravity_m_per_s2": 0.0,
+            "name": "press", "duration_s": ticks * communication_step_ns * 1e-9, "gravity_m_per_s2": 0.0,
             "soil": {
                 "bin": {"length_m": 0.5, "width_m": 0.5, "depth_m": 0.5},
                 "particles": {"radius_m": RADIUS, "density_kg_per_m3": 1e20},
                 "bed": {"kind": "grid", "spacing_m": 0.1},
                 "law": {"kind": "linear", "particle": row, "boundary": row},
-                "time_step_s": interval_ns * 1e-9 / case.soil_steps,
+                "time_step_s": communication_step_ns * 1e-9 / case.soil_steps,
             },
             "mechanism": {
                 "bodies": {"block": {"mass_kg": case.mass, "inertia_kg_m2": case.mass, "position_m": point}},
@@ -123,7 +123,7 @@ def pressed(laboratory: Laboratory, case: Press, ticks: int) -> tuple[float, flo
                 },
             },
             "tools": {"block": {"body": "block", "groups": {"all": mesh}}},
-            "coupling": {"interval_ns": interval_ns, "force": case.force},
+            "coupling": {"communication_step_ns": communication_step_ns, "force": case.force},
         }
     )  # fmt: skip
     kept = _Kept(ToolMotions, CouplingReport)
@@ -289,11 +289,11 @@ def dragged(laboratory: Laboratory, steps: int, force: str) -> tuple[float, floa
     plain = laboratory.soil(
         size_m=(0.4, 0.12, 0.1), bed={"kind": "grid", "spacing_m": "rest", "jitter_m": 3e-4}
     )
-    interval_ns = 40_000 * steps
+    communication_step_ns = 40_000 * steps
     document = {
         **plain.document, **block_machine(laboratory.box(0.03, 0.05, 0.06)), "duration_s": 0.4,
         "coupling": {
-            "interval_ns": interval_ns, "force": force, "mechanism_steps": min(steps, 100),
+            "communication_step_ns": communication_step_ns, "force": force, "mechanism_steps": min(steps, 100),
         },
         "record": {"series_ticks": max(1, 20 // steps), "cloud_hz": 0.0},
     }  # fmt: skip

@@ -24,7 +24,7 @@ Document = dict[str, Any]
 
 def wet(**values: float) -> Document:
     """The paper's law; `values` change both of its rows."""
-    return {"kind": "wet", "particle": WET_PARTICLE | values, "boundary": WET_BOUNDARY | values}
+    return {"kind": "cohesive_linear", "particle": WET_PARTICLE | values, "boundary": WET_BOUNDARY | values}
 
 
 def linear(stiffness: float, **values: float) -> Document:
@@ -95,10 +95,10 @@ class Laboratory:
         return box_mesh(self.folder, x_m, y_m, z_m, subdivide)
 
     def machine(
-        self, mechanism: Document, interval_ns: int, gravity: float = GRAVITY, **more: Any
+        self, mechanism: Document, communication_step_ns: int, gravity: float = GRAVITY, **more: Any
     ) -> MechanismEngine:
         """The engine of a machine without soil; `more` are further keys of the scene."""
-        coupling = {"interval_ns": interval_ns, **more.pop("coupling", {})}
+        coupling = {"communication_step_ns": communication_step_ns, **more.pop("coupling", {})}
         resolved = self.resolve(
             {"name": "extreme", "duration_s": 1e4, "gravity_m_per_s2": gravity, "mechanism": mechanism,
              "coupling": coupling, **more}

@@ -32,7 +32,7 @@ def at_rest(resolved: ResolvedScene, steps: int = 300) -> str:
     carried = float(engine.wall_force_newton[2])
     must(abs(carried - weight) <= CARRIED * max(weight, 1e-2), f"carried {carried} N of {weight} N")
     must(state.rms_speed_m_per_s < CALM_M_PER_S, f"rms speed {state.rms_speed_m_per_s} m/s")
-    return f"{resolved.timing.interval_ns} ns: floor {carried:.4g} N of {weight:.4g} N"
+    return f"{resolved.timing.communication_step_ns} ns: floor {carried:.4g} N of {weight:.4g} N"
 
 
 def head_on(resolved: ResolvedScene, speed: float, gap: float = 0.0, steps: int = 1) -> list[float]:
@@ -146,7 +146,7 @@ def printed_damping(laboratory: Laboratory) -> Outcome:
     size = (0.038, 0.038, 0.038)
     refused(lambda: laboratory.soil(law, size, time_step_s=4.2e-5), "damping 10000 N s/m acting on spin")
     resolved = laboratory.soil(law, size)
-    must(resolved.timing.interval_ns < 50, f"step {resolved.timing.interval_ns} ns")
+    must(resolved.timing.communication_step_ns < 50, f"step {resolved.timing.communication_step_ns} ns")
     return right(f"{at_rest(resolved, 20_000)}; impact: {damped_impact(laboratory, 1150.0)}")
 
 
@@ -158,7 +158,7 @@ def thrown_apart(laboratory: Laboratory) -> Outcome:
     for times in (0.0, 95.0, 1e3, 1e5):
         peak = times * MASS * GRAVITY  # of a pair, half of a body's
         law = wet(
-            adhesion_newton_per_m=2.0 * peak / reach, damping_newton_s_per_m=0.0,
+            cohesive_stiffness_newton_per_m=2.0 * peak / reach, damping_newton_s_per_m=0.0,
             tangential_damping_newton_s_per_m=0.0,
         )  # fmt: skip
         escape = math.sqrt(peak * (rest + reach) / (0.5 * MASS))
@@ -188,14 +188,16 @@ def thrown_apart(laboratory: Laboratory) -> Outcome:
 def bed_of_strong_adhesion(laboratory: Laboratory) -> Outcome:
     """Resting bed, adhesion 1e5 times the weight, `auto`."""
     return right(
-        at_rest(laboratory.soil(wet(adhesion_newton_per_m=1e5 * 2.0 * MASS * GRAVITY / 0.002)), 2000)
+        at_rest(
+            laboratory.soil(wet(cohesive_stiffness_newton_per_m=1e5 * 2.0 * MASS * GRAVITY / 0.002)), 2000
+        )
     )
 
 
 @CASES.add("S4c", REFUSED)
 def adhesion_too_stiff(laboratory: Laboratory) -> Outcome:
     """The same at the step of K_X alone."""
-    law = wet(adhesion_newton_per_m=1e5 * 2.0 * MASS * GRAVITY / 0.002)
+    law = wet(cohesive_stiffness_newton_per_m=1e5 * 2.0 * MASS * GRAVITY / 0.002)
     return refused(
         lambda: laboratory.soil(law, time_step_s=4.2e-5), r"stiffness 3\.\d+e\+06 and 4000 N/m of the"
     )
@@ -262,7 +264,7 @@ def beds_of_friction(laboratory: Laboratory) -> Outcome:
 @CASES.add("S6", REFUSED)
 def size_ratio(laboratory: Laboratory) -> Outcome:
     """Sizes 1:20."""
-    sizes = {"kind": "uniform", "smallest_radius_m": 0.001, "largest_radius_m": 0.02}
+    sizes = {"kind": "uniform", "smallest_radius_m": 0.001, "max_radius_m": 0.02}
     particles = {"sizes": sizes, "density_kg_per_m3": 1800.0}
     return refused(
         lambda: laboratory.soil(particles=particles, bed={"kind": "dense_random"}),
@@ -276,7 +278,7 @@ def densities(laboratory: Laboratory) -> Outcome:
     found, steps = [], []
     for density in (10.0, 20_000.0):
         resolved = laboratory.soil(particles={"radius_m": RADIUS, "density_kg_per_m3": density})
-        steps.append(resolved.timing.interval_ns / density)
+        steps.append(resolved.timing.communication_step_ns / density)
         found.append(f"{density:g} kg/m3, {at_rest(resolved)}")
     must(abs(steps[0] / steps[1] - 1.0) < 0.01, f"ns per kg/m3: {steps}")
     heavy = {"radius_m": RADIUS, "density_kg_per_m3": 20_000.0}

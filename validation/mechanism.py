@@ -40,11 +40,11 @@ def motor(name: str, speed: float) -> Document:
     return {"kind": "driver", "body": name, "coordinate": "angle", "speed": law}
 
 
-def after(engine: MechanismEngine, ticks: int, interval_ns: int, first: int = 0) -> MechanismState:
+def after(engine: MechanismEngine, ticks: int, communication_step_ns: int, first: int = 0) -> MechanismState:
     """The state `ticks` ticks later."""
     for tick in range(first, first + ticks):
         engine.advance(tick, ())
-    return engine.state("", first + ticks - 1, (first + ticks) * interval_ns)
+    return engine.state("", first + ticks - 1, (first + ticks) * communication_step_ns)
 
 
 def stored(state: MechanismState) -> float:
@@ -81,7 +81,15 @@ def dead_centres(laboratory: Laboratory) -> Outcome:
 @CASES.add("M1b", RIGHT)
 def nearly_flat(laboratory: Laboratory) -> Outcome:
     """Four-bar that misses folding flat by 1e-6, driven past it."""
-    short, coupler, rocker, base, start, speed, interval_ns = 0.5, 1.0, 0.5 + 1e-6, 1.0, -0.02, 5.0, 5000
+    short, coupler, rocker, base, start, speed, communication_step_ns = (
+        0.5,
+        1.0,
+        0.5 + 1e-6,
+        1.0,
+        -0.02,
+        5.0,
+        5000,
+    )
 
     def end_of(angle: float) -> tuple[float, float]:
         """Joint of coupler and rocker, on the branch that turns the same way throughout."""
@@ -105,10 +113,10 @@ def nearly_flat(laboratory: Laboratory) -> Outcome:
             "motor": motor("crank", speed),
         },
     }  # fmt: skip
-    engine, worst = laboratory.machine(machine, interval_ns, gravity=0.0), 0.0
+    engine, worst = laboratory.machine(machine, communication_step_ns, gravity=0.0), 0.0
     for k in range(160):
-        state = after(engine, 10, interval_ns, 10 * k)
-        x, z = end_of(start + speed * interval_ns * 1e-9 * 10 * (k + 1))
+        state = after(engine, 10, communication_step_ns, 10 * k)
+        x, z = end_of(start + speed * communication_step_ns * 1e-9 * 10 * (k + 1))
         worst = max(worst, math.hypot(state.bodies[2].x_m - x, state.bodies[2].z_m - z))
     must(worst < 1e-8, f"off by {worst} m")
     return right(f"off by {worst:.1g} m at most")
@@ -226,11 +234,11 @@ def mass_ratio(laboratory: Laboratory) -> Outcome:
         "joints": {"one": rail("heavy", 0.0, 0.0), "two": rail("light", 1.0 + stretch, 0.0)},
         "forces": {"spring": spring},
     }
-    engine, interval_ns, ticks = laboratory.machine(machine, 1000, gravity=0.0), 1000, 2000
-    state = after(engine, ticks, interval_ns)
+    engine, communication_step_ns, ticks = laboratory.machine(machine, 1000, gravity=0.0), 1000, 2000
+    state = after(engine, ticks, communication_step_ns)
     omega = math.sqrt(stiffness * (1.0 / light + 1.0 / heavy))
     length = state.bodies[1].x_m - state.bodies[0].x_m - 1.0
-    expected = stretch * math.cos(omega * ticks * interval_ns * 1e-9)
+    expected = stretch * math.cos(omega * ticks * communication_step_ns * 1e-9)
     momentum = heavy * state.bodies[0].velocity_x_m_per_s + light * state.bodies[1].velocity_x_m_per_s
     scale = light * stretch * omega
     # order 4 in w h = 0.032 over 63 rad: (w h)^4 x 63 x 19/720
@@ -299,7 +307,7 @@ def shank_on_its_stop(laboratory: Laboratory) -> Outcome:
             "joints": {"hinge": pin("ground", "shank", 0.0, 0.0, stops=stops)},
         }
         engine = laboratory.machine(machine, 100_000, gravity=0.0)
-        turning = -after(engine, 600, 100_000).bodies[0].phi_rate_rad_per_s / 2.0
+        turning = -after(engine, 600, 100_000).bodies[0].angular_velocity_rad_per_s / 2.0
         expected = rebound(ratio, frequency) if ratio else 1.0
         must(abs(turning - expected) < 1e-5, f"ratio {ratio}: {turning}, {expected} expected")
         found.append(f"{ratio:g}: {turning:.7f} ({expected:.7f})")
@@ -308,14 +316,14 @@ def shank_on_its_stop(laboratory: Laboratory) -> Outcome:
 
 def drift(laboratory: Laboratory, steps: int) -> str:
     """The paper's machine on elastic ground, pulled at 0.5 m/s."""
-    machine, interval_ns = copy.deepcopy(SEVEN_BODIES), 500_000
+    machine, communication_step_ns = copy.deepcopy(SEVEN_BODIES), 500_000
     machine["forces"]["soil"] = {
         "kind": "point_load", "body": "shank", "point_m": [0.06, -0.22],
         "force_x_newton": {"kind": "sine", "mean": -600.0, "amplitude": 300.0, "frequency_hz": 2.0},
     }  # fmt: skip
-    engine = laboratory.machine(machine, interval_ns)
+    engine = laboratory.machine(machine, communication_step_ns)
     before = book(engine.state("", -1, 0))
-    state = after(engine, steps, interval_ns)
+    state = after(engine, steps, communication_step_ns)
     turned_over = abs(state.driver_work_joule) + state.dissipated_joule
     gap = abs(book(state) - before) / turned_over
     must(state.position_residual_m < 1e-11, f"joints open by {state.position_residual_m} m")
@@ -354,7 +362,7 @@ def controller_that_jumps(laboratory: Laboratory) -> Outcome:
     """A controller that jumps in speed."""
     controller = {
         "driver": "drive", "interval_ticks": 20, "lowest_speed_m_per_s": 0.0, "highest_speed_m_per_s": 1.0,
-        "largest_acceleration_m_per_s2": 1.0, "law": {"kind": "external"},
+        "max_acceleration_m_per_s2": 1.0, "law": {"kind": "external"},
     }  # fmt: skip
     engine = driven(laboratory, {"kind": "constant", "value": 0.0}, controller=controller)
     return stopped(

@@ -22,7 +22,7 @@ SPEED, DURATION = 0.5, 0.2  # m/s, s: from 0.06 to 0.16 m
 SAME = 0.05
 """Another seed of a bed changes the draft by 3 to 4 % (docs/physics.md): equal drafts may differ so much."""
 DEFECT = 0.05
-"""Of the energy book: what soil.monitors.largest_energy_defect is for (docs/physics.md)."""
+"""Of the energy book: what soil.monitors.max_energy_defect is for (docs/physics.md)."""
 
 
 def scene(
@@ -100,7 +100,7 @@ def above_forced(laboratory: Laboratory) -> Outcome:
         )
         words.append(f"{multiple:g}: {outcome.found.split(':')[0]}, {outcome.found.split(': ')[1][:40]}")
         if multiple < 10.0:
-            must("largest_alternation" in outcome.found, f"{multiple}: {outcome.found}")
+            must("max_velocity_reversal" in outcome.found, f"{multiple}: {outcome.found}")
     return Outcome(STOPPED, "; ".join(words))
 
 
@@ -114,7 +114,7 @@ def where_it_is_caught(laboratory: Laboratory) -> Outcome:
             dragged(scene(laboratory, multiple, "dense_random"), bed, book=False)
             ending = "runs"
         except PhysicsError as error:
-            must("largest_alternation" in str(error), f"{multiple}: {error}")
+            must("max_velocity_reversal" in str(error), f"{multiple}: {error}")
             ending = f"stopped in {str(error).split(':')[0]}"
             caught.append(multiple)
         free = scene(laboratory, multiple, "dense_random", monitors=None)

@@ -115,7 +115,7 @@ def starting_inside(laboratory: Laboratory) -> Outcome:
     at = tool_at(0.12, -0.03)
     engine.start(at)
     removed = before - engine.particle_count
-    pressed = engine.state("", 0, 0).largest_tool_overlap_m
+    pressed = engine.state("", 0, 0).max_tool_overlap_m
     advance(engine, 3000, at)
     state = engine.state("", 0, 0)
     moved = float(np.linalg.norm(engine.displacements_m(), axis=1).max())
@@ -135,7 +135,7 @@ def larger_than_the_bed(laboratory: Laboratory) -> Outcome:
 
 def pressed(laboratory: Laboratory, mesh: str, top_m: float) -> tuple[float, int]:
     """Force [N] and contacts of a sphere 0.1 mm into repulsion on a tool whose highest point is `top_m`."""
-    law = wet(adhesion_newton_per_m=0.0, rolling_friction=0.0)
+    law = wet(cohesive_stiffness_newton_per_m=0.0, rolling_friction=0.0)
     resolved = laboratory.soil(law, (0.2, 0.2, 0.2), gravity=0.0, tool=mesh)
     engine = SoilEngine(resolved)
     z = -0.1

@@ -46,7 +46,7 @@ def _ours(side: int, steps: int) -> float:
     law = scene.particle_soil.law
     row = law.particle.model_copy(update={"rolling_friction": 0.0})
     soil = scene.particle_soil.model_copy(
-        update={"law": law.model_copy(update={"particle": row, "boundary": row, "values_are": "pair"})}
+        update={"law": law.model_copy(update={"particle": row, "boundary": row, "combining_rule": "none"})}
     )
     still = scene.model_copy(update={"soil": soil, "gravity_m_per_s2": 0.0})
     case = dataclasses.replace(case, resolved=dataclasses.replace(case.resolved, scene=still))

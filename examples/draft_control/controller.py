@@ -16,7 +16,7 @@ from rclpy.context import Context
 from subsoil_ros.coupling.protocol import CONTROLLER
 from subsoil_ros.messages import DriverCommand, MechanismState
 from subsoil_ros.ros.nodes.controller_node import ControllerNode
-from subsoil_ros.ros.process.heartbeat import Lifeline, NodeRun
+from subsoil_ros.ros.process.heartbeat import Heartbeat, NodeRun
 from subsoil_ros.ros.process.node_process import NodeSettings, run_process
 from subsoil_ros.scene.controller import Controller as ControllerKeys
 
@@ -67,7 +67,7 @@ class DraftControl:
         wished = 0.0
         if self._draft > ENGAGED_NEWTON:
             wished = GAIN_M_PER_NEWTON_S * (self._draft - self._targets.at(state.end_time_ns * 1e-9))
-        change = self._keys.largest_acceleration_m_per_s2 * self._interval_s
+        change = self._keys.max_acceleration_m_per_s2 * self._interval_s
         reachable = min(max(wished, self._speed - change), self._speed + change)
         self._speed = min(max(reachable, self._keys.lowest_speed_m_per_s), self._keys.highest_speed_m_per_s)
         return DriverCommand(state.run_id, tick, self._keys.driver, self._speed)
@@ -97,7 +97,7 @@ class DraftControlNode(ControllerNode):
     """Says at the end how well the run kept up with the clock."""
 
     def __init__(
-        self, real_time: RealTime | None, controller: DraftControl, run: NodeRun, lifeline: Lifeline,
+        self, real_time: RealTime | None, controller: DraftControl, run: NodeRun, lifeline: Heartbeat,
         context: Context | None = None,
     ) -> None:  # fmt: skip
         super().__init__(real_time or controller, run, lifeline, context)
@@ -111,7 +111,7 @@ class DraftControlNode(ControllerNode):
 
 
 def build(
-    settings: NodeSettings, run: NodeRun, lifeline: Lifeline, context: Context | None = None
+    settings: NodeSettings, run: NodeRun, lifeline: Heartbeat, context: Context | None = None
 ) -> DraftControlNode:
     """The node, its targets from its parameters."""
     keys = run.resolved.scene.controller
@@ -123,7 +123,7 @@ def build(
         values[name] = lifeline.node.declare_parameter(name, default, descriptor).value
     words = ParameterDescriptor(description="hold the run to the wall clock", read_only=True)
     paced = lifeline.node.declare_parameter("real_time", False, words).value
-    interval_s = keys.interval_ticks * run.resolved.timing.interval_s
+    interval_s = keys.interval_ticks * run.resolved.timing.communication_step_s
     control = DraftControl(keys, Targets(**values), interval_s)
     return DraftControlNode(RealTime(control) if paced else None, control, run, lifeline, context)
 

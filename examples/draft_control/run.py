@@ -84,7 +84,7 @@ def draw(out: Path, targets: tuple[float, float, float]) -> Path:
         series["body.shank.z_m"] + np.sin(turn) * (tip[0] - centre[0]) + np.cos(turn) * (tip[1] - centre[1])
     )
     commands = list(BagReader(out / "bag").records(DriverCommand))
-    commanded_s = [command.tick * resolved.timing.interval_s for command in commands]
+    commanded_s = [command.tick * resolved.timing.communication_step_s for command in commands]
     target, later, step_s = targets
     figure = new_figure(9.0, 7.5)
     top, middle, bottom = figure.subplots(3, 1, sharex=True)

@@ -50,7 +50,7 @@ def overlaps(run: Run) -> dict[str, float]:
     radius, times = soil.particles.mean_volume_radius_m, run.series["time_s"]
     first, last = times[run.rows][[0, -1]]
     found: dict[float, list[Values]] = {IN_WORK_M: [], AT_TIP_M: []}
-    for cloud in open_record(run.folder / "bag").clouds(run.scene.timing.interval_ns):
+    for cloud in open_record(run.folder / "bag").clouds(run.scene.timing.communication_step_ns):
         now = cloud.end_time_ns * 1e-9
         if not first <= now <= last:
             continue
@@ -61,13 +61,13 @@ def overlaps(run: Run) -> dict[str, float]:
             pairs = cKDTree(near).query_pairs(2.0 * radius, output_type="ndarray")
             values.append(2.0 * radius - np.linalg.norm(near[pairs[:, 0]] - near[pairs[:, 1]], axis=1))
     in_work, at_tip = (np.quantile(np.concatenate(values), 0.99) / radius for values in found.values())
-    largest = run.series["soil.largest_overlap_m"][run.rows] / radius
+    largest = run.series["soil.max_overlap_m"][run.rows] / radius
     return {
         "overlap_in_work_99_percent": float(in_work),
         "overlap_at_tip_99_percent": float(at_tip),
         "largest_overlap_mean": float(largest.mean()),
         "largest_overlap_most": float(largest.max()),
-        "largest_tool_overlap": float(run.series["soil.largest_tool_overlap_m"][run.rows].max()) / radius,
+        "largest_tool_overlap": float(run.series["soil.max_tool_overlap_m"][run.rows].max()) / radius,
     }
 
 

@@ -109,7 +109,7 @@ def _wheels_on_the_bed() -> Document:
     others = ("shank", "lower_link", "trolley", "upper_link", "frame")
     speed = {"kind": "table", "times_s": [0.0, 0.4, 0.5], "values": [0.0, 0.0, 0.5]}
     chain = {
-        "kind": "coordinate_spring", "body": "frame", "coordinate": "z", "only": "pull_up",
+        "kind": "coordinate_spring", "body": "frame", "coordinate": "z", "acts_in": "pull_up",
         "target": {"kind": "table", "times_s": [0.0, 0.3, 0.31], "values": [0.6713, 0.6453, 0.0]},
         "stiffness_newton_per_m": 1.0e5, "damping_newton_s_per_m": 2500.0,
     }  # fmt: skip
@@ -147,7 +147,7 @@ def cases() -> Iterator[Case]:
         yield Case("r = 18 mm", _radius(0.018), seed, grace_joule=grace_joule)
     yield Case("r = 12 mm", _radius(0.012))
     exchange: Document = {
-        "coupling": {"interval_ns": 2 * round(STEP_S * 1e9)},
+        "coupling": {"communication_step_ns": 2 * round(STEP_S * 1e9)},
         "record": {"series_ticks": 10},
     }
     exchange |= {"soil": {"time_step_s": STEP_S}}

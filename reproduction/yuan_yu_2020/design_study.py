@@ -3,7 +3,7 @@
     python -m reproduction.yuan_yu_2020.design_study \
         [--stage springs depth angles exchange particles] [--out DIR]
 
-On the reduced soil (seconds a run), with `subsoil sweep` where it can, three seeds each:
+On the wedge model (seconds a run), with `subsoil sweep` where it can, three seeds each:
 
 springs   stiffness, preload (as the spring's length without force) and damping, every combination, against
           the shank locked in its nominal place
@@ -47,7 +47,7 @@ from .machine_variants import (
     on_plain_ground,
 )
 
-SCENE, PARTICLES = SCENES / "subsoiler_1s300_resistance.yaml", SCENES / "subsoiler_1s300.yaml"
+SCENE, PARTICLES = SCENES / "subsoiler_1s300_wedge.yaml", SCENES / "subsoiler_1s300.yaml"
 SPRING = "mechanism.forces.H9_spring"
 SPEED = "mechanism.joints.H10_drive.speed"
 LOCKED = (f"{SPRING}.locked=true", "mechanism.initial.coordinates.shank.angle_rad=null")
@@ -74,8 +74,8 @@ _MEAN = ("soil.time_step_s=auto", "coupling.force=tick_mean")
 ON_PARTICLES = {
     "as declared: every step of 80 us": (),
     "every step of 40 us": ("soil.time_step_s=4e-5", "record.series_ticks=40"),
-    "exchange of 1.6 ms": (*_MEAN, "coupling.interval_ns=1600000", "record.series_ticks=1"),
-    "exchange of 0.4 ms": (*_MEAN, "coupling.interval_ns=400000", "record.series_ticks=4"),
+    "exchange of 1.6 ms": (*_MEAN, "coupling.communication_step_ns=1600000", "record.series_ticks=1"),
+    "exchange of 0.4 ms": (*_MEAN, "coupling.communication_step_ns=400000", "record.series_ticks=4"),
 }
 """Coarser and finer exchange and step."""
 
@@ -155,9 +155,12 @@ def exchange(args: argparse.Namespace) -> None:
     rows = []
     for name, spring in (("declared", {}), ("recommended", recommended(args.out))):
         changes = tuple(f"{key}={value}" for key, value in spring.items())
-        for interval_ns in INTERVALS_NS:
-            series = max(1, 10_000_000 // interval_ns)
-            timing = (f"coupling.interval_ns={interval_ns}", f"record.series_ticks={series}")
+        for communication_step_ns in INTERVALS_NS:
+            series = max(1, 10_000_000 // communication_step_ns)
+            timing = (
+                f"coupling.communication_step_ns={communication_step_ns}",
+                f"record.series_ticks={series}",
+            )
 
             def pair(
                 seed: int, more: tuple[str, ...], timing: Changes = timing, changes: Changes = changes
@@ -168,14 +171,14 @@ def exchange(args: argparse.Namespace) -> None:
                 locked = locked_at(angle, seed, args.out, (*timing, *more))
                 return sprung["draft_newton_mean"], locked["draft_newton_mean"]
 
-            rows += judged({"spring": name, "interval_s": 1e-9 * interval_ns}, pair, seeds)
+            rows += judged({"spring": name, "interval_s": 1e-9 * communication_step_ns}, pair, seeds)
     write_rows(args.out / "exchange.csv", rows)
 
 
 def particles(args: argparse.Namespace) -> None:
     """What the declared spring saves on coarse particles, over exchange and step."""
     seeds = [int(seed) for seed in args.seeds.split(",")]
-    document = at_depth(load_scene(PARTICLES, ["start=lowered"]), DEPTHS_M[-1], from_above=True)
+    document = at_depth(load_scene(PARTICLES, ["initial_condition=lowered"]), DEPTHS_M[-1], from_above=True)
     document = coarse_soil(on_plain_ground(document), COARSE_RADIUS_M, COARSE_BIN_M)
     document["mechanism"]["forces"]["H9_spring"]["free_length_m"] = UPRIGHT_FREE_LENGTH_M
     path = write_scene(document, args.out / "scenes" / "particles.yaml")

@@ -49,11 +49,11 @@ def case(depth_m: float, speed: float, radius_m: float) -> list[str]:
     way = length - 0.1 + 0.05
     return [
         f"soil.bin={{length_m: {length}, width_m: {width}, depth_m: {depth}}}",
-        f"soil.particles={{radius_m: {radius_m!r}, law_radius_m: 0.01, density_kg_per_m3: 1800.0}}",
+        f"soil.particles={{radius_m: {radius_m!r}, reference_radius_m: 0.01, density_kg_per_m3: 1800.0}}",
         "soil.bed={kind: grid, spacing_m: rest}",
         f"soil.skin_m={0.3 * radius_m!r}",
         "soil.tool_stiffness_factor=10.0",
-        "coupling.interval_ns=1000000",
+        "coupling.communication_step_ns=1000000",
         "coupling.force=tick_mean",
         "record.series_ticks=2",
         f"report.window_inside_m={MARGIN_M}",

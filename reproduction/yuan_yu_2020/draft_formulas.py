@@ -5,7 +5,7 @@ ASABE D497.7 (R2015), Agricultural Machinery Management Data, table 1: draft of 
     D = F_i (A + B S + C S^2) T   [N],   S speed [km/h], T depth [cm]
 
 subsoiler with narrow points: A = 226, B = 0, C = 1.8 per tool; F = 1.0 fine, 0.70 medium, 0.45 coarse soil;
-the standard's range is +- 50 %. McKyes and Ali (1977): the wedge of the reduced soil (wedge/wedge.py),
+the standard's range is +- 50 %. McKyes and Ali (1977): the wedge of the wedge model (wedge/wedge.py),
 share alone, with c and phi of the bed's own shear tests. Neither is fitted to anything here.
 """
 

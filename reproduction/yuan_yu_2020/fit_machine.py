@@ -3,7 +3,7 @@
     python -m reproduction.yuan_yu_2020.fit_machine [--stage NAME ...] [--only NAME=VALUE ...] [--out DIR]
 
 statics   spring and its lever in closed form, held against their ranges; no run
-reduced   depth, damping and start on the reduced soil; seconds a run
+reduced   depth, damping and start on the wedge model; seconds a run
 coarse    depth, friction limit and start with larger particles and wheels on plain ground; minutes a run
 full      the best of the coarse stage in the paper's bin, bag, tables and figures kept; half an hour on
           two cores: only when asked for by name
@@ -37,7 +37,7 @@ from .machine_variants import at_depth, at_rest, coarse_soil, on_plain_ground
 Parameters = dict[str, Any]
 
 FIT = HERE / "fit_ranges.yaml"
-REDUCED = SCENES / "subsoiler_1s300_resistance.yaml"
+REDUCED = SCENES / "subsoiler_1s300_wedge.yaml"
 
 DEPTHS_M = (0.18, 0.22, 0.26, 0.30)
 """Looked at (chosen: the range of the parameter up to the scene's first depth)."""
@@ -127,9 +127,9 @@ def with_spring(document: Document, spring: dict[str, float]) -> Document:
 def variant(
     scene: Path, parameters: Parameters, ranges: dict[str, Any], out: Path, coarse_radius_m: float | None
 ) -> Path:
-    """Scene file of one set of parameters; `scene` is on the reduced soil or on particles."""
+    """Scene file of one set of parameters; `scene` is on the wedge model or on particles."""
     start, friction = parameters["start"], parameters["friction_normal"]
-    first = load_scene(scene, [f"start={start}"])
+    first = load_scene(scene, [f"initial_condition={start}"])
     document = at_depth(first, parameters["depth_m"], from_above=start == "lowered")
     spring = statics(ranges, parameters["depth_m"])
     document = with_spring(document, {**spring, "spring_damping_newton_s_per_m": parameters["damping"]})
@@ -163,13 +163,13 @@ def run_all(
 
 
 def parameter_sets(name: str, ranges: dict[str, Any], out: Path) -> list[Parameters]:
-    """What a stage looks at: the damping on reduced soil, then its best; the best of all in the full bin."""
+    """What a stage looks at: the damping on wedge model, then its best; the best of all in the full bin."""
     if name == "full":
         return [json.loads((out / "coarse.json").read_text(encoding="utf-8"))[0]]
     dampings: Sequence[float] = DAMPINGS
     frictions = ranges["parameters"]["friction_normal"]["choices"]
     if name == "reduced":
-        frictions = ["total"]  # the limit that the reduced soil was fitted to
+        frictions = ["total"]  # the limit that the wedge model was fitted to
     else:
         reduced = out / "reduced.json"
         dampings = (

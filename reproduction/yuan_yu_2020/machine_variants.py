@@ -51,7 +51,7 @@ def start_places(resolved: ResolvedScene) -> dict[str, tuple[float, float, float
     if mechanism is None:
         raise SceneError(f"{resolved.path}: mechanism: is missing; a path has no variants")
     state = mechanism.state("", -1, 0)
-    return {body.name: (body.x_m, body.z_m, body.phi_rad) for body in state.bodies}
+    return {body.name: (body.x_m, body.z_m, body.angle_rad) for body in state.bodies}
 
 
 def locked_shank(resolved: ResolvedScene, angle_rad: float) -> Document:
@@ -144,7 +144,7 @@ def coarse_soil(document: Document, radius_m: float, bin_m: tuple[float, float, 
     found = copy.deepcopy(document)
     soil = found["soil"]
     particles = soil["particles"]
-    particles["law_radius_m"] = particles.get("law_radius_m", particles["radius_m"])
+    particles["reference_radius_m"] = particles.get("reference_radius_m", particles["radius_m"])
     ratio = radius_m / particles["radius_m"]
     particles["radius_m"] = radius_m
     soil["bin"].update(length_m=bin_m[0], width_m=bin_m[1], depth_m=bin_m[2])
@@ -156,20 +156,20 @@ def coarse_soil(document: Document, radius_m: float, bin_m: tuple[float, float, 
 
 def wheel_bodies(scene: Scene) -> set[str]:
     """Bodies that stand on the soil: of tools that are no share, and of wheel contacts."""
-    found = {tool.body for tool in scene.tools.values() if not tool.share and tool.body is not None}
+    found = {tool.body for tool in scene.tools.values() if not tool.is_tillage and tool.body is not None}
     forces = scene.mechanism.forces.values() if scene.mechanism is not None else ()
     return found | {force.body for force in forces if isinstance(force, WheelContact)}
 
 
 def _copied(resolved: ResolvedScene) -> Document:
     document = copy.deepcopy(resolved.document)
-    document.pop("start", None)
-    document.pop("starts", None)
+    document.pop("initial_condition", None)
+    document.pop("initial_conditions", None)
     return document
 
 
 def _raise_law(law: dict[str, Any], rise: float, last_only: bool) -> None:
-    """Adds a height to a law of time, in place; `last_only`: to the end of a table of two, as fast as
+    """Adds a height to a time function, in place; `last_only`: to the end of a table of two, as fast as
     before."""
     if last_only:
         if law["kind"] != "table" or len(law["values"]) != 2:

@@ -85,7 +85,7 @@ def matrix() -> Iterator[Case]:
 
 def scene_of(case: Case, out: Path, coarse_radius_m: float | None) -> Path:
     """Scene file of a case; with a radius of its own in a narrow bin, wheels on plain ground."""
-    first = load_scene(SCENE, [f"start={case.start}"])
+    first = load_scene(SCENE, [f"initial_condition={case.start}"])
     document = at_depth(first, case.depth_m, from_above=case.start == "lowered")
     speed = printed.SPEED_M_PER_S
     length = START_M + ENTRY_M + speed * STEADY_S + INSIDE_M

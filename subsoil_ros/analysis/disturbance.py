@@ -77,7 +77,7 @@ class Disturbance:
 
     slab_m: tuple[float, float]  # along x
     particle_count: int  # in the slab at first
-    moved_part: float  # of them, displaced by more than a radius
+    moved_fraction: float  # of them, displaced by more than a radius
     bed_section_m2: float  # of the slab, across
     area_m2: float  # loosened cross-section
     surface_width_m: float
@@ -88,7 +88,7 @@ class Disturbance:
     speeds: SpeedZones | None
 
     @property
-    def largest_lift_m(self) -> float:
+    def max_lift_m(self) -> float:
         """Of a column."""
         return float(np.nanmax(self.lift.height_m))
 
@@ -104,10 +104,10 @@ class Disturbance:
         found = {
             "disturbance.slab_start_m": self.slab_m[0],
             "disturbance.slab_end_m": self.slab_m[1],
-            "disturbance.moved_part": self.moved_part,
+            "disturbance.moved_fraction": self.moved_fraction,
             "disturbance.area_m2": self.area_m2,
             "disturbance.surface_width_m": self.surface_width_m,
-            "disturbance.lift_max_m": self.largest_lift_m,
+            "disturbance.lift_max_m": self.max_lift_m,
             "disturbance.lifted_area_m2": self.lifted_area_m2,
         }
         if self.speeds is not None:
@@ -144,7 +144,9 @@ def read_disturbance(
     wanted = {times[0], times[-1]} | looked
     clouds = {
         cloud.end_time_ns: cloud
-        for cloud in reader.clouds(resolved.timing.interval_ns, at=lambda time_ns: time_ns in wanted)
+        for cloud in reader.clouds(
+            resolved.timing.communication_step_ns, at=lambda time_ns: time_ns in wanted
+        )
     }
     motions = list(reader.records(ToolMotions, at=lambda time_ns: time_ns == times[-1]))
     radius = soil.particles.mean_volume_radius_m
@@ -189,7 +191,7 @@ def disturbance_between(
     np.add.at(hits, (place[:, 1], place[:, 0]), moved.astype(float))
     part = np.divide(hits, count, out=np.full(count.shape, np.nan), where=count > 0.0)
     section = float((high[1] - low[1]) * (high[2] - low[2]))
-    moved_part = float(moved.mean())
+    moved_fraction = float(moved.mean())
     # whole cells about the middle: one that hangs over a wall would compare single particles
     half = 0.5 * cell * max(1, int((high[1] - low[1]) / cell + 1e-9))
     middle = 0.5 * float(low[1] + high[1])
@@ -203,9 +205,9 @@ def disturbance_between(
     return Disturbance(
         slab_m=slab_m,
         particle_count=int(within.sum()),
-        moved_part=moved_part,
+        moved_fraction=moved_fraction,
         bed_section_m2=section,
-        area_m2=moved_part * section,
+        area_m2=moved_fraction * section,
         surface_width_m=_surface_width_m(before, moved, low[1], high[1], cell, radius_m),
         lift=lift,
         moved_map=part,
@@ -257,7 +259,7 @@ def _rear_m(resolved: ResolvedScene, motions: ToolMotions) -> float:
     """The rearmost point of the shares [m]; behind it the soil is passed."""
     ends = []
     for motion in motions.tools:
-        if resolved.scene.tools[motion.tool].share:
+        if resolved.scene.tools[motion.tool].is_tillage:
             mesh = load_tool_mesh(resolved.directory, resolved.scene, motion.tool)
             vertices = posed_vertices_m(mesh, motion, reference_angle(resolved, motion.tool))
             ends.append(float(vertices[vertices[:, 2] < 0.0, 0].min(initial=np.inf)))
@@ -268,7 +270,7 @@ def _speed_zones(clouds: list[SoilCloud], series: Series, resolved: ResolvedScen
     path = tip_path_m(series, resolved.scene)
     if path is None or not clouds:
         return None
-    share = next((tool for tool in resolved.scene.tools.values() if tool.share), None)
+    share = next((tool for tool in resolved.scene.tools.values() if tool.is_tillage), None)
     lateral = share.lateral_m if share is not None else 0.0
     sums = []
     for cloud in clouds:

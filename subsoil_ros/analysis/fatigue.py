@@ -32,7 +32,7 @@ class LoadCycles:
     duration_s: float
 
     @property
-    def largest_range_newton(self) -> float:
+    def max_range_newton(self) -> float:
         """0 without a cycle."""
         return float(self.range_newton.max(initial=0.0))
 

@@ -74,7 +74,7 @@ def draft_work(series: Series, scene: Scene, rows: NDArray[np.bool_]) -> tuple[f
 def share_width_m(resolved: ResolvedScene) -> float | None:
     """Width across travel of the share of the first tool that is one; None without soil or share."""
     for name, tool in resolved.scene.tools.items():
-        if tool.share:
+        if tool.is_tillage:
             mesh = load_tool_mesh(resolved.directory, resolved.scene, name)
             try:
                 return next(face.width_m for face in cutting_faces(mesh, f"tools.{name}") if face.is_share)
@@ -107,7 +107,7 @@ def _vertical(series: Series, scene: Scene) -> dict[str, Values]:
     for name, tool in scene.tools.items():
         column = f"tool.{name}.force_z_newton"
         if column in series:
-            parts["share" if tool.share else "wheels"].append(series[column])
+            parts["share" if tool.is_tillage else "wheels"].append(series[column])
     for name, force in scene.mechanism.forces.items():
         if isinstance(force, WheelContact):
             parts["wheels"].append(series[f"wheel_contact.{name}.force_newton"])

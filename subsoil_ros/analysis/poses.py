@@ -16,7 +16,7 @@ def reference_angle(resolved: ResolvedScene, tool: str) -> float:
 
 def posed_vertices_m(mesh: ToolMesh, motion: ToolMotion, reference_angle_rad: float) -> NDArray[np.float64]:
     """Vertices (n, 3) of a tool in world axes at a motion's pose."""
-    turn = motion.phi_rad - reference_angle_rad
+    turn = motion.angle_rad - reference_angle_rad
     cosine, sine = np.cos(turn), np.sin(turn)
     x, y, z = mesh.vertices_m.T
     return np.column_stack([motion.x_m + cosine * x - sine * z, y, motion.z_m + sine * x + cosine * z])

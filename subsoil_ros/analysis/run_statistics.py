@@ -58,7 +58,7 @@ class Findings:
             found[f"spectrum.{name}_significant"] = item.significant
         if self.cycles is not None:
             found["rainflow.cycle_count"] = float(self.cycles.count.sum())
-            found["rainflow.largest_range_newton"] = self.cycles.largest_range_newton
+            found["rainflow.max_range_newton"] = self.cycles.max_range_newton
             found["rainflow.equivalent_range_newton"] = self.cycles.equivalent_range_newton()
         if self.failures is not None:
             found.update(self.failures.metrics())

@@ -32,13 +32,13 @@ Cells = Iterator[tuple[str, Number]]
 _BODY_COLUMNS = {
     "x_m": "x_m",
     "z_m": "z_m",
-    "phi_rad": "angle_rad",
+    "angle_rad": "angle_rad",
     "velocity_x_m_per_s": "velocity_x_m_per_s",
     "velocity_z_m_per_s": "velocity_z_m_per_s",
-    "phi_rate_rad_per_s": "angular_velocity_rad_per_s",
+    "angular_velocity_rad_per_s": "angular_velocity_rad_per_s",
     "acceleration_x_m_per_s2": "acceleration_x_m_per_s2",
     "acceleration_z_m_per_s2": "acceleration_z_m_per_s2",
-    "phi_acceleration_rad_per_s2": "angular_acceleration_rad_per_s2",
+    "angular_acceleration_rad_per_s2": "angular_acceleration_rad_per_s2",
 }
 _TOOL_MOTION_COLUMNS = {key: name for key, name in _BODY_COLUMNS.items() if "acceleration" not in key}
 _JOINT_COLUMNS = ("force_x_newton", "force_z_newton", "moment_newton_m")
@@ -91,8 +91,8 @@ def read_series(bag: Path, scene: Scene, watch: Callable[[int], None] = lambda t
         RecordingError: it is damaged, or holds not one complete series tick.
     """
     timing = derive_timing(scene)
-    last_ns = timing.tick_count * timing.interval_ns
-    step_ns = scene.record.series_ticks * timing.interval_ns
+    last_ns = timing.tick_count * timing.communication_step_ns
+    step_ns = scene.record.series_ticks * timing.communication_step_ns
     kinds: list[type] = [ToolMotions]
     if scene.mechanism is not None:
         kinds.append(MechanismState)
@@ -122,7 +122,7 @@ def read_series(bag: Path, scene: Scene, watch: Callable[[int], None] = lambda t
     if last is None:
         raise RecordingError(
             f"{reader.path}: not one complete series tick is in it (every {scene.record.series_ticks} "
-            f"ticks of {timing.interval_ns} ns); the run ended before, or another scene was recorded"
+            f"ticks of {timing.communication_step_ns} ns); the run ended before, or another scene was recorded"
         )
     _refuse_ragged(columns, reader.path)
     return Series(
@@ -210,7 +210,7 @@ def _row(scene: Scene, records: dict[type, Any]) -> Cells:
         yield from _mechanism(scene, state)
     yield from _tools(records[ToolMotions], wrenches)
     soil: SoilState | None = records.get(SoilState)
-    if soil is not None and scene.particle_soil is not None:  # a reduced soil has nothing of it
+    if soil is not None and scene.particle_soil is not None:  # a wedge model has nothing of it
         yield from ((f"soil.{name}", getattr(soil, name)) for name in _SOIL_COLUMNS)
     yield from ((f"coupling.{name}", getattr(report, name)) for name in _COUPLING_COLUMNS)
 
@@ -225,7 +225,7 @@ def _draft(scene: Scene, state: MechanismState | None, wrenches: ToolWrenches | 
     elif tools:
         yield "draft_newton", -sum(tool.force_x_newton for tool in tools)
     for name, share in (("share", True), ("wheels", False)):
-        kind = [tool for tool in tools if scene.tools[tool.tool].share is share]
+        kind = [tool for tool in tools if scene.tools[tool.tool].is_tillage is share]
         if kind:
             yield f"draft.{name}_newton", -sum(tool.force_x_newton for tool in kind)
         if share and len(kind) > 1:  # several shanks side by side

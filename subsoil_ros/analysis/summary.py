@@ -53,7 +53,7 @@ def summarize(
     findings = findings if findings is not None else find_out(bag, resolved, series, window)
     start_s, end_s = window_span_s(series, window)
     simulated_s = float(series["time_s"][-1])
-    tick_count = round(simulated_s / timing.interval_s)
+    tick_count = round(simulated_s / timing.communication_step_s)
     wall_s = series.wall_time_s  # of the ticks alone: without start-up and compilation
     summary: Summary = {
         "scene": scene.name,

@@ -107,7 +107,7 @@ def _spring(summary: Summary) -> str:
         return ""
     return (
         f"spring: {summary['rainflow.cycle_count']:g} load cycles, the largest of "
-        f"{summary['rainflow.largest_range_newton']:.0f} N; as harmful as "
+        f"{summary['rainflow.max_range_newton']:.0f} N; as harmful as "
         f"{summary['rainflow.equivalent_range_newton']:.0f} N once a second"
     )
 
@@ -117,7 +117,7 @@ def _disturbance(summary: Summary) -> str:
         return ""
     return (
         f"soil: {1e4 * summary['disturbance.area_m2']:.0f} cm2 loosened "
-        f"({100.0 * summary['disturbance.moved_part']:.1f} % of the bed moved by more than a radius), "
+        f"({100.0 * summary['disturbance.moved_fraction']:.1f} % of the bed moved by more than a radius), "
         f"{1e3 * summary['disturbance.surface_width_m']:.0f} mm wide at the surface, which rose by "
         f"{1e3 * summary['disturbance.lift_max_m']:.0f} mm at most"
     )

@@ -35,7 +35,7 @@ def metrics_window(series: Series, scene: Scene) -> Window:
         rows &= (tip >= inside) & (tip <= length - inside)
         rules.append(f"tip {inside:g} m or more inside both ends of the bin")
     if scene.soil is not None:
-        wheels = [name for name, tool in scene.tools.items() if not tool.share]
+        wheels = [name for name, tool in scene.tools.items() if not tool.is_tillage]
         for name in wheels:
             rows &= series[f"tool.{name}.x_m"] <= scene.soil.bin.length_m - WHEEL_CLEARANCE_M
         if wheels:
@@ -57,7 +57,7 @@ def tip_path_m(series: Series, scene: Scene) -> tuple[NDArray[np.float64], NDArr
     if scene.report.tip_m is None:
         return None
     tip_x, tip_z = scene.report.tip_m
-    tool = next((name for name, item in scene.tools.items() if item.share), None)
+    tool = next((name for name, item in scene.tools.items() if item.is_tillage), None)
     body = scene.report.shank or (scene.tools[tool].body if tool is not None else None)
     if body is not None and scene.mechanism is not None:
         reference = scene.mechanism.bodies[body]

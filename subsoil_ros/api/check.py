@@ -24,7 +24,7 @@ BYTES_OF_PROCESS = 250e6
 """A Python process with the compiled kernels (measured)."""
 
 PARTICLE_STEPS_PER_S = 6.0e6
-"""One core, float64, all features of the wet law (measured: 7.2e6 on a free core of a cloud machine)."""
+"""One core, float64, all features of the cohesive linear law (measured: 7.2e6 on a free core of a cloud machine)."""
 
 LOCKSTEP_S_PER_TICK = 4.0e-4
 """Exchange of one tick between processes, wall time (rough)."""
@@ -69,7 +69,7 @@ class CheckResult:
 
     def _lines(self) -> Iterator[str]:
         timing, scene = self.scene.timing, self.scene.scene
-        ticks = f"{timing.tick_count:,} ticks of {timing.interval_ns:,} ns"
+        ticks = f"{timing.tick_count:,} ticks of {timing.communication_step_ns:,} ns"
         yield f"{scene.name}: {scene.duration_s:g} s, {ticks}"
         yield f"particles: {self.particles:,}"
         for limit in self.limits[:1]:
@@ -153,13 +153,13 @@ def _bounds(resolved: ResolvedScene) -> tuple[CouplingBound, ...]:
     scene = resolved.scene
     meshes = {name: load_tool_mesh(resolved.directory, scene, name) for name in scene.tools}
     modulus = None
-    if scene.reduced_soil is not None:
-        modulus = soil_of(scene.reduced_soil).values.bed_modulus_newton_per_m3
+    if scene.wedge_soil is not None:
+        modulus = soil_of(scene.wedge_soil).values.bed_modulus_newton_per_m3
     bounds = coupling_bounds(scene, meshes, modulus)
     for bound in bounds:
-        if resolved.timing.interval_s > bound.unstable_s:
+        if resolved.timing.communication_step_s > bound.unstable_s:
             raise SceneError(
-                f"coupling.interval_ns: {resolved.timing.interval_ns} is above the stable limit "
+                f"coupling.communication_step_ns: {resolved.timing.communication_step_ns} is above the stable limit "
                 f"{bound.unstable_s * 1e9:.0f} ns of tool '{bound.tool}' (effective mass "
                 f"{bound.effective_mass_kg:.3g} kg under {bound.contact_count:.0f} contacts). "
                 "Use 'auto', or less."
@@ -169,9 +169,9 @@ def _bounds(resolved: ResolvedScene) -> tuple[CouplingBound, ...]:
 
 def _warnings(resolved: ResolvedScene, bounds: tuple[CouplingBound, ...]) -> Iterator[str]:
     for bound in bounds:
-        if resolved.timing.interval_s > bound.undamped_s:
+        if resolved.timing.communication_step_s > bound.undamped_s:
             yield (
-                f"coupling.interval_ns: {resolved.timing.interval_ns} is above "
+                f"coupling.communication_step_ns: {resolved.timing.communication_step_ns} is above "
                 f"{bound.undamped_s * 1e9:.0f} ns for tool '{bound.tool}': the held force outweighs the "
                 "contact's damper and can fake vibration"
             )

@@ -33,7 +33,7 @@ def find_checkpoint(directory: Path, resolved: ResolvedScene) -> tuple[Checkpoin
     try:
         last_tick = None
         if resolved.scene.record.bag:
-            last_tick = _last_time_ns(directory / "bag") // resolved.timing.interval_ns - 1
+            last_tick = _last_time_ns(directory / "bag") // resolved.timing.communication_step_ns - 1
         checkpoint, complaints = newest_valid(directory / CHECKPOINTS, resolved.scene_hash, last_tick)
     except InputError as error:
         raise InputError(f"resume {error}") from error
@@ -53,7 +53,7 @@ def note_resumption(checkpoint: Checkpoint, earlier: Path, resolved: ResolvedSce
         str(earlier.resolve()),
         str(checkpoint.path),
         checkpoint.tick,
-        tick_end_ns(checkpoint.tick, resolved.timing.interval_ns),
+        tick_end_ns(checkpoint.tick, resolved.timing.communication_step_ns),
         checkpoint.run_id,
     ).write(out)
 

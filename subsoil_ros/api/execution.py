@@ -20,7 +20,7 @@ WARM_UP_TICKS = 3
 
 
 @dataclass(frozen=True)
-class Executed:
+class RunResult:
     """A run that has ended: series.csv and summary.json as bytes, and what it took.
 
     facts: failure (None: there was none) and its exit_status; wall_s and cpu_s of the ticks but the first,
@@ -62,7 +62,7 @@ def execute(
     *,
     at_once: int = 1,
     warm_up: bool = False,
-) -> Executed:
+) -> RunResult:
     """Runs a scene in direct mode. A run that fails gives its message, and the series up to there.
 
     at_once: how many runs share this machine, for the record.
@@ -97,7 +97,7 @@ def execute(
         run_info = {"mode": "direct", "threads": threads, "whole_wall_s": facts["whole_wall_s"]}
         write_results(resolved, folder, run_info, failure)
         found = {name: folder / name for name in ("series.csv", "summary.json")}
-        return Executed({name: path.read_bytes() for name, path in found.items() if path.is_file()}, facts)
+        return RunResult({name: path.read_bytes() for name, path in found.items() if path.is_file()}, facts)
 
 
 def code_digest() -> str:

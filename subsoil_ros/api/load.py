@@ -20,7 +20,7 @@ def load_scene(scene: SceneLike, overrides: Mapping[str, object] | None = None) 
         scene: the name of a shipped scene (`"tine"`), the path of a scene file, or a document: the content of
             such a file as a dict. Files that a document names are seen from the working folder.
         overrides: values by dotted key, as `{"soil.bed.seed": 3}`, laid over the scene as `--set` does; None
-            as a value removes a key, "start" chooses a start and "accuracy" a preset.
+            as a value removes a key, "start" chooses a start and "preset" a preset.
 
     Returns:
         The scene with its defaults, meshes and time steps checked: `.scene` (the typed model), `.timing`

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..coupling.engines import Mover, build_mover
+from ..coupling.engines import MotionSource, build_mover
 from ..errors import InputError, SceneError
 from ..loading.loader import ResolvedScene
 from ..recording.checkpoint import Checkpoint
@@ -27,7 +27,7 @@ class OpenedRun:
     resolved: ResolvedScene
     out: Path
     run_id: str
-    mover: Mover
+    mover: MotionSource
     resumed: Checkpoint | None
     warnings: tuple[str, ...] = ()
 

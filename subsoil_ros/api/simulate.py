@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from ..coupling.checkpoints import Keeper
+from ..coupling.checkpoints import CheckpointWriter
 from ..coupling.control import Controller, build_controller
 from ..coupling.direct import RecordSink, run_direct
-from ..coupling.engines import Mover, Soil, build_mover, build_soil
+from ..coupling.engines import MotionSource, Soil, build_mover, build_soil
 from ..errors import InputError
 from ..loading.loader import ResolvedScene
 from ..recording.bag_writer import open_bag
@@ -42,7 +42,7 @@ def simulate(
     checkpoints: Path | None = None,
     resumed: Checkpoint | None = None,
     live_port: int = 0,
-    mover: Mover | None = None,
+    mover: MotionSource | None = None,
     soil: Soil | None = None,
     sink: RecordSink | None = None,
     controller: Controller | None = None,
@@ -73,7 +73,7 @@ def simulate(
         keeper = None
         if checkpoints is not None:
             sync = (writer.sync,) if writer is not None else ()
-            keeper = Keeper(checkpoints, resolved, run_id, *sync)
+            keeper = CheckpointWriter(checkpoints, resolved, run_id, *sync)
         run_direct(
             resolved, run_id, mover, soil, writer or sink, on_tick, stop_signal, keeper, resumed, controller
         )

@@ -1,4 +1,4 @@
-"""subsoil calibrate DESIGN: fits a reduced soil to runs with particles, or a law to soil tests."""
+"""subsoil calibrate DESIGN: fits a wedge model to runs with particles, or a law to soil tests."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..errors import InputError
 
 if TYPE_CHECKING:
     from ..experiments.calibration.law import LawFit
-    from ..experiments.calibration.resistance import ResistanceFit
+    from ..experiments.calibration.wedge import WedgeFit
     from ..limits.stable_steps import Timing
 
 CORRELATED = 0.95
@@ -26,7 +26,7 @@ CORRELATED = 0.95
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `subsoil calibrate`."""
-    parser.add_argument("design", type=Path, help="design file (.yaml), see docs/resistance.md")
+    parser.add_argument("design", type=Path, help="design file (.yaml), see docs/wedge.md")
     parser.add_argument(
         "--out",
         required=True,
@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
     from ..experiments.calibration.density import bed_density_kg_per_m3
     from ..experiments.calibration.design import LawDesign, base_scene, read_design
     from ..experiments.calibration.law import fit_law, write_law
-    from ..experiments.calibration.resistance import FITTED, fit_resistance, measure
+    from ..experiments.calibration.wedge import FITTED, fit_wedge, measure
     from ..kernel_cache import user_cache_folder
     from ..loading.soil_file import write_soil_file
     from ._shared.preparation import KernelAnnouncer, say
@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
             density = bed_density_kg_per_m3(scene, args.threads)
         say(f"fitting {len(FITTED)} values to {sum(item.used for item in measured)} points")
         with working("fitting"):
-            fit = fit_resistance(scene, design, density, measured)
+            fit = fit_wedge(scene, design, density, measured)
     write_soil_file(args.out, fit.soil)
     _print(fit, args.out)
     return 0
@@ -95,8 +95,8 @@ def _watch(name: str, timing: Timing) -> Iterator[Callable[[int], None]]:
         yield progress
 
 
-def _print(fit: ResistanceFit, out: Path) -> None:
-    from ..experiments.calibration.resistance import FITTED
+def _print(fit: WedgeFit, out: Path) -> None:
+    from ..experiments.calibration.wedge import FITTED
 
     console = Console(width=None if sys.stdout.isatty() else 140)
     table = Table(title="fitted values", title_justify="left", title_style="bold", box=None)
@@ -121,7 +121,7 @@ def _print(fit: ResistanceFit, out: Path) -> None:
                     f"{one} and {names[j]} are hardly told apart by these runs (correlation "
                     f"{fit.correlation[i, j]:.2f})"
                 )
-    points = Table(title="particles and reduced soil", title_justify="left", title_style="bold", box=None)
+    points = Table(title="particles and wedge model", title_justify="left", title_style="bold", box=None)
     for heading in ("point", "draft N", "", "deviation N", "", "period mm", "", "scatter of runs %"):
         points.add_column(heading, justify="left" if heading == "point" else "right")
     for item in fit.compared:
@@ -162,6 +162,6 @@ def _print_law(fit: LawFit, out: Path) -> None:
     console.print(results)
     if not fit.finished:
         console.print(
-            f"stopped after {fit.run_count} sets of parameters (largest_runs); this is the best of them"
+            f"stopped after {fit.run_count} sets of parameters (max_runs); this is the best of them"
         )
     console.print(f"{fit.run_count} sets tested; written to {out} and {out.with_suffix('.json')}")

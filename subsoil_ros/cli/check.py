@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     from ..api.check import check
     from ..loading.loader import load_scene
     from ._shared.accuracy_rows import accuracy_lines
-    from ._shared.soil_rows import particle_rows, reduced_rows
+    from ._shared.soil_rows import particle_rows, wedge_rows
 
     resolved = load_scene(args.scene, args.overrides)
     found = check(resolved)
@@ -55,8 +55,8 @@ def run(args: argparse.Namespace) -> int:
     if soil is not None:
         console.print(_table("soil", particle_rows(resolved, soil, found.particles)))
         console.print(_limits(found))
-    if scene.reduced_soil is not None:
-        console.print(_table("soil, reduced", reduced_rows(resolved, scene.reduced_soil)))
+    if scene.wedge_soil is not None:
+        console.print(_table("soil, reduced", wedge_rows(resolved, scene.wedge_soil)))
     for note in found.notes:
         console.print(note)
     if scene.mechanism and found.mechanism:
@@ -93,11 +93,11 @@ def _general(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
 
     scene, timing = resolved.scene, resolved.timing
     yield "file", str(resolved.path)
-    if "start" in resolved.document:
-        yield "start", str(resolved.document["start"])
+    if "initial_condition" in resolved.document:
+        yield "initial_condition", str(resolved.document["initial_condition"])
     yield "scene hash", resolved.scene_hash[:16]
     yield "duration", f"{scene.duration_s:g} s"
-    yield "ticks", f"{timing.tick_count:,} of {timing.interval_ns:,} ns"
+    yield "ticks", f"{timing.tick_count:,} of {timing.communication_step_ns:,} ns"
     if timing.soil_steps:
         yield "soil steps", f"{timing.soil_steps * timing.tick_count:,} ({timing.soil_steps} per tick)"
     if timing.mechanism_steps:
@@ -109,7 +109,7 @@ def _general(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
             "controller",
             (
                 f"{scene.controller.law.kind}, commands {scene.controller.driver} every {ticks} ticks, "
-                f"{ticks * timing.interval_s * 1e3:g} ms"
+                f"{ticks * timing.communication_step_s * 1e3:g} ms"
             ),
         )
     for name, tool in scene.tools.items():
@@ -170,7 +170,7 @@ def _at_rest(rest: Rest, timing: Timing) -> Iterable[Table]:
     """Pose, joint forces and forces of static equilibrium; modes about it, and steps in their periods."""
     poses = _columns("static equilibrium (drivers held, loads left out)", ("body", "x m", "z m", "angle rad"))
     for body in rest.bodies:
-        poses.add_row(body.name, f"{body.x_m:.4f}", f"{body.z_m:.4f}", f"{body.phi_rad:.5f}")
+        poses.add_row(body.name, f"{body.x_m:.4f}", f"{body.z_m:.4f}", f"{body.angle_rad:.5f}")
     yield poses
     reactions = _columns("", ("joint, on its second body", "force x N", "force z N", "moment N m", ""))
     for joint in rest.joints:
@@ -184,7 +184,7 @@ def _at_rest(rest: Rest, timing: Timing) -> Iterable[Table]:
     headings = ("frequency Hz", "damping ratio", "steps a period", "what moves")
     modes = _columns("modes about static equilibrium", headings)
     modes.columns[3].justify = "left"
-    step_s = timing.interval_s / timing.mechanism_steps
+    step_s = timing.communication_step_s / timing.mechanism_steps
     for mode in rest.modes:
         if mode.oscillates:
             steps = 1.0 / (mode.frequency_hz * step_s)
@@ -203,7 +203,7 @@ def _number(value: float) -> str:
 
 
 def _coupling(found: CheckResult) -> Table:
-    title = f"coupling, interval {found.scene.timing.interval_ns * 1e-3:g} us"
+    title = f"coupling, interval {found.scene.timing.communication_step_ns * 1e-3:g} us"
     table = Table(title=title, title_justify="left", title_style="bold", box=None)
     for heading in ("tool", "damper outweighs the held force up to", "stable up to", "estimated from"):
         table.add_column(heading, justify="left")

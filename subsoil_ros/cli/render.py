@@ -13,7 +13,7 @@ from ._shared.arguments import RECORD_HELP
 
 if TYPE_CHECKING:
     from ..api.recorded_run import RecordedRun
-    from ..figures.snapshots import Frames
+    from ..figures.snapshots import Snapshots
 
 SMALLEST_PIXELS, LARGEST_PIXELS = 64, 7680
 """Of a side of a picture (chosen: a stamp; 8K, and what H.264 takes)."""
@@ -84,11 +84,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _render(args: argparse.Namespace, recorded: RecordedRun) -> int:
-    from ..figures.snapshots import Frames
+    from ..figures.snapshots import Snapshots
     from ._shared.progress import working
 
     with working("reading the bag"):
-        frames = Frames(recorded.bag, recorded.resolved)
+        frames = Snapshots(recorded.bag, recorded.resolved)
     try:
         if args.vtk is not None:
             _write_vtk(args, recorded, frames)
@@ -123,14 +123,14 @@ def _check(args: argparse.Namespace) -> None:
         raise InputError(f"--vtk {args.vtk}: exists already; nothing is written over, name another folder")
 
 
-def _draw(args: argparse.Namespace, recorded: RecordedRun, frames: Frames) -> None:
-    from ..figures.renderer import Studio, Style, default_limits, save_film, save_pictures
+def _draw(args: argparse.Namespace, recorded: RecordedRun, frames: Snapshots) -> None:
+    from ..figures.renderer import Renderer, Style, default_limits, save_film, save_pictures
     from ._shared.progress import counted
 
     given = args.limits
     limits = (given[0], given[1]) if given is not None else default_limits(recorded.resolved, args.colour)
     style = Style(args.colour, limits, (args.size[0], args.size[1]))
-    studio = Studio(recorded.resolved, style)
+    studio = Renderer(recorded.resolved, style)
     if args.film is not None:
         first, last = (
             (frames.times_ns[0], frames.times_ns[-1]) if args.at is None else map(frames.nearest_ns, args.at)
@@ -150,7 +150,7 @@ def _draw(args: argparse.Namespace, recorded: RecordedRun, frames: Frames) -> No
         print(path)
 
 
-def _write_vtk(args: argparse.Namespace, recorded: RecordedRun, frames: Frames) -> None:
+def _write_vtk(args: argparse.Namespace, recorded: RecordedRun, frames: Snapshots) -> None:
     from ..figures.vtk_series import write_vtk_series
     from ._shared.progress import counted
 

@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--design",
         type=Path,
         metavar="FILE",
-        help="knobs, values, seeds and the finest run (default: studies/NAME.yaml beside the scene's folder)",
+        help="factors, values, seeds and the finest run (default: studies/NAME.yaml beside the scene's folder)",
     )
     add_overrides(parser)
     add_manner(parser, workers=1)
@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
     from ..errors import InputError
     from ..experiments.study.design import design_of, read_design
     from ..experiments.study.study import run_study
-    from ..experiments.sweep.engine import Manner
+    from ..experiments.sweep.engine import ExecutionOptions
     from ._shared.sweep_progress import SweepProgress
 
     design = read_design(args.design or design_of(Path(args.scene)))
@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
         return 0
     if args.out is None:
         raise InputError("--out: is missing; name a folder for the results, or --list to see the runs")
-    manner = Manner(args.scheduler, args.workers, args.threads, args.retry_failed, timed=True)
+    manner = ExecutionOptions(args.scheduler, args.workers, args.threads, args.retry_failed, timed=True)
     with SweepProgress("study") as progress:
         outcome = run_study(args.scene, args.overrides, design, args.out, manner, progress)
     console.print(outcome.text, soft_wrap=True, markup=False)

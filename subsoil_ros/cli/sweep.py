@@ -92,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
         RunError: every run failed.
     """
     require("a sweep", "dask", "distributed", "matplotlib", "pyarrow")
-    from ..experiments.sweep.engine import Manner
+    from ..experiments.sweep.engine import ExecutionOptions
     from ..experiments.sweep.plan import parse_variations
     from ..experiments.sweep.sweep import Sweep, run_sweep
     from ._shared.sweep_progress import SweepProgress
@@ -107,7 +107,7 @@ def run(args: argparse.Namespace) -> int:
         parse_seeds(args.seeds),
         tuple(args.control),
     )
-    manner = Manner(args.scheduler, args.workers, args.threads, args.retry_failed)
+    manner = ExecutionOptions(args.scheduler, args.workers, args.threads, args.retry_failed)
     with SweepProgress("sweep") as progress:
         outcome = run_sweep(sweep, args.out, manner, progress, args.show)
     _print(outcome, sweep.keys)

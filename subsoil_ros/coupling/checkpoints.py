@@ -11,7 +11,7 @@ from typing import Any
 
 from ..errors import InputError
 from ..loading.loader import ResolvedScene
-from ..messages import GroupForce, ToolMotion, ToolWrench
+from ..messages import FacetGroupForce, ToolMotion, ToolWrench
 from ..recording.checkpoint import (
     Checkpoint,
     commit,
@@ -76,7 +76,7 @@ class CouplingState:
 
 
 def _wrench(document: Mapping[str, Any]) -> ToolWrench:
-    groups = tuple(GroupForce(**group) for group in document["groups"])
+    groups = tuple(FacetGroupForce(**group) for group in document["groups"])
     return ToolWrench(**{**document, "groups": groups})
 
 
@@ -92,7 +92,7 @@ def restore_engine(engine: Resumable, checkpoint: Checkpoint, part: str) -> None
         raise InputError(f"{checkpoint.path}: {part}: does not fit this scene: {error}") from error
 
 
-class Keeper:
+class CheckpointWriter:
     """Writes the checkpoints of one run, or one process's parts of them.
 
     Args:
@@ -137,7 +137,7 @@ class Keeper:
         """
         self._sync_record()
         facts = {
-            "time_s": tick_end_s(state.tick, self._resolved.timing.interval_ns),
+            "time_s": tick_end_s(state.tick, self._resolved.timing.communication_step_ns),
             "run_id": self._run_id,
             "scene_hash": self._resolved.scene_hash,
             COUPLING: {**state.document(), "wall_time_s": state.wall_time_s},

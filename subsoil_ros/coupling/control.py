@@ -31,7 +31,7 @@ class SpeedController:
     def command(self, tick: int, state: MechanismState) -> DriverCommand:
         """The speed that the law asks for, as far as it can be reached by the end of the interval."""
         keys = self._keys
-        change = keys.largest_acceleration_m_per_s2 * self._interval_s
+        change = keys.max_acceleration_m_per_s2 * self._interval_s
         wished = min(max(self._wished(state), self._speed - change), self._speed + change)
         self._speed = min(max(wished, keys.lowest_speed_m_per_s), keys.highest_speed_m_per_s)
         return DriverCommand(state.run_id, tick, keys.driver, self._speed)
@@ -58,5 +58,5 @@ def build_controller(resolved: ResolvedScene, resumed: Checkpoint | None = None)
     speed = scene.mechanism.joints[scene.controller.driver].speed.value  # type: ignore[union-attr]
     if resumed is not None:
         speed = Ramp(*resumed.read_part(MECHANISM)["ramp"].tolist()).end_speed
-    interval_s = scene.controller.interval_ticks * resolved.timing.interval_s
+    interval_s = scene.controller.interval_ticks * resolved.timing.communication_step_s
     return SpeedController(scene.controller, speed, interval_s)

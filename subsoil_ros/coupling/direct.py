@@ -8,11 +8,11 @@ from ..loading.loader import ResolvedScene
 from ..messages import Command, Grant, MechanismState, ToolMotions, ToolWrenches
 from ..recording.checkpoint import Checkpoint
 from ..ticks import INITIAL_TICK, tick_end_ns
-from .checkpoints import CouplingState, Keeper, mover_part, restore_engine
+from .checkpoints import CheckpointWriter, CouplingState, mover_part, restore_engine
 from .cloud import recorded_cloud
 from .control import Controller
 from .energy_account import InterfaceWork, account_of
-from .engines import Mechanism, Mover, Soil
+from .engines import Mechanism, MotionSource, Soil
 from .exit_status import interrupted
 from .protocol import SOIL
 from .schedule import schedule_of
@@ -29,12 +29,12 @@ class RecordSink(Protocol):
 def run_direct(
     resolved: ResolvedScene,
     run_id: str,
-    mover: Mover,
+    mover: MotionSource,
     soil: Soil | None,
     sink: RecordSink | None,
     on_tick: Callable[[int], None] = lambda tick: None,
     stop_signal: Callable[[], int] = lambda: 0,
-    keeper: Keeper | None = None,
+    keeper: CheckpointWriter | None = None,
     resumed: Checkpoint | None = None,
     controller: Controller | None = None,
 ) -> None:
@@ -53,7 +53,7 @@ def run_direct(
         InterruptedRunError: stop_signal asked for it.
         RunError: an engine or the interface account failed. Every finished tick is written.
     """
-    interval_ns = resolved.timing.interval_ns
+    communication_step_ns = resolved.timing.communication_step_ns
     schedule = schedule_of(resolved.scene, resolved.timing)
     mechanism: Mechanism | None = mover if resolved.scene.mechanism is not None else None  # type: ignore[assignment]
     part = mover_part(resolved.scene)
@@ -61,7 +61,7 @@ def run_direct(
     account = account_of(resolved.scene, state.motions, state.wrenches, state.work)
     machine: MechanismState | None = None  # at the last series tick, for the controller
     if mechanism is not None and resumed is not None:
-        machine = mechanism.state(run_id, state.tick, tick_end_ns(state.tick, interval_ns))
+        machine = mechanism.state(run_id, state.tick, tick_end_ns(state.tick, communication_step_ns))
     start = time.monotonic() - state.wall_time_s
     write = sink.write if sink is not None else _forget
 
@@ -80,7 +80,7 @@ def run_direct(
         if signal_number:
             keep()
             raise interrupted(signal_number).error()
-        end_ns = tick_end_ns(tick, interval_ns)
+        end_ns = tick_end_ns(tick, communication_step_ns)
         command = None
         if controller is not None and mechanism is not None and machine and schedule.control_due(tick):
             command = controller.command(tick, machine)
@@ -102,7 +102,7 @@ def run_direct(
                 write(machine)
             if soil is not None and sink is not None:
                 write(soil.state(run_id, tick, end_ns))
-            write(work.report(run_id, tick, interval_ns, wall_time_s))
+            write(work.report(run_id, tick, communication_step_ns, wall_time_s))
         if soil is not None and sink is not None and schedule.cloud_due(tick):
             write(recorded_cloud(soil.cloud(tick, end_ns), resolved.scene.record))
         on_tick(tick)
@@ -121,7 +121,9 @@ def _forget(record: Any) -> None:
     """In the place of a sink where nothing is recorded."""
 
 
-def _first_state(mover: Mover, soil: Soil | None, part: str, resumed: Checkpoint | None) -> CouplingState:
+def _first_state(
+    mover: MotionSource, soil: Soil | None, part: str, resumed: Checkpoint | None
+) -> CouplingState:
     """The exchange before the first tick: the initial one, or that of a checkpoint, engines put into it."""
     if resumed is not None:
         restore_engine(mover, resumed, part)

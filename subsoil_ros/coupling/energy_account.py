@@ -18,7 +18,7 @@ def held_work_joule(wrench: ToolWrench, before: ToolMotion, after: ToolMotion) -
     return (
         wrench.force_x_newton * (after.x_m - before.x_m)
         + wrench.force_z_newton * (after.z_m - before.z_m)
-        - wrench.torque_y_newton_m * (after.phi_rad - before.phi_rad)
+        - wrench.torque_y_newton_m * (after.angle_rad - before.angle_rad)
     )
 
 
@@ -38,12 +38,14 @@ class InterfaceWork:
             return 0.0
         return abs(self.residual_joule) / self.absolute_work_joule
 
-    def report(self, run_id: str, tick: int, interval_ns: int, wall_time_s: float) -> CouplingReport:
+    def report(
+        self, run_id: str, tick: int, communication_step_ns: int, wall_time_s: float
+    ) -> CouplingReport:
         """The account as the record of `tick`."""
         return CouplingReport(
             run_id=run_id,
             tick=tick,
-            end_time_ns=tick_end_ns(tick, interval_ns),
+            end_time_ns=tick_end_ns(tick, communication_step_ns),
             mechanism_work_joule=self.mechanism_work_joule,
             soil_work_joule=self.soil_work_joule,
             residual_joule=self.residual_joule,
@@ -120,7 +122,7 @@ class InterfaceAccount:
                 f"tick {tick}: interface energy residual {work.residual_joule:.3g} J is "
                 f"{100.0 * work.residual_ratio:.3g} % of {work.absolute_work_joule:.3g} J interface work, "
                 f"above coupling.residual_bound {100.0 * self._bound:.3g} %. The exchange {does} energy: "
-                "lower coupling.interval_ns, or set coupling.force: tick_mean when a tick has several soil "
+                "lower coupling.communication_step_ns, or set coupling.force: tick_mean when a tick has several soil "
                 "steps"
             )
 

@@ -25,7 +25,7 @@ class Resumable(Protocol):
         ...
 
 
-class Mover(Resumable, Protocol):
+class MotionSource(Resumable, Protocol):
     """Moves the tools: a mechanism, or prescribed paths."""
 
     def initial_motions(self) -> tuple[ToolMotion, ...]:
@@ -37,7 +37,7 @@ class Mover(Resumable, Protocol):
         ...
 
 
-class Mechanism(Mover, Protocol):
+class Mechanism(MotionSource, Protocol):
     """A mover with a state of its own to record, and perhaps a driver that a controller commands."""
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> MechanismState:
@@ -78,14 +78,14 @@ def build_mechanism(resolved: ResolvedScene) -> Mechanism | None:
     return MechanismEngine(resolved.scene, resolved.timing)
 
 
-def build_paths(resolved: ResolvedScene) -> Mover:
+def build_paths(resolved: ResolvedScene) -> MotionSource:
     """The mover of a scene without mechanism."""
     from ..mbd.path import PathEngine
 
     return PathEngine(resolved.scene, resolved.timing)
 
 
-def build_mover(resolved: ResolvedScene) -> Mover:
+def build_mover(resolved: ResolvedScene) -> MotionSource:
     """The scene's mechanism, or the paths of its tools."""
     return build_mechanism(resolved) or build_paths(resolved)
 
@@ -94,10 +94,10 @@ def build_soil(resolved: ResolvedScene, threads: int) -> Soil | None:
     """The scene's soil; None if it names none. Only the engine that is named is imported."""
     if resolved.scene.soil is None:
         return None
-    if resolved.scene.reduced_soil is not None:
-        from ..wedge.engine import ResistanceEngine
+    if resolved.scene.wedge_soil is not None:
+        from ..wedge.engine import WedgeEngine
 
-        return ResistanceEngine(resolved)
+        return WedgeEngine(resolved)
     from ..dem.engine import build_engine
 
     return build_engine(resolved, threads)

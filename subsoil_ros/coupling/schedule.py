@@ -47,10 +47,10 @@ def schedule_of(scene: Scene, timing: Timing) -> Schedule:
     """The schedule a scene asks for; clouds and checkpoints at the nearest multiple of the tick."""
     cloud_ticks = 0
     if scene.particle_soil is not None:
-        cloud_ticks = every_ticks(scene.record.cloud_hz, timing.interval_ns)
+        cloud_ticks = every_ticks(scene.record.cloud_hz, timing.communication_step_ns)
     checkpoint_ticks = 0
     if scene.record.checkpoint_s > 0.0:
-        ticks = round(scene.record.checkpoint_s * NANOSECONDS_PER_SECOND / timing.interval_ns)
+        ticks = round(scene.record.checkpoint_s * NANOSECONDS_PER_SECOND / timing.communication_step_ns)
         checkpoint_ticks = max(1, ticks)
     control_ticks = scene.controller.interval_ticks if scene.controller is not None else 0
     return Schedule(

@@ -12,7 +12,7 @@ from numba import njit, types
 from numba.extending import overload
 
 from ..scene.pairs import PairValues, layer_soils, pair_values
-from ..scene.soil import Soil, WetLaw
+from ..scene.soil import CohesiveLinearLaw, Soil
 from .compiled import inner_kernel
 from .inverse_root import inverse_root
 
@@ -118,7 +118,7 @@ def pair_law(values: PairValues, effective_radius: float, *, has_adhesion: bool)
 def law_features(soil: Soil, *, book: bool = False, period_m: float | None = None) -> Features:
     """What the laws of a soil contain, all layers together; period_m: in y, where the sides are periodic."""
     values = [value for layer in layer_soils(soil) for value in pair_values(layer)]
-    wet = soil.law if isinstance(soil.law, WetLaw) else None
+    wet = soil.law if isinstance(soil.law, CohesiveLinearLaw) else None
 
     def given(yes: bool) -> np.ndarray:
         return YES if yes else NO
@@ -204,11 +204,11 @@ def contact(overlap, normal, velocity, spin, shear, roll, step, law, features):
 
     force_n = normal_elastic(overlap, law, features)
     damped = law.damping * overlap_rate
-    grown, before, held_part = one, one, one  # Hertz: stiffness over its coefficient, now and a step ago
+    grown, before, held_fraction = one, one, one  # Hertz: stiffness over its coefficient, now and a step ago
     if features.hertz.ndim == 2:
         grown = math.sqrt(max(overlap, zero))
         before = math.sqrt(max(overlap - step * overlap_rate, zero))
-        held_part = min(before / max(grown, tiny), one) if grown > zero else zero
+        held_fraction = min(before / max(grown, tiny), one) if grown > zero else zero
         damped *= math.sqrt(grown)
     elif features.damp_all_zones.ndim == 1:
         damped = damped if overlap > law.rest_overlap else zero
@@ -234,8 +234,8 @@ def contact(overlap, normal, velocity, spin, shear, roll, step, law, features):
             # Mindlin: a stiffer contact keeps its force, a softer one loses it, so no energy comes in
             if features.book.ndim == 2:
                 stored = half * k * (sx * sx + sy * sy + sz * sz)
-                released = stored * (before - grown * held_part * held_part)
-            sx, sy, sz = held_part * sx, held_part * sy, held_part * sz
+                released = stored * (before - grown * held_fraction * held_fraction)
+            sx, sy, sz = held_fraction * sx, held_fraction * sy, held_fraction * sz
             k, c = k * grown, c * math.sqrt(grown)
         yielding = k * step + c
         # trial force if the slider held
@@ -262,8 +262,8 @@ def contact(overlap, normal, velocity, spin, shear, roll, step, law, features):
         if features.hertz.ndim == 2:  # as the tangential spring: stiffer keeps its torque, softer loses it
             if features.book.ndim == 2:
                 stored = half * law.rolling_stiffness * (rx * rx + ry * ry + rz * rz)
-                released += stored * (before - grown * held_part * held_part)
-            rx, ry, rz = held_part * rx, held_part * ry, held_part * rz
+                released += stored * (before - grown * held_fraction * held_fraction)
+            rx, ry, rz = held_fraction * rx, held_fraction * ry, held_fraction * rz
         wx, wy, wz = spin
         along = wx * nx + wy * ny + wz * nz  # no twist
         wx, wy, wz = wx - along * nx, wy - along * ny, wz - along * nz

@@ -69,7 +69,7 @@ class SoilEngine(SoilReadings):
         self._inertia = 0.4 * self._mass * self._radius**2
         self.bed: Bed = bed or prepare_bed(resolved, SoilEngine, threads)
         refuse_narrow_period(self.bed, soil)
-        book = book or (soil.monitors is not None and soil.monitors.largest_energy_defect is not None)
+        book = book or (soil.monitors is not None and soil.monitors.max_energy_defect is not None)
         self._features = law_features(soil, book=book, period_m=self.bed.period_m)
         law, self._boundary = soil_laws(soil, self._features)
         self._pair_law = PairLaw(*np.array(law, self._kind))
@@ -79,7 +79,7 @@ class SoilEngine(SoilReadings):
         self._tool_laws = self._wall_laws.copy()
         self._tool_laws[:, 0] *= factor
         self._density = np.array([layer.particles.density_kg_per_m3 for layer in layer_soils(soil)])
-        self._overlap_bound = soil.largest_tool_overlap_m or 2.0 * soil.particles.mean_volume_radius_m
+        self._overlap_bound = soil.max_tool_overlap_m or 2.0 * soil.particles.mean_volume_radius_m
         self._planes = wall_planes(self.bed.lower_m, self.bed.upper_m, self.bed.sides)
         self._tools: tuple[ToolSurface, ...] = ()
         self._kernels = KernelCalls()
@@ -279,7 +279,7 @@ class SoilEngine(SoilReadings):
             if s == steps and self._resolved.scene.coupling.force == "tick_end":
                 self._keep_last_step_only()
             now = tuple(
-                motion_within(a, b, self._resolved.timing.interval_s, s / steps)
+                motion_within(a, b, self._resolved.timing.communication_step_s, s / steps)
                 for a, b in zip(starts, motions, strict=True)
             )
             self._advance_step(tick, s, now)
@@ -289,10 +289,10 @@ class SoilEngine(SoilReadings):
     def _after_step(self, tick: int, step: int) -> None:
         """Refuses a tool sunk too deep into a particle, and looks at the soil when it is time."""
         for tool in self._tools:
-            if tool.largest_overlap_m > self._overlap_bound:
+            if tool.max_overlap_m > self._overlap_bound:
                 raise PhysicsError(
                     f"{self._where(tick, step)}: tool {tool.name} overlaps a particle by "
-                    f"{tool.largest_overlap_m:.3g} m, allowed is soil.largest_tool_overlap_m "
+                    f"{tool.max_overlap_m:.3g} m, allowed is soil.max_tool_overlap_m "
                     f"{self._overlap_bound:.3g} m; raise soil.tool_stiffness_factor, or make the tool slower "
                     "or thicker"
                 )

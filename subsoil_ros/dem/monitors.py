@@ -4,7 +4,7 @@ A step that is too large does not blow up: friction caps the instability, the be
 falls in silence. What gives it away is that motions turn round from one step to the next. Velocity Verlet
 knows the velocities half a step before and after a state, v -+ h a / 2, and over all particles
 
-    alternation = sum (h a / 2)^2 / (sum v^2 + sum (h a / 2)^2)
+    velocity_reversal = sum (h a / 2)^2 / (sum v^2 + sum (h a / 2)^2)
 
 is 0 where they are equal and 1 where they are opposite (then v, as the state has it, is 0: at whole steps
 the motion hides). The same of the spins; the larger counts. Forces change over many stable steps, so a
@@ -54,7 +54,7 @@ class MotionSums(NamedTuple):
     place: float  # of coordinates [m]: shows a place that is no number
 
     @property
-    def alternation(self) -> float:
+    def velocity_reversal(self) -> float:
         """Part of the motion that turns round from step to step, 0 to 1, of spins or velocities."""
         return max(_part(self.half_speed2, self.speed2), _part(self.half_spin2, self.spin2))
 
@@ -142,7 +142,7 @@ class Seen(Protocol):
     def particle_count(self) -> int: ...
     def particles(self) -> Particles: ...
     def motion_sums(self) -> MotionSums: ...
-    def largest_overlap_m(self) -> float: ...
+    def max_overlap_m(self) -> float: ...
     def anyone_outside(self) -> bool: ...
     def energy(self) -> EnergyBook: ...
 
@@ -153,7 +153,7 @@ class Watch:
     def __init__(self, soil: Soil, domain: Domain, count: int) -> None:
         assert soil.monitors is not None
         self._bounds, self._domain, self._radius = soil.monitors, domain, soil.particles.bounds_m[0]
-        given = soil.largest_lost_particles
+        given = soil.max_lost_particles
         self._alarm = max(1, count // ONE_IN) if given is None else given
         self._gone = np.zeros(count, np.bool_)
         self.first_lost: list[LostParticle] = []
@@ -195,7 +195,7 @@ class Watch:
     @property
     def balances(self) -> bool:
         """Whether the energy is looked at."""
-        return self._bounds.largest_energy_defect is not None
+        return self._bounds.max_energy_defect is not None
 
     def begin(self, book: EnergyBook) -> None:
         """From where the energy is balanced."""
@@ -230,36 +230,36 @@ class Watch:
         self._look_for_alternation(where, sums, soil.particle_count)
         if self._suspicious > 1:
             return  # the rest was looked at when the suspicion arose
-        self._look_for_overlap(where, soil.largest_overlap_m)
+        self._look_for_overlap(where, soil.max_overlap_m)
         if soil.anyone_outside():
             self._look_for_lost(where, tick, soil.particles())
         if self.balances:
             self._look_at_balance(where, soil.energy())
 
     def _look_for_alternation(self, where: str, sums: MotionSums, count: int) -> None:
-        bound = self._bounds.largest_alternation
+        bound = self._bounds.max_velocity_reversal
         surface_m2 = sums.half_speed2 + self._radius**2 * sums.half_spin2
-        if bound is None or sums.alternation <= bound or surface_m2 <= count * CALM_M_PER_S**2:
+        if bound is None or sums.velocity_reversal <= bound or surface_m2 <= count * CALM_M_PER_S**2:
             self._suspicious = 0
             return
         self._suspicious += 1
         if self._suspicious > CONFIRMING_STEPS:
             spin = np.sqrt((sums.spin2 + sums.half_spin2) / count)
             raise PhysicsError(
-                f"{where}: particles turn round from step to step: alternation {sums.alternation:.3g} "
-                f"(rms spin {spin:.3g} rad/s), allowed is soil.monitors.largest_alternation {bound:g}; the "
+                f"{where}: particles turn round from step to step: velocity_reversal {sums.velocity_reversal:.3g} "
+                f"(rms spin {spin:.3g} rad/s), allowed is soil.monitors.max_velocity_reversal {bound:g}; the "
                 "step is too large for this bed and lowers the draft: use a smaller soil.time_step_s"
             )
 
-    def _look_for_overlap(self, where: str, largest_overlap_m: Callable[[], float]) -> None:
-        bound = self._bounds.largest_pair_overlap_radii
+    def _look_for_overlap(self, where: str, max_overlap_m: Callable[[], float]) -> None:
+        bound = self._bounds.max_pair_overlap_radii
         if bound is None:
             return
-        overlap = largest_overlap_m() / self._radius
+        overlap = max_overlap_m() / self._radius
         if overlap > bound:
             raise PhysicsError(
                 f"{where}: two particles overlap by {overlap:.3g} radii, allowed is "
-                f"soil.monitors.largest_pair_overlap_radii {bound:g}; they may pass through each other: use "
+                f"soil.monitors.max_pair_overlap_radii {bound:g}; they may pass through each other: use "
                 "a stiffer soil.law, or move the tools slower"
             )
 
@@ -279,7 +279,7 @@ class Watch:
         )
         if self.lost_count > self._alarm:
             raise PhysicsError(
-                f"{found}; allowed is soil.largest_lost_particles {self._alarm}; use a smaller "
+                f"{found}; allowed is soil.max_lost_particles {self._alarm}; use a smaller "
                 "soil.time_step_s, a stiffer soil.law.boundary, or a path that presses no soil through a wall"
             )
         if first:
@@ -293,7 +293,7 @@ class Watch:
         )
 
     def _look_at_balance(self, where: str, now: EnergyBook) -> None:
-        bound = self._bounds.largest_energy_defect
+        bound = self._bounds.max_energy_defect
         self._largest_kinetic = max(self._largest_kinetic, now.kinetic_joule)
         if bound is None or self._start_joule is None:
             return
@@ -302,7 +302,7 @@ class Watch:
         if abs(defect) > bound * exchanged:
             raise PhysicsError(
                 f"{where}: the energy book is off by {defect:.3g} J, {abs(defect) / exchanged:.2g} of the "
-                f"{exchanged:.3g} J exchanged, allowed is soil.monitors.largest_energy_defect {bound:g}; use "
+                f"{exchanged:.3g} J exchanged, allowed is soil.monitors.max_energy_defect {bound:g}; use "
                 "a smaller soil.time_step_s"
             )
 

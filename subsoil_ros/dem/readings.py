@@ -135,9 +135,9 @@ class SoilReadings(ABC):
         return tuple(self._watch.first_lost) if self._watch is not None else ()
 
     @property
-    def alternation(self) -> float:
+    def velocity_reversal(self) -> float:
         """Part of the motion that turns round from step to step, 0 to 1 (dem.monitors)."""
-        return self.motion_sums().alternation
+        return self.motion_sums().velocity_reversal
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
         """Monitors at the end of `tick`.
@@ -158,9 +158,9 @@ class SoilReadings(ABC):
             rebuild_count=self._rebuilds,
             kinetic_energy_joule=self._moving_joule()[0],
             rms_speed_m_per_s=float(np.sqrt(sums.speed2 / n)),
-            rms_spin_rad_per_s=float(np.sqrt((sums.spin2 + sums.half_spin2) / n)),
-            largest_overlap_m=largest,
-            largest_tool_overlap_m=max((t.largest_overlap_m for t in self._tools), default=0.0),
+            rms_angular_velocity_rad_per_s=float(np.sqrt((sums.spin2 + sums.half_spin2) / n)),
+            max_overlap_m=largest,
+            max_tool_overlap_m=max((t.max_overlap_m for t in self._tools), default=0.0),
         )
 
     def energy(self) -> EnergyBook:
@@ -216,7 +216,7 @@ class SoilReadings(ABC):
         """As the kernels have them, sorted by cell; not copied."""
         return self._particles
 
-    def largest_overlap_m(self) -> float:
+    def max_overlap_m(self) -> float:
         """Largest overlap of two particles."""
         return self._scan_contacts()[1]
 

@@ -10,7 +10,7 @@ from scipy.signal import periodogram
 from ..analysis.smoothing import moving_mean
 from ..analysis.spectra import LEAST_ROWS, spectrum
 from ..yaml_document import read_document
-from .kept_runs import KeptRun
+from .run_cache import CachedRun
 
 MOVING_MEAN_S = 0.010
 """Peaks and ranges are of the mean over this: single contacts come and go in a millisecond."""
@@ -41,7 +41,7 @@ METRICS = (
     Metric("draft_mean_newton", "mean draft"),
     Metric("draft_peak_newton", "peak draft"),
     Metric("spring_range_newton", "spring force range"),
-    Metric("spring_swing_newton", "spring force swing"),
+    Metric("spring_detrended_std_newton", "spring force swing"),
     Metric(
         "draft_frequency_hz",
         "dominant frequency",
@@ -54,7 +54,7 @@ METRICS = (
 )
 
 
-def metrics_of(run: KeptRun) -> dict[str, float]:
+def metrics_of(run: CachedRun) -> dict[str, float]:
     """Every metric that a run has a column for, over its metrics window; by Metric.name, resolutions too.
 
     Peak and range are of the 10 ms moving mean; the range does not tell vibration from a bed that gives way
@@ -75,13 +75,13 @@ def metrics_of(run: KeptRun) -> dict[str, float]:
     spring = spring_of(run)
     if spring is not None and (name := f"spring.{spring}.force_newton") in series:
         found["spring_range_newton"] = float(np.ptp(moving_mean(series, name, MOVING_MEAN_S)[rows]))
-        found["spring_swing_newton"] = swing(times[rows], series[name][rows])
+        found["spring_detrended_std_newton"] = swing(times[rows], series[name][rows])
     if DISTURBED_AREA in summary:
         found["disturbed_area_m2"] = float(summary[DISTURBED_AREA])
     return {name: value for name, value in found.items() if math.isfinite(value)}
 
 
-def spring_of(run: KeptRun) -> str | None:
+def spring_of(run: CachedRun) -> str | None:
     """The spring that the run's scene reports."""
     path = run.folder / "scene.yaml"
     spring = (read_document(path, str(path)).get("report") or {}).get("spring")

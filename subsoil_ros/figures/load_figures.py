@@ -63,7 +63,7 @@ def _draw_spectra(spectra: dict[str, Spectrum], title: str, path: Path) -> Path:
 def _draw_cycles(cycles: LoadCycles, title: str, path: Path) -> Path:
     figure = new_figure(9.0, 4.2)
     axes = figure.add_subplot()
-    edges = np.linspace(0.0, cycles.largest_range_newton, _CYCLE_BINS + 1)
+    edges = np.linspace(0.0, cycles.max_range_newton, _CYCLE_BINS + 1)
     axes.hist(cycles.range_newton, bins=edges.tolist(), weights=cycles.count, color=COLOURS["main"])
     equivalent = cycles.equivalent_range_newton()
     axes.axvline(equivalent, color=COLOURS["share"], label=f"same damage as {equivalent:.0f} N once a second")

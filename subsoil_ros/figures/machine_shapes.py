@@ -80,7 +80,7 @@ class Shapes:
             if not isinstance(force, WheelContact) or force.body not in bodies:
                 continue
             body = bodies[force.body]
-            angles = turn + body.phi_rad
+            angles = turn + body.angle_rad
             y = self._lateral_m(force.body)
             rim = np.column_stack(
                 [
@@ -106,7 +106,7 @@ class Shapes:
             return [body.x_m, y, body.z_m]
         reference = self._scene.mechanism.bodies[body.name]
         x, z = point_m[0] - reference.position_m[0], point_m[1] - reference.position_m[1]
-        turn = body.phi_rad - reference.angle_rad
+        turn = body.angle_rad - reference.angle_rad
         cosine, sine = np.cos(turn), np.sin(turn)
         return [body.x_m + cosine * x - sine * z, y, body.z_m + sine * x + cosine * z]
 

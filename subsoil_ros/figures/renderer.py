@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..loading.loader import ResolvedScene
 from .machine_shapes import Segments, Shapes, Surface
-from .snapshots import Frame, Frames
+from .snapshots import Frame, Snapshots
 from .soil_cut import SPEED_SCALE_M_PER_S
 
 DISPLACEMENT_SCALE_DIAMETERS = 5.0
@@ -45,7 +45,7 @@ def default_limits(resolved: ResolvedScene, colour: str) -> tuple[float, float]:
     return 0.0, DISPLACEMENT_SCALE_DIAMETERS * 2.0 * soil.particles.mean_volume_radius_m
 
 
-class Studio:
+class Renderer:
     """Draws the moments of one run."""
 
     def __init__(self, resolved: ResolvedScene, style: Style) -> None:
@@ -128,7 +128,7 @@ class Studio:
         """Forward place of the lowest point of the tools that cut; mid-bin while that is outside."""
         x0, x1, *_ = self._bounds()
         tools = self._resolved.scene.tools
-        shares = [surface.vertices_m for surface in surfaces if tools[surface.tool].share]
+        shares = [surface.vertices_m for surface in surfaces if tools[surface.tool].is_tillage]
         if shares:
             vertices = np.concatenate(shares)
             tip = float(vertices[np.argmin(vertices[:, 2]), 0])
@@ -180,7 +180,7 @@ def _add_lines(plotter: Any, ends_m: Segments, kind: str, radius_m: float) -> No
 
 
 def save_pictures(
-    frames: Frames, studio: Studio, times_ns: Sequence[int], views: Sequence[str], folder: Path,
+    frames: Snapshots, studio: Renderer, times_ns: Sequence[int], views: Sequence[str], folder: Path,
     done: Callable[[], None],
 ) -> list[Path]:  # fmt: skip
     """Writes VIEW_TIME.png of every moment and view; returns their paths. `done` is called after each."""
@@ -196,8 +196,8 @@ def save_pictures(
 
 
 def save_film(
-    frames: Frames,
-    studio: Studio,
+    frames: Snapshots,
+    studio: Renderer,
     times_ns: Sequence[int],
     view: str,
     path: Path,

@@ -30,7 +30,7 @@ class Frame:
     bodies: tuple[BodyState, ...]  # of the machine, at the last recorded state up to then
 
 
-class Frames:
+class Snapshots:
     """The moments of a run, read one by one: memory is bounded by one of them."""
 
     def __init__(self, bag: Path, resolved: ResolvedScene) -> None:
@@ -98,7 +98,9 @@ class Frames:
         whole = self._resolved.scene.record.cloud_region is None  # else particles come and go
         times = {self.times_ns[0], *wanted}
         start: NDArray[np.float32] | None = None
-        for cloud in self._reader.clouds(self._resolved.timing.interval_ns, at=lambda time: time in times):
+        for cloud in self._reader.clouds(
+            self._resolved.timing.communication_step_ns, at=lambda time: time in times
+        ):
             positions = np.asarray(cloud.positions_m)
             start = positions if start is None else start
             if cloud.end_time_ns not in wanted:

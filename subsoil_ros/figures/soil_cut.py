@@ -36,12 +36,12 @@ def draw_soil_cut(bag: Path, resolved: ResolvedScene, path: Path, span_s: tuple[
     chosen = nearest_times_ns(reader.cloud_times_ns(), span_s)
     if not chosen:
         return None
-    interval_ns = resolved.timing.interval_ns
+    communication_step_ns = resolved.timing.communication_step_ns
     motions = {
         record.end_time_ns: record
         for record in reader.records(ToolMotions, at=lambda time_ns: time_ns in chosen)
     }
-    clouds = list(reader.clouds(interval_ns, at=lambda time_ns: time_ns in chosen))
+    clouds = list(reader.clouds(communication_step_ns, at=lambda time_ns: time_ns in chosen))
     _draw(resolved, soil, clouds, motions, path)
     return path
 

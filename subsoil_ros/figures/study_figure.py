@@ -15,7 +15,7 @@ class Dot:
     """A variant in one panel."""
 
     number: int  # in the legend
-    group: str  # knob
+    group: str  # factor
     wall_s: float
     error: float
     half_width: float  # nan: not known

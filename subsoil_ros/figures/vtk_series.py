@@ -11,11 +11,11 @@ import pyvista
 
 from ..loading.loader import ResolvedScene
 from .machine_shapes import Shapes
-from .snapshots import Frame, Frames
+from .snapshots import Frame, Snapshots
 
 
 def write_vtk_series(
-    resolved: ResolvedScene, frames: Frames, folder: Path, done: Callable[[], None]
+    resolved: ResolvedScene, frames: Snapshots, folder: Path, done: Callable[[], None]
 ) -> list[Path]:
     """Writes soil, tools and machine into a new `folder`, which appears when all is in it.
 

@@ -47,12 +47,12 @@ def coupling_bounds(
 ) -> tuple[CouplingBound, ...]:
     """Bounds of every tool that a body carries; empty without soil or mechanism.
 
-    bed_modulus_newton_per_m3: of a reduced soil, from its values or its file.
+    bed_modulus_newton_per_m3: of a wedge model, from its values or its file.
 
     The effective mass is that of the free body at its farthest point, 1 / (1/m + d^2/J): joints only add
     to it, so the estimate is on the safe side. Of several layers the worst counts.
     """
-    if scene.reduced_soil is not None and scene.mechanism is not None:
+    if scene.wedge_soil is not None and scene.mechanism is not None:
         assert bed_modulus_newton_per_m3 is not None
         return _reduced_bounds(scene, bed_modulus_newton_per_m3, meshes)
     soil = scene.particle_soil
@@ -61,7 +61,7 @@ def coupling_bounds(
     overlap = REFERENCE_OVERLAP * soil.particles.mean_volume_radius_m
     boundaries = [tool_values(layer).linear_at(overlap) for layer in layer_soils(soil)]
     relaxation = min(boundary.damping / boundary.stiffness for boundary in boundaries)
-    largest_damping = max(boundary.damping for boundary in boundaries)
+    max_damping = max(boundary.damping for boundary in boundaries)
     age = force_age_ticks(scene.coupling, derive_timing(scene).soil_steps)
     found = []
     for name, tool in scene.tools.items():
@@ -70,7 +70,7 @@ def coupling_bounds(
         body = scene.mechanism.bodies[tool.body]
         mass = _effective_mass_kg(body, meshes[name])
         count = _contact_count(soil, meshes[name])
-        damping = count * largest_damping
+        damping = count * max_damping
         found.append(
             CouplingBound(
                 tool=name,
@@ -102,7 +102,7 @@ def _reduced_bounds(scene: Scene, modulus: float, meshes: dict[str, ToolMesh]) -
     assert scene.mechanism is not None
     found = []
     for name, tool in scene.tools.items():
-        if tool.body is None or not tool.share:
+        if tool.body is None or not tool.is_tillage:
             continue
         faces = cutting_faces(meshes[name], f"tools.{name}")
         mass = _effective_mass_kg(scene.mechanism.bodies[tool.body], meshes[name])

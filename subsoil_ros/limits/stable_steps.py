@@ -10,7 +10,7 @@ from ..scene.soil import HertzMindlinLaw, Soil
 from ..ticks import NANOSECONDS_PER_SECOND, tick_count
 
 DENSE_COORDINATION = 10.4
-"""Damped contacts per particle of random close packing under the wet law (SOIL_FINDINGS.md). A cubic
+"""Damped contacts per particle of random close packing under the cohesive linear law (SOIL_FINDINGS.md). A cubic
 grid starts with 6, but where a tool compacts it, it comes near this, so the limits use it."""
 
 SAFETY = 0.6
@@ -27,7 +27,7 @@ us); at 0.6 it spun and was stopped on three beds of three (docs/accuracy.md). L
 with the root of the coordination only."""
 
 REDUCED_INTERVAL_NS = 1_000_000
-"""Tick of a scene on reduced soil (chosen: its springs and wheels swing a hundred times slower)."""
+"""Tick of a scene on wedge model (chosen: its springs and wheels swing a hundred times slower)."""
 
 MECHANISM_INTERVAL_NS = 500_000
 """Tick of a scene without soil (chosen: 1/250 of the fastest mode of the paper's machine, 8 Hz)."""
@@ -186,20 +186,20 @@ def step_notes(scene: Scene, step_s: float) -> tuple[str, ...]:
 class Timing:
     """Integer time of a run."""
 
-    interval_ns: int  # one tick, one exchange
+    communication_step_ns: int  # one tick, one exchange
     tick_count: int
     soil_steps: int  # per tick; 0 without soil
     mechanism_steps: int  # per tick; 0 without mechanism
 
     @property
-    def interval_s(self) -> float:
+    def communication_step_s(self) -> float:
         """Length of a tick [s]."""
-        return self.interval_ns * 1e-9
+        return self.communication_step_ns * 1e-9
 
     @property
     def soil_step_s(self) -> float:
         """Length of a soil step [s]."""
-        return self.interval_ns * 1e-9 / self.soil_steps
+        return self.communication_step_ns * 1e-9 / self.soil_steps
 
 
 def _refuse_step(scene: Scene, given_s: float, limit: StepLimit) -> None:
@@ -217,43 +217,43 @@ def derive_timing(scene: Scene) -> Timing:
     Raises:
         SceneError: a soil step above its limit, or an interval that is no whole number of soil steps.
     """
-    interval = scene.coupling.interval_ns
+    interval = scene.coupling.communication_step_ns
     soil_steps = 0
     soil = scene.particle_soil
     if soil is None:
         default_ns = MECHANISM_INTERVAL_NS if scene.soil is None else REDUCED_INTERVAL_NS
-        interval_ns = default_ns if interval == "auto" else interval
+        communication_step_ns = default_ns if interval == "auto" else interval
         soil_steps = 0 if scene.soil is None else 1
     else:
         limit = step_limits(soil)[0]
         step = soil.time_step_s
         if step != "auto":
             _refuse_step(scene, step, limit)
-        largest_s = SAFETY * limit.limit_s
+        max_s = SAFETY * limit.limit_s
         if interval == "auto":
             if step == "auto":
-                interval_ns = int(largest_s * 1e6) * 1000  # whole microseconds
-                interval_ns = interval_ns or int(largest_s * NANOSECONDS_PER_SECOND)
+                communication_step_ns = int(max_s * 1e6) * 1000  # whole microseconds
+                communication_step_ns = communication_step_ns or int(max_s * NANOSECONDS_PER_SECOND)
             else:
-                interval_ns = round(step * NANOSECONDS_PER_SECOND)
-            if interval_ns < 1:
+                communication_step_ns = round(step * NANOSECONDS_PER_SECOND)
+            if communication_step_ns < 1:
                 raise SceneError(
                     f"soil.law: the stable step {limit.limit_s:.3g} s ({limit.cause}) is below the clock's "
                     "resolution of 1 ns; lower the damping or use larger particles"
                 )
             soil_steps = 1
         else:
-            interval_ns = interval
-            largest = largest_s if step == "auto" else step
-            soil_steps = max(1, math.ceil(interval_ns * 1e-9 / largest - 1e-9))
-            if step != "auto" and abs(soil_steps * step - interval_ns * 1e-9) > 1e-9 * step:
+            communication_step_ns = interval
+            largest = max_s if step == "auto" else step
+            soil_steps = max(1, math.ceil(communication_step_ns * 1e-9 / largest - 1e-9))
+            if step != "auto" and abs(soil_steps * step - communication_step_ns * 1e-9) > 1e-9 * step:
                 raise SceneError(
-                    f"coupling.interval_ns: {interval_ns} is no whole number of soil.time_step_s {step:g} s; "
+                    f"coupling.communication_step_ns: {communication_step_ns} is no whole number of soil.time_step_s {step:g} s; "
                     f"use a multiple of {round(step * 1e9)} or time_step_s: auto"
                 )
     return Timing(
-        interval_ns=interval_ns,
-        tick_count=tick_count(scene.duration_s, interval_ns),
+        communication_step_ns=communication_step_ns,
+        tick_count=tick_count(scene.duration_s, communication_step_ns),
         soil_steps=soil_steps,
         mechanism_steps=scene.coupling.mechanism_steps if scene.mechanism else 0,
     )

@@ -13,7 +13,7 @@ def map_files(document: Document, change: Callable[[str], str]) -> Document:
     """A copy of a document, or of a fragment of one, with every file name changed."""
     copied = copy.deepcopy(document)
     soil = copied.get("soil")
-    for key in ("file", "stands_for"):
+    for key in ("file", "fitted_to"):
         _change(soil, key, change)
     if isinstance(soil, dict):
         _change(soil.get("bed"), "file", change)

@@ -1,9 +1,9 @@
 """From a scene file and overrides to a validated scene, ready to run.
 
 A scene file may have five keys beside those of the model. `base: FILE` names a scene that this one is
-laid over (mappings merge, anything else replaces, null removes). `starts` holds fragments by name, and
-`start` names the one that is laid over the rest. `presets` holds more of them, each with what a study
-measured of it, and `accuracy` names the one that is laid over all that, if any.
+laid over (mappings merge, anything else replaces, null removes). `initial_conditions` holds fragments by name, and
+`initial_condition` names the one that is laid over the rest. `presets` holds more of them, each with what a study
+measured of it, and `preset` names the one that is laid over all that, if any.
 """
 
 import hashlib
@@ -24,7 +24,7 @@ from .overrides import CHOICES, Override, apply_override, overrides_of, parse_ov
 from .presets import Preset, read_preset
 from .reference import Reference, read_reference
 from .shipped import shipped_scene
-from .soil_file import check_reduced_soil
+from .soil_file import check_wedge_soil
 from .validation_errors import validated
 
 
@@ -39,7 +39,7 @@ class ResolvedScene:
     scene_hash: str  # sha256 hex of the validated scene with the bytes of its files, without paths
     timing: Timing
     notes: tuple[str, ...] = ()  # what a run must say before it begins
-    accuracy: str | None = None  # the preset that was chosen
+    preset: str | None = None  # the preset that was chosen
     presets: Mapping[str, Preset] = field(default_factory=dict)  # all that the scene file has
     reference: Reference | None = None  # what report.reference names
 
@@ -55,8 +55,8 @@ def load_scene(
 
     Files that a document names are seen from the working folder.
 
-    overrides: "a.b.c=value" texts, the value in YAML, or values by dotted path; applied last. `start` chooses
-    the start and `accuracy` the preset.
+    overrides: "a.b.c=value" texts, the value in YAML, or values by dotted path; applied last. `initial_condition` chooses
+    the start and `preset` the preset.
 
     Raises:
         SceneError: whatever is wrong with file, overrides, meshes or time steps; every line names
@@ -71,8 +71,8 @@ def load_scene(
         name: read_preset(content, f"{shown}: presets.{name}")
         for name, content in document.get("presets", {}).items()
     }
-    document = _with_start(document, shown, [c for c in changes if c.path == "start"])
-    document = _with_accuracy(document, shown, [c for c in changes if c.path == "accuracy"])
+    document = _with_start(document, shown, [c for c in changes if c.path == "initial_condition"])
+    document = _with_preset(document, shown, [c for c in changes if c.path == "preset"])
     changes = [c for c in changes if c.path not in CHOICES]
     kept = {key: document.pop(key) for item in CHOICES.items() for key in item if key in document}
     for change in changes:
@@ -96,24 +96,24 @@ def load_scene(
         scene_hash=scene_hash,
         timing=timing,
         notes=notes,
-        accuracy=kept.get("accuracy"),
+        preset=kept.get("preset"),
         presets=presets,
         reference=reference,
     )
 
 
 def _reduced_notes(scene: Scene, directory: Path) -> tuple[str, ...]:
-    soil = scene.reduced_soil
+    soil = scene.wedge_soil
     if soil is None:
         return ()
-    likeness = None if soil.stands_for is None else load_scene(soil.stands_for).scene
-    return check_reduced_soil(scene, directory, likeness)
+    likeness = None if soil.fitted_to is None else load_scene(soil.fitted_to).scene
+    return check_wedge_soil(scene, directory, likeness)
 
 
 def _with_base(path: Path, shown: str, above: tuple[Path, ...], given: Document | None = None) -> Document:
     """The document of a file, or a given one as if it stood there, laid over its base.
 
-    A start or a preset replaces the base's of the same name; `starts: null` and `presets: null` drop those
+    A start or a preset replaces the base's of the same name; `initial_conditions: null` and `presets: null` drop those
     of the base. What was measured of a preset holds for the scene it stands in, so it is not inherited.
     """
     resolved = path.resolve()
@@ -121,7 +121,9 @@ def _with_base(path: Path, shown: str, above: tuple[Path, ...], given: Document 
         raise SceneError(f"{shown}: base: the files name each other as base; remove one 'base'")
     document = read_document(path, shown) if given is None else _plain(given, shown)
     own = {
-        "starts": _fragments(document, "starts", shown, lambda s: with_absolute_files(s, resolved.parent)),
+        "initial_conditions": _fragments(
+            document, "initial_conditions", shown, lambda s: with_absolute_files(s, resolved.parent)
+        ),
         "presets": _fragments(document, "presets", shown, lambda s: _absolute_preset(s, resolved.parent)),
     }
     dropped = [section for section in own if section in document and not document[section]]
@@ -130,7 +132,7 @@ def _with_base(path: Path, shown: str, above: tuple[Path, ...], given: Document 
         {key: value for key, value in document.items() if key not in own}, resolved.parent
     )
     merged = document
-    inherited: dict[str, Document] = {"starts": {}, "presets": {}}
+    inherited: dict[str, Document] = {"initial_conditions": {}, "presets": {}}
     if base is not None:
         if not isinstance(base, str):
             raise SceneError(f"{shown}: base: given {base!r}, needed is the name of another scene file")
@@ -157,7 +159,7 @@ def _plain(given: Document, shown: str) -> Document:
 def _fragments(
     document: Document, section: str, shown: str, change: Callable[[Document], Document]
 ) -> dict[str, Document]:
-    """The named fragments of `starts` or `presets`, each changed; empty ones are {}."""
+    """The named fragments of `initial_conditions` or `presets`, each changed; empty ones are {}."""
     found = document.get(section) or {}
     if not isinstance(found, dict) or not all(
         fragment is None or isinstance(fragment, dict) for fragment in found.values()
@@ -175,27 +177,27 @@ def _absolute_preset(preset: Document, directory: Path) -> Document:
 
 def _with_start(document: Document, shown: str, changes: Sequence[Override]) -> Document:
     """The document with its chosen start laid over it and no other start left in it."""
-    starts = document.get("starts", {})
-    name = _chosen(document, shown, changes, "start", "starts")
+    starts = document.get("initial_conditions", {})
+    name = _chosen(document, shown, changes, "initial_condition", "initial_conditions")
     if name is None:
         if starts:
-            raise SceneError(f"{shown}: start: is missing; choose one of {', '.join(starts)}")
+            raise SceneError(f"{shown}: initial_condition: is missing; choose one of {', '.join(starts)}")
         return document
-    rest = {key: value for key, value in document.items() if key != "starts"}
-    merged = merge(rest, starts[name], f"{shown}: starts.{name}")
-    return {**merged, "start": name, "starts": {name: {}}}
+    rest = {key: value for key, value in document.items() if key != "initial_conditions"}
+    merged = merge(rest, starts[name], f"{shown}: initial_conditions.{name}")
+    return {**merged, "initial_condition": name, "initial_conditions": {name: {}}}
 
 
-def _with_accuracy(document: Document, shown: str, changes: Sequence[Override]) -> Document:
+def _with_preset(document: Document, shown: str, changes: Sequence[Override]) -> Document:
     """The document with its chosen preset laid over it; without a choice it stays as it is written."""
     presets = document.get("presets", {})
-    name = _chosen(document, shown, changes, "accuracy", "presets")
+    name = _chosen(document, shown, changes, "preset", "presets")
     rest = {key: value for key, value in document.items() if key != "presets"}
     if name is None:
         return rest
     merged = merge(rest, presets[name].get("changes") or {}, f"{shown}: presets.{name}.changes")
     left = {key: value for key, value in presets[name].items() if key != "changes"}
-    return {**merged, "accuracy": name, "presets": {name: left}}
+    return {**merged, "preset": name, "presets": {name: left}}
 
 
 def _chosen(
@@ -209,7 +211,7 @@ def _chosen(
         return None
     if not isinstance(name, str) or name not in named:
         known = f"; {suggestion(str(name), named)}" if named else f"; the scene has no '{section}'"
-        raise SceneError(f"{where}: no {'preset' if key == 'accuracy' else key} '{name}'{known}")
+        raise SceneError(f"{where}: no {'preset' if key == 'preset' else key} '{name}'{known}")
     return name
 
 
@@ -224,10 +226,10 @@ def _scene_hash(scene: Scene) -> str:
         for group, part in tool["groups"].items():
             advice = "an .stl file"
             part["mesh"] = _file_hash(part["mesh"], f"tools.{name}.groups.{group}.mesh", advice)
-    reduced, particles = scene.reduced_soil, scene.particle_soil
+    reduced, particles = scene.wedge_soil, scene.particle_soil
     if reduced is not None and reduced.file is not None:
         content["soil"]["file"] = _file_hash(reduced.file, "soil.file", "a soil file")
-        content["soil"].pop("stands_for")
+        content["soil"].pop("fitted_to")
     if particles is not None and isinstance(particles.bed, SavedBed):
         bed = content["soil"]["bed"]
         bed["file"] = _file_hash(bed["file"], "soil.bed.file", "a bed file")

@@ -9,7 +9,7 @@ from ..scene.model import Scene
 from ..yaml_document import Document, merge, parse_yaml, plain_value
 from .keys import is_model, item_annotation, known_keys, members, model_at, suggestion
 
-CHOICES = {"start": "starts", "accuracy": "presets"}
+CHOICES = {"initial_condition": "initial_conditions", "preset": "presets"}
 """Keys that name a fragment, and where the fragments stand."""
 
 LOADER_KEYS = ("base", *CHOICES, *CHOICES.values())
@@ -70,7 +70,7 @@ def _split(document: Document, override: Override) -> list[str]:
     if rest[0] in LOADER_KEYS:
         raise SceneError(
             f"{override.source}: '{rest[0]}' cannot be set; choose a start by start=NAME, a preset by "
-            "accuracy=NAME"
+            "preset=NAME"
         )
     keys: list[str] = []
     annotation: Any = Scene

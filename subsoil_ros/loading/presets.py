@@ -2,12 +2,12 @@
 
 from typing import Any
 
-from ..scene.base import Finite, Fraction, Part, Positive
+from ..scene.base import Finite, Fraction, Positive, StrictModel
 from ..yaml_document import Document
 from .validation_errors import validated
 
 
-class ErrorInterval(Part):
+class ErrorInterval(StrictModel):
     """Error of one metric relative to what counts as true, and the interval that holds it."""
 
     mean: Finite
@@ -15,7 +15,7 @@ class ErrorInterval(Part):
     high: Finite
 
 
-class Expected(Part):
+class Expected(StrictModel):
     """What a study measured of a preset. `subsoil study` writes it; nothing here is estimated."""
 
     against: str  # the runs that count as true
@@ -28,7 +28,7 @@ class Expected(Part):
     source: str  # table, command and version
 
 
-class Preset(Part):
+class Preset(StrictModel):
     """One preset: a fragment that is laid over the scene, as a start is."""
 
     changes: dict[str, Any] = {}

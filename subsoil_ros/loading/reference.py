@@ -6,12 +6,12 @@ from pathlib import Path
 from pydantic import Field, ValidationError, model_validator
 
 from ..errors import SceneError
-from ..scene.base import Finite, Part, Positive
+from ..scene.base import Finite, Positive, StrictModel
 from ..yaml_document import read_document
 from .keys import suggestion
 
 
-class ReferenceValue(Part):
+class ReferenceValue(StrictModel):
     """One quantity of the reference, in the unit that the quantity has in summary.json."""
 
     value: Finite | None = None
@@ -44,7 +44,7 @@ class ReferenceValue(Part):
         return self.value - half, self.value + half
 
 
-class Reference(Part):
+class Reference(StrictModel):
     """What `report.reference` names."""
 
     name: str = Field(min_length=1)  # heading of the table, and in legends

@@ -13,7 +13,7 @@ SCENE_FILE = "scene.yaml"
 
 
 @dataclass(frozen=True)
-class Parcel:
+class SceneBundle:
     """Scene and files; unpacked, they have the same hash."""
 
     text: str  # YAML; files by name in `files`
@@ -21,7 +21,7 @@ class Parcel:
     scene_hash: str
 
 
-def pack(scene: ResolvedScene, with_bed: bool = True) -> Parcel:
+def pack(scene: ResolvedScene, with_bed: bool = True) -> SceneBundle:
     """A resolved scene as a parcel.
 
     with_bed: without it a saved bed is an empty file: the scene can be shown, but not run again.
@@ -32,8 +32,8 @@ def pack(scene: ResolvedScene, with_bed: bool = True) -> Parcel:
     names: dict[str, str] = {}  # by absolute path
     document = dict(scene.document)
     soil = document.get("soil")
-    if isinstance(soil, dict) and "stands_for" in soil:  # was checked when the scene was loaded
-        document["soil"] = soil = {key: value for key, value in soil.items() if key != "stands_for"}
+    if isinstance(soil, dict) and "fitted_to" in soil:  # was checked when the scene was loaded
+        document["soil"] = soil = {key: value for key, value in soil.items() if key != "fitted_to"}
     bed = soil.get("bed") if isinstance(soil, dict) else None
     left_out = bed.get("file") if isinstance(bed, dict) and not with_bed else None
 
@@ -46,10 +46,10 @@ def pack(scene: ResolvedScene, with_bed: bool = True) -> Parcel:
                 raise SceneError(f"{path}: cannot be read any more ({error.strerror})") from error
         return names[path]
 
-    return Parcel(dump_yaml(map_files(document, take)), files, scene.scene_hash)
+    return SceneBundle(dump_yaml(map_files(document, take)), files, scene.scene_hash)
 
 
-def unpack(parcel: Parcel, folder: Path) -> ResolvedScene:
+def unpack(parcel: SceneBundle, folder: Path) -> ResolvedScene:
     """The scene of a parcel, its files in `folder`. Raises SceneError if it is another."""
     scene = _written(parcel, folder)
     if scene.scene_hash != parcel.scene_hash:
@@ -60,7 +60,7 @@ def unpack(parcel: Parcel, folder: Path) -> ResolvedScene:
     return scene
 
 
-def unpack_to_show(parcel: Parcel, folder: Path) -> ResolvedScene:
+def unpack_to_show(parcel: SceneBundle, folder: Path) -> ResolvedScene:
     """The scene of a parcel, its files in `folder`, under the hash that it was run with.
 
     It may lack its bed, or come from another version. Raises SceneError if it cannot be read any more.
@@ -68,7 +68,7 @@ def unpack_to_show(parcel: Parcel, folder: Path) -> ResolvedScene:
     return replace(_written(parcel, folder), scene_hash=parcel.scene_hash)
 
 
-def _written(parcel: Parcel, folder: Path) -> ResolvedScene:
+def _written(parcel: SceneBundle, folder: Path) -> ResolvedScene:
     for name, content in parcel.files.items():
         (folder / name).write_bytes(content)
     path = folder / SCENE_FILE

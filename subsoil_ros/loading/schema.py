@@ -1,7 +1,7 @@
 """JSON Schema of scene files, for editors: from the typed model, with the loader's own keys.
 
 Fields are described where they are declared, by Field(description=...); their unit is in their name.
-A file with `base` or `starts` gives only a part of a scene: there every key may be left out, or null.
+A file with `base` or `initial_conditions` gives only a part of a scene: there every key may be left out, or null.
 """
 
 import copy
@@ -61,7 +61,7 @@ def scene_schema() -> Schema:
         "$schema": DIALECT,
         "title": "Scene of subsoil_ros",
         "description": "SI units, named in the keys. See docs/scenes.md.",
-        "if": {"anyOf": [{"required": ["base"]}, {"required": ["starts"]}]},
+        "if": {"anyOf": [{"required": ["base"]}, {"required": ["initial_conditions"]}]},
         "then": {"$ref": f"#/$defs/{PARTIAL}Scene"},
         "else": {"$ref": "#/$defs/Scene"},
         "$defs": dict(sorted(definitions.items())),
@@ -84,16 +84,19 @@ def _loader_keys() -> Schema:
     }
     known: Schema = {
         "base": {"type": "string", "description": "Scene file that this one is laid over, relative to it."},
-        "start": {"type": ["string", "null"], "description": "Name of the start that is laid over the rest."},
-        "starts": {
+        "initial_condition": {
+            "type": ["string", "null"],
+            "description": "Name of the start that is laid over the rest.",
+        },
+        "initial_conditions": {
             "type": ["object", "null"],
-            "description": "Parts of scenes by name; `start` chooses one.",
+            "description": "Parts of scenes by name; `initial_condition` chooses one.",
             "additionalProperties": part,
         },
-        "accuracy": {"type": ["string", "null"], "description": "Name of the preset that is laid over all."},
+        "preset": {"type": ["string", "null"], "description": "Name of the preset that is laid over all."},
         "presets": {
             "type": ["object", "null"],
-            "description": "Changes by name, with what was measured of each; `accuracy` chooses one.",
+            "description": "Changes by name, with what was measured of each; `preset` chooses one.",
             "additionalProperties": preset,
         },
     }

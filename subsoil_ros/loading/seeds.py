@@ -2,7 +2,7 @@
 
 from ..errors import InputError
 from ..scene.beds import Bed, DenseRandomBed, GridBed
-from ..scene.wedge import ResistanceSoil
+from ..scene.wedge import WedgeSoil
 from .loader import ResolvedScene
 
 
@@ -18,7 +18,7 @@ def seed_key(scene: ResolvedScene) -> str:
         InputError: nothing in the scene's soil is random, so that seeds would change nothing.
     """
     soil = scene.scene.soil
-    if isinstance(soil, ResistanceSoil):
+    if isinstance(soil, WedgeSoil):
         return "soil.seed"
     bed = None if soil is None else soil.bed
     if bed is not None and is_random(bed):

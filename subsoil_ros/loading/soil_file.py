@@ -1,4 +1,4 @@
-"""Soil files: values of a reduced soil, what they were fitted to, and in which range."""
+"""Soil files: values of a wedge model, what they were fitted to, and in which range."""
 
 import hashlib
 import math
@@ -8,12 +8,12 @@ from typing import Any, Literal
 from pydantic import Field
 
 from ..errors import SceneError, SubsoilError
-from ..scene.base import Part
+from ..scene.base import StrictModel
 from ..scene.meshes import load_tool_mesh
 from ..scene.model import Scene
 from ..scene.soil import Soil
 from ..scene.tool_faces import CuttingFace, cutting_faces, wheel_face
-from ..scene.wedge import ResistanceSoil, ResistanceValues, SoilRange
+from ..scene.wedge import SoilRange, WedgeSoil, WedgeValues
 from ..yaml_document import dump_yaml, read_document
 from .validation_errors import validated
 
@@ -28,31 +28,31 @@ LARGEST_SUM_RAD = math.radians(170.0)
 """Of rake, friction and tool friction: the wedge's force is endless where these and beta come to 180."""
 
 
-class SoilFile(Part):
+class SoilFile(StrictModel):
     """What `subsoil calibrate` writes and `soil.file` names."""
 
-    model: Literal["resistance"]
+    model: Literal["wedge"]
     fitted_law: dict[str, Any]  # particles, bed and law that the runs had, as law_of gives it
     fitted_range: SoilRange
-    values: ResistanceValues
+    values: WedgeValues
     errors: dict[str, float] = {}  # standard error of each fitted value
     report: dict[str, Any] = Field(default={})  # residuals, runs; for people
 
 
-class FoundSoil(Part):
+class FoundSoil(StrictModel):
     """The values a scene's soil has, wherever they stand."""
 
-    values: ResistanceValues
+    values: WedgeValues
     fitted_range: SoilRange | None  # None: the values are the scene's own
 
 
 def read_soil_file(path: Path, place: str = "soil.file") -> SoilFile:
     """Raises SceneError for a file that is missing, no YAML, or no soil file."""
     document = read_document(path, f"{place}: {path}")
-    if document.get("model") != "resistance":
+    if document.get("model") != "wedge":
         raise SceneError(
             f"{place}: {path}: its model is {document.get('model')!r}, needed is a file with model "
-            "'resistance', as `subsoil calibrate` writes it"
+            "'wedge', as `subsoil calibrate` writes it"
         )
     soil: SoilFile = validated(SoilFile, document, f"{place}: {path}")
     return soil
@@ -63,8 +63,8 @@ def write_soil_file(path: Path, soil: SoilFile) -> None:
     path.write_text(dump_yaml(soil.model_dump(mode="json")), encoding="utf-8")
 
 
-def soil_of(soil: ResistanceSoil) -> FoundSoil:
-    """The values of a reduced soil; the loader has made the file's path absolute."""
+def soil_of(soil: WedgeSoil) -> FoundSoil:
+    """The values of a wedge model; the loader has made the file's path absolute."""
     if soil.values is not None:
         return FoundSoil(values=soil.values, fitted_range=None)
     assert soil.file is not None
@@ -92,29 +92,29 @@ def _differences(one: Any, two: Any, path: str = "") -> list[str]:
     return [] if one == two else [path]
 
 
-def check_reduced_soil(scene: Scene, directory: Path, stands_for: Scene | None) -> tuple[str, ...]:
-    """Looks at a scene on a reduced soil; returns what a run must say of it.
+def check_wedge_soil(scene: Scene, directory: Path, fitted_to: Scene | None) -> tuple[str, ...]:
+    """Looks at a scene on a wedge model; returns what a run must say of it.
 
-    stands_for: the scene that `soil.stands_for` names.
+    fitted_to: the scene that `soil.fitted_to` names.
 
     Raises:
         SceneError: a soil file of another law or out of its range, a rake that the theory does not cover, a
             wheel that is not round, wheels without values for them.
     """
-    soil = scene.reduced_soil
+    soil = scene.wedge_soil
     assert soil is not None
     found = soil_of(soil)
     beyond = "beyond_fitted_range" in scene.allow
-    if stands_for is not None and "other_contact_law" not in scene.allow:
-        _refuse_other_law(soil, stands_for)
+    if fitted_to is not None and "other_contact_law" not in scene.allow:
+        _refuse_other_law(soil, fitted_to)
     notes: list[str] = []
     for name, tool in scene.tools.items():
         place, mesh = f"tools.{name}", load_tool_mesh(directory, scene, name)
-        if not tool.share:
+        if not tool.is_tillage:
             wheel_face(mesh, place)
             if found.values.wheels is None:
                 raise SceneError(
-                    f"soil: has no 'wheels' to carry {place} (share: false); give soil.values.wheels, or "
+                    f"soil: has no 'wheels' to carry {place} (role: wheel); give soil.values.wheels, or "
                     "leave the wheel to mechanism.forces (wheel_contact)"
                 )
             continue
@@ -144,18 +144,16 @@ def refuse_rake(
         )
 
 
-def _refuse_other_law(soil: ResistanceSoil, stands_for: Scene) -> None:
-    particles = stands_for.particle_soil
+def _refuse_other_law(soil: WedgeSoil, fitted_to: Scene) -> None:
+    particles = fitted_to.particle_soil
     if particles is None:
-        raise SceneError(
-            f"soil.stands_for: {soil.stands_for}: has no soil of particles; name a scene that has"
-        )
+        raise SceneError(f"soil.fitted_to: {soil.fitted_to}: has no soil of particles; name a scene that has")
     assert soil.file is not None
     differ = _differences(read_soil_file(Path(soil.file)).fitted_law, law_of(particles))
     if differ:
         raise SceneError(
-            f"soil.file: {soil.file}: was fitted to another soil than that of soil.stands_for "
-            f"{soil.stands_for}; they differ in {', '.join(differ[:5])}. Calibrate to that scene's soil, or "
+            f"soil.file: {soil.file}: was fitted to another soil than that of soil.fitted_to "
+            f"{soil.fitted_to}; they differ in {', '.join(differ[:5])}. Calibrate to that scene's soil, or "
             "add allow: [other_contact_law]"
         )
 

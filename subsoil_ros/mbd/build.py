@@ -15,7 +15,7 @@ from ..scene.mechanism import (
     Revolute,
 )
 from .build_forces import ForceTables, LawList, Pair, tabulate_forces
-from .frames import COORDINATE_INDEX, Frames, across
+from .frames import COORDINATE_INDEX, Snapshots, across
 from .integrators.adams_moulton import multistep_weights
 from .sparsity import sparsity_of
 from .tables import (
@@ -66,7 +66,7 @@ def build_machine(mechanism: Mechanism, gravity: float, step_s: float) -> Machin
     Raises:
         SceneError: a locked spring without length.
     """
-    frames, laws = Frames(mechanism), LawList()
+    frames, laws = Snapshots(mechanism), LawList()
     reference = frames.coordinates()
     size = _size(mechanism)
     joints = np.zeros(len(mechanism.joints), dtype=JOINT)
@@ -148,7 +148,7 @@ def _size(mechanism: Mechanism) -> float:
     return max(math.sqrt(b.inertia_kg_m2 / b.mass_kg) for b in mechanism.bodies.values())
 
 
-def _fill_joint(row: np.void, joint: Joint, frames: Frames, laws: LawList, reference: np.ndarray) -> None:
+def _fill_joint(row: np.void, joint: Joint, frames: Snapshots, laws: LawList, reference: np.ndarray) -> None:
     if isinstance(joint, Driver):
         _fill_driver(row, joint, frames, laws, reference)
         return
@@ -166,13 +166,15 @@ def _fill_joint(row: np.void, joint: Joint, frames: Frames, laws: LawList, refer
         row["kind"] = FIXED
 
 
-def _fill_pair(row: np.void, part: Pair, frames: Frames) -> None:
+def _fill_pair(row: np.void, part: Pair, frames: Snapshots) -> None:
     """Bodies of a joint between two, and the angle between them in the reference pose."""
     row["body_a"], row["body_b"] = frames.index(part.body_a), frames.index(part.body_b)
     row["offset"] = frames.angle(part.body_b) - frames.angle(part.body_a)
 
 
-def _fill_driver(row: np.void, joint: Driver, frames: Frames, laws: LawList, reference: np.ndarray) -> None:
+def _fill_driver(
+    row: np.void, joint: Driver, frames: Snapshots, laws: LawList, reference: np.ndarray
+) -> None:
     row["body_a"] = frames.index(joint.relative_to or GROUND)
     row["body_b"] = frames.index(joint.body)
     row["law"] = laws.add(joint.speed)

@@ -17,16 +17,16 @@ from ..scene.mechanism import (
     PointOnLine,
     Prismatic,
     Revolute,
+    RotationFriction,
+    RotationStops,
     SpringDamper,
     TorsionSpring,
-    TravelFriction,
-    TravelStops,
-    TurnFriction,
-    TurnStops,
+    TranslationFriction,
+    TranslationStops,
     WheelContact,
 )
 from ..scene.time_functions import Law
-from .frames import COORDINATE_INDEX, Frames, along
+from .frames import COORDINATE_INDEX, Snapshots, along
 from .tables import (
     COORDINATE_SPRING,
     FORCE,
@@ -83,7 +83,7 @@ class ForceTables:
 class _Builder:
     """Collects the rows."""
 
-    def __init__(self, mechanism: Mechanism, frames: Frames, laws: LawList) -> None:
+    def __init__(self, mechanism: Mechanism, frames: Snapshots, laws: LawList) -> None:
         self.frames, self.laws, self.joint_names = frames, laws, list(mechanism.joints)
         self.names: list[str] = []
         self.rows: list[np.ndarray] = []
@@ -121,7 +121,7 @@ class _Builder:
             row["kind"] = COORDINATE_SPRING
             row["coordinate"] = 3 * self.frames.index(force.body) + COORDINATE_INDEX[force.coordinate]
             row["laws"][0, 0] = self.laws.add(force.target)
-            row["way"] = {"both": 0, "pull_up": 1, "push_down": -1}[force.only]
+            row["way"] = {"both": 0, "pull_up": 1, "push_down": -1}[force.acts_in]
             row["stiffness"], row["damping"] = force.stiffness_newton_per_m, force.damping_newton_s_per_m
         elif isinstance(force, PointLoad):
             row["point_b"] = self.frames.point(force.body, force.point_m)
@@ -147,7 +147,7 @@ class _Builder:
                 )
             self._lock(name, row, LOCKED_SPRING, ROD, length)
             return
-        row["way"] = {"both": 0, "compression": 1, "tension": -1}[force.only]
+        row["way"] = {"both": 0, "compression": 1, "tension": -1}[force.acts_in]
         row["damping"] = force.damping_newton_s_per_m
         table = None if force.table is None else (force.table.compressions_m, force.table.forces_newton)
         self._characteristic(
@@ -161,7 +161,7 @@ class _Builder:
         if force.locked:
             self._lock(name, row, LOCKED_TORSION, TURN_LOCK, float(row["origin"][0]))
             return
-        row["way"] = {"both": 0, "positive": 1, "negative": -1}[force.only]
+        row["way"] = {"both": 0, "positive": 1, "negative": -1}[force.acts_in]
         row["damping"] = force.damping_newton_m_s_per_rad
         table = None if force.table is None else (force.table.angles_rad, force.table.moments_newton_m)
         self._characteristic(
@@ -185,10 +185,10 @@ class _Builder:
         elif stiffness:
             row["length"], row["preload"] = rest + preload / stiffness, 0.0
 
-    def _stops(self, row: np.ndarray, stops: TravelStops | TurnStops | None) -> None:
+    def _stops(self, row: np.ndarray, stops: TranslationStops | RotationStops | None) -> None:
         if stops is None:
             return
-        if isinstance(stops, TravelStops):
+        if isinstance(stops, TranslationStops):
             lower, upper = stops.lower_m, stops.upper_m
             row["stop_stiffness"], row["stop_damping"] = (
                 stops.stiffness_newton_per_m,
@@ -226,9 +226,9 @@ class _Builder:
             self._place(row, joint)
             self._stops(row, joint.stops)
 
-    def _friction(self, row: np.ndarray, friction: TurnFriction | TravelFriction) -> None:
+    def _friction(self, row: np.ndarray, friction: RotationFriction | TranslationFriction) -> None:
         row["friction"] = friction.coefficient
-        if isinstance(friction, TurnFriction):
+        if isinstance(friction, RotationFriction):
             row["preload"], row["length"] = friction.preload_newton_m, friction.radius_m
             row["slip_speed"] = friction.slip_speed_rad_per_s
         else:
@@ -258,7 +258,7 @@ def _stack(rows: Iterable[np.ndarray], dtype: np.dtype) -> np.ndarray:
     return np.concatenate([np.zeros(0, dtype=dtype), *rows])
 
 
-def tabulate_forces(mechanism: Mechanism, frames: Frames, laws: LawList) -> ForceTables:
+def tabulate_forces(mechanism: Mechanism, frames: Snapshots, laws: LawList) -> ForceTables:
     """Tables of all forces, in the order of the scene, then friction and stops in the order of joints.
 
     Raises:

@@ -60,12 +60,12 @@ def next_ramp(
             f"{lowest:g} to {highest:g}"
         )
     acceleration = (speed - before) / interval_s
-    largest = controller.largest_acceleration_m_per_s2
+    largest = controller.max_acceleration_m_per_s2
     if abs(acceleration) > largest * (1.0 + ROUND_OFF):
         raise PhysicsError(
             f"{where}: speed {speed:g} of driver '{command.driver}' is a jump: from {before:g} within "
             f"{interval_s:g} s it is an acceleration of {abs(acceleration):.3g}, allowed is "
-            f"controller.largest_acceleration_m_per_s2 {largest:g}"
+            f"controller.max_acceleration_m_per_s2 {largest:g}"
         )
     return Ramp(start_s, before, acceleration, speed, ramp.travel_at(start_s))
 

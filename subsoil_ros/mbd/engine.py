@@ -50,12 +50,12 @@ class MechanismEngine:
         """
         if scene.mechanism is None:
             raise SceneError("mechanism: is missing, and this run needs one")
-        self._interval_ns = timing.interval_ns
+        self._interval_ns = timing.communication_step_ns
         self._steps = max(1, timing.mechanism_steps)
-        step_s = timing.interval_ns * 1e-9 / self._steps
+        step_s = timing.communication_step_ns * 1e-9 / self._steps
         refuse_jumps(scene.mechanism, step_s)
         start = assemble(scene.mechanism, scene.gravity_m_per_s2, step_s)
-        refuse_unstable_step(start, timing.interval_ns * 1e-9)
+        refuse_unstable_step(start, timing.communication_step_ns * 1e-9)
         self._machine, self._redundant = start.machine, start.redundant
         self._draft_driver = scene.mechanism.draft_driver
         self._tools = [(name, tool.lateral_m) for name, tool in scene.tools.items()]

@@ -20,7 +20,7 @@ class PathEngine:
     """Moves tools without a mechanism; nothing pushes them back."""
 
     def __init__(self, scene: Scene, timing: "Timing") -> None:
-        self._interval_ns = timing.interval_ns
+        self._interval_ns = timing.communication_step_ns
         self._tick = INITIAL_TICK
         self._paths = [
             (name, tool.lateral_m, tool.path) for name, tool in scene.tools.items() if tool.path is not None
@@ -70,10 +70,10 @@ class PathEngine:
                     x_m=path.start_x_m + travel[0],
                     y_m=lateral_m,
                     z_m=path.start_z_m + travel[1],
-                    phi_rad=path.start_angle_rad + travel[2],
+                    angle_rad=path.start_angle_rad + travel[2],
                     velocity_x_m_per_s=speed[0],
                     velocity_z_m_per_s=speed[1],
-                    phi_rate_rad_per_s=speed[2],
+                    angular_velocity_rad_per_s=speed[2],
                 )
             )
         return tuple(motions)

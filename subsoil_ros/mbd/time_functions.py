@@ -1,4 +1,4 @@
-"""Laws of time as tables a kernel can read: value, rate and integral, all in closed form.
+"""Time functions as tables a kernel can read: value, rate and integral, all in closed form.
 
 A law is a sum of chains; a chain is a row of pieces, each a polynomial plus a sine. Which piece holds is
 chosen by a time of its own, so that a step ending exactly at a corner uses the piece before it, and the

@@ -87,11 +87,13 @@ class BagReader:
                 kind = _KIND_OF_BAG_TOPIC[topic]
                 yield from_message(kind, deserialize(data, message_type(kind)))
 
-    def clouds(self, interval_ns: int, at: Callable[[int], bool] | None = None) -> Iterator[SoilCloud]:
+    def clouds(
+        self, communication_step_ns: int, at: Callable[[int], bool] | None = None
+    ) -> Iterator[SoilCloud]:
         """Soil clouds in order of simulated time; positions (n, 3) [m], speeds (n,) [m/s], float32."""
         for _, time_ns, data in self._raw([bag_topic(TOPIC_OF[SoilCloud])]):
             if at is None or at(time_ns):
-                yield cloud_from_message(deserialize(data, message_type(SoilCloud)), interval_ns)
+                yield cloud_from_message(deserialize(data, message_type(SoilCloud)), communication_step_ns)
 
     def cloud_times_ns(self) -> list[int]:
         """Simulated times of the soil clouds [ns]; decodes none."""

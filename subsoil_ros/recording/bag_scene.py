@@ -6,19 +6,19 @@ from mcap.reader import make_reader
 
 from ..errors import InputError, SceneError
 from ..loading.loader import ResolvedScene
-from ..loading.scene_bundle import SCENE_FILE, Parcel, unpack_to_show
+from ..loading.scene_bundle import SCENE_FILE, SceneBundle, unpack_to_show
 from .bag_folder import NOTES
 from .bag_reader import BROKEN, damaged, mcap_path
 
 _HASH = "scene_hash"
 
 
-def scene_attachments(parcel: Parcel | None) -> dict[str, bytes]:
+def scene_attachments(parcel: SceneBundle | None) -> dict[str, bytes]:
     """The files of a bag's attachments by name."""
     return {} if parcel is None else {SCENE_FILE: parcel.text.encode(), **parcel.files}
 
 
-def scene_notes(parcel: Parcel | None) -> dict[str, str]:
+def scene_notes(parcel: SceneBundle | None) -> dict[str, str]:
     """What stands in a bag's metadata about its scene."""
     return {} if parcel is None else {_HASH: parcel.scene_hash}
 
@@ -51,6 +51,6 @@ def read_scene(bag: Path, folder: Path) -> ResolvedScene:
     text = files.pop(SCENE_FILE).decode(errors="replace")
     plain = {name: data for name, data in files.items() if Path(name).name == name}  # none beside `folder`
     try:
-        return unpack_to_show(Parcel(text, plain, notes[_HASH]), folder)
+        return unpack_to_show(SceneBundle(text, plain, notes[_HASH]), folder)
     except SceneError as error:
         raise SceneError(f"{path}: the scene in it: {error}") from error

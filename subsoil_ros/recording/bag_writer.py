@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from ..errors import ProtocolError, SubsoilError
 from ..limits.stable_steps import Timing
 from ..loading.loader import ResolvedScene
-from ..loading.scene_bundle import Parcel, pack
+from ..loading.scene_bundle import SceneBundle, pack
 from ..messages import (
     CouplingReport,
     Grant,
@@ -76,7 +76,7 @@ class BagWriter:
         timing: Timing,
         latched: Mapping[str, Any] | None = None,
         live_port: int = 0,
-        parcel: Parcel | None = None,
+        parcel: SceneBundle | None = None,
     ) -> None:
         """Creates `directory` with the bag in it.
 
@@ -89,7 +89,7 @@ class BagWriter:
             RecordingError: subsoil_msgs is not there.
         """
         self._scene = scene
-        self._interval_ns = timing.interval_ns
+        self._interval_ns = timing.communication_step_ns
         self._last_tick = timing.tick_count - 1
         self._series_ticks = scene.record.series_ticks
         self._types = {topic: message_type(kind) for topic, kind in RECORD_OF.items()}
@@ -244,9 +244,9 @@ def _notes(scene: Scene, timing: Timing) -> dict[str, str]:
     record = scene.record
     cloud_ticks = 0
     if scene.particle_soil is not None:
-        cloud_ticks = every_ticks(record.cloud_hz, timing.interval_ns)
+        cloud_ticks = every_ticks(record.cloud_hz, timing.communication_step_ns)
     notes = {
-        "interval_ns": str(timing.interval_ns),
+        "communication_step_ns": str(timing.communication_step_ns),
         "lockstep_messages": "every tick",
         "series": f"every {record.series_ticks} ticks, and the last",
         "clouds": f"thinned: every {cloud_ticks} ticks, and the last" if cloud_ticks else "none",

@@ -19,13 +19,13 @@ from ..messages import (
     Command,
     CouplingReport,
     DriverCommand,
+    FacetGroupForce,
     ForceState,
     Grant,
-    GroupForce,
     JointReaction,
     MechanismState,
-    NodeHello,
     NodeState,
+    NodeStatus,
     SoilCloud,
     SoilState,
     TickAck,
@@ -49,14 +49,14 @@ _PARTS: dict[type, dict[str, type]] = {
     ToolMotions: {"tools": ToolMotion},
     ToolWrenches: {"tools": ToolWrench},
     MechanismState: {"bodies": BodyState, "joints": JointReaction, "forces": ForceState},
-    NodeHello: {"initial_motions": ToolMotion, "initial_wrenches": ToolWrench},
+    NodeStatus: {"initial_motions": ToolMotion, "initial_wrenches": ToolWrench},
 }
-_TEXTS: dict[type, tuple[str, ...]] = {NodeHello: ("message_hashes", "capabilities")}
+_TEXTS: dict[type, tuple[str, ...]] = {NodeStatus: ("message_hashes", "capabilities")}
 """Fields that are tuples of texts; a message has them as a list."""
 
-_ENUMS: dict[tuple[type, str], type] = {(Grant, "command"): Command, (NodeHello, "state"): NodeState}
+_ENUMS: dict[tuple[type, str], type] = {(Grant, "command"): Command, (NodeStatus, "state"): NodeState}
 _TOP_LEVEL = (
-    Grant, DriverCommand, TickAck, NodeHello, ToolMotions, ToolWrenches, SoilState, MechanismState,
+    Grant, DriverCommand, TickAck, NodeStatus, ToolMotions, ToolWrenches, SoilState, MechanismState,
     CouplingReport,
 )  # fmt: skip
 _RECORD_OF_NAME = {PACKAGE + kind.__name__: kind for kind in _TOP_LEVEL}
@@ -76,7 +76,7 @@ def _plain_names(kind: type) -> tuple[str, ...]:
 _PLAIN: dict[type, tuple[str, ...]] = {
     kind: _plain_names(kind) for kind in (*_TOP_LEVEL, BodyState, JointReaction, ForceState)
 }
-_STAMPED_BY_TICK = (Grant, DriverCommand, TickAck, NodeHello)
+_STAMPED_BY_TICK = (Grant, DriverCommand, TickAck, NodeStatus)
 
 
 def message_type(kind: type) -> str:
@@ -84,10 +84,10 @@ def message_type(kind: type) -> str:
     return "sensor_msgs/msg/PointCloud2" if kind is SoilCloud else PACKAGE + kind.__name__
 
 
-def end_time_of(record: Any, interval_ns: int) -> int:
+def end_time_of(record: Any, communication_step_ns: int) -> int:
     """Simulated time a record is stamped with [ns]: the end of its tick."""
     if type(record) in _STAMPED_BY_TICK:
-        return tick_end_ns(record.tick, interval_ns)
+        return tick_end_ns(record.tick, communication_step_ns)
     return record.end_time_ns
 
 
@@ -107,17 +107,17 @@ def time_ns_of(message_stamp: Any) -> int:
     return message_stamp.sec * NANOSECONDS_PER_SECOND + message_stamp.nanosec
 
 
-def pose(types: Types, x_m: float, y_m: float, z_m: float, phi_rad: float) -> Any:
+def pose(types: Types, x_m: float, y_m: float, z_m: float, angle_rad: float) -> Any:
     """geometry_msgs/Pose of a planar pose: phi turns about -y."""
     return types("geometry_msgs/msg/Pose")(
         position=types("geometry_msgs/msg/Point")(x=x_m, y=y_m, z=z_m),
-        orientation=rotation(types, phi_rad),
+        orientation=rotation(types, angle_rad),
     )
 
 
-def rotation(types: Types, phi_rad: float) -> Any:
+def rotation(types: Types, angle_rad: float) -> Any:
     """geometry_msgs/Quaternion of a rotation by phi about -y."""
-    half = 0.5 * phi_rad
+    half = 0.5 * angle_rad
     return types("geometry_msgs/msg/Quaternion")(x=0.0, y=-math.sin(half), z=0.0, w=math.cos(half))
 
 
@@ -126,8 +126,8 @@ def vector(types: Types, x: float, y: float, z: float) -> Any:
     return types("geometry_msgs/msg/Vector3")(x=x, y=y, z=z)
 
 
-def to_message(types: Types, record: Any, interval_ns: int) -> Any:
-    """The message of a record; `interval_ns` stamps the records that carry no time of their own.
+def to_message(types: Types, record: Any, communication_step_ns: int) -> Any:
+    """The message of a record; `communication_step_ns` stamps the records that carry no time of their own.
 
     A SoilCloud becomes a sensor_msgs/PointCloud2, every other record the message of its name.
 
@@ -147,18 +147,20 @@ def to_message(types: Types, record: Any, interval_ns: int) -> Any:
         values[name] = list(getattr(record, name))
     for name, part in _PARTS.get(kind, {}).items():
         values[name] = [_PART_TO_MESSAGE[part](types, item) for item in getattr(record, name)]
-    return types(PACKAGE + kind.__name__)(header=header(types, end_time_of(record, interval_ns)), **values)
+    return types(PACKAGE + kind.__name__)(
+        header=header(types, end_time_of(record, communication_step_ns)), **values
+    )
 
 
 def _motion_to_message(types: Types, motion: ToolMotion) -> Any:
     return types("subsoil_msgs/msg/ToolMotion")(
         tool=motion.tool,
-        pose=pose(types, motion.x_m, motion.y_m, motion.z_m, motion.phi_rad),
+        pose=pose(types, motion.x_m, motion.y_m, motion.z_m, motion.angle_rad),
         twist=types("geometry_msgs/msg/Twist")(
             linear=vector(types, motion.velocity_x_m_per_s, 0.0, motion.velocity_z_m_per_s),
-            angular=vector(types, 0.0, -motion.phi_rate_rad_per_s, 0.0),
+            angular=vector(types, 0.0, -motion.angular_velocity_rad_per_s, 0.0),
         ),
-        phi_rad=motion.phi_rad,
+        angle_rad=motion.angle_rad,
     )
 
 
@@ -174,7 +176,7 @@ def _wrench_to_message(types: Types, wrench: ToolWrench) -> Any:
         work_joule=wrench.work_joule,
         contact_count=wrench.contact_count,
         groups=[
-            types("subsoil_msgs/msg/GroupForce")(
+            types("subsoil_msgs/msg/FacetGroupForce")(
                 group=group.group,
                 force=vector(types, group.force_x_newton, group.force_y_newton, group.force_z_newton),
             )
@@ -251,10 +253,10 @@ def _motion_from_message(message: Any) -> ToolMotion:
         x_m=position.x,
         y_m=position.y,
         z_m=position.z,
-        phi_rad=message.phi_rad,
+        angle_rad=message.angle_rad,
         velocity_x_m_per_s=twist.linear.x,
         velocity_z_m_per_s=twist.linear.z,
-        phi_rate_rad_per_s=-twist.angular.y,
+        angular_velocity_rad_per_s=-twist.angular.y,
     )
 
 
@@ -271,7 +273,7 @@ def _wrench_from_message(message: Any) -> ToolWrench:
         work_joule=message.work_joule,
         contact_count=message.contact_count,
         groups=tuple(
-            GroupForce(item.group, item.force.x, item.force.y, item.force.z) for item in message.groups
+            FacetGroupForce(item.group, item.force.x, item.force.y, item.force.z) for item in message.groups
         ),
     )
 
@@ -290,8 +292,8 @@ _PART_FROM_MESSAGE: dict[type, Callable[[Any], Any]] = {
 }
 
 
-def cloud_from_message(message: Any, interval_ns: int) -> SoilCloud:
+def cloud_from_message(message: Any, communication_step_ns: int) -> SoilCloud:
     """The SoilCloud of a PointCloud2 made by `point_cloud`: positions (n, 3), speeds (n,), float32."""
     points = np.frombuffer(memoryview(message.data), dtype="<f4").reshape(-1, 4)
     time_ns = time_ns_of(message.header.stamp)
-    return SoilCloud(time_ns // interval_ns - 1, time_ns, points[:, :3], points[:, 3])
+    return SoilCloud(time_ns // communication_step_ns - 1, time_ns, points[:, :3], points[:, 3])

@@ -54,7 +54,7 @@ def _marker(types: Types, resolved: ResolvedScene, name: str, mesh: ToolMesh, in
     for x, y, z in corners.tolist():
         turned_x, turned_z = in_body(angle_rad, x, z)
         points.append(point(x=turned_x, y=y - tool.lateral_m, z=turned_z))  # /tf has the lateral offset
-    red, green, blue, alpha = _SHARE_COLOUR if tool.share else _WHEEL_COLOUR
+    red, green, blue, alpha = _SHARE_COLOUR if tool.is_tillage else _WHEEL_COLOUR
     no_header, no_bytes = header(types, 0, ""), np.empty(0, np.uint8)
     return types("visualization_msgs/msg/Marker")(
         header=header(types, 0, body_frame(resolved.scene, name)),

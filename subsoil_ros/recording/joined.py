@@ -59,10 +59,12 @@ class JoinedBags:
         for reader, wanted in self._wanted(at):
             yield from reader.records(*kinds, at=wanted)
 
-    def clouds(self, interval_ns: int, at: Callable[[int], bool] | None = None) -> Iterator[SoilCloud]:
+    def clouds(
+        self, communication_step_ns: int, at: Callable[[int], bool] | None = None
+    ) -> Iterator[SoilCloud]:
         """As BagReader.clouds."""
         for reader, wanted in self._wanted(at):
-            yield from reader.clouds(interval_ns, at=wanted)
+            yield from reader.clouds(communication_step_ns, at=wanted)
 
     def cloud_times_ns(self) -> list[int]:
         """As BagReader.cloud_times_ns."""

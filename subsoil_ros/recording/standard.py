@@ -26,13 +26,13 @@ def pose_stamped(types: Types, motion: ToolMotion, time_ns: int) -> Any:
     """geometry_msgs/PoseStamped of a tool's body in the world frame."""
     return types("geometry_msgs/msg/PoseStamped")(
         header=header(types, time_ns),
-        pose=pose(types, motion.x_m, motion.y_m, motion.z_m, motion.phi_rad),
+        pose=pose(types, motion.x_m, motion.y_m, motion.z_m, motion.angle_rad),
     )
 
 
 def wrench_stamped(types: Types, wrench: ToolWrench, motion: ToolMotion, frame: str, time_ns: int) -> Any:
     """geometry_msgs/WrenchStamped: soil on tool about the centre of mass, components in the body frame."""
-    cosine, sine = math.cos(motion.phi_rad), math.sin(motion.phi_rad)
+    cosine, sine = math.cos(motion.angle_rad), math.sin(motion.angle_rad)
 
     def in_body(x: float, y: float, z: float) -> Any:
         return vector(types, cosine * x + sine * z, y, cosine * z - sine * x)
@@ -53,12 +53,12 @@ def transforms(
     if state is not None:
         lateral = {tool.body: tool.lateral_m for tool in scene.tools.values()}
         places: Iterable[tuple[str, float, float, float, float]] = (
-            (body.name, body.x_m, lateral.get(body.name, 0.0), body.z_m, body.phi_rad)
+            (body.name, body.x_m, lateral.get(body.name, 0.0), body.z_m, body.angle_rad)
             for body in state.bodies
         )
     else:
         places = (
-            (body_frame(scene, item.tool), item.x_m, item.y_m, item.z_m, item.phi_rad)
+            (body_frame(scene, item.tool), item.x_m, item.y_m, item.z_m, item.angle_rad)
             for item in (motions.tools if motions else ())
         )
     return types("tf2_msgs/msg/TFMessage")(
@@ -67,9 +67,9 @@ def transforms(
                 header=header(types, time_ns),
                 child_frame_id=name,
                 transform=types("geometry_msgs/msg/Transform")(
-                    translation=vector(types, x_m, y_m, z_m), rotation=rotation(types, phi_rad)
+                    translation=vector(types, x_m, y_m, z_m), rotation=rotation(types, angle_rad)
                 ),
             )
-            for name, x_m, y_m, z_m, phi_rad in places
+            for name, x_m, y_m, z_m, angle_rad in places
         ]
     )

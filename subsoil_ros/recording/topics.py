@@ -7,7 +7,7 @@ from ..messages import (
     DriverCommand,
     Grant,
     MechanismState,
-    NodeHello,
+    NodeStatus,
     SoilCloud,
     SoilState,
     TickAck,
@@ -24,7 +24,7 @@ LOCKSTEP_DEPTH = 1000
 """History depth of the lockstep topics: more than any grant window."""
 
 TOPIC_OF: dict[type, str] = {
-    NodeHello: "node_hello",
+    NodeStatus: "node_status",
     TickAck: "tick_ack",
     Grant: "grant",
     DriverCommand: "driver_command",
@@ -33,7 +33,7 @@ TOPIC_OF: dict[type, str] = {
     MechanismState: "mechanism_state",
     SoilState: "soil_state",
     CouplingReport: "coupling_report",
-    SoilCloud: "soil/cloud",
+    SoilCloud: "soil/points",
 }
 """Relative topic of each record, in the order of a tick."""
 

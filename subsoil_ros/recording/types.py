@@ -12,8 +12,8 @@ from rosbags.typesys.store import Typestore
 from ..errors import RecordingError
 
 _NAMES = (
-    "BodyState", "CouplingReport", "DriverCommand", "ForceState", "Grant", "GroupForce", "JointReaction",
-    "MechanismState", "NodeHello", "SoilState", "TickAck", "ToolMotion", "ToolMotions", "ToolWrench",
+    "BodyState", "CouplingReport", "DriverCommand", "ForceState", "Grant", "FacetGroupForce", "JointReaction",
+    "MechanismState", "NodeStatus", "SoilState", "TickAck", "ToolMotion", "ToolMotions", "ToolWrench",
     "ToolWrenches",
 )  # fmt: skip
 _OWN = "subsoil_msgs/msg/"

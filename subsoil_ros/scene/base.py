@@ -12,7 +12,7 @@ PoissonRatio = Annotated[float, Field(gt=-1.0, le=0.5)]
 Point = tuple[Finite, Finite]  # (x, z) in world axes, metres, in the reference pose
 
 
-class Part(BaseModel):
+class StrictModel(BaseModel):
     """A frozen, closed piece of a scene: an unknown key is an error."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=False)

@@ -5,12 +5,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .base import Finite, NonNegative, Part, Positive
+from .base import Finite, NonNegative, Positive, StrictModel
 
 Seed = Annotated[int, Field(ge=0)]
 
 
-class GridBed(Part):
+class GridBed(StrictModel):
     """Cubic grid, at rest when the spacing is `rest`, 2 r - rest overlap; seeded jitter of each centre."""
 
     kind: Literal["grid"]
@@ -19,21 +19,21 @@ class GridBed(Part):
     seed: Seed = 0
 
 
-class DenseRandomBed(Part):
+class DenseRandomBed(StrictModel):
     """Random close packing, bonded and relaxed to rest."""
 
     kind: Literal["dense_random"]
     seed: Seed = 0
 
 
-class SavedBed(Part):
+class SavedBed(StrictModel):
     """A bed prepared before, under the same law and for the same bin."""
 
     kind: Literal["saved"]
     file: str = Field(min_length=1, description="relative to the scene file.")
 
 
-class SurfaceProfile(Part):
+class SurfaceProfile(StrictModel):
     """Height of the surface over x, the same for every y: linear between the points, constant outside.
 
     z = 0 is the surface of the bed before it is trimmed, so no height is above 0.

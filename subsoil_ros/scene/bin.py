@@ -4,10 +4,10 @@ from typing import Literal
 
 from pydantic import Field
 
-from .base import Part, Positive
+from .base import Positive, StrictModel
 
 
-class Bin(Part):
+class Bin(StrictModel):
     """Open box: x in [0, length], y in [-width/2, width/2]; particles only, tools may cross it.
 
     z = 0 is the mean top of the prepared bed; the floor follows from the bed. Periodic sides: what leaves at

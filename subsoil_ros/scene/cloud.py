@@ -4,7 +4,7 @@ import math
 
 from pydantic import model_validator
 
-from .base import Finite, Part
+from .base import Finite, StrictModel
 
 SPEED_BITS = 8
 """Significant bits that are left of the speeds of a rounded cloud: to 0.2 % (chosen: colours show less)."""
@@ -12,7 +12,7 @@ SPEED_BITS = 8
 Span = tuple[Finite, Finite]
 
 
-class CloudRegion(Part):
+class CloudRegion(StrictModel):
     """An axis-aligned box in world axes; a direction that is not given is not bounded."""
 
     x_m: Span | None = None

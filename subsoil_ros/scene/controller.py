@@ -4,10 +4,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .base import Finite, Part, Positive
+from .base import Finite, Positive, StrictModel
 
 
-class DraftLimit(Part):
+class DraftLimit(StrictModel):
     """Speeds up to the highest speed while the draft is below its limit, slows down above it.
 
     acceleration = gain (limit - draft), within the limits of the controller.
@@ -18,7 +18,7 @@ class DraftLimit(Part):
     gain_per_kg: Positive = Field(description="m/s2 per newton.")
 
 
-class HoldHeight(Part):
+class HoldHeight(StrictModel):
     """Brings a body to a height, as a hitch does: speed = gain (height - z), within the limits."""
 
     kind: Literal["hold_height"]
@@ -27,7 +27,7 @@ class HoldHeight(Part):
     gain_per_s: Positive
 
 
-class External(Part):
+class External(StrictModel):
     """A node of somebody else sends the commands; `subsoil run` waits for it."""
 
     kind: Literal["external"]
@@ -36,7 +36,7 @@ class External(Part):
 ControlLaw = Annotated[DraftLimit | HoldHeight | External, Field(discriminator="kind")]
 
 
-class Controller(Part):
+class Controller(StrictModel):
     """A speed for `driver` every `interval_ticks` ticks; it is reached at the end of that interval.
 
     The driver starts at the speed of its own law, a constant, and keeps it until the first command. Units of
@@ -49,7 +49,7 @@ class Controller(Part):
     )
     lowest_speed_m_per_s: Finite
     highest_speed_m_per_s: Finite
-    largest_acceleration_m_per_s2: Positive = Field(description="a command that asks for more is refused.")
+    max_acceleration_m_per_s2: Positive = Field(description="a command that asks for more is refused.")
     law: ControlLaw
 
     @model_validator(mode="after")

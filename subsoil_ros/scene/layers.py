@@ -4,25 +4,25 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from .base import Fraction, NonNegative, Part, PoissonRatio, Positive
+from .base import Fraction, NonNegative, PoissonRatio, Positive, StrictModel
 
 
-class WetChange(Part):
-    """Values of a row of the wet law that a layer has of its own."""
+class CohesiveLinearChange(StrictModel):
+    """Values of a row of the cohesive linear law that a layer has of its own."""
 
     stiffness_newton_per_m: Positive | None = None
     tangential_stiffness_newton_per_m: NonNegative | None = None
     damping_newton_s_per_m: NonNegative | None = None
     tangential_damping_newton_s_per_m: NonNegative | None = None
-    adhesion_newton_per_m: NonNegative | None = None
+    cohesive_stiffness_newton_per_m: NonNegative | None = None
     static_friction: NonNegative | None = None
     sliding_friction: NonNegative | None = None
     rolling_friction: NonNegative | None = None
-    rest_overlap_m: Positive | None = None
-    reach_m: Positive | None = None
+    equilibrium_overlap_m: Positive | None = None
+    cohesion_range_m: Positive | None = None
 
 
-class LinearChange(Part):
+class LinearChange(StrictModel):
     """Values of a row of the linear law that a layer has of its own."""
 
     stiffness_newton_per_m: Positive | None = None
@@ -34,7 +34,7 @@ class LinearChange(Part):
     rolling_friction: NonNegative | None = None
 
 
-class HertzChange(Part):
+class HertzChange(StrictModel):
     """Values of a row of the Hertz-Mindlin law that a layer has of its own."""
 
     youngs_modulus_pa: Positive | None = None
@@ -45,15 +45,15 @@ class HertzChange(Part):
     rolling_friction: NonNegative | None = None
 
 
-class WetLayerLaw(Part):
-    """What a layer changes in the rows of a wet law."""
+class CohesiveLinearLayerLaw(StrictModel):
+    """What a layer changes in the rows of a cohesive linear law."""
 
-    kind: Literal["wet"]
-    particle: WetChange = WetChange()
-    boundary: WetChange = WetChange()
+    kind: Literal["cohesive_linear"]
+    particle: CohesiveLinearChange = CohesiveLinearChange()
+    boundary: CohesiveLinearChange = CohesiveLinearChange()
 
 
-class LinearLayerLaw(Part):
+class LinearLayerLaw(StrictModel):
     """What a layer changes in the rows of a linear law."""
 
     kind: Literal["linear"]
@@ -61,7 +61,7 @@ class LinearLayerLaw(Part):
     boundary: LinearChange = LinearChange()
 
 
-class HertzLayerLaw(Part):
+class HertzLayerLaw(StrictModel):
     """What a layer changes in the rows of a Hertz-Mindlin law."""
 
     kind: Literal["hertz_mindlin"]
@@ -69,10 +69,10 @@ class HertzLayerLaw(Part):
     boundary: HertzChange = HertzChange()
 
 
-LayerLaw = Annotated[WetLayerLaw | LinearLayerLaw | HertzLayerLaw, Field(discriminator="kind")]
+LayerLaw = Annotated[CohesiveLinearLayerLaw | LinearLayerLaw | HertzLayerLaw, Field(discriminator="kind")]
 
 
-class Layer(Part):
+class Layer(StrictModel):
     """A layer of the bed. What it does not give comes from `soil.particles` and `soil.law`."""
 
     name: str = Field(min_length=1)

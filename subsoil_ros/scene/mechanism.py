@@ -5,13 +5,13 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .base import Finite, NonNegative, Part, Point, Positive
+from .base import Finite, NonNegative, Point, Positive, StrictModel
 from .time_functions import Law
 
 GROUND = "ground"
 
 
-class Body(Part):
+class Body(StrictModel):
     """A rigid body of the plane y = 0, given by its centre of mass in the reference pose."""
 
     mass_kg: Positive
@@ -26,7 +26,7 @@ class Body(Part):
     angular_velocity_rad_per_s: Finite | None = None
 
 
-class TurnStops(Part):
+class RotationStops(StrictModel):
     """Ends of the turn of body_b against body_a, zero in the reference pose: one-sided spring-dampers."""
 
     lower_rad: Finite | None = None
@@ -35,12 +35,12 @@ class TurnStops(Part):
     damping_newton_m_s_per_rad: NonNegative = 0.0
 
     @model_validator(mode="after")
-    def _ordered(self) -> "TurnStops":
+    def _ordered(self) -> "RotationStops":
         _check_ends("rad", self.lower_rad, self.upper_rad)
         return self
 
 
-class TravelStops(Part):
+class TranslationStops(StrictModel):
     """Ends of a travel or of a length: one-sided spring-dampers."""
 
     lower_m: Finite | None = None
@@ -49,7 +49,7 @@ class TravelStops(Part):
     damping_newton_s_per_m: NonNegative = 0.0
 
     @model_validator(mode="after")
-    def _ordered(self) -> "TravelStops":
+    def _ordered(self) -> "TranslationStops":
         _check_ends("m", self.lower_m, self.upper_m)
         return self
 
@@ -61,7 +61,7 @@ def _check_ends(unit: str, lower: float | None, upper: float | None) -> None:
         raise ValueError(f"upper_{unit} {upper} must be larger than lower_{unit} {lower}")
 
 
-class TurnFriction(Part):
+class RotationFriction(StrictModel):
     """Moment (preload + coefficient * radius * force in the pin) * tanh(turning speed / slip speed)."""
 
     preload_newton_m: NonNegative = 0.0
@@ -72,13 +72,13 @@ class TurnFriction(Part):
     )
 
     @model_validator(mode="after")
-    def _whole(self) -> "TurnFriction":
+    def _whole(self) -> "RotationFriction":
         if (self.coefficient > 0.0) != (self.radius_m > 0.0):
             raise ValueError("coefficient and radius_m are needed together")
         return self
 
 
-class TravelFriction(Part):
+class TranslationFriction(StrictModel):
     """Force (preload + coefficient * force across the line) * tanh(sliding speed / slip speed)."""
 
     preload_newton: NonNegative = 0.0
@@ -88,7 +88,7 @@ class TravelFriction(Part):
     )
 
 
-class Revolute(Part):
+class Revolute(StrictModel):
     """Two bodies share a point."""
 
     kind: Literal["revolute"]
@@ -96,11 +96,11 @@ class Revolute(Part):
     body_b: str
     point_m: Point = Field(description="used for both bodies unless point_b_m is given.")
     point_b_m: Point | None = None
-    friction: TurnFriction | None = None
-    stops: TurnStops | None = None
+    friction: RotationFriction | None = None
+    stops: RotationStops | None = None
 
 
-class Prismatic(Part):
+class Prismatic(StrictModel):
     """body_b slides along a line fixed in body_a and does not turn against it."""
 
     kind: Literal["prismatic"]
@@ -108,13 +108,13 @@ class Prismatic(Part):
     body_b: str
     point_m: Point
     axis: Point = Field(description="direction of the line in world axes, any length but zero.")
-    friction: TravelFriction | None = None
-    stops: TravelStops | None = Field(
+    friction: TranslationFriction | None = None
+    stops: TranslationStops | None = Field(
         None, description="of the travel along the axis, zero in the reference pose."
     )
 
 
-class PointOnLine(Part):
+class PointOnLine(StrictModel):
     """A point of body_b slides along a line fixed in body_a; body_b is free to turn."""
 
     kind: Literal["point_on_line"]
@@ -122,13 +122,13 @@ class PointOnLine(Part):
     body_b: str
     point_m: Point = Field(description="of body_b, and a point of the line.")
     axis: Point = Field(description="direction of the line in world axes, any length but zero.")
-    friction: TravelFriction | None = None
-    stops: TravelStops | None = Field(
+    friction: TranslationFriction | None = None
+    stops: TranslationStops | None = Field(
         None, description="of the travel along the axis, zero in the reference pose."
     )
 
 
-class Fixed(Part):
+class Fixed(StrictModel):
     """body_b is welded to body_a."""
 
     kind: Literal["fixed"]
@@ -137,7 +137,7 @@ class Fixed(Part):
     point_m: Point
 
 
-class Driver(Part):
+class Driver(StrictModel):
     """Prescribes the speed of one coordinate of a body: x, z (m/s) or angle (rad/s).
 
     Absolute: in world axes. With `relative_to`: the angle against that body, or the way of the centre of
@@ -154,7 +154,7 @@ class Driver(Part):
 Joint = Annotated[Revolute | Prismatic | PointOnLine | Fixed | Driver, Field(discriminator="kind")]
 
 
-class ForceTable(Part):
+class ForceTable(StrictModel):
     """A spring's force against its compression: linear between the points and beyond the last two."""
 
     compressions_m: tuple[Finite, ...] = Field(min_length=2, description="free length less length.")
@@ -166,7 +166,7 @@ class ForceTable(Part):
         return self
 
 
-class MomentTable(Part):
+class MomentTable(StrictModel):
     """A torsion spring's moment against the angle back to rest: linear between the points and beyond."""
 
     angles_rad: tuple[Finite, ...] = Field(min_length=2, description="rest angle less angle.")
@@ -185,11 +185,11 @@ def _check_table(key: str, places: tuple[float, ...], value_key: str, values: tu
         raise ValueError(f"{key} must increase")
 
 
-class SpringDamper(Part):
+class SpringDamper(StrictModel):
     """Spring and damper between two points; its force is positive in compression.
 
     force = stiffness (free_length - length) + preload - damping * rate; `table` takes the place of
-    stiffness. With `only` it acts one way: as a rope (tension) or a bumper (compression). A locked one is
+    stiffness. With `acts_in` it acts one way: as a rope (tension) or a bumper (compression). A locked one is
     a rigid rod of the length it has in the reference pose, and counts as a constraint.
     """
 
@@ -202,18 +202,18 @@ class SpringDamper(Part):
     damping_newton_s_per_m: NonNegative = 0.0
     free_length_m: Positive
     preload_newton: Finite = Field(0.0, description="at the free length.")
-    only: Literal["both", "tension", "compression"] = "both"
+    acts_in: Literal["both", "tension", "compression"] = "both"
     table: ForceTable | None = None
-    stops: TravelStops | None = Field(None, description="of the length.")
+    stops: TranslationStops | None = Field(None, description="of the length.")
     locked: bool = False
 
     @model_validator(mode="after")
     def _one_law(self) -> "SpringDamper":
-        _check_spring("stiffness_newton_per_m", self.stiffness_newton_per_m, self.only, self.table)
+        _check_spring("stiffness_newton_per_m", self.stiffness_newton_per_m, self.acts_in, self.table)
         return self
 
 
-class TorsionSpring(Part):
+class TorsionSpring(StrictModel):
     """Spring and damper on the angle of body_b against body_a, which is zero in the reference pose.
 
     moment on body_b = stiffness (rest_angle - angle) + preload - damping * rate; the rest as for
@@ -227,30 +227,32 @@ class TorsionSpring(Part):
     damping_newton_m_s_per_rad: NonNegative = 0.0
     rest_angle_rad: Finite = 0.0
     preload_newton_m: Finite = Field(0.0, description="at the rest angle.")
-    only: Literal["both", "positive", "negative"] = Field("both", description="sign of the moment on body_b.")
+    acts_in: Literal["both", "positive", "negative"] = Field(
+        "both", description="sign of the moment on body_b."
+    )
     table: MomentTable | None = None
-    stops: TurnStops | None = None
+    stops: RotationStops | None = None
     locked: bool = False
 
     @model_validator(mode="after")
     def _one_law(self) -> "TorsionSpring":
-        _check_spring("stiffness_newton_m_per_rad", self.stiffness_newton_m_per_rad, self.only, self.table)
+        _check_spring("stiffness_newton_m_per_rad", self.stiffness_newton_m_per_rad, self.acts_in, self.table)
         return self
 
 
-def _check_spring(key: str, stiffness: float | None, only: str, table: Part | None) -> None:
+def _check_spring(key: str, stiffness: float | None, acts_in: str, table: StrictModel | None) -> None:
     if (stiffness is None) == (table is None):
         raise ValueError(f"needs one of {key} (0 for a damper alone) and table")
-    if table is not None and only != "both":
-        raise ValueError(f"only: '{only}' does not go with a table; let the table be zero on that side")
-    if only != "both" and stiffness == 0.0:
-        raise ValueError(f"only: '{only}' needs a stiffness above 0")
+    if table is not None and acts_in != "both":
+        raise ValueError(f"acts_in: '{acts_in}' does not go with a table; let the table be zero on that side")
+    if acts_in != "both" and stiffness == 0.0:
+        raise ValueError(f"acts_in: '{acts_in}' needs a stiffness above 0")
 
 
-class CoordinateSpring(Part):
-    """Spring and damper on one coordinate of a body against a law of time.
+class CoordinateSpring(StrictModel):
+    """Spring and damper on one coordinate of a body against a time function.
 
-    force = stiffness (law(t) - q) + damping (d law/dt - dq/dt); with `only` it acts one way, as a
+    force = stiffness (law(t) - q) + damping (d law/dt - dq/dt); with `acts_in` it acts one way, as a
     chain that lowers an implement does: "pull_up" lets only positive force through.
     """
 
@@ -260,10 +262,10 @@ class CoordinateSpring(Part):
     target: Law = Field(description="m or rad.")
     stiffness_newton_per_m: NonNegative = Field(description="N m/rad for an angle.")
     damping_newton_s_per_m: NonNegative = 0.0
-    only: Literal["both", "pull_up", "push_down"] = "both"
+    acts_in: Literal["both", "pull_up", "push_down"] = "both"
 
 
-class PointLoad(Part):
+class PointLoad(StrictModel):
     """A prescribed force and moment at a point fixed in the body, along world axes."""
 
     kind: Literal["point_load"]
@@ -274,7 +276,7 @@ class PointLoad(Part):
     moment_newton_m: Law | None = None
 
 
-class WheelContact(Part):
+class WheelContact(StrictModel):
     """A wheel on level ground: unilateral spring-damper and regularised Coulomb friction."""
 
     kind: Literal["wheel_contact"]
@@ -294,7 +296,7 @@ Force = Annotated[
 ]
 
 
-class InitialState(Part):
+class InitialState(StrictModel):
     """How the run starts from the reference pose.
 
     The machine is moved by `translate_x_m`, the named coordinates (`BODY.x_m|z_m|angle_rad`) are
@@ -307,7 +309,7 @@ class InitialState(Part):
     static_equilibrium: bool = False
 
 
-class Mechanism(Part):
+class Mechanism(StrictModel):
     """The machine. Order of bodies, joints and forces is the order of the file."""
 
     bodies: dict[str, Body] = Field(min_length=1)

@@ -4,14 +4,14 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from .base import Finite, NonNegative, Part, Positive
+from .base import Finite, NonNegative, Positive, StrictModel
 from .cloud import CloudRegion
 from .controller import Controller, DraftLimit, HoldHeight
 from .mechanism import Driver, Mechanism, WheelContact
 from .soil import Auto, Soil
 from .time_functions import ConstantLaw
 from .tools import Tool
-from .wedge import ResistanceSoil
+from .wedge import WedgeSoil
 
 
 def _soil_model(soil: Any) -> Any:
@@ -20,14 +20,16 @@ def _soil_model(soil: Any) -> Any:
 
 
 AnySoil = Annotated[
-    Annotated[Soil, Tag("dem")] | Annotated[ResistanceSoil, Tag("resistance")], Discriminator(_soil_model)
+    Annotated[Soil, Tag("dem")] | Annotated[WedgeSoil, Tag("wedge")], Discriminator(_soil_model)
 ]
 
 
-class Coupling(Part):
+class Coupling(StrictModel):
     """Exchange between soil and mechanism."""
 
-    interval_ns: Annotated[int, Field(gt=0)] | Auto = Field("auto", description="auto: one soil step.")
+    communication_step_ns: Annotated[int, Field(gt=0)] | Auto = Field(
+        "auto", description="auto: one soil step."
+    )
     mechanism_steps: int = Field(1, ge=1, le=1000, description="per exchange.")
     force: Literal["tick_end", "tick_mean"] = "tick_end"
     grant_window: int = Field(8, ge=1, le=64, description="ticks the coupler grants ahead.")
@@ -37,7 +39,7 @@ class Coupling(Part):
     )
 
 
-class Record(Part):
+class Record(StrictModel):
     """What goes into the bag, and how often. Of the lockstep messages it has all."""
 
     bag: bool = Field(True, description="false: nothing is recorded; no recorder, no bag, no series.")
@@ -54,7 +56,7 @@ class Record(Part):
     )
 
 
-class Report(Part):
+class Report(StrictModel):
     """What the summary and the figures speak of."""
 
     shank: str | None = Field(None, description="body whose angle and height are shown.")
@@ -74,10 +76,10 @@ class Report(Part):
 
 Allowance = Literal["unstable_time_step", "other_contact_law", "beyond_fitted_range"]
 """A refusal that a scene may override, for studies: `soil.time_step_s` above its stable limit, a `soil.file`
-fitted to other particles than those of `soil.stands_for`, work beyond 1.2 times the range of `soil.file`."""
+fitted to other particles than those of `soil.fitted_to`, work beyond 1.2 times the range of `soil.file`."""
 
 
-class Scene(Part):
+class Scene(StrictModel):
     """A whole scene. No `soil`: no soil engine. No `mechanism`: tools follow their paths."""
 
     name: str = Field(min_length=1)
@@ -99,9 +101,9 @@ class Scene(Part):
         return self.soil if isinstance(self.soil, Soil) else None
 
     @property
-    def reduced_soil(self) -> ResistanceSoil | None:
+    def wedge_soil(self) -> WedgeSoil | None:
         """The soil if it is a reduced one, without particles."""
-        return self.soil if isinstance(self.soil, ResistanceSoil) else None
+        return self.soil if isinstance(self.soil, WedgeSoil) else None
 
     @model_validator(mode="after")
     def _consistent(self) -> "Scene":
@@ -143,13 +145,13 @@ class Scene(Part):
 
 def _check_allow(scene: Scene) -> None:
     """Raises ValueError for an entry of `allow` that cannot apply to the scene."""
-    soil, reduced = scene.particle_soil, scene.reduced_soil
+    soil, reduced = scene.particle_soil, scene.wedge_soil
     stepped = soil is not None and soil.time_step_s != "auto"
     fitted = reduced is not None and reduced.file is not None
     for name in scene.allow:
         step = name == "unstable_time_step"
         if not (stepped if step else fitted):
-            needed = "a number in soil.time_step_s" if step else "a soil.file of a reduced soil"
+            needed = "a number in soil.time_step_s" if step else "a soil.file of a wedge model"
             raise ValueError(f"allow: '{name}' is about {needed}, and there is none; remove it from the list")
 
 

@@ -4,17 +4,15 @@ from typing import Annotated
 
 from pydantic import Field
 
-from .base import Part, Positive
+from .base import Positive, StrictModel
 
 
-class Monitors(Part):
+class Monitors(StrictModel):
     """Looks at the soil every so many steps; null switches a bound off. dem.monitors says what each means."""
 
     every_steps: Annotated[int, Field(ge=1)] = Field(100, description="soil steps from look to look.")
-    largest_alternation: Annotated[float, Field(gt=0.0, le=1.0)] | None = 0.2
-    largest_pair_overlap_radii: Positive | None = Field(
-        1.9, description="at tools: soil.largest_tool_overlap_m."
-    )
-    largest_energy_defect: Positive | None = Field(
+    max_velocity_reversal: Annotated[float, Field(gt=0.0, le=1.0)] | None = 0.2
+    max_pair_overlap_radii: Positive | None = Field(1.9, description="at tools: soil.max_tool_overlap_m.")
+    max_energy_defect: Positive | None = Field(
         None, description="over the energy exchanged; books every sink."
     )

@@ -3,7 +3,16 @@
 import math
 from dataclasses import dataclass, replace
 
-from .soil import ContactLaw, HertzMindlinLaw, HertzValues, LinearLaw, LinearValues, Soil, WetLaw, WetValues
+from .soil import (
+    CohesiveLinearLaw,
+    ContactLaw,
+    HertzMindlinLaw,
+    HertzValues,
+    LinearLaw,
+    LinearValues,
+    Soil,
+    WetValues,
+)
 
 
 @dataclass(frozen=True)
@@ -118,7 +127,7 @@ def layer_soils(soil: Soil) -> tuple[Soil, ...]:
 def size_ratio(soil: Soil) -> float:
     """Radius of the particles over the radius that the law's values hold for."""
     radius = soil.particles.mean_volume_radius_m
-    return radius / (soil.particles.law_radius_m or radius)
+    return radius / (soil.particles.reference_radius_m or radius)
 
 
 def pair_values(soil: Soil) -> tuple[PairValues, PairValues]:
@@ -144,16 +153,16 @@ def particle_values(first: Soil, second: Soil, radius_m: float, mass_kg: float) 
     two materials.
     """
     one, other, ratio = first.law, second.law, size_ratio(first)
-    if isinstance(one, WetLaw) and isinstance(other, WetLaw):
+    if isinstance(one, CohesiveLinearLaw) and isinstance(other, CohesiveLinearLaw):
         if first is second:
-            return _wet(one, one.particle, in_series=one.values_are == "body").scaled(ratio)
+            return _wet(one, one.particle, in_series=one.combining_rule == "series").scaled(ratio)
         found = _wet(one, other.particle, in_series=True)
-        if one.values_are == "pair":
+        if one.combining_rule == "none":
             found = _doubled(found)
         found = replace(
             found,
-            rest_overlap=0.5 * (one.particle.rest_overlap_m + other.particle.rest_overlap_m),
-            reach=0.5 * (one.particle.reach_m + other.particle.reach_m),
+            rest_overlap=0.5 * (one.particle.equilibrium_overlap_m + other.particle.equilibrium_overlap_m),
+            reach=0.5 * (one.particle.cohesion_range_m + other.particle.cohesion_range_m),
         )
         return _with_weaker_friction(found.scaled(ratio), one, other)
     if isinstance(one, LinearLaw) and isinstance(other, LinearLaw):
@@ -179,8 +188,8 @@ def particle_values(first: Soil, second: Soil, radius_m: float, mass_kg: float) 
 def boundary_values(soil: Soil, radius_m: float, mass_kg: float) -> PairValues:
     """Law of a particle of this radius and mass at a wall; soil without layers."""
     law = soil.law
-    if isinstance(law, WetLaw):
-        return _wet(law, law.boundary, in_series=law.values_are == "body").scaled(size_ratio(soil))
+    if isinstance(law, CohesiveLinearLaw):
+        return _wet(law, law.boundary, in_series=law.combining_rule == "series").scaled(size_ratio(soil))
     if isinstance(law, LinearLaw):
         return _linear(law.boundary).scaled(size_ratio(soil))
     return _hertz(law.particle, law.boundary, law.boundary.restitution, radius_m, mass_kg)
@@ -221,7 +230,7 @@ def _with_weaker_friction(values: PairValues, first: ContactLaw, second: Contact
     )
 
 
-def _wet(law: WetLaw, second: WetValues, *, in_series: bool) -> PairValues:
+def _wet(law: CohesiveLinearLaw, second: WetValues, *, in_series: bool) -> PairValues:
     """Particle with `second`: body values combined as springs in series, or pair values as they stand.
 
     Distances and friction are not combined: those of the row stand for the pair.
@@ -239,9 +248,9 @@ def _wet(law: WetLaw, second: WetValues, *, in_series: bool) -> PairValues:
         static_friction=second.static_friction,
         sliding_friction=second.sliding_friction,
         rolling_friction=second.rolling_friction,
-        adhesion=value("adhesion_newton_per_m"),
-        rest_overlap=second.rest_overlap_m,
-        reach=second.reach_m,
+        adhesion=value("cohesive_stiffness_newton_per_m"),
+        rest_overlap=second.equilibrium_overlap_m,
+        reach=second.cohesion_range_m,
     )
 
 

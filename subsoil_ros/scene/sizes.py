@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field, model_validator
 from scipy.special import ndtr, ndtri
 
-from .base import Part, Positive
+from .base import Positive, StrictModel
 from .beds import Seed
 
 LARGEST_RATIO = 4.0
@@ -18,36 +18,36 @@ _PARTS = 4096
 """Equal parts of a distribution over which its moments are summed."""
 
 
-def _refuse_wide(smallest_m: float, largest_m: float, key: str) -> None:
-    if largest_m > LARGEST_RATIO * smallest_m * (1.0 + 1e-12):
+def _refuse_wide(smallest_m: float, max_m: float, key: str) -> None:
+    if max_m > LARGEST_RATIO * smallest_m * (1.0 + 1e-12):
         raise ValueError(
-            f"{key}: {largest_m:g} m is {largest_m / smallest_m:.3g} times the smallest radius, "
+            f"{key}: {max_m:g} m is {max_m / smallest_m:.3g} times the smallest radius, "
             f"{smallest_m:g} m; allowed is up to {LARGEST_RATIO:g} times, since the smallest sets the step "
             "and the largest the cells; leave out the fine part"
         )
 
 
-class _Spread(Part):
+class _Spread(StrictModel):
     """Radii between two bounds."""
 
     smallest_radius_m: Positive
-    largest_radius_m: Positive
+    max_radius_m: Positive
     seed: Seed = 0
 
     @model_validator(mode="after")
     def _ordered(self) -> "_Spread":
-        if self.largest_radius_m <= self.smallest_radius_m:
+        if self.max_radius_m <= self.smallest_radius_m:
             raise ValueError(
-                f"largest_radius_m: {self.largest_radius_m:g} m is not above smallest_radius_m, "
+                f"max_radius_m: {self.max_radius_m:g} m is not above smallest_radius_m, "
                 f"{self.smallest_radius_m:g} m; for equal spheres give particles.radius_m"
             )
-        _refuse_wide(self.smallest_radius_m, self.largest_radius_m, "largest_radius_m")
+        _refuse_wide(self.smallest_radius_m, self.max_radius_m, "max_radius_m")
         return self
 
     @property
     def bounds_m(self) -> tuple[float, float]:
         """Smallest and largest radius."""
-        return self.smallest_radius_m, self.largest_radius_m
+        return self.smallest_radius_m, self.max_radius_m
 
 
 class UniformSizes(_Spread):
@@ -57,7 +57,7 @@ class UniformSizes(_Spread):
 
     def radii_at(self, part: np.ndarray) -> np.ndarray:
         """Radius [m] that this `part` (0 to 1) of all particles does not exceed."""
-        return self.smallest_radius_m + part * (self.largest_radius_m - self.smallest_radius_m)
+        return self.smallest_radius_m + part * (self.max_radius_m - self.smallest_radius_m)
 
 
 class NormalSizes(_Spread):
@@ -72,10 +72,10 @@ class NormalSizes(_Spread):
 
     @model_validator(mode="after")
     def _mean_inside(self) -> "NormalSizes":
-        if not self.smallest_radius_m < self.mean_radius_m < self.largest_radius_m:
+        if not self.smallest_radius_m < self.mean_radius_m < self.max_radius_m:
             raise ValueError(
                 f"mean_radius_m: {self.mean_radius_m:g} m is not between smallest_radius_m and "
-                f"largest_radius_m, {self.smallest_radius_m:g} and {self.largest_radius_m:g} m"
+                f"max_radius_m, {self.smallest_radius_m:g} and {self.max_radius_m:g} m"
             )
         return self
 
@@ -86,7 +86,7 @@ class NormalSizes(_Spread):
         return np.clip(mean + deviation * ndtri(low + part * (high - low)), *self.bounds_m)
 
 
-class ListedSizes(Part):
+class ListedSizes(StrictModel):
     """A list of radii, each with its share of all particles, by number or by mass.
 
     Shares need no sum: each counts over the sum of all. Mass is taken at one density.

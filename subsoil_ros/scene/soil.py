@@ -4,21 +4,21 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .base import Fraction, NonNegative, Part, PoissonRatio, Positive
+from .base import Fraction, NonNegative, PoissonRatio, Positive, StrictModel
 from .beds import Bed, DenseRandomBed, GridBed, SavedBed, SurfaceProfile
 from .bin import Bin
-from .layers import Layer, WetLayerLaw
+from .layers import CohesiveLinearLayerLaw, Layer
 from .monitors import Monitors
 from .sizes import Sizes, mean_power
 
 
-class Particles(Part):
+class Particles(StrictModel):
     """Spheres, equal ones of `radius_m` or of several `sizes`."""
 
     radius_m: Positive | None = None
     sizes: Sizes | None = None
     density_kg_per_m3: Positive
-    law_radius_m: Positive | None = Field(
+    reference_radius_m: Positive | None = Field(
         None, description="radius the law was found for; it is scaled from there."
     )
 
@@ -46,37 +46,37 @@ class Particles(Part):
         return float(mean_power(self.sizes, 3) ** (1.0 / 3.0))
 
 
-class WetValues(Part):
+class WetValues(StrictModel):
     """One row of table 3 of the paper."""
 
     stiffness_newton_per_m: Positive = Field(description="K_X.")
     tangential_stiffness_newton_per_m: NonNegative = Field(description="K_Y, K_Z.")
     damping_newton_s_per_m: NonNegative = Field(description="C_X.")
     tangential_damping_newton_s_per_m: NonNegative = Field(description="C_Y, C_Z.")
-    adhesion_newton_per_m: NonNegative = Field(description="K_B.")
+    cohesive_stiffness_newton_per_m: NonNegative = Field(description="K_B.")
     static_friction: NonNegative
     sliding_friction: NonNegative
     rolling_friction: NonNegative
-    rest_overlap_m: Positive = Field(description="delta_c.")
-    reach_m: Positive = Field(description="delta_B.")
+    equilibrium_overlap_m: Positive = Field(description="delta_c.")
+    cohesion_range_m: Positive = Field(description="delta_B.")
 
 
-class WetLaw(Part):
+class CohesiveLinearLaw(StrictModel):
     """The paper's law of wet particles (eq. 12-21), its adjustment distance Delta being 0.
 
-    `values_are` says how the two rows are read: `body`, combined by eq. 15, 16 and 18 (a pair of
-    equal bodies has half of each value), or `pair`, used as they stand.
+    `combining_rule` says how the two rows are read: `series`, those of a body, combined by eq. 15, 16 and 18 (a pair of
+    equal bodies has half of each value), or `none`, those of the pair, used as they stand.
     """
 
-    kind: Literal["wet"]
-    values_are: Literal["body", "pair"] = "body"
+    kind: Literal["cohesive_linear"]
+    combining_rule: Literal["series", "none"] = "series"
     particle: WetValues
     boundary: WetValues
     friction_normal: Literal["total", "repulsive", "absolute"] = "total"
     damped_zones: Literal["repulsive", "all"] = "repulsive"
 
 
-class LinearValues(Part):
+class LinearValues(StrictModel):
     """A spring and a dashpot, as they stand for the pair."""
 
     stiffness_newton_per_m: Positive
@@ -88,7 +88,7 @@ class LinearValues(Part):
     rolling_friction: NonNegative = 0.0
 
 
-class LinearLaw(Part):
+class LinearLaw(StrictModel):
     """Dry spheres with linear springs and dashpots, acting while they overlap."""
 
     kind: Literal["linear"]
@@ -96,7 +96,7 @@ class LinearLaw(Part):
     boundary: LinearValues
 
 
-class HertzValues(Part):
+class HertzValues(StrictModel):
     """A material; restitution and friction of the `boundary` row stand for particle and boundary."""
 
     youngs_modulus_pa: Positive
@@ -107,7 +107,7 @@ class HertzValues(Part):
     rolling_friction: NonNegative = 0.0
 
 
-class HertzMindlinLaw(Part):
+class HertzMindlinLaw(StrictModel):
     """Elastic spheres (Hertz) with Mindlin's tangential stiffness and a dashpot of given restitution."""
 
     kind: Literal["hertz_mindlin"]
@@ -115,12 +115,12 @@ class HertzMindlinLaw(Part):
     boundary: HertzValues
 
 
-ContactLaw = Annotated[WetLaw | LinearLaw | HertzMindlinLaw, Field(discriminator="kind")]
+ContactLaw = Annotated[CohesiveLinearLaw | LinearLaw | HertzMindlinLaw, Field(discriminator="kind")]
 
 Auto = Literal["auto"]
 
 
-class Soil(Part):
+class Soil(StrictModel):
     """Everything the soil engine needs."""
 
     model: Literal["dem"] = "dem"
@@ -137,13 +137,13 @@ class Soil(Part):
     tool_stiffness_factor: Positive = Field(
         1.0, description="on the boundary's normal stiffness, at tools only."
     )
-    largest_tool_overlap_m: Positive | None = Field(
+    max_tool_overlap_m: Positive | None = Field(
         None, description="the run stops beyond it; default: two radii."
     )
     surface: SurfaceProfile | None = Field(None, description="trims the bed.")
     layers: tuple[Layer, ...] | None = Field(None, min_length=2, description="from top to bottom.")
     monitors: Monitors | None = Field(Monitors(), description="null: none.")
-    largest_lost_particles: Annotated[int, Field(ge=0)] | None = Field(
+    max_lost_particles: Annotated[int, Field(ge=0)] | None = Field(
         None, description="default: one in a thousand."
     )
 
@@ -152,7 +152,7 @@ class Soil(Part):
         if isinstance(self.bed, DenseRandomBed) and isinstance(self.law, HertzMindlinLaw):
             raise ValueError(
                 "bed.kind: 'dense_random' settles under linear springs and cannot be prepared under law "
-                "'hertz_mindlin'; use 'grid', or law 'wet' or 'linear'"
+                "'hertz_mindlin'; use 'grid', or law 'cohesive_linear' or 'linear'"
             )
         return self
 
@@ -203,26 +203,26 @@ class Soil(Part):
     @model_validator(mode="after")
     def _rest_overlaps(self) -> "Soil":
         """Below the smallest radius (the limits of the step rest on it); equal in all layers of a grid."""
-        if not isinstance(self.law, WetLaw):
+        if not isinstance(self.law, CohesiveLinearLaw):
             return self
-        rows = [("law", self.law.particle.rest_overlap_m, self.law.boundary.rest_overlap_m)]
+        rows = [("law", self.law.particle.equilibrium_overlap_m, self.law.boundary.equilibrium_overlap_m)]
         for k, layer in enumerate(self.layers or ()):
-            if layer.law is not None and isinstance(layer.law, WetLayerLaw):
-                changes = layer.law.particle.rest_overlap_m, layer.law.boundary.rest_overlap_m
+            if layer.law is not None and isinstance(layer.law, CohesiveLinearLayerLaw):
+                changes = layer.law.particle.equilibrium_overlap_m, layer.law.boundary.equilibrium_overlap_m
                 own = [change or common for change, common in zip(changes, rows[0][1:], strict=True)]
                 rows.append((f"layers.{k}.law", own[0], own[1]))
         mean = self.particles.mean_volume_radius_m
-        ratio = mean / (self.particles.law_radius_m or mean)
+        ratio = mean / (self.particles.reference_radius_m or mean)
         for where, particle, boundary in rows:
             for row, overlap in (("particle", particle), ("boundary", boundary)):
                 if ratio * overlap >= self.particles.bounds_m[0]:
                     raise ValueError(
-                        f"{where}.{row}.rest_overlap_m: {ratio * overlap:g} m is not below the radius of the "
+                        f"{where}.{row}.equilibrium_overlap_m: {ratio * overlap:g} m is not below the radius of the "
                         f"smallest particle, {self.particles.bounds_m[0]:g} m; make it smaller"
                     )
             if isinstance(self.bed, GridBed) and (particle, boundary) != rows[0][1:]:
                 raise ValueError(
-                    f"{where}: has another rest_overlap_m than soil.law, but a grid has one spacing and one "
+                    f"{where}: has another equilibrium_overlap_m than soil.law, but a grid has one spacing and one "
                     "distance to its walls; give all layers the same, or use bed.kind 'dense_random'"
                 )
         return self

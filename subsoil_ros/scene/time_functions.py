@@ -4,20 +4,20 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .base import Finite, NonNegative, Part, Positive
+from .base import Finite, NonNegative, Positive, StrictModel
 
 LARGEST_DEGREE = 7
 """Of a polynomial law: enough for rest-to-rest moves with continuous jerk."""
 
 
-class ConstantLaw(Part):
+class ConstantLaw(StrictModel):
     """value."""
 
     kind: Literal["constant"]
     value: Finite
 
 
-class RampLaw(Part):
+class RampLaw(StrictModel):
     """start_value until start_s, then linear to end_value at end_s, then end_value."""
 
     kind: Literal["ramp"]
@@ -33,7 +33,7 @@ class RampLaw(Part):
         return self
 
 
-class SineLaw(Part):
+class SineLaw(StrictModel):
     """mean + amplitude * sin(2 pi frequency t + phase)."""
 
     kind: Literal["sine"]
@@ -43,7 +43,7 @@ class SineLaw(Part):
     phase_rad: Finite = 0.0
 
 
-class TableLaw(Part):
+class TableLaw(StrictModel):
     """Linear between (time, value) pairs; the end values hold outside."""
 
     kind: Literal["table"]
@@ -59,7 +59,7 @@ class TableLaw(Part):
         return self
 
 
-class HalfSineLaw(Part):
+class HalfSineLaw(StrictModel):
     """peak * sin(pi (t - start) / duration) while that is positive for the first time, else zero: a knock."""
 
     kind: Literal["half_sine"]
@@ -68,7 +68,7 @@ class HalfSineLaw(Part):
     duration_s: Positive
 
 
-class PolynomialLaw(Part):
+class PolynomialLaw(StrictModel):
     """Sum of coefficients[k] * (t - start_s)^k from start_s to end_s; the end values hold outside."""
 
     kind: Literal["polynomial"]
@@ -88,7 +88,7 @@ SimpleLaw = Annotated[
 ]
 
 
-class SumLaw(Part):
+class SumLaw(StrictModel):
     """The sum of its terms."""
 
     kind: Literal["sum"]

@@ -1,4 +1,4 @@
-"""What the reduced soil sees of a tool: cutting faces, sides, wheels; from its mesh."""
+"""What the wedge model sees of a tool: cutting faces, sides, wheels; from its mesh."""
 
 import math
 from dataclasses import dataclass
@@ -83,7 +83,7 @@ def cutting_faces(mesh: ToolMesh, place: str) -> tuple[CuttingFace, ...]:
 
 
 def wheel_face(mesh: ToolMesh, place: str) -> WheelFace:
-    """The wheel that a tool with `share: false` is.
+    """The wheel that a tool with `role: wheel` is.
 
     Raises:
         SceneError: it is not round about its body's centre of mass.
@@ -92,8 +92,8 @@ def wheel_face(mesh: ToolMesh, place: str) -> WheelFace:
     rim = radius[radius > 0.5 * radius.max()]
     if np.ptp(rim) > ROUNDNESS * rim.max():
         raise SceneError(
-            f"{place}: 'share: false' makes it a wheel in a reduced soil, but its mesh is not round about "
+            f"{place}: 'role: wheel' makes it a wheel in a wedge model, but its mesh is not round about "
             f"the body's centre of mass (radius {rim.min():.4g} to {rim.max():.4g} m); give a wheel, or "
-            "leave out 'share: false'"
+            "leave out 'role: wheel'"
         )
     return WheelFace(float(rim.max()), float(np.ptp(mesh.vertices_m[:, 1])))

@@ -1,12 +1,14 @@
 """Tools: triangle meshes that touch the soil, carried by a body or along a prescribed path."""
 
+from typing import Literal
+
 from pydantic import Field, model_validator
 
-from .base import Finite, Part, Positive
+from .base import Finite, Positive, StrictModel
 from .time_functions import Law
 
 
-class MeshPart(Part):
+class MeshPart(StrictModel):
     """One watertight STL, its facets forming one group.
 
     A mesh vertex v [file units] stands at `position_m + scale * v` in the reference pose of the
@@ -18,8 +20,8 @@ class MeshPart(Part):
     position_m: tuple[Finite, Finite, Finite] = (0.0, 0.0, 0.0)
 
 
-class Path(Part):
-    """A prescribed path for a tool without a mechanism: start pose and speeds as laws of time."""
+class Path(StrictModel):
+    """A prescribed path for a tool without a mechanism: start pose and speeds as time functions."""
 
     start_x_m: Finite = 0.0
     start_z_m: Finite = 0.0
@@ -29,7 +31,7 @@ class Path(Part):
     angular_speed_rad_per_s: Law | None = None
 
 
-class Tool(Part):
+class Tool(StrictModel):
     """What one body puts into the soil. `groups` names its mesh parts (share, blade, ...)."""
 
     body: str | None = None
@@ -39,7 +41,14 @@ class Tool(Part):
     density_kg_per_m3: Positive | None = Field(
         None, description="of the solid: `subsoil check` prints mass and inertia from it."
     )
-    share: bool = Field(True, description="counted as share in the split of the draft; wheels: false.")
+    role: Literal["tillage", "wheel"] = Field(
+        "tillage", description="wheel: carries the machine, and counts apart in the split of the draft."
+    )
+
+    @property
+    def is_tillage(self) -> bool:
+        """Whether it works the soil; a wheel only rolls on it."""
+        return self.role == "tillage"
 
     @model_validator(mode="after")
     def _carried(self) -> "Tool":

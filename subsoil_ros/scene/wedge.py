@@ -1,11 +1,11 @@
-"""Reduced soil: passive failure in front of tools, pressure and sinkage under wheels. No particles."""
+"""Wedge model of the soil: passive failure in front of tools, pressure and sinkage under wheels. No particles."""
 
 import math
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .base import NonNegative, Part, Positive
+from .base import NonNegative, Positive, StrictModel
 from .bin import Bin
 
 LARGEST_FRICTION_ANGLE_RAD = math.radians(55.0)
@@ -15,13 +15,15 @@ FrictionAngle = Annotated[float, Field(ge=0.0, le=LARGEST_FRICTION_ANGLE_RAD, al
 Part01 = Annotated[float, Field(ge=0.0, lt=1.0)]
 
 
-class WheelSoil(Part):
+class WheelSoil(StrictModel):
     """Pressure under a wheel, p = (k_c / b + k_phi) z^n (Bekker), and shear along it (Janosi, Hanamoto)."""
 
     cohesive_modulus: NonNegative = Field(description="k_c [N/m^(n+1)].")
     frictional_modulus: NonNegative = Field(description="k_phi [N/m^(n+2)].")
     exponent: Annotated[float, Field(gt=0.0, lt=3.0)] = Field(description="n.")
-    recovered_part: Part01 = Field(0.0, description="of the work of compaction, given back behind the wheel.")
+    recovered_fraction: Part01 = Field(
+        0.0, description="of the work of compaction, given back behind the wheel."
+    )
     shear_deformation_m: Positive = Field(0.01, description="K.")
     damping_newton_s_per_m: NonNegative = 0.0
 
@@ -32,8 +34,8 @@ class WheelSoil(Part):
         return self
 
 
-class ResistanceValues(Part):
-    """Strength of the soil and how it fails. docs/resistance.md says what each number does."""
+class WedgeValues(StrictModel):
+    """Strength of the soil and how it fails. docs/wedge.md says what each number does."""
 
     density_kg_per_m3: Positive
     cohesion_pa: NonNegative
@@ -57,13 +59,13 @@ class ResistanceValues(Part):
     variation: Part01 = Field(
         0.1, description="standard deviation of strength and length from wedge to wedge, relative."
     )
-    shank_part: NonNegative = Field(
+    shank_fraction: NonNegative = Field(
         1.0, description="of a lone shank's resistance, met in soil that the share has broken."
     )
     wheels: WheelSoil | None = None
 
     @model_validator(mode="after")
-    def _strong(self) -> "ResistanceValues":
+    def _strong(self) -> "WedgeValues":
         if self.tool_friction_angle_rad > self.friction_angle_rad:
             raise ValueError(
                 f"tool_friction_angle_rad: {self.tool_friction_angle_rad:g} is above friction_angle_rad "
@@ -77,7 +79,7 @@ class ResistanceValues(Part):
         return self
 
 
-class ResistanceChange(Part):
+class ResistanceChange(StrictModel):
     """What a layer has of its own."""
 
     density_kg_per_m3: Positive | None = None
@@ -87,7 +89,7 @@ class ResistanceChange(Part):
     tool_friction_angle_rad: FrictionAngle | None = None
 
 
-class ResistanceLayer(Part):
+class WedgeLayer(StrictModel):
     """A layer of depth. What it does not give comes from the soil's values."""
 
     name: str = Field(min_length=1)
@@ -97,30 +99,30 @@ class ResistanceLayer(Part):
     values: ResistanceChange = ResistanceChange()
 
 
-class ResistanceSoil(Part):
-    """Everything the reduced soil engine needs; values stand here, or in a file of `subsoil calibrate`."""
+class WedgeSoil(StrictModel):
+    """Everything the wedge model engine needs; values stand here, or in a file of `subsoil calibrate`."""
 
-    model: Literal["resistance"]
+    model: Literal["wedge"]
     bin: Bin = Field(description="soil lies in 0 <= x <= length.")
-    values: ResistanceValues | None = None
+    values: WedgeValues | None = None
     file: str | None = Field(None, description="relative to the scene file.")
-    stands_for: str | None = Field(
+    fitted_to: str | None = Field(
         None, description="scene whose particles the soil file must have been fitted to."
     )
-    layers: tuple[ResistanceLayer, ...] | None = Field(None, min_length=2, description="from top to bottom.")
+    layers: tuple[WedgeLayer, ...] | None = Field(None, min_length=2, description="from top to bottom.")
     seed: int = Field(0, ge=0, description="of the variation from wedge to wedge.")
 
     @model_validator(mode="after")
-    def _one_source(self) -> "ResistanceSoil":
+    def _one_source(self) -> "WedgeSoil":
         if (self.values is None) == (self.file is None):
             given = "neither is given" if self.file is None else "both are given"
             raise ValueError(f"values: {given}; give 'values', or 'file' written by `subsoil calibrate`")
-        if self.file is None and self.stands_for is not None:
-            raise ValueError("stands_for: only a 'file' was fitted to anything; leave it out")
+        if self.file is None and self.fitted_to is not None:
+            raise ValueError("fitted_to: only a 'file' was fitted to anything; leave it out")
         return self
 
     @model_validator(mode="after")
-    def _layers_go_down(self) -> "ResistanceSoil":
+    def _layers_go_down(self) -> "WedgeSoil":
         layers = self.layers or ()
         for k, layer in enumerate(layers):
             last = k == len(layers) - 1
@@ -131,7 +133,7 @@ class ResistanceSoil(Part):
         return self
 
 
-class SoilRange(Part):
+class SoilRange(StrictModel):
     """What the runs covered that a soil file was fitted to."""
 
     depth_m: tuple[Positive, Positive]
@@ -140,8 +142,8 @@ class SoilRange(Part):
 
 
 def layer_values(
-    values: ResistanceValues, layers: tuple[ResistanceLayer, ...] | None
-) -> tuple[tuple[float, ResistanceValues], ...]:
+    values: WedgeValues, layers: tuple[WedgeLayer, ...] | None
+) -> tuple[tuple[float, WedgeValues], ...]:
     """(depth of the lower edge [m], values) of each layer from the top; one, endless, without layers."""
     if not layers:
         return ((math.inf, values),)
@@ -149,6 +151,6 @@ def layer_values(
     for layer in layers:
         bottom = math.inf if layer.thickness_m is None else bottom + layer.thickness_m
         own = layer.values.model_dump(exclude_none=True)
-        whole = ResistanceValues.model_validate({**values.model_dump(), **own})
+        whole = WedgeValues.model_validate({**values.model_dump(), **own})
         found.append((bottom, whole))
     return tuple(found)

@@ -1,4 +1,4 @@
-"""The reduced soil engine: motions of the tools in, wrenches on the tools out, in closed form."""
+"""The wedge model engine: motions of the tools in, wrenches on the tools out, in closed form."""
 
 import copy
 import math
@@ -10,10 +10,10 @@ import numpy as np
 from ..errors import InputError, PhysicsError
 from ..loading.loader import ResolvedScene
 from ..loading.soil_file import RANGE_MARGIN, refuse_rake, soil_of
-from ..messages import GroupForce, SoilCloud, SoilState, ToolMotion, ToolWrench
+from ..messages import FacetGroupForce, SoilCloud, SoilState, ToolMotion, ToolWrench
 from ..scene.meshes import load_tool_mesh
 from ..scene.tool_faces import CuttingFace, WheelFace, cutting_faces, wheel_face
-from ..scene.wedge import ResistanceValues, layer_values
+from ..scene.wedge import WedgeValues, layer_values
 from .layers import mean_strength
 from .wedge import Plate, failure
 from .wheel import SLOWEST_M_PER_S, grip_newton, rolling_resistance_newton, wheel_load_newton
@@ -28,7 +28,7 @@ class ToolMemory:
 
     x_m: float
     z_m: float
-    phi_rad: float
+    angle_rad: float
     normal_newton: list[float]  # elastic normal force on each face
     phase: float = 0.0  # of the failure cycle, 0 to 1
     failed_count: int = 0  # wedges that have failed
@@ -69,15 +69,15 @@ class _Felt:
         self.torque += arm[1] * force[0] - arm[0] * force[1]
 
 
-class ResistanceEngine:
-    """Wedges, sides and wheels; one step per tick. docs/resistance.md has the equations and their sources."""
+class WedgeEngine:
+    """Wedges, sides and wheels; one step per tick. docs/wedge.md has the equations and their sources."""
 
     def __init__(self, resolved: ResolvedScene) -> None:
-        soil = resolved.scene.reduced_soil
+        soil = resolved.scene.wedge_soil
         if soil is None:
-            raise InputError(f"{resolved.path}: soil.model is not 'resistance'; it needs another engine")
+            raise InputError(f"{resolved.path}: soil.model is not 'wedge'; it needs another engine")
         self._resolved = resolved
-        self._interval_s = resolved.timing.interval_s
+        self._interval_s = resolved.timing.communication_step_s
         self._length_m, self._seed = soil.bin.length_m, soil.seed
         found = soil_of(soil)
         beyond = "beyond_fitted_range" in resolved.scene.allow
@@ -95,14 +95,14 @@ class ResistanceEngine:
         mesh = load_tool_mesh(self._resolved.directory, scene, name)
         bodies = scene.mechanism.bodies if scene.mechanism else {}
         phi = bodies[tool.body].angle_rad if tool.body else 0.0
-        if tool.share:
+        if tool.is_tillage:
             return _Tool(name, mesh.groups, phi, faces=cutting_faces(mesh, place))
         return _Tool(name, mesh.groups, phi, wheel=wheel_face(mesh, place))
 
-    def with_values(self, values: ResistanceValues) -> "ResistanceEngine":
+    def with_values(self, values: WedgeValues) -> "WedgeEngine":
         """The same engine at rest in a soil of other values; cheap, for fits."""
         other = copy.copy(self)
-        soil = self._resolved.scene.reduced_soil
+        soil = self._resolved.scene.wedge_soil
         other._values, other._layers = values, layer_values(values, soil.layers if soil else None)
         other.memory = ResistanceState()
         return other
@@ -111,7 +111,7 @@ class ResistanceEngine:
         """Wrenches of the initial state: of wheels that stand in the soil; wedges form with travel."""
         self.memory = ResistanceState(
             [
-                ToolMemory(m.x_m, m.z_m, m.phi_rad, [0.0] * len(tool.faces))
+                ToolMemory(m.x_m, m.z_m, m.angle_rad, [0.0] * len(tool.faces))
                 for tool, m in zip(self._tools, motions, strict=True)
             ]
         )
@@ -157,13 +157,13 @@ class ResistanceEngine:
         wrenches = []
         for index, (tool, motion) in enumerate(zip(self._tools, motions, strict=True)):
             memory = self.memory.tools[index]
-            moved = (motion.x_m - memory.x_m, motion.z_m - memory.z_m, motion.phi_rad - memory.phi_rad)
+            moved = (motion.x_m - memory.x_m, motion.z_m - memory.z_m, motion.angle_rad - memory.angle_rad)
             felt = _Felt([[0.0, 0.0] for _ in tool.groups])
             if tool.wheel is not None:
                 self._roll(tool.wheel, memory, motion, moved, felt)
             for number, face in enumerate(tool.faces):
                 self._cut(where, index, number, face, motion, moved, felt)
-            memory.x_m, memory.z_m, memory.phi_rad = motion.x_m, motion.z_m, motion.phi_rad
+            memory.x_m, memory.z_m, memory.angle_rad = motion.x_m, motion.z_m, motion.angle_rad
             wrenches.append(_wrench(tool, felt, moved))
         return tuple(wrenches)
 
@@ -173,7 +173,7 @@ class ResistanceEngine:
     ) -> None:  # fmt: skip
         """Wedge and sides of one face, which stands at `motion` and has come by `moved` (x, z, phi)."""
         tool, memory = self._tools[index], self.memory.tools[index]
-        turn = motion.phi_rad - tool.reference_phi_rad
+        turn = motion.angle_rad - tool.reference_phi_rad
         cosine, sine = math.cos(turn), math.sin(turn)
         tip, top = ((cosine * x - sine * z, sine * x + cosine * z) for x, z in (face.tip_m, face.top_m))
         depth, tip_x = -(motion.z_m + tip[1]), motion.x_m + tip[0]
@@ -196,7 +196,7 @@ class ResistanceEngine:
         if self._range is not None and face.is_share:
             self._refuse_beyond(where, tool.name, depth, speed)
         beta, force, length, rising = failure(Plate(face.width_m, rake, depth, height), strength, speed)
-        part = 1.0 if face.is_share else self._values.shank_part
+        part = 1.0 if face.is_share else self._values.shank_fraction
         force *= part
         up = (rising / 3.0 + 0.5 * (1.0 - rising)) * height / tall
         arm = (tip[0] + up * (top[0] - tip[0]), tip[1] + up * (top[1] - tip[1]))
@@ -308,7 +308,7 @@ class ResistanceEngine:
         Raises:
             InputError: always.
         """
-        raise InputError("soil.model: 'resistance' has no particles, so there is no cloud of them")
+        raise InputError("soil.model: 'wedge' has no particles, so there is no cloud of them")
 
 
 def _on_plate(
@@ -335,7 +335,7 @@ def _wrench(tool: _Tool, felt: _Felt, moved: tuple[float, float, float]) -> Tool
     fx = sum(force[0] for force in felt.groups)
     fz = sum(force[1] for force in felt.groups)
     groups = tuple(
-        GroupForce(name, force[0], 0.0, force[1])
+        FacetGroupForce(name, force[0], 0.0, force[1])
         for name, force in zip(tool.groups, felt.groups, strict=True)
     )
     work = fx * moved[0] + fz * moved[1] - felt.torque * moved[2]

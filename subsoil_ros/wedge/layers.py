@@ -3,10 +3,10 @@
 import math
 from collections.abc import Sequence
 
-from ..scene.wedge import ResistanceValues
+from ..scene.wedge import WedgeValues
 from .wedge import Strength
 
-Layers = Sequence[tuple[float, ResistanceValues]]
+Layers = Sequence[tuple[float, WedgeValues]]
 """(depth of the lower edge [m], values) from the top; the last edge is endless."""
 
 

@@ -1,7 +1,7 @@
 """Passive failure in front of a raked plate: the wedge with two circular side crescents, and flow around.
 
 Angles [rad]: rake alpha of the plate and rupture angle beta against the horizontal, friction phi of the
-soil and delta at the plate. docs/resistance.md derives the equations from equilibrium.
+soil and delta at the plate. docs/wedge.md derives the equations from equilibrium.
 Sources: E. McKyes, O.S. Ali, J. Terramechanics 14 (1977) 43-58; E. McKyes, Soil Cutting and Tillage
 (1985); R.J. Godwin, G. Spoor, J. Agric. Eng. Res. 22 (1977) 213-228.
 """

@@ -7,7 +7,7 @@ Sources: M.G. Bekker, Introduction to Terrain-Vehicle Systems (1969); J.Y. Wong,
 import math
 
 from ..scene.tool_faces import WheelFace
-from ..scene.wedge import ResistanceValues, WheelSoil
+from ..scene.wedge import WedgeValues, WheelSoil
 
 SLOWEST_M_PER_S = 1e-3
 """Below this speed resistance and slip go to zero with the speed (chosen: a standing wheel is not pushed)."""
@@ -27,11 +27,11 @@ def rolling_resistance_newton(wheel: WheelFace, soil: WheelSoil, sinkage_m: floa
     """R = (1 - recovered) b k z^(n + 1) / (n + 1): compaction per length (Bekker; Wong eq. 2.76)."""
     n = soil.exponent
     k = soil.cohesive_modulus / wheel.width_m + soil.frictional_modulus
-    return (1.0 - soil.recovered_part) * wheel.width_m * k * sinkage_m ** (n + 1.0) / (n + 1.0)
+    return (1.0 - soil.recovered_fraction) * wheel.width_m * k * sinkage_m ** (n + 1.0) / (n + 1.0)
 
 
 def grip_newton(
-    wheel: WheelFace, values: ResistanceValues, load_newton: float, sinkage_m: float, slip: float
+    wheel: WheelFace, values: WedgeValues, load_newton: float, sinkage_m: float, slip: float
 ) -> float:
     """Shear force at the tread, (b L c + W tan phi) (1 - (1 - e^-x) / x), x = slip L / K (Wong eq. 2.86).
 

@@ -16,9 +16,9 @@ from ..verification.conftest import BOUNDARY, PARTICLE, SoilMaker, one_tool
 
 SCENES = Path(__file__).parents[2] / "config/scenes"
 STEP_S = 4e-5
-WET = {"kind": "wet", "particle": PARTICLE, "boundary": BOUNDARY}
+WET = {"kind": "cohesive_linear", "particle": PARTICLE, "boundary": BOUNDARY}
 SOILS = {
-    "monitored and booked": {"monitors": {"every_steps": 7, "largest_energy_defect": 0.5}},
+    "monitored and booked": {"monitors": {"every_steps": 7, "max_energy_defect": 0.5}},
     "layers": {
         "layers": [{"name": "top", "thickness_m": 0.04}, {"name": "heavy", "density_kg_per_m3": 2000.0}]
     },

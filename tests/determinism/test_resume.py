@@ -91,8 +91,8 @@ def test_sigterm_keeps_a_checkpoint_and_the_run_goes_on(whole: Path, start: Call
     assert status == 143, err
     kept = summary(run.out)["checkpoint"]
     assert f"checkpoint: {kept['path']}" in err.strip().splitlines()[-1]
-    interval_ns = load_scene(run.out / "scene.yaml").timing.interval_ns
-    assert messages(run.out / "bag")[-1][1] == (kept["tick"] + 1) * interval_ns
+    communication_step_ns = load_scene(run.out / "scene.yaml").timing.communication_step_ns
+    assert messages(run.out / "bag")[-1][1] == (kept["tick"] + 1) * communication_step_ns
     other = {"direct": "nodes", "nodes": "composed"}[mode]
     second = start("second", other, "--resume", str(run.out))
     status, _, err = second.finish()

@@ -35,7 +35,7 @@ def test_10000_steps_are_the_same_bits_for_one_to_four_threads_and_in_another_pr
             "bin": {"length_m": 0.3, "width_m": 0.1, "depth_m": 0.1},
             "particles": {"radius_m": 0.01, "density_kg_per_m3": 1800.0},
             "bed": {"kind": "grid", "spacing_m": 0.018, "jitter_m": 0.0004},
-            "law": {"kind": "wet", "particle": PARTICLE, "boundary": BOUNDARY},
+            "law": {"kind": "cohesive_linear", "particle": PARTICLE, "boundary": BOUNDARY},
             "time_step_s": 4e-5,
         },
         tools=one_tool(maker.box(0.03, 0.04, 0.08, subdivide=1)),

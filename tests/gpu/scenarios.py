@@ -23,7 +23,12 @@ ROW = {
     "damping_newton_s_per_m": 10.0, "tangential_damping_newton_s_per_m": 5.0,
     "static_friction": 0.5, "sliding_friction": 0.4, "rolling_friction": 0.3,
 }  # fmt: skip
-WET = {**ROW, "adhesion_newton_per_m": 7e3, "rest_overlap_m": 0.002, "reach_m": 0.002}
+WET = {
+    **ROW,
+    "cohesive_stiffness_newton_per_m": 7e3,
+    "equilibrium_overlap_m": 0.002,
+    "cohesion_range_m": 0.002,
+}
 HERTZ = {
     "youngs_modulus_pa": 2e6, "poisson_ratio": 0.3, "restitution": 0.5,
     "static_friction": 0.5, "sliding_friction": 0.4, "rolling_friction": 0.2,
@@ -79,13 +84,13 @@ def document(folder: Path, scenario: dict[str, Any]) -> dict[str, Any]:
             {"name": "pan", "density_kg_per_m3": 2000.0, "law": lower},
         ]
     if scenario.get("thrown"):
-        soil["largest_lost_particles"] = 0
+        soil["max_lost_particles"] = 0
     soil.update(scenario.get("soil", {}))
     scene: dict[str, Any] = {
         "name": "gpu",
         "duration_s": 1.0,
         "allow": ["unstable_time_step"],
-        "coupling": {"interval_ns": 20_000 * STEPS},
+        "coupling": {"communication_step_ns": 20_000 * STEPS},
         "soil": soil,
     }
     if scenario.get("tool"):
@@ -183,8 +188,10 @@ def run(engine: Any, scenario: dict[str, Any], first: int, ticks: int) -> dict[s
         "energy": np.array([*books, *energy.sinks_joule.values()]),
         "momentum": engine.momentum_kg_m_per_s,
         "wall force": engine.wall_force_newton,
-        "overlaps": np.array([state.largest_overlap_m, state.largest_tool_overlap_m]),
-        "rms": np.array([state.rms_speed_m_per_s, state.rms_spin_rad_per_s, state.kinetic_energy_joule]),
+        "overlaps": np.array([state.max_overlap_m, state.max_tool_overlap_m]),
+        "rms": np.array(
+            [state.rms_speed_m_per_s, state.rms_angular_velocity_rad_per_s, state.kinetic_energy_joule]
+        ),
         "counts": np.array(
             [state.particle_count, state.contact_count, state.rebuild_count, engine.listed_pair_count]
         ),

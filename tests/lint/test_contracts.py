@@ -63,15 +63,15 @@ def test_messages_have_the_fields_of_their_records(path):
     if "run_id" in expected:
         expected = ["header"] + [name for name in expected if name != "end_time_ns"]
     standard = {
-        "GroupForce": ["group", "force"],
-        "ToolMotion": ["tool", "pose", "twist", "phi_rad"],
+        "FacetGroupForce": ["group", "force"],
+        "ToolMotion": ["tool", "pose", "twist", "angle_rad"],
         "ToolWrench": ["tool", "wrench", "work_joule", "contact_count", "groups"],
     }
     assert [name for _, name, _ in field_lines(path.read_text())] == standard.get(path.stem, expected)
 
 
 @pytest.mark.parametrize(
-    ("message", "enumeration"), [("Grant", messages.Command), ("NodeHello", messages.NodeState)]
+    ("message", "enumeration"), [("Grant", messages.Command), ("NodeStatus", messages.NodeState)]
 )
 def test_constants_are_those_of_the_records(message, enumeration):
     """A number on the wire means the same on both sides."""

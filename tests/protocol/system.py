@@ -29,8 +29,8 @@ from subsoil_ros.messages import (
     DriverCommand,
     Grant,
     MechanismState,
-    NodeHello,
     NodeState,
+    NodeStatus,
     TickAck,
     ToolMotion,
     ToolMotions,
@@ -66,13 +66,13 @@ def wrench(tick: int) -> tuple[ToolWrench, ...]:
     return (ToolWrench("share", float(tick), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0),)
 
 
-def hello(node: str, state: NodeState = NodeState.READY, run_id: str = RUN, **other: Any) -> NodeHello:
+def hello(node: str, state: NodeState = NodeState.READY, run_id: str = RUN, **other: Any) -> NodeStatus:
     """A node's word."""
     values = {
         "scene_hash": "hash", "package_version": "1", "message_hashes": (), "capabilities": (),
         "process_id": 1, "tick": -1, **other,
     }  # fmt: skip
-    return NodeHello(run_id, node, state, **values)
+    return NodeStatus(run_id, node, state, **values)
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,9 @@ def test_bound_is_applied_beyond_the_grace_only() -> None:
     account.add((motion(0.5),), (wrench(1.0, work=0.9),))
     account.check(0)
     account.add((motion(1.0),), (wrench(1.0, work=0.2),))
-    with pytest.raises(PhysicsError, match=r"tick 1: .* -0.1 J is 9.09 % .*lower coupling.interval_ns"):
+    with pytest.raises(
+        PhysicsError, match=r"tick 1: .* -0.1 J is 9.09 % .*lower coupling.communication_step_ns"
+    ):
         account.check(1)
 
 

@@ -53,7 +53,7 @@ def test_held_back_all_stand_at_one_tick(seed: int, held_at: int) -> None:
     execution.run()
     grant = execution.coupler.keep()
     assert grant is not None
-    assert (grant.command, grant.run_id) == (Command.KEEP, RUN)
+    assert (grant.command, grant.run_id) == (Command.CHECKPOINT, RUN)
     assert held_at <= grant.tick <= held_at + 4
     for node in (execution.mechanism, execution.soil):
         node.accept_keep(grant)
@@ -74,7 +74,7 @@ def test_the_word_to_keep_waits_for_what_was_granted() -> None:
         execution.coupler.accept_hello(word)
     execution.coupler.accept_hello(hello("recorder"))
     assert execution.coupler.next_grants()
-    with pytest.raises(ProtocolError, match="KEEP while ticks are being granted"):
+    with pytest.raises(ProtocolError, match="CHECKPOINT while ticks are being granted"):
         execution.coupler.keep()
     execution.coupler.hold()
     assert execution.coupler.keep() is None
@@ -85,5 +85,5 @@ def test_a_state_of_another_tick_or_run_is_not_kept(run_id: str, tick: int) -> N
     """Who does not stand at the tick named has nothing to keep of it."""
     participant = Participant(RUN, 10, Needs.NOTHING, TOOLS)
     participant.accept_grant(Grant(RUN, 0))
-    with pytest.raises(ProtocolError, match=r"KEEP came|is of run"):
-        participant.accept_keep(Grant(run_id, tick, Command.KEEP))
+    with pytest.raises(ProtocolError, match=r"CHECKPOINT came|is of run"):
+        participant.accept_keep(Grant(run_id, tick, Command.CHECKPOINT))

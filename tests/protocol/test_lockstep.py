@@ -22,8 +22,8 @@ from subsoil_ros.errors import ProtocolError, RunError
 from subsoil_ros.messages import (
     Command,
     Grant,
-    NodeHello,
     NodeState,
+    NodeStatus,
     TickAck,
     ToolMotion,
     ToolMotions,
@@ -46,13 +46,13 @@ def wrench(tick: int) -> tuple[ToolWrench, ...]:
     return (ToolWrench("share", float(tick), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0),)
 
 
-def hello(node: str, state: NodeState = NodeState.READY, run_id: str = RUN, **other) -> NodeHello:
+def hello(node: str, state: NodeState = NodeState.READY, run_id: str = RUN, **other) -> NodeStatus:
     """A node's word."""
     values = {
         "scene_hash": "hash", "package_version": "1", "message_hashes": (), "capabilities": (),
         "process_id": 1, "tick": -1, **other,
     }  # fmt: skip
-    return NodeHello(run_id, node, state, **values)
+    return NodeStatus(run_id, node, state, **values)
 
 
 def due(tick: int) -> tuple[str, ...]:
@@ -178,7 +178,7 @@ def test_every_interleaving_completes_each_tick_once(seed: int, window: int) -> 
 
 @pytest.mark.parametrize("seed", range(10))
 def test_nobody_runs_ahead_of_the_window(seed: int) -> None:
-    """Mover and soil are never more than the grant window beyond what the coupler has seen finished."""
+    """MotionSource and soil are never more than the grant window beyond what the coupler has seen finished."""
     execution = Execution(seed, window=3)
     execution.run()
     done = -1
@@ -319,7 +319,7 @@ def test_abort_stops_the_work_and_names_the_last_tick() -> None:
         (hello(SOIL, run_id="other"), "run 'other'"),
     ],
 )
-def test_handshake_refuses_what_does_not_fit(word: NodeHello, message: str) -> None:
+def test_handshake_refuses_what_does_not_fit(word: NodeStatus, message: str) -> None:
     """A node of another scene, version, message or run, or unable, is refused by name before tick 0."""
     needed = {SOIL: {"tick_mean": "coupling.force: tick_mean"}}
     coupler = Coupler(hello(COUPLER), (SOIL, RECORDER), TOOLS, 9, 1, soil=True, needed=needed)

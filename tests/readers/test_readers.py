@@ -91,7 +91,7 @@ def test_every_topic_of_a_run_is_there(by_rosbags: Topics) -> None:
     """What is compared below is not nothing: all topics of a machine in soil, none empty."""
     assert set(by_rosbags) >= {
         "/clock", "/tf", "/subsoil/grant", "/subsoil/tool_motions", "/subsoil/tool_wrenches",
-        "/subsoil/mechanism_state", "/subsoil/soil_state", "/subsoil/coupling_report", "/subsoil/soil/cloud",
+        "/subsoil/mechanism_state", "/subsoil/soil_state", "/subsoil/coupling_report", "/subsoil/soil/points",
         "/subsoil/tool_markers", "/subsoil/tool/shank/pose", "/subsoil/tool/shank/wrench",
     }  # fmt: skip
     assert all(topic["count"] > 0 for topic in by_rosbags.values())
@@ -153,7 +153,7 @@ def test_rerun_makes_particles_frames_and_curves_of_it(machine_bag: Path, tmp_pa
     for topic, columns in re.findall(r" - (/\S+) - data columns: \[(.*)\]", result.stdout):
         found[topic] = found.get(topic, "") + columns
     for topic, column in {
-        "/subsoil/soil/cloud": "Points3D:positions",
+        "/subsoil/soil/points": "Points3D:positions",
         "/tf": "Transform3D:translation",
         "/robot_description": "TextDocument:text",
         "/subsoil/tool/shank/pose": "InstancePoses3D:translations",

@@ -49,7 +49,8 @@ def test_locked_shank_stands_at_its_angle(start, angle, tmp_path):
     """The joint in the spring's place holds the angle against the frame, whatever the start; the spring is
     gone."""
     found = loaded(
-        locked_shank(load_scene(SCENES / "subsoiler_1s300.yaml", [f"start={start}"]), angle), tmp_path
+        locked_shank(load_scene(SCENES / "subsoiler_1s300.yaml", [f"initial_condition={start}"]), angle),
+        tmp_path,
     )
     assert "H9_spring" not in found.scene.mechanism.forces
     shank, frame = (found.scene.mechanism.bodies[name].angle_rad for name in ("shank", "frame"))
@@ -90,7 +91,10 @@ def test_lowered_to_another_depth_starts_where_it_did(tmp_path):
     parameters = {"depth_m": 0.18, "friction_normal": "absolute", "start": "lowered", "damping": 500.0}
     ranges = yaml.safe_load(fit_machine.FIT.read_text())["parameters"]
     path = fit_machine.variant(SCENES / "subsoiler_1s300.yaml", parameters, ranges, tmp_path, None)
-    found, first = load_scene(path), load_scene(SCENES / "subsoiler_1s300.yaml", ["start=lowered"])
+    found, first = (
+        load_scene(path),
+        load_scene(SCENES / "subsoiler_1s300.yaml", ["initial_condition=lowered"]),
+    )
     assert -0.005 < tip_height_m(found) < 0.015
     assert relative_angle_rad(found) == pytest.approx(rest_angle_rad(found.scene), abs=1e-6)
     old, new = (scene.scene.mechanism.forces["chain"].target for scene in (first, found))
@@ -113,7 +117,11 @@ def test_coarse_machine_on_plain_ground(tmp_path):
     assert list(found.scene.tools) == ["shank"]
     assert {f"ground_wheel_{side}" for side in ("left", "right")} <= set(found.scene.mechanism.forces)
     soil = found.scene.particle_soil
-    assert (soil.particles.radius_m, soil.particles.law_radius_m, soil.bin.length_m) == (0.02, 0.01, 1.2)
+    assert (soil.particles.radius_m, soil.particles.reference_radius_m, soil.bin.length_m) == (
+        0.02,
+        0.01,
+        1.2,
+    )
 
 
 def test_matrix_of_both_readings_loads(tmp_path):

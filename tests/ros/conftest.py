@@ -103,13 +103,13 @@ def messages(bag: Path) -> list[tuple[str, int, bytes]]:
         ]
 
 
-def lockstep_ticks(bag: Path, interval_ns: int) -> dict[str, list[int]]:
+def lockstep_ticks(bag: Path, communication_step_ns: int) -> dict[str, list[int]]:
     """Ticks of the lockstep messages in a bag, by topic, in recorded order."""
     ticks: dict[str, list[int]] = {"grant": [], "tool_motions": [], "tool_wrenches": []}
     for topic, time_ns, _ in messages(bag):
         name = topic.rpartition("/")[2]
         if name in ticks:
-            ticks[name].append(time_ns // interval_ns - 1)
+            ticks[name].append(time_ns // communication_step_ns - 1)
     return ticks
 
 

@@ -45,11 +45,11 @@ TICKS, EVERY = 300, 20
 LATCHED_IN_BAG = {bag_topic(topic) for topic in LATCHED}  # each bag begins with them
 CONTROL = {
     "driver": "H10_drive", "interval_ticks": EVERY, "lowest_speed_m_per_s": 0.1, "highest_speed_m_per_s": 0.6,
-    "largest_acceleration_m_per_s2": 2.0,
+    "max_acceleration_m_per_s2": 2.0,
     "law": {"kind": "draft_limit", "draft_limit_newton": 100.0, "gain_per_kg": 0.002},
 }  # fmt: skip
 CHANGES = [
-    f"controller={json.dumps(CONTROL)}", f"duration_s={TICKS * 5e-4}", "coupling.interval_ns=500000",
+    f"controller={json.dumps(CONTROL)}", f"duration_s={TICKS * 5e-4}", "coupling.communication_step_ns=500000",
     "record.series_ticks=10",
 ]  # fmt: skip
 
@@ -76,10 +76,12 @@ def run_without_ros(scene: ResolvedScene, bag: Path, controller: Controller | No
     simulate(scene, bag, run_id="test", controller=controller)
 
 
-def command_ticks(bag: Path, interval_ns: int) -> list[int]:
+def command_ticks(bag: Path, communication_step_ns: int) -> list[int]:
     """Ticks of the commands in a bag."""
     return [
-        time_ns // interval_ns - 1 for topic, time_ns, _ in messages(bag) if topic.endswith("driver_command")
+        time_ns // communication_step_ns - 1
+        for topic, time_ns, _ in messages(bag)
+        if topic.endswith("driver_command")
     ]
 
 
@@ -98,7 +100,9 @@ def test_nodes_and_direct_run_drive_alike(scene: ResolvedScene, tmp_path: Path, 
     assert run_nodes(scene, tmp_path / "nodes", others) == Ending()
     run_without_ros(scene, tmp_path / "direct", others() if others else build_controller(scene))
     assert contents(tmp_path / "nodes") == contents(tmp_path / "direct")
-    assert command_ticks(tmp_path / "nodes", scene.timing.interval_ns) == list(range(EVERY, TICKS, EVERY))
+    assert command_ticks(tmp_path / "nodes", scene.timing.communication_step_ns) == list(
+        range(EVERY, TICKS, EVERY)
+    )
 
 
 @pytest.mark.parametrize("stopped", [6 * EVERY - 1, 6 * EVERY + 3], ids=["before a command", "between two"])
@@ -174,7 +178,7 @@ def test_a_controller_that_misbehaves_ends_the_run(
     ending = run_nodes(scene, tmp_path / "bag", lambda: Faulty(scene, spoil))
     assert ending.exit_status == 3
     assert re.search(words, ending.reason), ending.reason
-    recorded = command_ticks(tmp_path / "bag", scene.timing.interval_ns)
+    recorded = command_ticks(tmp_path / "bag", scene.timing.communication_step_ns)
     assert recorded == list(range(EVERY, 5 * EVERY, EVERY))[: len(recorded)]
 
 
@@ -222,7 +226,7 @@ def test_others_with_use_sim_time_follow_the_ticks(scene: ResolvedScene, tmp_pat
     runner = threading.Thread(target=lambda: endings.append(run_nodes(scene, tmp_path / "bag")))
     try:
         runner.start()
-        last_ns = TICKS * scene.timing.interval_ns
+        last_ns = TICKS * scene.timing.communication_step_ns
         deadline = time.monotonic() + LIMIT_S
         while times[-1:] != [last_ns] and endings in ([], [Ending()]) and time.monotonic() < deadline:
             executor.spin_once(timeout_sec=0.02)
@@ -237,4 +241,4 @@ def test_others_with_use_sim_time_follow_the_ticks(scene: ResolvedScene, tmp_pat
     assert endings == [Ending()]
     assert times == sorted(times)
     assert times[-1] == last_ns
-    assert all(now % scene.timing.interval_ns == 0 for now in times)
+    assert all(now % scene.timing.communication_step_ns == 0 for now in times)

@@ -25,8 +25,8 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 def assert_readable(out: Path) -> int:
     """The bag has every tick up to its end once, in order. Returns the number of ticks."""
-    interval_ns = load_scene(out / "scene.yaml").timing.interval_ns
-    ticks = lockstep_ticks(out / "bag", interval_ns)
+    communication_step_ns = load_scene(out / "scene.yaml").timing.communication_step_ns
+    ticks = lockstep_ticks(out / "bag", communication_step_ns)
     count = len(ticks["grant"])
     assert count > 10
     assert ticks == {name: list(range(count)) for name in ticks}

@@ -124,7 +124,7 @@ def test_it_starts_what_subsoil_run_starts(
     """The same executables with the same parameters as `subsoil run`, but for who holds standard input."""
     plans: list[RunPlan] = []
     monkeypatch.setattr("subsoil_ros.cli._shared.simulation._run_nodes", lambda plan, *_: plans.append(plan))
-    scene = SCENE.parent / "subsoiler_1s300_resistance.yaml"
+    scene = SCENE.parent / "subsoiler_1s300_wedge.yaml"
     assert main(["run", str(scene), "--out", str(tmp_path / "run"), "--threads", "2", "--paused"]) != 0
     (plan,) = plans  # nothing was recorded
     assert plan.supervised

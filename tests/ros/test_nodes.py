@@ -99,7 +99,7 @@ class SpringSoil:
 
 
 CHANGES = [
-    "coupling.interval_ns=48000", f"duration_s={TICKS * 48e-6}", "record.series_ticks=7",
+    "coupling.communication_step_ns=48000", f"duration_s={TICKS * 48e-6}", "record.series_ticks=7",
     "record.cloud_hz=1000", "coupling.residual_grace_joule=0.005", "coupling.residual_bound=0.3",
 ]  # fmt: skip
 
@@ -164,7 +164,7 @@ def test_nodes_record_what_the_direct_run_records(resolved: ResolvedScene, tmp_p
     assert run_nodes(resolved, tmp_path / "nodes", SpringSoil) == Ending()
     run_without_ros(resolved, tmp_path / "direct", SpringSoil())
     assert contents(tmp_path / "nodes") == contents(tmp_path / "direct")
-    ticks = lockstep_ticks(tmp_path / "nodes", resolved.timing.interval_ns)
+    ticks = lockstep_ticks(tmp_path / "nodes", resolved.timing.communication_step_ns)
     assert ticks == {name: list(range(TICKS)) for name in ticks}
 
 
@@ -185,7 +185,7 @@ def test_a_fault_of_an_engine_cuts_the_record_alike(resolved: ResolvedScene, tmp
     with pytest.raises(PhysicsError, match="tick 17: overlap too deep"):
         run_without_ros(resolved, tmp_path / "direct", SpringSoil(fail_tick=17))
     assert contents(tmp_path / "nodes") == contents(tmp_path / "direct")
-    ticks = lockstep_ticks(tmp_path / "nodes", resolved.timing.interval_ns)
+    ticks = lockstep_ticks(tmp_path / "nodes", resolved.timing.communication_step_ns)
     assert ticks == {name: list(range(17)) for name in ticks}
 
 
@@ -299,7 +299,7 @@ def test_others_follow_clock_and_poses_live(resolved: ResolvedScene, tmp_path: P
     while not (clock.get_publisher_count() and pose.get_publisher_count()):
         executor.spin_once(timeout_sec=0.05)
     gate.set()
-    last_ns = TICKS * resolved.timing.interval_ns
+    last_ns = TICKS * resolved.timing.communication_step_ns
     while runner.is_alive() and not (clocks and clocks[-1] == last_ns):
         executor.spin_once(timeout_sec=0.05)
     runner.join()
@@ -307,7 +307,10 @@ def test_others_follow_clock_and_poses_live(resolved: ResolvedScene, tmp_path: P
         executor.spin_once(timeout_sec=0.05)
     executor.shutdown()
     assert endings == [Ending()]
-    assert clocks == [(tick + 1) * resolved.timing.interval_ns for tick in range(TICKS)][-len(clocks) :]
+    assert (
+        clocks
+        == [(tick + 1) * resolved.timing.communication_step_ns for tick in range(TICKS)][-len(clocks) :]
+    )
     assert poses == sorted(poses)
     assert poses[-1] > 0.0
 
@@ -317,7 +320,7 @@ def test_a_foreign_message_ends_the_run_by_name(
 ) -> None:
     """Somebody publishes motions of another run on our topic: refused, named, exit 3."""
     message = ToolMotionsMessage(run_id="other", tick=4)
-    message.header.stamp.nanosec = 5 * resolved.timing.interval_ns
+    message.header.stamp.nanosec = 5 * resolved.timing.communication_step_ns
     ending = ending_with_stranger(resolved, tmp_path / "bag", listener, "tool_motions", message)
     assert ending.exit_status == 3
     assert "tool_motions: " in ending.reason

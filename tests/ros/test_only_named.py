@@ -17,7 +17,7 @@ pytestmark = pytest.mark.ros
 
 SCENES = Path(__file__).parents[2] / "config" / "scenes"
 STEPS = {f"/simulate_steps/_action/{part}" for part in ("status", "feedback")}
-ALWAYS = {"/node_hello", "/grant", "/tool_motions", "/coupling_report", "/clock", "/diagnostics", *STEPS}
+ALWAYS = {"/node_status", "/grant", "/tool_motions", "/coupling_report", "/clock", "/diagnostics", *STEPS}
 OF_ROS = {"/rosout", "/parameter_events"}
 RECORDER = {"/tick_ack"}
 MECHANISM = {"/mechanism_state", "/robot_description"}
@@ -61,10 +61,10 @@ def look(domain: int, expected: set[str]) -> set[str]:
     [
         ("mechanism_only.yaml", [], {"mechanism", "recorder"}, ALWAYS | MECHANISM | RECORDER),
         ("mechanism_only.yaml", ["record.bag=false"], {"mechanism"}, ALWAYS | MECHANISM),
-        ("tine.yaml", SMALL, {"soil", "recorder"}, ALWAYS | SOIL | TINE | RECORDER | {"/soil/cloud"}),
+        ("tine.yaml", SMALL, {"soil", "recorder"}, ALWAYS | SOIL | TINE | RECORDER | {"/soil/points"}),
         ("tine.yaml", [*SMALL, "record.cloud_hz=0"], {"soil", "recorder"}, ALWAYS | SOIL | TINE | RECORDER),
         (
-            "subsoiler_1s300_resistance.yaml",
+            "subsoiler_1s300_wedge.yaml",
             [],
             {"mechanism", "soil", "recorder"},
             ALWAYS | MECHANISM | SOIL | MACHINE | WHEELS | RECORDER,
@@ -73,7 +73,7 @@ def look(domain: int, expected: set[str]) -> set[str]:
             "subsoiler_1s300_draft_limit.yaml",
             [],
             {"mechanism", "soil", "controller", "recorder"},
-            ALWAYS | MECHANISM | SOIL | MACHINE | RECORDER | {"/soil/cloud", "/driver_command"},
+            ALWAYS | MECHANISM | SOIL | MACHINE | RECORDER | {"/soil/points", "/driver_command"},
         ),
     ],
 )

@@ -200,4 +200,4 @@ def test_a_run_can_be_ended_by_service(
     run_without_ros(resolved, tmp_path / "direct", SpringSoil())
     recorded = contents(tmp_path / "bag")
     assert recorded == contents(tmp_path / "direct")[: len(recorded)]
-    assert recorded[-1][1] == 4 * resolved.timing.interval_ns
+    assert recorded[-1][1] == 4 * resolved.timing.communication_step_ns

@@ -71,7 +71,7 @@ class NodeSet:
 
     def ticks(self) -> dict[str, list[int]]:
         """Ticks in the bag by lockstep topic."""
-        return lockstep_ticks(self.folder / "bag", load_scene(self.scene).timing.interval_ns)
+        return lockstep_ticks(self.folder / "bag", load_scene(self.scene).timing.communication_step_ns)
 
 
 @pytest.fixture
@@ -101,7 +101,7 @@ def test_a_node_of_another_scene_is_refused(node_set: Callable[[int], NodeSet], 
         nodes.start(name, PROGRAMS[name], other)
     assert nodes.wait() == dict.fromkeys(NODES, 3), nodes.words()
     ours, theirs = load_scene(nodes.scene).scene_hash, load_scene(tmp_path / "other/scene.yaml").scene_hash
-    expected = f"node_hello: mechanism runs scene {theirs[:16]}, the coupler {ours[:16]}"
+    expected = f"node_status: mechanism runs scene {theirs[:16]}, the coupler {ours[:16]}"
     assert nodes.words()[COUPLER].startswith(f"coupler: {expected}")
 
 
@@ -111,7 +111,7 @@ def test_a_node_of_another_version_is_refused(node_set: Callable[[int], NodeSet]
     for name in NODES:
         nodes.start(name, OTHER_VERSION if name == SOIL else PROGRAMS[name])
     assert nodes.wait() == dict.fromkeys(NODES, 3), nodes.words()
-    assert "node_hello: soil is subsoil_ros 0.0, the coupler 0." in nodes.words()[COUPLER]
+    assert "node_status: soil is subsoil_ros 0.0, the coupler 0." in nodes.words()[COUPLER]
 
 
 def test_a_node_that_starts_after_the_refusal_hears_of_it(node_set: Callable[[int], NodeSet]) -> None:
@@ -120,13 +120,13 @@ def test_a_node_that_starts_after_the_refusal_hears_of_it(node_set: Callable[[in
     for name in (SOIL, RECORDER, COUPLER):
         nodes.start(name, OTHER_VERSION if name == SOIL else PROGRAMS[name])
     refused_by = time.monotonic() + LIMIT_S
-    while "node_hello" not in nodes.words()[COUPLER]:
+    while "node_status" not in nodes.words()[COUPLER]:
         assert time.monotonic() < refused_by, nodes.words()
         time.sleep(0.05)
     assert nodes.processes[SOIL].wait(LIMIT_S) == 3
     nodes.start(MECHANISM, PROGRAMS[MECHANISM])
     assert nodes.wait() == dict.fromkeys((SOIL, RECORDER, COUPLER, MECHANISM), 3), nodes.words()
-    assert nodes.words()[MECHANISM].startswith("mechanism: coupler has ended: node_hello: soil is")
+    assert nodes.words()[MECHANISM].startswith("mechanism: coupler has ended: node_status: soil is")
 
 
 def test_the_terminal_of_the_coupler_closes(node_set: Callable[[int], NodeSet]) -> None:

@@ -7,8 +7,8 @@ import pytest
 
 from subsoil_ros.messages import (
     Command,
+    FacetGroupForce,
     Grant,
-    GroupForce,
     TickAck,
     ToolMotion,
     ToolMotions,
@@ -33,7 +33,7 @@ def records(kind: type, seed: int) -> list[Ticked]:
         return ToolMotion(name, number(), number(), number(), rng.gauss(0, 9), number(), number(), number())
 
     def wrench(name: str, groups: tuple[str, ...]) -> ToolWrench:
-        forces = tuple(GroupForce(group, number(), number(), number()) for group in groups)
+        forces = tuple(FacetGroupForce(group, number(), number(), number()) for group in groups)
         return ToolWrench(name, *(number() for _ in range(7)), rng.randrange(2**32), forces)
 
     made: list[Ticked] = []

@@ -9,9 +9,9 @@ from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import (
     BodyState,
     CouplingReport,
+    FacetGroupForce,
     ForceState,
     Grant,
-    GroupForce,
     JointReaction,
     MechanismState,
     SoilCloud,
@@ -30,7 +30,7 @@ TICKS = 42  # not a multiple: the last tick is a series tick of its own
 SMALL_BIN = ("soil.bin.width_m=0.1", "soil.bin.depth_m=0.36", "soil.bin.length_m=0.5")
 SHORT = (
     f"duration_s={TICKS * INTERVAL_NS * 1e-9:.9f}",
-    f"coupling.interval_ns={INTERVAL_NS}",
+    f"coupling.communication_step_ns={INTERVAL_NS}",
     f"record.series_ticks={SERIES_TICKS}",
     "report.settle_s=0",
 )
@@ -75,9 +75,9 @@ class Run:
         }
         motions, wrenches = [], []
         for name, tool in scene.tools.items():
-            x_m, z_m, phi_rad = places.get(tool.body, (forward - 0.17, 0.1, 0.02))
-            motions.append(ToolMotion(name, x_m, tool.lateral_m, z_m, phi_rad, *self._numbers(3)))
-            groups = tuple(GroupForce(group, *self._numbers(3)) for group in tool.groups)
+            x_m, z_m, angle_rad = places.get(tool.body, (forward - 0.17, 0.1, 0.02))
+            motions.append(ToolMotion(name, x_m, tool.lateral_m, z_m, angle_rad, *self._numbers(3)))
+            groups = tuple(FacetGroupForce(group, *self._numbers(3)) for group in tool.groups)
             wrenches.append(ToolWrench(name, *self._numbers(7), 5, groups))
         found: list[object] = [Grant("run", tick), ToolMotions(*head, tuple(motions))]
         if scene.soil is not None:

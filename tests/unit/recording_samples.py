@@ -11,9 +11,9 @@ from subsoil_ros.messages import (
     BodyState,
     Command,
     CouplingReport,
+    FacetGroupForce,
     ForceState,
     Grant,
-    GroupForce,
     JointReaction,
     MechanismState,
     SoilCloud,
@@ -37,12 +37,12 @@ WET = {
     "tangential_stiffness_newton_per_m": 8e3,
     "damping_newton_s_per_m": 20.0,
     "tangential_damping_newton_s_per_m": 20.0,
-    "adhesion_newton_per_m": 7e3,
+    "cohesive_stiffness_newton_per_m": 7e3,
     "static_friction": 0.5,
     "sliding_friction": 0.5,
     "rolling_friction": 0.3,
-    "rest_overlap_m": 0.002,
-    "reach_m": 0.002,
+    "equilibrium_overlap_m": 0.002,
+    "cohesion_range_m": 0.002,
 }
 SCENE = Scene.model_validate(
     {
@@ -52,7 +52,7 @@ SCENE = Scene.model_validate(
             "bin": {"length_m": 1.0, "width_m": 0.2, "depth_m": 0.1},
             "particles": {"radius_m": 0.01, "density_kg_per_m3": 1800.0},
             "bed": {"kind": "grid", "spacing_m": 0.018},
-            "law": {"kind": "wet", "particle": WET, "boundary": WET},
+            "law": {"kind": "cohesive_linear", "particle": WET, "boundary": WET},
         },
         "mechanism": {
             "bodies": {
@@ -67,7 +67,7 @@ SCENE = Scene.model_validate(
         "record": {"series_ticks": SERIES_TICKS},
     }
 )
-TIMING = Timing(interval_ns=INTERVAL_NS, tick_count=TICKS, soil_steps=1, mechanism_steps=1)
+TIMING = Timing(communication_step_ns=INTERVAL_NS, tick_count=TICKS, soil_steps=1, mechanism_steps=1)
 RESOLVED = ResolvedScene(SCENE, MESHES / "scene.yaml", MESHES, {}, "", TIMING)
 
 
@@ -91,7 +91,9 @@ def records_of(tick: int) -> list:
         ToolMotion(tool, *awkward(rng, 3), float(rng.uniform(-9.0, 9.0)), *awkward(rng, 3)) for tool in TOOLS
     )
     wrenches = tuple(
-        ToolWrench(tool, *awkward(rng, 7), int(rng.integers(2**32)), (GroupForce("share", *awkward(rng, 3)),))
+        ToolWrench(
+            tool, *awkward(rng, 7), int(rng.integers(2**32)), (FacetGroupForce("share", *awkward(rng, 3)),)
+        )
         for tool in TOOLS
     )
     found = [

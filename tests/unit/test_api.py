@@ -21,7 +21,7 @@ from subsoil_ros.loading.loader import ResolvedScene
 CONFIG = Path(__file__).parents[2] / "config"
 TICKS = 300
 REDUCED = {
-    "soil": {"model": "resistance", "file": str(CONFIG / "soils" / "paper_grid.yaml")},
+    "soil": {"model": "wedge", "file": str(CONFIG / "soils" / "paper_grid.yaml")},
     "duration_s": 0.3,
     "record.series_ticks": 3,
     "report.window_inside_m": 0.0,
@@ -32,7 +32,7 @@ DIFFERS = {"run_id", "wall_s", "whole_wall_s", "real_time_factor", "checkpoint",
 
 @pytest.fixture
 def scene() -> ResolvedScene:
-    """The tine on a reduced soil: 300 ticks in a fraction of a second."""
+    """The tine on a wedge model: 300 ticks in a fraction of a second."""
     return subsoil.load_scene("tine", REDUCED)
 
 
@@ -186,7 +186,7 @@ def test_a_run_that_records_nothing_has_no_series() -> None:
         ),
         ("tine", {"duration_s": float("nan")}, r"^overrides: duration_s: given nan"),
         ("tine", {"soil..seed": 3}, r"^overrides: given the key 'soil\.\.seed', needed is KEY\.KEY"),
-        ("tine", {"accuracy": "best"}, r"^overrides: accuracy: no preset 'best'"),
+        ("tine", {"preset": "best"}, r"^overrides: preset: no preset 'best'"),
         ("tinne", {}, r"^tinne: no such scene file"),
         ({"name": "x", "duration_z": 1.0}, {}, r"scene: duration_z: unknown key"),
         (3, {}, r"^scene: given a int; give the name"),
@@ -248,7 +248,7 @@ def test_what_cannot_be_read(scene: ResolvedScene, tmp_path: Path) -> None:
 
 
 def test_check_says_what_a_run_would_be(scene: ResolvedScene) -> None:
-    """Particles, limits, cost and warnings of a bed of particles; none of them on a reduced soil."""
+    """Particles, limits, cost and warnings of a bed of particles; none of them on a wedge model."""
     found = subsoil.check("tine", {"duration_s": 0.2})
     assert found.particles == 6930
     assert found.limits[0].limit_s == min(limit.limit_s for limit in found.limits)
@@ -258,7 +258,7 @@ def test_check_says_what_a_run_would_be(scene: ResolvedScene) -> None:
     assert "particles: 6,930\nsoil step: 32 us" in str(found)
     reduced = subsoil.check(scene)
     assert (reduced.particles, reduced.limits, reduced.cost.soil_wall_s) == (0, (), 0.0)
-    parallel = subsoil.check("subsoiler_1s300_resistance", {"coupling.scheme": "parallel"})
+    parallel = subsoil.check("subsoiler_1s300_wedge", {"coupling.scheme": "parallel"})
     assert "warning: coupling.scheme: parallel is for study" in str(parallel)
     with pytest.raises(SceneError, match="overlap so far that they would be shot apart"):
         subsoil.check("tine", {"soil.bed.spacing_m": 0.005})

@@ -84,7 +84,7 @@ def test_full_scene_is_described(check: Check) -> None:
 
 def test_exchange_that_is_doubtful_is_said(check: Check) -> None:
     """An interval at which the held force wins is warned of."""
-    done = check(SCENES / "subsoiler_1s300_quick.yaml", "--set", "coupling.interval_ns=2000000")
+    done = check(SCENES / "subsoiler_1s300_quick.yaml", "--set", "coupling.communication_step_ns=2000000")
     assert done.returncode == 0, done.stderr
     assert "the held force outweighs the contact's damper" in " ".join(done.stdout.split())
 
@@ -136,7 +136,10 @@ def test_syntax_error(refused: Callable[..., str], tmp_path: Path, content: str,
             ["soil.time_step_s=1e-3"],
             ["soil.time_step_s: 0.001 s is above the stable limit", "damping", "auto"],
         ),
-        (["coupling.interval_ns=20000000"], ["interval_ns: 20000000 is above the stable limit", "shank"]),
+        (
+            ["coupling.communication_step_ns=20000000"],
+            ["communication_step_ns: 20000000 is above the stable limit", "shank"],
+        ),
         (["tools.shank.groups.share.mesh=none.stl"], ["tools.shank.groups.share.mesh", "No such file"]),
     ],
 )
@@ -152,8 +155,10 @@ def test_unknown_key_in_the_file(check: Check, tmp_path: Path) -> None:
     """A misspelt key of a file is answered with the right one."""
     path = tmp_path / "bad.yaml"
     document = (SCENES / "tine.yaml").read_text()
-    path.write_text(document.replace("reach_m:", "raech_m:", 1))
-    message = "soil.law.particle.raech_m: unknown key 'raech_m'; did you mean 'reach_m'?"
+    path.write_text(document.replace("cohesion_range_m:", "cohesoin_range_m:", 1))
+    message = (
+        "soil.law.particle.cohesoin_range_m: unknown key 'cohesoin_range_m'; did you mean 'cohesion_range_m'?"
+    )
     text = check(path).stderr
     assert message in text
 

@@ -16,7 +16,7 @@ from subsoil_ros.errors import InputError
 from subsoil_ros.experiments.calibration import law, soil_results
 from subsoil_ros.experiments.calibration.design import (
     DraftTarget,
-    ResistanceDesign,
+    WedgeDesign,
     base_scene,
     point_overrides,
     read_design,
@@ -24,7 +24,7 @@ from subsoil_ros.experiments.calibration.design import (
 )
 from subsoil_ros.experiments.calibration.runs import Pull, dominant_period_m, numbers
 from subsoil_ros.experiments.calibration.soil_results import slope_rad
-from subsoil_ros.experiments.kept_runs import keep_run
+from subsoil_ros.experiments.run_cache import keep_run
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.loading.soil_file import read_soil_file
 
@@ -36,7 +36,7 @@ KNOWN = {
     "friction_angle_rad": 0.45,
     "adhesion_pa": 1.5e3,
     "tool_friction_angle_rad": 0.25,
-    "shank_part": 0.4,
+    "shank_fraction": 0.4,
     "speed_factor": 1.2,
     "drop": 0.2,
     "variation": 0.0577,
@@ -61,10 +61,10 @@ def design(tmp_path: Path) -> Path:
     return write(
         tmp_path / "design.yaml",
         {
-            "model": "resistance",
+            "model": "wedge",
             "scene": str(SCENES / "tine.yaml"),
             "overrides": [
-                "coupling.interval_ns=1000000",
+                "coupling.communication_step_ns=1000000",
                 "soil.bin={length_m: 0.9, width_m: 0.25, depth_m: 0.27}",
             ],
             "window_m": [0.2, 0.7],
@@ -75,11 +75,11 @@ def design(tmp_path: Path) -> Path:
 
 
 def test_values_that_are_known_are_found(design: Path, tmp_path: Path, capsys: Captured) -> None:
-    """Pulls of a reduced soil, kept as if they were runs, give back its values; no run is made anew."""
+    """Pulls of a wedge model, kept as if they were runs, give back its values; no run is made anew."""
     found = read_design(design)
-    assert isinstance(found, ResistanceDesign)
+    assert isinstance(found, WedgeDesign)
     scene = base_scene(design, found)
-    reduced = "soil={model: resistance, values: " + json.dumps(KNOWN) + "}"
+    reduced = "soil={model: wedge, values: " + json.dumps(KNOWN) + "}"
     for point in (*found.fit, *found.check):
         changes = point_overrides(scene, found, point, 0)
         soil = load_scene(scene.path, (*changes, reduced))
@@ -91,7 +91,7 @@ def test_values_that_are_known_are_found(design: Path, tmp_path: Path, capsys: C
     # bed and soil differ in density by 3 %, and the springs' lag and drop shift the means by about 2 %
     for name in ("cohesion_pa", "friction_angle_rad", "tool_friction_angle_rad"):
         assert getattr(soil_file.values, name) == pytest.approx(KNOWN[name], rel=0.1)
-    assert soil_file.values.shank_part == pytest.approx(0.4, rel=0.1)
+    assert soil_file.values.shank_fraction == pytest.approx(0.4, rel=0.1)
     assert soil_file.fitted_range.depth_m == (0.10, 0.20)
     assert soil_file.fitted_range.rake_rad == pytest.approx((math.radians(25.0), math.radians(25.0) + 0.2))
     for row in soil_file.report["points"]:
@@ -102,7 +102,7 @@ def test_values_that_are_known_are_found(design: Path, tmp_path: Path, capsys: C
         period, model = row["period_m"]
         assert model == pytest.approx(period, rel=0.15)
     # the file runs in a scene whose particles it was fitted to
-    use = {"model": "resistance", "file": str(out), "stands_for": str(SCENES / "tine.yaml")}
+    use = {"model": "wedge", "file": str(out), "fitted_to": str(SCENES / "tine.yaml")}
     load_scene(write(tmp_path / "use.yaml", {"base": str(SCENES / "tine.yaml"), "soil": use, "tools": FAST}))
 
 
@@ -122,7 +122,7 @@ def test_period_of_a_known_wave() -> None:
 def test_tip_stands_where_the_point_says(design: Path) -> None:
     """However the tool is turned, its tip starts at start_tip_x_m and depth_m; replicates stand elsewhere."""
     found = read_design(design)
-    assert isinstance(found, ResistanceDesign)
+    assert isinstance(found, WedgeDesign)
     scene = base_scene(design, found)
     name, (x, z) = tip_of(scene)
     for point in found.fit:
@@ -160,7 +160,7 @@ def test_results_are_never_written_over(design: Path, capsys: Captured) -> None:
     assert "exists already" in capsys.readouterr().err
 
 
-ADHESION = "soil.law.particle.adhesion_newton_per_m"
+ADHESION = "soil.law.particle.cohesive_stiffness_newton_per_m"
 FRICTION = "soil.law.particle.sliding_friction"
 
 
@@ -196,7 +196,7 @@ def known_tests(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         soil = scene.scene.particle_soil
         assert soil is not None
         tested.append(scene.scene_hash)
-        return soil.law.particle.adhesion_newton_per_m, soil.law.particle.sliding_friction  # type: ignore[union-attr]
+        return soil.law.particle.cohesive_stiffness_newton_per_m, soil.law.particle.sliding_friction  # type: ignore[union-attr]
 
     def draft(scene: ResolvedScene, *_: object) -> dict[str, float]:
         adhesion, friction = values(scene)
@@ -227,15 +227,15 @@ def test_a_law_is_fitted_and_the_fit_resumes(
     assert len(known_tests) == count
     soil = load_scene(tmp_path / "two.yaml").scene.particle_soil
     assert soil is not None
-    assert soil.law.particle.adhesion_newton_per_m == report["parameters"][ADHESION]["value"]  # type: ignore[union-attr]
-    assert soil.law.boundary.adhesion_newton_per_m == 3000.0  # type: ignore[union-attr]
+    assert soil.law.particle.cohesive_stiffness_newton_per_m == report["parameters"][ADHESION]["value"]  # type: ignore[union-attr]
+    assert soil.law.boundary.cohesive_stiffness_newton_per_m == 3000.0  # type: ignore[union-attr]
 
 
 def test_largest_runs_ends_a_fit_with_the_best_so_far(
     law_design: Callable[..., Path], known_tests: list[str], tmp_path: Path
 ) -> None:
     """And says that it is not finished."""
-    design = law_design(largest_runs=4)
+    design = law_design(max_runs=4)
     out = tmp_path / "law_fit.yaml"
     assert main(["calibrate", str(design), "--runs", str(tmp_path / "runs"), "--out", str(out)]) == 0
     report = json.loads(out.with_suffix(".json").read_text())
@@ -292,7 +292,7 @@ def test_a_draft_is_the_mean_over_the_beds_of_its_target(
 def test_the_run_of_a_draft_is_a_kept_run(tmp_path: Path) -> None:
     """One that a sweep has made is not run again; the force of every tick is in it."""
     every_tick = ["record.series_ticks=1", "record.cloud_hz=0.0"]
-    reduced = f"soil={{model: resistance, file: {SCENES.parent / 'soils' / 'paper_grid.yaml'}}}"
+    reduced = f"soil={{model: wedge, file: {SCENES.parent / 'soils' / 'paper_grid.yaml'}}}"
     run = execute(load_scene(SCENES / "tine.yaml", [*every_tick, reduced]))
     kept = keep_run(tmp_path, load_scene(SCENES / "tine.yaml", every_tick), run)
 

@@ -11,7 +11,7 @@ import pytest
 from subsoil_ros.analysis.series import read_series_csv
 from subsoil_ros.api.execution import execute
 from subsoil_ros.cli.main import main
-from subsoil_ros.experiments.kept_runs import keep_run
+from subsoil_ros.experiments.run_cache import keep_run
 from subsoil_ros.figures.comparison import Source, differences, labels_of
 from subsoil_ros.loading.loader import load_scene
 
@@ -21,9 +21,9 @@ SCENES = Path(__file__).parents[2] / "config" / "scenes"
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """The tine on a reduced soil at two depths."""
+    """The tine on a wedge model at two depths."""
     folder = tmp_path_factory.mktemp("runs")
-    soil = f"soil={{model: resistance, file: {SCENES.parent / 'soils' / 'paper_grid.yaml'}}}"
+    soil = f"soil={{model: wedge, file: {SCENES.parent / 'soils' / 'paper_grid.yaml'}}}"
     found = []
     for depth in (0.10, 0.12):
         scene = load_scene(

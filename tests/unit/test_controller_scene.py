@@ -12,7 +12,7 @@ from subsoil_ros.loading.loader import load_scene
 SCENE = Path(__file__).parents[2] / "config/scenes/mechanism_only.yaml"
 CONTROL = {
     "driver": "H10_drive", "interval_ticks": 20, "lowest_speed_m_per_s": 0.1, "highest_speed_m_per_s": 0.5,
-    "largest_acceleration_m_per_s2": 1.0,
+    "max_acceleration_m_per_s2": 1.0,
     "law": {"kind": "hold_height", "body": "frame", "height_m": 0.5, "gain_per_s": 1.0},
 }  # fmt: skip
 GIVEN = [f"controller={json.dumps(CONTROL)}"]

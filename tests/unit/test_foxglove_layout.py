@@ -73,7 +73,7 @@ def test_every_path_gives_one_number_in_every_message(layout: dict[str, Any], ma
 def test_the_plots_are_the_ones_people_ask_for(layout: dict[str, Any]) -> None:
     """Draft, spring force, angle, height, energy residual, in this order from the top."""
     assert [path.rpartition(".")[2] for path in plotted_paths(layout)] == [
-        "draft_newton", "force_newton", "phi_rad", "z_m", "residual_ratio",
+        "draft_newton", "force_newton", "angle_rad", "z_m", "residual_ratio",
     ]  # fmt: skip
 
 
@@ -87,10 +87,10 @@ def test_the_scene_shows_soil_by_speed_and_the_machine(layout: dict[str, Any], m
             connection.topic: reader.deserialize(data, connection.msgtype)
             for connection, _, data in reader.messages([by_topic[name] for name in (*scene["topics"], "/tf")])
         }
-    cloud = last["/subsoil/soil/cloud"]
+    cloud = last["/subsoil/soil/points"]
     assert cloud.width > 0
     assert cloud.header.frame_id == scene["followTf"] == scene["layers"]["surface"]["frameId"]
-    assert scene["topics"]["/subsoil/soil/cloud"]["colorField"] in [field.name for field in cloud.fields]
+    assert scene["topics"]["/subsoil/soil/points"]["colorField"] in [field.name for field in cloud.fields]
     frames = {item.child_frame_id for item in last["/tf"].transforms}
     markers = last["/subsoil/tool_markers"].markers
     assert markers
@@ -151,7 +151,7 @@ def test_every_setting_is_one_that_foxglove_knows(layout: dict[str, Any]) -> Non
     assert set(scene["cameraState"]) <= keys_of(layouts.ThreeDeeCameraState)
     assert set(scene["scene"]["transforms"]) <= keys_of(layouts.BaseRendererTransforms)
     topics = scene["topics"]
-    assert set(topics["/subsoil/soil/cloud"]) <= keys_of(layouts.BaseRendererPointCloudTopicSettings)
+    assert set(topics["/subsoil/soil/points"]) <= keys_of(layouts.BaseRendererPointCloudTopicSettings)
     assert set(topics["/subsoil/tool_markers"]) <= keys_of(layouts.BaseRendererRosMarkerTopicSettings)
     assert set(scene["layers"]["surface"]) <= keys_of(layouts.BaseRendererGridLayerSettings)
     assert set(scene["layers"]["machine"]) <= keys_of(layouts.BaseRendererUrdfLayerSettings)

@@ -21,7 +21,7 @@ pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
 
 KIND = "subsoil_msgs/msg/SoilState"
 TOPIC = TopicInfo("/subsoil/soil_state", KIND, schema_text(KIND), "", [])
-CLOUDS = TopicInfo("/subsoil/soil/cloud", "sensor_msgs/msg/PointCloud2", "uint8[] data", "", [])
+CLOUDS = TopicInfo("/subsoil/soil/points", "sensor_msgs/msg/PointCloud2", "uint8[] data", "", [])
 
 
 def free_port() -> int:
@@ -111,4 +111,4 @@ def test_the_view_ends_with_the_bag(tmp_path: Path) -> None:
     writer.close()
     client.join(20.0)
     assert not client.is_alive()
-    assert client.of("/subsoil/grant")[-1][0] == 20 * TIMING.interval_ns
+    assert client.of("/subsoil/grant")[-1][0] == 20 * TIMING.communication_step_ns

@@ -67,9 +67,9 @@ def test_bodies_given_a_little_wrong_are_moved_onto_their_joints(mechanism_engin
 def test_named_coordinates_are_held(mechanism_engine):
     """A coordinate of `initial.coordinates` has its value exactly; the others follow."""
     state = mechanism_engine(_four_bar(coordinates={"left.angle_rad": 0.4})).state("run", -1, 0)
-    assert state.bodies[0].phi_rad == pytest.approx(0.4, abs=1e-13)
-    assert state.bodies[1].phi_rad == pytest.approx(0.4, abs=1e-12)
-    assert state.bodies[2].phi_rad == pytest.approx(0.0, abs=1e-12)
+    assert state.bodies[0].angle_rad == pytest.approx(0.4, abs=1e-13)
+    assert state.bodies[1].angle_rad == pytest.approx(0.4, abs=1e-12)
+    assert state.bodies[2].angle_rad == pytest.approx(0.0, abs=1e-12)
 
 
 def test_named_coordinates_are_held_at_rest_too(mechanism_engine, subsoiler):
@@ -81,7 +81,7 @@ def test_named_coordinates_are_held_at_rest_too(mechanism_engine, subsoiler):
     assert state.bodies[1].z_m == pytest.approx(0.21, abs=1e-12)
     # no moment about the shank's hinge: spring force x lever balances the weight x offset
     assert state.forces[0].force_newton * 0.25 == pytest.approx(35.2 * 9.81 * 0.0075, rel=0.1)
-    assert state.bodies[0].phi_rad == pytest.approx(-0.05, abs=0.01)
+    assert state.bodies[0].angle_rad == pytest.approx(-0.05, abs=0.01)
 
 
 def test_machine_is_moved_along_the_travel(mechanism_engine, subsoiler):
@@ -93,7 +93,7 @@ def test_machine_is_moved_along_the_travel(mechanism_engine, subsoiler):
     for a, b in zip(here.bodies, there.bodies, strict=True):
         assert b.x_m - a.x_m == pytest.approx(-0.31, abs=1e-9)
         assert b.z_m == pytest.approx(a.z_m, abs=1e-9)
-        assert b.phi_rad == pytest.approx(a.phi_rad, abs=1e-9)
+        assert b.angle_rad == pytest.approx(a.angle_rad, abs=1e-9)
 
 
 def test_ground_joints_move_with_the_machine(mechanism_engine):
@@ -108,7 +108,7 @@ def test_given_velocities_rule_and_the_others_follow(mechanism_engine):
     machine = _four_bar()
     machine["bodies"]["left"]["angular_velocity_rad_per_s"] = 3.0
     state = mechanism_engine(machine).state("run", -1, 0)
-    assert [b.phi_rate_rad_per_s for b in state.bodies] == pytest.approx([3.0, 3.0, 0.0], abs=1e-12)
+    assert [b.angular_velocity_rad_per_s for b in state.bodies] == pytest.approx([3.0, 3.0, 0.0], abs=1e-12)
     assert state.bodies[2].velocity_x_m_per_s == pytest.approx(-3.0 * 1.0, abs=1e-12)
     assert state.bodies[2].velocity_z_m_per_s == pytest.approx(3.0 * 0.2, abs=1e-12)
 
@@ -130,7 +130,7 @@ def test_wheel_above_the_ground_settles_onto_it(mechanism_engine):
     }
     body = mechanism_engine(machine).state("run", -1, 0).bodies[0]
     assert body.z_m == pytest.approx(0.2 - 9.81 / 1e4, abs=1e-12)
-    assert (body.x_m, body.phi_rad) == (0.0, 0.0)
+    assert (body.x_m, body.angle_rad) == (0.0, 0.0)
 
 
 def test_rest_is_a_pose_that_is_stable(mechanism_engine):
@@ -241,7 +241,7 @@ def test_third_parallel_link_is_redundant_but_moves(mechanism_engine):
         angle += 1e-5 * rate
         rate += 0.5e-5 * moment * math.sin(angle) / inertia
     turned = angle - math.atan2(-0.2, 1.0)
-    assert state.bodies[0].phi_rad == pytest.approx(turned, abs=1e-8)
+    assert state.bodies[0].angle_rad == pytest.approx(turned, abs=1e-8)
 
 
 def test_topology_counts_freedoms_and_redundant_joints():

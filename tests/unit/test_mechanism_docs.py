@@ -22,7 +22,7 @@ WEIGHTS = {
 
 
 def test_every_kind_has_its_equation() -> None:
-    """Joints, forces, laws of time and integrators, by the names that scenes give them."""
+    """Joints, forces, time functions and integrators, by the names that scenes give them."""
     parts = [part for module in (laws, mechanism) for part in vars(module).values()]
     fields = [part.model_fields["kind"] for part in parts if "kind" in getattr(part, "model_fields", ())]
     kinds = {word for field in fields for word in get_args(field.annotation)}

@@ -24,7 +24,7 @@ def look(tick):
         print(resident(), (out / "bag_0.mcap").stat().st_size, flush=True)
 
 scene, out, ticks = sys.argv[1], Path(sys.argv[2]), int(sys.argv[3])
-resolved = load_scene(scene, [f"duration_s={ticks * 1e-4}", "coupling.interval_ns=100000"])
+resolved = load_scene(scene, [f"duration_s={ticks * 1e-4}", "coupling.communication_step_ns=100000"])
 simulate(resolved, out, on_tick=look)
 """
 

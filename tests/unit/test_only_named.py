@@ -21,7 +21,7 @@ SMALL_TINE = ["duration_s=0.002", "soil.bin.length_m=0.1", "soil.bin.width_m=0.1
 NAMED = {
     "mechanism_only.yaml": ["duration_s=0.01"],
     "tine.yaml": SMALL_TINE,
-    "subsoiler_1s300_resistance.yaml": ["duration_s=0.01"],
+    "subsoiler_1s300_wedge.yaml": ["duration_s=0.01"],
 }
 PROGRAM = """
 import json, sys
@@ -86,7 +86,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict]:
     [
         ("mechanism_only.yaml", "mbd.engine", ("dem", "resistance", "mbd.path")),
         ("tine.yaml", "dem.engine", ("resistance", "mbd.engine", "mbd.advance", "mbd.dynamics")),
-        ("subsoiler_1s300_resistance.yaml", "resistance.engine", ("dem", "mbd.path")),
+        ("subsoiler_1s300_wedge.yaml", "resistance.engine", ("dem", "mbd.path")),
     ],
 )
 def test_only_the_engines_named_are_imported(
@@ -107,7 +107,7 @@ def test_a_run_compiles_its_kernels_once_for_its_own_features(found: dict[str, d
 
 WET = [*SMALL_TINE, "soil.bed.spacing_m=rest"]
 OFF = {
-    "adhesion": ["soil.law.{row}.adhesion_newton_per_m=0"],
+    "adhesion": ["soil.law.{row}.cohesive_stiffness_newton_per_m=0"],
     "rolling": ["soil.law.{row}.rolling_friction=0"],
     "tangential": [
         "soil.law.{row}.tangential_stiffness_newton_per_m=0",
@@ -137,7 +137,7 @@ def test_what_is_named_is_a_feature() -> None:
     assert features_of() == {"adhesion", "tangential", "rolling"}
     assert features_of("soil.law.damped_zones=all") - features_of() == {"damp_all_zones"}
     assert features_of("soil.law.friction_normal=absolute") - features_of() == {"friction_absolute"}
-    sizes = "{kind: uniform, smallest_radius_m: 0.008, largest_radius_m: 0.012}"
+    sizes = "{kind: uniform, smallest_radius_m: 0.008, max_radius_m: 0.012}"
     sized = ("soil.particles.radius_m=null", f"soil.particles.sizes={sizes}", "soil.bed={kind: dense_random}")
     assert features_of(*sized) - features_of() == {"sizes"}
     layers = "soil.layers=[{name: a, thickness_m: 0.02}, {name: b}]"
@@ -153,7 +153,7 @@ def test_what_is_no_part_of_the_law_is_named_too() -> None:
         return {name for name in Features._fields if getattr(soil._features, name).ndim == 2}
 
     assert engine_of() == features_of()
-    assert engine_of("soil.monitors={largest_energy_defect: 0.5}") - engine_of() == {"book"}
+    assert engine_of("soil.monitors={max_energy_defect: 0.5}") - engine_of() == {"book"}
     assert engine_of("soil.bin.sides=periodic") - engine_of() == {"periodic"}
     assert features_of("soil.law.friction_normal=repulsive") - features_of() == {"friction_repulsive"}
 

@@ -21,7 +21,7 @@ mechanism:
 presets:
   fine: {changes: {coupling: {mechanism_steps: 8}}}
   coarse:
-    changes: {coupling: {interval_ns: 2000000}}
+    changes: {coupling: {communication_step_ns: 2000000}}
     expected:
       against: finest, 3 bed seeds
       errors: {draft_mean_newton: {mean: -0.03, low: -0.05, high: -0.01}}
@@ -44,24 +44,28 @@ def scene_file(tmp_path: Path) -> Path:
 def test_a_preset_is_laid_over_the_scene(scene_file: Path) -> None:
     """Chosen by --set or in the file; a single value still wins over it; without a choice the scene stays."""
     plain = load_scene(scene_file)
-    assert (plain.accuracy, plain.timing.interval_ns, plain.timing.mechanism_steps) == (None, 500_000, 1)
+    assert (plain.preset, plain.timing.communication_step_ns, plain.timing.mechanism_steps) == (
+        None,
+        500_000,
+        1,
+    )
     assert list(plain.presets) == ["fine", "coarse"]
-    assert load_scene(scene_file, ["accuracy=fine"]).timing.mechanism_steps == 8
-    assert load_scene(scene_file, ["accuracy=fine", "coupling.mechanism_steps=3"]).timing.mechanism_steps == 3
+    assert load_scene(scene_file, ["preset=fine"]).timing.mechanism_steps == 8
+    assert load_scene(scene_file, ["preset=fine", "coupling.mechanism_steps=3"]).timing.mechanism_steps == 3
     scene_file.write_text(SCENE + "accuracy: coarse\n")
     chosen = load_scene(scene_file)
-    assert (chosen.accuracy, chosen.timing.interval_ns) == ("coarse", 2_000_000)
-    assert load_scene(scene_file, ["accuracy=fine"]).timing.interval_ns == 500_000
+    assert (chosen.preset, chosen.timing.communication_step_ns) == ("coarse", 2_000_000)
+    assert load_scene(scene_file, ["preset=fine"]).timing.communication_step_ns == 500_000
 
 
 @pytest.mark.parametrize("name", ["coarse", "fine"])
 def test_written_scene_keeps_its_preset(scene_file: Path, tmp_path: Path, name: str) -> None:
     """What a run writes down loads to the same scene, knows the preset and what was measured of it."""
-    first = load_scene(scene_file, [f"accuracy={name}"])
+    first = load_scene(scene_file, [f"preset={name}"])
     first.write(tmp_path / "copy.yaml")
     second = load_scene(tmp_path / "copy.yaml")
     assert (second.scene_hash, second.document) == (first.scene_hash, first.document)
-    assert second.accuracy == name
+    assert second.preset == name
     assert second.presets[name].expected == first.presets[name].expected
 
 
@@ -70,7 +74,7 @@ def test_presets_of_the_base(scene_file: Path) -> None:
     child = scene_file.with_name("child.yaml")
     child.write_text("base: pendulum.yaml\nname: child\naccuracy: coarse\n")
     found = load_scene(child)
-    assert found.timing.interval_ns == 2_000_000
+    assert found.timing.communication_step_ns == 2_000_000
     assert found.presets["coarse"].expected is None
     child.write_text("base: pendulum.yaml\nname: child\npresets: null\n")
     assert load_scene(child).presets == {}
@@ -79,18 +83,18 @@ def test_presets_of_the_base(scene_file: Path) -> None:
 @pytest.mark.parametrize(
     ("override", "old", "new", "words"),
     [
-        ("accuracy=coarser", "", "", ["--set accuracy: no preset 'coarser'", "did you mean 'coarse'"]),
-        ("presets.fine=1", "", "", ["'presets' cannot be set", "accuracy=NAME"]),
+        ("preset=coarser", "", "", ["--set preset: no preset 'coarser'", "did you mean 'coarse'"]),
+        ("presets.fine=1", "", "", ["'presets' cannot be set", "preset=NAME"]),
         ("name=x", "presets:", "starts:", ["start: is missing"]),
         ("name=x", "fine: {changes", "fine: {changed", ["presets.fine: changed: unknown key", "'changes'"]),
         ("name=x", "confidence: 0.95", "confidence: 95", ["presets.coarse: expected.confidence: given 95"]),
         (
-            "accuracy=fine",
+            "preset=fine",
             "mechanism_steps: 8",
             "mechanism_step: 8",
             ["coupling.mechanism_step: unknown key"],
         ),
-        ("name=x", "duration_s", "accurac: fine\nduration_s", ["did you mean 'accuracy'"]),
+        ("name=x", "duration_s", "prese: fine\nduration_s", ["did you mean 'preset'"]),
     ],
 )
 def test_bad_presets(scene_file: Path, override: str, old: str, new: str, words: list[str]) -> None:
@@ -104,13 +108,13 @@ def test_bad_presets(scene_file: Path, override: str, old: str, new: str, words:
 
 def test_check_quotes_what_was_measured(scene_file: Path, capsys: Captured) -> None:
     """With source and interval where a study was made; where not, it says so and invents nothing."""
-    assert main(["check", str(scene_file), "--accuracy", "coarse", "--set", "duration_s=0.5"]) == 0
+    assert main(["check", str(scene_file), "--preset", "coarse", "--set", "duration_s=0.5"]) == 0
     text = " ".join(capsys.readouterr().out.split())
     for words in ("finest, 3 bed seeds", "-3 %", "-5 to -1 %", "against r = 7 mm", "-4 to +8 %", "study.csv",
                   "swings where the finest does not",
                   "expected wall time: 6 s", "measured without --set duration_s=0.5"):  # fmt: skip
         assert words in text
-    assert main(["check", str(scene_file), "--accuracy", "fine"]) == 0
+    assert main(["check", str(scene_file), "--preset", "fine"]) == 0
     text = " ".join(capsys.readouterr().out.split())
     assert "fine: its error and its time are not known: the study of this scene has not been run" in text
     assert main(["check", str(scene_file)]) == 0
@@ -135,8 +139,8 @@ def test_files_of_a_preset_are_seen_from_its_scene(tmp_path: Path) -> None:
         base: {scenes / "tine.yaml"}
         name: with_preset
         presets:
-          reduced: {{changes: {{soil: {{model: resistance, file: soil.yaml}}}}}}
+          reduced: {{changes: {{soil: {{model: wedge, file: soil.yaml}}}}}}
         """)
     )
     (tmp_path / "top.yaml").write_text("base: below/scene.yaml\nname: top\n")
-    assert load_scene(tmp_path / "top.yaml", ["accuracy=reduced"]).scene.reduced_soil is not None
+    assert load_scene(tmp_path / "top.yaml", ["preset=reduced"]).scene.wedge_soil is not None

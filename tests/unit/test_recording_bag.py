@@ -12,11 +12,11 @@ from subsoil_ros.limits.stable_steps import Timing
 from subsoil_ros.messages import (
     CouplingReport,
     DriverCommand,
+    FacetGroupForce,
     Grant,
-    GroupForce,
     MechanismState,
-    NodeHello,
     NodeState,
+    NodeStatus,
     SoilCloud,
     SoilState,
     TickAck,
@@ -42,7 +42,7 @@ from .recording_samples import (
 )
 
 RECORDS = [
-    NodeHello(
+    NodeStatus(
         "run", "soil", NodeState.FAULT, "ab" * 32, "0.1", ("Grant RIHS01_0",), (), 4_000_000_000, -1, "no",
         (ToolMotion("shank", 0.1, 0.2, 0.3, 7.1, -0.5, 0.6, 0.0),),
         (ToolWrench("shank", 1 / 3, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 4_000_000_000, ()),),
@@ -79,7 +79,10 @@ def test_reader_of_rosbags_gives_the_same_bits(bag):
             assert read.groups[0].force.z == given.groups[0].force_z_newton
         for given, read in zip(records[ToolMotions].tools, motions.tools, strict=True):
             assert (read.pose.position.z, read.twist.linear.x) == (given.z_m, given.velocity_x_m_per_s)
-            assert (read.phi_rad, read.twist.angular.y) == (given.phi_rad, -given.phi_rate_rad_per_s)
+            assert (read.angle_rad, read.twist.angular.y) == (
+                given.angle_rad,
+                -given.angular_velocity_rad_per_s,
+            )
     state = found["/subsoil/mechanism_state", end_ns(TICKS - 1)]
     assert state.draft_newton == records[MechanismState].draft_newton
     assert state.bodies[1].z_m == records[MechanismState].bodies[1].z_m
@@ -111,7 +114,7 @@ def test_raw_bytes_in_any_order_make_the_same_bag(bag, tmp_path):
     """CDR bytes, the topics of a tick overtaking one another, give the messages that records give."""
     writer = BagWriter(tmp_path / "raw", SCENE, TIMING)
     names = {
-        Grant: "grant", ToolMotions: "tool_motions", ToolWrenches: "tool_wrenches", SoilCloud: "soil/cloud",
+        Grant: "grant", ToolMotions: "tool_motions", ToolWrenches: "tool_wrenches", SoilCloud: "soil/points",
         MechanismState: "mechanism_state", SoilState: "soil_state", CouplingReport: "coupling_report",
     }  # fmt: skip
     for tick in range(TICKS):
@@ -149,7 +152,7 @@ def test_schemas_carry_the_texts_of_subsoil_msgs(bag):
         "MSG: " + name
         for name in (
             "std_msgs/Header", "builtin_interfaces/Time", "subsoil_msgs/ToolWrench",
-            "subsoil_msgs/GroupForce", "geometry_msgs/Wrench", "geometry_msgs/Vector3",
+            "subsoil_msgs/FacetGroupForce", "geometry_msgs/Wrench", "geometry_msgs/Vector3",
         )
     }  # fmt: skip
     assert schema_text("tf2_msgs/msg/TFMessage").startswith("geometry_msgs/TransformStamped[] transforms\n")
@@ -207,8 +210,8 @@ def test_derived_topics_are_refused_as_bytes(tmp_path):
 def test_unknown_record_is_refused(tmp_path):
     """What is no record of messages.py cannot slip into a bag."""
     writer = BagWriter(tmp_path / "bag", SCENE, TIMING)
-    with pytest.raises(RecordingError, match="GroupForce"):
-        writer.write(GroupForce("share", 0.0, 0.0, 0.0))
+    with pytest.raises(RecordingError, match="FacetGroupForce"):
+        writer.write(FacetGroupForce("share", 0.0, 0.0, 0.0))
     writer.close()
 
 

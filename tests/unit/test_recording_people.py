@@ -35,7 +35,7 @@ def test_people_see_poses_wrenches_and_frames(bag):
     assert stamped.wrench.force.y == wrench.force_y_newton
     pose = last["/subsoil/tool/wheel/pose"]
     assert (pose.header.frame_id, pose.pose.position.x) == ("world", motion.x_m)
-    assert pose.pose.orientation.y == pytest.approx(-math.sin(motion.phi_rad / 2), rel=1e-12)
+    assert pose.pose.orientation.y == pytest.approx(-math.sin(motion.angle_rad / 2), rel=1e-12)
     frames = last["/tf"].transforms
     assert [frame.child_frame_id for frame in frames] == ["frame", "hub"]
     assert [frame.transform.translation.y for frame in frames] == [0.0, 0.35]
@@ -64,7 +64,7 @@ def test_wrench_stamped_is_turned_into_the_body_frame(tmp_path):
 def test_cloud_has_four_float32_fields(bag):
     """The soil cloud is x, y, z, speed in float32, and comes back bit for bit."""
     with AnyReader([bag]) as reader:
-        connections = [item for item in reader.connections if item.topic == "/subsoil/soil/cloud"]
+        connections = [item for item in reader.connections if item.topic == "/subsoil/soil/points"]
         (connection, _, data), *others = reader.messages(connections)
         message = reader.deserialize(data, connection.msgtype)
     assert not others
@@ -88,6 +88,6 @@ def test_a_cloud_may_be_empty(tmp_path):
     (cloud,) = BagReader(tmp_path / "bag").clouds(INTERVAL_NS)
     assert np.asarray(cloud.positions_m).shape == (0, 3)
     with AnyReader([tmp_path / "bag"]) as reader:
-        connections = [item for item in reader.connections if item.topic == "/subsoil/soil/cloud"]
+        connections = [item for item in reader.connections if item.topic == "/subsoil/soil/points"]
         ((connection, _, data),) = reader.messages(connections)
         assert reader.deserialize(data, connection.msgtype).width == 0

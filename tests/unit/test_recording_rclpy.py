@@ -12,13 +12,13 @@ from subsoil_ros.messages import (
     BodyState,
     CouplingReport,
     DriverCommand,
+    FacetGroupForce,
     ForceState,
     Grant,
-    GroupForce,
     JointReaction,
     MechanismState,
-    NodeHello,
     NodeState,
+    NodeStatus,
     SoilCloud,
     SoilState,
     TickAck,
@@ -37,12 +37,12 @@ INTERVAL_NS = 48_000
 THIRD = 1.0 / 3.0
 MOTION = ToolMotion("shank", THIRD, 0.2, -0.0, 7.1, -0.5, 1e-300, 2 * THIRD)
 WRENCH = ToolWrench(
-    "shank", 1.0, 2.0, THIRD, 4.0, -5.0, 6.0, 1e300, 2**32 - 1, (GroupForce("share", THIRD, 0.0, 1.0),)
+    "shank", 1.0, 2.0, THIRD, 4.0, -5.0, 6.0, 1e300, 2**32 - 1, (FacetGroupForce("share", THIRD, 0.0, 1.0),)
 )
 RECORDS = [
     Grant("run", 3),
     TickAck("run", 2),
-    NodeHello(
+    NodeStatus(
         "run", "soil", NodeState.READY, "ab" * 32, "0.1", ("Grant RIHS01_0",), ("tick_mean",), 12, -1, "",
         (MOTION,), (WRENCH,),
     ),

@@ -102,7 +102,7 @@ def test_a_writer_killed_while_it_writes_loses_at_most_the_last_chunk(tmp_path):
 def test_the_bag_says_what_was_thinned(bag: Path) -> None:
     """Every how many ticks clouds and series are there: in file and metadata.yaml, also when mended."""
     expected = {
-        "interval_ns": str(INTERVAL_NS),
+        "communication_step_ns": str(INTERVAL_NS),
         "lockstep_messages": "every tick",
         "series": f"every {SERIES_TICKS} ticks, and the last",
         "clouds": f"thinned: every {round(0.1e9 / INTERVAL_NS)} ticks, and the last",

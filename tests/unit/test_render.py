@@ -12,8 +12,8 @@ from PIL import Image
 
 from subsoil_ros.cli import new, render, run
 from subsoil_ros.errors import InputError
-from subsoil_ros.figures.renderer import Studio, Style, default_limits
-from subsoil_ros.figures.snapshots import Frame, Frames
+from subsoil_ros.figures.renderer import Renderer, Style, default_limits
+from subsoil_ros.figures.snapshots import Frame, Snapshots
 from subsoil_ros.figures.views import VIEWS
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import ToolMotions
@@ -78,10 +78,10 @@ def pixel(picture: np.ndarray, right: float, up: float) -> np.ndarray:
 
 def test_frames_are_what_was_recorded(recorded, resolved):
     """Every cloud is a moment, with the poses of its tick; displacement is counted from the first."""
-    frames = Frames(recorded / "bag", resolved)
+    frames = Snapshots(recorded / "bag", resolved)
     reader = BagReader(recorded)
     assert frames.times_ns == reader.cloud_times_ns()
-    clouds = {c.end_time_ns: c for c in reader.clouds(resolved.timing.interval_ns)}
+    clouds = {c.end_time_ns: c for c in reader.clouds(resolved.timing.communication_step_ns)}
     motions = {m.end_time_ns: m for m in reader.records(ToolMotions)}
     found = list(frames.read(frames.times_ns))
     assert len(found) == len(clouds) >= TEMPLATE_CLOUDS
@@ -99,7 +99,7 @@ def test_frames_are_what_was_recorded(recorded, resolved):
 def test_longitudinal_has_x_to_the_right(resolved):
     """Soil that is fast in the front half of the bin is bright on the right, below the surface only."""
     slow, fast = block((0.0, 0.3), (0.0, 0.125), 0.0), block((0.3, 0.6), (0.0, 0.125), 0.2)
-    picture = Studio(resolved, Style("speed", LIMITS, SIZE)).draw(made_up(slow, fast), "longitudinal")
+    picture = Renderer(resolved, Style("speed", LIMITS, SIZE)).draw(made_up(slow, fast), "longitudinal")
     assert picture.shape == (SIZE[1], SIZE[0], 3)
     # the view is 1.06 (0.27 + 0.45) m high and centred on the middle of bin and headroom
     high = 1.06 * 0.72
@@ -116,7 +116,7 @@ def test_longitudinal_has_x_to_the_right(resolved):
 def test_longitudinal_is_cut_at_the_mid_plane(resolved):
     """Particles on the side of the eye are taken away."""
     near, far = block((0.0, 0.6), (-0.125, -0.005), 0.2), block((0.0, 0.6), (0.0, 0.125), 0.0)
-    picture = Studio(resolved, Style("speed", LIMITS, SIZE)).draw(made_up(near, far), "longitudinal")
+    picture = Renderer(resolved, Style("speed", LIMITS, SIZE)).draw(made_up(near, far), "longitudinal")
     assert not is_fast(pixel(picture, 0.5, 0.5 + (-0.135 - 0.09) / (1.06 * 0.72)))
 
 
@@ -124,7 +124,7 @@ def test_cross_is_seen_from_the_front(resolved):
     """The machine's left, +y, is on the right, and what stands before the cut is taken away."""
     left, right = block((0.0, 0.3), (0.02, 0.125), 0.2), block((0.0, 0.3), (-0.125, -0.02), 0.0)
     before = block((0.35, 0.6), (-0.125, 0.125), 0.2)
-    picture = Studio(resolved, Style("speed", LIMITS, SIZE)).draw(made_up(left, right, before), "cross")
+    picture = Renderer(resolved, Style("speed", LIMITS, SIZE)).draw(made_up(left, right, before), "cross")
     high = 1.06 * 0.72
     wide = high * SIZE[0] / SIZE[1]
     up = 0.5 + (-0.135 - 0.09) / high
@@ -137,7 +137,7 @@ def test_cross_is_seen_from_the_front(resolved):
 @pytest.mark.parametrize("colour", ["speed", "displacement"])
 def test_bar_of_colours_is_whole(size, colour, resolved):
     frame = made_up(block((0.1, 0.3), (0.0, 0.15), 0.1))
-    picture = Studio(resolved, Style(colour, LIMITS, size)).draw(frame, "above")
+    picture = Renderer(resolved, Style(colour, LIMITS, size)).draw(frame, "above")
     right = (picture[:, size[0] * 9 // 10 :] < 128).any(axis=2)
     assert right.any()  # bar and title
     assert not right[:, -2:].any()
@@ -145,10 +145,10 @@ def test_bar_of_colours_is_whole(size, colour, resolved):
 
 def test_tool_stands_at_its_pose(recorded, resolved):
     """The tip of the share is where the bag says: grey pixels there, none below or before it."""
-    frames = Frames(recorded / "bag", resolved)
+    frames = Snapshots(recorded / "bag", resolved)
     frame = next(frames.read(frames.times_ns[-1:]))
     bare = Frame(frame.time_s, np.empty((0, 3), "f4"), np.empty(0, "f4"), np.empty(0, "f4"), frame.tools, ())
-    picture = Studio(resolved, Style("speed", LIMITS, SIZE)).draw(bare, "longitudinal").astype(int)
+    picture = Renderer(resolved, Style("speed", LIMITS, SIZE)).draw(bare, "longitudinal").astype(int)
     high = 1.06 * 0.72
     metres = high / SIZE[1]
     x = 0.3 + (np.arange(SIZE[0]) + 0.5 - 0.5 * SIZE[0]) * metres
@@ -184,7 +184,7 @@ def test_displacement_and_range(recorded, resolved):
 @pytest.mark.parametrize("name", ["film.mp4", "film.gif"])
 def test_film_has_every_moment(name, recorded, resolved, tmp_path):
     """As many pictures as moments, readable by others, at the rate asked for."""
-    count = len(Frames(recorded / "bag", resolved).times_ns)
+    count = len(Snapshots(recorded / "bag", resolved).times_ns)
     path = tmp_path / name
     assert verb(render, recorded, "--film", path, "--fps", "10", "--size", *SIZE, "--view", "corner") == 0
     if path.suffix == ".gif":
@@ -201,7 +201,7 @@ def test_film_has_every_moment(name, recorded, resolved, tmp_path):
 
 def test_film_of_a_part(recorded, resolved, tmp_path):
     """`--at` of a film names its first and its last moment: one cycle of a long run."""
-    times = Frames(recorded / "bag", resolved).times_ns
+    times = Snapshots(recorded / "bag", resolved).times_ns
     path = tmp_path / "part.gif"
     ends = [repr(times[k] * 1e-9) for k in (1, len(times) - 2)]
     assert verb(render, recorded, "--film", path, "--at", *ends, "--size", *SIZE) == 0
@@ -211,7 +211,7 @@ def test_film_of_a_part(recorded, resolved, tmp_path):
 
 def test_vtk_series(recorded, resolved, tmp_path):
     """ParaView's series files name all moments with their times, and VTK reads back what was recorded."""
-    frames = Frames(recorded / "bag", resolved)
+    frames = Snapshots(recorded / "bag", resolved)
     assert verb(render, recorded, "--vtk", tmp_path / "vtk") == 0
     for name in ("soil", "tools", "machine"):
         series = json.loads((tmp_path / "vtk" / f"{name}.vtp.series").read_text())

@@ -7,7 +7,7 @@ from dev.same_bits import compare, named_alike
 
 BASE = {
     "soil.spins": np.array([1.0, 2.0]),
-    "soil.rest_overlap_m": 0.002,
+    "soil.equilibrium_overlap_m": 0.002,
     "body.count": 3,
     "wall_s": 7.0,
     "zero": [0.0, 1.0],
@@ -19,7 +19,7 @@ def test_renamed_values_are_equal() -> None:
     """Rules act one after the other; what is left out needs no partner; a changed type is told apart."""
     here = {
         "bed.angular_velocitys": np.array([1.0, 2.0]),
-        "bed.rest_overlap_m": 0.002,
+        "bed.equilibrium_overlap_m": 0.002,
         "body.count": 3.0,
         "zero": [0.0, 1.0],
     }
@@ -30,7 +30,7 @@ def test_differences_are_named() -> None:
     """The last bit, the sign of zero, the type of an array, a name without partner."""
     here = {
         "soil.spins": np.array([1.0, 2.0], np.float32),
-        "soil.rest_overlap_m": np.nextafter(0.002, 1.0).item(),
+        "soil.equilibrium_overlap_m": np.nextafter(0.002, 1.0).item(),
         "body.total": 3,
         "wall_s": 7.0,
         "zero": [-0.0, 1.0],
@@ -39,7 +39,7 @@ def test_differences_are_named() -> None:
     assert different == [
         "body.count: only in BASE",
         "body.total: only in this checkout",
-        "soil.rest_overlap_m: 0.002, here 0.0020000000000000005",
+        "soil.equilibrium_overlap_m: 0.002, here 0.0020000000000000005",
         "soil.spins: float64 (2,), here float32 (2,)",
         "zero: 1 of 2 values, the first [0]: 0.0, here -0.0",
     ]

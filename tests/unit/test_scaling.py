@@ -43,7 +43,7 @@ def scaled(soil: Soil, ratio: float) -> Soil:
     """Larger particles under the law of the smaller ones."""
     radius = soil.particles.radius_m
     assert radius is not None
-    update = {"radius_m": ratio * radius, "law_radius_m": radius}
+    update = {"radius_m": ratio * radius, "reference_radius_m": radius}
     return soil.model_copy(update={"particles": soil.particles.model_copy(update=update)})
 
 
@@ -72,7 +72,7 @@ def test_every_number_without_dimension_is_kept(name: str) -> None:
     soil = soil_of(LAWS[name])
     larger = scaled(soil, RATIO)
     unscaled = larger.model_copy(
-        update={"particles": larger.particles.model_copy(update={"law_radius_m": None})}
+        update={"particles": larger.particles.model_copy(update={"reference_radius_m": None})}
     )
 
     def numbers(of: Soil, which: int) -> list[float]:
@@ -97,8 +97,12 @@ def test_forces_and_the_stable_step_grow_with_the_radius() -> None:
 
 
 def test_a_scene_asks_for_it_by_the_radius_of_the_law() -> None:
-    """particles.law_radius_m scales the law of a scene."""
-    given = ["soil.particles.radius_m=0.015", "soil.particles.law_radius_m=0.01", "soil.bed.spacing_m=rest"]
+    """particles.reference_radius_m scales the law of a scene."""
+    given = [
+        "soil.particles.radius_m=0.015",
+        "soil.particles.reference_radius_m=0.01",
+        "soil.bed.spacing_m=rest",
+    ]
     scene = load_scene(SCENES / "tine.yaml", given).scene
     assert scene.soil is not None
     assert pair_values(scene.soil) == pair_values(scaled(soil_of(None), 1.5))

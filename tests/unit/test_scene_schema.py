@@ -12,7 +12,7 @@ from subsoil_ros.cli import schema as schema_verb
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.loading.overrides import LOADER_KEYS
 from subsoil_ros.loading.schema import scene_schema, unit_of
-from subsoil_ros.scene.base import Part
+from subsoil_ros.scene.base import StrictModel
 from subsoil_ros.scene.model import Scene
 from subsoil_ros.yaml_document import read_document
 
@@ -114,7 +114,7 @@ def test_descriptions_are_those_of_the_model():
     velocity = definitions["Body"]["properties"]["velocity_m_per_s"]["description"]
     assert velocity.startswith("Initial velocities are made consistent with the constraints.")
     assert definitions["Bin"]["description"].startswith("Open box")
-    assert issubclass(Scene, Part)
+    assert issubclass(Scene, StrictModel)
     assert set(definitions["Scene"]["properties"]) == {*LOADER_KEYS, *Scene.model_fields}
 
 

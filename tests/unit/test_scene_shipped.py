@@ -31,7 +31,7 @@ def tip_m(resolved: ResolvedScene, shank: BodyState) -> tuple[float, float]:
     assert scene.report.tip_m is not None
     reference = scene.mechanism.bodies["shank"].position_m
     dx, dz = scene.report.tip_m[0] - reference[0], scene.report.tip_m[1] - reference[1]
-    c, s = cos(shank.phi_rad), sin(shank.phi_rad)
+    c, s = cos(shank.angle_rad), sin(shank.angle_rad)
     return shank.x_m + c * dx - s * dz, shank.z_m + s * dx + c * dz
 
 
@@ -53,7 +53,10 @@ def test_round_trip(name: str, tmp_path: Path) -> None:
 
 def test_same_machine_and_soil_law() -> None:
     """The quick scene differs from the paper's in bin and wheels, not in bodies, joints, spring or law."""
-    full, quick = shipped("subsoiler_1s300", "start=lowered").scene, shipped("subsoiler_1s300_quick").scene
+    full, quick = (
+        shipped("subsoiler_1s300", "initial_condition=lowered").scene,
+        shipped("subsoiler_1s300_quick").scene,
+    )
     assert full.mechanism is not None
     assert quick.mechanism is not None
     assert full.soil is not None
@@ -80,7 +83,7 @@ def test_end_wall_start() -> None:
 
 def test_lowered_start() -> None:
     """Moving at 0.5 m/s, the tip within 10 mm above the surface inside the bin, the wheels above it."""
-    resolved = shipped("subsoiler_1s300", "start=lowered")
+    resolved = shipped("subsoiler_1s300", "initial_condition=lowered")
     bodies = first_bodies(resolved)
     x, z = tip_m(resolved, bodies["shank"])
     assert 0.1 < x < 0.3
@@ -114,7 +117,9 @@ def test_coupling_bounds_of_the_full_scene() -> None:
     mass_kg = 1.0 / (1.0 / 25.0 + 0.20**2 / 0.5585)  # the rim is the farthest point
     assert_allclose(wheel.effective_mass_kg, mass_kg, rtol=1e-6)
     assert_allclose(wheel.unstable_s, 2.0 * mass_kg / (wheel.contact_count * damping), rtol=1e-6)
-    assert all(5.0 * resolved.timing.interval_s < min(b.undamped_s, b.unstable_s) for b in bounds.values())
-    coarse = {"force": "tick_mean", "interval_ns": 4 * resolved.timing.interval_ns}
+    assert all(
+        5.0 * resolved.timing.communication_step_s < min(b.undamped_s, b.unstable_s) for b in bounds.values()
+    )
+    coarse = {"force": "tick_mean", "communication_step_ns": 4 * resolved.timing.communication_step_ns}
     mean = scene.model_copy(update={"coupling": scene.coupling.model_copy(update=coarse)})
     assert_allclose(coupling_bounds(mean, meshes)[0].undamped_s, damping / stiffness / (1.0 - 1.0 / 8.0))

@@ -13,7 +13,7 @@ from scipy.stats import truncnorm
 from subsoil_ros.errors import SceneError
 from subsoil_ros.limits.stable_steps import step_limits
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
-from subsoil_ros.scene.layers import HertzChange, LinearChange, WetChange
+from subsoil_ros.scene.layers import CohesiveLinearChange, HertzChange, LinearChange
 from subsoil_ros.scene.pairs import layer_soils, pair_values, particle_values
 from subsoil_ros.scene.sizes import ListedSizes, NormalSizes, UniformSizes, mean_power, sampled_radii_m
 from subsoil_ros.scene.soil import HertzValues, LinearValues, Soil, WetValues
@@ -24,7 +24,7 @@ COUNT = 20_000
 
 def test_uniform_radii_have_their_mean_and_deviation() -> None:
     """(a + b) / 2 and (b - a) / sqrt(12), within three standard errors of the sample."""
-    sizes = UniformSizes(kind="uniform", smallest_radius_m=0.006, largest_radius_m=0.012, seed=1)
+    sizes = UniformSizes(kind="uniform", smallest_radius_m=0.006, max_radius_m=0.012, seed=1)
     radii = sampled_radii_m(sizes, COUNT)
     deviation = 0.006 / np.sqrt(12.0)
     assert radii.min() >= 0.006
@@ -39,7 +39,7 @@ def test_normal_radii_are_cut_at_the_bounds() -> None:
     """Mean and deviation of the cut normal distribution, within three standard errors; none outside."""
     sizes = NormalSizes(
         kind="normal", mean_radius_m=0.009, standard_deviation_m=0.002,
-        smallest_radius_m=0.007, largest_radius_m=0.0125, seed=2,
+        smallest_radius_m=0.007, max_radius_m=0.0125, seed=2,
     )  # fmt: skip
     law = truncnorm(-1.0, 1.75, loc=0.009, scale=0.002)
     radii = sampled_radii_m(sizes, COUNT)
@@ -66,7 +66,7 @@ def test_listed_radii_have_their_shares(shares_are: str) -> None:
 
 def test_the_seed_chooses_the_sample() -> None:
     """The same seed gives the same radii, another one others."""
-    sizes = UniformSizes(kind="uniform", smallest_radius_m=0.006, largest_radius_m=0.012, seed=1)
+    sizes = UniformSizes(kind="uniform", smallest_radius_m=0.006, max_radius_m=0.012, seed=1)
     assert (sampled_radii_m(sizes, 50) == sampled_radii_m(sizes, 50)).all()
     assert (sampled_radii_m(sizes, 50) != sampled_radii_m(sizes.model_copy(update={"seed": 2}), 50)).all()
 
@@ -99,13 +99,13 @@ def soil_of(make: Make, **changes: Any) -> Soil:
 HARD = {
     "name": "hardpan",
     "density_kg_per_m3": 2000.0,
-    "law": {"kind": "wet", "particle": {"stiffness_newton_per_m": 3e4, "damping_newton_s_per_m": 60.0,
+    "law": {"kind": "cohesive_linear", "particle": {"stiffness_newton_per_m": 3e4, "damping_newton_s_per_m": 60.0,
             "tangential_damping_newton_s_per_m": 60.0, "static_friction": 0.7,
-            "sliding_friction": 0.2, "rest_overlap_m": 0.001, "reach_m": 0.003}},
+            "sliding_friction": 0.2, "equilibrium_overlap_m": 0.001, "cohesion_range_m": 0.003}},
 }  # fmt: skip
 TOP = {"name": "topsoil", "thickness_m": 0.1}
 DENSE = {"kind": "dense_random"}
-UNIFORM = {"kind": "uniform", "smallest_radius_m": 0.008, "largest_radius_m": 0.012}
+UNIFORM = {"kind": "uniform", "smallest_radius_m": 0.008, "max_radius_m": 0.012}
 
 
 def test_layers_take_what_they_do_not_give_from_the_soil(make: Make) -> None:
@@ -114,12 +114,13 @@ def test_layers_take_what_they_do_not_give_from_the_soil(make: Make) -> None:
     assert top.law == soil_of(make).law
     assert (top.particles.density_kg_per_m3, hard.particles.density_kg_per_m3) == (1800.0, 2000.0)
     assert hard.law.particle.stiffness_newton_per_m == 3e4
-    assert hard.law.particle.adhesion_newton_per_m == 7e3
+    assert hard.law.particle.cohesive_stiffness_newton_per_m == 7e3
     assert hard.law.boundary == top.law.boundary
 
 
 @pytest.mark.parametrize(
-    ("change", "row"), [(WetChange, WetValues), (LinearChange, LinearValues), (HertzChange, HertzValues)]
+    ("change", "row"),
+    [(CohesiveLinearChange, WetValues), (LinearChange, LinearValues), (HertzChange, HertzValues)],
 )
 def test_a_layer_may_change_every_value_of_a_row(change: type, row: type) -> None:
     """The keys are those of the law's rows, with the same bounds."""
@@ -134,7 +135,7 @@ def test_a_layer_may_change_every_value_of_a_row(change: type, row: type) -> Non
 def test_unlike_pairs(make: Make, reading: str, factor: float) -> None:
     """Springs, dampers and adhesion in series (eq. 15, 16, 18), twice that for values of pairs; the smaller
     friction; mean rest overlap and reach; K_C follows (eq. 20). The order does not matter."""
-    law = soil_of(make).law.model_dump() | {"values_are": reading}
+    law = soil_of(make).law.model_dump() | {"combining_rule": reading}
     top, hard = layer_soils(soil_of(make, layers=[TOP, HARD], bed=DENSE, law=law))
     found = particle_values(top, hard, 0.005, 0.004)
     assert_allclose(found.stiffness, factor * 1e4 * 3e4 / 4e4)
@@ -208,8 +209,8 @@ def sized(sizes: dict[str, Any], **changes: Any) -> dict[str, Any]:
             "particles.radius_m: both are given",
         ),
         (sized(UNIFORM, smallest_radius_m=0.0), "smallest_radius_m: given 0.0, needed is a number greater"),
-        (sized(UNIFORM, smallest_radius_m=0.012), "sizes.largest_radius_m: 0.012 m is not above"),
-        (sized(UNIFORM, largest_radius_m=0.04), "sizes.largest_radius_m: 0.04 m is 5 times .* up to 4 times"),
+        (sized(UNIFORM, smallest_radius_m=0.012), "sizes.max_radius_m: 0.012 m is not above"),
+        (sized(UNIFORM, max_radius_m=0.04), "sizes.max_radius_m: 0.04 m is 5 times .* up to 4 times"),
         (sized(NORMAL, mean_radius_m=0.013), "sizes.mean_radius_m: 0.013 m is not between"),
         (sized(NORMAL, standard_deviation_m=-1.0), "standard_deviation_m: given -1.0"),
         (sized(LISTED, shares=[1.0]), "sizes.shares: given a list of 1, needed is at least 2"),
@@ -220,7 +221,10 @@ def sized(sizes: dict[str, Any], **changes: Any) -> dict[str, Any]:
         (sized(LISTED, shares_are="volume"), "sizes.shares_are: given the text 'volume'"),
         (sized(UNIFORM, mean_m=0.01), "sizes.mean_m: unknown key 'mean_m'"),
         (sized(UNIFORM) | {"bed": {"kind": "grid", "spacing_m": 0.018}}, "bed.kind: 'grid' has one spacing"),
-        (sized(UNIFORM, smallest_radius_m=0.0019, largest_radius_m=0.007), "rest_overlap_m: 0.002 m is not"),
+        (
+            sized(UNIFORM, smallest_radius_m=0.0019, max_radius_m=0.007),
+            "equilibrium_overlap_m: 0.002 m is not",
+        ),
         ({"layers": [HARD]}, "soil.layers: given a list of 1, needed is at least 2 entries"),
         ({"layers": [HARD, TOP]}, "layers.0.thickness_m: is missing"),
         ({"layers": [TOP, HARD | {"thickness_m": 0.1}]}, "layers.1.thickness_m: the last layer goes on"),
@@ -229,16 +233,24 @@ def sized(sizes: dict[str, Any], **changes: Any) -> dict[str, Any]:
         ({"layers": [TOP, HARD | {"name": "topsoil"}]}, "layers.1.name: 'topsoil' is the name of a layer"),
         (
             {"layers": [TOP, {"name": "hard", "law": {"kind": "linear"}}]},
-            "layers.1.law.kind: 'linear' differs from soil.law.kind, 'wet'",
+            "layers.1.law.kind: 'linear' differs from soil.law.kind, 'cohesive_linear'",
         ),
-        ({"layers": [TOP, HARD]}, "layers.1.law: has another rest_overlap_m than soil.law, but a grid"),
+        (
+            {"layers": [TOP, HARD]},
+            "layers.1.law: has another equilibrium_overlap_m than soil.law, but a grid",
+        ),
         (
             {"layers": [TOP, HARD | {"colour": "red"}]},
             "layers.1.colour: unknown key 'colour'; known here are",
         ),
         (
-            {"layers": [TOP, HARD | {"law": {"kind": "wet", "particle": {"raech_m": 0.1}}}]},
-            "layers.1.law.particle.raech_m: unknown key 'raech_m'; did you mean 'reach_m'",
+            {
+                "layers": [
+                    TOP,
+                    HARD | {"law": {"kind": "cohesive_linear", "particle": {"cohesoin_range_m": 0.1}}},
+                ]
+            },
+            "layers.1.law.particle.cohesoin_range_m: unknown key 'cohesoin_range_m'; did you mean 'cohesion_range_m'",
         ),
     ],
 )

@@ -9,17 +9,17 @@ import pandas as pd
 import pytest
 import yaml
 
-from subsoil_ros.api.execution import Executed, execute
+from subsoil_ros.api.execution import RunResult, execute
 from subsoil_ros.cli._shared.sweep_progress import SweepProgress
 from subsoil_ros.cli.main import main
 from subsoil_ros.errors import InputError
-from subsoil_ros.experiments.kept_runs import keep_run
+from subsoil_ros.experiments.run_cache import keep_run
 from subsoil_ros.experiments.run_metrics import METRICS
-from subsoil_ros.experiments.study.accuracy import Measurement, judge
 from subsoil_ros.experiments.study.design import StudyDesign, design_of, read_design
+from subsoil_ros.experiments.study.measurement import Measurement, judge
 from subsoil_ros.experiments.study.report import expected_presets, markdown, wide_table
 from subsoil_ros.experiments.study.study import study_jobs
-from subsoil_ros.experiments.sweep.engine import Manner, run_jobs
+from subsoil_ros.experiments.sweep.engine import ExecutionOptions, run_jobs
 from subsoil_ros.experiments.sweep.plan import Point, jobs_of
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.loading.presets import read_preset
@@ -39,18 +39,18 @@ TINY = {
     ],
     "finest": ["soil.time_step_s=2.0e-5"],
     "seeds": [0, 1],
-    "knobs": {
+    "factors": {
         "soil_step": {"auto": ["soil.time_step_s=auto"], "same": ["soil.time_step_s=2.0e-5"]},
-        "overlap": {"none allowed": ["soil.largest_tool_overlap_m=1.0e-9"]},
+        "overlap": {"none allowed": ["soil.max_tool_overlap_m=1.0e-9"]},
         "soil": {
             "reduced": [
-                "soil={model: resistance, file: ../soils/paper_grid.yaml}",
+                "soil={model: wedge, file: ../soils/paper_grid.yaml}",
                 "allow=[beyond_fitted_range]",
             ]
         },
     },
     "combinations": {"coarse": {"soil_step": "auto"}},
-    "judged_by": ["draft_mean_newton"],
+    "metrics": ["draft_mean_newton"],
 }
 
 
@@ -58,9 +58,9 @@ def design(**changes: object) -> StudyDesign:
     """A design of three variants beside the finest."""
     content = {
         "seeds": [0, 1, 2],
-        "knobs": {"step": {"large": [], "huge": []}, "cloud": {"none": []}},
-        "also_against": {"r = 7 mm": {"overrides": []}},
-        "judged_by": ["draft_mean_newton"],
+        "factors": {"step": {"large": [], "huge": []}, "cloud": {"none": []}},
+        "additional_references": {"r = 7 mm": {"overrides": []}},
+        "metrics": ["draft_mean_newton"],
         **changes,
     }
     return StudyDesign.model_validate(content)
@@ -150,7 +150,7 @@ def test_a_rhythm_that_the_finest_has_not() -> None:
         else item
         for item in made_up()
     ]
-    rhythm = design(combinations={"quick": {"step": "large"}}, knobs={"step": {"large": [], "huge": []}})
+    rhythm = design(combinations={"quick": {"step": "large"}}, factors={"step": {"large": [], "huge": []}})
     measured += [replace(item, variant="quick") for item in measured if item.variant == "step: large"]
     found = judge(rhythm, measured, {})
     rows = {
@@ -203,7 +203,7 @@ def test_table_names_failures_and_what_is_not_resolved() -> None:
 
 @pytest.mark.parametrize("path", DESIGNS, ids=lambda path: path.stem)
 def test_shipped_designs_fit_their_scenes(path: Path) -> None:
-    """Every variant is a scene that loads, and each knob changes something."""
+    """Every variant is a scene that loads, and each factor changes something."""
     scene = CONFIG / "scenes" / path.name
     assert design_of(scene) == path
     found = read_design(path)
@@ -222,8 +222,8 @@ def test_knobs_that_run_alone() -> None:
 
 PRESETS = {
     "fine": "finest",
-    "standard": "reduced soil",
-    "coarse": "reduced soil, 2 ms, rows of 10 ms",
+    "standard": "wedge model",
+    "coarse": "wedge model, 2 ms, rows of 10 ms",
     "narrow": "10 mm, 0.6 m wide, plain ground, mixed",
 }
 
@@ -232,13 +232,13 @@ def test_presets_of_the_paper_are_runs_of_its_study() -> None:
     """What `check` quotes was measured of this very scene: the same hash, seed by seed."""
     scene = CONFIG / "scenes" / "subsoiler_1s300.yaml"
     found = read_design(CONFIG / "studies" / "subsoiler_1s300.yaml")
-    jobs = study_jobs(str(scene), (), found.model_copy(update={"also_against": {}}))
+    jobs = study_jobs(str(scene), (), found.model_copy(update={"additional_references": {}}))
     order = [job.point.seed for job in jobs]
     assert order == sorted(order, key=found.seeds.index)  # near each other in time, for their ratios
     hashes = {(job.point.name, job.point.seed): job.scene.scene_hash for job in jobs}
     for preset, variant in PRESETS.items():
         key = "soil.seed" if preset in ("standard", "coarse") else "soil.bed.seed"
-        resolved = load_scene(scene, [f"accuracy={preset}", f"{key}=1"])
+        resolved = load_scene(scene, [f"preset={preset}", f"{key}=1"])
         assert resolved.scene_hash == hashes[variant, 1], preset
         assert resolved.presets[preset].expected is not None
     assert list(resolved.presets) == list(PRESETS)
@@ -278,7 +278,7 @@ def test_presets_of_the_paper_quote_its_study(preset: str) -> None:
 def test_finest_of_the_paper_is_what_was_agreed() -> None:
     """The full bin, float64, a step that its monitors let pass, exchange every step."""
     found = read_design(CONFIG / "studies" / "subsoiler_1s300.yaml")
-    found = found.model_copy(update={"one_at_a_time": (), "combinations": {}, "also_against": {}})
+    found = found.model_copy(update={"one_at_a_time": (), "combinations": {}, "additional_references": {}})
     scene = next(iter(study_jobs(str(CONFIG / "scenes" / "subsoiler_1s300.yaml"), (), found))).scene
     soil = scene.scene.particle_soil
     assert soil is not None
@@ -297,14 +297,14 @@ def test_finest_of_the_paper_is_what_was_agreed() -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"knob": {}}, "knob: unknown key 'knob'; did you mean 'knobs'?"),
+        ({"factor": {}}, "factor: unknown key 'factor'; did you mean 'factors'?"),
         ({"seeds": []}, "seeds: given a list of 0, needed is at least 1 entries"),
         ({"seeds": [1, 1]}, "seeds: one is given twice"),
-        ({"combinations": {"a": {"steps": "x"}}}, "combinations.a: no knob 'steps'"),
+        ({"combinations": {"a": {"steps": "x"}}}, "combinations.a: no factor 'steps'"),
         ({"combinations": {"a": {"soil_step": "aut"}}}, "combinations.a.soil_step: no value 'aut'"),
-        ({"one_at_a_time": ["stap"]}, "one_at_a_time: no knob 'stap'"),
-        ({"judged_by": ["draft"]}, "judged_by: no metric 'draft'"),
-        ({"also_against": {"finest": {"overrides": []}}}, "'finest' names another run"),
+        ({"one_at_a_time": ["stap"]}, "one_at_a_time: no factor 'stap'"),
+        ({"metrics": ["draft"]}, "metrics: no metric 'draft'"),
+        ({"additional_references": {"finest": {"overrides": []}}}, "'finest' names another run"),
     ],
 )
 def test_bad_design(tmp_path: Path, change: dict, words: str) -> None:
@@ -320,7 +320,7 @@ def test_a_wrong_knob_shows_before_anything_runs(tmp_path: Path, capsys: Capture
     """A key that the scene has not ends the study with exit status 2 and no folder."""
     path = tmp_path / "design.yaml"
     path.write_text(
-        yaml.safe_dump({**TINY, "knobs": {"skin": {"thin": ["soil.skn_m=0.001"]}}, "combinations": {}})
+        yaml.safe_dump({**TINY, "factors": {"skin": {"thin": ["soil.skn_m=0.001"]}}, "combinations": {}})
     )
     scene = str(CONFIG / "scenes" / "tine.yaml")
     assert main(["study", scene, "--design", str(path), "--out", str(tmp_path / "out")]) == 2
@@ -330,19 +330,19 @@ def test_a_wrong_knob_shows_before_anything_runs(tmp_path: Path, capsys: Capture
 
 def test_a_run_that_nobody_timed_runs_again_in_a_study(tmp_path: Path, capsys: Captured) -> None:
     """A benchmark's, say, has no CPU time; a sweep takes it as it is, a study times it."""
-    soil = f"soil={{model: resistance, file: {CONFIG / 'soils' / 'paper_grid.yaml'}}}"
+    soil = f"soil={{model: wedge, file: {CONFIG / 'soils' / 'paper_grid.yaml'}}}"
     jobs = jobs_of(str(CONFIG / "scenes" / "tine.yaml"), [soil, "duration_s=0.01"], [Point({})])
     done = execute(jobs[0].scene)
-    keep_run(tmp_path, jobs[0].scene, Executed(done.files, {**done.facts, "wall_s": None, "cpu_s": None}))
+    keep_run(tmp_path, jobs[0].scene, RunResult(done.files, {**done.facts, "wall_s": None, "cpu_s": None}))
     for timed, kept in ((False, 1), (True, 0), (True, 1)):
         with SweepProgress("study") as progress:
-            found = run_jobs(jobs, tmp_path, Manner(workers=1, timed=timed), progress)
+            found = run_jobs(jobs, tmp_path, ExecutionOptions(workers=1, timed=timed), progress)
         assert f"1 runs, {kept} of them kept" in capsys.readouterr().err
         assert (found[0].facts["cpu_s"] is not None) == timed
 
 
 def test_a_study_of_real_runs(tmp_path: Path, capsys: Captured) -> None:
-    """Particles and reduced soil, two beds: table, figure, presets; a knob that fails is told."""
+    """Particles and wedge model, two beds: table, figure, presets; a factor that fails is told."""
     path, out = tmp_path / "design.yaml", tmp_path / "out"
     path.write_text(yaml.safe_dump(TINY, sort_keys=False))
     scene = str(CONFIG / "scenes" / "tine.yaml")

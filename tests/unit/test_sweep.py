@@ -24,7 +24,7 @@ from subsoil_ros.loading.loader import load_scene
 Captured = pytest.CaptureFixture[str]
 SCENES = Path(__file__).parents[2] / "config" / "scenes"
 TINE = str(SCENES / "tine.yaml")
-SOIL = f"soil={{model: resistance, file: {SCENES.parent / 'soils' / 'paper_grid.yaml'}}}"
+SOIL = f"soil={{model: wedge, file: {SCENES.parent / 'soils' / 'paper_grid.yaml'}}}"
 COMMON = [SOIL, "duration_s=0.3", "record.series_ticks=3", "report.window_inside_m=0.0"]
 TOO_FAST = "tools.tine.path.speed_x_m_per_s={kind: ramp, start_value: 0.5, end_value: 4.0, end_s: 0.3}"
 DEPTH = "tools.tine.path.start_z_m"
@@ -35,7 +35,7 @@ LIMIT_S = 120.0
 
 
 def sweep(out: Path, *more: str) -> list[str]:
-    """Arguments of a sweep of the tine on a reduced soil: 300 ticks in a fraction of a second."""
+    """Arguments of a sweep of the tine on a wedge model: 300 ticks in a fraction of a second."""
     return ["sweep", TINE, *(word for item in COMMON for word in ("--set", item)), "--out", str(out), *more]
 
 

@@ -60,8 +60,8 @@ def test_bad_values(vary: list[str], pair: list[str], words: str | None) -> None
 
 
 def test_seeds_are_those_of_the_bed_that_is_random() -> None:
-    """Of a jittered grid, a dense bed, a reduced soil; where nothing is random they are refused."""
-    reduced = str(SCENES / "subsoiler_1s300_resistance.yaml")
+    """Of a jittered grid, a dense bed, a wedge model; where nothing is random they are refused."""
+    reduced = str(SCENES / "subsoiler_1s300_wedge.yaml")
     assert seed_key(load_scene(TINE, ["soil.bed.jitter_m=1e-4"])) == "soil.bed.seed"
     assert seed_key(load_scene(TINE, ["soil.bed={kind: dense_random}"])) == "soil.bed.seed"
     assert seed_key(load_scene(reduced)) == "soil.seed"
@@ -84,7 +84,7 @@ def test_jobs_have_their_values_and_seeds() -> None:
         jobs_of(TINE, (), [Point({"soil.tool_stifness_factor": 1.0})])
 
 
-@pytest.mark.parametrize("name", ["tine", "subsoiler_1s300_resistance", "direct_shear"])
+@pytest.mark.parametrize("name", ["tine", "subsoiler_1s300_wedge", "direct_shear"])
 def test_a_parcel_needs_nothing_of_its_sender(name: str, tmp_path: Path) -> None:
     """Unpacked in an empty folder it is the same scene by hash, and no path of the sender is in it."""
     scene = load_scene(SCENES / f"{name}.yaml")

@@ -55,7 +55,7 @@ def frames(resolved: ResolvedScene) -> tuple[dict[str, np.ndarray], dict[str, tu
         matrix[:3, :3] = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_matrix()
         matrix[:3, 3] = shift.x, shift.y, shift.z
         found[item.child_frame_id] = matrix
-    return found, {body.name: (body.x_m, body.z_m, body.phi_rad) for body in state.bodies}
+    return found, {body.name: (body.x_m, body.z_m, body.angle_rad) for body in state.bodies}
 
 
 def soils_vertices(resolved: ResolvedScene, tool: str) -> np.ndarray:

@@ -23,18 +23,18 @@ PARTICLE = {
     "tangential_stiffness_newton_per_m": 8_000.0,
     "damping_newton_s_per_m": 20.0,
     "tangential_damping_newton_s_per_m": 20.0,
-    "adhesion_newton_per_m": 7_000.0,
+    "cohesive_stiffness_newton_per_m": 7_000.0,
     "static_friction": 0.5,
     "sliding_friction": 0.5,
     "rolling_friction": 0.3,
-    "rest_overlap_m": 0.002,
-    "reach_m": 0.002,
+    "equilibrium_overlap_m": 0.002,
+    "cohesion_range_m": 0.002,
 }
 BOUNDARY = {
     **PARTICLE,
     "stiffness_newton_per_m": 16_000.0,
     "tangential_stiffness_newton_per_m": 12_000.0,
-    "adhesion_newton_per_m": 3_000.0,
+    "cohesive_stiffness_newton_per_m": 3_000.0,
 }
 
 
@@ -54,7 +54,7 @@ class SoilMaker:
                 "particles": {"radius_m": 0.01, "density_kg_per_m3": 1800.0},
                 "bed": {"kind": "grid", "spacing_m": 0.018},
                 "law": {
-                    "kind": "wet",
+                    "kind": "cohesive_linear",
                     "particle": PARTICLE | (law or {}),
                     "boundary": BOUNDARY | (law or {}),
                 },
@@ -86,12 +86,19 @@ def soil(tmp_path: Path) -> SoilMaker:
 
 
 def tool_at(
-    x_m: float = 0.0, z_m: float = 0.0, phi_rad: float = 0.0, **rates: float
+    x_m: float = 0.0, z_m: float = 0.0, angle_rad: float = 0.0, **rates: float
 ) -> tuple[ToolMotion, ...]:
     """Motion of a single tool named 'tool'; rates: vx, vz, rate."""
     return (
         ToolMotion(
-            "tool", x_m, 0.0, z_m, phi_rad, rates.get("vx", 0.0), rates.get("vz", 0.0), rates.get("rate", 0.0)
+            "tool",
+            x_m,
+            0.0,
+            z_m,
+            angle_rad,
+            rates.get("vx", 0.0),
+            rates.get("vz", 0.0),
+            rates.get("rate", 0.0),
         ),
     )
 

@@ -88,7 +88,7 @@ def test_soil_work_reported_is_force_times_displacement(soil, step):
             work = (
                 w.force_x_newton * (now.x_m - last.x_m)
                 + w.force_z_newton * (now.z_m - last.z_m)
-                - w.torque_y_newton_m * (now.phi_rad - last.phi_rad)
+                - w.torque_y_newton_m * (now.angle_rad - last.angle_rad)
             )
             assert_allclose(w.work_joule, work, rtol=1e-12, atol=1e-15)
         last = now

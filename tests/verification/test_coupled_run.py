@@ -16,7 +16,7 @@ def test_the_machine_comes_through_its_bin(tmp_path):
 
     No monitor stops it, no particle is lost, the soil resists, and the exchange invents no energy.
     """
-    changes = ("particles.radius_m=0.02", "particles.law_radius_m=0.01", "bed.spacing_m=rest")
+    changes = ("particles.radius_m=0.02", "particles.reference_radius_m=0.01", "bed.spacing_m=rest")
     settings = [word for change in changes for word in ("--set", f"soil.{change}")]
     command = [sys.executable, "-m", "subsoil_ros.cli.main", "run", str(SCENE), "--mode", "direct"]
     done = subprocess.run(

@@ -67,7 +67,8 @@ def test_the_cache_key_follows_what_makes_the_bed_and_nothing_else(soil, cache):
         with_bed(soil, {**DENSE, "seed": 4}),
         with_bed(soil, DENSE, bin={"length_m": 0.12, "width_m": 0.1, "depth_m": 0.11}),
         soil.scene(
-            "soil.law.particle.adhesion_newton_per_m=6999", soil=with_bed(soil, DENSE).document["soil"]
+            "soil.law.particle.cohesive_stiffness_newton_per_m=6999",
+            soil=with_bed(soil, DENSE).document["soil"],
         ),
         soil.scene("gravity_m_per_s2=9.8", soil=with_bed(soil, DENSE).document["soil"]),
     ]

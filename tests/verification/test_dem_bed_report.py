@@ -30,7 +30,7 @@ def test_grid_has_the_density_bonds_and_overlap_of_a_grid(grid):
     assert report.particle_count == nx * ny * nz
     bonds = (nx - 1) * ny * nz + nx * (ny - 1) * nz + nx * ny * (nz - 1)
     assert_allclose(report.coordination, 2.0 * bonds / (nx * ny * nz), rtol=1e-12)
-    assert_allclose(report.largest_overlap_m, 0.0, atol=1e-12)
+    assert_allclose(report.max_overlap_m, 0.0, atol=1e-12)
     area = (SPACING * (nx - 1) + 0.016) * (SPACING * (ny - 1) + 0.016)
     height = SPACING * (nz - 1) + 0.008 + RADIUS + report.top_mean_m
     assert_allclose(report.density_kg_per_m3, nx * ny * nz * MASS / (area * height), rtol=1e-12)
@@ -49,11 +49,11 @@ def test_gaps_at_walls_are_those_of_the_grid_and_of_a_wall_moved_away(grid):
     """Every wall overlaps its layer by the rest overlap; one moved by 30 mm has a gap of 28 mm."""
     bed, soil = grid
     for gap in report_bed(bed, soil).wall_gaps.values():
-        assert_allclose([gap.mean_m, gap.largest_m], -0.002, atol=1e-12)
+        assert_allclose([gap.mean_m, gap.max_m], -0.002, atol=1e-12)
     away = dataclasses.replace(bed, upper_m=(bed.upper_m[0] + 0.03, bed.upper_m[1]))
     gaps = report_bed(away, soil).wall_gaps
-    assert_allclose([gaps["far"].mean_m, gaps["far"].largest_m], 0.028, atol=1e-12)
-    assert_allclose(gaps["near"].largest_m, -0.002, atol=1e-12)
+    assert_allclose([gaps["far"].mean_m, gaps["far"].max_m], 0.028, atol=1e-12)
+    assert_allclose(gaps["near"].max_m, -0.002, atol=1e-12)
 
 
 def test_largest_void_is_that_of_the_cell_and_of_a_missing_particle(grid):
@@ -61,24 +61,24 @@ def test_largest_void_is_that_of_the_cell_and_of_a_missing_particle(grid):
     along each axis."""
     bed, soil = grid
     tolerance = np.sqrt(3.0) * RADIUS / 32.0
-    found = report_bed(bed, soil).largest_void_radius_m
+    found = report_bed(bed, soil).max_void_radius_m
     assert_allclose(found, 0.5 * np.sqrt(3.0) * SPACING - RADIUS, atol=tolerance)
     middle = (bed.lower_m[0] + 0.008 + 2 * SPACING, 0.0, -RADIUS - 2 * SPACING)
     kept = np.linalg.norm(bed.positions_m - middle, axis=1) > 1e-6
     assert kept.sum() == len(kept) - 1
     report = report_bed(dataclasses.replace(bed, positions_m=bed.positions_m[kept]), soil)
-    assert_allclose(report.largest_void_radius_m, SPACING - RADIUS, atol=tolerance)
-    assert_allclose(report.largest_void_at_m, middle, atol=tolerance)
+    assert_allclose(report.max_void_radius_m, SPACING - RADIUS, atol=tolerance)
+    assert_allclose(report.max_void_at_m, middle, atol=tolerance)
 
 
 def test_free_motion_tells_a_bed_at_rest_from_one_that_contracts(soil):
     """The grid at rest moves by round-off; spheres that just touch pull together by a tenth of a mm."""
     quiet, loose = soil.scene(), soil.scene("soil.bed.spacing_m=0.02")
     still = free_motion(quiet, SoilEngine(quiet).bed, SoilEngine, 1, 0.005)
-    assert still.largest_move_m < 1e-12
+    assert still.max_move_m < 1e-12
     assert still.kinetic_energy_joule < 1e-18
     pulled = free_motion(loose, SoilEngine(loose).bed, SoilEngine, 1, 0.005)
-    assert pulled.largest_move_m > 1e-4
+    assert pulled.max_move_m > 1e-4
     assert pulled.kinetic_energy_joule > 1e-4
 
 

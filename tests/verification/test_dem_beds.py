@@ -83,7 +83,7 @@ def test_dense_bed_fills_its_bin(soil, engine):
     assert_allclose(2.0 * bed.upper_m[1], 0.18, atol=RADIUS)
     assert_allclose(-bed.lower_m[2], 0.14, atol=RADIUS)
     gaps = report_bed(bed, dense(soil).scene.soil).wall_gaps
-    assert max(gap.largest_m for gap in gaps.values()) < 0.0
+    assert max(gap.max_m for gap in gaps.values()) < 0.0
 
 
 def test_dense_bed_is_neither_stretched_nor_pressed(soil, engine):
@@ -202,7 +202,7 @@ def test_a_trimmed_grid_carries_the_weight_that_is_left(soil):
     of one layer presses one contact together, m g / K."""
     scene = dense(soil, bed={"kind": "grid", "spacing_m": "rest"}, surface=RAMP)
     motion = free_motion(scene, SoilEngine(scene).bed, SoilEngine, 1, 0.005)
-    assert motion.largest_move_m < MASS * 9.81 / 5000.0
+    assert motion.max_move_m < MASS * 9.81 / 5000.0
 
 
 def test_surface_profile_trims_a_dense_bed_before_it_relaxes(soil):

@@ -53,9 +53,9 @@ LAWS = {
     "linear": linear(1e5, k_t=8e4, mu=0.3, mu_r=0.1),
     "hertz": hertz(5e7, 0.3, 1.0, 0.3),
     "wet": {
-        "kind": "wet",
-        "particle": PARTICLE | LOSSLESS | {"adhesion_newton_per_m": 200.0},
-        "boundary": BOUNDARY | LOSSLESS | {"adhesion_newton_per_m": 200.0},
+        "kind": "cohesive_linear",
+        "particle": PARTICLE | LOSSLESS | {"cohesive_stiffness_newton_per_m": 200.0},
+        "boundary": BOUNDARY | LOSSLESS | {"cohesive_stiffness_newton_per_m": 200.0},
     },
 }
 """Without dashpots: all that can be lost is lost by friction."""

@@ -14,15 +14,15 @@ from subsoil_ros.errors import SceneError
 
 RADIUS = 0.01
 HARD = {
-    "kind": "wet",
-    "particle": {"stiffness_newton_per_m": 20_000.0, "adhesion_newton_per_m": 14_000.0},
+    "kind": "cohesive_linear",
+    "particle": {"stiffness_newton_per_m": 20_000.0, "cohesive_stiffness_newton_per_m": 14_000.0},
     "boundary": {"stiffness_newton_per_m": 8_000.0},
 }
 LAYERS = [
     {"name": "topsoil", "thickness_m": 0.05},
     {"name": "hardpan", "density_kg_per_m3": 2400.0, "law": HARD},
 ]
-SIZES = {"kind": "uniform", "smallest_radius_m": 0.008, "largest_radius_m": 0.013, "seed": 4}
+SIZES = {"kind": "uniform", "smallest_radius_m": 0.008, "max_radius_m": 0.013, "seed": 4}
 
 
 def layered(maker, *overrides, law=None, **changes):
@@ -41,7 +41,7 @@ def run(engine, steps, motions=()):
 def test_a_column_of_two_layers_stands_on_its_own_springs(soil, reading):
     """The overlap of every pair beyond rest is the weight above over K of that pair: half of each layer's own
     between equal bodies, K1 K2 / (K1 + K2) between the layers (eq. 15), twice that for values of pairs."""
-    scene = layered(soil, f"soil.law.values_are={reading}", "soil.time_step_s=2.5e-5")
+    scene = layered(soil, f"soil.law.combining_rule={reading}", "soil.time_step_s=2.5e-5")
     engine = SoilEngine(scene)
     z = engine.bed.positions_m[:5, 2]  # one column, from below
     assert np.ptp(engine.bed.positions_m[:5, :2], axis=0).max() == 0.0
@@ -125,7 +125,7 @@ def test_a_dense_bed_of_sizes_and_layers_stands_still(both):
     touched; layers follow depth, but for what the relaxation moved; radii are those of the distribution."""
     scene, bed = both
     report = report_bed(bed, scene.scene.soil)
-    assert max(gap.largest_m for gap in report.wall_gaps.values()) < 0.0
+    assert max(gap.max_m for gap in report.wall_gaps.values()) < 0.0
     assert_allclose(-bed.lower_m[2], 0.14, atol=0.01)
     depth = -bed.positions_m[:, 2]
     upper, lower = depth[bed.materials == 0], depth[bed.materials == 1]
@@ -142,7 +142,7 @@ def test_a_dense_bed_of_sizes_and_layers_stands_still(both):
     engine = SoilEngine(scene, bed=bed)
     engine.start(())
     before = engine.positions_m()
-    ticks = round(0.01 / scene.timing.interval_s)
+    ticks = round(0.01 / scene.timing.communication_step_s)
     run(engine, ticks)
     moved = np.linalg.norm(engine.positions_m() - before, axis=1)
     assert np.sqrt((moved**2).mean()) < 0.01 * RADIUS * 0.01
@@ -176,7 +176,7 @@ def test_sizes_and_layers_give_the_same_bits_for_any_number_of_threads(soil, bot
         engine = SoilEngine(scene, threads, bed=bed)
         engine.start(at(x_m=0.05, z_m=-0.05))
         for tick in range(60):
-            x_m = 0.05 + 0.5 * (tick + 1) * scene.timing.interval_s
+            x_m = 0.05 + 0.5 * (tick + 1) * scene.timing.communication_step_s
             wrench = engine.advance(tick, at(x_m=x_m, z_m=-0.05, vx=0.5))[0]
         found.append((engine.positions_m(), engine.spins_rad_per_s(), wrench, engine.energy()))
     assert_array_equal(found[0][0], found[1][0])

@@ -47,22 +47,24 @@ def test_alternation_of_equal_opposite_and_growing_motions():
     place, still = np.zeros((4, 3)), np.zeros((4, 3))
     before = np.random.default_rng(1).normal(size=(4, 3))
 
-    def alternation(after):
+    def velocity_reversal(after):
         spin, torque = 0.5 * (before + after), inertia * (after - before) / step
-        return MotionSums(*half_step_sums(place, still, spin, still, torque, mass, inertia, step)).alternation
+        return MotionSums(
+            *half_step_sums(place, still, spin, still, torque, mass, inertia, step)
+        ).velocity_reversal
 
-    assert alternation(before) == 0.0
-    assert alternation(-before) == 1.0
-    assert alternation(0.5 * before) == pytest.approx(0.25**2 / (0.25**2 + 0.75**2))
+    assert velocity_reversal(before) == 0.0
+    assert velocity_reversal(-before) == 1.0
+    assert velocity_reversal(0.5 * before) == pytest.approx(0.25**2 / (0.25**2 + 0.75**2))
     of_velocity = half_step_sums(place, still, still, mass * before, still, mass, inertia, step)
-    assert MotionSums(*of_velocity).alternation == 1.0
+    assert MotionSums(*of_velocity).velocity_reversal == 1.0
     assert_allclose(of_velocity[1], (0.5 * step * before) ** 2 @ np.ones(3) @ np.ones(4))
 
 
 def test_a_step_too_large_is_stopped_with_its_cause(soil):
     """The bed spins, the run stops within 400 steps, and says what to do."""
     with pytest.raises(
-        PhysicsError, match=r"tick \d+: particles turn round .*largest_alternation 0.2.*smaller"
+        PhysicsError, match=r"tick \d+: particles turn round .*max_velocity_reversal 0.2.*smaller"
     ):
         run(shaken(with_soil(soil, **TOO_LARGE)), 400)
 
@@ -72,15 +74,17 @@ def test_the_state_shows_the_spin_that_hides_at_whole_steps(soil):
     engine = shaken(with_soil(soil, **TOO_LARGE, monitors=None))
     run(engine, 400)
     state = engine.state("", 399, 0)
-    spinning = 0.5 * 0.4 * engine.mass_kg * 0.01**2 * state.rms_spin_rad_per_s**2 * state.particle_count
-    assert state.rms_spin_rad_per_s > 5.0
+    spinning = (
+        0.5 * 0.4 * engine.mass_kg * 0.01**2 * state.rms_angular_velocity_rad_per_s**2 * state.particle_count
+    )
+    assert state.rms_angular_velocity_rad_per_s > 5.0
     assert state.kinetic_energy_joule < 0.01 * spinning
 
 
 def test_a_tool_in_a_bed_at_a_stable_step_stops_nothing(soil, one, at):
     """A box ploughs at 1 m/s, all monitors on, the energy's too."""
     scene = soil.scene(
-        soil=soil.scene().document["soil"] | {"monitors": {"every_steps": 1, "largest_energy_defect": 0.05}},
+        soil=soil.scene().document["soil"] | {"monitors": {"every_steps": 1, "max_energy_defect": 0.05}},
         tools=one(soil.box(0.03, 0.04, 0.03)),
     )
     engine = SoilEngine(scene)
@@ -91,14 +95,14 @@ def test_a_tool_in_a_bed_at_a_stable_step_stops_nothing(soil, one, at):
 
 def test_the_energy_book_alone_finds_the_step_too_large(soil):
     """What spins is fed from nowhere: the defect passes a twentieth of all that was exchanged."""
-    only = {"largest_alternation": None, "largest_pair_overlap_radii": None, "largest_energy_defect": 0.05}
-    with pytest.raises(PhysicsError, match=r"the energy book is off by .*largest_energy_defect 0.05"):
+    only = {"max_velocity_reversal": None, "max_pair_overlap_radii": None, "max_energy_defect": 0.05}
+    with pytest.raises(PhysicsError, match=r"the energy book is off by .*max_energy_defect 0.05"):
         run(shaken(with_soil(soil, **TOO_LARGE, monitors=only)), 400)
 
 
 def test_a_deep_overlap_of_two_particles_is_stopped(soil):
     """Two particles at 40 m/s against each other: K_X would need more than their diameter to stop them."""
-    engine = SoilEngine(with_soil(soil, monitors={"every_steps": 1, "largest_pair_overlap_radii": 1.5}))
+    engine = SoilEngine(with_soil(soil, monitors={"every_steps": 1, "max_pair_overlap_radii": 1.5}))
     engine.place([[0.04, 0.0, -0.05], [0.065, 0.0, -0.05]], [[40.0, 0.0, 0.0], [-40.0, 0.0, 0.0]])
     with pytest.raises(PhysicsError, match=r"two particles overlap by 1\.\d+ radii, allowed is .* 1.5"):
         run(engine, 100)
@@ -149,8 +153,8 @@ def test_a_particle_that_leaves_is_counted_and_named(soil, caplog, velocity):
 
 def test_more_lost_particles_than_allowed_stop_the_run(soil):
     """The bound of the scene, the particle, and what to do."""
-    with pytest.raises(PhysicsError, match=r"1 of 3 particles have left .*largest_lost_particles 0; use"):
-        lost_run(soil, (0.0, 0.0, -60.0), largest_lost_particles=0)
+    with pytest.raises(PhysicsError, match=r"1 of 3 particles have left .*max_lost_particles 0; use"):
+        lost_run(soil, (0.0, 0.0, -60.0), max_lost_particles=0)
 
 
 @pytest.mark.parametrize(
@@ -194,7 +198,7 @@ def test_a_stopped_run_leaves_a_readable_bag_and_exit_status_3(soil, tmp_path, c
     assert "allow: unstable_time_step: the step 120 us is above the stable limit 53.7 us" in said.out
     assert "particles turn round from step to step" in said.err
     summary = json.loads((out / "summary.json").read_text())
-    assert "largest_alternation" in summary["failure"]
+    assert "max_velocity_reversal" in summary["failure"]
     assert summary["allow"] == ["unstable_time_step"]
     assert not summary["complete"]
     assert [state.tick for state in BagReader(out / "bag").records(SoilState)] == [19, 39, 59, 79, 99]
@@ -202,14 +206,14 @@ def test_a_stopped_run_leaves_a_readable_bag_and_exit_status_3(soil, tmp_path, c
 
 def test_lost_particles_are_in_the_summary(soil, tmp_path, capsys):
     """A soft floor lets the bottom layer through: one line tells people, two keys tell programs."""
-    scene = with_soil(soil, gravity=300.0, largest_lost_particles=1000)
+    scene = with_soil(soil, gravity=300.0, max_lost_particles=1000)
     row = scene.document["soil"]["law"]["boundary"] | {"stiffness_newton_per_m": 150.0}
     path = with_soil(
         soil,
         gravity=300.0,
-        largest_lost_particles=1000,
+        max_lost_particles=1000,
         law=scene.document["soil"]["law"] | {"boundary": row},
-        monitors={"largest_alternation": None, "largest_pair_overlap_radii": None},
+        monitors={"max_velocity_reversal": None, "max_pair_overlap_radii": None},
     ).path
     out = tmp_path / "out"
     assert main(["run", str(path), "--out", str(out), "--mode", "direct", "--set", "duration_s=0.05"]) == 0

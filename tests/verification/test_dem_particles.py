@@ -17,7 +17,7 @@ def run(engine, steps, motions=()):
         engine.advance(tick, motions)
 
 
-FREE = {"adhesion_newton_per_m": 0.0, "rolling_friction": 0.0}
+FREE = {"cohesive_stiffness_newton_per_m": 0.0, "rolling_friction": 0.0}
 
 
 @pytest.mark.parametrize("damping", [0.0, 4.0])
@@ -79,7 +79,7 @@ def test_a_sphere_rests_on_the_floor_at_the_closed_form_overlap(soil):
 @pytest.mark.parametrize("adhesion", [0.0, 3000.0])
 def test_a_sliding_sphere_ends_rolling_at_five_sevenths(soil, adhesion):
     """Without rolling friction and tangential spring memory, slip turns to roll at 5/7 of the speed."""
-    law = {"rolling_friction": 0.0, "adhesion_newton_per_m": adhesion}
+    law = {"rolling_friction": 0.0, "cohesive_stiffness_newton_per_m": adhesion}
     engine = soil.engine("soil.bin.length_m=0.4", law=law)
     rest = 0.008 - MASS * 9.81 / BOUNDARY_STIFFNESS
     engine.place([(0.05, 0.0, engine.bed.lower_m[2] + rest)], [(0.35, 0.0, 0.0)])
@@ -107,7 +107,7 @@ def test_gross_sliding_decelerates_by_friction_times_normal_force(soil):
 
 def test_rolling_friction_stops_a_rolling_sphere(soil):
     """A rolling sphere loses speed at the rate of the torque limit mu_r r N."""
-    law = {"adhesion_newton_per_m": 0.0, "rolling_friction": 0.02, "damping_newton_s_per_m": 20.0}
+    law = {"cohesive_stiffness_newton_per_m": 0.0, "rolling_friction": 0.02, "damping_newton_s_per_m": 20.0}
     engine = soil.engine("soil.bin.length_m=0.6", law=law)
     rest = 0.008 - MASS * 9.81 / BOUNDARY_STIFFNESS
     arm = 0.5 * (0.01 + rest)

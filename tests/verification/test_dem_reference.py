@@ -24,7 +24,7 @@ SPEED = 0.4  # [m/s]
 SPIN = 30.0  # [rad/s]
 
 WET = {  # less adhesion and damping than the paper's, so that contacts also part
-    "adhesion_newton_per_m": 1000.0, "damping_newton_s_per_m": 3.0,
+    "cohesive_stiffness_newton_per_m": 1000.0, "damping_newton_s_per_m": 3.0,
     "tangential_damping_newton_s_per_m": 2.0,
     "static_friction": 0.4, "sliding_friction": 0.3, "rolling_friction": 0.05,
 }  # fmt: skip
@@ -66,7 +66,7 @@ def laws_of(kind: str, friction_normal: str = "total", damped_zones: str = "repu
     options = {"friction_normal": friction_normal, "damped_zones": damped_zones}
     normal = {"total": TOTAL, "repulsive": REPULSIVE, "absolute": ABSOLUTE}[friction_normal]
     return (
-        {"kind": "wet", "particle": particle, "boundary": boundary, **options},
+        {"kind": "cohesive_linear", "particle": particle, "boundary": boundary, **options},
         wet_laws(particle, boundary, normal, damped_zones == "all"),
     )
 

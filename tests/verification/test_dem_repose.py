@@ -36,16 +36,16 @@ def heap_angle_deg(soil, friction, rolling, adhesion):
     row = {
         "stiffness_newton_per_m": 5e3, "tangential_stiffness_newton_per_m": 4e3,
         "damping_newton_s_per_m": 1.7, "tangential_damping_newton_s_per_m": 1.5,
-        "adhesion_newton_per_m": adhesion * weight / 5e-4,
+        "cohesive_stiffness_newton_per_m": adhesion * weight / 5e-4,
         "static_friction": friction, "sliding_friction": friction, "rolling_friction": rolling,
-        "rest_overlap_m": 5e-4, "reach_m": 5e-4,
+        "equilibrium_overlap_m": 5e-4, "cohesion_range_m": 5e-4,
     }  # fmt: skip
     engine = soil.engine(
         soil={
             "bin": {"length_m": 0.8, "width_m": 0.09, "depth_m": 0.34},
             "particles": {"radius_m": RADIUS, "density_kg_per_m3": 1800.0},
             "bed": {"kind": "grid", "spacing_m": 0.02},
-            "law": {"kind": "wet", "values_are": "pair", "particle": row, "boundary": row},
+            "law": {"kind": "cohesive_linear", "combining_rule": "none", "particle": row, "boundary": row},
             "time_step_s": 1e-4,
         }
     )

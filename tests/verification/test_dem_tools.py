@@ -11,7 +11,7 @@ from subsoil_ros.dem.tools.surface import motion_within
 from subsoil_ros.messages import ToolMotion
 
 MASS = 1800.0 * 4.0 / 3.0 * math.pi * 0.01**3
-NO_ADHESION = {"adhesion_newton_per_m": 0.0}
+NO_ADHESION = {"cohesive_stiffness_newton_per_m": 0.0}
 
 
 def rest_on_a_box(soil, at, one, subdivide, offset_m=0.0):
@@ -55,8 +55,8 @@ def test_a_facet_plane_acts_as_a_wall_does(soil, at, one):
     assert_allclose(facets[2].force_z_newton, -MASS * 9.81, rtol=1e-3)
 
 
-@pytest.mark.parametrize("phi_rad", [0.0, 0.3])
-def test_convex_edges_and_vertices_are_one_contact(soil, at, one, phi_rad):
+@pytest.mark.parametrize("angle_rad", [0.0, 0.3])
+def test_convex_edges_and_vertices_are_one_contact(soil, at, one, angle_rad):
     """Near an edge or a corner of a box: one contact, its force along the line to the nearest point."""
     half = np.array([0.05, 0.02, 0.03])
     for direction in ((1, 0, 1), (1, 1, 0), (0, 1, 1), (1, 1, 1), (-1, 1, -1)):
@@ -68,16 +68,16 @@ def test_convex_edges_and_vertices_are_one_contact(soil, at, one, phi_rad):
         local = half * np.array(direction) + unit * 0.0079  # overlap 2.1 mm: 0.1 mm into repulsion
         if 0 in direction:
             local[direction.index(0)] = 0.007
-        c, s = math.cos(phi_rad), math.sin(phi_rad)
+        c, s = math.cos(angle_rad), math.sin(angle_rad)
 
         def world(v, c=c, s=s):
             return np.array([c * v[0] - s * v[2], v[1], s * v[0] + c * v[2]])
 
         engine.place([np.add(world(local), (0.2, 0.0, -0.15))])
         # start removes what presses on the tool, so the tool comes from outside in one step
-        far = at(0.2 - 0.5, -0.15, phi_rad)
+        far = at(0.2 - 0.5, -0.15, angle_rad)
         engine.start(far)
-        here = at(0.2, -0.15, phi_rad)
+        here = at(0.2, -0.15, angle_rad)
         wrench = engine.advance(0, here)[0]
         assert wrench.contact_count == 1, direction
         force = np.array([wrench.force_x_newton, wrench.force_y_newton, wrench.force_z_newton])
@@ -155,7 +155,7 @@ def test_a_particle_pressed_through_a_thin_share_stays_on_its_side(soil, at, one
     """A plate of 8 mm, thinner than the sphere, drives it into the wall until its centre is behind the face:
     the force keeps its direction, and on release the sphere comes back out of the same face."""
     engine = soil.engine(
-        "gravity_m_per_s2=0", "soil.bin.length_m=0.2", "soil.largest_tool_overlap_m=0.02", law=NO_ADHESION,
+        "gravity_m_per_s2=0", "soil.bin.length_m=0.2", "soil.max_tool_overlap_m=0.02", law=NO_ADHESION,
         tools=one(soil.box(0.008, 0.06, 0.06)),
     )  # fmt: skip
     far_wall = engine.bed.upper_m[0]
@@ -297,10 +297,10 @@ def test_tools_move_on_a_cubic_within_a_tick():
         for name in (
             "x_m",
             "z_m",
-            "phi_rad",
+            "angle_rad",
             "velocity_x_m_per_s",
             "velocity_z_m_per_s",
-            "phi_rate_rad_per_s",
+            "angular_velocity_rad_per_s",
         ):
             assert_allclose(getattr(between, name), getattr(exact, name), rtol=1e-12)
 

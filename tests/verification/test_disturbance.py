@@ -26,9 +26,9 @@ def test_a_moved_prism_is_found_again():
     found = disturbance_between(before, after, (0.1, 0.5), RADIUS)
     assert found.bed_section_m2 == pytest.approx(0.4 * 0.2)
     assert found.area_m2 == pytest.approx(0.12 * 0.10)
-    assert found.moved_part == pytest.approx(0.12 * 0.10 / 0.08)
+    assert found.moved_fraction == pytest.approx(0.12 * 0.10 / 0.08)
     assert found.surface_width_m == pytest.approx(0.12)
-    assert found.largest_lift_m == pytest.approx(0.03)
+    assert found.max_lift_m == pytest.approx(0.03)
     assert found.lifted_area_m2 == pytest.approx(0.12 * 0.03)
     assert found.moved_map.shape == (10, 20)
     assert found.moved_map[9, 10] == 1.0  # uppermost layer, mid-plane
@@ -39,10 +39,12 @@ def test_motion_of_less_than_a_radius_does_not_count():
     """A bed that settles by 0.9 radii is not loosened; one by 1.1 radii is, all of it."""
     before = lattice()
     assert (
-        disturbance_between(before, before - (0.0, 0.0, 0.9 * RADIUS), (0.1, 0.5), RADIUS).moved_part == 0.0
+        disturbance_between(before, before - (0.0, 0.0, 0.9 * RADIUS), (0.1, 0.5), RADIUS).moved_fraction
+        == 0.0
     )
     assert (
-        disturbance_between(before, before - (0.0, 0.0, 1.1 * RADIUS), (0.1, 0.5), RADIUS).moved_part == 1.0
+        disturbance_between(before, before - (0.0, 0.0, 1.1 * RADIUS), (0.1, 0.5), RADIUS).moved_fraction
+        == 1.0
     )
 
 
@@ -51,8 +53,8 @@ def test_only_the_slab_counts():
     before = lattice()
     after = before.copy()
     after[before[:, 0] > 0.3, 2] += 0.05
-    assert disturbance_between(before, after, (0.1, 0.3), RADIUS).moved_part == 0.0
-    assert disturbance_between(before, after, (0.2, 0.4), RADIUS).moved_part == pytest.approx(0.5)
+    assert disturbance_between(before, after, (0.1, 0.3), RADIUS).moved_fraction == 0.0
+    assert disturbance_between(before, after, (0.2, 0.4), RADIUS).moved_fraction == pytest.approx(0.5)
     assert disturbance_between(before, after, (5.0, 6.0), RADIUS) is None
 
 
@@ -63,8 +65,10 @@ def test_a_particle_that_crosses_a_periodic_side_has_not_moved_far():
     wrapped = after[:, 1] > 0.2 - RADIUS + 1e-12
     assert wrapped.any()
     after[wrapped, 1] -= 0.4
-    assert disturbance_between(before, after, (0.1, 0.5), RADIUS).moved_part == pytest.approx(wrapped.mean())
-    assert disturbance_between(before, after, (0.1, 0.5), RADIUS, period_m=0.4).moved_part == 0.0
+    assert disturbance_between(before, after, (0.1, 0.5), RADIUS).moved_fraction == pytest.approx(
+        wrapped.mean()
+    )
+    assert disturbance_between(before, after, (0.1, 0.5), RADIUS, period_m=0.4).moved_fraction == 0.0
 
 
 def test_order_of_speeds():

@@ -126,7 +126,7 @@ def scene_of(soil, case: Exchange, ticks: int):
         },
         "integrator": case.integrator, "integrator_order": case.order,
     }  # fmt: skip
-    interval_ns = round(case.interval * 1e9)
+    communication_step_ns = round(case.interval * 1e9)
     mesh = {"mesh": soil.box(0.125, 0.125, 0.0625), "position_m": [0.25, 0.0, PLACE + AMPLITUDE]}
     document = {
         "name": "block", "duration_s": ticks * case.interval, "gravity_m_per_s2": 0.0,
@@ -135,12 +135,12 @@ def scene_of(soil, case: Exchange, ticks: int):
             "particles": {"radius_m": RADIUS, "density_kg_per_m3": 1e20},
             "bed": {"kind": "grid", "spacing_m": 0.1},
             "law": {"kind": "linear", "particle": row, "boundary": row},
-            "time_step_s": interval_ns * 1e-9 / case.soil_steps, "monitors": None,
+            "time_step_s": communication_step_ns * 1e-9 / case.soil_steps, "monitors": None,
         },
         "mechanism": mechanism,
         "tools": {"block": {"body": "block", "groups": {"all": mesh}}},
         "coupling": {
-            "interval_ns": interval_ns, "mechanism_steps": case.mechanism_steps, "force": case.force,
+            "communication_step_ns": communication_step_ns, "mechanism_steps": case.mechanism_steps, "force": case.force,
             "residual_bound": 1e9,
         },
     }  # fmt: skip

@@ -20,7 +20,7 @@ def test_example_of_the_standard():
     }
     assert counts == {3.0: 0.5, 4.0: 1.5, 6.0: 0.5, 8.0: 1.0, 9.0: 0.5}
     assert found.count.sum() == 4.0
-    assert found.largest_range_newton == 9.0
+    assert found.max_range_newton == 9.0
 
 
 def test_equivalent_range_of_a_constant_amplitude():
@@ -36,7 +36,7 @@ def test_equivalent_range_of_a_constant_amplitude():
 def test_a_force_that_rests_has_no_cycles():
     """Nor damage."""
     found = load_cycles(np.full(50, 12.0), 1.0)
-    assert (found.count.sum(), found.largest_range_newton, found.equivalent_range_newton()) == (0.0, 0.0, 0.0)
+    assert (found.count.sum(), found.max_range_newton, found.equivalent_range_newton()) == (0.0, 0.0, 0.0)
 
 
 def test_file_has_the_largest_first(tmp_path):

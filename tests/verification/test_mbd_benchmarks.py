@@ -56,7 +56,12 @@ def test_double_pendulum_follows_minimal_coordinates(mechanism_engine, integrato
     upper, lower = engine.state("run", 999, 1_000_000_000).bodies
     exact = solve_ivp(_double_slope, (0.0, 1.0), (first, second, 0.0, 0.0), "DOP853", rtol=1e-12,
                       atol=1e-12).y[:, -1]  # fmt: skip
-    ours = (upper.phi_rad, lower.phi_rad, upper.phi_rate_rad_per_s, lower.phi_rate_rad_per_s)
+    ours = (
+        upper.angle_rad,
+        lower.angle_rad,
+        upper.angular_velocity_rad_per_s,
+        lower.angular_velocity_rad_per_s,
+    )
     np.testing.assert_allclose(ours, exact, atol=bound)
 
 
@@ -78,36 +83,36 @@ def _windows(count, integrator="adams_moulton"):
     return {"bodies": bodies, "joints": joints, "integrator": integrator}
 
 
-def _drift(engine, ticks, interval_ns):
+def _drift(engine, ticks, communication_step_ns):
     start, worst = _energy(engine.state("run", -1, 0)), 0.0
     for tick in range(ticks):
         engine.advance(tick, ())
         if tick % 20 == 19:
-            state = engine.state("run", tick, (tick + 1) * interval_ns)
+            state = engine.state("run", tick, (tick + 1) * communication_step_ns)
             worst = max(worst, abs(_energy(state) - start))
     return worst, state
 
 
-@pytest.mark.parametrize(("count", "interval_ns", "integrator"), [
+@pytest.mark.parametrize(("count", "communication_step_ns", "integrator"), [
     (1, 1_000_000, "adams_moulton"), (2, 1_000_000, "adams_moulton"), (10, 2_000_000, "adams_moulton"),
     (40, 5_000_000, "adams_moulton"), (1, 1_000_000, "runge_kutta_4"),
     (1, 250_000, "adams_moulton"), (2, 250_000, "adams_moulton"), (2, 250_000, "runge_kutta_4"),
 ])  # fmt: skip
-def test_windows_turn_for_ten_seconds(mechanism_engine, count, interval_ns, integrator):
+def test_windows_turn_for_ten_seconds(mechanism_engine, count, communication_step_ns, integrator):
     """10 s with ten passages of the flat, singular pose; energy within a hundredth of the benchmark's 0.1 J.
 
     Small steps end nearer to the pose itself: they are the ones that a step over it (bridge.py) has to save.
     """
-    engine = mechanism_engine(_windows(count, integrator), interval_ns)
+    engine = mechanism_engine(_windows(count, integrator), communication_step_ns)
     assert engine.topology.freedom_count == 1
-    drift, state = _drift(engine, 10_000_000_000 // interval_ns, interval_ns)
+    drift, state = _drift(engine, 10_000_000_000 // communication_step_ns, communication_step_ns)
     assert drift < 1e-3
     # all windows turn as one body: m v^2 / 2 over the turns is that of a compound pendulum
     inertia = (count + 1) / 3.0 + count
     weight = 9.81 * ((count + 1) * 0.5 + count)
     exact = solve_ivp(lambda _, y: (y[1], weight * math.sin(y[0]) / inertia), (0.0, 10.0), (0.0, 1.0),
                       "DOP853", rtol=1e-11, atol=1e-11).y[0, -1]  # fmt: skip
-    posts = [body.phi_rad for body in state.bodies[: count + 1]]
+    posts = [body.angle_rad for body in state.bodies[: count + 1]]
     np.testing.assert_allclose(posts, posts[0], atol=1e-6)
     assert -posts[0] == pytest.approx(exact, abs=0.5)
     assert state.position_residual_m < 1e-10

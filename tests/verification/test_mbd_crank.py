@@ -108,7 +108,9 @@ def test_crank_follows_its_own_equation(mechanism_engine, exact):
     errors = []
     for ticks in (600, 1200, 2400):
         crank = _run(mechanism_engine(_machine(), 600_000_000 // ticks), ticks).bodies[0]
-        errors.append(math.hypot(crank.phi_rad - exact[0], 0.05 * (crank.phi_rate_rad_per_s - exact[1])))
+        errors.append(
+            math.hypot(crank.angle_rad - exact[0], 0.05 * (crank.angular_velocity_rad_per_s - exact[1]))
+        )
     assert exact[0] > START + 2.0 * math.pi  # it passes both dead centres
     observed = np.log2(np.array(errors[:-1]) / errors[1:])
     assert (observed > 3.5).all()
@@ -120,7 +122,7 @@ def test_crank_accelerations_and_rail_follow_newton_and_euler(mechanism_engine, 
     state = _run(mechanism_engine(_machine(), 250_000), 2400)
     crank = state.bodies[0]
     spin = _acceleration(0.6, *exact)
-    assert crank.phi_acceleration_rad_per_s2 == pytest.approx(spin, abs=1e-4)
+    assert crank.angular_acceleration_rad_per_s2 == pytest.approx(spin, abs=1e-4)
     rail = next(joint for joint in state.joints if joint.name == "rail")
     assert rail.force_z_newton == pytest.approx(_rail_force(0.6, *exact), abs=1e-4)
     assert rail.force_x_newton == pytest.approx(0.0, abs=1e-9)

@@ -18,7 +18,7 @@ from subsoil_ros.scene.model import Scene
 INTERVAL_NS, EVERY, MASS = 1_000_000, 10, 40.0
 KEYS = {
     "driver": "drive", "interval_ticks": EVERY, "lowest_speed_m_per_s": -1.0, "highest_speed_m_per_s": 1.0,
-    "largest_acceleration_m_per_s2": 20.0, "law": {"kind": "external"},
+    "max_acceleration_m_per_s2": 20.0, "law": {"kind": "external"},
 }  # fmt: skip
 
 
@@ -61,14 +61,14 @@ def test_commands_are_ramps_from_one_to_the_next() -> None:
     times = EVERY * INTERVAL_NS * 1e-9 * np.arange(len(targets))
     table = {"kind": "table", "times_s": times.tolist(), "values": targets.tolist()}
     expected = states(engine_of(table, None), 60, {})
-    commanded = engine_of({"kind": "constant", "value": 0.0}, KEYS | {"largest_acceleration_m_per_s2": 50.0})
+    commanded = engine_of({"kind": "constant", "value": 0.0}, KEYS | {"max_acceleration_m_per_s2": 50.0})
     speeds = {EVERY * i: float(targets[i + 1]) for i in range(1, 6)}
     found = states(commanded, 60, speeds)
     for a, b in zip(found, expected, strict=True):
         for body, other in zip(a.bodies, b.bodies, strict=True):
             assert_allclose(body.x_m, other.x_m, atol=1e-13)
             assert_allclose(body.velocity_x_m_per_s, other.velocity_x_m_per_s, atol=1e-12)
-            assert_allclose(body.phi_rad, other.phi_rad, atol=1e-12)
+            assert_allclose(body.angle_rad, other.angle_rad, atol=1e-12)
     ends = [found[EVERY * (i + 1) - 1].bodies[0].velocity_x_m_per_s for i in range(6)]
     assert_allclose(ends, targets[1:], atol=1e-13)
     way = np.sum(0.5 * (targets[1:] + targets[:-1])) * EVERY * INTERVAL_NS * 1e-9

@@ -88,7 +88,7 @@ def test_sliding_wheel_comes_to_roll(mechanism_engine):
     rolling = 10.0 * 0.04 / (0.2 + 10.0 * 0.04)
     body = state.bodies[0]
     assert body.velocity_x_m_per_s == pytest.approx(rolling, abs=1e-9)
-    assert body.phi_rate_rad_per_s == pytest.approx(-rolling / 0.2, abs=1e-8)
+    assert body.angular_velocity_rad_per_s == pytest.approx(-rolling / 0.2, abs=1e-8)
     # what is lost went into friction
     lost = 0.5 * 10.0 - 0.5 * 10.0 * rolling**2 - 0.5 * 0.2 * (rolling / 0.2) ** 2
     assert state.dissipated_joule == pytest.approx(lost, rel=1e-6)
@@ -102,7 +102,7 @@ def test_friction_follows_its_law(mechanism_engine, slip):
     body = mechanism_engine(_wheel(0.3, velocity_m_per_s=(slip, 0.0))).state("run", -1, 0).bodies[0]
     friction = -0.3 * 98.1 * math.tanh(slip / 0.02)
     assert body.acceleration_x_m_per_s2 == pytest.approx(friction / 10.0, rel=1e-9)
-    assert body.phi_acceleration_rad_per_s2 == pytest.approx(0.2 * friction / 0.2, rel=1e-9)
+    assert body.angular_acceleration_rad_per_s2 == pytest.approx(0.2 * friction / 0.2, rel=1e-9)
 
 
 def test_dropped_wheel_never_pulls_on_the_ground(mechanism_engine):
@@ -137,7 +137,7 @@ def test_one_way_chain_lowers_and_goes_slack(mechanism_engine):
         "target": {"kind": "ramp", "start_value": 0.3, "end_value": 0.1, "start_s": 0.2, "end_s": 1.2},
         "stiffness_newton_per_m": 200_000.0,
         "damping_newton_s_per_m": 2000.0,
-        "only": "pull_up",
+        "acts_in": "pull_up",
     }
     engine = mechanism_engine(machine, 100_000)
     state = _advance(engine, 1500).state("run", 1499, 150_000_000)
@@ -172,7 +172,9 @@ def test_point_load_acts_at_its_point(mechanism_engine):
     engine = mechanism_engine(machine, gravity_m_per_s2=0.0)
     state = engine.state("run", -1, 0)
     assert state.bodies[0].acceleration_x_m_per_s2 == pytest.approx(1.5, rel=1e-12)
-    assert state.bodies[0].phi_acceleration_rad_per_s2 == pytest.approx((0.5 - 6.0 * 0.3) / 0.3, rel=1e-12)
+    assert state.bodies[0].angular_acceleration_rad_per_s2 == pytest.approx(
+        (0.5 - 6.0 * 0.3) / 0.3, rel=1e-12
+    )
     state = _advance(engine, 300).state("run", 299, 300_000_000)
     assert state.external_work_joule == pytest.approx(state.kinetic_energy_joule, rel=1e-9)
     assert state.forces == ()  # a load is given, not found

@@ -31,7 +31,7 @@ def test_point_on_line_is_an_ellipse_trammel(mechanism_engine):
     inertia = INERTIA + MASS * 0.25
     exact = solve_ivp(lambda _, y: (y[1], -MASS * 9.81 * 0.5 * math.cos(y[0]) / inertia), (0.0, 0.25),
                       (angle, 0.0), rtol=1e-12, atol=1e-12).y[:, -1]  # fmt: skip
-    assert body.phi_rad == pytest.approx(angle - exact[0], abs=1e-8)
+    assert body.angle_rad == pytest.approx(angle - exact[0], abs=1e-8)
     assert body.x_m == pytest.approx(0.5 * math.cos(exact[0]), abs=1e-8)
     # at the start: the wall pushes the bar's end with what moves its middle along x
     state = mechanism_engine(machine).state("run", -1, 0)
@@ -75,7 +75,7 @@ def test_relative_driver(mechanism_engine, coordinate):
     way, growth, turn = 0.03 + 0.2 * 0.027, 1.2 * 0.3, 0.6
     block, drive = state.bodies[1], state.joints[3]
     if coordinate == "angle":
-        assert block.phi_rad == pytest.approx(turn + way, abs=1e-11)
+        assert block.angle_rad == pytest.approx(turn + way, abs=1e-11)
         assert drive.moment_newton_m == pytest.approx(INERTIA * growth, abs=1e-9)
         return
     along = np.array([math.cos(turn), math.sin(turn)])
@@ -125,7 +125,7 @@ def test_locked_spring_makes_the_shank_rigid(mechanism_engine, subsoiler):
     rod = next(j for j in state.joints if j.name == "H9")
     assert math.hypot(rod.force_x_newton, rod.force_z_newton) == pytest.approx(abs(spring.force_newton))
     shank, frame = (next(b for b in state.bodies if b.name == n) for n in ("shank", "frame"))
-    assert shank.phi_rad - frame.phi_rad == pytest.approx(0.0, abs=1e-11)
+    assert shank.angle_rad - frame.angle_rad == pytest.approx(0.0, abs=1e-11)
 
 
 def test_locked_rod_swings_as_a_pendulum(mechanism_engine):
@@ -178,8 +178,8 @@ def test_torsion_spring_turns_both_bodies(mechanism_engine):
     one, two = advance(engine, 300).state("run", 299, 300_000_000).bodies
     frequency = math.sqrt(20.0 / (INERTIA * 0.6 / (INERTIA + 0.6)))
     twist = 1.5 / frequency * math.sin(frequency * 0.3)
-    assert two.phi_rad - one.phi_rad == pytest.approx(twist, abs=1e-7)
-    spin = INERTIA * one.phi_rate_rad_per_s + 0.6 * two.phi_rate_rad_per_s
+    assert two.angle_rad - one.angle_rad == pytest.approx(twist, abs=1e-7)
+    spin = INERTIA * one.angular_velocity_rad_per_s + 0.6 * two.angular_velocity_rad_per_s
     assert spin == pytest.approx(0.6 * 1.5, abs=1e-12)
 
 

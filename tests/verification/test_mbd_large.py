@@ -44,12 +44,12 @@ def _energy(state):
     return state.kinetic_energy_joule + state.gravity_energy_joule
 
 
-def _drift(engine, ticks, interval_ns):
+def _drift(engine, ticks, communication_step_ns):
     start, worst = _energy(engine.state("run", -1, 0)), 0.0
     for tick in range(ticks):
         engine.advance(tick, ())
         if (tick + 1) % (ticks // 10) == 0:
-            state = engine.state("run", tick, (tick + 1) * interval_ns)
+            state = engine.state("run", tick, (tick + 1) * communication_step_ns)
             worst = max(worst, abs(_energy(state) - start))
             assert state.position_residual_m < 1e-11
             assert state.velocity_residual_m_per_s < 1e-10
@@ -77,7 +77,7 @@ def test_chain_starts_to_fall_as_the_full_equations_say(mechanism_engine, count,
     weight = np.zeros(5 * count)
     weight[1 : 3 * count : 3] = -GRAVITY * masses
     exact = np.linalg.solve(matrix, weight)
-    ours = [(b.acceleration_x_m_per_s2, b.acceleration_z_m_per_s2, b.phi_acceleration_rad_per_s2)
+    ours = [(b.acceleration_x_m_per_s2, b.acceleration_z_m_per_s2, b.angular_acceleration_rad_per_s2)
             for b in state.bodies]  # fmt: skip
     scale = np.abs(exact[: 3 * count]).max()
     np.testing.assert_allclose(np.ravel(ours), exact[: 3 * count], atol=1e-11 * count**2 * scale)
@@ -107,9 +107,9 @@ def test_few_and_many_freedoms_move_alike(mechanism_engine):
         for tick in range(300):
             engine.advance(tick, ())
     expected, several = (engine.state("run", 299, 300_000_000) for engine in (one, many))
-    assert expected.bodies[0].phi_rad != 0.0
+    assert expected.bodies[0].angle_rad != 0.0
     for i in range(9):
-        assert several.bodies[i].phi_rad == pytest.approx(expected.bodies[0].phi_rad, abs=1e-11)
+        assert several.bodies[i].angle_rad == pytest.approx(expected.bodies[0].angle_rad, abs=1e-11)
         for key in ("force_x_newton", "force_z_newton"):
             assert getattr(several.joints[i], key) == pytest.approx(
                 getattr(expected.joints[0], key), abs=1e-8
@@ -128,7 +128,7 @@ def test_redundant_joint_among_many_freedoms_shares_the_load(mechanism_engine):
             engine.advance(tick, ())
         states.append(engine.state("run", 99, 100_000_000))
     for alone, both in zip(states[0].bodies, states[1].bodies, strict=True):
-        assert both.phi_rad == pytest.approx(alone.phi_rad, abs=1e-10)
+        assert both.angle_rad == pytest.approx(alone.angle_rad, abs=1e-10)
     pins = {joint.name: joint for joint in states[1].joints}
     for name in ("pin0", "again"):
         assert not pins[name].unique

@@ -27,8 +27,8 @@ def _loaded(machine, share=True):
 
 def _coordinates(state):
     """q and v (21,) of a MechanismState."""
-    q = [(b.x_m, b.z_m, b.phi_rad) for b in state.bodies]
-    v = [(b.velocity_x_m_per_s, b.velocity_z_m_per_s, b.phi_rate_rad_per_s) for b in state.bodies]
+    q = [(b.x_m, b.z_m, b.angle_rad) for b in state.bodies]
+    v = [(b.velocity_x_m_per_s, b.velocity_z_m_per_s, b.angular_velocity_rad_per_s) for b in state.bodies]
     return np.array(q).reshape(-1), np.array(v).reshape(-1)
 
 
@@ -46,9 +46,9 @@ def test_static_equilibrium_is_the_one_derived_for_the_machine(mechanism_engine,
     # the derived values have four to six digits; its link angle counts from the x axis, ours from the
     # reference pose, in which the link rises from H4 to H2
     slope = np.arctan2(0.45 - 0.40, 1.49 - 0.80)
-    assert body["shank"].phi_rad == pytest.approx(-0.05194, abs=5e-6)
-    assert body["lower_link"].phi_rad + slope == pytest.approx(0.091615, abs=1e-6)
-    assert body["frame"].phi_rad == pytest.approx(-0.001098, abs=1e-6)
+    assert body["shank"].angle_rad == pytest.approx(-0.05194, abs=5e-6)
+    assert body["lower_link"].angle_rad + slope == pytest.approx(0.091615, abs=1e-6)
+    assert body["frame"].angle_rad == pytest.approx(-0.001098, abs=1e-6)
     assert body["wheel_left"].z_m == pytest.approx(0.186983, abs=1e-6)
 
 
@@ -64,7 +64,7 @@ def test_static_equilibrium_balances_the_weight(mechanism_engine, subsoiler):
     for body in state.bodies:
         assert abs(body.acceleration_x_m_per_s2) < 1e-8
         assert abs(body.acceleration_z_m_per_s2) < 1e-8
-        assert abs(body.phi_acceleration_rad_per_s2) < 1e-8
+        assert abs(body.angular_acceleration_rad_per_s2) < 1e-8
 
 
 def test_every_body_starts_with_the_drivers_speed(mechanism_engine, subsoiler):
@@ -74,7 +74,7 @@ def test_every_body_starts_with_the_drivers_speed(mechanism_engine, subsoiler):
         assert body.velocity_x_m_per_s == pytest.approx(0.5, abs=1e-12)
         assert body.velocity_z_m_per_s == pytest.approx(0.0, abs=1e-12)
         spin = -2.5 if "wheel" in body.name else 0.0
-        assert body.phi_rate_rad_per_s == pytest.approx(spin, abs=1e-12)
+        assert body.angular_velocity_rad_per_s == pytest.approx(spin, abs=1e-12)
     assert state.velocity_residual_m_per_s < 1e-13
 
 
@@ -202,13 +202,13 @@ def test_draft_is_what_accelerates_the_machine_against_soil_and_wheels(mechanism
 # --- energy -----------------------------------------------------------------------------------------
 
 
-def _book_error(engine, ticks, interval_ns):
+def _book_error(engine, ticks, communication_step_ns):
     """Largest gap of the energy book [J] over a run."""
     start, worst = _energy(engine.state("run", -1, 0)), 0.0
     for tick in range(ticks):
         engine.advance(tick, ())
         if (tick + 1) * 20 % ticks == 0:
-            state = engine.state("run", tick, (tick + 1) * interval_ns)
+            state = engine.state("run", tick, (tick + 1) * communication_step_ns)
             gap = _energy(state) - start + state.dissipated_joule
             worst = max(worst, abs(gap - state.driver_work_joule - state.external_work_joule))
     return worst, state
@@ -260,13 +260,13 @@ def test_new_partitions_change_coordinates_and_nothing_else(mechanism_engine):
     """A four-bar swinging through the limits of every link keeps its energy over changes of partition."""
     drifts = []
     for ticks in (2000, 4000):
-        interval_ns = 2_000_000_000 // ticks
-        engine = mechanism_engine(_triple_rocker(), interval_ns)
+        communication_step_ns = 2_000_000_000 // ticks
+        engine = mechanism_engine(_triple_rocker(), communication_step_ns)
         first, worst, chosen = engine.state("run", -1, 0).gravity_energy_joule, 0.0, set()
         for tick in range(ticks):
             engine.advance(tick, ())
             if tick % 10 == 9:
-                state = engine.state("run", tick, (tick + 1) * interval_ns)
+                state = engine.state("run", tick, (tick + 1) * communication_step_ns)
                 assert state.position_residual_m < 1e-10
                 worst = max(worst, abs(_energy(state) - first))
                 chosen.add(tuple(engine.arrays.independent))

@@ -139,8 +139,8 @@ def _loaded(machine):
 
 
 def _arrays(state):
-    q = [(b.x_m, b.z_m, b.phi_rad) for b in state.bodies]
-    v = [(b.velocity_x_m_per_s, b.velocity_z_m_per_s, b.phi_rate_rad_per_s) for b in state.bodies]
+    q = [(b.x_m, b.z_m, b.angle_rad) for b in state.bodies]
+    v = [(b.velocity_x_m_per_s, b.velocity_z_m_per_s, b.angular_velocity_rad_per_s) for b in state.bodies]
     return np.ravel(q), np.ravel(v)
 
 

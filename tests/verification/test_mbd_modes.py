@@ -126,7 +126,7 @@ def test_shank_rings_at_the_frequency_of_its_mode(mechanism_engine, subsoiler):
     for tick in range(1200):
         engine.advance(tick, ())
         body = engine.state("run", tick, (tick + 1) * 500_000).bodies
-        turns.append(body[0].phi_rate_rad_per_s)
+        turns.append(body[0].angular_velocity_rad_per_s)
     signal = np.array(turns[60:])
     crossings = np.flatnonzero(signal[1:] * signal[:-1] < 0.0)
     crossings = crossings + signal[crossings] / (signal[crossings] - signal[crossings + 1])
@@ -180,7 +180,12 @@ def test_check_marks_modes_that_the_step_does_not_resolve(tmp_path, capsys):
     """The linkage swings as a pendulum; with fewer than 20 steps a period its swing is the integrator's."""
     path = tmp_path / "linkage.yaml"
     path.write_text(SCENE)
-    slow = ["--set", "mechanism.integrator=generalized_alpha", "--set", "coupling.interval_ns=100000000"]
+    slow = [
+        "--set",
+        "mechanism.integrator=generalized_alpha",
+        "--set",
+        "coupling.communication_step_ns=100000000",
+    ]
     found = []
     for words in ([], slow):
         assert main(["check", str(path), *words]) == 0

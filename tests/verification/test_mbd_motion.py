@@ -54,7 +54,7 @@ def test_pendulum_converges_with_the_order_of_the_method(mechanism_engine, order
         engine = _advance(mechanism_engine(_pendulum(order), 1_600_000_000 // ticks), ticks)
         body = engine.state("run", ticks - 1, 1_600_000_000).bodies[0]
         angle, rate, _ = _pendulum_angle(1.6)
-        errors.append(math.hypot(body.phi_rad - angle, body.phi_rate_rad_per_s - rate))
+        errors.append(math.hypot(body.angle_rad - angle, body.angular_velocity_rad_per_s - rate))
     observed = np.log2(np.array(errors[:-1]) / errors[1:])
     # the leading term dominates at these steps (0.02 to 0.005 rad per step) to a quarter of an order
     assert observed == pytest.approx(order, abs=0.25)
@@ -234,9 +234,9 @@ def test_driven_slider_crank_follows_its_closed_form(mechanism_engine):
         q, v, a = (
             np.array([[getattr(body, key) for key in keys] for body in state.bodies]).reshape(-1)
             for keys in (
-                ("x_m", "z_m", "phi_rad"),
-                ("velocity_x_m_per_s", "velocity_z_m_per_s", "phi_rate_rad_per_s"),
-                ("acceleration_x_m_per_s2", "acceleration_z_m_per_s2", "phi_acceleration_rad_per_s2"),
+                ("x_m", "z_m", "angle_rad"),
+                ("velocity_x_m_per_s", "velocity_z_m_per_s", "angular_velocity_rad_per_s"),
+                ("acceleration_x_m_per_s2", "acceleration_z_m_per_s2", "angular_acceleration_rad_per_s2"),
             )
         )
         np.testing.assert_allclose(q, _slider_crank_pose(time), atol=1e-12)

@@ -46,7 +46,7 @@ def test_pendulum_converges_with_the_order_of_the_method(mechanism_engine, integ
         engine = _run(mechanism_engine(machine, 1_600_000_000 // ticks), ticks)
         body = engine.state("run", ticks - 1, 1_600_000_000).bodies[0]
         angle, rate = _pendulum_angle(1.6)
-        errors.append(math.hypot(body.phi_rad - angle, body.phi_rate_rad_per_s - rate))
+        errors.append(math.hypot(body.angle_rad - angle, body.angular_velocity_rad_per_s - rate))
     assert _orders(errors) == pytest.approx(order, abs=0.3)
 
 

@@ -28,12 +28,12 @@ def _slider(x, speed=0.0, rail=(), **spring):
     }
 
 
-def _follow(engine, ticks, interval_ns):
+def _follow(engine, ticks, communication_step_ns):
     """Positions and speeds of the first body, and the largest gap of the energy book."""
     start, worst, path = book(engine.state("run", -1, 0)), 0.0, []
     for tick in range(ticks):
         engine.advance(tick, ())
-        state = engine.state("run", tick, (tick + 1) * interval_ns)
+        state = engine.state("run", tick, (tick + 1) * communication_step_ns)
         worst = max(worst, abs(book(state) - start))
         path.append((state.bodies[0].x_m, state.bodies[0].velocity_x_m_per_s))
     return np.array(path), worst, state
@@ -157,7 +157,7 @@ def test_torsion_spring_swings_a_flywheel(mechanism_engine):
     state = advance(engine, 1000).state("run", 999, 500_000_000)
     decay, frequency = 1.0, math.sqrt(100.0 - 1.0)
     wave = math.cos(0.5 * frequency) + decay / frequency * math.sin(0.5 * frequency)
-    assert state.bodies[0].phi_rad - 0.3 == pytest.approx(0.2 * (1.0 - math.exp(-0.5) * wave), abs=1e-8)
+    assert state.bodies[0].angle_rad - 0.3 == pytest.approx(0.2 * (1.0 - math.exp(-0.5) * wave), abs=1e-8)
     assert state.joints[0].force_z_newton == pytest.approx(MASS * 9.81, rel=1e-9)
 
 
@@ -172,8 +172,8 @@ def test_revolute_stops_turn_a_wheel_back(mechanism_engine):
     # 0.1 s to the stop, half a period of 100 rad/s in it, 0.2 s to the other stop
     state = advance(mechanism_engine(machine, 500_000), 400).state("run", 399, 200_000_000)
     turned = 0.2 - 2.0 * (0.2 - 0.1 - math.pi / 100.0)
-    assert state.bodies[0].phi_rad - 0.5 == pytest.approx(turned, abs=1e-7)
-    assert state.bodies[0].phi_rate_rad_per_s == pytest.approx(-2.0, abs=1e-7)
+    assert state.bodies[0].angle_rad - 0.5 == pytest.approx(turned, abs=1e-7)
+    assert state.bodies[0].angular_velocity_rad_per_s == pytest.approx(-2.0, abs=1e-7)
 
 
 # --- friction ---------------------------------------------------------------------------------------
@@ -210,4 +210,4 @@ def test_pin_friction_holds_with_the_force_in_the_pin(mechanism_engine):
 
     exact = solve_ivp(slope, (0.0, 0.3), (0.0, 6.0), rtol=1e-11, atol=1e-12).y[:, -1]
     body = advance(mechanism_engine(machine, 500_000), 600).state("run", 599, 300_000_000).bodies[0]
-    np.testing.assert_allclose((body.phi_rad, body.phi_rate_rad_per_s), exact, atol=1e-7)
+    np.testing.assert_allclose((body.angle_rad, body.angular_velocity_rad_per_s), exact, atol=1e-7)

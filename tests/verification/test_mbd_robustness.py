@@ -174,7 +174,7 @@ TABLE = {"compressions_m": (0.0, 1.0), "forces_newton": (0.0, 5.0)}
 @pytest.mark.parametrize(("section", "part", "words"), [
     ("forces", SPRING, "needs one of stiffness_newton_per_m"),
     ("forces", {**SPRING, "stiffness_newton_per_m": 1.0, "table": TABLE}, "needs one of"),
-    ("forces", {**SPRING, "table": TABLE, "only": "tension"}, "does not go with a table"),
+    ("forces", {**SPRING, "table": TABLE, "acts_in": "tension"}, "does not go with a table"),
     ("forces", {**SPRING, "table": {**TABLE, "compressions_m": (1.0, 0.0)}}, "compressions_m must increase"),
     ("forces", {**SPRING, "stiffness_newton_per_m": 1.0, "stops": {"stiffness_newton_per_m": 1.0}},
      "give lower_m, upper_m or both"),

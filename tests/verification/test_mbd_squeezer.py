@@ -85,9 +85,9 @@ def test_squeezer_meets_its_published_solution(mechanism_engine, integrator):
     for tick in range(7500):
         engine.advance(tick, ())
     state = engine.state("run", 7499, 30_000_000)
-    np.testing.assert_allclose(_relative([b.phi_rad for b in state.bodies]), REFERENCE, rtol=1e-8)
+    np.testing.assert_allclose(_relative([b.angle_rad for b in state.bodies]), REFERENCE, rtol=1e-8)
     # rates: relative to the largest; the four small ones agree to 5e-8 of themselves
-    rates = _relative([b.phi_rate_rad_per_s for b in state.bodies])
+    rates = _relative([b.angular_velocity_rad_per_s for b in state.bodies])
     np.testing.assert_allclose(rates, REFERENCE_RATES, atol=1e-8 * 1424.0, rtol=0.0)
     np.testing.assert_allclose(rates, REFERENCE_RATES, rtol=1e-7)
     joint = next(j for j in state.joints if j.name == "F3")
@@ -192,19 +192,21 @@ def test_squeezer_meets_its_exact_motion(mechanism_engine, integrator, exact):
     for tick in range(7500):
         engine.advance(tick, ())
     state = engine.state("run", 7499, 30_000_000)
-    np.testing.assert_allclose(_relative([b.phi_rad for b in state.bodies]), exact[0], rtol=1e-8)
-    np.testing.assert_allclose(_relative([b.phi_rate_rad_per_s for b in state.bodies]), exact[1], rtol=1e-8)
+    np.testing.assert_allclose(_relative([b.angle_rad for b in state.bodies]), exact[0], rtol=1e-8)
+    np.testing.assert_allclose(
+        _relative([b.angular_velocity_rad_per_s for b in state.bodies]), exact[1], rtol=1e-8
+    )
 
 
 def test_squeezer_converges_to_the_exact_motion(mechanism_engine, exact):
     """The largest relative error of a speed falls by 16 or more when the step halves (order 4)."""
     errors = []
-    for interval_ns in (20_000, 10_000, 5_000):
-        engine = mechanism_engine(_squeezer("adams_moulton"), interval_ns, gravity_m_per_s2=0.0)
-        ticks = 30_000_000 // interval_ns
+    for communication_step_ns in (20_000, 10_000, 5_000):
+        engine = mechanism_engine(_squeezer("adams_moulton"), communication_step_ns, gravity_m_per_s2=0.0)
+        ticks = 30_000_000 // communication_step_ns
         for tick in range(ticks):
             engine.advance(tick, ())
         state = engine.state("run", ticks - 1, 30_000_000)
-        rates = _relative([b.phi_rate_rad_per_s for b in state.bodies])
+        rates = _relative([b.angular_velocity_rad_per_s for b in state.bodies])
         errors.append(np.abs(rates / exact[1] - 1.0).max())
     assert errors[0] > 16.0 * errors[1] > 256.0 * errors[2]

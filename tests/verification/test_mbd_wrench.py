@@ -38,9 +38,9 @@ def test_free_body_takes_the_impulse_of_random_wrenches(mechanism_engine, order,
         velocity = velocity + interval * acceleration
     # a few roundings per step of numbers as large as the sum of magnitudes
     largest = np.abs(wrenches / [MASS, MASS, INERTIA]).sum(axis=0) * interval
-    gained = [motion.velocity_x_m_per_s, motion.velocity_z_m_per_s, motion.phi_rate_rad_per_s]
+    gained = [motion.velocity_x_m_per_s, motion.velocity_z_m_per_s, motion.angular_velocity_rad_per_s]
     assert np.all(np.abs(np.array(gained) - velocity) < 1e-14 * largest * steps)
-    reached = np.array([motion.x_m, motion.z_m, motion.phi_rad])
+    reached = np.array([motion.x_m, motion.z_m, motion.angle_rad])
     np.testing.assert_allclose(reached, position, rtol=0.0, atol=1e-14)
 
 
@@ -77,7 +77,7 @@ def test_planar_moment_is_minus_torque_y(mechanism_engine):
     """A torque about +y turns a body clockwise in the x-z plane; torques about x and z do nothing."""
     engine = mechanism_engine(_block(4), tools=["block"], gravity_m_per_s2=0.0)
     motion = engine.advance(0, (_wrench(0.0, 0.0, 2.0),))[0]
-    assert motion.phi_rate_rad_per_s == pytest.approx(-2.0 / INERTIA * 1e-3, rel=1e-12)
+    assert motion.angular_velocity_rad_per_s == pytest.approx(-2.0 / INERTIA * 1e-3, rel=1e-12)
     assert (motion.velocity_x_m_per_s, motion.velocity_z_m_per_s) == (0.0, 0.0)
     assert motion.y_m == 0.0
 
@@ -105,7 +105,7 @@ def test_work_of_wrenches_is_force_times_displacement(mechanism_engine, subsoile
         for tick, (fx, fz, torque) in enumerate(noise):
             after = engine.advance(tick, (_wrench(fx - 300.0, fz, torque, "shank_tool"),))[0]
             work += (fx - 300.0) * (after.x_m - before.x_m) + fz * (after.z_m - before.z_m)
-            work -= torque * (after.phi_rad - before.phi_rad)
+            work -= torque * (after.angle_rad - before.angle_rad)
             before = after
         state = engine.state("run", 199, 200_000_000)
         assert state.external_work_joule == pytest.approx(work, abs=1e-10)

@@ -49,8 +49,8 @@ def test_the_outer_shanks_mirror_each_other(tmp_path: Path) -> None:
 
 
 def test_each_shank_has_its_part_of_the_draft(tmp_path: Path) -> None:
-    """On the reduced soil: parts add up to the shares' draft, each shank works, the summary names them."""
-    resolved = load_scene(SCENES / "three_shanks_resistance.yaml", ["duration_s=1.3"])
+    """On the wedge model: parts add up to the shares' draft, each shank works, the summary names them."""
+    resolved = load_scene(SCENES / "three_shanks_wedge.yaml", ["duration_s=1.3"])
     series = run(resolved, tmp_path / "bag")
     parts = [series[f"draft.tool.{name}_newton"] for name in SHANKS]
     assert_allclose(np.sum(parts, axis=0), series["draft.share_newton"], rtol=1e-12)
@@ -68,7 +68,7 @@ def test_each_shank_has_its_part_of_the_draft(tmp_path: Path) -> None:
 
 def test_summary_and_figures_name_every_shank(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A line of the table for each; the figures are drawn."""
-    resolved = load_scene(SCENES / "three_shanks_resistance.yaml", ["duration_s=0.05"])
+    resolved = load_scene(SCENES / "three_shanks_wedge.yaml", ["duration_s=0.05"])
     series = run(resolved, tmp_path / "bag")
     print_summary(summarize(tmp_path / "bag", resolved, {}, series), resolved.scene, tmp_path)
     shown = capsys.readouterr().out

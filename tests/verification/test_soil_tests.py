@@ -29,7 +29,7 @@ from subsoil_ros.messages import ToolWrenches
 from subsoil_ros.scene.pairs import pair_values, tool_values
 
 GRID = "soil.bed.spacing_m=rest"
-DRY = "adhesion_newton_per_m"
+DRY = "cohesive_stiffness_newton_per_m"
 FACTOR = 10.0
 
 
@@ -58,7 +58,7 @@ def test_a_specimen_takes_what_its_scene_allows(soil, tmp_path: Path) -> None:
     resolved = soil.scene(GRID, "soil.time_step_s=6e-5", "allow=[unstable_time_step]")
     specimen = prepare_specimen(resolved, (0.144, 0.108, 0.126), tmp_path)
     assert specimen.resolved.scene.allow == ("unstable_time_step",)
-    assert specimen.resolved.timing.interval_ns == 60_000
+    assert specimen.resolved.timing.communication_step_ns == 60_000
 
 
 def test_meshes_of_the_box() -> None:
@@ -214,13 +214,13 @@ def test_scaled_soil_moves_alike(soil) -> None:
     wide = soil.scene(
         f"soil.bin={box}",
         f"soil.particles.radius_m={ratio * small.particles.radius_m}",
-        f"soil.particles.law_radius_m={small.particles.radius_m}",
+        f"soil.particles.reference_radius_m={small.particles.radius_m}",
         f"soil.bed={{kind: grid, spacing_m: {ratio * 0.0185}, jitter_m: {ratio * 0.0005}}}",
         f"soil.skin_m={ratio * small.skin_m}",
         f"soil.time_step_s={ratio * 5e-5}",
         gravity_m_per_s2=resolved.scene.gravity_m_per_s2 / ratio,
     )
-    timing = Timing(round(ratio * resolved.timing.interval_ns), ticks, 1, 0)
+    timing = Timing(round(ratio * resolved.timing.communication_step_ns), ticks, 1, 0)
     larger = SoilEngine(dataclasses.replace(wide, timing=timing))
     smaller = SoilEngine(resolved)
     for engine in (smaller, larger):

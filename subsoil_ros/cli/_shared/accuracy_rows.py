@@ -11,11 +11,11 @@ from ...loading.presets import ErrorInterval, Expected
 
 def accuracy_lines(resolved: ResolvedScene, overrides: Sequence[str]) -> Iterator[RenderableType]:
     """What a study measured of the chosen preset, or of all of them, or that there is nothing measured."""
-    name, duration = resolved.accuracy, resolved.scene.duration_s
+    name, duration = resolved.preset, resolved.scene.duration_s
     if name is None:
         if resolved.presets:
             names = ", ".join(resolved.presets)
-            yield f"accuracy: as written; presets of this scene: {names} (--accuracy NAME)"
+            yield f"accuracy: as written; presets of this scene: {names} (--preset NAME)"
         known = {key: item.expected for key, item in resolved.presets.items() if item.expected is not None}
         if known:
             yield from _all_presets(known, duration)
@@ -42,7 +42,7 @@ def accuracy_lines(resolved: ResolvedScene, overrides: Sequence[str]) -> Iterato
 
 def _changed(overrides: Sequence[str]) -> Iterator[str]:
     """A note where this is not the scene that was measured."""
-    changed = [text for text in overrides if text.partition("=")[0].strip() != "accuracy"]
+    changed = [text for text in overrides if text.partition("=")[0].strip() != "preset"]
     if changed:
         yield f"note: measured without {', '.join(f'--set {text}' for text in changed)}"
 

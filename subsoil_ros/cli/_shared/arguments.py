@@ -13,20 +13,20 @@ RECORD_HELP = (
 
 
 def add_overrides(parser: argparse.ArgumentParser) -> None:
-    """Declare `--set` and `--accuracy`, once for every verb that reads a scene; both become `overrides`."""
+    """Declare `--set` and `--preset`, once for every verb that reads a scene; both become `overrides`."""
     parser.add_argument(
         "--set",
         dest="overrides",
         action="append",
         default=[],
         metavar="KEY=VALUE",
-        help="change a value of the scene, as soil.bed.seed=3 or start=lowered; may be repeated",
+        help="change a value of the scene, as soil.bed.seed=3 or initial_condition=lowered; may be repeated",
     )
     parser.add_argument(
-        "--accuracy",
+        "--preset",
         dest="overrides",
         action="append",
-        type=lambda name: f"accuracy={name}",
+        type=lambda name: f"preset={name}",
         metavar="NAME",
         help="a preset of the scene, as coarse, standard or fine (default: the scene as it is written)",
     )

@@ -58,7 +58,7 @@ def _rows(report: BedReport, motion: FreeMotion) -> Iterable[tuple[str, str]]:
         yield (
             "radii",
             (
-                f"{_mm(radii.smallest_m)} to {_mm(radii.largest_m)}, mean {_mm(radii.mean_m)}, "
+                f"{_mm(radii.smallest_m)} to {_mm(radii.max_m)}, mean {_mm(radii.mean_m)}, "
                 f"standard deviation {_mm(radii.deviation_m)}"
             ),
         )
@@ -70,23 +70,23 @@ def _rows(report: BedReport, motion: FreeMotion) -> Iterable[tuple[str, str]]:
     yield "density", f"{report.density_kg_per_m3:.4g} kg/m3"
     yield "coordination", f"{report.coordination:.2f} particles in reach, mean"
     yield "stable step", f"{report.stable_step_s * 1e6:.4g} us at this coordination"
-    yield "largest overlap", f"{_mm(report.largest_overlap_m)} beyond rest"
+    yield "largest overlap", f"{_mm(report.max_overlap_m)} beyond rest"
     yield "top", f"mean z = {_mm(report.top_mean_m)}, spread {_mm(report.top_spread_m)}"
     yield "floor", f"z = {_mm(report.floor_m)}"
     for wall, gap in report.wall_gaps.items():
         yield (
             "gap at floor" if wall == "floor" else f"gap at {wall} wall",
-            f"mean {_mm(gap.mean_m)}, largest {_mm(gap.largest_m)} (negative: overlap)",
+            f"mean {_mm(gap.mean_m)}, largest {_mm(gap.max_m)} (negative: overlap)",
         )
-    x, y, z = report.largest_void_at_m
-    radius = _mm(report.largest_void_radius_m)
+    x, y, z = report.max_void_at_m
+    radius = _mm(report.max_void_radius_m)
     yield "largest void", f"sphere of radius {radius} at ({x:.3f}, {y:.3f}, {z:.3f}) m"
     yield "kinetic energy", f"{report.kinetic_energy_joule:.2g} J left when its preparation ended"
     yield (
         f"alone for {motion.duration_s * 1e3:.3g} ms",
         (
             f"kinetic energy {motion.kinetic_energy_joule:.2g} J, moves {motion.rms_move_m * 1e6:.3g} um, "
-            f"{motion.largest_move_m * 1e6:.3g} um at most (rms, largest)"
+            f"{motion.max_move_m * 1e6:.3g} um at most (rms, largest)"
         ),
     )
 

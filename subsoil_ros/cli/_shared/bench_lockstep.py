@@ -180,7 +180,7 @@ def write_scene(folder: Path, ticks: int) -> Path:
             name: {"body": name, "groups": {"share": mesh, "blade": mesh}}
             for name in ("shank", "wheel_left", "wheel_right")
         },
-        "coupling": {"interval_ns": _INTERVAL_NS},
+        "coupling": {"communication_step_ns": _INTERVAL_NS},
         "record": {"series_ticks": _SERIES_TICKS, "cloud_hz": 0.0},
     }
     path = folder / "scene.yaml"

@@ -42,8 +42,8 @@ class RunProgress:
     """A bar on standard error. Use as context manager, and call with each tick that is done."""
 
     def __init__(self, name: str, timing: Timing) -> None:
-        self._interval_ns = timing.interval_ns
-        duration_s = tick_end_s(timing.tick_count - 1, timing.interval_ns)
+        self._interval_ns = timing.communication_step_ns
+        duration_s = tick_end_s(timing.tick_count - 1, timing.communication_step_ns)
         self._progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -109,7 +109,7 @@ def counted(what: str, count: int) -> Iterator[Callable[[], None]]:
 @contextmanager
 def reading_bag(timing: Timing) -> Iterator[Callable[[int], None]]:
     """A bar over the time of a bag that is read; gives what to call with each message's time [ns]."""
-    end_ns = timing.tick_count * timing.interval_ns
+    end_ns = timing.tick_count * timing.communication_step_ns
     shown_ns = 0
     with _bar(TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn()) as progress:
         task = progress.add_task("reading the bag", total=end_ns)

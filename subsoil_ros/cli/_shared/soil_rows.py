@@ -12,11 +12,11 @@ from ...scene.pairs import layer_soils
 from ...scene.sizes import mean_power
 from ...scene.soil import Soil
 from ...scene.tool_faces import cutting_faces, wheel_face
-from ...scene.wedge import ResistanceSoil
+from ...scene.wedge import WedgeSoil
 
 
-def reduced_rows(resolved: ResolvedScene, soil: ResistanceSoil) -> Iterable[tuple[str, str]]:
-    """Values of a reduced soil, and what it sees of each tool."""
+def wedge_rows(resolved: ResolvedScene, soil: WedgeSoil) -> Iterable[tuple[str, str]]:
+    """Values of a wedge model, and what it sees of each tool."""
     found = soil_of(soil)
     values = found.values
     phi, delta = math.degrees(values.friction_angle_rad), math.degrees(values.tool_friction_angle_rad)
@@ -51,7 +51,7 @@ def reduced_rows(resolved: ResolvedScene, soil: ResistanceSoil) -> Iterable[tupl
         yield f"layer {layer.name}", edge
     for name, tool in resolved.scene.tools.items():
         mesh = load_tool_mesh(resolved.directory, resolved.scene, name)
-        if not tool.share:
+        if not tool.is_tillage:
             wheel = wheel_face(mesh, f"tools.{name}")
             yield f"wheel {name}", f"radius {wheel.radius_m:.4g} m, width {wheel.width_m:.4g} m"
             continue

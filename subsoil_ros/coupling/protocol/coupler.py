@@ -8,8 +8,8 @@ from ...messages import (
     Command,
     DriverCommand,
     Grant,
-    NodeHello,
     NodeState,
+    NodeStatus,
     TickAck,
     ToolMotion,
     ToolMotions,
@@ -46,7 +46,7 @@ class Coupler:
 
     def __init__(
         self,
-        hello: NodeHello,
+        hello: NodeStatus,
         names: tuple[str, ...],
         tools: tuple[str, ...],
         tick_count: int,
@@ -91,7 +91,7 @@ class Coupler:
         """Whether every tick is done and recorded."""
         return self.acknowledged_tick == self.last_tick == self.done_tick
 
-    def accept_hello(self, hello: NodeHello) -> None:
+    def accept_hello(self, hello: NodeStatus) -> None:
         """Takes the hello or heartbeat of a participant.
 
         Raises:
@@ -104,7 +104,7 @@ class Coupler:
         known = self._process_ids.setdefault(hello.node, hello.process_id)
         if known != hello.process_id:
             raise ProtocolError(
-                f"node_hello: two nodes '{hello.node}', processes {known} and {hello.process_id}"
+                f"node_status: two nodes '{hello.node}', processes {known} and {hello.process_id}"
             )
         if hello.state is NodeState.FAULT:
             raise RunError(f"{hello.node}: {hello.message}")
@@ -113,11 +113,11 @@ class Coupler:
             return
         if hello.initial_motions:
             given_tools = tuple(t.tool for t in hello.initial_motions)
-            refuse_other_tools("node_hello", INITIAL_TICK, given_tools, self._tools)
+            refuse_other_tools("node_status", INITIAL_TICK, given_tools, self._tools)
             self.initial_motions = hello.initial_motions
         if hello.node == SOIL:
             given_tools = tuple(t.tool for t in hello.initial_wrenches)
-            refuse_other_tools("node_hello", INITIAL_TICK, given_tools, self._tools)
+            refuse_other_tools("node_status", INITIAL_TICK, given_tools, self._tools)
             self.initial_wrenches = hello.initial_wrenches
         self._waiting.discard(hello.node)
 
@@ -213,10 +213,10 @@ class Coupler:
             ProtocolError: grants are not held back.
         """
         if not self._holding:
-            raise ProtocolError("grant: KEEP while ticks are being granted")
+            raise ProtocolError("grant: CHECKPOINT while ticks are being granted")
         if self.done_tick < self._granted:
             return None
-        return Grant(self._own.run_id, self.done_tick, Command.KEEP)
+        return Grant(self._own.run_id, self.done_tick, Command.CHECKPOINT)
 
     def missing(self) -> str:
         """What the run waits for, in words."""

@@ -1,9 +1,9 @@
-"""What the nodes of a run must have in common, and what the scene needs of each: said in NodeHello."""
+"""What the nodes of a run must have in common, and what the scene needs of each: said in NodeStatus."""
 
 from collections.abc import Iterable, Mapping
 
 from ...errors import ProtocolError
-from ...messages import NodeHello
+from ...messages import NodeStatus
 from ...scene.model import Scene
 from .names import MECHANISM, RECORDER, SOIL
 
@@ -36,7 +36,7 @@ def needed_capabilities(scene: Scene) -> dict[str, dict[str, str]]:
     return needed
 
 
-def check_hello(own: NodeHello, other: NodeHello, needed: Mapping[str, str]) -> None:
+def check_hello(own: NodeStatus, other: NodeStatus, needed: Mapping[str, str]) -> None:
     """Compares a node's word with the coupler's own.
 
     Args:
@@ -48,24 +48,24 @@ def check_hello(own: NodeHello, other: NodeHello, needed: Mapping[str, str]) -> 
     node = other.node
     if other.package_version != own.package_version:
         raise ProtocolError(
-            f"node_hello: {node} is subsoil_ros {other.package_version}, the coupler {own.package_version}; "
+            f"node_status: {node} is subsoil_ros {other.package_version}, the coupler {own.package_version}; "
             "install the same version for all nodes"
         )
     if other.message_hashes != own.message_hashes:
         unlike = ", ".join(_unlike(own.message_hashes, other.message_hashes))
         raise ProtocolError(
-            f"node_hello: {node} has other definitions of subsoil_msgs than the coupler ({unlike}); build "
+            f"node_status: {node} has other definitions of subsoil_msgs than the coupler ({unlike}); build "
             "subsoil_msgs anew for all nodes"
         )
     if other.scene_hash != own.scene_hash:
         raise ProtocolError(
-            f"node_hello: {node} runs scene {other.scene_hash[:16]}, the coupler {own.scene_hash[:16]} (hash "
+            f"node_status: {node} runs scene {other.scene_hash[:16]}, the coupler {own.scene_hash[:16]} (hash "
             "of the resolved scene with its meshes); start all nodes with the same scene"
         )
     for capability, key in needed.items():
         if capability not in other.capabilities:
             raise ProtocolError(
-                f"node_hello: {node} cannot do '{capability}', which the scene asks for ({key}); use a node "
+                f"node_status: {node} cannot do '{capability}', which the scene asks for ({key}); use a node "
                 "that can, or change the scene"
             )
 

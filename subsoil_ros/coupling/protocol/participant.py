@@ -1,4 +1,4 @@
-"""Mover or soil: takes messages in any interleaving, hands out each tick once, in order."""
+"""MotionSource or soil: takes messages in any interleaving, hands out each tick once, in order."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -28,7 +28,7 @@ class Work:
 
 
 class Participant:
-    """Mover or soil: takes messages in any interleaving, hands out each tick once, in order.
+    """MotionSource or soil: takes messages in any interleaving, hands out each tick once, in order.
 
     Args:
         control_ticks: a command is needed every so many ticks; 0: never.
@@ -83,7 +83,7 @@ class Participant:
         self._grants.refuse_foreign(grant.run_id, grant.tick)
         if self._at_work or grant.tick != self.done_tick or self._grants.next_tick != grant.tick + 1:
             raise ProtocolError(
-                f"grant: KEEP came for tick {grant.tick}, done is tick {self.done_tick}, granted tick "
+                f"grant: CHECKPOINT came for tick {grant.tick}, done is tick {self.done_tick}, granted tick "
                 f"{self._grants.next_tick - 1}"
             )
 

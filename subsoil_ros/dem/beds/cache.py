@@ -17,7 +17,7 @@ SOURCES = (*(PACKAGE / "dem").glob("*.py"), PACKAGE / "dem" / "beds", PACKAGE / 
 """Code that a bed depends on."""
 
 _OF_THE_RUN = {
-    "time_step_s", "precision", "device", "skin_m", "largest_tool_overlap_m", "largest_lost_particles",
+    "time_step_s", "precision", "device", "skin_m", "max_tool_overlap_m", "max_lost_particles",
     "monitors",
 }  # fmt: skip
 """Keys of the soil that its bed does not depend on."""

@@ -36,7 +36,7 @@ class WallGap:
     """Free distance from a wall to the nearest particle, over cells GAP_CELL wide; negative: overlap."""
 
     mean_m: float
-    largest_m: float
+    max_m: float
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class RadiusReport:
 
     smallest_m: float
     mean_m: float
-    largest_m: float
+    max_m: float
     deviation_m: float  # standard
 
 
@@ -67,13 +67,13 @@ class BedReport:
     layers: tuple[LayerReport, ...]  # from top to bottom; empty without
     density_kg_per_m3: float  # mass over the volume between walls, floor and mean top
     coordination: float  # particles in reach of a particle, mean
-    largest_overlap_m: float  # beyond rest
+    max_overlap_m: float  # beyond rest
     top_mean_m: float
     top_spread_m: float  # standard deviation over columns one radius apart
     floor_m: float
     wall_gaps: dict[str, WallGap]  # by dem.walls.WALLS
-    largest_void_radius_m: float  # of a sphere between particles, walls and surface
-    largest_void_at_m: tuple[float, float, float]
+    max_void_radius_m: float  # of a sphere between particles, walls and surface
+    max_void_at_m: tuple[float, float, float]
     kinetic_energy_joule: float  # left when the preparation ended
     stable_step_s: float  # at the measured coordination
 
@@ -95,13 +95,13 @@ def report_bed(bed: Bed, soil: Soil) -> BedReport:
         layers=_layers(bed, soil, masses, top, length * width),
         density_kg_per_m3=float(masses.sum()) / volume,
         coordination=coordination,
-        largest_overlap_m=float(bonds.excess_m.max(initial=0.0)),
+        max_overlap_m=float(bonds.excess_m.max(initial=0.0)),
         top_mean_m=float(top.mean()),
         top_spread_m=float(top.std()),
         floor_m=bed.lower_m[2],
         wall_gaps=_wall_gaps(bed, radii, top, radius),
-        largest_void_radius_m=void,
-        largest_void_at_m=at,
+        max_void_radius_m=void,
+        max_void_at_m=at,
         kinetic_energy_joule=bed.kinetic_energy_joule,
         stable_step_s=step_limits(soil, max(coordination, 1.0))[0].limit_s,
     )
@@ -215,7 +215,7 @@ class FreeMotion:
     duration_s: float
     kinetic_energy_joule: float
     rms_move_m: float
-    largest_move_m: float
+    max_move_m: float
 
 
 def free_motion(
@@ -226,13 +226,13 @@ def free_motion(
     engine = engine_of(dataclasses.replace(resolved, scene=scene), threads, bed=bed)
     engine.start(())
     before = engine.positions_m()
-    ticks = max(1, round(duration_s / resolved.timing.interval_s))
+    ticks = max(1, round(duration_s / resolved.timing.communication_step_s))
     for tick in range(ticks):
         engine.advance(tick, ())
     moved = np.linalg.norm(engine.positions_m() - before, axis=1)
     return FreeMotion(
-        duration_s=ticks * resolved.timing.interval_s,
+        duration_s=ticks * resolved.timing.communication_step_s,
         kinetic_energy_joule=engine.state("", ticks - 1, 0).kinetic_energy_joule,
         rms_move_m=float(np.sqrt((moved**2).mean())),
-        largest_move_m=float(moved.max()),
+        max_move_m=float(moved.max()),
     )

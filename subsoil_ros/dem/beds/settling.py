@@ -14,7 +14,7 @@ import numpy as np
 from ...limits.stable_steps import Timing
 from ...loading.loader import ResolvedScene
 from ...messages import SoilState
-from ...scene.base import Part
+from ...scene.base import StrictModel
 from ...scene.pairs import layer_soils, pair_values, particle_mass_kg, particle_values, sphere_mass_kg
 from ...scene.soil import ContactLaw, Soil
 from ..bed import Bed
@@ -23,7 +23,7 @@ _SLIDING = (
     "tangential_stiffness_newton_per_m", "tangential_damping_newton_s_per_m", "static_friction",
     "sliding_friction", "rolling_friction",
 )  # fmt: skip
-_ADHESION = "adhesion_newton_per_m"
+_ADHESION = "cohesive_stiffness_newton_per_m"
 _DAMPING = "damping_newton_s_per_m"
 _STIFFNESS = "stiffness_newton_per_m"
 
@@ -123,7 +123,7 @@ def _smooth_law(soil: Soil, *, adhesive: bool) -> ContactLaw:
     same_ratio = math.sqrt(softened)
     lowered = min(same_ratio, wanted / pair.damping) if pair.damping > 0.0 else 1.0
 
-    def smooth(row: Part) -> Part:
+    def smooth(row: StrictModel) -> StrictModel:
         changes = {key: 0.0 for key in without if key in type(row).model_fields}
         for key, factor in ((_STIFFNESS, softened), (_DAMPING, lowered)):
             if key in type(row).model_fields:
@@ -133,7 +133,7 @@ def _smooth_law(soil: Soil, *, adhesive: bool) -> ContactLaw:
     rows = {
         key: smooth(getattr(soil.law, key))
         for key in type(soil.law).model_fields
-        if isinstance(getattr(soil.law, key), Part)
+        if isinstance(getattr(soil.law, key), StrictModel)
     }
     return soil.law.model_copy(update=rows)
 

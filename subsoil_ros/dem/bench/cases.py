@@ -1,7 +1,7 @@
 """Soils whose throughput is measured: law, bed, and what keeps it moving, so that lists are rebuilt.
 
 `linear` is stirred: every particle starts with a random velocity, and those of the surface fly on for
-some 0.1 s. Other codes can start from the same numbers. `wet` sticks together and would be at rest after
+some 0.1 s. Other codes can start from the same numbers. `cohesive_linear` sticks together and would be at rest after
 some ms, so a plate is dragged through it, as in the runs this engine is for.
 """
 
@@ -37,17 +37,17 @@ WET_PARTICLE = {
     "tangential_stiffness_newton_per_m": 8_000.0,
     "damping_newton_s_per_m": 20.0,
     "tangential_damping_newton_s_per_m": 20.0,
-    "adhesion_newton_per_m": 7_000.0,
+    "cohesive_stiffness_newton_per_m": 7_000.0,
     "static_friction": 0.5,
     "sliding_friction": 0.5,
     "rolling_friction": 0.3,
-    "rest_overlap_m": 0.002,
-    "reach_m": 0.002,
+    "equilibrium_overlap_m": 0.002,
+    "cohesion_range_m": 0.002,
 }
 WET_BOUNDARY = WET_PARTICLE | {
     "stiffness_newton_per_m": 16_000.0,
     "tangential_stiffness_newton_per_m": 12_000.0,
-    "adhesion_newton_per_m": 3_000.0,
+    "cohesive_stiffness_newton_per_m": 3_000.0,
 }
 """Table 3 of the paper, with all of the law."""
 
@@ -91,7 +91,7 @@ class Case:
             return ()
         assert self.resolved.scene.particle_soil is not None
         start_x = 0.4 * self.resolved.scene.particle_soil.bin.length_m
-        x = start_x + PLATE_SPEED_M_PER_S * step * self.resolved.timing.interval_s
+        x = start_x + PLATE_SPEED_M_PER_S * step * self.resolved.timing.communication_step_s
         return (ToolMotion(PLATE, x, 0.0, PLATE_CENTRE_Z_M, 0.0, PLATE_SPEED_M_PER_S, 0.0, 0.0),)
 
 
@@ -119,7 +119,7 @@ def wet_case(
     import trimesh
 
     trimesh.creation.box(PLATE_SIZE_M).export(folder / "plate.stl")
-    law = {"kind": "wet", "particle": WET_PARTICLE, "boundary": WET_BOUNDARY}
+    law = {"kind": "cohesive_linear", "particle": WET_PARTICLE, "boundary": WET_BOUNDARY}
     document = _document(law, bed, size_m, WET_SKIN_M)
     document["soil"]["precision"] = precision
     document["tools"] = {PLATE: {"path": {}, "groups": {"plate": {"mesh": "plate.stl"}}}}

@@ -191,7 +191,7 @@ class GpuSoilEngine(SoilEngine):
         starts = tuple(tool.last for tool in self._tools)
         ends = [
             tuple(
-                motion_within(a, b, timing.interval_s, s / steps)
+                motion_within(a, b, timing.communication_step_s, s / steps)
                 for a, b in zip(starts, motions, strict=True)
             )
             for s in range(1, steps + 1)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...errors import PhysicsError
 from ...loading.loader import ResolvedScene
-from ...messages import GroupForce, ToolMotion, ToolWrench
+from ...messages import FacetGroupForce, ToolMotion, ToolWrench
 from ...scene.meshes import ToolMesh, load_tool_mesh
 from ..bed import Bed
 from ..contact import Features, PairLaw
@@ -26,7 +26,7 @@ Motion = tuple[float, float, float, float, float, float, float, float]
 
 
 @dataclass
-class Felt:
+class ToolLoad:
     """Sums over the soil steps of one tick."""
 
     group_force: np.ndarray  # (groups, 3) [N], sum over steps
@@ -46,9 +46,9 @@ class ToolSurface:
     last: ToolMotion  # at the end of the last soil step
     facets: Facets = field(init=False)
     near: ToolList = field(init=False)
-    largest_overlap_m: float = field(default=0.0, init=False)
+    max_overlap_m: float = field(default=0.0, init=False)
     sinks_joule: np.ndarray = field(default_factory=lambda: np.zeros(5), init=False)
-    felt: Felt = field(init=False)
+    felt: ToolLoad = field(init=False)
 
     def __post_init__(self) -> None:
         self.facets = facets_of(self.mesh)
@@ -63,14 +63,14 @@ class ToolSurface:
 
     def begin_tick(self) -> None:
         """Forget what was felt in the tick before."""
-        self.felt = Felt(np.zeros((len(self.mesh.groups), 3)), np.zeros(3))
+        self.felt = ToolLoad(np.zeros((len(self.mesh.groups), 3)), np.zeros(3))
 
     def kernel_motion(self, motion: ToolMotion) -> Motion:
         """`motion` as the kernels take it."""
-        turn = motion.phi_rad - self.reference_phi_rad
+        turn = motion.angle_rad - self.reference_phi_rad
         return (
             motion.x_m, motion.z_m, math.cos(turn), math.sin(turn),
-            motion.velocity_x_m_per_s, motion.velocity_z_m_per_s, motion.phi_rate_rad_per_s, motion.y_m,
+            motion.velocity_x_m_per_s, motion.velocity_z_m_per_s, motion.angular_velocity_rad_per_s, motion.y_m,
         )  # fmt: skip
 
     def search(
@@ -95,12 +95,12 @@ class ToolSurface:
         """Bound on how far any point of the surface moved since the search [m]."""
         then = self._searched
         shift = math.hypot(motion.x_m - then.x_m, motion.z_m - then.z_m)
-        return shift + self._radius_m * abs(motion.phi_rad - then.phi_rad)
+        return shift + self._radius_m * abs(motion.angle_rad - then.angle_rad)
 
     def speed_m_per_s(self, motion: ToolMotion) -> float:
         """Bound on the speed of any point of the surface [m/s]."""
         speed = math.hypot(motion.velocity_x_m_per_s, motion.velocity_z_m_per_s)
-        return speed + self._radius_m * abs(motion.phi_rate_rad_per_s)
+        return speed + self._radius_m * abs(motion.angular_velocity_rad_per_s)
 
     def overlapped(self, particles: Particles, clearance_m: np.ndarray) -> np.ndarray:
         """Particles (numbers) inside the surface or closer to it than their `clearance_m` (n,)."""
@@ -148,11 +148,11 @@ class ToolSurface:
         self.felt.work_joule += (
             fx * (motion.x_m - self.last.x_m)
             + fz * (motion.z_m - self.last.z_m)
-            - float(torque[1]) * (motion.phi_rad - self.last.phi_rad)
+            - float(torque[1]) * (motion.angle_rad - self.last.angle_rad)
         )
         self.felt.contacts = int(sums[5])
         self.felt.steps += 1
-        self.largest_overlap_m = max(self.largest_overlap_m, float(sums[6]))
+        self.max_overlap_m = max(self.max_overlap_m, float(sums[6]))
         self.sinks_joule += sums[:5]
         self.last = motion
 
@@ -173,7 +173,7 @@ class ToolSurface:
             **named("near", self.near),
             "last": motion_array(self.last),
             "searched": motion_array(self._searched),
-            "largest_overlap_m": np.array(self.largest_overlap_m),
+            "max_overlap_m": np.array(self.max_overlap_m),
             "sinks_joule": self.sinks_joule,
         }
 
@@ -182,7 +182,7 @@ class ToolSurface:
         self.near = from_named(ToolList, "near", arrays)
         self.last = motion_from(self.name, arrays["last"])
         self._searched = motion_from(self.name, arrays["searched"])
-        self.largest_overlap_m = float(arrays["largest_overlap_m"])
+        self.max_overlap_m = float(arrays["max_overlap_m"])
         self.sinks_joule = arrays["sinks_joule"]
 
     def wrench(self) -> ToolWrench:
@@ -191,7 +191,7 @@ class ToolSurface:
         by_group = self.felt.group_force * share
         fx, fy, fz = by_group.sum(axis=0).tolist()
         tx, ty, tz = (self.felt.moment * share).tolist()
-        groups = [GroupForce(name, *by_group[g].tolist()) for g, name in enumerate(self.mesh.groups)]
+        groups = [FacetGroupForce(name, *by_group[g].tolist()) for g, name in enumerate(self.mesh.groups)]
         return ToolWrench(
             self.name, fx, fy, fz, tx, ty, tz, self.felt.work_joule, self.felt.contacts, tuple(groups)
         )  # fmt: skip
@@ -247,5 +247,7 @@ def motion_within(start: ToolMotion, end: ToolMotion, interval_s: float, part: f
 
     x, vx = between(start.x_m, start.velocity_x_m_per_s, end.x_m, end.velocity_x_m_per_s)
     z, vz = between(start.z_m, start.velocity_z_m_per_s, end.z_m, end.velocity_z_m_per_s)
-    phi, rate = between(start.phi_rad, start.phi_rate_rad_per_s, end.phi_rad, end.phi_rate_rad_per_s)
+    phi, rate = between(
+        start.angle_rad, start.angular_velocity_rad_per_s, end.angle_rad, end.angular_velocity_rad_per_s
+    )
     return ToolMotion(end.tool, x, end.y_m, z, phi, vx, vz, rate)

@@ -11,7 +11,7 @@ from ...loading.loader import ResolvedScene, load_scene
 from ...loading.seeds import is_random
 from ...loading.soil_file import law_of
 from ...loading.validation_errors import validated
-from ...scene.base import Finite, Fraction, NonNegative, Part, Positive
+from ...scene.base import Finite, Fraction, NonNegative, Positive, StrictModel
 from ...scene.bed_spacing import particle_spacing_m
 from ...scene.wedge import WheelSoil
 from ...yaml_document import read_document
@@ -20,7 +20,7 @@ GOLDEN = ((math.sqrt(5.0) - 1.0) / 2.0, 0.7548776662466927)
 """Multiples of these fill a square evenly: shifts of the tool against a regular bed."""
 
 
-class Point(Part):
+class Point(StrictModel):
     """One kind of run: the tip's depth, the speed, and how far the tool is turned (phi, nose down < 0)."""
 
     depth_m: Positive
@@ -35,10 +35,10 @@ class Point(Part):
         return f"{self.depth_m:g} m deep, {self.speed_m_per_s:g} m/s{tilt}"
 
 
-class ResistanceDesign(Part):
-    """Runs of a tool on a path that a reduced soil is fitted to, and others that it is checked on."""
+class WedgeDesign(StrictModel):
+    """Runs of a tool on a path that a wedge model is fitted to, and others that it is checked on."""
 
-    model: Literal["resistance"]
+    model: Literal["wedge"]
     scene: str  # with one tool on a path; relative to the design file
     overrides: tuple[str, ...] = ()  # KEY=VALUE over the scene, in every run
     start_tip_x_m: Finite = -0.05
@@ -48,7 +48,7 @@ class ResistanceDesign(Part):
     wheels: WheelSoil | None = None  # taken over into the soil file
 
 
-class Parameter(Part):
+class Parameter(StrictModel):
     """A number of the scene to find, within bounds; the scene's own value is the start."""
 
     key: str  # dotted path, as in --set
@@ -56,7 +56,7 @@ class Parameter(Part):
     largest: Finite
 
 
-class StrengthTarget(Part):
+class StrengthTarget(StrictModel):
     """Direct shear and tension of a specimen, as `subsoil soil-test` runs them."""
 
     kind: Literal["soil_test"]
@@ -69,7 +69,7 @@ class StrengthTarget(Part):
     tolerance: Fraction = 0.05  # relative error that counts one
 
 
-class DraftTarget(Part):
+class DraftTarget(StrictModel):
     """Mean draft of the scene on its own path, over its metrics window and the beds of `seeds`."""
 
     kind: Literal["draft"]
@@ -78,7 +78,7 @@ class DraftTarget(Part):
     tolerance: Fraction = 0.05
 
 
-class ReposeTarget(Part):
+class ReposeTarget(StrictModel):
     """Angle of the heap that is left when the wall of a column is taken away."""
 
     kind: Literal["angle_of_repose"]
@@ -90,7 +90,7 @@ class ReposeTarget(Part):
 Target = Annotated[StrengthTarget | DraftTarget | ReposeTarget, Field(discriminator="kind")]
 
 
-class LawDesign(Part):
+class LawDesign(StrictModel):
     """Numbers of a law of particles, and the tests that they are to meet."""
 
     model: Literal["dem"]
@@ -99,10 +99,10 @@ class LawDesign(Part):
     parameters: Annotated[tuple[Parameter, ...], Field(min_length=1)]
     targets: Annotated[tuple[Target, ...], Field(min_length=1)]
     difference: Fraction = 0.1  # step of the parameters, relative to their bounds: above the noise of a test
-    largest_runs: Annotated[int, Field(ge=2)] = 30
+    max_runs: Annotated[int, Field(ge=2)] = 30
 
 
-Design = ResistanceDesign | LawDesign
+Design = WedgeDesign | LawDesign
 
 
 def read_design(path: Path) -> Design:
@@ -125,7 +125,7 @@ def tip_of(scene: ResolvedScene) -> tuple[str, tuple[float, float]]:
 
 
 def point_overrides(
-    scene: ResolvedScene, design: ResistanceDesign, point: Point, replicate: int
+    scene: ResolvedScene, design: WedgeDesign, point: Point, replicate: int
 ) -> tuple[str, ...]:
     """What lays a point over the scene.
 

@@ -33,11 +33,11 @@ class LawFit:
     found: NDArray[np.float64]
     tolerance: NDArray[np.float64]  # relative
     run_count: int
-    finished: bool  # False: largest_runs came first
+    finished: bool  # False: max_runs came first
 
 
 class _Enough(Exception):
-    """largest_runs evaluations were made."""
+    """max_runs evaluations were made."""
 
 
 def fit_law(
@@ -72,7 +72,7 @@ def fit_law(
     tested: set[bytes] = set()
 
     def evaluate(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        if values.tobytes() not in tested and len(tested) >= design.largest_runs:
+        if values.tobytes() not in tested and len(tested) >= design.max_runs:
             raise _Enough
         tested.add(values.tobytes())
         found = _results(scene, design, keys, values, folder, threads, watch)
@@ -81,7 +81,7 @@ def fit_law(
             f"{key.split('.')[-1]} {value:.4g}" for key, value in zip(keys, values, strict=True)
         )
         got = ", ".join(f"{name} {value:.4g}" for name, value in zip(names, found, strict=True))
-        say(f"set {len(tested)} of at most {design.largest_runs}: {shown}: {got}; cost {cost:.3g}")
+        say(f"set {len(tested)} of at most {design.max_runs}: {shown}: {got}; cost {cost:.3g}")
         if cost < best[0]:
             best[:] = [cost, values.copy(), found]
         return found

@@ -16,7 +16,7 @@ from ...errors import RunError
 from ...limits.stable_steps import Timing
 from ...loading.loader import ResolvedScene
 from ...messages import ToolMotions, ToolWrenches
-from ..kept_runs import find_run, keep_run
+from ..run_cache import find_run, keep_run
 
 Watch = Callable[[str, Timing], AbstractContextManager[Callable[[int], None]]]
 """Told the name and time of each run, gives what is called with every tick."""

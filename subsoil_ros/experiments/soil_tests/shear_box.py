@@ -269,14 +269,14 @@ def gripping_law(soil: Soil) -> Document:
     """The soil's law with a boundary that is glued to the soil, if it is wet and has adhesion; else as it is.
 
     Under plain walls a strong soil slides out of the box as a block instead of shearing. A glued law comes
-    as pair values of the law's own radius: `particles.law_radius_m` scales them as it does the others.
+    as pair values of the law's own radius: `particles.reference_radius_m` scales them as it does the others.
     """
     law = soil.law.model_dump(mode="json")
     pair, boundary = (values.scaled(1.0 / size_ratio(soil)) for values in pair_values(soil))
     if pair.adhesion == 0.0:
         return law
     glued = replace(boundary, adhesion=GLUE * pair.peak_attraction / boundary.reach)
-    return law | {"values_are": "pair", "particle": _row(pair), "boundary": _row(glued)}
+    return law | {"combining_rule": "none", "particle": _row(pair), "boundary": _row(glued)}
 
 
 def _row(values: PairValues) -> Document:
@@ -285,10 +285,10 @@ def _row(values: PairValues) -> Document:
         "tangential_stiffness_newton_per_m": values.tangential_stiffness,
         "damping_newton_s_per_m": values.damping,
         "tangential_damping_newton_s_per_m": values.tangential_damping,
-        "adhesion_newton_per_m": values.adhesion,
+        "cohesive_stiffness_newton_per_m": values.adhesion,
         "static_friction": values.static_friction,
         "sliding_friction": values.sliding_friction,
         "rolling_friction": values.rolling_friction,
-        "rest_overlap_m": values.rest_overlap,
-        "reach_m": values.reach,
+        "equilibrium_overlap_m": values.rest_overlap,
+        "cohesion_range_m": values.reach,
     }

@@ -1,4 +1,4 @@
-"""What a study compares: knobs and their values, the finest run, seeds; read from a design file."""
+"""What a study compares: factors and their values, the finest run, seeds; read from a design file."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from ...errors import InputError
 from ...loading.keys import suggestion
 from ...loading.validation_errors import validated
-from ...scene.base import Fraction, Part
+from ...scene.base import Fraction, StrictModel
 from ...yaml_document import read_document
 from ..run_metrics import METRICS
 from ..sweep.plan import Point
@@ -20,62 +20,68 @@ Overrides = tuple[str, ...]  # KEY=VALUE, as after --set
 Seeds = Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)]
 
 
-class Reference(Part):
+class Reference(StrictModel):
     """Another run that errors are given against, finer than the finest that can be repeated."""
 
     overrides: Overrides  # over the scene and the common ones, not over `finest`
     seeds: Seeds = (0,)
 
 
-class StudyDesign(Part):
+class StudyDesign(StrictModel):
     """A study of one scene."""
 
     overrides: Overrides = ()  # in every run
     finest: Overrides = ()  # the run that all others are measured against
     seeds: Seeds
     confidence: Fraction = 0.95
-    knobs: dict[str, dict[str, Overrides]]  # knob, value, its changes of the finest
-    one_at_a_time: tuple[str, ...] | None = None  # knobs whose values also run alone (default: every knob)
-    combinations: dict[str, dict[str, str]] = {}  # name, then the value of each knob that differs
-    judged_by: tuple[str, ...] = ("draft_mean_newton", "spring_range_newton")  # the Pareto set's error
-    also_against: dict[str, Reference] = {}
+    factors: dict[str, dict[str, Overrides]]  # factor, value, its changes of the finest
+    one_at_a_time: tuple[str, ...] | None = (
+        None  # factors whose values also run alone (default: every factor)
+    )
+    combinations: dict[str, dict[str, str]] = {}  # name, then the value of each factor that differs
+    metrics: tuple[str, ...] = ("draft_mean_newton", "spring_range_newton")  # the Pareto set's error
+    additional_references: dict[str, Reference] = {}
 
     @model_validator(mode="after")
     def _known(self) -> "StudyDesign":
         if len(set(self.seeds)) < len(self.seeds):
             raise ValueError("seeds: one is given twice; each bed counts once")
-        for knob in self.one_at_a_time or ():
-            if knob not in self.knobs:
-                raise ValueError(f"one_at_a_time: no knob '{knob}'; {suggestion(knob, self.knobs)}")
+        for factor in self.one_at_a_time or ():
+            if factor not in self.factors:
+                raise ValueError(f"one_at_a_time: no factor '{factor}'; {suggestion(factor, self.factors)}")
         for name, chosen in self.combinations.items():
-            for knob, value in chosen.items():
-                if knob not in self.knobs:
-                    raise ValueError(f"combinations.{name}: no knob '{knob}'; {suggestion(knob, self.knobs)}")
-                if value not in self.knobs[knob]:
+            for factor, value in chosen.items():
+                if factor not in self.factors:
                     raise ValueError(
-                        f"combinations.{name}.{knob}: no value '{value}'; "
-                        f"{suggestion(value, self.knobs[knob])}"
+                        f"combinations.{name}: no factor '{factor}'; {suggestion(factor, self.factors)}"
+                    )
+                if value not in self.factors[factor]:
+                    raise ValueError(
+                        f"combinations.{name}.{factor}: no value '{value}'; "
+                        f"{suggestion(value, self.factors[factor])}"
                     )
         names = [metric.name for metric in METRICS]
-        for name in self.judged_by:
+        for name in self.metrics:
             if name not in names:
-                raise ValueError(f"judged_by: no metric '{name}'; {suggestion(name, names)}")
-        taken = {FINEST, *self.combinations} & {*self.also_against}
+                raise ValueError(f"metrics: no metric '{name}'; {suggestion(name, names)}")
+        taken = {FINEST, *self.combinations} & {*self.additional_references}
         if taken or FINEST in self.combinations:
-            raise ValueError(f"also_against, combinations: '{(taken or {FINEST}).pop()}' names another run")
+            raise ValueError(
+                f"additional_references, combinations: '{(taken or {FINEST}).pop()}' names another run"
+            )
         return self
 
     def variants(self) -> tuple["Variant", ...]:
-        """The finest run, the values of knobs one at a time, the combinations; without seeds."""
+        """The finest run, the values of factors one at a time, the combinations; without seeds."""
         found = [Variant(Point({}, name=FINEST, overrides=self.finest), {})]
-        for knob in self.knobs if self.one_at_a_time is None else self.one_at_a_time:
-            for value in self.knobs[knob]:
-                found.append(self._variant(f"{knob}: {value}", {knob: value}))
+        for factor in self.factors if self.one_at_a_time is None else self.one_at_a_time:
+            for value in self.factors[factor]:
+                found.append(self._variant(f"{factor}: {value}", {factor: value}))
         return (*found, *(self._variant(name, chosen) for name, chosen in self.combinations.items()))
 
-    def _variant(self, name: str, knobs: dict[str, str]) -> "Variant":
-        own = [change for knob, value in knobs.items() for change in self.knobs[knob][value]]
-        return Variant(Point({}, name=name, overrides=(*self.finest, *own)), knobs)
+    def _variant(self, name: str, factors: dict[str, str]) -> "Variant":
+        own = [change for factor, value in factors.items() for change in self.factors[factor][value]]
+        return Variant(Point({}, name=name, overrides=(*self.finest, *own)), factors)
 
 
 @dataclass(frozen=True)
@@ -83,7 +89,7 @@ class Variant:
     """A run of a study, without its seed."""
 
     point: Point
-    knobs: dict[str, str]  # those that differ from the finest
+    factors: dict[str, str]  # those that differ from the finest
 
 
 def read_design(path: Path) -> StudyDesign:

@@ -9,13 +9,13 @@ from ..._version import __version__
 from ...analysis.intervals import Interval
 from ...figures.study_figure import Dot, Panel, draw_study
 from ..run_metrics import METRICS, Metric
-from .accuracy import Judged, Measurement
 from .design import FINEST, StudyDesign
+from .measurement import Measurement, PresetResult
 
 _SPEED_UP = ("speed_up", "speed_up_low", "speed_up_high")
 
 
-def wide_table(judged: Sequence[Judged], design: StudyDesign) -> list[dict[str, Any]]:
+def wide_table(judged: Sequence[PresetResult], design: StudyDesign) -> list[dict[str, Any]]:
     """A row per variant. METRIC_error is relative to the finest (energy_residual: a difference), _low and
     _high are of its interval, _verdict is in words; METRIC_error_vs_NAME is against a reference. _runs: how
     many of its runs have the metric, where not all need have it.
@@ -24,7 +24,7 @@ def wide_table(judged: Sequence[Judged], design: StudyDesign) -> list[dict[str, 
     for item in judged:
         row: dict[str, Any] = {
             "variant": item.name,
-            **{f"knob.{knob}": item.knobs.get(knob, "") for knob in design.knobs},
+            **{f"factor.{factor}": item.factors.get(factor, "") for factor in design.factors},
             "seeds": item.seeds,
             "failures": len(item.failures),
             "failure": item.failures[0] if item.failures else "",
@@ -38,7 +38,7 @@ def wide_table(judged: Sequence[Judged], design: StudyDesign) -> list[dict[str, 
             row[f"{metric.name}_verdict"] = item.verdict(metric.name)
             if metric.absent_in_some:
                 row[f"{metric.name}_runs"] = item.runs_with(metric.name)
-            for name in design.also_against:
+            for name in design.additional_references:
                 error = item.errors_against.get(name, {}).get(metric.name)
                 row |= _interval(f"{metric.name}_error_vs_{name}", error)
         rows.append({**row, "bound": item.bound, "pareto": item.pareto})
@@ -51,7 +51,7 @@ def _interval(name: str, interval: Interval | None) -> dict[str, float]:
     return {name: interval.mean, f"{name}_low": interval.low, f"{name}_high": interval.high}
 
 
-def markdown(judged: Sequence[Judged], design: StudyDesign, measured: Sequence[Measurement]) -> str:
+def markdown(judged: Sequence[PresetResult], design: StudyDesign, measured: Sequence[Measurement]) -> str:
     """The table for people: wall time, speed-up, and each error with its interval."""
     metrics = [metric for metric in METRICS if _told(judged, metric)]
     heads = ["variant", "wall s", "times faster", *(_heading(metric) for metric in metrics), "Pareto"]
@@ -68,7 +68,7 @@ def markdown(judged: Sequence[Judged], design: StudyDesign, measured: Sequence[M
     return "\n".join([*lines, "", *_legend(judged, design), *_true_runs(design, measured), ""])
 
 
-def _told(judged: Sequence[Judged], metric: Metric) -> bool:
+def _told(judged: Sequence[PresetResult], metric: Metric) -> bool:
     """Whether a metric has a column: an error, or a value where the finest runs have none."""
     return any(metric.name in item.errors for item in judged) or (
         metric.absent_in_some != "" and any(metric.name in item.values for item in judged)
@@ -79,7 +79,7 @@ def _heading(metric: Metric) -> str:
     return f"{metric.label} %" if metric.relative else f"{metric.label} (difference)"
 
 
-def _cell(item: Judged, metric: Metric) -> str:
+def _cell(item: PresetResult, metric: Metric) -> str:
     value, error = item.values.get(metric.name), item.errors.get(metric.name)
     if metric.absent_in_some and (error is None or item.name == FINEST):
         return f"({_presence(item, metric)})"
@@ -94,7 +94,7 @@ def _cell(item: Judged, metric: Metric) -> str:
     return f"{text} (~)" if item.verdict(metric.name) == "within seed scatter" else text
 
 
-def _presence(item: Judged, metric: Metric) -> str:
+def _presence(item: PresetResult, metric: Metric) -> str:
     """The value of a metric that not all runs have, and how many do."""
     value = item.values.get(metric.name)
     return "none" if value is None else f"{value.mean:.3g} {metric.unit} in {value.count} of {item.seeds}"
@@ -107,21 +107,21 @@ def _plus_minus(interval: Interval, form: str) -> str:
     return f"{text} +- {form.replace('+', '').format(interval.half_width)}"
 
 
-def _faster(item: Judged) -> str:
+def _faster(item: PresetResult) -> str:
     if item.speed_up is None:
         return ""
     mean, low, high = item.speed_up
     return f"{mean:.3g}" if math.isnan(low) else f"{mean:.3g} ({low:.3g} to {high:.3g})"
 
 
-def _legend(judged: Sequence[Judged], design: StudyDesign) -> list[str]:
+def _legend(judged: Sequence[PresetResult], design: StudyDesign) -> list[str]:
     percent = f"{100.0 * design.confidence:g} %"
     lines = [
         f"Errors against `{FINEST}`, whose row has the values themselves; {len(design.seeds)} bed seeds. "
         f"+-: {percent} intervals, Student's t of the differences of equal seeds; (~): less than the scatter "
         "of the seeds, so no difference that these runs resolve. Wall time: of the ticks alone, without "
         "start-up and compilation. Pareto: no other run is both faster and nearer, by "
-        f"{' and '.join(design.judged_by)} at the far end of their intervals."
+        f"{' and '.join(design.metrics)} at the far end of their intervals."
     ]
     for metric in METRICS:
         if metric.absent_in_some:
@@ -143,12 +143,16 @@ def _true_runs(design: StudyDesign, measured: Sequence[Measurement]) -> list[str
         )
         + "."
         for item in measured
-        if item.variant in (FINEST, *design.also_against)
+        if item.variant in (FINEST, *design.additional_references)
     ]
 
 
 def expected_presets(
-    judged: Sequence[Judged], design: StudyDesign, facts: Mapping[str, Any], duration_s: float, scene: str
+    judged: Sequence[PresetResult],
+    design: StudyDesign,
+    facts: Mapping[str, Any],
+    duration_s: float,
+    scene: str,
 ) -> dict[str, Any]:
     """`expected:` of the finest and each combination, as a scene's presets take it; only measured intervals.
 
@@ -177,7 +181,7 @@ def expected_presets(
     return found
 
 
-def _notes(item: Judged, finest: Judged) -> dict[str, list[str]]:
+def _notes(item: PresetResult, finest: PresetResult) -> dict[str, list[str]]:
     """What no error says: a metric that more or fewer of its runs have than of the finest."""
     notes = [
         f"{metric.label}: {_presence(item, metric)}; {FINEST}: {_presence(finest, metric)}"
@@ -187,7 +191,7 @@ def _notes(item: Judged, finest: Judged) -> dict[str, list[str]]:
     return {"notes": notes} if notes else {}
 
 
-def _scatter(item: Judged) -> dict[str, Interval]:
+def _scatter(item: PresetResult) -> dict[str, Interval]:
     """Relative intervals of a variant's own means."""
     return {
         name: Interval(0.0, value.half_width / abs(value.mean), value.count)
@@ -207,7 +211,7 @@ def _intervals(errors: Mapping[str, Interval]) -> dict[str, dict[str, float]]:
     }
 
 
-def draw(judged: Sequence[Judged], design: StudyDesign, scene: str, path: Path) -> Path:
+def draw(judged: Sequence[PresetResult], design: StudyDesign, scene: str, path: Path) -> Path:
     """Errors against wall time, a panel per metric."""
     panels = []
     for metric in METRICS:
@@ -239,7 +243,7 @@ def draw(judged: Sequence[Judged], design: StudyDesign, scene: str, path: Path) 
     return draw_study(panels, [item.name for item in judged], pareto, title, path)
 
 
-def _group(item: Judged) -> str:
-    if len(item.knobs) == 1 and ": " in item.name:
-        return next(iter(item.knobs))
+def _group(item: PresetResult) -> str:
+    if len(item.factors) == 1 and ": " in item.name:
+        return next(iter(item.factors))
     return FINEST if item.name == FINEST else "combinations"

@@ -1,4 +1,4 @@
-"""A study: what each knob of a scene costs and gains, measured against its finest run over several beds."""
+"""A study: what each factor of a scene costs and gains, measured against its finest run over several beds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,14 +8,14 @@ import pandas as pd
 
 from ...errors import RunError
 from ...yaml_document import dump_yaml
-from ..kept_runs import KeptRun
+from ..run_cache import CachedRun
 from ..run_metrics import metrics_of
-from ..sweep.engine import Manner, Watcher, run_jobs
+from ..sweep.engine import ExecutionOptions, Watcher, run_jobs
 from ..sweep.plan import Job, Point, jobs_of
 from ..sweep.sweep import RUNS, open_folder
 from ..sweep.table import table_of, write_table, write_whole
-from .accuracy import Judged, Measurement, judge
 from .design import FINEST, StudyDesign
+from .measurement import Measurement, PresetResult, judge
 from .report import draw, expected_presets, markdown, wide_table
 
 REQUEST = "study.yaml"
@@ -25,7 +25,7 @@ REQUEST = "study.yaml"
 class StudyOutcome:
     """What a study left in its folder."""
 
-    judged: list[Judged]
+    judged: list[PresetResult]
     text: str  # the table, as Markdown
     failed: list[tuple[str, str]]
     paths: list[Path]
@@ -43,14 +43,19 @@ def study_jobs(scene: str, common: Sequence[str], design: StudyDesign) -> tuple[
     jobs: tuple[Job, ...] = ()
     for seed in design.seeds:
         jobs += jobs_of(scene, [*design.overrides, *common], points, (seed,))
-    for name, reference in design.also_against.items():
+    for name, reference in design.additional_references.items():
         point = Point({}, name=name, overrides=reference.overrides)
         jobs += jobs_of(scene, [*design.overrides, *common], (point,), reference.seeds)
     return jobs
 
 
 def run_study(
-    scene: str, common: Sequence[str], design: StudyDesign, out: Path, manner: Manner, watcher: Watcher
+    scene: str,
+    common: Sequence[str],
+    design: StudyDesign,
+    out: Path,
+    manner: ExecutionOptions,
+    watcher: Watcher,
 ) -> StudyOutcome:
     """Runs what has not been run; writes study.csv, .parquet, .md, .png, runs.csv, .parquet, expected.yaml.
 
@@ -82,7 +87,7 @@ def run_study(
     return StudyOutcome(judged, text, failed, [*paths, out / "runs.csv", out / "runs.parquet"])
 
 
-def _measured(jobs: Sequence[Job], runs: Sequence[KeptRun]) -> list[Measurement]:
+def _measured(jobs: Sequence[Job], runs: Sequence[CachedRun]) -> list[Measurement]:
     found = []
     for job, run in zip(jobs, runs, strict=True):
         wall_s, cpu_s = run.facts["wall_s"], run.facts["cpu_s"]
@@ -91,7 +96,7 @@ def _measured(jobs: Sequence[Job], runs: Sequence[KeptRun]) -> list[Measurement]
     return found
 
 
-def _failures(jobs: Sequence[Job], runs: Sequence[KeptRun]) -> dict[str, list[str]]:
+def _failures(jobs: Sequence[Job], runs: Sequence[CachedRun]) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {}
     for job, run in zip(jobs, runs, strict=True):
         if run.failure is not None:

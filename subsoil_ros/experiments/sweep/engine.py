@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from ...api.execution import Executed, code_digest, machine_name
+from ...api.execution import RunResult, code_digest, machine_name
 from ...errors import RunError
 from ...loading.scene_bundle import pack
-from ..kept_runs import KeptRun, find_run, keep_run
+from ..run_cache import CachedRun, find_run, keep_run
 from .cluster import connected, local_worker_count
 from .plan import Job
 from .worker import PROGRESS, run_parcel
@@ -33,7 +33,7 @@ class Watcher(Protocol):
 
 
 @dataclass(frozen=True)
-class Manner:
+class ExecutionOptions:
     """How jobs are run."""
 
     scheduler: str | None = None  # address of a Dask cluster; None: this machine
@@ -43,7 +43,7 @@ class Manner:
     timed: bool = False  # times are wanted: warm up before each run, take no kept one with more company
 
 
-def run_jobs(jobs: Sequence[Job], cache: Path, manner: Manner, watcher: Watcher) -> list[KeptRun]:
+def run_jobs(jobs: Sequence[Job], cache: Path, manner: ExecutionOptions, watcher: Watcher) -> list[CachedRun]:
     """The kept run of every job, in their order. A run that fails is kept with its message, the rest go on.
 
     Ended early, by Ctrl-C say, all that was finished is kept, and the next call goes on from there.
@@ -65,7 +65,7 @@ def run_jobs(jobs: Sequence[Job], cache: Path, manner: Manner, watcher: Watcher)
     return [run for run in found if run is not None]
 
 
-def _is_missing(kept: KeptRun | None, manner: Manner) -> bool:
+def _is_missing(kept: CachedRun | None, manner: ExecutionOptions) -> bool:
     if kept is None:
         return True
     if kept.failure is not None:
@@ -76,7 +76,7 @@ def _is_missing(kept: KeptRun | None, manner: Manner) -> bool:
     return had_company or kept.facts["cpu_s"] is None
 
 
-def _run_missing(missing: dict[str, Job], cache: Path, manner: Manner, watcher: Watcher) -> None:
+def _run_missing(missing: dict[str, Job], cache: Path, manner: ExecutionOptions, watcher: Watcher) -> None:
     """As many at once as there are workers: what waits on a worker that dies would count as dead with it."""
     from distributed import as_completed
 
@@ -110,13 +110,13 @@ def _names(missing: dict[str, Job]) -> dict[str, str]:
     return {scene_hash: f"{job.point.label} ({scene_hash[:6]})" for scene_hash, job in missing.items()}
 
 
-def _executed(future: Any, manner: Manner, at_once: int) -> Executed:
+def _executed(future: Any, manner: ExecutionOptions, at_once: int) -> RunResult:
     """What a future gave; an error that no run catches, as of a worker that was killed, is a failed run."""
     if future.cancelled():
         raise RunError("the Dask scheduler has gone; what was finished is kept, the same call goes on")
     error = future.exception()
     if error is None:
-        result: Executed = future.result()
+        result: RunResult = future.result()
         return result
     from distributed import KilledWorker
 
@@ -134,7 +134,7 @@ def _executed(future: Any, manner: Manner, at_once: int) -> Executed:
         "machine": machine_name(),
         "code": code_digest(),
     }
-    return Executed({}, facts)
+    return RunResult({}, facts)
 
 
 @contextmanager

@@ -10,8 +10,8 @@ from ...analysis.intervals import CONFIDENCE
 from ...errors import InputError
 from ...figures.response import draw_response
 from ...yaml_document import dump_yaml
-from ..kept_runs import KeptRun
-from .engine import Manner, Watcher, run_jobs
+from ..run_cache import CachedRun
+from .engine import ExecutionOptions, Watcher, run_jobs
 from .plan import Job, Point, Variation, combinations, jobs_of
 from .ranking import DRAFT, Ranked, control_point, point_key, rank, ranking_table, recommended
 from .table import table_of, write_table, write_whole
@@ -90,7 +90,7 @@ def open_folder(out: Path, request: str) -> None:
 
 
 def run_sweep(
-    sweep: Sweep, out: Path, manner: Manner, watcher: Watcher, shown: Sequence[str] = ()
+    sweep: Sweep, out: Path, manner: ExecutionOptions, watcher: Watcher, shown: Sequence[str] = ()
 ) -> Outcome:
     """Runs what has not been run, then writes sweep.csv, sweep.parquet, ranking.csv and response.png.
 
@@ -144,7 +144,7 @@ def _refuse_unknown(columns: Sequence[str], table: pd.DataFrame) -> None:
         raise InputError(f"--show {unknown[0]}: no such column{hint}")
 
 
-def _failed(jobs: Sequence[Job], runs: Sequence[KeptRun]) -> list[tuple[str, str]]:
+def _failed(jobs: Sequence[Job], runs: Sequence[CachedRun]) -> list[tuple[str, str]]:
     return [
         (job.point.label, run.failure) for job, run in zip(jobs, runs, strict=True) if run.failure is not None
     ]

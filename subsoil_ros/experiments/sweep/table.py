@@ -7,14 +7,14 @@ from typing import Any
 
 import pandas as pd
 
-from ..kept_runs import KeptRun
+from ..run_cache import CachedRun
 from .plan import Job, as_text
 
 RUN_COLUMNS = ("run", "name", "seed", "failure", "wall_s", "cpu_s", "threads", "at_once", "machine", "code")
 """Columns beside the varied keys and the numbers of the summary. wall_s and cpu_s are of the ticks alone."""
 
 
-def table_of(jobs: Sequence[Job], runs: Sequence[KeptRun]) -> pd.DataFrame:
+def table_of(jobs: Sequence[Job], runs: Sequence[CachedRun]) -> pd.DataFrame:
     """A row per job: its run's folder, the varied keys, how it went, then every number of its summary.
 
     seed is -1 where a job has none of its own, failure empty where there was none.
@@ -42,7 +42,7 @@ def table_of(jobs: Sequence[Job], runs: Sequence[KeptRun]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def numbers_of(run: KeptRun) -> dict[str, float | int]:
+def numbers_of(run: CachedRun) -> dict[str, float | int]:
     """Every number of a run's summary."""
     return {
         name: value

@@ -5,8 +5,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from ...api.execution import Executed, code_digest, execute
-from ...loading.scene_bundle import Parcel, unpack
+from ...api.execution import RunResult, code_digest, execute
+from ...loading.scene_bundle import SceneBundle, unpack
 
 PROGRESS = "subsoil-progress"
 """Dask's topic for (name of the run, part of it that is done)."""
@@ -15,7 +15,7 @@ TELL_EVERY_S = 0.5
 """Wall time between two words of progress (chosen)."""
 
 
-def run_parcel(name: str, parcel: Parcel, threads: int, at_once: int, warm_up: bool) -> Executed:
+def run_parcel(name: str, parcel: SceneBundle, threads: int, at_once: int, warm_up: bool) -> RunResult:
     """Runs a scene that came as a parcel. Raises SceneError if it is not the one that was sent."""
     from distributed import get_worker
 

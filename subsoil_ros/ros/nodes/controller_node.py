@@ -5,8 +5,8 @@ from rclpy.context import Context
 from ...coupling.control import Controller, build_controller
 from ...coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, Commander
 from ...errors import SceneError
-from ...messages import DriverCommand, Grant, MechanismState, NodeHello, NodeState
-from ..process.heartbeat import Lifeline, NodeRun
+from ...messages import DriverCommand, Grant, MechanismState, NodeState, NodeStatus
+from ..process.heartbeat import Heartbeat, NodeRun
 from ..process.node_process import NodeSettings, run_process
 from .lockstep_node import LockstepNode
 
@@ -15,7 +15,7 @@ class ControllerNode(LockstepNode):
     """Takes part in the lockstep: the run waits for each of its commands, and for no other."""
 
     def __init__(
-        self, controller: Controller, run: NodeRun, lifeline: Lifeline, context: Context | None = None
+        self, controller: Controller, run: NodeRun, lifeline: Heartbeat, context: Context | None = None
     ) -> None:
         """Raises SceneError if the scene has no controller."""
         super().__init__(CONTROLLER, run, lifeline, context)
@@ -33,7 +33,7 @@ class ControllerNode(LockstepNode):
         self._commands = self.publisher(DriverCommand, (MECHANISM, COUPLER, RECORDER))
         self.listen(MechanismState, self._on_state, (MECHANISM,))
         self.listen(Grant, self._on_grant, (COUPLER,))
-        self.listen(NodeHello, self.follow_coupler_end, ())
+        self.listen(NodeStatus, self.follow_coupler_end, ())
 
     def on_poll(self) -> None:
         """Says that it is ready once everybody is there."""
@@ -54,7 +54,7 @@ class ControllerNode(LockstepNode):
 
 
 def build(
-    settings: NodeSettings, run: NodeRun, lifeline: Lifeline, context: Context | None = None
+    settings: NodeSettings, run: NodeRun, lifeline: Heartbeat, context: Context | None = None
 ) -> ControllerNode:
     """The node with the scene's control law.
 

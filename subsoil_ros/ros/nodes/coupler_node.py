@@ -27,8 +27,8 @@ from ...messages import (
     CouplingReport,
     DriverCommand,
     Grant,
-    NodeHello,
     NodeState,
+    NodeStatus,
     TickAck,
     ToolMotions,
     ToolWrenches,
@@ -37,14 +37,14 @@ from ...recording.standard import clock
 from ...recording.topics import CLOCK
 from ...recording.types import message_class, serialize
 from ...ticks import INITIAL_TICK, tick_end_ns
-from ..process.heartbeat import STARTUP_S, Lifeline, NodeRun
+from ..process.heartbeat import STARTUP_S, Heartbeat, NodeRun
 from ..process.node_process import NodeSettings, report_to_supervisor, run_process
 from ..services.diagnostics import Health, Level
 from ..services.pause_services import PauseServices
 from ..services.run_control import RunControl
 from ..services.simulation_services import SimulationServices, StepsAction
 from ..transport.convert import rclpy_class
-from ..transport.qos import PEOPLE_QOS
+from ..transport.qos import VISUALIZATION_QOS
 from .lockstep_node import LockstepNode, one_line
 
 DEADLINE_S = 60.0
@@ -70,7 +70,7 @@ class CouplerNode(LockstepNode):
     def __init__(
         self,
         run: NodeRun,
-        lifeline: Lifeline,
+        lifeline: Heartbeat,
         context: Context | None = None,
         on_progress: Callable[[int], None] = lambda tick: None,
         paused: bool = False,
@@ -104,7 +104,7 @@ class CouplerNode(LockstepNode):
         self._grants = self.publisher(Grant, names)
         self._reports = self.publisher(CouplingReport, (RECORDER,))
         self._clock_publisher = self.create_publisher(
-            rclpy_class("rosgraph_msgs/msg/Clock"), CLOCK, PEOPLE_QOS
+            rclpy_class("rosgraph_msgs/msg/Clock"), CLOCK, VISUALIZATION_QOS
         )
         mover = MECHANISM if scene.mechanism is not None else SOIL
         self.listen(ToolMotions, self._on_motions, (mover,))
@@ -112,7 +112,7 @@ class CouplerNode(LockstepNode):
             self.listen(ToolWrenches, self._on_wrenches, (SOIL,))
         if RECORDER in names:
             self.listen(TickAck, self._on_ack, (RECORDER,))
-        self.listen(NodeHello, self._on_hello, names)
+        self.listen(NodeStatus, self._on_hello, names)
         if scene.controller is not None:
             self.listen(DriverCommand, self._on_command, (CONTROLLER,))
         self._control = RunControl(self._coupler, self._on_pacing, lifeline.request_stop)
@@ -245,7 +245,7 @@ class CouplerNode(LockstepNode):
         for grant in self._coupler.next_grants():
             self._grants.publish(self.bytes_of(grant))
 
-    def _on_hello(self, hello: NodeHello) -> None:
+    def _on_hello(self, hello: NodeStatus) -> None:
         self._coupler.accept_hello(hello)
 
     def _on_motions(self, motions: ToolMotions) -> None:
@@ -309,7 +309,7 @@ class CouplerNode(LockstepNode):
 
 
 def build(
-    settings: NodeSettings, run: NodeRun, lifeline: Lifeline, context: Context | None = None
+    settings: NodeSettings, run: NodeRun, lifeline: Heartbeat, context: Context | None = None
 ) -> CouplerNode:
     """The node; under a supervisor it reports its progress there."""
     if not settings.supervised:

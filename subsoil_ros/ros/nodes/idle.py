@@ -15,14 +15,14 @@ from ...loading.loader import ResolvedScene
 from ...messages import (
     BodyState,
     DriverCommand,
-    GroupForce,
+    FacetGroupForce,
     MechanismState,
     SoilCloud,
     SoilState,
     ToolMotion,
     ToolWrench,
 )
-from ..process.heartbeat import Lifeline, NodeRun
+from ..process.heartbeat import Heartbeat, NodeRun
 from ..process.node_process import NodeSettings, run_process
 from .mechanism_node import MechanismNode
 from .soil_node import SoilNode
@@ -82,7 +82,7 @@ class IdleMechanism(_Stateless):
 class IdleSoil(_Stateless):
     """Answers with no force, on two facet groups of every tool."""
 
-    _GROUPS = (GroupForce("share", 0.0, 0.0, 0.0), GroupForce("blade", 0.0, 0.0, 0.0))
+    _GROUPS = (FacetGroupForce("share", 0.0, 0.0, 0.0), FacetGroupForce("blade", 0.0, 0.0, 0.0))
 
     def start(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
         """No force."""
@@ -109,14 +109,14 @@ class IdleSoil(_Stateless):
 
 
 def _mechanism(
-    settings: NodeSettings, run: NodeRun, lifeline: Lifeline, context: Context | None = None
+    settings: NodeSettings, run: NodeRun, lifeline: Heartbeat, context: Context | None = None
 ) -> MechanismNode:
     engine = IdleMechanism(run.resolved, Path(settings.scene).parent / STAMPS_FILE)
     return MechanismNode(engine, run, lifeline, context)
 
 
 def _soil(
-    settings: NodeSettings, run: NodeRun, lifeline: Lifeline, context: Context | None = None
+    settings: NodeSettings, run: NodeRun, lifeline: Heartbeat, context: Context | None = None
 ) -> SoilNode:
     return SoilNode(IdleSoil(), None, run, lifeline, context)
 

@@ -17,9 +17,9 @@ from rclpy.subscription import Subscription
 from ...coupling.exit_status import Ending
 from ...coupling.protocol import COUPLER, RECORDER
 from ...errors import ProtocolError, RunError, SubsoilError
-from ...messages import Grant, NodeHello, NodeState
+from ...messages import Grant, NodeState, NodeStatus
 from ...recording.topics import TOPIC_OF
-from ..process.heartbeat import Lifeline, NodeRun
+from ..process.heartbeat import Heartbeat, NodeRun
 from ..services.diagnostics import Diagnostics, Health, Level
 from ..transport.convert import class_of, reader, writer
 from ..transport.qos import qos_of
@@ -57,7 +57,7 @@ class LockstepNode(Node):
     """A node of a run. Subclasses add topics, `on_poll` and `on_coupler_end`.
 
     Everything runs in the one thread that calls `spin`. An error in a callback is the node's fault: it is
-    said in a NodeHello, and the node ends with the error's exit status.
+    said in a NodeStatus, and the node ends with the error's exit status.
     """
 
     rest_s = 0.0
@@ -65,7 +65,7 @@ class LockstepNode(Node):
     """Pause after every wake-up, the longer of both; for nodes that nobody waits for. Each wake-up finds cold
     caches, pushes a thread that computes aside, and takes two thirds less if it is shared."""
 
-    def __init__(self, name: str, run: NodeRun, lifeline: Lifeline, context: Context | None = None) -> None:
+    def __init__(self, name: str, run: NodeRun, lifeline: Heartbeat, context: Context | None = None) -> None:
         super().__init__(
             name,
             context=context,
@@ -76,7 +76,7 @@ class LockstepNode(Node):
         self.lifeline = lifeline
         self.ended = threading.Event()
         self.ending = Ending()
-        self._interval_ns = run.resolved.timing.interval_ns
+        self._interval_ns = run.resolved.timing.communication_step_ns
         self._writers: dict[type, Callable[[Any], bytes]] = {}
         self._partners: list[tuple[Publisher | Subscription, tuple[str, ...]]] = []
         self._diagnostics = Diagnostics(self, run.run_id, self._interval_ns)
@@ -118,7 +118,7 @@ class LockstepNode(Node):
         def received(cdr: bytes, info: Any) -> None:
             nonlocal due
             number = info["publication_sequence_number"]  # of the publisher, from 1; None: not known
-            if kind is not NodeHello and number is not None and number != due:  # hello has many publishers
+            if kind is not NodeStatus and number is not None and number != due:  # hello has many publishers
                 raise ProtocolError(
                     f"{topic}: message number {number} of its publisher came where number {due} is due; "
                     "one was lost, or somebody else publishes: give every run a ROS_DOMAIN_ID of its own"
@@ -199,7 +199,7 @@ class LockstepNode(Node):
         elif last:
             self.lifeline.say(NodeState.ENDED)
 
-    def follow_coupler_end(self, hello: NodeHello) -> None:
+    def follow_coupler_end(self, hello: NodeStatus) -> None:
         """Ends the node, its work being done, when the coupler says that the run is over."""
         if hello.node == COUPLER and hello.state is NodeState.ENDED and hello.run_id == self.run.run_id:
             self.finish(0)
@@ -231,7 +231,7 @@ class LockstepNode(Node):
     def _refuse_other_publishers(self) -> None:
         """Raises ProtocolError if a lockstep topic has more publishers than the run."""
         for endpoint, names in self._partners:
-            if not isinstance(endpoint, Subscription) or endpoint.topic_name.endswith(TOPIC_OF[NodeHello]):
+            if not isinstance(endpoint, Subscription) or endpoint.topic_name.endswith(TOPIC_OF[NodeStatus]):
                 continue  # every node says hello
             count = endpoint.get_publisher_count()
             if count > len(names):

@@ -14,24 +14,24 @@ from ...messages import (
     DriverCommand,
     Grant,
     MechanismState,
-    NodeHello,
     NodeState,
+    NodeStatus,
     ToolMotions,
     ToolWrenches,
 )
 from ...ticks import tick_end_ns
-from ..process.heartbeat import Lifeline, NodeRun
+from ..process.heartbeat import Heartbeat, NodeRun
 from ..process.node_process import NodeSettings, run_process
 from ..services.diagnostics import Health
 from .lockstep_node import LockstepNode
-from .visualization_publisher import Picture
+from .visualization_publisher import VisualizationPublisher
 
 
 class MechanismNode(LockstepNode):
     """Answers every grant with the motions of its tick; owns no clock and no physics."""
 
     def __init__(
-        self, engine: Mechanism, run: NodeRun, lifeline: Lifeline, context: Context | None = None
+        self, engine: Mechanism, run: NodeRun, lifeline: Heartbeat, context: Context | None = None
     ) -> None:
         super().__init__(MECHANISM, run, lifeline, context)
         scene, timing = run.resolved.scene, run.resolved.timing
@@ -54,10 +54,10 @@ class MechanismNode(LockstepNode):
         self._motions = self.publisher(ToolMotions, listeners)
         controllers = (CONTROLLER,) if scene.controller is not None else ()
         self._states = self.publisher(MechanismState, (RECORDER, *controllers))
-        self._picture = Picture(self, run.resolved)
+        self._picture = VisualizationPublisher(self, run.resolved)
         self._initial_motions = engine.initial_motions()
         self.lifeline.say(NodeState.STARTING, motions=self._initial_motions)
-        self.listen(NodeHello, self._on_hello, ())
+        self.listen(NodeStatus, self._on_hello, ())
         self.listen(Grant, self._on_grant, (COUPLER,))
         if self._with_soil:
             self.listen(ToolWrenches, self._on_wrenches, (SOIL,))
@@ -78,7 +78,7 @@ class MechanismNode(LockstepNode):
             values |= {name: getattr(self._state, name) for name in names}
         return Health(values=values)
 
-    def _on_hello(self, hello: NodeHello) -> None:
+    def _on_hello(self, hello: NodeStatus) -> None:
         if hello.node == SOIL and hello.state is NodeState.READY and hello.run_id == self.run.run_id:
             if not self._started:
                 self._participant.start(hello.initial_wrenches)
@@ -87,7 +87,7 @@ class MechanismNode(LockstepNode):
             self.follow_coupler_end(hello)
 
     def _on_grant(self, grant: Grant) -> None:
-        if grant.command is Command.KEEP:
+        if grant.command is Command.CHECKPOINT:
             self._participant.accept_keep(grant)
             self._keep(grant.tick)
             return
@@ -138,7 +138,7 @@ class MechanismNode(LockstepNode):
 
 
 def build(
-    settings: NodeSettings, run: NodeRun, lifeline: Lifeline, context: Context | None = None
+    settings: NodeSettings, run: NodeRun, lifeline: Heartbeat, context: Context | None = None
 ) -> MechanismNode:
     """The node with its engine.
 

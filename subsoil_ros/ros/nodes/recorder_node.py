@@ -18,8 +18,8 @@ from ...messages import (
     DriverCommand,
     Grant,
     MechanismState,
-    NodeHello,
     NodeState,
+    NodeStatus,
     SoilCloud,
     SoilState,
     TickAck,
@@ -29,7 +29,7 @@ from ...messages import (
 from ...recording.bag_writer import BagWriter, open_bag
 from ...recording.topics import TOPIC_OF
 from ...ticks import INITIAL_TICK, NANOSECONDS_PER_SECOND
-from ..process.heartbeat import Lifeline, NodeRun
+from ..process.heartbeat import Heartbeat, NodeRun
 from ..process.node_process import NodeSettings, run_process
 from ..services.diagnostics import Health
 from ..transport.convert import reader
@@ -91,7 +91,7 @@ class RecorderNode(LockstepNode):
     rest_ticks = 4
 
     def __init__(
-        self, writer: BagWriter, run: NodeRun, lifeline: Lifeline, context: Context | None = None
+        self, writer: BagWriter, run: NodeRun, lifeline: Heartbeat, context: Context | None = None
     ) -> None:
         super().__init__(RECORDER, run, lifeline, context)
         scene, timing = run.resolved.scene, run.resolved.timing
@@ -104,7 +104,7 @@ class RecorderNode(LockstepNode):
         self._keep_tick = INITIAL_TICK  # a checkpoint is wanted of it, beside those that are due
         self._cut_deadline = 0.0
         self._acks = self.publisher(TickAck, (COUPLER,))
-        self.listen(NodeHello, self.follow_coupler_end, ())
+        self.listen(NodeStatus, self.follow_coupler_end, ())
         self._read_grant = reader(Grant, self._interval_ns)
         mover = MECHANISM if scene.mechanism is not None else SOIL
         self.listen_raw(Grant, self._on_grant, (COUPLER,))
@@ -152,7 +152,7 @@ class RecorderNode(LockstepNode):
             self._barrier.cut(grant.tick)
             self._record()
             return
-        if grant.command is Command.KEEP:
+        if grant.command is Command.CHECKPOINT:
             self._refuse_foreign(Grant, grant.run_id, grant.tick)
             self._barrier.note_finished(grant.tick)
             self._record()
@@ -220,7 +220,7 @@ class RecorderNode(LockstepNode):
 
 
 def build(
-    settings: NodeSettings, run: NodeRun, lifeline: Lifeline, context: Context | None = None
+    settings: NodeSettings, run: NodeRun, lifeline: Heartbeat, context: Context | None = None
 ) -> RecorderNode:
     """The node with its bag.
 

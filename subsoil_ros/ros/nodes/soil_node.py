@@ -7,15 +7,15 @@ from rclpy.context import Context
 
 from ...coupling.checkpoints import PATHS, CouplingState, restore_engine
 from ...coupling.cloud import recorded_cloud
-from ...coupling.engines import Mover, Resumable, Soil, build_paths, build_soil
+from ...coupling.engines import MotionSource, Resumable, Soil, build_paths, build_soil
 from ...coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL, Needs, Participant
 from ...coupling.schedule import schedule_of
 from ...errors import SceneError
 from ...messages import (
     Command,
     Grant,
-    NodeHello,
     NodeState,
+    NodeStatus,
     SoilCloud,
     SoilState,
     ToolMotion,
@@ -27,13 +27,13 @@ from ...recording.standard import body_frame, pose_stamped, wrench_stamped
 from ...recording.topics import pose_topic, wrench_topic
 from ...recording.types import message_class, serialize
 from ...ticks import tick_end_ns
-from ..process.heartbeat import Lifeline, NodeRun
+from ..process.heartbeat import Heartbeat, NodeRun
 from ..process.node_process import NodeSettings, run_process
 from ..services.diagnostics import Health, Level
 from ..transport.convert import rclpy_class
-from ..transport.qos import PEOPLE_QOS
+from ..transport.qos import VISUALIZATION_QOS
 from .lockstep_node import LockstepNode
-from .visualization_publisher import Picture
+from .visualization_publisher import VisualizationPublisher
 
 _MONITORS = tuple(
     item.name for item in fields(SoilState) if item.name not in ("run_id", "tick", "end_time_ns")
@@ -49,9 +49,9 @@ class SoilNode(LockstepNode):
     def __init__(
         self,
         engine: Soil,
-        mover: Mover | None,
+        mover: MotionSource | None,
         run: NodeRun,
-        lifeline: Lifeline,
+        lifeline: Heartbeat,
         context: Context | None = None,
     ) -> None:
         super().__init__(SOIL, run, lifeline, context)
@@ -74,23 +74,23 @@ class SoilNode(LockstepNode):
         self._clouds = self.publisher(SoilCloud, (RECORDER,)) if self._schedule.cloud_ticks else None
         self._poses = {
             name: self.create_publisher(
-                rclpy_class("geometry_msgs/msg/PoseStamped"), pose_topic(name), PEOPLE_QOS
+                rclpy_class("geometry_msgs/msg/PoseStamped"), pose_topic(name), VISUALIZATION_QOS
             )
             for name in scene.tools
         }
         self._body_wrenches = {
             name: self.create_publisher(
-                rclpy_class("geometry_msgs/msg/WrenchStamped"), wrench_topic(name), PEOPLE_QOS
+                rclpy_class("geometry_msgs/msg/WrenchStamped"), wrench_topic(name), VISUALIZATION_QOS
             )
             for name in scene.tools
         }
-        self._picture = Picture(self, run.resolved) if mover is not None else None
+        self._picture = VisualizationPublisher(self, run.resolved) if mover is not None else None
         self.listen(Grant, self._on_grant, (COUPLER,))
         if mover is None:
             self.listen(ToolMotions, self._on_motions, (MECHANISM,))
         else:
             self._motions = self.publisher(ToolMotions, (COUPLER, RECORDER))
-        self.listen(NodeHello, self._on_hello, ())
+        self.listen(NodeStatus, self._on_hello, ())
 
     def on_poll(self) -> None:
         """Starts paths, and says that it is ready once the soil has answered and everybody listens."""
@@ -103,7 +103,7 @@ class SoilNode(LockstepNode):
             self.lifeline.say(NodeState.READY, motions=motions, wrenches=self._last_wrenches)
 
     def health(self) -> Health:
-        """What the monitors of the last state published say; of a reduced soil there is none."""
+        """What the monitors of the last state published say; of a wedge model there is none."""
         values: dict[str, str | float | int] = {"engine_s": self._engine_s}
         state = self._state
         if state is None or self.run.resolved.scene.particle_soil is None:
@@ -120,7 +120,7 @@ class SoilNode(LockstepNode):
         else:
             self._last_wrenches = self._engine.start(motions)
 
-    def _on_hello(self, hello: NodeHello) -> None:
+    def _on_hello(self, hello: NodeStatus) -> None:
         if hello.node == MECHANISM and self._mover is None and hello.run_id == self.run.run_id:
             if self._last_wrenches is None and len(hello.initial_motions) == len(self._poses):
                 self._start(hello.initial_motions)
@@ -128,7 +128,7 @@ class SoilNode(LockstepNode):
             self.follow_coupler_end(hello)
 
     def _on_grant(self, grant: Grant) -> None:
-        if grant.command is Command.KEEP:
+        if grant.command is Command.CHECKPOINT:
             self._participant.accept_keep(grant)
             self._keep(grant.tick)
             return
@@ -193,7 +193,7 @@ class SoilNode(LockstepNode):
 
 
 def build(
-    settings: NodeSettings, run: NodeRun, lifeline: Lifeline, context: Context | None = None
+    settings: NodeSettings, run: NodeRun, lifeline: Heartbeat, context: Context | None = None
 ) -> SoilNode:
     """The node with its engine.
 

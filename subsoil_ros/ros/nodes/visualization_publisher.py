@@ -9,10 +9,10 @@ from ...recording.standard import transforms
 from ...recording.topics import LATCHED, TRANSFORMS
 from ...recording.types import message_class, serialize
 from ..transport.convert import rclpy_class
-from ..transport.qos import LATCHED_QOS, PEOPLE_QOS
+from ..transport.qos import LATCHED_QOS, VISUALIZATION_QOS
 
 
-class Picture:
+class VisualizationPublisher:
     """Publishes for whoever moves the tools; the bytes are those of the bag. Nothing in a run waits for it.
 
     /tf is published where tf2_msgs is installed, the other topics always. /robot_description stands in the
@@ -31,7 +31,7 @@ class Picture:
         except ImportError:
             self._transforms = None
         else:
-            self._transforms = node.create_publisher(kind, TRANSFORMS, PEOPLE_QOS)
+            self._transforms = node.create_publisher(kind, TRANSFORMS, VISUALIZATION_QOS)
 
     def move(self, state: MechanismState | None, motions: ToolMotions | None, time_ns: int) -> None:
         """Publishes where the bodies are, or, of a scene without mechanism, the tools."""

@@ -14,12 +14,12 @@ from ...coupling.exit_status import Ending, interrupted
 from ...coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL
 from ..nodes import controller_node, coupler_node, mechanism_node, recorder_node, soil_node
 from ..nodes.lockstep_node import LockstepNode
-from .heartbeat import Lifeline, NodeRun
+from .heartbeat import Heartbeat, NodeRun
 from .node_process import NodeSettings, watched_by
 from .node_thread import Service
 from .plan import ros_arguments
 
-Build = Callable[[NodeRun, Lifeline, Context], LockstepNode]
+Build = Callable[[NodeRun, Heartbeat, Context], LockstepNode]
 """Makes a node with its engine."""
 
 
@@ -62,12 +62,12 @@ def run_composed(
     context = Context()
     words = ros_arguments({}, namespace)
     rclpy.init(args=words, context=context, signal_handler_options=SignalHandlerOptions.NO)
-    lifelines: dict[str, Lifeline] = {}
+    lifelines: dict[str, Heartbeat] = {}
     services: dict[str, Service] = {}
     try:
         for name, build in builds.items():
             node = Node(f"{name}_process", context=context)
-            lifeline = lifelines[name] = Lifeline(node, name, run, watched_by(name, run))
+            lifeline = lifelines[name] = Heartbeat(node, name, run, watched_by(name, run))
             services[name] = Service(name, partial(build, run, lifeline, context), lifeline)
         for name, service in services.items():
             lifelines[name].start()

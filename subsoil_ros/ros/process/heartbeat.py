@@ -18,11 +18,11 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from ..._version import __version__
-from ...coupling.checkpoints import Keeper
+from ...coupling.checkpoints import CheckpointWriter
 from ...coupling.exit_status import Ending
 from ...coupling.protocol import CAPABILITIES, COUPLER, RECORDER, participants
 from ...loading.loader import ResolvedScene
-from ...messages import NodeHello, NodeState, ToolMotion, ToolWrench
+from ...messages import NodeState, NodeStatus, ToolMotion, ToolWrench
 from ...recording.checkpoint import Checkpoint
 from ...recording.topics import TOPIC_OF
 from ...recording.types import own_type_hashes
@@ -66,15 +66,15 @@ class NodeRun:
         """The first tick of this run."""
         return self.resumed.tick + 1 if self.resumed is not None else 0
 
-    def keeper(self) -> Keeper | None:
+    def keeper(self) -> CheckpointWriter | None:
         """Writes a node's part of the checkpoints; None: there are none."""
         if self.checkpoints is None:
             return None
-        return Keeper(self.checkpoints, self.resolved, self.run_id)
+        return CheckpointWriter(self.checkpoints, self.resolved, self.run_id)
 
-    def hello(self, node: str) -> NodeHello:
+    def hello(self, node: str) -> NodeStatus:
         """The first word of a node."""
-        return NodeHello(
+        return NodeStatus(
             self.run_id,
             node,
             NodeState.STARTING,
@@ -87,7 +87,7 @@ class NodeRun:
         )
 
 
-class Lifeline:
+class Heartbeat:
     """Says how the node is, and knows which of the watched nodes fell silent.
 
     Args:
@@ -111,12 +111,12 @@ class Lifeline:
         self._ended: dict[str, tuple[float, str]] = {}  # when a node said that it ends, and why
         self._lost = ""
         self._said = threading.Lock()
-        hello_class = class_of(NodeHello)
-        self._publisher = node.create_publisher(hello_class, TOPIC_OF[NodeHello], HELLO_QOS)
+        hello_class = class_of(NodeStatus)
+        self._publisher = node.create_publisher(hello_class, TOPIC_OF[NodeStatus], HELLO_QOS)
         self._subscription = node.create_subscription(
-            hello_class, TOPIC_OF[NodeHello], self._on_hello, HELLO_QOS, raw=True
+            hello_class, TOPIC_OF[NodeStatus], self._on_hello, HELLO_QOS, raw=True
         )
-        self._read = reader(NodeHello, run.resolved.timing.interval_ns)
+        self._read = reader(NodeStatus, run.resolved.timing.communication_step_ns)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(HEARTBEAT_S, self._on_timer, clock=steady)
         self._closing = threading.Event()
@@ -203,7 +203,7 @@ class Lifeline:
     def _publish(self) -> None:
         with self._said:
             self._hello = replace(self._hello, tick=self.tick)
-            self._publisher.publish(to_bytes(self._hello, self._run.resolved.timing.interval_ns))
+            self._publisher.publish(to_bytes(self._hello, self._run.resolved.timing.communication_step_ns))
 
     def _on_hello(self, cdr: bytes) -> None:
         hello = self._read(cdr)

@@ -24,7 +24,7 @@ from ...errors import InputError, RunError
 from ...loading.loader import ResolvedScene, load_scene
 from ...recording.checkpoint import read_checkpoint
 from ..nodes.lockstep_node import LAST_WORD_S, OWN_TIME, LockstepNode, one_line
-from .heartbeat import LATE_S, Lifeline, NodeRun
+from .heartbeat import LATE_S, Heartbeat, NodeRun
 from .node_thread import Service
 
 GRACE_S = 2.0
@@ -150,7 +150,7 @@ def run_process(name: str, build: Callable[..., LockstepNode]) -> int:
     """Runs one node until the run ends. Returns the exit status.
 
     Args:
-        build: makes the node from its NodeSettings, NodeRun and Lifeline.
+        build: makes the node from its NodeSettings, NodeRun and Heartbeat.
     """
     if name in (COUPLER, RECORDER) and hasattr(os, "SCHED_BATCH"):
         os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))  # waking, they push no engine aside
@@ -167,13 +167,13 @@ def run_process(name: str, build: Callable[..., LockstepNode]) -> int:
     except InputError as error:
         say(f"{name}: {one_line(error)}")
         return error.exit_status
-    lifeline = Lifeline(node, name, run, watched_by(name, run))
+    lifeline = Heartbeat(node, name, run, watched_by(name, run))
     with caught_signals(lambda number: lifeline.request_stop(interrupted(number))):
         return _serve(name, build, settings, run, lifeline)
 
 
 def _serve(
-    name: str, build: Callable[..., LockstepNode], settings: NodeSettings, run: NodeRun, lifeline: Lifeline
+    name: str, build: Callable[..., LockstepNode], settings: NodeSettings, run: NodeRun, lifeline: Heartbeat
 ) -> int:
     if settings.supervised:
         threading.Thread(target=_obey, args=(lifeline,), daemon=True).start()
@@ -193,7 +193,7 @@ def _serve(
     return ending.exit_status
 
 
-def _obey(lifeline: Lifeline) -> None:
+def _obey(lifeline: Heartbeat) -> None:
     """Takes wishes to stop from standard input; its end means that the supervisor is gone."""
     for line in sys.stdin:
         event = json.loads(line)
@@ -201,7 +201,7 @@ def _obey(lifeline: Lifeline) -> None:
     lifeline.request_stop(Ending(RunError.exit_status, "the supervisor is gone"))
 
 
-def _wait(service: Service, lifeline: Lifeline) -> None:
+def _wait(service: Service, lifeline: Heartbeat) -> None:
     """Waits for the service; one that does not come back from its engine is left behind."""
     while service.is_alive() and lifeline.stop is None and not lifeline.lost:
         service.join(0.2)

@@ -8,13 +8,13 @@ from ...coupling.exit_status import Ending
 from ...errors import RunError
 from ...messages import NodeState
 from ..nodes.lockstep_node import LAST_WORD_S, LockstepNode, one_line
-from .heartbeat import Lifeline
+from .heartbeat import Heartbeat
 
 
 class Service(threading.Thread):
     """Builds the node and spins it. One thread for both: engines may keep settings by thread."""
 
-    def __init__(self, name: str, build: Callable[[], LockstepNode], lifeline: Lifeline) -> None:
+    def __init__(self, name: str, build: Callable[[], LockstepNode], lifeline: Heartbeat) -> None:
         super().__init__(name=name, daemon=True)
         self.ending = Ending()
         self._build = build

@@ -14,7 +14,7 @@ from ...recording.conversion import stamp
 from ...recording.types import message_class, serialize
 from ...ticks import INITIAL_TICK, tick_end_s
 from ..transport.convert import rclpy_class
-from ..transport.qos import PEOPLE_QOS
+from ..transport.qos import VISUALIZATION_QOS
 
 PERIOD_S = 1.0
 TOPIC = "/diagnostics"  # of all nodes of a system (diagnostic_updater); the status names tell them apart
@@ -41,11 +41,11 @@ class Health:
 class Diagnostics:
     """Publishes a node's health. Stamps are wall time: rates and delays are of this machine."""
 
-    def __init__(self, node: Node, run_id: str, interval_ns: int) -> None:
-        self._publisher = node.create_publisher(rclpy_class(_KIND), TOPIC, PEOPLE_QOS)
+    def __init__(self, node: Node, run_id: str, communication_step_ns: int) -> None:
+        self._publisher = node.create_publisher(rclpy_class(_KIND), TOPIC, VISUALIZATION_QOS)
         self._name = f"{node.get_fully_qualified_name().lstrip('/')}: lockstep"
         self._run_id = run_id
-        self._interval_ns = interval_ns
+        self._interval_ns = communication_step_ns
         self._last_s = time.monotonic()
         self._last_tick: int | None = None  # None: nothing is done yet
 

@@ -17,7 +17,7 @@ from rclpy.node import Node
 from rclpy.service import Service
 
 from ..._version import __version__
-from ..process.heartbeat import Lifeline
+from ..process.heartbeat import Heartbeat
 from .run_control import RESET_ADVICE, Result, RunControl
 
 FEATURES = (
@@ -157,7 +157,7 @@ class StepsAction:
     and when the ticks are done, so no thread waits.
     """
 
-    def __init__(self, lifeline: Lifeline, control: RunControl) -> None:
+    def __init__(self, lifeline: Heartbeat, control: RunControl) -> None:
         self._control = control
         self._dialect = dialect()
         self._kind = self._dialect.action()

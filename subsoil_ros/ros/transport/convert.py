@@ -26,21 +26,21 @@ def class_of(kind: type) -> Any:
     return rclpy_class(message_type(kind))
 
 
-def writer(kind: type, interval_ns: int) -> Callable[[Any], bytes]:
+def writer(kind: type, communication_step_ns: int) -> Callable[[Any], bytes]:
     """The function that gives the CDR bytes of records of `kind`."""
     if kind in TICKED:
-        return TickCodec(kind, interval_ns).encode
-    return lambda record: to_bytes(record, interval_ns)
+        return TickCodec(kind, communication_step_ns).encode
+    return lambda record: to_bytes(record, communication_step_ns)
 
 
-def to_bytes(record: Any, interval_ns: int) -> bytes:
+def to_bytes(record: Any, communication_step_ns: int) -> bytes:
     """CDR of the message that carries `record`."""
-    return serialize(to_message(message_class, record, interval_ns))
+    return serialize(to_message(message_class, record, communication_step_ns))
 
 
-def reader(kind: type, interval_ns: int) -> Callable[[bytes], Any]:
+def reader(kind: type, communication_step_ns: int) -> Callable[[bytes], Any]:
     """The function that gives the record of `kind` in CDR bytes."""
     if kind in TICKED:
-        return TickCodec(kind, interval_ns).decode
+        return TickCodec(kind, communication_step_ns).decode
     name = message_type(kind)
     return lambda cdr: from_message(kind, deserialize(cdr, name))

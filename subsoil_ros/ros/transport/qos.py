@@ -3,7 +3,7 @@
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from ...coupling.protocol import ACK_LAG_TICKS
-from ...messages import NodeHello, SoilCloud
+from ...messages import NodeStatus, SoilCloud
 from ...recording.topics import LOCKSTEP_DEPTH
 
 LOCKSTEP_QOS = QoSProfile(
@@ -35,7 +35,7 @@ CLOUD_QOS = QoSProfile(
 )
 """Volatile: a cloud is freed as soon as its readers have it. Deep enough for one cloud per tick."""
 
-PEOPLE_QOS = QoSProfile(
+VISUALIZATION_QOS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
     history=HistoryPolicy.KEEP_LAST,
@@ -54,4 +54,4 @@ LATCHED_QOS = QoSProfile(
 
 def qos_of(kind: type) -> QoSProfile:
     """The quality of service for records of `kind`, to publish and to listen."""
-    return {NodeHello: HELLO_QOS, SoilCloud: CLOUD_QOS}.get(kind, LOCKSTEP_QOS)
+    return {NodeStatus: HELLO_QOS, SoilCloud: CLOUD_QOS}.get(kind, LOCKSTEP_QOS)

@@ -11,7 +11,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from ...messages import Command, Grant, GroupForce, TickAck, ToolMotion, ToolMotions, ToolWrench, ToolWrenches
+from ...messages import (
+    Command,
+    FacetGroupForce,
+    Grant,
+    TickAck,
+    ToolMotion,
+    ToolMotions,
+    ToolWrench,
+    ToolWrenches,
+)
 from ...recording.conversion import from_message, message_type, to_message
 from ...recording.types import deserialize, message_class, serialize
 from ...ticks import NANOSECONDS_PER_SECOND, tick_end_ns
@@ -125,7 +134,7 @@ def _names_of(record: Ticked) -> Names:
 
 
 def _numbers_of_motion(motion: ToolMotion) -> tuple[float, ...]:
-    half = 0.5 * motion.phi_rad
+    half = 0.5 * motion.angle_rad
     return (
         motion.x_m,
         motion.y_m,
@@ -138,9 +147,9 @@ def _numbers_of_motion(motion: ToolMotion) -> tuple[float, ...]:
         0.0,
         motion.velocity_z_m_per_s,
         0.0,
-        -motion.phi_rate_rad_per_s,
+        -motion.angular_velocity_rad_per_s,
         0.0,
-        motion.phi_rad,
+        motion.angle_rad,
     )
 
 
@@ -160,8 +169,8 @@ def _numbers_of_wrench(wrench: ToolWrench) -> tuple[float, ...]:
 def _motions(names: Names, numbers: tuple[float, ...]) -> Iterator[ToolMotion]:
     place = 0
     for tool, _ in names:
-        x_m, y_m, z_m, _, _, _, _, speed_x, _, speed_z, _, rate, _, phi_rad = numbers[place : place + 14]
-        yield ToolMotion(tool, x_m, y_m, z_m, phi_rad, speed_x, speed_z, -rate)
+        x_m, y_m, z_m, _, _, _, _, speed_x, _, speed_z, _, rate, _, angle_rad = numbers[place : place + 14]
+        yield ToolMotion(tool, x_m, y_m, z_m, angle_rad, speed_x, speed_z, -rate)
         place += 14
 
 
@@ -172,7 +181,7 @@ def _wrenches(names: Names, numbers: tuple[Any, ...]) -> Iterator[ToolWrench]:
         place += 8
         forces = []
         for group in groups:
-            forces.append(GroupForce(group, *numbers[place : place + 3]))
+            forces.append(FacetGroupForce(group, *numbers[place : place + 3]))
             place += 3
         yield ToolWrench(
             tool, force_x, force_y, force_z, torque_x, torque_y, torque_z, work, count, tuple(forces)
@@ -184,12 +193,12 @@ class TickCodec:
 
     Args:
         kind: one of TICKED.
-        interval_ns: stamps the records that carry no time of their own.
+        communication_step_ns: stamps the records that carry no time of their own.
     """
 
-    def __init__(self, kind: type[Ticked], interval_ns: int) -> None:
+    def __init__(self, kind: type[Ticked], communication_step_ns: int) -> None:
         self._kind = kind
-        self._interval_ns = interval_ns
+        self._interval_ns = communication_step_ns
         self._type_name = message_type(kind)
         self._shape: _Shape | None = None
 

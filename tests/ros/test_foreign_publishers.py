@@ -68,12 +68,12 @@ def test_a_stranger_is_refused_by_name(
     """
     (tool,) = resolved.scene.tools
     message = ToolWrenchesMessage(run_id="test", tick=3, tools=[ToolWrenchMessage(tool=tool)])
-    message.header.stamp.nanosec = 4 * resolved.timing.interval_ns
+    message.header.stamp.nanosec = 4 * resolved.timing.communication_step_ns
     spoil(message)
     ending = ending_with_stranger(resolved, tmp_path / "bag", listener, "tool_wrenches", message)
     assert ending.exit_status == 3
     assert "tool_wrenches: " in ending.reason
-    ticks = lockstep_ticks(tmp_path / "bag", resolved.timing.interval_ns)
+    ticks = lockstep_ticks(tmp_path / "bag", resolved.timing.communication_step_ns)
     count = len(ticks["grant"])  # who finds him ends with what all had finished, or with what it had
     assert count <= 3
     assert ticks == {name: list(range(count)) for name in ticks}
@@ -87,7 +87,7 @@ def test_a_listener_that_takes_nothing_holds_nobody_up(
     """Somebody subscribes to a lockstep topic and never looks: the run ends well, all is recorded."""
     listener.create_subscription(ToolWrenchesMessage, "tool_wrenches", print, LOCKSTEP_QOS)
     assert run_nodes(resolved, tmp_path / "bag", SpringSoil) == Ending()
-    ticks = lockstep_ticks(tmp_path / "bag", resolved.timing.interval_ns)
+    ticks = lockstep_ticks(tmp_path / "bag", resolved.timing.communication_step_ns)
     assert ticks == {name: list(range(TICKS)) for name in ticks}
 
 
@@ -118,7 +118,7 @@ def test_a_long_tick_is_no_fault(
 def test_a_slow_disk_holds_the_run_and_loses_nothing(tmp_path: Path) -> None:
     """The writer takes 1 ms a message: the soil is held ACK_LAG_TICKS ahead of it, all is recorded."""
     ticks = 3 * ACK_LAG_TICKS
-    slow = load_scene(SCENE, ["coupling.interval_ns=48000", f"duration_s={ticks * 48e-6}"])
+    slow = load_scene(SCENE, ["coupling.communication_step_ns=48000", f"duration_s={ticks * 48e-6}"])
     (tool,) = slow.scene.tools
     leads: list[int] = []
     soil_tick = [-1]
@@ -139,5 +139,5 @@ def test_a_slow_disk_holds_the_run_and_loses_nothing(tmp_path: Path) -> None:
     nodes[RECORDER] = lambda run, lifeline, context: RecorderNode(writer, run, lifeline, context)
     assert run_composed(NodeRun("test", slow), nodes, lambda: 0) == Ending()
     assert ACK_LAG_TICKS // 2 < max(leads) <= ACK_LAG_TICKS
-    recorded = lockstep_ticks(tmp_path / "bag", slow.timing.interval_ns)
+    recorded = lockstep_ticks(tmp_path / "bag", slow.timing.communication_step_ns)
     assert recorded == {name: list(range(ticks)) for name in recorded}

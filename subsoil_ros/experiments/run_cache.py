@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from ..analysis.series import Series, read_series_csv
-from ..api.execution import Executed
+from ..api.execution import RunResult
 from ..errors import InputError, RunError, SubsoilError
 from ..loading.loader import ResolvedScene
 
@@ -25,14 +25,14 @@ NAME_DIGITS = 32
 
 
 @dataclass(frozen=True)
-class KeptRun:
+class CachedRun:
     """A run in its folder; what has failed is kept too, with its message."""
 
     folder: Path
 
     @cached_property
     def facts(self) -> dict[str, Any]:
-        """What run.json says, see Executed."""
+        """What run.json says, see RunResult."""
         return _read_json(self.folder / "run.json")
 
     @cached_property
@@ -66,13 +66,13 @@ def run_folder(cache: Path, scene_hash: str) -> Path:
     return cache / scene_hash[:NAME_DIGITS]
 
 
-def find_run(cache: Path, scene_hash: str) -> KeptRun | None:
+def find_run(cache: Path, scene_hash: str) -> CachedRun | None:
     """The kept run of a scene; None if there is none."""
     folder = run_folder(cache, scene_hash)
-    return KeptRun(folder) if (folder / "run.json").is_file() else None
+    return CachedRun(folder) if (folder / "run.json").is_file() else None
 
 
-def keep_run(cache: Path, scene: ResolvedScene, executed: Executed) -> KeptRun:
+def keep_run(cache: Path, scene: ResolvedScene, executed: RunResult) -> CachedRun:
     """Keeps a run in place of an earlier one of the same scene; its folder appears in one piece."""
     cache.mkdir(parents=True, exist_ok=True)
     part = Path(tempfile.mkdtemp(prefix=".part-", dir=cache))
@@ -86,10 +86,10 @@ def keep_run(cache: Path, scene: ResolvedScene, executed: Executed) -> KeptRun:
         shutil.rmtree(part, ignore_errors=True)
 
 
-def keep_folder(cache: Path, scene_hash: str, made: Path, facts: Mapping[str, Any]) -> KeptRun:
+def keep_folder(cache: Path, scene_hash: str, made: Path, facts: Mapping[str, Any]) -> CachedRun:
     """Keeps a folder that `subsoil run` made on the disk of the cache, as keep_run does; it is moved.
 
-    facts: as Executed has them.
+    facts: as RunResult has them.
     """
     folder = run_folder(cache, scene_hash)
     (made / "run.json").write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8")
@@ -99,4 +99,4 @@ def keep_folder(cache: Path, scene_hash: str, made: Path, facts: Mapping[str, An
     except OSError:
         if not folder.is_dir():  # else somebody has just kept the same scene: the same numbers
             raise
-    return KeptRun(folder)
+    return CachedRun(folder)

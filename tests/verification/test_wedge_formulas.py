@@ -1,4 +1,4 @@
-"""The failure wedge and the wheel of the reduced soil against closed forms and published coefficients."""
+"""The failure wedge and the wheel of the wedge model against closed forms and published coefficients."""
 
 import math
 
@@ -8,8 +8,8 @@ import pytest
 from subsoil_ros.scene.tool_faces import WheelFace
 from subsoil_ros.scene.wedge import (
     ResistanceChange,
-    ResistanceLayer,
-    ResistanceValues,
+    WedgeLayer,
+    WedgeValues,
     WheelSoil,
     layer_values,
 )
@@ -174,23 +174,23 @@ def test_force_is_continuous_with_depth_and_zero_at_the_surface():
 
 def test_equal_layers_are_one_soil_and_a_hardpan_counts_by_its_part():
     """Means over the depth; weight by how wide the wedge is there."""
-    values = ResistanceValues(
+    values = WedgeValues(
         density_kg_per_m3=1500.0,
         cohesion_pa=1e4,
         friction_angle_rad=0.5,
         adhesion_pa=1e3,
         tool_friction_angle_rad=0.3,
     )
-    names = [ResistanceLayer(name="a", thickness_m=0.08), ResistanceLayer(name="b", thickness_m=0.07)]
-    same = layer_values(values, (*names, ResistanceLayer(name="c")))
+    names = [WedgeLayer(name="a", thickness_m=0.08), WedgeLayer(name="b", thickness_m=0.07)]
+    same = layer_values(values, (*names, WedgeLayer(name="c")))
     one = mean_strength(layer_values(values, None), 0.2, 0.05, 9.81)
     assert mean_strength(same, 0.2, 0.05, 9.81) == pytest.approx(one)
-    hard = ResistanceLayer(
+    hard = WedgeLayer(
         name="b",
         thickness_m=0.07,
         values=ResistanceChange(cohesion_pa=3e4, density_kg_per_m3=2000.0, adhesion_pa=5e3),
     )
-    layered = layer_values(values, (names[0], hard, ResistanceLayer(name="c")))
+    layered = layer_values(values, (names[0], hard, WedgeLayer(name="c")))
     found = mean_strength(layered, 0.2, 0.1, 9.81)
     assert found.cohesion == pytest.approx(1e4 + 2e4 * 0.07 / 0.2)
     assert found.adhesion == pytest.approx(1e3 + 4e3 * 0.05 / 0.1)  # on the plate, 0.10 to 0.20 m deep
@@ -217,7 +217,7 @@ def test_wheel_load_is_the_integral_of_the_pressure(n):
 def test_grip_goes_from_stiffness_to_strength():
     """Janosi and Hanamoto along the contact: x / 2 for little slip, all of W tan phi + b L c for much."""
     wheels = WheelSoil(cohesive_modulus=0.0, frictional_modulus=1e6, exponent=1.0, shear_deformation_m=0.01)
-    values = ResistanceValues(
+    values = WedgeValues(
         density_kg_per_m3=1500.0, cohesion_pa=2e3, friction_angle_rad=0.5, adhesion_pa=0.0,
         tool_friction_angle_rad=0.3, wheels=wheels,
     )  # fmt: skip

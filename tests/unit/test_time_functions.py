@@ -1,4 +1,4 @@
-"""Laws of time and paths: values, integrals, corners."""
+"""Time functions and paths: values, integrals, corners."""
 
 import math
 
@@ -65,12 +65,12 @@ def _path_scene():
         "tangential_stiffness_newton_per_m": 8e3,
         "damping_newton_s_per_m": 20.0,
         "tangential_damping_newton_s_per_m": 20.0,
-        "adhesion_newton_per_m": 7e3,
+        "cohesive_stiffness_newton_per_m": 7e3,
         "static_friction": 0.5,
         "sliding_friction": 0.5,
         "rolling_friction": 0.3,
-        "rest_overlap_m": 0.002,
-        "reach_m": 0.002,
+        "equilibrium_overlap_m": 0.002,
+        "cohesion_range_m": 0.002,
     }
     path = {
         "start_x_m": -0.1,
@@ -87,7 +87,7 @@ def _path_scene():
                 "bin": {"length_m": 1.0, "width_m": 0.5, "depth_m": 0.2},
                 "particles": {"radius_m": 0.01, "density_kg_per_m3": 1800.0},
                 "bed": {"kind": "grid", "spacing_m": 0.018},
-                "law": {"kind": "wet", "particle": values, "boundary": values},
+                "law": {"kind": "cohesive_linear", "particle": values, "boundary": values},
             },
             "tools": {"tine": {"path": path, "lateral_m": 0.05, "groups": {"all": {"mesh": "tine.stl"}}}},
         }
@@ -98,13 +98,13 @@ def test_path_is_the_closed_form_integral_of_its_laws():
     """A tool on a path stands where the integrals of its speeds say, to round-off, at any tick."""
     engine = PathEngine(_path_scene(), Timing(1_000_000, 500, 1, 0))
     start = engine.initial_motions()[0]
-    assert (start.x_m, start.y_m, start.z_m, start.phi_rad) == (-0.1, 0.05, 0.2, 0.3)
+    assert (start.x_m, start.y_m, start.z_m, start.angle_rad) == (-0.1, 0.05, 0.2, 0.3)
     for tick in range(500):
         motion = engine.advance(tick, ())[0]
     assert motion.x_m == pytest.approx(-0.1 + 0.5 * 0.1 + 0.5 * 0.2, abs=1e-15)
     assert motion.velocity_x_m_per_s == 0.5
     assert motion.z_m == 0.2
-    assert motion.phi_rad == pytest.approx(0.3 - 1.0, abs=1e-15)
-    assert motion.phi_rate_rad_per_s == -2.0
+    assert motion.angle_rad == pytest.approx(0.3 - 1.0, abs=1e-15)
+    assert motion.angular_velocity_rad_per_s == -2.0
     with pytest.raises(ProtocolError, match="tick 7, but the next one is 500"):
         engine.advance(7, ())

@@ -1,4 +1,4 @@
-"""The reduced soil engine: signs, dissipation, failure cycle, wheels, and no need of the DEM."""
+"""The wedge model engine: signs, dissipation, failure cycle, wheels, and no need of the DEM."""
 
 import copy
 import json
@@ -15,7 +15,7 @@ import yaml
 from subsoil_ros.errors import PhysicsError
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.messages import ToolMotion
-from subsoil_ros.wedge.engine import ResistanceEngine
+from subsoil_ros.wedge.engine import WedgeEngine
 
 CONFIG = Path(__file__).parents[2] / "config"
 VALUES = {
@@ -46,7 +46,7 @@ def engine(tmp_path):
             "name": "reduced",
             "duration_s": 1.0,
             "soil": {
-                "model": "resistance",
+                "model": "wedge",
                 "bin": {"length_m": 2.0, "width_m": 0.5, "depth_m": 0.5},
                 "values": copy.deepcopy(VALUES) | (values or {}),
                 **soil,
@@ -55,7 +55,7 @@ def engine(tmp_path):
         }
         path = tmp_path / "scene.yaml"
         path.write_text(yaml.safe_dump(document, sort_keys=False))
-        return ResistanceEngine(load_scene(path))
+        return WedgeEngine(load_scene(path))
 
     return make
 
@@ -287,12 +287,12 @@ def test_state_is_all_there_is(engine):
 
 
 def test_no_particle_code_is_imported(tmp_path):
-    """A run on reduced soil, command line and summary included, imports nothing of the DEM."""
+    """A run on wedge model, command line and summary included, imports nothing of the DEM."""
     scene = tmp_path / "scene.yaml"
     values = json.dumps({k: v for k, v in VALUES.items()})
     scene.write_text(
         f"base: {CONFIG / 'scenes' / 'tine.yaml'}\nname: reduced\nduration_s: 0.05\n"
-        f"soil: {{model: resistance, values: {values}}}\n"
+        f"soil: {{model: wedge, values: {values}}}\n"
     )
     code = (
         "import sys; from subsoil_ros.cli.main import main\n"

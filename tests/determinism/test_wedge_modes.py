@@ -1,4 +1,4 @@
-"""A scene on reduced soil run in every way, in fresh processes: the same bits."""
+"""A scene on wedge model run in every way, in fresh processes: the same bits."""
 
 import os
 import subprocess
@@ -9,7 +9,7 @@ import pytest
 
 from ..ros.conftest import lockstep_ticks
 
-SCENE = Path(__file__).parents[2] / "config" / "scenes" / "subsoiler_1s300_resistance.yaml"
+SCENE = Path(__file__).parents[2] / "config" / "scenes" / "subsoiler_1s300_wedge.yaml"
 DURATION_S = 0.5
 """The wheels come down in 0.3 s, then the machine is pulled; AT_WORK: share in the soil at once."""
 AT_WORK = "mechanism.initial.translate_x_m=0.4"

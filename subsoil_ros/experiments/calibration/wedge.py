@@ -1,4 +1,4 @@
-"""The fit of a reduced soil to pulls through particles."""
+"""The fit of a wedge model to pulls through particles."""
 
 import math
 from dataclasses import dataclass
@@ -15,9 +15,9 @@ from ...loading.soil_file import SoilFile
 from ...messages import ToolMotion
 from ...scene.meshes import load_tool_mesh
 from ...scene.tool_faces import cutting_faces
-from ...scene.wedge import ResistanceValues, SoilRange
-from ...wedge.engine import ResistanceEngine
-from .design import Point, ResistanceDesign, fitted_law, point_overrides, tip_of
+from ...scene.wedge import SoilRange, WedgeValues
+from ...wedge.engine import WedgeEngine
+from .design import Point, WedgeDesign, fitted_law, point_overrides, tip_of
 from .runs import PullNumbers, Watch, dominant_period_m, kept_pull, numbers, pull
 
 FITTED = {
@@ -25,7 +25,7 @@ FITTED = {
     "friction_angle_rad": (0.3, 0.01, 0.9),
     "adhesion_part": (0.3, 0.0, 1.0),
     "friction_part": (0.5, 0.0, 1.0),
-    "shank_part": (0.5, 0.0, 5.0),
+    "shank_fraction": (0.5, 0.0, 5.0),
     "speed_factor": (1.0, 0.0, 50.0),
 }
 """Start and bounds. friction_part is tan(delta) over tan(phi), adhesion_part c_a over c: both at most 1."""
@@ -48,7 +48,7 @@ class Measured:
     """A point of the design and its runs."""
 
     point: Point
-    scene: ResolvedScene  # on reduced soil
+    scene: ResolvedScene  # on wedge model
     tip_x_m: float
     numbers: list[PullNumbers]  # one per replicate
     used: bool  # in the fit
@@ -65,7 +65,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class Compared:
-    """Particles and reduced soil at one point."""
+    """Particles and wedge model at one point."""
 
     point: Point
     used: bool
@@ -77,7 +77,7 @@ class Compared:
 
 
 @dataclass(frozen=True)
-class ResistanceFit:
+class WedgeFit:
     """A fitted soil and how it compares."""
 
     soil: SoilFile
@@ -89,7 +89,7 @@ class ResistanceFit:
 
 
 def measure(
-    scene: ResolvedScene, design: ResistanceDesign, folder: Path, threads: int, watch: Watch
+    scene: ResolvedScene, design: WedgeDesign, folder: Path, threads: int, watch: Watch
 ) -> list[Measured]:
     """Runs what has not been run yet. Raises RunError as kept_pull does."""
     found = []
@@ -112,7 +112,7 @@ def measure(
     return found
 
 
-_START = ResistanceValues(
+_START = WedgeValues(
     density_kg_per_m3=1500.0,
     cohesion_pa=1e4,
     friction_angle_rad=0.3,
@@ -120,7 +120,7 @@ _START = ResistanceValues(
     tool_friction_angle_rad=0.2,
 )
 _REDUCED = (
-    "soil={model: resistance, values: " + _START.model_dump_json(exclude_none=True) + "}",
+    "soil={model: wedge, values: " + _START.model_dump_json(exclude_none=True) + "}",
     "allow=[]",  # what the scene allows concerns its particles
 )
 
@@ -130,16 +130,16 @@ def _tip_x_m(scene: ResolvedScene, point: Point) -> float:
     return math.cos(point.tilt_rad) * x - math.sin(point.tilt_rad) * z
 
 
-def fit_resistance(
-    scene: ResolvedScene, design: ResistanceDesign, density_kg_per_m3: float, measured: list[Measured]
-) -> ResistanceFit:
+def fit_wedge(
+    scene: ResolvedScene, design: WedgeDesign, density_kg_per_m3: float, measured: list[Measured]
+) -> WedgeFit:
     """Fits strength to the mean forces of each group, then drop, variation and period to the fluctuation.
 
     Strength by least squares over share and shank along x and z; standard errors from the Jacobian, scaled by
     the residuals' own size. drop and period by running the reduced engine on the same paths.
     """
     used = [item for item in measured if item.used]
-    engines = {id(item): ResistanceEngine(item.scene) for item in measured}
+    engines = {id(item): WedgeEngine(item.scene) for item in measured}
     values = _START.model_copy(
         update={"density_kg_per_m3": density_kg_per_m3, "drop": 0.1, "wheels": design.wheels}
     )
@@ -160,7 +160,7 @@ def fit_resistance(
     deviation = np.sqrt(np.diag(covariance))
     safe = np.where(deviation > 0.0, deviation, 1.0)
     soil = SoilFile(
-        model="resistance",
+        model="wedge",
         fitted_law=fitted_law(scene),
         fitted_range=_range(scene, used),
         values=values,
@@ -172,7 +172,7 @@ def fit_resistance(
             "freedoms": freedoms,
         },
     )
-    return ResistanceFit(soil, compared, names, covariance / np.outer(safe, safe), chi_squared, freedoms)
+    return WedgeFit(soil, compared, names, covariance / np.outer(safe, safe), chi_squared, freedoms)
 
 
 def _at_bound(end: Any) -> list[bool]:
@@ -183,16 +183,16 @@ def _at_bound(end: Any) -> list[bool]:
     ]
 
 
-def _with(values: ResistanceValues, found: NDArray[np.float64]) -> ResistanceValues:
+def _with(values: WedgeValues, found: NDArray[np.float64]) -> WedgeValues:
     change = dict(zip(FITTED, found.tolist(), strict=True))
     part, sticks = change.pop("friction_part"), change.pop("adhesion_part")
     change["adhesion_pa"] = sticks * change["cohesion_pa"]
     change["tool_friction_angle_rad"] = math.atan(part * math.tan(change["friction_angle_rad"]))
-    return ResistanceValues.model_validate({**values.model_dump(), **change})
+    return WedgeValues.model_validate({**values.model_dump(), **change})
 
 
 def _fit_means(
-    values: ResistanceValues, used: list[Measured], engines: dict[int, ResistanceEngine], before: Any
+    values: WedgeValues, used: list[Measured], engines: dict[int, WedgeEngine], before: Any
 ) -> Any:
     """Least squares over the mean forces; from several starts the first time."""
     lower = np.array([low for _, low, _ in FITTED.values()])
@@ -221,10 +221,10 @@ def _fit_means(
     return min(ends, key=lambda end: end.cost)
 
 
-def steady(engine: ResistanceEngine, item: Measured) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def steady(engine: WedgeEngine, item: Measured) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Mean forces (groups,) along x and z of a steady pull: springs full, half way through the cycle."""
     tool, path = next((name, tool.path) for name, tool in item.scene.scene.tools.items() if tool.path)
-    step = item.point.speed_m_per_s * item.scene.timing.interval_s
+    step = item.point.speed_m_per_s * item.scene.timing.communication_step_s
     start = 0.5 * item.scene.scene.soil.bin.length_m - item.tip_x_m  # type: ignore[union-attr]
 
     def at(x: float) -> tuple[ToolMotion, ...]:
@@ -242,17 +242,17 @@ def steady(engine: ResistanceEngine, item: Measured) -> tuple[NDArray[np.float64
 
 
 def _reduced_numbers(
-    values: ResistanceValues, item: Measured, engine: ResistanceEngine, design: ResistanceDesign
+    values: WedgeValues, item: Measured, engine: WedgeEngine, design: WedgeDesign
 ) -> PullNumbers:
     return numbers(pull(item.scene, engine.with_values(values)), item.tip_x_m, design.window_m)
 
 
 def _fit_fluctuation(
-    values: ResistanceValues,
+    values: WedgeValues,
     used: list[Measured],
-    engines: dict[int, ResistanceEngine],
-    design: ResistanceDesign,
-) -> ResistanceValues:
+    engines: dict[int, WedgeEngine],
+    design: WedgeDesign,
+) -> WedgeValues:
     """drop (with a variation of its own size), and the period: as a length, or over the wedge's length.
 
     Of both the one whose numbers scatter less from point to point. A cycle from 1 - drop to 1 deviates by
@@ -270,7 +270,7 @@ def _fit_fluctuation(
     drop = values.drop
     for _ in range(4):
         change |= {"drop": drop, "variation": drop / math.sqrt(12.0)}
-        soil = ResistanceValues.model_validate({**values.model_dump(), **change})
+        soil = WedgeValues.model_validate({**values.model_dump(), **change})
         ratio, late = [], []
         for item, period in zip(used, periods, strict=True):
             got = _reduced_numbers(soil, item, engines[id(item)], design)
@@ -281,10 +281,10 @@ def _fit_fluctuation(
             change["period_m"] *= float(np.clip(np.median(late), 0.8, 1.25))
         change["period_factor"] *= float(np.clip(np.median(late), 0.8, 1.25))
     change |= {"drop": drop, "variation": drop / math.sqrt(12.0)}
-    return ResistanceValues.model_validate({**values.model_dump(), **change})
+    return WedgeValues.model_validate({**values.model_dump(), **change})
 
 
-def _wedge_length_m(values: ResistanceValues, item: Measured) -> float:
+def _wedge_length_m(values: WedgeValues, item: Measured) -> float:
     from ...wedge.layers import mean_strength
     from ...wedge.wedge import Plate, failure
 
@@ -296,9 +296,7 @@ def _wedge_length_m(values: ResistanceValues, item: Measured) -> float:
     return float(failure(Plate(face.width_m, rake, depth, height), strength, item.point.speed_m_per_s)[2])
 
 
-def _compare(
-    values: ResistanceValues, item: Measured, engine: ResistanceEngine, design: ResistanceDesign
-) -> Compared:
+def _compare(values: WedgeValues, item: Measured, engine: WedgeEngine, design: WedgeDesign) -> Compared:
     got = _reduced_numbers(values, item, engine, design)
     periods = [dominant_period_m([one]) for one in item.numbers]
     return Compared(

@@ -1,6 +1,6 @@
-"""How much cheaper reduced soil is: CPU time per simulated second beside particles, and real time as nodes.
+"""How much cheaper wedge model is: CPU time per simulated second beside particles, and real time as nodes.
 
-    python benchmarks/reduced_soil.py [--nodes SECONDS] [--particles TICKS]
+    python benchmarks/wedge_soil.py [--nodes SECONDS] [--particles TICKS]
 
 Both machine scenes run direct, with everything that is recorded; CPU time, so that other load does not
 count. The scene with particles runs for a few ticks, its step costs the same all along. As nodes (four
@@ -32,13 +32,13 @@ def cpu_s_per_simulated_s(resolved: ResolvedScene) -> float:
     with tempfile.TemporaryDirectory() as folder:
         simulate(resolved, Path(folder) / "bag", on_tick=lambda tick: marks.append(time.process_time()))
         marks[-1] = time.process_time()
-    return (marks[-1] - marks[0]) / ((len(marks) - 1) * resolved.timing.interval_s)
+    return (marks[-1] - marks[0]) / ((len(marks) - 1) * resolved.timing.communication_step_s)
 
 
 def compare(name: str, particles: str, reduced: str, ticks: int, *overrides: str) -> None:
     """Prints the CPU time of two scenes and their ratio."""
     first = load_scene(SCENES / particles)
-    duration = ticks * first.timing.interval_s
+    duration = ticks * first.timing.communication_step_s
     one = cpu_s_per_simulated_s(load_scene(SCENES / particles, [f"duration_s={duration!r}"]))
     two = cpu_s_per_simulated_s(load_scene(SCENES / reduced, overrides))
     print(f"{name}: {one:.1f} s with particles, {two:.3f} s reduced, {one / two:.0f} times")
@@ -47,7 +47,7 @@ def compare(name: str, particles: str, reduced: str, ticks: int, *overrides: str
 def run_nodes(seconds: float, out: Path) -> float:
     """Runs the machine as nodes; returns the CPU time of all processes, start-up included."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    scene = str(SCENES / "subsoiler_1s300_resistance.yaml")
+    scene = str(SCENES / "subsoiler_1s300_wedge.yaml")
     command = [sys.executable, "-m", "subsoil_ros.cli.main", "run", scene, "--mode", "nodes"]
     command += ["--out", str(out), "--set", f"duration_s={seconds!r}"]
     subprocess.run(command, check=True, capture_output=True)
@@ -90,7 +90,7 @@ def main() -> None:
         compare(
             "machine, full bin (CPU per simulated second)",
             "subsoiler_1s300.yaml",
-            "subsoiler_1s300_resistance.yaml",
+            "subsoiler_1s300_wedge.yaml",
             args.particles,
             "duration_s=2.0",
         )

@@ -11,13 +11,13 @@ from subsoil_ros.analysis.series import read_series, read_series_csv, read_table
 from subsoil_ros.api.execution import execute
 from subsoil_ros.cli.main import main
 from subsoil_ros.errors import InputError, RunError
-from subsoil_ros.experiments.kept_runs import KeptRun, find_run, keep_run
+from subsoil_ros.experiments.run_cache import CachedRun, find_run, keep_run
 from subsoil_ros.experiments.run_metrics import dominant_frequency_hz, metrics_of, swing
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 
 SCENES = Path(__file__).parents[2] / "config" / "scenes"
 FAST_PULL = (
-    f"soil={{model: resistance, file: {SCENES.parent / 'soils' / 'paper_grid.yaml'}}}",
+    f"soil={{model: wedge, file: {SCENES.parent / 'soils' / 'paper_grid.yaml'}}}",
     "duration_s=0.3",
     "record.series_ticks=3",
     "report.window_inside_m=0.0",
@@ -26,7 +26,7 @@ TOO_FAST = "tools.tine.path.speed_x_m_per_s={kind: ramp, start_value: 0.5, end_v
 
 
 def scene(*overrides: str) -> ResolvedScene:
-    """The tine on a reduced soil: 300 ticks in a fraction of a second."""
+    """The tine on a wedge model: 300 ticks in a fraction of a second."""
     return load_scene(SCENES / "tine.yaml", (*FAST_PULL, *overrides))
 
 
@@ -202,6 +202,6 @@ def test_range_and_swing_of_a_kept_run(tmp_path: Path) -> None:
     (tmp_path / "summary.json").write_text(json.dumps({"window": window, "interface_residual_ratio": 0.0}))
     rows = "\n".join(f"{t:.6f},{f:.9f}" for t, f in zip(times, force, strict=True))
     (tmp_path / "series.csv").write_text(f"time_s,spring.S.force_newton\n{rows}\n")
-    metrics = metrics_of(KeptRun(tmp_path))
-    assert metrics["spring_swing_newton"] == pytest.approx(100.0, rel=0.08)
+    metrics = metrics_of(CachedRun(tmp_path))
+    assert metrics["spring_detrended_std_newton"] == pytest.approx(100.0, rel=0.08)
     assert metrics["spring_range_newton"] == pytest.approx(200.0 * np.sqrt(2.0), rel=0.02)

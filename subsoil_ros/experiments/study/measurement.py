@@ -29,11 +29,11 @@ class Measurement:
 
 
 @dataclass
-class Judged:
+class PresetResult:
     """A variant of a study."""
 
     name: str
-    knobs: dict[str, str]
+    factors: dict[str, str]
     seeds: int
     failures: list[str]
     wall_s: Interval | None = None
@@ -65,7 +65,7 @@ def judge(
     design: StudyDesign,
     measured: Sequence[Measurement],
     failures: dict[str, list[str]],
-) -> list[Judged]:
+) -> list[PresetResult]:
     """Every variant of the design, in its order; those that failed in every seed have no numbers.
 
     Errors are ratios of the means over the seeds that both have, less 1; intervals are Student's t of what is
@@ -80,12 +80,12 @@ def judge(
     for variant in design.variants():
         point = variant.point
         runs = by_variant.get(point.name, {})
-        judged = Judged(point.name, variant.knobs, len(runs), failures.get(point.name, []))
+        judged = PresetResult(point.name, variant.factors, len(runs), failures.get(point.name, []))
         if runs:
             _times(judged, runs, finest, design.confidence)
             for metric in METRICS:
                 _errors(judged, metric, runs, finest, by_variant, design)
-            known = [name for name in design.judged_by if any(name in run.metrics for run in finest.values())]
+            known = [name for name in design.metrics if any(name in run.metrics for run in finest.values())]
             judged.bound = _bound(judged, known, len(design.seeds))
         found.append(judged)
     _mark_pareto(found)
@@ -93,7 +93,7 @@ def judge(
 
 
 def _times(
-    judged: Judged, runs: dict[int, Measurement], finest: dict[int, Measurement], confidence: float
+    judged: PresetResult, runs: dict[int, Measurement], finest: dict[int, Measurement], confidence: float
 ) -> None:
     judged.wall_s = mean_interval([run.wall_s for run in runs.values()], confidence)
     judged.cpu_s = mean_interval([run.cpu_s for run in runs.values()], confidence)
@@ -107,7 +107,7 @@ def _times(
 
 
 def _errors(
-    judged: Judged,
+    judged: PresetResult,
     metric: Metric,
     runs: dict[int, Measurement],
     finest: dict[int, Measurement],
@@ -125,7 +125,7 @@ def _errors(
     if error.count:
         judged.errors[metric.name] = _resolvable(error, metric, finest)
     scatter = float(pd.Series(true).std())  # nan with one
-    for name in design.also_against:
+    for name in design.additional_references:
         other = list(_of(by_variant.get(name, {}), metric).values())
         if not metric.relative or not any(other):
             continue
@@ -151,7 +151,7 @@ def _of(runs: dict[int, Measurement], metric: Metric) -> dict[int, float]:
     return {seed: run.metrics[metric.name] for seed, run in runs.items() if metric.name in run.metrics}
 
 
-def _bound(judged: Judged, names: Sequence[str], seeds: int) -> float:
+def _bound(judged: PresetResult, names: Sequence[str], seeds: int) -> float:
     """Largest |error| that the intervals still hold; with one seed in all, of the errors themselves.
 
     Infinite where an error is not known: too few seeds are left, or the variant lost what is judged.
@@ -165,7 +165,7 @@ def _bound(judged: Judged, names: Sequence[str], seeds: int) -> float:
     return max(ends, default=math.nan)
 
 
-def _mark_pareto(found: Sequence[Judged]) -> None:
+def _mark_pareto(found: Sequence[PresetResult]) -> None:
     """Marks every variant that no other beats in both wall time and bound."""
     rated = [item for item in found if item.wall_s is not None and math.isfinite(item.bound)]
     for item in rated:

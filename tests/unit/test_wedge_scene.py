@@ -1,4 +1,4 @@
-"""Reduced soil in scenes: what is refused and what is said, one message each."""
+"""Wedge model of the soil in scenes: what is refused and what is said, one message each."""
 
 import json
 import math
@@ -14,7 +14,7 @@ from subsoil_ros.errors import SceneError
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.loading.scene_bundle import pack, unpack
 from subsoil_ros.loading.soil_file import SoilFile, law_of, read_soil_file, write_soil_file
-from subsoil_ros.scene.wedge import ResistanceValues, SoilRange
+from subsoil_ros.scene.wedge import SoilRange, WedgeValues
 
 SCENES = Path(__file__).parents[2] / "config" / "scenes"
 VALUES = {
@@ -28,10 +28,10 @@ VALUES = {
 
 @pytest.fixture
 def reduced(tmp_path: Path) -> Callable[..., ResolvedScene]:
-    """Loads tine.yaml (0.20 m deep, 0.5 m/s, 25 degrees) on a reduced soil of these keys."""
+    """Loads tine.yaml (0.20 m deep, 0.5 m/s, 25 degrees) on a wedge model of these keys."""
 
     def load(*overrides: str, allow: Sequence[str] = (), **soil: object) -> ResolvedScene:
-        soil = {"model": "resistance", **soil}
+        soil = {"model": "wedge", **soil}
         document = {"base": str(SCENES / "tine.yaml"), "soil": soil, "allow": list(allow)}
         path = tmp_path / "scene.yaml"
         path.write_text(yaml.safe_dump(document))
@@ -49,10 +49,10 @@ def soil_file(tmp_path: Path) -> Callable[..., str]:
         particles = load_scene(SCENES / "tine.yaml").scene.particle_soil
         assert particles is not None
         found = SoilFile(
-            model="resistance",
+            model="wedge",
             fitted_law=law_of(particles),
             fitted_range=SoilRange(**ranges),
-            values=ResistanceValues(**VALUES),
+            values=WedgeValues(**VALUES),
         )
         write_soil_file(tmp_path / "soil.yaml", found)
         assert read_soil_file(tmp_path / "soil.yaml") == found
@@ -77,7 +77,7 @@ def soil_file(tmp_path: Path) -> Callable[..., str]:
         ),
         ({"values": VALUES | {"cohesion": 1.0}}, "did you mean 'cohesion_pa'?"),
         ({"values": VALUES, "particles": {}}, "soil.particles: unknown key 'particles'"),
-        ({"values": VALUES, "stands_for": "tine.yaml"}, "soil.stands_for: only a 'file' was fitted"),
+        ({"values": VALUES, "fitted_to": "tine.yaml"}, "soil.fitted_to: only a 'file' was fitted"),
         (
             {"values": VALUES, "layers": [{"name": "a"}, {"name": "b"}]},
             "soil.layers.0.thickness_m: is missing",
@@ -108,8 +108,8 @@ def test_a_rake_beyond_the_theory(reduced: Callable[..., ResolvedScene], rake_de
 
 def test_a_wheel_needs_to_be_round_and_soil_to_carry_it(reduced: Callable[..., ResolvedScene]) -> None:
     """share: false means wheel."""
-    with pytest.raises(SceneError, match=r"tools\.tine: 'share: false' makes it a wheel"):
-        reduced("tools.tine.share=false", values=VALUES)
+    with pytest.raises(SceneError, match=r"tools\.tine: 'role: wheel' makes it a wheel"):
+        reduced("tools.tine.role=wheel", values=VALUES)
 
 
 def test_a_soil_file_carries_its_law_and_range(
@@ -117,11 +117,11 @@ def test_a_soil_file_carries_its_law_and_range(
 ) -> None:
     """In range nothing is said; the file's bytes are in the scene's hash."""
     file = soil_file()
-    inside = reduced(file=file, stands_for=str(SCENES / "tine.yaml"))
+    inside = reduced(file=file, fitted_to=str(SCENES / "tine.yaml"))
     assert inside.notes == ()
     before = inside.scene_hash
     Path(file).write_text(Path(file).read_text().replace("cohesion_pa: 8000.0", "cohesion_pa: 9000.0"))
-    assert reduced(file=file, stands_for=str(SCENES / "tine.yaml")).scene_hash != before
+    assert reduced(file=file, fitted_to=str(SCENES / "tine.yaml")).scene_hash != before
 
 
 def test_a_soil_file_of_another_law(
@@ -129,13 +129,14 @@ def test_a_soil_file_of_another_law(
 ) -> None:
     """The keys that differ are named; other_contact_law takes it all the same."""
     other = tmp_path / "other.yaml"
-    change = {"soil": {"law": {"particle": {"adhesion_newton_per_m": 1.0}}}}
+    change = {"soil": {"law": {"particle": {"cohesive_stiffness_newton_per_m": 1.0}}}}
     other.write_text(json.dumps({"base": str(SCENES / "tine.yaml"), **change}))
     with pytest.raises(
-        SceneError, match=r"they differ in law\.particle\.adhesion_newton_per_m\..*other_contact_law"
+        SceneError,
+        match=r"they differ in law\.particle\.cohesive_stiffness_newton_per_m\..*other_contact_law",
     ):
-        reduced(file=soil_file(), stands_for=str(other))
-    reduced(file=soil_file(), stands_for=str(other), allow=["other_contact_law"])
+        reduced(file=soil_file(), fitted_to=str(other))
+    reduced(file=soil_file(), fitted_to=str(other), allow=["other_contact_law"])
 
 
 @pytest.mark.parametrize(
@@ -172,11 +173,11 @@ def test_far_out_of_range_is_refused(
 def test_what_a_scene_allows_travels_with_it(
     reduced: Callable[..., ResolvedScene], soil_file: Callable[..., str], tmp_path: Path
 ) -> None:
-    """A parcel drops `stands_for` and keeps `allow`: same hash, same summary."""
+    """A parcel drops `fitted_to` and keeps `allow`: same hash, same summary."""
     other = tmp_path / "other.yaml"
-    change = {"soil": {"law": {"particle": {"adhesion_newton_per_m": 1.0}}}}
+    change = {"soil": {"law": {"particle": {"cohesive_stiffness_newton_per_m": 1.0}}}}
     other.write_text(json.dumps({"base": str(SCENES / "tine.yaml"), **change}))
-    scene = reduced(file=soil_file(), stands_for=str(other), allow=["other_contact_law"])
+    scene = reduced(file=soil_file(), fitted_to=str(other), allow=["other_contact_law"])
     folder = tmp_path / "worker"
     folder.mkdir()
     assert unpack(pack(scene), folder).scene.allow == ("other_contact_law",)
@@ -184,18 +185,18 @@ def test_what_a_scene_allows_travels_with_it(
 
 
 def test_a_file_of_another_model(reduced: Callable[..., ResolvedScene], tmp_path: Path) -> None:
-    """What `calibrate` writes for particles is no reduced soil."""
+    """What `calibrate` writes for particles is no wedge model."""
     (tmp_path / "soil.yaml").write_text("model: dem\n")
-    with pytest.raises(SceneError, match="its model is 'dem', needed is a file with model 'resistance'"):
+    with pytest.raises(SceneError, match="its model is 'dem', needed is a file with model 'wedge'"):
         reduced(file=str(tmp_path / "soil.yaml"))
 
 
 def test_a_base_of_particles_leaves_only_its_bin(reduced: Callable[..., ResolvedScene]) -> None:
-    """No key of particles survives in a reduced soil; the written scene loads to the same hash."""
+    """No key of particles survives in a wedge model; the written scene loads to the same hash."""
     scene = reduced(values=VALUES)
-    assert scene.scene.reduced_soil is not None
-    assert scene.scene.reduced_soil.bin.length_m == 0.6
-    assert scene.timing.interval_ns == 1_000_000
+    assert scene.scene.wedge_soil is not None
+    assert scene.scene.wedge_soil.bin.length_m == 0.6
+    assert scene.timing.communication_step_ns == 1_000_000
     copy = scene.path.with_name("copy.yaml")
     scene.write(copy)
     assert load_scene(copy).scene_hash == scene.scene_hash
@@ -203,7 +204,7 @@ def test_a_base_of_particles_leaves_only_its_bin(reduced: Callable[..., Resolved
 
 def test_a_tick_too_long_for_the_springs_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     """k H = 2 m / H with the shank's mass at its tip: 5.5 ms for the machine; the scene's 1 ms passes."""
-    scene = str(SCENES / "subsoiler_1s300_resistance.yaml")
+    scene = str(SCENES / "subsoiler_1s300_wedge.yaml")
     assert main(["check", scene]) == 0
-    assert main(["check", scene, "--set", "coupling.interval_ns=8000000"]) == 2
+    assert main(["check", scene, "--set", "coupling.communication_step_ns=8000000"]) == 2
     assert "above the stable limit" in capsys.readouterr().err

@@ -33,7 +33,7 @@ HERTZ = {
     "youngs_modulus_pa": 2e6, "poisson_ratio": 0.3, "restitution": 0.5,
     "static_friction": 0.5, "sliding_friction": 0.4, "rolling_friction": 0.2,
 }  # fmt: skip
-LAWS = {"wet": WET, "linear": ROW, "hertz_mindlin": HERTZ}
+LAWS = {"cohesive_linear": WET, "linear": ROW, "hertz_mindlin": HERTZ}
 TICKS, STEPS = 2, 4
 SPEED_M_PER_S = 5.0  # the tool leaves a list of 0.1 mm every second step
 SIZE_M = (0.08, 0.06, 0.06)
@@ -42,15 +42,15 @@ WIDE_M = (0.1, 0.12, 0.04)  # three cells of the search fit between periodic sid
 SCENARIOS: dict[str, dict[str, Any]] = {
     "linear": {"law": "linear", "stirred": True, "fast": True, "soil": {"skin_m": 0.0005}},
     "hertz": {"law": "hertz_mindlin", "stirred": True, "bed": {"kind": "grid", "spacing_m": 0.0199}},
-    "wet with a tool": {"law": "wet", "tool": True, "soil": {"skin_m": 1e-4}},
-    "wet in mixed precision": {
-        "law": "wet", "tool": True, "soil": {"precision": "mixed", "skin_m": 1e-4}
+    "cohesive linear with a tool": {"law": "cohesive_linear", "tool": True, "soil": {"skin_m": 1e-4}},
+    "cohesive linear in mixed precision": {
+        "law": "cohesive_linear", "tool": True, "soil": {"precision": "mixed", "skin_m": 1e-4}
     },
-    "sizes, layers, periodic sides": {"law": "wet", "stirred": True, "unequal": True},
+    "sizes, layers, periodic sides": {"law": "cohesive_linear", "stirred": True, "unequal": True},
     "lost particle": {"law": "linear", "stirred": True, "thrown": True},
 }  # fmt: skip
 
-RESUMED = ("wet with a tool", "sizes, layers, periodic sides")
+RESUMED = ("cohesive linear with a tool", "sizes, layers, periodic sides")
 """Those that go on from the other engine's checkpoint: all kinds of lists are in them."""
 
 EngineOf = Callable[..., Any]
@@ -135,7 +135,7 @@ def build(engine_of: EngineOf, folder: Path, scenario: dict[str, Any]) -> Any:
     path = folder / "scene.yaml"
     path.write_text(yaml.safe_dump(document(folder, scenario), sort_keys=False))
     bed = given_bed() if scenario.get("unequal") else None
-    return engine_of(load_scene(path), bed=bed, book=scenario["law"] != "wet")
+    return engine_of(load_scene(path), bed=bed, book=scenario["law"] != "cohesive_linear")
 
 
 def start(engine: Any, scenario: dict[str, Any]) -> None:
@@ -241,7 +241,7 @@ def main(folder: Path) -> None:
             with np.load(of_cpu) as arrays:
                 taken = resumed(GpuSoilEngine, name, dict(arrays))
             np.savez(folder / f"gpu_resumed_{number}.npz", **taken)
-    again, _ = results(GpuSoilEngine, "wet with a tool")
+    again, _ = results(GpuSoilEngine, "cohesive linear with a tool")
     np.savez(folder / "gpu_again.npz", **again)
 
 

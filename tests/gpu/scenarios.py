@@ -37,10 +37,11 @@ LAWS = {"cohesive_linear": WET, "linear": ROW, "hertz_mindlin": HERTZ}
 TICKS, STEPS = 2, 4
 SPEED_M_PER_S = 5.0  # the tool leaves a list of 0.1 mm every second step
 SIZE_M = (0.08, 0.06, 0.06)
+SKIN_M = 0.0005
 WIDE_M = (0.1, 0.12, 0.04)  # three cells of the search fit between periodic sides
 
 SCENARIOS: dict[str, dict[str, Any]] = {
-    "linear": {"law": "linear", "stirred": True, "fast": True, "soil": {"skin_m": 0.0005}},
+    "linear": {"law": "linear", "stirred": True, "crossing": True, "soil": {"skin_m": SKIN_M}},
     "hertz": {"law": "hertz_mindlin", "stirred": True, "bed": {"kind": "grid", "spacing_m": 0.0199}},
     "cohesive linear with a tool": {"law": "cohesive_linear", "tool": True, "soil": {"skin_m": 1e-4}},
     "cohesive linear in mixed precision": {
@@ -121,6 +122,16 @@ def given_bed() -> Bed:
     )
 
 
+def crossing_bed() -> Bed:
+    """Touching spheres on the borders of the search's cells: they cross, and partners change order."""
+    random = np.random.default_rng(5)
+    axes = 0.02 * np.arange(1, 4) + SKIN_M * np.arange(1, 4), 0.0195 * np.arange(-1, 2), 0.0195 * np.arange(3)
+    places = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+    places[:, 2] += 0.01 - SIZE_M[2]
+    places += random.uniform(-2e-4, 2e-4, places.shape)
+    return Bed(places, (0.0, -0.5 * SIZE_M[1], -SIZE_M[2]), (SIZE_M[0], 0.5 * SIZE_M[1]))
+
+
 def motions(scenario: dict[str, Any], tick: int) -> tuple[ToolMotion, ...]:
     """The tool at the end of `tick`: it drives and turns."""
     if not scenario.get("tool"):
@@ -134,7 +145,7 @@ def build(engine_of: EngineOf, folder: Path, scenario: dict[str, Any]) -> Any:
     """The engine before its start."""
     path = folder / "scene.yaml"
     path.write_text(yaml.safe_dump(document(folder, scenario), sort_keys=False))
-    bed = given_bed() if scenario.get("unequal") else None
+    bed = given_bed() if scenario.get("unequal") else crossing_bed() if scenario.get("crossing") else None
     return engine_of(load_scene(path), bed=bed, book=scenario["law"] != "cohesive_linear")
 
 
@@ -143,9 +154,7 @@ def start(engine: Any, scenario: dict[str, Any]) -> None:
     if scenario.get("stirred"):
         n = len(engine.bed.positions_m)
         random = np.random.default_rng(1)
-        speed = (
-            6.0 if scenario.get("fast") else 0.4
-        )  # so fast that partners change places in the order of cells
+        speed = 6.0 if scenario.get("crossing") else 0.4
         velocity, spin = random.normal(0.0, speed, (n, 3)), random.normal(0.0, 20.0, (n, 3))
         if scenario.get("thrown"):
             velocity[n // 2] = 0.0, 0.0, 3000.0

@@ -96,7 +96,7 @@ def above_forced(laboratory: Laboratory) -> Outcome:
         resolved = scene(laboratory, multiple, "dense_random")
         outcome = stopped(
             lambda resolved=resolved: dragged(resolved, bed, book=False),
-            "turn round from step to step|overlap|no longer a number|left the domain",
+            "reverse sign from one step to the next|overlap|no longer a number|left the domain",
         )
         words.append(f"{multiple:g}: {outcome.found.split(':')[0]}, {outcome.found.split(': ')[1][:40]}")
         if multiple < 10.0:

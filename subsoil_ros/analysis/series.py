@@ -121,8 +121,9 @@ def read_series(bag: Path, scene: Scene, watch: Callable[[int], None] = lambda t
             last = records[CouplingReport]
     if last is None:
         raise RecordingError(
-            f"{reader.path}: not one complete series tick is in it (every {scene.record.series_ticks} "
-            f"ticks of {timing.communication_step_ns} ns); the run ended before, or another scene was recorded"
+            f"{reader.path}: not one complete series tick is in it (every "
+            f"{scene.record.series_ticks} ticks of {timing.communication_step_ns} ns); the run ended before, "
+            "or another scene was recorded"
         )
     _refuse_ragged(columns, reader.path)
     return Series(

@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--design",
         type=Path,
         metavar="FILE",
-        help="factors, values, seeds and the finest run (default: studies/NAME.yaml beside the scene's folder)",
+        help="factors, values, seeds and the reference run (default: studies/NAME.yaml beside the scenes)",
     )
     add_overrides(parser)
     add_manner(parser, workers=1)

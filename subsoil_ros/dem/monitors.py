@@ -246,9 +246,10 @@ class Watch:
         if self._suspicious > CONFIRMING_STEPS:
             spin = np.sqrt((sums.spin2 + sums.half_spin2) / count)
             raise PhysicsError(
-                f"{where}: particles turn round from step to step: velocity_reversal {sums.velocity_reversal:.3g} "
-                f"(rms spin {spin:.3g} rad/s), allowed is soil.monitors.max_velocity_reversal {bound:g}; the "
-                "step is too large for this bed and lowers the draft: use a smaller soil.time_step_s"
+                f"{where}: velocities reverse sign from one step to the next: velocity reversal indicator "
+                f"{sums.velocity_reversal:.3g} (rms angular velocity {spin:.3g} rad/s), allowed is "
+                f"soil.monitors.max_velocity_reversal {bound:g}; the step is too large for this bed "
+                "and lowers the draft: use a smaller soil.time_step_s"
             )
 
     def _look_for_overlap(self, where: str, max_overlap_m: Callable[[], float]) -> None:

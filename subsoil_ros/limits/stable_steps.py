@@ -10,7 +10,7 @@ from ..scene.soil import HertzMindlinLaw, Soil
 from ..ticks import NANOSECONDS_PER_SECOND, tick_count
 
 DENSE_COORDINATION = 10.4
-"""Damped contacts per particle of random close packing under the cohesive linear law (SOIL_FINDINGS.md). A cubic
+"""Damped contacts per particle of random close packing under the cohesive linear law. A cubic
 grid starts with 6, but where a tool compacts it, it comes near this, so the limits use it."""
 
 SAFETY = 0.6
@@ -248,8 +248,8 @@ def derive_timing(scene: Scene) -> Timing:
             soil_steps = max(1, math.ceil(communication_step_ns * 1e-9 / largest - 1e-9))
             if step != "auto" and abs(soil_steps * step - communication_step_ns * 1e-9) > 1e-9 * step:
                 raise SceneError(
-                    f"coupling.communication_step_ns: {communication_step_ns} is no whole number of soil.time_step_s {step:g} s; "
-                    f"use a multiple of {round(step * 1e9)} or time_step_s: auto"
+                    f"coupling.communication_step_ns: {communication_step_ns} is no whole number of "
+                    f"soil.time_step_s {step:g} s; use a multiple of {round(step * 1e9)} or time_step_s: auto"
                 )
     return Timing(
         communication_step_ns=communication_step_ns,

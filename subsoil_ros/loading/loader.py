@@ -1,9 +1,9 @@
 """From a scene file and overrides to a validated scene, ready to run.
 
 A scene file may have five keys beside those of the model. `base: FILE` names a scene that this one is
-laid over (mappings merge, anything else replaces, null removes). `initial_conditions` holds fragments by name, and
-`initial_condition` names the one that is laid over the rest. `presets` holds more of them, each with what a study
-measured of it, and `preset` names the one that is laid over all that, if any.
+laid over (mappings merge, anything else replaces, null removes). `initial_conditions` holds fragments by
+name, and `initial_condition` names the one that is laid over the rest. `presets` holds more of them, each
+with what a study measured of it, and `preset` names the one that is laid over all that, if any.
 """
 
 import hashlib
@@ -55,8 +55,8 @@ def load_scene(
 
     Files that a document names are seen from the working folder.
 
-    overrides: "a.b.c=value" texts, the value in YAML, or values by dotted path; applied last. `initial_condition` chooses
-    the start and `preset` the preset.
+    overrides: "a.b.c=value" texts, the value in YAML, or values by dotted path; applied last. They may also
+    choose the `initial_condition` and the `preset`.
 
     Raises:
         SceneError: whatever is wrong with file, overrides, meshes or time steps; every line names
@@ -113,8 +113,9 @@ def _reduced_notes(scene: Scene, directory: Path) -> tuple[str, ...]:
 def _with_base(path: Path, shown: str, above: tuple[Path, ...], given: Document | None = None) -> Document:
     """The document of a file, or a given one as if it stood there, laid over its base.
 
-    A start or a preset replaces the base's of the same name; `initial_conditions: null` and `presets: null` drop those
-    of the base. What was measured of a preset holds for the scene it stands in, so it is not inherited.
+    An initial condition or a preset replaces the base's of the same name; `initial_conditions: null` and
+    `presets: null` drop those of the base. What was measured of a preset holds for the scene it stands in, so
+    it is not inherited.
     """
     resolved = path.resolve()
     if resolved in above:

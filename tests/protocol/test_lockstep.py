@@ -178,7 +178,7 @@ def test_every_interleaving_completes_each_tick_once(seed: int, window: int) -> 
 
 @pytest.mark.parametrize("seed", range(10))
 def test_nobody_runs_ahead_of_the_window(seed: int) -> None:
-    """MotionSource and soil are never more than the grant window beyond what the coupler has seen finished."""
+    """Motion and soil are never more than the grant window beyond what the coupler has seen finished."""
     execution = Execution(seed, window=3)
     execution.run()
     done = -1

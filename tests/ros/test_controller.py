@@ -49,8 +49,8 @@ CONTROL = {
     "law": {"kind": "draft_limit", "draft_limit_newton": 100.0, "gain_per_kg": 0.002},
 }  # fmt: skip
 CHANGES = [
-    f"controller={json.dumps(CONTROL)}", f"duration_s={TICKS * 5e-4}", "coupling.communication_step_ns=500000",
-    "record.series_ticks=10",
+    f"controller={json.dumps(CONTROL)}", f"duration_s={TICKS * 5e-4}", 
+    "coupling.communication_step_ns=500000", "record.series_ticks=10",
 ]  # fmt: skip
 
 

@@ -99,7 +99,8 @@ def soil_of(make: Make, **changes: Any) -> Soil:
 HARD = {
     "name": "hardpan",
     "density_kg_per_m3": 2000.0,
-    "law": {"kind": "cohesive_linear", "particle": {"stiffness_newton_per_m": 3e4, "damping_newton_s_per_m": 60.0,
+    "law": {"kind": "cohesive_linear", "particle": {
+            "stiffness_newton_per_m": 3e4, "damping_newton_s_per_m": 60.0,
             "tangential_damping_newton_s_per_m": 60.0, "static_friction": 0.7,
             "sliding_friction": 0.2, "equilibrium_overlap_m": 0.001, "cohesion_range_m": 0.003}},
 }  # fmt: skip
@@ -250,7 +251,8 @@ def sized(sizes: dict[str, Any], **changes: Any) -> dict[str, Any]:
                     HARD | {"law": {"kind": "cohesive_linear", "particle": {"cohesoin_range_m": 0.1}}},
                 ]
             },
-            "layers.1.law.particle.cohesoin_range_m: unknown key 'cohesoin_range_m'; did you mean 'cohesion_range_m'",
+            "layers.1.law.particle.cohesoin_range_m: unknown key 'cohesoin_range_m'; did you mean "
+            "'cohesion_range_m'",
         ),
     ],
 )

@@ -196,7 +196,7 @@ def test_a_stopped_run_leaves_a_readable_bag_and_exit_status_3(soil, tmp_path, c
     assert main(["run", str(path), "--out", str(out), "--mode", "direct", *jitter]) == 3
     said = capsys.readouterr()
     assert "allow: unstable_time_step: the step 120 us is above the stable limit 53.7 us" in said.out
-    assert "particles turn round from step to step" in said.err
+    assert "velocities reverse sign from one step to the next" in said.err
     summary = json.loads((out / "summary.json").read_text())
     assert "max_velocity_reversal" in summary["failure"]
     assert summary["allow"] == ["unstable_time_step"]

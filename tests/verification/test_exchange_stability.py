@@ -140,8 +140,8 @@ def scene_of(soil, case: Exchange, ticks: int):
         "mechanism": mechanism,
         "tools": {"block": {"body": "block", "groups": {"all": mesh}}},
         "coupling": {
-            "communication_step_ns": communication_step_ns, "mechanism_steps": case.mechanism_steps, "force": case.force,
-            "residual_bound": 1e9,
+            "communication_step_ns": communication_step_ns, "mechanism_steps": case.mechanism_steps,
+            "force": case.force, "residual_bound": 1e9,
         },
     }  # fmt: skip
     return soil.resolve(document)

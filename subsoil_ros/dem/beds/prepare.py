@@ -75,8 +75,8 @@ def _refuse_tight_grid(soil: Soil) -> None:
 
 
 DENSE_FRACTION = 0.69
-"""Volume of spheres of the rest distance in a dense random bed under the cohesive linear law, over that of the bed
-(measured: 0.684 with 2,000 particles, 0.696 with 9,000)."""
+"""Volume of spheres of the rest distance in a dense random bed under the cohesive linear law, over that of
+the bed (measured: 0.684 with 2,000 particles, 0.696 with 9,000)."""
 
 
 def check_start(resolved: ResolvedScene) -> int:

@@ -1,8 +1,8 @@
 """Soils whose throughput is measured: law, bed, and what keeps it moving, so that lists are rebuilt.
 
 `linear` is stirred: every particle starts with a random velocity, and those of the surface fly on for
-some 0.1 s. Other codes can start from the same numbers. `cohesive_linear` sticks together and would be at rest after
-some ms, so a plate is dragged through it, as in the runs this engine is for.
+some 0.1 s. Other codes can start from the same numbers. `cohesive_linear` sticks together and would be at
+rest after some ms, so a plate is dragged through it, as in the runs this engine is for.
 """
 
 import math

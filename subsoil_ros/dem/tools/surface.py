@@ -70,7 +70,8 @@ class ToolSurface:
         turn = motion.angle_rad - self.reference_phi_rad
         return (
             motion.x_m, motion.z_m, math.cos(turn), math.sin(turn),
-            motion.velocity_x_m_per_s, motion.velocity_z_m_per_s, motion.angular_velocity_rad_per_s, motion.y_m,
+            motion.velocity_x_m_per_s, motion.velocity_z_m_per_s, motion.angular_velocity_rad_per_s,
+            motion.y_m,
         )  # fmt: skip
 
     def search(

@@ -44,7 +44,7 @@ from subsoil_ros.api.execution import execute, machine_name
 from subsoil_ros.coupling.engines import build_mechanism
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.beds.dense import prepare_dense
-from subsoil_ros.dem.beds.settling import unwatched
+from subsoil_ros.dem.beds.settling import ignore_progress
 from subsoil_ros.dem.bench.cases import DENSE, Case, wet_case
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.kernel_cache import set_up_numba
@@ -159,7 +159,7 @@ _cells: dict[tuple[float, ...], Bed] = {}
 
 def _cell(case: Case, size: tuple[float, ...]) -> Bed:
     if size not in _cells:
-        _cells[size] = prepare_dense(case.resolved, 0, gpu_engine(), 1, unwatched)
+        _cells[size] = prepare_dense(case.resolved, 0, gpu_engine(), 1, ignore_progress)
     return _cells[size]
 
 
@@ -339,7 +339,7 @@ def _field_bed(resolved: ResolvedScene, radius: float) -> Bed:
         narrow = soil.bin.model_copy(update={"width_m": soil.bin.width_m / times})
         scene = resolved.scene.model_copy(update={"soil": soil.model_copy(update={"bin": narrow})})
         slice_of_it = dataclasses.replace(resolved, scene=scene)
-        _field_beds[radius] = repeated(prepare_dense(slice_of_it, 0, gpu_engine(), 1, unwatched), times)
+        _field_beds[radius] = repeated(prepare_dense(slice_of_it, 0, gpu_engine(), 1, ignore_progress), times)
     return _field_beds[radius]
 
 

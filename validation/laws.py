@@ -264,7 +264,7 @@ def beds_of_friction(laboratory: Laboratory) -> Outcome:
 @CASES.add("S6", REFUSED)
 def size_ratio(laboratory: Laboratory) -> Outcome:
     """Sizes 1:20."""
-    sizes = {"kind": "uniform", "smallest_radius_m": 0.001, "max_radius_m": 0.02}
+    sizes = {"kind": "uniform", "min_radius_m": 0.001, "max_radius_m": 0.02}
     particles = {"sizes": sizes, "density_kg_per_m3": 1800.0}
     return refused(
         lambda: laboratory.soil(particles=particles, bed={"kind": "dense_random"}),

@@ -13,23 +13,23 @@ KEEP_S = 5.0
 
 
 @dataclass(frozen=True)
-class Ending:
+class ExitStatus:
     """Exit status and, unless all went well, the reason in one line."""
 
     exit_status: int = 0
     reason: str = ""
 
     def error(self) -> RunError:
-        """The ending as an error with this exit status."""
+        """The status as an error with this exit status."""
         kind = InterruptedRunError if self.exit_status > SIGNAL_STATUS else RunError
         error = kind(self.reason)
         error.exit_status = self.exit_status
         return error
 
 
-def interrupted(signal_number: int) -> Ending:
-    """The ending of a run by a signal. A terminal that closes is nobody's wish: the run has failed."""
+def interrupted(signal_number: int) -> ExitStatus:
+    """The status of a run by a signal. A terminal that closes is nobody's requested: the run has failed."""
     if signal_number == signal.SIGHUP:
         reason = "ended by SIGHUP: the terminal was closed; nohup keeps a run going"
-        return Ending(RunError.exit_status, reason)
-    return Ending(SIGNAL_STATUS + signal_number, f"ended by {signal.Signals(signal_number).name}")
+        return ExitStatus(RunError.exit_status, reason)
+    return ExitStatus(SIGNAL_STATUS + signal_number, f"ended by {signal.Signals(signal_number).name}")

@@ -4,7 +4,7 @@ A step that is too large does not blow up: friction caps the instability, the be
 falls in silence. What gives it away is that motions turn round from one step to the next. Velocity Verlet
 knows the velocities half a step before and after a state, v -+ h a / 2, and over all particles
 
-    velocity_reversal = sum (h a / 2)^2 / (sum v^2 + sum (h a / 2)^2)
+    indicator = sum (h a / 2)^2 / (sum v^2 + sum (h a / 2)^2)
 
 is 0 where they are equal and 1 where they are opposite (then v, as the state has it, is 0: at whole steps
 the motion hides). The same of the spins; the larger counts. Forces change over many stable steps, so a
@@ -55,7 +55,7 @@ class MotionSums(NamedTuple):
 
     @property
     def velocity_reversal(self) -> float:
-        """Part of the motion that turns round from step to step, 0 to 1, of spins or velocities."""
+        """Velocity reversal indicator, 0 to 1: the larger one of linear and angular velocities."""
         return max(_part(self.half_speed2, self.speed2), _part(self.half_spin2, self.spin2))
 
 
@@ -147,7 +147,7 @@ class Seen(Protocol):
     def energy(self) -> EnergyBook: ...
 
 
-class Watch:
+class SoilMonitor:
     """Looks at one soil and remembers who was lost."""
 
     def __init__(self, soil: Soil, domain: Domain, count: int) -> None:

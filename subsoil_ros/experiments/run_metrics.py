@@ -31,7 +31,7 @@ class Metric:
 
     name: str  # with its unit
     label: str
-    relative: bool = True  # its error is a part of the finest's value, else a difference
+    relative: bool = True  # its error is a part of the reference's value, else a difference
     resolution: str | None = None  # key of what a run can tell of it
     absent_in_some: str = ""  # why not every run has it
     unit: str = ""

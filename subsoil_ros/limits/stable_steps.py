@@ -27,7 +27,7 @@ us); at 0.6 it spun and was stopped on three beds of three (docs/accuracy.md). L
 with the root of the coordination only."""
 
 REDUCED_INTERVAL_NS = 1_000_000
-"""Tick of a scene on wedge model (chosen: its springs and wheels swing a hundred times slower)."""
+"""Tick of a scene on the wedge model (chosen: its springs and wheels swing a hundred times slower)."""
 
 MECHANISM_INTERVAL_NS = 500_000
 """Tick of a scene without soil (chosen: 1/250 of the fastest mode of the paper's machine, 8 Hz)."""

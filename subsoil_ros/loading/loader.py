@@ -83,7 +83,7 @@ def load_scene(
         scene_hash = _scene_hash(scene)
         for tool in scene.tools:
             load_tool_mesh(path.parent, scene, tool)
-        notes = _reduced_notes(scene, path.parent)
+        notes = _wedge_notes(scene, path.parent)
         named = scene.report.reference
         reference = None if named is None else read_reference(Path(named))
     except SceneError as error:
@@ -102,7 +102,7 @@ def load_scene(
     )
 
 
-def _reduced_notes(scene: Scene, directory: Path) -> tuple[str, ...]:
+def _wedge_notes(scene: Scene, directory: Path) -> tuple[str, ...]:
     soil = scene.wedge_soil
     if soil is None:
         return ()
@@ -227,9 +227,9 @@ def _scene_hash(scene: Scene) -> str:
         for group, part in tool["groups"].items():
             advice = "an .stl file"
             part["mesh"] = _file_hash(part["mesh"], f"tools.{name}.groups.{group}.mesh", advice)
-    reduced, particles = scene.wedge_soil, scene.particle_soil
-    if reduced is not None and reduced.file is not None:
-        content["soil"]["file"] = _file_hash(reduced.file, "soil.file", "a soil file")
+    wedge, particles = scene.wedge_soil, scene.particle_soil
+    if wedge is not None and wedge.file is not None:
+        content["soil"]["file"] = _file_hash(wedge.file, "soil.file", "a soil file")
         content["soil"].pop("fitted_to")
     if particles is not None and isinstance(particles.bed, SavedBed):
         bed = content["soil"]["bed"]

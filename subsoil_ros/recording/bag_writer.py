@@ -44,7 +44,7 @@ from .topics import (
 from .types import deserialize, message_class, schema_text, serialize, type_hash
 
 _RANK = {topic: rank for rank, topic in enumerate(RECORD_OF)}
-_NEEDED_FOR_PEOPLE = {TOPIC_OF[kind] for kind in (ToolMotions, ToolWrenches, MechanismState)}
+_NEEDED_FOR_VISUALIZATION = {TOPIC_OF[kind] for kind in (ToolMotions, ToolWrenches, MechanismState)}
 _NEWEST_ONLY = {CLOCK, HEIGHT_MAP, *RECORD_OF} - {
     TOPIC_OF[kind] for kind in (MechanismState, SoilState, CouplingReport)
 }
@@ -118,7 +118,7 @@ class BagWriter:
         """
         message = to_message(message_class, record, self._interval_ns)
         topic = TOPIC_OF[type(record)]
-        kept = record if topic in _NEEDED_FOR_PEOPLE or topic == _CLOUD else None
+        kept = record if topic in _NEEDED_FOR_VISUALIZATION or topic == _CLOUD else None
         self._hold(record.tick, _Held(_RANK[topic], topic, serialize(message), kept))
 
     def write_raw(self, topic: str, tick: int, cdr: bytes) -> None:
@@ -199,7 +199,7 @@ class BagWriter:
             if item.record is not None
             else from_message(RECORD_OF[item.topic], deserialize(item.data, self._types[item.topic]))
             for item in held
-            if item.topic in _NEEDED_FOR_PEOPLE
+            if item.topic in _NEEDED_FOR_VISUALIZATION
         }
         motions: ToolMotions | None = records.get(ToolMotions)
         wrenches: ToolWrenches | None = records.get(ToolWrenches)

@@ -256,8 +256,8 @@ def test_check_says_what_a_run_would_be(scene: ResolvedScene) -> None:
     assert found.cost.soil_wall_s == 2.0 * subsoil.check("tine", {"duration_s": 0.1}).cost.soil_wall_s
     assert found.warnings == ()
     assert "particles: 6,930\nsoil step: 32 us" in str(found)
-    reduced = subsoil.check(scene)
-    assert (reduced.particles, reduced.limits, reduced.cost.soil_wall_s) == (0, (), 0.0)
+    wedge = subsoil.check(scene)
+    assert (wedge.particles, wedge.limits, wedge.cost.soil_wall_s) == (0, (), 0.0)
     parallel = subsoil.check("subsoiler_1s300_wedge", {"coupling.scheme": "parallel"})
     assert "warning: coupling.scheme: parallel is for study" in str(parallel)
     with pytest.raises(SceneError, match="overlap so far that they would be shot apart"):

@@ -22,7 +22,7 @@ LAYERS = [
     {"name": "topsoil", "thickness_m": 0.05},
     {"name": "hardpan", "density_kg_per_m3": 2400.0, "law": HARD},
 ]
-SIZES = {"kind": "uniform", "smallest_radius_m": 0.008, "max_radius_m": 0.013, "seed": 4}
+SIZES = {"kind": "uniform", "min_radius_m": 0.008, "max_radius_m": 0.013, "seed": 4}
 
 
 def layered(maker, *overrides, law=None, **changes):

@@ -14,7 +14,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy
 from rclpy.subscription import Subscription
 
-from ...coupling.exit_status import Ending
+from ...coupling.exit_status import ExitStatus
 from ...coupling.protocol import COUPLER, RECORDER
 from ...errors import ProtocolError, RunError, SubsoilError
 from ...messages import Grant, NodeState, NodeStatus
@@ -65,7 +65,7 @@ class LockstepNode(Node):
     """Pause after every wake-up, the longer of both; for nodes that nobody waits for. Each wake-up finds cold
     caches, pushes a thread that computes aside, and takes two thirds less if it is shared."""
 
-    def __init__(self, name: str, run: NodeRun, lifeline: Heartbeat, context: Context | None = None) -> None:
+    def __init__(self, name: str, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None) -> None:
         super().__init__(
             name,
             context=context,
@@ -73,9 +73,9 @@ class LockstepNode(Node):
             parameter_overrides=[*OWN_TIME, Parameter("start_type_description_service", value=False)],
         )
         self.run = run
-        self.lifeline = lifeline
+        self.heartbeat = heartbeat
         self.ended = threading.Event()
-        self.ending = Ending()
+        self.status = ExitStatus()
         self._interval_ns = run.resolved.timing.communication_step_ns
         self._writers: dict[type, Callable[[Any], bytes]] = {}
         self._partners: list[tuple[Publisher | Subscription, tuple[str, ...]]] = []
@@ -90,10 +90,10 @@ class LockstepNode(Node):
 
     def discount_wait(self) -> None:
         """The time up to now was not taken by ticks: nobody asked for any."""
-        self._woken = self.lifeline.tick, time.monotonic()
+        self._woken = self.heartbeat.tick, time.monotonic()
 
     def _pause_s(self) -> float:
-        tick, (last_tick, last) = self.lifeline.tick, self._woken
+        tick, (last_tick, last) = self.heartbeat.tick, self._woken
         if tick > last_tick:
             self.tick_times_s.append((time.monotonic() - last) / (tick - last_tick))
             self.discount_wait()
@@ -156,7 +156,7 @@ class LockstepNode(Node):
         """What diagnostics say of the node beside its rate."""
         return Health()
 
-    def on_stop(self, stop: Ending) -> None:
+    def on_stop(self, stop: ExitStatus) -> None:
         """Takes the wish, seen at every poll, that the node ends.
 
         Raises:
@@ -175,29 +175,29 @@ class LockstepNode(Node):
         if not isinstance(error, SubsoilError):
             self.get_logger().error("".join(traceback.format_exception(error)))
         self.on_fault(error)
-        self.lifeline.say(NodeState.FAULT, reason)
-        self.lifeline.flush(LAST_WORD_S)
+        self.heartbeat.say(NodeState.FAULT, reason)
+        self.heartbeat.flush(LAST_WORD_S)
         self.finish(getattr(error, "exit_status", RunError.exit_status), reason)
 
     def finish(self, exit_status: int, reason: str = "") -> None:
         """Ends the node."""
-        self.ending = Ending(exit_status, reason)
+        self.status = ExitStatus(exit_status, reason)
         level = Level.ERROR if exit_status else Level.OK
-        self._diagnostics.publish(Health(level, reason or "the run has ended"), self.lifeline.tick)
+        self._diagnostics.publish(Health(level, reason or "the run has ended"), self.heartbeat.tick)
         self.ended.set()
 
     def finish_aborted(self, grant: Grant) -> None:
         """Ends the node because the coupler aborted the run."""
-        self.lifeline.say(NodeState.ENDED)
+        self.heartbeat.say(NodeState.ENDED)
         self.finish(RunError.exit_status, f"run aborted at tick {grant.tick}: {grant.reason}")
 
     def note_tick(self, tick: int, last: bool) -> None:
         """Lets the heartbeat say how far the node is."""
-        self.lifeline.tick = tick
+        self.heartbeat.tick = tick
         if tick == self.run.first_tick and not last:
-            self.lifeline.say(NodeState.RUNNING)
+            self.heartbeat.say(NodeState.RUNNING)
         elif last:
-            self.lifeline.say(NodeState.ENDED)
+            self.heartbeat.say(NodeState.ENDED)
 
     def follow_coupler_end(self, hello: NodeStatus) -> None:
         """Ends the node, its work being done, when the coupler says that the run is over."""
@@ -215,18 +215,18 @@ class LockstepNode(Node):
         return set(can_match).issuperset(names) and endpoint.get_subscription_count() >= len(can_match)
 
     def _poll(self) -> None:
-        stop = self.lifeline.stop
+        stop = self.heartbeat.stop
         if stop is not None:
             self.on_stop(stop)
-        if self.lifeline.lost and self.lifeline.state is NodeState.ENDED:
+        if self.heartbeat.lost and self.heartbeat.state is NodeState.ENDED:
             self.finish(0)  # its work is done, nothing is lost
             return
-        if self.lifeline.lost:
-            raise RunError(self.lifeline.lost)
+        if self.heartbeat.lost:
+            raise RunError(self.heartbeat.lost)
         self._refuse_other_publishers()
         self.on_poll()
         if self._diagnostics.due():
-            self._diagnostics.publish(self.health(), self.lifeline.tick)
+            self._diagnostics.publish(self.health(), self.heartbeat.tick)
 
     def _refuse_other_publishers(self) -> None:
         """Raises ProtocolError if a lockstep topic has more publishers than the run."""

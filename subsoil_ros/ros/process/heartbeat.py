@@ -19,7 +19,7 @@ from rclpy.node import Node
 
 from ..._version import __version__
 from ...coupling.checkpoints import CheckpointWriter
-from ...coupling.exit_status import Ending
+from ...coupling.exit_status import ExitStatus
 from ...coupling.protocol import CAPABILITIES, COUPLER, RECORDER, participants
 from ...loading.loader import ResolvedScene
 from ...messages import NodeState, NodeStatus, ToolMotion, ToolWrench
@@ -66,7 +66,7 @@ class NodeRun:
         """The first tick of this run."""
         return self.resumed.tick + 1 if self.resumed is not None else 0
 
-    def keeper(self) -> CheckpointWriter | None:
+    def checkpoint_writer(self) -> CheckpointWriter | None:
         """Writes a node's part of the checkpoints; None: there are none."""
         if self.checkpoints is None:
             return None
@@ -98,7 +98,7 @@ class Heartbeat:
 
     def __init__(self, node: Node, name: str, run: NodeRun, watched: tuple[str, ...]) -> None:
         self.tick = INITIAL_TICK  # last tick the node has finished, for the next heartbeat
-        self.stop: Ending | None = None  # a wish from outside that the node ends
+        self.stop: ExitStatus | None = None  # a wish from outside that the node ends
         self._node = node
         self._run = run
         self._hello = run.hello(name)
@@ -121,7 +121,7 @@ class Heartbeat:
         self._timer = node.create_timer(HEARTBEAT_S, self._on_timer, clock=steady)
         self._closing = threading.Event()
         self._destroys: list[Callable[[], None]] = []
-        self._thread = threading.Thread(target=self._spin, name=f"{name}_lifeline", daemon=True)
+        self._thread = threading.Thread(target=self._spin, name=f"{name}_heartbeat", daemon=True)
 
     def start(self) -> None:
         """Begins to speak and to listen."""
@@ -156,7 +156,7 @@ class Heartbeat:
         """Which watched node is silent, in words; empty while all are heard."""
         return self._lost
 
-    def request_stop(self, stop: Ending) -> None:
+    def request_stop(self, stop: ExitStatus) -> None:
         """Asks the node to end; the first wish stands. From any thread, or a signal handler."""
         if self.stop is None:
             self.stop = stop

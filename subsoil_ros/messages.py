@@ -236,7 +236,7 @@ class NodeStatus:
 
 @dataclass(frozen=True, slots=True)
 class SoilCloud:
-    """Particles for people: positions [m] (n, 3) and speeds [m/s] (n,), float32 arrays."""
+    """Particles for visualization: positions [m] (n, 3) and speeds [m/s] (n,), float32 arrays."""
 
     tick: int
     end_time_ns: int

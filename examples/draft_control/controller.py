@@ -64,11 +64,11 @@ class DraftControl:
     def command(self, tick: int, state: MechanismState) -> DriverCommand:
         """The speed of the hitch by the end of the next control interval."""
         self._draft += (state.draft_newton - self._draft) * self._interval_s / (FILTER_S + self._interval_s)
-        wished = 0.0
+        requested = 0.0
         if self._draft > ENGAGED_NEWTON:
-            wished = GAIN_M_PER_NEWTON_S * (self._draft - self._targets.at(state.end_time_ns * 1e-9))
+            requested = GAIN_M_PER_NEWTON_S * (self._draft - self._targets.at(state.end_time_ns * 1e-9))
         change = self._keys.max_acceleration_m_per_s2 * self._interval_s
-        reachable = min(max(wished, self._speed - change), self._speed + change)
+        reachable = min(max(requested, self._speed - change), self._speed + change)
         self._speed = min(max(reachable, self._keys.lowest_speed_m_per_s), self._keys.highest_speed_m_per_s)
         return DriverCommand(state.run_id, tick, self._keys.driver, self._speed)
 

@@ -92,7 +92,7 @@ def statement_lines(found: tuple[Statement, ...], bullet: str = "") -> list[str]
 
 
 def print_reproduction(table: Reproduction, console: Console | None = None) -> None:
-    """The table for people, and the statements below it."""
+    """The printed table, and the statements below it."""
     console = console or Console(width=None if sys.stdout.isatty() else 180, highlight=False)
     shown = Table(title=f"{table.scene} beside the paper (10 ms moving mean)", title_justify="left")
     for heading in COLUMNS[:-1]:

@@ -7,7 +7,7 @@ Takes the runs that are finished, starts none. Leaves in --results (results/cycl
 cases.csv       one row for each run: draft, swing, cycles, spectrum, residual, overlaps
 cases.md        the same for reading, one row for each case; intervals of 95 % from the scatter between seeds
 thresholds.csv  travel between failures by the prominence that counts as one
-rhythm.csv      sprung shank against the locked one's record passed through the linear shank
+frequency.csv   sprung shank against the locked one's record passed through the linear shank
 saving.json     sprung less locked draft, bed by bed
 """
 
@@ -29,8 +29,8 @@ from subsoil_ros.analysis.window import tip_path_m
 from subsoil_ros.recording.joined import open_record
 
 from . import RESULTS
+from .cycle_frequency import frequency_rows
 from .cycle_record import ANGLE, QUANTILES, SPRING, Run, Values, quantile_range
-from .cycle_rhythm import rhythm_rows
 from .cycle_runs import cases, find_case
 
 THRESHOLDS = (0.5, 1.0, 1.5)
@@ -218,9 +218,9 @@ def main() -> None:
     sprung = {run.case.seed: run for run in runs if run.case.name == "as declared"}
     locked = {run.case.seed: run for run in runs if run.case.locked}
     seeds = sorted(sprung.keys() & locked.keys())
-    rows = rhythm_rows([sprung[seed] for seed in seeds], [locked[seed] for seed in seeds])
+    rows = frequency_rows([sprung[seed] for seed in seeds], [locked[seed] for seed in seeds])
     columns = dict.fromkeys(key for row in rows for key in row)
-    write_rows(args.results / "rhythm.csv", [columns | row for row in rows])
+    write_rows(args.results / "frequency.csv", [columns | row for row in rows])
     saving = paired_difference(
         *([runs[seed].draft_mean_newton for seed in seeds] for runs in (sprung, locked))
     )

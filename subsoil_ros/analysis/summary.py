@@ -1,4 +1,4 @@
-"""The metrics of a run: summary.json, and the table that people see."""
+"""The metrics of a run: summary.json, and the printed table."""
 
 import json
 import math
@@ -124,7 +124,7 @@ def print_summary(
     bag: Path | None = None,
     reference: Reference | None = None,
 ) -> None:
-    """The tables for people: metrics, the values of a reference beside them, and where all is.
+    """The printed tables: metrics, the values of a reference beside them, and where all is.
 
     bag: folder or .mcap file (default: `bag` in `directory`).
     """

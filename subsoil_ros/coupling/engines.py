@@ -38,7 +38,7 @@ class MotionSource(Resumable, Protocol):
 
 
 class Mechanism(MotionSource, Protocol):
-    """A motion_source with a state of its own to record, and perhaps a driver that a controller commands."""
+    """A motion source with a state of its own to record, and perhaps a driver that a controller commands."""
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> MechanismState:
         """The state at the end of `tick`."""
@@ -79,7 +79,7 @@ def build_mechanism(resolved: ResolvedScene) -> Mechanism | None:
 
 
 def build_paths(resolved: ResolvedScene) -> MotionSource:
-    """The motion_source of a scene without mechanism."""
+    """The motion source of a scene without mechanism."""
     from ..mbd.path import PathEngine
 
     return PathEngine(resolved.scene, resolved.timing)

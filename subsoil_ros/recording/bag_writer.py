@@ -61,7 +61,7 @@ class _Held(NamedTuple):
 
 
 class BagWriter:
-    """Writes a run's bag tick by tick, and derives the messages for people.
+    """Writes a run's bag tick by tick, and derives the standard messages.
 
     Ticks come in ascending order, the records of one tick in any order: a tick is written when the next
     one begins. In the bag they have the order of recording/topics.py, a cloud followed by the height map, on

@@ -102,7 +102,7 @@ class Scene(StrictModel):
 
     @property
     def wedge_soil(self) -> WedgeSoil | None:
-        """The soil if it is a wedge one, without particles."""
+        """The soil if it is a wedge model, without particles."""
         return self.soil if isinstance(self.soil, WedgeSoil) else None
 
     @model_validator(mode="after")

@@ -178,7 +178,7 @@ def test_a_controller_that_misbehaves_ends_the_run(
 ) -> None:
     """NaN, a jump, another tick or run, a fault of its own: exit 3 by name, the record goes no further."""
     status = run_nodes(scene, tmp_path / "bag", lambda: Faulty(scene, spoil))
-    assert status.exit_status == 3
+    assert status.code == 3
     assert re.search(words, status.reason), status.reason
     recorded = command_ticks(tmp_path / "bag", scene.timing.communication_step_ns)
     assert recorded == list(range(EVERY, 5 * EVERY, EVERY))[: len(recorded)]

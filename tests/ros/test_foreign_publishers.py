@@ -71,7 +71,7 @@ def test_a_foreign_publisher_is_refused_by_name(
     message.header.stamp.nanosec = 4 * resolved.timing.communication_step_ns
     spoil(message)
     status = status_with_foreign_publisher(resolved, tmp_path / "bag", listener, "tool_wrenches", message)
-    assert status.exit_status == 3
+    assert status.code == 3
     assert "tool_wrenches: " in status.reason
     ticks = lockstep_ticks(tmp_path / "bag", resolved.timing.communication_step_ns)
     count = len(ticks["grant"])  # who finds him ends with what all had finished, or with what it had

@@ -192,7 +192,7 @@ def test_a_fault_of_an_engine_cuts_the_record_alike(resolved: ResolvedScene, tmp
 def test_invented_energy_ends_the_run_alike(resolved: ResolvedScene, tmp_path: Path) -> None:
     """The soil reports three times its work: the residual's bound ends the run, at the same tick."""
     status = run_nodes(resolved, tmp_path / "nodes", lambda: SpringSoil(invented=3.0))
-    assert status.exit_status == 3
+    assert status.code == 3
     with pytest.raises(PhysicsError) as raised:
         run_without_ros(resolved, tmp_path / "direct", SpringSoil(invented=3.0))
     assert status.reason == str(raised.value)
@@ -322,6 +322,6 @@ def test_a_foreign_message_ends_the_run_by_name(
     message = ToolMotionsMessage(run_id="other", tick=4)
     message.header.stamp.nanosec = 5 * resolved.timing.communication_step_ns
     status = status_with_foreign_publisher(resolved, tmp_path / "bag", listener, "tool_motions", message)
-    assert status.exit_status == 3
+    assert status.code == 3
     assert "tool_motions: " in status.reason
     assert "ROS_DOMAIN_ID of its own" in status.reason

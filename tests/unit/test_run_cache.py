@@ -80,7 +80,7 @@ def test_bad_input_is_a_failure_with_its_own_status() -> None:
 
 
 def test_what_is_not_whole_is_not_found(tmp_path: Path) -> None:
-    """A folder without run.json is no kept run."""
+    """A folder without run.json is no cached run."""
     found = scene()
     assert find_run(tmp_path, found.scene_hash) is None
     (tmp_path / found.scene_hash[:32]).mkdir()

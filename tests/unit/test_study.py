@@ -142,7 +142,7 @@ def test_a_frequency_is_told_to_a_line_of_the_spectrum() -> None:
     assert found["step: huge"].verdict("draft_frequency_hz") == "same"
 
 
-def test_a_rhythm_that_the_reference_has_not() -> None:
+def test_a_dominant_frequency_that_the_reference_has_not() -> None:
     """There is no error to give: table, figure and preset say how many runs have it."""
     measured = [
         replace(item, metrics={**item.metrics, "draft_frequency_hz": 7.2, "frequency_resolution_hz": 0.5})
@@ -150,24 +150,24 @@ def test_a_rhythm_that_the_reference_has_not() -> None:
         else item
         for item in made_up()
     ]
-    rhythm = design(presets={"quick": {"step": "large"}}, factors={"step": {"large": [], "huge": []}})
+    found_one = design(presets={"quick": {"step": "large"}}, factors={"step": {"large": [], "huge": []}})
     measured += [replace(item, preset="quick") for item in measured if item.preset == "step: large"]
-    found = judge(rhythm, measured, {})
+    found = judge(found_one, measured, {})
     rows = {
         line.split("|")[1].strip(): line
-        for line in markdown(found, rhythm, measured).splitlines()
+        for line in markdown(found, found_one, measured).splitlines()
         if "|" in line
     }
     assert "dominant frequency" in rows["preset"]
     assert "(7.2 Hz in 3 of 3)" in rows["step: large"]
     assert "(7.2 Hz in 1 of 3)" in rows["step: huge"]
     assert "(none)" in rows["reference"]
-    table = pd.DataFrame(wide_table(found, rhythm)).set_index("preset")
+    table = pd.DataFrame(wide_table(found, found_one)).set_index("preset")
     assert table["draft_frequency_hz_runs"].to_dict() == {
         "reference": 0, "step: large": 3, "step: huge": 1, "quick": 3
     }  # fmt: skip
     facts = {"machine": "two cores", "threads": 1, "code": "0"}
-    presets = expected_presets(found, rhythm, facts, 1.0, "scene.yaml")
+    presets = expected_presets(found, found_one, facts, 1.0, "scene.yaml")
     assert presets["quick"]["expected"]["notes"] == ["dominant frequency: 7.2 Hz in 3 of 3; reference: none"]
     assert "notes" not in presets["reference"]["expected"]
     none = judge(design(), made_up(), {})

@@ -100,7 +100,7 @@ def exchange_cost(ticks: int, *, recorded: bool) -> ExchangeCost:
         ]
         meter = _Meter(processes)
         status = Supervisor(processes, meter.note).follow(lambda: 0)
-        if status.exit_status:
+        if status.code:
             raise status.error()
         stamps_ns = array("q", (folder / STAMPS_FILE).read_bytes())[WARM_UP_TICKS:]
     laps_us = sorted(1e-3 * (later - sooner) for sooner, later in itertools.pairwise(stamps_ns))

@@ -138,7 +138,7 @@ def _run_composed(
         _say_domain(domain, namespace)
         _say_what_it_waits_for(opened.resolved, opened.run_id, domain, namespace, paused)
         status = run_composed(node_run, builds, stop_signal, namespace)
-    if status.exit_status:
+    if status.code:
         raise status.error()
 
 
@@ -166,5 +166,5 @@ def _run_nodes(
             for node in plan.nodes()
         ]
         status = Supervisor(processes, progress).follow(stop_signal)
-    if status.exit_status:
+    if status.code:
         raise status.error()

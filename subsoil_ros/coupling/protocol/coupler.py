@@ -25,7 +25,7 @@ from .streams import AnswerStream, CommandStream, Stream, refuse_other_tools
 
 @dataclass(frozen=True)
 class FinishedTick:
-    """A tick that motion_source and soil have both finished."""
+    """A tick that motion and soil have both finished."""
 
     tick: int
     motions: tuple[ToolMotion, ...]

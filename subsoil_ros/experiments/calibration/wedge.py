@@ -108,7 +108,7 @@ def measure(
             found.append(Measured(point, wedge, _tip_x_m(scene, point), runs, used))
     groups = scene.scene.tools[name].groups
     if any(len(item.numbers[0].mean_x_newton) != len(groups) for item in found):
-        raise RunError(f"{folder}: a kept run has other groups than {', '.join(groups)}; remove the folder")
+        raise RunError(f"{folder}: a cached run has other groups than {', '.join(groups)}; remove the folder")
     return found
 
 

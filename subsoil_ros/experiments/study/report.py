@@ -52,7 +52,7 @@ def _interval(name: str, interval: Interval | None) -> dict[str, float]:
 
 
 def markdown(judged: Sequence[PresetResult], design: StudyDesign, measured: Sequence[Measurement]) -> str:
-    """The table for people: wall time, speed-up, and each error with its interval."""
+    """The printed table: wall time, speed-up, and each error with its interval."""
     metrics = [metric for metric in METRICS if _told(judged, metric)]
     heads = ["preset", "wall s", "times faster", *(_heading(metric) for metric in metrics), "Pareto"]
     lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]

@@ -95,7 +95,7 @@ class CouplerNode(LockstepNode):
         self._to_commit: deque[CouplingState] = deque()  # checkpoints whose record is not yet on the disk
         self._last: CouplingState | None = None  # the exchange at the end of the last finished tick
         self._keep_said = False
-        self._keep_deadline: float | None = None  # of the checkpoint before an end by wish
+        self._keep_deadline: float | None = None  # of the checkpoint before a requested end
         self.rest_s = REST_S if scene.coupling.grant_window >= REST_WINDOW else 0.0
         self._on_progress = on_progress
         self._account: InterfaceAccount | None = None  # from the initial exchange
@@ -178,7 +178,7 @@ class CouplerNode(LockstepNode):
         if (
             checkpoint_writer is None
             or self._last is None
-            or stop.exit_status <= SIGNAL_STATUS
+            or stop.code <= SIGNAL_STATUS
             or self.heartbeat.lost
         ):
             return True

@@ -26,10 +26,10 @@ from ..transport.qos import qos_of
 from .message_loop import serve
 
 POLL_S = 0.1
-"""How often a node looks after what no message brings: matched endpoints, wishes to stop, silence."""
+"""How often a node checks what no message brings: matched endpoints, stop requests, silence."""
 
 LONGEST_REST_S = 0.05
-"""A wish that comes while a node rests waits so long at most."""
+"""Longest time that a stop request can wait while the node sleeps."""
 
 NAME_TRIES = 10
 """Looks, POLL_S apart, for the name of a node whose publisher was found (chosen: a second)."""
@@ -157,7 +157,7 @@ class LockstepNode(Node):
         return Health()
 
     def on_stop(self, stop: ExitStatus) -> None:
-        """Takes the wish, seen at every poll, that the node ends.
+        """Handles a stop request; called at every poll.
 
         Raises:
             RunError: it ends now.

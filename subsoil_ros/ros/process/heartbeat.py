@@ -98,7 +98,7 @@ class Heartbeat:
 
     def __init__(self, node: Node, name: str, run: NodeRun, watched: tuple[str, ...]) -> None:
         self.tick = INITIAL_TICK  # last tick the node has finished, for the next heartbeat
-        self.stop: ExitStatus | None = None  # a wish from outside that the node ends
+        self.stop: ExitStatus | None = None  # a stop request
         self._node = node
         self._run = run
         self._hello = run.hello(name)
@@ -157,7 +157,7 @@ class Heartbeat:
         return self._lost
 
     def request_stop(self, stop: ExitStatus) -> None:
-        """Asks the node to end; the first wish stands. From any thread, or a signal handler."""
+        """Requests the node to end; the first request counts. From any thread, or a signal handler."""
         if self.stop is None:
             self.stop = stop
 

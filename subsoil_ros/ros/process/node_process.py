@@ -94,7 +94,7 @@ PARAMETERS: dict[str, tuple[Any, str, str]] = {
     ),
     "paused": (False, "the coupler: grant no tick before a call of its services resume or step", _FLAG),
     "recorded": (True, "whether the run has a recorder, the same for all nodes", _FLAG),
-    "supervised": (False, "end when standard input ends, take wishes to stop from it", _FLAG),
+    "supervised": (False, "end when standard input ends, read stop requests from it", _FLAG),
 }
 """Of every node's process: default, description, what is allowed."""
 
@@ -185,16 +185,16 @@ def _serve(
     if status.reason:
         say(f"{name}: {status.reason}")
     if settings.supervised and name == COUPLER:
-        report_to_supervisor(exit_status=status.exit_status, reason=status.reason)
-    elif name == COUPLER and status.exit_status:
+        report_to_supervisor(exit_status=status.code, reason=status.reason)
+    elif name == COUPLER and status.code:
         heartbeat.outlast(LATE_S)  # a node that starts later would wait for this one
     heartbeat.close()
     rclpy.shutdown()
-    return status.exit_status
+    return status.code
 
 
 def _obey(heartbeat: Heartbeat) -> None:
-    """Takes wishes to stop from standard input; its end means that the supervisor is gone."""
+    """Reads stop requests from standard input; its end means that the supervisor is gone."""
     for line in sys.stdin:
         event = json.loads(line)
         heartbeat.request_stop(ExitStatus(event["exit_status"], event["stop"]))
@@ -205,9 +205,9 @@ def _wait(service: Service, heartbeat: Heartbeat) -> None:
     """Waits for the service; one that does not come back from its engine is left behind."""
     while service.is_alive() and heartbeat.stop is None and not heartbeat.lost:
         service.join(0.2)
-    interrupted_run = heartbeat.stop is not None and heartbeat.stop.exit_status > SIGNAL_STATUS
+    interrupted_run = heartbeat.stop is not None and heartbeat.stop.code > SIGNAL_STATUS
     service.join(GRACE_S + LAST_WORD_S + (KEEP_S if interrupted_run else 0.0))
     if service.is_alive():
         status = heartbeat.stop or ExitStatus(RunError.exit_status, heartbeat.lost)
         say(f"{service.name}: {status.reason}")
-        os._exit(status.exit_status)  # nothing here needs closing
+        os._exit(status.code)  # nothing here needs closing

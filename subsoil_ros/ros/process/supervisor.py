@@ -59,7 +59,7 @@ class NodeProcess:
 
     def send_stop(self, status: ExitStatus) -> None:
         """Asks the node to end."""
-        self._send(json.dumps({"stop": status.reason, "exit_status": status.exit_status}) + "\n")
+        self._send(json.dumps({"stop": status.reason, "exit_status": status.code}) + "\n")
 
     def _send(self, line: str) -> None:
         if self.popen.stdin is not None:
@@ -186,7 +186,7 @@ class Supervisor:
                 )
             if status and self._failed is None:
                 self._failed = (time.monotonic(), process)
-        if self._verdict is not None and self._verdict.exit_status:
+        if self._verdict is not None and self._verdict.code:
             return self._verdict
         if self._failed is None:
             return None
@@ -201,7 +201,7 @@ class Supervisor:
         """Asks the coupler to abort the run, which closes the bag in order."""
         self._coupler.send_stop(status)
         grace_s = GRACE_S if self._progressed else STARTUP_GRACE_S
-        if status.exit_status > SIGNAL_STATUS:
+        if status.code > SIGNAL_STATUS:
             grace_s += KEEP_S
         self._deadline = min(self._deadline, time.monotonic() + grace_s)
 

@@ -41,7 +41,7 @@ class RunControl:
 
     Args:
         changed: called when ticks may be granted again, or when the run begins to pause.
-        end: called with the wish that the run ends.
+        end: called with a stop request.
     """
 
     def __init__(

@@ -36,7 +36,7 @@ def needed_capabilities(scene: Scene) -> dict[str, dict[str, str]]:
     return needed
 
 
-def check_hello(own: NodeStatus, other: NodeStatus, needed: Mapping[str, str]) -> None:
+def check_node_status(own: NodeStatus, other: NodeStatus, needed: Mapping[str, str]) -> None:
     """Compares a node's word with the coupler's own.
 
     Args:

@@ -80,7 +80,7 @@ class CouplerNode(LockstepNode):
         names = run.participants
         self._schedule = schedule_of(scene, timing)
         self._coupler = Coupler(
-            run.hello(COUPLER),
+            run.node_status(COUPLER),
             names,
             tuple(scene.tools),
             timing.tick_count,
@@ -112,7 +112,7 @@ class CouplerNode(LockstepNode):
             self.listen(ToolWrenches, self._on_wrenches, (SOIL,))
         if RECORDER in names:
             self.listen(TickAck, self._on_ack, (RECORDER,))
-        self.listen(NodeStatus, self._on_hello, names)
+        self.listen(NodeStatus, self._on_node_status, names)
         if scene.controller is not None:
             self.listen(DriverCommand, self._on_command, (CONTROLLER,))
         self._control = RunControl(self._coupler, self._on_pacing, heartbeat.request_stop)
@@ -250,8 +250,8 @@ class CouplerNode(LockstepNode):
         for grant in self._coupler.next_grants():
             self._grants.publish(self.bytes_of(grant))
 
-    def _on_hello(self, hello: NodeStatus) -> None:
-        self._coupler.accept_hello(hello)
+    def _on_node_status(self, node_status: NodeStatus) -> None:
+        self._coupler.accept_node_status(node_status)
 
     def _on_motions(self, motions: ToolMotions) -> None:
         self._coupler.accept_motions(motions)

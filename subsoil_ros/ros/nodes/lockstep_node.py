@@ -118,7 +118,8 @@ class LockstepNode(Node):
         def received(cdr: bytes, info: Any) -> None:
             nonlocal due
             number = info["publication_sequence_number"]  # of the publisher, from 1; None: not known
-            if kind is not NodeStatus and number is not None and number != due:  # hello has many publishers
+            many = kind is NodeStatus  # every node publishes it
+            if not many and number is not None and number != due:
                 raise ProtocolError(
                     f"{topic}: message number {number} of its publisher came where number {due} is due; "
                     "one was lost, or somebody else publishes: give every run a ROS_DOMAIN_ID of its own"
@@ -199,9 +200,13 @@ class LockstepNode(Node):
         elif last:
             self.heartbeat.say(NodeState.ENDED)
 
-    def follow_coupler_end(self, hello: NodeStatus) -> None:
+    def follow_coupler_end(self, node_status: NodeStatus) -> None:
         """Ends the node, its work being done, when the coupler says that the run is over."""
-        if hello.node == COUPLER and hello.state is NodeState.ENDED and hello.run_id == self.run.run_id:
+        if (
+            node_status.node == COUPLER
+            and node_status.state is NodeState.ENDED
+            and node_status.run_id == self.run.run_id
+        ):
             self.finish(0)
 
     def _has_found(self, endpoint: Publisher | Subscription, names: tuple[str, ...]) -> bool:
@@ -232,7 +237,7 @@ class LockstepNode(Node):
         """Raises ProtocolError if a lockstep topic has more publishers than the run."""
         for endpoint, names in self._partners:
             if not isinstance(endpoint, Subscription) or endpoint.topic_name.endswith(TOPIC_OF[NodeStatus]):
-                continue  # every node says hello
+                continue  # every node publishes its status
             count = endpoint.get_publisher_count()
             if count > len(names):
                 found = ", ".join(self._publishers_of(endpoint.topic_name, count))

@@ -57,7 +57,7 @@ class MechanismNode(LockstepNode):
         self._visualization = VisualizationPublisher(self, run.resolved)
         self._initial_motions = engine.initial_motions()
         self.heartbeat.say(NodeState.STARTING, motions=self._initial_motions)
-        self.listen(NodeStatus, self._on_hello, ())
+        self.listen(NodeStatus, self._on_node_status, ())
         self.listen(Grant, self._on_grant, (COUPLER,))
         if self._with_soil:
             self.listen(ToolWrenches, self._on_wrenches, (SOIL,))
@@ -78,13 +78,17 @@ class MechanismNode(LockstepNode):
             values |= {name: getattr(self._state, name) for name in names}
         return Health(values=values)
 
-    def _on_hello(self, hello: NodeStatus) -> None:
-        if hello.node == SOIL and hello.state is NodeState.READY and hello.run_id == self.run.run_id:
+    def _on_node_status(self, node_status: NodeStatus) -> None:
+        if (
+            node_status.node == SOIL
+            and node_status.state is NodeState.READY
+            and node_status.run_id == self.run.run_id
+        ):
             if not self._started:
-                self._participant.start(hello.initial_wrenches)
+                self._participant.start(node_status.initial_wrenches)
                 self._started = True
         else:
-            self.follow_coupler_end(hello)
+            self.follow_coupler_end(node_status)
 
     def _on_grant(self, grant: Grant) -> None:
         if grant.command is Command.CHECKPOINT:

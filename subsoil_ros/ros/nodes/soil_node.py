@@ -93,7 +93,7 @@ class SoilNode(LockstepNode):
             self.listen(ToolMotions, self._on_motions, (MECHANISM,))
         else:
             self._motions = self.publisher(ToolMotions, (COUPLER, RECORDER))
-        self.listen(NodeStatus, self._on_hello, ())
+        self.listen(NodeStatus, self._on_node_status, ())
 
     def on_poll(self) -> None:
         """Starts paths, and says that it is ready once the soil has answered and everybody listens."""
@@ -123,12 +123,16 @@ class SoilNode(LockstepNode):
         else:
             self._last_wrenches = self._engine.start(motions)
 
-    def _on_hello(self, hello: NodeStatus) -> None:
-        if hello.node == MECHANISM and self._motion_source is None and hello.run_id == self.run.run_id:
-            if self._last_wrenches is None and len(hello.initial_motions) == len(self._poses):
-                self._start(hello.initial_motions)
+    def _on_node_status(self, node_status: NodeStatus) -> None:
+        if (
+            node_status.node == MECHANISM
+            and self._motion_source is None
+            and node_status.run_id == self.run.run_id
+        ):
+            if self._last_wrenches is None and len(node_status.initial_motions) == len(self._poses):
+                self._start(node_status.initial_motions)
         else:
-            self.follow_coupler_end(hello)
+            self.follow_coupler_end(node_status)
 
     def _on_grant(self, grant: Grant) -> None:
         if grant.command is Command.CHECKPOINT:

@@ -37,8 +37,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.gpu_drive import STEPS_PER_TICK, Drive, gpu_engine, periodic, ticks_of
-from benchmarks.kept_runs import write_rows
 from benchmarks.peers.lammps_gpu import peer
+from benchmarks.run_cache import write_rows
 from subsoil_ros.analysis.intervals import mean_interval
 from subsoil_ros.api.execution import execute, machine_name
 from subsoil_ros.coupling.engines import build_mechanism

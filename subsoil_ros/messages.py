@@ -101,7 +101,7 @@ class SoilState:
     contact_count: int
     lost_particle_count: int  # left the domain since the start
     rebuild_count: int  # neighbour lists built since the start
-    kinetic_energy_joule: float  # translation and spin
+    kinetic_energy_joule: float  # translation and rotation
     rms_speed_m_per_s: float
     rms_angular_velocity_rad_per_s: float
     max_overlap_m: float

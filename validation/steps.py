@@ -82,7 +82,7 @@ def above_not_forced(laboratory: Laboratory) -> Outcome:
     for multiple in (1.1, 2.0, 10.0):
         outcome = refused(
             lambda multiple=multiple: scene(laboratory, multiple, "grid", force=False),
-            r"soil.time_step_s: .* above the stable limit .*damping 10 N s/m acting on spin",
+            r"soil.time_step_s: .* above the stable limit .*damping 10 N s/m acting on rotation",
         )
     return outcome
 

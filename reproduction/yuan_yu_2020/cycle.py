@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from benchmarks.kept_runs import write_rows
+from benchmarks.run_cache import write_rows
 from subsoil_ros.analysis.failure_cycles import SMOOTHED_S
 from subsoil_ros.analysis.intervals import paired_difference, t_quantile
 from subsoil_ros.analysis.run_statistics import MOVING_S

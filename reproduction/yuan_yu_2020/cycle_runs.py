@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmarks.kept_runs import FailedRun, Summary, find_kept_run, kept_run, write_scene
+from benchmarks.run_cache import FailedRun, Summary, find_kept_run, kept_run, write_scene
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.yaml_document import Document
 

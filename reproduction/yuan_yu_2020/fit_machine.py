@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from benchmarks.kept_runs import FailedRun, Summary, kept_run, write_rows, write_scene
+from benchmarks.run_cache import FailedRun, Summary, kept_run, write_rows, write_scene
 from subsoil_ros.errors import SubsoilError
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.yaml_document import Document

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.kept_runs import FailedRun, Summary, kept_run, write_rows, write_scene
+from benchmarks.run_cache import FailedRun, Summary, kept_run, write_rows, write_scene
 from subsoil_ros.analysis.dead_centre import past_dead_centre_s
 from subsoil_ros.analysis.series import read_series_csv
 from subsoil_ros.errors import SubsoilError

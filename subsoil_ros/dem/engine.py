@@ -151,7 +151,7 @@ class SoilEngine(SoilReadings):
         self,
         position_m: np.ndarray,
         velocity_m_per_s: np.ndarray | None = None,
-        spin_rad_per_s: np.ndarray | None = None,
+        angular_velocity_rad_per_s: np.ndarray | None = None,
         radii_m: np.ndarray | None = None,
     ) -> None:
         """Put these particles into the bin instead of the prepared bed: (n, 3) arrays, world axes.
@@ -166,7 +166,7 @@ class SoilEngine(SoilReadings):
         refuse_outside(self.bed, self._planes, position)
         self._load(position, radii_m, None)
         back = self._particles.identity
-        for name, given in (("velocity", velocity_m_per_s), ("spin", spin_rad_per_s)):
+        for name, given in (("velocity", velocity_m_per_s), ("spin", angular_velocity_rad_per_s)):
             if given is not None:
                 rows = finite_rows(name, given, len(position))[back]
                 setattr(self._particles, name, rows.astype(self._kind))
@@ -177,7 +177,7 @@ class SoilEngine(SoilReadings):
         self._calls = None
 
     def damp(self, kept: float) -> None:
-        """Global damping: every velocity and spin times `kept`. For the preparation of beds."""
+        """Global damping: every linear and angular velocity times `kept`. For the preparation of beds."""
         self._particles.velocity *= kept
         self._particles.spin *= kept
 
@@ -301,7 +301,7 @@ class SoilEngine(SoilReadings):
         timing = self._resolved.timing
         last = step == timing.soil_steps and tick == timing.tick_count - 1
         if self._monitor is not None and self._monitor.due(last=last):
-            self._monitor.look(self._where(tick, step), tick, self)
+            self._monitor.check(self._where(tick, step), tick, self)
 
     def _where(self, tick: int, step: int) -> str:
         """Of an error, in words."""

@@ -108,7 +108,7 @@ class SoilReadings(ABC):
         """(n, 3) float64, world axes, in the order of the prepared bed."""
         return self._particles.velocity[np.argsort(self._particles.identity)].astype(np.float64)
 
-    def spins_rad_per_s(self) -> np.ndarray:
+    def angular_velocities_rad_per_s(self) -> np.ndarray:
         """(n, 3) float64, world axes, in the order of the prepared bed."""
         return self._particles.spin[np.argsort(self._particles.identity)].astype(np.float64)
 
@@ -136,13 +136,13 @@ class SoilReadings(ABC):
 
     @property
     def velocity_reversal(self) -> float:
-        """Part of the motion that turns round from step to step, 0 to 1 (dem.monitors)."""
+        """Velocity reversal indicator, 0 to 1 (dem.monitors)."""
         return self.motion_sums().velocity_reversal
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
         """Monitors at the end of `tick`.
 
-        The rms spin is that half a step before and after: one that turns round from step to step is zero
+        The rms angular velocity is that half a step before and after: one that reverses at every step is zero
         in between.
         """
         n = self.particle_count

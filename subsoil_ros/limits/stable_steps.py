@@ -88,7 +88,7 @@ def _particle_limits(soil: Soil, other: Soil, z: float, named: str) -> dict[str,
     stiffness = max(pair.stiffness, pair.contact_adhesion)
     add(
         "spin, dampers",
-        f"damping {pair.tangential_damping:g} N s/m acting on spin, {name}",
+        f"damping {pair.tangential_damping:g} N s/m acting on rotation, {name}",
         4.0 / 3.0 * z * pair.tangential_damping * arm**2 / inertia,
         spring=False,
     )
@@ -107,7 +107,7 @@ def _particle_limits(soil: Soil, other: Soil, z: float, named: str) -> dict[str,
     )
     add(
         "spin, springs",
-        f"tangential stiffness {pair.tangential_stiffness:g} N/m acting on spin, {name}",
+        f"tangential stiffness {pair.tangential_stiffness:g} N/m acting on rotation, {name}",
         4.0 / 3.0 * z * pair.tangential_stiffness * arm**2 / inertia,
         spring=True,
     )

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.kept_runs import FailedRun, find_kept_run, kept_run
+from benchmarks.run_cache import FailedRun, find_kept_run, kept_run
 from subsoil_ros.analysis.series import read_series, read_series_csv, read_table_csv
 from subsoil_ros.api.execution import execute
 from subsoil_ros.cli.main import main

@@ -41,7 +41,7 @@ def shaken(scene):
 
 
 def test_alternation_of_equal_opposite_and_growing_motions():
-    """0 for a steady motion, 1 for one that turns round; of (u, w) half a step before and after, in between:
+    """0 for a steady motion, 1 for one that reverses; of (u, w) half a step before and after, in between:
     ((w - u) / 2)^2 over it plus ((w + u) / 2)^2."""
     mass, inertia, step = 0.5, 0.25, 0.125
     place, still = np.zeros((4, 3)), np.zeros((4, 3))
@@ -64,7 +64,7 @@ def test_alternation_of_equal_opposite_and_growing_motions():
 def test_a_step_too_large_is_stopped_with_its_cause(soil):
     """The bed spins, the run stops within 400 steps, and says what to do."""
     with pytest.raises(
-        PhysicsError, match=r"tick \d+: particles turn round .*max_velocity_reversal 0.2.*smaller"
+        PhysicsError, match=r"tick \d+: velocities reverse .*max_velocity_reversal 0.2.*smaller"
     ):
         run(shaken(with_soil(soil, **TOO_LARGE)), 400)
 

@@ -296,8 +296,8 @@ def _lid_damping_newton_s_per_m(
 ) -> float:
     """Twice what keeps a lid on the contacts of the section stable against a force held for a tick H.
 
-    A contact of stiffness k needs k H / 2 (coupling_bounds.py), of which its own damper gives a part; the
-    glue pulls without a damper. One contact stands on each square of a diameter.
+    A contact of stiffness k needs k H / 2 (limits/communication_steps.py), of which its own damper gives a
+    part; the glue pulls without a damper. One contact stands on each square of a diameter.
     """
     soil = specimen.soil
     pair, _ = pair_values(soil)

@@ -71,7 +71,7 @@ def load_scene(
         name: read_preset(content, f"{shown}: presets.{name}")
         for name, content in document.get("presets", {}).items()
     }
-    document = _with_start(document, shown, [c for c in changes if c.path == "initial_condition"])
+    document = _with_initial_condition(document, shown, [c for c in changes if c.path == "initial_condition"])
     document = _with_preset(document, shown, [c for c in changes if c.path == "preset"])
     changes = [c for c in changes if c.path not in CHOICES]
     kept = {key: document.pop(key) for item in CHOICES.items() for key in item if key in document}
@@ -176,16 +176,16 @@ def _absolute_preset(preset: Document, directory: Path) -> Document:
     return {**preset, "changes": with_absolute_files(changes, directory)}
 
 
-def _with_start(document: Document, shown: str, changes: Sequence[Override]) -> Document:
-    """The document with its chosen start laid over it and no other start left in it."""
-    starts = document.get("initial_conditions", {})
+def _with_initial_condition(document: Document, shown: str, changes: Sequence[Override]) -> Document:
+    """The document with its chosen initial condition laid over it and no other one left in it."""
+    known = document.get("initial_conditions", {})
     name = _chosen(document, shown, changes, "initial_condition", "initial_conditions")
     if name is None:
-        if starts:
-            raise SceneError(f"{shown}: initial_condition: is missing; choose one of {', '.join(starts)}")
+        if known:
+            raise SceneError(f"{shown}: initial_condition: is missing; choose one of {', '.join(known)}")
         return document
     rest = {key: value for key, value in document.items() if key != "initial_conditions"}
-    merged = merge(rest, starts[name], f"{shown}: initial_conditions.{name}")
+    merged = merge(rest, known[name], f"{shown}: initial_conditions.{name}")
     return {**merged, "initial_condition": name, "initial_conditions": {name: {}}}
 
 
@@ -212,7 +212,7 @@ def _chosen(
         return None
     if not isinstance(name, str) or name not in named:
         known = f"; {suggestion(str(name), named)}" if named else f"; the scene has no '{section}'"
-        raise SceneError(f"{where}: no {'preset' if key == 'preset' else key} '{name}'{known}")
+        raise SceneError(f"{where}: no {key.replace('_', ' ')} '{name}'{known}")
     return name
 
 

@@ -182,7 +182,7 @@ def test_a_run_that_records_nothing_has_no_series() -> None:
         (
             "tine",
             {"duration_s": object()},
-            r"^overrides: duration_s: holds a value of type object; allowed are numbers",
+            r"^overrides: duration_s: cannot represent an object: .*; allowed are numbers",
         ),
         ("tine", {"duration_s": float("nan")}, r"^overrides: duration_s: given nan"),
         ("tine", {"soil..seed": 3}, r"^overrides: given the key 'soil\.\.seed', needed is KEY\.KEY"),

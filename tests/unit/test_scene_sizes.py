@@ -132,11 +132,11 @@ def test_a_layer_may_change_every_value_of_a_row(change: type, row: type) -> Non
     assert own.keys() == whole.keys()
 
 
-@pytest.mark.parametrize(("reading", "factor"), [("body", 1.0), ("pair", 2.0)])
-def test_unlike_pairs(make: Make, reading: str, factor: float) -> None:
+@pytest.mark.parametrize(("rule", "factor"), [("series", 1.0), ("none", 2.0)])
+def test_unlike_pairs(make: Make, rule: str, factor: float) -> None:
     """Springs, dampers and adhesion in series (eq. 15, 16, 18), twice that for values of pairs; the smaller
     friction; mean rest overlap and reach; K_C follows (eq. 20). The order does not matter."""
-    law = soil_of(make).law.model_dump() | {"combining_rule": reading}
+    law = soil_of(make).law.model_dump() | {"combining_rule": rule}
     top, hard = layer_soils(soil_of(make, layers=[TOP, HARD], bed=DENSE, law=law))
     found = particle_values(top, hard, 0.005, 0.004)
     assert_allclose(found.stiffness, factor * 1e4 * 3e4 / 4e4)

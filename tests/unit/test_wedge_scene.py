@@ -107,7 +107,7 @@ def test_a_rake_beyond_the_theory(wedge: Callable[..., ResolvedScene], rake_deg:
 
 
 def test_a_wheel_needs_to_be_round_and_soil_to_carry_it(wedge: Callable[..., ResolvedScene]) -> None:
-    """share: false means wheel."""
+    """`role: wheel` means wheel."""
     with pytest.raises(SceneError, match=r"tools\.tine: 'role: wheel' makes it a wheel"):
         wedge("tools.tine.role=wheel", values=VALUES)
 

@@ -65,9 +65,9 @@ def overlaps(run: Run) -> dict[str, float]:
     return {
         "overlap_in_work_99_percent": float(in_work),
         "overlap_at_tip_99_percent": float(at_tip),
-        "largest_overlap_mean": float(largest.mean()),
-        "largest_overlap_most": float(largest.max()),
-        "largest_tool_overlap": float(run.series["soil.max_tool_overlap_m"][run.rows].max()) / radius,
+        "max_overlap_mean": float(largest.mean()),
+        "max_overlap": float(largest.max()),
+        "max_tool_overlap": float(run.series["soil.max_tool_overlap_m"][run.rows].max()) / radius,
     }
 
 
@@ -168,7 +168,7 @@ def case_table(rows: Sequence[dict[str, Any]]) -> str:
             f"{mean('soil_lifts_share_newton'):.0f}",
             f"{mean('residual_ratio'):.0e}",
             f"{100.0 * mean('overlap_in_work_99_percent'):.1f}, "
-            f"{100.0 * mean('overlap_at_tip_99_percent'):.0f}; {100.0 * mean('largest_overlap_most'):.0f} %",
+            f"{100.0 * mean('overlap_at_tip_99_percent'):.0f}; {100.0 * mean('max_overlap'):.0f} %",
         )
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"

@@ -89,7 +89,7 @@ class BagWriter:
             RecordingError: subsoil_msgs is not there.
         """
         self._scene = scene
-        self._interval_ns = timing.communication_step_ns
+        self._communication_step_ns = timing.communication_step_ns
         self._last_tick = timing.tick_count - 1
         self._series_ticks = scene.record.series_ticks
         self._types = {topic: message_type(kind) for topic, kind in RECORD_OF.items()}
@@ -116,7 +116,7 @@ class BagWriter:
             RecordingError: there is no message for it, or the disk refuses.
             ProtocolError: its tick is over.
         """
-        message = to_message(message_class, record, self._interval_ns)
+        message = to_message(message_class, record, self._communication_step_ns)
         topic = TOPIC_OF[type(record)]
         kept = record if topic in _NEEDED_FOR_VISUALIZATION or topic == _CLOUD else None
         self._hold(record.tick, _Held(_RANK[topic], topic, serialize(message), kept))
@@ -170,7 +170,7 @@ class BagWriter:
         self._held.append(held)
 
     def _write_tick(self, tick: int, held: list[_Held]) -> None:
-        time_ns = tick_end_ns(tick, self._interval_ns)
+        time_ns = tick_end_ns(tick, self._communication_step_ns)
         for topic, message in self._latched.items():
             self._emit_message(topic, time_ns, message)
         self._latched = {}
@@ -189,7 +189,7 @@ class BagWriter:
         for item in held:
             if item.topic == _CLOUD and soil is not None:
                 cloud = item.record or cloud_from_message(
-                    deserialize(item.data, self._types[_CLOUD]), self._interval_ns
+                    deserialize(item.data, self._types[_CLOUD]), self._communication_step_ns
                 )
                 self._emit_message(HEIGHT_MAP, time_ns, height_map(message_class, cloud, soil))
 

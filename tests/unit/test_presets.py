@@ -52,7 +52,7 @@ def test_a_preset_is_laid_over_the_scene(scene_file: Path) -> None:
     assert list(plain.presets) == ["fine", "coarse"]
     assert load_scene(scene_file, ["preset=fine"]).timing.mechanism_steps == 8
     assert load_scene(scene_file, ["preset=fine", "coupling.mechanism_steps=3"]).timing.mechanism_steps == 3
-    scene_file.write_text(SCENE + "accuracy: coarse\n")
+    scene_file.write_text(SCENE + "preset: coarse\n")
     chosen = load_scene(scene_file)
     assert (chosen.preset, chosen.timing.communication_step_ns) == ("coarse", 2_000_000)
     assert load_scene(scene_file, ["preset=fine"]).timing.communication_step_ns == 500_000
@@ -72,7 +72,7 @@ def test_written_scene_keeps_its_preset(scene_file: Path, tmp_path: Path, name: 
 def test_presets_of_the_base(scene_file: Path) -> None:
     """Changes are inherited, what was measured of another scene is not; null drops them all."""
     child = scene_file.with_name("child.yaml")
-    child.write_text("base: pendulum.yaml\nname: child\naccuracy: coarse\n")
+    child.write_text("base: pendulum.yaml\nname: child\npreset: coarse\n")
     found = load_scene(child)
     assert found.timing.communication_step_ns == 2_000_000
     assert found.presets["coarse"].expected is None
@@ -85,7 +85,7 @@ def test_presets_of_the_base(scene_file: Path) -> None:
     [
         ("preset=coarser", "", "", ["--set preset: no preset 'coarser'", "did you mean 'coarse'"]),
         ("presets.fine=1", "", "", ["'presets' cannot be set", "preset=NAME"]),
-        ("name=x", "presets:", "starts:", ["start: is missing"]),
+        ("name=x", "presets:", "initial_conditions:", ["initial_condition: is missing"]),
         ("name=x", "fine: {changes", "fine: {changed", ["presets.fine: changed: unknown key", "'changes'"]),
         ("name=x", "confidence: 0.95", "confidence: 95", ["presets.coarse: expected.confidence: given 95"]),
         (

@@ -18,7 +18,7 @@ SOURCES = [
 ]  # fmt: skip
 SHIPPED = (
     "scenes/*.yaml", "templates/*.yaml", "meshes/*.stl", "soils/*.yaml", "calibration/*.yaml",
-    "fit/*.yaml", "studies/*.yaml", "foxglove/*.json", "*.json",
+    "references/*.yaml", "studies/*.yaml", "foxglove/*.json", "*.json",
 )  # fmt: skip
 
 

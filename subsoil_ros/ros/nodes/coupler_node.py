@@ -287,9 +287,11 @@ class CouplerNode(LockstepNode):
         self._last_advance = now
         work = self._account.add(finished.motions, finished.wrenches)
         if self._schedule.series_due(tick):
-            report = work.report(self.run.run_id, tick, self._interval_ns, now - self._start)
+            report = work.report(self.run.run_id, tick, self._communication_step_ns, now - self._start)
             self._reports.publish(self.bytes_of(report))
-        self._clock_publisher.publish(serialize(clock(message_class, tick_end_ns(tick, self._interval_ns))))
+        self._clock_publisher.publish(
+            serialize(clock(message_class, tick_end_ns(tick, self._communication_step_ns)))
+        )
         self.heartbeat.tick = tick
         self._account.check(tick)
         self._last = CouplingState(tick, finished.motions, finished.wrenches, work, now - self._start)

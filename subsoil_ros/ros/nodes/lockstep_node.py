@@ -76,10 +76,10 @@ class LockstepNode(Node):
         self.heartbeat = heartbeat
         self.ended = threading.Event()
         self.status = ExitStatus()
-        self._interval_ns = run.resolved.timing.communication_step_ns
+        self._communication_step_ns = run.resolved.timing.communication_step_ns
         self._writers: dict[type, Callable[[Any], bytes]] = {}
         self._partners: list[tuple[Publisher | Subscription, tuple[str, ...]]] = []
-        self._diagnostics = Diagnostics(self, run.run_id, self._interval_ns)
+        self._diagnostics = Diagnostics(self, run.run_id, self._communication_step_ns)
         self._woken = run.first_tick, time.monotonic()  # the last tick at the last wake-up, and when
         self.tick_times_s: deque[float] = deque(maxlen=_MEASURED)
         """Of the last wake-ups, the mean time of a tick between one and the next."""
@@ -104,7 +104,7 @@ class LockstepNode(Node):
     def listen(self, kind: type, handle: Callable[[Any], None], partners: tuple[str, ...]) -> None:
         """Hands records of `kind`, from the nodes named, to `handle`."""
 
-        read = reader(kind, self._interval_ns)
+        read = reader(kind, self._communication_step_ns)
         self.listen_raw(kind, lambda cdr: handle(read(cdr)), partners)
 
     def listen_raw(self, kind: type, handle: Callable[[bytes], None], partners: tuple[str, ...]) -> None:
@@ -138,7 +138,7 @@ class LockstepNode(Node):
         if RECORDER not in self.run.participants:
             partners = tuple(name for name in partners if name != RECORDER)
         self._partners.append((publisher, partners))
-        self._writers[kind] = writer(kind, self._interval_ns)
+        self._writers[kind] = writer(kind, self._communication_step_ns)
         return publisher
 
     def bytes_of(self, record: Any) -> bytes:

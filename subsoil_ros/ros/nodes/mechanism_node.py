@@ -114,7 +114,7 @@ class MechanismNode(LockstepNode):
     def _work(self) -> None:
         while (work := self._participant.next_work()) is not None:
             tick = work.tick
-            end_ns = tick_end_ns(tick, self._interval_ns)
+            end_ns = tick_end_ns(tick, self._communication_step_ns)
             if work.command is not None:
                 self._engine.command(work.command)
             begin = time.perf_counter()
@@ -131,7 +131,7 @@ class MechanismNode(LockstepNode):
             self.note_tick(tick, self._participant.finished)
 
     def _publish_state(self, tick: int) -> MechanismState:
-        state = self._engine.state(self.run.run_id, tick, tick_end_ns(tick, self._interval_ns))
+        state = self._engine.state(self.run.run_id, tick, tick_end_ns(tick, self._communication_step_ns))
         self._states.publish(self.bytes_of(state))
         self._state = state
         return state

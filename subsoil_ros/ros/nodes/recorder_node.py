@@ -105,7 +105,7 @@ class RecorderNode(LockstepNode):
         self._cut_deadline = 0.0
         self._acks = self.publisher(TickAck, (COUPLER,))
         self.listen(NodeStatus, self.follow_coupler_end, ())
-        self._read_grant = reader(Grant, self._interval_ns)
+        self._read_grant = reader(Grant, self._communication_step_ns)
         motion_source = MECHANISM if scene.mechanism is not None else SOIL
         self.listen_raw(Grant, self._on_grant, (COUPLER,))
         sources: list[tuple[type, str]] = [(ToolMotions, motion_source), (CouplingReport, COUPLER)]
@@ -165,10 +165,11 @@ class RecorderNode(LockstepNode):
 
     def _on_message(self, kind: type, cdr: bytes) -> None:
         end_ns = stamp_ns(cdr)
-        tick, rest = divmod(end_ns, self._interval_ns)
+        tick, rest = divmod(end_ns, self._communication_step_ns)
         if rest:
             raise ProtocolError(
-                f"{TOPIC_OF[kind]}: stamp {end_ns} ns is no whole number of ticks of {self._interval_ns} ns"
+                f"{TOPIC_OF[kind]}: stamp {end_ns} ns is no whole number of ticks of "
+                f"{self._communication_step_ns} ns"
             )
         if kind is MechanismState and tick - 1 < self.run.first_tick:
             return  # of the run that this one goes on from, for the controller

@@ -152,7 +152,7 @@ class SoilNode(LockstepNode):
     def _work(self) -> None:
         while (work := self._participant.next_work()) is not None:
             tick, motions = work.tick, work.motions
-            end_ns = tick_end_ns(tick, self._interval_ns)
+            end_ns = tick_end_ns(tick, self._communication_step_ns)
             if self._motion_source is not None:
                 motions = self._motion_source.advance(tick, self._last_wrenches or ())
                 self._motions.publish(self.bytes_of(ToolMotions(self.run.run_id, tick, end_ns, motions)))
@@ -190,7 +190,7 @@ class SoilNode(LockstepNode):
     ) -> None:
         scene = self.run.resolved.scene
         if self._visualization is not None:
-            moved = ToolMotions(self.run.run_id, end_ns // self._interval_ns - 1, end_ns, motions)
+            moved = ToolMotions(self.run.run_id, end_ns // self._communication_step_ns - 1, end_ns, motions)
             self._visualization.move(None, moved, end_ns)
         for motion, wrench in zip(motions, wrenches, strict=True):
             self._poses[motion.tool].publish(serialize(pose_stamped(message_class, motion, end_ns)))

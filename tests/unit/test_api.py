@@ -258,7 +258,5 @@ def test_check_says_what_a_run_would_be(scene: ResolvedScene) -> None:
     assert "particles: 6,930\nsoil step: 32 us" in str(found)
     wedge = subsoil.check(scene)
     assert (wedge.particles, wedge.limits, wedge.cost.soil_wall_s) == (0, (), 0.0)
-    parallel = subsoil.check("subsoiler_1s300_wedge", {"coupling.scheme": "parallel"})
-    assert "warning: coupling.scheme: parallel is for study" in str(parallel)
     with pytest.raises(SceneError, match="overlap so far that they would be shot apart"):
         subsoil.check("tine", {"soil.bed.spacing_m": 0.005})

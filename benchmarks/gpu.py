@@ -45,7 +45,7 @@ from subsoil_ros.coupling.engines import build_mechanism
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.beds.dense import prepare_dense
 from subsoil_ros.dem.beds.settling import ignore_progress
-from subsoil_ros.dem.bench.cases import DENSE, Case, wet_case
+from subsoil_ros.dem.bench.cases import DENSE, Case, cohesive_case
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.kernel_cache import set_up_numba
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
@@ -147,7 +147,7 @@ def dense_case(
 ) -> tuple[Case, Bed]:
     """A case of about `count` particles and its bed."""
     size = SMALL_BED_M if count < 50_000 else LARGE_BED_M
-    case = wet_case(DENSE, size, 1, f"dense random {count:,}", folder, precision)
+    case = cohesive_case(DENSE, size, 1, f"dense random {count:,}", folder, precision)
     case = periodic(case, size[1])
     one = _cell(case, size)
     times = max(1, round(count / len(one.positions_m)))

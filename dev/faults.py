@@ -159,7 +159,7 @@ class Run:
         return ""
 
     def end(self) -> None:
-        """Leaves nothing behind, whatever was found; a stranger must end by itself where he can."""
+        """Leaves nothing behind, whatever was found; a foreign publisher must end by itself if it can."""
         for other in self._others:
             with suppress(subprocess.TimeoutExpired):
                 other.wait(0.0 if _is_stopped(other.pid) else 10.0)

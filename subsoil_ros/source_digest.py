@@ -23,6 +23,7 @@ def kernel_digest(source: Path, package: Path = PACKAGE) -> str:
     """sha256 hex for the kernels of the file `source`: of it and all that it imports in its own folder.
 
     Its own folder is that below `package`, with subfolders: a kernel calls only kernels of the same engine.
+    The names of all modules and classes there count too: a compiled kernel names the types of its arguments.
     """
     engine = package / source.relative_to(package).parts[0]
     found = {source}
@@ -31,7 +32,8 @@ def kernel_digest(source: Path, package: Path = PACKAGE) -> str:
         new = {path for path in _imported(waiting.pop()) if path.is_relative_to(engine)} - found
         found |= new
         waiting.extend(new)
-    return tree_digest(found, package)
+    types = sorted(f"{file.relative_to(engine)} {_classes(file)}" for file in engine.rglob("*.py"))
+    return hashlib.sha256(f"{tree_digest(found, package)} {types}".encode()).hexdigest()
 
 
 def result_digest(package: Path = PACKAGE) -> str:
@@ -67,6 +69,10 @@ def _dump(file: Path) -> str:
         if isinstance(body, list):
             node.body = [statement for statement in body if not _is_docstring(statement)]  # type: ignore[attr-defined]
     return ast.dump(tree)
+
+
+def _classes(file: Path) -> list[str]:
+    return [node.name for node in _tree(file).body if isinstance(node, ast.ClassDef)]
 
 
 def _is_docstring(statement: ast.stmt) -> bool:

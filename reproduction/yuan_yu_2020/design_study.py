@@ -31,7 +31,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.kept_runs import FailedRun, Summary, kept_run, read_rows, write_rows, write_scene
+from benchmarks.run_cache import FailedRun, Summary, kept_run, read_rows, write_rows, write_scene
 from subsoil_ros.analysis.intervals import Interval, mean_interval
 from subsoil_ros.figures.plotting import COLOURS, new_figure, save_figure
 from subsoil_ros.loading.loader import load_scene

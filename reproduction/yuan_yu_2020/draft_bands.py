@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from benchmarks.kept_runs import kept_run, write_rows
+from benchmarks.run_cache import kept_run, write_rows
 from subsoil_ros.figures.plotting import COLOURS, new_figure, save_figure
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.scene.meshes import load_tool_mesh

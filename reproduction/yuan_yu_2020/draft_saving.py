@@ -23,7 +23,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from benchmarks.kept_runs import Summary, kept_run, write_scene
+from benchmarks.run_cache import Summary, kept_run, write_scene
 from subsoil_ros.analysis.intervals import PairedDifference, paired_difference
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 

@@ -11,7 +11,7 @@ import argparse
 import json
 from pathlib import Path
 
-from benchmarks.kept_runs import Summary, kept_run
+from benchmarks.run_cache import Summary, kept_run
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.scene.bed_spacing import rest_spacing_m
 from subsoil_ros.scene.pairs import pair_values

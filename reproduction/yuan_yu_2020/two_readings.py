@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.kept_runs import FailedRun, Summary, kept_run, write_rows, write_scene
+from benchmarks.run_cache import FailedRun, Summary, kept_run, write_rows, write_scene
 from subsoil_ros.analysis.dead_centre import past_dead_centre_s
 from subsoil_ros.analysis.series import read_series_csv
 from subsoil_ros.errors import SubsoilError
@@ -44,10 +44,10 @@ INSIDE_M = 0.7
 """Before the end of the bin (prototypes: drafts rise from there on)."""
 
 PERIODS_S = (0.4, 2.0)
-"""Of a rhythm of the paper's kind (chosen around 0.5 and 1 s)."""
+"""Of a cycle of the paper's kind (chosen around 0.5 and 1 s)."""
 
 REGULAR = 0.5
-"""Correlation of the draft with itself a period later from which there is a rhythm (chosen: a sine has 1, 40
+"""Correlation of the draft with itself a period later from which it is periodic (chosen: a sine has 1, 40
 records of red noise with correlation times of 0.01 to 0.2 s had up to 0.5)."""
 
 RANGE_PART = 0.5
@@ -122,7 +122,7 @@ def judge(case: Case, scene: Path, summary: Summary) -> dict[str, Any]:
     series = read_series_csv(Path(summary["folder"]) / "series.csv")
     times = series["time_s"]
     inside = (times >= summary["window"]["start_s"]) & (times <= summary["window"]["end_s"])
-    period_s, regularity = rhythm(times[inside], series["draft_newton"][inside])
+    period_s, regularity = repeat_period(times[inside], series["draft_newton"][inside])
     row = {
         **case._asdict(),
         "draft_mean_newton": summary["draft_newton_mean"],
@@ -151,7 +151,7 @@ def judge(case: Case, scene: Path, summary: Summary) -> dict[str, Any]:
     elif row["angle_range_rad"] < RANGE_PART * swing:
         row["work"] = "quiet"
     elif regularity < REGULAR:
-        row["work"] = "swings without a rhythm"
+        row["work"] = "swings without a period"
     elif not PERIODS_S[0] <= period_s <= PERIODS_S[1]:
         row["work"] = f"cycle of {period_s:.2f} s"
     else:
@@ -164,7 +164,7 @@ def judge(case: Case, scene: Path, summary: Summary) -> dict[str, Any]:
     return row
 
 
-def rhythm(times_s: np.ndarray, values: np.ndarray) -> tuple[float, float]:
+def repeat_period(times_s: np.ndarray, values: np.ndarray) -> tuple[float, float]:
     """Lag of the first high peak of the autocorrelation after its first zero [s], and its height.
 
     High: nine tenths of the highest. About the trend; each lag divided by the number of its products. The

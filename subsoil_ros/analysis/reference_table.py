@@ -87,7 +87,7 @@ def write_reference_csv(rows: list[ReferenceRow], path: Path) -> None:
 
 
 def print_reference(reference: Reference, summary: Mapping[str, Any], console: Console) -> None:
-    """The table for people, and the lines below it."""
+    """The printed table, and the lines below it."""
     table = Table(title=f"beside {escape(reference.name)}", title_justify="left")
     for heading in HEADINGS:
         table.add_column(heading, justify="left" if heading in WORDS else "right")

@@ -17,7 +17,7 @@ from .loads import Loads, loads_of
 from .series import Series
 from .smoothing import moving_mean, step_s
 from .spectra import Spectrum, spectrum
-from .stationarity import Steadiness, steadiness
+from .stationarity import Stationarity, stationarity
 from .window import Window, tip_x_m
 
 MOVING_S = 0.010
@@ -26,11 +26,11 @@ the prototypes, whose 10 ms peaks the first results give)."""
 
 
 @dataclass(frozen=True)
-class Findings:
+class RunStatistics:
     """Of the metrics window of one run; quantities by the names of their columns."""
 
     loads: Loads
-    steadiness: dict[str, Steadiness]
+    stationarity: dict[str, Stationarity]
     spectra: dict[str, Spectrum]
     cycles: LoadCycles | None
     failures: FailureCycles | None
@@ -49,8 +49,8 @@ class Findings:
         found.update(self.loads.metrics)
         if self.past_dead_centre_s is not None:
             found["shank.past_dead_centre_s"] = self.past_dead_centre_s
-        for name, steady in self.steadiness.items():
-            found.update(_of_steadiness(f"steady.{name}", steady))
+        for name, steady in self.stationarity.items():
+            found.update(_of_stationarity(f"steady.{name}", steady))
         for name, item in self.spectra.items():
             found[f"spectrum.{name}_dominant_hz"] = item.dominant_hz
             found[f"spectrum.{name}_resolution_hz"] = item.resolution_hz
@@ -81,7 +81,7 @@ def compared_columns(scene: Scene) -> tuple[str, ...]:
     return tuple(names)
 
 
-def find_out(bag: Path, resolved: ResolvedScene, series: Series, window: Window) -> Findings:
+def run_statistics(bag: Path, resolved: ResolvedScene, series: Series, window: Window) -> RunStatistics:
     """Of a run's bag, series and window.
 
     Raises:
@@ -90,7 +90,7 @@ def find_out(bag: Path, resolved: ResolvedScene, series: Series, window: Window)
     rows = window.rows
     names = [name for name in compared_columns(resolved.scene) if name in series]
     times, step = series["time_s"][rows], step_s(series)
-    steady: dict[str, Steadiness] = {}
+    steady: dict[str, Stationarity] = {}
     spectra: dict[str, Spectrum] = {}
     inside: dict[str, tuple[float, float]] = {}
     whole: dict[str, tuple[float, float]] = {}
@@ -99,7 +99,7 @@ def find_out(bag: Path, resolved: ResolvedScene, series: Series, window: Window)
         whole[name] = (float(smooth.min()), float(smooth.max()))
         inside[name] = (float(smooth[rows].min()), float(smooth[rows].max()))
         values = np.asarray(series[name][rows], np.float64)
-        judged = steadiness(times, values)
+        judged = stationarity(times, values)
         if judged is not None:
             steady[name] = judged
         waves = spectrum(step, values)
@@ -109,9 +109,9 @@ def find_out(bag: Path, resolved: ResolvedScene, series: Series, window: Window)
     cycles = None
     if spring in series and rows.sum() > 1:
         cycles = load_cycles(series[spring][rows], float(times[-1] - times[0]))
-    return Findings(
+    return RunStatistics(
         loads=loads_of(series, resolved, window),
-        steadiness=steady,
+        stationarity=steady,
         spectra=spectra,
         cycles=cycles,
         failures=failures_of(series, resolved.scene, window),
@@ -132,7 +132,7 @@ def failures_of(series: Series, scene: Scene, window: Window) -> FailureCycles |
     return failure_cycles(series["time_s"][rows], tip[rows], draft[rows])
 
 
-def _of_steadiness(prefix: str, steady: Steadiness) -> dict[str, Any]:
+def _of_stationarity(prefix: str, steady: Stationarity) -> dict[str, Any]:
     return {
         f"{prefix}_mean_half_width": steady.mean_half_width,
         f"{prefix}_correlation_s": steady.correlation_s,

@@ -79,12 +79,12 @@ class Series:
         return len(self.columns["time_s"])
 
 
-def read_series(bag: Path, scene: Scene, watch: Callable[[int], None] = lambda time_ns: None) -> Series:
+def read_series(bag: Path, scene: Scene, on_time: Callable[[int], None] = lambda time_ns: None) -> Series:
     """The series of a bag that `scene` was recorded into; a run cut short has fewer rows.
 
     That of a run that went on from another begins with what the other recorded.
 
-    watch: told the simulated time [ns] of every message as it is passed.
+    on_time: told the simulated time [ns] of every message as it is passed.
 
     Raises:
         InputError: there is no bag.
@@ -106,7 +106,7 @@ def read_series(bag: Path, scene: Scene, watch: Callable[[int], None] = lambda t
     last: CouplingReport | None = None
 
     def wanted(time_ns: int) -> bool:
-        watch(time_ns)
+        on_time(time_ns)
         return time_ns % step_ns == 0 or time_ns == last_ns
 
     for record in reader.records(*kinds, at=wanted):
@@ -121,8 +121,9 @@ def read_series(bag: Path, scene: Scene, watch: Callable[[int], None] = lambda t
             last = records[CouplingReport]
     if last is None:
         raise RecordingError(
-            f"{reader.path}: not one complete series tick is in it (every {scene.record.series_ticks} "
-            f"ticks of {timing.communication_step_ns} ns); the run ended before, or another scene was recorded"
+            f"{reader.path}: not one complete series tick is in it (every "
+            f"{scene.record.series_ticks} ticks of {timing.communication_step_ns} ns); the run ended before, "
+            "or another scene was recorded"
         )
     _refuse_ragged(columns, reader.path)
     return Series(

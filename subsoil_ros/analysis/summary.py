@@ -1,4 +1,4 @@
-"""The metrics of a run: summary.json, and the table that people see."""
+"""The metrics of a run: summary.json, and the printed table."""
 
 import json
 import math
@@ -16,7 +16,7 @@ from ..loading.loader import ResolvedScene
 from ..loading.reference import Reference
 from ..scene.model import Scene
 from .reference_table import print_reference
-from .run_statistics import Findings, find_out
+from .run_statistics import RunStatistics, run_statistics
 from .series import Series, read_series
 from .summary_words import load_lines
 from .window import metrics_window, window_span_s
@@ -34,15 +34,15 @@ def summarize(
     resolved: ResolvedScene,
     run_info: Mapping[str, Any],
     series: Series | None = None,
-    findings: Findings | None = None,
+    statistics: RunStatistics | None = None,
 ) -> Summary:
     """Metrics of a finished run, as summary.json holds them.
 
     NAME_mean, NAME_min, NAME_max of every column of the series over the metrics window, run.NAME_... over
-    the whole run, what was found out about loads and soil (Findings.metrics), and what the run was.
+    the whole run, what was found out about loads and soil (RunStatistics.metrics), and what the run was.
 
     run_info: what only the one who ran it knows, taken over as it is: keys of RUN_FACTS.
-    series, findings: of the bag, if they are known already.
+    series, statistics: of the bag, if they are known already.
 
     Raises:
         InputError, RecordingError: as read_series.
@@ -50,7 +50,7 @@ def summarize(
     scene, timing = resolved.scene, resolved.timing
     series = series if series is not None else read_series(bag, scene)
     window = metrics_window(series, scene)
-    findings = findings if findings is not None else find_out(bag, resolved, series, window)
+    statistics = statistics if statistics is not None else run_statistics(bag, resolved, series, window)
     start_s, end_s = window_span_s(series, window)
     simulated_s = float(series["time_s"][-1])
     tick_count = round(simulated_s / timing.communication_step_s)
@@ -85,7 +85,7 @@ def summarize(
         summary.update(_statistics(name, series[name][window.rows]))
     for name in names:
         summary.update(_statistics(f"run.{name}", series[name]))
-    summary.update(findings.metrics())
+    summary.update(statistics.metrics())
     return summary
 
 
@@ -124,7 +124,7 @@ def print_summary(
     bag: Path | None = None,
     reference: Reference | None = None,
 ) -> None:
-    """The tables for people: metrics, the values of a reference beside them, and where all is.
+    """The printed tables: metrics, the values of a reference beside them, and where all is.
 
     bag: folder or .mcap file (default: `bag` in `directory`).
     """

@@ -1,4 +1,4 @@
-"""What of a summary's loads and findings people read, line by line."""
+"""What of a summary's loads and statistics is printed, line by line."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -10,10 +10,10 @@ def load_lines(summary: Summary) -> list[str]:
     """Lines for what the run has; none for what it has not."""
     lines = [
         _folded(summary),
-        _steady(summary),
+        _stationarity(summary),
         _vertical(summary),
         _power(summary),
-        _rhythm(summary),
+        _dominant_frequency(summary),
         _failures(summary),
         _spring(summary),
         _disturbance(summary),
@@ -30,7 +30,7 @@ def _folded(summary: Summary) -> str:
     )
 
 
-def _steady(summary: Summary) -> str:
+def _stationarity(summary: Summary) -> str:
     prefix = "steady.draft_newton"
     if f"{prefix}_verdict" not in summary:
         return ""
@@ -77,7 +77,7 @@ def _power(summary: Summary) -> str:
     return words
 
 
-def _rhythm(summary: Summary) -> str:
+def _dominant_frequency(summary: Summary) -> str:
     prefix = "spectrum.draft_newton"
     if f"{prefix}_dominant_hz" not in summary:
         return ""

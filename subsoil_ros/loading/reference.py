@@ -18,7 +18,7 @@ class ReferenceValue(StrictModel):
     low: Finite | None = None  # band, both or neither
     high: Finite | None = None
     tolerance: Positive | None = None  # the band as a part of the value, instead of low and high
-    unit: str  # for people; 1 for a ratio
+    unit: str  # printed; 1 for a ratio
     source: str = ""  # page, figure, instrument, remark
 
     @model_validator(mode="after")

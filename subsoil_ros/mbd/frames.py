@@ -1,4 +1,4 @@
-"""Snapshots of bodies in the reference pose: takes points and vectors of the world into them."""
+"""Frames of bodies in the reference pose: takes points and vectors of the world into them."""
 
 import math
 from collections.abc import Sequence

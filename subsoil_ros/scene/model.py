@@ -102,7 +102,7 @@ class Scene(StrictModel):
 
     @property
     def wedge_soil(self) -> WedgeSoil | None:
-        """The soil if it is a reduced one, without particles."""
+        """The soil if it is a wedge model, without particles."""
         return self.soil if isinstance(self.soil, WedgeSoil) else None
 
     @model_validator(mode="after")
@@ -145,9 +145,9 @@ class Scene(StrictModel):
 
 def _check_allow(scene: Scene) -> None:
     """Raises ValueError for an entry of `allow` that cannot apply to the scene."""
-    soil, reduced = scene.particle_soil, scene.wedge_soil
+    soil, wedge = scene.particle_soil, scene.wedge_soil
     stepped = soil is not None and soil.time_step_s != "auto"
-    fitted = reduced is not None and reduced.file is not None
+    fitted = wedge is not None and wedge.file is not None
     for name in scene.allow:
         step = name == "unstable_time_step"
         if not (stepped if step else fitted):

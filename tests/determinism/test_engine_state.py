@@ -83,7 +83,12 @@ def test_who_looks_at_a_soil_changes_nothing(tmp_path: Path, kind: str) -> None:
     """
     resolved = swept_bed(tmp_path, kind)
     alone, watched = SoilEngine(resolved), SoilEngine(resolved)
-    looks = (watched.state_arrays, watched.energy, watched.velocities_m_per_s, watched.spins_rad_per_s)
+    looks = (
+        watched.state_arrays,
+        watched.energy,
+        watched.velocities_m_per_s,
+        watched.angular_velocities_rad_per_s,
+    )
     alone.start(bar(-1))
     watched.start(bar(-1))
     for tick in range(300):

@@ -192,7 +192,7 @@ def run(engine: Any, scenario: dict[str, Any], first: int, ticks: int) -> dict[s
         "positions": engine.positions_m(),
         "displacements": engine.displacements_m(),
         "velocities": engine.velocities_m_per_s(),
-        "spins": engine.spins_rad_per_s(),
+        "spins": engine.angular_velocities_rad_per_s(),
         "forces": engine.forces_newton(),
         "energy": np.array([*books, *energy.sinks_joule.values()]),
         "momentum": engine.momentum_kg_m_per_s,

@@ -44,7 +44,9 @@ def test_series_are_the_numbers_of_the_engines(machine):
         ),
         "spring.H9_spring.force_newton": (MechanismState, lambda s: s.forces[0].force_newton),
         "body.shank.z_m": (MechanismState, lambda s: s.bodies[0].z_m),
-        "body.frame.angular_velocity_rad_per_s": (MechanismState, lambda s: s.bodies[6].angular_velocity_rad_per_s),
+        "body.frame.angular_velocity_rad_per_s": (
+            MechanismState, lambda s: s.bodies[6].angular_velocity_rad_per_s,
+        ),
         "joint.H8_shank_hinge.force_z_newton": (MechanismState, lambda s: s.joints[7].force_z_newton),
         "mechanism.driver_work_joule": (MechanismState, lambda s: s.driver_work_joule),
         "tool.wheel_left.angle_rad": (ToolMotions, lambda m: m.tools[1].angle_rad),

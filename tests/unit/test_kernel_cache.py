@@ -90,7 +90,7 @@ def all_kernels():
     import subsoil_ros
 
     found = []
-    for engine in ("dem", "mbd", "resistance"):
+    for engine in ("dem", "mbd", "wedge"):
         for module in pkgutil.walk_packages([str(PACKAGE / engine)], f"{subsoil_ros.__name__}.{engine}."):
             if ".gpu" not in module.name:
                 values = vars(importlib.import_module(module.name)).values()

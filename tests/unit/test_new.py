@@ -58,7 +58,7 @@ def test_nothing_is_written_over(tmp_path):
     ("words", "message"),
     [
         (["a b"], "allowed are letters"),
-        (["mine", "--template", "plough"], "allowed are machine, reduced, tine"),
+        (["mine", "--template", "plough"], "allowed are machine, tine, wedge"),
     ],
 )
 def test_bad_words(words, message, tmp_path):

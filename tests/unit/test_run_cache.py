@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.kept_runs import FailedRun, find_kept_run, kept_run
+from benchmarks.run_cache import FailedRun, find_kept_run, kept_run
 from subsoil_ros.analysis.series import read_series, read_series_csv, read_table_csv
 from subsoil_ros.api.execution import execute
 from subsoil_ros.cli.main import main
@@ -80,7 +80,7 @@ def test_bad_input_is_a_failure_with_its_own_status() -> None:
 
 
 def test_what_is_not_whole_is_not_found(tmp_path: Path) -> None:
-    """A folder without run.json is no kept run."""
+    """A folder without run.json is no cached run."""
     found = scene()
     assert find_run(tmp_path, found.scene_hash) is None
     (tmp_path / found.scene_hash[:32]).mkdir()

@@ -112,7 +112,7 @@ def test_chung_ooi_4_oblique_impact_in_gross_sliding(soil, angle_deg):
     engine.start(())
     for tick in range(600):
         engine.advance(tick, ())
-    v, w = engine.velocities_m_per_s()[0], engine.spins_rad_per_s()[0]
+    v, w = engine.velocities_m_per_s()[0], engine.angular_velocities_rad_per_s()[0]
     rebound = v[2] / vn
     assert_allclose(v[0], vt - friction * (1.0 + rebound) * vn, rtol=1e-3)
     # the arm shortens by half the overlap: below 1 % of the radius here

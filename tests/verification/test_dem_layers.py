@@ -22,7 +22,7 @@ LAYERS = [
     {"name": "topsoil", "thickness_m": 0.05},
     {"name": "hardpan", "density_kg_per_m3": 2400.0, "law": HARD},
 ]
-SIZES = {"kind": "uniform", "smallest_radius_m": 0.008, "max_radius_m": 0.013, "seed": 4}
+SIZES = {"kind": "uniform", "min_radius_m": 0.008, "max_radius_m": 0.013, "seed": 4}
 
 
 def layered(maker, *overrides, law=None, **changes):
@@ -178,7 +178,7 @@ def test_sizes_and_layers_give_the_same_bits_for_any_number_of_threads(soil, bot
         for tick in range(60):
             x_m = 0.05 + 0.5 * (tick + 1) * scene.timing.communication_step_s
             wrench = engine.advance(tick, at(x_m=x_m, z_m=-0.05, vx=0.5))[0]
-        found.append((engine.positions_m(), engine.spins_rad_per_s(), wrench, engine.energy()))
+        found.append((engine.positions_m(), engine.angular_velocities_rad_per_s(), wrench, engine.energy()))
     assert_array_equal(found[0][0], found[1][0])
     assert_array_equal(found[0][1], found[1][1])
     assert found[0][2:] == found[1][2:]

@@ -38,7 +38,7 @@ def test_head_on_collision_has_the_restitution_of_a_spring_and_dashpot(soil, dam
         run(engine, round(0.07 / step))
         v = engine.velocities_m_per_s()
         assert_allclose(engine.momentum_kg_m_per_s, 0.0, atol=1e-15)
-        assert_array_equal(engine.spins_rad_per_s(), 0.0)
+        assert_array_equal(engine.angular_velocities_rad_per_s(), 0.0)
         errors.append(abs((v[1, 0] - v[0, 0]) / 0.2 - expected))
     # first order in the step: contact lasts 2.7 ms, one step is 1/135 of it
     assert errors[0] < 0.01
@@ -55,7 +55,7 @@ def test_oblique_collision_keeps_momentum_and_angular_momentum(soil):
 
     def angular():
         orbital = MASS * np.cross(engine.positions_m(), engine.velocities_m_per_s()).sum(axis=0)
-        return orbital + 0.4 * MASS * 0.01**2 * engine.spins_rad_per_s().sum(axis=0)
+        return orbital + 0.4 * MASS * 0.01**2 * engine.angular_velocities_rad_per_s().sum(axis=0)
 
     before, momentum = angular(), engine.momentum_kg_m_per_s.copy()
     run(engine, 400)
@@ -85,7 +85,7 @@ def test_a_sliding_sphere_ends_rolling_at_five_sevenths(soil, adhesion):
     engine.place([(0.05, 0.0, engine.bed.lower_m[2] + rest)], [(0.35, 0.0, 0.0)])
     engine.start(())
     run(engine, 6000)
-    v, w = engine.velocities_m_per_s()[0], engine.spins_rad_per_s()[0]
+    v, w = engine.velocities_m_per_s()[0], engine.angular_velocities_rad_per_s()[0]
     # about the contact point, which lies in the middle of the overlap: arm l = r - delta / 2
     arm = 0.5 * (0.01 + rest)
     inertia = 0.4 * 0.01**2

@@ -30,9 +30,14 @@ def test_a_collision_differs_by_the_rounding_of_float32(soil, law):
     assert_allclose(
         mixed.velocities_m_per_s(), double.velocities_m_per_s(), rtol=0.0, atol=400 * EPSILON * 0.5
     )
-    assert_allclose(mixed.spins_rad_per_s(), double.spins_rad_per_s(), rtol=0.0, atol=400 * EPSILON * 50.0)
+    assert_allclose(
+        mixed.angular_velocities_rad_per_s(),
+        double.angular_velocities_rad_per_s(),
+        rtol=0.0,
+        atol=400 * EPSILON * 50.0,
+    )
     assert_allclose(mixed.positions_m(), double.positions_m(), rtol=0.0, atol=400 * EPSILON * 0.5 * 0.02)
-    assert double.spins_rad_per_s().max() < 50.0
+    assert double.angular_velocities_rad_per_s().max() < 50.0
     for sink, joule in double.energy().sinks_joule.items():
         assert mixed.energy().sinks_joule[sink] == pytest.approx(joule, rel=1e-3, abs=1e-9), sink
 

@@ -122,7 +122,9 @@ def test_the_engine_equals_the_plain_reference(soil, case):
         backward.advance(STEP_S)
         if (tick + 1) % 50 == 0:
             roundoff = apart((backward.position, backward.velocity, backward.spin))
-            distance = apart((engine.positions_m(), engine.velocities_m_per_s(), engine.spins_rad_per_s()))
+            distance = apart(
+                (engine.positions_m(), engine.velocities_m_per_s(), engine.angular_velocities_rad_per_s())
+            )
             assert (distance <= FACTOR * np.maximum(roundoff, 1e-15)).all(), tick
             assert distance.max() < HORIZON, tick
     missing = {event for event, count in forward.seen.items() if count == 0}

@@ -27,7 +27,7 @@ def rest_on_a_box(soil, at, one, subdivide, offset_m=0.0):
     engine.start(motions)
     for tick in range(3000):
         wrench = engine.advance(tick, motions)[0]
-    return engine.positions_m()[0] - (0.0, 0.0, top), engine.spins_rad_per_s()[0], wrench
+    return engine.positions_m()[0] - (0.0, 0.0, top), engine.angular_velocities_rad_per_s()[0], wrench
 
 
 @pytest.mark.parametrize("subdivide", [1, 5])
@@ -237,7 +237,9 @@ def test_same_bits_for_one_and_two_threads_and_from_run_to_run(soil, at, one):
     results = []
     for threads in (1, 2, 1):
         *_, (engine, wrench) = ploughed(soil, at, one, 5e-5, 400, threads=threads, book=False)
-        results.append((engine.positions_m(), engine.velocities_m_per_s(), engine.spins_rad_per_s(), wrench))
+        results.append(
+            (engine.positions_m(), engine.velocities_m_per_s(), engine.angular_velocities_rad_per_s(), wrench)
+        )
         assert engine.state("r", 0, 0).rebuild_count > 3
     for other in results[1:]:
         for a, b in zip(results[0][:3], other[:3], strict=True):
@@ -260,7 +262,7 @@ def test_the_torque_on_a_tool_is_what_the_particle_gains(soil, at, one):
     wrench = engine.advance(0, at(centre[0], centre[2], vx=0.1, rate=3.0))[0]
     x = engine.positions_m()[0] - centre
     gained = MASS * np.cross(x, engine.velocities_m_per_s()[0] - velocity)
-    gained += 0.4 * MASS * 0.01**2 * (engine.spins_rad_per_s()[0] - spin)
+    gained += 0.4 * MASS * 0.01**2 * (engine.angular_velocities_rad_per_s()[0] - spin)
     torque = np.array([wrench.torque_x_newton_m, wrench.torque_y_newton_m, wrench.torque_z_newton_m])
     assert np.abs(torque).min() > 1e-3
     assert_allclose(gained, -0.5 * step * torque, rtol=1e-9)
@@ -324,4 +326,4 @@ def test_a_sphere_that_moves_with_the_tool_as_one_body_feels_its_spring_only(soi
     engine.advance(0, at(centre[0], centre[2], turn, vx=0.1, vz=-0.2, rate=rate))
     # corners of the mesh are float32, 1e-9 m, times the stiffness
     assert_allclose(engine.forces_newton()[0], 1e-4 * 10_000.0 * 16_000.0 / 26_000.0 * up, atol=2e-5)
-    assert_allclose(engine.spins_rad_per_s()[0], spin, atol=1e-6)
+    assert_allclose(engine.angular_velocities_rad_per_s()[0], spin, atol=1e-6)

@@ -68,7 +68,7 @@ class Outcome:
     best: Ranked | None
     failed: list[tuple[str, str]]  # label and message
     paths: list[Path]
-    engines: int  # how many states of the engines the kept runs are of
+    engines: int  # how many states of the engines the cached runs are of
 
 
 def open_folder(out: Path, request: str) -> None:

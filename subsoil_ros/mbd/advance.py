@@ -1,7 +1,7 @@
-"""One tick: steps, parts of steps between breakpoints of time functions and where forces switch, supervision.
+"""One tick: steps, their parts up to breakpoints of time functions and switches of forces, supervision.
 
-A step sees every force in one mode (forces/evaluation.py). Where its end lies in another, the instant of the first
-switch is found, the step is taken to there, and the rest begins anew without history.
+A step sees every force in one mode (forces/evaluation.py). Where its end lies in another, the instant of the
+first switch is found, the step is taken to there, and the rest begins anew without history.
 """
 
 from .compiled import inner_kernel, kernel, part_of_kernel

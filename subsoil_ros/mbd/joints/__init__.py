@@ -30,7 +30,7 @@ from .table import (
 
 
 class JointKind(Protocol):
-    """What a module answers beside its kernels, and `fill(row, joint, poses, functions)`; `joint` is its JOINT."""
+    """What a module answers beside its kernels and `fill`; `joint` is its row of the table."""
 
     def columns(self, joint: np.void) -> list[list[int]]:
         """Coordinates that each of its rows depends on."""

@@ -6,7 +6,7 @@ Absolute: q_c = offset + way. Relative: the same for n . d, n an axis fixed in b
 import numpy as np
 
 from ...scene.mechanism import GROUND, Driver
-from ..compiled import inner_kernel
+from ..compiled import part_of_kernel
 from ..frames import COORDINATE_INDEX, ReferencePoses
 from ..time_functions import FunctionList, function_integral, function_rate, function_value
 from .rows import (
@@ -23,7 +23,7 @@ from .rows import (
 from .table import DRIVER, RELATIVE_DRIVER
 
 
-@inner_kernel
+@part_of_kernel
 def residual(model, joint, time, select, q, turns, residual):
     """The coordinate less its offset and way."""
     row = joint.row
@@ -37,7 +37,7 @@ def residual(model, joint, time, select, q, turns, residual):
         residual[row] -= way
 
 
-@inner_kernel
+@part_of_kernel
 def jacobian(joint, q, turns, jacobian):
     """Of the coordinate."""
     if joint.kind == DRIVER:
@@ -48,13 +48,13 @@ def jacobian(joint, q, turns, jacobian):
         angle_jacobian(joint, joint.row, jacobian)
 
 
-@inner_kernel
+@part_of_kernel
 def speed(model, joint, time, select):
     """u = -Phi_t."""
     return function_value(model.functions, joint.function, time, select)
 
 
-@inner_kernel
+@part_of_kernel
 def gamma(model, joint, time, select, q, turns, v, gamma):
     """u', and the velocity terms of a relative driver of x or z."""
     gamma[joint.row] = function_rate(model.functions, joint.function, time, select)

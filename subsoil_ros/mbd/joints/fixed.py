@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...scene.mechanism import Fixed
-from ..compiled import inner_kernel
+from ..compiled import part_of_kernel
 from ..frames import ReferencePoses
 from ..time_functions import FunctionList
 from .rows import (
@@ -22,14 +22,14 @@ from .table import FIXED
 gamma = points_gamma  # that of the angle is zero
 
 
-@inner_kernel
+@part_of_kernel
 def residual(joint, q, turns, residual):
     """d and the angle."""
     points_residual(joint, q, turns, residual)
     angle_residual(joint, joint.row + 2, q, residual)
 
 
-@inner_kernel
+@part_of_kernel
 def jacobian(joint, q, turns, jacobian):
     """Of d and the angle."""
     points_jacobian(joint, q, turns, jacobian)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...scene.mechanism import Prismatic
-from ..compiled import inner_kernel
+from ..compiled import part_of_kernel
 from ..frames import ReferencePoses
 from ..time_functions import FunctionList
 from . import point_on_line
@@ -22,14 +22,14 @@ from .table import PRISMATIC
 gamma = line_gamma  # that of the angle is zero
 
 
-@inner_kernel
+@part_of_kernel
 def residual(joint, q, turns, residual):
     """n . d and the angle."""
     line_residual(joint, q, turns, residual)
     angle_residual(joint, joint.row + 1, q, residual)
 
 
-@inner_kernel
+@part_of_kernel
 def jacobian(joint, q, turns, jacobian):
     """Of n . d and the angle."""
     line_jacobian(joint, q, turns, jacobian)

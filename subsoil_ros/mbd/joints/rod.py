@@ -4,21 +4,21 @@ import math
 
 import numpy as np
 
-from ..compiled import inner_kernel
+from ..compiled import part_of_kernel
 from ..geometry import difference
 from .rows import Reaction, along_jacobian, along_rates, line_columns
 
 columns = line_columns
 
 
-@inner_kernel
+@part_of_kernel
 def residual(joint, q, turns, residual):
     """|d| - offset."""
     dx, dz, _, _, _, _ = difference(joint, q, turns)
     residual[joint.row] = math.sqrt(dx * dx + dz * dz) - joint.offset
 
 
-@inner_kernel
+@part_of_kernel
 def jacobian(joint, q, turns, jacobian):
     """Of |d|: along e = d / |d|, whose turning does not count."""
     dx, dz, ax, az, bx, bz = difference(joint, q, turns)
@@ -26,7 +26,7 @@ def jacobian(joint, q, turns, jacobian):
     along_jacobian(joint, dx / length, dz / length, 0.0, ax, az, bx, bz, jacobian)
 
 
-@inner_kernel
+@part_of_kernel
 def gamma(joint, q, turns, v, gamma):
     """|d|'' = e . d'' + (d'^2 - (e . d')^2) / |d|."""
     dx, dz, ax, az, bx, bz = difference(joint, q, turns)

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..compiled import inner_kernel
+from ..compiled import part_of_kernel
 from ..frames import ReferencePoses
 from ..geometry import difference, relative_velocity, turned
 
@@ -32,7 +32,7 @@ def fill_pair(row: np.void, part: Pair, poses: ReferencePoses) -> None:
     row["offset"] = poses.angle(part.body_b) - poses.angle(part.body_a)
 
 
-@inner_kernel
+@part_of_kernel
 def _centripetal(joint, v, ax, az, bx, bz):
     """The centripetal part of -d''."""
     wa, wb = v[3 * joint.body_a + 2], v[3 * joint.body_b + 2]
@@ -42,13 +42,13 @@ def _centripetal(joint, v, ax, az, bx, bz):
 # d = 0: two rows
 
 
-@inner_kernel
+@part_of_kernel
 def points_residual(joint, q, turns, residual):
     """d."""
     residual[joint.row], residual[joint.row + 1], _, _, _, _ = difference(joint, q, turns)
 
 
-@inner_kernel
+@part_of_kernel
 def points_jacobian(joint, q, turns, jacobian):
     """Of d."""
     row, a, b = joint.row, 3 * joint.body_a, 3 * joint.body_b
@@ -59,7 +59,7 @@ def points_jacobian(joint, q, turns, jacobian):
     jacobian[row, a + 2], jacobian[row + 1, a + 2] = az, -ax
 
 
-@inner_kernel
+@part_of_kernel
 def points_gamma(joint, q, turns, v, gamma):
     """Of d."""
     _, _, ax, az, bx, bz = difference(joint, q, turns)
@@ -75,7 +75,7 @@ def points_columns(joint: np.void) -> list[list[int]]:
 # n . d = 0: one row
 
 
-@inner_kernel
+@part_of_kernel
 def line_distance(joint, q, turns):
     """n . d, n fixed in body a."""
     dx, dz, _, _, _, _ = difference(joint, q, turns)
@@ -83,13 +83,13 @@ def line_distance(joint, q, turns):
     return nx * dx + nz * dz
 
 
-@inner_kernel
+@part_of_kernel
 def line_residual(joint, q, turns, residual):
     """n . d."""
     residual[joint.row] = line_distance(joint, q, turns)
 
 
-@inner_kernel
+@part_of_kernel
 def along_jacobian(joint, nx, nz, swing, ax, az, bx, bz, jacobian):
     """Of the part of d along (nx, nz), a unit vector whose own turning with body a gives `swing`."""
     row, a, b = joint.row, 3 * joint.body_a, 3 * joint.body_b
@@ -99,7 +99,7 @@ def along_jacobian(joint, nx, nz, swing, ax, az, bx, bz, jacobian):
     jacobian[row, a + 2] = swing - (nz * ax - nx * az)
 
 
-@inner_kernel
+@part_of_kernel
 def line_jacobian(joint, q, turns, jacobian):
     """Of n . d."""
     dx, dz, ax, az, bx, bz = difference(joint, q, turns)
@@ -107,7 +107,7 @@ def line_jacobian(joint, q, turns, jacobian):
     along_jacobian(joint, nx, nz, nx * dz - nz * dx, ax, az, bx, bz, jacobian)
 
 
-@inner_kernel
+@part_of_kernel
 def along_rates(joint, nx, nz, v, ax, az, bx, bz):
     """Along (nx, nz) the centripetal part of -d'', and across it d'."""
     cx, cz = _centripetal(joint, v, ax, az, bx, bz)
@@ -115,7 +115,7 @@ def along_rates(joint, nx, nz, v, ax, az, bx, bz):
     return nx * cx + nz * cz, nx * uz - nz * ux
 
 
-@inner_kernel
+@part_of_kernel
 def line_gamma(joint, q, turns, v, gamma):
     """Added to what a driver has put there: (n . d)'' = n . d'' + 2 wa (k x n) . d' - wa^2 n . d + ..."""
     dx, dz, ax, az, bx, bz = difference(joint, q, turns)
@@ -141,13 +141,13 @@ def line_reaction(joint: np.void, turns: np.ndarray, push: float) -> Reaction:
 # phi_b - phi_a - offset = 0: one row, whose gamma is zero
 
 
-@inner_kernel
+@part_of_kernel
 def angle_residual(joint, row, q, residual):
     """phi_b - phi_a - offset."""
     residual[row] = q[3 * joint.body_b + 2] - q[3 * joint.body_a + 2] - joint.offset
 
 
-@inner_kernel
+@part_of_kernel
 def angle_jacobian(joint, row, jacobian):
     """Of phi_b - phi_a."""
     jacobian[row, 3 * joint.body_b + 2], jacobian[row, 3 * joint.body_a + 2] = 1.0, -1.0

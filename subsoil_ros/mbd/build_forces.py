@@ -122,7 +122,7 @@ class _Builder:
             row["coordinate"] = 3 * self.frames.index(force.body) + COORDINATE_INDEX[force.coordinate]
             row["laws"][0, 0] = self.laws.add(force.target)
             row["way"] = {"both": 0, "pull_up": 1, "push_down": -1}[force.acts_in]
-            row["stiffness"], row["damping"] = force.stiffness_newton_per_m, force.damping_newton_s_per_m
+            row["stiffness"], row["damping"] = force.stiffness, force.damping
         elif isinstance(force, PointLoad):
             row["point_b"] = self.frames.point(force.body, force.point_m)
             parts = (force.force_x_newton, force.force_z_newton, force.moment_newton_m)

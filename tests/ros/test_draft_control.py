@@ -76,9 +76,9 @@ def test_the_hitch_is_asked_for_what_it_can(controller: ModuleType) -> None:
     keys = load_scene(EXAMPLE / "toolbar.yaml").scene.controller
     assert keys is not None
     speeds = np.concatenate([[0.0], drive(controller, 0.3, 400.0, 2.0)[:, 1]])
-    assert speeds.max() == keys.highest_speed_m_per_s
+    assert speeds.max() == keys.highest_speed
     change = np.abs(np.diff(speeds)).max()
-    assert change <= keys.max_acceleration_m_per_s2 * INTERVAL_S * (1.0 + 1e-12)
+    assert change <= keys.max_acceleration * INTERVAL_S * (1.0 + 1e-12)
 
 
 def test_it_holds_still_before_the_share_meets_soil(controller: ModuleType) -> None:

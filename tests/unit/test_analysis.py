@@ -42,7 +42,7 @@ def test_series_are_the_numbers_of_the_engines(machine):
         "draft.wheels_newton": (
             ToolWrenches, lambda w: -(w.tools[1].force_x_newton + w.tools[2].force_x_newton)
         ),
-        "spring.H9_spring.force_newton": (MechanismState, lambda s: s.forces[0].force_newton),
+        "spring.H9_spring.force_newton": (MechanismState, lambda s: s.forces[0].load),
         "body.shank.z_m": (MechanismState, lambda s: s.bodies[0].z_m),
         "body.frame.angular_velocity_rad_per_s": (MechanismState, lambda s: s.bodies[6].angular_velocity_rad_per_s),
         "joint.H8_shank_hinge.force_z_newton": (MechanismState, lambda s: s.joints[7].force_z_newton),

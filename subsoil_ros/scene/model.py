@@ -182,8 +182,8 @@ def _check_controller(controller: Controller, mechanism: Mechanism | None, serie
     law = controller.law
     if driver.coordinate == "angle" and not isinstance(law, External):
         raise ValueError(
-            f"controller.law: '{law.kind}' answers with a speed in m/s, but driver '{controller.driver}' is of "
-            "an angle; command a driver of x or z, or let a node send the commands (kind external)"
+            f"controller.law: '{law.kind}' answers with a speed in m/s, but driver '{controller.driver}' is "
+            "one of an angle; command a driver of x or z, or let a node send the commands (kind external)"
         )
     if isinstance(law, DraftLimit) and mechanism.draft_driver is None:
         raise ValueError("controller.law: 'draft_limit' needs mechanism.draft_driver")

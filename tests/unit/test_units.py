@@ -33,7 +33,8 @@ _TURNING = {
 MACHINE: dict[str, Any] = {
     "bodies": {
         "carriage": _body(0.0, 0.5), "arm": _body(0.3, 0.5), "plate": _body(0.6, 0.5),
-        "wheel": _body(0.0, 0.2), "lift": _body(1.0, 1.0), "slide": _body(2.0, 0.5), "follower": _body(0.2, 0.8),
+        "wheel": _body(0.0, 0.2), "lift": _body(1.0, 1.0), "slide": _body(2.0, 0.5),
+        "follower": _body(0.2, 0.8),
     },
     "joints": {
         "rail": {"kind": "prismatic", "body_a": "ground", "body_b": "carriage", "point_m": [0.0, 0.5],
@@ -117,6 +118,8 @@ KINDS: dict[str, dict[str, str]] = {
     },
     "group": FORCE,
     "spring": ELEMENTS["spring.strut"],
+    "coordinate_spring": ELEMENTS["coordinate_spring.hold_z"],
+    "wheel_contact": ELEMENTS["wheel_contact.ground"],
     "draft": {"share": "newton", "wheels": "newton"},
     "mechanism": {
         "kinetic_energy": "joule", "gravity_energy": "joule", "spring_energy": "joule", "dissipated": "joule",

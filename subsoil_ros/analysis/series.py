@@ -151,10 +151,10 @@ def read_series_csv(path: Path) -> Series:
         raise InputError(f"{path}: has no column 'time_s'; it is no series of a run")
     columns["time_s"] = columns["time_s"].astype(np.float64)
     try:
-        summary = json.loads((path.parent / "summary.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        summary = {}
-    return Series(columns, str(summary.get("run_id", "")), float(summary.get("wall_s") or 0.0))
+        run = json.loads((path.parent / "summary.json").read_text(encoding="utf-8"))["run"]
+    except (OSError, ValueError, KeyError):
+        run = {}
+    return Series(columns, str(run.get("id", "")), float(run.get("wall_s") or 0.0))
 
 
 def read_table_csv(path: Path) -> dict[str, NDArray[Any]]:

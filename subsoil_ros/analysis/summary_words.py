@@ -122,7 +122,7 @@ def _disturbance(summary: Summary) -> str:
     if found is None:
         return ""
     return (
-        f"soil: {1e4 * found['area_m2']:.0f} cm2 loosened ({100.0 * found['moved_fraction']:.1f} % of the "
-        f"bed moved by more than a radius), {1e3 * found['surface_width_m']:.0f} mm wide at the surface, which "
-        f"rose by {1e3 * found['lift_max_m']:.0f} mm at most"
+        f"soil: {1e4 * found['area_m2']:.0f} cm2 loosened ({100.0 * found['moved_fraction']:.1f} % of "
+        f"the bed moved by more than a radius), {1e3 * found['surface_width_m']:.0f} mm wide at the surface, "
+        f"which rose by {1e3 * found['lift_max_m']:.0f} mm at most"
     )

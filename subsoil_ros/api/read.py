@@ -112,7 +112,7 @@ def _summary(path: Path) -> dict[str, Any] | None:
         ) from error
     if not isinstance(found, dict) or found.get("schema_version") != SCHEMA_VERSION:
         raise InputError(
-            f"{path}: is no summary of schema_version {SCHEMA_VERSION}; `subsoil report {path.parent}` writes "
-            "it anew from the bag"
+            f"{path}: is no summary of schema_version {SCHEMA_VERSION}; "
+            f"`subsoil report {path.parent}` writes it anew from the bag"
         )
     return found

@@ -155,7 +155,7 @@ class Run:
             lines = self._words.read_text(errors="replace").strip().splitlines()
             return lines[-1] if lines else ""
         with suppress(OSError):
-            return str(json.loads((self.out / "summary.json").read_text())["failure"])
+            return str(json.loads((self.out / "summary.json").read_text())["run"]["failure"])
         return ""
 
     def end(self) -> None:

@@ -140,16 +140,19 @@ class JointReaction:
 
 @dataclass(frozen=True, slots=True)
 class ForceState:
-    """A force element: spring_damper (length, rate, axial force, compression positive), torsion_spring
-    (angle, rate, moment on body_b), wheel_contact (penetration, its rate, normal force), coordinate_spring
-    (coordinate, rate, force), JOINT.friction and JOINT.stops (turn or travel, rate, moment or force on
-    body_b along it).
+    """What a force element measures and what it answers with; the units depend on its kind.
+
+    In m, m/s and N: spring_damper (length, rate, axial force, compression positive), wheel_contact
+    (penetration, rate, normal force), coordinate_spring on x or z, and JOINT.friction and JOINT.stops of a
+    prismatic joint or a point on a line (distance, rate, force on body_b along the axis). In rad, rad/s and
+    N m: torsion_spring (angle, rate, moment on body_b), coordinate_spring on an angle, and JOINT.friction and
+    JOINT.stops of a revolute joint.
     """
 
     name: str
-    length_m: float
-    rate_m_per_s: float
-    force_newton: float
+    coordinate: float  # m or rad
+    rate: float  # m/s or rad/s
+    load: float  # N or N m
 
 
 @dataclass(frozen=True, slots=True)

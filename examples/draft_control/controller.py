@@ -67,9 +67,9 @@ class DraftControl:
         requested = 0.0
         if self._draft > ENGAGED_NEWTON:
             requested = GAIN_M_PER_NEWTON_S * (self._draft - self._targets.at(state.end_time_ns * 1e-9))
-        change = self._keys.max_acceleration_m_per_s2 * self._interval_s
+        change = self._keys.max_acceleration * self._interval_s
         reachable = min(max(requested, self._speed - change), self._speed + change)
-        self._speed = min(max(reachable, self._keys.lowest_speed_m_per_s), self._keys.highest_speed_m_per_s)
+        self._speed = min(max(reachable, self._keys.lowest_speed), self._keys.highest_speed)
         return DriverCommand(state.run_id, tick, self._keys.driver, self._speed)
 
 

@@ -82,7 +82,7 @@ def case_row(run: Run) -> dict[str, Any]:
     row: dict[str, Any] = {
         "case": run.case.name,
         "seed": run.case.seed,
-        "particles": run.summary["particle_count"],
+        "particles": run.summary["particles.count"],
         "draft_mean_newton": run.draft_mean_newton,
         "draft_deviation_newton": float(run.column("draft_newton", SMOOTHED_S).std()),
         "draft_1_percent_newton": float(low),
@@ -105,10 +105,10 @@ def case_row(run: Run) -> dict[str, Any]:
         "strongest_hz": float(frequency[1 + np.argmax(density[1:])]),
         "resolution_hz": float(frequency[1]),
         "tip_depth_m": -float(path[1][run.rows].mean()),
-        "residual_ratio": run.summary["interface_residual_ratio"],
+        "residual_ratio": run.summary["energy.residual_ratio"],
         **overlaps(run),
-        "wall_s": run.summary["wall_s"],
-        "scene_hash": run.summary["scene_hash"],
+        "wall_s": run.summary["run.wall_s"],
+        "scene_hash": run.summary["scene.hash"],
     }
 
 

@@ -226,7 +226,8 @@ def main() -> None:
             print(f"{case.key}: {error}", file=sys.stderr, flush=True)
             return False
         print(
-            f"{case.key}: {found['draft_newton_mean']:.0f} N, {found['wall_s']:.0f} s, {found['folder']}",
+            f"{case.key}: {found['series.draft_newton.mean']:.0f} N, {found['run.wall_s']:.0f} s, "
+            f"{found['folder']}",
             flush=True,
         )
         return True

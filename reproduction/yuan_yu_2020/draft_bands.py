@@ -75,11 +75,11 @@ def run_cases(out: Path, radius_m: float, overrides: list[str], threads: int) ->
             {
                 "depth_m": depth,
                 "speed_m_per_s": speed,
-                "draft_newton": found["draft_newton_mean"],
-                "half_width_newton": found.get("steady.draft_newton_mean_half_width"),
-                "drift": found.get("steady.draft_newton_verdict"),
+                "draft_newton": found["series.draft_newton.mean"],
+                "half_width_newton": found.get("series.draft_newton.stationarity.mean_half_width"),
+                "drift": found.get("series.draft_newton.stationarity.verdict"),
                 **formulas(depth, speed),
-                "scene_hash": found["scene_hash"],
+                "scene_hash": found["scene.hash"],
             }
         )
         print(json.dumps(rows[-1]), flush=True)

@@ -64,7 +64,7 @@ def targets() -> dict[str, float]:
     return {
         quantity: printed.value(quantity)
         for quantity in printed.REFERENCE.values
-        if quantity != "cycle.time_s_mean"
+        if quantity != "failure_cycles.time_s.mean"
     }
 
 
@@ -151,7 +151,7 @@ def run_all(
     for parameters, path in cases:
         try:
             summary = kept_run(path, out / "runs", (), threads, keep_bag=keep_bag)
-            rows.append({**parameters, **score(summary), "scene_hash": summary["scene_hash"]})
+            rows.append({**parameters, **score(summary), "scene_hash": summary["scene.hash"]})
         except (FailedRun, SubsoilError) as error:
             print(f"{path.stem}: {error}", flush=True)
             continue

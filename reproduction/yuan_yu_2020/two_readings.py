@@ -21,6 +21,7 @@ import numpy as np
 
 from benchmarks.run_cache import FailedRun, Summary, kept_run, write_rows, write_scene
 from subsoil_ros.analysis.dead_centre import past_dead_centre_s
+from subsoil_ros.analysis.run_statistics import MOVING
 from subsoil_ros.analysis.series import read_series_csv
 from subsoil_ros.errors import SubsoilError
 from subsoil_ros.loading.loader import load_scene
@@ -116,34 +117,35 @@ def scene_of(case: Case, out: Path, coarse_radius_m: float | None) -> Path:
 def judge(case: Case, scene: Path, summary: Summary) -> dict[str, Any]:
     """One row of the verdict table; `scene` is the file that the summary is of."""
 
-    def span(prefix: str, name: str) -> float:
-        return float(summary[f"{prefix}{name}_10ms_max"] - summary[f"{prefix}{name}_10ms_min"])
+    def moving(name: str, measure: str, part: str = "") -> float:
+        return float(summary[f"series.{name}{part}.{MOVING}.{measure}"])
 
     series = read_series_csv(Path(summary["folder"]) / "series.csv")
     times = series["time_s"]
-    inside = (times >= summary["window"]["start_s"]) & (times <= summary["window"]["end_s"])
+    inside = (times >= summary["window.start_s"]) & (times <= summary["window.end_s"])
     period_s, regularity = repeat_period(times[inside], series["draft_newton"][inside])
+    steady = "series.draft_newton.stationarity"
     row = {
         **case._asdict(),
-        "draft_mean_newton": summary["draft_newton_mean"],
-        "draft_half_width_newton": summary.get("steady.draft_newton_mean_half_width"),
-        "drift": summary.get("steady.draft_newton_verdict", ""),
-        "drift_over_window": summary.get("steady.draft_newton_drift"),
-        "draft_min_newton": summary["draft_newton_10ms_min"],
-        "draft_max_newton": summary["draft_newton_10ms_max"],
-        "run_draft_min_newton": summary["run.draft_newton_10ms_min"],
-        "run_draft_max_newton": summary["run.draft_newton_10ms_max"],
+        "draft_mean_newton": summary["series.draft_newton.mean"],
+        "draft_half_width_newton": summary.get(f"{steady}.mean_half_width"),
+        "drift": summary.get(f"{steady}.verdict", ""),
+        "drift_over_window": summary.get(f"{steady}.drift"),
+        "draft_min_newton": moving("draft_newton", "min"),
+        "draft_max_newton": moving("draft_newton", "max"),
+        "run_draft_min_newton": moving("draft_newton", "min", ".run"),
+        "run_draft_max_newton": moving("draft_newton", "max", ".run"),
         "period_s": period_s,
         "regularity": regularity,
-        "spring_range_newton": span("", SPRING),
-        "run_spring_range_newton": span("run.", SPRING),
-        "spring_min_newton": summary[f"{SPRING}_10ms_min"],
-        "angle_range_rad": span("", ANGLE),
-        "run_angle_range_rad": span("run.", ANGLE),
-        "height_range_m": span("", HEIGHT),
-        "run_height_range_m": span("run.", HEIGHT),
+        "spring_range_newton": moving(SPRING, "range"),
+        "run_spring_range_newton": moving(SPRING, "range", ".run"),
+        "spring_min_newton": moving(SPRING, "min"),
+        "angle_range_rad": moving(ANGLE, "range"),
+        "run_angle_range_rad": moving(ANGLE, "range", ".run"),
+        "height_range_m": moving(HEIGHT, "range"),
+        "run_height_range_m": moving(HEIGHT, "range", ".run"),
         "folded_s": past_dead_centre_s(load_scene(scene).scene, series.columns),
-        "scene_hash": summary["scene_hash"],
+        "scene_hash": summary["scene.hash"],
     }
     swing = printed.ANGLE_RANGE_RAD
     if row["folded_s"] is not None:

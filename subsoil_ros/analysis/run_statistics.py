@@ -1,6 +1,5 @@
 """Everything that is found out about a run's window beyond mean, least and largest."""
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,9 @@ from .smoothing import moving_mean, step_s
 from .spectra import Spectrum, spectrum
 from .stationarity import Stationarity, stationarity
 from .window import Window, tip_x_m
+
+MOVING = "moving_10ms"
+"""Key of the extremes of the moving mean over MOVING_S."""
 
 MOVING_S = 0.010
 """Time of the moving mean whose extremes are compared: over the noise of single contacts (as measured with
@@ -39,35 +41,40 @@ class RunStatistics:
     run_extremes: dict[str, tuple[float, float]]
     past_dead_centre_s: float | None  # when the shank passed that of its spring
 
-    def metrics(self) -> dict[str, Any]:
-        """Flat, as summary.json holds them; what is not finite is left out."""
-        found: dict[str, Any] = {}
-        for prefix, extremes in (("", self.moving_extremes), ("run.", self.run_extremes)):
-            for name, (low, high) in extremes.items():
-                found[f"{prefix}{name}_10ms_min"], found[f"{prefix}{name}_10ms_max"] = low, high
-                found[f"{prefix}{name}_10ms_range"] = high - low
-        found.update(self.loads.metrics)
-        if self.past_dead_centre_s is not None:
-            found["shank.past_dead_centre_s"] = self.past_dead_centre_s
+    def column_metrics(self) -> dict[str, dict[str, Any]]:
+        """Groups of single columns, by column, as summary.json holds them beside their mean."""
+        found: dict[str, dict[str, Any]] = {}
+        for name, extremes in self.moving_extremes.items():
+            found[name] = {MOVING: _span(extremes), "run": {MOVING: _span(self.run_extremes[name])}}
         for name, steady in self.stationarity.items():
-            found.update(_of_stationarity(f"steady.{name}", steady))
+            found.setdefault(name, {})["stationarity"] = _stationarity(steady)
         for name, item in self.spectra.items():
-            found[f"spectrum.{name}_dominant_hz"] = item.dominant_hz
-            found[f"spectrum.{name}_resolution_hz"] = item.resolution_hz
-            found[f"spectrum.{name}_degrees_of_freedom"] = item.degrees_of_freedom
-            found[f"spectrum.{name}_significant"] = item.significant
+            found.setdefault(name, {})["spectrum"] = {
+                "dominant_hz": item.dominant_hz,
+                "resolution_hz": item.resolution_hz,
+                "degrees_of_freedom": item.degrees_of_freedom,
+                "significant": item.significant,
+            }
+        return found
+
+    def metrics(self) -> dict[str, Any]:
+        """Groups of the whole run, as summary.json holds them; what the run does not have is absent."""
+        loads = dict(self.loads.metrics)
+        if self.past_dead_centre_s is not None:
+            loads["past_dead_centre_s"] = self.past_dead_centre_s
         if self.cycles is not None:
-            found["rainflow.cycle_count"] = float(self.cycles.count.sum())
-            found["rainflow.max_range_newton"] = self.cycles.max_range_newton
-            found["rainflow.equivalent_range_newton"] = self.cycles.equivalent_range_newton()
+            loads["rainflow"] = {
+                "cycle_count": float(self.cycles.count.sum()),
+                "max_range_newton": self.cycles.max_range_newton,
+                "equivalent_range_newton": self.cycles.equivalent_range_newton(),
+            }
+        found: dict[str, Any] = {"loads": loads}
         if self.failures is not None:
-            found.update(self.failures.metrics())
+            found["failure_cycles"] = self.failures.metrics()
         if self.disturbance is not None:
-            found.update(self.disturbance.metrics())
-            found.update(_per_area(found, self.disturbance.area_m2))
-        return {
-            key: value for key, value in found.items() if not isinstance(value, float) or math.isfinite(value)
-        }
+            found["disturbance"] = self.disturbance.metrics()
+            loads["specific"] |= _per_area(loads["specific"], self.disturbance.area_m2)
+        return found
 
 
 def compared_columns(scene: Scene) -> tuple[str, ...]:
@@ -132,18 +139,23 @@ def failures_of(series: Series, scene: Scene, window: Window) -> FailureCycles |
     return failure_cycles(series["time_s"][rows], tip[rows], draft[rows])
 
 
-def _of_stationarity(prefix: str, steady: Stationarity) -> dict[str, Any]:
+def _stationarity(steady: Stationarity) -> dict[str, Any]:
     return {
-        f"{prefix}_mean_half_width": steady.mean_half_width,
-        f"{prefix}_correlation_s": steady.correlation_s,
-        f"{prefix}_effective_count": steady.effective_count,
-        f"{prefix}_slope_per_s": steady.slope_per_s,
-        f"{prefix}_slope_half_width_per_s": steady.slope_half_width_per_s,
-        f"{prefix}_drift": steady.drift,
-        f"{prefix}_drift_half_width": steady.drift_half_width,
-        f"{prefix}_verdict": steady.verdict,
-        f"{prefix}_block_means": list(steady.block_means),
+        "mean_half_width": steady.mean_half_width,
+        "correlation_s": steady.correlation_s,
+        "effective_count": steady.effective_count,
+        "slope_per_s": steady.slope_per_s,
+        "slope_half_width_per_s": steady.slope_half_width_per_s,
+        "drift": steady.drift,
+        "drift_half_width": steady.drift_half_width,
+        "verdict": steady.verdict,
+        "block_means": list(steady.block_means),
     }
+
+
+def _span(extremes: tuple[float, float]) -> dict[str, float]:
+    low, high = extremes
+    return {"min": low, "max": high, "range": high - low}
 
 
 def _per_area(found: dict[str, Any], area_m2: float) -> dict[str, float]:
@@ -151,9 +163,9 @@ def _per_area(found: dict[str, Any], area_m2: float) -> dict[str, float]:
     if area_m2 <= 0.0:
         return {}
     per: dict[str, float] = {}
-    if "specific.energy_joule_per_m" in found:
-        per["specific.energy_joule_per_m3"] = found["specific.energy_joule_per_m"] / area_m2
-    if "specific.draft_newton_per_m" in found:
-        draft = found["specific.draft_newton_per_m"] * found["specific.share_width_m"]
-        per["specific.draft_pa"] = draft / area_m2
+    if "energy_joule_per_m" in found:
+        per["energy_joule_per_m3"] = found["energy_joule_per_m"] / area_m2
+    if "draft_newton_per_m" in found:
+        draft = found["draft_newton_per_m"] * found["share_width_m"]
+        per["draft_pa"] = draft / area_m2
     return per

@@ -179,7 +179,7 @@ def _at_rest(rest: Rest, timing: Timing) -> Iterable[Table]:
     yield reactions
     forces = _columns("", ("force", "length m or angle rad", "force N or moment N m"))
     for force in rest.forces:
-        forces.add_row(force.name, f"{force.length_m:.5f}", _number(force.force_newton))
+        forces.add_row(force.name, f"{force.coordinate:.5f}", _number(force.load))
     yield forces
     headings = ("frequency Hz", "damping ratio", "steps a period", "what moves")
     modes = _columns("modes about static equilibrium", headings)

@@ -21,9 +21,6 @@ SWING_S = 0.3
 SWING_ROWS = 10
 """Rows that a segment must have (chosen: four to five in a period of the paper's shank, 7.6 Hz)."""
 
-DISTURBED_AREA = "disturbance.area_m2"
-"""Column of a summary; runs without it have no such metric."""
-
 
 @dataclass(frozen=True)
 class Metric:
@@ -65,7 +62,7 @@ def metrics_of(run: CachedRun) -> dict[str, float]:
     window = summary["window"]
     times = series["time_s"]
     rows = (times >= window["start_s"]) & (times <= window["end_s"])
-    found = {"energy_residual": abs(float(summary["interface_residual_ratio"]))}
+    found = {"energy_residual": abs(float(summary["energy"]["residual_ratio"]))}
     if "draft_newton" in series:
         draft = series["draft_newton"]
         found["draft_mean_newton"] = float(np.mean(draft[rows]))
@@ -76,8 +73,8 @@ def metrics_of(run: CachedRun) -> dict[str, float]:
     if spring is not None and (name := f"spring.{spring}.force_newton") in series:
         found["spring_range_newton"] = float(np.ptp(moving_mean(series, name, MOVING_MEAN_S)[rows]))
         found["spring_detrended_std_newton"] = swing(times[rows], series[name][rows])
-    if DISTURBED_AREA in summary:
-        found["disturbed_area_m2"] = float(summary[DISTURBED_AREA])
+    if "disturbance" in summary:
+        found["disturbed_area_m2"] = float(summary["disturbance"]["area_m2"])
     return {name: value for name, value in found.items() if math.isfinite(value)}
 
 

@@ -50,7 +50,7 @@ class Reference(StrictModel):
     name: str = Field(min_length=1)  # heading of the table, and in legends
     source: str = ""  # where all of it is published, or was measured
     notes: tuple[str, ...] = ()  # printed below the table
-    values: dict[str, ReferenceValue] = Field(min_length=1)  # by quantity of summary.json
+    values: dict[str, ReferenceValue] = Field(min_length=1)  # by dotted path in summary.json
 
 
 def read_reference(path: Path, place: str = "report.reference") -> Reference:

@@ -53,19 +53,19 @@ def next_ramp(
     speed, before = command.speed, ramp.end_speed
     if not math.isfinite(speed):
         raise PhysicsError(f"{where}: speed {speed} of driver '{command.driver}' is not finite")
-    lowest, highest = controller.lowest_speed_m_per_s, controller.highest_speed_m_per_s
+    lowest, highest = controller.lowest_speed, controller.highest_speed
     if not lowest <= speed <= highest:
         raise PhysicsError(
             f"{where}: speed {speed:g} of driver '{command.driver}' is outside of the controller's limits, "
             f"{lowest:g} to {highest:g}"
         )
     acceleration = (speed - before) / interval_s
-    largest = controller.max_acceleration_m_per_s2
+    largest = controller.max_acceleration
     if abs(acceleration) > largest * (1.0 + ROUND_OFF):
         raise PhysicsError(
             f"{where}: speed {speed:g} of driver '{command.driver}' is a jump: from {before:g} within "
             f"{interval_s:g} s it is an acceleration of {abs(acceleration):.3g}, allowed is "
-            f"controller.max_acceleration_m_per_s2 {largest:g}"
+            f"controller.max_acceleration {largest:g}"
         )
     return Ramp(start_s, before, acceleration, speed, ramp.distance_at(start_s))
 

@@ -6,7 +6,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from .base import Finite, NonNegative, Positive, StrictModel
 from .cloud import CloudRegion
-from .controller import Controller, DraftLimit, HoldHeight
+from .controller import Controller, DraftLimit, External, HoldHeight
 from .mechanism import Driver, Mechanism, WheelContact
 from .soil import Auto, Soil
 from .time_functions import ConstantLaw
@@ -168,7 +168,7 @@ def _check_controller(controller: Controller, mechanism: Mechanism | None, serie
             f"mechanism.joints.{controller.driver}.speed: given a law of kind '{driver.speed.kind}', but the "
             "controller commands this driver; needed is 'constant', the speed at the start"
         )
-    lowest, highest = controller.lowest_speed_m_per_s, controller.highest_speed_m_per_s
+    lowest, highest = controller.lowest_speed, controller.highest_speed
     if not lowest <= driver.speed.value <= highest:
         raise ValueError(
             f"mechanism.joints.{controller.driver}.speed.value: given {driver.speed.value:g}, outside of the "
@@ -180,6 +180,11 @@ def _check_controller(controller: Controller, mechanism: Mechanism | None, serie
             f"record.series_ticks, {series_ticks}: a command answers a recorded state"
         )
     law = controller.law
+    if driver.coordinate == "angle" and not isinstance(law, External):
+        raise ValueError(
+            f"controller.law: '{law.kind}' answers with a speed in m/s, but driver '{controller.driver}' is "
+            "one of an angle; command a driver of x or z, or let a node send the commands (kind external)"
+        )
     if isinstance(law, DraftLimit) and mechanism.draft_driver is None:
         raise ValueError("controller.law: 'draft_limit' needs mechanism.draft_driver")
     if isinstance(law, HoldHeight) and law.body not in mechanism.bodies:

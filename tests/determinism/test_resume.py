@@ -63,7 +63,7 @@ def wait_for_checkpoint(run: Run) -> None:
 
 def summary(out: Path) -> dict:
     """What the run says of itself."""
-    return json.loads((out / "summary.json").read_text())
+    return json.loads((out / "summary.json").read_text())["run"]
 
 
 def joined(first: Path, second: Path) -> list[tuple[str, int, bytes]]:

@@ -190,6 +190,7 @@ def test_score_counts_what_is_held():
     assert len(exact) == 9
     found = fit_machine.score(exact)
     assert (found["held"], found["rms_log"]) == (len(fit_machine.targets()), pytest.approx(0.0, abs=1e-12))
-    worse = fit_machine.score({**exact, "draft_newton_mean": 2.0 * 681.5, "run.draft_newton_10ms_min": 331.0})
+    wrong = {"series.draft_newton.mean": 2.0 * 681.5, "series.draft_newton.run.moving_10ms.min": 331.0}
+    worse = fit_machine.score({**exact, **wrong})
     assert worse["held"] == len(fit_machine.targets()) - 2
     assert worse["rms_log"] > 0.7

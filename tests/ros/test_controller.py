@@ -44,8 +44,8 @@ pytestmark = pytest.mark.ros
 TICKS, EVERY = 300, 20
 LATCHED_IN_BAG = {bag_topic(topic) for topic in LATCHED}  # each bag begins with them
 CONTROL = {
-    "driver": "H10_drive", "interval_ticks": EVERY, "lowest_speed_m_per_s": 0.1, "highest_speed_m_per_s": 0.6,
-    "max_acceleration_m_per_s2": 2.0,
+    "driver": "H10_drive", "interval_ticks": EVERY, "lowest_speed": 0.1, "highest_speed": 0.6,
+    "max_acceleration": 2.0,
     "law": {"kind": "draft_limit", "draft_limit_newton": 100.0, "gain_per_kg": 0.002},
 }  # fmt: skip
 CHANGES = [

@@ -301,7 +301,7 @@ def test_the_run_of_a_draft_is_a_kept_run(tmp_path: Path) -> None:
 
     target = DraftTarget(kind="draft", draft_newton=900.0)
     found = soil_results.draft_results(load_scene(SCENES / "tine.yaml"), target, tmp_path, 1, never)
-    assert found["draft_newton"] == pytest.approx(kept.summary["draft_newton_mean"], rel=0.01)
+    assert found["draft_newton"] == pytest.approx(kept.summary["series"]["draft_newton"]["mean"], rel=0.01)
 
 
 def test_slope_of_a_heap() -> None:

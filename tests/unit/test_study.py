@@ -358,7 +358,7 @@ def test_a_study_of_real_runs(tmp_path: Path, capsys: Captured) -> None:
     by_run = pd.read_parquet(out / "runs.parquet").set_index(["name", "seed"])
     assert (by_run["at_once"] == 1).all()
     drafts = {
-        name: np.array([by_run.loc[(name, s), "draft_newton_mean"] for s in (0, 1)])
+        name: np.array([by_run.loc[(name, s), "series.draft_newton.mean"] for s in (0, 1)])
         for name in ("reference", "soil_step: auto")
     }
     assert len(set(drafts["reference"])) == 2  # another seed is another bed

@@ -90,7 +90,7 @@ def test_it_runs_without_the_sources(program, tmp_path):
     ]
     cache = str(tmp_path / "cache")  # kernels are kept by their place, and this one goes
     run(command, tmp_path, XDG_CACHE_HOME=cache)
-    assert json.loads((tmp_path / "out/summary.json").read_text())["complete"]
+    assert json.loads((tmp_path / "out/summary.json").read_text())["run"]["complete"]
     run([program, "report", "out", "--html"], tmp_path)
     assert (tmp_path / "out/report.html").is_file()
 

@@ -198,9 +198,9 @@ def test_a_stopped_run_leaves_a_readable_bag_and_exit_status_3(soil, tmp_path, c
     assert "allow: unstable_time_step: the step 120 us is above the stable limit 53.7 us" in said.out
     assert "velocities reverse sign from one step to the next" in said.err
     summary = json.loads((out / "summary.json").read_text())
-    assert "max_velocity_reversal" in summary["failure"]
-    assert summary["allow"] == ["unstable_time_step"]
-    assert not summary["complete"]
+    assert "max_velocity_reversal" in summary["run"]["failure"]
+    assert summary["scene"]["allow"] == ["unstable_time_step"]
+    assert not summary["run"]["complete"]
     assert [state.tick for state in BagReader(out / "bag").records(SoilState)] == [19, 39, 59, 79, 99]
 
 
@@ -218,6 +218,6 @@ def test_lost_particles_are_in_the_summary(soil, tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["run", str(path), "--out", str(out), "--mode", "direct", "--set", "duration_s=0.05"]) == 0
     summary = json.loads((out / "summary.json").read_text())
-    assert summary["lost_particle_count"] > 0
-    assert 0.0 < summary["first_lost_s"] <= 0.05
+    assert summary["particles"]["lost_count"] > 0
+    assert 0.0 < summary["particles"]["first_lost_s"] <= 0.05
     assert "particles left the domain" in capsys.readouterr().out

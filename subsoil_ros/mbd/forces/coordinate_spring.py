@@ -51,4 +51,4 @@ def fill(builder: Builder, name: str, force: CoordinateSpring) -> None:
     row["body_b"], row["coordinate"] = body, 3 * body + COORDINATE_INDEX[force.coordinate]
     row["functions"][0, 0] = builder.functions.add(force.target)
     row["acts_in"] = {"both": 0, "pull_up": 1, "push_down": -1}[force.acts_in]
-    row["stiffness"], row["damping"] = force.stiffness_newton_per_m, force.damping_newton_s_per_m
+    row["stiffness"], row["damping"] = force.stiffness, force.damping

@@ -4,7 +4,7 @@ A step sees every force in one mode (forces/evaluation.py). Where its end lies i
 first switch is found, the step is taken to there, and the rest begins anew without history.
 """
 
-from .compiled import inner_kernel, kernel, part_of_kernel
+from .compiled import inner_kernel, kernel
 from .dynamics import complete
 from .events import differs, locate_switch
 from .forces.evaluation import evaluate_modes
@@ -64,7 +64,7 @@ def _take_start(state, work):
     copy(state.powers, work.powers)
 
 
-@part_of_kernel
+@inner_kernel
 def _refresh(model, state, work, time, select):
     """The acceleration at the state itself, evaluated again; answers the status."""
     copy(work.q, state.q)
@@ -177,7 +177,7 @@ def _breakpoint_at(model, time):
     return found
 
 
-@part_of_kernel
+@inner_kernel
 def _try_again(model, state, work, start, span, select, method, whole, status):
     """After a step that came near a singular pose: (status, position iterations, whether it was skipped).
 
@@ -197,7 +197,7 @@ def _try_again(model, state, work, start, span, select, method, whole, status):
     return OK, 0, True
 
 
-@part_of_kernel
+@inner_kernel
 def _take_part(model, state, work, start, span, select, locating):
     """One step of at most `span`, to the first switch of a force if there is one.
 
@@ -243,7 +243,7 @@ def _take_part(model, state, work, start, span, select, locating):
     return OK, span, iterations, switched
 
 
-@part_of_kernel
+@inner_kernel
 def _supervise(model, state, work, time, select, iterations):
     """After a part of a step: watch the constraints left out, choose the partition anew if due."""
     if state.counters[SKIPPED_COUNT] > 0:
@@ -262,7 +262,7 @@ def _supervise(model, state, work, time, select, iterations):
     return OK
 
 
-@part_of_kernel
+@inner_kernel
 def _take_step(model, state, work, start, end, fresh):
     """From `start` to `end`, one step later, part by part; answers the status."""
     time, switches = start, 0

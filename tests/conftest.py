@@ -12,6 +12,8 @@ from subsoil_ros.mbd.benchmark import SEVEN_BODIES
 from subsoil_ros.mbd.engine import MechanismEngine
 from subsoil_ros.scene.model import Scene
 
+pytest_plugins = ["tests.compile_times"]
+
 VALUES = {
     "stiffness_newton_per_m": 1e4,
     "tangential_stiffness_newton_per_m": 8e3,

@@ -1,8 +1,9 @@
-"""Compile the kernels of `make run` before it, in two processes side by side; with --tests those of the tests too.
+"""Compile the kernels of `make run` before it, in two processes; with --tests those of the tests' soils too.
 
-Run from the sources: python -m dev.warm_kernels. One process runs the cycle scene's soil in a small bin, with its
-tool on a path: preparation of the dense bed, and the run. The other runs the machine of that scene on a wedge model.
-Compiled kernels stay in the user's cache under a digest of their sources, so a second call compiles nothing.
+Run from the sources: python -m dev.warm_kernels. One process runs the cycle scene's soil in a small bin, with
+its tool on a path: preparation of the dense bed, and the run. The other runs the machine of that scene on a
+wedge model. Compiled kernels stay in the user's cache under a digest of their sources, so a second call
+compiles nothing.
 """
 
 import argparse
@@ -64,7 +65,7 @@ PARTS: Mapping[str, Callable[[], None]] = {
 
 
 def side_by_side(*parts: str) -> int:
-    """Each part in a process of its own; beds go to a folder that is removed. Exit status: 0 if all went well."""
+    """Each part in a process of its own; beds go to a folder that is removed. Exit status, 0: all went well."""
     kernels = str(kernel_cache_folder())
     with tempfile.TemporaryDirectory(prefix="warm-kernels-") as folder:
         environment = os.environ | {"NUMBA_CACHE_DIR": kernels, "XDG_CACHE_HOME": folder}

@@ -1,7 +1,7 @@
 """A pytest plugin: what each test file compiled, printed at the end, added up over the workers.
 
-Kernels that come from the cache on disk are not compiled and do not count, nor do those that a process started by a
-test compiles. Of every soil step that is compiled, the features of its contact law and its numbers are named.
+Kernels that come from the cache on disk are not compiled and do not count, nor do those that a process started
+by a test compiles. Of every soil step that is compiled, the features of its contact law are named.
 """
 
 import time
@@ -12,6 +12,8 @@ from typing import Any
 import pytest
 from numba import types
 from numba.core import event
+
+from .soils import SOILS
 
 STEP = "drift_and_contacts"
 """The kernel of which every soil has its own variant."""
@@ -87,7 +89,9 @@ def variant_of(signature: Any) -> str:
     """Features of the contact law, and precision, that the types of a soil step's arguments tell."""
     features = next(features_within(signature))
     present = [name for name, kind in zip(features.fields, features.types, strict=True) if kind.ndim == 2]
-    return ", ".join(present + ["mixed precision"] * ("float32" in str(signature))) or "no feature"
+    present += ["mixed precision"] * ("float32" in str(signature))
+    names = [name for name, (features, _) in SOILS.items() if set(features) == set(present)]
+    return f"{', '.join(present) or 'no feature'} ({', '.join(names) or 'not in tests/soils.py'})"
 
 
 def features_within(kind: Any) -> Iterator[types.NamedTuple]:

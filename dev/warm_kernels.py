@@ -65,7 +65,7 @@ PARTS: Mapping[str, Callable[[], None]] = {
 
 
 def side_by_side(*parts: str) -> int:
-    """Each part in a process of its own; beds go to a folder that is removed. Exit status, 0: all went well."""
+    """Each part in a process of its own; beds go to a folder that is removed. Exit status."""
     kernels = str(kernel_cache_folder())
     with tempfile.TemporaryDirectory(prefix="warm-kernels-") as folder:
         environment = os.environ | {"NUMBA_CACHE_DIR": kernels, "XDG_CACHE_HOME": folder}

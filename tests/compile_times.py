@@ -1,6 +1,6 @@
 """A pytest plugin: what each test file compiled, printed at the end, added up over the workers.
 
-Kernels that come from the cache on disk are not compiled and do not count, nor do those that a process started
+Kernels from the cache on disk are not compiled and do not count, nor do those that a process started
 by a test compiles. Of every soil step that is compiled, the features of its contact law are named.
 """
 

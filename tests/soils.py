@@ -1,4 +1,4 @@
-"""The soils of the tests, with the features of their contact laws: each set of features is a compiled soil step.
+"""The soils of the tests with the features of their laws: each set of features is a compiled soil step.
 
 A test that needs less than the features of a soil gives what it does without as NEGLIGIBLE. Besides there are
 the two variants, without friction, with which a dense bed of each soil is prepared.
@@ -8,7 +8,7 @@ import copy
 from typing import Any
 
 NEGLIGIBLE = 1e-20
-"""A stiffness or friction whose code is compiled and that has no effect, far below round-off of other forces."""
+"""A stiffness or friction whose code is compiled and that has no effect: far below round-off of others."""
 
 PARTICLE = {
     "stiffness_newton_per_m": 10_000.0,

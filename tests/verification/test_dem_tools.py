@@ -234,19 +234,6 @@ def test_the_energy_book_closes_better_when_the_step_halves(soil, at, one):
     assert fine < 0.7 * coarse
 
 
-def test_same_bits_for_one_and_two_threads_and_from_run_to_run(soil, at, one):
-    """The order of every sum is fixed: positions, velocities and wrenches agree bit for bit."""
-    results = []
-    for threads in (1, 2, 1):
-        *_, (engine, wrench) = ploughed(soil, at, one, 5e-5, 400, threads=threads, book=False)
-        results.append((engine.positions_m(), engine.velocities_m_per_s(), engine.spins_rad_per_s(), wrench))
-        assert engine.state("r", 0, 0).rebuild_count > 3
-    for other in results[1:]:
-        for a, b in zip(results[0][:3], other[:3], strict=True):
-            assert_array_equal(a, b)
-        assert results[0][3] == other[3]
-
-
 def test_the_torque_on_a_tool_is_what_the_particle_gains(soil, at, one):
     """One step of one sphere: its angular momentum about the tool's centre changes by minus half the torque
     impulse (the first kick of velocity Verlet is a half one), in all three components."""

@@ -87,20 +87,21 @@ class CompileTimes(event.Listener):
 
 def variant_of(signature: Any) -> str:
     """Features of the contact law, and precision, that the types of a soil step's arguments tell."""
-    features = next(features_within(signature))
+    features, law = (next(within(signature, name)) for name in ("Features", "PairLaw"))
     present = [name for name, kind in zip(features.fields, features.types, strict=True) if kind.ndim == 2]
-    present += ["mixed precision"] * ("float32" in str(signature))
+    present += ["mixed precision"] * (law.types[0] == types.float32)
     names = [name for name, (features, _) in SOILS.items() if set(features) == set(present)]
-    return f"{', '.join(present) or 'no feature'} ({', '.join(names) or 'not in tests/soils.py'})"
+    other = "not in tests/soils.py" if "tangential" in present else "preparation of a bed"
+    return f"{', '.join(present) or 'no feature'} ({', '.join(names) or other})"
 
 
-def features_within(kind: Any) -> Iterator[types.NamedTuple]:
-    """Types of the Features among nested types of tuples."""
-    if isinstance(kind, types.NamedTuple) and kind.instance_class.__name__ == "Features":
+def within(kind: Any, name: str) -> Iterator[Any]:
+    """Types of the named tuples of this name among nested types of tuples."""
+    if getattr(getattr(kind, "instance_class", None), "__name__", "") == name:
         yield kind
     elif isinstance(kind, types.BaseTuple | tuple):
         for part in kind:
-            yield from features_within(part)
+            yield from within(part, name)
 
 
 def pytest_configure(config: pytest.Config) -> None:

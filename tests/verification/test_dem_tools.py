@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import trimesh
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
 from subsoil_ros.dem.tools.surface import motion_within
 from subsoil_ros.messages import ToolMotion

@@ -208,6 +208,7 @@ def thrown_on_the_floor(laboratory: Laboratory, friction: float) -> tuple[float,
     law = linear(
         1e4, tangential_stiffness_newton_per_m=8e3, damping_newton_s_per_m=10.0,
         tangential_damping_newton_s_per_m=10.0, static_friction=friction, sliding_friction=friction,
+        rolling_friction=1e-20,
     )  # fmt: skip
     resolved = laboratory.soil(law, ROOM_M, time_step_s=2e-5)
     floor = SoilEngine(resolved).bed.lower_m[2]

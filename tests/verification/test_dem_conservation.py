@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from .conftest import BOUNDARY, PARTICLE
-from .impacts import hertz, laboratory, linear
+from ..soils import BOUNDARY, PARTICLE
+from .impacts import dry_row, hertz, laboratory
 
 EPS = np.finfo(float).eps
 
@@ -50,7 +50,12 @@ def test_a_tumbling_wet_cluster_keeps_momentum_angular_momentum_and_its_books(so
 
 LOSSLESS = {"damping_newton_s_per_m": 0.0, "tangential_damping_newton_s_per_m": 0.0}
 LAWS = {
-    "linear": linear(1e5, k_t=8e4, mu=0.3, mu_r=0.1),
+    "linear": {
+        "kind": "cohesive_linear",
+        "combining_rule": "none",
+        "particle": dry_row(1e5, k_t=8e4, mu=0.3, mu_r=0.1),
+        "boundary": dry_row(1e5, k_t=8e4, mu=0.3, mu_r=0.1),
+    },
     "hertz": hertz(5e7, 0.3, 1.0, 0.3),
     "wet": {
         "kind": "cohesive_linear",

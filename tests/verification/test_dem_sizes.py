@@ -148,6 +148,7 @@ def test_rolling_spring_has_the_reduced_radius(soil):
     assert_allclose(torque, [-expected, expected], rtol=1e-5)
 
 
+@pytest.mark.full  # the only test of this variant of the kernels
 @pytest.mark.parametrize("restitution", [1.0, 0.5])
 def test_hertz_impact_of_unequal_spheres(soil, restitution):
     """Elastic: largest overlap (5 m v^2 / (4 K))^(2/5), force K delta^1.5 and duration 2.943 delta / v with

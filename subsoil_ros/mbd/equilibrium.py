@@ -80,8 +80,9 @@ def _newton_move(pull: _Pull, stiffness: np.ndarray, negligible: float, size: fl
     least = pull.free / size
     firm = np.abs(values) + SOFTEST * max(float(np.abs(values).max()), least)
     along = vectors.T @ pull.along
-    # without this, the round-off of the differences would turn a wheel that nothing turns
-    idle = (np.abs(values) < SOFTEST * firm.max()) & (np.abs(along) < negligible)
+    # without this, the round-off of the differences would turn a wheel that nothing turns: it mixes freedoms
+    noise = max(negligible, SOFTEST * pull.free)
+    idle = (np.abs(values) < SOFTEST * firm.max()) & (np.abs(along) < noise)
     return pull.basis @ (vectors @ np.where(idle, 0.0, along / firm))
 
 

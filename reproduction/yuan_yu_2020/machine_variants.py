@@ -129,7 +129,7 @@ def on_plain_ground(document: Document) -> Document:
     """Wheels on an elastic ground instead of on particles: a bin as narrow as the share allows."""
     found = copy.deepcopy(document)
     for name, tool in list(found.get("tools", {}).items()):
-        if tool.get("share", True):
+        if tool.get("role", "tillage") == "tillage":
             continue
         found["mechanism"].setdefault("forces", {})[f"ground_{name}"] = {
             **WHEEL_CONTACT,

@@ -29,5 +29,5 @@ def test_every_folder_of_the_package_is_imported_by_a_quick_test():
     folders = {path.parent.relative_to(ROOT) for path in (ROOT / "subsoil_ros").rglob("*.py")}
     modules = {".".join(folder.parts) for folder in folders}
     assert {
-        module for module in modules if not any(name.startswith(f"{module}.") for name in names)
+        module for module in modules if not any(f"{name}.".startswith(f"{module}.") for name in names)
     } == NOT_QUICK

@@ -173,7 +173,7 @@ def test_far_out_of_range_is_refused(
 def test_what_a_scene_allows_travels_with_it(
     wedge: Callable[..., ResolvedScene], soil_file: Callable[..., str], tmp_path: Path
 ) -> None:
-    """A parcel drops `fitted_to` and keeps `allow`: same hash, same summary."""
+    """A bundle drops `fitted_to` and keeps `allow`: same hash, same summary."""
     other = tmp_path / "other.yaml"
     change = {"soil": {"law": {"particle": {"cohesive_stiffness_newton_per_m": 1.0}}}}
     other.write_text(json.dumps({"base": str(SCENES / "tine.yaml"), **change}))
@@ -181,7 +181,7 @@ def test_what_a_scene_allows_travels_with_it(
     folder = tmp_path / "worker"
     folder.mkdir()
     assert unpack(pack(scene), folder).scene.allow == ("other_contact_law",)
-    assert summarize_unrecorded(scene, {})["allow"] == ["other_contact_law"]
+    assert summarize_unrecorded(scene, {})["scene"]["allow"] == ["other_contact_law"]
 
 
 def test_a_file_of_another_model(wedge: Callable[..., ResolvedScene], tmp_path: Path) -> None:

@@ -68,11 +68,11 @@ def test_spring_without_stiffness_pushes_with_its_preload_alone(mechanism_engine
     assert gap < 1e-10
 
 
-@pytest.mark.parametrize(("only", "sign"), [("tension", -1.0), ("compression", 1.0)])
-def test_one_way_spring(mechanism_engine, only, sign):
+@pytest.mark.parametrize(("acts_in", "sign"), [("tension", -1.0), ("compression", 1.0)])
+def test_one_way_spring(mechanism_engine, acts_in, sign):
     """A rope pulls and a bumper pushes; on its slack side the mass flies on without force."""
     start = 1.0 - 0.1 * sign
-    machine = _slider(start, stiffness_newton_per_m=800.0, only=only)
+    machine = _slider(start, stiffness_newton_per_m=800.0, acts_in=acts_in)
     engine = mechanism_engine(machine, 500_000)
     path, gap, state = _follow(engine, 600, 500_000)
     quarter = 0.5 * math.pi / 20.0

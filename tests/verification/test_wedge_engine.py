@@ -51,7 +51,7 @@ def engine(tmp_path):
                 "values": copy.deepcopy(VALUES) | (values or {}),
                 **soil,
             },
-            "tools": {"tool": {"path": {}, "groups": groups, "share": bool(share)}},
+            "tools": {"tool": {"path": {}, "groups": groups, "role": "tillage" if share else "wheel"}},
         }
         path = tmp_path / "scene.yaml"
         path.write_text(yaml.safe_dump(document, sort_keys=False))

@@ -1,4 +1,4 @@
-"""Contact laws of other packages: found by entry point, so that every process sees them, and not imported here.
+"""Contact laws of other packages: found by entry point, so that every process sees them; not imported here.
 
 A package names the class of its law in its metadata, under the law's `kind`:
 

@@ -15,8 +15,8 @@ SINKS = ("normal_dashpot", "tangential_dashpot", "sliding", "rolling", "separati
 """Energy sinks that a contact books, in this order, joule."""
 
 SPRINGS = 6
-"""Numbers that are kept of every contact: tangential spring x, y, z [m], rolling spring x, y, z [rad], i against
-j. Seen from the other side they change their sign. A law may keep more: ContactLaw.kept."""
+"""Numbers that are kept of every contact: tangential spring x, y, z [m], rolling spring x, y, z [rad], i
+against j. Seen from the other side they change their sign. A law may keep more: ContactLaw.kept."""
 
 YES, NO = np.zeros((1, 1)), np.zeros(1)
 """Values of Features."""
@@ -30,7 +30,9 @@ class Features(NamedTuple):
 
     Number of dimensions is part of numba's type, so the code of an absent feature is not compiled; values
     matter in `periodic` only. (Tuples and literals would say it more plainly, but do not pass into parallel
-    loops.) A law with features of its own has a class with these and, after them, its own: ContactLaw.features.
+    loops.)
+
+    A law with features of its own has a class with these and, after them, its own: ContactLaw.features.
     """
 
     tangential: np.ndarray
@@ -108,7 +110,7 @@ class PairValues:
 
 
 class ContactLaw(StrictModel):
-    """What a scene says under `soil.law`. A law is a subclass with a `kind` of its own and its rows of values.
+    """What a scene says under `soil.law`. A law is a subclass with a `kind` and rows of its own.
 
     Lengths and masses that the methods take are the reduced ones of a pair, r1 r2 / (r1 + r2) and
     m1 m2 / (m1 + m2), those of the particle at a boundary. `ratio`: the radius of the particles over the one
@@ -120,8 +122,8 @@ class ContactLaw(StrictModel):
         particle: Any
         boundary: Any
 
-    numbers: ClassVar[type[NamedTuple]]  # type: ignore[valid-type]
-    """Class of the numbers of a pair, as the kernels take them; its type chooses `kernel.py` beside its module."""
+    numbers: ClassVar[Any]
+    """Class of the numbers of a pair, a NamedTuple: it chooses the `kernel.py` beside its module."""
 
     features: ClassVar[type] = Features
     """Class of what the compiler is told."""
@@ -184,7 +186,7 @@ def layer_law(law: type[ContactLaw]) -> type[StrictModel]:
 
     def changes(row: type[StrictModel]) -> type[StrictModel]:
         optional: dict[str, Any] = {
-            name: (Annotated[(field.annotation, *field.metadata)] | None, None)  # type: ignore[operator]
+            name: (Annotated[(field.annotation, *field.metadata)] | None, None)
             for name, field in row.model_fields.items()
         }
         found = create_model(row.__name__.replace("Values", "Change"), __base__=StrictModel, **optional)
@@ -192,16 +194,16 @@ def layer_law(law: type[ContactLaw]) -> type[StrictModel]:
         return found
 
     (kind,) = get_args(law.model_fields["kind"].annotation)
-    rows: dict[str, Any] = {}
+    rows: dict[str, Any] = {"kind": (Literal[kind], ...)}
     made: dict[Any, Any] = {}
     for key in ("particle", "boundary"):
         row = law.model_fields[key].annotation
         made[row] = made.get(row) or changes(row)  # type: ignore[arg-type]
         rows[key] = (made[row], made[row]())
     name = law.__name__.replace("Law", "LayerLaw")
-    found = create_model(name, __base__=StrictModel, kind=(Literal[kind], ...), **rows)  # type: ignore[call-overload]
+    found = create_model(name, __base__=StrictModel, **rows)
     found.__doc__ = f"What a layer changes in the rows of law '{kind}'."
-    return found  # type: ignore[no-any-return]
+    return found
 
 
 def series(first: float, second: float) -> float:

@@ -13,8 +13,8 @@ from numba.extending import overload
 
 from .inverse_root import inverse_root
 
-law_kernel = partial(njit, cache=True, forceinline=True, error_model="numpy", fastmath={"contract"})
-"""Decorator, called, of the functions that a law's own ones call."""
+law_kernel = partial(njit, forceinline=True, error_model="numpy", fastmath={"contract"})
+"""Decorator, called, of functions that a law's own ones call; numba keeps them with the engine's."""
 
 _TINY = 1e-30
 """Keeps a quotient finite whose numerator is zero too; far below any force [N], also in float32."""

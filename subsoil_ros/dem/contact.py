@@ -58,7 +58,7 @@ def history_parity(law: ContactLaw) -> np.ndarray:
 def kernel_of(numbers: type, name: str) -> Callable[..., Any]:
     """Function `name` of the kernel.py beside the module in which a law's class of numbers stands."""
     function = getattr(import_module(numbers.__module__.rpartition(".")[0] + ".kernel"), name)
-    return getattr(function, "py_func", function)  # type: ignore[no-any-return]
+    return getattr(function, "py_func", function)
 
 
 _by_law = functools.partial(
@@ -114,7 +114,7 @@ def reach(touch, law, features):
     return kernel_of(type(law), "reach")(touch, law, features)
 
 
-@_inline(reach)
+@_plainly(reach)
 def _reach(touch, law, features):
     return kernel_of(law.instance_class, "reach")
 
@@ -124,7 +124,7 @@ def at_size(law, radius, mass):
     return kernel_of(type(law), "at_size")(law, radius, mass)
 
 
-@_inline(at_size)
+@_plainly(at_size)
 def _at_size(law, radius, mass):
     return kernel_of(law.instance_class, "at_size")
 
@@ -151,7 +151,7 @@ def numbers_at(array, start, stride, law):
     return type(law)(*(array[start + k * stride] for k in range(len(law))))
 
 
-@_inline(numbers_at)
+@_plainly(numbers_at)
 def _numbers_at(array, start, stride, law):
     items = ", ".join(f"array[start + {k} * stride]" for k in range(len(law)))
     return _made("numbers_at", "array, start, stride, law", f"cls({items})", cls=law.instance_class)

@@ -430,7 +430,8 @@ def build_engine(resolved: ResolvedScene, threads: int = 1) -> SoilEngine:
         return SoilEngine(resolved, threads)
     if soil.law.kind not in BUILT_IN:
         raise InputError(
-            f"soil.device: 'gpu' computes the contact laws {', '.join(BUILT_IN)}; for '{soil.law.kind}' use 'cpu'"
+            f"soil.device: 'gpu' computes the contact laws {', '.join(BUILT_IN)}, not '{soil.law.kind}'; "
+            "use 'cpu'"
         )
     from .gpu.engine import GpuSoilEngine
 

@@ -18,8 +18,8 @@ from .contact import at_size, numbers_at
 class Mixture(NamedTuple):
     """Particles as they are sorted, and the laws of one kind of contact between them.
 
-    Arrays of particles have length 0 where all are equal. `laws` has the columns of ContactLaw.numbers; its row is
-    material_i * materials + material_j for two particles, material_i at a boundary. With sizes, the rows
+    Arrays of particles have length 0 where all are equal. `laws` has the columns of ContactLaw.numbers; row
+    material_i * materials + material_j is for two particles, row material_i at a boundary. With sizes, they
     stand for a reduced radius of 1 m and a reduced mass of 1 kg.
     """
 
@@ -31,8 +31,8 @@ class Mixture(NamedTuple):
 
 
 def law_tables(soil: Soil, features: Features) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """`laws` of a Mixture: for two particles (materials^2, numbers), for particle and wall (materials, numbers),
-    for particle and tool (materials, numbers)."""
+    """`laws` of a Mixture: for two particles (materials^2, numbers), for particle and wall, and for particle
+    and tool (materials, numbers)."""
     layers, sizes = layer_soils(soil), features.sizes.ndim == 2
     radius = 1.0 if sizes else soil.particles.mean_volume_radius_m
     masses = [1.0 if sizes else sphere_mass_kg(layer, radius) for layer in layers]

@@ -48,8 +48,8 @@ _BOOKED = len(SINKS)
 
 
 def history_blocks(pairs: int, kind: type, components: int = SPRINGS) -> np.ndarray:
-    """Room for `components` numbers of each of `pairs` pairs, from the start of a cache line on; not set but for what follows
-    the last pair, zero. Component c of pair k stands at history_place(k) + c * BLOCK."""
+    """Room for `components` numbers of each of `pairs` pairs, from the start of a cache line on; not set
+    but for what follows the last pair, zero. Component c of pair k stands at history_place(k) + c * BLOCK."""
     size = BLOCK * components
     count, spare = -(-pairs // BLOCK) * size, _LINE_BYTES // np.dtype(kind).itemsize
     numbers: np.ndarray = np.empty(count + spare, kind)
@@ -140,7 +140,8 @@ def contact_of_pair(
     apart [m]: x_j - x_i; relative [m/s]: v_i - v_j of the centres; spins [rad/s], radii [m]; shear [m], roll
     [rad], kept: history.
     Returns 1 if they are in reach, else 0, all the rest being zero then; force on i [N]; torques on i and on
-    j [N m]; shear, roll; sinks [J] (SINKS), where a separated pair loses its springs; kept, to be zero then too.
+    j [N m]; shear, roll; sinks [J] (SINKS), where a separated pair loses its springs; kept, not
+    yet zero then.
     """
     zero, half, one = like(step, 0.0), like(step, 0.5), like(step, 1.0)
     touch = radius_i + radius_j

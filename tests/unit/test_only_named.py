@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from numba import njit
 
-from subsoil_ros.coupling.engines import build_mechanism, build_soil
-from subsoil_ros.coupling.protocol import participants
 from subsoil_ros.contact_laws.base import NO, YES
 from subsoil_ros.contact_laws.cohesive_linear.law import CohesiveLinearFeatures, CohesiveLinearLaw
+from subsoil_ros.coupling.engines import build_mechanism, build_soil
+from subsoil_ros.coupling.protocol import participants
 from subsoil_ros.dem.contact import contact, law_features
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.loading.loader import load_scene

@@ -84,8 +84,8 @@ def check_hello(own: NodeStatus, other: NodeStatus, needed: Mapping[str, str]) -
             there = any(text.startswith(f"{CONTACT_LAW} {kind} ") for text in other.capabilities)
             found = "has other sources of" if there else "does not have"
             raise ProtocolError(
-                f"node_status: {node} {found} contact law '{kind}', which the scene asks for ({key}); install "
-                "the package that the law comes in, in the same version, for all nodes"
+                f"node_status: {node} {found} contact law '{kind}', which the scene asks for ({key}); "
+                "install the package that the law comes in, in the same version, for all nodes"
             )
         if capability not in other.capabilities:
             raise ProtocolError(

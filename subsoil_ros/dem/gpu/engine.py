@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from ...contact_laws.base import SINKS
 from ...loading.loader import ResolvedScene
 from ...messages import ToolMotion, ToolWrench
 from ..bed import Bed
-from ...contact_laws.base import SINKS
 from ..energy import EnergyBook
 from ..engine import SoilEngine
 from ..monitors import MotionSums, refuse_lost_numbers

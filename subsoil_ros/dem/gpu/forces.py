@@ -98,7 +98,7 @@ def without_period(features: Features) -> Features:
 
 def _compiled_once(factory: Any) -> Any:
     """One kernel for each set of features, whatever arrays stand for them."""
-    made = functools.cache(lambda kind, flags: factory(kind(*(YES if flag else NO for flag in flags))))
+    made: Any = functools.cache(lambda kind, flags: factory(kind(*(YES if flag else NO for flag in flags))))
     return lambda features: made(type(features), tuple(feature.ndim == 2 for feature in features))
 
 

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import cuda, float32
 
-from ..neighbours import axis_cell
 from ...contact_laws.base import SPRINGS
+from ..neighbours import axis_cell
 from ..per_particle import of_particle
 from ..periodic import nearest_image
 from ..tools.facets import closest_feature

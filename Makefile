@@ -17,7 +17,7 @@ PYTHON ?= $(call first_python,python3.12 python3.11 python3.13 python3.10 python
 prefix := $(abspath $(VENV))
 bin := $(prefix)/bin
 out := $(OUT)
-set_up := $(prefix)/.set-up-packages $(prefix)/.set-up-messages $(prefix)/.set-up-subsoil
+set_up := $(prefix)/.set-up-packages $(prefix)/.set-up-messages $(prefix)/.set-up-subsoil $(prefix)/.set-up-kernels
 
 # Another ROS or Python environment must not mix with this one: its folders would come first.
 ifneq (,$(AMENT_PREFIX_PATH)$(_ROS_WHEELS_BOOTSTRAP_COMPLETE))
@@ -33,19 +33,31 @@ ifneq (yes,$(shell test -n "$$HOME" -a -d "$$HOME" -a -w "$$HOME" && echo yes))
 export HOME := $(prefix)/home
 endif
 
+# Kernels are compiled beside the messages, also where make was not told how many jobs it may have.
+two_jobs = $(if $(findstring jobserver,$(MAKEFLAGS)),,-j2)
 ros_prefix := AMENT_PREFIX_PATH=$(prefix) CMAKE_PREFIX_PATH=$(prefix)
 pip := $(bin)/python -m pip
 
 .DEFAULT_GOAL := setup
-.PHONY: setup run test check format colcon wheels docs test-kilted bench clean help
+.PHONY: setup run test test-quick test-full check format colcon wheels docs test-kilted bench clean help
 
-setup: $(set_up)  ## make .venv: ROS 2 Jazzy, subsoil_msgs, subsoil_ros (again only when their files change)
+setup:  ## make .venv: ROS 2 Jazzy, subsoil_msgs, subsoil_ros, kernels of run (again only when their files change)
+	@$(MAKE) --no-print-directory $(two_jobs) $(set_up)
 
 run: setup  ## simulate SCENE (the cycle one) into OUT (runs/<time>), then report; RUN_FLAGS go to subsoil run
 	$(bin)/subsoil run $(SCENE) --out $(out) $(RUN_FLAGS)
 	$(bin)/subsoil report $(out)
 
-test: setup  ## all tests, files on two workers; PYTEST_FLAGS='-m "not slow"' leaves out the slow ones
+test: setup  ## all tests but long studies, files on two workers
+	$(bin)/python -m dev.warm_kernels --tests
+	$(bin)/python -m pytest -n 2 --dist loadfile -m "not full" $(PYTEST_FLAGS)
+
+test-quick: setup  ## some of every folder: 3 minutes once kernels are compiled
+	$(bin)/python -m dev.warm_kernels --tests
+	$(bin)/python -m pytest -n 2 --dist loadfile -m quick $(PYTEST_FLAGS)
+
+test-full: setup  ## all tests, long studies among them
+	$(bin)/python -m dev.warm_kernels --tests
 	$(bin)/python -m pytest -n 2 --dist loadfile $(PYTEST_FLAGS)
 
 check: setup  ## style, types, layers
@@ -108,4 +120,10 @@ $(prefix)/.set-up-subsoil: $(prefix)/.set-up-messages setup.py setup.cfg package
 		$(wildcard resource/* scripts/* launch/*.launch.py config/*.json config/scenes/*.yaml config/templates/*.yaml \
 		config/meshes/*.stl config/soils/*.yaml config/calibration/*.yaml config/references/*.yaml config/studies/*.yaml config/foxglove/*.json)
 	$(pip) install --quiet --no-build-isolation --no-deps --force-reinstall --editable .
+	touch $@
+
+# Looks at the sources only when they change; what is in the user's cache already is not compiled again.
+$(prefix)/.set-up-kernels: $(prefix)/.set-up-packages dev/warm_kernels.py $(shell find subsoil_ros/dem subsoil_ros/mbd \
+		subsoil_ros/wedge -name '*.py')
+	$(bin)/python -m dev.warm_kernels
 	touch $@

@@ -26,7 +26,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/subsoil_ros"]),
         (SHARE, ["package.xml"]),
-        (f"{SHARE}/config", ["config/scene.schema.json"]),
+        (f"{SHARE}/config", ["config/scene.schema.json", "config/summary.schema.json"]),
         (
             f"{SHARE}/msg_defs/msg",
             files("msg_defs/msg/*.msg"),

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from subsoil_ros.coupling.checkpoints import CheckpointWriter, CouplingState, restore_engine
 from subsoil_ros.coupling.energy_account import InterfaceWork
-from subsoil_ros.coupling.engines import build_mover, build_soil
+from subsoil_ros.coupling.engines import build_motion_source, build_soil
 from subsoil_ros.coupling.protocol import MECHANISM, SOIL
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.recording.checkpoint import newest_valid
@@ -47,18 +47,18 @@ def main() -> int:
 def measure(name: str, overrides: tuple[str, ...], place: Path, repeats: int) -> dict[str, object]:
     """Writes and reads the same state `repeats` times."""
     resolved = load_scene(SCENE, overrides)
-    mover, soil = build_mover(resolved), build_soil(resolved, 1)
+    motion_source, soil = build_motion_source(resolved), build_soil(resolved, 1)
     assert soil is not None
-    motions = mover.initial_motions()
+    motions = motion_source.initial_motions()
     wrenches = soil.start(motions)
     writes, reads = [], []
     with tempfile.TemporaryDirectory(dir=place) as folder:
-        keeper = CheckpointWriter(Path(folder), resolved, "benchmark")
+        checkpoint_writer = CheckpointWriter(Path(folder), resolved, "benchmark")
         for tick in range(repeats):
             start = time.monotonic()
-            keeper.keep(tick, MECHANISM, mover)
-            keeper.keep(tick, SOIL, soil)
-            keeper.commit(CouplingState(tick, motions, wrenches, InterfaceWork()))
+            checkpoint_writer.keep(tick, MECHANISM, motion_source)
+            checkpoint_writer.keep(tick, SOIL, soil)
+            checkpoint_writer.commit(CouplingState(tick, motions, wrenches, InterfaceWork()))
             writes.append(time.monotonic() - start)
             start = time.monotonic()
             found, _ = newest_valid(Path(folder), resolved.scene_hash)

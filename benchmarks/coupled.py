@@ -51,9 +51,9 @@ def main() -> None:
     for turn in range(args.rounds + 1):
         for mode in MODES:
             summary = summary_of(mode, args.scene, args.threads, overrides)
-            digests.add(json.dumps(summary["state_sha256"], sort_keys=True))
+            digests.add(json.dumps(summary["run"]["state_sha256"], sort_keys=True))
             if turn > 0:
-                wall_s[mode].append(summary["wall_s"])
+                wall_s[mode].append(summary["run"]["wall_s"])
     direct, nodes = (statistics.median(wall_s[mode]) for mode in MODES)
     print(
         json.dumps(

@@ -50,7 +50,7 @@ def soils(folder: Path) -> list[tuple[str, dict[str, Any]]]:
     keys: dict[str, Any] = {
         "bin": {"length_m": 0.4, "width_m": 0.24, "depth_m": 0.24, "sides": "periodic"},
         "particles": {
-            "sizes": {"kind": "uniform", "smallest_radius_m": 0.0085, "max_radius_m": 0.0115},
+            "sizes": {"kind": "uniform", "min_radius_m": 0.0085, "max_radius_m": 0.0115},
             "density_kg_per_m3": 1800.0,
         },
         "bed": {"kind": "dense_random"},

@@ -37,15 +37,15 @@ from typing import Any
 import numpy as np
 
 from benchmarks.gpu_drive import STEPS_PER_TICK, Drive, gpu_engine, periodic, ticks_of
-from benchmarks.kept_runs import write_rows
 from benchmarks.peers.lammps_gpu import peer
+from benchmarks.run_cache import write_rows
 from subsoil_ros.analysis.intervals import mean_interval
 from subsoil_ros.api.execution import execute, machine_name
 from subsoil_ros.coupling.engines import build_mechanism
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.beds.dense import prepare_dense
-from subsoil_ros.dem.beds.settling import unwatched
-from subsoil_ros.dem.bench.cases import DENSE, Case, wet_case
+from subsoil_ros.dem.beds.settling import ignore_progress
+from subsoil_ros.dem.bench.cases import DENSE, Case, cohesive_case
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.kernel_cache import set_up_numba
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
@@ -147,7 +147,7 @@ def dense_case(
 ) -> tuple[Case, Bed]:
     """A case of about `count` particles and its bed."""
     size = SMALL_BED_M if count < 50_000 else LARGE_BED_M
-    case = wet_case(DENSE, size, 1, f"dense random {count:,}", folder, precision)
+    case = cohesive_case(DENSE, size, 1, f"dense random {count:,}", folder, precision)
     case = periodic(case, size[1])
     one = _cell(case, size)
     times = max(1, round(count / len(one.positions_m)))
@@ -159,7 +159,7 @@ _cells: dict[tuple[float, ...], Bed] = {}
 
 def _cell(case: Case, size: tuple[float, ...]) -> Bed:
     if size not in _cells:
-        _cells[size] = prepare_dense(case.resolved, 0, gpu_engine(), 1, unwatched)
+        _cells[size] = prepare_dense(case.resolved, 0, gpu_engine(), 1, ignore_progress)
     return _cells[size]
 
 
@@ -339,7 +339,7 @@ def _field_bed(resolved: ResolvedScene, radius: float) -> Bed:
         narrow = soil.bin.model_copy(update={"width_m": soil.bin.width_m / times})
         scene = resolved.scene.model_copy(update={"soil": soil.model_copy(update={"bin": narrow})})
         slice_of_it = dataclasses.replace(resolved, scene=scene)
-        _field_beds[radius] = repeated(prepare_dense(slice_of_it, 0, gpu_engine(), 1, unwatched), times)
+        _field_beds[radius] = repeated(prepare_dense(slice_of_it, 0, gpu_engine(), 1, ignore_progress), times)
     return _field_beds[radius]
 
 

@@ -13,7 +13,7 @@ import time
 from subsoil_ros.api.beds import prepare_bed_first
 from subsoil_ros.cli._shared.bed_preparation import bed_progress
 from subsoil_ros.cli._shared.preparation import KernelAnnouncer
-from subsoil_ros.coupling.engines import build_mover, build_soil
+from subsoil_ros.coupling.engines import build_motion_source, build_soil
 from subsoil_ros.dem.bench.phases import clocked
 from subsoil_ros.loading.loader import load_scene
 
@@ -29,18 +29,18 @@ def main() -> None:
     args = parser.parse_args()
     resolved = load_scene(args.scene, args.overrides)
     prepare_bed_first(resolved, args.threads, bed_progress)
-    mover = build_mover(resolved)
+    motion_source = build_motion_source(resolved)
     soil = build_soil(resolved, args.threads)
     if soil is None:
         raise SystemExit(f"{args.scene}: has no soil, so there is nothing to profile")
     with KernelAnnouncer(), clocked(time.perf_counter) as spent:
-        wrenches = soil.start(mover.initial_motions())
+        wrenches = soil.start(motion_source.initial_motions())
         spent.update(dict.fromkeys(spent, 0.0))
         mechanism_s = 0.0
         start, cpu = time.perf_counter(), time.process_time()
         for tick in range(resolved.timing.tick_count):
             before = time.perf_counter()
-            motions = mover.advance(tick, wrenches)
+            motions = motion_source.advance(tick, wrenches)
             mechanism_s += time.perf_counter() - before
             wrenches = soil.advance(tick, motions)
         wall_s, cpu_s = time.perf_counter() - start, time.process_time() - cpu

@@ -25,17 +25,17 @@ def first_step(scene: str, started: float) -> None:
         stages.append((stage, time.process_time(), time.monotonic() - started))
 
     from subsoil_ros.cli._shared import simulation
-    from subsoil_ros.coupling.engines import build_mover, build_soil
+    from subsoil_ros.coupling.engines import build_motion_source, build_soil
 
     lap("imports")
     resolved = simulation.load_scene(scene)
     lap("scene")
-    mover = build_mover(resolved)
+    motion_source = build_motion_source(resolved)
     lap("mechanism")
     soil = build_soil(resolved, 1)
-    wrenches = soil.start(mover.initial_motions())
+    wrenches = soil.start(motion_source.initial_motions())
     lap("bed")
-    soil.advance(0, mover.advance(0, wrenches))
+    soil.advance(0, motion_source.advance(0, wrenches))
     lap("first step")
     print(json.dumps(stages))
 

@@ -4,8 +4,8 @@
     python benchmarks/step_safety.py RUN [--parts 0.8 0.7 0.6 0.4] [--simulated 0.06]
 
 It goes on from its newest checkpoint, with the tools at the speed they have there. Printed for six equal
-parts of the time: the velocity_reversal (dem.monitors; 1: every particle turns round from step to step), and the
-mean force of the first tool against x.
+parts of the time: the velocity reversal indicator (dem.monitors; 1: every velocity reverses sign from one
+step to the next), and the mean force of the first tool against x.
 """
 
 import argparse

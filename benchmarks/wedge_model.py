@@ -1,6 +1,6 @@
-"""How much cheaper wedge model is: CPU time per simulated second beside particles, and real time as nodes.
+"""How much cheaper the wedge model is: CPU time per simulated second beside particles, real time as nodes.
 
-    python benchmarks/wedge_soil.py [--nodes SECONDS] [--particles TICKS]
+    python benchmarks/wedge_model.py [--nodes SECONDS] [--particles TICKS]
 
 Both machine scenes run direct, with everything that is recorded; CPU time, so that other load does not
 count. The scene with particles runs for a few ticks, its step costs the same all along. As nodes (four
@@ -35,13 +35,13 @@ def cpu_s_per_simulated_s(resolved: ResolvedScene) -> float:
     return (marks[-1] - marks[0]) / ((len(marks) - 1) * resolved.timing.communication_step_s)
 
 
-def compare(name: str, particles: str, reduced: str, ticks: int, *overrides: str) -> None:
+def compare(name: str, particles: str, wedge: str, ticks: int, *overrides: str) -> None:
     """Prints the CPU time of two scenes and their ratio."""
     first = load_scene(SCENES / particles)
     duration = ticks * first.timing.communication_step_s
     one = cpu_s_per_simulated_s(load_scene(SCENES / particles, [f"duration_s={duration!r}"]))
-    two = cpu_s_per_simulated_s(load_scene(SCENES / reduced, overrides))
-    print(f"{name}: {one:.1f} s with particles, {two:.3f} s reduced, {one / two:.0f} times")
+    two = cpu_s_per_simulated_s(load_scene(SCENES / wedge, overrides))
+    print(f"{name}: {one:.1f} s with particles, {two:.3f} s with the wedge model, {one / two:.0f} times")
 
 
 def run_nodes(seconds: float, out: Path) -> float:

@@ -155,11 +155,11 @@ class Run:
             lines = self._words.read_text(errors="replace").strip().splitlines()
             return lines[-1] if lines else ""
         with suppress(OSError):
-            return str(json.loads((self.out / "summary.json").read_text())["failure"])
+            return str(json.loads((self.out / "summary.json").read_text())["run"]["failure"])
         return ""
 
     def end(self) -> None:
-        """Leaves nothing behind, whatever was found; a stranger must end by itself where he can."""
+        """Leaves nothing behind, whatever was found; a foreign publisher must end by itself if it can."""
         for other in self._others:
             with suppress(subprocess.TimeoutExpired):
                 other.wait(0.0 if _is_stopped(other.pid) else 10.0)

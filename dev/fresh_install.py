@@ -58,8 +58,8 @@ def main() -> int:
     subsoil("run", "first/scene.yaml", "--out", "runs/first", "--set", "duration_s=0.02")
     subsoil("report", "runs/first", "--html")
     summary = json.loads((work / "runs/first/summary.json").read_text())
-    assert summary["complete"]
-    assert summary["mode"] == "nodes"
+    assert summary["run"]["complete"]
+    assert summary["run"]["mode"] == "nodes"
     assert (work / "runs/first/report.html").is_file()
     print("works")
     return 0

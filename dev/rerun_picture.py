@@ -64,7 +64,7 @@ def layout(state: MechanismState, shank: str, spring: str, radius_m: float) -> r
             ),
             rrb.Vertical(
                 curve(STATE, "MechanismState", ".draft_newton", "draft [N]"),
-                curve(STATE, "MechanismState", f".forces[{force}].force_newton", "spring force [N]"),
+                curve(STATE, "MechanismState", f".forces[{force}].load", "spring force [N]"),
                 curve(STATE, "MechanismState", f".bodies[{body}].angle_rad", "share angle [rad]"),
                 curve(STATE, "MechanismState", f".bodies[{body}].z_m", "height of the shank [m]"),
                 curve(REPORT, "CouplingReport", ".residual_ratio", "energy residual / work"),

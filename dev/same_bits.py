@@ -62,9 +62,9 @@ from dataclasses import asdict
 from pathlib import Path
 import subsoil_ros
 from subsoil_ros.recording.types import message_folder
-from subsoil_ros.limits.communication_steps import coupling_bounds
-from subsoil_ros.limits.stable_steps import step_limits
-from subsoil_ros.loading.loader import load_scene
+from subsoil_ros.scene.coupling_bounds import coupling_bounds
+from subsoil_ros.scene.limits import step_limits
+from subsoil_ros.scene.loader import load_scene
 from subsoil_ros.scene.meshes import load_tool_mesh
 resolved = load_scene(sys.argv[1], sys.argv[2:])
 scene, soil = resolved.scene, resolved.scene.particle_soil

@@ -100,7 +100,7 @@ def run(python: Path, out: Path, duration_s: float) -> dict[str, object]:
     subprocess.run(
         command, check=True, env=clean_environment(python.parents[1]), stdout=subprocess.DEVNULL, cwd=ROOT
     )
-    return json.loads((out / "summary.json").read_text())
+    return json.loads((out / "summary.json").read_text())["run"]
 
 
 def version_of(python: Path) -> str:

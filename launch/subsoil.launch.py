@@ -29,7 +29,7 @@ from subsoil_ros.ros.process.plan import RunPlan, checked_namespace, remappings
 DEFAULT_SCENE = "config/scenes/subsoiler_1s300_wedge.yaml"
 
 ARGUMENTS = {
-    "scene": (None, "scene file (.yaml); the machine on wedge model without it"),
+    "scene": (None, "scene file (.yaml); the machine on the wedge model without it"),
     "out": ("", "folder for the results; must not exist. runs/<time> without it"),
     "mode": ("nodes", "nodes: one process per node; composed: all in one process; direct: no ROS"),
     "recording": ("true", "whether the run has a recorder, which writes the bag"),

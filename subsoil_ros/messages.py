@@ -2,8 +2,8 @@
 
 The direct run hands these objects over; the nodes copy their fields into ROS messages and back
 (ros/transport/convert.py), and so the ways of running cannot differ. Floats are float64. World axes
-(x forward, y left, z up); the planar angle phi is counter-clockwise seen with x right and z up,
-a rotation about -y. A wrench acts on the body, about its centre of mass.
+(x forward, y left, z up); planar angles (`angle_rad`) are counter-clockwise seen with x
+right and z up, rotations about -y. A wrench acts on the body, about its centre of mass.
 """
 
 from dataclasses import dataclass, field
@@ -101,7 +101,7 @@ class SoilState:
     contact_count: int
     lost_particle_count: int  # left the domain since the start
     rebuild_count: int  # neighbour lists built since the start
-    kinetic_energy_joule: float  # translation and spin
+    kinetic_energy_joule: float  # translation and rotation
     rms_speed_m_per_s: float
     rms_angular_velocity_rad_per_s: float
     max_overlap_m: float
@@ -134,22 +134,25 @@ class JointReaction:
     name: str
     force_x_newton: float
     force_z_newton: float
-    moment_newton_m: float  # about the joint point, phi sense
+    moment_newton_m: float  # about the joint point, in the sense of angle_rad
     unique: bool = True  # False: redundant constraints, the minimum-norm share is given
 
 
 @dataclass(frozen=True, slots=True)
 class ForceState:
-    """A force element: spring_damper (length, rate, axial force, compression positive), torsion_spring
-    (angle, rate, moment on body_b), wheel_contact (penetration, its rate, normal force), coordinate_spring
-    (coordinate, rate, force), JOINT.friction and JOINT.stops (turn or travel, rate, moment or force on
-    body_b along it).
+    """What a force element measures and what it answers with; the units depend on its kind.
+
+    In m, m/s and N: spring_damper (length, rate, axial force, compression positive), wheel_contact
+    (penetration, rate, normal force), coordinate_spring on x or z, and JOINT.friction and JOINT.stops of a
+    prismatic joint or a point on a line (distance, rate, force on body_b along the axis). In rad, rad/s and
+    N m: torsion_spring (angle, rate, moment on body_b), coordinate_spring on an angle, and JOINT.friction and
+    JOINT.stops of a revolute joint.
     """
 
     name: str
-    length_m: float
-    rate_m_per_s: float
-    force_newton: float
+    coordinate: float  # m or rad
+    rate: float  # m/s or rad/s
+    load: float  # N or N m
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,7 +239,7 @@ class NodeStatus:
 
 @dataclass(frozen=True, slots=True)
 class SoilCloud:
-    """Particles for people: positions [m] (n, 3) and speeds [m/s] (n,), float32 arrays."""
+    """Particles for visualization: positions [m] (n, 3) and speeds [m/s] (n,), float32 arrays."""
 
     tick: int
     end_time_ns: int

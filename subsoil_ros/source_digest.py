@@ -31,6 +31,8 @@ def kernel_digest(source: Path, package: Path = PACKAGE) -> str:
     Its own folder is that below `package`, with subfolders: a kernel calls only kernels of the same engine,
     and those of contact laws. Laws are chosen when a kernel is compiled: all count that are there, with the
     sources of laws of other packages.
+    The names of all modules and classes of the engine count too: a compiled kernel names the types of its
+    arguments.
     """
     engine, laws = package / source.relative_to(package).parts[0], package / LAWS
     found = {source}
@@ -42,9 +44,9 @@ def kernel_digest(source: Path, package: Path = PACKAGE) -> str:
         new = {path for path in imported if path.is_relative_to(engine)} - found
         found |= new
         waiting.extend(new)
-    digest = tree_digest(found, package)
+    types = sorted(f"{file.relative_to(engine)} {_classes(file)}" for file in engine.rglob("*.py"))
     outside = law_digests() if laws in found else {}
-    return hashlib.sha256(f"{digest} {outside}".encode()).hexdigest() if outside else digest
+    return hashlib.sha256(f"{tree_digest(found, package)} {types} {outside}".encode()).hexdigest()
 
 
 def result_digest(package: Path = PACKAGE) -> str:
@@ -92,6 +94,10 @@ def _dump(file: Path) -> str:
         if isinstance(body, list):
             node.body = [statement for statement in body if not _is_docstring(statement)]  # type: ignore[attr-defined]
     return ast.dump(tree)
+
+
+def _classes(file: Path) -> list[str]:
+    return [node.name for node in _tree(file).body if isinstance(node, ast.ClassDef)]
 
 
 def _is_docstring(statement: ast.stmt) -> bool:

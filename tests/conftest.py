@@ -1,6 +1,9 @@
-"""Machines for the tests of the mechanism engine, built from plain dictionaries; a bag of a real run."""
+"""Machines for the tests of the mechanism engine, the bag of a real run, which tests are quick."""
 
 import copy
+import fcntl
+import os
+import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +14,19 @@ from subsoil_ros.limits.stable_steps import Timing
 from subsoil_ros.mbd.benchmark import SEVEN_BODIES
 from subsoil_ros.mbd.engine import MechanismEngine
 from subsoil_ros.scene.model import Scene
+
+pytest_plugins = ["tests.compile_times"]
+
+QUICK = (
+    "lint", "protocol", "unit",
+    "ros/test_nodes.py", "ros/test_simulation_services.py", "ros/test_tick_codec.py",
+    "verification/test_dem_precision.py", "verification/test_mbd_joints.py",
+    "verification/test_wedge_formulas.py",
+)  # fmt: skip
+"""Folders and files whose tests are `make test-quick`: some of every package folder (test_quick.py)."""
+
+NOT_QUICK = ("unit/test_documentation.py", "unit/test_kernel_cache.py", "unit/test_sweep.py")
+"""Of these folders, what takes longer."""
 
 VALUES = {
     "stiffness_newton_per_m": 1e4,
@@ -30,6 +46,19 @@ SOIL = {
     "bed": {"kind": "grid", "spacing_m": 0.018},
     "law": {"kind": "cohesive_linear", "particle": VALUES, "boundary": VALUES},
 }
+
+
+def is_quick(path: Path) -> bool:
+    """Whether a test file is one of `make test-quick`."""
+    place = path.relative_to(Path(__file__).parent).as_posix()
+    return place not in NOT_QUICK and place.startswith(tuple(QUICK))
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Marks the quick tests."""
+    for item in items:
+        if is_quick(item.path) and not any(item.iter_markers("slow")) and not any(item.iter_markers("full")):
+            item.add_marker("quick")
 
 
 def _engine(
@@ -68,6 +97,22 @@ def subsoiler() -> dict[str, Any]:
     return copy.deepcopy(SEVEN_BODIES)
 
 
+def made_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], None]) -> Path:
+    """A folder that `make` fills in one of the workers, while those that want it too wait."""
+    base = factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        base = base.parent
+    folder = base / name
+    with (base / f"{name}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not (folder / "made").exists():
+            shutil.rmtree(folder, ignore_errors=True)  # of a worker that failed
+            folder.mkdir()
+            make(folder)
+            (folder / "made").touch()
+    return folder
+
+
 @pytest.fixture(scope="session")
 def machine_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The bag of 10 ms of the machine in a small bin of soil, made by `subsoil run`."""
@@ -75,6 +120,7 @@ def machine_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     from .ros.conftest import run_arguments
 
-    out = tmp_path_factory.mktemp("machine") / "out"
-    assert main(run_arguments(out, "direct", 0.01)) == 0
-    return out / "bag"
+    def make(folder: Path) -> None:
+        assert main(run_arguments(folder / "out", "direct", 0.01)) == 0
+
+    return made_once(tmp_path_factory, "machine", make) / "out" / "bag"

@@ -125,7 +125,7 @@ def fired_at_a_hard_bed(laboratory: Laboratory) -> Outcome:
     """The same under Hertz's law, 1 GPa."""
     row = {
         "youngs_modulus_pa": 1e9, "poisson_ratio": 0.3, "restitution": 0.5,
-        "static_friction": 0.5, "sliding_friction": 0.5,
+        "static_friction": 0.5, "sliding_friction": 0.5, "rolling_friction": 1e-20,
     }  # fmt: skip
     law = {"kind": "hertz_mindlin", "particle": row, "boundary": row}
     return right(flown(fired(laboratory, law)))

@@ -293,7 +293,9 @@ def dragged(laboratory: Laboratory, steps: int, force: str) -> tuple[float, floa
     document = {
         **plain.document, **block_machine(laboratory.box(0.03, 0.05, 0.06)), "duration_s": 0.4,
         "coupling": {
-            "communication_step_ns": communication_step_ns, "force": force, "mechanism_steps": min(steps, 100),
+            "communication_step_ns": communication_step_ns,
+            "force": force,
+            "mechanism_steps": min(steps, 100),
         },
         "record": {"series_ticks": max(1, 20 // steps), "cloud_hz": 0.0},
     }  # fmt: skip

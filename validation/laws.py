@@ -144,7 +144,7 @@ def printed_damping(laboratory: Laboratory) -> Outcome:
     """C = 20 N s/mm as printed, 1150 times critical, explicit, on 8 particles; refused at 42 us."""
     law = wet(damping_newton_s_per_m=2e4, tangential_damping_newton_s_per_m=2e4)
     size = (0.038, 0.038, 0.038)
-    refused(lambda: laboratory.soil(law, size, time_step_s=4.2e-5), "damping 10000 N s/m acting on spin")
+    refused(lambda: laboratory.soil(law, size, time_step_s=4.2e-5), "damping 10000 N s/m acting on rotation")
     resolved = laboratory.soil(law, size)
     must(resolved.timing.communication_step_ns < 50, f"step {resolved.timing.communication_step_ns} ns")
     return right(f"{at_rest(resolved, 20_000)}; impact: {damped_impact(laboratory, 1150.0)}")
@@ -208,12 +208,15 @@ def thrown_on_the_floor(laboratory: Laboratory, friction: float) -> tuple[float,
     law = linear(
         1e4, tangential_stiffness_newton_per_m=8e3, damping_newton_s_per_m=10.0,
         tangential_damping_newton_s_per_m=10.0, static_friction=friction, sliding_friction=friction,
+        rolling_friction=1e-20,
     )  # fmt: skip
     resolved = laboratory.soil(law, ROOM_M, time_step_s=2e-5)
     floor = SoilEngine(resolved).bed.lower_m[2]
     engine = placed(resolved, [[0.03, 0.0, floor + RADIUS - MASS * GRAVITY / 1e4]], [[0.5, 0.0, 0.0]])
     advance(engine, 5000)
-    return float(engine.velocities_m_per_s()[0, 0]), RADIUS * float(engine.spins_rad_per_s()[0, 1])
+    return float(engine.velocities_m_per_s()[0, 0]), RADIUS * float(
+        engine.angular_velocities_rad_per_s()[0, 1]
+    )
 
 
 @CASES.add("S5a", RIGHT)
@@ -264,7 +267,7 @@ def beds_of_friction(laboratory: Laboratory) -> Outcome:
 @CASES.add("S6", REFUSED)
 def size_ratio(laboratory: Laboratory) -> Outcome:
     """Sizes 1:20."""
-    sizes = {"kind": "uniform", "smallest_radius_m": 0.001, "max_radius_m": 0.02}
+    sizes = {"kind": "uniform", "min_radius_m": 0.001, "max_radius_m": 0.02}
     particles = {"sizes": sizes, "density_kg_per_m3": 1800.0}
     return refused(
         lambda: laboratory.soil(particles=particles, bed={"kind": "dense_random"}),

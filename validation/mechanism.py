@@ -361,8 +361,8 @@ def driven(laboratory: Laboratory, speed: Document, **more: object) -> Mechanism
 def controller_that_jumps(laboratory: Laboratory) -> Outcome:
     """A controller that jumps in speed."""
     controller = {
-        "driver": "drive", "interval_ticks": 20, "lowest_speed_m_per_s": 0.0, "highest_speed_m_per_s": 1.0,
-        "max_acceleration_m_per_s2": 1.0, "law": {"kind": "external"},
+        "driver": "drive", "interval_ticks": 20, "lowest_speed": 0.0, "highest_speed": 1.0,
+        "max_acceleration": 1.0, "law": {"kind": "external"},
     }  # fmt: skip
     engine = driven(laboratory, {"kind": "constant", "value": 0.0}, controller=controller)
     return stopped(

@@ -82,7 +82,7 @@ def above_not_forced(laboratory: Laboratory) -> Outcome:
     for multiple in (1.1, 2.0, 10.0):
         outcome = refused(
             lambda multiple=multiple: scene(laboratory, multiple, "grid", force=False),
-            r"soil.time_step_s: .* above the stable limit .*damping 10 N s/m acting on spin",
+            r"soil.time_step_s: .* above the stable limit .*damping 10 N s/m acting on rotation",
         )
     return outcome
 
@@ -96,7 +96,7 @@ def above_forced(laboratory: Laboratory) -> Outcome:
         resolved = scene(laboratory, multiple, "dense_random")
         outcome = stopped(
             lambda resolved=resolved: dragged(resolved, bed, book=False),
-            "turn round from step to step|overlap|no longer a number|left the domain",
+            "reverse sign from one step to the next|overlap|no longer a number|left the domain",
         )
         words.append(f"{multiple:g}: {outcome.found.split(':')[0]}, {outcome.found.split(': ')[1][:40]}")
         if multiple < 10.0:

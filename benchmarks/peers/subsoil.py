@@ -38,7 +38,7 @@ def run(job: Job) -> Result:
     return Result(
         engine.positions_m(),
         engine.velocities_m_per_s(),
-        engine.spins_rad_per_s(),
+        engine.angular_velocities_rad_per_s(),
         cpu_s,
         engine.state("", 0, 0).rebuild_count - before,
         force if job.plate else None,

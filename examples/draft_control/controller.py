@@ -64,12 +64,12 @@ class DraftControl:
     def command(self, tick: int, state: MechanismState) -> DriverCommand:
         """The speed of the hitch by the end of the next control interval."""
         self._draft += (state.draft_newton - self._draft) * self._interval_s / (FILTER_S + self._interval_s)
-        wished = 0.0
+        requested = 0.0
         if self._draft > ENGAGED_NEWTON:
-            wished = GAIN_M_PER_NEWTON_S * (self._draft - self._targets.at(state.end_time_ns * 1e-9))
-        change = self._keys.max_acceleration_m_per_s2 * self._interval_s
-        reachable = min(max(wished, self._speed - change), self._speed + change)
-        self._speed = min(max(reachable, self._keys.lowest_speed_m_per_s), self._keys.highest_speed_m_per_s)
+            requested = GAIN_M_PER_NEWTON_S * (self._draft - self._targets.at(state.end_time_ns * 1e-9))
+        change = self._keys.max_acceleration * self._interval_s
+        reachable = min(max(requested, self._speed - change), self._speed + change)
+        self._speed = min(max(reachable, self._keys.lowest_speed), self._keys.highest_speed)
         return DriverCommand(state.run_id, tick, self._keys.driver, self._speed)
 
 
@@ -97,10 +97,10 @@ class DraftControlNode(ControllerNode):
     """Says at the end how well the run kept up with the clock."""
 
     def __init__(
-        self, real_time: RealTime | None, controller: DraftControl, run: NodeRun, lifeline: Heartbeat,
+        self, real_time: RealTime | None, controller: DraftControl, run: NodeRun, heartbeat: Heartbeat,
         context: Context | None = None,
     ) -> None:  # fmt: skip
-        super().__init__(real_time or controller, run, lifeline, context)
+        super().__init__(real_time or controller, run, heartbeat, context)
         self._real_time = real_time
 
     def spin(self) -> None:
@@ -111,7 +111,7 @@ class DraftControlNode(ControllerNode):
 
 
 def build(
-    settings: NodeSettings, run: NodeRun, lifeline: Heartbeat, context: Context | None = None
+    settings: NodeSettings, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
 ) -> DraftControlNode:
     """The node, its targets from its parameters."""
     keys = run.resolved.scene.controller
@@ -120,12 +120,12 @@ def build(
     for name, (default, words) in TARGETS.items():
         limits = [FloatingPointRange(from_value=0.0, to_value=LARGEST_TARGET)]
         descriptor = ParameterDescriptor(description=words, floating_point_range=limits, read_only=True)
-        values[name] = lifeline.node.declare_parameter(name, default, descriptor).value
+        values[name] = heartbeat.node.declare_parameter(name, default, descriptor).value
     words = ParameterDescriptor(description="hold the run to the wall clock", read_only=True)
-    paced = lifeline.node.declare_parameter("real_time", False, words).value
+    paced = heartbeat.node.declare_parameter("real_time", False, words).value
     interval_s = keys.interval_ticks * run.resolved.timing.communication_step_s
     control = DraftControl(keys, Targets(**values), interval_s)
-    return DraftControlNode(RealTime(control) if paced else None, control, run, lifeline, context)
+    return DraftControlNode(RealTime(control) if paced else None, control, run, heartbeat, context)
 
 
 if __name__ == "__main__":

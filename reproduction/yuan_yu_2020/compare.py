@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from subsoil_ros.analysis.run_statistics import find_out
+from subsoil_ros.analysis.run_statistics import run_statistics
 from subsoil_ros.analysis.series import read_series
 from subsoil_ros.analysis.window import metrics_window
 from subsoil_ros.api.recorded_run import recorded_run
@@ -92,7 +92,7 @@ def statement_lines(found: tuple[Statement, ...], bullet: str = "") -> list[str]
 
 
 def print_reproduction(table: Reproduction, console: Console | None = None) -> None:
-    """The table for people, and the statements below it."""
+    """The printed table, and the statements below it."""
     console = console or Console(width=None if sys.stdout.isatty() else 180, highlight=False)
     shown = Table(title=f"{table.scene} beside the paper (10 ms moving mean)", title_justify="left")
     for heading in COLUMNS[:-1]:
@@ -146,8 +146,8 @@ def main() -> None:
         bag, resolved = recorded.bag, recorded.resolved
         series = read_series(bag, resolved.scene)
         window = metrics_window(series, resolved.scene)
-        findings = find_out(bag, resolved, series, window)
-        table = reproduction(resolved.scene, resolved.scene_hash, series, window, findings)
+        statistics = run_statistics(bag, resolved, series, window)
+        table = reproduction(resolved.scene, resolved.scene_hash, series, window, statistics)
         recorded.make_directory()
         write_reproduction(table, recorded.directory)
         draw_reproduction(table, recorded.directory / "reproduction.png")

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from subsoil_ros.analysis.disturbance import ZONE_M
-from subsoil_ros.analysis.run_statistics import MOVING_S, Findings, compared_columns
+from subsoil_ros.analysis.run_statistics import MOVING_S, RunStatistics, compared_columns
 from subsoil_ros.analysis.series import Series
 from subsoil_ros.analysis.smoothing import moving_mean
 from subsoil_ros.analysis.spectra import SEGMENTS, SLOWEST
@@ -94,16 +94,16 @@ class Reproduction:
 
 
 def reproduction(
-    scene: Scene, scene_hash: str, series: Series, window: Window, findings: Findings
+    scene: Scene, scene_hash: str, series: Series, window: Window, statistics: RunStatistics
 ) -> Reproduction:
     """The table of a run of the paper's machine; rows whose column the run lacks are left out."""
     levers = levers_of(scene)
     proofs = statements(levers, _speed(scene)) if levers is not None else ()
     rows = [
         *_extreme_rows(scene, series, window),
-        *_period_rows(scene, window, series, findings),
+        *_period_rows(scene, window, series, statistics),
         *_phase_rows(scene, series, window),
-        *_disturbance_rows(findings),
+        *_disturbance_rows(statistics),
     ]
     return Reproduction(scene.name, scene_hash, tuple(rows), proofs)
 
@@ -194,7 +194,7 @@ def _extreme_rows(scene: Scene, series: Series, window: Window) -> Iterator[Row]
         yield height.span("height of the shank's centre of mass", "m", printed.HEIGHT_RANGE_M)
 
 
-def _period_rows(scene: Scene, window: Window, series: Series, findings: Findings) -> Iterator[Row]:
+def _period_rows(scene: Scene, window: Window, series: Series, statistics: RunStatistics) -> Iterator[Row]:
     times = series["time_s"][window.rows]
     length_s = float(times[-1] - times[0])
     spring, shank = scene.report.spring, scene.report.shank
@@ -204,7 +204,7 @@ def _period_rows(scene: Scene, window: Window, series: Series, findings: Finding
         ("period of the entry angle", f"body.{shank}.angle_rad", printed.PERIOD_S),
         ("period of the height", f"body.{shank}.z_m", printed.PERIOD_S),
     ):
-        found = findings.spectra.get(name)
+        found = statistics.spectra.get(name)
         if found is None:
             continue
         half = 0.5 * found.resolution_hz
@@ -247,8 +247,8 @@ def phase(scene: Scene, series: Series, window: Window) -> float | None:
     return float(np.corrcoef(one, two)[0, 1])
 
 
-def _disturbance_rows(findings: Findings) -> Iterator[Row]:
-    found = findings.disturbance
+def _disturbance_rows(statistics: RunStatistics) -> Iterator[Row]:
+    found = statistics.disturbance
     if found is None or found.speeds is None:
         return
     speeds = found.speeds

@@ -35,7 +35,7 @@ def statements(levers: Levers, speed_m_per_s: float) -> tuple[Statement, ...]:
         _phase(levers),
         _offset(levers),
         _height(levers),
-        _rhythm(levers),
+        _frequency(levers),
         _energy(levers, speed_m_per_s),
     )
 
@@ -136,7 +136,7 @@ def _height(levers: Levers) -> Statement:
     )
 
 
-def _rhythm(levers: Levers) -> Statement:
+def _frequency(levers: Levers) -> Statement:
     frequency = 1.0 / printed.PERIOD_S
     needed = levers.inertia_kg_m2 * (2.0 * math.pi * frequency) ** 2
     return Statement(
@@ -144,7 +144,7 @@ def _rhythm(levers: Levers) -> Statement:
         f"the shank swings on this spring at {levers.frequency_hz:.1f} Hz; {frequency:g} Hz needs "
         f"{needed:.0f} N m/rad instead of {levers.stiffness_newton_m_per_rad:.0f}, and "
         f"{printed.SPRING_NEWTON[1] * levers.spring_arm_m:.0f} N m would turn it by "
-        f"{printed.SPRING_NEWTON[1] * levers.spring_arm_m / needed:.1f} rad: the rhythm is not the spring's",
+        f"{printed.SPRING_NEWTON[1] * levers.spring_arm_m / needed:.1f} rad: the period is not the spring's",
         levers.frequency_hz,
         frequency,
         "Hz",

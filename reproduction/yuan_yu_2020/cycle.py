@@ -7,7 +7,7 @@ Takes the runs that are finished, starts none. Leaves in --results (results/cycl
 cases.csv       one row for each run: draft, swing, cycles, spectrum, residual, overlaps
 cases.md        the same for reading, one row for each case; intervals of 95 % from the scatter between seeds
 thresholds.csv  travel between failures by the prominence that counts as one
-rhythm.csv      sprung shank against the locked one's record passed through the linear shank
+frequency.csv   sprung shank against the locked one's record passed through the linear shank
 saving.json     sprung less locked draft, bed by bed
 """
 
@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from benchmarks.kept_runs import write_rows
+from benchmarks.run_cache import write_rows
 from subsoil_ros.analysis.failure_cycles import SMOOTHED_S
 from subsoil_ros.analysis.intervals import paired_difference, t_quantile
 from subsoil_ros.analysis.run_statistics import MOVING_S
@@ -29,8 +29,8 @@ from subsoil_ros.analysis.window import tip_path_m
 from subsoil_ros.recording.joined import open_record
 
 from . import RESULTS
+from .cycle_frequency import frequency_rows
 from .cycle_record import ANGLE, QUANTILES, SPRING, Run, Values, quantile_range
-from .cycle_rhythm import rhythm_rows
 from .cycle_runs import cases, find_case
 
 THRESHOLDS = (0.5, 1.0, 1.5)
@@ -65,9 +65,9 @@ def overlaps(run: Run) -> dict[str, float]:
     return {
         "overlap_in_work_99_percent": float(in_work),
         "overlap_at_tip_99_percent": float(at_tip),
-        "largest_overlap_mean": float(largest.mean()),
-        "largest_overlap_most": float(largest.max()),
-        "largest_tool_overlap": float(run.series["soil.max_tool_overlap_m"][run.rows].max()) / radius,
+        "max_overlap_mean": float(largest.mean()),
+        "max_overlap": float(largest.max()),
+        "max_tool_overlap": float(run.series["soil.max_tool_overlap_m"][run.rows].max()) / radius,
     }
 
 
@@ -82,7 +82,7 @@ def case_row(run: Run) -> dict[str, Any]:
     row: dict[str, Any] = {
         "case": run.case.name,
         "seed": run.case.seed,
-        "particles": run.summary["particle_count"],
+        "particles": run.summary["particles.count"],
         "draft_mean_newton": run.draft_mean_newton,
         "draft_deviation_newton": float(run.column("draft_newton", SMOOTHED_S).std()),
         "draft_1_percent_newton": float(low),
@@ -105,10 +105,10 @@ def case_row(run: Run) -> dict[str, Any]:
         "strongest_hz": float(frequency[1 + np.argmax(density[1:])]),
         "resolution_hz": float(frequency[1]),
         "tip_depth_m": -float(path[1][run.rows].mean()),
-        "residual_ratio": run.summary["interface_residual_ratio"],
+        "residual_ratio": run.summary["energy.residual_ratio"],
         **overlaps(run),
-        "wall_s": run.summary["wall_s"],
-        "scene_hash": run.summary["scene_hash"],
+        "wall_s": run.summary["run.wall_s"],
+        "scene_hash": run.summary["scene.hash"],
     }
 
 
@@ -168,7 +168,7 @@ def case_table(rows: Sequence[dict[str, Any]]) -> str:
             f"{mean('soil_lifts_share_newton'):.0f}",
             f"{mean('residual_ratio'):.0e}",
             f"{100.0 * mean('overlap_in_work_99_percent'):.1f}, "
-            f"{100.0 * mean('overlap_at_tip_99_percent'):.0f}; {100.0 * mean('largest_overlap_most'):.0f} %",
+            f"{100.0 * mean('overlap_at_tip_99_percent'):.0f}; {100.0 * mean('max_overlap'):.0f} %",
         )
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
@@ -218,9 +218,9 @@ def main() -> None:
     sprung = {run.case.seed: run for run in runs if run.case.name == "as declared"}
     locked = {run.case.seed: run for run in runs if run.case.locked}
     seeds = sorted(sprung.keys() & locked.keys())
-    rows = rhythm_rows([sprung[seed] for seed in seeds], [locked[seed] for seed in seeds])
+    rows = frequency_rows([sprung[seed] for seed in seeds], [locked[seed] for seed in seeds])
     columns = dict.fromkeys(key for row in rows for key in row)
-    write_rows(args.results / "rhythm.csv", [columns | row for row in rows])
+    write_rows(args.results / "frequency.csv", [columns | row for row in rows])
     saving = paired_difference(
         *([runs[seed].draft_mean_newton for seed in seeds] for runs in (sprung, locked))
     )

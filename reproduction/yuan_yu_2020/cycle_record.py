@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import periodogram
 
-from benchmarks.kept_runs import Summary
+from benchmarks.run_cache import Summary
 from subsoil_ros.analysis.failure_cycles import SMOOTHED_S, FailureCycles, failure_cycles
 from subsoil_ros.analysis.series import Series, read_series_csv
 from subsoil_ros.analysis.smoothing import moving_mean, step_s

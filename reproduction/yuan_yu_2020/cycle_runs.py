@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmarks.kept_runs import FailedRun, Summary, find_kept_run, kept_run, write_scene
+from benchmarks.run_cache import FailedRun, Summary, find_kept_run, kept_run, write_scene
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.yaml_document import Document
 
@@ -105,7 +105,7 @@ def _wheels_on_the_bed() -> Document:
     height, still = 0.19, {"velocity_m_per_s": [0.0, 0.0]}
     wheel = {**still, "angular_velocity_rad_per_s": 0.0, "position_m": [0.55, height]}
     axle = {"point_m": [0.55, height]}
-    tool = {"share": False, "groups": {"tread": {"mesh": TREAD, "position_m": [0.55, 0.0, height]}}}
+    tool = {"role": "wheel", "groups": {"tread": {"mesh": TREAD, "position_m": [0.55, 0.0, height]}}}
     others = ("shank", "lower_link", "trolley", "upper_link", "frame")
     speed = {"kind": "table", "times_s": [0.0, 0.4, 0.5], "values": [0.0, 0.0, 0.5]}
     chain = {
@@ -226,7 +226,8 @@ def main() -> None:
             print(f"{case.key}: {error}", file=sys.stderr, flush=True)
             return False
         print(
-            f"{case.key}: {found['draft_newton_mean']:.0f} N, {found['wall_s']:.0f} s, {found['folder']}",
+            f"{case.key}: {found['series.draft_newton.mean']:.0f} N, {found['run.wall_s']:.0f} s, "
+            f"{found['folder']}",
             flush=True,
         )
         return True

@@ -31,7 +31,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.kept_runs import FailedRun, Summary, kept_run, read_rows, write_rows, write_scene
+from benchmarks.run_cache import FailedRun, Summary, kept_run, read_rows, write_rows, write_scene
 from subsoil_ros.analysis.intervals import Interval, mean_interval
 from subsoil_ros.figures.plotting import COLOURS, new_figure, save_figure
 from subsoil_ros.loading.loader import load_scene
@@ -142,8 +142,8 @@ def angles(args: argparse.Namespace) -> None:
                 {
                     "angle_rad": angle,
                     "seed": seed,
-                    "draft_newton": found["draft_newton_mean"],
-                    "tip_depth_m": found["tip_depth_m_mean"],
+                    "draft_newton": found["series.draft_newton.mean"],
+                    "tip_depth_m": found["loads.tip_depth_m.mean"],
                 }
             )
     write_rows(args.out / "angles.csv", rows)
@@ -169,7 +169,7 @@ def exchange(args: argparse.Namespace) -> None:
                 sprung = kept_run(SCENE, args.out / "runs", given)
                 angle = mean_angle_rad(sprung, load_scene(SCENE, given))
                 locked = locked_at(angle, seed, args.out, (*timing, *more))
-                return sprung["draft_newton_mean"], locked["draft_newton_mean"]
+                return sprung["series.draft_newton.mean"], locked["series.draft_newton.mean"]
 
             rows += judged({"spring": name, "interval_s": 1e-9 * communication_step_ns}, pair, seeds)
     write_rows(args.out / "exchange.csv", rows)
@@ -188,7 +188,8 @@ def particles(args: argparse.Namespace) -> None:
 
         def pair(seed: int, more: tuple[str, ...], changes: Changes = changes) -> Pair:
             found = run_seed(path, [*changes, *more], seed, args.out / "particles", threads=1)
-            return found["sprung"]["draft_newton_mean"], found["locked, mean angle"]["draft_newton_mean"]
+            drafts = {name: one["series.draft_newton.mean"] for name, one in found.items()}
+            return drafts["sprung"], drafts["locked, mean angle"]
 
         rows += judged({"exchange": name}, pair, seeds)
     write_rows(args.out / "particles.csv", rows)
@@ -249,7 +250,7 @@ def at_own_angle(out: Path) -> list[dict[str, Any]]:
         spring = tuple(float(row[key]) for key in row if key.startswith(SPRING))
         angle = mean_angle_rad(row, resolved)
         at, drafts = np.array(sorted(locked[int(row["seed"])])).T
-        draft = float(row["draft_newton_mean"])
+        draft = float(row["series.draft_newton.mean"])
         found[spring].append((angle, draft, float(np.interp(angle, at, drafts, math.nan, math.nan))))
     rows = []
     for spring, runs in found.items():

@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from benchmarks.kept_runs import kept_run, write_rows
+from benchmarks.run_cache import kept_run, write_rows
 from subsoil_ros.figures.plotting import COLOURS, new_figure, save_figure
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.scene.meshes import load_tool_mesh
@@ -75,11 +75,11 @@ def run_cases(out: Path, radius_m: float, overrides: list[str], threads: int) ->
             {
                 "depth_m": depth,
                 "speed_m_per_s": speed,
-                "draft_newton": found["draft_newton_mean"],
-                "half_width_newton": found.get("steady.draft_newton_mean_half_width"),
-                "drift": found.get("steady.draft_newton_verdict"),
+                "draft_newton": found["series.draft_newton.mean"],
+                "half_width_newton": found.get("series.draft_newton.stationarity.mean_half_width"),
+                "drift": found.get("series.draft_newton.stationarity.verdict"),
                 **formulas(depth, speed),
-                "scene_hash": found["scene_hash"],
+                "scene_hash": found["scene.hash"],
             }
         )
         print(json.dumps(rows[-1]), flush=True)

@@ -23,7 +23,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from benchmarks.kept_runs import Summary, kept_run, write_scene
+from benchmarks.run_cache import Summary, kept_run, write_scene
 from subsoil_ros.analysis.intervals import PairedDifference, paired_difference
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 
@@ -41,12 +41,12 @@ LEAST_SEEDS = 3
 """An interval of two pairs is 13 standard errors wide."""
 
 COMPARED = {
-    "draft_newton_mean": "mean draft [N]",
-    "draft_newton_10ms_min": "least draft, 10 ms mean [N]",
-    "draft_newton_10ms_max": "largest draft, 10 ms mean [N]",
-    "specific.energy_joule_per_m": "energy [J/m]",
-    "specific.energy_joule_per_m3": "energy per loosened volume [J/m3]",
-    "tip_depth_m_mean": "mean depth of the tip [m]",
+    "series.draft_newton.mean": "mean draft [N]",
+    "series.draft_newton.moving_10ms.min": "least draft, 10 ms mean [N]",
+    "series.draft_newton.moving_10ms.max": "largest draft, 10 ms mean [N]",
+    "loads.specific.energy_joule_per_m": "energy [J/m]",
+    "loads.specific.energy_joule_per_m3": "energy per loosened volume [J/m3]",
+    "loads.tip_depth_m.mean": "mean depth of the tip [m]",
 }
 
 
@@ -65,12 +65,12 @@ def bed_overrides(resolved: ResolvedScene, seed: int) -> list[str]:
 def mean_angle_rad(summary: Mapping[str, Any], resolved: ResolvedScene) -> float:
     """Mean angle of the shank against the frame over the window, zero in the reference pose.
 
-    Of a summary, or of a row of a sweep's table, whose numbers are text.
+    Of a flattened summary, or of a row of a sweep's table, whose numbers are text.
     """
     shank, frame = shank_and_frame(resolved.scene)
     assert resolved.scene.mechanism is not None
     bodies = resolved.scene.mechanism.bodies
-    means = {name: float(summary[f"body.{name}.angle_rad_mean"]) for name in (shank, frame)}
+    means = {name: float(summary[f"series.body.{name}.angle_rad.mean"]) for name in (shank, frame)}
     return (means[shank] - bodies[shank].angle_rad) - (means[frame] - bodies[frame].angle_rad)
 
 
@@ -81,7 +81,7 @@ def run_seed(scene: Path, overrides: list[str], seed: int, out: Path, threads: i
     resolved = load_scene(scene, [*overrides, *bed])
     runs = out / "runs"
     sprung = kept_run(scene, runs, [*overrides, *bed], threads)
-    if sprung["window"]["whole_run"]:
+    if sprung["window.whole_run"]:
         raise SystemExit(f"{scene}: ends before its metrics window begins, so its mean draft is of the entry")
     found = {"sprung": sprung}
     for name, angle in (
@@ -122,7 +122,7 @@ def markdown(scene: str, scene_hash: str, table: dict[str, dict[str, PairedDiffe
                 f"| {found.difference:+.4g} "
                 f"+- {half} | {found.pair_count} |"
             )
-        draft = rows["draft_newton_mean"]
+        draft = rows["series.draft_newton.mean"]
         resolved = "resolved" if draft.resolved(BOUND) else f"not resolved to {100.0 * BOUND:g} %"
         lines += ["", f"Saving of mean draft {100.0 * draft.saving:+.1f} "
                   f"+- {100.0 * draft.saving_half_width:.1f} %: "
@@ -146,7 +146,7 @@ def main() -> None:
     for seed in range(args.most_seeds):
         seeds.append(run_seed(args.scene, args.overrides, seed, args.out, args.threads))
         table = compare(seeds)
-        drafts = [rows["draft_newton_mean"] for rows in table.values()]
+        drafts = [rows["series.draft_newton.mean"] for rows in table.values()]
         shown = ", ".join(f"{100.0 * d.saving:+.1f} +- {100.0 * d.saving_half_width:.1f} %" for d in drafts)
         print(f"seed {seed}: saving {shown}", flush=True)
         if len(seeds) >= LEAST_SEEDS and all(found.resolved(BOUND) for found in drafts):

@@ -3,7 +3,7 @@
     python -m reproduction.yuan_yu_2020.fit_machine [--stage NAME ...] [--only NAME=VALUE ...] [--out DIR]
 
 statics   spring and its lever in closed form, held against their ranges; no run
-reduced   depth, damping and start on the wedge model; seconds a run
+wedge     depth, damping and start on the wedge model; seconds a run
 coarse    depth, friction limit and start with larger particles and wheels on plain ground; minutes a run
 full      the best of the coarse stage in the paper's bin, bag, tables and figures kept; half an hour on
           two cores: only when asked for by name
@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from benchmarks.kept_runs import FailedRun, Summary, kept_run, write_rows, write_scene
+from benchmarks.run_cache import FailedRun, Summary, kept_run, write_rows, write_scene
 from subsoil_ros.errors import SubsoilError
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.yaml_document import Document
@@ -37,7 +37,7 @@ from .machine_variants import at_depth, at_rest, coarse_soil, on_plain_ground
 Parameters = dict[str, Any]
 
 FIT = HERE / "fit_ranges.yaml"
-REDUCED = SCENES / "subsoiler_1s300_wedge.yaml"
+WEDGE = SCENES / "subsoiler_1s300_wedge.yaml"
 
 DEPTHS_M = (0.18, 0.22, 0.26, 0.30)
 """Looked at (chosen: the range of the parameter up to the scene's first depth)."""
@@ -64,7 +64,7 @@ def targets() -> dict[str, float]:
     return {
         quantity: printed.value(quantity)
         for quantity in printed.REFERENCE.values
-        if quantity != "cycle.time_s_mean"
+        if quantity != "failure_cycles.time_s.mean"
     }
 
 
@@ -151,7 +151,7 @@ def run_all(
     for parameters, path in cases:
         try:
             summary = kept_run(path, out / "runs", (), threads, keep_bag=keep_bag)
-            rows.append({**parameters, **score(summary), "scene_hash": summary["scene_hash"]})
+            rows.append({**parameters, **score(summary), "scene_hash": summary["scene.hash"]})
         except (FailedRun, SubsoilError) as error:
             print(f"{path.stem}: {error}", flush=True)
             continue
@@ -163,17 +163,17 @@ def run_all(
 
 
 def parameter_sets(name: str, ranges: dict[str, Any], out: Path) -> list[Parameters]:
-    """What a stage looks at: the damping on wedge model, then its best; the best of all in the full bin."""
+    """What a stage varies: the damping on the wedge model, then its best; the best of all in the full bin."""
     if name == "full":
         return [json.loads((out / "coarse.json").read_text(encoding="utf-8"))[0]]
     dampings: Sequence[float] = DAMPINGS
     frictions = ranges["parameters"]["friction_normal"]["choices"]
-    if name == "reduced":
+    if name == "wedge":
         frictions = ["total"]  # the limit that the wedge model was fitted to
     else:
-        reduced = out / "reduced.json"
+        wedge = out / "wedge.json"
         dampings = (
-            [json.loads(reduced.read_text(encoding="utf-8"))[0]["damping"]] if reduced.is_file() else [1000.0]
+            [json.loads(wedge.read_text(encoding="utf-8"))[0]["damping"]] if wedge.is_file() else [1000.0]
         )
     return [
         {"depth_m": depth, "friction_normal": friction, "start": start, "damping": damping}
@@ -193,7 +193,7 @@ def chosen(sets: list[Parameters], only: Sequence[str]) -> list[Parameters]:
 def stage(name: str, ranges: dict[str, Any], out: Path, args: argparse.Namespace) -> list[Parameters]:
     """One stage with runs."""
     radius_m = args.radius if name == "coarse" else None
-    scene = REDUCED if name == "reduced" else (FIT.parent / str(ranges["scene"])).resolve()
+    scene = WEDGE if name == "wedge" else (FIT.parent / str(ranges["scene"])).resolve()
     cases = [
         (
             parameters,
@@ -212,8 +212,8 @@ def main() -> None:
     parser.add_argument(
         "--stage",
         nargs="+",
-        choices=("statics", "reduced", "coarse", "full"),
-        default=["statics", "reduced", "coarse"],
+        choices=("statics", "wedge", "coarse", "full"),
+        default=["statics", "wedge", "coarse"],
     )
     parser.add_argument("--out", type=Path, default=Path("runs/fit_machine"))
     parser.add_argument(

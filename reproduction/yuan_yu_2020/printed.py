@@ -8,18 +8,22 @@ REFERENCE = read_reference(CONFIG / "references" / "yuan_yu_2020.yaml")
 
 
 def value(quantity: str) -> float:
-    """The printed value of a quantity of summary.json."""
+    """The printed value of a quantity, by its dotted path in summary.json."""
     found = REFERENCE.values[quantity].value
     assert found is not None
     return found
 
 
-DRAFT_CYCLE_NEWTON = (value("draft_newton_10ms_min"), value("draft_newton_10ms_max"))
-DRAFT_NEWTON = (value("run.draft_newton_10ms_min"), value("run.draft_newton_10ms_max"))
-DRAFT_PERIOD_S = value("cycle.time_s_mean")
+DRAFT_CYCLE_NEWTON = (
+    value("series.draft_newton.moving_10ms.min"),
+    value("series.draft_newton.moving_10ms.max"),
+)
+_DRAFT = "series.draft_newton.run.moving_10ms"
+DRAFT_NEWTON = (value(f"{_DRAFT}.min"), value(f"{_DRAFT}.max"))
+DRAFT_PERIOD_S = value("failure_cycles.time_s.mean")
 PERIOD_S = 1.0  # of spring, angle and height
 SPEED_M_PER_S = 0.5
-_SPRING = "run.spring.H9_spring.force_newton_10ms"
-SPRING_NEWTON = (value(f"{_SPRING}_min"), value(f"{_SPRING}_max"))
-ANGLE_RANGE_RAD = value("run.body.shank.angle_rad_10ms_range")
-HEIGHT_RANGE_M = value("run.body.shank.z_m_10ms_range")
+_SPRING = "series.spring.H9_spring.force_newton.run.moving_10ms"
+SPRING_NEWTON = (value(f"{_SPRING}.min"), value(f"{_SPRING}.max"))
+ANGLE_RANGE_RAD = value("series.body.shank.angle_rad.run.moving_10ms.range")
+HEIGHT_RANGE_M = value("series.body.shank.z_m.run.moving_10ms.range")

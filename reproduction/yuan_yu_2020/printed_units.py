@@ -11,7 +11,7 @@ import argparse
 import json
 from pathlib import Path
 
-from benchmarks.kept_runs import Summary, kept_run
+from benchmarks.run_cache import Summary, kept_run
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.scene.bed_spacing import rest_spacing_m
 from subsoil_ros.scene.pairs import pair_values
@@ -42,15 +42,15 @@ def figures(resolved: ResolvedScene, summary: Summary) -> dict[str, float]:
     pair, _ = pair_values(soil)
     spacing = rest_spacing_m(soil)
     return {
-        "draft mean [N]": summary["run.draft_newton_mean"],
-        "draft largest [N]": summary["run.draft_newton_max"],
+        "draft mean [N]": summary["series.draft_newton.run.mean"],
+        "draft largest [N]": summary["series.draft_newton.run.max"],
         "soil step [s]": resolved.timing.soil_step_s,
         "steps of the full scene": FULL_S / resolved.timing.soil_step_s,
         "pull of a pair [N]": pair.peak_attraction,
         "pull over spacing squared [Pa]": pair.peak_attraction / spacing**2,
-        "particles": summary["particle_count"],
-        "steps": summary["steps"],
-        "wall [s]": summary["wall_s"],
+        "particles": summary["particles.count"],
+        "steps": summary["run.steps"],
+        "wall [s]": summary["run.wall_s"],
     }
 
 

@@ -50,7 +50,11 @@ def ship(run: Path, name: str, command: str, figures: Sequence[str]) -> Path:
     provenance = {
         "command": command,
         "commit": commit,
-        **{key: summary[key] for key in ("scene", "scene_hash", "particle_count", "wall_s", "window")},
+        "scene": summary["scene"]["name"],
+        "scene_hash": summary["scene"]["hash"],
+        "particle_count": summary["particles"]["count"],
+        "wall_s": summary["run"]["wall_s"],
+        "window": summary["window"],
     }
     (target / "provenance.json").write_text(json.dumps(provenance, indent=1) + "\n", encoding="utf-8")
     return target

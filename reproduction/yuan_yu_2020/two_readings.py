@@ -19,8 +19,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.kept_runs import FailedRun, Summary, kept_run, write_rows, write_scene
+from benchmarks.run_cache import FailedRun, Summary, kept_run, write_rows, write_scene
 from subsoil_ros.analysis.dead_centre import past_dead_centre_s
+from subsoil_ros.analysis.run_statistics import MOVING
 from subsoil_ros.analysis.series import read_series_csv
 from subsoil_ros.errors import SubsoilError
 from subsoil_ros.loading.loader import load_scene
@@ -44,10 +45,10 @@ INSIDE_M = 0.7
 """Before the end of the bin (prototypes: drafts rise from there on)."""
 
 PERIODS_S = (0.4, 2.0)
-"""Of a rhythm of the paper's kind (chosen around 0.5 and 1 s)."""
+"""Of a cycle of the paper's kind (chosen around 0.5 and 1 s)."""
 
 REGULAR = 0.5
-"""Correlation of the draft with itself a period later from which there is a rhythm (chosen: a sine has 1, 40
+"""Correlation of the draft with itself a period later from which it is periodic (chosen: a sine has 1, 40
 records of red noise with correlation times of 0.01 to 0.2 s had up to 0.5)."""
 
 RANGE_PART = 0.5
@@ -116,34 +117,35 @@ def scene_of(case: Case, out: Path, coarse_radius_m: float | None) -> Path:
 def judge(case: Case, scene: Path, summary: Summary) -> dict[str, Any]:
     """One row of the verdict table; `scene` is the file that the summary is of."""
 
-    def span(prefix: str, name: str) -> float:
-        return float(summary[f"{prefix}{name}_10ms_max"] - summary[f"{prefix}{name}_10ms_min"])
+    def moving(name: str, measure: str, part: str = "") -> float:
+        return float(summary[f"series.{name}{part}.{MOVING}.{measure}"])
 
     series = read_series_csv(Path(summary["folder"]) / "series.csv")
     times = series["time_s"]
-    inside = (times >= summary["window"]["start_s"]) & (times <= summary["window"]["end_s"])
-    period_s, regularity = rhythm(times[inside], series["draft_newton"][inside])
+    inside = (times >= summary["window.start_s"]) & (times <= summary["window.end_s"])
+    period_s, regularity = repeat_period(times[inside], series["draft_newton"][inside])
+    steady = "series.draft_newton.stationarity"
     row = {
         **case._asdict(),
-        "draft_mean_newton": summary["draft_newton_mean"],
-        "draft_half_width_newton": summary.get("steady.draft_newton_mean_half_width"),
-        "drift": summary.get("steady.draft_newton_verdict", ""),
-        "drift_over_window": summary.get("steady.draft_newton_drift"),
-        "draft_min_newton": summary["draft_newton_10ms_min"],
-        "draft_max_newton": summary["draft_newton_10ms_max"],
-        "run_draft_min_newton": summary["run.draft_newton_10ms_min"],
-        "run_draft_max_newton": summary["run.draft_newton_10ms_max"],
+        "draft_mean_newton": summary["series.draft_newton.mean"],
+        "draft_half_width_newton": summary.get(f"{steady}.mean_half_width"),
+        "drift": summary.get(f"{steady}.verdict", ""),
+        "drift_over_window": summary.get(f"{steady}.drift"),
+        "draft_min_newton": moving("draft_newton", "min"),
+        "draft_max_newton": moving("draft_newton", "max"),
+        "run_draft_min_newton": moving("draft_newton", "min", ".run"),
+        "run_draft_max_newton": moving("draft_newton", "max", ".run"),
         "period_s": period_s,
         "regularity": regularity,
-        "spring_range_newton": span("", SPRING),
-        "run_spring_range_newton": span("run.", SPRING),
-        "spring_min_newton": summary[f"{SPRING}_10ms_min"],
-        "angle_range_rad": span("", ANGLE),
-        "run_angle_range_rad": span("run.", ANGLE),
-        "height_range_m": span("", HEIGHT),
-        "run_height_range_m": span("run.", HEIGHT),
+        "spring_range_newton": moving(SPRING, "range"),
+        "run_spring_range_newton": moving(SPRING, "range", ".run"),
+        "spring_min_newton": moving(SPRING, "min"),
+        "angle_range_rad": moving(ANGLE, "range"),
+        "run_angle_range_rad": moving(ANGLE, "range", ".run"),
+        "height_range_m": moving(HEIGHT, "range"),
+        "run_height_range_m": moving(HEIGHT, "range", ".run"),
         "folded_s": past_dead_centre_s(load_scene(scene).scene, series.columns),
-        "scene_hash": summary["scene_hash"],
+        "scene_hash": summary["scene.hash"],
     }
     swing = printed.ANGLE_RANGE_RAD
     if row["folded_s"] is not None:
@@ -151,7 +153,7 @@ def judge(case: Case, scene: Path, summary: Summary) -> dict[str, Any]:
     elif row["angle_range_rad"] < RANGE_PART * swing:
         row["work"] = "quiet"
     elif regularity < REGULAR:
-        row["work"] = "swings without a rhythm"
+        row["work"] = "swings without a period"
     elif not PERIODS_S[0] <= period_s <= PERIODS_S[1]:
         row["work"] = f"cycle of {period_s:.2f} s"
     else:
@@ -164,7 +166,7 @@ def judge(case: Case, scene: Path, summary: Summary) -> dict[str, Any]:
     return row
 
 
-def rhythm(times_s: np.ndarray, values: np.ndarray) -> tuple[float, float]:
+def repeat_period(times_s: np.ndarray, values: np.ndarray) -> tuple[float, float]:
     """Lag of the first high peak of the autocorrelation after its first zero [s], and its height.
 
     High: nine tenths of the highest. About the trend; each lag divided by the number of its products. The

@@ -100,22 +100,22 @@ class Disturbance:
         return float(risen.sum(axis=0).mean() * self.lift.cell_m)
 
     def metrics(self) -> dict[str, float]:
-        """Flat, with units in the names."""
+        """Return the metrics for summary.json, units in the names."""
         found = {
-            "disturbance.slab_start_m": self.slab_m[0],
-            "disturbance.slab_end_m": self.slab_m[1],
-            "disturbance.moved_fraction": self.moved_fraction,
-            "disturbance.area_m2": self.area_m2,
-            "disturbance.surface_width_m": self.surface_width_m,
-            "disturbance.lift_max_m": self.max_lift_m,
-            "disturbance.lifted_area_m2": self.lifted_area_m2,
+            "slab_start_m": self.slab_m[0],
+            "slab_end_m": self.slab_m[1],
+            "moved_fraction": self.moved_fraction,
+            "area_m2": self.area_m2,
+            "surface_width_m": self.surface_width_m,
+            "lift_max_m": self.max_lift_m,
+            "lifted_area_m2": self.lifted_area_m2,
         }
         if self.speeds is not None:
-            found["disturbance.tip_speed_m_per_s"] = self.speeds.tip
-            found["disturbance.blade_speed_m_per_s"] = self.speeds.blade
+            found["tip_speed_m_per_s"] = self.speeds.tip
+            found["blade_speed_m_per_s"] = self.speeds.blade
             for k in range(ZONES):
-                found[f"disturbance.ahead_{k}_speed_m_per_s"] = self.speeds.ahead[k]
-                found[f"disturbance.aside_{k}_speed_m_per_s"] = self.speeds.aside[k]
+                found[f"ahead_{k}_speed_m_per_s"] = self.speeds.ahead[k]
+                found[f"aside_{k}_speed_m_per_s"] = self.speeds.aside[k]
         return found
 
 

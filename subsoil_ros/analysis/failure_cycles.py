@@ -10,6 +10,7 @@ the result.
 import itertools
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,18 +50,19 @@ class FailureCycles:
         """Mean travel between failures with its 95 % interval [m]."""
         return mean_interval(self.travel_m.tolist())
 
-    def metrics(self) -> dict[str, float]:
+    def metrics(self) -> dict[str, Any]:
         """Return the metrics for summary.json, units in the names."""
         return {
-            "cycle.count": float(self.count),
-            "cycle.threshold_newton": self.threshold_newton,
-            "cycle.travel_m_mean": self.travel.mean,
-            "cycle.travel_m_half_width": self.travel.half_width,
-            "cycle.travel_m_deviation": float(self.travel_m.std(ddof=1)),
-            "cycle.time_s_mean": float(self.time_s.mean()),
-            "cycle.time_s_deviation": float(self.time_s.std(ddof=1)),
-            "cycle.loading_fraction": self.loading_fraction,
-            "cycle.unloading_over_loading": self.unloading_over_loading,
+            "count": self.count,
+            "threshold_newton": self.threshold_newton,
+            "travel_m": {
+                "mean": self.travel.mean,
+                "half_width": self.travel.half_width,
+                "deviation": float(self.travel_m.std(ddof=1)),
+            },
+            "time_s": {"mean": float(self.time_s.mean()), "deviation": float(self.time_s.std(ddof=1))},
+            "loading_fraction": self.loading_fraction,
+            "unloading_over_loading": self.unloading_over_loading,
         }
 
 

@@ -19,7 +19,7 @@ EXPONENT = 5.0
 2012)."""
 
 REFERENCE_HZ = 1.0
-"""f: cycles per second of the equivalent range (chosen: the rhythm that the paper prints)."""
+"""f: cycles per second of the equivalent range (chosen: the frequency that the paper prints)."""
 
 
 @dataclass(frozen=True)

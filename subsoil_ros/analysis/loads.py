@@ -8,6 +8,7 @@ Power is what the soil takes of each tool, -(F v + M w), and what the draft's dr
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,36 +27,38 @@ Values = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Loads:
-    """Flat metrics by name, units in the names, and the columns (n,) over the window that made them."""
+    """Metrics as summary.json holds them, units in the names, and the columns (n,) over the window that
+    made them, by GROUP.NAME.
+    """
 
-    metrics: dict[str, float]
+    metrics: dict[str, Any]
     columns: dict[str, Values]
 
 
 def loads_of(series: Series, resolved: ResolvedScene, window: Window) -> Loads:
     """Of a run's window; what the scene does not have is absent."""
     scene, rows = resolved.scene, window.rows
-    columns = {**_vertical(series, scene), **_power(series, scene)}
-    columns = {name: values[rows] for name, values in columns.items()}
-    metrics: dict[str, float] = {}
+    groups = {"vertical": _vertical(series, scene), "power": _power(series, scene)}
+    columns = {
+        f"{group}.{name}": values[rows] for group, found in groups.items() for name, values in found.items()
+    }
+    metrics: dict[str, Any] = {
+        group: {name: _statistics(values[rows]) for name, values in found.items()}
+        for group, found in groups.items()
+    }
     if scene.mechanism is not None:
         weight = scene.gravity_m_per_s2 * sum(body.mass_kg for body in scene.mechanism.bodies.values())
-        metrics["vertical.weight_newton"] = weight
-        carried = sum(
-            float(values.mean()) for name, values in columns.items() if name.startswith("vertical.")
-        )
-        metrics["vertical.rest_newton"] = weight - carried
-    for name, values in columns.items():
-        metrics[f"{name}_mean"] = float(values.mean())
-        metrics[f"{name}_min"] = float(values.min())
-        metrics[f"{name}_max"] = float(values.max())
+        carried = sum(found["mean"] for found in metrics["vertical"].values())
+        metrics["vertical"] |= {"weight_newton": weight, "rest_newton": weight - carried}
     path = tip_path_m(series, scene)
     if path is not None and scene.soil is not None:
-        depth = -path[1][rows]
-        metrics["tip_depth_m_mean"] = float(depth.mean())
-        metrics["tip_depth_m_min"], metrics["tip_depth_m_max"] = float(depth.min()), float(depth.max())
-    metrics.update(_specific(series, resolved, window))
+        metrics["tip_depth_m"] = _statistics(-path[1][rows])
+    metrics["specific"] = _specific(series, resolved, window)
     return Loads(metrics, columns)
+
+
+def _statistics(values: Values) -> dict[str, float]:
+    return {"mean": float(values.mean()), "min": float(values.min()), "max": float(values.max())}
 
 
 def draft_work(series: Series, scene: Scene, rows: NDArray[np.bool_]) -> tuple[float, float] | None:
@@ -120,20 +123,20 @@ def _vertical(series: Series, scene: Scene) -> dict[str, Values]:
             parts["hitch"].append(series[f"joint.{name}.force_z_newton"])
         elif getattr(joint, "body_b", None) == GROUND:
             parts["hitch"].append(-series[f"joint.{name}.force_z_newton"])
-    return {f"vertical.{part}_newton": np.sum(found, axis=0) for part, found in parts.items() if found}
+    return {f"{part}_newton": np.sum(found, axis=0) for part, found in parts.items() if found}
 
 
 def _power(series: Series, scene: Scene) -> dict[str, Values]:
     found: dict[str, Values] = {}
     speed = _driven_speed(series, scene)
     if speed is not None:
-        found["power.draft_watt"] = series["draft_newton"] * speed
+        found["draft_watt"] = series["draft_newton"] * speed
     for name in scene.tools:
         tool = f"tool.{name}"
         if f"{tool}.force_x_newton" not in series:
             continue
         # the planar moment is minus the torque about y, phi turns about -y
-        found[f"power.{name}_watt"] = -(
+        found[f"{name}_watt"] = -(
             series[f"{tool}.force_x_newton"] * series[f"{tool}.velocity_x_m_per_s"]
             + series[f"{tool}.force_z_newton"] * series[f"{tool}.velocity_z_m_per_s"]
             - series[f"{tool}.torque_y_newton_m"] * series[f"{tool}.angular_velocity_rad_per_s"]
@@ -145,10 +148,10 @@ def _specific(series: Series, resolved: ResolvedScene, window: Window) -> dict[s
     found: dict[str, float] = {}
     width = share_width_m(resolved) if resolved.scene.soil is not None else None
     if width is not None and "draft_newton" in series:
-        found["specific.share_width_m"] = width
+        found["share_width_m"] = width
         mean = float(np.mean(series["draft_newton"][window.rows]))
-        found["specific.draft_newton_per_m"] = mean / width
+        found["draft_newton_per_m"] = mean / width
     work = draft_work(series, resolved.scene, window.rows)
     if work is not None and work[1] > 0.0:
-        found["specific.energy_joule_per_m"] = work[0] / work[1]
+        found["energy_joule_per_m"] = work[0] / work[1]
     return found

@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from ..loading.reference import Reference, ReferenceValue
+from .quantities import flattened
 
 HEADINGS = ("quantity", "unit", "ours", "reference", "band", "difference", "agrees", "source")
 WORDS = ("quantity", "unit", "agrees", "source")
@@ -22,7 +23,7 @@ WORDS = ("quantity", "unit", "agrees", "source")
 class ReferenceRow:
     """One quantity of a reference and of a run."""
 
-    quantity: str  # of summary.json
+    quantity: str  # dotted path in summary.json
     ours: float | None  # None: the run has no such quantity
     given: ReferenceValue
 
@@ -54,9 +55,11 @@ class ReferenceRow:
 def reference_rows(reference: Reference, summary: Mapping[str, Any]) -> list[ReferenceRow]:
     """A row for each value of the reference; summary: as summary.json holds it."""
 
+    found = flattened(summary)
+
     def ours(quantity: str) -> float | None:
-        found = summary.get(quantity)
-        return float(found) if isinstance(found, int | float) else None
+        value = found.get(quantity)
+        return float(value) if isinstance(value, int | float) else None
 
     return [ReferenceRow(quantity, ours(quantity), given) for quantity, given in reference.values.items()]
 
@@ -66,7 +69,7 @@ def reference_lines(reference: Reference, summary: Mapping[str, Any]) -> list[st
     lines = list(reference.notes)
     for row in reference_rows(reference, summary):
         if row.ours is None:
-            near = difflib.get_close_matches(row.quantity, summary, n=1, cutoff=0.8)
+            near = difflib.get_close_matches(row.quantity, flattened(summary), n=1, cutoff=0.8)
             lines.append(f"this run has no {row.quantity}" + (f"; the nearest is {near[0]}" if near else ""))
     return lines
 
@@ -87,10 +90,11 @@ def write_reference_csv(rows: list[ReferenceRow], path: Path) -> None:
 
 
 def print_reference(reference: Reference, summary: Mapping[str, Any], console: Console) -> None:
-    """The table for people, and the lines below it."""
+    """The printed table, and the lines below it."""
     table = Table(title=f"beside {escape(reference.name)}", title_justify="left")
     for heading in HEADINGS:
-        table.add_column(heading, justify="left" if heading in WORDS else "right")
+        words = heading in WORDS
+        table.add_column(heading, justify="left" if words else "right", no_wrap=heading == HEADINGS[0])
     for row in reference_rows(reference, summary):
         table.add_row(*map(escape, row.cells()))
     console.print(table)

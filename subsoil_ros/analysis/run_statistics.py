@@ -1,6 +1,5 @@
 """Everything that is found out about a run's window beyond mean, least and largest."""
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,8 +16,11 @@ from .loads import Loads, loads_of
 from .series import Series
 from .smoothing import moving_mean, step_s
 from .spectra import Spectrum, spectrum
-from .stationarity import Steadiness, steadiness
+from .stationarity import Stationarity, stationarity
 from .window import Window, tip_x_m
+
+MOVING = "moving_10ms"
+"""Key of the extremes of the moving mean over MOVING_S."""
 
 MOVING_S = 0.010
 """Time of the moving mean whose extremes are compared: over the noise of single contacts (as measured with
@@ -26,11 +28,11 @@ the prototypes, whose 10 ms peaks the first results give)."""
 
 
 @dataclass(frozen=True)
-class Findings:
+class RunStatistics:
     """Of the metrics window of one run; quantities by the names of their columns."""
 
     loads: Loads
-    steadiness: dict[str, Steadiness]
+    stationarity: dict[str, Stationarity]
     spectra: dict[str, Spectrum]
     cycles: LoadCycles | None
     failures: FailureCycles | None
@@ -39,35 +41,40 @@ class Findings:
     run_extremes: dict[str, tuple[float, float]]
     past_dead_centre_s: float | None  # when the shank passed that of its spring
 
-    def metrics(self) -> dict[str, Any]:
-        """Flat, as summary.json holds them; what is not finite is left out."""
-        found: dict[str, Any] = {}
-        for prefix, extremes in (("", self.moving_extremes), ("run.", self.run_extremes)):
-            for name, (low, high) in extremes.items():
-                found[f"{prefix}{name}_10ms_min"], found[f"{prefix}{name}_10ms_max"] = low, high
-                found[f"{prefix}{name}_10ms_range"] = high - low
-        found.update(self.loads.metrics)
-        if self.past_dead_centre_s is not None:
-            found["shank.past_dead_centre_s"] = self.past_dead_centre_s
-        for name, steady in self.steadiness.items():
-            found.update(_of_steadiness(f"steady.{name}", steady))
+    def column_metrics(self) -> dict[str, dict[str, Any]]:
+        """Groups of single columns, by column, as summary.json holds them beside their mean."""
+        found: dict[str, dict[str, Any]] = {}
+        for name, extremes in self.moving_extremes.items():
+            found[name] = {MOVING: _span(extremes), "run": {MOVING: _span(self.run_extremes[name])}}
+        for name, steady in self.stationarity.items():
+            found.setdefault(name, {})["stationarity"] = _stationarity(steady)
         for name, item in self.spectra.items():
-            found[f"spectrum.{name}_dominant_hz"] = item.dominant_hz
-            found[f"spectrum.{name}_resolution_hz"] = item.resolution_hz
-            found[f"spectrum.{name}_degrees_of_freedom"] = item.degrees_of_freedom
-            found[f"spectrum.{name}_significant"] = item.significant
+            found.setdefault(name, {})["spectrum"] = {
+                "dominant_hz": item.dominant_hz,
+                "resolution_hz": item.resolution_hz,
+                "degrees_of_freedom": item.degrees_of_freedom,
+                "significant": item.significant,
+            }
+        return found
+
+    def metrics(self) -> dict[str, Any]:
+        """Groups of the whole run, as summary.json holds them; what the run does not have is absent."""
+        loads = dict(self.loads.metrics)
+        if self.past_dead_centre_s is not None:
+            loads["past_dead_centre_s"] = self.past_dead_centre_s
         if self.cycles is not None:
-            found["rainflow.cycle_count"] = float(self.cycles.count.sum())
-            found["rainflow.max_range_newton"] = self.cycles.max_range_newton
-            found["rainflow.equivalent_range_newton"] = self.cycles.equivalent_range_newton()
+            loads["rainflow"] = {
+                "cycle_count": float(self.cycles.count.sum()),
+                "max_range_newton": self.cycles.max_range_newton,
+                "equivalent_range_newton": self.cycles.equivalent_range_newton(),
+            }
+        found: dict[str, Any] = {"loads": loads}
         if self.failures is not None:
-            found.update(self.failures.metrics())
+            found["failure_cycles"] = self.failures.metrics()
         if self.disturbance is not None:
-            found.update(self.disturbance.metrics())
-            found.update(_per_area(found, self.disturbance.area_m2))
-        return {
-            key: value for key, value in found.items() if not isinstance(value, float) or math.isfinite(value)
-        }
+            found["disturbance"] = self.disturbance.metrics()
+            loads["specific"] |= _per_area(loads["specific"], self.disturbance.area_m2)
+        return found
 
 
 def compared_columns(scene: Scene) -> tuple[str, ...]:
@@ -81,7 +88,7 @@ def compared_columns(scene: Scene) -> tuple[str, ...]:
     return tuple(names)
 
 
-def find_out(bag: Path, resolved: ResolvedScene, series: Series, window: Window) -> Findings:
+def run_statistics(bag: Path, resolved: ResolvedScene, series: Series, window: Window) -> RunStatistics:
     """Of a run's bag, series and window.
 
     Raises:
@@ -90,7 +97,7 @@ def find_out(bag: Path, resolved: ResolvedScene, series: Series, window: Window)
     rows = window.rows
     names = [name for name in compared_columns(resolved.scene) if name in series]
     times, step = series["time_s"][rows], step_s(series)
-    steady: dict[str, Steadiness] = {}
+    steady: dict[str, Stationarity] = {}
     spectra: dict[str, Spectrum] = {}
     inside: dict[str, tuple[float, float]] = {}
     whole: dict[str, tuple[float, float]] = {}
@@ -99,7 +106,7 @@ def find_out(bag: Path, resolved: ResolvedScene, series: Series, window: Window)
         whole[name] = (float(smooth.min()), float(smooth.max()))
         inside[name] = (float(smooth[rows].min()), float(smooth[rows].max()))
         values = np.asarray(series[name][rows], np.float64)
-        judged = steadiness(times, values)
+        judged = stationarity(times, values)
         if judged is not None:
             steady[name] = judged
         waves = spectrum(step, values)
@@ -109,9 +116,9 @@ def find_out(bag: Path, resolved: ResolvedScene, series: Series, window: Window)
     cycles = None
     if spring in series and rows.sum() > 1:
         cycles = load_cycles(series[spring][rows], float(times[-1] - times[0]))
-    return Findings(
+    return RunStatistics(
         loads=loads_of(series, resolved, window),
-        steadiness=steady,
+        stationarity=steady,
         spectra=spectra,
         cycles=cycles,
         failures=failures_of(series, resolved.scene, window),
@@ -132,18 +139,23 @@ def failures_of(series: Series, scene: Scene, window: Window) -> FailureCycles |
     return failure_cycles(series["time_s"][rows], tip[rows], draft[rows])
 
 
-def _of_steadiness(prefix: str, steady: Steadiness) -> dict[str, Any]:
+def _stationarity(steady: Stationarity) -> dict[str, Any]:
     return {
-        f"{prefix}_mean_half_width": steady.mean_half_width,
-        f"{prefix}_correlation_s": steady.correlation_s,
-        f"{prefix}_effective_count": steady.effective_count,
-        f"{prefix}_slope_per_s": steady.slope_per_s,
-        f"{prefix}_slope_half_width_per_s": steady.slope_half_width_per_s,
-        f"{prefix}_drift": steady.drift,
-        f"{prefix}_drift_half_width": steady.drift_half_width,
-        f"{prefix}_verdict": steady.verdict,
-        f"{prefix}_block_means": list(steady.block_means),
+        "mean_half_width": steady.mean_half_width,
+        "correlation_s": steady.correlation_s,
+        "effective_count": steady.effective_count,
+        "slope_per_s": steady.slope_per_s,
+        "slope_half_width_per_s": steady.slope_half_width_per_s,
+        "drift": steady.drift,
+        "drift_half_width": steady.drift_half_width,
+        "verdict": steady.verdict,
+        "block_means": list(steady.block_means),
     }
+
+
+def _span(extremes: tuple[float, float]) -> dict[str, float]:
+    low, high = extremes
+    return {"min": low, "max": high, "range": high - low}
 
 
 def _per_area(found: dict[str, Any], area_m2: float) -> dict[str, float]:
@@ -151,9 +163,9 @@ def _per_area(found: dict[str, Any], area_m2: float) -> dict[str, float]:
     if area_m2 <= 0.0:
         return {}
     per: dict[str, float] = {}
-    if "specific.energy_joule_per_m" in found:
-        per["specific.energy_joule_per_m3"] = found["specific.energy_joule_per_m"] / area_m2
-    if "specific.draft_newton_per_m" in found:
-        draft = found["specific.draft_newton_per_m"] * found["specific.share_width_m"]
-        per["specific.draft_pa"] = draft / area_m2
+    if "energy_joule_per_m" in found:
+        per["energy_joule_per_m3"] = found["energy_joule_per_m"] / area_m2
+    if "draft_newton_per_m" in found:
+        draft = found["draft_newton_per_m"] * found["share_width_m"]
+        per["draft_pa"] = draft / area_m2
     return per

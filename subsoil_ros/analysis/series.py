@@ -15,7 +15,6 @@ from ..errors import InputError, RecordingError
 from ..limits.stable_steps import derive_timing
 from ..messages import (
     CouplingReport,
-    ForceState,
     MechanismState,
     SoilState,
     ToolMotions,
@@ -23,6 +22,7 @@ from ..messages import (
     ToolWrenches,
 )
 from ..recording.joined import open_record
+from ..scene.mechanism import CoordinateSpring, Revolute, SpringDamper, TorsionSpring
 from ..scene.model import Scene
 
 Number = int | float
@@ -42,7 +42,6 @@ _BODY_COLUMNS = {
 }
 _TOOL_MOTION_COLUMNS = {key: name for key, name in _BODY_COLUMNS.items() if "acceleration" not in key}
 _JOINT_COLUMNS = ("force_x_newton", "force_z_newton", "moment_newton_m")
-_FORCE_COLUMNS = ("force_newton", "length_m", "rate_m_per_s")
 _GROUP_COLUMNS = ("force_x_newton", "force_y_newton", "force_z_newton")
 _WRENCH_COLUMNS = tuple(
     item.name for item in fields(ToolWrench) if item.name not in ("tool", "work_joule", "groups")
@@ -79,12 +78,12 @@ class Series:
         return len(self.columns["time_s"])
 
 
-def read_series(bag: Path, scene: Scene, watch: Callable[[int], None] = lambda time_ns: None) -> Series:
+def read_series(bag: Path, scene: Scene, on_time: Callable[[int], None] = lambda time_ns: None) -> Series:
     """The series of a bag that `scene` was recorded into; a run cut short has fewer rows.
 
     That of a run that went on from another begins with what the other recorded.
 
-    watch: told the simulated time [ns] of every message as it is passed.
+    on_time: told the simulated time [ns] of every message as it is passed.
 
     Raises:
         InputError: there is no bag.
@@ -106,7 +105,7 @@ def read_series(bag: Path, scene: Scene, watch: Callable[[int], None] = lambda t
     last: CouplingReport | None = None
 
     def wanted(time_ns: int) -> bool:
-        watch(time_ns)
+        on_time(time_ns)
         return time_ns % step_ns == 0 or time_ns == last_ns
 
     for record in reader.records(*kinds, at=wanted):
@@ -121,8 +120,9 @@ def read_series(bag: Path, scene: Scene, watch: Callable[[int], None] = lambda t
             last = records[CouplingReport]
     if last is None:
         raise RecordingError(
-            f"{reader.path}: not one complete series tick is in it (every {scene.record.series_ticks} "
-            f"ticks of {timing.communication_step_ns} ns); the run ended before, or another scene was recorded"
+            f"{reader.path}: not one complete series tick is in it (every "
+            f"{scene.record.series_ticks} ticks of {timing.communication_step_ns} ns); the run ended before, "
+            "or another scene was recorded"
         )
     _refuse_ragged(columns, reader.path)
     return Series(
@@ -152,10 +152,10 @@ def read_series_csv(path: Path) -> Series:
         raise InputError(f"{path}: has no column 'time_s'; it is no series of a run")
     columns["time_s"] = columns["time_s"].astype(np.float64)
     try:
-        summary = json.loads((path.parent / "summary.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        summary = {}
-    return Series(columns, str(summary.get("run_id", "")), float(summary.get("wall_s") or 0.0))
+        run = json.loads((path.parent / "summary.json").read_text(encoding="utf-8"))["run"]
+    except (OSError, ValueError, KeyError):
+        run = {}
+    return Series(columns, str(run.get("id", "")), float(run.get("wall_s") or 0.0))
 
 
 def read_table_csv(path: Path) -> dict[str, NDArray[Any]]:
@@ -234,8 +234,8 @@ def _draft(scene: Scene, state: MechanismState | None, wrenches: ToolWrenches | 
 
 def _mechanism(scene: Scene, state: MechanismState) -> Cells:
     for force in state.forces:
-        prefix = f"{_force_kind(scene, force)}.{force.name}"
-        yield from ((f"{prefix}.{name}", getattr(force, name)) for name in _FORCE_COLUMNS)
+        values = (force.load, force.coordinate, force.rate)
+        yield from zip(_force_columns(scene, force.name), values, strict=True)
     for body in state.bodies:
         yield from ((f"body.{body.name}.{name}", getattr(body, key)) for key, name in _BODY_COLUMNS.items())
     for joint in state.joints:
@@ -243,10 +243,23 @@ def _mechanism(scene: Scene, state: MechanismState) -> Cells:
     yield from ((f"mechanism.{name}", getattr(state, name)) for name in _MECHANISM_COLUMNS)
 
 
-def _force_kind(scene: Scene, force: ForceState) -> str:
-    given = scene.mechanism.forces.get(force.name) if scene.mechanism is not None else None
-    kind = given.kind if given is not None else "joint"  # JOINT.friction, JOINT.stops
-    return "spring" if kind == "spring_damper" else kind
+def _force_columns(scene: Scene, name: str) -> tuple[str, str, str]:
+    """Columns of a force element's load, coordinate and rate, each with the unit of its kind."""
+    assert scene.mechanism is not None
+    force = scene.mechanism.forces.get(name)
+    kind, coordinate = "joint", "distance_m"  # JOINT.friction, JOINT.stops
+    if force is None:
+        rotates = isinstance(scene.mechanism.joints[name.rpartition(".")[0]], Revolute)
+    else:
+        kind = "spring" if isinstance(force, SpringDamper) else force.kind
+        coordinate = {"spring": "length_m", "wheel_contact": "penetration_m"}.get(kind, "distance_m")
+        rotates = isinstance(force, TorsionSpring)
+        if isinstance(force, CoordinateSpring):
+            rotates, coordinate = force.coordinate == "angle", f"{force.coordinate}_m"
+    prefix = f"{kind}.{name}"
+    if rotates:
+        return f"{prefix}.moment_newton_m", f"{prefix}.angle_rad", f"{prefix}.rate_rad_per_s"
+    return f"{prefix}.force_newton", f"{prefix}.{coordinate}", f"{prefix}.rate_m_per_s"
 
 
 def _tools(motions: ToolMotions, wrenches: ToolWrenches | None) -> Cells:

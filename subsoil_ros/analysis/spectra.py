@@ -9,7 +9,7 @@ and nu = 2 / V degrees of freedom; nu P / chi2 is the interval. What stands out 
 autoregressive processes of first order with the variance of the series (C. Torrence, G.P. Compo, Bull. Amer.
 Meteor. Soc. 79 (1998) 61-78, eq. 16), at 95 % for all frequencies together (Bonferroni). One has the lag-one
 correlation r of the series, as there. Where a slow wander carries quick noise, r tells of the noise, and the
-wander would pass for a rhythm; so another has the integrated correlation time of the series, tau steps: r =
+wander would pass for a peak; so another has the integrated correlation time of the series, tau steps: r =
 (2 tau - 1) / (2 tau + 1). The larger of the two densities counts.
 """
 
@@ -70,7 +70,7 @@ class Spectrum:
         if self.significant:
             return "stands out of red noise"
         if self.dominant == SLOWEST:
-            return "is the slowest looked at: no rhythm seen"
+            return "is the slowest looked at: no dominant frequency seen"
         return "does not stand out of red noise"
 
 

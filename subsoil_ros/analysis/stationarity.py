@@ -29,7 +29,7 @@ BLOCKS = 4
 
 
 @dataclass(frozen=True)
-class Steadiness:
+class Stationarity:
     """Mean, trend and blocks of one quantity over a window; half-widths are of 95 %."""
 
     mean: float
@@ -81,7 +81,7 @@ def correlation_steps(values: NDArray[np.float64]) -> float:
     return max(found, 0.5)
 
 
-def steadiness(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> Steadiness | None:
+def stationarity(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> Stationarity | None:
     """Of values (n,) at even times (n,) [s]; None for fewer than 2 BLOCKS of them."""
     count = len(values)
     if count < 2 * BLOCKS:
@@ -98,7 +98,7 @@ def steadiness(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> Ste
     variance = float(residual @ residual) / (count - 2) / spread * 2.0 * tau_residual
     about_trend = count / (2.0 * tau_residual)
     factor = t_quantile(about_trend - 2.0)
-    return Steadiness(
+    return Stationarity(
         mean=float(values.mean()),
         mean_error=float(values.std(ddof=1)) / math.sqrt(effective),
         correlation_s=tau * step_s,

@@ -1,7 +1,6 @@
-"""The metrics of a run: summary.json, and the table that people see."""
+"""The metrics of a run: summary.json, and the printed table."""
 
 import json
-import math
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,18 +14,22 @@ from rich.table import Table
 from ..loading.loader import ResolvedScene
 from ..loading.reference import Reference
 from ..scene.model import Scene
+from .quantities import finite
 from .reference_table import print_reference
-from .run_statistics import Findings, find_out
+from .run_statistics import RunStatistics, run_statistics
 from .series import Series, read_series
 from .summary_words import load_lines
 from .window import metrics_window, window_span_s
 
 Summary = dict[str, Any]
 
+SCHEMA_VERSION = 1
+"""Of config/summary.schema.json; raised when a quantity moves or changes its meaning."""
+
 RUN_FACTS = (
     "mode", "threads", "whole_wall_s", "versions", "failure", "resumed_from", "checkpoint", "state_sha256",
 )  # fmt: skip
-"""What a summary has from the run itself, and a later report takes over."""
+"""Keys of `run` that no bag holds, and that a later report takes over."""
 
 
 def summarize(
@@ -34,15 +37,12 @@ def summarize(
     resolved: ResolvedScene,
     run_info: Mapping[str, Any],
     series: Series | None = None,
-    findings: Findings | None = None,
+    statistics: RunStatistics | None = None,
 ) -> Summary:
-    """Metrics of a finished run, as summary.json holds them.
+    """Metrics of a finished run, as summary.json holds them (config/summary.schema.json).
 
-    NAME_mean, NAME_min, NAME_max of every column of the series over the metrics window, run.NAME_... over
-    the whole run, what was found out about loads and soil (Findings.metrics), and what the run was.
-
-    run_info: what only the one who ran it knows, taken over as it is: keys of RUN_FACTS.
-    series, findings: of the bag, if they are known already.
+    run_info: what only the one who ran it knows, taken over into `run`: keys of RUN_FACTS.
+    series, statistics: of the bag, if they are known already.
 
     Raises:
         InputError, RecordingError: as read_series.
@@ -50,70 +50,76 @@ def summarize(
     scene, timing = resolved.scene, resolved.timing
     series = series if series is not None else read_series(bag, scene)
     window = metrics_window(series, scene)
-    findings = findings if findings is not None else find_out(bag, resolved, series, window)
+    statistics = statistics if statistics is not None else run_statistics(bag, resolved, series, window)
     start_s, end_s = window_span_s(series, window)
     simulated_s = float(series["time_s"][-1])
     tick_count = round(simulated_s / timing.communication_step_s)
     wall_s = series.wall_time_s  # of the ticks alone: without start-up and compilation
-    summary: Summary = {
-        "scene": scene.name,
-        "scene_hash": resolved.scene_hash,
-        "run_id": series.run_id,
-        **run_info,
-        "allow": list(scene.allow),
-        "note": scene.report.note,
-        "simulated_s": simulated_s,
-        "complete": tick_count == timing.tick_count,
-        "wall_s": wall_s,
-        "real_time_factor": simulated_s / wall_s if wall_s > 0.0 else 0.0,
-        "ticks": tick_count,
-        "steps": tick_count * (timing.soil_steps or timing.mechanism_steps),
-        "particle_count": int(series["soil.particle_count"][-1]) if "soil.particle_count" in series else 0,
-        **_losses(series),
-        "interface_residual_joule": float(series["coupling.residual_joule"][-1]),
-        "interface_residual_ratio": float(series["coupling.residual_ratio"][-1]),
-        "window": {
-            "rule": window.rule,
-            "whole_run": window.whole_run,
-            "start_s": start_s,
-            "end_s": end_s,
-            "rows": int(window.rows.sum()),
-        },
-    }
-    names = [name for name in series.columns if name != "time_s"]
-    for name in names:
-        summary.update(_statistics(name, series[name][window.rows]))
-    for name in names:
-        summary.update(_statistics(f"run.{name}", series[name]))
-    summary.update(findings.metrics())
-    return summary
+    columns = statistics.column_metrics()
+    return finite(
+        {
+            **_heading(resolved),
+            "run": {
+                "id": series.run_id,
+                **run_info,
+                "recorded": True,
+                "complete": tick_count == timing.tick_count,
+                "simulated_s": simulated_s,
+                "ticks": tick_count,
+                "steps": tick_count * (timing.soil_steps or timing.mechanism_steps),
+                "wall_s": wall_s,
+                "real_time_factor": simulated_s / wall_s if wall_s > 0.0 else 0.0,
+            },
+            "particles": _particles(series),
+            "energy": {
+                "residual_joule": float(series["coupling.residual_joule"][-1]),
+                "residual_ratio": float(series["coupling.residual_ratio"][-1]),
+            },
+            "window": {
+                "rule": window.rule,
+                "whole_run": window.whole_run,
+                "start_s": start_s,
+                "end_s": end_s,
+                "rows": int(window.rows.sum()),
+            },
+            "series": {
+                name: _of_column(values, window.rows, columns.get(name, {}))
+                for name, values in series.columns.items()
+                if name != "time_s"
+            },
+            **statistics.metrics(),
+        }
+    )
 
 
 def summarize_unrecorded(resolved: ResolvedScene, run_info: Mapping[str, Any]) -> Summary:
     """What is known of a run without a bag."""
+    run = {**run_info, "recorded": False, "complete": "failure" not in run_info}
+    return finite({**_heading(resolved), "run": run})
+
+
+def _heading(resolved: ResolvedScene) -> Summary:
+    scene = resolved.scene
     return {
-        "scene": resolved.scene.name,
-        "scene_hash": resolved.scene_hash,
-        **run_info,
-        "allow": list(resolved.scene.allow),
-        "note": resolved.scene.report.note,
-        "recorded": False,
-        "complete": "failure" not in run_info,
+        "schema_version": SCHEMA_VERSION,
+        "scene": {
+            "name": scene.name,
+            "hash": resolved.scene_hash,
+            "allow": list(scene.allow),
+            "note": scene.report.note,
+        },
     }
 
 
-def run_facts(document: Mapping[str, Any]) -> Summary:
-    """The part of a summary, or of a run_info, that no bag tells."""
-    return {key: document[key] for key in RUN_FACTS if key in document}
+def run_facts(summary: Mapping[str, Any]) -> Summary:
+    """The part of a summary's `run` that no bag holds."""
+    run = summary.get("run", {})
+    return {key: run[key] for key in RUN_FACTS if key in run}
 
 
 def write_summary(summary: Summary, path: Path) -> None:
-    """summary.json; numbers with all their digits, null for what is not finite."""
-    finite = {
-        key: None if isinstance(value, float) and not math.isfinite(value) else value
-        for key, value in summary.items()
-    }
-    path.write_text(json.dumps(finite, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    """summary.json; numbers with all their digits."""
+    path.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def print_summary(
@@ -124,13 +130,15 @@ def print_summary(
     bag: Path | None = None,
     reference: Reference | None = None,
 ) -> None:
-    """The tables for people: metrics, the values of a reference beside them, and where all is.
+    """The printed tables: metrics, the values of a reference beside them, and where all is.
 
     bag: folder or .mcap file (default: `bag` in `directory`).
     """
     console = console or Console(width=None if sys.stdout.isatty() else 140, highlight=False)
     headings, rows = metrics_table(summary, scene)
-    table = Table(title=f"{summary['scene']}: {summary['simulated_s']:.4g} s simulated", title_justify="left")
+    table = Table(
+        title=f"{scene.name}: {summary['run']['simulated_s']:.4g} s simulated", title_justify="left"
+    )
     for heading in headings:
         words = heading == "quantity"
         table.add_column(heading, justify="left" if words else "right", no_wrap=words)
@@ -157,11 +165,11 @@ def metrics_table(summary: Summary, scene: Scene) -> tuple[list[str], list[list[
     headings = ["quantity", "mean", "min", "max", "range", "run min", "run max"]
     rows = []
     for label, name, scale, digits in _lines(scene, summary):
-        cells = [_cell(summary, f"{name}_{key}", scale, digits) for key in ("mean", "min", "max")]
-        low, high = summary[f"{name}_min"], summary[f"{name}_max"]
-        cells.append(f"{(high - low) * scale:.{digits}f}")
-        cells += [_cell(summary, f"run.{name}_{key}", scale, digits) for key in ("min", "max")]
-        rows.append([label, *cells])
+        found = summary["series"][name]
+        low, high = found["min"], found["max"]
+        spread = None if low is None or high is None else high - low
+        values = [found["mean"], low, high, spread, found["run"]["min"], found["run"]["max"]]
+        rows.append([label, *("" if value is None else f"{value * scale:.{digits}f}" for value in values)])
     return headings, rows
 
 
@@ -171,25 +179,30 @@ def _bag_words(bag: Path) -> str:
     return f"bag: {bag}, {size_bytes / 1e6:.3g} MB (`subsoil bag info {bag}` says what takes the room)"
 
 
-def _losses(series: Series) -> Summary:
-    """How many particles left the domain, and the time of the first row that counts one."""
+def _particles(series: Series) -> Summary:
+    """How many particles there are, how many left the domain, and the first row that counts one."""
     if "soil.lost_particle_count" not in series:
-        return {"lost_particle_count": 0, "first_lost_s": None}
-    count = series["soil.lost_particle_count"]
-    first = float(series["time_s"][np.argmax(count > 0)]) if count[-1] > 0 else None
-    return {"lost_particle_count": int(count[-1]), "first_lost_s": first}
-
-
-def _statistics(name: str, values: np.ndarray) -> Summary:
+        return {"count": 0, "lost_count": 0, "first_lost_s": None}
+    lost = series["soil.lost_particle_count"]
+    first = float(series["time_s"][np.argmax(lost > 0)]) if lost[-1] > 0 else None
     return {
-        f"{name}_mean": float(np.mean(values)),
-        f"{name}_min": values.min().item(),
-        f"{name}_max": values.max().item(),
+        "count": int(series["soil.particle_count"][-1]), "lost_count": int(lost[-1]), "first_lost_s": first,
+    }  # fmt: skip
+
+
+def _of_column(values: np.ndarray, rows: np.ndarray, more: Summary) -> Summary:
+    """Statistics of a column (n,) over the window, `rows`, and under `run` over all of it."""
+    run = {**_statistics(values), **more.get("run", {})}
+    return {**_statistics(values[rows]), **more, "run": run}
+
+
+def _statistics(values: np.ndarray) -> Summary:
+    return {
+        "mean": float(np.mean(values)),
+        "min": values.min().item(),
+        "max": values.max().item(),
+        "std": float(np.std(values)),
     }
-
-
-def _cell(summary: Summary, key: str, scale: float, digits: int) -> str:
-    return f"{summary[key] * scale:.{digits}f}"
 
 
 def _lines(scene: Scene, summary: Summary) -> list[tuple[str, str, float, int]]:
@@ -204,49 +217,49 @@ def _lines(scene: Scene, summary: Summary) -> list[tuple[str, str, float, int]]:
         ("share angle [rad]", f"body.{shank}.angle_rad", 1.0, 4),
         ("shank centre of mass, height [mm]", f"body.{shank}.z_m", 1e3, 2),
     ]
-    return [line for line in lines if f"{line[1]}_mean" in summary]
+    return [line for line in lines if line[1] in summary["series"]]
 
 
 def _soil_words(summary: Summary) -> str:
-    count = summary["particle_count"]
+    count = summary["particles"]["count"]
     return f"{count} particles" if count else "no particles"
 
 
 def summary_facts(summary: Summary) -> list[str]:
     """What else is to be said of a run, line by line; a warning begins with WARNING or NOTE."""
-    window = summary["window"]
+    window, run, energy = summary["window"], summary["run"], summary["energy"]
     if window["whole_run"]:
         span = f"the whole run, because no row of it lies in the window ({window['rule']})"
     else:
         span = f"{window['start_s']:.4g} to {window['end_s']:.4g} s ({window['rule']})"
-    whole = f" ({summary['whole_wall_s']:.1f} s with start-up)" if "whole_wall_s" in summary else ""
+    whole = f" ({run['whole_wall_s']:.1f} s with start-up)" if "whole_wall_s" in run else ""
     lines = [
         f"mean, min, max, range: {span}; run min, run max: everything recorded",
-        f"{_soil_words(summary)}, {summary['steps']} steps, {summary['wall_s']:.1f} s wall "
-        f"time{whole}, real-time factor {summary['real_time_factor']:.3g}",
-        f"interface energy residual {summary['interface_residual_joule']:.3g} J, "
-        f"{100.0 * summary['interface_residual_ratio']:.3g} % of the work done there",
+        f"{_soil_words(summary)}, {run['steps']} steps, {run['wall_s']:.1f} s wall "
+        f"time{whole}, real-time factor {run['real_time_factor']:.3g}",
+        f"interface energy residual {energy['residual_joule']:.3g} J, "
+        f"{100.0 * energy['residual_ratio']:.3g} % of the work done there",
     ]
     lines += load_lines(summary)
-    if summary["lost_particle_count"]:
+    particles = summary["particles"]
+    if particles["lost_count"]:
         lines.append(
-            f"WARNING: {summary['lost_particle_count']} particles left the domain, the first before "
-            f"{summary['first_lost_s']:.4g} s; which ones, the soil's log says"
+            f"WARNING: {particles['lost_count']} particles left the domain, the first before "
+            f"{particles['first_lost_s']:.4g} s; which ones, the soil's log says"
         )
-    if summary.get("resumed_from"):
-        lines.append(
-            f"went on from {summary['resumed_from']['checkpoint']}, whose record is in these numbers"
-        )
-    if summary.get("checkpoint"):
-        newest = summary["checkpoint"]
+    if run.get("resumed_from"):
+        lines.append(f"went on from {run['resumed_from']['checkpoint']}, whose record is in these numbers")
+    if run.get("checkpoint"):
+        newest = run["checkpoint"]
         lines.append(
             f"newest checkpoint: {newest['path']}, at {newest['time_s']:.6g} s, "
             f"{newest['size_bytes'] / 1e6:.3g} MB, written in {newest['write_s']:.2g} s"
         )
-    if not summary["complete"]:
+    if not run["complete"]:
         lines.append("The run ended before its last tick.")
-    if summary["allow"]:
-        lines.append(f"WARNING: the scene overrides refusals, allow: {', '.join(summary['allow'])}")
-    if summary["note"]:
-        lines.append(f"NOTE: {summary['note']}")
+    scene = summary["scene"]
+    if scene["allow"]:
+        lines.append(f"WARNING: the scene overrides refusals, allow: {', '.join(scene['allow'])}")
+    if scene["note"]:
+        lines.append(f"NOTE: {scene['note']}")
     return lines

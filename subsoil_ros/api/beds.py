@@ -5,12 +5,12 @@ from contextlib import AbstractContextManager, nullcontext
 
 from ..dem.beds.cache import cached_bed_path
 from ..dem.beds.prepare import expected_dense_count, prepare_bed
-from ..dem.beds.settling import Watch, unwatched
+from ..dem.beds.settling import OnProgress, ignore_progress
 from ..dem.engine import SoilEngine
 from ..loading.loader import ResolvedScene
 from ..scene.beds import DenseRandomBed
 
-BedProgress = Callable[[str], AbstractContextManager[Watch]]
+BedProgress = Callable[[str], AbstractContextManager[OnProgress]]
 """Shows that the bed of this description is prepared: gives what is told how it goes."""
 
 
@@ -24,5 +24,5 @@ def prepare_bed_first(resolved: ResolvedScene, threads: int, progress: BedProgre
     if soil is None or not isinstance(soil.bed, DenseRandomBed) or cached_bed_path(resolved).is_file():
         return
     what = f"dense random bed of about {expected_dense_count(soil):,} particles"
-    with progress(what) if progress is not None else nullcontext(unwatched) as watch:
-        prepare_bed(resolved, SoilEngine, threads, watch)
+    with progress(what) if progress is not None else nullcontext(ignore_progress) as on_progress:
+        prepare_bed(resolved, SoilEngine, threads, on_progress)

@@ -24,7 +24,7 @@ BYTES_OF_PROCESS = 250e6
 """A Python process with the compiled kernels (measured)."""
 
 PARTICLE_STEPS_PER_S = 6.0e6
-"""One core, float64, all features of the cohesive linear law (measured: 7.2e6 on a free core of a cloud machine)."""
+"""One core, float64, all features of the law `cohesive_linear` (measured: 7.2e6 on a free core)."""
 
 LOCKSTEP_S_PER_TICK = 4.0e-4
 """Exchange of one tick between processes, wall time (rough)."""
@@ -159,8 +159,8 @@ def _bounds(resolved: ResolvedScene) -> tuple[CouplingBound, ...]:
     for bound in bounds:
         if resolved.timing.communication_step_s > bound.unstable_s:
             raise SceneError(
-                f"coupling.communication_step_ns: {resolved.timing.communication_step_ns} is above the stable limit "
-                f"{bound.unstable_s * 1e9:.0f} ns of tool '{bound.tool}' (effective mass "
+                f"coupling.communication_step_ns: {resolved.timing.communication_step_ns} is above the "
+                f"stable limit {bound.unstable_s * 1e9:.0f} ns of tool '{bound.tool}' (effective mass "
                 f"{bound.effective_mass_kg:.3g} kg under {bound.contact_count:.0f} contacts). "
                 "Use 'auto', or less."
             )

@@ -34,10 +34,10 @@ def find_checkpoint(directory: Path, resolved: ResolvedScene) -> tuple[Checkpoin
         last_tick = None
         if resolved.scene.record.bag:
             last_tick = _last_time_ns(directory / "bag") // resolved.timing.communication_step_ns - 1
-        checkpoint, complaints = newest_valid(directory / CHECKPOINTS, resolved.scene_hash, last_tick)
+        checkpoint, refusals = newest_valid(directory / CHECKPOINTS, resolved.scene_hash, last_tick)
     except InputError as error:
         raise InputError(f"resume {error}") from error
-    return checkpoint, [f"{complaint}; using {checkpoint.path.name}" for complaint in complaints]
+    return checkpoint, [f"{refusal}; using {checkpoint.path.name}" for refusal in refusals]
 
 
 def _last_time_ns(bag: Path) -> int:

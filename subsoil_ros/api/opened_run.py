@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..coupling.engines import MotionSource, build_mover
+from ..coupling.engines import MotionSource, build_motion_source
 from ..errors import InputError, SceneError
 from ..loading.loader import ResolvedScene
 from ..recording.checkpoint import Checkpoint
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 class OpenedRun:
     """What a run needs to begin.
 
-    out: its folder, with scene.yaml in it; mover: the mechanism or the paths; resumed: where it goes on;
-    warnings: why newer checkpoints than that are not used.
+    out: its folder, with scene.yaml in it; motion_source: the mechanism or the paths; resumed: where it goes
+    on; warnings: why newer checkpoints than that are not used.
     """
 
     resolved: ResolvedScene
     out: Path
     run_id: str
-    mover: MotionSource
+    motion_source: MotionSource
     resumed: Checkpoint | None
     warnings: tuple[str, ...] = ()
 
@@ -68,7 +68,7 @@ def open_run(
     """
     resumed, warnings = (None, []) if resume is None else find_checkpoint(resume, resolved)
     try:
-        mover = build_mover(resolved)
+        motion_source = build_motion_source(resolved)
         _prepare_soil(resolved, threads, bed_progress)
     except SceneError as error:
         raise SceneError(f"{shown or resolved.path}: {error}") from error
@@ -76,7 +76,7 @@ def open_run(
     resolved.write(out / "scene.yaml")
     if resumed is not None and resume is not None:
         note_resumption(resumed, resume, resolved, out)
-    return OpenedRun(resolved, out, uuid.uuid4().hex[:12], mover, resumed, tuple(warnings))
+    return OpenedRun(resolved, out, uuid.uuid4().hex[:12], motion_source, resumed, tuple(warnings))
 
 
 def _prepare_soil(resolved: ResolvedScene, threads: int, progress: "BedProgress | None") -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..analysis.series import Series, read_series, read_series_csv
-from ..analysis.summary import summarize
+from ..analysis.summary import SCHEMA_VERSION, summarize
 from ..errors import InputError
 from ..loading.loader import ResolvedScene
 from .recorded_run import RecordedRun, recorded_run
@@ -51,14 +51,14 @@ class Run:
     @property
     def failure(self) -> str | None:
         """Why the run ended early; None if it came to its end."""
-        message = self.summary.get("failure")
+        message = self.summary["run"].get("failure")
         return None if message is None else str(message)
 
     def __repr__(self) -> str:
         place = "in memory" if self.folder is None else str(self.folder)
         ended = (
             "complete"
-            if self.summary.get("complete")
+            if self.summary["run"]["complete"]
             else f"ended early: {self.failure or 'no reason known'}"
         )
         return f"<Run of '{self.scene.scene.name}', {place}, {ended}>"
@@ -85,7 +85,7 @@ def read_run(folder: str | PathLike[str]) -> Run:
         raise InputError(f"{path}: no such folder; give one that `subsoil run` made, or a bag")
     with recorded_run(path) as recorded:
         summary = _summary(recorded.directory / "summary.json")
-        if summary is not None and summary.get("recorded") is False:
+        if summary is not None and not summary["run"]["recorded"]:
             return Run(recorded.resolved, summary, recorded.directory, None)
         series = _series(recorded)
         if summary is None:
@@ -110,8 +110,9 @@ def _summary(path: Path) -> dict[str, Any] | None:
         raise InputError(
             f"{path}: cannot be read ({error}); `subsoil report {path.parent}` writes it anew from the bag"
         ) from error
-    if not isinstance(found, dict):
+    if not isinstance(found, dict) or found.get("schema_version") != SCHEMA_VERSION:
         raise InputError(
-            f"{path}: holds no mapping; `subsoil report {path.parent}` writes it anew from the bag"
+            f"{path}: is no summary of schema_version {SCHEMA_VERSION}; "
+            f"`subsoil report {path.parent}` writes it anew from the bag"
         )
     return found

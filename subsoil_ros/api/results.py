@@ -54,8 +54,8 @@ def write_results(
             with working("looking after the bag"):
                 recover(bag)  # its writer may have been killed; a whole bag is left as it is
         mend_earlier(out)
-        with reading(resolved.timing) as watch:
-            series = read_series(bag, resolved.scene, watch)
+        with reading(resolved.timing) as on_time:
+            series = read_series(bag, resolved.scene, on_time)
         write_series_csv(series, out / "series.csv")
         with working("reading the clouds"):
             summary = summarize(bag, resolved, run_info, series)

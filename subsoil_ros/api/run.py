@@ -68,7 +68,7 @@ def run(
         opened = open_run(resolved, Path(folder) / "run", threads, earlier)
         _run(opened, threads, progress, lasting=False)
         found = read_run(opened.out)
-        found.summary.pop("checkpoint", None)  # it goes with the folder
+        found.summary["run"].pop("checkpoint", None)  # it goes with the folder
         return replace(found, scene=resolved, folder=None)
 
 

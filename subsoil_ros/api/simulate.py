@@ -6,7 +6,7 @@ from pathlib import Path
 from ..coupling.checkpoints import CheckpointWriter
 from ..coupling.control import Controller, build_controller
 from ..coupling.direct import RecordSink, run_direct
-from ..coupling.engines import MotionSource, Soil, build_mover, build_soil
+from ..coupling.engines import MotionSource, Soil, build_motion_source, build_soil
 from ..errors import InputError
 from ..loading.loader import ResolvedScene
 from ..recording.bag_writer import open_bag
@@ -42,7 +42,7 @@ def simulate(
     checkpoints: Path | None = None,
     resumed: Checkpoint | None = None,
     live_port: int = 0,
-    mover: MotionSource | None = None,
+    motion_source: MotionSource | None = None,
     soil: Soil | None = None,
     sink: RecordSink | None = None,
     controller: Controller | None = None,
@@ -57,7 +57,7 @@ def simulate(
         checkpoints: folder of the checkpoints; None: none are written.
         resumed: where to go on.
         live_port: where the bag is shown while it is written; 0: nowhere.
-        mover, soil, controller: in the place of the scene's own.
+        motion_source, soil, controller: in the place of the scene's own.
         sink: takes the records where there is no bag.
 
     Raises:
@@ -68,14 +68,23 @@ def simulate(
     controller = controller or needed_controller(resolved, resumed)
     writer = open_bag(bag, resolved, live_port) if bag is not None else None
     try:
-        mover = mover or build_mover(resolved)
+        motion_source = motion_source or build_motion_source(resolved)
         soil = soil or build_soil(resolved, threads)
-        keeper = None
+        checkpoint_writer = None
         if checkpoints is not None:
             sync = (writer.sync,) if writer is not None else ()
-            keeper = CheckpointWriter(checkpoints, resolved, run_id, *sync)
+            checkpoint_writer = CheckpointWriter(checkpoints, resolved, run_id, *sync)
         run_direct(
-            resolved, run_id, mover, soil, writer or sink, on_tick, stop_signal, keeper, resumed, controller
+            resolved,
+            run_id,
+            motion_source,
+            soil,
+            writer or sink,
+            on_tick,
+            stop_signal,
+            checkpoint_writer,
+            resumed,
+            controller,
         )
     finally:
         if writer is not None:
@@ -100,5 +109,5 @@ def simulate_opened(
         checkpoints=opened.checkpoints,
         resumed=opened.resumed,
         live_port=live_port,
-        mover=opened.mover,
+        motion_source=opened.motion_source,
     )

@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         required=True,
         type=Path,
         metavar="FILE",
-        help="soil file (resistance) or scene fragment (dem) to write; must not exist",
+        help="soil file (wedge) or scene fragment (dem) to write; must not exist",
     )
     parser.add_argument(
         "--runs",
@@ -69,12 +69,12 @@ def run(args: argparse.Namespace) -> int:
     scene = base_scene(args.design, design)
     if isinstance(design, LawDesign):
         with KernelAnnouncer():
-            found = fit_law(scene, design, folder, args.threads, _watch, say)
+            found = fit_law(scene, design, folder, args.threads, _progress, say)
         write_law(args.out, found)
         _print_law(found, args.out)
         return 0
     with KernelAnnouncer():
-        measured = measure(scene, design, folder, args.threads, _watch)
+        measured = measure(scene, design, folder, args.threads, _progress)
         with working("preparing the bed"):
             density = bed_density_kg_per_m3(scene, args.threads)
         say(f"fitting {len(FITTED)} values to {sum(item.used for item in measured)} points")
@@ -86,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 @contextmanager
-def _watch(name: str, timing: Timing) -> Iterator[Callable[[int], None]]:
+def _progress(name: str, timing: Timing) -> Iterator[Callable[[int], None]]:
     from ._shared.preparation import say
     from ._shared.progress import RunProgress
 

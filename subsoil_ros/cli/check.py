@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     """Validate the scene and print its tables. Raises SceneError for whatever would stop a run."""
     from ..api.check import check
     from ..loading.loader import load_scene
-    from ._shared.accuracy_rows import accuracy_lines
+    from ._shared.preset_rows import accuracy_lines
     from ._shared.soil_rows import particle_rows, wedge_rows
 
     resolved = load_scene(args.scene, args.overrides)
@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
         console.print(_table("soil", particle_rows(resolved, soil, found.particles)))
         console.print(_limits(found))
     if scene.wedge_soil is not None:
-        console.print(_table("soil, reduced", wedge_rows(resolved, scene.wedge_soil)))
+        console.print(_table("soil, wedge model", wedge_rows(resolved, scene.wedge_soil)))
     for note in found.notes:
         console.print(note)
     if scene.mechanism and found.mechanism:
@@ -179,7 +179,7 @@ def _at_rest(rest: Rest, timing: Timing) -> Iterable[Table]:
     yield reactions
     forces = _columns("", ("force", "length m or angle rad", "force N or moment N m"))
     for force in rest.forces:
-        forces.add_row(force.name, f"{force.length_m:.5f}", _number(force.force_newton))
+        forces.add_row(force.name, f"{force.coordinate:.5f}", _number(force.load))
     yield forces
     headings = ("frequency Hz", "damping ratio", "steps a period", "what moves")
     modes = _columns("modes about static equilibrium", headings)

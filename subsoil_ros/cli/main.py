@@ -16,7 +16,7 @@ VERBS = {
     "render": "pictures or a film of soil and machine, or VTK files for ParaView",
     "compare": "overlay runs and a measured CSV: figure, metrics and differences",
     "sweep": "run a scene with every combination of values; one table (CSV, Parquet), figure and ranking",
-    "study": "sweep the factors of a scene against its finest run: errors with intervals against wall time",
+    "study": "sweep the factors of a scene against a reference run: errors with intervals, and wall time",
     "soil-test": "test the soil of a scene: direct shear at several normal stresses, tension, density",
     "calibrate": "fit a wedge model to runs with particles, or a law of particles to soil tests",
     "bag": "describe a bag, or mend one whose writer was killed",

@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--template",
         default="tine",
         metavar="T",
-        help="tine: a tool on a prescribed path; machine: a sprung tine behind a trolley; reduced: a tine in "
+        help="tine: a tool on a prescribed path; machine: a sprung tine behind a trolley; wedge: a tine in "
         "soil without particles (default: tine)",
     )
 

@@ -130,14 +130,14 @@ def _draw(args: argparse.Namespace, recorded: RecordedRun, frames: Snapshots) ->
     given = args.limits
     limits = (given[0], given[1]) if given is not None else default_limits(recorded.resolved, args.colour)
     style = Style(args.colour, limits, (args.size[0], args.size[1]))
-    studio = Renderer(recorded.resolved, style)
+    renderer = Renderer(recorded.resolved, style)
     if args.film is not None:
         first, last = (
             (frames.times_ns[0], frames.times_ns[-1]) if args.at is None else map(frames.nearest_ns, args.at)
         )
         shown = [time_ns for time_ns in frames.times_ns if first <= time_ns <= last]
         with counted("drawing", len(shown)) as done:
-            rate = save_film(frames, studio, shown, args.view or VIEWS[0], args.film, args.fps, done)
+            rate = save_film(frames, renderer, shown, args.view or VIEWS[0], args.film, args.fps, done)
         print(f"{args.film}: {len(shown)} pictures, {rate:g} a second")
         return
     middle_s = 0.5e-9 * (frames.times_ns[0] + frames.times_ns[-1])
@@ -145,7 +145,7 @@ def _draw(args: argparse.Namespace, recorded: RecordedRun, frames: Snapshots) ->
     views = [args.view] if args.view else list(VIEWS)
     recorded.make_directory()
     with counted("drawing", len(times) * len(views)) as done:
-        paths = save_pictures(frames, studio, times, views, recorded.directory / "pictures", done)
+        paths = save_pictures(frames, renderer, times, views, recorded.directory / "pictures", done)
     for path in paths:
         print(path)
 

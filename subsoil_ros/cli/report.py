@@ -12,7 +12,7 @@ from ..extras import require
 from ._shared.arguments import RECORD_HELP
 
 if TYPE_CHECKING:
-    from ..analysis.run_statistics import Findings
+    from ..analysis.run_statistics import RunStatistics
     from ..api.recorded_run import RecordedRun
 
 
@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _report(recorded: RecordedRun, html: bool) -> int:
     from ..analysis.reference_table import reference_rows, write_reference_csv
-    from ..analysis.run_statistics import find_out
+    from ..analysis.run_statistics import run_statistics
     from ..analysis.series import read_series, write_series_csv
     from ..analysis.summary import print_summary, summarize, write_summary
     from ..analysis.window import metrics_window
@@ -53,22 +53,22 @@ def _report(recorded: RecordedRun, html: bool) -> int:
     from ._shared.progress import reading_bag, working
 
     directory, bag, resolved = recorded.directory, recorded.bag, recorded.resolved
-    with reading_bag(resolved.timing) as watch:
-        series = read_series(bag, resolved.scene, watch)
+    with reading_bag(resolved.timing) as on_time:
+        series = read_series(bag, resolved.scene, on_time)
     window = metrics_window(series, resolved.scene)
     with working("reading the clouds"):
-        findings = find_out(bag, resolved, series, window)
-    summary = summarize(bag, resolved, _known_facts(directory / "summary.json"), series, findings)
+        statistics = run_statistics(bag, resolved, series, window)
+    summary = summarize(bag, resolved, _known_facts(directory / "summary.json"), series, statistics)
     recorded.make_directory()
     try:
         write_series_csv(series, directory / "series.csv")
         write_summary(summary, directory / "summary.json")
-        _write_tables(findings, directory)
+        _write_tables(statistics, directory)
         if resolved.reference is not None:
             write_reference_csv(reference_rows(resolved.reference, summary), directory / "reference.csv")
         with working("drawing the figures"):
             figures = draw_figures(bag, resolved, directory / "figures", series)
-            figures += draw_load_figures(findings, resolved.scene.name, directory / "figures")
+            figures += draw_load_figures(statistics, resolved.scene.name, directory / "figures")
         if html:
             from ..figures.html_report import write_html
 
@@ -83,17 +83,17 @@ def _report(recorded: RecordedRun, html: bool) -> int:
     return 0
 
 
-def _write_tables(findings: Findings, directory: Path) -> None:
+def _write_tables(statistics: RunStatistics, directory: Path) -> None:
     from ..analysis.disturbance import write_height_map_csv
     from ..analysis.fatigue import write_cycles_csv
     from ..analysis.spectra import write_spectra_csv
 
-    if findings.spectra:
-        write_spectra_csv(findings.spectra, directory / "spectra.csv")
-    if findings.cycles is not None:
-        write_cycles_csv(findings.cycles, directory / "load_cycles.csv")
-    if findings.disturbance is not None:
-        write_height_map_csv(findings.disturbance.lift, directory / "height_map.csv")
+    if statistics.spectra:
+        write_spectra_csv(statistics.spectra, directory / "spectra.csv")
+    if statistics.cycles is not None:
+        write_cycles_csv(statistics.cycles, directory / "load_cycles.csv")
+    if statistics.disturbance is not None:
+        write_height_map_csv(statistics.disturbance.lift, directory / "height_map.csv")
 
 
 def _known_facts(path: Path) -> dict[str, Any]:

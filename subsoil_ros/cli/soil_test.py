@@ -101,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
     done: list[str] = []
 
     @contextmanager
-    def watch(name: str, timing: Timing) -> Iterator[Callable[[int], None]]:
+    def progress(name: str, timing: Timing) -> Iterator[Callable[[int], None]]:
         done.append(name)
         with RunProgress(f"{name} ({len(done)} of {runs})", timing) as progress:
             yield progress
@@ -109,7 +109,7 @@ def run(args: argparse.Namespace) -> int:
     with _new_folder(args.out) as folder:
         tests = run_soil_tests(
             resolved, stresses, (length, width, height), folder / "tests",
-            inertial_number=args.inertial_number, threads=args.threads, watch=watch,
+            inertial_number=args.inertial_number, threads=args.threads, progress=progress,
             working=working,
         )  # fmt: skip
         if args.out is not None:

@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--design",
         type=Path,
         metavar="FILE",
-        help="factors, values, seeds and the finest run (default: studies/NAME.yaml beside the scene's folder)",
+        help="factors, values, seeds and the reference run (default: studies/NAME.yaml beside the scenes)",
     )
     add_overrides(parser)
     add_manner(parser, workers=1)
@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
 
     Raises:
         InputError: scene, design, folder or cluster cannot be used, or a library is missing.
-        RunError: the finest run failed.
+        RunError: the reference run failed.
     """
     require("a study", "dask", "distributed", "matplotlib", "pyarrow")
     from ..errors import InputError
@@ -65,15 +65,15 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _list(args: argparse.Namespace, design: "StudyDesign", console: Console) -> None:
-    """Every variant with its particles and steps."""
+    """Every preset with its particles and steps."""
     from rich.table import Table
 
     from ..api.check import start_count
     from ..experiments.study.study import study_jobs
 
     table = Table(title=f"{len(design.seeds)} seeds each", title_justify="left", box=None)
-    for heading in ("variant", "particles", "soil steps", "particle-steps"):
-        table.add_column(heading, justify="left" if heading == "variant" else "right")
+    for heading in ("preset", "particles", "soil steps", "particle-steps"):
+        table.add_column(heading, justify="left" if heading == "preset" else "right")
     one_seed = design.model_copy(update={"seeds": design.seeds[:1]})
     for job in study_jobs(args.scene, args.overrides, one_seed):
         timing = job.scene.timing

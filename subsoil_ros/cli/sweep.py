@@ -139,7 +139,7 @@ def _print(outcome: "Outcome", keys: list[str]) -> None:
         )
     if outcome.engines > 1:
         console.print(
-            f"warning: the kept runs are of {outcome.engines} states of the engines (column code); remove "
+            f"warning: the cached runs are of {outcome.engines} states of the engines (column code); remove "
             "the older ones from runs/ to have one"
         )
     for path in outcome.paths:

@@ -1,6 +1,6 @@
 """What a run keeps so that it can go on later: the state of the exchange, and who writes which part.
 
-A checkpoint of tick k is the state at its end: of mover and soil as their engines hold it, and of the
+A checkpoint of tick k is the state at its end: of motion source and soil as their engines hold it, and of the
 coupling: the last motions and wrenches, which tick k+1 begins with, and the interface account.
 """
 

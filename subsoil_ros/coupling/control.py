@@ -31,12 +31,12 @@ class SpeedController:
     def command(self, tick: int, state: MechanismState) -> DriverCommand:
         """The speed that the law asks for, as far as it can be reached by the end of the interval."""
         keys = self._keys
-        change = keys.max_acceleration_m_per_s2 * self._interval_s
-        wished = min(max(self._wished(state), self._speed - change), self._speed + change)
-        self._speed = min(max(wished, keys.lowest_speed_m_per_s), keys.highest_speed_m_per_s)
+        change = keys.max_acceleration * self._interval_s
+        requested = min(max(self._requested_speed(state), self._speed - change), self._speed + change)
+        self._speed = min(max(requested, keys.lowest_speed), keys.highest_speed)
         return DriverCommand(state.run_id, tick, keys.driver, self._speed)
 
-    def _wished(self, state: MechanismState) -> float:
+    def _requested_speed(self, state: MechanismState) -> float:
         law = self._keys.law
         if isinstance(law, DraftLimit):
             acceleration = law.gain_per_kg * (law.draft_limit_newton - state.draft_newton)

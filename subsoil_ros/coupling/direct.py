@@ -29,24 +29,24 @@ class RecordSink(Protocol):
 def run_direct(
     resolved: ResolvedScene,
     run_id: str,
-    mover: MotionSource,
+    motion_source: MotionSource,
     soil: Soil | None,
     sink: RecordSink | None,
     on_tick: Callable[[int], None] = lambda tick: None,
     stop_signal: Callable[[], int] = lambda: 0,
-    keeper: CheckpointWriter | None = None,
+    checkpoint_writer: CheckpointWriter | None = None,
     resumed: Checkpoint | None = None,
     controller: Controller | None = None,
 ) -> None:
     """Runs a scene from tick 0, or from where another run stood, to its last tick, writing every record.
 
     Args:
-        mover: the mechanism of the scene, or the paths of its tools.
+        motion_source: the mechanism of the scene, or the paths of its tools.
         sink: takes the record; None: nothing is recorded.
         on_tick: called after each tick is written.
         controller: of the scene, if it names one.
         stop_signal: asked before each tick; a signal's number other than 0 ends the run there.
-        keeper: writes checkpoints, when they are due and on a signal; None: there are none.
+        checkpoint_writer: writes checkpoints, when they are due and on a signal; None: there are none.
         resumed: where to go on.
 
     Raises:
@@ -55,9 +55,9 @@ def run_direct(
     """
     communication_step_ns = resolved.timing.communication_step_ns
     schedule = schedule_of(resolved.scene, resolved.timing)
-    mechanism: Mechanism | None = mover if resolved.scene.mechanism is not None else None  # type: ignore[assignment]
+    mechanism: Mechanism | None = motion_source if resolved.scene.mechanism is not None else None  # type: ignore[assignment]
     part = mover_part(resolved.scene)
-    state = _first_state(mover, soil, part, resumed)
+    state = _first_state(motion_source, soil, part, resumed)
     account = account_of(resolved.scene, state.motions, state.wrenches, state.work)
     machine: MechanismState | None = None  # at the last series tick, for the controller
     if mechanism is not None and resumed is not None:
@@ -67,12 +67,12 @@ def run_direct(
 
     def keep() -> None:
         """Writes the checkpoint of `state`, if there is not yet one of it."""
-        if keeper is None or state.tick in (first_tick - 1, keeper.last_tick):
+        if checkpoint_writer is None or state.tick in (first_tick - 1, checkpoint_writer.last_tick):
             return
-        keeper.keep(state.tick, part, mover)
+        checkpoint_writer.keep(state.tick, part, motion_source)
         if soil is not None:
-            keeper.keep(state.tick, SOIL, soil)
-        keeper.commit(state)
+            checkpoint_writer.keep(state.tick, SOIL, soil)
+        checkpoint_writer.commit(state)
 
     first_tick = state.tick + 1
     for tick in range(first_tick, schedule.tick_count):
@@ -85,7 +85,7 @@ def run_direct(
         if controller is not None and mechanism is not None and machine and schedule.control_due(tick):
             command = controller.command(tick, machine)
             mechanism.command(command)
-        motions, wrenches = mover.advance(tick, state.wrenches), state.wrenches
+        motions, wrenches = motion_source.advance(tick, state.wrenches), state.wrenches
         if soil is not None:
             wrenches = soil.advance(tick, motions)
         work = account.add(motions, wrenches)
@@ -108,13 +108,13 @@ def run_direct(
         on_tick(tick)
         account.check(tick)
         state = CouplingState(tick, motions, wrenches, work, wall_time_s)
-        if keeper is not None and keeper.due(tick):
+        if checkpoint_writer is not None and checkpoint_writer.due(tick):
             keep()
-    if keeper is not None:
-        keeper.note_end(state.tick, part, mover)
+    if checkpoint_writer is not None:
+        checkpoint_writer.note_end(state.tick, part, motion_source)
         if soil is not None:
-            keeper.note_end(state.tick, SOIL, soil)
-        keeper.note_coupling_end(state)
+            checkpoint_writer.note_end(state.tick, SOIL, soil)
+        checkpoint_writer.note_coupling_end(state)
 
 
 def _forget(record: Any) -> None:
@@ -122,14 +122,14 @@ def _forget(record: Any) -> None:
 
 
 def _first_state(
-    mover: MotionSource, soil: Soil | None, part: str, resumed: Checkpoint | None
+    motion_source: MotionSource, soil: Soil | None, part: str, resumed: Checkpoint | None
 ) -> CouplingState:
     """The exchange before the first tick: the initial one, or that of a checkpoint, engines put into it."""
     if resumed is not None:
-        restore_engine(mover, resumed, part)
+        restore_engine(motion_source, resumed, part)
         if soil is not None:
             restore_engine(soil, resumed, SOIL)
         return CouplingState.of(resumed)
-    motions = mover.initial_motions()
+    motions = motion_source.initial_motions()
     wrenches = soil.start(motions) if soil is not None else ()
     return CouplingState(INITIAL_TICK, motions, wrenches, InterfaceWork())

@@ -38,7 +38,7 @@ class MotionSource(Resumable, Protocol):
 
 
 class Mechanism(MotionSource, Protocol):
-    """A mover with a state of its own to record, and perhaps a driver that a controller commands."""
+    """A motion source with a state of its own to record, and perhaps a driver that a controller commands."""
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> MechanismState:
         """The state at the end of `tick`."""
@@ -79,13 +79,13 @@ def build_mechanism(resolved: ResolvedScene) -> Mechanism | None:
 
 
 def build_paths(resolved: ResolvedScene) -> MotionSource:
-    """The mover of a scene without mechanism."""
+    """The motion source of a scene without mechanism."""
     from ..mbd.path import PathEngine
 
     return PathEngine(resolved.scene, resolved.timing)
 
 
-def build_mover(resolved: ResolvedScene) -> MotionSource:
+def build_motion_source(resolved: ResolvedScene) -> MotionSource:
     """The scene's mechanism, or the paths of its tools."""
     return build_mechanism(resolved) or build_paths(resolved)
 

@@ -13,23 +13,23 @@ KEEP_S = 5.0
 
 
 @dataclass(frozen=True)
-class Ending:
-    """Exit status and, unless all went well, the reason in one line."""
+class ExitStatus:
+    """Exit code and, unless all went well, the reason in one line."""
 
-    exit_status: int = 0
+    code: int = 0
     reason: str = ""
 
     def error(self) -> RunError:
-        """The ending as an error with this exit status."""
-        kind = InterruptedRunError if self.exit_status > SIGNAL_STATUS else RunError
+        """This status as an error."""
+        kind = InterruptedRunError if self.code > SIGNAL_STATUS else RunError
         error = kind(self.reason)
-        error.exit_status = self.exit_status
+        error.exit_status = self.code
         return error
 
 
-def interrupted(signal_number: int) -> Ending:
-    """The ending of a run by a signal. A terminal that closes is nobody's wish: the run has failed."""
+def interrupted(signal_number: int) -> ExitStatus:
+    """Status of a run that a signal ended. A run whose terminal was closed has failed."""
     if signal_number == signal.SIGHUP:
         reason = "ended by SIGHUP: the terminal was closed; nohup keeps a run going"
-        return Ending(RunError.exit_status, reason)
-    return Ending(SIGNAL_STATUS + signal_number, f"ended by {signal.Signals(signal_number).name}")
+        return ExitStatus(RunError.exit_status, reason)
+    return ExitStatus(SIGNAL_STATUS + signal_number, f"ended by {signal.Signals(signal_number).name}")

@@ -19,7 +19,7 @@ from .contact import history_parity, law_features, soil_laws
 from .integration import kick
 from .kernel_calls import KernelCalls, use_threads
 from .mixture import law_tables, material_at, reaches_m
-from .monitors import Domain, Watch, refuse_lost_numbers
+from .monitors import Domain, SoilMonitor, refuse_lost_numbers
 from .neighbours import carry_pairs, cell_grid, half_list, slab_starts, sort_by_cell
 from .pairs import history_blocks
 from .periodic import TOOL_SKIN, refuse_narrow_period
@@ -127,7 +127,9 @@ class SoilEngine(SoilReadings):
             p.make_unequal(radius, np.array(materials, np.int64), self._density)
         self._loaded_position = position
         self._domain = Domain(self._planes, self.bed, position, self._radius)
-        self._watch = None if self._soil.monitors is None else Watch(self._soil, self._domain, len(position))
+        self._monitor = (
+            None if self._soil.monitors is None else SoilMonitor(self._soil, self._domain, len(position))
+        )
         self._forget_contacts()
         self._rebuild(())
 
@@ -152,7 +154,7 @@ class SoilEngine(SoilReadings):
         self,
         position_m: np.ndarray,
         velocity_m_per_s: np.ndarray | None = None,
-        spin_rad_per_s: np.ndarray | None = None,
+        angular_velocity_rad_per_s: np.ndarray | None = None,
         radii_m: np.ndarray | None = None,
     ) -> None:
         """Put these particles into the bin instead of the prepared bed: (n, 3) arrays, world axes.
@@ -167,7 +169,7 @@ class SoilEngine(SoilReadings):
         refuse_outside(self.bed, self._planes, position)
         self._load(position, radii_m, None)
         back = self._particles.identity
-        for name, given in (("velocity", velocity_m_per_s), ("spin", spin_rad_per_s)):
+        for name, given in (("velocity", velocity_m_per_s), ("spin", angular_velocity_rad_per_s)):
             if given is not None:
                 rows = finite_rows(name, given, len(position))[back]
                 setattr(self._particles, name, rows.astype(self._kind))
@@ -178,7 +180,7 @@ class SoilEngine(SoilReadings):
         self._calls = None
 
     def damp(self, kept: float) -> None:
-        """Global damping: every velocity and spin times `kept`. For the preparation of beds."""
+        """Global damping: every linear and angular velocity times `kept`. For the preparation of beds."""
         self._particles.velocity *= kept
         self._particles.spin *= kept
 
@@ -202,8 +204,8 @@ class SoilEngine(SoilReadings):
         self._rebuild(motions)
         self._begin_tick()
         self._first_forces(motions)
-        if self._watch is not None and self._watch.balances:
-            self._watch.begin(self.energy())
+        if self._monitor is not None and self._monitor.balances:
+            self._monitor.begin(self.energy())
         return self._wrenches()
 
     def _first_forces(self, motions: tuple[ToolMotion, ...]) -> None:
@@ -234,8 +236,8 @@ class SoilEngine(SoilReadings):
             "bed": bed_digest(self.bed, self._loaded_position),
         }
         parts = {f"tool.{tool.name}": tool.state_arrays() for tool in self._tools}
-        if self._watch is not None:
-            parts["watch"] = self._watch.state_arrays()
+        if self._monitor is not None:
+            parts["watch"] = self._monitor.state_arrays()
         for prefix, part in parts.items():
             arrays.update((f"{prefix}.{name}", array) for name, array in part.items())
         return arrays
@@ -262,8 +264,8 @@ class SoilEngine(SoilReadings):
         self._pair_book, self._wall_book = arrays["pair_book"], arrays["wall_book"]
         self._sinks = arrays["sinks"]
         self._tool_work, self._rebuilds = float(arrays["tool_work"]), int(arrays["rebuilds"])
-        if self._watch is not None:
-            self._watch.restore(below("watch", arrays))
+        if self._monitor is not None:
+            self._monitor.restore(below("watch", arrays))
 
     def advance(self, tick: int, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
         """Wrenches of `tick`, the tools moving from where they stand to `motions`.
@@ -299,8 +301,8 @@ class SoilEngine(SoilReadings):
                 )
         timing = self._resolved.timing
         last = step == timing.soil_steps and tick == timing.tick_count - 1
-        if self._watch is not None and self._watch.due(last=last):
-            self._watch.look(self._where(tick, step), tick, self)
+        if self._monitor is not None and self._monitor.due(last=last):
+            self._monitor.check(self._where(tick, step), tick, self)
 
     def _where(self, tick: int, step: int) -> str:
         """Of an error, in words."""
@@ -332,8 +334,8 @@ class SoilEngine(SoilReadings):
         if far > 0 or not near:
             refuse_lost_numbers(self._where(tick, step), self._particles)
             self._rebuild(motions)
-            if self._watch is not None:
-                self._watch.note_rebuild()
+            if self._monitor is not None:
+                self._monitor.note_rebuild()
             self._bind(self._step_s).drift_and_contacts(0, True)
         self._tool_forces(motions)
         self._owes_kick = True

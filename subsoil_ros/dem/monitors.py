@@ -1,15 +1,15 @@
-"""A running soil is looked at every so many steps, and stopped where its numbers are no longer physics.
+"""A running soil is checked every so many steps, and stopped where its numbers are no longer physics.
 
 A step that is too large does not blow up: friction caps the instability, the bed fluidises, and the draft
-falls in silence. What gives it away is that motions turn round from one step to the next. Velocity Verlet
+falls unnoticed. What shows it is that velocities reverse sign from one step to the next. Velocity Verlet
 knows the velocities half a step before and after a state, v -+ h a / 2, and over all particles
 
-    velocity_reversal = sum (h a / 2)^2 / (sum v^2 + sum (h a / 2)^2)
+    indicator = sum (h a / 2)^2 / (sum v^2 + sum (h a / 2)^2)
 
 is 0 where they are equal and 1 where they are opposite (then v, as the state has it, is 0: at whole steps
-the motion hides). The same of the spins; the larger counts. Forces change over many stable steps, so a
-healthy bed shows less than 0.02, whatever the speed of its tools, and one above its limit 0.25 to 1
-(docs/physics.md).
+the motion hides). The same of the angular velocities; the larger counts. Forces change over many
+stable steps, so a healthy bed shows less than 0.02, whatever the speed of its tools, and one above its limit
+0.25 to 1 (docs/physics.md).
 """
 
 import logging
@@ -28,7 +28,7 @@ from .per_particle import PARTS, added_up, of_particle
 from .state import Particles
 
 CONFIRMING_STEPS = 10
-"""Steps in a row above the bound before the run stops (chosen): a few particles that turn round together, in
+"""Steps in a row above the bound before the run stops (chosen): a few particles that reverse together, in
 a collision, alternate for a step or two."""
 
 CALM_M_PER_S = 1e-6
@@ -55,7 +55,7 @@ class MotionSums(NamedTuple):
 
     @property
     def velocity_reversal(self) -> float:
-        """Part of the motion that turns round from step to step, 0 to 1, of spins or velocities."""
+        """Velocity reversal indicator, 0 to 1: the larger one of linear and angular velocities."""
         return max(_part(self.half_speed2, self.speed2), _part(self.half_spin2, self.spin2))
 
 
@@ -136,7 +136,7 @@ class Domain:
 
 
 class Seen(Protocol):
-    """A soil that is looked at: only what is asked for is brought together."""
+    """A soil that is checked: only what is asked for is brought together."""
 
     @property
     def particle_count(self) -> int: ...
@@ -147,7 +147,7 @@ class Seen(Protocol):
     def energy(self) -> EnergyBook: ...
 
 
-class Watch:
+class SoilMonitor:
     """Looks at one soil and remembers who was lost."""
 
     def __init__(self, soil: Soil, domain: Domain, count: int) -> None:
@@ -189,12 +189,12 @@ class Watch:
 
     @property
     def lost_count(self) -> int:
-        """Particles that have left the domain since the start, up to the last look."""
+        """Particles that have left the domain since the start, up to the last check."""
         return int(self._gone.sum())
 
     @property
     def balances(self) -> bool:
-        """Whether the energy is looked at."""
+        """Whether the energy is checked."""
         return self._bounds.max_energy_defect is not None
 
     def begin(self, book: EnergyBook) -> None:
@@ -202,23 +202,23 @@ class Watch:
         self._start_joule, self._largest_kinetic = book.total_joule, book.kinetic_joule
 
     def note_rebuild(self) -> None:
-        """Lists were rebuilt in the step that is counted next; soon after the last time, it is looked at."""
+        """Lists were rebuilt in the step that is counted next; soon after the last time, it is checked."""
         self._hurried = int(self._steps - self._rebuild_step < self._hurry_steps)
         self._rebuild_step = self._steps
 
     def due(self, *, last: bool) -> bool:
-        """Counts one more step; whether it is one to look at."""
+        """Counts one more step; whether it is one to check."""
         self._steps += 1
         hurried, self._hurried = self._hurried, 0
         return last or hurried > 0 or self._suspicious > 0 or self._steps % self._bounds.every_steps == 0
 
     def steps_until_due(self) -> int:
-        """Steps from now on until the next look, if no list is rebuilt and the run does not end before."""
+        """Steps from now on until the next check, if no list is rebuilt and the run does not end before."""
         if self._hurried > 0 or self._suspicious > 0:
             return 1
         return self._bounds.every_steps - self._steps % self._bounds.every_steps
 
-    def look(self, where: str, tick: int, soil: Seen) -> None:
+    def check(self, where: str, tick: int, soil: Seen) -> None:
         """Looks at the state at the end of a step, `where` in words.
 
         Raises:
@@ -227,16 +227,16 @@ class Watch:
         sums = soil.motion_sums()
         if not np.isfinite(sums).all():
             refuse_lost_numbers(where, soil.particles())
-        self._look_for_alternation(where, sums, soil.particle_count)
+        self._check_velocity_reversal(where, sums, soil.particle_count)
         if self._suspicious > 1:
-            return  # the rest was looked at when the suspicion arose
-        self._look_for_overlap(where, soil.max_overlap_m)
+            return  # the rest was checked when the suspicion arose
+        self._check_overlap(where, soil.max_overlap_m)
         if soil.anyone_outside():
-            self._look_for_lost(where, tick, soil.particles())
+            self._check_lost(where, tick, soil.particles())
         if self.balances:
-            self._look_at_balance(where, soil.energy())
+            self._check_balance(where, soil.energy())
 
-    def _look_for_alternation(self, where: str, sums: MotionSums, count: int) -> None:
+    def _check_velocity_reversal(self, where: str, sums: MotionSums, count: int) -> None:
         bound = self._bounds.max_velocity_reversal
         surface_m2 = sums.half_speed2 + self._radius**2 * sums.half_spin2
         if bound is None or sums.velocity_reversal <= bound or surface_m2 <= count * CALM_M_PER_S**2:
@@ -246,12 +246,13 @@ class Watch:
         if self._suspicious > CONFIRMING_STEPS:
             spin = np.sqrt((sums.spin2 + sums.half_spin2) / count)
             raise PhysicsError(
-                f"{where}: particles turn round from step to step: velocity_reversal {sums.velocity_reversal:.3g} "
-                f"(rms spin {spin:.3g} rad/s), allowed is soil.monitors.max_velocity_reversal {bound:g}; the "
-                "step is too large for this bed and lowers the draft: use a smaller soil.time_step_s"
+                f"{where}: velocities reverse sign from one step to the next: velocity reversal indicator "
+                f"{sums.velocity_reversal:.3g} (rms angular velocity {spin:.3g} rad/s), allowed is "
+                f"soil.monitors.max_velocity_reversal {bound:g}; the step is too large for this bed "
+                "and lowers the draft: use a smaller soil.time_step_s"
             )
 
-    def _look_for_overlap(self, where: str, max_overlap_m: Callable[[], float]) -> None:
+    def _check_overlap(self, where: str, max_overlap_m: Callable[[], float]) -> None:
         bound = self._bounds.max_pair_overlap_radii
         if bound is None:
             return
@@ -263,7 +264,7 @@ class Watch:
                 "a stiffer soil.law, or move the tools slower"
             )
 
-    def _look_for_lost(self, where: str, tick: int, particles: Particles) -> None:
+    def _check_lost(self, where: str, tick: int, particles: Particles) -> None:
         outside = self._domain.outside(particles)
         new = np.flatnonzero(outside & ~self._gone[particles.identity])
         if len(new) == 0:
@@ -292,7 +293,7 @@ class Watch:
             for x, y, z in (lost.position_m,)
         )
 
-    def _look_at_balance(self, where: str, now: EnergyBook) -> None:
+    def _check_balance(self, where: str, now: EnergyBook) -> None:
         bound = self._bounds.max_energy_defect
         self._largest_kinetic = max(self._largest_kinetic, now.kinetic_joule)
         if bound is None or self._start_joule is None:
@@ -317,7 +318,7 @@ def _all_finite(position, velocity, spin):
 
 
 def refuse_lost_numbers(where: str, particles: Particles) -> None:
-    """Names the first particle whose place, velocity or spin is no number.
+    """Names the first particle whose place, velocity or angular velocity is no number.
 
     Raises:
         PhysicsError: there is one.
@@ -330,6 +331,6 @@ def refuse_lost_numbers(where: str, particles: Particles) -> None:
     k = bad[np.argmin(p.identity[bad])]
     raise PhysicsError(
         f"{where}: particle {p.identity[k]} is no longer a number, {len(bad) - 1} others too: position "
-        f"{p.position[k]} m, velocity {p.velocity[k]} m/s, spin {p.spin[k]} rad/s, last force {p.force[k]} "
-        f"N, torque {p.torque[k]} N m; use a smaller soil.time_step_s"
+        f"{p.position[k]} m, velocity {p.velocity[k]} m/s, angular velocity {p.spin[k]} rad/s, "
+        f"last force {p.force[k]} N, torque {p.torque[k]} N m; use a smaller soil.time_step_s"
     )

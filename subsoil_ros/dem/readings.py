@@ -13,7 +13,7 @@ from .energy import EnergyBook
 from .integration import mass_sums, motion_sums
 from .kernel_calls import use_threads
 from .mixture import Mixture
-from .monitors import LostParticle, MotionSums, Watch, half_step_sums
+from .monitors import LostParticle, MotionSums, SoilMonitor, half_step_sums
 from .pairs import contact_scan, pair_energy
 from .periodic import wrapped
 from .state import PairList, Particles, WallList
@@ -43,7 +43,7 @@ class SoilReadings(ABC):
     _pairs: PairList
     _walls: WallList
     _tools: Sequence[ToolSurface]
-    _watch: Watch | None
+    _monitor: SoilMonitor | None
     _rebuilds: int
     _tool_work: float
     _sinks: np.ndarray
@@ -109,7 +109,7 @@ class SoilReadings(ABC):
         """(n, 3) float64, world axes, in the order of the prepared bed."""
         return self._particles.velocity[np.argsort(self._particles.identity)].astype(np.float64)
 
-    def spins_rad_per_s(self) -> np.ndarray:
+    def angular_velocities_rad_per_s(self) -> np.ndarray:
         """(n, 3) float64, world axes, in the order of the prepared bed."""
         return self._particles.spin[np.argsort(self._particles.identity)].astype(np.float64)
 
@@ -133,17 +133,17 @@ class SoilReadings(ABC):
     @property
     def lost_particles(self) -> tuple[LostParticle, ...]:
         """The first that left the domain."""
-        return tuple(self._watch.first_lost) if self._watch is not None else ()
+        return tuple(self._monitor.first_lost) if self._monitor is not None else ()
 
     @property
     def velocity_reversal(self) -> float:
-        """Part of the motion that turns round from step to step, 0 to 1 (dem.monitors)."""
+        """Velocity reversal indicator, 0 to 1 (dem.monitors)."""
         return self.motion_sums().velocity_reversal
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
         """Monitors at the end of `tick`.
 
-        The rms spin is that half a step before and after: one that turns round from step to step is zero
+        The rms angular velocity is that half a step before and after: one that reverses at every step is zero
         in between.
         """
         n = self.particle_count
@@ -155,7 +155,7 @@ class SoilReadings(ABC):
             end_time_ns,
             particle_count=n,
             contact_count=contacts,
-            lost_particle_count=self._watch.lost_count if self._watch is not None else 0,
+            lost_particle_count=self._monitor.lost_count if self._monitor is not None else 0,
             rebuild_count=self._rebuilds,
             kinetic_energy_joule=self._moving_joule()[0],
             rms_speed_m_per_s=float(np.sqrt(sums.speed2 / n)),

@@ -1,8 +1,8 @@
 """Finished runs, kept by the hash of their scene: calibrations, sweeps, studies and benchmarks share them.
 
-A kept run is a folder with scene.yaml, series.csv and summary.json as `subsoil run` leaves them and run.json,
-which says how it went and what it took. A bag is there only where somebody wanted it: scene.yaml gives it
-again, bit for bit.
+A cached run is a folder with scene.yaml, series.csv and summary.json as `subsoil run` leaves them, and
+run.json, which says how it went and what it took. A bag is there only on request: scene.yaml gives it again,
+bit for bit.
 """
 
 import json
@@ -67,7 +67,7 @@ def run_folder(cache: Path, scene_hash: str) -> Path:
 
 
 def find_run(cache: Path, scene_hash: str) -> CachedRun | None:
-    """The kept run of a scene; None if there is none."""
+    """The cached run of a scene; None if there is none."""
     folder = run_folder(cache, scene_hash)
     return CachedRun(folder) if (folder / "run.json").is_file() else None
 

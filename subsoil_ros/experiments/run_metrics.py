@@ -1,4 +1,4 @@
-"""The numbers that accuracy is judged by, read off a kept run."""
+"""The numbers that accuracy is judged by, read off a cached run."""
 
 import math
 from dataclasses import dataclass
@@ -16,13 +16,10 @@ MOVING_MEAN_S = 0.010
 """Peaks and ranges are of the mean over this: single contacts come and go in a millisecond."""
 
 SWING_S = 0.3
-"""Length of the pieces that a swing is the median of (chosen: two periods of the paper's shank)."""
+"""Length of the segments that a swing is the median of (chosen: two periods of the paper's shank)."""
 
 SWING_ROWS = 10
-"""Rows that a piece must have (chosen: four to five in a period of the paper's shank, 7.6 Hz)."""
-
-DISTURBED_AREA = "disturbance.area_m2"
-"""Column of a summary; runs without it have no such metric."""
+"""Rows that a segment must have (chosen: four to five in a period of the paper's shank, 7.6 Hz)."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +28,7 @@ class Metric:
 
     name: str  # with its unit
     label: str
-    relative: bool = True  # its error is a part of the finest's value, else a difference
+    relative: bool = True  # its error is a part of the reference's value, else a difference
     resolution: str | None = None  # key of what a run can tell of it
     absent_in_some: str = ""  # why not every run has it
     unit: str = ""
@@ -46,7 +43,7 @@ METRICS = (
         "draft_frequency_hz",
         "dominant frequency",
         resolution="frequency_resolution_hz",
-        absent_in_some="there is one where a rhythm of the draft stands out of red noise",
+        absent_in_some="there is one where a peak of the draft's spectrum stands out of red noise",
         unit="Hz",
     ),
     Metric("disturbed_area_m2", "disturbed area"),
@@ -58,14 +55,14 @@ def metrics_of(run: CachedRun) -> dict[str, float]:
     """Every metric that a run has a column for, over its metrics window; by Metric.name, resolutions too.
 
     Peak and range are of the 10 ms moving mean; the range does not tell vibration from a bed that gives way
-    once, so there is the swing. There is a dominant frequency only where a rhythm of the draft stands out of
-    red noise.
+    once, so there is the swing. There is a dominant frequency only where a peak of the draft's spectrum
+    stands out of red noise.
     """
     summary, series = run.summary, run.series()
     window = summary["window"]
     times = series["time_s"]
     rows = (times >= window["start_s"]) & (times <= window["end_s"])
-    found = {"energy_residual": abs(float(summary["interface_residual_ratio"]))}
+    found = {"energy_residual": abs(float(summary["energy"]["residual_ratio"]))}
     if "draft_newton" in series:
         draft = series["draft_newton"]
         found["draft_mean_newton"] = float(np.mean(draft[rows]))
@@ -76,8 +73,8 @@ def metrics_of(run: CachedRun) -> dict[str, float]:
     if spring is not None and (name := f"spring.{spring}.force_newton") in series:
         found["spring_range_newton"] = float(np.ptp(moving_mean(series, name, MOVING_MEAN_S)[rows]))
         found["spring_detrended_std_newton"] = swing(times[rows], series[name][rows])
-    if DISTURBED_AREA in summary:
-        found["disturbed_area_m2"] = float(summary[DISTURBED_AREA])
+    if "disturbance" in summary:
+        found["disturbed_area_m2"] = float(summary["disturbance"]["area_m2"])
     return {name: value for name, value in found.items() if math.isfinite(value)}
 
 
@@ -89,10 +86,10 @@ def spring_of(run: CachedRun) -> str | None:
 
 
 def swing(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> float:
-    """Standard deviation about a straight line, the median over pieces of 0.3 s that overlap by half.
+    """Standard deviation about a straight line, the median over segments of 0.3 s that overlap by half.
 
-    A fall, however steep, is in two or three of the pieces, so the median is of the vibration beside it; nan
-    with fewer than three pieces, or fewer than ten rows in one.
+    A fall, however steep, is in two or three of the segments, so the median is of the vibration beside it;
+    nan with fewer than three segments, or fewer than ten rows in one.
     """
     starts = np.arange(times_s[0], times_s[-1] - SWING_S + 1e-9, 0.5 * SWING_S)
     first, last = np.searchsorted(times_s, starts - 1e-9), np.searchsorted(times_s, starts + SWING_S - 1e-9)
@@ -100,13 +97,13 @@ def swing(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> float:
     for start, low, high in zip(starts, first, last, strict=True):
         if high - low < SWING_ROWS:
             return math.nan
-        since, piece = times_s[low:high] - start, values[low:high]
-        found.append(np.std(piece - np.polyval(np.polyfit(since, piece, 1), since)))
+        since, segment = times_s[low:high] - start, values[low:high]
+        found.append(np.std(segment - np.polyval(np.polyfit(since, segment, 1), since)))
     return float(np.median(found)) if len(found) >= 3 else math.nan
 
 
 def dominant_frequency_hz(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> float:
-    """Frequency of the rhythm about the trend that stands out of red noise (spectra.py); nan where none does.
+    """Frequency of the peak about the trend that stands out of red noise (spectra.py); nan where none does.
 
     Welch's estimate finds it; the periodogram of the whole window, four times as fine, places it. A window of
     length T resolves 1 / T, so differences below that are none.

@@ -59,12 +59,14 @@ def write_html(directory: Path, resolved: ResolvedScene, summary: Summary, figur
         warnings=_warnings(directory, resolved, summary, facts),
         figures=[_figure(path) for path in figures],
         timings=_timings(summary),
-        versions=summary.get("versions") or versions(),
-        versions_of="the run" if summary.get("versions") else "this report (the run did not record its own)",
+        versions=summary["run"].get("versions") or versions(),
+        versions_of="the run"
+        if summary["run"].get("versions")
+        else "this report (the run did not record its own)",
         quantities=_quantities(summary),
         scene_text=resolved.path.read_text(encoding="utf-8"),
         scene_hash=resolved.scene_hash,
-        run_id=summary["run_id"],
+        run_id=summary["run"]["id"],
     )
     path = directory / "report.html"
     part = directory / "report.html.part"
@@ -83,10 +85,10 @@ def _warnings(directory: Path, resolved: ResolvedScene, summary: Summary, facts:
     """All that a reader must know before he trusts the numbers."""
     found = [_WARNING.sub("", line, count=1) for line in facts if _WARNING.match(line)]
     found += [note.removeprefix("warning: ") for note in resolved.notes]
-    if not summary["complete"]:
+    if not summary["run"]["complete"]:
         found.append("The run ended before its last tick: all numbers are of the part that was simulated.")
-    if summary.get("failure"):
-        found.append(f"The run failed: {summary['failure']}")
+    if summary["run"].get("failure"):
+        found.append(f"The run failed: {summary['run']['failure']}")
     logged = [
         f"{path.stem}: {line.strip()}"
         for path in sorted((directory / "log").glob("*.log"))
@@ -100,32 +102,32 @@ def _warnings(directory: Path, resolved: ResolvedScene, summary: Summary, facts:
 
 
 def _timings(summary: Summary) -> list[tuple[str, str]]:
+    run = summary["run"]
     rows = [
-        ("simulated", f"{summary['simulated_s']:.6g} s"),
-        ("ticks", f"{summary['ticks']:,}"),
-        ("steps", f"{summary['steps']:,}"),
-        ("particles", f"{summary['particle_count']:,}"),
-        ("wall time of the ticks", f"{summary['wall_s']:.4g} s"),
-        ("real-time factor", f"{summary['real_time_factor']:.4g}"),
+        ("simulated", f"{run['simulated_s']:.6g} s"),
+        ("ticks", f"{run['ticks']:,}"),
+        ("steps", f"{run['steps']:,}"),
+        ("particles", f"{summary['particles']['count']:,}"),
+        ("wall time of the ticks", f"{run['wall_s']:.4g} s"),
+        ("real-time factor", f"{run['real_time_factor']:.4g}"),
     ]
     for label, key, unit in (
         ("wall time with start-up", "whole_wall_s", " s"),
         ("mode", "mode", ""),
         ("threads of the soil engine", "threads", ""),
     ):
-        if key in summary:
-            value = summary[key]
+        if key in run:
+            value = run[key]
             rows.append((label, f"{value:.4g}{unit}" if isinstance(value, float) else f"{value}{unit}"))
     return rows
 
 
 def _quantities(summary: Summary) -> list[tuple[str, list[str]]]:
     """Every column of the series: mean, least and largest in the window, and of the whole run."""
-    names = [
-        key.removesuffix("_mean") for key in summary if key.endswith("_mean") and not key.startswith("run.")
+    return [
+        (name, [_number(part[kind]) for part in (found, found["run"]) for kind in ("mean", "min", "max")])
+        for name, found in summary["series"].items()
     ]
-    keys = [f"{part}{{}}_{kind}" for part in ("", "run.") for kind in ("mean", "min", "max")]
-    return [(name, [_number(summary.get(key.format(name))) for key in keys]) for name in names]
 
 
 def _number(value: Any) -> str:

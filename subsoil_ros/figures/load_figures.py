@@ -6,23 +6,23 @@ import numpy as np
 
 from ..analysis.disturbance import Disturbance
 from ..analysis.fatigue import LoadCycles
-from ..analysis.run_statistics import Findings
+from ..analysis.run_statistics import RunStatistics
 from ..analysis.spectra import Spectrum
 from .plotting import COLOURS, new_figure, save_figure
 
 _CYCLE_BINS = 24
 
 
-def draw_load_figures(findings: Findings, title: str, directory: Path) -> list[Path]:
-    """Draws what the findings hold into `directory`; returns the paths."""
+def draw_load_figures(statistics: RunStatistics, title: str, directory: Path) -> list[Path]:
+    """Draws what the statistics hold into `directory`; returns the paths."""
     directory.mkdir(parents=True, exist_ok=True)
     paths = []
-    if findings.spectra:
-        paths.append(_draw_spectra(findings.spectra, title, directory / "spectra.png"))
-    if findings.cycles is not None and len(findings.cycles.range_newton):
-        paths.append(_draw_cycles(findings.cycles, title, directory / "load_cycles.png"))
-    if findings.disturbance is not None:
-        paths.append(_draw_disturbance(findings.disturbance, title, directory / "disturbance.png"))
+    if statistics.spectra:
+        paths.append(_draw_spectra(statistics.spectra, title, directory / "spectra.png"))
+    if statistics.cycles is not None and len(statistics.cycles.range_newton):
+        paths.append(_draw_cycles(statistics.cycles, title, directory / "load_cycles.png"))
+    if statistics.disturbance is not None:
+        paths.append(_draw_disturbance(statistics.disturbance, title, directory / "disturbance.png"))
     return paths
 
 

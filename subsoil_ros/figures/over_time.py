@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from ..analysis.failure_cycles import SMOOTHED_S
-from ..analysis.run_statistics import failures_of
+from ..analysis.run_statistics import MOVING, failures_of
 from ..analysis.series import Series, read_series
 from ..analysis.smoothing import moving_mean
 from ..analysis.window import Window, metrics_window, tip_x_m, window_span_s
@@ -185,8 +185,8 @@ def _draw_reference(
         return
     levels = []
     for quantity, given in resolved.reference.values.items():
-        of, _, measure = quantity.removeprefix("run.").rpartition("_")
-        if of.removesuffix("_10ms") != column or given.value is None:
+        of, _, measure = quantity.rpartition(".")
+        if of.removesuffix(f".{MOVING}").removesuffix(".run") != f"series.{column}" or given.value is None:
             continue
         if measure == "range":
             middle, half = 0.5 * float(shown.max() + shown.min()), 0.5 * scale * given.value

@@ -180,7 +180,7 @@ def _add_lines(plotter: Any, ends_m: Segments, kind: str, radius_m: float) -> No
 
 
 def save_pictures(
-    frames: Snapshots, studio: Renderer, times_ns: Sequence[int], views: Sequence[str], folder: Path,
+    frames: Snapshots, renderer: Renderer, times_ns: Sequence[int], views: Sequence[str], folder: Path,
     done: Callable[[], None],
 ) -> list[Path]:  # fmt: skip
     """Writes VIEW_TIME.png of every moment and view; returns their paths. `done` is called after each."""
@@ -189,7 +189,7 @@ def save_pictures(
     for frame in frames.read(times_ns):
         for view in views:
             path = folder / f"{view}_{frame.time_s:.3f}s.png"
-            imageio.imwrite(path, studio.draw(frame, view))
+            imageio.imwrite(path, renderer.draw(frame, view))
             paths.append(path)
             done()
     return paths
@@ -197,7 +197,7 @@ def save_pictures(
 
 def save_film(
     frames: Snapshots,
-    studio: Renderer,
+    renderer: Renderer,
     times_ns: Sequence[int],
     view: str,
     path: Path,
@@ -216,7 +216,7 @@ def save_film(
     part = path.with_name(f".{path.name}.part{path.suffix}")
     with _film_writer(part, rate) as append:
         for frame in frames.read(times_ns):
-            append(studio.draw(frame, view))
+            append(renderer.draw(frame, view))
             done()
     part.replace(path)
     return rate

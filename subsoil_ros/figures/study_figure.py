@@ -1,4 +1,4 @@
-"""The figure of a study: error of every metric against wall time, a dot per variant."""
+"""The figure of a study: error of every metric against wall time, a dot per preset."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from .plotting import CYCLE, new_figure, save_figure
 
 @dataclass(frozen=True)
 class Dot:
-    """A variant in one panel."""
+    """A preset in one panel."""
 
     number: int  # in the legend
     group: str  # factor
@@ -34,10 +34,10 @@ class Panel:
 def draw_study(
     panels: Sequence[Panel], names: Sequence[str], pareto: Sequence[int], title: str, path: Path
 ) -> Path:
-    """Draws the panels, and beside them the names of the variants by number.
+    """Draws the panels, and beside them the names of the presets by number.
 
     Filled: the difference is more than the scatter of the seeds; hollow: it is not. pareto: numbers of the
-    variants that none beats in both time and error, in bold.
+    presets that none beats in both time and error, in bold.
     """
     columns = 2
     rows = math.ceil(len(panels) / columns)

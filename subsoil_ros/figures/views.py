@@ -1,4 +1,4 @@
-"""Names of the views that pictures and films have; picture.py says how each is drawn."""
+"""Names of the views that pictures and films have; renderer.py draws them."""
 
 VIEWS = ("longitudinal", "cross", "corner", "above")
 """longitudinal: the bed cut along the mid-plane, seen from the right-hand side (the paper's figure 7); cross:

@@ -54,7 +54,7 @@ def coupling_bounds(
     """
     if scene.wedge_soil is not None and scene.mechanism is not None:
         assert bed_modulus_newton_per_m3 is not None
-        return _reduced_bounds(scene, bed_modulus_newton_per_m3, meshes)
+        return _wedge_bounds(scene, bed_modulus_newton_per_m3, meshes)
     soil = scene.particle_soil
     if soil is None or scene.mechanism is None:
         return ()
@@ -96,7 +96,7 @@ def _effective_mass_kg(body: Body, mesh: ToolMesh) -> float:
     return 1.0 / (1.0 / body.mass_kg + arm**2 / body.inertia_kg_m2)
 
 
-def _reduced_bounds(scene: Scene, modulus: float, meshes: dict[str, ToolMesh]) -> tuple[CouplingBound, ...]:
+def _wedge_bounds(scene: Scene, modulus: float, meshes: dict[str, ToolMesh]) -> tuple[CouplingBound, ...]:
     """Of the springs before shares and shanks: their damper is k H, so it outweighs the held force at any
     H, up to that of a damper alone, k H = 2 m / H."""
     assert scene.mechanism is not None

@@ -10,7 +10,7 @@ from ..scene.soil import Soil
 from ..ticks import NANOSECONDS_PER_SECOND, tick_count
 
 DENSE_COORDINATION = 10.4
-"""Damped contacts per particle of random close packing under the cohesive linear law (SOIL_FINDINGS.md). A cubic
+"""Damped contacts per particle of random close packing under the cohesive linear law. A cubic
 grid starts with 6, but where a tool compacts it, it comes near this, so the limits use it."""
 
 SAFETY = 0.6
@@ -24,7 +24,7 @@ us); at 0.6 it spun and was stopped on three beds of three (docs/accuracy.md). L
 with the root of the coordination only."""
 
 REDUCED_INTERVAL_NS = 1_000_000
-"""Tick of a scene on wedge model (chosen: its springs and wheels swing a hundred times slower)."""
+"""Tick of a scene on the wedge model (chosen: its springs and wheels swing a hundred times slower)."""
 
 MECHANISM_INTERVAL_NS = 500_000
 """Tick of a scene without soil (chosen: 1/250 of the fastest mode of the paper's machine, 8 Hz)."""
@@ -86,7 +86,7 @@ def _particle_limits(soil: Soil, other: Soil, z: float, named: str) -> dict[str,
     stiffness = pair.max_stiffness
     add(
         "spin, dampers",
-        f"damping {pair.tangential_damping:g} N s/m acting on spin, {name}",
+        f"damping {pair.tangential_damping:g} N s/m acting on rotation, {name}",
         4.0 / 3.0 * z * pair.tangential_damping * arm**2 / inertia,
         spring=False,
     )
@@ -105,7 +105,7 @@ def _particle_limits(soil: Soil, other: Soil, z: float, named: str) -> dict[str,
     )
     add(
         "spin, springs",
-        f"tangential stiffness {pair.tangential_stiffness:g} N/m acting on spin, {name}",
+        f"tangential stiffness {pair.tangential_stiffness:g} N/m acting on rotation, {name}",
         4.0 / 3.0 * z * pair.tangential_stiffness * arm**2 / inertia,
         spring=True,
     )
@@ -240,8 +240,8 @@ def derive_timing(scene: Scene) -> Timing:
             soil_steps = max(1, math.ceil(communication_step_ns * 1e-9 / largest - 1e-9))
             if step != "auto" and abs(soil_steps * step - communication_step_ns * 1e-9) > 1e-9 * step:
                 raise SceneError(
-                    f"coupling.communication_step_ns: {communication_step_ns} is no whole number of soil.time_step_s {step:g} s; "
-                    f"use a multiple of {round(step * 1e9)} or time_step_s: auto"
+                    f"coupling.communication_step_ns: {communication_step_ns} is no whole number of "
+                    f"soil.time_step_s {step:g} s; use a multiple of {round(step * 1e9)} or time_step_s: auto"
                 )
     return Timing(
         communication_step_ns=communication_step_ns,

@@ -1,9 +1,9 @@
 """From a scene file and overrides to a validated scene, ready to run.
 
 A scene file may have five keys beside those of the model. `base: FILE` names a scene that this one is
-laid over (mappings merge, anything else replaces, null removes). `initial_conditions` holds fragments by name, and
-`initial_condition` names the one that is laid over the rest. `presets` holds more of them, each with what a study
-measured of it, and `preset` names the one that is laid over all that, if any.
+laid over (mappings merge, anything else replaces, null removes). `initial_conditions` holds fragments by
+name, and `initial_condition` names the one that is laid over the rest. `presets` holds more of them, each
+with what a study measured of it, and `preset` names the one that is laid over all that, if any.
 """
 
 import hashlib
@@ -55,8 +55,8 @@ def load_scene(
 
     Files that a document names are seen from the working folder.
 
-    overrides: "a.b.c=value" texts, the value in YAML, or values by dotted path; applied last. `initial_condition` chooses
-    the start and `preset` the preset.
+    overrides: "a.b.c=value" texts, the value in YAML, or values by dotted path; applied last. They may also
+    choose the `initial_condition` and the `preset`.
 
     Raises:
         SceneError: whatever is wrong with file, overrides, meshes or time steps; every line names
@@ -71,7 +71,7 @@ def load_scene(
         name: read_preset(content, f"{shown}: presets.{name}")
         for name, content in document.get("presets", {}).items()
     }
-    document = _with_start(document, shown, [c for c in changes if c.path == "initial_condition"])
+    document = _with_initial_condition(document, shown, [c for c in changes if c.path == "initial_condition"])
     document = _with_preset(document, shown, [c for c in changes if c.path == "preset"])
     changes = [c for c in changes if c.path not in CHOICES]
     kept = {key: document.pop(key) for item in CHOICES.items() for key in item if key in document}
@@ -83,7 +83,7 @@ def load_scene(
         scene_hash = _scene_hash(scene)
         for tool in scene.tools:
             load_tool_mesh(path.parent, scene, tool)
-        notes = _reduced_notes(scene, path.parent)
+        notes = _wedge_notes(scene, path.parent)
         named = scene.report.reference
         reference = None if named is None else read_reference(Path(named))
     except SceneError as error:
@@ -102,7 +102,7 @@ def load_scene(
     )
 
 
-def _reduced_notes(scene: Scene, directory: Path) -> tuple[str, ...]:
+def _wedge_notes(scene: Scene, directory: Path) -> tuple[str, ...]:
     soil = scene.wedge_soil
     if soil is None:
         return ()
@@ -113,8 +113,9 @@ def _reduced_notes(scene: Scene, directory: Path) -> tuple[str, ...]:
 def _with_base(path: Path, shown: str, above: tuple[Path, ...], given: Document | None = None) -> Document:
     """The document of a file, or a given one as if it stood there, laid over its base.
 
-    A start or a preset replaces the base's of the same name; `initial_conditions: null` and `presets: null` drop those
-    of the base. What was measured of a preset holds for the scene it stands in, so it is not inherited.
+    An initial condition or a preset replaces the base's of the same name; `initial_conditions: null` and
+    `presets: null` drop those of the base. What was measured of a preset holds for the scene it stands in, so
+    it is not inherited.
     """
     resolved = path.resolve()
     if resolved in above:
@@ -175,16 +176,16 @@ def _absolute_preset(preset: Document, directory: Path) -> Document:
     return {**preset, "changes": with_absolute_files(changes, directory)}
 
 
-def _with_start(document: Document, shown: str, changes: Sequence[Override]) -> Document:
-    """The document with its chosen start laid over it and no other start left in it."""
-    starts = document.get("initial_conditions", {})
+def _with_initial_condition(document: Document, shown: str, changes: Sequence[Override]) -> Document:
+    """The document with its chosen initial condition laid over it and no other one left in it."""
+    known = document.get("initial_conditions", {})
     name = _chosen(document, shown, changes, "initial_condition", "initial_conditions")
     if name is None:
-        if starts:
-            raise SceneError(f"{shown}: initial_condition: is missing; choose one of {', '.join(starts)}")
+        if known:
+            raise SceneError(f"{shown}: initial_condition: is missing; choose one of {', '.join(known)}")
         return document
     rest = {key: value for key, value in document.items() if key != "initial_conditions"}
-    merged = merge(rest, starts[name], f"{shown}: initial_conditions.{name}")
+    merged = merge(rest, known[name], f"{shown}: initial_conditions.{name}")
     return {**merged, "initial_condition": name, "initial_conditions": {name: {}}}
 
 
@@ -211,7 +212,7 @@ def _chosen(
         return None
     if not isinstance(name, str) or name not in named:
         known = f"; {suggestion(str(name), named)}" if named else f"; the scene has no '{section}'"
-        raise SceneError(f"{where}: no {'preset' if key == 'preset' else key} '{name}'{known}")
+        raise SceneError(f"{where}: no {key.replace('_', ' ')} '{name}'{known}")
     return name
 
 
@@ -226,9 +227,9 @@ def _scene_hash(scene: Scene) -> str:
         for group, part in tool["groups"].items():
             advice = "an .stl file"
             part["mesh"] = _file_hash(part["mesh"], f"tools.{name}.groups.{group}.mesh", advice)
-    reduced, particles = scene.wedge_soil, scene.particle_soil
-    if reduced is not None and reduced.file is not None:
-        content["soil"]["file"] = _file_hash(reduced.file, "soil.file", "a soil file")
+    wedge, particles = scene.wedge_soil, scene.particle_soil
+    if wedge is not None and wedge.file is not None:
+        content["soil"]["file"] = _file_hash(wedge.file, "soil.file", "a soil file")
         content["soil"].pop("fitted_to")
     if particles is not None and isinstance(particles.bed, SavedBed):
         bed = content["soil"]["bed"]

@@ -69,8 +69,8 @@ def _split(document: Document, override: Override) -> list[str]:
     rest = override.path.split(".")
     if rest[0] in LOADER_KEYS:
         raise SceneError(
-            f"{override.source}: '{rest[0]}' cannot be set; choose a start by start=NAME, a preset by "
-            "preset=NAME"
+            f"{override.source}: '{rest[0]}' cannot be set; choose one of them by "
+            f"{'preset' if rest[0] == 'presets' else 'initial_condition'}=NAME"
         )
     keys: list[str] = []
     annotation: Any = Scene

@@ -18,7 +18,7 @@ class ReferenceValue(StrictModel):
     low: Finite | None = None  # band, both or neither
     high: Finite | None = None
     tolerance: Positive | None = None  # the band as a part of the value, instead of low and high
-    unit: str  # for people; 1 for a ratio
+    unit: str  # printed; 1 for a ratio
     source: str = ""  # page, figure, instrument, remark
 
     @model_validator(mode="after")
@@ -50,7 +50,7 @@ class Reference(StrictModel):
     name: str = Field(min_length=1)  # heading of the table, and in legends
     source: str = ""  # where all of it is published, or was measured
     notes: tuple[str, ...] = ()  # printed below the table
-    values: dict[str, ReferenceValue] = Field(min_length=1)  # by quantity of summary.json
+    values: dict[str, ReferenceValue] = Field(min_length=1)  # by dotted path in summary.json
 
 
 def read_reference(path: Path, place: str = "report.reference") -> Reference:

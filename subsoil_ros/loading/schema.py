@@ -1,7 +1,7 @@
 """JSON Schema of scene files, for editors: from the typed model, with the loader's own keys.
 
 Fields are described where they are declared, by Field(description=...); their unit is in their name.
-A file with `base` or `initial_conditions` gives only a part of a scene: there every key may be left out, or null.
+A file with `base` or `initial_conditions` gives a part of a scene: there every key may be left out, or null.
 """
 
 import copy

@@ -36,7 +36,7 @@ class SoilFile(StrictModel):
     fitted_range: SoilRange
     values: WedgeValues
     errors: dict[str, float] = {}  # standard error of each fitted value
-    report: dict[str, Any] = Field(default={})  # residuals, runs; for people
+    report: dict[str, Any] = Field(default={})  # residuals, runs; printed, not used
 
 
 class FoundSoil(StrictModel):

@@ -1,17 +1,18 @@
-"""One tick: steps, pieces of steps at corners of laws and where forces switch, supervision.
+"""One tick: steps, their parts up to breakpoints of time functions and switches of forces, supervision.
 
-A step sees every force on one branch (elements.py). Where its end lies on another, the instant of the first
-switch is found, the step is taken to there, and the rest begins anew without history.
+A step sees every force in one mode (forces/evaluation.py). Where its end lies in another, the instant of the
+first switch is found, the step is taken to there, and the rest begins anew without history.
 """
 
 from .compiled import inner_kernel, kernel
-from .constraints import evaluate_residual, evaluate_turns
 from .dynamics import complete
 from .events import differs, locate_switch
-from .forces import evaluate_regimes
+from .forces.evaluation import evaluate_modes
+from .geometry import evaluate_turns
 from .integrators.adams_moulton import guess_multistep, multistep_power
 from .integrators.generalized_alpha import keep_auxiliary, step_generalized_alpha
 from .integrators.runge_kutta import guess_runge_kutta
+from .joints.constraints import evaluate_residual
 from .linear import copy
 from .partition import choose_partition, condition_estimate
 from .singular_poses import can_skip, is_doubtful, skip_ahead
@@ -38,11 +39,11 @@ PATIENCE = 4
 WORSENING = 10.0
 """Growth of the condition of Phi_u at which the partition is chosen anew (DESIGN.md)."""
 
-CORNER_MARGIN = 1e-6
-"""A corner of a law this part of a step away from the end of a step counts as being there."""
+BREAKPOINT_MARGIN = 1e-6
+"""A breakpoint this part of a step away from the end of a step counts as being there."""
 
 SWITCH_MARGIN = 1e-9
-"""A switch this part of a step away from the end of a piece counts as being there."""
+"""A switch this part of a step away from the end of a part of a step counts as being there."""
 
 MOST_SWITCHES = 30
 """After so many switches in one step the rest of it is taken without looking for more."""
@@ -159,20 +160,20 @@ def _restart(state):
 
 
 @inner_kernel
-def _next_corner(model, time, end):
-    """The first corner after `time` and clearly before `end`, or `end`."""
-    margin = CORNER_MARGIN * model.step
-    for corner in model.corners:
-        if corner > time + margin and corner < end - margin:
-            return corner
+def _next_breakpoint(model, time, end):
+    """The first breakpoint after `time` and clearly before `end`, or `end`."""
+    margin = BREAKPOINT_MARGIN * model.step
+    for breakpoint in model.breakpoints:
+        if breakpoint > time + margin and breakpoint < end - margin:
+            return breakpoint
     return end
 
 
 @inner_kernel
-def _corner_at(model, time):
+def _breakpoint_at(model, time):
     found = False
-    for corner in model.corners:
-        found = found or abs(corner - time) <= CORNER_MARGIN * model.step
+    for breakpoint in model.breakpoints:
+        found = found or abs(breakpoint - time) <= BREAKPOINT_MARGIN * model.step
     return found
 
 
@@ -180,7 +181,7 @@ def _corner_at(model, time):
 def _try_again(model, state, work, start, span, select, method, whole, status):
     """After a step that came near a singular pose: (status, position iterations, whether it was skipped).
 
-    With another partition if that helps; else past the pose without looking at it (bridge.py).
+    With another partition if that helps; else past the pose without looking at it (singular_poses.py).
     """
     if not can_skip(model, state, whole):
         if status != DOUBTFUL or state.counters[SKIPPED_COUNT] > 0:
@@ -197,12 +198,12 @@ def _try_again(model, state, work, start, span, select, method, whole, status):
 
 
 @inner_kernel
-def _take_piece(model, state, work, start, span, select, locating):
+def _take_part(model, state, work, start, span, select, locating):
     """One step of at most `span`, to the first switch of a force if there is one.
 
     Answers (status, span taken, most position iterations of a stage, whether a force has switched).
     """
-    whole = span > (1.0 - CORNER_MARGIN) * model.step
+    whole = span > (1.0 - BREAKPOINT_MARGIN) * model.step
     method = _method(model, state, whole)
     copy(work.kept, state.multipliers)
     status, iterations = _try(model, state, work, start, span, select, method, True)
@@ -216,8 +217,8 @@ def _take_piece(model, state, work, start, span, select, locating):
     state.counters[SKIPPED_COUNT] = state.counters[SKIPPED_COUNT] + 1 if skipped else 0
     if skipped:
         method = ADAMS_MOULTON
-    evaluate_regimes(model, start + span, select, work.q, work.turns, work.v, work.regimes)
-    switched = differs(work.regimes, state.regimes)
+    evaluate_modes(model, start + span, select, work.q, work.turns, work.v, work.modes)
+    switched = differs(work.modes, state.modes)
     if switched and locating:
         part = locate_switch(model, state, work, start, span, select)
         if part * span < SWITCH_MARGIN * model.step:
@@ -236,7 +237,7 @@ def _take_piece(model, state, work, start, span, select, locating):
         if not whole and method != GENERALIZED_ALPHA:
             state.counters[PAST_COUNT] = 0  # history is of equal steps
     if switched:
-        copy(state.regimes, work.regimes)
+        copy(state.modes, work.modes)
         state.counters[EVENT_COUNT] += 1
         _restart(state)
     return OK, span, iterations, switched
@@ -244,7 +245,7 @@ def _take_piece(model, state, work, start, span, select, locating):
 
 @inner_kernel
 def _supervise(model, state, work, time, select, iterations):
-    """After a piece: watch the constraints left out, choose the partition anew if due."""
+    """After a part of a step: watch the constraints left out, choose the partition anew if due."""
     if state.counters[SKIPPED_COUNT] > 0:
         return OK
     if state.rows.shape[0] < work.residual.shape[0]:
@@ -263,22 +264,22 @@ def _supervise(model, state, work, time, select, iterations):
 
 @inner_kernel
 def _take_step(model, state, work, start, end, fresh):
-    """From `start` to `end`, one step later, piece by piece; answers the status."""
+    """From `start` to `end`, one step later, part by part; answers the status."""
     time, switches = start, 0
     while time < end:
-        corner = _next_corner(model, time, end)
-        select = 0.5 * (time + corner)
-        if _corner_at(model, time):
+        breakpoint = _next_breakpoint(model, time, end)
+        select = 0.5 * (time + breakpoint)
+        if _breakpoint_at(model, time):
             _restart(state)
             evaluate_turns(state.q, work.turns)
-            evaluate_regimes(model, time, select, state.q, work.turns, state.v, state.regimes)
+            evaluate_modes(model, time, select, state.q, work.turns, state.v, state.modes)
         if (fresh and state.counters[SKIPPED_COUNT] == 0) or state.counters[PAST_COUNT] == 0:
             status = _refresh(model, state, work, time, select)
             if status != OK:
                 return status
         locating = switches < MOST_SWITCHES
-        status, span, iterations, switched = _take_piece(
-            model, state, work, time, corner - time, select, locating
+        status, span, iterations, switched = _take_part(
+            model, state, work, time, breakpoint - time, select, locating
         )
         if status != OK:
             return status
@@ -287,9 +288,9 @@ def _take_step(model, state, work, start, end, fresh):
             return status
         if switched:
             switches += 1
-            time = time + span if corner - time - span > SWITCH_MARGIN * model.step else corner
+            time = time + span if breakpoint - time - span > SWITCH_MARGIN * model.step else breakpoint
         else:
-            time = corner
+            time = breakpoint
         fresh = False
     return OK
 
@@ -298,12 +299,12 @@ def _take_step(model, state, work, start, end, fresh):
 def advance_tick(model, state, work, start, steps):
     """One tick of `steps` steps from the time `start` [s], the wrench in the state held constant.
 
-    A step with corners of laws inside is taken piece by piece, each piece a restart. No steps: only
+    A step with breakpoints inside is taken part by part, each of them a restart. No steps: only
     the acceleration at `start` is evaluated.
     """
     if state.counters[PARTITION_COUNT] == 0:
         evaluate_turns(state.q, work.turns)
-        evaluate_regimes(model, start, start + 0.5 * model.step, state.q, work.turns, state.v, state.regimes)
+        evaluate_modes(model, start, start + 0.5 * model.step, state.q, work.turns, state.v, state.modes)
         status = choose_partition(model, state, work, state.q)
         if status == SINGULAR:
             return status

@@ -8,11 +8,13 @@ import numpy as np
 from ..errors import SceneError, SingularMechanismError
 from ..scene.mechanism import Driver, Mechanism
 from .build import Machine, build_machine
-from .constraints import evaluate_gamma, evaluate_residual, evaluate_speed, turns_of
 from .equilibrium import settle
+from .forces.table import FRICTIONS
+from .geometry import turns_of
+from .joints.constraints import evaluate_gamma, evaluate_residual, evaluate_speed
+from .joints.table import DRIVER, RELATIVE_DRIVER
 from .projection import RANK_TOLERANCE, Closure, scaled_mass
-from .tables import DRIVER, RELATIVE_DRIVER, TRAVEL_FRICTION, TURN_FRICTION
-from .time_functions import law_value
+from .time_functions import function_value
 
 CONTRADICTION = 1e-9
 """Part of the largest entry by which Phi_q q' = -Phi_t may fail before constraints contradict."""
@@ -147,7 +149,7 @@ def _count(machine: Machine, q: np.ndarray) -> tuple[int, tuple[str, ...]]:
 def _refuse_unknown_pressure(machine: Machine, redundant: tuple[str, ...]) -> None:
     """SceneError where friction follows a reaction that is not unique."""
     for force in machine.model.forces:
-        if force["kind"] in (TURN_FRICTION, TRAVEL_FRICTION) and force["friction"] > 0.0:
+        if force["kind"] in FRICTIONS and force["friction"] > 0.0:
             name = machine.joints[force["joint"]]
             if name in redundant:
                 raise SceneError(
@@ -223,11 +225,11 @@ def _least(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 def _guessed_velocities(machine: Machine, mechanism: Mechanism) -> tuple[np.ndarray, np.ndarray]:
     """Guess (n,) [m/s, rad/s], and which of its entries the scene gives."""
-    laws = machine.model.laws
+    functions = machine.model.functions
     along: dict[str, list[float]] = {"x": [], "z": []}  # speeds of the drivers of translation
     for row, joint in zip(machine.model.joints, mechanism.joints.values(), strict=False):  # locks come last
         if isinstance(joint, Driver) and joint.relative_to is None and joint.coordinate in along:
-            along[joint.coordinate].append(law_value(laws, row["law"], 0.0, 0.0))
+            along[joint.coordinate].append(function_value(functions, row["function"], 0.0, 0.0))
     common = [float(np.mean(along[key])) if along[key] else 0.0 for key in ("x", "z")]
     guess, given = [], []
     for body in mechanism.bodies.values():

@@ -5,37 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..scene.mechanism import (
-    GROUND,
-    Driver,
-    Joint,
-    Mechanism,
-    PointOnLine,
-    Prismatic,
-    Revolute,
-)
-from .build_forces import ForceTables, LawList, Pair, tabulate_forces
-from .frames import COORDINATE_INDEX, Snapshots, across
+from ..scene.mechanism import Mechanism
+from .forces import tabulate_forces
+from .forces.table import FRICTIONS
+from .frames import COORDINATE_INDEX, ReferencePoses
 from .integrators.adams_moulton import multistep_weights
+from .joints import MODULE_OF_SCENE, kind_of
+from .joints.table import JOINT
 from .sparsity import sparsity_of
-from .tables import (
-    ADAMS_MOULTON,
-    DRIVER,
-    FIXED,
-    GENERALIZED_ALPHA,
-    JOINT,
-    POINT_ON_LINE,
-    PRISMATIC,
-    RELATIVE_DRIVER,
-    REVOLUTE,
-    ROWS_OF_KIND,
-    RUNGE_KUTTA_4,
-    TRAVEL_FRICTION,
-    TURN_FRICTION,
-    TURN_LOCK,
-    Model,
-)
-from .time_functions import tabulate
+from .tables import ADAMS_MOULTON, GENERALIZED_ALPHA, RUNGE_KUTTA_4, Model
+from .time_functions import FunctionList, tabulate
 
 INTEGRATORS = {
     "adams_moulton": ADAMS_MOULTON,
@@ -66,16 +45,15 @@ def build_machine(mechanism: Mechanism, gravity: float, step_s: float) -> Machin
     Raises:
         SceneError: a locked spring without length.
     """
-    frames, laws = Snapshots(mechanism), LawList()
-    reference = frames.coordinates()
+    poses, functions = ReferencePoses(mechanism), FunctionList()
     size = _size(mechanism)
     joints = np.zeros(len(mechanism.joints), dtype=JOINT)
     for row, joint in zip(joints, mechanism.joints.values(), strict=True):
-        _fill_joint(row, joint, frames, laws, reference)
-    forces = tabulate_forces(mechanism, frames, laws)
+        MODULE_OF_SCENE[type(joint)].fill(row, joint, poses, functions)
+    forces = tabulate_forces(mechanism, poses, functions)
     joints = np.concatenate([joints, forces.locks])
     row_joint, row_scale = _number_rows(joints, size)
-    table, corners = tabulate(laws.laws)
+    table, breakpoints = tabulate(functions.functions)
     bodies = mechanism.bodies
     mass = np.array([[b.mass_kg, b.mass_kg, b.inertia_kg_m2] for b in bodies.values()]).reshape(-1)
     column_scale = np.tile([1.0, 1.0, 1.0 / size], len(bodies))
@@ -84,31 +62,27 @@ def build_machine(mechanism: Mechanism, gravity: float, step_s: float) -> Machin
         joints=joints,
         forces=forces.rows,
         curves=forces.curves,
-        laws=table,
-        corners=corners,
+        functions=table,
+        breakpoints=breakpoints,
         row_scale=row_scale,
         column_scale=column_scale,
-        root_mass=column_scale * np.sqrt(mass),
+        sqrt_mass=column_scale * np.sqrt(mass),
         sparsity=sparsity_of(joints, len(bodies)),
         weights=multistep_weights(mechanism.integrator_order),
         gravity=float(gravity),
         size=float(size),
         step=float(step_s),
         integrator=INTEGRATORS[mechanism.integrator],
-        pressed=bool((forces.rows["friction"][_frictions(forces)] > 0.0).any()),
+        pressed=bool((forces.rows["friction"][np.isin(forces.rows["kind"], FRICTIONS)] > 0.0).any()),
     )
     return Machine(
         model=model,
         bodies=tuple(bodies),
         joints=(*mechanism.joints, *forces.lock_names),
         forces=forces.names,
-        reference=reference,
+        reference=poses.coordinates(),
         row_joint=row_joint,
     )
-
-
-def _frictions(forces: ForceTables) -> np.ndarray:
-    return np.isin(forces.rows["kind"], (TURN_FRICTION, TRAVEL_FRICTION))
 
 
 def _number_rows(joints: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
@@ -117,20 +91,10 @@ def _number_rows(joints: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarra
     row_scale: list[float] = []
     for i, joint in enumerate(joints):
         joint["row"] = len(row_joint)
-        row_joint += [i] * ROWS_OF_KIND[int(joint["kind"])]
-        row_scale += _row_scales(joint, size)
+        for angle in kind_of(joint).angle_rows(joint):
+            row_joint.append(i)
+            row_scale.append(size if angle else 1.0)
     return np.array(row_joint, dtype=np.int64), np.array(row_scale, dtype=np.float64)
-
-
-def _row_scales(row: np.void, size: float) -> list[float]:
-    """1 for a row in metres, the machine's size for one in radians."""
-    kind = int(row["kind"])
-    if kind in (DRIVER, RELATIVE_DRIVER):
-        return [size if int(row["coordinate"]) % 3 == 2 else 1.0]
-    if kind == TURN_LOCK:
-        return [size]
-    turns = kind in (PRISMATIC, FIXED)
-    return [1.0] * (ROWS_OF_KIND[kind] - turns) + [size] * turns
 
 
 def _size(mechanism: Mechanism) -> float:
@@ -146,45 +110,3 @@ def _size(mechanism: Mechanism) -> float:
         return spread
     # all points in one place: the largest radius of gyration
     return max(math.sqrt(b.inertia_kg_m2 / b.mass_kg) for b in mechanism.bodies.values())
-
-
-def _fill_joint(row: np.void, joint: Joint, frames: Snapshots, laws: LawList, reference: np.ndarray) -> None:
-    if isinstance(joint, Driver):
-        _fill_driver(row, joint, frames, laws, reference)
-        return
-    _fill_pair(row, joint, frames)
-    row["point_a"] = frames.point(joint.body_a, joint.point_m)
-    row["point_b"] = frames.point(joint.body_b, joint.point_m)
-    if isinstance(joint, Prismatic | PointOnLine):
-        row["kind"] = PRISMATIC if isinstance(joint, Prismatic) else POINT_ON_LINE
-        row["normal"] = frames.vector(joint.body_a, *across(joint.axis))
-    elif isinstance(joint, Revolute):
-        row["kind"] = REVOLUTE
-        if joint.point_b_m is not None:
-            row["point_b"] = frames.point(joint.body_b, joint.point_b_m)
-    else:
-        row["kind"] = FIXED
-
-
-def _fill_pair(row: np.void, part: Pair, frames: Snapshots) -> None:
-    """Bodies of a joint between two, and the angle between them in the reference pose."""
-    row["body_a"], row["body_b"] = frames.index(part.body_a), frames.index(part.body_b)
-    row["offset"] = frames.angle(part.body_b) - frames.angle(part.body_a)
-
-
-def _fill_driver(
-    row: np.void, joint: Driver, frames: Snapshots, laws: LawList, reference: np.ndarray
-) -> None:
-    row["body_a"] = frames.index(joint.relative_to or GROUND)
-    row["body_b"] = frames.index(joint.body)
-    row["law"] = laws.add(joint.speed)
-    coordinate = COORDINATE_INDEX[joint.coordinate]
-    if joint.relative_to is None:
-        row["kind"] = DRIVER
-        row["coordinate"] = 3 * frames.index(joint.body) + coordinate
-        row["offset"] = reference[row["coordinate"]]
-        return
-    row["kind"] = RELATIVE_DRIVER
-    row["coordinate"] = coordinate
-    if coordinate < 2:
-        row["normal"] = frames.vector(joint.relative_to, 1.0 - coordinate, float(coordinate))

@@ -9,7 +9,12 @@ from numba import njit
 
 kernel = njit(cache=True, error_model="numpy", _nrt=False)
 
-inner_kernel = njit(
-    cache=True, error_model="numpy", _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True
+inner_kernel = njit(error_model="numpy", _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+"""A kernel that only other kernels call: without the wrapper for Python it compiles much faster. Not cached:
+it is part of its callers, which are."""
+
+part_of_kernel = njit(
+    error_model="numpy", _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True, inline="always"
 )
-"""A kernel that only other kernels call: without the wrapper for Python it compiles much faster."""
+"""The same, written into its callers before they are compiled: for the short functions of one joint. Not for
+the layers of a step (advance.py): as one function they compile in less time, but run a fifth slower."""

@@ -4,26 +4,12 @@ import numpy as np
 
 from ..messages import BodyState, ForceState, JointReaction, MechanismState
 from .build import Machine
-from .constraints import evaluate_jacobian, evaluate_residual, evaluate_speed, turns_of
-from .forces import evaluate_forces, report_forces
-from .tables import (
-    BY_DRIVERS,
-    BY_LOADS,
-    BY_WRENCHES,
-    DISSIPATED,
-    DRIVER,
-    FIXED,
-    LOCKED_SPRING,
-    LOCKED_TORSION,
-    POINT_LOAD,
-    POINT_ON_LINE,
-    PRISMATIC,
-    RELATIVE_DRIVER,
-    ROD,
-    TURN_LOCK,
-    Model,
-    State,
-)
+from .forces.evaluation import evaluate_forces, report_forces
+from .forces.table import LOCKED_SPRING, LOCKED_TORSION, POINT_LOAD
+from .geometry import turns_of
+from .joints import kind_of
+from .joints.constraints import evaluate_jacobian, evaluate_residual, evaluate_speed
+from .tables import BY_DRIVERS, BY_LOADS, BY_WRENCHES, DISSIPATED, Model, State
 
 
 def body_states(machine: Machine, state: State) -> tuple[BodyState, ...]:
@@ -60,43 +46,9 @@ def reactions_at(
     turns = turns_of(q)
     reactions = []
     for name, joint in zip(machine.joints, machine.model.joints, strict=True):
-        x, z, moment = _reaction(joint, q, turns, -row_multipliers)
+        x, z, moment = kind_of(joint).reaction(joint, q, turns, -row_multipliers[joint["row"] :])
         reactions.append(JointReaction(name, float(x), float(z), float(moment), unique=name not in redundant))
     return tuple(reactions)
-
-
-def _reaction(
-    joint: np.void, q: np.ndarray, turns: np.ndarray, pushes: np.ndarray
-) -> tuple[float, float, float]:
-    """Force and moment on body_b; `pushes` (m,) is what every row puts on its own residual."""
-    row, kind, coordinate = int(joint["row"]), int(joint["kind"]), int(joint["coordinate"])
-    push = pushes[row]
-    if kind == DRIVER:
-        parts = [0.0, 0.0, 0.0]
-        parts[coordinate % 3] = push
-        return parts[0], parts[1], parts[2]
-    if kind == TURN_LOCK or (kind == RELATIVE_DRIVER and coordinate == 2):
-        return 0.0, 0.0, push
-    if kind == ROD:
-        span = _point(joint, "b", q, turns) - _point(joint, "a", q, turns)
-        x, z = push * span / np.linalg.norm(span)
-        return x, z, 0.0
-    if kind in (PRISMATIC, POINT_ON_LINE, RELATIVE_DRIVER):
-        x, z = push * _turned(turns[joint["body_a"]], joint["normal"])
-        return x, z, pushes[row + 1] if kind == PRISMATIC else 0.0
-    return push, pushes[row + 1], pushes[row + 2] if kind == FIXED else 0.0
-
-
-def _turned(turn: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """A vector in the frame of a body of cosine and sine `turn` in world axes."""
-    c, s = turn
-    return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
-
-
-def _point(joint: np.void, side: str, q: np.ndarray, turns: np.ndarray) -> np.ndarray:
-    """World position (2,) of the point of body a or b."""
-    body = int(joint[f"body_{side}"])
-    return np.asarray(q[3 * body : 3 * body + 2] + _turned(turns[body], joint[f"point_{side}"]))
 
 
 def locked_forces(model: Model, row_multipliers: np.ndarray, report: np.ndarray) -> None:
@@ -116,7 +68,7 @@ def mechanism_state(
 ) -> MechanismState:
     """Everything about the machine at the time of `stamp` = (run id, tick, end time [ns]).
 
-    select: a time [s] that chooses the pieces of laws at a corner.
+    select: a time [s] that chooses the segments of time functions at a breakpoint.
     """
     model = machine.model
     time = stamp[2] * 1e-9

@@ -11,7 +11,7 @@ from ..messages import DriverCommand
 from ..scene.controller import Controller
 from ..scene.mechanism import Driver, Mechanism
 from ..scene.time_functions import HalfSineLaw, Law, PolynomialLaw, RampLaw, SineLaw, SumLaw, TableLaw
-from .time_functions import LawTable
+from .time_functions import FunctionTable
 
 ROUND_OFF = 1e-9
 """A command may ask for this part more than the largest acceleration: its speed was rounded."""
@@ -25,12 +25,12 @@ class Ramp:
     speed: float  # at start_s [m/s]
     acceleration: float  # since then [m/s2]
     end_speed: float  # commanded, reached at the end of the control interval [m/s]
-    travel: float  # at start_s, since time 0 [m]
+    distance: float  # at start_s, since time 0 [m]
 
-    def travel_at(self, time_s: float) -> float:
-        """Way since time 0 [m]."""
+    def distance_at(self, time_s: float) -> float:
+        """Distance since time 0 [m]."""
         span = time_s - self.start_s
-        return self.travel + span * (self.speed + 0.5 * span * self.acceleration)
+        return self.distance + span * (self.speed + 0.5 * span * self.acceleration)
 
 
 def next_ramp(
@@ -53,21 +53,21 @@ def next_ramp(
     speed, before = command.speed, ramp.end_speed
     if not math.isfinite(speed):
         raise PhysicsError(f"{where}: speed {speed} of driver '{command.driver}' is not finite")
-    lowest, highest = controller.lowest_speed_m_per_s, controller.highest_speed_m_per_s
+    lowest, highest = controller.lowest_speed, controller.highest_speed
     if not lowest <= speed <= highest:
         raise PhysicsError(
             f"{where}: speed {speed:g} of driver '{command.driver}' is outside of the controller's limits, "
             f"{lowest:g} to {highest:g}"
         )
     acceleration = (speed - before) / interval_s
-    largest = controller.max_acceleration_m_per_s2
+    largest = controller.max_acceleration
     if abs(acceleration) > largest * (1.0 + ROUND_OFF):
         raise PhysicsError(
             f"{where}: speed {speed:g} of driver '{command.driver}' is a jump: from {before:g} within "
             f"{interval_s:g} s it is an acceleration of {abs(acceleration):.3g}, allowed is "
-            f"controller.max_acceleration_m_per_s2 {largest:g}"
+            f"controller.max_acceleration {largest:g}"
         )
-    return Ramp(start_s, before, acceleration, speed, ramp.travel_at(start_s))
+    return Ramp(start_s, before, acceleration, speed, ramp.distance_at(start_s))
 
 
 def refuse_jumps(mechanism: Mechanism, step_s: float) -> None:
@@ -84,29 +84,29 @@ def refuse_jumps(mechanism: Mechanism, step_s: float) -> None:
                 )
 
 
-def _changes(law: Law) -> Iterator[tuple[float, float]]:
-    """Times [s] in which a law changes, and by how much."""
-    if isinstance(law, SumLaw):
-        for term in law.terms:
+def _changes(function: Law) -> Iterator[tuple[float, float]]:
+    """Times [s] in which a function changes, and by how much."""
+    if isinstance(function, SumLaw):
+        for term in function.terms:
             yield from _changes(term)
-    elif isinstance(law, RampLaw):
-        yield law.end_s - law.start_s, law.end_value - law.start_value
-    elif isinstance(law, TableLaw):
-        yield from zip(np.diff(law.times_s).tolist(), np.diff(law.values).tolist(), strict=True)
-    elif isinstance(law, HalfSineLaw):
-        yield 0.5 * law.duration_s, law.peak
-    elif isinstance(law, SineLaw):
-        yield 0.25 / law.frequency_hz, law.amplitude
-    elif isinstance(law, PolynomialLaw) and law.end_s is not None:
-        span_s = law.end_s - law.start_s
-        end = float(np.polynomial.polynomial.polyval(span_s, law.coefficients))
-        yield span_s, end - law.coefficients[0]
+    elif isinstance(function, RampLaw):
+        yield function.end_s - function.start_s, function.end_value - function.start_value
+    elif isinstance(function, TableLaw):
+        yield from zip(np.diff(function.times_s).tolist(), np.diff(function.values).tolist(), strict=True)
+    elif isinstance(function, HalfSineLaw):
+        yield 0.5 * function.duration_s, function.peak
+    elif isinstance(function, SineLaw):
+        yield 0.25 / function.frequency_hz, function.amplitude
+    elif isinstance(function, PolynomialLaw) and function.end_s is not None:
+        span_s = function.end_s - function.start_s
+        end = float(np.polynomial.polynomial.polyval(span_s, function.coefficients))
+        yield span_s, end - function.coefficients[0]
 
 
-def write_ramp(laws: LawTable, law: int, ramp: Ramp) -> None:
-    """Makes a ramp the law of a driver, in place; that law has one piece: it is a constant of the scene."""
-    piece = laws.pieces[laws.first[laws.chains[law]]]
-    piece["reference"] = ramp.start_s
-    piece["degree"] = 1
-    piece["coefficients"][:2] = ramp.speed, ramp.acceleration
-    piece["integral"] = ramp.travel
+def write_ramp(functions: FunctionTable, function: int, ramp: Ramp) -> None:
+    """Makes a ramp the time function of a driver, in place; it has one segment: a constant of the scene."""
+    segment = functions.segments[functions.first[functions.chains[function]]]
+    segment["reference"] = ramp.start_s
+    segment["degree"] = 1
+    segment["coefficients"][:2] = ramp.speed, ramp.acceleration
+    segment["integral"] = ramp.distance

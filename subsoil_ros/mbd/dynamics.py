@@ -4,23 +4,22 @@ Coordinates, forces and masses are scaled here: y = q / s, mass s^2, force s, s 
 """
 
 from .compiled import inner_kernel
-from .constraints import evaluate_gamma, evaluate_turns
-from .elements import joint_pressure
-from .forces import evaluate_forces
+from .forces.evaluation import evaluate_forces
+from .forces.joint_friction import is_friction, joint_pressure
+from .geometry import evaluate_turns
+from .joints.constraints import evaluate_gamma
+from .joints.table import DRIVER
 from .kkt import factor_whole, solve_whole
 from .linear import copy, lu_factor, lu_solve, lu_solve_transposed
 from .partition import close_positions, close_velocities, factor_dependent
 from .tables import (
     BY_DRIVERS,
-    DRIVER,
     JAMMED,
     NOT_FINITE,
     OK,
     SINGULAR,
-    TRAVEL_FRICTION,
-    TURN_FRICTION,
 )
-from .time_functions import law_value
+from .time_functions import function_value
 
 LAST_FRICTION = 60
 """Joint friction depends on the reactions and they on it: iterated, at most so often."""
@@ -54,11 +53,11 @@ def _eliminate(model, state, work):
         for j in range(i + 1):
             total = 0.0
             for u in range(rank):
-                root = model.root_mass[state.dependent[u]]
+                root = model.sqrt_mass[state.dependent[u]]
                 total += root * root * work.dependence[i, u] * work.dependence[j, u]
             work.reduced[i, j] = total
             work.reduced[j, i] = total
-        work.reduced[i, i] += model.root_mass[state.independent[i]] ** 2
+        work.reduced[i, i] += model.sqrt_mass[state.independent[i]] ** 2
     return lu_factor(work.reduced, work.reduced_pivots, freedom - 1, freedom - 1)
 
 
@@ -68,7 +67,7 @@ def _solve_reduced(model, state, work, a):
     rank, freedom = state.rows.shape[0], state.independent.shape[0]
     for u in range(rank):
         k = state.dependent[u]
-        work.other[u] = model.column_scale[k] * work.force[k] - model.root_mass[k] ** 2 * work.right[u]
+        work.other[u] = model.column_scale[k] * work.force[k] - model.sqrt_mass[k] ** 2 * work.right[u]
     for i in range(freedom):
         k = state.independent[i]
         total = model.column_scale[k] * work.force[k]
@@ -102,7 +101,7 @@ def _pressure_settled(model, state, work):
         largest = max(largest, abs(state.multipliers[row]))
     for i in range(model.forces.shape[0]):
         force = model.forces[i]
-        if force.friction > 0.0 and (force.kind == TURN_FRICTION or force.kind == TRAVEL_FRICTION):
+        if force.friction > 0.0 and is_friction(force):
             now = joint_pressure(model, force, state.multipliers)
             change = max(change, abs(now - joint_pressure(model, force, work.previous)))
     return change <= FRICTION_SETTLED * largest
@@ -134,7 +133,7 @@ def _accelerate(model, state, work, time, select):
     for i in range(model.joints.shape[0]):
         joint = model.joints[i]
         if joint.kind >= DRIVER:
-            speed = law_value(model.laws, joint.law, time, select)
+            speed = function_value(model.functions, joint.function, time, select)
             work.powers[BY_DRIVERS] -= state.multipliers[joint.row] * speed
     for i in range(state.wrench.shape[0]):
         if not abs(work.a[i]) < LARGEST:

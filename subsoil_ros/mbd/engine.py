@@ -13,9 +13,10 @@ from ..scene.model import Scene
 from ..ticks import INITIAL_TICK, tick_end_s
 from .advance import advance_tick
 from .assembly import Start, assemble, weakest_joints
-from .constraints import evaluate_residual, turns_of
 from .diagnostics import mechanism_state
 from .driving import Ramp, next_ramp, refuse_jumps, write_ramp
+from .geometry import turns_of
+from .joints.constraints import evaluate_residual
 from .projection import Closure
 from .stability import refuse_unstable_step
 from .tables import (
@@ -65,7 +66,7 @@ class MechanismEngine:
         self.ramp: Ramp | None = None
         if scene.controller is not None:
             driver = self._machine.joints.index(scene.controller.driver)
-            self._commanded_law = int(self._machine.model.joints[driver]["law"])
+            self._commanded_function = int(self._machine.model.joints[driver]["function"])
             speed = float(scene.mechanism.joints[scene.controller.driver].speed.value)  # type: ignore[union-attr]
             self.ramp = Ramp(0.0, speed, 0.0, speed, 0.0)
         self.topology = Topology.of(start)
@@ -127,13 +128,13 @@ class MechanismEngine:
         interval_s = self._controller.interval_ticks * self._interval_ns * 1e-9
         before = self.ramp.acceleration
         self._drive(next_ramp(self.ramp, command, self._controller, start_s, interval_s))
-        if self.ramp.acceleration != before:  # a corner of the driver's law: history does not reach across
+        if self.ramp.acceleration != before:  # a breakpoint: history does not reach across
             self._state.counters[PAST_COUNT] = 0
             self._state.counters[RESTART_COUNT] += 1
 
     def _drive(self, ramp: Ramp) -> None:
         self.ramp = ramp
-        write_ramp(self._machine.model.laws, self._commanded_law, ramp)
+        write_ramp(self._machine.model.functions, self._commanded_function, ramp)
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> MechanismState:
         """The whole machine as it stands now, stamped with what the caller says."""
@@ -217,7 +218,7 @@ class MechanismEngine:
             return SingularMechanismError(
                 f"{where}: the joints cannot be closed any more; nearest to a singular position are "
                 f"{joints}. The drivers ask for a position out of reach, or the motion is too fast for the "
-                "step: change the drivers' laws, or raise coupling.mechanism_steps."
+                "step: change the drivers' time functions, or raise coupling.mechanism_steps."
             )
         if status == CONTRADICTION:
             phi = np.zeros(len(model.row_scale))

@@ -5,10 +5,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import SceneError
-from .constraints import turns_of
-from .forces import evaluate_forces, held_at, report_forces
+from .forces.evaluation import evaluate_forces, held_at, report_forces
+from .forces.table import FRICTIONS, POINT_LOAD
+from .geometry import turns_of
 from .projection import RANK_TOLERANCE, Closure, scaled_mass
-from .tables import POINT_LOAD, TRAVEL_FRICTION, TURN_FRICTION, Model
+from .tables import Model
 
 RESIDUAL = 1e-10
 """At rest the free part of the forces is below this part of all forces."""
@@ -79,14 +80,15 @@ def _newton_move(pull: _Pull, stiffness: np.ndarray, negligible: float, size: fl
     least = pull.free / size
     firm = np.abs(values) + SOFTEST * max(float(np.abs(values).max()), least)
     along = vectors.T @ pull.along
-    # without this, the round-off of the differences would turn a wheel that nothing turns
-    idle = (np.abs(values) < SOFTEST * firm.max()) & (np.abs(along) < negligible)
+    # without this, the round-off of the differences would turn a wheel that nothing turns: it mixes freedoms
+    noise = max(negligible, SOFTEST * pull.free)
+    idle = (np.abs(values) < SOFTEST * firm.max()) & (np.abs(along) < noise)
     return pull.basis @ (vectors @ np.where(idle, 0.0, along / firm))
 
 
 def _at_rest(model: Model) -> Model:
     """The model without loads, dampers and friction: only what has a potential energy."""
-    lost = np.isin(model.forces["kind"], (POINT_LOAD, TURN_FRICTION, TRAVEL_FRICTION))
+    lost = np.isin(model.forces["kind"], (POINT_LOAD, *FRICTIONS))
     forces = model.forces[~lost].copy()
     forces["damping"] = 0.0
     forces["stop_damping"] = 0.0

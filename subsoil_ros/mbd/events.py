@@ -1,19 +1,19 @@
-"""Finding the instant inside a step at which a force leaves its branch (elements.py)."""
+"""Finding the instant inside a step at which a force leaves its mode (forces/evaluation.py)."""
 
 from .compiled import inner_kernel
-from .constraints import evaluate_turns
-from .forces import evaluate_regimes
+from .forces.evaluation import evaluate_modes
+from .geometry import evaluate_turns
 
 NEAREST = 1e-12
 """The instant is bracketed to this part of the step."""
 
 
 @inner_kernel
-def differs(regimes, others):
-    """Whether any force is on another branch."""
+def differs(modes, others):
+    """Whether any force is in another mode."""
     found = False
-    for i in range(regimes.shape[0]):
-        found = found or regimes[i] != others[i]
+    for i in range(modes.shape[0]):
+        found = found or modes[i] != others[i]
     return found
 
 
@@ -39,9 +39,9 @@ def _interpolate(state, work, span, part):
 
 @inner_kernel
 def locate_switch(model, state, work, start, span, select):
-    """The part of the step, from 0 to 1, at which the first force leaves its branch.
+    """The part of the step, from 0 to 1, at which the first force leaves its mode.
 
-    The step ends in `work` with other branches than the state's; `regimes` of `work` become those right after
+    The step ends in `work` with other modes than the state's; `modes` of `work` become those right after
     the switch.
     """
     before, after = 0.0, 1.0
@@ -50,13 +50,13 @@ def locate_switch(model, state, work, start, span, select):
         _interpolate(state, work, span, part)
         evaluate_turns(work.trial_q, work.turns)
         time = start + part * span
-        evaluate_regimes(model, time, select, work.trial_q, work.turns, work.trial_v, work.regimes)
-        if differs(work.regimes, state.regimes):
+        evaluate_modes(model, time, select, work.trial_q, work.turns, work.trial_v, work.modes)
+        if differs(work.modes, state.modes):
             after = part
         else:
             before = part
     _interpolate(state, work, span, after)
     evaluate_turns(work.trial_q, work.turns)
     time = start + after * span
-    evaluate_regimes(model, time, select, work.trial_q, work.turns, work.trial_v, work.regimes)
+    evaluate_modes(model, time, select, work.trial_q, work.turns, work.trial_v, work.modes)
     return after

@@ -1,4 +1,4 @@
-"""Snapshots of bodies in the reference pose: takes points and vectors of the world into them."""
+"""Frames of bodies in the reference pose: takes points and vectors of the world into them."""
 
 import math
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from ..scene.mechanism import GROUND, Mechanism
 COORDINATE_INDEX = {"x": 0, "z": 1, "angle": 2, "x_m": 0, "z_m": 1, "angle_rad": 2}
 
 
-class Snapshots:
+class ReferencePoses:
     """Reference poses of all bodies and the ground."""
 
     def __init__(self, mechanism: Mechanism) -> None:

@@ -29,12 +29,12 @@ def factor_whole(model, state, work):
         total = 0.0
         for entry in range(shape.first[row], shape.first[row + 1]):
             c = shape.columns[entry]
-            total += (work.jacobian[row, c] / model.root_mass[c]) ** 2
+            total += (work.jacobian[row, c] / model.sqrt_mass[c]) ** 2
         length = math.sqrt(total)
         work.row_length[row] = length
         for entry in range(shape.first[row], shape.first[row + 1]):
             c = shape.columns[entry]
-            value = work.jacobian[row, c] / (model.root_mass[c] * length)
+            value = work.jacobian[row, c] / (model.sqrt_mass[c] * length)
             matrix[shape.place[c], at] = value
             matrix[at, shape.place[c]] = value
     return lu_factor(matrix, work.whole_pivots, band, band)
@@ -45,13 +45,13 @@ def solve_whole(model, state, work, a):
     """From `force`, `gamma`: accelerations [m/s^2, rad/s^2] into `a`, multipliers [N, N m] to the state."""
     shape, right, coordinates = model.sparsity, work.whole_right, model.mass.shape[0]
     for c in range(coordinates):
-        right[shape.place[c]] = model.column_scale[c] * work.force[c] / model.root_mass[c]
+        right[shape.place[c]] = model.column_scale[c] * work.force[c] / model.sqrt_mass[c]
     for row in range(work.row_length.shape[0]):
         used = state.row_place[row] >= 0
         right[shape.place[coordinates + row]] = work.gamma[row] / work.row_length[row] if used else 0.0
     lu_solve(work.whole, work.whole_pivots, shape.band, shape.band, right)
     for c in range(coordinates):
-        a[c] = model.column_scale[c] * right[shape.place[c]] / model.root_mass[c]
+        a[c] = model.column_scale[c] * right[shape.place[c]] / model.sqrt_mass[c]
     for row in range(work.row_length.shape[0]):
         if state.row_place[row] >= 0:
             share = right[shape.place[coordinates + row]] / work.row_length[row]

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from .build import Machine
-from .constraints import turns_of
-from .elements import STOPS
-from .forces import Held, evaluate_forces, held_at
+from .forces.elastic import engaged_mode
+from .forces.evaluation import Held, evaluate_forces, held_at
+from .forces.table import WHEEL_CONTACT
+from .forces.wheel_contact import PRESSED
+from .geometry import turns_of
 from .projection import RANK_TOLERANCE, Closure, scaled_mass
-from .tables import WHEEL_CONTACT
 
 RIGID = 1e-5
 """An eigenvalue below this part of the largest (or of 1 rad/s) belongs to a motion that nothing holds."""
@@ -70,7 +71,7 @@ def linearise(machine: Machine, q: np.ndarray, *, engaged: bool = False) -> Line
     free = right[rank:].T  # orthonormal in coordinates weighted by the roots of the masses
     held = held_at(model, 0.0, 0.0, q, still)
     scaled = np.linalg.lstsq(jacobian.T, _forces(machine, held, q, still), rcond=RANK_TOLERANCE)[0]
-    held = Held(_engaged(machine, held) if engaged else held.regimes, model.row_scale * scaled)
+    held = Held(_engaged(machine, held) if engaged else held.modes, model.row_scale * scaled)
 
     def unbalanced(at: np.ndarray) -> np.ndarray:
         pull: np.ndarray = closure.jacobian(at).T @ scaled - _forces(machine, held, at, still)
@@ -102,21 +103,14 @@ def _forces(machine: Machine, held: Held, q: np.ndarray, v: np.ndarray) -> np.nd
 
 
 def _engaged(machine: Machine, held: Held) -> np.ndarray:
-    """Branches on which every one-sided force acts and every table is at its steepest."""
-    model, regimes = machine.model, held.regimes.copy()
+    """Modes of the forces in which every one-sided one acts and every table is at its steepest."""
+    model, modes = machine.model, held.modes.copy()
     for i, force in enumerate(model.forces):
         if force["kind"] == WHEEL_CONTACT:
-            regimes[i] = 1
-            continue
-        piece, count = int(regimes[i]) // STOPS, int(force["curve_count"])
-        if count > 0:
-            curve = model.curves[force["curve"] : force["curve"] + count]
-            piece = int(np.abs(np.diff(curve[:, 1]) / np.diff(curve[:, 0])).argmax())
-        elif force["way"] != 0:
-            piece = 1
-        stop = 1 if math.isfinite(force["lower"]) else (3 if math.isfinite(force["upper"]) else 0)
-        regimes[i] = stop + STOPS * piece
-    return regimes
+            modes[i] = PRESSED
+        else:
+            modes[i] = engaged_mode(force, model.curves, int(modes[i]))
+    return modes
 
 
 def modes_of(machine: Machine, system: Linearised) -> tuple[Mode, ...]:

@@ -4,7 +4,8 @@ All of it works in scaled coordinates (tables.py), so that pivots, residuals and
 """
 
 from .compiled import inner_kernel
-from .constraints import evaluate_jacobian, evaluate_residual, evaluate_speed, evaluate_turns
+from .geometry import evaluate_turns
+from .joints.constraints import evaluate_jacobian, evaluate_residual, evaluate_speed
 from .linear import copy, inverse_norm, lu_factor, lu_solve, pivot_fully, pivot_ratio
 from .tables import DOUBTFUL, NOT_CLOSED, OK, PARTITION_COUNT, SINGULAR
 

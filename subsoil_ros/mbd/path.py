@@ -1,4 +1,4 @@
-"""Tools on prescribed paths: closed-form integrals of the laws of their speeds."""
+"""Tools on prescribed paths: closed-form integrals of the time functions of their speeds."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -10,7 +10,7 @@ from ..messages import ToolMotion, ToolWrench
 from ..scene.model import Scene
 from ..scene.time_functions import Law
 from ..ticks import INITIAL_TICK, tick_end_s
-from .time_functions import NO_LAW, law_integral, law_value, tabulate
+from .time_functions import NO_FUNCTION, function_integral, function_value, tabulate
 
 if TYPE_CHECKING:
     from ..limits.stable_steps import Timing
@@ -25,16 +25,16 @@ class PathEngine:
         self._paths = [
             (name, tool.lateral_m, tool.path) for name, tool in scene.tools.items() if tool.path is not None
         ]
-        laws: list[Law] = []
-        self._indices: list[list[int]] = []  # of the laws of every tool: x, z, angle
+        functions: list[Law] = []
+        self._indices: list[list[int]] = []  # of the functions of every tool: x, z, angle
         for _, _, path in self._paths:
             triple = []
-            for law in (path.speed_x_m_per_s, path.speed_z_m_per_s, path.angular_speed_rad_per_s):
-                triple.append(NO_LAW if law is None else len(laws))
-                if law is not None:
-                    laws.append(law)
+            for function in (path.speed_x_m_per_s, path.speed_z_m_per_s, path.angular_speed_rad_per_s):
+                triple.append(NO_FUNCTION if function is None else len(functions))
+                if function is not None:
+                    functions.append(function)
             self._indices.append(triple)
-        self._laws, _ = tabulate(laws)
+        self._functions, _ = tabulate(functions)
 
     def initial_motions(self) -> tuple[ToolMotion, ...]:
         """Poses and twists before the first tick, in scene order."""
@@ -61,16 +61,16 @@ class PathEngine:
 
     def _motions(self, time: float) -> tuple[ToolMotion, ...]:
         motions = []
-        for (name, lateral_m, path), laws in zip(self._paths, self._indices, strict=True):
-            travel = [law_integral(self._laws, law, time, time) for law in laws]
-            speed = [law_value(self._laws, law, time, time) for law in laws]
+        for (name, lateral_m, path), indices in zip(self._paths, self._indices, strict=True):
+            distance = [function_integral(self._functions, function, time, time) for function in indices]
+            speed = [function_value(self._functions, function, time, time) for function in indices]
             motions.append(
                 ToolMotion(
                     tool=name,
-                    x_m=path.start_x_m + travel[0],
+                    x_m=path.start_x_m + distance[0],
                     y_m=lateral_m,
-                    z_m=path.start_z_m + travel[1],
-                    angle_rad=path.start_angle_rad + travel[2],
+                    z_m=path.start_z_m + distance[1],
+                    angle_rad=path.start_angle_rad + distance[2],
                     velocity_x_m_per_s=speed[0],
                     velocity_z_m_per_s=speed[1],
                     angular_velocity_rad_per_s=speed[2],

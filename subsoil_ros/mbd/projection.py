@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .build import Machine
-from .constraints import evaluate_jacobian, evaluate_residual, turns_of
-from .tables import DRIVER
+from .geometry import turns_of
+from .joints.constraints import evaluate_jacobian, evaluate_residual
+from .joints.table import DRIVER
 
 TOLERANCE = 1e-13
 """Positions are closed to this part of the machine's size, or to what round-off allows."""

@@ -9,28 +9,14 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-from .tables import DRIVER, FIXED, PRISMATIC, RELATIVE_DRIVER, REVOLUTE, ROWS_OF_KIND, TURN_LOCK, Sparsity
-
-
-def _row_columns(joint: np.void) -> list[list[int]]:
-    """Coordinates that every row of a joint depends on."""
-    kind, coordinate = int(joint["kind"]), int(joint["coordinate"])
-    a, b = 3 * int(joint["body_a"]), 3 * int(joint["body_b"])
-    turn = [a + 2, b + 2]
-    if kind == DRIVER:
-        return [[coordinate]]
-    if kind == TURN_LOCK or (kind == RELATIVE_DRIVER and coordinate == 2):
-        return [turn]
-    if kind in (REVOLUTE, FIXED):
-        return [[a, b, *turn], [a + 1, b + 1, *turn], turn][: ROWS_OF_KIND[kind]]
-    line = [a, a + 1, a + 2, b, b + 1, b + 2]
-    return [line, turn] if kind == PRISMATIC else [line]
+from .joints import kind_of
+from .tables import Sparsity
 
 
 def sparsity_of(joints: np.ndarray, body_count: int) -> Sparsity:
     """Structure of a machine; `joints` (joints,) JOINT with their rows numbered."""
     coordinates = 3 * body_count
-    rows = [[c for c in row if c < coordinates] for joint in joints for row in _row_columns(joint)]
+    rows = [[c for c in row if c < coordinates] for joint in joints for row in kind_of(joint).columns(joint)]
     first = np.cumsum([0, *(len(row) for row in rows)], dtype=np.int64)
     columns = np.array([c for row in rows for c in row], dtype=np.int64)
     order = _graph_order(joints, body_count)
@@ -44,7 +30,7 @@ def sparsity_of(joints: np.ndarray, body_count: int) -> Sparsity:
             both += mine
         else:
             joint = joints[node - body_count]
-            numbers = [int(joint["row"]) + i for i in range(ROWS_OF_KIND[int(joint["kind"])])]
+            numbers = [int(joint["row"]) + i for i in range(len(kind_of(joint).columns(joint)))]
             row_order += numbers
             both += [coordinates + number for number in numbers]
     place = np.zeros(len(both), dtype=np.int64)

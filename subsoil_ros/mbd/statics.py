@@ -9,13 +9,13 @@ from ..errors import SceneError
 from ..messages import BodyState, ForceState, JointReaction
 from ..scene.mechanism import Mechanism
 from .assembly import RedundantConstraintsWarning, Start, assemble
-from .constraints import turns_of
 from .diagnostics import locked_forces, reactions_at
 from .equilibrium import settle
-from .forces import Held, evaluate_forces, held_at, report_forces
+from .forces.evaluation import Held, evaluate_forces, held_at, report_forces
+from .forces.table import POINT_LOAD
+from .geometry import turns_of
 from .modes import Mode, linearise, modes_of
 from .projection import RANK_TOLERANCE, Closure
-from .tables import POINT_LOAD
 from .topology import Topology
 
 
@@ -56,7 +56,7 @@ def survey(mechanism: Mechanism, gravity_m_per_s2: float = 9.81) -> Survey:
 
 def _rest(start: Start) -> Rest:
     machine, model = start.machine, start.machine.model
-    # held drivers would be moved by the laws only after t = 0
+    # held drivers would be moved by their time functions only after t = 0
     q = settle(Closure(machine), start.q)
     count, still, turns = len(model.mass), np.zeros_like(q), turns_of(q)
     unloaded = model._replace(forces=model.forces[model.forces["kind"] != POINT_LOAD])
@@ -68,7 +68,7 @@ def _rest(start: Start) -> Rest:
     )[0]
     multipliers = model.row_scale * scaled
     report = np.zeros((len(model.forces), 3))
-    held = Held(held_at(model, 0.0, 0.0, q, still).regimes, multipliers)
+    held = Held(held_at(model, 0.0, 0.0, q, still).modes, multipliers)
     report_forces(model, held, 0.0, 0.0, q, turns, still, report)
     locked_forces(model, multipliers, report)
     bodies = tuple(

@@ -10,83 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .time_functions import LawTable
-
-# Kinds of joints; drivers come last. A rod is a locked spring_damper, a turn lock a locked torsion_spring.
-REVOLUTE, PRISMATIC, FIXED, POINT_ON_LINE, ROD, TURN_LOCK, DRIVER, RELATIVE_DRIVER = 0, 1, 2, 3, 4, 5, 6, 7
-
-# Kinds of forces.
-SPRING_DAMPER, COORDINATE_SPRING, POINT_LOAD, WHEEL_CONTACT = 0, 1, 2, 3
-TORSION_SPRING, TRAVEL_SPRING, TURN_FRICTION, TRAVEL_FRICTION = 4, 5, 6, 7
-LOCKED_SPRING, LOCKED_TORSION = 8, 9
-
-JOINT = np.dtype(
-    [
-        ("kind", np.int64),
-        ("body_a", np.int64),
-        ("body_b", np.int64),
-        ("row", np.int64),  # its first row of Phi
-        ("coordinate", np.int64),  # driver: index into q; relative driver: 0 x, 1 z, 2 angle
-        ("law", np.int64),  # driver: its speed
-        ("point_a", np.float64, 2),  # in the frame of body_a [m]
-        ("point_b", np.float64, 2),  # in the frame of body_b [m]
-        (
-            "normal",
-            np.float64,
-            2,
-        ),  # unit vector in the frame of body_a: normal of a line; relative driver: its axis
-        ("offset", np.float64),  # phi_b - phi_a [rad]; rod: length [m]; driver: start of the coordinate
-    ],
-    align=True,
-)
-
-FORCE = np.dtype(
-    [
-        ("kind", np.int64),
-        ("body_a", np.int64),
-        ("body_b", np.int64),  # the only body of a one-body force
-        ("coordinate", np.int64),  # coordinate spring: index into q
-        ("laws", np.int64, 3),  # coordinate spring: target; point load: x, z, moment
-        ("way", np.int64),  # spring: 0 both ways, 1 only positive, -1 only negative force
-        ("joint", np.int64),  # friction: the joint whose reaction presses; locked: the joint in its place
-        ("curve", np.int64),  # first row of its table in Model.curves
-        ("curve_count", np.int64),  # rows of its table, 0 without
-        ("point_a", np.float64, 2),  # in the frame of body_a [m]
-        ("point_b", np.float64, 2),  # in the frame of body_b [m]
-        ("origin", np.float64),  # phi_b - phi_a that counts as zero angle [rad]
-        ("axis", np.float64, 2),  # unit vector of the travel, in the frame of body_a
-        ("stiffness", np.float64),  # [N/m] or [N m/rad]
-        ("damping", np.float64),  # [N s/m] or [N m s/rad]
-        ("preload", np.float64),  # [N] or [N m]
-        ("length", np.float64),  # spring: free length [m] or rest angle [rad]; wheel, pin: radius [m]
-        ("lower", np.float64),  # stops on length, angle or travel, -inf or inf without [m] or [rad]
-        ("upper", np.float64),
-        ("stop_stiffness", np.float64),
-        ("stop_damping", np.float64),
-        ("ground", np.float64),  # wheel: height of the ground [m]
-        ("friction", np.float64),
-        ("slip_speed", np.float64),  # [m/s] or [rad/s]
-    ],
-    align=True,
-)
-
-ROWS_OF_KIND = {
-    REVOLUTE: 2,
-    PRISMATIC: 2,
-    FIXED: 3,
-    POINT_ON_LINE: 1,
-    ROD: 1,
-    TURN_LOCK: 1,
-    DRIVER: 1,
-    RELATIVE_DRIVER: 1,
-}
+from .time_functions import FunctionTable
 
 # Entries of the books of energy: `powers` has the first three, `work` all four.
 BY_DRIVERS, DISSIPATED, BY_LOADS, BY_WRENCHES = 0, 1, 2, 3
 
 # Entries of State.counters.
 PAST_COUNT, PARTITION_COUNT, RESTART_COUNT, EVENT_COUNT = 0, 1, 2, 3
-SKIPPED_COUNT = 4  # steps in a row that were extrapolated past a singular pose (bridge.py)
+SKIPPED_COUNT = 4  # steps in a row that were extrapolated past a singular pose (singular_poses.py)
 
 ADAMS_MOULTON, RUNGE_KUTTA_4, GENERALIZED_ALPHA = 0, 1, 2
 
@@ -115,14 +46,12 @@ class Model(NamedTuple):
     mass: np.ndarray  # (n,) float64: mass [kg], mass, inertia [kg m^2] of every body
     joints: np.ndarray  # (joints,) JOINT
     forces: np.ndarray  # (forces,) FORCE
-    curves: (
-        np.ndarray
-    )  # (points, 3) float64: compression, force, energy stored from there to zero compression
-    laws: LawTable
-    corners: np.ndarray  # (corners,) float64 [s]: slopes of laws jump here
+    curves: np.ndarray  # (points, 3) float64: compression, force, energy from there to zero compression
+    functions: FunctionTable  # of time
+    breakpoints: np.ndarray  # (breakpoints,) float64 [s]: slopes of time functions jump here
     row_scale: np.ndarray  # (m,) float64: 1, or `size` for a row in radians
     column_scale: np.ndarray  # (n,) float64: 1, or 1 / `size` for an angle
-    root_mass: np.ndarray  # (n,) float64: roots of the masses of the scaled coordinates [kg^0.5]
+    sqrt_mass: np.ndarray  # (n,) float64: roots of the masses of the scaled coordinates [kg^0.5]
     sparsity: Sparsity
     weights: np.ndarray  # (5, order) float64: multistep weights, see adams_moulton.py
     gravity: float  # [m/s^2], along -z
@@ -153,7 +82,7 @@ class State(NamedTuple):
     condition: (
         np.ndarray
     )  # (3,) float64: of Phi_u when chosen (0: not measured yet); best pivots of Phi_q, Phi_u
-    regimes: np.ndarray  # (forces,) int64: the branch each force is on, see forces.py
+    modes: np.ndarray  # (forces,) int64: of the forces, see forces/evaluation.py
     counters: np.ndarray  # (5,) int64
 
 
@@ -185,8 +114,8 @@ class Workspace(NamedTuple):
     previous: np.ndarray  # (m,) float64: multipliers of the iteration before
     sums: np.ndarray  # (2, n + 3) float64
     power_sums: np.ndarray  # (3,) float64
-    regimes: np.ndarray  # (forces,) int64
-    trial_q: np.ndarray  # (n + 3,) float64: inside a step, where a branch ends
+    modes: np.ndarray  # (forces,) int64
+    trial_q: np.ndarray  # (n + 3,) float64: inside a step, where a mode ends
     trial_v: np.ndarray
     pivoted: np.ndarray  # (m, n) float64: Phi_q being eliminated with full pivoting
     row_order: np.ndarray  # (m,) int64
@@ -216,7 +145,7 @@ def make_state(coordinates: int, rows: int, rank: int, forces: int, order: int) 
         place=np.zeros(coordinates, dtype=np.int64),
         band=np.zeros(2, dtype=np.int64),
         condition=np.zeros(3),
-        regimes=np.zeros(forces, dtype=np.int64),
+        modes=np.zeros(forces, dtype=np.int64),
         counters=np.zeros(5, dtype=np.int64),
     )
 
@@ -251,7 +180,7 @@ def make_workspace(coordinates: int, rows: int, rank: int, forces: int) -> Works
         previous=np.zeros(rows),
         sums=np.zeros((2, coordinates + 3)),
         power_sums=np.zeros(3),
-        regimes=np.zeros(forces, dtype=np.int64),
+        modes=np.zeros(forces, dtype=np.int64),
         trial_q=np.zeros(coordinates + 3),
         trial_v=np.zeros(coordinates + 3),
         pivoted=np.zeros((rows, coordinates)),

@@ -44,7 +44,7 @@ from .topics import (
 from .types import deserialize, message_class, schema_text, serialize, type_hash
 
 _RANK = {topic: rank for rank, topic in enumerate(RECORD_OF)}
-_NEEDED_FOR_PEOPLE = {TOPIC_OF[kind] for kind in (ToolMotions, ToolWrenches, MechanismState)}
+_NEEDED_FOR_VISUALIZATION = {TOPIC_OF[kind] for kind in (ToolMotions, ToolWrenches, MechanismState)}
 _NEWEST_ONLY = {CLOCK, HEIGHT_MAP, *RECORD_OF} - {
     TOPIC_OF[kind] for kind in (MechanismState, SoilState, CouplingReport)
 }
@@ -61,7 +61,7 @@ class _Held(NamedTuple):
 
 
 class BagWriter:
-    """Writes a run's bag tick by tick, and derives the messages for people.
+    """Writes a run's bag tick by tick, and derives the standard messages.
 
     Ticks come in ascending order, the records of one tick in any order: a tick is written when the next
     one begins. In the bag they have the order of recording/topics.py, a cloud followed by the height map, on
@@ -89,7 +89,7 @@ class BagWriter:
             RecordingError: subsoil_msgs is not there.
         """
         self._scene = scene
-        self._interval_ns = timing.communication_step_ns
+        self._communication_step_ns = timing.communication_step_ns
         self._last_tick = timing.tick_count - 1
         self._series_ticks = scene.record.series_ticks
         self._types = {topic: message_type(kind) for topic, kind in RECORD_OF.items()}
@@ -116,9 +116,9 @@ class BagWriter:
             RecordingError: there is no message for it, or the disk refuses.
             ProtocolError: its tick is over.
         """
-        message = to_message(message_class, record, self._interval_ns)
+        message = to_message(message_class, record, self._communication_step_ns)
         topic = TOPIC_OF[type(record)]
-        kept = record if topic in _NEEDED_FOR_PEOPLE or topic == _CLOUD else None
+        kept = record if topic in _NEEDED_FOR_VISUALIZATION or topic == _CLOUD else None
         self._hold(record.tick, _Held(_RANK[topic], topic, serialize(message), kept))
 
     def write_raw(self, topic: str, tick: int, cdr: bytes) -> None:
@@ -170,7 +170,7 @@ class BagWriter:
         self._held.append(held)
 
     def _write_tick(self, tick: int, held: list[_Held]) -> None:
-        time_ns = tick_end_ns(tick, self._interval_ns)
+        time_ns = tick_end_ns(tick, self._communication_step_ns)
         for topic, message in self._latched.items():
             self._emit_message(topic, time_ns, message)
         self._latched = {}
@@ -189,7 +189,7 @@ class BagWriter:
         for item in held:
             if item.topic == _CLOUD and soil is not None:
                 cloud = item.record or cloud_from_message(
-                    deserialize(item.data, self._types[_CLOUD]), self._interval_ns
+                    deserialize(item.data, self._types[_CLOUD]), self._communication_step_ns
                 )
                 self._emit_message(HEIGHT_MAP, time_ns, height_map(message_class, cloud, soil))
 
@@ -199,7 +199,7 @@ class BagWriter:
             if item.record is not None
             else from_message(RECORD_OF[item.topic], deserialize(item.data, self._types[item.topic]))
             for item in held
-            if item.topic in _NEEDED_FOR_PEOPLE
+            if item.topic in _NEEDED_FOR_VISUALIZATION
         }
         motions: ToolMotions | None = records.get(ToolMotions)
         wrenches: ToolWrenches | None = records.get(ToolWrenches)

@@ -166,17 +166,17 @@ def newest_valid(
     Raises:
         InputError: there is none; says why for each.
     """
-    complaints: list[str] = []
+    refusals: list[str] = []
     for folder in reversed(_committed(directory)):
         try:
             found = read_checkpoint(folder, scene_hash)
             if last_tick is not None and found.tick > last_tick:
                 raise InputError(f"{folder}: the record beside it ends before, with tick {last_tick}")
-            return found, complaints
+            return found, refusals
         except InputError as error:
-            complaints.append(str(error))
-    if complaints:
-        raise InputError("; ".join(complaints) + ". No other checkpoint is there: start the run anew")
+            refusals.append(str(error))
+    if refusals:
+        raise InputError("; ".join(refusals) + ". No other checkpoint is there: start the run anew")
     raise InputError(f"{directory}: no checkpoint there; the run wrote none (record.checkpoint_s)")
 
 

@@ -1,4 +1,4 @@
-"""Standard messages for people and other tools, derived from the records: poses, wrenches, /tf, /clock.
+"""Standard messages for visualization and other tools, derived from the records: poses, forces, /tf, /clock.
 
 For both message families, see recording/conversion.py for `types`.
 """

@@ -39,24 +39,24 @@ ControlLaw = Annotated[DraftLimit | HoldHeight | External, Field(discriminator="
 class Controller(StrictModel):
     """A speed for `driver` every `interval_ticks` ticks; it is reached at the end of that interval.
 
-    The driver starts at the speed of its own law, a constant, and keeps it until the first command. Units of
-    an angle's driver are rad/s and rad/s2.
+    The driver starts at the speed of its own law, a constant, and keeps it until the first command.
     """
 
     driver: str
     interval_ticks: int = Field(
         ge=1, description="a multiple of record.series_ticks: a command answers a recorded state."
     )
-    lowest_speed_m_per_s: Finite
-    highest_speed_m_per_s: Finite
-    max_acceleration_m_per_s2: Positive = Field(description="a command that asks for more is refused.")
+    lowest_speed: Finite = Field(description="m/s, or rad/s of an angle's driver.")
+    highest_speed: Finite = Field(description="m/s, or rad/s of an angle's driver.")
+    max_acceleration: Positive = Field(
+        description="m/s2, or rad/s2 of an angle's driver; a command that asks for more is refused."
+    )
     law: ControlLaw
 
     @model_validator(mode="after")
     def _ordered(self) -> "Controller":
-        if self.highest_speed_m_per_s <= self.lowest_speed_m_per_s:
+        if self.highest_speed <= self.lowest_speed:
             raise ValueError(
-                f"highest_speed_m_per_s {self.highest_speed_m_per_s} must be larger than "
-                f"lowest_speed_m_per_s {self.lowest_speed_m_per_s}"
+                f"highest_speed {self.highest_speed} must be larger than lowest_speed {self.lowest_speed}"
             )
         return self

@@ -260,9 +260,35 @@ class CoordinateSpring(StrictModel):
     body: str
     coordinate: Literal["x", "z", "angle"]
     target: Law = Field(description="m or rad.")
-    stiffness_newton_per_m: NonNegative = Field(description="N m/rad for an angle.")
-    damping_newton_s_per_m: NonNegative = 0.0
+    stiffness_newton_per_m: NonNegative | None = Field(None, description="of x or z; needed there.")
+    stiffness_newton_m_per_rad: NonNegative | None = Field(None, description="of an angle; needed there.")
+    damping_newton_s_per_m: NonNegative | None = Field(None, description="of x or z; 0 if not given.")
+    damping_newton_m_s_per_rad: NonNegative | None = Field(None, description="of an angle; 0 if not given.")
     acts_in: Literal["both", "pull_up", "push_down"] = "both"
+
+    @property
+    def stiffness(self) -> float:
+        """N/m, or N m/rad of an angle."""
+        return (self.stiffness_newton_per_m or 0.0) + (self.stiffness_newton_m_per_rad or 0.0)
+
+    @property
+    def damping(self) -> float:
+        """N s/m, or N m s/rad of an angle."""
+        return (self.damping_newton_s_per_m or 0.0) + (self.damping_newton_m_s_per_rad or 0.0)
+
+    @model_validator(mode="after")
+    def _units(self) -> "CoordinateSpring":
+        ours, theirs = ("newton_s_per_m", "newton_per_m"), ("newton_m_s_per_rad", "newton_m_per_rad")
+        if self.coordinate == "angle":
+            ours, theirs = theirs, ours
+        for kind, needed, other in zip(("damping", "stiffness"), ours, theirs, strict=True):
+            if getattr(self, f"{kind}_{other}") is not None:
+                raise ValueError(
+                    f"{kind}_{other}: does not go with coordinate '{self.coordinate}'; give {kind}_{needed}"
+                )
+        if getattr(self, f"stiffness_{ours[1]}") is None:
+            raise ValueError(f"stiffness_{ours[1]}: is missing; coordinate '{self.coordinate}' needs it")
+        return self
 
 
 class PointLoad(StrictModel):

@@ -6,7 +6,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from ..strict_model import Finite, NonNegative, Positive, StrictModel
 from .cloud import CloudRegion
-from .controller import Controller, DraftLimit, HoldHeight
+from .controller import Controller, DraftLimit, External, HoldHeight
 from .mechanism import Driver, Mechanism, WheelContact
 from .soil import Auto, Soil
 from .time_functions import ConstantLaw
@@ -102,7 +102,7 @@ class Scene(StrictModel):
 
     @property
     def wedge_soil(self) -> WedgeSoil | None:
-        """The soil if it is a reduced one, without particles."""
+        """The soil if it is a wedge model, without particles."""
         return self.soil if isinstance(self.soil, WedgeSoil) else None
 
     @model_validator(mode="after")
@@ -145,9 +145,9 @@ class Scene(StrictModel):
 
 def _check_allow(scene: Scene) -> None:
     """Raises ValueError for an entry of `allow` that cannot apply to the scene."""
-    soil, reduced = scene.particle_soil, scene.wedge_soil
+    soil, wedge = scene.particle_soil, scene.wedge_soil
     stepped = soil is not None and soil.time_step_s != "auto"
-    fitted = reduced is not None and reduced.file is not None
+    fitted = wedge is not None and wedge.file is not None
     for name in scene.allow:
         step = name == "unstable_time_step"
         if not (stepped if step else fitted):
@@ -168,7 +168,7 @@ def _check_controller(controller: Controller, mechanism: Mechanism | None, serie
             f"mechanism.joints.{controller.driver}.speed: given a law of kind '{driver.speed.kind}', but the "
             "controller commands this driver; needed is 'constant', the speed at the start"
         )
-    lowest, highest = controller.lowest_speed_m_per_s, controller.highest_speed_m_per_s
+    lowest, highest = controller.lowest_speed, controller.highest_speed
     if not lowest <= driver.speed.value <= highest:
         raise ValueError(
             f"mechanism.joints.{controller.driver}.speed.value: given {driver.speed.value:g}, outside of the "
@@ -180,6 +180,11 @@ def _check_controller(controller: Controller, mechanism: Mechanism | None, serie
             f"record.series_ticks, {series_ticks}: a command answers a recorded state"
         )
     law = controller.law
+    if driver.coordinate == "angle" and not isinstance(law, External):
+        raise ValueError(
+            f"controller.law: '{law.kind}' answers with a speed in m/s, but driver '{controller.driver}' is "
+            "one of an angle; command a driver of x or z, or let a node send the commands (kind external)"
+        )
     if isinstance(law, DraftLimit) and mechanism.draft_driver is None:
         raise ValueError("controller.law: 'draft_limit' needs mechanism.draft_driver")
     if isinstance(law, HoldHeight) and law.body not in mechanism.bodies:

@@ -30,24 +30,24 @@ def _refuse_wide(smallest_m: float, max_m: float, key: str) -> None:
 class _Spread(StrictModel):
     """Radii between two bounds."""
 
-    smallest_radius_m: Positive
+    min_radius_m: Positive
     max_radius_m: Positive
     seed: Seed = 0
 
     @model_validator(mode="after")
     def _ordered(self) -> "_Spread":
-        if self.max_radius_m <= self.smallest_radius_m:
+        if self.max_radius_m <= self.min_radius_m:
             raise ValueError(
-                f"max_radius_m: {self.max_radius_m:g} m is not above smallest_radius_m, "
-                f"{self.smallest_radius_m:g} m; for equal spheres give particles.radius_m"
+                f"max_radius_m: {self.max_radius_m:g} m is not above min_radius_m, "
+                f"{self.min_radius_m:g} m; for equal spheres give particles.radius_m"
             )
-        _refuse_wide(self.smallest_radius_m, self.max_radius_m, "max_radius_m")
+        _refuse_wide(self.min_radius_m, self.max_radius_m, "max_radius_m")
         return self
 
     @property
     def bounds_m(self) -> tuple[float, float]:
         """Smallest and largest radius."""
-        return self.smallest_radius_m, self.max_radius_m
+        return self.min_radius_m, self.max_radius_m
 
 
 class UniformSizes(_Spread):
@@ -57,7 +57,7 @@ class UniformSizes(_Spread):
 
     def radii_at(self, part: np.ndarray) -> np.ndarray:
         """Radius [m] that this `part` (0 to 1) of all particles does not exceed."""
-        return self.smallest_radius_m + part * (self.max_radius_m - self.smallest_radius_m)
+        return self.min_radius_m + part * (self.max_radius_m - self.min_radius_m)
 
 
 class NormalSizes(_Spread):
@@ -72,10 +72,10 @@ class NormalSizes(_Spread):
 
     @model_validator(mode="after")
     def _mean_inside(self) -> "NormalSizes":
-        if not self.smallest_radius_m < self.mean_radius_m < self.max_radius_m:
+        if not self.min_radius_m < self.mean_radius_m < self.max_radius_m:
             raise ValueError(
-                f"mean_radius_m: {self.mean_radius_m:g} m is not between smallest_radius_m and "
-                f"max_radius_m, {self.smallest_radius_m:g} and {self.max_radius_m:g} m"
+                f"mean_radius_m: {self.mean_radius_m:g} m is not between min_radius_m and "
+                f"max_radius_m, {self.min_radius_m:g} and {self.max_radius_m:g} m"
             )
         return self
 

@@ -150,13 +150,13 @@ class Soil(StrictModel):
             for row, overlap in (("particle", particle), ("boundary", boundary)):
                 if ratio * overlap >= self.particles.bounds_m[0]:
                     raise ValueError(
-                        f"{where}.{row}.equilibrium_overlap_m: {ratio * overlap:g} m is not below the radius of the "
-                        f"smallest particle, {self.particles.bounds_m[0]:g} m; make it smaller"
+                        f"{where}.{row}.equilibrium_overlap_m: {ratio * overlap:g} m is not below the radius "
+                        f"of the smallest particle, {self.particles.bounds_m[0]:g} m; make it smaller"
                     )
             if isinstance(self.bed, GridBed) and (particle, boundary) != rows[0][1:]:
                 raise ValueError(
-                    f"{where}: has another equilibrium_overlap_m than soil.law, but a grid has one spacing and one "
-                    "distance to its walls; give all layers the same, or use bed.kind 'dense_random'"
+                    f"{where}: has another equilibrium_overlap_m than soil.law, but a grid has one spacing "
+                    "and one distance to its walls; give all layers the same, or use bed.kind 'dense_random'"
                 )
         return self
 

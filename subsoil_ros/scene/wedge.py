@@ -1,4 +1,4 @@
-"""Wedge model of the soil: passive failure in front of tools, pressure and sinkage under wheels. No particles."""
+"""Wedge model of the soil: passive failure in front of tools, pressure and sinkage under wheels."""
 
 import math
 from typing import Annotated, Literal

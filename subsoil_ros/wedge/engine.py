@@ -50,7 +50,7 @@ class _Tool:
 
     name: str
     groups: tuple[str, ...]
-    reference_phi_rad: float
+    reference_angle_rad: float
     faces: tuple[CuttingFace, ...] = ()
     wheel: WheelFace | None = None
 
@@ -173,7 +173,7 @@ class WedgeEngine:
     ) -> None:  # fmt: skip
         """Wedge and sides of one face, which stands at `motion` and has come by `moved` (x, z, phi)."""
         tool, memory = self._tools[index], self.memory.tools[index]
-        turn = motion.angle_rad - tool.reference_phi_rad
+        turn = motion.angle_rad - tool.reference_angle_rad
         cosine, sine = math.cos(turn), math.sin(turn)
         tip, top = ((cosine * x - sine * z, sine * x + cosine * z) for x, z in (face.tip_m, face.top_m))
         depth, tip_x = -(motion.z_m + tip[1]), motion.x_m + tip[0]

@@ -30,7 +30,7 @@ def digest(scene: str, threads: int) -> dict[str, object]:
     for tick in range(STEPS):
         if tick % EVERY == 0:
             for array in (
-                engine.positions_m(), engine.velocities_m_per_s(), engine.spins_rad_per_s(),
+                engine.positions_m(), engine.velocities_m_per_s(), engine.angular_velocities_rad_per_s(),
                 engine.forces_newton(),
             ):  # fmt: skip
                 total.update(array.tobytes())

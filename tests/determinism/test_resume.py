@@ -63,7 +63,7 @@ def wait_for_checkpoint(run: Run) -> None:
 
 def summary(out: Path) -> dict:
     """What the run says of itself."""
-    return json.loads((out / "summary.json").read_text())
+    return json.loads((out / "summary.json").read_text())["run"]
 
 
 def joined(first: Path, second: Path) -> list[tuple[str, int, bytes]]:
@@ -101,7 +101,7 @@ def test_sigterm_keeps_a_checkpoint_and_the_run_goes_on(whole: Path, start: Call
     assert_same(whole, run.out, second.out)
 
 
-@pytest.mark.parametrize("victim", ["recorder", "subsoil"])
+@pytest.mark.parametrize("victim", [pytest.param("recorder", marks=pytest.mark.full), "subsoil"])
 def test_a_run_that_was_killed_goes_on(whole: Path, start: Callable, victim: str, tmp_path: Path) -> None:
     """kill -9 of a node or of `subsoil run`: the newest checkpoint is whole, and the record reaches it."""
     run = start("first", "nodes")
@@ -119,6 +119,7 @@ def test_a_run_that_was_killed_goes_on(whole: Path, start: Callable, victim: str
     assert_same(whole, run.out, second.out)
 
 
+@pytest.mark.full
 def test_twice_interrupted_while_the_machine_is_busy(whole: Path, start: Callable) -> None:
     """kill -9 of a direct run, SIGTERM of the next, every core taken by others: three folders, one run."""
     burn = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(os.cpu_count() or 1)]

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from ..verification.conftest import BOUNDARY, PARTICLE, SoilMaker, one_tool
+from ..soils import WET
+from ..verification.conftest import SoilMaker, one_tool
 
 IDLE_WAITS = {"NUMBA_THREADING_LAYER_PRIORITY": "omp tbb workqueue", "OMP_WAIT_POLICY": "passive"}
 """Threads that wait without spinning, where there is OpenMP: on few, busy cores others take minutes."""
@@ -35,7 +36,7 @@ def test_10000_steps_are_the_same_bits_for_one_to_four_threads_and_in_another_pr
             "bin": {"length_m": 0.3, "width_m": 0.1, "depth_m": 0.1},
             "particles": {"radius_m": 0.01, "density_kg_per_m3": 1800.0},
             "bed": {"kind": "grid", "spacing_m": 0.018, "jitter_m": 0.0004},
-            "law": {"kind": "cohesive_linear", "particle": PARTICLE, "boundary": BOUNDARY},
+            "law": WET,
             "time_step_s": 4e-5,
         },
         tools=one_tool(maker.box(0.03, 0.04, 0.08, subdivide=1)),

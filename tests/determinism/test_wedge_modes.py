@@ -1,4 +1,4 @@
-"""A scene on wedge model run in every way, in fresh processes: the same bits."""
+"""A scene on the wedge model run in every way, in fresh processes: the same bits."""
 
 import os
 import subprocess

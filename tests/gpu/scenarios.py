@@ -33,24 +33,25 @@ HERTZ = {
     "youngs_modulus_pa": 2e6, "poisson_ratio": 0.3, "restitution": 0.5,
     "static_friction": 0.5, "sliding_friction": 0.4, "rolling_friction": 0.2,
 }  # fmt: skip
-LAWS = {"wet": WET, "linear": ROW, "hertz_mindlin": HERTZ}
+LAWS = {"cohesive_linear": WET, "linear": ROW, "hertz_mindlin": HERTZ}
 TICKS, STEPS = 2, 4
 SPEED_M_PER_S = 5.0  # the tool leaves a list of 0.1 mm every second step
 SIZE_M = (0.08, 0.06, 0.06)
+SKIN_M = 0.0005
 WIDE_M = (0.1, 0.12, 0.04)  # three cells of the search fit between periodic sides
 
 SCENARIOS: dict[str, dict[str, Any]] = {
-    "linear": {"law": "linear", "stirred": True, "fast": True, "soil": {"skin_m": 0.0005}},
+    "linear": {"law": "linear", "stirred": True, "crossing": True, "soil": {"skin_m": SKIN_M}},
     "hertz": {"law": "hertz_mindlin", "stirred": True, "bed": {"kind": "grid", "spacing_m": 0.0199}},
-    "wet with a tool": {"law": "wet", "tool": True, "soil": {"skin_m": 1e-4}},
-    "wet in mixed precision": {
-        "law": "wet", "tool": True, "soil": {"precision": "mixed", "skin_m": 1e-4}
+    "cohesive linear with a tool": {"law": "cohesive_linear", "tool": True, "soil": {"skin_m": 1e-4}},
+    "cohesive linear in mixed precision": {
+        "law": "cohesive_linear", "tool": True, "soil": {"precision": "mixed", "skin_m": 1e-4}
     },
-    "sizes, layers, periodic sides": {"law": "wet", "stirred": True, "unequal": True},
+    "sizes, layers, periodic sides": {"law": "cohesive_linear", "stirred": True, "unequal": True},
     "lost particle": {"law": "linear", "stirred": True, "thrown": True},
 }  # fmt: skip
 
-RESUMED = ("wet with a tool", "sizes, layers, periodic sides")
+RESUMED = ("cohesive linear with a tool", "sizes, layers, periodic sides")
 """Those that go on from the other engine's checkpoint: all kinds of lists are in them."""
 
 EngineOf = Callable[..., Any]
@@ -121,6 +122,16 @@ def given_bed() -> Bed:
     )
 
 
+def crossing_bed() -> Bed:
+    """Touching spheres on the borders of the search's cells: they cross, and partners change order."""
+    random = np.random.default_rng(5)
+    axes = 0.02 * np.arange(1, 4) + SKIN_M * np.arange(1, 4), 0.0195 * np.arange(-1, 2), 0.0195 * np.arange(3)
+    places = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+    places[:, 2] += 0.01 - SIZE_M[2]
+    places += random.uniform(-2e-4, 2e-4, places.shape)
+    return Bed(places, (0.0, -0.5 * SIZE_M[1], -SIZE_M[2]), (SIZE_M[0], 0.5 * SIZE_M[1]))
+
+
 def motions(scenario: dict[str, Any], tick: int) -> tuple[ToolMotion, ...]:
     """The tool at the end of `tick`: it drives and turns."""
     if not scenario.get("tool"):
@@ -134,8 +145,8 @@ def build(engine_of: EngineOf, folder: Path, scenario: dict[str, Any]) -> Any:
     """The engine before its start."""
     path = folder / "scene.yaml"
     path.write_text(yaml.safe_dump(document(folder, scenario), sort_keys=False))
-    bed = given_bed() if scenario.get("unequal") else None
-    return engine_of(load_scene(path), bed=bed, book=scenario["law"] != "wet")
+    bed = given_bed() if scenario.get("unequal") else crossing_bed() if scenario.get("crossing") else None
+    return engine_of(load_scene(path), bed=bed, book=scenario["law"] != "cohesive_linear")
 
 
 def start(engine: Any, scenario: dict[str, Any]) -> None:
@@ -143,9 +154,7 @@ def start(engine: Any, scenario: dict[str, Any]) -> None:
     if scenario.get("stirred"):
         n = len(engine.bed.positions_m)
         random = np.random.default_rng(1)
-        speed = (
-            6.0 if scenario.get("fast") else 0.4
-        )  # so fast that partners change places in the order of cells
+        speed = 6.0 if scenario.get("crossing") else 0.4
         velocity, spin = random.normal(0.0, speed, (n, 3)), random.normal(0.0, 20.0, (n, 3))
         if scenario.get("thrown"):
             velocity[n // 2] = 0.0, 0.0, 3000.0
@@ -183,7 +192,7 @@ def run(engine: Any, scenario: dict[str, Any], first: int, ticks: int) -> dict[s
         "positions": engine.positions_m(),
         "displacements": engine.displacements_m(),
         "velocities": engine.velocities_m_per_s(),
-        "spins": engine.spins_rad_per_s(),
+        "spins": engine.angular_velocities_rad_per_s(),
         "forces": engine.forces_newton(),
         "energy": np.array([*books, *energy.sinks_joule.values()]),
         "momentum": engine.momentum_kg_m_per_s,
@@ -241,7 +250,7 @@ def main(folder: Path) -> None:
             with np.load(of_cpu) as arrays:
                 taken = resumed(GpuSoilEngine, name, dict(arrays))
             np.savez(folder / f"gpu_resumed_{number}.npz", **taken)
-    again, _ = results(GpuSoilEngine, "wet with a tool")
+    again, _ = results(GpuSoilEngine, "cohesive linear with a tool")
     np.savez(folder / "gpu_again.npz", **again)
 
 

@@ -76,7 +76,7 @@ def test_a_run_goes_on_from_a_checkpoint_of_the_other_device(both, name):
 
 @pytest.mark.slow
 def test_two_runs_give_the_same_bits(both):
-    once, again = taken(both, f"gpu_{NAMES.index('wet with a tool')}"), taken(both, "gpu_again")
+    once, again = taken(both, f"gpu_{NAMES.index('cohesive linear with a tool')}"), taken(both, "gpu_again")
     for name, array in once.items():
         assert_array_equal(again[name], array)
 

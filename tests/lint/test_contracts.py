@@ -12,23 +12,11 @@ import pytest
 import subsoil_ros
 from subsoil_ros import messages
 
+from ..units import field_lines, unit_of
+
 ROOT = Path(__file__).parents[2]
 MESSAGE_FILES = sorted((ROOT / "msg_defs" / "msg").glob("*.msg"))
-UNIT_IN_NAME = re.compile(
-    r"_(m|s|ns|kg|rad|newton|newton_m|joule|m_per_s|m_per_s2|rad_per_s|rad_per_s2|kg_per_m3|pa)$|_count$"
-)
 UNIT_IN_COMMENT = re.compile(r"\[[^\]]+\]")
-
-
-def field_lines(text: str) -> list[tuple[str, str, str]]:
-    """Fields of a message text: (type, name, comment). Comments, constants and blank lines are left out."""
-    found = []
-    for line in text.splitlines():
-        declaration, _, comment = line.partition("#")
-        if declaration.strip() and "=" not in declaration:
-            kind, name = declaration.split()
-            found.append((kind, name, comment))
-    return found
 
 
 def constants(text: str) -> dict[str, int]:
@@ -51,7 +39,7 @@ def test_every_message_field_has_a_unit(path):
     without = [
         name
         for _, name, comment in field_lines(path.read_text())
-        if not UNIT_IN_NAME.search(name) and not UNIT_IN_COMMENT.search(comment)
+        if not unit_of(name) and not UNIT_IN_COMMENT.search(comment)
     ]
     assert not without
 

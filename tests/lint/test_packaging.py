@@ -136,8 +136,9 @@ def test_the_forge_runs_the_same_commands():
 
 
 def test_the_forge_tests_every_python():
-    """The quick job runs under each Python that the Makefile accepts."""
+    """The quick job runs the quick tests under each Python that the Makefile accepts."""
     workflow = YAML(typ="safe").load(ROOT / ".github/workflows/ci.yml")
     low, high = re.search(r"Python 3\.(\d+) to 3\.(\d+)", (ROOT / "Makefile").read_text()).groups()
     versions = [f"3.{minor}" for minor in range(int(low), int(high) + 1)]
     assert workflow["jobs"]["quick"]["strategy"]["matrix"]["python"] == versions
+    assert workflow["jobs"]["quick"]["steps"][-1]["run"] == "make test-quick"

@@ -66,7 +66,7 @@ def wrench(tick: int) -> tuple[ToolWrench, ...]:
     return (ToolWrench("share", float(tick), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0),)
 
 
-def hello(node: str, state: NodeState = NodeState.READY, run_id: str = RUN, **other: Any) -> NodeStatus:
+def node_status(node: str, state: NodeState = NodeState.READY, run_id: str = RUN, **other: Any) -> NodeStatus:
     """A node's word."""
     values = {
         "scene_hash": "hash", "package_version": "1", "message_hashes": (), "capabilities": (),
@@ -116,7 +116,7 @@ class System:
         }
         self.due = Due(case)
         self.coupler = Coupler(
-            hello(COUPLER), self.listeners, TOOLS, case.ticks, case.window, soil=case.soil,
+            node_status(COUPLER), self.listeners, TOOLS, case.ticks, case.window, soil=case.soil,
             control_ticks=case.control_ticks, paused=case.paused, first_tick=case.first_tick,
         )  # fmt: skip
         first = case.first_tick
@@ -136,7 +136,7 @@ class System:
         for name in self.listeners:
             initial = {"initial_motions": motion(-1)} if name == MECHANISM else {}
             initial = {"initial_wrenches": wrench(-1)} if name == SOIL else initial
-            self.coupler.accept_hello(hello(name, **initial))
+            self.coupler.accept_node_status(node_status(name, **initial))
         self._grant()
 
     def frozen(self) -> bytes:

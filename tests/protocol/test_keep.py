@@ -6,7 +6,7 @@ from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, SOIL, Coupler, Nee
 from subsoil_ros.errors import ProtocolError
 from subsoil_ros.messages import Command, Grant
 
-from .test_lockstep import RUN, TOOLS, Execution, due, hello, motion, wrench
+from .test_lockstep import RUN, TOOLS, Execution, due, motion, node_status, wrench
 
 FIRST = 17
 
@@ -17,7 +17,7 @@ class Resumed(Execution):
     def __post_init__(self) -> None:
         super().__post_init__()
         names = (MECHANISM, SOIL, "recorder")
-        self.coupler = Coupler(hello(COUPLER), names, TOOLS, self.ticks, self.window, True, FIRST)
+        self.coupler = Coupler(node_status(COUPLER), names, TOOLS, self.ticks, self.window, True, FIRST)
         self.mechanism = Participant(RUN, self.ticks, Needs.WRENCHES, TOOLS, first_tick=FIRST)
         self.soil = Participant(RUN, self.ticks, Needs.MOTIONS, TOOLS, first_tick=FIRST)
         self.barrier = RecordBarrier(self.ticks, due, self.window, FIRST)
@@ -70,9 +70,12 @@ def test_held_back_all_stand_at_one_tick(seed: int, held_at: int) -> None:
 def test_the_word_to_keep_waits_for_what_was_granted() -> None:
     """Not while ticks are granted, nor before the last granted one is done."""
     execution = Execution(seed=0)
-    for word in (hello(MECHANISM, initial_motions=motion(-1)), hello(SOIL, initial_wrenches=wrench(-1))):
-        execution.coupler.accept_hello(word)
-    execution.coupler.accept_hello(hello("recorder"))
+    for word in (
+        node_status(MECHANISM, initial_motions=motion(-1)),
+        node_status(SOIL, initial_wrenches=wrench(-1)),
+    ):
+        execution.coupler.accept_node_status(word)
+    execution.coupler.accept_node_status(node_status("recorder"))
     assert execution.coupler.next_grants()
     with pytest.raises(ProtocolError, match="CHECKPOINT while ticks are being granted"):
         execution.coupler.keep()

@@ -46,7 +46,7 @@ def wrench(tick: int) -> tuple[ToolWrench, ...]:
     return (ToolWrench("share", float(tick), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0),)
 
 
-def hello(node: str, state: NodeState = NodeState.READY, run_id: str = RUN, **other) -> NodeStatus:
+def node_status(node: str, state: NodeState = NodeState.READY, run_id: str = RUN, **other) -> NodeStatus:
     """A node's word."""
     values = {
         "scene_hash": "hash", "package_version": "1", "message_hashes": (), "capabilities": (),
@@ -77,7 +77,7 @@ class Execution:
     def __post_init__(self) -> None:
         self.random = random.Random(self.seed)
         self.coupler = Coupler(
-            hello(COUPLER), (MECHANISM, SOIL, RECORDER), TOOLS, self.ticks, self.window, soil=True
+            node_status(COUPLER), (MECHANISM, SOIL, RECORDER), TOOLS, self.ticks, self.window, soil=True
         )
         self.mechanism = Participant(RUN, self.ticks, Needs.WRENCHES, TOOLS)
         self.soil = Participant(RUN, self.ticks, Needs.MOTIONS, TOOLS)
@@ -87,9 +87,9 @@ class Execution:
 
     def run(self) -> None:
         """Until nothing is on its way any more."""
-        self.coupler.accept_hello(hello(MECHANISM, initial_motions=motion(-1)))
-        self.coupler.accept_hello(hello(SOIL, initial_wrenches=wrench(-1)))
-        self.coupler.accept_hello(hello(RECORDER))
+        self.coupler.accept_node_status(node_status(MECHANISM, initial_motions=motion(-1)))
+        self.coupler.accept_node_status(node_status(SOIL, initial_wrenches=wrench(-1)))
+        self.coupler.accept_node_status(node_status(RECORDER))
         self.mechanism.start(wrench(-1))
         self._grant()
         while waiting := [key for key, queue in self.queues.items() if queue]:
@@ -178,7 +178,7 @@ def test_every_interleaving_completes_each_tick_once(seed: int, window: int) -> 
 
 @pytest.mark.parametrize("seed", range(10))
 def test_nobody_runs_ahead_of_the_window(seed: int) -> None:
-    """MotionSource and soil are never more than the grant window beyond what the coupler has seen finished."""
+    """Motion and soil are never more than the grant window beyond what the coupler has seen finished."""
     execution = Execution(seed, window=3)
     execution.run()
     done = -1
@@ -284,9 +284,9 @@ def test_abort_stops_the_work_and_names_the_last_tick() -> None:
     execution = Execution(seed=3)
     execution.run()
     aborted = Execution(seed=3)
-    aborted.coupler.accept_hello(hello(MECHANISM, initial_motions=motion(-1)))
-    aborted.coupler.accept_hello(hello(SOIL, initial_wrenches=wrench(-1)))
-    aborted.coupler.accept_hello(hello(RECORDER))
+    aborted.coupler.accept_node_status(node_status(MECHANISM, initial_motions=motion(-1)))
+    aborted.coupler.accept_node_status(node_status(SOIL, initial_wrenches=wrench(-1)))
+    aborted.coupler.accept_node_status(node_status(RECORDER))
     aborted.mechanism.start(wrench(-1))
     for grant in aborted.coupler.next_grants():
         aborted.mechanism.accept_grant(grant)
@@ -312,20 +312,28 @@ def test_abort_stops_the_work_and_names_the_last_tick() -> None:
 @pytest.mark.parametrize(
     ("word", "message"),
     [
-        (hello(SOIL, scene_hash="other"), "soil runs scene other, the coupler hash"),
-        (hello(SOIL, package_version="2"), "soil is subsoil_ros 2, the coupler 1"),
-        (hello(SOIL, message_hashes=("Grant RIHS01_a", "TickAck RIHS01_b")), r"coupler \(Grant, TickAck\)"),
-        (hello(SOIL, capabilities=("driver_command",)), "soil cannot do 'tick_mean', .*force: tick_mean"),
-        (hello(SOIL, run_id="other"), "run 'other'"),
+        (node_status(SOIL, scene_hash="other"), "soil runs scene other, the coupler hash"),
+        (node_status(SOIL, package_version="2"), "soil is subsoil_ros 2, the coupler 1"),
+        (
+            node_status(SOIL, message_hashes=("Grant RIHS01_a", "TickAck RIHS01_b")),
+            r"coupler \(Grant, TickAck\)",
+        ),
+        (
+            node_status(SOIL, capabilities=("driver_command",)),
+            "soil cannot do 'tick_mean', .*force: tick_mean",
+        ),
+        (node_status(SOIL, run_id="other"), "run 'other'"),
     ],
 )
 def test_handshake_refuses_what_does_not_fit(word: NodeStatus, message: str) -> None:
     """A node of another scene, version, message or run, or unable, is refused by name before tick 0."""
     needed = {SOIL: {"tick_mean": "coupling.force: tick_mean"}}
-    coupler = Coupler(hello(COUPLER), (SOIL, RECORDER), TOOLS, 9, 1, soil=True, needed=needed)
-    coupler.accept_hello(hello(SOIL, NodeState.STARTING, capabilities=("tick_mean", "driver_command")))
+    coupler = Coupler(node_status(COUPLER), (SOIL, RECORDER), TOOLS, 9, 1, soil=True, needed=needed)
+    coupler.accept_node_status(
+        node_status(SOIL, NodeState.STARTING, capabilities=("tick_mean", "driver_command"))
+    )
     with pytest.raises(ProtocolError, match=message):
-        coupler.accept_hello(word)
+        coupler.accept_node_status(word)
 
 
 @pytest.mark.parametrize(
@@ -334,32 +342,34 @@ def test_handshake_refuses_what_does_not_fit(word: NodeStatus, message: str) -> 
 def test_handshake_refuses_another_contact_law(there: tuple[str, ...], found: str) -> None:
     """A soil node without the scene's outside law, or with it from other sources, is refused by name."""
     needed = {SOIL: {"contact_law hysteretic 1111": "soil.law.kind: hysteretic"}}
-    coupler = Coupler(hello(COUPLER), (SOIL,), TOOLS, 9, 1, soil=True, needed=needed)
+    coupler = Coupler(node_status(COUPLER), (SOIL,), TOOLS, 9, 1, soil=True, needed=needed)
     with pytest.raises(ProtocolError, match=f"soil {found} contact law 'hysteretic', .*soil.law.kind"):
-        coupler.accept_hello(hello(SOIL, NodeState.STARTING, capabilities=there))
-    coupler.accept_hello(hello(SOIL, NodeState.STARTING, capabilities=("contact_law hysteretic 1111",)))
+        coupler.accept_node_status(node_status(SOIL, NodeState.STARTING, capabilities=there))
+    coupler.accept_node_status(
+        node_status(SOIL, NodeState.STARTING, capabilities=("contact_law hysteretic 1111",))
+    )
 
 
 def test_two_nodes_of_one_name_are_refused() -> None:
     """A second node of the same name is refused with both processes."""
     coupler = Execution(seed=0).coupler
-    coupler.accept_hello(hello(SOIL, NodeState.STARTING))
+    coupler.accept_node_status(node_status(SOIL, NodeState.STARTING))
     with pytest.raises(ProtocolError, match="processes 1 and 2"):
-        coupler.accept_hello(hello(SOIL, NodeState.STARTING, process_id=2))
+        coupler.accept_node_status(node_status(SOIL, NodeState.STARTING, process_id=2))
 
 
 def test_fault_of_a_participant_is_told() -> None:
     """A fault ends the run with the node's own words."""
     coupler = Execution(seed=0).coupler
     with pytest.raises(RunError, match="soil: tick 7: overlap too deep"):
-        coupler.accept_hello(hello(SOIL, NodeState.FAULT, message="tick 7: overlap too deep"))
+        coupler.accept_node_status(node_status(SOIL, NodeState.FAULT, message="tick 7: overlap too deep"))
 
 
 def test_nothing_is_granted_before_all_are_ready() -> None:
     """Tick 0 waits for every participant, and the coupler says for whom."""
     coupler = Execution(seed=0).coupler
-    coupler.accept_hello(hello(MECHANISM, initial_motions=motion(-1)))
-    coupler.accept_hello(hello(RECORDER, NodeState.STARTING))
+    coupler.accept_node_status(node_status(MECHANISM, initial_motions=motion(-1)))
+    coupler.accept_node_status(node_status(RECORDER, NodeState.STARTING))
     assert coupler.next_grants() == ()
     assert coupler.missing() == "ready from recorder, soil"
 

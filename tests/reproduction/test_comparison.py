@@ -15,7 +15,7 @@ from subsoil_ros.analysis.spectra import spectrum
 from subsoil_ros.analysis.window import Window
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from tests.unit.made_up_runs import Run, full_machine
-from tests.unit.made_up_series import STEP_S, findings_of, made_up, whole
+from tests.unit.made_up_series import STEP_S, made_up, statistics_of, whole
 
 SCENES = Path(__file__).parents[2] / "config/scenes"
 
@@ -47,7 +47,7 @@ def test_reproduction_compares_inside_and_outside(machine, tmp_path):
     window = Window(rows, "late", False)
     early = {**series.columns, "draft_newton": np.where(rows, series["draft_newton"], -331.06)}
     series = Series(early, "run", 1.0)
-    table = reproduction(machine.scene, "0" * 64, series, window, findings_of(series, machine, window))
+    table = reproduction(machine.scene, "0" * 64, series, window, statistics_of(series, machine, window))
     found = {(row.quantity, row.measure): row for row in table.rows}
     mean = found["draft, cycle", "mean"]
     assert mean.published == 681.5
@@ -79,9 +79,9 @@ def test_periods_that_the_window_cannot_hold_are_said(machine):
     rows = series["time_s"] <= 1.0
     window = Window(rows, "short", False)
     name = "spring.H9_spring.force_newton"
-    findings = findings_of(series, machine, window)
-    findings.spectra[name] = spectrum(STEP_S, series[name][rows])
-    table = reproduction(machine.scene, "0" * 64, series, window, findings)
+    statistics = statistics_of(series, machine, window)
+    statistics.spectra[name] = spectrum(STEP_S, series[name][rows])
+    table = reproduction(machine.scene, "0" * 64, series, window, statistics)
     row = next(row for row in table.rows if row.quantity == "period of the spring force")
     assert "do not hold 8 periods" in row.remark
 

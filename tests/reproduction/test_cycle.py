@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from reproduction.yuan_yu_2020 import cycle, cycle_rhythm, cycle_runs
+from reproduction.yuan_yu_2020 import cycle, cycle_frequency, cycle_runs
 from reproduction.yuan_yu_2020.levers import levers_of
 from subsoil_ros.analysis.series import Series
 from subsoil_ros.loading.loader import load_scene
@@ -57,7 +57,7 @@ def test_passive_shank(ratio):
         "tool.shank.torque_y_newton_m": -0.4 * push,  # 0.4 m below the centre of mass: z F_x
     }
     run = SimpleNamespace(series=Series(columns, "run", 0.0), scene=scene)
-    force = cycle_rhythm.through_the_shank(run, levers, 1000.0)[times > 3.0]
+    force = cycle_frequency.through_the_shank(run, levers, 1000.0)[times > 3.0]
     lever = 0.25 + 0.4  # of the force, below the hinge
     assert force.mean() == pytest.approx(1000.0 * lever / 0.25, rel=0.01)
     damping = 1000.0 * 0.25**2
@@ -68,7 +68,7 @@ def test_passive_shank(ratio):
     assert 0.5 * np.ptp(force) == pytest.approx(expected, rel=0.02, abs=1.0)
 
 
-@pytest.mark.parametrize("soil_newton_per_m", cycle_rhythm.TRAVEL_MODELS.values())
+@pytest.mark.parametrize("soil_newton_per_m", cycle_frequency.TRAVEL_MODELS.values())
 def test_shank_over_the_travel(soil_newton_per_m):
     """A soil of one strength holds the shank at rest under moment over arm; one whose strength falls to
     nothing at a place throws it forward once, and then its spring swings about zero and comes to rest."""
@@ -89,7 +89,7 @@ def test_shank_over_the_travel(soil_newton_per_m):
             "tool.shank.torque_y_newton_m": -0.4 * push,
         }
         run = SimpleNamespace(series=Series(columns, "run", 0.0), scene=scene)
-        force = cycle_rhythm.over_the_travel(run, levers, 1000.0, soil_newton_per_m)
+        force = cycle_frequency.over_the_travel(run, levers, 1000.0, soil_newton_per_m)
         held = 1000.0 * (0.25 + 0.4) / 0.25
         if falls:
             assert force[times < 0.9] == pytest.approx(held, rel=1e-6)

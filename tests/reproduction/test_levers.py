@@ -51,7 +51,7 @@ def test_spring_at_rest_is_that_of_the_engine():
     # there the centre of mass is 20 mm + 0.25 m x angle in front of the hinge; tilt, cosines: 0.5 N of spring
     found = levers_of(resolved.scene)
     part = 1.0 + 0.25 * rest_angle_rad(resolved.scene) / 0.02
-    assert found.unloaded_newton * part == pytest.approx(force.force_newton, abs=0.5)
+    assert found.unloaded_newton * part == pytest.approx(force.load, abs=0.5)
 
 
 def test_a_draft_compresses_the_spring(scene):

@@ -146,19 +146,19 @@ def test_what_weakens_slides_on_half(tmp_path):
         assert row.sliding_friction == 0.5 * row.static_friction
 
 
-def test_a_rhythm_repeats_itself():
+def test_a_period_repeats_itself():
     """A sine of 0.9 s is found on a trend; noise that is correlated over 0.05 s has none."""
     times, noise = np.arange(0.0, 6.6, 0.0016), np.random.default_rng(0).normal(size=4125)
-    period, height = two_readings.rhythm(times, 3.0 * times + np.sin(2.0 * np.pi * times / 0.9))
+    period, height = two_readings.repeat_period(times, 3.0 * times + np.sin(2.0 * np.pi * times / 0.9))
     assert (period, height) == pytest.approx((0.9, 1.0), abs=0.01)
     red = np.zeros(len(times))
     for i in range(1, len(times)):
         red[i] = red[i - 1] * np.exp(-0.0016 / 0.05) + noise[i]
-    assert two_readings.rhythm(times, red)[1] < two_readings.REGULAR
+    assert two_readings.repeat_period(times, red)[1] < two_readings.REGULAR
 
 
 @pytest.mark.parametrize(("part", "least", "most"), [(0.3, 0, 4), (0.5, 4, 16), (0.7, 19, 20)])
-def test_how_strong_a_rhythm_must_be(part, least, most):
+def test_how_strong_a_period_must_be(part, least, most):
     """1 Hz in 6 s of red noise of 0.05 s, with that part of the power: how many of 20 are found."""
     times, random = np.arange(0.0, 6.0, 0.0016), np.random.default_rng(1)
     hold = np.exp(-0.0016 / 0.05)
@@ -167,7 +167,7 @@ def test_how_strong_a_rhythm_must_be(part, least, most):
         white = random.standard_normal(len(times) + 500)
         noise = lfilter([np.sqrt(1.0 - hold**2)], [1.0, -hold], white)[500:]
         tone = np.sqrt(2.0) * np.sin(2.0 * np.pi * times + random.uniform(0.0, 6.0))
-        period, height = two_readings.rhythm(times, np.sqrt(1.0 - part) * noise + np.sqrt(part) * tone)
+        period, height = two_readings.repeat_period(times, np.sqrt(1.0 - part) * noise + np.sqrt(part) * tone)
         found += height >= two_readings.REGULAR and 0.4 <= period <= 2.0
     assert least <= found <= most
 
@@ -190,6 +190,7 @@ def test_score_counts_what_is_held():
     assert len(exact) == 9
     found = fit_machine.score(exact)
     assert (found["held"], found["rms_log"]) == (len(fit_machine.targets()), pytest.approx(0.0, abs=1e-12))
-    worse = fit_machine.score({**exact, "draft_newton_mean": 2.0 * 681.5, "run.draft_newton_10ms_min": 331.0})
+    wrong = {"series.draft_newton.mean": 2.0 * 681.5, "series.draft_newton.run.moving_10ms.min": 331.0}
+    worse = fit_machine.score({**exact, **wrong})
     assert worse["held"] == len(fit_machine.targets()) - 2
     assert worse["rms_log"] > 0.7

@@ -7,7 +7,7 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from benchmarks.kept_runs import read_rows
+from benchmarks.run_cache import read_rows
 from reproduction.yuan_yu_2020 import HERE, RESULTS
 from subsoil_ros.analysis.intervals import paired_difference
 

@@ -91,13 +91,13 @@ def test_set_up_puts_the_package_where_ros2_looks():
     assert_is_ros_package(Path(sys.prefix))
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_colcon_puts_the_package_where_ros2_looks(workspace):
     """After `colcon build` install/subsoil_ros is a ROS prefix that holds this package."""
     assert_is_ros_package(workspace / "install" / "subsoil_ros")
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_colcon_workspace_runs_its_own_code(workspace):
     """With install/setup.bash sourced, program, package and messages come from the workspace."""
     ask = "import subsoil_ros, subsoil_msgs.msg as m; print(subsoil_ros.__file__, m.Grant().tick, m.__file__)"
@@ -117,7 +117,7 @@ def test_colcon_workspace_runs_its_own_code(workspace):
     assert "usage: subsoil" in lines[1]
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_colcon_test_passes(workspace):
     """`colcon test` of both packages, tests that need the compiled messages; `colcon test-result` counts.
 
@@ -141,7 +141,7 @@ def pytest_in(workspace: Path, *tests: str) -> None:
     assert "skipped" not in said.splitlines()[-1], said
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_where_simulation_interfaces_is_installed_its_types_are_served(workspace):
     """Every service and the action over DDS, in the standard's own messages."""
     ask = "from subsoil_ros.ros.services.simulation_services import dialect; print(dialect())"
@@ -151,7 +151,7 @@ def test_where_simulation_interfaces_is_installed_its_types_are_served(workspace
     pytest_in(workspace, "tests/ros/test_simulation_services.py")
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_where_tf2_msgs_is_installed_tf_is_live(workspace):
     """/tf arrives, with the bytes of the bag, and moves."""
     pytest_in(workspace, "tests/ros/test_conventions.py::test_tf_moves_live")

@@ -21,7 +21,7 @@ from rclpy.parameter import Parameter
 
 from subsoil_ros.api.simulate import simulate
 from subsoil_ros.coupling.control import Controller, build_controller
-from subsoil_ros.coupling.exit_status import Ending
+from subsoil_ros.coupling.exit_status import ExitStatus
 from subsoil_ros.coupling.protocol import CONTROLLER
 from subsoil_ros.errors import InterruptedRunError, RunError
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
@@ -44,13 +44,13 @@ pytestmark = pytest.mark.ros
 TICKS, EVERY = 300, 20
 LATCHED_IN_BAG = {bag_topic(topic) for topic in LATCHED}  # each bag begins with them
 CONTROL = {
-    "driver": "H10_drive", "interval_ticks": EVERY, "lowest_speed_m_per_s": 0.1, "highest_speed_m_per_s": 0.6,
-    "max_acceleration_m_per_s2": 2.0,
+    "driver": "H10_drive", "interval_ticks": EVERY, "lowest_speed": 0.1, "highest_speed": 0.6,
+    "max_acceleration": 2.0,
     "law": {"kind": "draft_limit", "draft_limit_newton": 100.0, "gain_per_kg": 0.002},
 }  # fmt: skip
 CHANGES = [
-    f"controller={json.dumps(CONTROL)}", f"duration_s={TICKS * 5e-4}", "coupling.communication_step_ns=500000",
-    "record.series_ticks=10",
+    f"controller={json.dumps(CONTROL)}", f"duration_s={TICKS * 5e-4}", 
+    "coupling.communication_step_ns=500000", "record.series_ticks=10",
 ]  # fmt: skip
 
 
@@ -60,13 +60,15 @@ def scene() -> ResolvedScene:
     return load_scene(SCENE.parent / "mechanism_only.yaml", CHANGES)
 
 
-def run_nodes(scene: ResolvedScene, bag: Path, controller: Callable[[], Controller] | None = None) -> Ending:
+def run_nodes(
+    scene: ResolvedScene, bag: Path, controller: Callable[[], Controller] | None = None
+) -> ExitStatus:
     """All nodes in this process; `controller` makes another one than the scene's."""
     run = NodeRun("test", scene)
     builds = scene_builds(run, bag, 1, lambda tick: None)
     if controller is not None:
-        builds[CONTROLLER] = lambda run, lifeline, context: ControllerNode(
-            controller(), run, lifeline, context
+        builds[CONTROLLER] = lambda run, heartbeat, context: ControllerNode(
+            controller(), run, heartbeat, context
         )
     return run_composed(run, builds, lambda: 0)
 
@@ -97,7 +99,7 @@ def test_nodes_and_direct_run_drive_alike(scene: ResolvedScene, tmp_path: Path, 
         )
         assert build_controller(scene) is None
         others = own
-    assert run_nodes(scene, tmp_path / "nodes", others) == Ending()
+    assert run_nodes(scene, tmp_path / "nodes", others) == ExitStatus()
     run_without_ros(scene, tmp_path / "direct", others() if others else build_controller(scene))
     assert contents(tmp_path / "nodes") == contents(tmp_path / "direct")
     assert command_ticks(tmp_path / "nodes", scene.timing.communication_step_ns) == list(
@@ -122,8 +124,8 @@ def test_a_resumed_run_is_driven_on_alike(scene: ResolvedScene, tmp_path: Path, 
     assert resumed is not None
     assert resumed.tick == stopped
     run = NodeRun("test", scene, None, resumed)
-    ending = run_composed(run, scene_builds(run, tmp_path / "nodes", 1, lambda tick: None), lambda: 0)
-    assert ending == Ending()
+    status = run_composed(run, scene_builds(run, tmp_path / "nodes", 1, lambda tick: None), lambda: 0)
+    assert status == ExitStatus()
     simulate(scene, tmp_path / "direct", run_id="test", resumed=resumed)
     expected = [item for item in contents(tmp_path / "whole") if item[1] > (stopped + 1) * 500_000]
     direct, nodes = contents(tmp_path / "direct"), contents(tmp_path / "nodes")
@@ -175,9 +177,9 @@ def test_a_controller_that_misbehaves_ends_the_run(
     scene: ResolvedScene, tmp_path: Path, spoil: Callable[[DriverCommand], DriverCommand], words: str
 ) -> None:
     """NaN, a jump, another tick or run, a fault of its own: exit 3 by name, the record goes no further."""
-    ending = run_nodes(scene, tmp_path / "bag", lambda: Faulty(scene, spoil))
-    assert ending.exit_status == 3
-    assert re.search(words, ending.reason), ending.reason
+    status = run_nodes(scene, tmp_path / "bag", lambda: Faulty(scene, spoil))
+    assert status.code == 3
+    assert re.search(words, status.reason), status.reason
     recorded = command_ticks(tmp_path / "bag", scene.timing.communication_step_ns)
     assert recorded == list(range(EVERY, 5 * EVERY, EVERY))[: len(recorded)]
 
@@ -222,13 +224,13 @@ def test_others_with_use_sim_time_follow_the_ticks(scene: ResolvedScene, tmp_pat
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     times: list[int] = []
-    endings: list[Ending] = []
-    runner = threading.Thread(target=lambda: endings.append(run_nodes(scene, tmp_path / "bag")))
+    statuses: list[ExitStatus] = []
+    runner = threading.Thread(target=lambda: statuses.append(run_nodes(scene, tmp_path / "bag")))
     try:
         runner.start()
         last_ns = TICKS * scene.timing.communication_step_ns
         deadline = time.monotonic() + LIMIT_S
-        while times[-1:] != [last_ns] and endings in ([], [Ending()]) and time.monotonic() < deadline:
+        while times[-1:] != [last_ns] and statuses in ([], [ExitStatus()]) and time.monotonic() < deadline:
             executor.spin_once(timeout_sec=0.02)
             now = node.get_clock().now().nanoseconds
             if times[-1:] != [now]:
@@ -238,7 +240,7 @@ def test_others_with_use_sim_time_follow_the_ticks(scene: ResolvedScene, tmp_pat
         executor.shutdown()
         node.destroy_node()
         rclpy.shutdown(context=context)
-    assert endings == [Ending()]
+    assert statuses == [ExitStatus()]
     assert times == sorted(times)
     assert times[-1] == last_ns
     assert all(now % scene.timing.communication_step_ns == 0 for now in times)

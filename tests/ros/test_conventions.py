@@ -23,7 +23,7 @@ from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
 from subsoil_ros.api.simulate import simulate
-from subsoil_ros.coupling.exit_status import Ending
+from subsoil_ros.coupling.exit_status import ExitStatus
 from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
 from subsoil_ros.errors import InputError
 from subsoil_ros.loading.loader import ResolvedScene
@@ -123,8 +123,8 @@ def described_builds(
     """All four nodes around small engines, the bag with its description of the machine."""
     (tool,) = resolved.scene.tools
     nodes = builds(resolved, bag, partial(SpringMover, tool), soil)
-    nodes[RECORDER] = lambda run, lifeline, context: RecorderNode(
-        open_bag(bag, resolved), run, lifeline, context
+    nodes[RECORDER] = lambda run, heartbeat, context: RecorderNode(
+        open_bag(bag, resolved), run, heartbeat, context
     )
     return nodes
 
@@ -133,10 +133,10 @@ class Run:
     """A composed run in a thread of its own."""
 
     def __init__(self, scene: ResolvedScene, nodes: dict[str, Build], namespace: str = "") -> None:
-        self._endings: list[Ending] = []
+        self._statuses: list[ExitStatus] = []
         run = NodeRun("test", scene)
         self._thread = threading.Thread(
-            target=lambda: self._endings.append(run_composed(run, nodes, lambda: 0, namespace))
+            target=lambda: self._statuses.append(run_composed(run, nodes, lambda: 0, namespace))
         )
         self._thread.start()
 
@@ -144,11 +144,11 @@ class Run:
         """Whether it goes on."""
         return self._thread.is_alive()
 
-    def ending(self) -> Ending:
+    def status(self) -> ExitStatus:
         """How it ended."""
         self._thread.join(LIMIT_S)
-        (ending,) = self._endings
-        return ending
+        (status,) = self._statuses
+        return status
 
 
 def spin(node: Node, until: Callable[[], Any]) -> None:
@@ -198,7 +198,7 @@ def test_nodes_say_how_they_do(
     assert {"ticks_per_s", "real_time_factor", "tick_time_median_s", "recorder_lag_ticks"} <= set(values)
     gate.set()
     spin(listener, lambda: all(heard.get(name, [DiagnosticStatus()])[-1].level == b"\2" for name in names))
-    assert run.ending() == Ending(3, "soil: tick 40: overlap too deep")
+    assert run.status() == ExitStatus(3, "soil: tick 40: overlap too deep")
     assert heard["soil: lockstep"][-1].message == "tick 40: overlap too deep"
     assert set(heard) == names
 
@@ -229,7 +229,7 @@ def test_live_topics_carry_the_bytes_of_the_bag(
     spin(listener, lambda: heard["/robot_description"] and heard["/subsoil/tool_markers"])
     gate.set()
     spin(listener, lambda: not run.is_alive())
-    assert run.ending() == Ending()
+    assert run.status() == ExitStatus()
     recorded: dict[str, list[bytes]] = {}
     for topic, _, data in messages(tmp_path / "bag"):
         recorded.setdefault(topic, []).append(data.rstrip(b"\0"))
@@ -257,7 +257,7 @@ def test_tf_moves_live(
     spin(listener, lambda: subscription.get_publisher_count() == 1)
     gate.set()
     spin(listener, lambda: not run.is_alive())
-    assert run.ending() == Ending()
+    assert run.status() == ExitStatus()
     recorded = [data.rstrip(b"\0") for topic, _, data in messages(tmp_path / "bag") if topic == "/tf"]
     assert len(heard) > 1
     assert [data.rstrip(b"\0") for data in heard] == recorded[-len(heard) :]
@@ -284,9 +284,9 @@ def test_two_runs_share_a_domain_in_namespaces(
     spin(listener, lambda: all(listener.count_publishers(topic) == 1 for topic in own))
     assert listener.count_publishers("/clock") == listener.count_publishers("/grant") == 0
     gate.set()
-    assert [run.ending() for run in runs] == [Ending(), Ending()]
+    assert [run.status() for run in runs] == [ExitStatus(), ExitStatus()]
     (tool,) = resolved.scene.tools
-    simulate(resolved, tmp_path / "direct", run_id="test", mover=SpringMover(tool), soil=SpringSoil())
+    simulate(resolved, tmp_path / "direct", run_id="test", motion_source=SpringMover(tool), soil=SpringSoil())
     for k in range(2):
         assert contents(tmp_path / str(k)) == contents(tmp_path / "direct")
 

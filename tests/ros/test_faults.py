@@ -45,7 +45,7 @@ def test_a_node_that_dies_ends_the_run(start_run: Callable, victim: str) -> None
     assert last.startswith(f"subsoil run: {victim} node (process {pids[victim]}) was ended by SIGKILL")
     assert not any(is_alive(pid) for pid in pids.values())
     assert_readable(run.out)
-    assert victim in json.loads((run.out / "summary.json").read_text())["failure"]
+    assert victim in json.loads((run.out / "summary.json").read_text())["run"]["failure"]
 
 
 def test_a_node_that_stands_still_ends_the_run(start_run: Callable) -> None:

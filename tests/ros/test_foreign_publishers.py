@@ -11,7 +11,7 @@ from rclpy.node import Node
 from subsoil_msgs.msg import ToolWrench as ToolWrenchMessage
 from subsoil_msgs.msg import ToolWrenches as ToolWrenchesMessage
 
-from subsoil_ros.coupling.exit_status import Ending
+from subsoil_ros.coupling.exit_status import ExitStatus
 from subsoil_ros.coupling.protocol import ACK_LAG_TICKS, RECORDER
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import ToolMotion, ToolWrench
@@ -31,10 +31,10 @@ from .test_nodes import (  # noqa: F401  fixtures
     SpringSoil,
     _own_domain,
     builds,
-    ending_with_stranger,
     listener,
     resolved,
     run_nodes,
+    status_with_foreign_publisher,
 )
 
 pytestmark = pytest.mark.ros
@@ -56,7 +56,7 @@ def too_many_tools(message: ToolWrenchesMessage) -> None:
 
 
 @pytest.mark.parametrize("spoil", [wrong_tick, not_a_number, too_many_tools])
-def test_a_stranger_is_refused_by_name(
+def test_a_foreign_publisher_is_refused_by_name(
     resolved: ResolvedScene,  # noqa: F811
     tmp_path: Path,
     listener: Node,  # noqa: F811
@@ -70,9 +70,9 @@ def test_a_stranger_is_refused_by_name(
     message = ToolWrenchesMessage(run_id="test", tick=3, tools=[ToolWrenchMessage(tool=tool)])
     message.header.stamp.nanosec = 4 * resolved.timing.communication_step_ns
     spoil(message)
-    ending = ending_with_stranger(resolved, tmp_path / "bag", listener, "tool_wrenches", message)
-    assert ending.exit_status == 3
-    assert "tool_wrenches: " in ending.reason
+    status = status_with_foreign_publisher(resolved, tmp_path / "bag", listener, "tool_wrenches", message)
+    assert status.code == 3
+    assert "tool_wrenches: " in status.reason
     ticks = lockstep_ticks(tmp_path / "bag", resolved.timing.communication_step_ns)
     count = len(ticks["grant"])  # who finds him ends with what all had finished, or with what it had
     assert count <= 3
@@ -86,7 +86,7 @@ def test_a_listener_that_takes_nothing_holds_nobody_up(
 ) -> None:
     """Somebody subscribes to a lockstep topic and never looks: the run ends well, all is recorded."""
     listener.create_subscription(ToolWrenchesMessage, "tool_wrenches", print, LOCKSTEP_QOS)
-    assert run_nodes(resolved, tmp_path / "bag", SpringSoil) == Ending()
+    assert run_nodes(resolved, tmp_path / "bag", SpringSoil) == ExitStatus()
     ticks = lockstep_ticks(tmp_path / "bag", resolved.timing.communication_step_ns)
     assert ticks == {name: list(range(TICKS)) for name in ticks}
 
@@ -112,7 +112,7 @@ def test_a_long_tick_is_no_fault(
     """A tick that takes longer than any silence is borne: heartbeats go on meanwhile."""
     monkeypatch.setattr(lifeline_module, "SILENCE_S", 1.0)
     monkeypatch.setattr(lifeline_module, "STALL_S", 1.0)
-    assert run_nodes(resolved, tmp_path / "bag", lambda: SlowSoil(2.5)) == Ending()
+    assert run_nodes(resolved, tmp_path / "bag", lambda: SlowSoil(2.5)) == ExitStatus()
 
 
 def test_a_slow_disk_holds_the_run_and_loses_nothing(tmp_path: Path) -> None:
@@ -136,8 +136,8 @@ def test_a_slow_disk_holds_the_run_and_loses_nothing(tmp_path: Path) -> None:
 
     nodes = builds(slow, tmp_path / "bag", partial(SpringMover, tool), CountingSoil)
     writer = SlowWriter(tmp_path / "bag", slow.scene, slow.timing)
-    nodes[RECORDER] = lambda run, lifeline, context: RecorderNode(writer, run, lifeline, context)
-    assert run_composed(NodeRun("test", slow), nodes, lambda: 0) == Ending()
+    nodes[RECORDER] = lambda run, heartbeat, context: RecorderNode(writer, run, heartbeat, context)
+    assert run_composed(NodeRun("test", slow), nodes, lambda: 0) == ExitStatus()
     assert ACK_LAG_TICKS // 2 < max(leads) <= ACK_LAG_TICKS
     recorded = lockstep_ticks(tmp_path / "bag", slow.timing.communication_step_ns)
     assert recorded == {name: list(range(ticks)) for name in recorded}

@@ -17,7 +17,7 @@ from rosgraph_msgs.msg import Clock
 from subsoil_msgs.msg import ToolMotions as ToolMotionsMessage
 
 from subsoil_ros.api.simulate import simulate
-from subsoil_ros.coupling.exit_status import Ending
+from subsoil_ros.coupling.exit_status import ExitStatus
 from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
 from subsoil_ros.errors import PhysicsError, RunError
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
@@ -122,15 +122,15 @@ def _own_domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 def builds(
     resolved: ResolvedScene,
     bag: Path,
-    mover: Callable[[], SpringMover],
+    motion_source: Callable[[], SpringMover],
     soil: Callable[[], SpringSoil],
 ) -> dict[str, Build]:
     """All four nodes around the small engines."""
     return {
-        MECHANISM: lambda run, lifeline, context: MechanismNode(mover(), run, lifeline, context),
-        SOIL: lambda run, lifeline, context: SoilNode(soil(), None, run, lifeline, context),
-        RECORDER: lambda run, lifeline, context: RecorderNode(
-            open_bag(bag, resolved), run, lifeline, context
+        MECHANISM: lambda run, heartbeat, context: MechanismNode(motion_source(), run, heartbeat, context),
+        SOIL: lambda run, heartbeat, context: SoilNode(soil(), None, run, heartbeat, context),
+        RECORDER: lambda run, heartbeat, context: RecorderNode(
+            open_bag(bag, resolved), run, heartbeat, context
         ),
         COUPLER: CouplerNode,
     }
@@ -138,7 +138,7 @@ def builds(
 
 def run_nodes(
     resolved: ResolvedScene, bag: Path, soil: Callable[[], SpringSoil], stop: Callable[[], int] = lambda: 0
-) -> Ending:
+) -> ExitStatus:
     """A composed run around the small engines."""
     (tool,) = resolved.scene.tools
     nodes = builds(resolved, bag, partial(SpringMover, tool), soil)
@@ -148,7 +148,7 @@ def run_nodes(
 def run_without_ros(resolved: ResolvedScene, bag: Path, soil: SpringSoil) -> None:
     """The same by the direct run."""
     (tool,) = resolved.scene.tools
-    simulate(resolved, bag, run_id="test", mover=SpringMover(tool), soil=soil)
+    simulate(resolved, bag, run_id="test", motion_source=SpringMover(tool), soil=soil)
 
 
 def contents(bag: Path) -> list[tuple[str, int, bytes]]:
@@ -161,7 +161,7 @@ def contents(bag: Path) -> list[tuple[str, int, bytes]]:
 
 def test_nodes_record_what_the_direct_run_records(resolved: ResolvedScene, tmp_path: Path) -> None:
     """Message for message, every tick once."""
-    assert run_nodes(resolved, tmp_path / "nodes", SpringSoil) == Ending()
+    assert run_nodes(resolved, tmp_path / "nodes", SpringSoil) == ExitStatus()
     run_without_ros(resolved, tmp_path / "direct", SpringSoil())
     assert contents(tmp_path / "nodes") == contents(tmp_path / "direct")
     ticks = lockstep_ticks(tmp_path / "nodes", resolved.timing.communication_step_ns)
@@ -172,7 +172,7 @@ def test_clouds_are_thinned_alike(tmp_path: Path) -> None:
     """Region and rounding are applied before the cloud leaves its maker, in both ways."""
     thinned = ["record.cloud_resolution_m=0.01", "record.cloud_region={x_m: [-9.0, 9.0]}"]
     resolved = load_scene(SCENE, [*CHANGES, *thinned])
-    assert run_nodes(resolved, tmp_path / "nodes", SpringSoil) == Ending()
+    assert run_nodes(resolved, tmp_path / "nodes", SpringSoil) == ExitStatus()
     run_without_ros(resolved, tmp_path / "direct", SpringSoil())
     run_without_ros(load_scene(SCENE, CHANGES), tmp_path / "exact", SpringSoil())
     assert contents(tmp_path / "nodes") == contents(tmp_path / "direct") != contents(tmp_path / "exact")
@@ -180,8 +180,8 @@ def test_clouds_are_thinned_alike(tmp_path: Path) -> None:
 
 def test_a_fault_of_an_engine_cuts_the_record_alike(resolved: ResolvedScene, tmp_path: Path) -> None:
     """An engine fails at tick 17: the run ends with its words, the bag with tick 16, in both ways."""
-    ending = run_nodes(resolved, tmp_path / "nodes", lambda: SpringSoil(fail_tick=17))
-    assert ending == Ending(3, "soil: tick 17: overlap too deep")
+    status = run_nodes(resolved, tmp_path / "nodes", lambda: SpringSoil(fail_tick=17))
+    assert status == ExitStatus(3, "soil: tick 17: overlap too deep")
     with pytest.raises(PhysicsError, match="tick 17: overlap too deep"):
         run_without_ros(resolved, tmp_path / "direct", SpringSoil(fail_tick=17))
     assert contents(tmp_path / "nodes") == contents(tmp_path / "direct")
@@ -191,11 +191,11 @@ def test_a_fault_of_an_engine_cuts_the_record_alike(resolved: ResolvedScene, tmp
 
 def test_invented_energy_ends_the_run_alike(resolved: ResolvedScene, tmp_path: Path) -> None:
     """The soil reports three times its work: the residual's bound ends the run, at the same tick."""
-    ending = run_nodes(resolved, tmp_path / "nodes", lambda: SpringSoil(invented=3.0))
-    assert ending.exit_status == 3
+    status = run_nodes(resolved, tmp_path / "nodes", lambda: SpringSoil(invented=3.0))
+    assert status.code == 3
     with pytest.raises(PhysicsError) as raised:
         run_without_ros(resolved, tmp_path / "direct", SpringSoil(invented=3.0))
-    assert ending.reason == str(raised.value)
+    assert status.reason == str(raised.value)
     assert contents(tmp_path / "nodes") == contents(tmp_path / "direct")
 
 
@@ -205,7 +205,7 @@ def test_an_engine_that_cannot_be_built_ends_the_run(resolved: ResolvedScene, tm
     def broken() -> SpringSoil:
         raise RunError("no bed")
 
-    assert run_nodes(resolved, tmp_path / "bag", broken) == Ending(3, "soil: no bed")
+    assert run_nodes(resolved, tmp_path / "bag", broken) == ExitStatus(3, "soil: no bed")
     assert messages(tmp_path / "bag") == []
 
 
@@ -215,13 +215,13 @@ def test_paths_are_hosted_by_the_soil(tmp_path: Path) -> None:
     (tool,) = scene.scene.tools
     writer = open_bag(tmp_path / "bag", scene)
     nodes: dict[str, Build] = {
-        SOIL: lambda run, lifeline, context: SoilNode(
-            SpringSoil(), SpringMover(tool), run, lifeline, context
+        SOIL: lambda run, heartbeat, context: SoilNode(
+            SpringSoil(), SpringMover(tool), run, heartbeat, context
         ),
-        RECORDER: lambda run, lifeline, context: RecorderNode(writer, run, lifeline, context),
+        RECORDER: lambda run, heartbeat, context: RecorderNode(writer, run, heartbeat, context),
         COUPLER: CouplerNode,
     }
-    assert run_composed(NodeRun("test", scene), nodes, lambda: 0) == Ending()
+    assert run_composed(NodeRun("test", scene), nodes, lambda: 0) == ExitStatus()
     run_without_ros(scene, tmp_path / "direct", SpringSoil())
     assert contents(tmp_path / "bag") == contents(tmp_path / "direct")
 
@@ -241,14 +241,14 @@ class GatedSoil(SpringSoil):
         return super().advance(tick, motions)
 
 
-def ending_with_stranger(
+def status_with_foreign_publisher(
     resolved: ResolvedScene, bag: Path, listener: Node, topic: str, message: Any
-) -> Ending:
+) -> ExitStatus:
     """How a run ends whose soil stands at tick 3 while somebody else publishes on a lockstep topic."""
     gate, at = threading.Event(), threading.Event()
-    endings: list[Ending] = []
+    statuses: list[ExitStatus] = []
     runner = threading.Thread(
-        target=lambda: endings.append(run_nodes(resolved, bag, lambda: GatedSoil(gate, at)))
+        target=lambda: statuses.append(run_nodes(resolved, bag, lambda: GatedSoil(gate, at)))
     )
     runner.start()
     assert at.wait(LIMIT_S)
@@ -262,8 +262,8 @@ def ending_with_stranger(
     time.sleep(0.3)
     gate.set()
     runner.join(LIMIT_S)
-    (ending,) = endings
-    return ending
+    (status,) = statuses
+    return status
 
 
 @pytest.fixture
@@ -288,9 +288,9 @@ def test_others_follow_clock_and_poses_live(resolved: ResolvedScene, tmp_path: P
         PoseStamped, f"tool/{tool}/pose", lambda m: poses.append(m.pose.position.x), qos
     )
     gate, at = threading.Event(), threading.Event()
-    endings: list[Ending] = []
+    statuses: list[ExitStatus] = []
     runner = threading.Thread(
-        target=lambda: endings.append(run_nodes(resolved, tmp_path / "bag", lambda: GatedSoil(gate, at)))
+        target=lambda: statuses.append(run_nodes(resolved, tmp_path / "bag", lambda: GatedSoil(gate, at)))
     )
     runner.start()
     executor = SingleThreadedExecutor(context=listener.context)
@@ -306,7 +306,7 @@ def test_others_follow_clock_and_poses_live(resolved: ResolvedScene, tmp_path: P
     while clocks[-1] != last_ns:
         executor.spin_once(timeout_sec=0.05)
     executor.shutdown()
-    assert endings == [Ending()]
+    assert statuses == [ExitStatus()]
     assert (
         clocks
         == [(tick + 1) * resolved.timing.communication_step_ns for tick in range(TICKS)][-len(clocks) :]
@@ -321,7 +321,7 @@ def test_a_foreign_message_ends_the_run_by_name(
     """Somebody publishes motions of another run on our topic: refused, named, exit 3."""
     message = ToolMotionsMessage(run_id="other", tick=4)
     message.header.stamp.nanosec = 5 * resolved.timing.communication_step_ns
-    ending = ending_with_stranger(resolved, tmp_path / "bag", listener, "tool_motions", message)
-    assert ending.exit_status == 3
-    assert "tool_motions: " in ending.reason
-    assert "ROS_DOMAIN_ID of its own" in ending.reason
+    status = status_with_foreign_publisher(resolved, tmp_path / "bag", listener, "tool_motions", message)
+    assert status.code == 3
+    assert "tool_motions: " in status.reason
+    assert "ROS_DOMAIN_ID of its own" in status.reason

@@ -108,14 +108,14 @@ def test_without_a_bag_every_mode_gives_the_same_state(tmp_path: Path) -> None:
         assert status == 0, err
         assert bool(re.search(r"^nodes in ROS_DOMAIN_ID=\d+$", err, re.MULTILINE)) == (mode != "direct")
         assert (out / "bag").exists() == (out / "series.csv").exists() == (bag == "true")
-        digests.append(json.loads((out / "summary.json").read_text())["state_sha256"])
+        digests.append(json.loads((out / "summary.json").read_text())["run"]["state_sha256"])
     assert digests[1:] == digests[:1] * 3
     resumed = Run(
         tmp_path / "resumed", "nodes", 0.1, *sets, "--resume", str(tmp_path / "nodes_false"), scene=scene
     )
     status, _, err = resumed.finish()
     assert status == 0, err
-    summary = json.loads((tmp_path / "resumed" / "summary.json").read_text())
+    summary = json.loads((tmp_path / "resumed" / "summary.json").read_text())["run"]
     assert summary["state_sha256"] == digests[0]
     assert summary["recorded"] is False
     assert summary["resumed_from"]["tick"] > 0

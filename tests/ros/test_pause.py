@@ -13,7 +13,7 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 from subsoil_msgs.srv import Step
 
-from subsoil_ros.coupling.exit_status import Ending
+from subsoil_ros.coupling.exit_status import ExitStatus
 from subsoil_ros.coupling.protocol import COUPLER
 from subsoil_ros.loading.loader import ResolvedScene
 from subsoil_ros.ros.nodes import coupler_node
@@ -75,18 +75,18 @@ def start(
     resolved: ResolvedScene,  # noqa: F811
     bag: Path,
     soil: Callable[[], SpringSoil] = SpringSoil,
-) -> tuple[threading.Thread, list[Ending]]:
+) -> tuple[threading.Thread, list[ExitStatus]]:
     """A composed run that is paused before its first tick, in a thread of its own."""
     (tool,) = resolved.scene.tools
     nodes = builds(resolved, bag, partial(SpringMover, tool), soil) | {
         COUPLER: partial(CouplerNode, paused=True)
     }
-    endings: list[Ending] = []
+    statuses: list[ExitStatus] = []
     thread = threading.Thread(
-        target=lambda: endings.append(run_composed(NodeRun("test", resolved), nodes, lambda: 0))
+        target=lambda: statuses.append(run_composed(NodeRun("test", resolved), nodes, lambda: 0))
     )
     thread.start()
-    return thread, endings
+    return thread, statuses
 
 
 def test_a_paused_and_stepped_run_gives_the_same_bits(
@@ -98,7 +98,7 @@ def test_a_paused_and_stepped_run_gives_the_same_bits(
     """Stands longer than a tick may take, steps, pauses and resumes: the bag of an undisturbed run."""
     monkeypatch.setattr(coupler_node, "DEADLINE_S", 0.3)
     monkeypatch.setattr(coupler_node, "STARTUP_S", 20.0)
-    thread, endings = start(resolved, tmp_path / "paused")
+    thread, statuses = start(resolved, tmp_path / "paused")
     one = user.call("step", steps=1)
     assert (one.success, one.tick) == (True, 0)
     assert user.call("step", steps=5).tick == 5
@@ -111,7 +111,7 @@ def test_a_paused_and_stepped_run_gives_the_same_bits(
     if thread.is_alive():
         assert user.call("resume").success
     thread.join(LIMIT_S)
-    assert endings == [Ending()]
+    assert statuses == [ExitStatus()]
     run_without_ros(resolved, tmp_path / "direct", SpringSoil())
     assert contents(tmp_path / "paused") == contents(tmp_path / "direct")
 
@@ -122,10 +122,10 @@ def test_who_waits_for_steps_hears_of_a_fault(
     user: User,
 ) -> None:
     """An engine fails within the steps asked for: the answer says so, and the run ends by name."""
-    thread, endings = start(resolved, tmp_path / "bag", lambda: SpringSoil(fail_tick=7))
+    thread, statuses = start(resolved, tmp_path / "bag", lambda: SpringSoil(fail_tick=7))
     answer = user.call("step", steps=TICKS)
     assert not answer.success
     assert answer.message == "the run has ended: soil: tick 7: overlap too deep"
     assert answer.tick == 6
     thread.join(LIMIT_S)
-    assert endings == [Ending(3, "soil: tick 7: overlap too deep")]
+    assert statuses == [ExitStatus(3, "soil: tick 7: overlap too deep")]

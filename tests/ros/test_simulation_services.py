@@ -13,7 +13,7 @@ from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from subsoil_ros.coupling.exit_status import Ending
+from subsoil_ros.coupling.exit_status import ExitStatus
 from subsoil_ros.loading.loader import ResolvedScene
 from subsoil_ros.ros.services.run_control import Result, RunState
 from subsoil_ros.ros.services.simulation_services import FEATURES, dialect
@@ -110,7 +110,7 @@ def test_a_run_that_is_steered_gives_the_same_bits(
     client: Client,
 ) -> None:
     """Features, states, steps by service and action, pause and play; the bag of a run left alone."""
-    thread, endings = start(resolved, tmp_path / "steered")
+    thread, statuses = start(resolved, tmp_path / "steered")
     features = client.call("GetSimulatorFeatures", "get_simulator_features")
     if STANDARD:
         kind = type(features.features)
@@ -136,7 +136,7 @@ def test_a_run_that_is_steered_gives_the_same_bits(
     assert client.feedback[-1] == (5, 0)
     assert client.set_state(RunState.PLAYING) == (Result.OK, "")
     thread.join(LIMIT_S)
-    assert endings == [Ending()]
+    assert statuses == [ExitStatus()]
     run_without_ros(resolved, tmp_path / "direct", SpringSoil())
     assert contents(tmp_path / "steered") == contents(tmp_path / "direct")
 
@@ -148,7 +148,7 @@ def test_steps_that_are_cancelled_stand_where_they_are(
 ) -> None:
     """A goal of many ticks is cancelled while the soil computes: the run then stands, is no more, no less."""
     gate, at = threading.Event(), threading.Event()
-    thread, endings = start(resolved, tmp_path / "bag", partial(GatedSoil, gate, at))
+    thread, statuses = start(resolved, tmp_path / "bag", partial(GatedSoil, gate, at))
     handle = client.begin_steps(TICKS)
     assert at.wait(LIMIT_S)
     assert client.wait(handle.cancel_goal_async()).goals_canceling
@@ -161,7 +161,7 @@ def test_steps_that_are_cancelled_stand_where_they_are(
     assert client.state() == RunState.PAUSED
     assert client.set_state(RunState.PLAYING)[0] == Result.OK
     thread.join(LIMIT_S)
-    assert endings == [Ending()]
+    assert statuses == [ExitStatus()]
 
 
 def test_steps_need_a_pause(
@@ -171,7 +171,7 @@ def test_steps_need_a_pause(
 ) -> None:
     """While the run plays, steps are refused with INCORRECT_STATE, by service and by action."""
     gate, at = threading.Event(), threading.Event()
-    thread, endings = start(resolved, tmp_path / "bag", partial(GatedSoil, gate, at))
+    thread, statuses = start(resolved, tmp_path / "bag", partial(GatedSoil, gate, at))
     assert client.set_state(RunState.PLAYING)[0] == Result.OK
     assert at.wait(LIMIT_S)
     assert client.state() == RunState.PLAYING
@@ -183,7 +183,7 @@ def test_steps_need_a_pause(
     assert result_of(answer.result)[0] == Result.INCORRECT_STATE
     gate.set()
     thread.join(LIMIT_S)
-    assert endings == [Ending()]
+    assert statuses == [ExitStatus()]
 
 
 def test_a_run_can_be_ended_by_service(
@@ -192,11 +192,11 @@ def test_a_run_can_be_ended_by_service(
     client: Client,
 ) -> None:
     """QUITTING: answered, then the run ends as by Ctrl-C, exit 130, with a bag that closes at a tick."""
-    thread, endings = start(resolved, tmp_path / "bag")
+    thread, statuses = start(resolved, tmp_path / "bag")
     assert result_of(client.call("StepSimulation", "step_simulation", steps=4))[0] == Result.OK
     assert client.set_state(RunState.QUITTING) == (Result.OK, "")
     thread.join(LIMIT_S)
-    assert endings == [Ending(130, "ended by set_simulation_state: QUITTING")]
+    assert statuses == [ExitStatus(130, "ended by set_simulation_state: QUITTING")]
     run_without_ros(resolved, tmp_path / "direct", SpringSoil())
     recorded = contents(tmp_path / "bag")
     assert recorded == contents(tmp_path / "direct")[: len(recorded)]

@@ -5,9 +5,9 @@ import math
 import numpy as np
 
 from subsoil_ros.analysis.loads import loads_of
-from subsoil_ros.analysis.run_statistics import Findings
+from subsoil_ros.analysis.run_statistics import RunStatistics
 from subsoil_ros.analysis.series import Series
-from subsoil_ros.analysis.stationarity import steadiness
+from subsoil_ros.analysis.stationarity import stationarity
 from subsoil_ros.analysis.window import Window
 from subsoil_ros.loading.loader import ResolvedScene
 
@@ -49,8 +49,8 @@ def whole(series: Series) -> Window:
     return Window(np.ones(len(series), dtype=bool), "all", False)
 
 
-def findings_of(series: Series, resolved: ResolvedScene, window: Window) -> Findings:
+def statistics_of(series: Series, resolved: ResolvedScene, window: Window) -> RunStatistics:
     """Without soil."""
-    steady = steadiness(series["time_s"], series["draft_newton"])
+    steady = stationarity(series["time_s"], series["draft_newton"])
     loads = loads_of(series, resolved, window)
-    return Findings(loads, {"draft_newton": steady}, {}, None, None, None, {}, {}, None)
+    return RunStatistics(loads, {"draft_newton": steady}, {}, None, None, None, {}, {}, None)

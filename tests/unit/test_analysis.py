@@ -42,9 +42,11 @@ def test_series_are_the_numbers_of_the_engines(machine):
         "draft.wheels_newton": (
             ToolWrenches, lambda w: -(w.tools[1].force_x_newton + w.tools[2].force_x_newton)
         ),
-        "spring.H9_spring.force_newton": (MechanismState, lambda s: s.forces[0].force_newton),
+        "spring.H9_spring.force_newton": (MechanismState, lambda s: s.forces[0].load),
         "body.shank.z_m": (MechanismState, lambda s: s.bodies[0].z_m),
-        "body.frame.angular_velocity_rad_per_s": (MechanismState, lambda s: s.bodies[6].angular_velocity_rad_per_s),
+        "body.frame.angular_velocity_rad_per_s": (
+            MechanismState, lambda s: s.bodies[6].angular_velocity_rad_per_s,
+        ),
         "joint.H8_shank_hinge.force_z_newton": (MechanismState, lambda s: s.joints[7].force_z_newton),
         "mechanism.driver_work_joule": (MechanismState, lambda s: s.driver_work_joule),
         "tool.wheel_left.angle_rad": (ToolMotions, lambda m: m.tools[1].angle_rad),
@@ -97,7 +99,7 @@ def test_a_run_cut_short_has_its_complete_rows(tmp_path):
     series = read_series(directory / "bag", run.resolved.scene)
     np.testing.assert_array_equal(series["time_s"], [tick * INTERVAL_NS * 1e-9 for tick in (4, 8, 12)])
     summary = summarize(directory / "bag", run.resolved, {})
-    assert (summary["complete"], summary["ticks"], summary["steps"]) == (False, 12, 12)
+    assert [summary["run"][key] for key in ("complete", "ticks", "steps")] == [False, 12, 12]
 
 
 def test_a_bag_without_a_series_tick_is_an_error(tmp_path):
@@ -142,7 +144,8 @@ def test_empty_window_means_the_whole_run_and_says_so(machine):
     summary = summarize(directory / "bag", run.resolved, {})
     assert summary["window"]["whole_run"]
     assert summary["window"]["rows"] == len(run.series_ticks())
-    assert summary["draft_newton_mean"] == summary["run.draft_newton_mean"]
+    draft = summary["series"]["draft_newton"]
+    assert draft["mean"] == draft["run"]["mean"]
 
 
 def test_settling_is_left_out(tmp_path):
@@ -154,14 +157,13 @@ def test_settling_is_left_out(tmp_path):
     late = series["time_s"] > 0.0008
     assert 0 < late.sum() < len(series)
     draft = series["draft_newton"]
-    assert summary["draft_newton_mean"] == np.mean(draft[late])
-    assert (summary["draft_newton_min"], summary["draft_newton_max"]) == (
-        draft[late].min(),
-        draft[late].max(),
-    )
-    assert (summary["run.draft_newton_min"], summary["run.draft_newton_max"]) == (draft.min(), draft.max())
+    found = summary["series"]["draft_newton"]
+    for part, values in ((found, draft[late]), (found["run"], draft)):
+        assert (part["mean"], part["std"]) == (np.mean(values), np.std(values))
+        assert (part["min"], part["max"]) == (values.min(), values.max())
     wall_s = 0.5 * (TICKS - 1)
-    assert (summary["mode"], summary["wall_s"], summary["particle_count"]) == ("direct", wall_s, 300)
-    assert summary["real_time_factor"] == pytest.approx(TICKS * INTERVAL_NS * 1e-9 / wall_s, rel=1e-12)
+    facts = summary["run"]
+    assert (facts["mode"], facts["wall_s"], summary["particles"]["count"]) == ("direct", wall_s, 300)
+    assert facts["real_time_factor"] == pytest.approx(TICKS * INTERVAL_NS * 1e-9 / wall_s, rel=1e-12)
     write_summary(summary, tmp_path / "summary.json")
     assert json.loads((tmp_path / "summary.json").read_text()) == summary

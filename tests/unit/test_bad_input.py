@@ -75,7 +75,7 @@ def test_good_scene(check: Check, name: str) -> None:
 def test_full_scene_is_described(check: Check) -> None:
     """The paper's scene shows particles, each step limit with its cause, steps, memory and wall time."""
     text = check(SCENES / "subsoiler_1s300.yaml").stdout
-    for words in ("188,034", "on spin", "on translation", "stiffness", "binds", "soil steps", "memory"):
+    for words in ("188,034", "on rotation", "on translation", "stiffness", "binds", "soil steps", "memory"):
         assert words in text
     limits = [float(found) for found in re.findall(r"^ ([\d.]+) us", text, re.MULTILINE)]
     assert limits == sorted(limits)

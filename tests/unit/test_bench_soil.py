@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from subsoil_ros.dem.beds.prepare import prepare_bed
-from subsoil_ros.dem.bench.cases import GRID, linear_case, stirred_velocities, wet_case
+from subsoil_ros.dem.bench.cases import GRID, cohesive_case, linear_case, stirred_velocities
 from subsoil_ros.dem.bench.measure import array_bytes, bed_hash, measure
 from subsoil_ros.dem.bench.phases import PHASES, phase_parts
 from subsoil_ros.dem.engine import SoilEngine
@@ -30,7 +30,7 @@ def test_a_stirred_bed_has_its_lists_rebuilt():
 
 def test_every_phase_takes_time(tmp_path):
     """A kernel that was renamed would show here: no phase is empty, and together they are the whole."""
-    case = wet_case(GRID, SIZE_M, 300, "small", tmp_path)  # the plate moves 7.5 mm: lists are rebuilt
+    case = cohesive_case(GRID, SIZE_M, 300, "small", tmp_path)  # the plate moves 7.5 mm: lists are rebuilt
     parts = phase_parts(case, prepare_bed(case.resolved, SoilEngine))
     assert set(parts) == {*PHASES, "other"}
     assert all(part > 0.0 for part in parts.values())

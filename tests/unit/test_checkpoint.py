@@ -121,8 +121,8 @@ def test_killed_at_any_moment_there_is_a_whole_one(tmp_path: Path) -> None:
         time.sleep(0.05 + 0.1 * chance.random())
         process.kill()
         process.communicate()
-        found, complaints = newest_valid(tmp_path)
-        assert complaints == []
+        found, refusals = newest_valid(tmp_path)
+        assert refusals == []
         assert found.tick > last
         assert (found.read_part("soil")["array"] == found.tick).all()
         assert found.read_part("mechanism")["tick"] == found.tick

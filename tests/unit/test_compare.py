@@ -52,8 +52,8 @@ def test_two_runs(runs: list[Path], tmp_path: Path, capsys: Captured) -> None:
     first, second = (json.loads((folder / "summary.json").read_text()) for folder in runs)
     for statistic in ("mean", "min", "max"):
         row = found["draft_newton", statistic]
-        assert row[one] == pytest.approx(first[f"draft_newton_{statistic}"], rel=1e-12)
-        assert row[two] == pytest.approx(second[f"draft_newton_{statistic}"], rel=1e-12)
+        assert row[one] == pytest.approx(first["series"]["draft_newton"][statistic], rel=1e-12)
+        assert row[two] == pytest.approx(second["series"]["draft_newton"][statistic], rel=1e-12)
         assert row[f"difference {two}"] == row[two] - row[one]
     mean = found["draft_newton", "mean"]
     assert mean[f"part {two}"] == pytest.approx(mean[two] / mean[one] - 1.0)

@@ -11,8 +11,8 @@ from subsoil_ros.loading.loader import load_scene
 
 SCENE = Path(__file__).parents[2] / "config/scenes/mechanism_only.yaml"
 CONTROL = {
-    "driver": "H10_drive", "interval_ticks": 20, "lowest_speed_m_per_s": 0.1, "highest_speed_m_per_s": 0.5,
-    "max_acceleration_m_per_s2": 1.0,
+    "driver": "H10_drive", "interval_ticks": 20, "lowest_speed": 0.1, "highest_speed": 0.5,
+    "max_acceleration": 1.0,
     "law": {"kind": "hold_height", "body": "frame", "height_m": 0.5, "gain_per_s": 1.0},
 }  # fmt: skip
 GIVEN = [f"controller={json.dumps(CONTROL)}"]
@@ -26,11 +26,12 @@ GIVEN = [f"controller={json.dumps(CONTROL)}"]
             "controller.interval_ticks=5",
             "interval_ticks: given 5, allowed are multiples of record.series_ticks",
         ),
-        ("controller.lowest_speed_m_per_s=0.5", "highest_speed_m_per_s 0.5 must be larger"),
+        ("controller.lowest_speed=0.5", "highest_speed 0.5 must be larger"),
         (
-            "controller.highest_speed_m_per_s=0.4",
+            "controller.highest_speed=0.4",
             "speed.value: given 0.5, outside of the controller's speeds",
         ),
+        ("mechanism.joints.H10_drive.coordinate=angle", "'hold_height' answers with a speed in m/s"),
         ("controller.law.body=beam", "controller.law.body: no body 'beam'"),
         (
             "mechanism.joints.H10_drive.speed={kind: ramp, end_value: 0.5, end_s: 1.0}",

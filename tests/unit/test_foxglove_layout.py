@@ -73,7 +73,7 @@ def test_every_path_gives_one_number_in_every_message(layout: dict[str, Any], ma
 def test_the_plots_are_the_ones_people_ask_for(layout: dict[str, Any]) -> None:
     """Draft, spring force, angle, height, energy residual, in this order from the top."""
     assert [path.rpartition(".")[2] for path in plotted_paths(layout)] == [
-        "draft_newton", "force_newton", "angle_rad", "z_m", "residual_ratio",
+        "draft_newton", "load", "angle_rad", "z_m", "residual_ratio",
     ]  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""The surface's height in the bag, as a stranger reads it."""
+"""The surface's height in the bag, as another program reads it."""
 
 from pathlib import Path
 

@@ -75,12 +75,12 @@ def test_page_holds_everything(reported):
     summary = json.loads((reported / "summary.json").read_text())
     wanted = {"warnings", "metrics", "figures", "timings", "versions", "quantities", "scene"}
     assert wanted <= set(page.sections)
-    assert f"{summary['draft_newton_mean']:.1f}" in page.sections["metrics"]
+    assert f"{summary['series']['draft_newton']['mean']:.1f}" in page.sections["metrics"]
     assert "soil: [WARN] [1.0] [soil]: 1 particle lost" in page.sections["warnings"]
     assert 'a "note" <i>' in page.sections["warnings"]
     assert "fine" not in page.sections["warnings"]
-    assert f"{summary['steps']:,}" in page.sections["timings"]
-    assert summary["versions"]["numba"] in page.sections["versions"]
+    assert f"{summary['run']['steps']:,}" in page.sections["timings"]
+    assert summary["run"]["versions"]["numba"] in page.sections["versions"]
     assert "Those of the run." in page.sections["versions"]
     columns = (reported / "series.csv").read_text().splitlines()[0].split(",")
     assert all(name in page.sections["quantities"] for name in columns if name != "time_s")
@@ -106,13 +106,14 @@ def test_page_needs_no_other_file(reported):
 def test_run_that_says_no_versions(reported):
     """An older run, whose summary has none, is reported with those of the report, and the page says so."""
     summary = json.loads((reported / "summary.json").read_text())
-    versions = summary.pop("versions")
+    versions = summary["run"].pop("versions")
     (reported / "summary.json").write_text(json.dumps(summary))
     try:
         assert verb(report, reported, "--html") == 0
         assert "did not record its own" in Page((reported / "report.html").read_text()).sections["versions"]
     finally:
-        (reported / "summary.json").write_text(json.dumps(summary | {"versions": versions}))
+        summary["run"]["versions"] = versions
+        (reported / "summary.json").write_text(json.dumps(summary))
 
 
 class Browser:

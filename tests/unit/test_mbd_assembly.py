@@ -80,7 +80,7 @@ def test_named_coordinates_are_held_at_rest_too(mechanism_engine, subsoiler):
     state = mechanism_engine(machine).state("run", -1, 0)
     assert state.bodies[1].z_m == pytest.approx(0.21, abs=1e-12)
     # no moment about the shank's hinge: spring force x lever balances the weight x offset
-    assert state.forces[0].force_newton * 0.25 == pytest.approx(35.2 * 9.81 * 0.0075, rel=0.1)
+    assert state.forces[0].load * 0.25 == pytest.approx(35.2 * 9.81 * 0.0075, rel=0.1)
     assert state.bodies[0].angle_rad == pytest.approx(-0.05, abs=0.01)
 
 

@@ -40,8 +40,8 @@ def test_new_scene_runs(template, tmp_path):
     done = subsoil(tmp_path, *command, "--set", "duration_s=0.01")
     assert done.returncode == 0, done.stderr
     summary = json.loads((tmp_path / "runs/my_scene/summary.json").read_text())
-    assert summary["complete"]
-    assert "run.draft_newton_mean" in summary
+    assert summary["run"]["complete"]
+    assert "draft_newton" in summary["series"]
 
 
 def test_nothing_is_written_over(tmp_path):
@@ -58,7 +58,7 @@ def test_nothing_is_written_over(tmp_path):
     ("words", "message"),
     [
         (["a b"], "allowed are letters"),
-        (["mine", "--template", "plough"], "allowed are machine, reduced, tine"),
+        (["mine", "--template", "plough"], "allowed are machine, tine, wedge"),
     ],
 )
 def test_bad_words(words, message, tmp_path):

@@ -86,9 +86,9 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict]:
 @pytest.mark.parametrize(
     ("scene", "named", "absent"),
     [
-        ("mechanism_only.yaml", "mbd.engine", ("dem", "resistance", "mbd.path")),
-        ("tine.yaml", "dem.engine", ("resistance", "mbd.engine", "mbd.advance", "mbd.dynamics")),
-        ("subsoiler_1s300_wedge.yaml", "resistance.engine", ("dem", "mbd.path")),
+        ("mechanism_only.yaml", "mbd.engine", ("dem", "wedge", "mbd.path")),
+        ("tine.yaml", "dem.engine", ("wedge", "mbd.engine", "mbd.advance", "mbd.dynamics")),
+        ("subsoiler_1s300_wedge.yaml", "wedge.engine", ("dem", "mbd.path")),
     ],
 )
 def test_only_the_engines_named_are_imported(
@@ -139,7 +139,7 @@ def test_what_is_named_is_a_feature() -> None:
     assert features_of() == {"cohesion", "tangential", "rolling"}
     assert features_of("soil.law.damped_zones=all") - features_of() == {"damp_all_zones"}
     assert features_of("soil.law.friction_normal=absolute") - features_of() == {"friction_absolute"}
-    sizes = "{kind: uniform, smallest_radius_m: 0.008, max_radius_m: 0.012}"
+    sizes = "{kind: uniform, min_radius_m: 0.008, max_radius_m: 0.012}"
     sized = ("soil.particles.radius_m=null", f"soil.particles.sizes={sizes}", "soil.bed={kind: dense_random}")
     assert features_of(*sized) - features_of() == {"sizes"}
     layers = "soil.layers=[{name: a, thickness_m: 0.02}, {name: b}]"

@@ -23,11 +23,11 @@ presets:
   coarse:
     changes: {coupling: {communication_step_ns: 2000000}}
     expected:
-      against: finest, 3 bed seeds
+      against: reference, 3 bed seeds
       errors: {draft_mean_newton: {mean: -0.03, low: -0.05, high: -0.01}}
       errors_against: {r = 7 mm: {draft_mean_newton: {mean: 0.02, low: -0.04, high: 0.08}}}
       confidence: 0.95
-      notes: [swings where the finest does not]
+      notes: [swings where the reference does not]
       wall_s_per_simulated_s: 12.0
       machine: two cores
       source: docs/results/study.csv
@@ -52,7 +52,7 @@ def test_a_preset_is_laid_over_the_scene(scene_file: Path) -> None:
     assert list(plain.presets) == ["fine", "coarse"]
     assert load_scene(scene_file, ["preset=fine"]).timing.mechanism_steps == 8
     assert load_scene(scene_file, ["preset=fine", "coupling.mechanism_steps=3"]).timing.mechanism_steps == 3
-    scene_file.write_text(SCENE + "accuracy: coarse\n")
+    scene_file.write_text(SCENE + "preset: coarse\n")
     chosen = load_scene(scene_file)
     assert (chosen.preset, chosen.timing.communication_step_ns) == ("coarse", 2_000_000)
     assert load_scene(scene_file, ["preset=fine"]).timing.communication_step_ns == 500_000
@@ -72,7 +72,7 @@ def test_written_scene_keeps_its_preset(scene_file: Path, tmp_path: Path, name: 
 def test_presets_of_the_base(scene_file: Path) -> None:
     """Changes are inherited, what was measured of another scene is not; null drops them all."""
     child = scene_file.with_name("child.yaml")
-    child.write_text("base: pendulum.yaml\nname: child\naccuracy: coarse\n")
+    child.write_text("base: pendulum.yaml\nname: child\npreset: coarse\n")
     found = load_scene(child)
     assert found.timing.communication_step_ns == 2_000_000
     assert found.presets["coarse"].expected is None
@@ -85,7 +85,7 @@ def test_presets_of_the_base(scene_file: Path) -> None:
     [
         ("preset=coarser", "", "", ["--set preset: no preset 'coarser'", "did you mean 'coarse'"]),
         ("presets.fine=1", "", "", ["'presets' cannot be set", "preset=NAME"]),
-        ("name=x", "presets:", "starts:", ["start: is missing"]),
+        ("name=x", "presets:", "initial_conditions:", ["initial_condition: is missing"]),
         ("name=x", "fine: {changes", "fine: {changed", ["presets.fine: changed: unknown key", "'changes'"]),
         ("name=x", "confidence: 0.95", "confidence: 95", ["presets.coarse: expected.confidence: given 95"]),
         (
@@ -110,8 +110,9 @@ def test_check_quotes_what_was_measured(scene_file: Path, capsys: Captured) -> N
     """With source and interval where a study was made; where not, it says so and invents nothing."""
     assert main(["check", str(scene_file), "--preset", "coarse", "--set", "duration_s=0.5"]) == 0
     text = " ".join(capsys.readouterr().out.split())
-    for words in ("finest, 3 bed seeds", "-3 %", "-5 to -1 %", "against r = 7 mm", "-4 to +8 %", "study.csv",
-                  "swings where the finest does not",
+    for words in ("reference, 3 bed seeds", "-3 %", "-5 to -1 %", "against r = 7 mm", "-4 to +8 %",
+                  "study.csv",
+                  "swings where the reference does not",
                   "expected wall time: 6 s", "measured without --set duration_s=0.5"):  # fmt: skip
         assert words in text
     assert main(["check", str(scene_file), "--preset", "fine"]) == 0
@@ -122,7 +123,7 @@ def test_check_quotes_what_was_measured(scene_file: Path, capsys: Captured) -> N
     assert "presets of this scene: fine, coarse" in text
     assert "measured without" not in text
     assert "against r = 7 mm, in % preset draft_mean_newton coarse +2.0 (-4.0 to +8.0)" in text
-    assert "coarse: swings where the finest does not" in text
+    assert "coarse: swings where the reference does not" in text
     assert "coarse -3.0 (-5.0 to -1.0) 1.2 s" in text  # of 0.1 s; nothing is said of what was not measured
     assert main(["check", str(scene_file), "--set", "gravity_m_per_s2=5.0"]) == 0
     assert "measured without --set gravity_m_per_s2=5.0" in " ".join(capsys.readouterr().out.split())
@@ -139,8 +140,8 @@ def test_files_of_a_preset_are_seen_from_its_scene(tmp_path: Path) -> None:
         base: {scenes / "tine.yaml"}
         name: with_preset
         presets:
-          reduced: {{changes: {{soil: {{model: wedge, file: soil.yaml}}}}}}
+          wedge: {{changes: {{soil: {{model: wedge, file: soil.yaml}}}}}}
         """)
     )
     (tmp_path / "top.yaml").write_text("base: below/scene.yaml\nname: top\n")
-    assert load_scene(tmp_path / "top.yaml", ["preset=reduced"]).scene.wedge_soil is not None
+    assert load_scene(tmp_path / "top.yaml", ["preset=wedge"]).scene.wedge_soil is not None

@@ -51,7 +51,7 @@ def assert_shown(words: tuple[str, ...], *steps: str) -> None:
 @pytest.mark.slow
 def test_bars_of_a_run_and_what_follows(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """Each step of run, report, compare and bench in its turn; nothing of it in a pipe."""
-    assert main(["new", str(tmp_path / "scene"), "--template", "reduced"]) == 0
+    assert main(["new", str(tmp_path / "scene"), "--template", "wedge"]) == 0
     out, scene = tmp_path / "out", tmp_path / "scene/scene.yaml"
     run = ["run", str(scene), "--mode", "direct", "--set", "duration_s=0.05"]
     assert_shown((*run, "--out", str(out)), "of 0.050 s", "reading the bag", "reading the clouds")

@@ -138,7 +138,7 @@ def test_a_tick_that_is_over_stays_so(tmp_path):
 
 
 def test_schemas_carry_the_texts_of_subsoil_msgs(bag):
-    """A stranger finds every type, and the units in our comments, inside the bag."""
+    """Another program finds every type, and the units in our comments, inside the bag."""
     with next(bag.glob("*.mcap")).open("rb") as stream:
         found = make_reader(stream).get_summary().schemas.values()
     schemas = {schema.name: schema.data.decode() for schema in found}

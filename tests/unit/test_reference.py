@@ -22,11 +22,11 @@ name: Field of 12 May
 source: load cell
 notes: [Wet.]
 values:
-  draft_newton_mean: {value: 1850.0, low: 1700.0, high: 2000.0, unit: N, source: three passes}
-  draft_newton_max: {value: -200.0, tolerance: 0.1, unit: N}
-  tip_depth_m_mean: {low: 0.2, high: 0.3, unit: m}
-  power.draft_watt_mean: {value: 900.0, unit: W}
-  draft_newton_meen: {value: 1.0, unit: N}
+  series.draft_newton.mean: {value: 1850.0, low: 1700.0, high: 2000.0, unit: N, source: three passes}
+  series.draft_newton.max: {value: -200.0, tolerance: 0.1, unit: N}
+  loads.tip_depth_m.mean: {low: 0.2, high: 0.3, unit: m}
+  loads.power.draft_watt.mean: {value: 900.0, unit: W}
+  series.draft_newton.meen: {value: 1.0, unit: N}
 """
 
 
@@ -50,14 +50,18 @@ def test_shipped_references_load(path):
 @pytest.mark.parametrize(
     ("old", "new", "wanted"),
     [
-        ("low: 1700.0", "lowest: 1700.0", r"values\.draft_newton_mean.*'lowest'; did you mean 'low'\?"),
+        (
+            "low: 1700.0",
+            "lowest: 1700.0",
+            r"values\.series\.draft_newton\.mean.*'lowest'; did you mean 'low'\?",
+        ),
         ("low: 1700.0, ", "", "a band needs both 'low' and 'high'"),
         ("low: 1700.0", "low: 2700.0", "low 2700 is above high 2000"),
-        ("value: 900.0, ", "", r"power\.draft_watt_mean: needs a 'value', or a band"),
+        ("value: 900.0, ", "", r"power\.draft_watt\.mean: needs a 'value', or a band"),
         ("value: -200.0", "value: 0.0", "'tolerance' is a part of a 'value' that is not 0"),
         ("tolerance: 0.1", "tolerance: -0.1", "greater than 0"),
-        ("value: 900.0, unit: W", "value: 900.0", r"power\.draft_watt_mean\.unit: is missing"),
-        ("value: 900.0", "value: '900'", r"draft_watt_mean\.value: .*valid number"),
+        ("value: 900.0, unit: W", "value: 900.0", r"power\.draft_watt\.mean\.unit: is missing"),
+        ("value: 900.0", "value: '900'", r"draft_watt\.mean\.value: .*valid number"),
         ("name: Field of 12 May\n", "", "name: is missing"),
         ("source: load cell", "title: load cell", "unknown key 'title'"),
     ],
@@ -92,18 +96,20 @@ def test_file_beside_the_scene_travels_with_it(tmp_path):
 def test_rows_stand_beside_those_of_the_run(tmp_path):
     """Difference over the value, verdict by the band; what the run lacks is named with the nearest name."""
     found = reference(FIELD, tmp_path)
-    summary = {"draft_newton_mean": 2220.0, "draft_newton_max": -195.0, "tip_depth_m_mean": 0.19,
-               "power.draft_watt_mean": 450.0}  # fmt: skip
+    summary = {
+        "series": {"draft_newton": {"mean": 2220.0, "max": -195.0}},
+        "loads": {"tip_depth_m": {"mean": 0.19}, "power": {"draft_watt": {"mean": 450.0}}},
+    }
     rows = {row.quantity: row for row in reference_rows(found, summary)}
-    assert rows["draft_newton_mean"].difference == pytest.approx(0.2)
+    assert rows["series.draft_newton.mean"].difference == pytest.approx(0.2)
     verdicts = [row.agrees for row in rows.values()]
     assert verdicts == ["above", "yes", "below", "", ""]
-    assert rows["draft_newton_max"].given.band == pytest.approx((-220.0, -180.0))
-    assert rows["tip_depth_m_mean"].difference is None
-    assert rows["power.draft_watt_mean"].difference == pytest.approx(-0.5)
-    assert rows["draft_newton_mean"].cells()[3:7] == ["1850", "1700 to 2000", "+20 %", "above"]
+    assert rows["series.draft_newton.max"].given.band == pytest.approx((-220.0, -180.0))
+    assert rows["loads.tip_depth_m.mean"].difference is None
+    assert rows["loads.power.draft_watt.mean"].difference == pytest.approx(-0.5)
+    assert rows["series.draft_newton.mean"].cells()[3:7] == ["1850", "1700 to 2000", "+20 %", "above"]
     assert reference_lines(found, summary) == [
-        "Wet.", "this run has no draft_newton_meen; the nearest is draft_newton_mean",
+        "Wet.", "this run has no series.draft_newton.meen; the nearest is series.draft_newton.mean",
     ]  # fmt: skip
     write_reference_csv(list(rows.values()), tmp_path / "reference.csv")
     with (tmp_path / "reference.csv").open() as stream:

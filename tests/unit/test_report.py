@@ -48,7 +48,8 @@ def test_printed_summary_names_everything_asked_for(machine):
         "draft [N]", "of it share [N]", "of it wheels [N]", "spring force", "share angle [rad]",
         "height [mm]", "300 particles", f"{TICKS} steps", "20.5 s wall time (99.0 s with start-up)",
         "real-time factor", "residual",
-        "beside Yuan & Yu (2020)", "draft_newton_10ms_min", "272.2 to 453.8", "contradicts itself",
+        "beside Yuan & Yu (2020)", "series.draft_newton.moving_10ms.min", "272.2 to 453.8",
+        "contradicts itself",
         "no row of it lies in the window", str(directory / "bag"),
         "figures",
     ):  # fmt: skip
@@ -141,13 +142,13 @@ def test_report_makes_everything_anew(tmp_path, capsys):
     run = Run(tine())
     directory = run.write(tmp_path / "run")
     (directory / "summary.json").write_text(
-        json.dumps({"whole_wall_s": 12.5, "mode": "nodes", "draft_newton_mean": 1})
+        json.dumps({"run": {"whole_wall_s": 12.5, "mode": "nodes"}, "series": 1})
     )
     assert verb(report_verb, str(directory)) == 0
     summary = json.loads((directory / "summary.json").read_text())
-    assert (summary["whole_wall_s"], summary["mode"]) == (12.5, "nodes")
+    assert (summary["run"]["whole_wall_s"], summary["run"]["mode"]) == (12.5, "nodes")
     series = read_series(directory / "bag", run.resolved.scene)
-    assert summary["run.draft_newton_mean"] == np.mean(series["draft_newton"])
+    assert summary["series"]["draft_newton"]["run"]["mean"] == np.mean(series["draft_newton"])
     assert (directory / "series.csv").read_text().startswith("time_s,draft_newton,")
     assert (directory / "figures/draft.png").is_file()
     assert "draft [N]" in capsys.readouterr().out
@@ -180,10 +181,10 @@ def test_report_shows_the_reference(tmp_path, capsys):
     """The values that the scene's reference file gives: on the screen, as CSV, and in the page."""
     directory = Run(full_machine()).write(tmp_path / "run")
     assert verb(report_verb, str(directory), "--html") == 0
-    assert "run.body.shank.z_m_10ms_range" in capsys.readouterr().out
+    assert "series.body.shank.z_m.run.moving_10ms.range" in capsys.readouterr().out
     rows = (directory / "reference.csv").read_text().splitlines()
     assert len(rows) == 11
-    assert rows[1].startswith("draft_newton_10ms_min,N,")
+    assert rows[1].startswith("series.draft_newton.moving_10ms.min,N,")
     page = (directory / "report.html").read_text()
     assert "<h2>Beside Yuan &amp; Yu (2020)</h2>" in page
     assert "contradicts itself" in page

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.kept_runs import FailedRun, find_kept_run, kept_run
+from benchmarks.run_cache import FailedRun, find_kept_run, kept_run
+from subsoil_ros.analysis.quantities import flattened
 from subsoil_ros.analysis.series import read_series, read_series_csv, read_table_csv
 from subsoil_ros.api.execution import execute
 from subsoil_ros.cli.main import main
@@ -44,7 +45,7 @@ def test_kept_series_are_those_of_a_run(tmp_path: Path) -> None:
     for name, values in theirs.columns.items():
         np.testing.assert_array_equal(ours[name], values)
         assert ours[name].dtype == values.dtype
-    assert kept.summary["scene_hash"] == found.scene_hash
+    assert kept.summary["scene"]["hash"] == found.scene_hash
 
 
 def test_time_is_that_of_the_ticks(tmp_path: Path) -> None:
@@ -61,7 +62,7 @@ def test_a_run_that_fails_is_kept_with_its_message(tmp_path: Path) -> None:
     kept = keep_run(tmp_path, found, execute(found))
     assert "m/s fast, the soil file was fitted up to" in str(kept.failure)
     assert 0 < len(kept.series()) < 100
-    assert not kept.summary["complete"]
+    assert not kept.summary["run"]["complete"]
     assert isinstance(kept.error("here"), RunError)
     again = keep_run(tmp_path, found, execute(scene()))
     assert again.folder == kept.folder
@@ -80,7 +81,7 @@ def test_bad_input_is_a_failure_with_its_own_status() -> None:
 
 
 def test_what_is_not_whole_is_not_found(tmp_path: Path) -> None:
-    """A folder without run.json is no kept run."""
+    """A folder without run.json is no cached run."""
     found = scene()
     assert find_run(tmp_path, found.scene_hash) is None
     (tmp_path / found.scene_hash[:32]).mkdir()
@@ -96,7 +97,8 @@ def test_a_benchmark_keeps_its_runs_as_a_sweep_does(tmp_path: Path) -> None:
     summary = kept_run(tine, cache, FAST_PULL)
     made = find_run(cache, scene().scene_hash)
     assert made is not None
-    assert summary == {**made.summary, "folder": str(made.folder)} == find_kept_run(tine, cache, FAST_PULL)
+    assert summary == {**flattened(made.summary), "folder": str(made.folder)}
+    assert summary == find_kept_run(tine, cache, FAST_PULL)
     assert (made.failure, made.facts["exit_status"]) == (None, 0)
     assert [path.name for path in cache.iterdir()] == [made.folder.name]
     assert not (made.folder / "bag").exists()
@@ -159,11 +161,13 @@ def test_metrics_of_a_kept_run(tmp_path: Path) -> None:
     found = scene()
     kept = keep_run(tmp_path, found, execute(found))
     metrics = metrics_of(kept)
-    assert metrics["draft_mean_newton"] == pytest.approx(kept.summary["draft_newton_mean"], rel=1e-12)
+    assert metrics["draft_mean_newton"] == pytest.approx(
+        kept.summary["series"]["draft_newton"]["mean"], rel=1e-12
+    )
     assert (
         metrics["draft_mean_newton"]
         < metrics["draft_peak_newton"]
-        <= kept.summary["draft_newton_max"] * (1 + 1e-12)
+        <= kept.summary["series"]["draft_newton"]["max"] * (1 + 1e-12)
     )
     assert "spring_range_newton" not in metrics
     assert "disturbed_area_m2" not in metrics
@@ -199,7 +203,7 @@ def test_range_and_swing_of_a_kept_run(tmp_path: Path) -> None:
     force = np.where(times < 0.9, 9000.0, 5000.0) + 100.0 * np.sqrt(2.0) * np.sin(14.0 * np.pi * times)
     (tmp_path / "scene.yaml").write_text("report: {spring: S}\n")
     window = {"start_s": 1.0, "end_s": 2.5}
-    (tmp_path / "summary.json").write_text(json.dumps({"window": window, "interface_residual_ratio": 0.0}))
+    (tmp_path / "summary.json").write_text(json.dumps({"window": window, "energy": {"residual_ratio": 0.0}}))
     rows = "\n".join(f"{t:.6f},{f:.9f}" for t, f in zip(times, force, strict=True))
     (tmp_path / "series.csv").write_text(f"time_s,spring.S.force_newton\n{rows}\n")
     metrics = metrics_of(CachedRun(tmp_path))

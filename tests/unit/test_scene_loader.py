@@ -1,4 +1,4 @@
-"""Scene files: reading, merging, starts, overrides, and the way back through a written scene."""
+"""Scene files: reading, merging, initial conditions, overrides, and the way back through a written scene."""
 
 import textwrap
 from pathlib import Path
@@ -11,7 +11,7 @@ from subsoil_ros.loading.loader import load_scene
 SCENE = """
 name: pendulum
 duration_s: 1e-1
-start: low
+initial_condition: low
 mechanism:
   bodies:
     bob: {mass_kg: 2, inertia_kg_m2: 0.5, position_m: [0.0, -1.0]}
@@ -19,7 +19,7 @@ mechanism:
     pivot: {kind: revolute, body_a: ground, body_b: bob, point_m: [0.0, 0.0]}
   forces:
     push: {kind: point_load, body: bob, point_m: [0.0, -1.0], force_x_newton: {kind: constant, value: 3.0}}
-starts:
+initial_conditions:
   low: {}
   high:
     mechanism:
@@ -51,9 +51,9 @@ def test_leading_zeros_are_decimal(scene_file: Path) -> None:
     assert load_scene(scene_file, ["duration_s=010"]).scene.duration_s == 10.0
 
 
-def test_start_is_laid_over_the_rest(scene_file: Path) -> None:
-    """The chosen start changes and removes keys; the other one leaves no trace."""
-    low, high = load_scene(scene_file).scene, load_scene(scene_file, ["start=high"]).scene
+def test_initial_condition_is_laid_over_the_rest(scene_file: Path) -> None:
+    """The chosen initial condition changes and removes keys; the other one leaves no trace."""
+    low, high = load_scene(scene_file).scene, load_scene(scene_file, ["initial_condition=high"]).scene
     assert low.mechanism is not None
     assert high.mechanism is not None
     assert list(low.mechanism.forces) == ["push"]
@@ -70,7 +70,7 @@ def test_a_whole_part_may_be_added(scene_file: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "overrides", [(), ("start=high",), ("duration_s=0.3", "mechanism.bodies.bob.mass_kg=3")]
+    "overrides", [(), ("initial_condition=high",), ("duration_s=0.3", "mechanism.bodies.bob.mass_kg=3")]
 )
 def test_written_scene_is_the_same_scene(
     scene_file: Path, tmp_path: Path, overrides: tuple[str, ...]
@@ -102,8 +102,8 @@ def test_base_is_laid_under(scene_file: Path) -> None:
         textwrap.dedent("""
         base: pendulum.yaml
         name: child
-        start: null
-        starts: null
+        initial_condition: null
+        initial_conditions: null
         mechanism: {bodies: {bob: {mass_kg: 5.0}}, forces: null}
         """)
     )
@@ -112,13 +112,13 @@ def test_base_is_laid_under(scene_file: Path) -> None:
     assert mechanism.bodies["bob"].mass_kg == 5.0
     assert mechanism.bodies["bob"].inertia_kg_m2 == 0.5
     assert mechanism.forces == {}
-    assert "no start 'high'" in complaint(child, "start=high")
+    assert "no initial condition 'high'" in complaint(child, "initial_condition=high")
 
 
-def test_start_of_the_base_may_remove(scene_file: Path) -> None:
+def test_initial_condition_of_the_base_may_remove(scene_file: Path) -> None:
     """A start inherited from the base still removes by null."""
     child = scene_file.with_name("child.yaml")
-    child.write_text("base: pendulum.yaml\nname: child\nstart: high\n")
+    child.write_text("base: pendulum.yaml\nname: child\ninitial_condition: high\n")
     mechanism = load_scene(child).scene.mechanism
     assert mechanism is not None
     assert mechanism.forces == {}
@@ -151,8 +151,8 @@ def test_override_replaces_a_law_of_another_kind(scene_file: Path) -> None:
         ("mechanism.bodies.bob.position_m.0=1", ["is a list", "position_m=[...]"]),
         ("mechanism.bodies.bob.mass_kg.x=1", ["'mechanism.bodies.bob.mass_kg' has no keys below it"]),
         ("mechanism.bodies.bob.mass_kg=-1", ["bob.mass_kg: given -1", "greater than 0", "by --set"]),
-        ("start=hihg", ["no start 'hihg'", "did you mean 'high'"]),
-        ("starts.low.name=x", ["'starts' cannot be set"]),
+        ("initial_condition=hihg", ["no initial condition 'hihg'", "did you mean 'high'"]),
+        ("initial_conditions.low.name=x", ["'initial_conditions' cannot be set"]),
         ("coupling=null", ["none to remove"]),
         ("duration_s", ["KEY.KEY=VALUE"]),
         ("duration_s=", ["KEY.KEY=VALUE"]),
@@ -210,8 +210,8 @@ def test_override_of_a_default(scene_file: Path) -> None:
             "nmae: pendulum",
             ["nmae: unknown key", "did you mean 'name'", "name: is missing"],
         ),
-        ("start: low", "", ["start: is missing; choose one of low, high"]),
-        ("  low: {}", "  low: 3", ["starts: needed is a mapping"]),
+        ("initial_condition: low", "", ["initial_condition: is missing; choose one of low, high"]),
+        ("  low: {}", "  low: 3", ["initial_conditions: needed is a mapping"]),
     ],
 )
 def test_bad_file(scene_file: Path, old: str, new: str, words: list[str]) -> None:

@@ -26,7 +26,7 @@ COUNT = 20_000
 
 def test_uniform_radii_have_their_mean_and_deviation() -> None:
     """(a + b) / 2 and (b - a) / sqrt(12), within three standard errors of the sample."""
-    sizes = UniformSizes(kind="uniform", smallest_radius_m=0.006, max_radius_m=0.012, seed=1)
+    sizes = UniformSizes(kind="uniform", min_radius_m=0.006, max_radius_m=0.012, seed=1)
     radii = sampled_radii_m(sizes, COUNT)
     deviation = 0.006 / np.sqrt(12.0)
     assert radii.min() >= 0.006
@@ -41,7 +41,7 @@ def test_normal_radii_are_cut_at_the_bounds() -> None:
     """Mean and deviation of the cut normal distribution, within three standard errors; none outside."""
     sizes = NormalSizes(
         kind="normal", mean_radius_m=0.009, standard_deviation_m=0.002,
-        smallest_radius_m=0.007, max_radius_m=0.0125, seed=2,
+        min_radius_m=0.007, max_radius_m=0.0125, seed=2,
     )  # fmt: skip
     law = truncnorm(-1.0, 1.75, loc=0.009, scale=0.002)
     radii = sampled_radii_m(sizes, COUNT)
@@ -68,7 +68,7 @@ def test_listed_radii_have_their_shares(shares_are: str) -> None:
 
 def test_the_seed_chooses_the_sample() -> None:
     """The same seed gives the same radii, another one others."""
-    sizes = UniformSizes(kind="uniform", smallest_radius_m=0.006, max_radius_m=0.012, seed=1)
+    sizes = UniformSizes(kind="uniform", min_radius_m=0.006, max_radius_m=0.012, seed=1)
     assert (sampled_radii_m(sizes, 50) == sampled_radii_m(sizes, 50)).all()
     assert (sampled_radii_m(sizes, 50) != sampled_radii_m(sizes.model_copy(update={"seed": 2}), 50)).all()
 
@@ -101,13 +101,14 @@ def soil_of(make: Make, **changes: Any) -> Soil:
 HARD = {
     "name": "hardpan",
     "density_kg_per_m3": 2000.0,
-    "law": {"kind": "cohesive_linear", "particle": {"stiffness_newton_per_m": 3e4, "damping_newton_s_per_m": 60.0,
+    "law": {"kind": "cohesive_linear", "particle": {
+            "stiffness_newton_per_m": 3e4, "damping_newton_s_per_m": 60.0,
             "tangential_damping_newton_s_per_m": 60.0, "static_friction": 0.7,
             "sliding_friction": 0.2, "equilibrium_overlap_m": 0.001, "cohesion_range_m": 0.003}},
 }  # fmt: skip
 TOP = {"name": "topsoil", "thickness_m": 0.1}
 DENSE = {"kind": "dense_random"}
-UNIFORM = {"kind": "uniform", "smallest_radius_m": 0.008, "max_radius_m": 0.012}
+UNIFORM = {"kind": "uniform", "min_radius_m": 0.008, "max_radius_m": 0.012}
 
 
 def test_layers_take_what_they_do_not_give_from_the_soil(make: Make) -> None:
@@ -132,11 +133,11 @@ def test_a_layer_may_change_every_value_of_a_row(kind: str) -> None:
             change.model_validate({key: -2.0})
 
 
-@pytest.mark.parametrize(("reading", "factor"), [("body", 1.0), ("pair", 2.0)])
-def test_unlike_pairs(make: Make, reading: str, factor: float) -> None:
+@pytest.mark.parametrize(("rule", "factor"), [("series", 1.0), ("none", 2.0)])
+def test_unlike_pairs(make: Make, rule: str, factor: float) -> None:
     """Springs, dampers and adhesion in series (eq. 15, 16, 18), twice that for values of pairs; the smaller
     friction; mean rest overlap and reach; K_C follows (eq. 20). The order does not matter."""
-    law = soil_of(make).law.model_dump() | {"combining_rule": reading}
+    law = soil_of(make).law.model_dump() | {"combining_rule": rule}
     top, hard = layer_soils(soil_of(make, layers=[TOP, HARD], bed=DENSE, law=law))
     found = particle_values(top, hard, 0.005, 0.004)
     assert_allclose(found.stiffness, factor * 1e4 * 3e4 / 4e4)
@@ -209,8 +210,8 @@ def sized(sizes: dict[str, Any], **changes: Any) -> dict[str, Any]:
             {"particles": {"density_kg_per_m3": 1800.0, "radius_m": 0.01, "sizes": UNIFORM}},
             "particles.radius_m: both are given",
         ),
-        (sized(UNIFORM, smallest_radius_m=0.0), "smallest_radius_m: given 0.0, needed is a number greater"),
-        (sized(UNIFORM, smallest_radius_m=0.012), "sizes.max_radius_m: 0.012 m is not above"),
+        (sized(UNIFORM, min_radius_m=0.0), "min_radius_m: given 0.0, needed is a number greater"),
+        (sized(UNIFORM, min_radius_m=0.012), "sizes.max_radius_m: 0.012 m is not above"),
         (sized(UNIFORM, max_radius_m=0.04), "sizes.max_radius_m: 0.04 m is 5 times .* up to 4 times"),
         (sized(NORMAL, mean_radius_m=0.013), "sizes.mean_radius_m: 0.013 m is not between"),
         (sized(NORMAL, standard_deviation_m=-1.0), "standard_deviation_m: given -1.0"),
@@ -223,7 +224,7 @@ def sized(sizes: dict[str, Any], **changes: Any) -> dict[str, Any]:
         (sized(UNIFORM, mean_m=0.01), "sizes.mean_m: unknown key 'mean_m'"),
         (sized(UNIFORM) | {"bed": {"kind": "grid", "spacing_m": 0.018}}, "bed.kind: 'grid' has one spacing"),
         (
-            sized(UNIFORM, smallest_radius_m=0.0019, max_radius_m=0.007),
+            sized(UNIFORM, min_radius_m=0.0019, max_radius_m=0.007),
             "equilibrium_overlap_m: 0.002 m is not",
         ),
         ({"layers": [HARD]}, "soil.layers: given a list of 1, needed is at least 2 entries"),
@@ -251,7 +252,8 @@ def sized(sizes: dict[str, Any], **changes: Any) -> dict[str, Any]:
                     HARD | {"law": {"kind": "cohesive_linear", "particle": {"cohesoin_range_m": 0.1}}},
                 ]
             },
-            "layers.1.law.particle.cohesoin_range_m: unknown key 'cohesoin_range_m'; did you mean 'cohesion_range_m'",
+            "layers.1.law.particle.cohesoin_range_m: unknown key 'cohesoin_range_m'; did you mean "
+            "'cohesion_range_m'",
         ),
     ],
 )

@@ -37,25 +37,25 @@ TINY = {
         "duration_s=0.03",
         "record.cloud_hz=0.0",
     ],
-    "finest": ["soil.time_step_s=2.0e-5"],
+    "reference": ["soil.time_step_s=2.0e-5"],
     "seeds": [0, 1],
     "factors": {
         "soil_step": {"auto": ["soil.time_step_s=auto"], "same": ["soil.time_step_s=2.0e-5"]},
         "overlap": {"none allowed": ["soil.max_tool_overlap_m=1.0e-9"]},
         "soil": {
-            "reduced": [
+            "wedge": [
                 "soil={model: wedge, file: ../soils/paper_grid.yaml}",
                 "allow=[beyond_fitted_range]",
             ]
         },
     },
-    "combinations": {"coarse": {"soil_step": "auto"}},
+    "presets": {"coarse": {"soil_step": "auto"}},
     "metrics": ["draft_mean_newton"],
 }
 
 
 def design(**changes: object) -> StudyDesign:
-    """A design of three variants beside the finest."""
+    """A design of three presets beside the reference."""
     content = {
         "seeds": [0, 1, 2],
         "factors": {"step": {"large": [], "huge": []}, "cloud": {"none": []}},
@@ -66,19 +66,19 @@ def design(**changes: object) -> StudyDesign:
     return StudyDesign.model_validate(content)
 
 
-def runs(variant: str, wall_s: float, drafts: list[float]) -> list[Measurement]:
+def runs(preset: str, wall_s: float, drafts: list[float]) -> list[Measurement]:
     """A run per draft; seeds from 0 on."""
     return [
-        Measurement(variant, seed, wall_s * (1.0 + 0.01 * seed), wall_s, {"draft_mean_newton": draft})
+        Measurement(preset, seed, wall_s * (1.0 + 0.01 * seed), wall_s, {"draft_mean_newton": draft})
         for seed, draft in enumerate(drafts)
     ]
 
 
 def made_up() -> list[Measurement]:
-    """Finest 1000 N with a seed scatter of 20 N; `large` 1 % low on each, `huge` anyhow, `none` the same."""
+    """The reference: 1000 N with a seed scatter of 20 N; `large` 1 % low on each, `huge` anyhow."""
     beds = [980.0, 1000.0, 1020.0]
     return [
-        *runs("finest", 100.0, beds),
+        *runs("reference", 100.0, beds),
         *runs("step: large", 20.0, [bed - 10.0 + (0.5, -0.5, 0.0)[k] for k, bed in enumerate(beds)]),
         *runs("step: huge", 10.0, [940.0, 1030.0, 970.0]),
         *runs("cloud: none", 90.0, beds),
@@ -91,20 +91,20 @@ def test_errors_by_hand() -> None:
     found = {item.name: item for item in judge(design(), made_up(), {})}
     large = found["step: large"].errors["draft_mean_newton"]
     assert large.mean == pytest.approx(-0.010)
-    left = math.sqrt((0.3**2 + 0.5**2 + 0.2**2) / 2.0)  # scatter of value - 0.99 finest [N]
+    left = math.sqrt((0.3**2 + 0.5**2 + 0.2**2) / 2.0)  # scatter of value - 0.99 reference [N]
     assert large.half_width == pytest.approx(4.3027 * left / math.sqrt(3.0) / 1000.0, rel=1e-3)
     assert found["step: large"].verdict("draft_mean_newton") == "resolved"
     assert found["step: large"].speed_up == pytest.approx((5.0, 5.0, 5.0))
     assert found["step: huge"].errors["draft_mean_newton"].mean == pytest.approx(-20.0 / 1000.0)
     assert found["step: huge"].verdict("draft_mean_newton") == "within seed scatter"
     assert found["cloud: none"].verdict("draft_mean_newton") == "same"
-    assert found["finest"].bound == 0.0
+    assert found["reference"].bound == 0.0
 
 
 def test_errors_against_a_single_finer_run() -> None:
-    """Against one run of 1040 N its scatter is the finest's, 20 N, here times the ratio of both."""
+    """Against one run of 1040 N its scatter is the reference's, 20 N, here times the ratio of both."""
     found = {item.name: item for item in judge(design(), made_up(), {})}
-    error = found["finest"].errors_against["r = 7 mm"]["draft_mean_newton"]
+    error = found["reference"].errors_against["r = 7 mm"]["draft_mean_newton"]
     assert error.mean == pytest.approx(-40.0 / 1040.0)
     both = 20.0 * math.sqrt(1.0 / 3.0 + (1000.0 / 1040.0) ** 2)
     assert error.half_width == pytest.approx(4.3027 * both / 1040.0, rel=1e-3)
@@ -113,16 +113,16 @@ def test_errors_against_a_single_finer_run() -> None:
 def test_pareto_set() -> None:
     """What is beaten in time and error is out; what is cheaper or nearer than all others is in."""
     found = {item.name: item.pareto for item in judge(design(), made_up(), {})}
-    # `none` costs less than the finest and is the same, so the finest is out
-    assert found == {"finest": False, "step: large": True, "step: huge": True, "cloud: none": True}
+    # `none` costs less than the reference and is the same, so the reference is out
+    assert found == {"reference": False, "step: large": True, "step: huge": True, "cloud: none": True}
     slow = [*made_up(), *runs("step: huge", 30.0, [940.0, 1030.0, 970.0])]
     assert not {item.name: item.pareto for item in judge(design(), slow, {})}["step: huge"]
 
 
 def test_what_lost_its_seeds_is_in_no_pareto_set() -> None:
     """With one seed left of three, or without the quantity that is judged, nothing bounds the error."""
-    left = [item for item in made_up() if item.variant != "step: huge" or item.seed == 0]
-    bare = [replace(item, metrics={}) if item.variant == "cloud: none" else item for item in left]
+    left = [item for item in made_up() if item.preset != "step: huge" or item.seed == 0]
+    bare = [replace(item, metrics={}) if item.preset == "cloud: none" else item for item in left]
     found = {item.name: item for item in judge(design(), bare, {})}
     for name in ("step: huge", "cloud: none"):
         assert math.isinf(found[name].bound)
@@ -132,44 +132,44 @@ def test_what_lost_its_seeds_is_in_no_pareto_set() -> None:
 def test_a_frequency_is_told_to_a_line_of_the_spectrum() -> None:
     """Lines of 0.5 Hz apart: 7 and 7.5 Hz on every seed are no resolved difference; the same is the same."""
 
-    def measured(variant: str, hertz: float) -> list[Measurement]:
+    def measured(preset: str, hertz: float) -> list[Measurement]:
         metrics = {"draft_frequency_hz": hertz, "frequency_resolution_hz": 0.5}
-        return [Measurement(variant, seed, 1.0, 1.0, metrics) for seed in range(3)]
+        return [Measurement(preset, seed, 1.0, 1.0, metrics) for seed in range(3)]
 
-    runs = [*measured("finest", 7.0), *measured("step: large", 7.5), *measured("step: huge", 7.0)]
+    runs = [*measured("reference", 7.0), *measured("step: large", 7.5), *measured("step: huge", 7.0)]
     found = {item.name: item for item in judge(design(), runs, {})}
     assert found["step: large"].verdict("draft_frequency_hz") == "within seed scatter"
     assert found["step: huge"].verdict("draft_frequency_hz") == "same"
 
 
-def test_a_rhythm_that_the_finest_has_not() -> None:
+def test_a_dominant_frequency_that_the_reference_has_not() -> None:
     """There is no error to give: table, figure and preset say how many runs have it."""
     measured = [
         replace(item, metrics={**item.metrics, "draft_frequency_hz": 7.2, "frequency_resolution_hz": 0.5})
-        if item.variant == "step: large" or (item.variant, item.seed) == ("step: huge", 1)
+        if item.preset == "step: large" or (item.preset, item.seed) == ("step: huge", 1)
         else item
         for item in made_up()
     ]
-    rhythm = design(combinations={"quick": {"step": "large"}}, factors={"step": {"large": [], "huge": []}})
-    measured += [replace(item, variant="quick") for item in measured if item.variant == "step: large"]
-    found = judge(rhythm, measured, {})
+    found_one = design(presets={"quick": {"step": "large"}}, factors={"step": {"large": [], "huge": []}})
+    measured += [replace(item, preset="quick") for item in measured if item.preset == "step: large"]
+    found = judge(found_one, measured, {})
     rows = {
         line.split("|")[1].strip(): line
-        for line in markdown(found, rhythm, measured).splitlines()
+        for line in markdown(found, found_one, measured).splitlines()
         if "|" in line
     }
-    assert "dominant frequency" in rows["variant"]
+    assert "dominant frequency" in rows["preset"]
     assert "(7.2 Hz in 3 of 3)" in rows["step: large"]
     assert "(7.2 Hz in 1 of 3)" in rows["step: huge"]
-    assert "(none)" in rows["finest"]
-    table = pd.DataFrame(wide_table(found, rhythm)).set_index("variant")
+    assert "(none)" in rows["reference"]
+    table = pd.DataFrame(wide_table(found, found_one)).set_index("preset")
     assert table["draft_frequency_hz_runs"].to_dict() == {
-        "finest": 0, "step: large": 3, "step: huge": 1, "quick": 3
+        "reference": 0, "step: large": 3, "step: huge": 1, "quick": 3
     }  # fmt: skip
     facts = {"machine": "two cores", "threads": 1, "code": "0"}
-    presets = expected_presets(found, rhythm, facts, 1.0, "scene.yaml")
-    assert presets["quick"]["expected"]["notes"] == ["dominant frequency: 7.2 Hz in 3 of 3; finest: none"]
-    assert "notes" not in presets["finest"]["expected"]
+    presets = expected_presets(found, found_one, facts, 1.0, "scene.yaml")
+    assert presets["quick"]["expected"]["notes"] == ["dominant frequency: 7.2 Hz in 3 of 3; reference: none"]
+    assert "notes" not in presets["reference"]["expected"]
     none = judge(design(), made_up(), {})
     assert "Dominant frequency: no run has one" in markdown(none, design(), made_up())
 
@@ -186,16 +186,16 @@ def test_one_seed_says_so() -> None:
 
 
 def test_table_names_failures_and_what_is_not_resolved() -> None:
-    """A variant that failed has its message; a difference within the scatter is marked."""
-    measured = [item for item in made_up() if item.variant != "cloud: none"]
+    """A preset that failed has its message; a difference within the scatter is marked."""
+    measured = [item for item in made_up() if item.preset != "cloud: none"]
     found = judge(design(), measured, {"cloud: none": ["tick 7: NaN"] * 3})
     text = markdown(found, design(), measured)
-    assert "- `finest`, seed 2, 102 s: mean draft 1020." in text
+    assert "- `reference`, seed 2, 102 s: mean draft 1020." in text
     assert "- `r = 7 mm`, seed 0, 900 s: mean draft 1040." in text
     assert "| cloud: none | failed: tick 7: NaN |" in text
     row = next(line for line in text.splitlines() if line.startswith("| step: huge"))
     assert "(~)" in row
-    table = pd.DataFrame(wide_table(found, design())).set_index("variant")
+    table = pd.DataFrame(wide_table(found, design())).set_index("preset")
     assert table.loc["cloud: none", "failures"] == 3
     assert table.loc["step: large", "draft_mean_newton_verdict"] == "resolved"
     assert table.loc["step: large", "draft_mean_newton_error_high"] < 0.0
@@ -203,7 +203,7 @@ def test_table_names_failures_and_what_is_not_resolved() -> None:
 
 @pytest.mark.parametrize("path", DESIGNS, ids=lambda path: path.stem)
 def test_shipped_designs_fit_their_scenes(path: Path) -> None:
-    """Every variant is a scene that loads, and each factor changes something."""
+    """Every preset is a scene that loads, and each factor changes something."""
     scene = CONFIG / "scenes" / path.name
     assert design_of(scene) == path
     found = read_design(path)
@@ -213,15 +213,15 @@ def test_shipped_designs_fit_their_scenes(path: Path) -> None:
 
 
 def test_knobs_that_run_alone() -> None:
-    """All of them, or those that are named; combinations may use the others."""
-    names = [variant.point.name for variant in design().variants()]
-    alone = [variant.point.name for variant in design(one_at_a_time=["step"]).variants()]
+    """All of them, or those that are named; presets may use the others."""
+    names = [preset.point.name for preset in design().all_presets()]
+    alone = [preset.point.name for preset in design(one_at_a_time=["step"]).all_presets()]
     assert alone == [name for name in names if not name.startswith("cloud")]
     assert alone != names
 
 
 PRESETS = {
-    "fine": "finest",
+    "fine": "reference",
     "standard": "wedge model",
     "coarse": "wedge model, 2 ms, rows of 10 ms",
     "narrow": "10 mm, 0.6 m wide, plain ground, mixed",
@@ -236,10 +236,10 @@ def test_presets_of_the_paper_are_runs_of_its_study() -> None:
     order = [job.point.seed for job in jobs]
     assert order == sorted(order, key=found.seeds.index)  # near each other in time, for their ratios
     hashes = {(job.point.name, job.point.seed): job.scene.scene_hash for job in jobs}
-    for preset, variant in PRESETS.items():
+    for preset, measured in PRESETS.items():
         key = "soil.seed" if preset in ("standard", "coarse") else "soil.bed.seed"
         resolved = load_scene(scene, [f"preset={preset}", f"{key}=1"])
-        assert resolved.scene_hash == hashes[variant, 1], preset
+        assert resolved.scene_hash == hashes[measured, 1], preset
         assert resolved.presets[preset].expected is not None
     assert list(resolved.presets) == list(PRESETS)
 
@@ -250,7 +250,7 @@ def test_presets_of_the_paper_quote_its_study(preset: str) -> None:
     resolved = load_scene(CONFIG / "scenes" / "subsoiler_1s300.yaml")
     expected = resolved.presets[preset].expected
     assert expected is not None
-    table = pd.read_csv(CONFIG.parent / "docs/results/studies/subsoiler_1s300.csv").set_index("variant")
+    table = pd.read_csv(CONFIG.parent / "docs/results/studies/subsoiler_1s300.csv").set_index("preset")
     row = table.loc[PRESETS[preset]]
     quoted = {f"{name}_error": error for name, error in expected.errors.items()}
     quoted |= {
@@ -265,7 +265,7 @@ def test_presets_of_the_paper_quote_its_study(preset: str) -> None:
     for column, error in quoted.items():
         found = [row[column], row[f"{column}_low"], row[f"{column}_high"]]
         name = column.removesuffix("_error")
-        if PRESETS[preset] == "finest" and name in expected.errors:  # the scatter of its own mean
+        if PRESETS[preset] == "reference" and name in expected.errors:  # the scatter of its own mean
             half = row[f"{name}_high"] / row[name] - 1.0
             found = [0.0, -half, half]
         assert found == pytest.approx([error.mean, error.low, error.high], rel=1e-3, abs=1e-9), column
@@ -275,10 +275,10 @@ def test_presets_of_the_paper_quote_its_study(preset: str) -> None:
     assert set(expected.errors) == shown
 
 
-def test_finest_of_the_paper_is_what_was_agreed() -> None:
+def test_reference_of_the_paper_is_what_was_agreed() -> None:
     """The full bin, float64, a step that its monitors let pass, exchange every step."""
     found = read_design(CONFIG / "studies" / "subsoiler_1s300.yaml")
-    found = found.model_copy(update={"one_at_a_time": (), "combinations": {}, "additional_references": {}})
+    found = found.model_copy(update={"one_at_a_time": (), "presets": {}, "additional_references": {}})
     scene = next(iter(study_jobs(str(CONFIG / "scenes" / "subsoiler_1s300.yaml"), (), found))).scene
     soil = scene.scene.particle_soil
     assert soil is not None
@@ -300,11 +300,11 @@ def test_finest_of_the_paper_is_what_was_agreed() -> None:
         ({"factor": {}}, "factor: unknown key 'factor'; did you mean 'factors'?"),
         ({"seeds": []}, "seeds: given a list of 0, needed is at least 1 entries"),
         ({"seeds": [1, 1]}, "seeds: one is given twice"),
-        ({"combinations": {"a": {"steps": "x"}}}, "combinations.a: no factor 'steps'"),
-        ({"combinations": {"a": {"soil_step": "aut"}}}, "combinations.a.soil_step: no value 'aut'"),
+        ({"presets": {"a": {"steps": "x"}}}, "presets.a: no factor 'steps'"),
+        ({"presets": {"a": {"soil_step": "aut"}}}, "presets.a.soil_step: no value 'aut'"),
         ({"one_at_a_time": ["stap"]}, "one_at_a_time: no factor 'stap'"),
         ({"metrics": ["draft"]}, "metrics: no metric 'draft'"),
-        ({"additional_references": {"finest": {"overrides": []}}}, "'finest' names another run"),
+        ({"additional_references": {"reference": {"overrides": []}}}, "'reference' names another run"),
     ],
 )
 def test_bad_design(tmp_path: Path, change: dict, words: str) -> None:
@@ -320,7 +320,7 @@ def test_a_wrong_knob_shows_before_anything_runs(tmp_path: Path, capsys: Capture
     """A key that the scene has not ends the study with exit status 2 and no folder."""
     path = tmp_path / "design.yaml"
     path.write_text(
-        yaml.safe_dump({**TINY, "factors": {"skin": {"thin": ["soil.skn_m=0.001"]}}, "combinations": {}})
+        yaml.safe_dump({**TINY, "factors": {"skin": {"thin": ["soil.skn_m=0.001"]}}, "presets": {}})
     )
     scene = str(CONFIG / "scenes" / "tine.yaml")
     assert main(["study", scene, "--design", str(path), "--out", str(tmp_path / "out")]) == 2
@@ -348,9 +348,9 @@ def test_a_study_of_real_runs(tmp_path: Path, capsys: Captured) -> None:
     scene = str(CONFIG / "scenes" / "tine.yaml")
     arguments = ["study", scene, "--design", str(path), "--out", str(out)]
     assert main(arguments) == 0
-    table = pd.read_parquet(out / "study.parquet").set_index("variant")
+    table = pd.read_parquet(out / "study.parquet").set_index("preset")
     assert list(table.index) == [
-        "finest", "soil_step: auto", "soil_step: same", "overlap: none allowed", "soil: reduced", "coarse",
+        "reference", "soil_step: auto", "soil_step: same", "overlap: none allowed", "soil: wedge", "coarse",
     ]  # fmt: skip
     assert table.loc["overlap: none allowed", "failures"] == 2
     assert (table.loc["soil_step: same", "draft_mean_newton_verdict"]) == "same"
@@ -358,20 +358,21 @@ def test_a_study_of_real_runs(tmp_path: Path, capsys: Captured) -> None:
     by_run = pd.read_parquet(out / "runs.parquet").set_index(["name", "seed"])
     assert (by_run["at_once"] == 1).all()
     drafts = {
-        name: np.array([by_run.loc[(name, s), "draft_newton_mean"] for s in (0, 1)])
-        for name in ("finest", "soil_step: auto")
+        name: np.array([by_run.loc[(name, s), "series.draft_newton.mean"] for s in (0, 1)])
+        for name in ("reference", "soil_step: auto")
     }
-    assert len(set(drafts["finest"])) == 2  # another seed is another bed
-    error = (drafts["soil_step: auto"] - drafts["finest"]).mean() / drafts["finest"].mean()
+    assert len(set(drafts["reference"])) == 2  # another seed is another bed
+    error = (drafts["soil_step: auto"] - drafts["reference"]).mean() / drafts["reference"].mean()
     assert auto["draft_mean_newton_error"] == pytest.approx(error, rel=1e-9)
     assert table.loc["coarse", "draft_mean_newton_error"] == auto["draft_mean_newton_error"]
     expected = yaml.safe_load((out / "expected.yaml").read_text())
     preset = read_preset(expected["coarse"], "expected.yaml: coarse")
     assert preset.expected is not None
     assert preset.expected.errors["draft_mean_newton"].mean == pytest.approx(error, rel=1e-9)
-    scatter = read_preset(expected["finest"], "expected.yaml: finest").expected
+    scatter = read_preset(expected["reference"], "expected.yaml: reference").expected
     assert scatter is not None
-    of_two = 12.706 * abs(np.diff(drafts["finest"])[0]) / 2.0 / drafts["finest"].mean()  # t(1) s / sqrt(2)
+    true = drafts["reference"]
+    of_two = 12.706 * abs(np.diff(true)[0]) / 2.0 / true.mean()  # t(1) s / sqrt(2)
     assert scatter.errors["draft_mean_newton"].high == pytest.approx(of_two, rel=1e-4)
     assert (out / "study.png").stat().st_size > 10_000
     capsys.readouterr()
@@ -382,8 +383,8 @@ def test_a_study_of_real_runs(tmp_path: Path, capsys: Captured) -> None:
 
 
 def test_list_runs_nothing(capsys: Captured) -> None:
-    """--list prints every variant of a study with its size."""
+    """--list prints every preset of a study with its size."""
     assert main(["study", str(CONFIG / "scenes" / "tine.yaml"), "--list"]) == 0
     text = capsys.readouterr().out
-    assert "finest" in text
+    assert "reference" in text
     assert "radius: 14 mm" in text

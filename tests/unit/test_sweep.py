@@ -1,4 +1,4 @@
-"""subsoil sweep with real Dask workers: a table, kept runs, failures that stop nobody, a cluster."""
+"""subsoil sweep with real Dask workers: a table, cached runs, failures that stop nobody, a cluster."""
 
 import json
 import os
@@ -65,7 +65,7 @@ def test_table_has_every_run(done: Path) -> None:
     assert set(zip(parquet[DEPTH], parquet["allow"], parquet["seed"], strict=True)) == {
         (depth, beyond, seed) for depth in (0.10, 0.14) for beyond in (BEYOND, "[]") for seed in (0, 1)
     }
-    for name in ("draft_newton_mean", "run.draft_newton_max", "wall_s", DEPTH):
+    for name in ("series.draft_newton.mean", "series.draft_newton.run.max", "wall_s", DEPTH):
         pd.testing.assert_series_equal(table[name], parquet[name], check_exact=True)
 
 
@@ -76,9 +76,9 @@ def test_numbers_are_those_of_a_run_by_hand(done: Path) -> None:
     scene = load_scene(TINE, [*COMMON, TOO_FAST, f"{DEPTH}=0.14", f"allow={BEYOND}", "soil.seed=1"])
     executed = execute(scene)
     summary = json.loads(executed.files["summary.json"])
-    assert summary["allow"] == ["beyond_fitted_range"]
+    assert summary["scene"]["allow"] == ["beyond_fitted_range"]
     assert row["run"] == scene.scene_hash[:32]
-    assert row["draft_newton_mean"] == summary["draft_newton_mean"]
+    assert row["series.draft_newton.mean"] == summary["series"]["draft_newton"]["mean"]
     assert (done / "runs" / row["run"] / "series.csv").read_bytes() == executed.files["series.csv"]
 
 
@@ -263,7 +263,7 @@ def rows(drafts: dict[tuple[str, float, int], float], fatigue: dict[float, float
             "name": name,
             "seed": seed,
             "failure": "",
-            "draft_newton_mean": draft,
+            "series.draft_newton.mean": draft,
             "spring.fatigue.equivalent_range_newton": fatigue.get(k),
         }
         for (name, k, seed), draft in drafts.items()

@@ -61,10 +61,10 @@ def test_bad_values(vary: list[str], pair: list[str], words: str | None) -> None
 
 def test_seeds_are_those_of_the_bed_that_is_random() -> None:
     """Of a jittered grid, a dense bed, a wedge model; where nothing is random they are refused."""
-    reduced = str(SCENES / "subsoiler_1s300_wedge.yaml")
+    wedge = str(SCENES / "subsoiler_1s300_wedge.yaml")
     assert seed_key(load_scene(TINE, ["soil.bed.jitter_m=1e-4"])) == "soil.bed.seed"
     assert seed_key(load_scene(TINE, ["soil.bed={kind: dense_random}"])) == "soil.bed.seed"
-    assert seed_key(load_scene(reduced)) == "soil.seed"
+    assert seed_key(load_scene(wedge)) == "soil.seed"
     with pytest.raises(InputError, match=r"seeds would change nothing: soil.bed is of kind 'grid' without"):
         jobs_of(TINE, (), [Point({})], (0, 1))
 

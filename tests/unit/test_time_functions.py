@@ -9,7 +9,13 @@ from scipy.integrate import quad
 from subsoil_ros.errors import ProtocolError
 from subsoil_ros.limits.stable_steps import Timing
 from subsoil_ros.mbd.path import PathEngine
-from subsoil_ros.mbd.time_functions import NO_LAW, law_integral, law_rate, law_value, tabulate
+from subsoil_ros.mbd.time_functions import (
+    NO_FUNCTION,
+    function_integral,
+    function_rate,
+    function_value,
+    tabulate,
+)
 from subsoil_ros.scene.model import Scene
 from subsoil_ros.scene.time_functions import ConstantLaw, RampLaw, SineLaw, TableLaw
 
@@ -41,13 +47,13 @@ def test_value_and_integral_are_those_of_the_law(name):
     # behind another law, so that offsets into the tables matter
     table, _ = tabulate([SineLaw(kind="sine", amplitude=9.0, frequency_hz=3.0), law])
     for t in (0.0, 0.3, 0.5, 0.6, 1.1, 1.9, 2.6):
-        assert law_value(table, 1, t, t) == pytest.approx(expected(t), abs=1e-14)
+        assert function_value(table, 1, t, t) == pytest.approx(expected(t), abs=1e-14)
         integral, _ = quad(expected, 0.0, t, points=[p for p in (0.5, 0.75, 1.0, 1.25, 2.0) if p < t] or None)
-        assert law_integral(table, 1, t, t) == pytest.approx(integral, abs=1e-12)
+        assert function_integral(table, 1, t, t) == pytest.approx(integral, abs=1e-12)
         inside = t + 0.01
         slope = (expected(inside + 1e-6) - expected(inside - 1e-6)) / 2e-6
-        assert law_rate(table, 1, inside, inside) == pytest.approx(slope, abs=1e-8)
-    assert law_integral(table, NO_LAW, 1.0, 1.0) == 0.0
+        assert function_rate(table, 1, inside, inside) == pytest.approx(slope, abs=1e-8)
+    assert function_integral(table, NO_FUNCTION, 1.0, 1.0) == 0.0
 
 
 def test_corner_belongs_to_the_piece_that_is_asked_for():
@@ -55,8 +61,8 @@ def test_corner_belongs_to_the_piece_that_is_asked_for():
     law = LAWS["ramp"][0]
     table, corners = tabulate([law])
     np.testing.assert_array_equal(corners, [0.5, 1.25])
-    assert law_rate(table, 0, 0.5, 0.4) == 0.0
-    assert law_rate(table, 0, 0.5, 0.6) == pytest.approx(-1.4 / 0.75)
+    assert function_rate(table, 0, 0.5, 0.4) == 0.0
+    assert function_rate(table, 0, 0.5, 0.6) == pytest.approx(-1.4 / 0.75)
 
 
 def _path_scene():

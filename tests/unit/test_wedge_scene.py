@@ -27,7 +27,7 @@ VALUES = {
 
 
 @pytest.fixture
-def reduced(tmp_path: Path) -> Callable[..., ResolvedScene]:
+def wedge(tmp_path: Path) -> Callable[..., ResolvedScene]:
     """Loads tine.yaml (0.20 m deep, 0.5 m/s, 25 degrees) on a wedge model of these keys."""
 
     def load(*overrides: str, allow: Sequence[str] = (), **soil: object) -> ResolvedScene:
@@ -85,47 +85,47 @@ def soil_file(tmp_path: Path) -> Callable[..., str]:
         ({"file": "none.yaml"}, "none.yaml: No such file or directory; give the path of a soil file"),
     ],
 )
-def test_bad_soil(reduced: Callable[..., ResolvedScene], soil: dict, words: str) -> None:
+def test_bad_soil(wedge: Callable[..., ResolvedScene], soil: dict, words: str) -> None:
     """Where, what was given, what is allowed."""
     with pytest.raises(SceneError) as error:
-        reduced(**soil)
+        wedge(**soil)
     assert words in str(error.value)
 
 
-def test_another_model_is_refused_by_name(reduced: Callable[..., ResolvedScene]) -> None:
+def test_another_model_is_refused_by_name(wedge: Callable[..., ResolvedScene]) -> None:
     """A model that is not there says which are."""
-    with pytest.raises(SceneError, match=r"soil\.model: given the text 'fem', allowed are dem, resistance"):
-        reduced("soil.model=fem", values=VALUES)
+    with pytest.raises(SceneError, match=r"soil\.model: given the text 'fem', allowed are dem, wedge"):
+        wedge("soil.model=fem", values=VALUES)
 
 
 @pytest.mark.parametrize("rake_deg", [10.0, 100.0])
-def test_a_rake_beyond_the_theory(reduced: Callable[..., ResolvedScene], rake_deg: float) -> None:
+def test_a_rake_beyond_the_theory(wedge: Callable[..., ResolvedScene], rake_deg: float) -> None:
     """The wedge theory covers 15 to 90 degrees."""
     turn = math.radians(25.0 - rake_deg)
     with pytest.raises(SceneError, match=rf"tools\.tine: its share has a rake of {rake_deg:.1f} degrees"):
-        reduced(f"tools.tine.path.start_angle_rad={turn!r}", values=VALUES)
+        wedge(f"tools.tine.path.start_angle_rad={turn!r}", values=VALUES)
 
 
-def test_a_wheel_needs_to_be_round_and_soil_to_carry_it(reduced: Callable[..., ResolvedScene]) -> None:
-    """share: false means wheel."""
+def test_a_wheel_needs_to_be_round_and_soil_to_carry_it(wedge: Callable[..., ResolvedScene]) -> None:
+    """`role: wheel` means wheel."""
     with pytest.raises(SceneError, match=r"tools\.tine: 'role: wheel' makes it a wheel"):
-        reduced("tools.tine.role=wheel", values=VALUES)
+        wedge("tools.tine.role=wheel", values=VALUES)
 
 
 def test_a_soil_file_carries_its_law_and_range(
-    reduced: Callable[..., ResolvedScene], soil_file: Callable[..., str]
+    wedge: Callable[..., ResolvedScene], soil_file: Callable[..., str]
 ) -> None:
     """In range nothing is said; the file's bytes are in the scene's hash."""
     file = soil_file()
-    inside = reduced(file=file, fitted_to=str(SCENES / "tine.yaml"))
+    inside = wedge(file=file, fitted_to=str(SCENES / "tine.yaml"))
     assert inside.notes == ()
     before = inside.scene_hash
     Path(file).write_text(Path(file).read_text().replace("cohesion_pa: 8000.0", "cohesion_pa: 9000.0"))
-    assert reduced(file=file, fitted_to=str(SCENES / "tine.yaml")).scene_hash != before
+    assert wedge(file=file, fitted_to=str(SCENES / "tine.yaml")).scene_hash != before
 
 
 def test_a_soil_file_of_another_law(
-    reduced: Callable[..., ResolvedScene], soil_file: Callable[..., str], tmp_path: Path
+    wedge: Callable[..., ResolvedScene], soil_file: Callable[..., str], tmp_path: Path
 ) -> None:
     """The keys that differ are named; other_contact_law takes it all the same."""
     other = tmp_path / "other.yaml"
@@ -135,8 +135,8 @@ def test_a_soil_file_of_another_law(
         SceneError,
         match=r"they differ in law\.particle\.cohesive_stiffness_newton_per_m\..*other_contact_law",
     ):
-        reduced(file=soil_file(), fitted_to=str(other))
-    reduced(file=soil_file(), fitted_to=str(other), allow=["other_contact_law"])
+        wedge(file=soil_file(), fitted_to=str(other))
+    wedge(file=soil_file(), fitted_to=str(other), allow=["other_contact_law"])
 
 
 @pytest.mark.parametrize(
@@ -144,10 +144,10 @@ def test_a_soil_file_of_another_law(
     [("depth_m", 0.1, 0.19), ("depth_m", 0.21, 0.3), ("speed_m_per_s", 0.55, 1.0), ("rake_rad", 0.3, 0.4)],
 )
 def test_a_little_out_of_range_is_a_warning(
-    reduced: Callable[..., ResolvedScene], soil_file: Callable[..., str], key: str, low: float, high: float
+    wedge: Callable[..., ResolvedScene], soil_file: Callable[..., str], key: str, low: float, high: float
 ) -> None:
     """Up to 1.2 times the range the force is extrapolated, and that is said."""
-    (note,) = reduced(file=soil_file(**{key: (low, high)})).notes
+    (note,) = wedge(file=soil_file(**{key: (low, high)})).notes
     assert note.startswith("warning: tools.tine: ")
     assert f"outside the range {low:g} to {high:g}" in note
 
@@ -157,43 +157,43 @@ def test_a_little_out_of_range_is_a_warning(
     [("depth_m", 0.1, 0.16), ("depth_m", 0.25, 0.3), ("speed_m_per_s", 0.7, 1.0), ("rake_rad", 0.2, 0.3)],
 )
 def test_far_out_of_range_is_refused(
-    reduced: Callable[..., ResolvedScene], soil_file: Callable[..., str], key: str, low: float, high: float
+    wedge: Callable[..., ResolvedScene], soil_file: Callable[..., str], key: str, low: float, high: float
 ) -> None:
     """Beyond 1.2 times the range; beyond_fitted_range takes it with the warning."""
     file = soil_file(**{key: (low, high)})
     with pytest.raises(
         SceneError, match=r"by more than 1\.2 times; fit it further, or add allow: \[beyond_fi"
     ):
-        reduced(file=file)
-    allowed = reduced(file=file, allow=["beyond_fitted_range"])
+        wedge(file=file)
+    allowed = wedge(file=file, allow=["beyond_fitted_range"])
     assert len(allowed.notes) == 1
-    assert reduced("allow=[beyond_fitted_range]", file=file).scene_hash == allowed.scene_hash
+    assert wedge("allow=[beyond_fitted_range]", file=file).scene_hash == allowed.scene_hash
 
 
 def test_what_a_scene_allows_travels_with_it(
-    reduced: Callable[..., ResolvedScene], soil_file: Callable[..., str], tmp_path: Path
+    wedge: Callable[..., ResolvedScene], soil_file: Callable[..., str], tmp_path: Path
 ) -> None:
     """A parcel drops `fitted_to` and keeps `allow`: same hash, same summary."""
     other = tmp_path / "other.yaml"
     change = {"soil": {"law": {"particle": {"cohesive_stiffness_newton_per_m": 1.0}}}}
     other.write_text(json.dumps({"base": str(SCENES / "tine.yaml"), **change}))
-    scene = reduced(file=soil_file(), fitted_to=str(other), allow=["other_contact_law"])
+    scene = wedge(file=soil_file(), fitted_to=str(other), allow=["other_contact_law"])
     folder = tmp_path / "worker"
     folder.mkdir()
     assert unpack(pack(scene), folder).scene.allow == ("other_contact_law",)
     assert summarize_unrecorded(scene, {})["allow"] == ["other_contact_law"]
 
 
-def test_a_file_of_another_model(reduced: Callable[..., ResolvedScene], tmp_path: Path) -> None:
+def test_a_file_of_another_model(wedge: Callable[..., ResolvedScene], tmp_path: Path) -> None:
     """What `calibrate` writes for particles is no wedge model."""
     (tmp_path / "soil.yaml").write_text("model: dem\n")
     with pytest.raises(SceneError, match="its model is 'dem', needed is a file with model 'wedge'"):
-        reduced(file=str(tmp_path / "soil.yaml"))
+        wedge(file=str(tmp_path / "soil.yaml"))
 
 
-def test_a_base_of_particles_leaves_only_its_bin(reduced: Callable[..., ResolvedScene]) -> None:
+def test_a_base_of_particles_leaves_only_its_bin(wedge: Callable[..., ResolvedScene]) -> None:
     """No key of particles survives in a wedge model; the written scene loads to the same hash."""
-    scene = reduced(values=VALUES)
+    scene = wedge(values=VALUES)
     assert scene.scene.wedge_soil is not None
     assert scene.scene.wedge_soil.bin.length_m == 0.6
     assert scene.timing.communication_step_ns == 1_000_000

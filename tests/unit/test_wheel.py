@@ -18,7 +18,7 @@ SOURCES = [
 ]  # fmt: skip
 SHIPPED = (
     "scenes/*.yaml", "templates/*.yaml", "meshes/*.stl", "soils/*.yaml", "calibration/*.yaml",
-    "fit/*.yaml", "studies/*.yaml", "foxglove/*.json", "*.json",
+    "references/*.yaml", "studies/*.yaml", "foxglove/*.json", "*.json",
 )  # fmt: skip
 
 
@@ -76,7 +76,7 @@ def test_it_runs_without_the_sources(program, tmp_path):
     """In an empty folder: a shipped scene by name, a new scene, its run, its report as a page."""
     shown = run([program, "check", "subsoiler_1s300_quick"], tmp_path)
     assert "share/subsoil_ros/config" in shown.replace("\n", "")
-    run([program, "new", "first", "--template", "reduced"], tmp_path)
+    run([program, "new", "first", "--template", "wedge"], tmp_path)
     command = [
         program,
         "run",
@@ -90,7 +90,7 @@ def test_it_runs_without_the_sources(program, tmp_path):
     ]
     cache = str(tmp_path / "cache")  # kernels are kept by their place, and this one goes
     run(command, tmp_path, XDG_CACHE_HOME=cache)
-    assert json.loads((tmp_path / "out/summary.json").read_text())["complete"]
+    assert json.loads((tmp_path / "out/summary.json").read_text())["run"]["complete"]
     run([program, "report", "out", "--html"], tmp_path)
     assert (tmp_path / "out/report.html").is_file()
 

@@ -18,24 +18,7 @@ from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import ToolMotion
 
-PARTICLE = {
-    "stiffness_newton_per_m": 10_000.0,
-    "tangential_stiffness_newton_per_m": 8_000.0,
-    "damping_newton_s_per_m": 20.0,
-    "tangential_damping_newton_s_per_m": 20.0,
-    "cohesive_stiffness_newton_per_m": 7_000.0,
-    "static_friction": 0.5,
-    "sliding_friction": 0.5,
-    "rolling_friction": 0.3,
-    "equilibrium_overlap_m": 0.002,
-    "cohesion_range_m": 0.002,
-}
-BOUNDARY = {
-    **PARTICLE,
-    "stiffness_newton_per_m": 16_000.0,
-    "tangential_stiffness_newton_per_m": 12_000.0,
-    "cohesive_stiffness_newton_per_m": 3_000.0,
-}
+from ..soils import BOUNDARY, PARTICLE
 
 
 class SoilMaker:

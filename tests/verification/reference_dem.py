@@ -57,7 +57,8 @@ def wet_laws(particle: dict, boundary: dict, friction_normal: int = TOTAL, damp_
         adhesion = series("cohesive_stiffness_newton_per_m", row)
         return Law(
             *(series(key, row) for key in _LINEAR[:4]), *(row[key] for key in _LINEAR[4:]), adhesion,
-            row["equilibrium_overlap_m"], row["cohesion_range_m"] if adhesion > 0.0 else 0.0, friction_normal, damp_all,
+            row["equilibrium_overlap_m"], row["cohesion_range_m"] if adhesion > 0.0 else 0.0, friction_normal,
+            damp_all,
         )  # fmt: skip
 
     return law(particle), law(boundary)

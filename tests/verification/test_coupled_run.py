@@ -29,6 +29,6 @@ def test_the_machine_comes_through_its_bin(tmp_path):
     )
     assert done.returncode == 0, done.stderr
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
-    assert summary["draft_newton_mean"] > 0.0
-    assert summary["coupling.residual_ratio_max"] < 0.02
-    assert summary["soil.lost_particle_count_max"] == 0
+    assert summary["series"]["draft_newton"]["mean"] > 0.0
+    assert summary["series"]["coupling.residual_ratio"]["max"] < 0.02
+    assert summary["particles"]["lost_count"] == 0

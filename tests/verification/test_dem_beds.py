@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from subsoil_ros.dem.beds.dense import prepare_dense, scaled
 from subsoil_ros.dem.beds.report import free_motion, report_bed
-from subsoil_ros.dem.beds.settling import settling_step_s, smooth_soil, unwatched
+from subsoil_ros.dem.beds.settling import ignore_progress, settling_step_s, smooth_soil
 from subsoil_ros.dem.beds.surface import top_surface_m
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.errors import SceneError
@@ -162,7 +162,7 @@ def test_a_bed_of_stiff_contacts_stands_still():
         SCENES / "subsoiler_1s300_cycle.yaml", ["soil.bin={length_m: 0.36, width_m: 0.36, depth_m: 0.24}"]
     )
     soil = resolved.scene.particle_soil
-    bed = prepare_dense(resolved, 0, SoilEngine, 1, unwatched)
+    bed = prepare_dense(resolved, 0, SoilEngine, 1, ignore_progress)
     assert 0.58 < len(bed.positions_m) * particle_mass_kg(soil) / 2310.0 / (0.36 * 0.36 * 0.24) < 0.64
     moved = free_motion(resolved, bed, SoilEngine, 1, 0.02)
     assert moved.rms_move_m < 1e-3 * soil.particles.radius_m

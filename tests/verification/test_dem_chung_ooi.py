@@ -55,7 +55,7 @@ def rebounds(soil, law, radius, density, step_ns, steps, v_normal, v_tangential,
         engine.advance(tick, ())
     v = engine.velocities_m_per_s()
     assert (engine.forces_newton() == 0.0).all()  # the impact is over
-    return v[:, 2], v[:, 0], engine.spins_rad_per_s()[:, 1]
+    return v[:, 2], v[:, 0], engine.angular_velocities_rad_per_s()[:, 1]
 
 
 # test 4: impact angle from the normal [deg], tangential restitution, spin [rad/s], rebound angle of the
@@ -191,7 +191,9 @@ def two_spheres(soil, spin_1, spin_2):
     for tick in range(1600):
         engine.advance(tick, ())
     assert (engine.forces_newton() == 0.0).all()
-    return engine.velocities_m_per_s().reshape(n, 2, 3), engine.spins_rad_per_s().reshape(n, 2, 3)
+    return engine.velocities_m_per_s().reshape(n, 2, 3), engine.angular_velocities_rad_per_s().reshape(
+        n, 2, 3
+    )
 
 
 def test_7_two_spheres_with_opposite_spins(soil):

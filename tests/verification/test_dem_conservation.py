@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from .conftest import BOUNDARY, PARTICLE
-from .impacts import hertz, laboratory, linear
+from ..soils import BOUNDARY, PARTICLE
+from .impacts import dry_row, hertz, laboratory
 
 EPS = np.finfo(float).eps
 
@@ -12,7 +12,7 @@ EPS = np.finfo(float).eps
 def angular_momentum(engine, centre):
     """(3,) about `centre` [kg m2/s]."""
     orbital = np.cross(engine.positions_m() - centre, engine.velocities_m_per_s()).sum(axis=0)
-    return engine.mass_kg * (orbital + 0.4 * 0.01**2 * engine.spins_rad_per_s().sum(axis=0))
+    return engine.mass_kg * (orbital + 0.4 * 0.01**2 * engine.angular_velocities_rad_per_s().sum(axis=0))
 
 
 def test_a_tumbling_wet_cluster_keeps_momentum_angular_momentum_and_its_books(soil):
@@ -50,7 +50,12 @@ def test_a_tumbling_wet_cluster_keeps_momentum_angular_momentum_and_its_books(so
 
 LOSSLESS = {"damping_newton_s_per_m": 0.0, "tangential_damping_newton_s_per_m": 0.0}
 LAWS = {
-    "linear": linear(1e5, k_t=8e4, mu=0.3, mu_r=0.1),
+    "linear": {
+        "kind": "cohesive_linear",
+        "combining_rule": "none",
+        "particle": dry_row(1e5, k_t=8e4, mu=0.3, mu_r=0.1),
+        "boundary": dry_row(1e5, k_t=8e4, mu=0.3, mu_r=0.1),
+    },
     "hertz": hertz(5e7, 0.3, 1.0, 0.3),
     "wet": {
         "kind": "cohesive_linear",
@@ -84,7 +89,7 @@ def test_no_impact_at_any_angle_on_any_surface_gains_energy(soil, at, one, law, 
     before = engine.energy()
 
     def kinetic():
-        v, w = engine.velocities_m_per_s(), engine.spins_rad_per_s()
+        v, w = engine.velocities_m_per_s(), engine.angular_velocities_rad_per_s()
         return 0.5 * engine.mass_kg * ((v * v).sum(axis=1) + 0.4 * radius**2 * (w * w).sum(axis=1))
 
     first = kinetic()

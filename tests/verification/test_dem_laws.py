@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from ..soils import NEGLIGIBLE
 from .impacts import hertz, laboratory
 
 
@@ -30,9 +31,9 @@ def test_linear_collision_has_its_duration_and_restitution(soil, damping):
     mass = 1800.0 * 4.0 / 3.0 * math.pi * 0.01**3
     stiffness = 1e5
     row = {
-        "stiffness_newton_per_m": stiffness, "tangential_stiffness_newton_per_m": 0.0,
+        "stiffness_newton_per_m": stiffness, "tangential_stiffness_newton_per_m": NEGLIGIBLE,
         "damping_newton_s_per_m": damping / 10.0, "tangential_damping_newton_s_per_m": 0.0,
-        "static_friction": 0.0, "sliding_friction": 0.0,
+        "static_friction": 0.0, "sliding_friction": 0.0, "rolling_friction": NEGLIGIBLE,
     }  # fmt: skip
     zeta = damping / 10.0 / (2.0 * math.sqrt(stiffness * mass / 2.0))
     omega = math.sqrt(stiffness / (mass / 2.0)) * math.sqrt(1.0 - zeta**2)
@@ -112,7 +113,7 @@ def test_chung_ooi_4_oblique_impact_in_gross_sliding(soil, angle_deg):
     engine.start(())
     for tick in range(600):
         engine.advance(tick, ())
-    v, w = engine.velocities_m_per_s()[0], engine.spins_rad_per_s()[0]
+    v, w = engine.velocities_m_per_s()[0], engine.angular_velocities_rad_per_s()[0]
     rebound = v[2] / vn
     assert_allclose(v[0], vt - friction * (1.0 + rebound) * vn, rtol=1e-3)
     # the arm shortens by half the overlap: below 1 % of the radius here

@@ -41,7 +41,7 @@ def shaken(scene):
 
 
 def test_alternation_of_equal_opposite_and_growing_motions():
-    """0 for a steady motion, 1 for one that turns round; of (u, w) half a step before and after, in between:
+    """0 for a steady motion, 1 for one that reverses; of (u, w) half a step before and after, in between:
     ((w - u) / 2)^2 over it plus ((w + u) / 2)^2."""
     mass, inertia, step = 0.5, 0.25, 0.125
     place, still = np.zeros((4, 3)), np.zeros((4, 3))
@@ -64,7 +64,7 @@ def test_alternation_of_equal_opposite_and_growing_motions():
 def test_a_step_too_large_is_stopped_with_its_cause(soil):
     """The bed spins, the run stops within 400 steps, and says what to do."""
     with pytest.raises(
-        PhysicsError, match=r"tick \d+: particles turn round .*max_velocity_reversal 0.2.*smaller"
+        PhysicsError, match=r"tick \d+: velocities reverse .*max_velocity_reversal 0.2.*smaller"
     ):
         run(shaken(with_soil(soil, **TOO_LARGE)), 400)
 
@@ -196,11 +196,11 @@ def test_a_stopped_run_leaves_a_readable_bag_and_exit_status_3(soil, tmp_path, c
     assert main(["run", str(path), "--out", str(out), "--mode", "direct", *jitter]) == 3
     said = capsys.readouterr()
     assert "allow: unstable_time_step: the step 120 us is above the stable limit 53.7 us" in said.out
-    assert "particles turn round from step to step" in said.err
+    assert "velocities reverse sign from one step to the next" in said.err
     summary = json.loads((out / "summary.json").read_text())
-    assert "max_velocity_reversal" in summary["failure"]
-    assert summary["allow"] == ["unstable_time_step"]
-    assert not summary["complete"]
+    assert "max_velocity_reversal" in summary["run"]["failure"]
+    assert summary["scene"]["allow"] == ["unstable_time_step"]
+    assert not summary["run"]["complete"]
     assert [state.tick for state in BagReader(out / "bag").records(SoilState)] == [19, 39, 59, 79, 99]
 
 
@@ -218,6 +218,6 @@ def test_lost_particles_are_in_the_summary(soil, tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["run", str(path), "--out", str(out), "--mode", "direct", "--set", "duration_s=0.05"]) == 0
     summary = json.loads((out / "summary.json").read_text())
-    assert summary["lost_particle_count"] > 0
-    assert 0.0 < summary["first_lost_s"] <= 0.05
+    assert summary["particles"]["lost_count"] > 0
+    assert 0.0 < summary["particles"]["first_lost_s"] <= 0.05
     assert "particles left the domain" in capsys.readouterr().out

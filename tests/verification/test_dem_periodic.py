@@ -84,7 +84,7 @@ def test_a_pair_on_its_way_across_the_seam_keeps_its_contact(soil):
         engine = SoilEngine(periodic(soil))
         engine.place(pair + np.array([0.0, start, 0.0]), velocity, spin)
         run(engine, 200)
-        found.append((engine.displacements_m(), engine.spins_rad_per_s()))
+        found.append((engine.displacements_m(), engine.angular_velocities_rad_per_s()))
     assert np.abs(found[1][0][:, 1]).min() > 0.018  # both went over
     for there, here in zip(*found, strict=True):
         assert_allclose(there, here, rtol=0.0, atol=1e-11)

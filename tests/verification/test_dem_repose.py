@@ -60,6 +60,13 @@ def heap_angle_deg(soil, friction, rolling, adhesion):
 
 
 @pytest.mark.slow
+def test_friction_makes_a_heap(soil):
+    """Flat without it; about 20 degrees with."""
+    assert abs(heap_angle_deg(soil, 0.0, 0.0, 0.0)) < 6.0
+    assert 13.0 < heap_angle_deg(soil, 0.5, 0.0, 0.0) < 25.0
+
+
+@pytest.mark.full
 def test_friction_rolling_friction_and_adhesion_each_steepen_a_heap(soil):
     """Flat; about 20 degrees; 10 more with rolling friction, 5 more with adhesion of one weight, and both
     together add up. Heaps that differ in their first places only differ by some 2 degrees."""

@@ -98,12 +98,14 @@ def test_oblique_collision_of_unequal_spheres_keeps_angular_momentum_and_energy(
 
         def angular():
             x, u = engine.positions_m(), engine.velocities_m_per_s()
-            return (MASS[:, None] * np.cross(x, u) + INERTIA[:, None] * engine.spins_rad_per_s()).sum(axis=0)
+            return (
+                MASS[:, None] * np.cross(x, u) + INERTIA[:, None] * engine.angular_velocities_rad_per_s()
+            ).sum(axis=0)
 
         before, momentum, energy = angular(), engine.momentum_kg_m_per_s, engine.energy()
         run(engine, round(0.008 / (step_ns * 1e-9)))
         assert np.abs(engine.velocities_m_per_s() - v).max() > 0.05
-        assert np.abs(engine.spins_rad_per_s() - w).max() > 0.5
+        assert np.abs(engine.angular_velocities_rad_per_s() - w).max() > 0.5
         assert_allclose(engine.momentum_kg_m_per_s, momentum, atol=1e-16)
         # 4,000 steps of round-off of 1e-16 of the largest term, 5e-3 N m s
         assert_allclose(angular(), before, atol=1e-15)
@@ -122,7 +124,7 @@ def test_both_bodies_reach_to_the_middle_of_the_overlap(soil):
     x = [(0.1, 0, -0.15), (0.1 + distance, 0, -0.15)]
     engine = two_spheres(soil, 100, x, [(0, 0.1, 0), (0, 0, 0)])
     run(engine, 1)
-    turned = INERTIA * engine.spins_rad_per_s()[:, 2]
+    turned = INERTIA * engine.angular_velocities_rad_per_s()[:, 2]
     arms = 0.5 * (distance + np.array([SMALL - LARGE, LARGE - SMALL]))
     assert abs(turned[0]) > 0.0
     # the rolling torque of one step is some 1e-4 of that of sliding
@@ -138,12 +140,15 @@ def test_rolling_spring_has_the_reduced_radius(soil):
     x = [(0.1, 0, -0.15), (0.1 + distance, 0, -0.15)]
     engine = two_spheres(soil, 1000, x, w=[(0, 0, w[0]), (0, 0, w[1])])
     run(engine, 1)
-    torque = INERTIA * (engine.spins_rad_per_s()[:, 2] - w) / (0.5 * step)  # the second half kick
+    torque = (
+        INERTIA * (engine.angular_velocities_rad_per_s()[:, 2] - w) / (0.5 * step)
+    )  # the second half kick
     expected = TANGENTIAL * REDUCED_RADIUS**2 * (w[0] - w[1]) * step
     # the contact point moves by 1e-9 of an arm in the step; the difference of spins costs six digits
     assert_allclose(torque, [-expected, expected], rtol=1e-5)
 
 
+@pytest.mark.full  # the only test of this variant of the kernels
 @pytest.mark.parametrize("restitution", [1.0, 0.5])
 def test_hertz_impact_of_unequal_spheres(soil, restitution):
     """Elastic: largest overlap (5 m v^2 / (4 K))^(2/5), force K delta^1.5 and duration 2.943 delta / v with

@@ -140,8 +140,8 @@ def scene_of(soil, case: Exchange, ticks: int):
         "mechanism": mechanism,
         "tools": {"block": {"body": "block", "groups": {"all": mesh}}},
         "coupling": {
-            "communication_step_ns": communication_step_ns, "mechanism_steps": case.mechanism_steps, "force": case.force,
-            "residual_bound": 1e9,
+            "communication_step_ns": communication_step_ns, "mechanism_steps": case.mechanism_steps,
+            "force": case.force, "residual_bound": 1e9,
         },
     }  # fmt: skip
     return soil.resolve(document)
@@ -194,7 +194,7 @@ def run_engines(soil, case: Exchange, ticks: int) -> tuple[np.ndarray, np.ndarra
     """Place and speed of the block (ticks, 2) as the engines and as the map give them, from tick 5 on."""
     resolved = scene_of(soil, case, ticks)
     block, forces = Watched(resolved), Forces()
-    simulate(resolved, mover=block, soil=Pressed(resolved), sink=forces)
+    simulate(resolved, motion_source=block, soil=Pressed(resolved), sink=forces)
     first = 5  # Adams-Moulton has its history
     held = forces[first] - case.stiffness * PRESSED
     state = np.array([*block.states[first][: 3 + case.past_count], held])

@@ -30,8 +30,8 @@ def test_sawtooth(period_s, loading):
     assert found.loading_fraction == pytest.approx(loading, abs=2.0 * row)
     assert found.unloading_over_loading == pytest.approx(loading / (1.0 - loading), rel=10.0 * row)
     metrics = found.metrics()
-    assert metrics["cycle.travel_m_mean"] == pytest.approx(SPEED_M_PER_S * period_s, rel=row)
-    assert metrics["cycle.travel_m_half_width"] < STEP_S
+    assert metrics["travel_m"]["mean"] == pytest.approx(SPEED_M_PER_S * period_s, rel=row)
+    assert metrics["travel_m"]["half_width"] < STEP_S
 
 
 def test_small_peaks_are_no_failures():

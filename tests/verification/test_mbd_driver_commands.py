@@ -17,8 +17,8 @@ from subsoil_ros.scene.model import Scene
 
 INTERVAL_NS, EVERY, MASS = 1_000_000, 10, 40.0
 KEYS = {
-    "driver": "drive", "interval_ticks": EVERY, "lowest_speed_m_per_s": -1.0, "highest_speed_m_per_s": 1.0,
-    "max_acceleration_m_per_s2": 20.0, "law": {"kind": "external"},
+    "driver": "drive", "interval_ticks": EVERY, "lowest_speed": -1.0, "highest_speed": 1.0,
+    "max_acceleration": 20.0, "law": {"kind": "external"},
 }  # fmt: skip
 
 
@@ -61,7 +61,7 @@ def test_commands_are_ramps_from_one_to_the_next() -> None:
     times = EVERY * INTERVAL_NS * 1e-9 * np.arange(len(targets))
     table = {"kind": "table", "times_s": times.tolist(), "values": targets.tolist()}
     expected = states(engine_of(table, None), 60, {})
-    commanded = engine_of({"kind": "constant", "value": 0.0}, KEYS | {"max_acceleration_m_per_s2": 50.0})
+    commanded = engine_of({"kind": "constant", "value": 0.0}, KEYS | {"max_acceleration": 50.0})
     speeds = {EVERY * i: float(targets[i + 1]) for i in range(1, 6)}
     found = states(commanded, 60, speeds)
     for a, b in zip(found, expected, strict=True):

@@ -92,8 +92,8 @@ def test_sliding_wheel_comes_to_roll(mechanism_engine):
     # what is lost went into friction
     lost = 0.5 * 10.0 - 0.5 * 10.0 * rolling**2 - 0.5 * 0.2 * (rolling / 0.2) ** 2
     assert state.dissipated_joule == pytest.approx(lost, rel=1e-6)
-    assert state.forces[0].force_newton == pytest.approx(98.1, rel=1e-9)
-    assert state.forces[0].length_m == pytest.approx(98.1 / 20_000.0, rel=1e-9)
+    assert state.forces[0].load == pytest.approx(98.1, rel=1e-9)
+    assert state.forces[0].coordinate == pytest.approx(98.1 / 20_000.0, rel=1e-9)
 
 
 @pytest.mark.parametrize("slip", [-0.5, 0.02, 0.5])
@@ -117,7 +117,7 @@ def test_dropped_wheel_never_pulls_on_the_ground(mechanism_engine):
         engine.advance(tick, ())
         if tick % 20 == 19:
             state = engine.state("run", tick, (tick + 1) * 100_000)
-            force = state.forces[0].force_newton
+            force = state.forces[0].load
             assert force >= 0.0
             airborne += force == 0.0
             book = state.kinetic_energy_joule + state.gravity_energy_joule + state.spring_energy_joule
@@ -141,17 +141,17 @@ def test_one_way_chain_lowers_and_goes_slack(mechanism_engine):
     }
     engine = mechanism_engine(machine, 100_000)
     state = _advance(engine, 1500).state("run", 1499, 150_000_000)
-    assert state.forces[1].force_newton == pytest.approx(98.1, rel=1e-9)
+    assert state.forces[1].load == pytest.approx(98.1, rel=1e-9)
     assert state.spring_energy_joule == pytest.approx(0.5 * 98.1**2 / 200_000.0, rel=1e-9)
     for tick in range(1500, 5000):
         engine.advance(tick, ())
     state = engine.state("run", 4999, 500_000_000)
-    assert state.forces[1].force_newton == pytest.approx(98.1, rel=1e-3)
+    assert state.forces[1].load == pytest.approx(98.1, rel=1e-3)
     assert state.bodies[0].velocity_z_m_per_s == pytest.approx(-0.2, rel=1e-3)
     for tick in range(5000, 15_000):
         engine.advance(tick, ())
     state = engine.state("run", 14_999, 1_500_000_000)
-    assert state.forces[1].force_newton == 0.0
+    assert state.forces[1].load == 0.0
     assert state.bodies[0].z_m == pytest.approx(0.2 - 98.1 / 20_000.0, abs=1e-9)
     # lowered and at rest: gravity's energy left through the chain's target and the dampers
     book = state.gravity_energy_joule + state.spring_energy_joule + state.dissipated_joule

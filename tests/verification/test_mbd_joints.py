@@ -118,12 +118,12 @@ def test_locked_spring_makes_the_shank_rigid(mechanism_engine, subsoiler):
     assert engine.topology.constraint_count == 18
     state = advance(engine, 200).state("run", 199, 200_000_000)
     spring = next(f for f in state.forces if f.name == "H9")
-    assert spring.length_m == pytest.approx(0.4, abs=1e-12)
-    assert spring.rate_m_per_s == pytest.approx(0.0, abs=1e-11)
+    assert spring.coordinate == pytest.approx(0.4, abs=1e-12)
+    assert spring.rate == pytest.approx(0.0, abs=1e-11)
     # the moment about the shank's hinge: rod's force x 0.25 m against the weight 0.02 m ahead of it
-    assert spring.force_newton == pytest.approx(35.2 * 9.81 * 0.02 / 0.25, rel=0.05)
+    assert spring.load == pytest.approx(35.2 * 9.81 * 0.02 / 0.25, rel=0.05)
     rod = next(j for j in state.joints if j.name == "H9")
-    assert math.hypot(rod.force_x_newton, rod.force_z_newton) == pytest.approx(abs(spring.force_newton))
+    assert math.hypot(rod.force_x_newton, rod.force_z_newton) == pytest.approx(abs(spring.load))
     shank, frame = (next(b for b in state.bodies if b.name == n) for n in ("shank", "frame"))
     assert shank.angle_rad - frame.angle_rad == pytest.approx(0.0, abs=1e-11)
 
@@ -142,7 +142,7 @@ def test_locked_rod_swings_as_a_pendulum(mechanism_engine):
     assert book(state) == pytest.approx(0.0, abs=1e-8)
     speed2 = body.velocity_x_m_per_s**2 + body.velocity_z_m_per_s**2
     tension = MASS * (speed2 / 0.8 - 9.81 * body.z_m / 0.8)
-    assert state.forces[0].force_newton == pytest.approx(-tension, rel=1e-9)
+    assert state.forces[0].load == pytest.approx(-tension, rel=1e-9)
     pull = state.joints[0]  # on the mass, towards the origin
     np.testing.assert_allclose(
         (pull.force_x_newton, pull.force_z_newton),
@@ -161,7 +161,7 @@ def test_locked_torsion_spring_is_a_weld_of_the_angle(mechanism_engine):
     }  # fmt: skip
     engine = mechanism_engine(machine)
     assert engine.topology.freedom_count == 0
-    assert engine.state("run", -1, 0).forces[0].force_newton == pytest.approx(MASS * 9.81 * 0.5)
+    assert engine.state("run", -1, 0).forces[0].load == pytest.approx(MASS * 9.81 * 0.5)
 
 
 # --- pairs of moving and turned bodies --------------------------------------------------------------

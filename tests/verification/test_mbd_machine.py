@@ -56,7 +56,7 @@ def test_static_equilibrium_balances_the_weight(mechanism_engine, subsoiler):
     """At rest nothing accelerates, the ground and the rail carry the weight, and the driver pulls nothing."""
     state = mechanism_engine(subsoiler).state("run", -1, 0)
     weight = GRAVITY * sum(body["mass_kg"] for body in subsoiler["bodies"].values())
-    forces = {f.name: f.force_newton for f in state.forces}
+    forces = {f.name: f.load for f in state.forces}
     joints = {j.name: j for j in state.joints}
     carried = forces["left"] + forces["right"] + joints["H1"].force_z_newton
     assert carried == pytest.approx(weight, rel=1e-9)

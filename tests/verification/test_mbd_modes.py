@@ -84,8 +84,8 @@ def test_oscillator_has_its_damping_ratio(damping):
     assert mode.frequency_hz == pytest.approx(20.0 / (2.0 * math.pi), rel=1e-7)
     assert mode.damping_ratio == pytest.approx(damping / 80.0, abs=1e-8)
     assert mode.words == "mass z 1"
-    assert rest.forces[0].force_newton == pytest.approx(-MASS * 9.81, rel=1e-9)
-    assert rest.forces[0].length_m == pytest.approx(0.5 + MASS * 9.81 / 800.0, rel=1e-9)
+    assert rest.forces[0].load == pytest.approx(-MASS * 9.81, rel=1e-9)
+    assert rest.forces[0].coordinate == pytest.approx(0.5 + MASS * 9.81 / 800.0, rel=1e-9)
 
 
 def test_overdamped_and_free_motions_are_no_oscillations():

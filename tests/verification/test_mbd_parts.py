@@ -53,9 +53,9 @@ def test_preload_is_the_force_at_the_free_length(mechanism_engine):
     """At its free length a spring pushes with its preload; at the length it then rests at, with nothing."""
     spring = {"stiffness_newton_per_m": 500.0, "preload_newton": 40.0}
     state = mechanism_engine(_slider(1.0, **spring)).state("run", -1, 0)
-    assert state.forces[0].force_newton == pytest.approx(40.0, rel=1e-12)
+    assert state.forces[0].load == pytest.approx(40.0, rel=1e-12)
     assert state.bodies[0].acceleration_x_m_per_s2 == pytest.approx(40.0 / MASS, rel=1e-12)
-    assert mechanism_engine(_slider(1.08, **spring)).state("run", -1, 0).forces[0].force_newton == (
+    assert mechanism_engine(_slider(1.08, **spring)).state("run", -1, 0).forces[0].load == (
         pytest.approx(0.0, abs=1e-10)
     )
 
@@ -78,7 +78,7 @@ def test_one_way_spring(mechanism_engine, only, sign):
     quarter = 0.5 * math.pi / 20.0
     expected = 1.0 + sign * 0.1 * 20.0 * (0.3 - quarter)
     np.testing.assert_allclose(path[-1], (expected, sign * 2.0), rtol=1e-9)
-    assert state.forces[0].force_newton == 0.0
+    assert state.forces[0].load == 0.0
     assert gap < 1e-8
 
 
@@ -135,7 +135,7 @@ def test_damped_stop_pushes_only(mechanism_engine):
     for tick in range(1000):
         engine.advance(tick, ())
         state = engine.state("run", tick, (tick + 1) * 100_000)
-        assert state.forces[0].force_newton <= 1e-9
+        assert state.forces[0].load <= 1e-9
     assert state.bodies[0].velocity_x_m_per_s < -0.1
     assert book(state) == pytest.approx(0.5 * MASS, rel=1e-7)
 
@@ -153,7 +153,7 @@ def test_torsion_spring_swings_a_flywheel(mechanism_engine):
         },
     }  # fmt: skip
     engine = mechanism_engine(machine, 500_000)
-    assert engine.state("run", -1, 0).forces[0].force_newton == pytest.approx(30.0 * 0.1 + 3.0)
+    assert engine.state("run", -1, 0).forces[0].load == pytest.approx(30.0 * 0.1 + 3.0)
     state = advance(engine, 1000).state("run", 999, 500_000_000)
     decay, frequency = 1.0, math.sqrt(100.0 - 1.0)
     wave = math.cos(0.5 * frequency) + decay / frequency * math.sin(0.5 * frequency)
@@ -187,7 +187,7 @@ def test_rail_friction_slows_with_its_reaction(mechanism_engine):
     slowing = 0.2 * 9.81 + 3.0 / MASS
     assert state.bodies[0].velocity_x_m_per_s == pytest.approx(2.0 - 0.4 * slowing, abs=1e-9)
     assert state.bodies[0].x_m == pytest.approx(1.8 - 0.5 * 0.16 * slowing, abs=1e-9)
-    assert state.forces[0].force_newton == pytest.approx(-MASS * slowing, rel=1e-9)
+    assert state.forces[0].load == pytest.approx(-MASS * slowing, rel=1e-9)
     assert book(state) == pytest.approx(0.5 * MASS * 4.0, rel=1e-9)
 
 

@@ -126,7 +126,7 @@ def test_resting_contact_does_not_chatter(mechanism_engine):
         engine.advance(tick, ())
     assert engine.arrays.counters[3] == events < 20
     state = engine.state("run", 3999, 2_000_000_000)
-    assert state.forces[0].force_newton == pytest.approx(98.1, rel=1e-5)
+    assert state.forces[0].load == pytest.approx(98.1, rel=1e-5)
 
 
 def test_relative_drivers_that_disagree_contradict_each_other(mechanism_engine):

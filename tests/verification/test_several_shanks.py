@@ -63,7 +63,7 @@ def test_each_shank_has_its_part_of_the_draft(tmp_path: Path) -> None:
     assert np.ptp([place[-1] for place in places]) < 0.02  # one frame pulls them
     summary = summarize(tmp_path / "bag", resolved, {}, series)
     for name, part in zip(SHANKS, parts, strict=True):
-        assert summary[f"run.draft.tool.{name}_newton_max"] == part.max()
+        assert summary["series"][f"draft.tool.{name}_newton"]["run"]["max"] == part.max()
 
 
 def test_summary_and_figures_name_every_shank(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -49,7 +49,7 @@ def test_red_noise_seldom_stands_out(correlation):
     assert sum(spectrum(STEP_S, red(rng, correlation)).significant for _ in range(60)) <= 9
 
 
-def test_a_wander_under_quick_noise_is_no_rhythm():
+def test_a_wander_under_quick_noise_is_no_dominant_frequency():
     """Half the power wanders over 0.2 s, half is noise of 2 ms, which hides the wander at lag one."""
     rng = np.random.default_rng(7)
     records = [red(rng, 0.99) + red(rng, 0.3) for _ in range(60)]
@@ -57,7 +57,7 @@ def test_a_wander_under_quick_noise_is_no_rhythm():
 
 
 def test_a_tone_in_red_noise_stands_out():
-    """A rhythm of the same power as the noise is found in every record."""
+    """A tone of the same power as the noise is found in every record."""
     rng = np.random.default_rng(8)
     tone = math.sqrt(2.0) * np.sin(2.0 * math.pi * 5.0 * STEP_S * np.arange(2000))
     found = [spectrum(STEP_S, tone + red(rng, 0.9)) for _ in range(20)]
@@ -66,7 +66,7 @@ def test_a_tone_in_red_noise_stands_out():
 
 
 @pytest.mark.parametrize(("periods", "least", "most"), [(4.0, 0, 2), (8.0, 2, 16), (12.0, 17, 20)])
-def test_how_many_periods_a_rhythm_needs(periods, least, most):
+def test_how_many_periods_a_tone_needs(periods, least, most):
     """Half the power in a tone, half in red noise of 20 ms, 1.8 s: in how many of 20 it is found."""
     rng = np.random.default_rng(9)
     phase = 2.0 * math.pi * periods * np.arange(900) / 900

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from subsoil_ros.analysis.intervals import t_quantile
-from subsoil_ros.analysis.stationarity import correlation_steps, steadiness
+from subsoil_ros.analysis.stationarity import correlation_steps, stationarity
 
 LAG_ONE = 0.9
 
@@ -38,9 +38,9 @@ def test_intervals_hold_what_they_promise():
     times = 0.001 * np.arange(2000)
     missed_mean = missed_slope = 0
     for _ in range(200):
-        found = steadiness(times, 5.0 + 2.0 * times + autoregressive(rng, len(times)))
+        found = stationarity(times, 5.0 + 2.0 * times + autoregressive(rng, len(times)))
         missed_slope += abs(found.slope_per_s - 2.0) > found.slope_half_width_per_s
-        level = steadiness(times, 5.0 + autoregressive(rng, len(times)))
+        level = stationarity(times, 5.0 + autoregressive(rng, len(times)))
         missed_mean += abs(level.mean - 5.0) > level.mean_half_width
     most = 10 + 3.0 * math.sqrt(9.5) + 0.04 * 200
     assert missed_mean <= most
@@ -53,21 +53,21 @@ def test_a_trend_is_told_from_noise():
     it."""
     times = 0.001 * np.arange(4000)
     noise = autoregressive(np.random.default_rng(4), len(times))
-    drifting = steadiness(times, 100.0 + 5.0 * times / times[-1] + noise)
+    drifting = stationarity(times, 100.0 + 5.0 * times / times[-1] + noise)
     assert drifting.verdict == "drifts"
     assert list(drifting.block_means) == sorted(drifting.block_means)
     assert drifting.drift == pytest.approx(5.0 / drifting.mean, rel=0.5)
-    assert steadiness(times, 100.0 + noise).verdict == "no drift seen"
+    assert stationarity(times, 100.0 + noise).verdict == "no drift seen"
 
 
 def test_a_short_window_judges_nothing():
     """Where nearly all samples hang together there is no verdict; a constant has neither error nor drift."""
     times = 0.001 * np.arange(100)
-    assert steadiness(times, np.sin(2.0 * times)).verdict == "too short"
-    level = steadiness(times, np.full(100, 7.0))
+    assert stationarity(times, np.sin(2.0 * times)).verdict == "too short"
+    level = stationarity(times, np.full(100, 7.0))
     assert (level.mean, level.mean_error, level.slope_per_s) == (7.0, 0.0, 0.0)
     assert level.verdict == "no drift seen"
-    assert steadiness(times[:7], times[:7]) is None
+    assert stationarity(times[:7], times[:7]) is None
 
 
 def test_student_factor():

@@ -43,7 +43,7 @@ def engine(tmp_path):
         elif share == "both":
             groups["blade"] = {"mesh": str(CONFIG / "meshes" / "shank.stl")}
         document = {
-            "name": "reduced",
+            "name": "wedge",
             "duration_s": 1.0,
             "soil": {
                 "model": "wedge",
@@ -287,11 +287,11 @@ def test_state_is_all_there_is(engine):
 
 
 def test_no_particle_code_is_imported(tmp_path):
-    """A run on wedge model, command line and summary included, imports nothing of the DEM."""
+    """A run on the wedge model, command line and summary included, imports nothing of the DEM."""
     scene = tmp_path / "scene.yaml"
     values = json.dumps({k: v for k, v in VALUES.items()})
     scene.write_text(
-        f"base: {CONFIG / 'scenes' / 'tine.yaml'}\nname: reduced\nduration_s: 0.05\n"
+        f"base: {CONFIG / 'scenes' / 'tine.yaml'}\nname: wedge\nduration_s: 0.05\n"
         f"soil: {{model: wedge, values: {values}}}\n"
     )
     code = (
@@ -308,4 +308,4 @@ def test_no_particle_code_is_imported(tmp_path):
     assert not [name for name in head if name.startswith("soil.")]  # nothing to monitor, nothing invented
     figures = sorted(path.name for path in (tmp_path / "out" / "figures").iterdir())
     assert figures == ["draft.png", "over_travel.png"]
-    assert json.loads((tmp_path / "out" / "summary.json").read_text())["particle_count"] == 0
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["particles"]["count"] == 0

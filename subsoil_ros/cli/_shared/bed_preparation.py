@@ -13,11 +13,11 @@ from rich.progress import Progress, TextColumn, TimeElapsedColumn
 from .preparation import say
 
 if TYPE_CHECKING:
-    from ...dem.beds.settling import Look, Watch
+    from ...dem.beds.settling import OnProgress, SettlingProgress
 
 
 @contextmanager
-def bed_progress(what: str) -> Iterator[Watch]:
+def bed_progress(what: str) -> Iterator[OnProgress]:
     """Gives what to tell how the preparation of a bed goes."""
     console = Console(stderr=True)
     start = time.monotonic()
@@ -32,7 +32,7 @@ def bed_progress(what: str) -> Iterator[Watch]:
     say(f"prepared a {what} in {time.monotonic() - start:.0f} s")
 
 
-def _text(look: Look) -> str:
+def _text(look: SettlingProgress) -> str:
     return (
         f"{look.phase}, {look.simulated_s:.3f} s of at most {look.longest_s:.3f}, "
         f"rms speed {1e3 * look.rms_speed_m_per_s:.1f} mm/s (rest: {1e3 * look.rest_speed_m_per_s:.1f})"

@@ -58,7 +58,7 @@ def _rows(report: BedReport, motion: FreeMotion) -> Iterable[tuple[str, str]]:
         yield (
             "radii",
             (
-                f"{_mm(radii.smallest_m)} to {_mm(radii.max_m)}, mean {_mm(radii.mean_m)}, "
+                f"{_mm(radii.min_m)} to {_mm(radii.max_m)}, mean {_mm(radii.mean_m)}, "
                 f"standard deviation {_mm(radii.deviation_m)}"
             ),
         )

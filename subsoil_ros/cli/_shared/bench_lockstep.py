@@ -99,9 +99,9 @@ def exchange_cost(ticks: int, *, recorded: bool) -> ExchangeCost:
             for name in names
         ]
         meter = _Meter(processes)
-        ending = Supervisor(processes, meter.note).follow(lambda: 0)
-        if ending.exit_status:
-            raise ending.error()
+        status = Supervisor(processes, meter.note).follow(lambda: 0)
+        if status.code:
+            raise status.error()
         stamps_ns = array("q", (folder / STAMPS_FILE).read_bytes())[WARM_UP_TICKS:]
     laps_us = sorted(1e-3 * (later - sooner) for sooner, later in itertools.pairwise(stamps_ns))
     nodes = meter.per_tick()

@@ -42,7 +42,7 @@ class RunProgress:
     """A bar on standard error. Use as context manager, and call with each tick that is done."""
 
     def __init__(self, name: str, timing: Timing) -> None:
-        self._interval_ns = timing.communication_step_ns
+        self._communication_step_ns = timing.communication_step_ns
         duration_s = tick_end_s(timing.tick_count - 1, timing.communication_step_ns)
         self._progress = Progress(
             TextColumn("{task.description}"),
@@ -67,7 +67,7 @@ class RunProgress:
 
     def __call__(self, tick: int) -> None:
         self.started = True
-        self._progress.update(self._task, completed=tick_end_s(tick, self._interval_ns))
+        self._progress.update(self._task, completed=tick_end_s(tick, self._communication_step_ns))
 
 
 _SHOWN_PARTS = 200

@@ -137,9 +137,9 @@ def _run_composed(
         builds = scene_builds(node_run, opened.bag, threads, progress, paused, live)
         _say_domain(domain, namespace)
         _say_what_it_waits_for(opened.resolved, opened.run_id, domain, namespace, paused)
-        ending = run_composed(node_run, builds, stop_signal, namespace)
-    if ending.exit_status:
-        raise ending.error()
+        status = run_composed(node_run, builds, stop_signal, namespace)
+    if status.code:
+        raise status.error()
 
 
 def _run_nodes(
@@ -165,6 +165,6 @@ def _run_nodes(
             )
             for node in plan.nodes()
         ]
-        ending = Supervisor(processes, progress).follow(stop_signal)
-    if ending.exit_status:
-        raise ending.error()
+        status = Supervisor(processes, progress).follow(stop_signal)
+    if status.code:
+        raise status.error()

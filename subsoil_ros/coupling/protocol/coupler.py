@@ -17,7 +17,7 @@ from ...messages import (
     ToolWrenches,
 )
 from ...ticks import INITIAL_TICK, is_control_tick
-from .handshake import check_hello
+from .handshake import check_node_status
 from .names import ACK_LAG_TICKS, CONTROLLER, RECORDER, SOIL
 from .pacing import Pacing
 from .streams import AnswerStream, CommandStream, Stream, refuse_other_tools
@@ -25,7 +25,7 @@ from .streams import AnswerStream, CommandStream, Stream, refuse_other_tools
 
 @dataclass(frozen=True)
 class FinishedTick:
-    """A tick that mover and soil have both finished."""
+    """A tick that motion and soil have both finished."""
 
     tick: int
     motions: tuple[ToolMotion, ...]
@@ -46,7 +46,7 @@ class Coupler:
 
     def __init__(
         self,
-        hello: NodeStatus,
+        node_status: NodeStatus,
         names: tuple[str, ...],
         tools: tuple[str, ...],
         tick_count: int,
@@ -63,7 +63,7 @@ class Coupler:
         self.abort_grant: Grant | None = None
         self.initial_motions: tuple[ToolMotion, ...] = ()
         self.initial_wrenches: tuple[ToolWrench, ...] = ()
-        self._own = hello
+        self._own = node_status
         self._tools = tools
         self._window = grant_window
         self._soil = soil
@@ -75,7 +75,7 @@ class Coupler:
         self._needed = needed or {}
         self._pacing = Pacing(first_tick - 1 if paused else None)
         self._control_ticks = control_ticks
-        run_id = hello.run_id
+        run_id = node_status.run_id
         self._acks = Stream("tick_ack", run_id, tick_count)
         self._motions = AnswerStream[ToolMotions]("tool_motions", run_id, tick_count, tools, first_tick)
         self._wrenches = AnswerStream[ToolWrenches]("tool_wrenches", run_id, tick_count, tools, first_tick)
@@ -91,35 +91,35 @@ class Coupler:
         """Whether every tick is done and recorded."""
         return self.acknowledged_tick == self.last_tick == self.done_tick
 
-    def accept_hello(self, hello: NodeStatus) -> None:
-        """Takes the hello or heartbeat of a participant.
+    def accept_node_status(self, node_status: NodeStatus) -> None:
+        """Takes the status of a participant.
 
         Raises:
             RunError: the participant reports a fault.
             ProtocolError: it is of another run, or does not fit (handshake), or there are two of its name.
         """
-        if hello.node not in self._names:
+        if node_status.node not in self._names:
             return
-        self._acks.refuse_foreign(hello.run_id, hello.tick)
-        known = self._process_ids.setdefault(hello.node, hello.process_id)
-        if known != hello.process_id:
+        self._acks.refuse_foreign(node_status.run_id, node_status.tick)
+        known = self._process_ids.setdefault(node_status.node, node_status.process_id)
+        if known != node_status.process_id:
             raise ProtocolError(
-                f"node_status: two nodes '{hello.node}', processes {known} and {hello.process_id}"
+                f"node_status: two nodes '{node_status.node}', processes {known} and {node_status.process_id}"
             )
-        if hello.state is NodeState.FAULT:
-            raise RunError(f"{hello.node}: {hello.message}")
-        check_hello(self._own, hello, self._needed.get(hello.node, {}))
-        if hello.state is not NodeState.READY or hello.node not in self._waiting:
+        if node_status.state is NodeState.FAULT:
+            raise RunError(f"{node_status.node}: {node_status.message}")
+        check_node_status(self._own, node_status, self._needed.get(node_status.node, {}))
+        if node_status.state is not NodeState.READY or node_status.node not in self._waiting:
             return
-        if hello.initial_motions:
-            given_tools = tuple(t.tool for t in hello.initial_motions)
+        if node_status.initial_motions:
+            given_tools = tuple(t.tool for t in node_status.initial_motions)
             refuse_other_tools("node_status", INITIAL_TICK, given_tools, self._tools)
-            self.initial_motions = hello.initial_motions
-        if hello.node == SOIL:
-            given_tools = tuple(t.tool for t in hello.initial_wrenches)
+            self.initial_motions = node_status.initial_motions
+        if node_status.node == SOIL:
+            given_tools = tuple(t.tool for t in node_status.initial_wrenches)
             refuse_other_tools("node_status", INITIAL_TICK, given_tools, self._tools)
-            self.initial_wrenches = hello.initial_wrenches
-        self._waiting.discard(hello.node)
+            self.initial_wrenches = node_status.initial_wrenches
+        self._waiting.discard(node_status.node)
 
     def next_grants(self) -> tuple[Grant, ...]:
         """The grants that can be given now, each once; none before everybody is ready."""

@@ -52,7 +52,7 @@ def needed_capabilities(scene: Scene) -> dict[str, dict[str, str]]:
     return needed
 
 
-def check_hello(own: NodeStatus, other: NodeStatus, needed: Mapping[str, str]) -> None:
+def check_node_status(own: NodeStatus, other: NodeStatus, needed: Mapping[str, str]) -> None:
     """Compares a node's word with the coupler's own.
 
     Args:
@@ -75,8 +75,8 @@ def check_hello(own: NodeStatus, other: NodeStatus, needed: Mapping[str, str]) -
         )
     if other.scene_hash != own.scene_hash:
         raise ProtocolError(
-            f"node_status: {node} runs scene {other.scene_hash[:16]}, the coupler {own.scene_hash[:16]} (hash "
-            "of the resolved scene with its meshes); start all nodes with the same scene"
+            f"node_status: {node} runs scene {other.scene_hash[:16]}, the coupler {own.scene_hash[:16]} "
+            "(hash of the resolved scene with its meshes); start all nodes with the same scene"
         )
     for capability, key in needed.items():
         if capability not in other.capabilities and capability.startswith(f"{CONTACT_LAW} "):

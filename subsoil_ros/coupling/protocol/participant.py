@@ -1,4 +1,4 @@
-"""MotionSource or soil: takes messages in any interleaving, hands out each tick once, in order."""
+"""Motion or soil: takes messages in any interleaving, hands out each tick once, in order."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -28,7 +28,7 @@ class Work:
 
 
 class Participant:
-    """MotionSource or soil: takes messages in any interleaving, hands out each tick once, in order.
+    """Motion or soil: takes messages in any interleaving, hands out each tick once, in order.
 
     Args:
         control_ticks: a command is needed every so many ticks; 0: never.

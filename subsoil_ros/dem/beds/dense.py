@@ -30,7 +30,7 @@ from ...scene.sizes import mean_power, sampled_radii_m
 from ...scene.soil import Soil
 from ..bed import Bed, grid_shape
 from ..mixture import material_at
-from .settling import SETTLING_GRAVITY, EngineOf, Rest, Settling, Watch
+from .settling import SETTLING_GRAVITY, EngineOf, OnProgress, Rest, Settling
 from .surface import cut_to_depth, mean_above_profile_m
 
 CLOSE_PACKING = 0.64
@@ -84,7 +84,9 @@ def relaxed_rest(radius_m: float, contact_rate_per_s: float) -> Rest:
     return Rest(0.01 * radius_m, RELAX_PERIODS * 2.0 * math.pi / contact_rate_per_s)
 
 
-def prepare_dense(resolved: ResolvedScene, seed: int, engine_of: EngineOf, threads: int, watch: Watch) -> Bed:
+def prepare_dense(
+    resolved: ResolvedScene, seed: int, engine_of: EngineOf, threads: int, on_progress: OnProgress
+) -> Bed:
     """Dense random bed that fills the bin of the scene; z = 0 at its mean top."""
     soil = resolved.scene.particle_soil
     assert soil is not None
@@ -93,9 +95,11 @@ def prepare_dense(resolved: ResolvedScene, seed: int, engine_of: EngineOf, threa
     gravity = resolved.scene.gravity_m_per_s2
     loose = Settling(
         dataclasses.replace(resolved, scene=common), engine_of, threads, adhesive=False,
-        gravity_m_per_s2=SETTLING_GRAVITY, watch=watch,
+        gravity_m_per_s2=SETTLING_GRAVITY, on_progress=on_progress,
     )  # fmt: skip
-    bonded = Settling(resolved, engine_of, threads, adhesive=True, gravity_m_per_s2=gravity, watch=watch)
+    bonded = Settling(
+        resolved, engine_of, threads, adhesive=True, gravity_m_per_s2=gravity, on_progress=on_progress
+    )
     edge = PILOT_DIAMETERS * rest_spacing_m(soil)
     pilot = _settled(soil, Bin(length_m=edge, width_m=edge, depth_m=edge, sides=soil.bin.sides), seed, loose)
     shrink = _bonded(pilot, edge, soil, bonded).upper_m[0] / edge

@@ -16,17 +16,17 @@ from ..periodic import refuse_narrow_period, refuse_tool_at_seam
 from .bed_file import LARGEST_OVERLAP, read_bed
 from .cache import cached_bed_path, keep, load_cached
 from .dense import prepare_dense, rest_volume_m3
-from .settling import EngineOf, Watch, unwatched
+from .settling import EngineOf, OnProgress, ignore_progress
 from .surface import profile_m
 
 
 def prepare_bed(
-    resolved: ResolvedScene, engine_of: EngineOf, threads: int = 1, watch: Watch = unwatched
+    resolved: ResolvedScene, engine_of: EngineOf, threads: int = 1, on_progress: OnProgress = ignore_progress
 ) -> Bed:
     """The bed of the scene's soil; `engine_of` is the class SoilEngine, which settles particles.
 
     One that takes long to prepare is kept in the user's cache folder and taken from there the next time;
-    `watch` is told how its preparation goes.
+    `on_progress` is told how its preparation goes.
 
     Raises:
         SceneError: a bin too small for a particle, particles that overlap too far, an unfit bed file.
@@ -44,7 +44,7 @@ def prepare_bed(
     path = cached_bed_path(resolved)
     kept = load_cached(path, soil)
     if kept is None:
-        kept = prepare_dense(resolved, soil.bed.seed, engine_of, threads, watch)
+        kept = prepare_dense(resolved, soil.bed.seed, engine_of, threads, on_progress)
         keep(path, kept, soil)
     return kept
 
@@ -75,8 +75,8 @@ def _refuse_tight_grid(soil: Soil) -> None:
 
 
 DENSE_FRACTION = 0.69
-"""Volume of spheres of the rest distance in a dense random bed under the cohesive linear law, over that of the bed
-(measured: 0.684 with 2,000 particles, 0.696 with 9,000)."""
+"""Volume of spheres of the rest distance in a dense random bed under the cohesive linear law, over that of
+the bed (measured: 0.684 with 2,000 particles, 0.696 with 9,000)."""
 
 
 def check_start(resolved: ResolvedScene) -> int:

@@ -43,7 +43,7 @@ class WallGap:
 class RadiusReport:
     """Radii of the particles, by number."""
 
-    smallest_m: float
+    min_m: float
     mean_m: float
     max_m: float
     deviation_m: float  # standard

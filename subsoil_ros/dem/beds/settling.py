@@ -64,7 +64,7 @@ class Rest(NamedTuple):
     longest_s: float
 
 
-class Look(NamedTuple):
+class SettlingProgress(NamedTuple):
     """How far one phase of a preparation is."""
 
     phase: str
@@ -74,11 +74,11 @@ class Look(NamedTuple):
     rest_speed_m_per_s: float  # the phase ends below it
 
 
-Watch = Callable[[Look], None]
+OnProgress = Callable[[SettlingProgress], None]
 """Told now and then how a preparation goes."""
 
 
-def unwatched(look: Look) -> None:
+def ignore_progress(progress: SettlingProgress) -> None:
     """Nobody looks."""
 
 
@@ -178,7 +178,7 @@ class Settling:
         *,
         adhesive: bool,
         gravity_m_per_s2: float,
-        watch: Watch = unwatched,
+        on_progress: OnProgress = ignore_progress,
     ) -> None:
         assert resolved.scene.particle_soil is not None
         soil = smooth_soil(resolved.scene.particle_soil, adhesive=adhesive)
@@ -191,7 +191,7 @@ class Settling:
         nanoseconds = max(STEPS_PER_DAMPING, round(self._interval_s * 1e9))
         timing = Timing(nanoseconds, tick_count=1, soil_steps=STEPS_PER_DAMPING, mechanism_steps=0)
         self._resolved = dataclasses.replace(resolved, scene=scene, timing=timing)
-        self._engine_of, self._threads, self._watch = engine_of, threads, watch
+        self._engine_of, self._threads, self._on_progress = engine_of, threads, on_progress
 
     def potential_joule(self, bed: Bed) -> float:
         """Energy of position of a bed: contacts, walls and gravity."""
@@ -207,7 +207,11 @@ class Settling:
             engine.damp(kept)
             if tick % TICKS_PER_LOOK == TICKS_PER_LOOK - 1:
                 speed = engine.state("", 0, 0).rms_speed_m_per_s
-                self._watch(Look(phase, tick * self._interval_s, rest.longest_s, speed, rest.speed_m_per_s))
+                self._on_progress(
+                    SettlingProgress(
+                        phase, tick * self._interval_s, rest.longest_s, speed, rest.speed_m_per_s
+                    )
+                )
                 if speed < rest.speed_m_per_s:
                     break
         kinetic = engine.state("", 0, 0).kinetic_energy_joule

@@ -1,8 +1,8 @@
 """Soils whose throughput is measured: law, bed, and what keeps it moving, so that lists are rebuilt.
 
 `linear` is stirred: every particle starts with a random velocity, and those of the surface fly on for
-some 0.1 s. Other codes can start from the same numbers. `cohesive_linear` sticks together and would be at rest after
-some ms, so a plate is dragged through it, as in the runs this engine is for.
+some 0.1 s. Other codes can start from the same numbers. `cohesive_linear` sticks together and would be at
+rest after some ms, so a plate is dragged through it, as in the runs this engine is for.
 """
 
 import math
@@ -107,7 +107,7 @@ def linear_case(bed: dict[str, Any], size_m: tuple[float, float, float], steps: 
     return Case(name, _resolved(document, LINEAR_STEP_S, Path()), steps, stirred=True)
 
 
-def wet_case(
+def cohesive_case(
     bed: dict[str, Any],
     size_m: tuple[float, float, float],
     steps: int,
@@ -165,15 +165,15 @@ def throughput_cases(folder: Path, *, quick: bool) -> list[Case]:
     cases = [
         linear_case(GRID, (0.60, 0.30, 0.41), 1000, "linear, grid 9,000"),
         linear_case(DENSE, (0.60, 0.30, 0.345), 1000, "linear, dense random 9,000"),
-        wet_case(GRID, (0.55, 0.27, 0.364), 1000, "wet, grid 9,000", folder),
-        wet_case(DENSE, (0.50, 0.25, 0.32), 1000, "wet, dense random 9,000", folder),
+        cohesive_case(GRID, (0.55, 0.27, 0.364), 1000, "cohesive linear, grid 9,000", folder),
+        cohesive_case(DENSE, (0.50, 0.25, 0.32), 1000, "cohesive linear, dense random 9,000", folder),
     ]
     if not quick:
-        box, name = (1.80, 0.80, 0.40), "wet, dense random 130,000"
+        box, name = (1.80, 0.80, 0.40), "cohesive linear, dense random 130,000"
         cases += [
             linear_case(DENSE, (2.00, 1.12, 0.40), 300, "linear, dense random 130,000"),
-            wet_case(DENSE, box, 300, f"{name}, mixed precision", folder, "mixed"),
-            wet_case(DENSE, box, 300, name, folder),
+            cohesive_case(DENSE, box, 300, f"{name}, mixed precision", folder, "mixed"),
+            cohesive_case(DENSE, box, 300, name, folder),
         ]
     return cases
 
@@ -186,5 +186,5 @@ def scaling_cases(folder: Path, counts: tuple[int, ...]) -> list[Case]:
         columns = math.sqrt(count / layers / 2.0)
         size = (2.0 * columns * spacing, columns * spacing, (layers - 1) * spacing + 2.0 * RADIUS_M)
         steps = max(200, min(1000, 30_000_000 // count))
-        cases.append(wet_case(GRID, size, steps, f"wet, grid {count:,}", folder))
+        cases.append(cohesive_case(GRID, size, steps, f"cohesive linear, grid {count:,}", folder))
     return cases

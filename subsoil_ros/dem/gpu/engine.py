@@ -243,7 +243,7 @@ class GpuSoilEngine(SoilEngine):
                 end = s
                 break
         left = max(self._lasted - self._since, _FEWEST_STEPS) if self._lasted else _UNKNOWN_STEPS
-        until_look = left if self._watch is None else self._watch.steps_until_due()
+        until_look = left if self._monitor is None else self._monitor.steps_until_due()
         return min(end - done, left, until_look)
 
     def _end_step(
@@ -254,8 +254,8 @@ class GpuSoilEngine(SoilEngine):
         if s == steps - 1 and self._resolved.scene.coupling.force == "tick_end":
             self._keep_last_step_only()
         self._note_tools(felt, at)
-        if rebuilt and self._watch is not None:
-            self._watch.note_rebuild()
+        if rebuilt and self._monitor is not None:
+            self._monitor.note_rebuild()
         self._after_step(tick, s + 1)
 
     # readings

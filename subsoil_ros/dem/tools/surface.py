@@ -43,7 +43,7 @@ class ToolSurface:
 
     name: str
     mesh: ToolMesh
-    reference_phi_rad: float
+    reference_angle_rad: float
     last: ToolMotion  # at the end of the last soil step
     kept: int = 0  # numbers that the law keeps of a contact beside its springs
     facets: Facets = field(init=False)
@@ -70,10 +70,11 @@ class ToolSurface:
 
     def kernel_motion(self, motion: ToolMotion) -> Motion:
         """`motion` as the kernels take it."""
-        turn = motion.angle_rad - self.reference_phi_rad
+        turn = motion.angle_rad - self.reference_angle_rad
         return (
             motion.x_m, motion.z_m, math.cos(turn), math.sin(turn),
-            motion.velocity_x_m_per_s, motion.velocity_z_m_per_s, motion.angular_velocity_rad_per_s, motion.y_m,
+            motion.velocity_x_m_per_s, motion.velocity_z_m_per_s, motion.angular_velocity_rad_per_s,
+            motion.y_m,
         )  # fmt: skip
 
     def search(

@@ -16,7 +16,7 @@ from ...errors import InputError
 from ...loading.loader import ResolvedScene, load_scene
 from ...yaml_document import dump_yaml
 from .design import DraftTarget, LawDesign, StrengthTarget, Target
-from .runs import Watch
+from .runs import RunProgress
 from .soil_results import draft_results, repose_results, strength_results
 
 
@@ -45,7 +45,7 @@ def fit_law(
     design: LawDesign,
     folder: Path,
     threads: int,
-    watch: Watch,
+    progress: RunProgress,
     say: Callable[[str], None],
 ) -> LawFit:
     """Least squares of (found - wanted) / (tolerance wanted), differences taken over `design.difference`.
@@ -75,7 +75,7 @@ def fit_law(
         if values.tobytes() not in tested and len(tested) >= design.max_runs:
             raise _Enough
         tested.add(values.tobytes())
-        found = _results(scene, design, keys, values, folder, threads, watch)
+        found = _results(scene, design, keys, values, folder, threads, progress)
         cost = float((((found - wanted) / (tolerance * wanted)) ** 2).sum())
         shown = ", ".join(
             f"{key.split('.')[-1]} {value:.4g}" for key, value in zip(keys, values, strict=True)
@@ -137,7 +137,7 @@ def _results(
     values: NDArray[np.float64],
     folder: Path,
     threads: int,
-    watch: Watch,
+    progress: RunProgress,
 ) -> NDArray[np.float64]:
     changes = [f"{key}={float(value)!r}" for key, value in zip(keys, values, strict=True)]
     resolved = load_scene(scene.path, (*design.overrides, *changes))
@@ -147,7 +147,7 @@ def _results(
         path = folder / f"{hashlib.sha256(content.encode()).hexdigest()[:32]}.json"
         if not path.is_file():
             path.parent.mkdir(parents=True, exist_ok=True)
-            results = _run(resolved, target, folder, threads, watch)
+            results = _run(resolved, target, folder, threads, progress)
             part = path.with_suffix(".part")
             part.write_text(json.dumps(results))
             os.replace(part, path)
@@ -155,12 +155,14 @@ def _results(
     return np.array(found)
 
 
-def _run(scene: ResolvedScene, target: Target, folder: Path, threads: int, watch: Watch) -> dict[str, float]:
+def _run(
+    scene: ResolvedScene, target: Target, folder: Path, threads: int, progress: RunProgress
+) -> dict[str, float]:
     if isinstance(target, StrengthTarget):
-        return strength_results(scene, target, threads, watch)
+        return strength_results(scene, target, threads, progress)
     if isinstance(target, DraftTarget):
-        return draft_results(scene, target, folder, threads, watch)
-    return repose_results(scene, target, threads, watch)
+        return draft_results(scene, target, folder, threads, progress)
+    return repose_results(scene, target, threads, progress)
 
 
 def write_law(path: Path, fit: LawFit) -> None:

@@ -18,7 +18,7 @@ from ...loading.loader import ResolvedScene
 from ...messages import ToolMotions, ToolWrenches
 from ..run_cache import find_run, keep_run
 
-Watch = Callable[[str, Timing], AbstractContextManager[Callable[[int], None]]]
+RunProgress = Callable[[str, Timing], AbstractContextManager[Callable[[int], None]]]
 """Told the name and time of each run, gives what is called with every tick."""
 
 SAMPLE_M = 1e-3
@@ -80,7 +80,7 @@ def pull(
     return Pull(np.array(sink.x_m), forces[:, :, 0], forces[:, :, 1], sink.groups)
 
 
-def kept_pull(scene: ResolvedScene, folder: Path, name: str, threads: int, watch: Watch) -> Pull:
+def kept_pull(scene: ResolvedScene, folder: Path, name: str, threads: int, progress: RunProgress) -> Pull:
     """The pull of a scene whose series has every tick, from `folder` where it has been run before.
 
     A run is kept when it is whole, so a calibration that was stopped goes on with the next run; one that
@@ -91,7 +91,7 @@ def kept_pull(scene: ResolvedScene, folder: Path, name: str, threads: int, watch
     """
     kept = find_run(folder, scene.scene_hash)
     if kept is None or kept.failure is not None:
-        with watch(name, scene.timing) as on_tick:
+        with progress(name, scene.timing) as on_tick:
             kept = keep_run(folder, scene, execute(scene, threads, on_tick))
     if kept.failure is not None:
         raise kept.error(name)

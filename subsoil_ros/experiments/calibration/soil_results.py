@@ -13,7 +13,7 @@ from ...loading.seeds import seed_key
 from ..soil_tests.runs import run_soil_tests
 from ..soil_tests.strength import SoilStrength
 from .design import DraftTarget, ReposeTarget, StrengthTarget, tip_of
-from .runs import Watch, kept_pull, numbers
+from .runs import RunProgress, kept_pull, numbers
 
 LOOSE = 1.075
 """Distance of the column's spheres over their diameter: they fall into place (chosen)."""
@@ -26,13 +26,13 @@ SLOPE_PART = (0.15, 0.85)
 
 
 def strength_results(
-    scene: ResolvedScene, target: StrengthTarget, threads: int, watch: Watch
+    scene: ResolvedScene, target: StrengthTarget, threads: int, progress: RunProgress
 ) -> dict[str, float]:
     """Cohesion, friction angle and tensile strength, those that the target gives."""
     with tempfile.TemporaryDirectory() as folder:
         tests = run_soil_tests(
             scene, target.normal_pa, target.size_m, Path(folder) / "tests",
-            inertial_number=target.inertial_number, threads=threads, watch=watch,
+            inertial_number=target.inertial_number, threads=threads, progress=progress,
         )  # fmt: skip
     found = SoilStrength.of(tests)
     results = {
@@ -44,7 +44,7 @@ def strength_results(
 
 
 def draft_results(
-    scene: ResolvedScene, target: DraftTarget, folder: Path, threads: int, watch: Watch
+    scene: ResolvedScene, target: DraftTarget, folder: Path, threads: int, progress: RunProgress
 ) -> dict[str, float]:
     """Mean draft while the tip is in the metrics window, over all beds of the target; runs are in `folder`.
 
@@ -52,15 +52,15 @@ def draft_results(
     """
     seeds = [[f"{seed_key(scene)}={seed}"] for seed in target.seeds] or [[]]
     beds = [_changed(scene, ["record.series_ticks=1", "record.cloud_hz=0.0", *seed]) for seed in seeds]
-    return {"draft_newton": float(np.mean([_draft_newton(bed, folder, threads, watch) for bed in beds]))}
+    return {"draft_newton": float(np.mean([_draft_newton(bed, folder, threads, progress) for bed in beds]))}
 
 
-def _draft_newton(scene: ResolvedScene, folder: Path, threads: int, watch: Watch) -> float:
+def _draft_newton(scene: ResolvedScene, folder: Path, threads: int, progress: RunProgress) -> float:
     _, (tip_x, _) = tip_of(scene)
     soil = scene.scene.particle_soil
     assert soil is not None
     inside = scene.scene.report.window_inside_m
-    found = kept_pull(scene, folder, "draft", threads, watch)
+    found = kept_pull(scene, folder, "draft", threads, progress)
     return numbers(found, tip_x, (inside, soil.bin.length_m - inside)).draft_newton
 
 
@@ -73,7 +73,7 @@ def _changed(scene: ResolvedScene, changes: list[str]) -> ResolvedScene:
 
 
 def repose_results(
-    scene: ResolvedScene, target: ReposeTarget, threads: int, watch: Watch
+    scene: ResolvedScene, target: ReposeTarget, threads: int, progress: RunProgress
 ) -> dict[str, float]:
     """Slope of the heap that a loose column against the near wall falls into."""
     length, width, height = target.column_m
@@ -92,7 +92,7 @@ def repose_results(
     shaken = np.random.default_rng(0).uniform(0.0, 0.1 * radius, cells.shape)
     engine.place(corner + step * cells + shaken)
     engine.start(())
-    with watch("angle of repose", resolved.timing) as on_tick:
+    with progress("angle of repose", resolved.timing) as on_tick:
         for tick in range(resolved.timing.tick_count):
             engine.advance(tick, ())
             on_tick(tick)

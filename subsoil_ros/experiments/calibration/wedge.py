@@ -18,7 +18,7 @@ from ...scene.tool_faces import cutting_faces
 from ...scene.wedge import SoilRange, WedgeValues
 from ...wedge.engine import WedgeEngine
 from .design import Point, WedgeDesign, fitted_law, point_overrides, tip_of
-from .runs import PullNumbers, Watch, dominant_period_m, kept_pull, numbers, pull
+from .runs import PullNumbers, RunProgress, dominant_period_m, kept_pull, numbers, pull
 
 FITTED = {
     "cohesion_pa": (1e4, 0.0, 2e5),
@@ -48,7 +48,7 @@ class Measured:
     """A point of the design and its runs."""
 
     point: Point
-    scene: ResolvedScene  # on wedge model
+    scene: ResolvedScene  # on the wedge model
     tip_x_m: float
     numbers: list[PullNumbers]  # one per replicate
     used: bool  # in the fit
@@ -69,7 +69,7 @@ class Compared:
 
     point: Point
     used: bool
-    draft_newton: tuple[float, float]  # particles, reduced
+    draft_newton: tuple[float, float]  # particles, wedge
     deviation_newton: tuple[float, float]
     period_m: tuple[float, float]
     scatter: tuple[float, float, float]  # of draft, deviation and period between replicates, relative
@@ -89,7 +89,7 @@ class WedgeFit:
 
 
 def measure(
-    scene: ResolvedScene, design: WedgeDesign, folder: Path, threads: int, watch: Watch
+    scene: ResolvedScene, design: WedgeDesign, folder: Path, threads: int, progress: RunProgress
 ) -> list[Measured]:
     """Runs what has not been run yet. Raises RunError as kept_pull does."""
     found = []
@@ -102,13 +102,13 @@ def measure(
                 label = f"{point.name}, run {replicate + 1} of {point.replicates}"
                 tip_x = _tip_x_m(scene, point)
                 runs.append(
-                    numbers(kept_pull(resolved, folder, label, threads, watch), tip_x, design.window_m)
+                    numbers(kept_pull(resolved, folder, label, threads, progress), tip_x, design.window_m)
                 )
-            reduced = load_scene(scene.path, (*point_overrides(scene, design, point, 0), *_REDUCED))
-            found.append(Measured(point, reduced, _tip_x_m(scene, point), runs, used))
+            wedge = load_scene(scene.path, (*point_overrides(scene, design, point, 0), *_WEDGE))
+            found.append(Measured(point, wedge, _tip_x_m(scene, point), runs, used))
     groups = scene.scene.tools[name].groups
     if any(len(item.numbers[0].mean_x_newton) != len(groups) for item in found):
-        raise RunError(f"{folder}: a kept run has other groups than {', '.join(groups)}; remove the folder")
+        raise RunError(f"{folder}: a cached run has other groups than {', '.join(groups)}; remove the folder")
     return found
 
 
@@ -119,7 +119,7 @@ _START = WedgeValues(
     adhesion_pa=1e3,
     tool_friction_angle_rad=0.2,
 )
-_REDUCED = (
+_WEDGE = (
     "soil={model: wedge, values: " + _START.model_dump_json(exclude_none=True) + "}",
     "allow=[]",  # what the scene allows concerns its particles
 )
@@ -136,7 +136,7 @@ def fit_wedge(
     """Fits strength to the mean forces of each group, then drop, variation and period to the fluctuation.
 
     Strength by least squares over share and shank along x and z; standard errors from the Jacobian, scaled by
-    the residuals' own size. drop and period by running the reduced engine on the same paths.
+    the residuals' own size. drop and period by running the wedge engine on the same paths.
     """
     used = [item for item in measured if item.used]
     engines = {id(item): WedgeEngine(item.scene) for item in measured}
@@ -241,7 +241,7 @@ def steady(engine: WedgeEngine, item: Measured) -> tuple[NDArray[np.float64], ND
     )
 
 
-def _reduced_numbers(
+def _wedge_numbers(
     values: WedgeValues, item: Measured, engine: WedgeEngine, design: WedgeDesign
 ) -> PullNumbers:
     return numbers(pull(item.scene, engine.with_values(values)), item.tip_x_m, design.window_m)
@@ -273,7 +273,7 @@ def _fit_fluctuation(
         soil = WedgeValues.model_validate({**values.model_dump(), **change})
         ratio, late = [], []
         for item, period in zip(used, periods, strict=True):
-            got = _reduced_numbers(soil, item, engines[id(item)], design)
+            got = _wedge_numbers(soil, item, engines[id(item)], design)
             ratio.append(item.mean("deviation_newton") / got.deviation_newton)
             late.append(period / dominant_period_m([got]))
         drop = float(np.clip(drop * np.exp(np.mean(np.log(ratio))), 1e-3, 0.9))
@@ -297,7 +297,7 @@ def _wedge_length_m(values: WedgeValues, item: Measured) -> float:
 
 
 def _compare(values: WedgeValues, item: Measured, engine: WedgeEngine, design: WedgeDesign) -> Compared:
-    got = _reduced_numbers(values, item, engine, design)
+    got = _wedge_numbers(values, item, engine, design)
     periods = [dominant_period_m([one]) for one in item.numbers]
     return Compared(
         point=item.point,

@@ -25,7 +25,7 @@ from .options import INERTIAL_NUMBER
 from .shear_box import GLUE, ShearBox, ShearLoading, TensionLoading, shear_machine, tension_machine
 from .specimen import Size, Specimen, box_around, prepare_specimen, write_scene
 
-Watch = Callable[[str, Timing], AbstractContextManager[Callable[[int], None]]]
+RunProgress = Callable[[str, Timing], AbstractContextManager[Callable[[int], None]]]
 """Told the name and time of each run, gives what is called with every tick."""
 
 BAND_DIAMETERS = 6.0
@@ -190,7 +190,7 @@ def run_shear(
     inertial_number: float = INERTIAL_NUMBER,
     glued: bool | None = None,
     threads: int = 1,
-    watch: Watch = lambda name, timing: nullcontext(lambda tick: None),
+    progress: RunProgress = lambda name, timing: nullcontext(lambda tick: None),
 ) -> ShearCurve:
     """A direct shear test under `normal_pa` on the plane of shear, over a third of the length.
 
@@ -211,7 +211,7 @@ def run_shear(
     grace = GRACE_STRAIN * normal_pa * box.area_m2 * box.height_m
     machine = shear_machine(box, loading, gravity) | {"coupling": {"residual_grace_joule": grace}}
     resolved = write_scene(specimen, name, folder, box, bed, loading.duration_s, machine, glued=glued)
-    series = _run(resolved, specimen, threads, watch(name, resolved.timing))[0]
+    series = _run(resolved, specimen, threads, progress(name, resolved.timing))[0]
     moving = np.array(series.times_s) >= loading.start_s
     drive, upper, z = series.column("drive"), series.column("upper_x"), series.column("z")
     settled_m = float(z[0] - z[int(np.argmax(moving))])
@@ -296,8 +296,8 @@ def _lid_damping_newton_s_per_m(
 ) -> float:
     """Twice what keeps a lid on the contacts of the section stable against a force held for a tick H.
 
-    A contact of stiffness k needs k H / 2 (coupling_bounds.py), of which its own damper gives a part; the
-    glue pulls without a damper. One contact stands on each square of a diameter.
+    A contact of stiffness k needs k H / 2 (limits/communication_steps.py), of which its own damper gives a
+    part; the glue pulls without a damper. One contact stands on each square of a diameter.
     """
     soil = specimen.soil
     pair, _ = pair_values(soil)
@@ -317,7 +317,7 @@ def run_tension(
     *,
     inertial_number: float = INERTIAL_NUMBER,
     threads: int = 1,
-    watch: Watch = lambda name, timing: nullcontext(lambda tick: None),
+    progress: RunProgress = lambda name, timing: nullcontext(lambda tick: None),
 ) -> TensionCurve:
     """A tension test along z: the two halves of the box are drawn apart, so the soil breaks between them.
 
@@ -332,7 +332,7 @@ def run_tension(
     resolved = write_scene(
         specimen, "tension", folder, box, bed, loading.duration_s, tension_machine(box, loading)
     )
-    series, rise = _run(resolved, specimen, threads, watch("tension", resolved.timing))
+    series, rise = _run(resolved, specimen, threads, progress("tension", resolved.timing))
     half_weight = 0.5 * specimen.mass_kg * specimen.resolved.scene.gravity_m_per_s2
     opening = series.column("z") - box.middle_m
     moving = np.array(series.times_s) >= loading.rest_s
@@ -369,13 +369,13 @@ def run_soil_tests(
     *,
     inertial_number: float = INERTIAL_NUMBER,
     threads: int = 1,
-    watch: Watch = lambda name, timing: nullcontext(lambda tick: None),
+    progress: RunProgress = lambda name, timing: nullcontext(lambda tick: None),
     working: Callable[[str], AbstractContextManager[object]] = nullcontext,
 ) -> SoilTests:
     """Direct shear at every stress of `normal_pa`, and tension if the soil has adhesion.
 
     The specimen in tension is as long as wide, and a quarter higher than wide. `folder` takes a scene with
-    its meshes and bed for each test, in a folder of its own. `watch` and `working` show what is going on.
+    its meshes and bed for each test, in a folder of its own. `progress` and `working` show what is going on.
     """
 
     def subfolder(name: str) -> Path:
@@ -389,7 +389,7 @@ def run_soil_tests(
     curves = tuple(
         run_shear(
             specimen, stress, subfolder(f"shear_{stress:g}_pa"), inertial_number=inertial_number,
-            glued=glued, threads=threads, watch=watch,
+            glued=glued, threads=threads, progress=progress,
         )
         for stress in normal_pa
     )  # fmt: skip
@@ -399,6 +399,6 @@ def run_soil_tests(
         with working("preparing the column"):
             pulled = prepare_specimen(resolved, column, subfolder("column"), threads)
         tension = run_tension(
-            pulled, subfolder("tension"), inertial_number=inertial_number, threads=threads, watch=watch
+            pulled, subfolder("tension"), inertial_number=inertial_number, threads=threads, progress=progress
         )
     return SoilTests(specimen, size_m, curves, tension)

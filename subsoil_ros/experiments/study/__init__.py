@@ -1,1 +1,1 @@
-"""What accuracy costs: presets of a scene against a finest run."""
+"""What accuracy costs: presets of a scene against a reference run."""

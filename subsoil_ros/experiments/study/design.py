@@ -1,4 +1,4 @@
-"""What a study compares: factors and their values, the finest run, seeds; read from a design file."""
+"""What a study compares: factors and their values, the reference run, seeds; read from a design file."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,16 +14,16 @@ from ...yaml_document import read_document
 from ..run_metrics import METRICS
 from ..sweep.plan import Point
 
-FINEST = "finest"
+REFERENCE = "reference"
 
 Overrides = tuple[str, ...]  # KEY=VALUE, as after --set
 Seeds = Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)]
 
 
 class Reference(StrictModel):
-    """Another run that errors are given against, finer than the finest that can be repeated."""
+    """Another run that errors are given against, finer than the reference but too costly to repeat."""
 
-    overrides: Overrides  # over the scene and the common ones, not over `finest`
+    overrides: Overrides  # over the scene and the common ones, not over `reference`
     seeds: Seeds = (0,)
 
 
@@ -31,14 +31,14 @@ class StudyDesign(StrictModel):
     """A study of one scene."""
 
     overrides: Overrides = ()  # in every run
-    finest: Overrides = ()  # the run that all others are measured against
+    reference: Overrides = ()  # the run that all others are measured against
     seeds: Seeds
     confidence: Fraction = 0.95
-    factors: dict[str, dict[str, Overrides]]  # factor, value, its changes of the finest
+    factors: dict[str, dict[str, Overrides]]  # factor, value, its changes of the reference
     one_at_a_time: tuple[str, ...] | None = (
         None  # factors whose values also run alone (default: every factor)
     )
-    combinations: dict[str, dict[str, str]] = {}  # name, then the value of each factor that differs
+    presets: dict[str, dict[str, str]] = {}  # name, then the value of each factor that differs
     metrics: tuple[str, ...] = ("draft_mean_newton", "spring_range_newton")  # the Pareto set's error
     additional_references: dict[str, Reference] = {}
 
@@ -49,47 +49,47 @@ class StudyDesign(StrictModel):
         for factor in self.one_at_a_time or ():
             if factor not in self.factors:
                 raise ValueError(f"one_at_a_time: no factor '{factor}'; {suggestion(factor, self.factors)}")
-        for name, chosen in self.combinations.items():
+        for name, chosen in self.presets.items():
             for factor, value in chosen.items():
                 if factor not in self.factors:
                     raise ValueError(
-                        f"combinations.{name}: no factor '{factor}'; {suggestion(factor, self.factors)}"
+                        f"presets.{name}: no factor '{factor}'; {suggestion(factor, self.factors)}"
                     )
                 if value not in self.factors[factor]:
                     raise ValueError(
-                        f"combinations.{name}.{factor}: no value '{value}'; "
+                        f"presets.{name}.{factor}: no value '{value}'; "
                         f"{suggestion(value, self.factors[factor])}"
                     )
         names = [metric.name for metric in METRICS]
         for name in self.metrics:
             if name not in names:
                 raise ValueError(f"metrics: no metric '{name}'; {suggestion(name, names)}")
-        taken = {FINEST, *self.combinations} & {*self.additional_references}
-        if taken or FINEST in self.combinations:
+        taken = {REFERENCE, *self.presets} & {*self.additional_references}
+        if taken or REFERENCE in self.presets:
             raise ValueError(
-                f"additional_references, combinations: '{(taken or {FINEST}).pop()}' names another run"
+                f"additional_references, presets: '{(taken or {REFERENCE}).pop()}' names another run"
             )
         return self
 
-    def variants(self) -> tuple["Variant", ...]:
-        """The finest run, the values of factors one at a time, the combinations; without seeds."""
-        found = [Variant(Point({}, name=FINEST, overrides=self.finest), {})]
+    def all_presets(self) -> tuple["StudyPreset", ...]:
+        """The reference run, the values of factors one at a time, the presets; without seeds."""
+        found = [StudyPreset(Point({}, name=REFERENCE, overrides=self.reference), {})]
         for factor in self.factors if self.one_at_a_time is None else self.one_at_a_time:
             for value in self.factors[factor]:
-                found.append(self._variant(f"{factor}: {value}", {factor: value}))
-        return (*found, *(self._variant(name, chosen) for name, chosen in self.combinations.items()))
+                found.append(self._preset(f"{factor}: {value}", {factor: value}))
+        return (*found, *(self._preset(name, chosen) for name, chosen in self.presets.items()))
 
-    def _variant(self, name: str, factors: dict[str, str]) -> "Variant":
+    def _preset(self, name: str, factors: dict[str, str]) -> "StudyPreset":
         own = [change for factor, value in factors.items() for change in self.factors[factor][value]]
-        return Variant(Point({}, name=name, overrides=(*self.finest, *own)), factors)
+        return StudyPreset(Point({}, name=name, overrides=(*self.reference, *own)), factors)
 
 
 @dataclass(frozen=True)
-class Variant:
+class StudyPreset:
     """A run of a study, without its seed."""
 
     point: Point
-    factors: dict[str, str]  # those that differ from the finest
+    factors: dict[str, str]  # those that differ from the reference
 
 
 def read_design(path: Path) -> StudyDesign:

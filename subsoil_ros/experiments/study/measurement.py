@@ -1,4 +1,4 @@
-"""Errors of every variant of a study against its finest run, with intervals over the seeds."""
+"""Errors of every preset of a study against its reference run, with intervals over the seeds."""
 
 import math
 from collections.abc import Sequence
@@ -14,14 +14,14 @@ from ...analysis.intervals import (
     mean_interval,
 )
 from ..run_metrics import METRICS, Metric
-from .design import FINEST, StudyDesign
+from .design import REFERENCE, StudyDesign
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """One run: a variant with one seed."""
+    """One run: a preset with one seed."""
 
-    variant: str
+    preset: str
     seed: int
     wall_s: float
     cpu_s: float
@@ -30,7 +30,7 @@ class Measurement:
 
 @dataclass
 class PresetResult:
-    """A variant of a study."""
+    """A preset of a study."""
 
     name: str
     factors: dict[str, str]
@@ -40,7 +40,7 @@ class PresetResult:
     cpu_s: Interval | None = None
     speed_up: tuple[float, float, float] | None = None  # mean, low, high
     values: dict[str, Interval] = field(default_factory=dict)
-    errors: dict[str, Interval] = field(default_factory=dict)  # against the finest
+    errors: dict[str, Interval] = field(default_factory=dict)  # against the reference
     errors_against: dict[str, dict[str, Interval]] = field(default_factory=dict)  # by reference
     bound: float = math.nan  # largest error of the metrics that are judged, at the far end of its interval
     pareto: bool = False
@@ -50,7 +50,7 @@ class PresetResult:
         return self.values[metric].count if metric in self.values else 0
 
     def verdict(self, metric: str) -> str:
-        """In words, whether its difference from the finest is more than the scatter of the seeds."""
+        """In words, whether its difference from the reference is more than the scatter of the seeds."""
         error = self.errors.get(metric)
         if error is None:
             return ""
@@ -66,26 +66,28 @@ def judge(
     measured: Sequence[Measurement],
     failures: dict[str, list[str]],
 ) -> list[PresetResult]:
-    """Every variant of the design, in its order; those that failed in every seed have no numbers.
+    """Every preset of the design, in its order; those that failed in every seed have no numbers.
 
     Errors are ratios of the means over the seeds that both have, less 1; intervals are Student's t of what is
     left seed by seed (intervals.py). Speed-ups are of logarithms, since times scale. A reference of one run
-    has no scatter of its own: the finest's stands for it.
+    has no scatter of its own: the reference's stands for it.
     """
-    by_variant: dict[str, dict[int, Measurement]] = {}
+    by_preset: dict[str, dict[int, Measurement]] = {}
     for item in measured:
-        by_variant.setdefault(item.variant, {})[item.seed] = item
-    finest = by_variant.get(FINEST, {})
+        by_preset.setdefault(item.preset, {})[item.seed] = item
+    reference = by_preset.get(REFERENCE, {})
     found = []
-    for variant in design.variants():
-        point = variant.point
-        runs = by_variant.get(point.name, {})
-        judged = PresetResult(point.name, variant.factors, len(runs), failures.get(point.name, []))
+    for preset in design.all_presets():
+        point = preset.point
+        runs = by_preset.get(point.name, {})
+        judged = PresetResult(point.name, preset.factors, len(runs), failures.get(point.name, []))
         if runs:
-            _times(judged, runs, finest, design.confidence)
+            _times(judged, runs, reference, design.confidence)
             for metric in METRICS:
-                _errors(judged, metric, runs, finest, by_variant, design)
-            known = [name for name in design.metrics if any(name in run.metrics for run in finest.values())]
+                _errors(judged, metric, runs, reference, by_preset, design)
+            known = [
+                name for name in design.metrics if any(name in run.metrics for run in reference.values())
+            ]
             judged.bound = _bound(judged, known, len(design.seeds))
         found.append(judged)
     _mark_pareto(found)
@@ -93,12 +95,12 @@ def judge(
 
 
 def _times(
-    judged: PresetResult, runs: dict[int, Measurement], finest: dict[int, Measurement], confidence: float
+    judged: PresetResult, runs: dict[int, Measurement], reference: dict[int, Measurement], confidence: float
 ) -> None:
     judged.wall_s = mean_interval([run.wall_s for run in runs.values()], confidence)
     judged.cpu_s = mean_interval([run.cpu_s for run in runs.values()], confidence)
     gains = difference_by_seed(
-        {seed: math.log(run.wall_s) for seed, run in finest.items()},
+        {seed: math.log(run.wall_s) for seed, run in reference.items()},
         {seed: math.log(run.wall_s) for seed, run in runs.items()},
         confidence,
     )
@@ -110,11 +112,11 @@ def _errors(
     judged: PresetResult,
     metric: Metric,
     runs: dict[int, Measurement],
-    finest: dict[int, Measurement],
-    by_variant: dict[str, dict[int, Measurement]],
+    reference: dict[int, Measurement],
+    by_preset: dict[str, dict[int, Measurement]],
     design: StudyDesign,
 ) -> None:
-    values, true = _of(runs, metric), _of(finest, metric)
+    values, true = _of(runs, metric), _of(reference, metric)
     if not values:
         return
     judged.values[metric.name] = mean_interval(list(values.values()), design.confidence)
@@ -123,10 +125,10 @@ def _errors(
     compare = error_by_seed if metric.relative else difference_by_seed
     error = compare(values, true, design.confidence)
     if error.count:
-        judged.errors[metric.name] = _resolvable(error, metric, finest)
+        judged.errors[metric.name] = _resolvable(error, metric, reference)
     scatter = float(pd.Series(true).std())  # nan with one
     for name in design.additional_references:
-        other = list(_of(by_variant.get(name, {}), metric).values())
+        other = list(_of(by_preset.get(name, {}), metric).values())
         if not metric.relative or not any(other):
             continue
         centre = sum(other) / len(other)
@@ -135,13 +137,13 @@ def _errors(
         )
 
 
-def _resolvable(error: Interval, metric: Metric, finest: dict[int, Measurement]) -> Interval:
+def _resolvable(error: Interval, metric: Metric, reference: dict[int, Measurement]) -> Interval:
     """No narrower than what a run can tell of the metric; runs with the same value stay the same."""
     if metric.resolution is None or error.mean == error.half_width == 0.0:
         return error
     told = max(
         run.metrics[metric.resolution] / run.metrics[metric.name]
-        for run in finest.values()
+        for run in reference.values()
         if metric.name in run.metrics
     )
     return Interval(error.mean, max(error.half_width, told), error.count)
@@ -154,7 +156,7 @@ def _of(runs: dict[int, Measurement], metric: Metric) -> dict[int, float]:
 def _bound(judged: PresetResult, names: Sequence[str], seeds: int) -> float:
     """Largest |error| that the intervals still hold; with one seed in all, of the errors themselves.
 
-    Infinite where an error is not known: too few seeds are left, or the variant lost what is judged.
+    Infinite where an error is not known: too few seeds are left, or the preset lost what is judged.
     """
     ends = []
     for name in names:
@@ -166,7 +168,7 @@ def _bound(judged: PresetResult, names: Sequence[str], seeds: int) -> float:
 
 
 def _mark_pareto(found: Sequence[PresetResult]) -> None:
-    """Marks every variant that no other beats in both wall time and bound."""
+    """Marks every preset that no other beats in both wall time and bound."""
     rated = [item for item in found if item.wall_s is not None and math.isfinite(item.bound)]
     for item in rated:
         assert item.wall_s is not None

@@ -9,21 +9,21 @@ from ..._version import __version__
 from ...analysis.intervals import Interval
 from ...figures.study_figure import Dot, Panel, draw_study
 from ..run_metrics import METRICS, Metric
-from .design import FINEST, StudyDesign
+from .design import REFERENCE, StudyDesign
 from .measurement import Measurement, PresetResult
 
 _SPEED_UP = ("speed_up", "speed_up_low", "speed_up_high")
 
 
 def wide_table(judged: Sequence[PresetResult], design: StudyDesign) -> list[dict[str, Any]]:
-    """A row per variant. METRIC_error is relative to the finest (energy_residual: a difference), _low and
+    """A row per preset. METRIC_error is relative to the reference (energy_residual: a difference), _low and
     _high are of its interval, _verdict is in words; METRIC_error_vs_NAME is against a reference. _runs: how
     many of its runs have the metric, where not all need have it.
     """
     rows = []
     for item in judged:
         row: dict[str, Any] = {
-            "variant": item.name,
+            "preset": item.name,
             **{f"factor.{factor}": item.factors.get(factor, "") for factor in design.factors},
             "seeds": item.seeds,
             "failures": len(item.failures),
@@ -52,9 +52,9 @@ def _interval(name: str, interval: Interval | None) -> dict[str, float]:
 
 
 def markdown(judged: Sequence[PresetResult], design: StudyDesign, measured: Sequence[Measurement]) -> str:
-    """The table for people: wall time, speed-up, and each error with its interval."""
+    """The printed table: wall time, speed-up, and each error with its interval."""
     metrics = [metric for metric in METRICS if _told(judged, metric)]
-    heads = ["variant", "wall s", "times faster", *(_heading(metric) for metric in metrics), "Pareto"]
+    heads = ["preset", "wall s", "times faster", *(_heading(metric) for metric in metrics), "Pareto"]
     lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for item in judged:
         name = item.name.replace("|", r"\|")
@@ -69,7 +69,7 @@ def markdown(judged: Sequence[PresetResult], design: StudyDesign, measured: Sequ
 
 
 def _told(judged: Sequence[PresetResult], metric: Metric) -> bool:
-    """Whether a metric has a column: an error, or a value where the finest runs have none."""
+    """Whether a metric has a column: an error, or a value where the reference runs have none."""
     return any(metric.name in item.errors for item in judged) or (
         metric.absent_in_some != "" and any(metric.name in item.values for item in judged)
     )
@@ -81,11 +81,11 @@ def _heading(metric: Metric) -> str:
 
 def _cell(item: PresetResult, metric: Metric) -> str:
     value, error = item.values.get(metric.name), item.errors.get(metric.name)
-    if metric.absent_in_some and (error is None or item.name == FINEST):
+    if metric.absent_in_some and (error is None or item.name == REFERENCE):
         return f"({_presence(item, metric)})"
     if value is None or error is None:
         return ""
-    if item.name == FINEST:
+    if item.name == REFERENCE:
         return f"({value.mean:.4g})"
     scaled = error.scaled(100.0) if metric.relative else error
     text = _plus_minus(scaled, "{:+.3g}" if metric.relative else "{:+.1g}")
@@ -117,7 +117,7 @@ def _faster(item: PresetResult) -> str:
 def _legend(judged: Sequence[PresetResult], design: StudyDesign) -> list[str]:
     percent = f"{100.0 * design.confidence:g} %"
     lines = [
-        f"Errors against `{FINEST}`, whose row has the values themselves; {len(design.seeds)} bed seeds. "
+        f"Errors against `{REFERENCE}`, whose row has the values themselves; {len(design.seeds)} bed seeds. "
         f"+-: {percent} intervals, Student's t of the differences of equal seeds; (~): less than the scatter "
         "of the seeds, so no difference that these runs resolve. Wall time: of the ticks alone, without "
         "start-up and compilation. Pareto: no other run is both faster and nearer, by "
@@ -133,9 +133,9 @@ def _legend(judged: Sequence[PresetResult], design: StudyDesign) -> list[str]:
 
 
 def _true_runs(design: StudyDesign, measured: Sequence[Measurement]) -> list[str]:
-    """The runs that count as true, one by one: a list of the finest and of the references."""
+    """The runs that count as true, one by one: those of the reference and of the additional references."""
     return [
-        f"- `{item.variant}`, seed {item.seed}, {item.wall_s:.4g} s: "
+        f"- `{item.preset}`, seed {item.seed}, {item.wall_s:.4g} s: "
         + "; ".join(
             f"{metric.label} {item.metrics[metric.name]:.4g}"
             for metric in METRICS
@@ -143,7 +143,7 @@ def _true_runs(design: StudyDesign, measured: Sequence[Measurement]) -> list[str
         )
         + "."
         for item in measured
-        if item.variant in (FINEST, *design.additional_references)
+        if item.preset in (REFERENCE, *design.additional_references)
     ]
 
 
@@ -154,17 +154,17 @@ def expected_presets(
     duration_s: float,
     scene: str,
 ) -> dict[str, Any]:
-    """`expected:` of the finest and each combination, as a scene's presets take it; only measured intervals.
+    """`expected:` of the reference and each preset, as a scene's presets take it; only measured intervals.
 
-    The finest's own error is the scatter of its mean over the seeds.
+    The reference's own error is the scatter of its mean over the seeds.
     """
     seeds = f"{len(design.seeds)} bed seeds"
     found: dict[str, Any] = {}
     for item in judged:
-        if item.wall_s is None or item.name not in (FINEST, *design.combinations):
+        if item.wall_s is None or item.name not in (REFERENCE, *design.presets):
             continue
-        errors, against = item.errors, f"{FINEST}, {seeds}"
-        if item.name == FINEST:
+        errors, against = item.errors, f"{REFERENCE}, {seeds}"
+        if item.name == REFERENCE:
             errors, against = _scatter(item), f"its own mean over {seeds}"
         found[item.name] = {
             "expected": {
@@ -181,18 +181,18 @@ def expected_presets(
     return found
 
 
-def _notes(item: PresetResult, finest: PresetResult) -> dict[str, list[str]]:
-    """What no error says: a metric that more or fewer of its runs have than of the finest."""
+def _notes(item: PresetResult, reference: PresetResult) -> dict[str, list[str]]:
+    """What no error says: a metric that more or fewer of its runs have than of the reference's."""
     notes = [
-        f"{metric.label}: {_presence(item, metric)}; {FINEST}: {_presence(finest, metric)}"
+        f"{metric.label}: {_presence(item, metric)}; {REFERENCE}: {_presence(reference, metric)}"
         for metric in METRICS
-        if metric.absent_in_some and item.runs_with(metric.name) != finest.runs_with(metric.name)
+        if metric.absent_in_some and item.runs_with(metric.name) != reference.runs_with(metric.name)
     ]
     return {"notes": notes} if notes else {}
 
 
 def _scatter(item: PresetResult) -> dict[str, Interval]:
-    """Relative intervals of a variant's own means."""
+    """Relative intervals of a preset's own means."""
     return {
         name: Interval(0.0, value.half_width / abs(value.mean), value.count)
         for name, value in item.values.items()
@@ -216,7 +216,7 @@ def draw(judged: Sequence[PresetResult], design: StudyDesign, scene: str, path: 
     panels = []
     for metric in METRICS:
         factor = 100.0 if metric.relative else 1.0
-        title = f"{metric.label}, against the finest run"
+        title = f"{metric.label}, against the reference run"
         unit = "error [%]" if metric.relative else "difference"
         dots = tuple(
             Dot(
@@ -227,7 +227,7 @@ def draw(judged: Sequence[PresetResult], design: StudyDesign, scene: str, path: 
             if item.wall_s is not None and (error := item.errors.get(metric.name)) is not None
         )  # fmt: skip
         if not dots and _told(judged, metric):
-            title, unit = f"{metric.label}; the finest run has none", f"[{metric.unit}]"
+            title, unit = f"{metric.label}; the reference run has none", f"[{metric.unit}]"
             dots = tuple(
                 Dot(number, _group(item), item.wall_s.mean, value.mean, value.half_width, resolved=True)
                 for number, item in enumerate(judged)
@@ -246,4 +246,4 @@ def draw(judged: Sequence[PresetResult], design: StudyDesign, scene: str, path: 
 def _group(item: PresetResult) -> str:
     if len(item.factors) == 1 and ": " in item.name:
         return next(iter(item.factors))
-    return FINEST if item.name == FINEST else "combinations"
+    return REFERENCE if item.name == REFERENCE else "presets"

@@ -1,4 +1,4 @@
-"""A study: what each factor of a scene costs and gains, measured against its finest run over several beds."""
+"""A study: what each factor of a scene costs and gains, measured against a reference run on several beds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from ..sweep.engine import ExecutionOptions, Watcher, run_jobs
 from ..sweep.plan import Job, Point, jobs_of
 from ..sweep.sweep import RUNS, open_folder
 from ..sweep.table import table_of, write_table, write_whole
-from .design import FINEST, StudyDesign
+from .design import REFERENCE, StudyDesign
 from .measurement import Measurement, PresetResult, judge
 from .report import draw, expected_presets, markdown, wide_table
 
@@ -32,14 +32,14 @@ class StudyOutcome:
 
 
 def study_jobs(scene: str, common: Sequence[str], design: StudyDesign) -> tuple[Job, ...]:
-    """Every run of a study: all variants with the first seed, with the next, then the references.
+    """Every run of a study: all presets with the first seed, with the next, then the references.
 
     Speed-ups are ratios on the same seed, so these runs stand near each other: a machine drifts by a tenth
     within an hour. Raises as jobs_of.
 
     common: KEY=VALUE of the command line, over those of the design.
     """
-    points = [variant.point for variant in design.variants()]
+    points = [preset.point for preset in design.all_presets()]
     jobs: tuple[Job, ...] = ()
     for seed in design.seeds:
         jobs += jobs_of(scene, [*design.overrides, *common], points, (seed,))
@@ -60,8 +60,8 @@ def run_study(
     """Runs what has not been run; writes study.csv, .parquet, .md, .png, runs.csv, .parquet, expected.yaml.
 
     Raises:
-        InputError: the scene, a variant of it or the folder cannot be used; nothing was run.
-        RunError: the finest run failed with every seed, so there is nothing to measure against.
+        InputError: the scene, a preset of it or the folder cannot be used; nothing was run.
+        RunError: the reference run failed with every seed, so there is nothing to measure against.
     """
     jobs = study_jobs(scene, common, design)
     open_folder(out, REQUEST)
@@ -74,11 +74,13 @@ def run_study(
     write_table(table_of(jobs, runs), out / "runs")
     if judged[0].wall_s is None:
         message = judged[0].failures[0] if judged[0].failures else "it has no series"
-        raise RunError(f"{FINEST}: failed with every seed, so nothing can be measured against it: {message}")
+        raise RunError(
+            f"{REFERENCE}: failed with every seed, so nothing can be measured against it: {message}"
+        )
     paths = [*write_table(pd.DataFrame(wide_table(judged, design)), out / "study"), out / "study.md"]
     text = markdown(judged, design, measured)
     write_whole(out / "study.md", lambda part: part.write_text(text, encoding="utf-8"))
-    facts = next(run.facts for job, run in zip(jobs, runs, strict=True) if job.point.name == FINEST)
+    facts = next(run.facts for job, run in zip(jobs, runs, strict=True) if job.point.name == REFERENCE)
     expected = expected_presets(judged, design, facts, jobs[0].scene.scene.duration_s, scene)
     if expected:
         paths.append(out / "expected.yaml")

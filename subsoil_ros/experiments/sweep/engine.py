@@ -44,7 +44,7 @@ class ExecutionOptions:
 
 
 def run_jobs(jobs: Sequence[Job], cache: Path, manner: ExecutionOptions, watcher: Watcher) -> list[CachedRun]:
-    """The kept run of every job, in their order. A run that fails is kept with its message, the rest go on.
+    """The cached run of every job, in their order. A run that fails is kept with its message, the rest go on.
 
     Ended early, by Ctrl-C say, all that was finished is kept, and the next call goes on from there.
 

@@ -10,7 +10,9 @@ import pandas as pd
 from ...analysis.intervals import Interval, difference_by_seed, error_by_seed, mean_interval
 from .plan import Point
 
-DRAFT = "draft_newton_mean"
+DRAFT = "series.draft_newton.mean"
+"""Path of what points are ranked by."""
+
 FATIGUE_WORDS = ("equivalent_range", "fatigue", "rainflow")
 """In the names of a summary's columns that speak of a spring's load cycles; the first found is judged by."""
 
@@ -68,9 +70,9 @@ def rank(
         if control:
             saving = _saving(drafts, _rows(runs, control_point(point, control)), confidence)
         load = {name: float(done[name].mean()) for name in _load_columns(done)}
-        name = f"spring.{spring}.force_newton"
-        if f"{name}_max" in done:
-            load[f"{name}_range"] = float((done[f"{name}_max"] - done[f"{name}_min"]).mean())
+        name = f"series.spring.{spring}.force_newton"
+        if f"{name}.max" in done:
+            load[f"{name}.range"] = float((done[f"{name}.max"] - done[f"{name}.min"]).mean())
         found.append((point, drafts, saving, load, len(rows) - len(done)))
     found.sort(key=lambda item: sum(item[1].values()) / len(item[1]))
     return [

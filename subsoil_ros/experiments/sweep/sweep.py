@@ -68,7 +68,7 @@ class Outcome:
     best: Ranked | None
     failed: list[tuple[str, str]]  # label and message
     paths: list[Path]
-    engines: int  # how many states of the engines the kept runs are of
+    engines: int  # how many states of the engines the cached runs are of
 
 
 def open_folder(out: Path, request: str) -> None:
@@ -127,9 +127,9 @@ def run_sweep(
 def _usual_columns(table: pd.DataFrame, spring: str | None) -> list[str]:
     names = [
         DRAFT,
-        "draft_newton_max",
-        f"spring.{spring}.force_newton_max",
-        f"spring.{spring}.force_newton_min",
+        "series.draft_newton.max",
+        f"series.spring.{spring}.force_newton.max",
+        f"series.spring.{spring}.force_newton.min",
     ]
     return [name for name in names if name in table]
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import pandas as pd
 
+from ...analysis.quantities import flattened
 from ..run_cache import CachedRun
 from .plan import Job, as_text
 
@@ -36,17 +37,17 @@ def table_of(jobs: Sequence[Job], runs: Sequence[CachedRun]) -> pd.DataFrame:
                 "seed": -1 if job.point.seed is None else job.point.seed,
                 "failure": run.failure or "",
                 **facts,
-                **{name: value for name, value in numbers_of(run).items() if name not in facts},
+                **numbers_of(run),
             }
         )
     return pd.DataFrame(rows)
 
 
 def numbers_of(run: CachedRun) -> dict[str, float | int]:
-    """Every number of a run's summary."""
+    """Every number of a run's summary, by its dotted path."""
     return {
         name: value
-        for name, value in run.summary.items()
+        for name, value in flattened(run.summary).items()
         if isinstance(value, int | float) and not isinstance(value, bool)
     }
 

@@ -15,10 +15,10 @@ class ControllerNode(LockstepNode):
     """Takes part in the lockstep: the run waits for each of its commands, and for no other."""
 
     def __init__(
-        self, controller: Controller, run: NodeRun, lifeline: Heartbeat, context: Context | None = None
+        self, controller: Controller, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
     ) -> None:
         """Raises SceneError if the scene has no controller."""
-        super().__init__(CONTROLLER, run, lifeline, context)
+        super().__init__(CONTROLLER, run, heartbeat, context)
         scene, timing = run.resolved.scene, run.resolved.timing
         if scene.controller is None:
             raise SceneError(f"{run.resolved.path}: has no 'controller'; no controller node is needed for it")
@@ -37,8 +37,8 @@ class ControllerNode(LockstepNode):
 
     def on_poll(self) -> None:
         """Says that it is ready once everybody is there."""
-        if self.lifeline.state is NodeState.STARTING and self.matched:
-            self.lifeline.say(NodeState.READY)
+        if self.heartbeat.state is NodeState.STARTING and self.matched:
+            self.heartbeat.say(NodeState.READY)
 
     def _on_grant(self, grant: Grant) -> None:
         self._commander.accept_grant(grant)
@@ -54,7 +54,7 @@ class ControllerNode(LockstepNode):
 
 
 def build(
-    settings: NodeSettings, run: NodeRun, lifeline: Heartbeat, context: Context | None = None
+    settings: NodeSettings, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
 ) -> ControllerNode:
     """The node with the scene's control law.
 
@@ -66,7 +66,7 @@ def build(
         raise SceneError(
             f"{run.resolved.path}: has no 'controller', or an external one; this node is not needed for it"
         )
-    return ControllerNode(controller, run, lifeline, context)
+    return ControllerNode(controller, run, heartbeat, context)
 
 
 def main() -> int:

@@ -9,7 +9,7 @@ from rclpy.context import Context
 
 from ...coupling.checkpoints import CouplingState
 from ...coupling.energy_account import InterfaceAccount, account_of
-from ...coupling.exit_status import KEEP_S, SIGNAL_STATUS, Ending
+from ...coupling.exit_status import KEEP_S, SIGNAL_STATUS, ExitStatus
 from ...coupling.protocol import (
     ACK_LAG_TICKS,
     CONTROLLER,
@@ -70,17 +70,17 @@ class CouplerNode(LockstepNode):
     def __init__(
         self,
         run: NodeRun,
-        lifeline: Heartbeat,
+        heartbeat: Heartbeat,
         context: Context | None = None,
         on_progress: Callable[[int], None] = lambda tick: None,
         paused: bool = False,
     ) -> None:
-        super().__init__(COUPLER, run, lifeline, context)
+        super().__init__(COUPLER, run, heartbeat, context)
         scene, timing = run.resolved.scene, run.resolved.timing
         names = run.participants
         self._schedule = schedule_of(scene, timing)
         self._coupler = Coupler(
-            run.hello(COUPLER),
+            run.node_status(COUPLER),
             names,
             tuple(scene.tools),
             timing.tick_count,
@@ -91,11 +91,11 @@ class CouplerNode(LockstepNode):
             needed=needed_capabilities(scene),
             paused=paused,
         )
-        self._keeper = run.keeper()
+        self._checkpoint_writer = run.checkpoint_writer()
         self._to_commit: deque[CouplingState] = deque()  # checkpoints whose record is not yet on the disk
         self._last: CouplingState | None = None  # the exchange at the end of the last finished tick
         self._keep_said = False
-        self._keep_deadline: float | None = None  # of the checkpoint before an end by wish
+        self._keep_deadline: float | None = None  # of the checkpoint before a requested end
         self.rest_s = REST_S if scene.coupling.grant_window >= REST_WINDOW else 0.0
         self._on_progress = on_progress
         self._account: InterfaceAccount | None = None  # from the initial exchange
@@ -106,19 +106,19 @@ class CouplerNode(LockstepNode):
         self._clock_publisher = self.create_publisher(
             rclpy_class("rosgraph_msgs/msg/Clock"), CLOCK, VISUALIZATION_QOS
         )
-        mover = MECHANISM if scene.mechanism is not None else SOIL
-        self.listen(ToolMotions, self._on_motions, (mover,))
+        motion_source = MECHANISM if scene.mechanism is not None else SOIL
+        self.listen(ToolMotions, self._on_motions, (motion_source,))
         if scene.soil is not None:
             self.listen(ToolWrenches, self._on_wrenches, (SOIL,))
         if RECORDER in names:
             self.listen(TickAck, self._on_ack, (RECORDER,))
-        self.listen(NodeStatus, self._on_hello, names)
+        self.listen(NodeStatus, self._on_node_status, names)
         if scene.controller is not None:
             self.listen(DriverCommand, self._on_command, (CONTROLLER,))
-        self._control = RunControl(self._coupler, self._on_pacing, lifeline.request_stop)
+        self._control = RunControl(self._coupler, self._on_pacing, heartbeat.request_stop)
         self._pausing = PauseServices(self, self._control, self._guarded)
         self._simulation = SimulationServices(self, self._control, self._guarded)
-        self._steps = StepsAction(lifeline, self._control)
+        self._steps = StepsAction(heartbeat, self._control)
 
     def on_poll(self) -> None:
         """Starts the run when all are ready; finds out what is late.
@@ -163,7 +163,7 @@ class CouplerNode(LockstepNode):
             return Health(Level.WARN, f"the recorder is {lag} ticks behind; the disk is slow", values)
         return Health(Level.OK, "paused" if coupler.paused else "running", values)
 
-    def on_stop(self, stop: Ending) -> None:
+    def on_stop(self, stop: ExitStatus) -> None:
         """A run that is interrupted writes a checkpoint first, if that is soon done.
 
         Raises:
@@ -172,25 +172,30 @@ class CouplerNode(LockstepNode):
         if self._is_kept_before(stop):
             raise stop.error()
 
-    def _is_kept_before(self, stop: Ending) -> bool:
+    def _is_kept_before(self, stop: ExitStatus) -> bool:
         """Whether there is nothing more to wait for; goes one step nearer to it."""
-        keeper, now = self._keeper, time.monotonic()
-        if keeper is None or self._last is None or stop.exit_status <= SIGNAL_STATUS or self.lifeline.lost:
+        checkpoint_writer, now = self._checkpoint_writer, time.monotonic()
+        if (
+            checkpoint_writer is None
+            or self._last is None
+            or stop.code <= SIGNAL_STATUS
+            or self.heartbeat.lost
+        ):
             return True
         if self._keep_deadline is None:
             self._keep_deadline = now + KEEP_S
             self._coupler.hold()
         grant = self._coupler.keep()
-        if now > self._keep_deadline or (grant is not None and keeper.last_tick == grant.tick):
+        if now > self._keep_deadline or (grant is not None and checkpoint_writer.last_tick == grant.tick):
             return True
         if grant is None:
             return False
         if not self._keep_said:
             self._keep_said = True
             self._grants.publish(self.bytes_of(grant))
-        if self._coupler.acknowledged_tick < grant.tick or not keeper.all_kept(grant.tick):
+        if self._coupler.acknowledged_tick < grant.tick or not checkpoint_writer.all_kept(grant.tick):
             return False
-        keeper.commit(self._last)
+        checkpoint_writer.commit(self._last)
         return True
 
     def on_fault(self, error: BaseException) -> None:
@@ -236,8 +241,8 @@ class CouplerNode(LockstepNode):
         window = self.run.resolved.scene.coupling.grant_window
         self.rest_ticks = 0 if self._coupler.paused else window // REST_WINDOW  # steps are waited for
         state = NodeState.PAUSED if self._coupler.paused else NodeState.RUNNING
-        if self.lifeline.state is not state:
-            self.lifeline.say(state)
+        if self.heartbeat.state is not state:
+            self.heartbeat.say(state)
 
     def _grant(self) -> None:
         if self._account is None:
@@ -245,8 +250,8 @@ class CouplerNode(LockstepNode):
         for grant in self._coupler.next_grants():
             self._grants.publish(self.bytes_of(grant))
 
-    def _on_hello(self, hello: NodeStatus) -> None:
-        self._coupler.accept_hello(hello)
+    def _on_node_status(self, node_status: NodeStatus) -> None:
+        self._coupler.accept_node_status(node_status)
 
     def _on_motions(self, motions: ToolMotions) -> None:
         self._coupler.accept_motions(motions)
@@ -282,41 +287,43 @@ class CouplerNode(LockstepNode):
         self._last_advance = now
         work = self._account.add(finished.motions, finished.wrenches)
         if self._schedule.series_due(tick):
-            report = work.report(self.run.run_id, tick, self._interval_ns, now - self._start)
+            report = work.report(self.run.run_id, tick, self._communication_step_ns, now - self._start)
             self._reports.publish(self.bytes_of(report))
-        self._clock_publisher.publish(serialize(clock(message_class, tick_end_ns(tick, self._interval_ns))))
-        self.lifeline.tick = tick
+        self._clock_publisher.publish(
+            serialize(clock(message_class, tick_end_ns(tick, self._communication_step_ns)))
+        )
+        self.heartbeat.tick = tick
         self._account.check(tick)
         self._last = CouplingState(tick, finished.motions, finished.wrenches, work, now - self._start)
-        if self._keeper is not None and self._keeper.due(tick):
+        if self._checkpoint_writer is not None and self._checkpoint_writer.due(tick):
             self._to_commit.append(self._last)
             self._commit_recorded()
-        if self._keeper is not None and tick == self._schedule.last_tick:
-            self._keeper.note_coupling_end(self._last)
+        if self._checkpoint_writer is not None and tick == self._schedule.last_tick:
+            self._checkpoint_writer.note_coupling_end(self._last)
 
     def _commit_recorded(self) -> None:
         """A checkpoint stands at the end of a record that is on the disk; without a record, at once."""
         recorded = self._coupler.acknowledged_tick
-        while self._keeper is not None and self._to_commit and self._to_commit[0].tick <= recorded:
-            self._keeper.commit(self._to_commit.popleft())
+        while self._checkpoint_writer is not None and self._to_commit and self._to_commit[0].tick <= recorded:
+            self._checkpoint_writer.commit(self._to_commit.popleft())
 
     def _end(self) -> None:
         self._on_progress(self._coupler.done_tick)
         self._control.refuse_waiting("the run has ended")
-        self.lifeline.say(NodeState.ENDED)
-        self.lifeline.flush(END_WORD_S)
+        self.heartbeat.say(NodeState.ENDED)
+        self.heartbeat.flush(END_WORD_S)
         self.finish(0)
 
 
 def build(
-    settings: NodeSettings, run: NodeRun, lifeline: Heartbeat, context: Context | None = None
+    settings: NodeSettings, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
 ) -> CouplerNode:
     """The node; under a supervisor it reports its progress there."""
     if not settings.supervised:
-        return CouplerNode(run, lifeline, context, paused=settings.paused)
+        return CouplerNode(run, heartbeat, context, paused=settings.paused)
     return CouplerNode(
         run,
-        lifeline,
+        heartbeat,
         context,
         on_progress=lambda tick: report_to_supervisor(tick=tick),
         paused=settings.paused,

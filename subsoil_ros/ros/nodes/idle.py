@@ -109,16 +109,16 @@ class IdleSoil(_Stateless):
 
 
 def _mechanism(
-    settings: NodeSettings, run: NodeRun, lifeline: Heartbeat, context: Context | None = None
+    settings: NodeSettings, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
 ) -> MechanismNode:
     engine = IdleMechanism(run.resolved, Path(settings.scene).parent / STAMPS_FILE)
-    return MechanismNode(engine, run, lifeline, context)
+    return MechanismNode(engine, run, heartbeat, context)
 
 
 def _soil(
-    settings: NodeSettings, run: NodeRun, lifeline: Heartbeat, context: Context | None = None
+    settings: NodeSettings, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
 ) -> SoilNode:
-    return SoilNode(IdleSoil(), None, run, lifeline, context)
+    return SoilNode(IdleSoil(), None, run, heartbeat, context)
 
 
 def main() -> int:

@@ -14,7 +14,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy
 from rclpy.subscription import Subscription
 
-from ...coupling.exit_status import Ending
+from ...coupling.exit_status import ExitStatus
 from ...coupling.protocol import COUPLER, RECORDER
 from ...errors import ProtocolError, RunError, SubsoilError
 from ...messages import Grant, NodeState, NodeStatus
@@ -26,10 +26,10 @@ from ..transport.qos import qos_of
 from .message_loop import serve
 
 POLL_S = 0.1
-"""How often a node looks after what no message brings: matched endpoints, wishes to stop, silence."""
+"""How often a node checks what no message brings: matched endpoints, stop requests, silence."""
 
 LONGEST_REST_S = 0.05
-"""A wish that comes while a node rests waits so long at most."""
+"""Longest time that a stop request can wait while the node sleeps."""
 
 NAME_TRIES = 10
 """Looks, POLL_S apart, for the name of a node whose publisher was found (chosen: a second)."""
@@ -65,7 +65,7 @@ class LockstepNode(Node):
     """Pause after every wake-up, the longer of both; for nodes that nobody waits for. Each wake-up finds cold
     caches, pushes a thread that computes aside, and takes two thirds less if it is shared."""
 
-    def __init__(self, name: str, run: NodeRun, lifeline: Heartbeat, context: Context | None = None) -> None:
+    def __init__(self, name: str, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None) -> None:
         super().__init__(
             name,
             context=context,
@@ -73,13 +73,13 @@ class LockstepNode(Node):
             parameter_overrides=[*OWN_TIME, Parameter("start_type_description_service", value=False)],
         )
         self.run = run
-        self.lifeline = lifeline
+        self.heartbeat = heartbeat
         self.ended = threading.Event()
-        self.ending = Ending()
-        self._interval_ns = run.resolved.timing.communication_step_ns
+        self.status = ExitStatus()
+        self._communication_step_ns = run.resolved.timing.communication_step_ns
         self._writers: dict[type, Callable[[Any], bytes]] = {}
         self._partners: list[tuple[Publisher | Subscription, tuple[str, ...]]] = []
-        self._diagnostics = Diagnostics(self, run.run_id, self._interval_ns)
+        self._diagnostics = Diagnostics(self, run.run_id, self._communication_step_ns)
         self._woken = run.first_tick, time.monotonic()  # the last tick at the last wake-up, and when
         self.tick_times_s: deque[float] = deque(maxlen=_MEASURED)
         """Of the last wake-ups, the mean time of a tick between one and the next."""
@@ -90,10 +90,10 @@ class LockstepNode(Node):
 
     def discount_wait(self) -> None:
         """The time up to now was not taken by ticks: nobody asked for any."""
-        self._woken = self.lifeline.tick, time.monotonic()
+        self._woken = self.heartbeat.tick, time.monotonic()
 
     def _pause_s(self) -> float:
-        tick, (last_tick, last) = self.lifeline.tick, self._woken
+        tick, (last_tick, last) = self.heartbeat.tick, self._woken
         if tick > last_tick:
             self.tick_times_s.append((time.monotonic() - last) / (tick - last_tick))
             self.discount_wait()
@@ -104,7 +104,7 @@ class LockstepNode(Node):
     def listen(self, kind: type, handle: Callable[[Any], None], partners: tuple[str, ...]) -> None:
         """Hands records of `kind`, from the nodes named, to `handle`."""
 
-        read = reader(kind, self._interval_ns)
+        read = reader(kind, self._communication_step_ns)
         self.listen_raw(kind, lambda cdr: handle(read(cdr)), partners)
 
     def listen_raw(self, kind: type, handle: Callable[[bytes], None], partners: tuple[str, ...]) -> None:
@@ -118,7 +118,8 @@ class LockstepNode(Node):
         def received(cdr: bytes, info: Any) -> None:
             nonlocal due
             number = info["publication_sequence_number"]  # of the publisher, from 1; None: not known
-            if kind is not NodeStatus and number is not None and number != due:  # hello has many publishers
+            many = kind is NodeStatus  # every node publishes it
+            if not many and number is not None and number != due:
                 raise ProtocolError(
                     f"{topic}: message number {number} of its publisher came where number {due} is due; "
                     "one was lost, or somebody else publishes: give every run a ROS_DOMAIN_ID of its own"
@@ -137,7 +138,7 @@ class LockstepNode(Node):
         if RECORDER not in self.run.participants:
             partners = tuple(name for name in partners if name != RECORDER)
         self._partners.append((publisher, partners))
-        self._writers[kind] = writer(kind, self._interval_ns)
+        self._writers[kind] = writer(kind, self._communication_step_ns)
         return publisher
 
     def bytes_of(self, record: Any) -> bytes:
@@ -156,8 +157,8 @@ class LockstepNode(Node):
         """What diagnostics say of the node beside its rate."""
         return Health()
 
-    def on_stop(self, stop: Ending) -> None:
-        """Takes the wish, seen at every poll, that the node ends.
+    def on_stop(self, stop: ExitStatus) -> None:
+        """Handles a stop request; called at every poll.
 
         Raises:
             RunError: it ends now.
@@ -175,33 +176,37 @@ class LockstepNode(Node):
         if not isinstance(error, SubsoilError):
             self.get_logger().error("".join(traceback.format_exception(error)))
         self.on_fault(error)
-        self.lifeline.say(NodeState.FAULT, reason)
-        self.lifeline.flush(LAST_WORD_S)
+        self.heartbeat.say(NodeState.FAULT, reason)
+        self.heartbeat.flush(LAST_WORD_S)
         self.finish(getattr(error, "exit_status", RunError.exit_status), reason)
 
     def finish(self, exit_status: int, reason: str = "") -> None:
         """Ends the node."""
-        self.ending = Ending(exit_status, reason)
+        self.status = ExitStatus(exit_status, reason)
         level = Level.ERROR if exit_status else Level.OK
-        self._diagnostics.publish(Health(level, reason or "the run has ended"), self.lifeline.tick)
+        self._diagnostics.publish(Health(level, reason or "the run has ended"), self.heartbeat.tick)
         self.ended.set()
 
     def finish_aborted(self, grant: Grant) -> None:
         """Ends the node because the coupler aborted the run."""
-        self.lifeline.say(NodeState.ENDED)
+        self.heartbeat.say(NodeState.ENDED)
         self.finish(RunError.exit_status, f"run aborted at tick {grant.tick}: {grant.reason}")
 
     def note_tick(self, tick: int, last: bool) -> None:
         """Lets the heartbeat say how far the node is."""
-        self.lifeline.tick = tick
+        self.heartbeat.tick = tick
         if tick == self.run.first_tick and not last:
-            self.lifeline.say(NodeState.RUNNING)
+            self.heartbeat.say(NodeState.RUNNING)
         elif last:
-            self.lifeline.say(NodeState.ENDED)
+            self.heartbeat.say(NodeState.ENDED)
 
-    def follow_coupler_end(self, hello: NodeStatus) -> None:
+    def follow_coupler_end(self, node_status: NodeStatus) -> None:
         """Ends the node, its work being done, when the coupler says that the run is over."""
-        if hello.node == COUPLER and hello.state is NodeState.ENDED and hello.run_id == self.run.run_id:
+        if (
+            node_status.node == COUPLER
+            and node_status.state is NodeState.ENDED
+            and node_status.run_id == self.run.run_id
+        ):
             self.finish(0)
 
     def _has_found(self, endpoint: Publisher | Subscription, names: tuple[str, ...]) -> bool:
@@ -215,24 +220,24 @@ class LockstepNode(Node):
         return set(can_match).issuperset(names) and endpoint.get_subscription_count() >= len(can_match)
 
     def _poll(self) -> None:
-        stop = self.lifeline.stop
+        stop = self.heartbeat.stop
         if stop is not None:
             self.on_stop(stop)
-        if self.lifeline.lost and self.lifeline.state is NodeState.ENDED:
+        if self.heartbeat.lost and self.heartbeat.state is NodeState.ENDED:
             self.finish(0)  # its work is done, nothing is lost
             return
-        if self.lifeline.lost:
-            raise RunError(self.lifeline.lost)
+        if self.heartbeat.lost:
+            raise RunError(self.heartbeat.lost)
         self._refuse_other_publishers()
         self.on_poll()
         if self._diagnostics.due():
-            self._diagnostics.publish(self.health(), self.lifeline.tick)
+            self._diagnostics.publish(self.health(), self.heartbeat.tick)
 
     def _refuse_other_publishers(self) -> None:
         """Raises ProtocolError if a lockstep topic has more publishers than the run."""
         for endpoint, names in self._partners:
             if not isinstance(endpoint, Subscription) or endpoint.topic_name.endswith(TOPIC_OF[NodeStatus]):
-                continue  # every node says hello
+                continue  # every node publishes its status
             count = endpoint.get_publisher_count()
             if count > len(names):
                 found = ", ".join(self._publishers_of(endpoint.topic_name, count))

@@ -31,9 +31,9 @@ class MechanismNode(LockstepNode):
     """Answers every grant with the motions of its tick; owns no clock and no physics."""
 
     def __init__(
-        self, engine: Mechanism, run: NodeRun, lifeline: Heartbeat, context: Context | None = None
+        self, engine: Mechanism, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
     ) -> None:
-        super().__init__(MECHANISM, run, lifeline, context)
+        super().__init__(MECHANISM, run, heartbeat, context)
         scene, timing = run.resolved.scene, run.resolved.timing
         self._engine = engine
         self._schedule = schedule_of(scene, timing)
@@ -47,17 +47,17 @@ class MechanismNode(LockstepNode):
             control_ticks=self._schedule.control_ticks,
             first_tick=run.first_tick,
         )
-        self._keeper = run.keeper()
+        self._checkpoint_writer = run.checkpoint_writer()
         self._state: MechanismState | None = None  # the last one published
         self._engine_s = 0.0  # spent in the engine
         listeners = (SOIL, COUPLER, RECORDER) if self._with_soil else (COUPLER, RECORDER)
         self._motions = self.publisher(ToolMotions, listeners)
         controllers = (CONTROLLER,) if scene.controller is not None else ()
         self._states = self.publisher(MechanismState, (RECORDER, *controllers))
-        self._picture = VisualizationPublisher(self, run.resolved)
+        self._visualization = VisualizationPublisher(self, run.resolved)
         self._initial_motions = engine.initial_motions()
-        self.lifeline.say(NodeState.STARTING, motions=self._initial_motions)
-        self.listen(NodeStatus, self._on_hello, ())
+        self.heartbeat.say(NodeState.STARTING, motions=self._initial_motions)
+        self.listen(NodeStatus, self._on_node_status, ())
         self.listen(Grant, self._on_grant, (COUPLER,))
         if self._with_soil:
             self.listen(ToolWrenches, self._on_wrenches, (SOIL,))
@@ -67,8 +67,8 @@ class MechanismNode(LockstepNode):
 
     def on_poll(self) -> None:
         """Says that it is ready once it has what tick 0 needs and everybody listens."""
-        if self.lifeline.state is NodeState.STARTING and self._started and self.matched:
-            self.lifeline.say(NodeState.READY, motions=self._initial_motions)
+        if self.heartbeat.state is NodeState.STARTING and self._started and self.matched:
+            self.heartbeat.say(NodeState.READY, motions=self._initial_motions)
 
     def health(self) -> Health:
         """How well the constraints hold, from the last state published."""
@@ -78,13 +78,17 @@ class MechanismNode(LockstepNode):
             values |= {name: getattr(self._state, name) for name in names}
         return Health(values=values)
 
-    def _on_hello(self, hello: NodeStatus) -> None:
-        if hello.node == SOIL and hello.state is NodeState.READY and hello.run_id == self.run.run_id:
+    def _on_node_status(self, node_status: NodeStatus) -> None:
+        if (
+            node_status.node == SOIL
+            and node_status.state is NodeState.READY
+            and node_status.run_id == self.run.run_id
+        ):
             if not self._started:
-                self._participant.start(hello.initial_wrenches)
+                self._participant.start(node_status.initial_wrenches)
                 self._started = True
         else:
-            self.follow_coupler_end(hello)
+            self.follow_coupler_end(node_status)
 
     def _on_grant(self, grant: Grant) -> None:
         if grant.command is Command.CHECKPOINT:
@@ -110,35 +114,35 @@ class MechanismNode(LockstepNode):
     def _work(self) -> None:
         while (work := self._participant.next_work()) is not None:
             tick = work.tick
-            end_ns = tick_end_ns(tick, self._interval_ns)
+            end_ns = tick_end_ns(tick, self._communication_step_ns)
             if work.command is not None:
                 self._engine.command(work.command)
             begin = time.perf_counter()
             motions = self._engine.advance(tick, work.wrenches)
             self._engine_s += time.perf_counter() - begin
-            if self._keeper is not None and self._keeper.due(tick):
+            if self._checkpoint_writer is not None and self._checkpoint_writer.due(tick):
                 self._keep(tick)  # before the answer: who has it knows that the part is there
             self._motions.publish(self.bytes_of(ToolMotions(self.run.run_id, tick, end_ns, motions)))
             if self._schedule.series_due(tick):
-                self._picture.move(self._publish_state(tick), None, end_ns)
+                self._visualization.move(self._publish_state(tick), None, end_ns)
             self._participant.finish(tick)
-            if self._keeper is not None and self._participant.finished:
-                self._keeper.note_end(tick, MECHANISM, self._engine)
+            if self._checkpoint_writer is not None and self._participant.finished:
+                self._checkpoint_writer.note_end(tick, MECHANISM, self._engine)
             self.note_tick(tick, self._participant.finished)
 
     def _publish_state(self, tick: int) -> MechanismState:
-        state = self._engine.state(self.run.run_id, tick, tick_end_ns(tick, self._interval_ns))
+        state = self._engine.state(self.run.run_id, tick, tick_end_ns(tick, self._communication_step_ns))
         self._states.publish(self.bytes_of(state))
         self._state = state
         return state
 
     def _keep(self, tick: int) -> None:
-        if self._keeper is not None:
-            self._keeper.keep(tick, MECHANISM, self._engine)
+        if self._checkpoint_writer is not None:
+            self._checkpoint_writer.keep(tick, MECHANISM, self._engine)
 
 
 def build(
-    settings: NodeSettings, run: NodeRun, lifeline: Heartbeat, context: Context | None = None
+    settings: NodeSettings, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
 ) -> MechanismNode:
     """The node with its engine.
 
@@ -151,7 +155,7 @@ def build(
         raise SceneError(f"{run.resolved.path}: has no 'mechanism'; no mechanism node is needed for it")
     if run.resumed is not None:
         restore_engine(engine, run.resumed, MECHANISM)
-    return MechanismNode(engine, run, lifeline, context)
+    return MechanismNode(engine, run, heartbeat, context)
 
 
 def main() -> int:

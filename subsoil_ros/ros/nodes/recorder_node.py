@@ -91,9 +91,9 @@ class RecorderNode(LockstepNode):
     rest_ticks = 4
 
     def __init__(
-        self, writer: BagWriter, run: NodeRun, lifeline: Heartbeat, context: Context | None = None
+        self, writer: BagWriter, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
     ) -> None:
-        super().__init__(RECORDER, run, lifeline, context)
+        super().__init__(RECORDER, run, heartbeat, context)
         scene, timing = run.resolved.scene, run.resolved.timing
         self._writer = writer
         self._barrier: RecordBarrier[bytes] = RecordBarrier(
@@ -105,10 +105,10 @@ class RecorderNode(LockstepNode):
         self._cut_deadline = 0.0
         self._acks = self.publisher(TickAck, (COUPLER,))
         self.listen(NodeStatus, self.follow_coupler_end, ())
-        self._read_grant = reader(Grant, self._interval_ns)
-        mover = MECHANISM if scene.mechanism is not None else SOIL
+        self._read_grant = reader(Grant, self._communication_step_ns)
+        motion_source = MECHANISM if scene.mechanism is not None else SOIL
         self.listen_raw(Grant, self._on_grant, (COUPLER,))
-        sources: list[tuple[type, str]] = [(ToolMotions, mover), (CouplingReport, COUPLER)]
+        sources: list[tuple[type, str]] = [(ToolMotions, motion_source), (CouplingReport, COUPLER)]
         if scene.mechanism is not None:
             sources.append((MechanismState, MECHANISM))
         if scene.soil is not None:
@@ -122,8 +122,8 @@ class RecorderNode(LockstepNode):
 
     def on_poll(self) -> None:
         """Says that it is ready once everybody is there; ends an aborted record in time."""
-        if self.lifeline.state is NodeState.STARTING and self.matched:
-            self.lifeline.say(NodeState.READY)
+        if self.heartbeat.state is NodeState.STARTING and self.matched:
+            self.heartbeat.say(NodeState.READY)
         if self._abort is not None and time.monotonic() > self._cut_deadline:
             self.get_logger().warning(f"the record is cut early; not here: {self._barrier.missing()}")
             self._end_aborted(self._abort)
@@ -136,7 +136,7 @@ class RecorderNode(LockstepNode):
     def on_fault(self, error: BaseException) -> None:
         """Leaves a readable bag, if the disk lets it; with all whole ticks if nobody is left to cut it."""
         try:
-            if self.lifeline.lost or self.lifeline.stop:
+            if self.heartbeat.lost or self.heartbeat.stop:
                 self._barrier.note_finished(self._barrier.last_tick)
                 self._record()
             self._writer.close()
@@ -165,10 +165,11 @@ class RecorderNode(LockstepNode):
 
     def _on_message(self, kind: type, cdr: bytes) -> None:
         end_ns = stamp_ns(cdr)
-        tick, rest = divmod(end_ns, self._interval_ns)
+        tick, rest = divmod(end_ns, self._communication_step_ns)
         if rest:
             raise ProtocolError(
-                f"{TOPIC_OF[kind]}: stamp {end_ns} ns is no whole number of ticks of {self._interval_ns} ns"
+                f"{TOPIC_OF[kind]}: stamp {end_ns} ns is no whole number of ticks of "
+                f"{self._communication_step_ns} ns"
             )
         if kind is MechanismState and tick - 1 < self.run.first_tick:
             return  # of the run that this one goes on from, for the controller
@@ -220,7 +221,7 @@ class RecorderNode(LockstepNode):
 
 
 def build(
-    settings: NodeSettings, run: NodeRun, lifeline: Heartbeat, context: Context | None = None
+    settings: NodeSettings, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
 ) -> RecorderNode:
     """The node with its bag.
 
@@ -230,7 +231,7 @@ def build(
     if not settings.bag:
         raise InputError("recorder: parameter 'bag' is empty; name the folder for the bag, -p bag:=FOLDER")
     writer = open_bag(Path(settings.bag), run.resolved, settings.live)
-    return RecorderNode(writer, run, lifeline, context)
+    return RecorderNode(writer, run, heartbeat, context)
 
 
 def main() -> int:

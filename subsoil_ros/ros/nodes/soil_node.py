@@ -43,32 +43,33 @@ _MONITORS = tuple(
 class SoilNode(LockstepNode):
     """Answers every motion with the wrench of its tick; owns no clock and no physics.
 
-    In a scene without mechanism it also hosts `mover`, the prescribed paths, and publishes the motions.
+    In a scene without mechanism it also hosts the prescribed paths (`motion_source`) and publishes
+    the motions.
     """
 
     def __init__(
         self,
         engine: Soil,
-        mover: MotionSource | None,
+        motion_source: MotionSource | None,
         run: NodeRun,
-        lifeline: Heartbeat,
+        heartbeat: Heartbeat,
         context: Context | None = None,
     ) -> None:
-        super().__init__(SOIL, run, lifeline, context)
+        super().__init__(SOIL, run, heartbeat, context)
         scene, timing = run.resolved.scene, run.resolved.timing
         self._engine = engine
-        self._mover = mover
+        self._motion_source = motion_source
         self._schedule = schedule_of(scene, timing)
-        needs = Needs.MOTIONS if mover is None else Needs.NOTHING
+        needs = Needs.MOTIONS if motion_source is None else Needs.NOTHING
         self._participant = Participant(
             run.run_id, timing.tick_count, needs, tuple(scene.tools), first_tick=run.first_tick
         )
-        self._keeper = run.keeper()
+        self._checkpoint_writer = run.checkpoint_writer()
         self._state: SoilState | None = None  # the last one published
         self._engine_s = 0.0  # spent in the engine
         self._initial_motions: tuple[ToolMotion, ...] = ()
         self._last_wrenches: tuple[ToolWrench, ...] | None = None  # None: the soil has not answered yet
-        listeners = (COUPLER, RECORDER) if mover is not None else (MECHANISM, COUPLER, RECORDER)
+        listeners = (COUPLER, RECORDER) if motion_source is not None else (MECHANISM, COUPLER, RECORDER)
         self._wrenches = self.publisher(ToolWrenches, listeners)
         self._states = self.publisher(SoilState, (RECORDER,))
         self._clouds = self.publisher(SoilCloud, (RECORDER,)) if self._schedule.cloud_ticks else None
@@ -84,23 +85,25 @@ class SoilNode(LockstepNode):
             )
             for name in scene.tools
         }
-        self._picture = VisualizationPublisher(self, run.resolved) if mover is not None else None
+        self._visualization = (
+            VisualizationPublisher(self, run.resolved) if motion_source is not None else None
+        )
         self.listen(Grant, self._on_grant, (COUPLER,))
-        if mover is None:
+        if motion_source is None:
             self.listen(ToolMotions, self._on_motions, (MECHANISM,))
         else:
             self._motions = self.publisher(ToolMotions, (COUPLER, RECORDER))
-        self.listen(NodeStatus, self._on_hello, ())
+        self.listen(NodeStatus, self._on_node_status, ())
 
     def on_poll(self) -> None:
         """Starts paths, and says that it is ready once the soil has answered and everybody listens."""
-        if self.lifeline.state is not NodeState.STARTING:
+        if self.heartbeat.state is not NodeState.STARTING:
             return
-        if self._mover is not None and self._last_wrenches is None:
-            self._start(self._mover.initial_motions())
+        if self._motion_source is not None and self._last_wrenches is None:
+            self._start(self._motion_source.initial_motions())
         if self._last_wrenches is not None and self.matched:
-            motions = self._initial_motions if self._mover is not None else ()
-            self.lifeline.say(NodeState.READY, motions=motions, wrenches=self._last_wrenches)
+            motions = self._initial_motions if self._motion_source is not None else ()
+            self.heartbeat.say(NodeState.READY, motions=motions, wrenches=self._last_wrenches)
 
     def health(self) -> Health:
         """What the monitors of the last state published say; of a wedge model there is none."""
@@ -120,12 +123,16 @@ class SoilNode(LockstepNode):
         else:
             self._last_wrenches = self._engine.start(motions)
 
-    def _on_hello(self, hello: NodeStatus) -> None:
-        if hello.node == MECHANISM and self._mover is None and hello.run_id == self.run.run_id:
-            if self._last_wrenches is None and len(hello.initial_motions) == len(self._poses):
-                self._start(hello.initial_motions)
+    def _on_node_status(self, node_status: NodeStatus) -> None:
+        if (
+            node_status.node == MECHANISM
+            and self._motion_source is None
+            and node_status.run_id == self.run.run_id
+        ):
+            if self._last_wrenches is None and len(node_status.initial_motions) == len(self._poses):
+                self._start(node_status.initial_motions)
         else:
-            self.follow_coupler_end(hello)
+            self.follow_coupler_end(node_status)
 
     def _on_grant(self, grant: Grant) -> None:
         if grant.command is Command.CHECKPOINT:
@@ -145,14 +152,14 @@ class SoilNode(LockstepNode):
     def _work(self) -> None:
         while (work := self._participant.next_work()) is not None:
             tick, motions = work.tick, work.motions
-            end_ns = tick_end_ns(tick, self._interval_ns)
-            if self._mover is not None:
-                motions = self._mover.advance(tick, self._last_wrenches or ())
+            end_ns = tick_end_ns(tick, self._communication_step_ns)
+            if self._motion_source is not None:
+                motions = self._motion_source.advance(tick, self._last_wrenches or ())
                 self._motions.publish(self.bytes_of(ToolMotions(self.run.run_id, tick, end_ns, motions)))
             begin = time.perf_counter()
             wrenches = self._last_wrenches = self._engine.advance(tick, motions)
             self._engine_s += time.perf_counter() - begin
-            if self._keeper is not None and self._keeper.due(tick):
+            if self._checkpoint_writer is not None and self._checkpoint_writer.due(tick):
                 self._keep(tick)  # before the answer: who has it knows that the part is there
             self._wrenches.publish(self.bytes_of(ToolWrenches(self.run.run_id, tick, end_ns, wrenches)))
             if self._schedule.series_due(tick):
@@ -163,28 +170,28 @@ class SoilNode(LockstepNode):
                 cloud = recorded_cloud(self._engine.cloud(tick, end_ns), self.run.resolved.scene.record)
                 self._clouds.publish(self.bytes_of(cloud))
             self._participant.finish(tick)
-            if self._keeper is not None and self._participant.finished:
+            if self._checkpoint_writer is not None and self._participant.finished:
                 for part, engine in self._parts():
-                    self._keeper.note_end(tick, part, engine)
+                    self._checkpoint_writer.note_end(tick, part, engine)
             self.note_tick(tick, self._participant.finished)
 
     def _parts(self) -> list[tuple[str, Resumable]]:
         """What a checkpoint has from this node."""
-        paths = [] if self._mover is None else [(PATHS, self._mover)]
+        paths = [] if self._motion_source is None else [(PATHS, self._motion_source)]
         return [(SOIL, self._engine), *paths]
 
     def _keep(self, tick: int) -> None:
-        if self._keeper is not None:
+        if self._checkpoint_writer is not None:
             for part, engine in self._parts():
-                self._keeper.keep(tick, part, engine)
+                self._checkpoint_writer.keep(tick, part, engine)
 
     def _publish_for_people(
         self, motions: tuple[ToolMotion, ...], wrenches: tuple[ToolWrench, ...], end_ns: int
     ) -> None:
         scene = self.run.resolved.scene
-        if self._picture is not None:
-            moved = ToolMotions(self.run.run_id, end_ns // self._interval_ns - 1, end_ns, motions)
-            self._picture.move(None, moved, end_ns)
+        if self._visualization is not None:
+            moved = ToolMotions(self.run.run_id, end_ns // self._communication_step_ns - 1, end_ns, motions)
+            self._visualization.move(None, moved, end_ns)
         for motion, wrench in zip(motions, wrenches, strict=True):
             self._poses[motion.tool].publish(serialize(pose_stamped(message_class, motion, end_ns)))
             frame = body_frame(scene, wrench.tool)
@@ -193,7 +200,7 @@ class SoilNode(LockstepNode):
 
 
 def build(
-    settings: NodeSettings, run: NodeRun, lifeline: Heartbeat, context: Context | None = None
+    settings: NodeSettings, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
 ) -> SoilNode:
     """The node with its engine.
 
@@ -204,12 +211,12 @@ def build(
     engine = build_soil(run.resolved, settings.threads)
     if engine is None:
         raise SceneError(f"{run.resolved.path}: has no 'soil'; no soil node is needed for it")
-    mover = build_paths(run.resolved) if run.resolved.scene.mechanism is None else None
+    motion_source = build_paths(run.resolved) if run.resolved.scene.mechanism is None else None
     if run.resumed is not None:
         restore_engine(engine, run.resumed, SOIL)
-        if mover is not None:
-            restore_engine(mover, run.resumed, PATHS)
-    return SoilNode(engine, mover, run, lifeline, context)
+        if motion_source is not None:
+            restore_engine(motion_source, run.resumed, PATHS)
+    return SoilNode(engine, motion_source, run, heartbeat, context)
 
 
 def main() -> int:

@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from ...coupling.control import build_controller
-from ...coupling.exit_status import Ending, interrupted
+from ...coupling.exit_status import ExitStatus, interrupted
 from ...coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL
 from ..nodes import controller_node, coupler_node, mechanism_node, recorder_node, soil_node
 from ..nodes.lockstep_node import LockstepNode
@@ -51,7 +51,7 @@ def scene_builds(
 
 def run_composed(
     run: NodeRun, builds: Mapping[str, Build], stop_signal: Callable[[], int], namespace: str = ""
-) -> Ending:
+) -> ExitStatus:
     """Runs the nodes until the run ends.
 
     Args:
@@ -62,26 +62,26 @@ def run_composed(
     context = Context()
     words = ros_arguments({}, namespace)
     rclpy.init(args=words, context=context, signal_handler_options=SignalHandlerOptions.NO)
-    lifelines: dict[str, Heartbeat] = {}
+    heartbeats: dict[str, Heartbeat] = {}
     services: dict[str, Service] = {}
     try:
         for name, build in builds.items():
             node = Node(f"{name}_process", context=context)
-            lifeline = lifelines[name] = Heartbeat(node, name, run, watched_by(name, run))
-            services[name] = Service(name, partial(build, run, lifeline, context), lifeline)
+            heartbeat = heartbeats[name] = Heartbeat(node, name, run, watched_by(name, run))
+            services[name] = Service(name, partial(build, run, heartbeat, context), heartbeat)
         for name, service in services.items():
-            lifelines[name].start()
+            heartbeats[name].start()
             service.start()
         coupler = services[COUPLER]
         while coupler.is_alive():
             coupler.join(0.1)
             signal_number = stop_signal()
             if signal_number:
-                lifelines[COUPLER].request_stop(interrupted(signal_number))
+                heartbeats[COUPLER].request_stop(interrupted(signal_number))
         for service in services.values():
             service.join()
     finally:
-        for lifeline in lifelines.values():
-            lifeline.close()
+        for heartbeat in heartbeats.values():
+            heartbeat.close()
         rclpy.shutdown(context=context)
-    return coupler.ending
+    return coupler.status

@@ -19,7 +19,7 @@ from rclpy.node import Node
 
 from ..._version import __version__
 from ...coupling.checkpoints import CheckpointWriter
-from ...coupling.exit_status import Ending
+from ...coupling.exit_status import ExitStatus
 from ...coupling.protocol import CAPABILITIES, COUPLER, RECORDER, participants
 from ...loading.loader import ResolvedScene
 from ...messages import NodeState, NodeStatus, ToolMotion, ToolWrench
@@ -28,7 +28,7 @@ from ...recording.topics import TOPIC_OF
 from ...recording.types import own_type_hashes
 from ...ticks import INITIAL_TICK
 from ..transport.convert import class_of, reader, to_bytes
-from ..transport.qos import HELLO_QOS
+from ..transport.qos import NODE_STATUS_QOS
 
 HEARTBEAT_S = 0.4
 SILENCE_S = 2.5
@@ -66,13 +66,13 @@ class NodeRun:
         """The first tick of this run."""
         return self.resumed.tick + 1 if self.resumed is not None else 0
 
-    def keeper(self) -> CheckpointWriter | None:
+    def checkpoint_writer(self) -> CheckpointWriter | None:
         """Writes a node's part of the checkpoints; None: there are none."""
         if self.checkpoints is None:
             return None
         return CheckpointWriter(self.checkpoints, self.resolved, self.run_id)
 
-    def hello(self, node: str) -> NodeStatus:
+    def node_status(self, node: str) -> NodeStatus:
         """The first word of a node."""
         return NodeStatus(
             self.run_id,
@@ -98,10 +98,10 @@ class Heartbeat:
 
     def __init__(self, node: Node, name: str, run: NodeRun, watched: tuple[str, ...]) -> None:
         self.tick = INITIAL_TICK  # last tick the node has finished, for the next heartbeat
-        self.stop: Ending | None = None  # a wish from outside that the node ends
+        self.stop: ExitStatus | None = None  # a stop request
         self._node = node
         self._run = run
-        self._hello = run.hello(name)
+        self._node_status = run.node_status(name)
         self._watched = watched
         now = time.monotonic()
         self._started = self._checked = now
@@ -111,17 +111,17 @@ class Heartbeat:
         self._ended: dict[str, tuple[float, str]] = {}  # when a node said that it ends, and why
         self._lost = ""
         self._said = threading.Lock()
-        hello_class = class_of(NodeStatus)
-        self._publisher = node.create_publisher(hello_class, TOPIC_OF[NodeStatus], HELLO_QOS)
+        node_status_class = class_of(NodeStatus)
+        self._publisher = node.create_publisher(node_status_class, TOPIC_OF[NodeStatus], NODE_STATUS_QOS)
         self._subscription = node.create_subscription(
-            hello_class, TOPIC_OF[NodeStatus], self._on_hello, HELLO_QOS, raw=True
+            node_status_class, TOPIC_OF[NodeStatus], self._on_node_status, NODE_STATUS_QOS, raw=True
         )
         self._read = reader(NodeStatus, run.resolved.timing.communication_step_ns)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(HEARTBEAT_S, self._on_timer, clock=steady)
         self._closing = threading.Event()
         self._destroys: list[Callable[[], None]] = []
-        self._thread = threading.Thread(target=self._spin, name=f"{name}_lifeline", daemon=True)
+        self._thread = threading.Thread(target=self._spin, name=f"{name}_heartbeat", daemon=True)
 
     def start(self) -> None:
         """Begins to speak and to listen."""
@@ -136,8 +136,12 @@ class Heartbeat:
         wrenches: tuple[ToolWrench, ...] = (),
     ) -> None:
         """Changes what the heartbeat says, and says it at once."""
-        self._hello = replace(
-            self._hello, state=state, message=message, initial_motions=motions, initial_wrenches=wrenches
+        self._node_status = replace(
+            self._node_status,
+            state=state,
+            message=message,
+            initial_motions=motions,
+            initial_wrenches=wrenches,
         )
         self._publish()
 
@@ -149,15 +153,15 @@ class Heartbeat:
     @property
     def state(self) -> NodeState:
         """What was said last."""
-        return self._hello.state
+        return self._node_status.state
 
     @property
     def lost(self) -> str:
         """Which watched node is silent, in words; empty while all are heard."""
         return self._lost
 
-    def request_stop(self, stop: Ending) -> None:
-        """Asks the node to end; the first wish stands. From any thread, or a signal handler."""
+    def request_stop(self, stop: ExitStatus) -> None:
+        """Requests the node to end; the first request counts. From any thread, or a signal handler."""
         if self.stop is None:
             self.stop = stop
 
@@ -202,18 +206,20 @@ class Heartbeat:
 
     def _publish(self) -> None:
         with self._said:
-            self._hello = replace(self._hello, tick=self.tick)
-            self._publisher.publish(to_bytes(self._hello, self._run.resolved.timing.communication_step_ns))
+            self._node_status = replace(self._node_status, tick=self.tick)
+            self._publisher.publish(
+                to_bytes(self._node_status, self._run.resolved.timing.communication_step_ns)
+            )
 
-    def _on_hello(self, cdr: bytes) -> None:
-        hello = self._read(cdr)
-        if hello.run_id == self._run.run_id and hello.node in self._watched:
-            self._heard[hello.node] = time.monotonic()
-            if self._process_ids.get(hello.node) != hello.process_id:
-                self._process_ids[hello.node] = hello.process_id
-                self._was_here[hello.node] = _lives(hello.process_id)
-            if hello.state in (NodeState.ENDED, NodeState.FAULT):
-                self._ended.setdefault(hello.node, (time.monotonic(), hello.message))
+    def _on_node_status(self, cdr: bytes) -> None:
+        node_status = self._read(cdr)
+        if node_status.run_id == self._run.run_id and node_status.node in self._watched:
+            self._heard[node_status.node] = time.monotonic()
+            if self._process_ids.get(node_status.node) != node_status.process_id:
+                self._process_ids[node_status.node] = node_status.process_id
+                self._was_here[node_status.node] = _lives(node_status.process_id)
+            if node_status.state in (NodeState.ENDED, NodeState.FAULT):
+                self._ended.setdefault(node_status.node, (time.monotonic(), node_status.message))
 
     def _on_timer(self) -> None:
         self._publish()

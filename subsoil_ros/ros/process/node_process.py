@@ -17,7 +17,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from ...coupling.exit_status import KEEP_S, SIGNAL_STATUS, Ending, interrupted
+from ...coupling.exit_status import KEEP_S, SIGNAL_STATUS, ExitStatus, interrupted
 from ...coupling.protocol import COUPLER, RECORDER
 from ...coupling.signals import caught_signals
 from ...errors import InputError, RunError
@@ -94,7 +94,7 @@ PARAMETERS: dict[str, tuple[Any, str, str]] = {
     ),
     "paused": (False, "the coupler: grant no tick before a call of its services resume or step", _FLAG),
     "recorded": (True, "whether the run has a recorder, the same for all nodes", _FLAG),
-    "supervised": (False, "end when standard input ends, take wishes to stop from it", _FLAG),
+    "supervised": (False, "end when standard input ends, read stop requests from it", _FLAG),
 }
 """Of every node's process: default, description, what is allowed."""
 
@@ -167,47 +167,47 @@ def run_process(name: str, build: Callable[..., LockstepNode]) -> int:
     except InputError as error:
         say(f"{name}: {one_line(error)}")
         return error.exit_status
-    lifeline = Heartbeat(node, name, run, watched_by(name, run))
-    with caught_signals(lambda number: lifeline.request_stop(interrupted(number))):
-        return _serve(name, build, settings, run, lifeline)
+    heartbeat = Heartbeat(node, name, run, watched_by(name, run))
+    with caught_signals(lambda number: heartbeat.request_stop(interrupted(number))):
+        return _serve(name, build, settings, run, heartbeat)
 
 
 def _serve(
-    name: str, build: Callable[..., LockstepNode], settings: NodeSettings, run: NodeRun, lifeline: Heartbeat
+    name: str, build: Callable[..., LockstepNode], settings: NodeSettings, run: NodeRun, heartbeat: Heartbeat
 ) -> int:
     if settings.supervised:
-        threading.Thread(target=_obey, args=(lifeline,), daemon=True).start()
-    lifeline.start()
-    service = Service(name, partial(build, settings, run, lifeline), lifeline)
+        threading.Thread(target=_obey, args=(heartbeat,), daemon=True).start()
+    heartbeat.start()
+    service = Service(name, partial(build, settings, run, heartbeat), heartbeat)
     service.start()
-    _wait(service, lifeline)
-    ending = service.ending
-    if ending.reason:
-        say(f"{name}: {ending.reason}")
+    _wait(service, heartbeat)
+    status = service.status
+    if status.reason:
+        say(f"{name}: {status.reason}")
     if settings.supervised and name == COUPLER:
-        report_to_supervisor(exit_status=ending.exit_status, reason=ending.reason)
-    elif name == COUPLER and ending.exit_status:
-        lifeline.outlast(LATE_S)  # a node that starts later would wait for this one
-    lifeline.close()
+        report_to_supervisor(exit_status=status.code, reason=status.reason)
+    elif name == COUPLER and status.code:
+        heartbeat.outlast(LATE_S)  # a node that starts later would wait for this one
+    heartbeat.close()
     rclpy.shutdown()
-    return ending.exit_status
+    return status.code
 
 
-def _obey(lifeline: Heartbeat) -> None:
-    """Takes wishes to stop from standard input; its end means that the supervisor is gone."""
+def _obey(heartbeat: Heartbeat) -> None:
+    """Reads stop requests from standard input; its end means that the supervisor is gone."""
     for line in sys.stdin:
         event = json.loads(line)
-        lifeline.request_stop(Ending(event["exit_status"], event["stop"]))
-    lifeline.request_stop(Ending(RunError.exit_status, "the supervisor is gone"))
+        heartbeat.request_stop(ExitStatus(event["exit_status"], event["stop"]))
+    heartbeat.request_stop(ExitStatus(RunError.exit_status, "the supervisor is gone"))
 
 
-def _wait(service: Service, lifeline: Heartbeat) -> None:
+def _wait(service: Service, heartbeat: Heartbeat) -> None:
     """Waits for the service; one that does not come back from its engine is left behind."""
-    while service.is_alive() and lifeline.stop is None and not lifeline.lost:
+    while service.is_alive() and heartbeat.stop is None and not heartbeat.lost:
         service.join(0.2)
-    interrupted_run = lifeline.stop is not None and lifeline.stop.exit_status > SIGNAL_STATUS
+    interrupted_run = heartbeat.stop is not None and heartbeat.stop.code > SIGNAL_STATUS
     service.join(GRACE_S + LAST_WORD_S + (KEEP_S if interrupted_run else 0.0))
     if service.is_alive():
-        ending = lifeline.stop or Ending(RunError.exit_status, lifeline.lost)
-        say(f"{service.name}: {ending.reason}")
-        os._exit(ending.exit_status)  # nothing here needs closing
+        status = heartbeat.stop or ExitStatus(RunError.exit_status, heartbeat.lost)
+        say(f"{service.name}: {status.reason}")
+        os._exit(status.code)  # nothing here needs closing

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import psutil
 
-from ...coupling.exit_status import KEEP_S, SIGNAL_STATUS, Ending, interrupted
+from ...coupling.exit_status import KEEP_S, SIGNAL_STATUS, ExitStatus, interrupted
 from ...coupling.protocol import COUPLER, RECORDER
 from ...errors import RunError
 from ..transport.shared_memory import sweep_shared_memory
@@ -57,9 +57,9 @@ class NodeProcess:
         except psutil.NoSuchProcess:
             return False
 
-    def send_stop(self, ending: Ending) -> None:
+    def send_stop(self, status: ExitStatus) -> None:
         """Asks the node to end."""
-        self._send(json.dumps({"stop": ending.reason, "exit_status": ending.exit_status}) + "\n")
+        self._send(json.dumps({"stop": status.reason, "exit_status": status.code}) + "\n")
 
     def _send(self, line: str) -> None:
         if self.popen.stdin is not None:
@@ -107,7 +107,7 @@ class Supervisor:
         self._on_progress = on_progress
         self._coupler = next(process for process in processes if process.name == COUPLER)
         self._events: queue.Queue[dict] = queue.Queue()
-        self._verdict: Ending | None = None
+        self._verdict: ExitStatus | None = None
         self._failed: tuple[float, NodeProcess] | None = None
         self._progressed = False
         self._deadline = float("inf")  # then whoever is left is killed
@@ -116,38 +116,38 @@ class Supervisor:
         self._reader = threading.Thread(target=self._read_events, daemon=True)
         self._reader.start()
 
-    def follow(self, stop_signal: Callable[[], int]) -> Ending:
+    def follow(self, stop_signal: Callable[[], int]) -> ExitStatus:
         """Waits for the end of the run. On return no process is left.
 
         Args:
             stop_signal: asked many times a second; a signal's number other than 0 ends the run.
         """
-        ending: Ending | None = None
-        wish: Ending | None = None
+        status: ExitStatus | None = None
+        requested: ExitStatus | None = None
         try:
             while any(process.exit_status is None for process in self._processes):
                 self._take_events()
-                if wish is None and ending is None and stop_signal():
-                    wish = interrupted(stop_signal())
-                    self._end_coupler(wish)
-                if ending is None:
-                    ending = self._cause()
-                    if ending is not None:
-                        self._end_coupler(ending)
-                if ending is not None:
+                if requested is None and status is None and stop_signal():
+                    requested = interrupted(stop_signal())
+                    self._end_coupler(requested)
+                if status is None:
+                    status = self._cause()
+                    if status is not None:
+                        self._end_coupler(status)
+                if status is not None:
                     self._kill_who_stands_still()
                 if self._coupler.exit_status is not None:
-                    self._end_others(ending or wish)
+                    self._end_others(status or requested)
                 if time.monotonic() > self._deadline:
                     break
         finally:
             killed = self._kill_remaining()
-        ending = ending or wish or self._cause()
-        if ending is None and killed:
-            ending = Ending(
+        status = status or requested or self._cause()
+        if status is None and killed:
+            status = ExitStatus(
                 RunError.exit_status, f"{killed} did not end within {GRACE_S:g} s of the run and was killed"
             )
-        return ending or Ending()
+        return status or ExitStatus()
 
     def _read_events(self) -> None:
         for line in self._coupler.popen.stdout or ():
@@ -169,9 +169,9 @@ class Supervisor:
                 self._progressed = True
                 self._on_progress(event["tick"])
             else:
-                self._verdict = Ending(event["exit_status"], event["reason"])
+                self._verdict = ExitStatus(event["exit_status"], event["reason"])
 
-    def _cause(self) -> Ending | None:
+    def _cause(self) -> ExitStatus | None:
         """Why the run ended, as soon as it is known; None while it goes on, or if all went well."""
         if self._coupler.exit_status is not None:
             self._reader.join()  # its last word is on the way
@@ -179,14 +179,14 @@ class Supervisor:
         for process in self._processes:
             status = process.exit_status
             if status is not None and status < 0:
-                return Ending(
+                return ExitStatus(
                     RunError.exit_status,
                     f"{process.name} node (process {process.popen.pid}) was ended by "
                     f"{signal.Signals(-status).name}; its log is {process.log}",
                 )
             if status and self._failed is None:
                 self._failed = (time.monotonic(), process)
-        if self._verdict is not None and self._verdict.exit_status:
+        if self._verdict is not None and self._verdict.code:
             return self._verdict
         if self._failed is None:
             return None
@@ -195,30 +195,30 @@ class Supervisor:
         may_tell = self._coupler.exit_status is None and not self._coupler.stands_still
         if may_tell and not over and time.monotonic() - since < VERDICT_S:
             return None
-        return Ending(process.exit_status or RunError.exit_status, process.last_words())
+        return ExitStatus(process.exit_status or RunError.exit_status, process.last_words())
 
-    def _end_coupler(self, ending: Ending) -> None:
+    def _end_coupler(self, status: ExitStatus) -> None:
         """Asks the coupler to abort the run, which closes the bag in order."""
-        self._coupler.send_stop(ending)
+        self._coupler.send_stop(status)
         grace_s = GRACE_S if self._progressed else STARTUP_GRACE_S
-        if ending.exit_status > SIGNAL_STATUS:
+        if status.code > SIGNAL_STATUS:
             grace_s += KEEP_S
         self._deadline = min(self._deadline, time.monotonic() + grace_s)
 
-    def _end_others(self, ending: Ending | None) -> None:
+    def _end_others(self, status: ExitStatus | None) -> None:
         """Asks the others to end after the coupler; a recorder that heard of an abort may follow it first."""
         now = time.monotonic()
         if self._coupler_end is None:
             self._coupler_end = now
             self._deadline = now + GRACE_S
-        if ending is None:
+        if status is None:
             return  # all went well: they have been told
         killed = (self._coupler.exit_status or 0) < 0
         for process in self._processes:
             patience_s = CUT_PATIENCE_S if process.name == RECORDER and not killed else 0.0
             if process.name not in self._asked and now >= self._coupler_end + patience_s:
                 self._asked.add(process.name)
-                process.send_stop(ending)
+                process.send_stop(status)
 
     def _kill_who_stands_still(self) -> None:
         """Ends at once who cannot end by himself."""

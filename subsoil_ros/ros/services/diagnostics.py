@@ -45,7 +45,7 @@ class Diagnostics:
         self._publisher = node.create_publisher(rclpy_class(_KIND), TOPIC, VISUALIZATION_QOS)
         self._name = f"{node.get_fully_qualified_name().lstrip('/')}: lockstep"
         self._run_id = run_id
-        self._interval_ns = communication_step_ns
+        self._communication_step_ns = communication_step_ns
         self._last_s = time.monotonic()
         self._last_tick: int | None = None  # None: nothing is done yet
 
@@ -62,9 +62,9 @@ class Diagnostics:
         self._last_s, self._last_tick = now, tick
         values = {
             "tick": tick,
-            "simulated_time_s": tick_end_s(tick, self._interval_ns) if tick > INITIAL_TICK else 0.0,
+            "simulated_time_s": tick_end_s(tick, self._communication_step_ns) if tick > INITIAL_TICK else 0.0,
             "ticks_per_s": rate_hz,
-            "real_time_factor": rate_hz * self._interval_ns * 1e-9,
+            "real_time_factor": rate_hz * self._communication_step_ns * 1e-9,
             **health.values,
         }
         key_value = message_class("diagnostic_msgs/msg/KeyValue")

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from enum import IntEnum
 
-from ...coupling.exit_status import Ending
+from ...coupling.exit_status import ExitStatus
 from ...coupling.protocol import Coupler
 from ...errors import InterruptedRunError, ProtocolError
 
@@ -41,10 +41,12 @@ class RunControl:
 
     Args:
         changed: called when ticks may be granted again, or when the run begins to pause.
-        end: called with the wish that the run ends.
+        end: called with a stop request.
     """
 
-    def __init__(self, coupler: Coupler, changed: Callable[[], None], end: Callable[[Ending], None]) -> None:
+    def __init__(
+        self, coupler: Coupler, changed: Callable[[], None], end: Callable[[ExitStatus], None]
+    ) -> None:
         self._coupler = coupler
         self._changed = changed
         self._end = end
@@ -99,7 +101,7 @@ class RunControl:
                 self.pause(answer)
         elif wanted == RunState.QUITTING:
             answer(Result.OK, "")
-            self._end(Ending(InterruptedRunError.exit_status, "ended by set_simulation_state: QUITTING"))
+            self._end(ExitStatus(InterruptedRunError.exit_status, "ended by set_simulation_state: QUITTING"))
         elif wanted == RunState.STOPPED:
             answer(Result.FEATURE_UNSUPPORTED, f"STOPPED would reset: {RESET_ADVICE}")
         else:

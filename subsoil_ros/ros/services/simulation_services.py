@@ -153,25 +153,25 @@ class _Goal:
 class StepsAction:
     """The action simulate_steps of a coupler.
 
-    Goals come in the thread of the lifeline; all else happens in the coupler's, ten times a second (`poll`)
+    Goals come in the thread of the heartbeat; all else happens in the coupler's, ten times a second (`poll`)
     and when the ticks are done, so no thread waits.
     """
 
-    def __init__(self, lifeline: Heartbeat, control: RunControl) -> None:
+    def __init__(self, heartbeat: Heartbeat, control: RunControl) -> None:
         self._control = control
         self._dialect = dialect()
         self._kind = self._dialect.action()
         self._accepted: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._goals: list[_Goal] = []
         server = ActionServer(
-            lifeline.node,
+            heartbeat.node,
             self._kind,
             "simulate_steps",
             execute_callback=lambda handle: self._kind.Result(),  # every goal brings its own
             handle_accepted_callback=self._accepted.put,
             cancel_callback=lambda goal: CancelResponse.ACCEPT,
         )
-        lifeline.at_close(server.destroy)
+        heartbeat.at_close(server.destroy)
 
     def poll(self) -> None:
         """Begins goals, says how far they are, ends those that are cancelled."""

@@ -19,7 +19,7 @@ Volatile: nobody may join late, all endpoints are matched before tick 0. A histo
 late-comers is always full, and Fast DDS then asks every reader for an acknowledgement with every message.
 """
 
-HELLO_QOS = QoSProfile(
+NODE_STATUS_QOS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
     history=HistoryPolicy.KEEP_LAST,
@@ -54,4 +54,4 @@ LATCHED_QOS = QoSProfile(
 
 def qos_of(kind: type) -> QoSProfile:
     """The quality of service for records of `kind`, to publish and to listen."""
-    return {NodeStatus: HELLO_QOS, SoilCloud: CLOUD_QOS}.get(kind, LOCKSTEP_QOS)
+    return {NodeStatus: NODE_STATUS_QOS, SoilCloud: CLOUD_QOS}.get(kind, LOCKSTEP_QOS)

@@ -198,7 +198,7 @@ class TickCodec:
 
     def __init__(self, kind: type[Ticked], communication_step_ns: int) -> None:
         self._kind = kind
-        self._interval_ns = communication_step_ns
+        self._communication_step_ns = communication_step_ns
         self._type_name = message_type(kind)
         self._shape: _Shape | None = None
 
@@ -234,9 +234,9 @@ class TickCodec:
         """The numbers of a record in their order."""
         kind, tick = self._kind, record.tick
         if kind is TickAck:
-            return [*divmod(tick_end_ns(tick, self._interval_ns), NANOSECONDS_PER_SECOND), tick]
+            return [*divmod(tick_end_ns(tick, self._communication_step_ns), NANOSECONDS_PER_SECOND), tick]
         if kind is Grant:
-            stamp = divmod(tick_end_ns(tick, self._interval_ns), NANOSECONDS_PER_SECOND)
+            stamp = divmod(tick_end_ns(tick, self._communication_step_ns), NANOSECONDS_PER_SECOND)
             return [*stamp, tick, record.command]
         numbers = [*divmod(record.end_time_ns, NANOSECONDS_PER_SECOND), tick]
         if kind is ToolMotions:
@@ -256,4 +256,4 @@ class TickCodec:
         return _Shape(layout, constant, mask, record.run_id, names)
 
     def _general(self, record: Any) -> bytes:
-        return serialize(to_message(message_class, record, self._interval_ns))
+        return serialize(to_message(message_class, record, self._communication_step_ns))

@@ -103,8 +103,8 @@ def over_the_travel(
     return np.interp(times, steps, force)
 
 
-def rhythm_rows(sprung: Sequence[Run], locked: Sequence[Run]) -> list[dict[str, Any]]:
-    """Rows of rhythm.csv: the sprung shank, and the linear one on the soil that the locked tool found."""
+def frequency_rows(sprung: Sequence[Run], locked: Sequence[Run]) -> list[dict[str, Any]]:
+    """Rows of frequency.csv: the sprung shank, and the linear one on the soil that the locked tool found."""
     scene = load_scene(SCENE).scene
     levers = levers_of(scene)
     spring = scene.mechanism.forces["H9_spring"] if scene.mechanism else None

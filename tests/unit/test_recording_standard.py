@@ -1,4 +1,4 @@
-"""What people and other tools find in a bag: poses, wrenches, frames, meshes, clouds."""
+"""What visualization and other tools find in a bag: poses, wrenches, frames, meshes, clouds."""
 
 import math
 

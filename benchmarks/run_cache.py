@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from subsoil_ros import __version__
+from subsoil_ros.analysis.quantities import flattened
 from subsoil_ros.api.execution import code_digest, machine_name
 from subsoil_ros.experiments.run_cache import CachedRun, find_run, keep_folder
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
@@ -33,7 +34,7 @@ def write_scene(document: Document, path: Path) -> Path:
 def kept_run(
     scene: Path, folder: Path, overrides: Sequence[str] = (), threads: int = 1, *, keep_bag: bool = False
 ) -> Summary:
-    """Summary of a direct run of a scene, its folder among it; from `folder` where it has been run before.
+    """Summary of a direct run by dotted paths, and its `folder`; from `folder` where it has been run before.
 
     keep_bag: also its bag and the figures of `subsoil report`.
 
@@ -45,13 +46,17 @@ def kept_run(
     kept = find_run(folder, resolved.scene_hash)
     if kept is None or kept.failure is not None or (keep_bag and not (kept.folder / "bag").is_dir()):
         kept = _run(scene, resolved, folder, overrides, threads, keep_bag)
-    return {**kept.summary, "folder": str(kept.folder)}
+    return _with_folder(kept)
 
 
 def find_kept_run(scene: Path, folder: Path, overrides: Sequence[str] = ()) -> Summary | None:
     """Summary of a run that kept_run has made; none where it has not."""
     kept = find_run(folder, load_scene(scene, overrides).scene_hash)
-    return None if kept is None or kept.failure is not None else {**kept.summary, "folder": str(kept.folder)}
+    return None if kept is None or kept.failure is not None else _with_folder(kept)
+
+
+def _with_folder(kept: CachedRun) -> Summary:
+    return {**flattened(kept.summary), "folder": str(kept.folder)}
 
 
 def _run(
@@ -68,12 +73,13 @@ def _run(
         else:
             shutil.rmtree(made / "bag")
         shutil.rmtree(made / "checkpoints", ignore_errors=True)
+        summary = json.loads((made / "summary.json").read_text(encoding="utf-8"))
         facts = {
             "failure": None,
             "exit_status": 0,
             "wall_s": None,  # not timed as a study does
             "cpu_s": None,
-            "whole_wall_s": json.loads((made / "summary.json").read_text(encoding="utf-8"))["whole_wall_s"],
+            "whole_wall_s": summary["run"]["whole_wall_s"],
             "threads": threads,
             "at_once": 1,
             "machine": machine_name(),

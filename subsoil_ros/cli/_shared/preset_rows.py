@@ -15,7 +15,7 @@ def accuracy_lines(resolved: ResolvedScene, overrides: Sequence[str]) -> Iterato
     if name is None:
         if resolved.presets:
             names = ", ".join(resolved.presets)
-            yield f"accuracy: as written; presets of this scene: {names} (--preset NAME)"
+            yield f"preset: none, as written; presets of this scene: {names} (--preset NAME)"
         known = {key: item.expected for key, item in resolved.presets.items() if item.expected is not None}
         if known:
             yield from _all_presets(known, duration)
@@ -25,11 +25,11 @@ def accuracy_lines(resolved: ResolvedScene, overrides: Sequence[str]) -> Iterato
     expected = resolved.presets[name].expected
     if expected is None:
         yield (
-            f"accuracy: {name}: its error and its time are not known: the study of this scene has not been "
+            f"preset {name}: its error and its time are not known: the study of this scene has not been "
             "run (`subsoil study` measures them)"
         )
         return
-    yield _table(f"accuracy: {name}, expected error against {expected.against}", expected.errors, expected)
+    yield _table(f"preset {name}: expected error against {expected.against}", expected.errors, expected)
     for other, errors in expected.errors_against.items():
         yield _table(f"against {other}", errors, expected)
     yield from expected.notes

@@ -1,0 +1,93 @@
+"""Compile the kernels of `make run` before it, in two processes; with --tests those of the tests' soils too.
+
+Run from the sources: python -m dev.warm_kernels. One process runs the cycle scene's soil in a small bin, with
+its tool on a path: preparation of the dense bed, and the run. The other runs the machine of that scene on a
+wedge model. Compiled kernels stay in the user's cache under a digest of their sources, so a second call
+compiles nothing.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Mapping
+
+from subsoil_ros import run
+from subsoil_ros.kernel_cache import kernel_cache_folder
+from subsoil_ros.loading.shipped import config_folder
+
+CONFIG = config_folder()
+SCENE = CONFIG / "scenes" / "subsoiler_1s300_cycle.yaml"
+SHORT = {"duration_s": 0.002, "record.series_ticks": 1}
+
+SOIL = {
+    **SHORT,
+    "mechanism": None,
+    "coupling": None,
+    "report": None,
+    "tools.shank.body": None,
+    "tools.shank.path": {"start_x_m": 0.1},
+    "soil.bin": {"length_m": 0.3, "width_m": 0.15, "depth_m": 0.15},
+}
+MACHINE = {
+    **SHORT,
+    "coupling.communication_step_ns": 200_000,
+    "soil": {"model": "wedge", "file": str(CONFIG / "soils" / "paper_grid.yaml")},
+}
+
+
+def soil() -> None:
+    """Kernels of the particles."""
+    run(SCENE, overrides=SOIL)
+
+
+def machine() -> None:
+    """Kernels of the mechanism and of the wedges."""
+    run(SCENE, overrides=MACHINE)
+
+
+def soils_of_tests(part: int) -> Callable[[], None]:
+    """Kernels of every other soil of the tests, from the one numbered `part` on."""
+
+    def compile_them() -> None:
+        from tests.soils import SOILS, warming_scene
+
+        for name in list(SOILS)[part::2]:
+            run(warming_scene(name))
+
+    return compile_them
+
+
+PARTS: Mapping[str, Callable[[], None]] = {
+    "soil": soil, "machine": machine, "tests-0": soils_of_tests(0), "tests-1": soils_of_tests(1),
+}  # fmt: skip
+
+
+def side_by_side(*parts: str) -> int:
+    """Each part in a process of its own; beds go to a folder that is removed. Exit status."""
+    kernels = str(kernel_cache_folder())
+    with tempfile.TemporaryDirectory(prefix="warm-kernels-") as folder:
+        environment = os.environ | {"NUMBA_CACHE_DIR": kernels, "XDG_CACHE_HOME": folder}
+        command = [sys.executable, "-m", "dev.warm_kernels", "--part"]
+        processes = [subprocess.Popen([*command, part], env=environment) for part in parts]
+        return max([process.wait() for process in processes], key=abs)
+
+
+def main() -> int:
+    """Exit status."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--tests", action="store_true", help="also the soils of tests/soils.py")
+    parser.add_argument("--part", choices=PARTS, help="only this, in this process")
+    given = parser.parse_args()
+    if given.part:
+        PARTS[given.part]()
+        return 0
+    status = side_by_side("soil", "machine")
+    if given.tests and status == 0:
+        status = side_by_side("tests-0", "tests-1")
+    return abs(status)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,29 @@
+"""Quantities of a summary by their dotted paths."""
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+
+def flattened(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """Return every value of a summary by its path, keys joined by dots: `series.draft_newton.run.max`."""
+    return dict(_leaves(summary, ""))
+
+
+def _leaves(group: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
+    for key, value in group.items():
+        if isinstance(value, Mapping):
+            yield from _leaves(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
+
+
+def finite(group: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a summary with None in place of every number that is not finite: JSON has none of them."""
+    return {key: _finite(value) for key, value in group.items()}
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return finite(value)
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,54 @@
+"""Spring and damper on one coordinate against a time function: k (g(t) - q_c) + c (g' - q_c')."""
+
+from ...scene.mechanism import CoordinateSpring
+from ..compiled import inner_kernel
+from ..frames import COORDINATE_INDEX
+from ..tables import BY_DRIVERS, DISSIPATED
+from ..time_functions import function_rate, function_value
+from .builder import Builder
+from .elastic import spring_mode, spring_push
+from .table import COORDINATE_SPRING
+
+
+@inner_kernel
+def _stretch(model, force, time, select, q, v):
+    """e = target - q, e', and the target's rate."""
+    stretch = function_value(model.functions, force.functions[0], time, select) - q[force.coordinate]
+    target_rate = function_rate(model.functions, force.functions[0], time, select)
+    return stretch, target_rate - v[force.coordinate], target_rate
+
+
+@inner_kernel
+def add(model, force, mode, time, select, q, v, total, powers):
+    """Its force; a moving target works on the machine like a driver and is booked there."""
+    stretch, rate, target_rate = _stretch(model, force, time, select, q, v)
+    push, elastic, _ = spring_push(model, force, mode, stretch, rate)
+    total[force.coordinate] += push
+    powers[BY_DRIVERS] += push * target_rate
+    powers[DISSIPATED] += (push - elastic) * rate
+
+
+@inner_kernel
+def mode_at(model, force, time, select, q, v):
+    """Its mode."""
+    if force.acts_in == 0:
+        return 0
+    stretch, rate, _ = _stretch(model, force, time, select, q, v)
+    return spring_mode(model, force, stretch, rate, 0.0, 0.0)
+
+
+@inner_kernel
+def report(model, force, mode, time, select, q, v):
+    """Coordinate, its rate, force, and energy stored."""
+    stretch, rate, _ = _stretch(model, force, time, select, q, v)
+    push, _, stored = spring_push(model, force, mode, stretch, rate)
+    return q[force.coordinate], v[force.coordinate], push, stored
+
+
+def fill(builder: Builder, name: str, force: CoordinateSpring) -> None:
+    """Its row of the table."""
+    row, body = builder.row(name, COORDINATE_SPRING), builder.poses.index(force.body)
+    row["body_b"], row["coordinate"] = body, 3 * body + COORDINATE_INDEX[force.coordinate]
+    row["functions"][0, 0] = builder.functions.add(force.target)
+    row["acts_in"] = {"both": 0, "pull_up": 1, "push_down": -1}[force.acts_in]
+    row["stiffness"], row["damping"] = force.stiffness, force.damping

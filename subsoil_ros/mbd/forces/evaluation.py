@@ -1,0 +1,140 @@
+"""Forces of the machine: their sum, the modes they are in, and what is reported of them.
+
+A mode is a smooth part of an element's law: slack or taut, a segment of a table, a stop touched or not, a
+wheel off or on the ground. Within a step it is held, so that a step sees a smooth force; where the state
+leaves its mode, the integrator finds the instant (events.py). `held` is whatever has `modes` and
+`multipliers`: the State, or Held.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..compiled import inner_kernel, kernel
+from ..geometry import turns_of
+from ..tables import DISSIPATED, Model
+from . import coordinate_spring, joint_stops, point_load, spring_damper, torsion_spring, wheel_contact
+from .elastic import has_modes, push_at, spring_mode
+from .joint_friction import friction_push, is_friction
+from .table import (
+    COORDINATE_SPRING,
+    LOCKED_SPRING,
+    LOCKED_TORSION,
+    POINT_LOAD,
+    ROTATION_FRICTION,
+    SPRING_DAMPER,
+    TORSION_SPRING,
+    WHEEL_CONTACT,
+)
+
+
+class Held(NamedTuple):
+    """What forces depend on beside position and velocity."""
+
+    modes: np.ndarray  # (forces,) int64
+    multipliers: np.ndarray  # (m,) float64 [N or N m]
+
+
+@inner_kernel
+def _measure(force, q, turns, v):
+    """Length, angle or translation, its rate, and the direction of a force along it with its two arms.
+
+    Answers (value, rate, ux, uz, ax, az, bx, bz); for an angle the direction is zero.
+    """
+    if force.kind == TORSION_SPRING or force.kind == ROTATION_FRICTION or force.kind == LOCKED_TORSION:
+        return torsion_spring.measure(force, q, v)
+    if force.kind == SPRING_DAMPER or force.kind == LOCKED_SPRING:
+        return spring_damper.measure(force, q, turns, v)
+    return joint_stops.measure_translation(force, q, turns, v)
+
+
+@inner_kernel
+def _add_between(model, held, i, q, turns, v, total, powers):
+    """A spring, stop or friction between two bodies."""
+    force = model.forces[i]
+    value, rate, ux, uz, ax, az, bx, bz = _measure(force, q, turns, v)
+    if is_friction(force):
+        push = friction_push(model, force, held.multipliers, rate)
+        elastic = 0.0
+    else:
+        push, elastic, _ = push_at(model, force, held.modes[i], value, rate)
+    a, b = 3 * force.body_a, 3 * force.body_b
+    if ux == 0.0 and uz == 0.0:
+        total[b + 2] += push
+        total[a + 2] -= push
+    else:
+        fx, fz = push * ux, push * uz
+        total[b] += fx
+        total[b + 1] += fz
+        total[b + 2] += bx * fz - bz * fx
+        total[a] -= fx
+        total[a + 1] -= fz
+        total[a + 2] -= ax * fz - az * fx
+    powers[DISSIPATED] += (elastic - push) * rate
+
+
+@kernel
+def evaluate_forces(model, held, time, select, q, turns, v, total, powers):
+    """Generalised forces [N, N, N m] into `total` (n + 3,), and their `powers` (3,) [W]."""
+    total[:] = 0.0
+    powers[:] = 0.0
+    for i in range(1, model.mass.shape[0], 3):
+        total[i] = -model.mass[i] * model.gravity
+    for i in range(model.forces.shape[0]):
+        force = model.forces[i]
+        if force.kind == POINT_LOAD:
+            point_load.add(model, force, time, select, turns, v, total, powers)
+        elif force.kind == COORDINATE_SPRING:
+            coordinate_spring.add(model, force, held.modes[i], time, select, q, v, total, powers)
+        elif force.kind == WHEEL_CONTACT:
+            wheel_contact.add(force, held.modes[i], q, v, total, powers)
+        elif force.kind < LOCKED_SPRING:
+            _add_between(model, held, i, q, turns, v, total, powers)
+
+
+@kernel
+def evaluate_modes(model, time, select, q, turns, v, modes):
+    """The mode that every force is in at this state, into `modes` (forces,)."""
+    for i in range(model.forces.shape[0]):
+        force = model.forces[i]
+        modes[i] = 0
+        if force.kind == WHEEL_CONTACT:
+            modes[i] = wheel_contact.mode_at(force, q, v)
+        elif force.kind == COORDINATE_SPRING:
+            modes[i] = coordinate_spring.mode_at(model, force, time, select, q, v)
+        elif force.kind < LOCKED_SPRING and force.kind != POINT_LOAD and has_modes(force):
+            value, rate, _, _, _, _, _, _ = _measure(force, q, turns, v)
+            modes[i] = spring_mode(model, force, force.length - value, -rate, value, rate)
+
+
+@kernel
+def report_forces(model, held, time, select, q, turns, v, report):
+    """Length, rate [m, m/s] (or rad) and force of every element into `report` (forces, 3).
+
+    Answers the energy stored in springs, stops and wheel contacts [J]. Of a locked spring the force is left
+    at zero: it is that of its constraint.
+    """
+    total = 0.0
+    for i in range(model.forces.shape[0]):
+        force, mode = model.forces[i], held.modes[i]
+        value, rate, push, stored = 0.0, 0.0, 0.0, 0.0
+        if force.kind == COORDINATE_SPRING:
+            value, rate, push, stored = coordinate_spring.report(model, force, mode, time, select, q, v)
+        elif force.kind == WHEEL_CONTACT:
+            value, rate, push, stored = wheel_contact.report(force, mode, q, v)
+        elif force.kind != POINT_LOAD:
+            value, rate, _, _, _, _, _, _ = _measure(force, q, turns, v)
+            if is_friction(force):
+                push = friction_push(model, force, held.multipliers, rate)
+            elif force.kind < LOCKED_SPRING:
+                push, _, stored = push_at(model, force, mode, value, rate)
+        report[i, 0], report[i, 1], report[i, 2] = value, rate, push
+        total += stored
+    return total
+
+
+def held_at(model: Model, time: float, select: float, q: np.ndarray, v: np.ndarray) -> Held:
+    """The modes at a state; multipliers zero."""
+    modes = np.zeros(len(model.forces), dtype=np.int64)
+    evaluate_modes(model, time, select, q, turns_of(q), v, modes)
+    return Held(modes, np.zeros(len(model.row_scale)))

@@ -1,0 +1,52 @@
+"""Friction of a joint against its rotation or translation: (preload + mu R N) tanh(rate / slip speed).
+
+N is the whole reaction in a pin of radius R, and that across the line (R = 1) on a line.
+"""
+
+import math
+
+from ...scene.mechanism import PointOnLine, Prismatic, Revolute, RotationFriction
+from ..compiled import inner_kernel
+from .builder import Builder
+from .table import FRICTIONS, ROTATION_FRICTION, TRANSLATION_FRICTION
+
+
+@inner_kernel
+def is_friction(force):
+    """Whether it is of this kind."""
+    return force.kind in FRICTIONS
+
+
+@inner_kernel
+def joint_pressure(model, force, multipliers):
+    """Force that presses in the joint [N]."""
+    row = model.joints[force.joint].row
+    if force.kind == ROTATION_FRICTION:
+        return math.sqrt(multipliers[row] ** 2 + multipliers[row + 1] ** 2)
+    return abs(multipliers[row])
+
+
+@inner_kernel
+def friction_push(model, force, multipliers, rate):
+    """Push on the rotation or translation."""
+    limit = force.preload
+    if force.friction > 0.0:
+        limit += force.friction * force.length * joint_pressure(model, force, multipliers)
+    return -limit * math.tanh(rate / force.slip_speed)
+
+
+def fill(builder: Builder, name: str, joint: Revolute | Prismatic | PointOnLine) -> None:
+    """Its row of the table, if the joint has any."""
+    friction = joint.friction
+    if friction is None:
+        return
+    kind = ROTATION_FRICTION if isinstance(joint, Revolute) else TRANSLATION_FRICTION
+    row = builder.row_at_joint(f"{name}.friction", kind, joint)
+    row["joint"] = builder.joint_names.index(name)
+    row["friction"] = friction.coefficient
+    if isinstance(friction, RotationFriction):
+        row["preload"], row["length"] = friction.preload_newton_m, friction.radius_m
+        row["slip_speed"] = friction.slip_speed_rad_per_s
+    else:
+        row["preload"], row["length"] = friction.preload_newton, 1.0
+        row["slip_speed"] = friction.slip_speed_m_per_s

@@ -1,0 +1,32 @@
+"""A prescribed force and moment at a point fixed in the body, along world axes."""
+
+from ...scene.mechanism import PointLoad
+from ..compiled import inner_kernel
+from ..geometry import turned
+from ..tables import BY_LOADS
+from ..time_functions import function_value
+from .builder import Builder
+from .table import POINT_LOAD
+
+
+@inner_kernel
+def add(model, force, time, select, turns, v, total, powers):
+    """Its force and moment."""
+    body = 3 * force.body_b
+    fx = function_value(model.functions, force.functions[0], time, select)
+    fz = function_value(model.functions, force.functions[1], time, select)
+    px, pz = turned(turns, force.body_b, force.point_b)
+    moment = function_value(model.functions, force.functions[2], time, select) + px * fz - pz * fx
+    total[body] += fx
+    total[body + 1] += fz
+    total[body + 2] += moment
+    powers[BY_LOADS] += fx * v[body] + fz * v[body + 1] + moment * v[body + 2]
+
+
+def fill(builder: Builder, name: str, force: PointLoad) -> None:
+    """Its row of the table."""
+    row = builder.row(name, POINT_LOAD)
+    row["body_b"] = builder.poses.index(force.body)
+    row["point_b"] = builder.poses.point(force.body, force.point_m)
+    parts = (force.force_x_newton, force.force_z_newton, force.moment_newton_m)
+    row["functions"] = [[builder.functions.add(part) for part in parts]]

@@ -1,0 +1,158 @@
+"""Rows of Phi that joints are made of: two points in one place, a point on a line, an angle.
+
+Each has its value, its entries of the Jacobian, and gamma = Phi_q q'' without the terms of a driver; all
+unscaled, d = p_b - p_a (geometry.py). Sources: docs/mechanism.md.
+"""
+
+from typing import Protocol
+
+import numpy as np
+
+from ..compiled import part_of_kernel
+from ..frames import ReferencePoses
+from ..geometry import difference, relative_velocity, turned
+
+Reaction = tuple[float, float, float]
+"""Force x, z [N] on body_b at the joint's point, and moment [N m]."""
+
+
+class Pair(Protocol):
+    """A part between two bodies."""
+
+    @property
+    def body_a(self) -> str: ...
+
+    @property
+    def body_b(self) -> str: ...
+
+
+def fill_pair(row: np.void, part: Pair, poses: ReferencePoses) -> None:
+    """The bodies of a joint, and the angle between them in the reference pose."""
+    row["body_a"], row["body_b"] = poses.index(part.body_a), poses.index(part.body_b)
+    row["offset"] = poses.angle(part.body_b) - poses.angle(part.body_a)
+
+
+@part_of_kernel
+def _centripetal(joint, v, ax, az, bx, bz):
+    """The centripetal part of -d''."""
+    wa, wb = v[3 * joint.body_a + 2], v[3 * joint.body_b + 2]
+    return wb * wb * bx - wa * wa * ax, wb * wb * bz - wa * wa * az
+
+
+# d = 0: two rows
+
+
+@part_of_kernel
+def points_residual(joint, q, turns, residual):
+    """d."""
+    residual[joint.row], residual[joint.row + 1], _, _, _, _ = difference(joint, q, turns)
+
+
+@part_of_kernel
+def points_jacobian(joint, q, turns, jacobian):
+    """Of d."""
+    row, a, b = joint.row, 3 * joint.body_a, 3 * joint.body_b
+    _, _, ax, az, bx, bz = difference(joint, q, turns)
+    jacobian[row, b], jacobian[row + 1, b + 1] = 1.0, 1.0
+    jacobian[row, a], jacobian[row + 1, a + 1] = -1.0, -1.0
+    jacobian[row, b + 2], jacobian[row + 1, b + 2] = -bz, bx
+    jacobian[row, a + 2], jacobian[row + 1, a + 2] = az, -ax
+
+
+@part_of_kernel
+def points_gamma(joint, q, turns, v, gamma):
+    """Of d."""
+    _, _, ax, az, bx, bz = difference(joint, q, turns)
+    gamma[joint.row], gamma[joint.row + 1] = _centripetal(joint, v, ax, az, bx, bz)
+
+
+def points_columns(joint: np.void) -> list[list[int]]:
+    """Coordinates of the two rows of d."""
+    a, b = 3 * int(joint["body_a"]), 3 * int(joint["body_b"])
+    return [[a, b, a + 2, b + 2], [a + 1, b + 1, a + 2, b + 2]]
+
+
+# n . d = 0: one row
+
+
+@part_of_kernel
+def line_distance(joint, q, turns):
+    """n . d, n fixed in body a."""
+    dx, dz, _, _, _, _ = difference(joint, q, turns)
+    nx, nz = turned(turns, joint.body_a, joint.normal)
+    return nx * dx + nz * dz
+
+
+@part_of_kernel
+def line_residual(joint, q, turns, residual):
+    """n . d."""
+    residual[joint.row] = line_distance(joint, q, turns)
+
+
+@part_of_kernel
+def along_jacobian(joint, nx, nz, swing, ax, az, bx, bz, jacobian):
+    """Of the part of d along (nx, nz), a unit vector whose own turning with body a gives `swing`."""
+    row, a, b = joint.row, 3 * joint.body_a, 3 * joint.body_b
+    jacobian[row, b], jacobian[row, b + 1] = nx, nz
+    jacobian[row, a], jacobian[row, a + 1] = -nx, -nz
+    jacobian[row, b + 2] = nz * bx - nx * bz
+    jacobian[row, a + 2] = swing - (nz * ax - nx * az)
+
+
+@part_of_kernel
+def line_jacobian(joint, q, turns, jacobian):
+    """Of n . d."""
+    dx, dz, ax, az, bx, bz = difference(joint, q, turns)
+    nx, nz = turned(turns, joint.body_a, joint.normal)
+    along_jacobian(joint, nx, nz, nx * dz - nz * dx, ax, az, bx, bz, jacobian)
+
+
+@part_of_kernel
+def along_rates(joint, nx, nz, v, ax, az, bx, bz):
+    """Along (nx, nz) the centripetal part of -d'', and across it d'."""
+    cx, cz = _centripetal(joint, v, ax, az, bx, bz)
+    ux, uz = relative_velocity(joint, v, ax, az, bx, bz)
+    return nx * cx + nz * cz, nx * uz - nz * ux
+
+
+@part_of_kernel
+def line_gamma(joint, q, turns, v, gamma):
+    """Added to what a driver has put there: (n . d)'' = n . d'' + 2 wa (k x n) . d' - wa^2 n . d + ..."""
+    dx, dz, ax, az, bx, bz = difference(joint, q, turns)
+    nx, nz = turned(turns, joint.body_a, joint.normal)
+    wa = v[3 * joint.body_a + 2]
+    along, across = along_rates(joint, nx, nz, v, ax, az, bx, bz)
+    gamma[joint.row] += along - 2.0 * wa * across
+    gamma[joint.row] += wa * wa * (nx * dx + nz * dz)
+
+
+def line_columns(joint: np.void) -> list[list[int]]:
+    """Coordinates of the row of n . d."""
+    a, b = 3 * int(joint["body_a"]), 3 * int(joint["body_b"])
+    return [[a, a + 1, a + 2, b, b + 1, b + 2]]
+
+
+def line_reaction(joint: np.void, turns: np.ndarray, push: float) -> Reaction:
+    """Of a push along n."""
+    (c, s), (x, z) = turns[joint["body_a"]], joint["normal"]
+    return push * (c * x - s * z), push * (s * x + c * z), 0.0
+
+
+# phi_b - phi_a - offset = 0: one row, whose gamma is zero
+
+
+@part_of_kernel
+def angle_residual(joint, row, q, residual):
+    """phi_b - phi_a - offset."""
+    residual[row] = q[3 * joint.body_b + 2] - q[3 * joint.body_a + 2] - joint.offset
+
+
+@part_of_kernel
+def angle_jacobian(joint, row, jacobian):
+    """Of phi_b - phi_a."""
+    jacobian[row, 3 * joint.body_b + 2], jacobian[row, 3 * joint.body_a + 2] = 1.0, -1.0
+
+
+def angle_columns(joint: np.void) -> list[list[int]]:
+    """Coordinates of the row of the angle."""
+    return [[3 * int(joint["body_a"]) + 2, 3 * int(joint["body_b"]) + 2]]

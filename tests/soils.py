@@ -1,0 +1,89 @@
+"""The soils of the tests with the features of their laws: each set of features is a compiled soil step.
+
+A test that needs less than the features of a soil gives what it does without as NEGLIGIBLE. Besides there are
+the two variants, without friction, with which a dense bed of each soil is prepared.
+"""
+
+import copy
+from typing import Any
+
+NEGLIGIBLE = 1e-20
+"""A stiffness or friction whose code is compiled and that has no effect: far below round-off of others."""
+
+PARTICLE = {
+    "stiffness_newton_per_m": 10_000.0,
+    "tangential_stiffness_newton_per_m": 8_000.0,
+    "damping_newton_s_per_m": 20.0,
+    "tangential_damping_newton_s_per_m": 20.0,
+    "cohesive_stiffness_newton_per_m": 7_000.0,
+    "static_friction": 0.5,
+    "sliding_friction": 0.5,
+    "rolling_friction": 0.3,
+    "equilibrium_overlap_m": 0.002,
+    "cohesion_range_m": 0.002,
+}
+BOUNDARY = {
+    **PARTICLE,
+    "stiffness_newton_per_m": 16_000.0,
+    "tangential_stiffness_newton_per_m": 12_000.0,
+    "cohesive_stiffness_newton_per_m": 3_000.0,
+}
+WET = {"kind": "cohesive_linear", "particle": PARTICLE, "boundary": BOUNDARY}
+DRY = {
+    "stiffness_newton_per_m": 1e5, "tangential_stiffness_newton_per_m": 8e4,
+    "damping_newton_s_per_m": 5.0, "tangential_damping_newton_s_per_m": 5.0,
+    "static_friction": 0.5, "sliding_friction": 0.4, "rolling_friction": 0.1,
+}  # fmt: skip
+LINEAR = {"kind": "linear", "particle": DRY, "boundary": DRY}
+ELASTIC = {
+    "youngs_modulus_pa": 1e7, "poisson_ratio": 0.25, "restitution": 0.5,
+    "static_friction": 0.5, "sliding_friction": 0.4, "rolling_friction": 0.1,
+}  # fmt: skip
+HERTZ = {"kind": "hertz_mindlin", "particle": ELASTIC, "boundary": ELASTIC}
+
+BOOKED = {"monitors": {"max_energy_defect": 1e3}}
+LAYERS = {"layers": [{"name": "top", "thickness_m": 0.04}, {"name": "heavy", "density_kg_per_m3": 2000.0}]}
+TWO_SIZES = {"kind": "listed", "radii_m": [0.008, 0.01], "shares": [1.0, 1.0], "shares_are": "number"}
+UNEQUAL = {
+    "particles": {"sizes": TWO_SIZES, "density_kg_per_m3": 1800.0},
+    "bed": {"kind": "dense_random", "seed": 0},
+}
+WETTED = ("cohesive_linear", "cohesion", "tangential", "rolling")
+RUBBED = ("tangential", "rolling")
+
+SOILS: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
+    "wet": (WETTED, {"law": WET}),
+    "wet, booked": ((*WETTED, "book"), {"law": WET, **BOOKED}),
+    "wet, mixed precision": (
+        (*WETTED, "book", "mixed precision"), {"law": WET, "precision": "mixed", **BOOKED},
+    ),
+    "damped": (
+        (*WETTED, "damp_all_zones", "friction_repulsive"),
+        {"law": {**WET, "damped_zones": "all", "friction_normal": "repulsive"}},
+    ),
+    "layers": ((*WETTED, "materials"), {"law": WET, **LAYERS}),
+    "periodic": ((*WETTED, "periodic"), {"law": WET, "bin.sides": "periodic"}),
+    "sizes and layers": (
+        (*WETTED, "book", "sizes", "materials"), {"law": WET, **BOOKED, **LAYERS, **UNEQUAL},
+    ),
+    "dry": (("linear", *RUBBED), {"law": LINEAR}),
+    "dry sizes": (("linear", *RUBBED, "book", "sizes"), {"law": LINEAR, **BOOKED, **UNEQUAL}),
+    "hertz": (("hertz", *RUBBED, "book"), {"law": HERTZ, **BOOKED}),
+}  # fmt: skip
+"""Law and features of each soil, as numba compiles them, and the keys of a soil that has them."""
+
+
+def warming_scene(name: str) -> dict[str, Any]:
+    """A scene of one of the soils, of a few particles and ticks, with a tool far above it."""
+    soil: dict[str, Any] = {
+        "bin": {"length_m": 0.12, "width_m": 0.12, "depth_m": 0.1},
+        "particles": {"radius_m": 0.01, "density_kg_per_m3": 1800.0},
+        "bed": {"kind": "grid", "spacing_m": "rest"},
+        **copy.deepcopy(SOILS[name][1]),
+    }
+    soil["bin"]["sides"] = soil.pop("bin.sides", "walls")
+    tool = {"path": {"start_z_m": 1.0}, "groups": {"share": {"mesh": "config/meshes/share.stl"}}}
+    return {
+        "name": "warming", "duration_s": 2e-3, "soil": soil, "tools": {"tool": tool},
+        "record": {"series_ticks": 1},
+    }  # fmt: skip

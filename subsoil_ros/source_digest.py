@@ -10,6 +10,8 @@ from collections.abc import Iterable
 from importlib.metadata import version
 from pathlib import Path
 
+from .outside_laws import law_sources, outside_laws
+
 PACKAGE = Path(__file__).parent
 
 RESULT_LIBRARIES = ("numba", "numpy", "scipy")
@@ -19,21 +21,32 @@ WITHOUT_RESULTS = ("cli", "ros", "figures", "dem/bench")
 """Folders that no recorded number depends on."""
 
 
+LAWS = "contact_laws"
+"""Folder of the contact laws, whose kernels those of the engines call."""
+
+
 def kernel_digest(source: Path, package: Path = PACKAGE) -> str:
     """sha256 hex for the kernels of the file `source`: of it and all that it imports in its own folder.
 
-    Its own folder is that below `package`, with subfolders: a kernel calls only kernels of the same engine.
-    The names of all modules and classes there count too: a compiled kernel names the types of its arguments.
+    Its own folder is that below `package`, with subfolders: a kernel calls only kernels of the same engine,
+    and those of contact laws. Laws are chosen when a kernel is compiled: all count that are there, with the
+    sources of laws of other packages.
+    The names of all modules and classes of the engine count too: a compiled kernel names the types of its
+    arguments.
     """
-    engine = package / source.relative_to(package).parts[0]
+    engine, laws = package / source.relative_to(package).parts[0], package / LAWS
     found = {source}
     waiting = [source]
     while waiting:
-        new = {path for path in _imported(waiting.pop()) if path.is_relative_to(engine)} - found
+        imported = _imported(waiting.pop())
+        if any(path.is_relative_to(laws) for path in imported):
+            found.add(laws)
+        new = {path for path in imported if path.is_relative_to(engine)} - found
         found |= new
         waiting.extend(new)
     types = sorted(f"{file.relative_to(engine)} {_classes(file)}" for file in engine.rglob("*.py"))
-    return hashlib.sha256(f"{tree_digest(found, package)} {types}".encode()).hexdigest()
+    outside = law_digests() if laws in found else {}
+    return hashlib.sha256(f"{tree_digest(found, package)} {types} {outside}".encode()).hexdigest()
 
 
 def result_digest(package: Path = PACKAGE) -> str:
@@ -43,7 +56,19 @@ def result_digest(package: Path = PACKAGE) -> str:
         path for path in package.rglob("*.py") if not any(path.is_relative_to(one) for one in left_out)
     )
     libraries = " ".join(f"{library} {version(library)}" for library in RESULT_LIBRARIES)
-    return hashlib.sha256(f"{libraries} {tree_digest(sources, package)}".encode()).hexdigest()
+    text = f"{libraries} {tree_digest(sources, package)} {law_digests()}"
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def law_digests() -> dict[str, str]:
+    """sha256 hex of the sources of each contact law of another package, by its kind."""
+    digests = {}
+    for kind in outside_laws():
+        digest = hashlib.sha256(repr(outside_laws()[kind].value).encode())
+        for name, file in sorted(law_sources(kind).items()):
+            digest.update(f"{name}\0{_dump(file)}\0".encode())
+        digests[kind] = digest.hexdigest()
+    return digests
 
 
 def tree_digest(sources: Iterable[Path], package: Path = PACKAGE) -> str:

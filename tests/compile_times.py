@@ -86,18 +86,19 @@ class CompileTimes(event.Listener):
 
 
 def variant_of(signature: Any) -> str:
-    """Features of the contact law, and precision, that the types of a soil step's arguments tell."""
-    features, law = (next(within(signature, name)) for name in ("Features", "PairLaw"))
-    present = [name for name, kind in zip(features.fields, features.types, strict=True) if kind.ndim == 2]
+    """Contact law, its features, and precision, that the types of a soil step's arguments tell."""
+    features, law = (next(within(signature, name)) for name in ("Features", "Numbers"))
+    present = [law.instance_class.__module__.split(".")[-2]]
+    present += [name for name, kind in zip(features.fields, features.types, strict=True) if kind.ndim == 2]
     present += ["mixed precision"] * (law.types[0] == types.float32)
     names = [name for name, (features, _) in SOILS.items() if set(features) == set(present)]
     other = "not in tests/soils.py" if "tangential" in present else "preparation of a bed"
-    return f"{', '.join(present) or 'no feature'} ({', '.join(names) or other})"
+    return f"{', '.join(present)} ({', '.join(names) or other})"
 
 
 def within(kind: Any, name: str) -> Iterator[Any]:
-    """Types of the named tuples of this name among nested types of tuples."""
-    if getattr(getattr(kind, "instance_class", None), "__name__", "") == name:
+    """Types of the named tuples whose class has a name that ends so, among nested types of tuples."""
+    if getattr(getattr(kind, "instance_class", None), "__name__", "").endswith(name):
         yield kind
     elif isinstance(kind, types.BaseTuple | tuple):
         for part in kind:

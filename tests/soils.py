@@ -48,7 +48,7 @@ UNEQUAL = {
     "particles": {"sizes": TWO_SIZES, "density_kg_per_m3": 1800.0},
     "bed": {"kind": "dense_random", "seed": 0},
 }
-WETTED = ("adhesion", "tangential", "rolling")
+WETTED = ("cohesive_linear", "cohesion", "tangential", "rolling")
 RUBBED = ("tangential", "rolling")
 
 SOILS: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
@@ -66,11 +66,11 @@ SOILS: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
     "sizes and layers": (
         (*WETTED, "book", "sizes", "materials"), {"law": WET, **BOOKED, **LAYERS, **UNEQUAL},
     ),
-    "dry": (RUBBED, {"law": LINEAR}),
-    "dry sizes": ((*RUBBED, "book", "sizes"), {"law": LINEAR, **BOOKED, **UNEQUAL}),
-    "hertz": ((*RUBBED, "hertz", "book"), {"law": HERTZ, **BOOKED}),
+    "dry": (("linear", *RUBBED), {"law": LINEAR}),
+    "dry sizes": (("linear", *RUBBED, "book", "sizes"), {"law": LINEAR, **BOOKED, **UNEQUAL}),
+    "hertz": (("hertz", *RUBBED, "book"), {"law": HERTZ, **BOOKED}),
 }  # fmt: skip
-"""Features of each soil, as numba compiles them, and the keys of a soil that has them."""
+"""Law and features of each soil, as numba compiles them, and the keys of a soil that has them."""
 
 
 def warming_scene(name: str) -> dict[str, Any]:

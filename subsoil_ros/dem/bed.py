@@ -6,11 +6,11 @@ from typing import Literal
 
 import numpy as np
 
+from ..contact_laws.base import PairValues
 from ..errors import InputError, SceneError
 from ..scene.bed_spacing import particle_spacing_m
 from ..scene.beds import GridBed
 from ..scene.pairs import (
-    PairValues,
     boundary_values,
     layer_soils,
     pair_values,

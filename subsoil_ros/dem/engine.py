@@ -6,17 +6,19 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
+from ..contact_laws.base import SINKS
+from ..contact_laws.registry import BUILT_IN
 from ..errors import InputError, PhysicsError, SceneError
 from ..limits.stable_steps import DENSE_COORDINATION, SAFETY, step_limits
 from ..loading.loader import ResolvedScene
 from ..messages import ToolMotion, ToolWrench
-from ..scene.pairs import layer_soils, particle_mass_kg
+from ..scene.pairs import layer_soils, pair_values, particle_mass_kg
 from .bed import Bed, finite_rows, refuse_outside
 from .beds.prepare import prepare_bed
-from .contact import SINKS, PairLaw, law_features, soil_laws
+from .contact import history_parity, law_features, soil_laws
 from .integration import kick
 from .kernel_calls import KernelCalls, use_threads
-from .mixture import REACH, REST_OVERLAP, law_tables, material_at
+from .mixture import law_tables, material_at, reaches_m
 from .monitors import Domain, SoilMonitor, refuse_lost_numbers
 from .neighbours import carry_pairs, cell_grid, half_list, slab_starts, sort_by_cell
 from .pairs import history_blocks
@@ -71,13 +73,11 @@ class SoilEngine(SoilReadings):
         refuse_narrow_period(self.bed, soil)
         book = book or (soil.monitors is not None and soil.monitors.max_energy_defect is not None)
         self._features = law_features(soil, book=book, period_m=self.bed.period_m)
-        law, self._boundary = soil_laws(soil, self._features)
-        self._pair_law = PairLaw(*np.array(law, self._kind))
-        factor = soil.tool_stiffness_factor
-        self._at_tools = self._boundary._replace(stiffness=self._boundary.stiffness * factor)
-        self._pair_laws, self._wall_laws = law_tables(soil, self._features)
-        self._tool_laws = self._wall_laws.copy()
-        self._tool_laws[:, 0] *= factor
+        law, self._boundary, self._at_tools = soil_laws(soil)
+        self._pair_law = soil.law.numbers(*np.array(law, self._kind))
+        self._pair_laws, self._wall_laws, self._tool_laws = law_tables(soil, self._features)
+        self._parity = history_parity(soil.law)
+        self._reaches = reaches_m(soil)
         self._density = np.array([layer.particles.density_kg_per_m3 for layer in layer_soils(soil)])
         self._overlap_bound = soil.max_tool_overlap_m or 2.0 * soil.particles.mean_volume_radius_m
         self._planes = wall_planes(self.bed.lower_m, self.bed.upper_m, self.bed.sides)
@@ -142,10 +142,13 @@ class SoilEngine(SoilReadings):
     def _forget_contacts(self) -> None:
         rows = np.zeros(self._particles.count + 1, np.int64)
         self._pairs = PairList(
-            rows, np.empty(0, np.int32), history_blocks(0, self._kind), np.zeros(1, np.int64)
+            rows, np.empty(0, np.int32), self._history(0, self._kind), np.zeros(1, np.int64)
         )
         none = np.empty(0, np.int64)
-        self._walls = WallList(none, none.copy(), history_blocks(0, np.float64))
+        self._walls = WallList(none, none.copy(), self._history(0, np.float64))
+
+    def _history(self, contacts: int, kind: type) -> np.ndarray:
+        return history_blocks(contacts, kind, len(self._parity))
 
     def place(
         self,
@@ -189,10 +192,8 @@ class SoilEngine(SoilReadings):
         use_threads(self._threads)
         tools = surfaces(self._resolved, self.bed, motions)
         p = self._particles
-        if p.unequal:
-            clearance = p.radius - self._wall_laws[p.material, REST_OVERLAP]
-        else:
-            clearance = np.full(p.count, self._radius - self._boundary.rest_overlap)
+        rest = np.array([pair_values(layer)[1].rest_overlap for layer in layer_soils(self._soil)])
+        clearance = p.radius - rest[p.material] if p.unequal else np.full(p.count, self._radius - rest[0])
         kept = np.ones(p.count, np.bool_)
         for surface in tools:
             kept[surface.overlapped(p, clearance)] = False
@@ -383,9 +384,7 @@ class SoilEngine(SoilReadings):
 
     def _reaches_m(self) -> tuple[float, float]:
         """How far apart two centres act on each other at most, and a centre and a wall or tool."""
-        if self._features.adhesion.ndim == 1:
-            return 2.0 * self._radius, self._radius
-        at_pairs, at_walls = (float(laws[:, REACH].max()) for laws in (self._pair_laws, self._wall_laws))
+        at_pairs, at_walls = self._reaches
         return 2.0 * self._radius + at_pairs, self._radius + at_walls
 
     def _rebuild(self, motions: tuple[ToolMotion, ...]) -> None:
@@ -405,14 +404,18 @@ class SoilEngine(SoilReadings):
         smaller = self._radius - p.radius if p.unequal else 0.0
         row_start, neighbour = half_list(p.position, grid, cell_start, reach, smaller)
         old = self._pairs
-        history = history_blocks(len(neighbour), self._kind)
-        carry_pairs(order, old.row_start, old.neighbour, old.history, row_start, neighbour, history)
+        history = self._history(len(neighbour), self._kind)
+        carry_pairs(
+            order, old.row_start, old.neighbour, old.history, row_start, neighbour, history, self._parity
+        )
         slabs = slab_starts(cell_start, grid, _CELLS_PER_SLAB)
         self._flush_books()
         self._pairs = PairList(row_start, neighbour, history, slabs)
         before, (particle, wall) = self._walls, near_walls(p.position, self._planes, boundary_reach + skin)
-        history = history_blocks(len(particle), np.float64)
-        carry_walls(order, before.particle, before.wall, before.history, particle, wall, history)
+        history = self._history(len(particle), np.float64)
+        carry_walls(
+            order, before.particle, before.wall, before.history, particle, wall, history, len(self._parity)
+        )
         self._walls = WallList(particle, wall, history)
         for tool, motion in zip(self._tools, motions, strict=True):
             tool.search(motion, p, order, cell_start, grid, boundary_reach + TOOL_SKIN * skin)
@@ -427,6 +430,11 @@ def build_engine(resolved: ResolvedScene, threads: int = 1) -> SoilEngine:
     soil = resolved.scene.particle_soil
     if soil is None or soil.device == "cpu":
         return SoilEngine(resolved, threads)
+    if soil.law.kind not in BUILT_IN:
+        raise InputError(
+            f"soil.device: 'gpu' computes the contact laws {', '.join(BUILT_IN)}, not '{soil.law.kind}'; "
+            "use 'cpu'"
+        )
     from .gpu.engine import GpuSoilEngine
 
     return GpuSoilEngine(resolved, threads)

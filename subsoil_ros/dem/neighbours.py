@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit, prange
 
 from .compiled import inner_kernel
-from .pairs import BLOCK, HISTORY, history_place
+from .pairs import BLOCK, history_place
 from .per_particle import PARTS, of_particle
 from .periodic import nearest_image
 
@@ -242,32 +242,36 @@ def slab_starts(cell_start: np.ndarray, grid: CellGrid, cells_per_slab: int) -> 
 
 
 @njit(cache=True, parallel=True)
-def carry_pairs(order, old_row, old_neighbour, old_history, row_start, neighbour, history):
+def carry_pairs(order, old_row, old_neighbour, old_history, row_start, neighbour, history, parity):
     """Fills `history` with that of the pairs that were in the lists before the particles were put in `order`,
     and zeros.
 
-    A pair whose particles changed places sees its springs from the other side: the sign turns.
+    A pair whose particles changed places sees its contact from the other side: component a becomes parity[a]
+    (components,) times what it was.
     """
     for i in prange(order.shape[0]):
-        _carry_row(np.int64(i), order, old_row, old_neighbour, old_history, row_start, neighbour, history)
+        _carry_row(
+            np.int64(i), order, old_row, old_neighbour, old_history, row_start, neighbour, history, parity
+        )
 
 
 @inner_kernel()
-def _carry_row(i, order, old_row, old_neighbour, old_history, row_start, neighbour, history):
+def _carry_row(i, order, old_row, old_neighbour, old_history, row_start, neighbour, history, parity):
+    components = parity.shape[0]
     for k in range(row_start[i], row_start[i + 1]):
         first, second = order[i], order[neighbour[k]]
         turned = first > second
         if turned:
             first, second = second, first
-        to = history_place(k)
-        for a in range(HISTORY):
+        to = history_place(k, components)
+        for a in range(components):
             history[to + a * BLOCK] = 0.0
         for m in range(old_row[first], old_row[first + 1]):
             if old_neighbour[m] == second:
-                here = history_place(m)
-                for a in range(HISTORY):
+                here = history_place(m, components)
+                for a in range(components):
                     kept = old_history[here + a * BLOCK]
-                    history[to + a * BLOCK] = -kept if turned else kept
+                    history[to + a * BLOCK] = parity[a] * kept if turned else kept
                 break
 
 

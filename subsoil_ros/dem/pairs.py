@@ -12,9 +12,20 @@ import numpy as np
 from numba import njit, prange
 from numba.extending import register_jitable
 
+from ..contact_laws.base import SINKS, SPRINGS
+from ..contact_laws.inverse_root import inverse_root
+from ..contact_laws.springs import like
 from .compiled import inner_kernel
-from .contact import SINKS, PairLaw, contact, like, normal_potential, spring_energy
-from .inverse_root import inverse_root
+from .contact import (
+    components,
+    contact,
+    kept_at,
+    normal_potential,
+    numbers_at,
+    put_kept,
+    reach,
+    spring_energy,
+)
 from .mixture import pair_of
 from .per_particle import PARTS, added_up
 from .periodic import nearest_image
@@ -22,9 +33,6 @@ from .periodic import nearest_image
 BLOCK = 512
 """Pairs computed at a time (measured, 128 to 1024: one component of the histories is then a page, and a bed
 larger than the cache streams a fifth faster than with 128)."""
-
-HISTORY = 6
-"""Numbers kept of a pair: tangential spring x, y, z [m], rolling spring x, y, z [rad], i against j."""
 
 _LINE_BYTES = 64
 """A cache line, and the widest vector: one that starts on a line costs half of one that crosses two."""
@@ -36,16 +44,13 @@ lines of the cache."""
 _GATHERED = 12
 """Scratch rows: x_j - x_i, v_i - v_j, w_i, w_j. Results take their place: force on i, torque on i, on j."""
 
-_OF_PAIR = 2 + len(PairLaw._fields)
-"""Further rows where particles are unequal: radii of i and j, and the law of the pair."""
-
 _BOOKED = len(SINKS)
 
 
-def history_blocks(pairs: int, kind: type) -> np.ndarray:
-    """Room for the history of `pairs` pairs, from the start of a cache line on; not set but for what follows
-    the last pair, zero. Component c of pair k stands at history_place(k) + c * BLOCK."""
-    size = BLOCK * HISTORY
+def history_blocks(pairs: int, kind: type, components: int = SPRINGS) -> np.ndarray:
+    """Room for `components` numbers of each of `pairs` pairs, from the start of a cache line on; not set
+    but for what follows the last pair, zero. Component c of pair k stands at history_place(k) + c * BLOCK."""
+    size = BLOCK * components
     count, spare = -(-pairs // BLOCK) * size, _LINE_BYTES // np.dtype(kind).itemsize
     numbers: np.ndarray = np.empty(count + spare, kind)
     first = _first_on_line(numbers)
@@ -60,23 +65,26 @@ def _first_on_line(numbers):
 
 
 @njit(cache=True, forceinline=True)
-def history_place(pair):
-    """Place of the first component of a pair's history."""
-    return pair // BLOCK * (BLOCK * HISTORY) + pair % BLOCK
+def history_place(pair, components=SPRINGS):
+    """Place of the first of `components` numbers of a pair's history."""
+    return pair // BLOCK * (BLOCK * components) + pair % BLOCK
 
 
 @inner_kernel(forceinline=True)
-def springs_of(history, pair):
-    """Tangential and rolling spring of a pair or wall contact, each a tuple of three."""
-    h = history_place(pair)
+def stored_energy(overlap, history, pair, law, features):
+    """Energy in the normal force and the springs of a pair or wall contact [J]."""
+    h = history_place(pair, components(law))
     shear = (history[h], history[h + BLOCK], history[h + 2 * BLOCK])
-    return shear, (history[h + 3 * BLOCK], history[h + 4 * BLOCK], history[h + 5 * BLOCK])
+    roll = (history[h + 3 * BLOCK], history[h + 4 * BLOCK], history[h + 5 * BLOCK])
+    kept = kept_at(history, h + SPRINGS * BLOCK, BLOCK, like(overlap, 1.0), law)
+    energy = normal_potential(overlap, kept, law, features)
+    return energy, spring_energy(overlap, shear, roll, law)
 
 
 @inner_kernel()
 def _gather(
     first_row, pair, last, row_start, neighbour, position, velocity, spin, scratch,
-    radius, mixture, features,
+    radius, law, mixture, features,
 ):  # fmt: skip
     """States of the pairs pair <= k < last into the scratch rows; pair `pair` is in row `first_row`."""
     period = features.periodic.item()
@@ -109,20 +117,10 @@ def _gather(
             scratch[10, b] = spin[j, 1]
             scratch[11, b] = spin[j, 2]
             if features.sizes.ndim == 2 or features.materials.ndim == 2:
-                scratch[12, b], scratch[13, b], of_pair = pair_of(i, j, radius, mixture, features)
+                scratch[12, b], scratch[13, b], of_pair = pair_of(i, j, radius, law, mixture, features)
                 for a, number in enumerate(of_pair):
                     scratch[14 + a, b] = number
         start = stop
-
-
-@inner_kernel(forceinline=True)
-def law_in_rows(b, scratch):
-    """PairLaw in column b of the first scratch rows."""
-    return PairLaw(
-        scratch[b], scratch[b + ROW], scratch[b + 2 * ROW], scratch[b + 3 * ROW], scratch[b + 4 * ROW],
-        scratch[b + 5 * ROW], scratch[b + 6 * ROW], scratch[b + 7 * ROW], scratch[b + 8 * ROW],
-        scratch[b + 9 * ROW], scratch[b + 10 * ROW], scratch[b + 11 * ROW], scratch[b + 12 * ROW],
-    )  # fmt: skip
 
 
 @inner_kernel(forceinline=True)
@@ -134,17 +132,20 @@ def scratch_rows(count, kind):
 
 
 @inner_kernel(forceinline=True, fastmath={"contract"})
-def contact_of_pair(apart, relative, spin_i, spin_j, radius_i, radius_j, shear, roll, step, law, features):
+def contact_of_pair(
+    apart, relative, spin_i, spin_j, radius_i, radius_j, shear, roll, kept, step, law, features
+):
     """Contact of particles i and j, in reach or not.
 
     apart [m]: x_j - x_i; relative [m/s]: v_i - v_j of the centres; spins [rad/s], radii [m]; shear [m], roll
-    [rad]: springs.
+    [rad], kept: history.
     Returns 1 if they are in reach, else 0, all the rest being zero then; force on i [N]; torques on i and on
-    j [N m]; shear, roll; sinks [J] (dem.contact.SINKS), where a separated pair loses its springs.
+    j [N m]; shear, roll; sinks [J] (SINKS), where a separated pair loses its springs; kept, not
+    yet zero then.
     """
     zero, half, one = like(step, 0.0), like(step, 0.5), like(step, 1.0)
     touch = radius_i + radius_j
-    reach = touch + law.reach if features.adhesion.ndim == 2 else touch
+    farthest = reach(touch, law, features)
     dx, dy, dz = apart
     squared = dx * dx + dy * dy + dz * dz
     inverse = inverse_root(squared)
@@ -166,17 +167,18 @@ def contact_of_pair(apart, relative, spin_i, spin_j, radius_i, radius_j, shear, 
         relative[1] + cz * nx - cx * nz,
         relative[2] + cx * ny - cy * nx,
     )
-    f, m, s, r, sinks = contact(
-        touch - distance, (nx, ny, nz), sliding, (wx - ox, wy - oy, wz - oz), shear, roll, step, law, features
-    )
-    acts = one if distance < reach else zero
+    f, m, s, r, kept, sinks = contact(
+        touch - distance, (nx, ny, nz), sliding, (wx - ox, wy - oy, wz - oz), shear, roll, kept, step, law,
+        features,
+    )  # fmt: skip
+    acts = one if distance < farthest else zero
     fx, fy, fz = acts * f[0], acts * f[1], acts * f[2]
     mx, my, mz = acts * m[0], acts * m[1], acts * m[2]
     # torques arm n x f have one sign: opposite force on the opposite side
     qx, qy, qz = ny * fz - nz * fy, nz * fx - nx * fz, nx * fy - ny * fx
     lost = zero
     if features.book.ndim == 2:
-        lost = (one - acts) * spring_energy(zero, shear, roll, law, features)
+        lost = (one - acts) * spring_energy(zero, shear, roll, law)
     return (
         acts,
         (fx, fy, fz),
@@ -185,6 +187,7 @@ def contact_of_pair(apart, relative, spin_i, spin_j, radius_i, radius_j, shear, 
         (acts * s[0], acts * s[1], acts * s[2]),
         (acts * r[0], acts * r[1], acts * r[2]),
         (acts * sinks[0], acts * sinks[1], acts * sinks[2], acts * sinks[3], acts * sinks[4] + lost),
+        kept,
     )
 
 
@@ -198,8 +201,8 @@ def _compute(count, scratch, history, radius, step, common_law, features, book):
     for b in range(count):
         if features.sizes.ndim == 2 or features.materials.ndim == 2:
             radius_i, radius_j = scratch[b + 12 * ROW], scratch[b + 13 * ROW]
-            law = law_in_rows(b + 14 * ROW, scratch)
-        _, f, on_i, on_j, s, r, sinks = contact_of_pair(
+            law = numbers_at(scratch, b + 14 * ROW, ROW, common_law)
+        acts, f, on_i, on_j, s, r, sinks, kept = contact_of_pair(
             (scratch[b], scratch[b + ROW], scratch[b + 2 * ROW]),
             (scratch[b + 3 * ROW], scratch[b + 4 * ROW], scratch[b + 5 * ROW]),
             (scratch[b + 6 * ROW], scratch[b + 7 * ROW], scratch[b + 8 * ROW]),
@@ -208,12 +211,14 @@ def _compute(count, scratch, history, radius, step, common_law, features, book):
             radius_j,
             (history[b], history[b + BLOCK], history[b + 2 * BLOCK]),
             (history[b + 3 * BLOCK], history[b + 4 * BLOCK], history[b + 5 * BLOCK]),
+            kept_at(history, b + SPRINGS * BLOCK, BLOCK, like(step, 1.0), law),
             step,
             law,
             features,
         )
         history[b], history[b + BLOCK], history[b + 2 * BLOCK] = s
         history[b + 3 * BLOCK], history[b + 4 * BLOCK], history[b + 5 * BLOCK] = r
+        put_kept(kept, acts, history, b + SPRINGS * BLOCK, BLOCK)
         scratch[b], scratch[b + ROW], scratch[b + 2 * ROW] = f
         scratch[b + 3 * ROW], scratch[b + 4 * ROW], scratch[b + 5 * ROW] = on_i
         scratch[b + 6 * ROW], scratch[b + 7 * ROW], scratch[b + 8 * ROW] = on_j
@@ -260,7 +265,7 @@ def _slab_forces(
     """Pairs of the particles first <= i < last, in list order. `book` (5,) gathers the sinks [J]."""
     count = _GATHERED
     if features.sizes.ndim == 2 or features.materials.ndim == 2:
-        count += _OF_PAIR
+        count += 2 + len(law)  # radii of i and j, and the law of the pair
     flat = scratch_rows(count, history.dtype)
     rows = flat.reshape((count, ROW))
     pair, end = row_start[first], row_start[last]
@@ -269,9 +274,10 @@ def _slab_forces(
         stop = min(end, pair - pair % BLOCK + BLOCK)
         _gather(
             row, pair, stop, row_start, neighbour, position, velocity, spin, rows,
-            radius, mixture, features,
+            radius, law, mixture, features,
         )  # fmt: skip
-        _compute(stop - pair, flat, history[history_place(pair) :], radius, step, law, features, book)
+        own = history[history_place(pair, components(law)) :]
+        _compute(stop - pair, flat, own, radius, step, law, features, book)
         row = _scatter(row, pair, stop, row_start, neighbour, force, torque, rows)
         pair = stop
 
@@ -296,61 +302,62 @@ def pair_forces(
 
 
 @inner_kernel()
-def _overlap_and_law(i, j, position, radius, mixture, features):
+def _overlap_and_law(i, j, position, radius, law, mixture, features):
     """Overlap [m], negative across a gap, of particles i and j, and their law."""
     dx = position[j, 0] - position[i, 0]
     dy = position[j, 1] - position[i, 1]
     dz = position[j, 2] - position[i, 2]
     if features.periodic.ndim == 2:
         dy = nearest_image(dy, features.periodic.item())
-    radius_i, radius_j, law = pair_of(i, j, radius, mixture, features)
-    return radius_i + radius_j - math.sqrt(dx * dx + dy * dy + dz * dz), law
+    radius_i, radius_j, between = pair_of(i, j, radius, law, mixture, features)
+    return radius_i + radius_j - math.sqrt(dx * dx + dy * dy + dz * dz), between
 
 
 @inner_kernel()
-def _rows_scan(first, last, row_start, neighbour, position, radius, mixture, features):
+def _rows_scan(first, last, row_start, neighbour, position, radius, law, mixture, features):
     contacts, largest = 0, 0.0
     for i in range(first, last):
         for k in range(row_start[i], row_start[i + 1]):
-            overlap, law = _overlap_and_law(i, neighbour[k], position, radius, mixture, features)
-            contacts += int(overlap > (-law.reach if features.adhesion.ndim == 2 else 0.0))
+            overlap, between = _overlap_and_law(i, neighbour[k], position, radius, law, mixture, features)
+            contacts += int(overlap > -reach(0.0, between, features))
             largest = max(largest, overlap)
     return contacts, largest
 
 
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def contact_scan(row_start, neighbour, position, radius, mixture, features):
-    """Contacts in reach, and the largest overlap [m]."""
+def contact_scan(row_start, neighbour, position, radius, law, mixture, features):
+    """Contacts in reach, and the largest overlap [m]. `law` is any one of its class."""
     n = position.shape[0]
     contacts, largest = np.zeros(PARTS, np.int64), np.zeros(PARTS)
     for part in prange(PARTS):
         contacts[part], largest[part] = _rows_scan(
-            part * n // PARTS, (part + 1) * n // PARTS, row_start, neighbour, position, radius, mixture,
-            features,
+            part * n // PARTS, (part + 1) * n // PARTS, row_start, neighbour, position, radius, law,
+            mixture, features,
         )  # fmt: skip
     return contacts.sum(), largest.max()  # integers and a maximum: in any order
 
 
 @inner_kernel()
-def _rows_energy(first, last, row_start, neighbour, position, history, radius, mixture, features):
+def _rows_energy(first, last, row_start, neighbour, position, history, radius, law, mixture, features):
     energy = 0.0
     for i in range(first, last):
         for k in range(row_start[i], row_start[i + 1]):
-            overlap, law = _overlap_and_law(i, neighbour[k], position, radius, mixture, features)
-            if overlap > (-law.reach if features.adhesion.ndim == 2 else 0.0):
-                energy += normal_potential(overlap, law, features)
-                energy += spring_energy(overlap, *springs_of(history, k), law, features)
+            overlap, between = _overlap_and_law(i, neighbour[k], position, radius, law, mixture, features)
+            if overlap > -reach(0.0, between, features):
+                normal, springs = stored_energy(overlap, history, k, between, features)
+                energy += normal
+                energy += springs
     return energy
 
 
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def pair_energy(row_start, neighbour, position, history, radius, mixture, features):
-    """Energy stored between particles: normal and springs [J]."""
+def pair_energy(row_start, neighbour, position, history, radius, law, mixture, features):
+    """Energy stored between particles: normal and springs [J]. `law` is any one of its class."""
     n = position.shape[0]
     energy = np.zeros(PARTS)
     for part in prange(PARTS):
         energy[part] = _rows_energy(
             part * n // PARTS, (part + 1) * n // PARTS, row_start, neighbour, position, history, radius,
-            mixture, features,
+            law, mixture, features,
         )  # fmt: skip
     return added_up(energy)

@@ -2,12 +2,13 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
+from ..contact_laws.base import SINKS, Features
 from ..messages import SoilCloud, SoilState
 from .bed import Bed
-from .contact import SINKS, Features, PairLaw
 from .energy import EnergyBook
 from .integration import mass_sums, motion_sums
 from .kernel_calls import use_threads
@@ -35,8 +36,8 @@ class SoilReadings(ABC):
     _pair_laws: np.ndarray
     _wall_laws: np.ndarray
     _tool_laws: np.ndarray
-    _boundary: PairLaw
-    _at_tools: PairLaw
+    _boundary: Any  # ContactLaw.numbers
+    _at_tools: Any
     _planes: np.ndarray
     _loaded_position: np.ndarray
     _pairs: PairList
@@ -230,7 +231,7 @@ class SoilReadings(ABC):
         pairs = self._pairs
         return contact_scan(
             pairs.row_start, pairs.neighbour, self._particles.position,
-            self._radius, self._mixture(self._pair_laws), self._features,
+            self._radius, self._boundary, self._mixture(self._pair_laws), self._features,
         )  # fmt: skip
 
     def _stored_in_pairs(self) -> float:
@@ -238,7 +239,7 @@ class SoilReadings(ABC):
         pairs = self._pairs
         return pair_energy(
             pairs.row_start, pairs.neighbour, self._particles.position, pairs.history,
-            self._radius, self._mixture(self._pair_laws), self._features,
+            self._radius, self._boundary, self._mixture(self._pair_laws), self._features,
         )  # fmt: skip
 
     def _moving_joule(self) -> tuple[float, float]:

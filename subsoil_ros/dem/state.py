@@ -81,7 +81,7 @@ class PairList:
 
     row_start: np.ndarray  # (n + 1,) int64
     neighbour: np.ndarray  # (p,) int32
-    history: np.ndarray  # tangential and rolling springs in blocks (dem.pairs.history_blocks)
+    history: np.ndarray  # springs, and what the law keeps besides, in blocks (dem.pairs.history_blocks)
     slab_start: np.ndarray  # (slabs + 1,) int64
 
 
@@ -91,7 +91,7 @@ class WallList:
 
     particle: np.ndarray  # (w,) int64
     wall: np.ndarray  # (w,) int64, row of dem.walls.wall_planes
-    history: np.ndarray  # tangential and rolling springs, float64, in blocks (dem.pairs.history_blocks)
+    history: np.ndarray  # the same, float64
 
 
 @dataclass
@@ -108,4 +108,4 @@ class ToolList:
     active: np.ndarray  # (c, CONTACTS) bool
     normal: np.ndarray  # (c, CONTACTS, 3)
     shear: np.ndarray  # (c, CONTACTS, 3) [m]
-    roll: np.ndarray  # (c, CONTACTS, 3) [rad]
+    roll: np.ndarray  # (c, CONTACTS, 3 + kept) [rad], then what the law keeps besides

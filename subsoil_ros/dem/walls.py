@@ -6,10 +6,12 @@ Forces go as those of pairs do (dem.pairs): in blocks, gathered, computed along 
 import numpy as np
 from numba import njit, prange
 
+from ..contact_laws.base import SINKS, SPRINGS
+from ..contact_laws.springs import like
 from .compiled import inner_kernel
-from .contact import SINKS, PairLaw, contact, like, normal_potential, spring_energy
+from .contact import components, contact, kept_at, numbers_at, put_kept, reach, spring_energy
 from .mixture import sphere_of
-from .pairs import BLOCK, HISTORY, ROW, history_place, law_in_rows, scratch_rows, springs_of
+from .pairs import BLOCK, ROW, history_place, scratch_rows, stored_energy
 
 WALLS = ("near", "far", "right", "left", "floor")
 
@@ -18,9 +20,6 @@ CHUNKS = 16
 
 _GATHERED = 10
 """Scratch rows: distance of the centre, normal, velocity, spin. Results take their place: force, torque."""
-
-_OF_PARTICLE = 1 + len(PairLaw._fields)
-"""Further rows where particles are unequal: radius, law."""
 
 
 def wall_planes(
@@ -66,19 +65,19 @@ def _near(position, planes, reach):
 
 
 @njit(cache=True)
-def carry_walls(order, old_particle, old_wall, old_history, particle, wall, history):
+def carry_walls(order, old_particle, old_wall, old_history, particle, wall, history, components):
     """Fills `history` with that of the pairs that were in the list before the particles were put in `order`,
-    and zeros."""
+    and zeros; `components` numbers of each."""
     for k in range(particle.shape[0]):
-        i, to = order[particle[k]], history_place(k)
-        for a in range(HISTORY):
+        i, to = order[particle[k]], history_place(k, components)
+        for a in range(components):
             history[to + a * BLOCK] = 0.0
         for m in range(np.searchsorted(old_particle, i), old_particle.shape[0]):
             if old_particle[m] != i:
                 break
             if old_wall[m] == wall[k]:
-                here = history_place(m)
-                for a in range(HISTORY):
+                here = history_place(m, components)
+                for a in range(components):
                     history[to + a * BLOCK] = old_history[here + a * BLOCK]
 
 
@@ -102,15 +101,15 @@ def _gather(
 
 
 @inner_kernel(forceinline=True, fastmath={"contract"})
-def contact_at_wall(distance, normal, velocity, spin, radius, shear, roll, step, law, features):
+def contact_at_wall(distance, normal, velocity, spin, radius, shear, roll, kept, step, law, features):
     """Contact of a particle whose centre is `distance` [m] from a wall, in reach or not.
 
     normal: unit vector towards the wall; velocity [m/s] of the centre; the rest as in dem.pairs.
     Returns 1 if it is in reach, else 0, all the rest being zero then; force [N], torque [N m], shear, roll,
-    sinks [J], where a separated contact loses its springs.
+    sinks [J], where a separated contact loses its springs, kept.
     """
     zero, half, one = like(step, 0.0), like(step, 0.5), like(step, 1.0)
-    reach = radius + law.reach if features.adhesion.ndim == 2 else radius
+    farthest = reach(radius, law, features)
     nx, ny, nz = normal
     wx, wy, wz = spin
     arm = half * (radius + distance)
@@ -119,14 +118,14 @@ def contact_at_wall(distance, normal, velocity, spin, radius, shear, roll, step,
         velocity[1] + arm * (wz * nx - wx * nz),
         velocity[2] + arm * (wx * ny - wy * nx),
     )
-    f, m, s, r, sinks = contact(
-        radius - distance, (nx, ny, nz), relative, (wx, wy, wz), shear, roll, step, law, features
+    f, m, s, r, kept, sinks = contact(
+        radius - distance, (nx, ny, nz), relative, (wx, wy, wz), shear, roll, kept, step, law, features
     )
-    acts = one if distance < reach else zero
+    acts = one if distance < farthest else zero
     fx, fy, fz = acts * f[0], acts * f[1], acts * f[2]
     lost = zero
     if features.book.ndim == 2:
-        lost = (one - acts) * spring_energy(zero, shear, roll, law, features)
+        lost = (one - acts) * spring_energy(zero, shear, roll, law)
     return (
         acts,
         (fx, fy, fz),
@@ -138,6 +137,7 @@ def contact_at_wall(distance, normal, velocity, spin, radius, shear, roll, step,
         (acts * s[0], acts * s[1], acts * s[2]),
         (acts * r[0], acts * r[1], acts * r[2]),
         (acts * sinks[0], acts * sinks[1], acts * sinks[2], acts * sinks[3], acts * sinks[4] + lost),
+        kept,
     )
 
 
@@ -148,8 +148,8 @@ def _compute(count, scratch, history, common_radius, step, common_law, features,
     for b in range(count):
         if features.sizes.ndim == 2 or features.materials.ndim == 2:
             radius = scratch[b + 10 * ROW]
-            law = law_in_rows(b + 11 * ROW, scratch)
-        _, f, on_it, s, r, sinks = contact_at_wall(
+            law = numbers_at(scratch, b + 11 * ROW, ROW, common_law)
+        acts, f, on_it, s, r, sinks, kept = contact_at_wall(
             scratch[b],
             (scratch[b + ROW], scratch[b + 2 * ROW], scratch[b + 3 * ROW]),
             (scratch[b + 4 * ROW], scratch[b + 5 * ROW], scratch[b + 6 * ROW]),
@@ -157,12 +157,14 @@ def _compute(count, scratch, history, common_radius, step, common_law, features,
             radius,
             (history[b], history[b + BLOCK], history[b + 2 * BLOCK]),
             (history[b + 3 * BLOCK], history[b + 4 * BLOCK], history[b + 5 * BLOCK]),
+            kept_at(history, b + SPRINGS * BLOCK, BLOCK, like(step, 1.0), law),
             step,
             law,
             features,
         )
         history[b], history[b + BLOCK], history[b + 2 * BLOCK] = s
         history[b + 3 * BLOCK], history[b + 4 * BLOCK], history[b + 5 * BLOCK] = r
+        put_kept(kept, acts, history, b + SPRINGS * BLOCK, BLOCK)
         scratch[b], scratch[b + ROW], scratch[b + 2 * ROW] = f
         scratch[b + 3 * ROW], scratch[b + 4 * ROW], scratch[b + 5 * ROW] = on_it
         if features.book.ndim == 2:
@@ -178,7 +180,7 @@ def _part_forces(
     """Pairs first <= k < last of the list. `book` (5,) gathers the sinks [J]."""
     count = _GATHERED
     if features.sizes.ndim == 2 or features.materials.ndim == 2:
-        count += _OF_PARTICLE
+        count += 1 + len(law)  # radius and law
     flat = scratch_rows(count, history.dtype)
     rows = flat.reshape((count, ROW))
     start = first
@@ -188,7 +190,8 @@ def _part_forces(
             start, stop, particle, wall, planes, position, velocity, spin, rows, radius, law, mixture,
             features,
         )  # fmt: skip
-        _compute(stop - start, flat, history[history_place(start) :], radius, step, law, features, book)
+        own = history[history_place(start, components(law)) :]
+        _compute(stop - start, flat, own, radius, step, law, features, book)
         for k in range(start, stop):
             b, i = np.uint64(k - start), particle[k]
             for a in range(3):
@@ -233,9 +236,10 @@ def wall_scan(particle, wall, planes, position, history, common_radius, common_l
         overlap = radius - plane[3]
         for a in range(3):
             overlap += plane[a] * position[i, a]
-        if overlap > (-law.reach if features.adhesion.ndim == 2 else 0.0):
+        if overlap > -reach(0.0, law, features):
             contacts += 1
             largest = max(largest, overlap)
-            energy += normal_potential(overlap, law, features)
-            energy += spring_energy(overlap, *springs_of(history, k), law, features)
+            normal, springs = stored_energy(overlap, history, k, law, features)
+            energy += normal
+            energy += springs
     return contacts, largest, energy

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from ..errors import SceneError
 from ..scene.model import Scene
 from ..scene.pairs import boundary_values, layer_soils, particle_values, sphere_mass_kg
-from ..scene.soil import HertzMindlinLaw, Soil
+from ..scene.soil import Soil
 from ..ticks import NANOSECONDS_PER_SECOND, tick_count
 
 DENSE_COORDINATION = 10.4
@@ -17,9 +17,6 @@ SAFETY = 0.6
 """Part of the smallest limit that `time_step_s: auto` takes (measured, docs/physics.md: at rest the densest
 neighbourhoods of a dense random bed damp faster than its mean coordination says and leave 0.86 of the limit;
 the wedge that a share compacts, up to 16 damped contacts a particle, spins from 0.69 on, is calm at 0.63)."""
-
-RAYLEIGH_PART = 0.2
-"""Part of the Rayleigh time that a step may take under the Hertz law (usual: 0.1 to 0.2)."""
 
 DENSE_CALM = 0.41
 """Part of the limit set by dampers at which a dense random bed stayed calm before the paper's machine (22
@@ -48,7 +45,7 @@ def step_limits(soil: Soil, coordination: float = DENSE_COORDINATION) -> tuple[S
     Dampers, z contacts per particle: neighbours in opposite motion see the rate 2 z C / m, equal spins
     (4/3) z C l^2 / I with I = 0.4 m r^2 and the arm l = r - delta_c / 2; stable for step x rate <= 2.
     Springs: the same modes, omega^2 = 2 z (K_X + 2 K_Y) / (3 m) and (4/3) z K_Y l^2 / I; step <= 2 / omega.
-    K_C, the stiffness below the rest overlap, counts in the place of K_X where it is larger.
+    K_X is the steepest slope of the normal force: K_C, below the rest overlap, where it is larger.
     Walls and tools do not give way: a particle in a corner has three contacts, rates (C_X + 2 C_Y) / m and
     2 C_Y l^2 / I, the same of the springs.
 
@@ -58,8 +55,9 @@ def step_limits(soil: Soil, coordination: float = DENSE_COORDINATION) -> tuple[S
     stiffest of its pairs.
     """
     layers = layer_soils(soil)
-    if isinstance(soil.law, HertzMindlinLaw):
-        return (min((_rayleigh_limit(layer) for layer in layers), key=lambda item: item.limit_s),)
+    waves = [found for found in map(_wave_limit, layers) if found is not None]
+    if waves:
+        return (min(waves, key=lambda item: item.limit_s),)
     smallest: dict[str, StepLimit] = {}
     for k, layer in enumerate(layers):
         named = f", layer {soil.layers[k].name}" if soil.layers else ""
@@ -85,7 +83,7 @@ def _particle_limits(soil: Soil, other: Soil, z: float, named: str) -> dict[str,
         if rate > 0.0:
             limits[kind] = StepLimit(cause, 2.0 / (math.sqrt(rate) if spring else rate), damped=not spring)
 
-    stiffness = max(pair.stiffness, pair.contact_adhesion)
+    stiffness = pair.max_stiffness
     add(
         "spin, dampers",
         f"damping {pair.tangential_damping:g} N s/m acting on rotation, {name}",
@@ -125,7 +123,7 @@ def _boundary_limits(soil: Soil, named: str) -> dict[str, StepLimit]:
     radius = soil.particles.bounds_m[0]
     mass = sphere_mass_kg(soil, radius)
     wall = boundary_values(soil, radius, mass)
-    normal = max(max(1.0, soil.tool_stiffness_factor) * wall.stiffness, wall.contact_adhesion)
+    normal = wall.stiffened(max(1.0, soil.tool_stiffness_factor)).max_stiffness
     tangential = wall.tangential_stiffness
     arm = radius - wall.rest_overlap
     turning = 2.0 * arm**2 / (0.4 * radius**2)  # of two walls beside a turn, over the mass
@@ -143,21 +141,15 @@ def _boundary_limits(soil: Soil, named: str) -> dict[str, StepLimit]:
     return limits
 
 
-def _rayleigh_limit(soil: Soil) -> StepLimit:
-    """Time of a Rayleigh wave around half a sphere, pi r sqrt(rho / G) / (0.1631 nu + 0.8766).
-
-    Source: Y. Li, Y. Xu, C. Thornton, Powder Technology 160 (2005) 219-228.
-    """
-    law = soil.law
-    assert isinstance(law, HertzMindlinLaw)
-    nu = law.particle.poisson_ratio
-    shear = law.particle.youngs_modulus_pa / (2.0 * (1.0 + nu))
-    radius, density = soil.particles.bounds_m[0], soil.particles.density_kg_per_m3
-    time = math.pi * radius * math.sqrt(density / shear) / (0.1631 * nu + 0.8766)
+def _wave_limit(soil: Soil) -> StepLimit | None:
+    """Limit set by waves in the smallest particle of `soil`; None: the law's are springs and dampers."""
+    found = soil.law.wave_limit(soil.particles.bounds_m[0], soil.particles.density_kg_per_m3)
+    if found is None:
+        return None
+    cause, limit = found
     stiffer = max(1.0, soil.tool_stiffness_factor)
     tools = "" if stiffer == 1.0 else f", over the root of tool_stiffness_factor {stiffer:g}"
-    cause = f"{RAYLEIGH_PART:g} of the Rayleigh time {time:.3g} s{tools}"
-    return StepLimit(cause, RAYLEIGH_PART * time / math.sqrt(stiffer))
+    return StepLimit(f"{cause}{tools}", limit / math.sqrt(stiffer))
 
 
 def step_notes(scene: Scene, step_s: float) -> tuple[str, ...]:

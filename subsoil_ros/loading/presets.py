@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ..scene.base import Finite, Fraction, Positive, StrictModel
+from ..strict_model import Finite, Fraction, Positive, StrictModel
 from ..yaml_document import Document
 from .validation_errors import validated
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from pydantic import Field, ValidationError, model_validator
 
 from ..errors import SceneError
-from ..scene.base import Finite, Positive, StrictModel
+from ..strict_model import Finite, Positive, StrictModel
 from ..yaml_document import read_document
 from .keys import suggestion
 

@@ -8,12 +8,12 @@ from typing import Any, Literal
 from pydantic import Field
 
 from ..errors import SceneError, SubsoilError
-from ..scene.base import StrictModel
 from ..scene.meshes import load_tool_mesh
 from ..scene.model import Scene
 from ..scene.soil import Soil
 from ..scene.tool_faces import CuttingFace, cutting_faces, wheel_face
 from ..scene.wedge import SoilRange, WedgeSoil, WedgeValues
+from ..strict_model import StrictModel
 from ..yaml_document import dump_yaml, read_document
 from .validation_errors import validated
 

@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
+from ..contact_laws.registry import unusable_laws
 from ..errors import SceneError
 from ..scene.model import Scene
 from ..yaml_document import Document
@@ -128,6 +129,8 @@ def _message(
         kind = first["input"].get("kind")
         if kind is None:
             return path, f"'kind' is missing; allowed are {', '.join(allowed)}"
+        if kind in unusable_laws() and place[-1] == "law":
+            return f"{path}.kind", f"contact law '{kind}' is installed, but {unusable_laws()[kind]}"
         return f"{path}.kind", f"given {_given(kind)}, allowed are {', '.join(allowed)}{_hint(kind, allowed)}"
     needed = " or ".join(dict.fromkeys(_need(details) for details in found))
     expected = [details["ctx"]["expected"] for details in found if details["type"] == "literal_error"]

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .base import Finite, NonNegative, Positive, StrictModel
+from ..strict_model import Finite, NonNegative, Positive, StrictModel
 
 Seed = Annotated[int, Field(ge=0)]
 

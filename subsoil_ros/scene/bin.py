@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from .base import Positive, StrictModel
+from ..strict_model import Positive, StrictModel
 
 
 class Bin(StrictModel):

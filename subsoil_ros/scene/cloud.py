@@ -4,7 +4,7 @@ import math
 
 from pydantic import model_validator
 
-from .base import Finite, StrictModel
+from ..strict_model import Finite, StrictModel
 
 SPEED_BITS = 8
 """Significant bits that are left of the speeds of a rounded cloud: to 0.2 % (chosen: colours show less)."""

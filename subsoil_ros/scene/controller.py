@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .base import Finite, Positive, StrictModel
+from ..strict_model import Finite, Positive, StrictModel
 
 
 class DraftLimit(StrictModel):

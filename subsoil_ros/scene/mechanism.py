@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .base import Finite, NonNegative, Point, Positive, StrictModel
+from ..strict_model import Finite, NonNegative, Point, Positive, StrictModel
 from .time_functions import Law
 
 GROUND = "ground"

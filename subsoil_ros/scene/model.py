@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from .base import Finite, NonNegative, Positive, StrictModel
+from ..strict_model import Finite, NonNegative, Positive, StrictModel
 from .cloud import CloudRegion
 from .controller import Controller, DraftLimit, External, HoldHeight
 from .mechanism import Driver, Mechanism, WheelContact

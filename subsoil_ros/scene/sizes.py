@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field, model_validator
 from scipy.special import ndtr, ndtri
 
-from .base import Positive, StrictModel
+from ..strict_model import Positive, StrictModel
 from .beds import Seed
 
 LARGEST_RATIO = 4.0

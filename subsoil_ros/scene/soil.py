@@ -1,13 +1,15 @@
 """Soil: bin, particles, bed and contact law."""
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .base import Fraction, NonNegative, PoissonRatio, Positive, StrictModel
+from ..contact_laws.base import ContactLaw, one_of_kinds
+from ..contact_laws.registry import contact_laws
+from ..strict_model import Positive, StrictModel
 from .beds import Bed, DenseRandomBed, GridBed, SavedBed, SurfaceProfile
 from .bin import Bin
-from .layers import CohesiveLinearLayerLaw, Layer
+from .layers import Layer
 from .monitors import Monitors
 from .sizes import Sizes, mean_power
 
@@ -46,76 +48,10 @@ class Particles(StrictModel):
         return float(mean_power(self.sizes, 3) ** (1.0 / 3.0))
 
 
-class WetValues(StrictModel):
-    """One row of table 3 of the paper."""
-
-    stiffness_newton_per_m: Positive = Field(description="K_X.")
-    tangential_stiffness_newton_per_m: NonNegative = Field(description="K_Y, K_Z.")
-    damping_newton_s_per_m: NonNegative = Field(description="C_X.")
-    tangential_damping_newton_s_per_m: NonNegative = Field(description="C_Y, C_Z.")
-    cohesive_stiffness_newton_per_m: NonNegative = Field(description="K_B.")
-    static_friction: NonNegative
-    sliding_friction: NonNegative
-    rolling_friction: NonNegative
-    equilibrium_overlap_m: Positive = Field(description="delta_c.")
-    cohesion_range_m: Positive = Field(description="delta_B.")
-
-
-class CohesiveLinearLaw(StrictModel):
-    """The paper's law of wet particles (eq. 12-21), its adjustment distance Delta being 0.
-
-    `combining_rule` says how the two rows are read: `series`, those of a body, combined by eq. 15, 16 and 18
-    (a pair of equal bodies has half of each value), or `none`, those of the pair, used as they stand.
-    """
-
-    kind: Literal["cohesive_linear"]
-    combining_rule: Literal["series", "none"] = "series"
-    particle: WetValues
-    boundary: WetValues
-    friction_normal: Literal["total", "repulsive", "absolute"] = "total"
-    damped_zones: Literal["repulsive", "all"] = "repulsive"
-
-
-class LinearValues(StrictModel):
-    """A spring and a dashpot, as they stand for the pair."""
-
-    stiffness_newton_per_m: Positive
-    tangential_stiffness_newton_per_m: NonNegative
-    damping_newton_s_per_m: NonNegative
-    tangential_damping_newton_s_per_m: NonNegative
-    static_friction: NonNegative
-    sliding_friction: NonNegative
-    rolling_friction: NonNegative = 0.0
-
-
-class LinearLaw(StrictModel):
-    """Dry spheres with linear springs and dashpots, acting while they overlap."""
-
-    kind: Literal["linear"]
-    particle: LinearValues
-    boundary: LinearValues
-
-
-class HertzValues(StrictModel):
-    """A material; restitution and friction of the `boundary` row stand for particle and boundary."""
-
-    youngs_modulus_pa: Positive
-    poisson_ratio: PoissonRatio
-    restitution: Fraction
-    static_friction: NonNegative
-    sliding_friction: NonNegative
-    rolling_friction: NonNegative = 0.0
-
-
-class HertzMindlinLaw(StrictModel):
-    """Elastic spheres (Hertz) with Mindlin's tangential stiffness and a dashpot of given restitution."""
-
-    kind: Literal["hertz_mindlin"]
-    particle: HertzValues
-    boundary: HertzValues
-
-
-ContactLaw = Annotated[CohesiveLinearLaw | LinearLaw | HertzMindlinLaw, Field(discriminator="kind")]
+if TYPE_CHECKING:
+    SoilLaw = ContactLaw
+else:
+    SoilLaw = one_of_kinds(contact_laws().values())
 
 Auto = Literal["auto"]
 
@@ -127,7 +63,7 @@ class Soil(StrictModel):
     bin: Bin
     particles: Particles
     bed: Bed
-    law: ContactLaw
+    law: SoilLaw
     time_step_s: Annotated[Positive | Auto, Field(union_mode="left_to_right")] = "auto"
     precision: Literal["float64", "mixed"] = Field(
         "float64", description="mixed: all but positions and boundaries in float32."
@@ -149,10 +85,11 @@ class Soil(StrictModel):
 
     @model_validator(mode="after")
     def _bed_of_linear_springs(self) -> "Soil":
-        if isinstance(self.bed, DenseRandomBed) and isinstance(self.law, HertzMindlinLaw):
+        if isinstance(self.bed, DenseRandomBed) and not self.law.linear_springs:
+            linear = [f"'{kind}'" for kind, law in contact_laws().items() if law.linear_springs]
             raise ValueError(
                 "bed.kind: 'dense_random' settles under linear springs and cannot be prepared under law "
-                "'hertz_mindlin'; use 'grid', or law 'cohesive_linear' or 'linear'"
+                f"'{self.law.kind}'; use 'grid', or law {' or '.join(linear)}"
             )
         return self
 
@@ -203,14 +140,10 @@ class Soil(StrictModel):
     @model_validator(mode="after")
     def _rest_overlaps(self) -> "Soil":
         """Below the smallest radius (the limits of the step rest on it); equal in all layers of a grid."""
-        if not isinstance(self.law, CohesiveLinearLaw):
-            return self
-        rows = [("law", self.law.particle.equilibrium_overlap_m, self.law.boundary.equilibrium_overlap_m)]
+        rows = [("law", *self.law.rest_overlaps_m())]
         for k, layer in enumerate(self.layers or ()):
-            if layer.law is not None and isinstance(layer.law, CohesiveLinearLayerLaw):
-                changes = layer.law.particle.equilibrium_overlap_m, layer.law.boundary.equilibrium_overlap_m
-                own = [change or common for change, common in zip(changes, rows[0][1:], strict=True)]
-                rows.append((f"layers.{k}.law", own[0], own[1]))
+            if layer.law is not None and layer.law.kind == self.law.kind:
+                rows.append((f"layers.{k}.law", *self.law.changed_by(layer.law).rest_overlaps_m()))
         mean = self.particles.mean_volume_radius_m
         ratio = mean / (self.particles.reference_radius_m or mean)
         for where, particle, boundary in rows:

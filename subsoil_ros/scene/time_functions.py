@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .base import Finite, NonNegative, Positive, StrictModel
+from ..strict_model import Finite, NonNegative, Positive, StrictModel
 
 LARGEST_DEGREE = 7
 """Of a polynomial law: enough for rest-to-rest moves with continuous jerk."""

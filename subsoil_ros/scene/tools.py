@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from .base import Finite, Positive, StrictModel
+from ..strict_model import Finite, Positive, StrictModel
 from .time_functions import Law
 
 

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .base import NonNegative, Positive, StrictModel
+from ..strict_model import NonNegative, Positive, StrictModel
 from .bin import Bin
 
 LARGEST_FRICTION_ANGLE_RAD = math.radians(55.0)

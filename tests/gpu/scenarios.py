@@ -234,13 +234,13 @@ def main(folder: Path) -> None:
     from subsoil_ros.dem.gpu.engine import GpuSoilEngine
 
     if SIMULATED:  # numba's seed of the inverse root works on bits, which plain Python has not
-        import subsoil_ros.dem.contact
+        import subsoil_ros.contact_laws.springs
         import subsoil_ros.dem.pairs
 
         def inverse_root(x: Any) -> Any:
             return type(x)(1.0) / np.sqrt(x)
 
-        subsoil_ros.dem.contact.inverse_root = subsoil_ros.dem.pairs.inverse_root = inverse_root
+        subsoil_ros.contact_laws.springs.inverse_root = subsoil_ros.dem.pairs.inverse_root = inverse_root
     for number, name in enumerate(SCENARIOS):
         whole, kept = results(GpuSoilEngine, name)
         np.savez(folder / f"gpu_{number}.npz", **whole)

@@ -336,6 +336,20 @@ def test_handshake_refuses_what_does_not_fit(word: NodeStatus, message: str) -> 
         coupler.accept_node_status(word)
 
 
+@pytest.mark.parametrize(
+    ("there", "found"), [((), "does not have"), (("contact_law hysteretic 2222",), "has other sources of")]
+)
+def test_handshake_refuses_another_contact_law(there: tuple[str, ...], found: str) -> None:
+    """A soil node without the scene's outside law, or with it from other sources, is refused by name."""
+    needed = {SOIL: {"contact_law hysteretic 1111": "soil.law.kind: hysteretic"}}
+    coupler = Coupler(node_status(COUPLER), (SOIL,), TOOLS, 9, 1, soil=True, needed=needed)
+    with pytest.raises(ProtocolError, match=f"soil {found} contact law 'hysteretic', .*soil.law.kind"):
+        coupler.accept_node_status(node_status(SOIL, NodeState.STARTING, capabilities=there))
+    coupler.accept_node_status(
+        node_status(SOIL, NodeState.STARTING, capabilities=("contact_law hysteretic 1111",))
+    )
+
+
 def test_two_nodes_of_one_name_are_refused() -> None:
     """A second node of the same name is refused with both processes."""
     coupler = Execution(seed=0).coupler

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from numba import njit
 
+from subsoil_ros.contact_laws.base import NO, YES
+from subsoil_ros.contact_laws.cohesive_linear.law import CohesiveLinearFeatures, CohesiveLinearLaw
 from subsoil_ros.coupling.engines import build_mechanism, build_soil
 from subsoil_ros.coupling.protocol import participants
-from subsoil_ros.dem.contact import NO, YES, Features, PairLaw, contact, law_features
+from subsoil_ros.dem.contact import contact, law_features
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.loading.loader import load_scene
 
@@ -30,7 +32,7 @@ status = main(["run", sys.argv[1], "--mode", "direct", "--out", sys.argv[2], *sy
 modules = sorted(name for name in sys.modules if name.startswith("subsoil_ros."))
 kernels = {}
 if "subsoil_ros.dem" in sys.modules:
-    from subsoil_ros.dem.contact import Features
+    from subsoil_ros.contact_laws.cohesive_linear.law import CohesiveLinearFeatures as Features
     from subsoil_ros.dem.step import drift_and_contacts
     for motion, pairs, *others in drift_and_contacts.overloads:
         features = next(kind for kind in pairs if getattr(kind, "instance_class", None) is Features)
@@ -101,13 +103,13 @@ def test_only_the_engines_named_are_imported(
 
 
 def test_a_run_compiles_its_kernels_once_for_its_own_features(found: dict[str, dict]) -> None:
-    """The tine's soil: adhesion, tangential and rolling springs, no other feature."""
-    assert found["tine.yaml"]["kernels"] == {"drift_and_contacts": [["adhesion", "tangential", "rolling"]]}
+    """The tine's soil: cohesion, tangential and rolling springs, no other feature."""
+    assert found["tine.yaml"]["kernels"] == {"drift_and_contacts": [["tangential", "rolling", "cohesion"]]}
 
 
 WET = [*SMALL_TINE, "soil.bed.spacing_m=rest"]
 OFF = {
-    "adhesion": ["soil.law.{row}.cohesive_stiffness_newton_per_m=0"],
+    "cohesion": ["soil.law.{row}.cohesive_stiffness_newton_per_m=0"],
     "rolling": ["soil.law.{row}.rolling_friction=0"],
     "tangential": [
         "soil.law.{row}.tangential_stiffness_newton_per_m=0",
@@ -121,7 +123,7 @@ def features_of(*overrides: str) -> set[str]:
     soil = load_scene(SCENES / "tine.yaml", [*WET, *overrides]).scene.particle_soil
     assert soil is not None
     features = law_features(soil)
-    return {name for name in Features._fields if getattr(features, name).ndim == 2}
+    return {name for name in features._fields if getattr(features, name).ndim == 2}
 
 
 @pytest.mark.parametrize("feature", list(OFF))
@@ -134,7 +136,7 @@ def test_what_both_rows_leave_out_is_no_feature(feature: str) -> None:
 
 def test_what_is_named_is_a_feature() -> None:
     """Sizes, layers, and the options of the law are compiled in by name only."""
-    assert features_of() == {"adhesion", "tangential", "rolling"}
+    assert features_of() == {"cohesion", "tangential", "rolling"}
     assert features_of("soil.law.damped_zones=all") - features_of() == {"damp_all_zones"}
     assert features_of("soil.law.friction_normal=absolute") - features_of() == {"friction_absolute"}
     sizes = "{kind: uniform, min_radius_m: 0.008, max_radius_m: 0.012}"
@@ -150,7 +152,7 @@ def test_what_is_no_part_of_the_law_is_named_too() -> None:
     def engine_of(*overrides: str) -> set[str]:
         soil = build_soil(load_scene(SCENES / "tine.yaml", [*WET, *overrides]), 1)
         assert isinstance(soil, SoilEngine)
-        return {name for name in Features._fields if getattr(soil._features, name).ndim == 2}
+        return {name for name in soil._features._fields if getattr(soil._features, name).ndim == 2}
 
     assert engine_of() == features_of()
     assert engine_of("soil.monitors={max_energy_defect: 0.5}") - engine_of() == {"book"}
@@ -158,14 +160,15 @@ def test_what_is_no_part_of_the_law_is_named_too() -> None:
     assert features_of("soil.law.friction_normal=repulsive") - features_of() == {"friction_repulsive"}
 
 
-def instructions(features: Features) -> int:
+def instructions(features: CohesiveLinearFeatures) -> int:
     """Lines of machine code of one contact."""
-    law = PairLaw(*np.linspace(1.0, 2.0, len(PairLaw._fields)))
+    numbers = CohesiveLinearLaw.numbers
+    law = numbers(*np.linspace(1.0, 2.0, len(numbers._fields)))
 
     @njit(error_model="numpy")
     def one(overlap, law, features):
         vector = (overlap, 0.5 * overlap, 0.25 * overlap)
-        return contact(overlap, (1.0, 0.0, 0.0), vector, vector, vector, vector, 1e-5, law, features)
+        return contact(overlap, (1.0, 0.0, 0.0), vector, vector, vector, vector, (), 1e-5, law, features)
 
     one(0.001, law, features)
     (code,) = one.inspect_asm().values()
@@ -174,9 +177,9 @@ def instructions(features: Features) -> int:
 
 def test_the_code_of_absent_features_is_not_there() -> None:
     """Every feature taken away leaves fewer instructions of a contact."""
-    all_there = Features(YES, YES, YES, YES, NO, NO, NO, YES)
+    all_there = CohesiveLinearFeatures(YES, YES, YES, cohesion=YES)
     counts = [instructions(all_there)]
-    for name in ("book", "hertz", "rolling", "tangential", "adhesion"):
+    for name in ("book", "rolling", "tangential", "cohesion"):
         all_there = all_there._replace(**{name: NO})
         counts.append(instructions(all_there))
     assert all(after < before for before, after in itertools.pairwise(counts)), counts

@@ -6,9 +6,10 @@ from pathlib import Path
 import pytest
 from numpy.testing import assert_allclose
 
+from subsoil_ros.contact_laws.base import PairValues
 from subsoil_ros.limits.stable_steps import step_limits
 from subsoil_ros.loading.loader import load_scene
-from subsoil_ros.scene.pairs import PairValues, pair_values, particle_mass_kg
+from subsoil_ros.scene.pairs import pair_values, particle_mass_kg
 from subsoil_ros.scene.soil import Soil
 
 SCENES = Path(__file__).parents[2] / "config" / "scenes"

@@ -4,18 +4,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from subsoil_ros.dem.contact import (
-    NO,
-    YES,
-    Features,
-    PairLaw,
-    contact,
-    normal_elastic,
-    normal_potential,
-    spring_energy,
-)
+from subsoil_ros.contact_laws.base import YES, Features
+from subsoil_ros.contact_laws.cohesive_linear.law import CohesiveLinearFeatures, Numbers
+from subsoil_ros.contact_laws.hertz.law import Numbers as HertzNumbers
+from subsoil_ros.dem.contact import contact, normal_potential, spring_energy
 
-LAW = PairLaw(
+LAW = Numbers(
     stiffness=5000.0,
     tangential_stiffness=4000.0,
     damping=10.0,
@@ -30,14 +24,20 @@ LAW = PairLaw(
     rolling_stiffness=4000.0 * 0.005**2,
     rolling_arm=0.3 * 0.005,
 )
-ALL = Features(YES, YES, YES, NO, NO, NO, NO, YES)
+ALL = CohesiveLinearFeatures(YES, YES, YES, cohesion=YES)
 NORMAL = (1.0, 0.0, 0.0)
 NONE = (0.0, 0.0, 0.0)
 
 
 def apply(overlap, velocity=NONE, spin=NONE, shear=NONE, roll=NONE, step=5e-5, law=LAW, features=ALL):
     """One call of the law."""
-    return contact(overlap, NORMAL, velocity, spin, shear, roll, step, law, features)
+    f, m, s, r, _, sinks = contact(overlap, NORMAL, velocity, spin, shear, roll, (), step, law, features)
+    return f, m, s, r, sinks
+
+
+def elastic(overlap):
+    """Force along the normal at rest, repulsion positive [N]."""
+    return -apply(overlap)[0][0]
 
 
 @pytest.mark.parametrize(
@@ -54,22 +54,22 @@ def apply(overlap, velocity=NONE, spin=NONE, shear=NONE, roll=NONE, step=5e-5, l
 )
 def test_elastic_normal_force_of_every_zone(overlap_m, force_newton):
     """Equations 12 to 21, with equation 17 corrected, to round-off."""
-    assert_allclose(normal_elastic(overlap_m, LAW, ALL), force_newton, atol=1e-12)
+    assert_allclose(elastic(overlap_m), force_newton, atol=1e-12)
 
 
 @pytest.mark.parametrize("border_m", [0.002, 0.0, -0.002])
 def test_elastic_normal_force_is_continuous(border_m):
     """No jump at the borders of the zones: K_B delta_B = K_C delta_c (eq. 20)."""
     step = 1e-9
-    jump = normal_elastic(border_m + step, LAW, ALL) - normal_elastic(border_m - step, LAW, ALL)
+    jump = elastic(border_m + step) - elastic(border_m - step)
     assert abs(jump) <= 2.0 * step * max(LAW.stiffness, LAW.adhesion) * 1.001
 
 
 def test_elastic_loop_work_is_zero_and_potential_is_its_integral():
     """In and out through all zones returns the work; the potential is minus the integral of the force."""
     overlap = np.linspace(-0.003, 0.006, 9001)
-    force = np.array([normal_elastic(o, LAW, ALL) for o in overlap])
-    potential = np.array([normal_potential(o, LAW, ALL) for o in overlap])
+    force = np.array([elastic(o) for o in overlap])
+    potential = np.array([normal_potential(o, (), LAW, ALL) for o in overlap])
     # the law is piecewise linear and its kinks are nodes: the trapezoid rule is exact
     work = np.concatenate(([0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(overlap))))
     assert_allclose(potential, work, atol=1e-12)
@@ -82,7 +82,7 @@ def test_dashpot_acts_in_the_repulsive_zone_only_and_jumps_there():
     below = apply(0.002 - 1e-12, (rate, 0.0, 0.0))[0][0]
     assert_allclose(above - below, -LAW.damping * rate, rtol=1e-6)
     for overlap in (0.001, -0.001):
-        assert_allclose(apply(overlap, (rate, 0, 0))[0][0], -normal_elastic(overlap, LAW, ALL), rtol=1e-12)
+        assert_allclose(apply(overlap, (rate, 0, 0))[0][0], -elastic(overlap), rtol=1e-12)
     everywhere = ALL._replace(damp_all_zones=YES)
     damped = apply(-0.001, (rate, 0.0, 0.0), features=everywhere)[0][0]
     assert_allclose(damped, 3.5 - LAW.damping * rate, rtol=1e-12)
@@ -161,9 +161,11 @@ def test_a_spring_turns_with_the_contact():
 def test_a_spring_moved_under_changing_load_gives_no_energy(spring):
     """Hertz: wound up lightly loaded and unwound heavily loaded, in a cycle no spring does work on balance;
     what it does not return is booked as released."""
-    law = LAW._replace(stiffness=1e7, tangential_stiffness=8e6, rolling_stiffness=200.0, rest_overlap=0.0)
-    law = law._replace(damping=0.0, tangential_damping=0.0, static_friction=1e3, rolling_arm=1e3)
-    features = ALL._replace(hertz=YES, adhesion=NO)
+    law = HertzNumbers(
+        stiffness=1e7, tangential_stiffness=8e6, damping=0.0, tangential_damping=0.0, static_friction=1e3,
+        sliding_friction=0.5, rolling_stiffness=200.0, rolling_arm=1e3,
+    )  # fmt: skip
+    features = Features(YES, YES, YES)
     step, quarter, shear, roll = 1e-6, 1000, NONE, NONE
     overlap, work, released = 1e-3, 0.0, 0.0
     for approach, slip in ((0.0, 0.1), (1.0, 0.0), (0.0, -0.1), (-1.0, 0.0)):
@@ -178,6 +180,6 @@ def test_a_spring_moved_under_changing_load_gives_no_energy(spring):
             released += sinks[4]
             assert sinks[4] >= 0.0
     assert released > 0.0
-    stored = spring_energy(overlap, shear, roll, law, features)
+    stored = spring_energy(overlap, shear, roll, law)
     # first order in the step: a quarter has 1000 of them
     assert_allclose(work - stored, released, rtol=0.01)

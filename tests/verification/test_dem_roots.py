@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from subsoil_ros.dem.inverse_root import inverse_root
+from subsoil_ros.contact_laws.inverse_root import inverse_root
 
 
 @njit

@@ -2,9 +2,11 @@
 
 from collections.abc import Iterable, Mapping
 
+from ...contact_laws.registry import contact_laws
 from ...errors import ProtocolError
 from ...messages import NodeStatus
 from ...scene.model import Scene
+from ...source_digest import law_digests
 from .names import MECHANISM, RECORDER, SOIL
 
 TICK_MEAN = "tick_mean"
@@ -13,9 +15,21 @@ TICK_MEAN = "tick_mean"
 DRIVER_COMMAND = "driver_command"
 """Takes the commands of a controller."""
 
+CONTACT_LAW = "contact_law"
+"""Has a contact law of another package: "contact_law KIND DIGEST", digest of its sources."""
+
+
+def _outside_law(kind: str) -> str | None:
+    """The capability of a law's kind as it is installed here; None: it is none of another package."""
+    digest = law_digests().get(kind)
+    return None if digest is None else f"{CONTACT_LAW} {kind} {digest[:16]}"
+
+
+_LAWS = tuple(filter(None, map(_outside_law, contact_laws())))
+
 CAPABILITIES: Mapping[str, tuple[str, ...]] = {
     MECHANISM: (DRIVER_COMMAND,),
-    SOIL: (TICK_MEAN,),
+    SOIL: (TICK_MEAN, *_LAWS),
     RECORDER: (DRIVER_COMMAND,),
 }
 """Of the nodes of this package."""
@@ -31,6 +45,8 @@ def needed_capabilities(scene: Scene) -> dict[str, dict[str, str]]:
 
     if scene.soil is not None and scene.coupling.force == "tick_mean":
         add(TICK_MEAN, "coupling.force: tick_mean", SOIL)
+    if scene.particle_soil is not None and (law := _outside_law(scene.particle_soil.law.kind)):
+        add(law, f"soil.law.kind: {scene.particle_soil.law.kind}", SOIL)
     if scene.controller is not None:
         add(DRIVER_COMMAND, "controller", MECHANISM, RECORDER)
     return needed
@@ -63,6 +79,14 @@ def check_node_status(own: NodeStatus, other: NodeStatus, needed: Mapping[str, s
             "(hash of the resolved scene with its meshes); start all nodes with the same scene"
         )
     for capability, key in needed.items():
+        if capability not in other.capabilities and capability.startswith(f"{CONTACT_LAW} "):
+            kind = capability.split()[1]
+            there = any(text.startswith(f"{CONTACT_LAW} {kind} ") for text in other.capabilities)
+            found = "has other sources of" if there else "does not have"
+            raise ProtocolError(
+                f"node_status: {node} {found} contact law '{kind}', which the scene asks for ({key}); "
+                "install the package that the law comes in, in the same version, for all nodes"
+            )
         if capability not in other.capabilities:
             raise ProtocolError(
                 f"node_status: {node} cannot do '{capability}', which the scene asks for ({key}); use a node "

@@ -4,10 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...scene.pairs import layer_soils, particle_values
 from ...scene.soil import Soil
 from ..bed import Bed
-from ..contact import law_features
-from ..mixture import REACH, REST_OVERLAP, law_tables
 from ..periodic import wrapped
 from .tree import bed_tree
 
@@ -29,18 +28,20 @@ def radii_of(bed: Bed, soil: Soil) -> np.ndarray:
 
 def bonds_of(bed: Bed, soil: Soil) -> Bonds:
     """All pairs in reach of each other."""
-    laws, boundaries = law_tables(soil, law_features(soil))
+    layers = layer_soils(soil)
+    values = [particle_values(one, other, 1.0, 1.0) for one in layers for other in layers]
+    reach, rest = np.array([(found.reach, found.rest_overlap) for found in values]).T
     radius, x = radii_of(bed, soil), bed.positions_m
     material = np.zeros(len(x), np.int64) if bed.materials is None else bed.materials
-    farthest = 2.0 * float(radius.max()) + float(laws[:, REACH].max())
+    farthest = 2.0 * float(radius.max()) + float(reach.max())
     pair = bed_tree(bed).query_pairs(farthest, output_type="ndarray").astype(np.int64)
     first, second = pair.T
-    law = laws[material[first] * len(boundaries) + material[second]]
+    kind = material[first] * len(layers) + material[second]
     touch = radius[first] + radius[second]
     apart = x[first] - x[second]
     if bed.period_m is not None:
         apart[:, 1] = wrapped(apart[:, 1], -0.5 * bed.period_m, bed.period_m)[0]
     distance = np.linalg.norm(apart, axis=1)
-    near = distance <= touch + law[:, REACH]
-    excess = touch - law[:, REST_OVERLAP] - distance
+    near = distance <= touch + reach[kind]
+    excess = touch - rest[kind] - distance
     return Bonds(pair[near], excess[near], np.minimum(radius[first], radius[second])[near])

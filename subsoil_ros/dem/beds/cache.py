@@ -9,11 +9,14 @@ from ...errors import SceneError
 from ...kernel_cache import user_cache_folder
 from ...loading.loader import ResolvedScene
 from ...scene.soil import Soil
-from ...source_digest import PACKAGE, tree_digest
+from ...source_digest import PACKAGE, law_digests, tree_digest
 from ..bed import Bed
 from .bed_file import VERSION, read_bed, write_bed
 
-SOURCES = (*(PACKAGE / "dem").glob("*.py"), PACKAGE / "dem" / "beds", PACKAGE / "scene", PACKAGE / "limits")
+SOURCES = (
+    *(PACKAGE / "dem").glob("*.py"),
+    *(PACKAGE / folder for folder in ("dem/beds", "contact_laws", "scene", "limits")),
+)
 """Code that a bed depends on."""
 
 _OF_THE_RUN = {
@@ -31,6 +34,7 @@ def cached_bed_path(resolved: ResolvedScene) -> Path:
         "soil": soil.model_dump(mode="json", exclude=_OF_THE_RUN),
         "gravity_m_per_s2": resolved.scene.gravity_m_per_s2,
         "code": tree_digest(SOURCES),
+        "laws": law_digests(),
         "version": VERSION,
     }
     key = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

@@ -11,12 +11,13 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from ...contact_laws.base import ContactLaw
 from ...limits.stable_steps import Timing
 from ...loading.loader import ResolvedScene
 from ...messages import SoilState
-from ...scene.base import StrictModel
 from ...scene.pairs import layer_soils, pair_values, particle_mass_kg, particle_values, sphere_mass_kg
-from ...scene.soil import ContactLaw, Soil
+from ...scene.soil import Soil
+from ...strict_model import StrictModel
 from ..bed import Bed
 
 _SLIDING = (

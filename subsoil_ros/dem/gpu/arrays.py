@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from ..pairs import HISTORY
+from ...contact_laws.base import SPRINGS
 from ..state import ToolList
 from ..tools.facets import Facets
 from ..tools.forces import CONTACTS
@@ -31,7 +31,7 @@ class Rows:
             cuda.device_array(particles, np.int32),
             cuda.device_array(slices + 1, np.int64),
             cuda.device_array(room, np.int32),
-            cuda.to_device(np.zeros((HISTORY, room), kind)),  # springs that a law has not stay zero
+            cuda.to_device(np.zeros((SPRINGS, room), kind)),  # springs that a law has not stay zero
         )
 
     def taken(self, places: int) -> dict[str, np.ndarray]:
@@ -62,7 +62,7 @@ class WallRows:
             cuda.device_array(particles + 1, np.int64),
             cuda.device_array(room, np.int64),
             cuda.device_array(room, np.int32),
-            cuda.device_array((of_walls * HISTORY, room), np.float64),
+            cuda.device_array((of_walls * SPRINGS, room), np.float64),
             cuda.to_device(np.zeros((of_walls * 3, room))),
         )
 

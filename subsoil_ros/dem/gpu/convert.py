@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from ..pairs import BLOCK, HISTORY, history_blocks
+from ...contact_laws.base import SPRINGS
+from ..pairs import BLOCK, history_blocks
 from ..state import PairList, WallList
 from ..walls import WALLS
 from .device import WARP
@@ -21,7 +22,7 @@ def _places(count: np.ndarray, slice_start: np.ndarray) -> tuple[np.ndarray, np.
 def _block_places(pairs: int) -> np.ndarray:
     """dem.pairs.history_place of every pair."""
     k = np.arange(pairs)
-    return k // BLOCK * (BLOCK * HISTORY) + k % BLOCK
+    return k // BLOCK * (BLOCK * SPRINGS) + k % BLOCK
 
 
 def half_rows(lists: dict[str, np.ndarray], kind: type) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -34,7 +35,7 @@ def half_rows(lists: dict[str, np.ndarray], kind: type) -> tuple[np.ndarray, np.
     row, place, held, partner = row[half], place[half], held[half], partner[half]
     history = history_blocks(len(row), kind)
     to = _block_places(len(row))
-    for a in range(HISTORY):
+    for a in range(SPRINGS):
         history[to + a * BLOCK] = np.where(held, lists["history"][a, place], 0)
     row_start = np.zeros(len(lists["count"]) + 1, np.int64)
     np.cumsum(np.bincount(row, minlength=len(lists["count"])), out=row_start[1:])
@@ -42,7 +43,7 @@ def half_rows(lists: dict[str, np.ndarray], kind: type) -> tuple[np.ndarray, np.
 
 
 def full_rows(pairs: PairList, kind: type) -> dict[str, np.ndarray]:
-    """count, slice_start, neighbour and history (HISTORY, places) of a half list.
+    """count, slice_start, neighbour and history (SPRINGS, places) of a half list.
 
     Pairs whose springs are all zero count as out of reach, which leaves them as they are.
     """
@@ -50,7 +51,7 @@ def full_rows(pairs: PairList, kind: type) -> dict[str, np.ndarray]:
     first = np.repeat(np.arange(n), np.diff(pairs.row_start))
     second = pairs.neighbour.astype(np.int64)
     of_pair = _block_places(len(first))
-    springs = np.stack([pairs.history[of_pair + a * BLOCK] for a in range(HISTORY)])
+    springs = np.stack([pairs.history[of_pair + a * BLOCK] for a in range(SPRINGS)])
     row, partner = np.concatenate((first, second)), np.concatenate((second, first))
     order = np.lexsort((partner, row))
     count = np.bincount(row, minlength=n).astype(np.int32)
@@ -63,7 +64,7 @@ def full_rows(pairs: PairList, kind: type) -> dict[str, np.ndarray]:
     neighbour = np.zeros(slice_start[-1], np.int32)
     held = (springs[:, pair] != 0.0).any(axis=0)
     neighbour[place] = np.where(held, partner[order], ~partner[order])
-    history: np.ndarray = np.zeros((HISTORY, len(neighbour)), kind)
+    history: np.ndarray = np.zeros((SPRINGS, len(neighbour)), kind)
     history[:, place] = springs[:, pair]
     return {"count": count, "slice_start": slice_start, "neighbour": neighbour, "history": history}
 
@@ -78,10 +79,10 @@ def wall_pairs(
     near, there = len(walls["particle"]), np.flatnonzero(np.isfinite(planes[:, 3]))
     particle, wall = np.repeat(walls["particle"], len(there)), np.tile(there, near)
     held = (walls["held"][:, None] >> there) & 1 == 1
-    springs = walls["springs"].reshape(_WALLS, HISTORY, near)[there]
+    springs = walls["springs"].reshape(_WALLS, SPRINGS, near)[there]
     history: np.ndarray = history_blocks(len(particle), np.float64)
     to = _block_places(len(particle))
-    for a in range(HISTORY):
+    for a in range(SPRINGS):
         history[to + a * BLOCK] = np.where(held, springs[:, a].T, 0.0).ravel()
     force = walls["force"].reshape(_WALLS, 3, near)[there].transpose(2, 0, 1).reshape(-1, 3)
     return particle, wall, history, np.ascontiguousarray(force)
@@ -92,10 +93,10 @@ def wall_rows(walls: WallList, force: np.ndarray, particles: int) -> dict[str, n
     particle, to = np.unique(walls.particle, return_inverse=True)
     of_pair = _block_places(len(to))
     near = len(particle)
-    springs = np.zeros((_WALLS, HISTORY, near))
+    springs = np.zeros((_WALLS, SPRINGS, near))
     forces = np.zeros((_WALLS, 3, near))
     held = np.zeros(near, np.int32)
-    for a in range(HISTORY):
+    for a in range(SPRINGS):
         springs[walls.wall, a, to] = walls.history[of_pair + a * BLOCK]
     for a in range(3):
         forces[walls.wall, a, to] = force[:, a]
@@ -106,6 +107,6 @@ def wall_rows(walls: WallList, force: np.ndarray, particles: int) -> dict[str, n
         "row": row,
         "particle": particle,
         "held": held,
-        "springs": springs.reshape(_WALLS * HISTORY, near),
+        "springs": springs.reshape(_WALLS * SPRINGS, near),
         "force": forces.reshape(_WALLS * 3, near),
     }

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from ..contact import Features, PairLaw
+from ...contact_laws.base import Features
 from ..neighbours import CellGrid
 from ..state import PairList, Particles, ToolList, WallList
 from ..tools.facets import Facets
@@ -50,9 +50,9 @@ class Numbers:
     radius_m: float  # of all, or the largest
     mass_kg: float  # of all
     inertia_kg_m2: float
-    pair_law: PairLaw
-    wall_law: PairLaw
-    tool_law: PairLaw
+    pair_law: Any  # ContactLaw.numbers
+    wall_law: Any
+    tool_law: Any
     pair_laws: np.ndarray
     wall_laws: np.ndarray
     tool_laws: np.ndarray

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from ...contact_laws.base import SINKS
 from ...loading.loader import ResolvedScene
 from ...messages import ToolMotion, ToolWrench
 from ..bed import Bed
-from ..contact import SINKS, PairLaw
 from ..energy import EnergyBook
 from ..engine import SoilEngine
 from ..monitors import MotionSums, refuse_lost_numbers
@@ -326,5 +326,5 @@ class GpuSoilEngine(SoilEngine):
         self._here_is_old = True
 
 
-def _of_floats(law: PairLaw) -> PairLaw:
-    return PairLaw(*(float(number) for number in law))
+def _of_floats(law: Any) -> Any:
+    return type(law)(*(float(number) for number in law))

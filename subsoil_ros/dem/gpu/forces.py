@@ -17,7 +17,9 @@ from typing import Any
 
 from numba import cuda, float64
 
-from ..contact import NO, YES, Features, like, normal_potential, numbers_like, spring_energy
+from ...contact_laws.base import NO, YES, Features
+from ...contact_laws.springs import like
+from ..contact import normal_potential, numbers_like, reach, spring_energy
 from ..integration import kicked, kicked_and_moved
 from ..mixture import pair_of, sphere_of
 from ..pairs import contact_of_pair
@@ -96,8 +98,8 @@ def without_period(features: Features) -> Features:
 
 def _compiled_once(factory: Any) -> Any:
     """One kernel for each set of features, whatever arrays stand for them."""
-    made = functools.cache(lambda flags: factory(Features(*(YES if flag else NO for flag in flags))))
-    return lambda features: made(tuple(feature.ndim == 2 for feature in features))
+    made: Any = functools.cache(lambda kind, flags: factory(kind(*(YES if flag else NO for flag in flags))))
+    return lambda features: made(type(features), tuple(feature.ndim == 2 for feature in features))
 
 
 @_compiled_once
@@ -129,14 +131,14 @@ def pair_kernel(features: Features) -> Any:
                 dy = nearest_image(dy, period)
             apart = like(step, dx), like(step, dy), like(step, dz)
             if features.sizes.ndim == 2 or features.materials.ndim == 2:
-                first, second, own = pair_of(min(i, j), max(i, j), float64(radius), mixture, features)
+                first, second, own = pair_of(
+                    min(i, j), max(i, j), float64(radius), common_law, mixture, features
+                )
                 radius_i, radius_j = like(step, first), like(step, second)
                 law = numbers_like(step, own)
-            reach = radius_i + radius_j
-            if features.adhesion.ndim == 2:
-                reach += law.reach
+            farthest = reach(radius_i + radius_j, law, features)
             squared = apart[0] * apart[0] + apart[1] * apart[1] + apart[2] * apart[2]
-            if held or squared < reach * reach:
+            if held or squared < farthest * farthest:
                 relative = vx - velocity[j, 0], vy - velocity[j, 1], vz - velocity[j, 2]
                 spin_i, spin_j = (wx, wy, wz), (spin[j, 0], spin[j, 1], spin[j, 2])
                 shear, roll = (zero, zero, zero), (zero, zero, zero)
@@ -149,8 +151,8 @@ def pair_kernel(features: Features) -> Any:
                     apart = -apart[0], -apart[1], -apart[2]
                     relative = -relative[0], -relative[1], -relative[2]
                     spin_i, spin_j = spin_j, spin_i
-                acts, f, on_first, on_second, s, r, sinks = contact_of_pair(
-                    apart, relative, spin_i, spin_j, radius_i, radius_j, shear, roll, step, law, features
+                acts, f, on_first, on_second, s, r, sinks, _ = contact_of_pair(
+                    apart, relative, spin_i, spin_j, radius_i, radius_j, shear, roll, (), step, law, features
                 )
                 if acts > zero:
                     if features.tangential.ndim == 2:
@@ -191,9 +193,7 @@ def wall_kernel(features: Features) -> Any:
             return
         i = particle[row]
         radius, law = sphere_of(i, common_radius, common_law, mixture, features)
-        reach = radius
-        if features.adhesion.ndim == 2:
-            reach += law.reach
+        farthest = reach(radius, law, features)
         touching = 0
         for wall in range(_WALLS):
             nx, ny, nz = planes[wall, 0], planes[wall, 1], planes[wall, 2]
@@ -201,12 +201,12 @@ def wall_kernel(features: Features) -> Any:
             was = (held[row] >> wall) & 1 == 1
             c = 6 * wall
             fx, fy, fz = 0.0, 0.0, 0.0
-            if was or distance < reach:
+            if was or distance < farthest:
                 shear, roll = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
                 if was:
                     shear = springs[c, row], springs[c + 1, row], springs[c + 2, row]
                     roll = springs[c + 3, row], springs[c + 4, row], springs[c + 5, row]
-                acts, f, on_it, s, r, sinks = contact_at_wall(
+                acts, f, on_it, s, r, sinks, _ = contact_at_wall(
                     distance,
                     (nx, ny, nz),
                     (float64(velocity[i, 0]), float64(velocity[i, 1]), float64(velocity[i, 2])),
@@ -214,6 +214,7 @@ def wall_kernel(features: Features) -> Any:
                     radius,
                     shear,
                     roll,
+                    (),
                     step,
                     law,
                     features,
@@ -340,7 +341,7 @@ def look_at_pairs_kernel(features: Features) -> Any:
 
     @cuda.jit(cache=True)
     def look_at_pairs(
-        count, slice_start, neighbour, history, position, common_radius, mixture, period, partial
+        count, slice_start, neighbour, history, position, common_radius, common_law, mixture, period, partial
     ):
         shared = cuda.shared.array(THREADS, float64)
         contacts, largest, energy = 0.0, 0.0, 0.0
@@ -354,12 +355,12 @@ def look_at_pairs_kernel(features: Features) -> Any:
                     if features.periodic.ndim == 2:
                         dy = nearest_image(dy, period)
                     dx, dz = position[j, 0] - position[i, 0], position[j, 2] - position[i, 2]
-                    first, second, law = pair_of(i, j, common_radius, mixture, features)
+                    first, second, law = pair_of(i, j, common_radius, common_law, mixture, features)
                     overlap = first + second - math.sqrt(dx * dx + dy * dy + dz * dz)
                     largest = max(largest, overlap)
-                    if overlap > (-law.reach if features.adhesion.ndim == 2 else 0.0):
+                    if overlap > -reach(0.0, law, features):
                         contacts += 1.0
-                        energy += normal_potential(overlap, law, features)
+                        energy += normal_potential(overlap, (), law, features)
                         if listed >= 0:
                             shear = (
                                 float64(history[0, at]), float64(history[1, at]), float64(history[2, at])
@@ -367,7 +368,7 @@ def look_at_pairs_kernel(features: Features) -> Any:
                             roll = (
                                 float64(history[3, at]), float64(history[4, at]), float64(history[5, at])
                             )  # fmt: skip
-                            energy += spring_energy(overlap, shear, roll, law, features)
+                            energy += spring_energy(overlap, shear, roll, law)
                 at += WARP
         contacts = block_total(contacts, shared)
         energy = block_total(energy, shared)

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import cuda, float32
 
+from ...contact_laws.base import SPRINGS
 from ..neighbours import axis_cell
-from ..pairs import HISTORY
 from ..per_particle import of_particle
 from ..periodic import nearest_image
 from ..tools.facets import closest_feature
@@ -126,7 +126,7 @@ def _carry(i, j, at, order, neighbour, history, old_count, old_start, old_neighb
     for _ in range(old_count[first]):
         if old_neighbour[spot] == second:
             turned = (first < second) != (i < j)
-            for a in range(HISTORY):
+            for a in range(SPRINGS):
                 kept = old_history[a, spot]
                 history[a, at] = -kept if turned else kept
             neighbour[at] = j
@@ -206,7 +206,7 @@ def find_near_walls(position, planes, reach, near):
 @cuda.jit(cache=True)
 def list_near_walls(near, row, order, particle, held, springs, old_row, old_held, old_springs):
     """Rows of the particles near walls, with the springs they had: held (rows,) has a bit for each wall,
-    springs (WALLS * HISTORY, rows)."""
+    springs (WALLS * SPRINGS, rows)."""
     i = cuda.grid(1)
     if i < near.shape[0] and near[i] and row[i] < particle.shape[0]:
         to, k = row[i], order[i]
@@ -214,7 +214,7 @@ def list_near_walls(near, row, order, particle, held, springs, old_row, old_held
         if old_row[k + 1] > old_row[k] and old_row[k] < old_held.shape[0]:
             here = old_row[k]
             held[to] = old_held[here]
-            for a in range(_WALLS * HISTORY):
+            for a in range(_WALLS * SPRINGS):
                 springs[a, to] = old_springs[a, here]
 
 

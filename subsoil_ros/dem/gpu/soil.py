@@ -209,7 +209,8 @@ class DeviceSoil(DeviceLists):
         p, rows = side.particles, side.rows
         launches.add(
             look_at_pairs_kernel(self._features), SUM_BLOCKS, rows.count, rows.slice_start, rows.neighbour,
-            rows.history, p.position, numbers.radius_m, self._mixture(p, self._laws[0]), self.grid.period,
+            rows.history, p.position, numbers.radius_m, numbers.wall_law, self._mixture(p, self._laws[0]),
+            self.grid.period,
             self._of_pairs.there,
         )  # fmt: skip
 

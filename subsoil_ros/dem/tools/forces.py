@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit, prange
 
 from ..compiled import inner_kernel
-from ..contact import contact, normal_potential, spring_energy
+from ..contact import contact, kept_at, normal_potential, put_kept, reach, spring_energy
 from ..mixture import sphere_of
 from .facets import closest_feature
 
@@ -110,6 +110,7 @@ def _candidate(
     for s in range(CONTACTS):
         for a in range(3):
             old_shear[s, a] = shear[row, s, a] if active[row, s] else 0.0
+        for a in range(roll.shape[2]):
             old_roll[s, a] = roll[row, s, a] if active[row, s] else 0.0
         active[row, s] = False
     for k in range(found):
@@ -128,18 +129,21 @@ def _candidate(
             velocity[i, 2] + arm * (wx * ny - wy * nx) - (vz0 + rate * rx),
         )
         sx, sy, sz, tx, ty, tz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        kept = kept_at(old_roll[max(slot, 0)], 3, 1, 1.0 if slot >= 0 else 0.0, law)
         if slot >= 0:
             sx, sy, sz = old_shear[slot, 0], old_shear[slot, 1], old_shear[slot, 2]
             tx, ty, tz = old_roll[slot, 0], old_roll[slot, 1], old_roll[slot, 2]
             for a in range(3):  # a slot continues in one contact only
                 old_shear[slot, a] = 0.0
+            for a in range(roll.shape[2]):
                 old_roll[slot, a] = 0.0
-        f, m, s, r, sinks = contact(
+        f, m, s, r, kept, sinks = contact(
             radius - distance, (nx, ny, nz), relative, (wx, wy + rate, wz),
             (cosine * sx - sine * sz, sy, sine * sx + cosine * sz),
             (cosine * tx - sine * tz, ty, sine * tx + cosine * tz),
-            step, law, features,
+            kept, step, law, features,
         )  # fmt: skip
+        put_kept(kept, 1.0, roll[row, k], 3, 1)
         active[row, k] = True
         normal[row, k, 0], normal[row, k, 1], normal[row, k, 2] = bx, by, bz
         shear[row, k, 0], shear[row, k, 1], shear[row, k, 2] = (
@@ -163,7 +167,7 @@ def _candidate(
             sums[a] += sinks[a]
     if features.book.ndim == 2:
         for s in range(CONTACTS):
-            sums[4] += spring_energy(0.0, old_shear[s], old_roll[s], law, features)
+            sums[4] += spring_energy(0.0, old_shear[s], old_roll[s], law)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -174,16 +178,16 @@ def row_forces(
 ):  # fmt: skip
     """Forces of the tool on candidate `row`, and what it puts on the tool, added.
 
-    out (CONTACTS, 6), old_shear and old_roll (CONTACTS, 3) are room to work in.
+    out (CONTACTS, 6), old_shear (CONTACTS, 3) and old_roll, as long as `roll`, are room to work in.
     """
     x0, z0, cosine, sine = motion[0], motion[1], motion[2], motion[3]
     i = particle[row]
     radius, law = sphere_of(i, common_radius, common_law, mixture, features)
-    reach = radius + (law.reach if features.adhesion.ndim == 2 else 0.0)
     dx, dz = position[i, 0] - x0, position[i, 2] - z0
     found = _find_contacts(
         cosine * dx + sine * dz, position[i, 1], cosine * dz - sine * dx, facets,
-        facet_start[row], facet_start[row + 1], facet, reach, active[row], normal[row], out,
+        facet_start[row], facet_start[row + 1], facet, reach(radius, law, features), active[row],
+        normal[row], out,
     )  # fmt: skip
     _candidate(
         row, i, found, out, position, velocity, spin, force, torque, motion, active, normal, shear,
@@ -199,7 +203,7 @@ def _rows_forces(
 ):  # fmt: skip
     """Candidates first <= row < last; group_force (groups, 3), moment (3,), sums (7,) are theirs alone."""
     out = np.empty((CONTACTS, 6))
-    old_shear, old_roll = np.empty((CONTACTS, 3)), np.empty((CONTACTS, 3))
+    old_shear, old_roll = np.empty((CONTACTS, 3)), np.empty((CONTACTS, roll.shape[2]))
     group_force[:] = 0.0
     moment[:] = 0.0
     sums[:] = 0.0
@@ -264,9 +268,11 @@ def tool_scan(
         dx, dz = position[i, 0] - x0, position[i, 2] - z0
         found = _find_contacts(
             cosine * dx + sine * dz, position[i, 1], cosine * dz - sine * dx, facets,
-            facet_start[row], facet_start[row + 1], facet, radius + law.reach, active[row], normal[row], out,
+            facet_start[row], facet_start[row + 1], facet, reach(radius, law, features), active[row],
+            normal[row], out,
         )  # fmt: skip
         for k in range(found):  # in the order in which the last step stored them
-            energy += normal_potential(radius - out[k, 3], law, features)
-            energy += spring_energy(radius - out[k, 3], shear[row, k], roll[row, k], law, features)
+            kept = kept_at(roll[row, k], 3, 1, 1.0, law)
+            energy += normal_potential(radius - out[k, 3], kept, law, features)
+            energy += spring_energy(radius - out[k, 3], shear[row, k], roll[row, k], law)
     return energy

@@ -3,15 +3,16 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
+from ...contact_laws.base import Features
 from ...errors import PhysicsError
 from ...loading.loader import ResolvedScene
 from ...messages import FacetGroupForce, ToolMotion, ToolWrench
 from ...scene.meshes import ToolMesh, load_tool_mesh
 from ..bed import Bed
-from ..contact import Features, PairLaw
 from ..kernel_calls import KernelCalls
 from ..mixture import Mixture
 from ..neighbours import CellGrid, carry_rows
@@ -44,6 +45,7 @@ class ToolSurface:
     mesh: ToolMesh
     reference_angle_rad: float
     last: ToolMotion  # at the end of the last soil step
+    kept: int = 0  # numbers that the law keeps of a contact beside its springs
     facets: Facets = field(init=False)
     near: ToolList = field(init=False)
     max_overlap_m: float = field(default=0.0, init=False)
@@ -57,7 +59,8 @@ class ToolSurface:
         self._buffers = chunk_buffers(len(self.mesh.groups))
         self._kernels = KernelCalls()
         none = np.empty(0, np.int64)
-        empty = (np.zeros((0, CONTACTS), np.bool_), *(np.zeros((0, CONTACTS, 3)) for _ in range(3)))
+        normal, shear, roll = (np.zeros((0, CONTACTS, count)) for count in (3, 3, 3 + self.kept))
+        empty = (np.zeros((0, CONTACTS), np.bool_), normal, shear, roll)
         self.near = ToolList(none, np.zeros(1, np.int64), np.empty(0, np.int32), *empty)
         self.begin_tick()
 
@@ -121,7 +124,7 @@ class ToolSurface:
         particles: Particles,
         radius: float,
         step: float,
-        law: PairLaw,
+        law: Any,
         mixture: Mixture,
         features: Features,
     ) -> None:
@@ -158,7 +161,7 @@ class ToolSurface:
         self.last = motion
 
     def stored_joule(
-        self, particles: Particles, radius: float, law: PairLaw, mixture: Mixture, features: Features
+        self, particles: Particles, radius: float, law: Any, mixture: Mixture, features: Features
     ) -> float:
         """Energy in this tool's contacts [J]."""
         near = self.near
@@ -212,7 +215,7 @@ def surfaces(resolved: ResolvedScene, bed: Bed, motions: tuple[ToolMotion, ...])
         mesh = load_tool_mesh(resolved.directory, scene, name)
         refuse_tool_at_seam(name, mesh.vertices_m, bed, soil)
         reference = bodies[tool.body].angle_rad if tool.body else 0.0
-        found.append(ToolSurface(name, mesh, reference, motion))
+        found.append(ToolSurface(name, mesh, reference, motion, len(soil.law.kept)))
     return tuple(found)
 
 

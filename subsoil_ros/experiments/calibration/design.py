@@ -11,9 +11,9 @@ from ...loading.loader import ResolvedScene, load_scene
 from ...loading.seeds import is_random
 from ...loading.soil_file import law_of
 from ...loading.validation_errors import validated
-from ...scene.base import Finite, Fraction, NonNegative, Positive, StrictModel
 from ...scene.bed_spacing import particle_spacing_m
 from ...scene.wedge import WheelSoil
+from ...strict_model import Finite, Fraction, NonNegative, Positive, StrictModel
 from ...yaml_document import read_document
 
 GOLDEN = ((math.sqrt(5.0) - 1.0) / 2.0, 0.7548776662466927)

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from ...scene.pairs import PairValues, pair_values, size_ratio
+from ...contact_laws.base import PairValues
+from ...scene.pairs import pair_values, size_ratio
 from ...scene.soil import Soil
 from ...yaml_document import Document
 

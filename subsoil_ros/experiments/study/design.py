@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from ...errors import InputError
 from ...loading.keys import suggestion
 from ...loading.validation_errors import validated
-from ...scene.base import Fraction, StrictModel
+from ...strict_model import Fraction, StrictModel
 from ...yaml_document import read_document
 from ..run_metrics import METRICS
 from ..sweep.plan import Point

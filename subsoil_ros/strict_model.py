@@ -1,4 +1,4 @@
-"""Base of every scene part: frozen, closed, SI units in the key names."""
+"""Base of every part of a scene: frozen, closed, SI units in the key names."""
 
 from typing import Annotated
 

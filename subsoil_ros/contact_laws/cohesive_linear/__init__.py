@@ -1,0 +1,1 @@
+"""Linear springs with a linear cohesion that acts across a gap too."""

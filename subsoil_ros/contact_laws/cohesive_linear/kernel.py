@@ -1,0 +1,74 @@
+"""Kernels of the cohesive linear law: Yuan & Yu (2020) eq. 12-21 with eq. 17 corrected (continuity).
+
+What the paper leaves open is chosen in docs/physics.md: friction limit, damped zones.
+"""
+
+from ..springs import contact_with_springs, energy_of_springs, law_kernel, like
+from .law import Numbers
+
+
+@law_kernel()
+def _elastic(overlap, law, features):
+    """Elastic part of the force along the normal, repulsion positive [N] (Delta = 0)."""
+    zero = like(overlap, 0.0)
+    force = law.stiffness * max(overlap - law.rest_overlap, zero)
+    if features.cohesion.ndim == 2:
+        touching = law.contact_adhesion * min(overlap - law.rest_overlap, zero)
+        apart = -law.adhesion * max(law.reach + overlap, zero)
+        force += touching if overlap >= zero else apart
+    return force
+
+
+def contact(overlap, normal, velocity, spin, shear, roll, kept, step, law, features):
+    """dem.contact.contact."""
+    zero, one = like(overlap, 0.0), like(overlap, 1.0)
+    nx, ny, nz = normal
+    ux, uy, uz = velocity
+    overlap_rate = ux * nx + uy * ny + uz * nz
+    force_n = _elastic(overlap, law, features)
+    damped = law.damping * overlap_rate
+    if features.damp_all_zones.ndim == 1:
+        damped = damped if overlap > law.rest_overlap else zero
+    force_n += damped
+    push = -force_n * nx, -force_n * ny, -force_n * nz
+    if features.friction_repulsive.ndim == 2:
+        pressing = max(force_n, zero)
+    elif features.friction_absolute.ndim == 2:
+        pressing = abs(force_n)
+    else:
+        pressing = max(force_n + law.peak_attraction, zero)
+    f, m, s, r, lost = contact_with_springs(
+        push, pressing, overlap_rate, normal, velocity, spin, shear, roll, step, law, features, one, one
+    )
+    return f, m, s, r, kept, (damped * overlap_rate * step, lost[0], lost[1], lost[2], lost[3])
+
+
+def normal_potential(overlap, kept, law, features):
+    """dem.contact.normal_potential."""
+    energy = 0.0
+    if features.cohesion.ndim == 2:
+        near = min(max(law.reach + overlap, 0.0), law.reach)
+        energy -= 0.5 * law.adhesion * near * near
+        inside = min(max(overlap, 0.0), law.rest_overlap)
+        energy -= law.contact_adhesion * inside * (law.rest_overlap - 0.5 * inside)
+    loaded = max(overlap - law.rest_overlap, 0.0)
+    return energy + 0.5 * law.stiffness * loaded * loaded
+
+
+def spring_energy(overlap, shear, roll, law):
+    """dem.contact.spring_energy."""
+    return energy_of_springs(like(overlap, 1.0), shear, roll, law)
+
+
+def reach(touch, law, features):
+    """dem.contact.reach."""
+    return touch + law.reach if features.cohesion.ndim == 2 else touch
+
+
+def at_size(law, radius, mass):
+    """dem.contact.at_size: K_Y R^2 and mu_r R of rolling."""
+    return Numbers(
+        law.stiffness, law.tangential_stiffness, law.damping, law.tangential_damping, law.adhesion,
+        law.contact_adhesion, law.rest_overlap, law.reach, law.peak_attraction, law.static_friction,
+        law.sliding_friction, radius * radius * law.rolling_stiffness, radius * law.rolling_arm,
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Elastic spheres: Hertz along the normal, Mindlin along the tangent."""

@@ -1,0 +1,1 @@
+"""Linear springs and dashpots that act while spheres overlap."""

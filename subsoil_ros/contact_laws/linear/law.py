@@ -1,0 +1,89 @@
+"""Linear springs and dashpots."""
+
+from dataclasses import replace
+from typing import Literal, NamedTuple
+
+from ...strict_model import NonNegative, Positive, StrictModel
+from ..base import ContactLaw, PairValues, doubled, series, with_weaker_friction
+
+
+class Numbers(NamedTuple):
+    """Numbers of one kind of pair. SI."""
+
+    stiffness: float  # [N/m]
+    tangential_stiffness: float  # [N/m]
+    damping: float  # [N s/m]
+    tangential_damping: float  # [N s/m]
+    static_friction: float
+    sliding_friction: float
+    rolling_stiffness: float  # K_t R_eff^2 [N m/rad]
+    rolling_arm: float  # mu_r R_eff [m]: torque limit over normal force
+
+
+class LinearValues(StrictModel):
+    """A spring and a dashpot, as they stand for the pair."""
+
+    stiffness_newton_per_m: Positive
+    tangential_stiffness_newton_per_m: NonNegative
+    damping_newton_s_per_m: NonNegative
+    tangential_damping_newton_s_per_m: NonNegative
+    static_friction: NonNegative
+    sliding_friction: NonNegative
+    rolling_friction: NonNegative = 0.0
+
+
+class LinearLaw(ContactLaw):
+    """Dry spheres with linear springs and dashpots, acting while they overlap."""
+
+    kind: Literal["linear"]
+    particle: LinearValues
+    boundary: LinearValues
+
+    numbers = Numbers
+    linear_springs = True
+
+    def pair(self, ratio: float, radius_m: float, mass_kg: float) -> PairValues:
+        """Two particles under this law."""
+        return _values(self.particle).scaled(ratio)
+
+    def mixed_pair(self, other: "LinearLaw", ratio: float, radius_m: float, mass_kg: float) -> PairValues:
+        """Springs and dampers in series, a value being half of a body's; the smaller friction."""
+        found, theirs = _values(self.particle), _values(other.particle)
+        halves = replace(
+            found,
+            stiffness=series(found.stiffness, theirs.stiffness),
+            tangential_stiffness=series(found.tangential_stiffness, theirs.tangential_stiffness),
+            damping=series(found.damping, theirs.damping),
+            tangential_damping=series(found.tangential_damping, theirs.tangential_damping),
+        )
+        return with_weaker_friction(doubled(halves).scaled(ratio), self.particle, other.particle)
+
+    def at_boundary(self, ratio: float, radius_m: float, mass_kg: float) -> PairValues:
+        """A particle at a wall or tool."""
+        return _values(self.boundary).scaled(ratio)
+
+    @classmethod
+    def numbers_of(cls, values: PairValues, radius_m: float) -> Numbers:
+        """Numbers of a pair."""
+        return Numbers(
+            stiffness=values.stiffness,
+            tangential_stiffness=values.tangential_stiffness,
+            damping=values.damping,
+            tangential_damping=values.tangential_damping,
+            static_friction=values.static_friction,
+            sliding_friction=values.sliding_friction,
+            rolling_stiffness=values.tangential_stiffness * radius_m**2,
+            rolling_arm=values.rolling_friction * radius_m,
+        )
+
+
+def _values(row: LinearValues) -> PairValues:
+    return PairValues(
+        row.stiffness_newton_per_m,
+        row.tangential_stiffness_newton_per_m,
+        row.damping_newton_s_per_m,
+        row.tangential_damping_newton_s_per_m,
+        row.static_friction,
+        row.sliding_friction,
+        row.rolling_friction,
+    )

@@ -1,0 +1,60 @@
+"""The contact laws that a scene may name: those of this package, and those found by entry point."""
+
+import functools
+from typing import get_args
+
+from ..outside_laws import outside_laws
+from .base import ContactLaw
+from .cohesive_linear.law import CohesiveLinearLaw
+from .hertz.law import HertzMindlinLaw
+from .linear.law import LinearLaw
+
+BUILT_IN: dict[str, type[ContactLaw]] = {
+    "cohesive_linear": CohesiveLinearLaw,
+    "linear": LinearLaw,
+    "hertz_mindlin": HertzMindlinLaw,
+}
+
+
+@functools.cache
+def contact_laws() -> dict[str, type[ContactLaw]]:
+    """Laws by their kind; outside ones that cannot be used are left out: see unusable_laws."""
+    return {**BUILT_IN, **{kind: law for kind, law in _outside().items() if isinstance(law, type)}}
+
+
+@functools.cache
+def unusable_laws() -> dict[str, str]:
+    """Why an outside law cannot be used, by its kind."""
+    return {kind: why for kind, why in _outside().items() if isinstance(why, str)}
+
+
+@functools.cache
+def _outside() -> dict[str, type[ContactLaw] | str]:
+    """Each outside law, or why it cannot be used: a broken one must not stop scenes that do not name it."""
+    found: dict[str, type[ContactLaw] | str] = {}
+    for kind, entry in outside_laws().items():
+        try:
+            law = entry.load()
+        except Exception as error:
+            found[kind] = f"'{entry.value}' cannot be imported: {error or type(error).__name__}"
+        else:
+            found[kind] = _fault(kind, law) or law
+    return found
+
+
+def _fault(kind: str, law: object) -> str:
+    """What is wrong with the class of an outside law; empty: nothing."""
+    if kind in BUILT_IN:
+        return "its kind is that of a law of subsoil_ros; give it another"
+    if not (isinstance(law, type) and issubclass(law, ContactLaw)):
+        return "its entry point is no subclass of subsoil_ros.contact_laws.base.ContactLaw"
+    named = law.model_fields.get("kind")
+    if named is None or get_args(named.annotation) != (kind,):
+        return f'its field must be `kind: Literal["{kind}"]`, as its entry point is named'
+    if missing := {"particle", "boundary"} - law.model_fields.keys():
+        return f"its class has no field '{min(missing)}'"
+    if not hasattr(law, "numbers"):
+        return "its class has no `numbers`, the NamedTuple that its kernels take"
+    if not law.numbers.__module__.endswith(".law"):
+        return "the class of its `numbers` must stand in a module law.py, beside kernel.py"
+    return ""

@@ -1,0 +1,129 @@
+"""What the kernels of several laws share: tangential and rolling springs, each with a slider.
+
+A law that uses them has the numbers tangential_stiffness, tangential_damping, static_friction,
+sliding_friction, rolling_stiffness and rolling_arm.
+"""
+
+import math
+from functools import partial
+
+import numpy as np
+from numba import njit, types
+from numba.extending import overload
+
+from .inverse_root import inverse_root
+
+law_kernel = partial(njit, forceinline=True, error_model="numpy", fastmath={"contract"})
+"""Decorator, called, of functions that a law's own ones call; numba keeps them with the engine's."""
+
+_TINY = 1e-30
+"""Keeps a quotient finite whose numerator is zero too; far below any force [N], also in float32."""
+
+_TINY_SQUARED = 1e-36
+"""The same for squares: in float32 a normal number, which an inverse root needs."""
+
+
+def like(number: float, value: float) -> float:
+    """`value` in the floating-point type of `number`: a plain literal would turn float32 into float64."""
+    return type(number)(value)
+
+
+@overload(like, inline="always")
+def _like(number, value):
+    if number == types.float32:
+        return lambda number, value: np.float32(value)
+    return lambda number, value: value
+
+
+@njit(cache=True, inline="always")
+def contact_with_springs(
+    push, pressing, overlap_rate, normal, velocity, spin, shear, roll, step, law, features, grown, before
+):
+    """Force and rolling torque of a contact whose force on i along the normal is the vector `push` [N].
+
+    pressing [N]: normal force that friction is limited by. overlap_rate [m/s]: of the velocity along the
+    normal. grown, before: stiffness of the springs over the numbers of the law, now and a step ago; a
+    stiffer contact keeps its force, a softer one loses it, so no energy comes in. The rest: dem.contact.
+
+    Returns force on i [N], torque of rolling friction on i [N m], shear, roll, and all sinks but the first.
+
+    Tangential: spring and damper in parallel, in series with a slider (return mapping), so that both
+    the damper and the slider only dissipate. The slider yields at static friction and then carries
+    sliding friction.
+
+    Choices are values, not branches, and all numbers have the type of `step`: in a loop over pairs the
+    compiler makes vector instructions of it.
+    """
+    zero, half, one = like(step, 0.0), like(step, 0.5), like(step, 1.0)
+    tiny, tiny_squared = like(step, _TINY), like(step, _TINY_SQUARED)
+    nx, ny, nz = normal
+    ux, uy, uz = velocity
+    fx, fy, fz = push
+    held_fraction = min(before / max(grown, tiny), one) if grown > zero else zero
+
+    sx, sy, sz = zero, zero, zero
+    tangential_loss, sliding_loss, released = zero, zero, zero
+    if features.tangential.ndim == 2:
+        sx, sy, sz = shear
+        along = sx * nx + sy * ny + sz * nz  # keep the spring in the turning tangent plane
+        sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz
+        tx, ty, tz = ux - overlap_rate * nx, uy - overlap_rate * ny, uz - overlap_rate * nz
+        k, c = law.tangential_stiffness, law.tangential_damping
+        if features.book.ndim == 2:
+            stored = half * k * (sx * sx + sy * sy + sz * sz)
+            released = stored * (before - grown * held_fraction * held_fraction)
+        sx, sy, sz = held_fraction * sx, held_fraction * sy, held_fraction * sz
+        k, c = k * grown, c * math.sqrt(grown)
+        yielding = k * step + c
+        # trial force if the slider held
+        qx, qy, qz = k * sx + yielding * tx, k * sy + yielding * ty, k * sz + yielding * tz
+        squared = qx * qx + qy * qy + qz * qz
+        inverse = inverse_root(max(squared, tiny_squared))
+        size = squared * inverse
+        held = min(law.sliding_friction * pressing * inverse, one)
+        held = held if size > law.static_friction * pressing else one
+        slip = (one - held) * (one / max(yielding, tiny))  # slip velocity = slip * trial force
+        # velocity of the spring and damper: what the slider leaves
+        ex, ey, ez = tx - slip * qx, ty - slip * qy, tz - slip * qz
+        sx, sy, sz = sx + step * ex, sy + step * ey, sz + step * ez
+        fx, fy, fz = fx - held * qx, fy - held * qy, fz - held * qz
+        if features.book.ndim == 2:
+            sliding_loss = held * slip * squared * step
+            tangential_loss = c * (ex * ex + ey * ey + ez * ez) * step
+
+    mx, my, mz = zero, zero, zero
+    rx, ry, rz = zero, zero, zero
+    rolling_loss = zero
+    if features.rolling.ndim == 2:
+        rx, ry, rz = roll
+        if features.book.ndim == 2:
+            stored = half * law.rolling_stiffness * (rx * rx + ry * ry + rz * rz)
+            released += stored * (before - grown * held_fraction * held_fraction)
+        rx, ry, rz = held_fraction * rx, held_fraction * ry, held_fraction * rz
+        wx, wy, wz = spin
+        along = wx * nx + wy * ny + wz * nz  # no twist
+        wx, wy, wz = wx - along * nx, wy - along * ny, wz - along * nz
+        along = rx * nx + ry * ny + rz * nz
+        rx = rx - along * nx + step * wx
+        ry = ry - along * ny + step * wy
+        rz = rz - along * nz + step * wz
+        stiffness = law.rolling_stiffness * grown
+        squared = stiffness * stiffness * (rx * rx + ry * ry + rz * rz)
+        inverse = inverse_root(max(squared, tiny_squared))
+        held = min(law.rolling_arm * pressing * inverse, one)
+        if features.book.ndim == 2:
+            rolling_loss = held * (one - held) * squared / max(stiffness, tiny)
+        rx, ry, rz = held * rx, held * ry, held * rz
+        mx, my, mz = -stiffness * rx, -stiffness * ry, -stiffness * rz
+
+    lost = (tangential_loss, sliding_loss, rolling_loss, released)
+    return (fx, fy, fz), (mx, my, mz), (sx, sy, sz), (rx, ry, rz), lost
+
+
+@law_kernel(fastmath=False)
+def energy_of_springs(grown, shear, roll, law):
+    """Energy in the tangential and the rolling spring [J]; grown: as in contact_with_springs."""
+    half = like(grown, 0.5)
+    return half * grown * law.tangential_stiffness * (
+        shear[0] * shear[0] + shear[1] * shear[1] + shear[2] * shear[2]
+    ) + half * grown * law.rolling_stiffness * (roll[0] * roll[0] + roll[1] * roll[1] + roll[2] * roll[2])

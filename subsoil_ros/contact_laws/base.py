@@ -123,7 +123,10 @@ class ContactLaw(StrictModel):
         boundary: Any
 
     numbers: ClassVar[Any]
-    """Class of the numbers of a pair, a NamedTuple: it chooses the `kernel.py` beside its module."""
+    """Class of the numbers of a pair, a NamedTuple: it chooses the `kernel.py` beside its module.
+
+    No other law has a class of the same name: numba names what it compiles by it, and the linker of cached
+    kernels would take that of one law for that of the other."""
 
     features: ClassVar[type] = Features
     """Class of what the compiler is told."""

@@ -1,10 +1,11 @@
 """The contact laws that a scene may name: those of this package, and those found by entry point."""
 
 import functools
+from collections.abc import Set
 from typing import get_args
 
 from ..outside_laws import outside_laws
-from .base import ContactLaw
+from .base import ContactLaw, Features
 from .cohesive_linear.law import CohesiveLinearLaw
 from .hertz.law import HertzMindlinLaw
 from .linear.law import LinearLaw
@@ -32,18 +33,25 @@ def unusable_laws() -> dict[str, str]:
 def _outside() -> dict[str, type[ContactLaw] | str]:
     """Each outside law, or why it cannot be used: a broken one must not stop scenes that do not name it."""
     found: dict[str, type[ContactLaw] | str] = {}
+    taken = {name for law in BUILT_IN.values() for name in _compiled_names(law)}
     for kind, entry in outside_laws().items():
         try:
             law = entry.load()
         except Exception as error:
             found[kind] = f"'{entry.value}' cannot be imported: {error or type(error).__name__}"
         else:
-            found[kind] = _fault(kind, law) or law
+            found[kind] = _fault(kind, law, taken) or law
+            taken |= _compiled_names(law) if isinstance(found[kind], type) else set()
     return found
 
 
-def _fault(kind: str, law: object) -> str:
-    """What is wrong with the class of an outside law; empty: nothing."""
+def _compiled_names(law: type[ContactLaw]) -> set[str]:
+    """Names of the law's own classes that compiled kernels bear."""
+    return {law.numbers.__name__} | ({law.features.__name__} - {Features.__name__})
+
+
+def _fault(kind: str, law: object, taken: Set[str]) -> str:
+    """What is wrong with the class of an outside law; empty: nothing. taken: names of other laws' classes."""
     if kind in BUILT_IN:
         return "its kind is that of a law of subsoil_ros; give it another"
     if not (isinstance(law, type) and issubclass(law, ContactLaw)):
@@ -57,4 +65,6 @@ def _fault(kind: str, law: object) -> str:
         return "its class has no `numbers`, the NamedTuple that its kernels take"
     if not law.numbers.__module__.endswith(".law"):
         return "the class of its `numbers` must stand in a module law.py, beside kernel.py"
+    if twice := taken & _compiled_names(law):
+        return f"another law has a class '{min(twice)}' too, which numba cannot tell apart; rename it"
     return ""

@@ -133,6 +133,12 @@ def test_a_layer_may_change_every_value_of_a_row(kind: str) -> None:
             change.model_validate({key: -2.0})
 
 
+def test_no_two_laws_have_numbers_of_one_name() -> None:
+    """numba tells compiled functions apart by the names of the classes of their arguments."""
+    names = [law.numbers.__name__ for law in contact_laws().values()]
+    assert len(set(names)) == len(names)
+
+
 @pytest.mark.parametrize(("rule", "factor"), [("series", 1.0), ("none", 2.0)])
 def test_unlike_pairs(make: Make, rule: str, factor: float) -> None:
     """Springs, dampers and adhesion in series (eq. 15, 16, 18), twice that for values of pairs; the smaller

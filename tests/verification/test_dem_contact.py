@@ -5,11 +5,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from subsoil_ros.contact_laws.base import YES, Features
-from subsoil_ros.contact_laws.cohesive_linear.law import CohesiveLinearFeatures, Numbers
-from subsoil_ros.contact_laws.hertz.law import Numbers as HertzNumbers
+from subsoil_ros.contact_laws.cohesive_linear.law import CohesiveLinearFeatures, CohesiveLinearNumbers
+from subsoil_ros.contact_laws.hertz.law import HertzNumbers
 from subsoil_ros.dem.contact import contact, normal_potential, spring_energy
 
-LAW = Numbers(
+LAW = CohesiveLinearNumbers(
     stiffness=5000.0,
     tangential_stiffness=4000.0,
     damping=10.0,

@@ -4,7 +4,7 @@ What the paper leaves open is chosen in docs/physics.md: friction limit, damped 
 """
 
 from ..springs import contact_with_springs, energy_of_springs, law_kernel, like
-from .law import Numbers
+from .law import CohesiveLinearNumbers
 
 
 @law_kernel()
@@ -67,7 +67,7 @@ def reach(touch, law, features):
 
 def at_size(law, radius, mass):
     """dem.contact.at_size: K_Y R^2 and mu_r R of rolling."""
-    return Numbers(
+    return CohesiveLinearNumbers(
         law.stiffness, law.tangential_stiffness, law.damping, law.tangential_damping, law.adhesion,
         law.contact_adhesion, law.rest_overlap, law.reach, law.peak_attraction, law.static_friction,
         law.sliding_friction, radius * radius * law.rolling_stiffness, radius * law.rolling_arm,

@@ -11,7 +11,7 @@ from ...strict_model import NonNegative, Positive, StrictModel
 from ..base import NO, ContactLaw, PairValues, doubled, series, with_weaker_friction
 
 
-class Numbers(NamedTuple):
+class CohesiveLinearNumbers(NamedTuple):
     """Numbers of one kind of pair. SI."""
 
     stiffness: float  # K_X [N/m]
@@ -73,7 +73,7 @@ class CohesiveLinearLaw(ContactLaw):
     friction_normal: Literal["total", "repulsive", "absolute"] = "total"
     damped_zones: Literal["repulsive", "all"] = "repulsive"
 
-    numbers = Numbers
+    numbers = CohesiveLinearNumbers
     features = CohesiveLinearFeatures
     linear_springs = True
 
@@ -102,9 +102,9 @@ class CohesiveLinearLaw(ContactLaw):
         return self._with(self.boundary, in_series=self.combining_rule == "series").scaled(ratio)
 
     @classmethod
-    def numbers_of(cls, values: PairValues, radius_m: float) -> Numbers:
+    def numbers_of(cls, values: PairValues, radius_m: float) -> CohesiveLinearNumbers:
         """Numbers of a pair."""
-        return Numbers(
+        return CohesiveLinearNumbers(
             stiffness=values.stiffness,
             tangential_stiffness=values.tangential_stiffness,
             damping=values.damping,

@@ -3,7 +3,7 @@
 import math
 
 from ..springs import contact_with_springs, energy_of_springs, like
-from .law import Numbers
+from .law import HertzNumbers
 
 
 def contact(overlap, normal, velocity, spin, shear, roll, kept, step, law, features):
@@ -46,7 +46,7 @@ def at_size(law, radius, mass):
     R^(1/4) m^(1/2); K_Y R^2 and mu_r R of rolling."""
     normal = math.sqrt(radius)
     damper = math.sqrt(normal * mass)
-    return Numbers(
+    return HertzNumbers(
         normal * law.stiffness, normal * law.tangential_stiffness, damper * law.damping,
         damper * law.tangential_damping, law.static_friction, law.sliding_friction,
         normal * radius * radius * law.rolling_stiffness, radius * law.rolling_arm,

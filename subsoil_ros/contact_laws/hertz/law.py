@@ -11,7 +11,7 @@ RAYLEIGH_FRACTION = 0.2
 """Fraction of the Rayleigh time that a step may take (usual: 0.1 to 0.2)."""
 
 
-class Numbers(NamedTuple):
+class HertzNumbers(NamedTuple):
     """Numbers of one kind of pair. SI; stiffnesses per root of overlap, dampings per fourth root."""
 
     stiffness: float  # [N/m^1.5]
@@ -68,7 +68,7 @@ class HertzMindlinLaw(ContactLaw):
     particle: HertzValues
     boundary: HertzValues
 
-    numbers = Numbers
+    numbers = HertzNumbers
 
     def pair(self, ratio: float, radius_m: float, mass_kg: float) -> PairValues:
         """Two particles under this law."""
@@ -87,9 +87,9 @@ class HertzMindlinLaw(ContactLaw):
         return _values(self.particle, self.boundary, self.boundary.restitution, radius_m, mass_kg)
 
     @classmethod
-    def numbers_of(cls, values: PairValues, radius_m: float) -> Numbers:
+    def numbers_of(cls, values: PairValues, radius_m: float) -> HertzNumbers:
         """Numbers of a pair."""
-        return Numbers(
+        return HertzNumbers(
             stiffness=values.stiffness,
             tangential_stiffness=values.tangential_stiffness,
             damping=values.damping,

@@ -1,7 +1,7 @@
 """Kernels of the linear law: a spring and a dashpot while the spheres overlap."""
 
 from ..springs import contact_with_springs, energy_of_springs, like
-from .law import Numbers
+from .law import LinearNumbers
 
 
 def contact(overlap, normal, velocity, spin, shear, roll, kept, step, law, features):
@@ -40,7 +40,7 @@ def reach(touch, law, features):
 
 def at_size(law, radius, mass):
     """dem.contact.at_size: K_t R^2 and mu_r R of rolling."""
-    return Numbers(
+    return LinearNumbers(
         law.stiffness, law.tangential_stiffness, law.damping, law.tangential_damping, law.static_friction,
         law.sliding_friction, radius * radius * law.rolling_stiffness, radius * law.rolling_arm,
     )  # fmt: skip

@@ -7,7 +7,7 @@ from ...strict_model import NonNegative, Positive, StrictModel
 from ..base import ContactLaw, PairValues, doubled, series, with_weaker_friction
 
 
-class Numbers(NamedTuple):
+class LinearNumbers(NamedTuple):
     """Numbers of one kind of pair. SI."""
 
     stiffness: float  # [N/m]
@@ -39,7 +39,7 @@ class LinearLaw(ContactLaw):
     particle: LinearValues
     boundary: LinearValues
 
-    numbers = Numbers
+    numbers = LinearNumbers
     linear_springs = True
 
     def pair(self, ratio: float, radius_m: float, mass_kg: float) -> PairValues:
@@ -63,9 +63,9 @@ class LinearLaw(ContactLaw):
         return _values(self.boundary).scaled(ratio)
 
     @classmethod
-    def numbers_of(cls, values: PairValues, radius_m: float) -> Numbers:
+    def numbers_of(cls, values: PairValues, radius_m: float) -> LinearNumbers:
         """Numbers of a pair."""
-        return Numbers(
+        return LinearNumbers(
             stiffness=values.stiffness,
             tangential_stiffness=values.tangential_stiffness,
             damping=values.damping,

@@ -6,6 +6,7 @@ take. So nobody who watches can hold a run or change it, and who is too slow mis
 """
 
 import threading
+import time
 from collections import deque
 from dataclasses import dataclass
 from typing import Any
@@ -25,6 +26,9 @@ SERIES_DEPTH = 200
 
 _LAST_DELIVERY_S = 5.0
 """Time for the delivery in progress when the view is closed."""
+
+_LAST_SENDING_S = 0.3
+"""Time for the server to send what it was handed last: when it stops, it drops the rest (chosen)."""
 
 _Message = tuple[int, bytes]  # simulated time [ns], CDR
 
@@ -110,6 +114,7 @@ class LiveView:
             return
         self._over.set()
         self._thread.join(_LAST_DELIVERY_S)
+        time.sleep(_LAST_SENDING_S)
         self._server.stop()
 
     def _deliver_until_over(self) -> None:

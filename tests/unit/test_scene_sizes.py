@@ -11,7 +11,10 @@ from numpy.testing import assert_allclose
 from pydantic import ValidationError
 from scipy.stats import truncnorm
 
-from subsoil_ros.contact_laws.base import layer_law
+from subsoil_ros.contact_laws.base import ContactLaw, layer_law
+from subsoil_ros.contact_laws.cohesive_linear.law import CohesiveLinearLaw
+from subsoil_ros.contact_laws.hertz.law import HertzMindlinLaw
+from subsoil_ros.contact_laws.linear.law import LinearLaw
 from subsoil_ros.contact_laws.registry import contact_laws
 from subsoil_ros.errors import SceneError
 from subsoil_ros.limits.stable_steps import step_limits
@@ -121,10 +124,9 @@ def test_layers_take_what_they_do_not_give_from_the_soil(make: Make) -> None:
     assert hard.law.boundary == top.law.boundary
 
 
-@pytest.mark.parametrize("kind", contact_laws())
-def test_a_layer_may_change_every_value_of_a_row(kind: str) -> None:
+@pytest.mark.parametrize("law", [CohesiveLinearLaw, LinearLaw, HertzMindlinLaw])
+def test_a_layer_may_change_every_value_of_a_row(law: type[ContactLaw]) -> None:
     """The keys are those of the law's rows, with the same bounds."""
-    law = contact_laws()[kind]
     change, row = (model.model_fields["particle"].annotation for model in (layer_law(law), law))
     assert change.model_fields.keys() == row.model_fields.keys()
     assert set(change().model_dump().values()) == {None}

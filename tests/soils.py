@@ -7,27 +7,12 @@ the two variants, without friction, with which a dense bed of each soil is prepa
 import copy
 from typing import Any
 
+from subsoil_ros.dem.bench.cases import WET_BOUNDARY as BOUNDARY
+from subsoil_ros.dem.bench.cases import WET_PARTICLE as PARTICLE
+
 NEGLIGIBLE = 1e-20
 """A stiffness or friction whose code is compiled and that has no effect: far below round-off of others."""
 
-PARTICLE = {
-    "stiffness_newton_per_m": 10_000.0,
-    "tangential_stiffness_newton_per_m": 8_000.0,
-    "damping_newton_s_per_m": 20.0,
-    "tangential_damping_newton_s_per_m": 20.0,
-    "cohesive_stiffness_newton_per_m": 7_000.0,
-    "static_friction": 0.5,
-    "sliding_friction": 0.5,
-    "rolling_friction": 0.3,
-    "equilibrium_overlap_m": 0.002,
-    "cohesion_range_m": 0.002,
-}
-BOUNDARY = {
-    **PARTICLE,
-    "stiffness_newton_per_m": 16_000.0,
-    "tangential_stiffness_newton_per_m": 12_000.0,
-    "cohesive_stiffness_newton_per_m": 3_000.0,
-}
 WET = {"kind": "cohesive_linear", "particle": PARTICLE, "boundary": BOUNDARY}
 DRY = {
     "stiffness_newton_per_m": 1e5, "tangential_stiffness_newton_per_m": 8e4,

@@ -22,7 +22,7 @@ class SceneBundle:
 
 
 def pack(scene: ResolvedScene, with_bed: bool = True) -> SceneBundle:
-    """A resolved scene as a parcel.
+    """A resolved scene as a bundle.
 
     with_bed: without it a saved bed is an empty file: the scene can be shown, but not run again.
 
@@ -49,28 +49,28 @@ def pack(scene: ResolvedScene, with_bed: bool = True) -> SceneBundle:
     return SceneBundle(dump_yaml(map_files(document, take)), files, scene.scene_hash)
 
 
-def unpack(parcel: SceneBundle, folder: Path) -> ResolvedScene:
-    """The scene of a parcel, its files in `folder`. Raises SceneError if it is another."""
-    scene = _written(parcel, folder)
-    if scene.scene_hash != parcel.scene_hash:
+def unpack(bundle: SceneBundle, folder: Path) -> ResolvedScene:
+    """The scene of a bundle, its files in `folder`. Raises SceneError if it is another."""
+    scene = _written(bundle, folder)
+    if scene.scene_hash != bundle.scene_hash:
         raise SceneError(
             f"the worker reads another scene (hash {scene.scene_hash[:16]}) than was sent "
-            f"({parcel.scene_hash[:16]}): it has another version of subsoil_ros; install the same there"
+            f"({bundle.scene_hash[:16]}): it has another version of subsoil_ros; install the same there"
         )
     return scene
 
 
-def unpack_to_show(parcel: SceneBundle, folder: Path) -> ResolvedScene:
-    """The scene of a parcel, its files in `folder`, under the hash that it was run with.
+def unpack_to_show(bundle: SceneBundle, folder: Path) -> ResolvedScene:
+    """The scene of a bundle, its files in `folder`, under the hash that it was run with.
 
     It may lack its bed, or come from another version. Raises SceneError if it cannot be read any more.
     """
-    return replace(_written(parcel, folder), scene_hash=parcel.scene_hash)
+    return replace(_written(bundle, folder), scene_hash=bundle.scene_hash)
 
 
-def _written(parcel: SceneBundle, folder: Path) -> ResolvedScene:
-    for name, content in parcel.files.items():
+def _written(bundle: SceneBundle, folder: Path) -> ResolvedScene:
+    for name, content in bundle.files.items():
         (folder / name).write_bytes(content)
     path = folder / SCENE_FILE
-    path.write_text(parcel.text, encoding="utf-8")
+    path.write_text(bundle.text, encoding="utf-8")
     return load_scene(path)

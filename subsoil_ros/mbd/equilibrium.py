@@ -80,7 +80,8 @@ def _newton_move(pull: _Pull, stiffness: np.ndarray, negligible: float, size: fl
     least = pull.free / size
     firm = np.abs(values) + SOFTEST * max(float(np.abs(values).max()), least)
     along = vectors.T @ pull.along
-    # without this, the round-off of the differences would turn a wheel that nothing turns: it mixes freedoms
+    # Differences are good to some 1e-10 of the largest stiffness, and so much of the whole pull seems to act
+    # along every freedom: it would turn a wheel that nothing turns.
     noise = max(negligible, SOFTEST * pull.free)
     idle = (np.abs(values) < SOFTEST * firm.max()) & (np.abs(along) < noise)
     return pull.basis @ (vectors @ np.where(idle, 0.0, along / firm))

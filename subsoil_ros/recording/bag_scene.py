@@ -13,14 +13,14 @@ from .bag_reader import BROKEN, damaged, mcap_path
 _HASH = "scene_hash"
 
 
-def scene_attachments(parcel: SceneBundle | None) -> dict[str, bytes]:
+def scene_attachments(bundle: SceneBundle | None) -> dict[str, bytes]:
     """The files of a bag's attachments by name."""
-    return {} if parcel is None else {SCENE_FILE: parcel.text.encode(), **parcel.files}
+    return {} if bundle is None else {SCENE_FILE: bundle.text.encode(), **bundle.files}
 
 
-def scene_notes(parcel: SceneBundle | None) -> dict[str, str]:
+def scene_notes(bundle: SceneBundle | None) -> dict[str, str]:
     """What stands in a bag's metadata about its scene."""
-    return {} if parcel is None else {_HASH: parcel.scene_hash}
+    return {} if bundle is None else {_HASH: bundle.scene_hash}
 
 
 def read_scene(bag: Path, folder: Path) -> ResolvedScene:

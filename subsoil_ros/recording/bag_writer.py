@@ -76,13 +76,13 @@ class BagWriter:
         timing: Timing,
         latched: Mapping[str, Any] | None = None,
         live_port: int = 0,
-        parcel: SceneBundle | None = None,
+        bundle: SceneBundle | None = None,
     ) -> None:
         """Creates `directory` with the bag in it.
 
         latched: messages by topic (description.latched_messages), written at the time of the first tick.
         live_port: where a live view serves; 0: there is none.
-        parcel: the scene, for who has only the bag.
+        bundle: the scene, for who has only the bag.
 
         Raises:
             InputError: it exists or cannot be created, or the live view cannot serve.
@@ -100,7 +100,7 @@ class BagWriter:
         schema_text(message_type(Grant))  # without message definitions there is no bag
         self._live = self._open_live_view(live_port) if live_port else None
         try:
-            notes, attachments = scene_notes(parcel), scene_attachments(parcel)
+            notes, attachments = scene_notes(bundle), scene_attachments(bundle)
             self._folder = BagFolder(
                 directory, notes={**_notes(scene, timing), **notes}, attachments=attachments
             )
@@ -273,5 +273,5 @@ def open_bag(directory: Path, resolved: ResolvedScene, live_port: int = 0) -> Ba
         RecordingError: subsoil_msgs is not there.
     """
     latched = latched_messages(message_class, resolved)
-    parcel = pack(resolved, with_bed=False)
-    return BagWriter(directory, resolved.scene, resolved.timing, latched, live_port, parcel)
+    bundle = pack(resolved, with_bed=False)
+    return BagWriter(directory, resolved.scene, resolved.timing, latched, live_port, bundle)

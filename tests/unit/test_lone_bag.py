@@ -119,20 +119,20 @@ def test_a_saved_bed_is_left_out(tmp_path: Path) -> None:
     """It may be large, and no report needs it; the scene keeps the hash that it was run with."""
     (tmp_path / "bed.npz").write_bytes(b"bed")
     scene = load_scene(SCENES / "tine.yaml", [f"soil.bed={{kind: saved, file: {tmp_path / 'bed.npz'}}}"])
-    parcel = pack(scene, with_bed=False)
-    assert [data for name, data in parcel.files.items() if name.endswith(".npz")] == [b""]
-    assert all(data for name, data in parcel.files.items() if name.endswith(".stl"))
+    bundle = pack(scene, with_bed=False)
+    assert [data for name, data in bundle.files.items() if name.endswith(".npz")] == [b""]
+    assert all(data for name, data in bundle.files.items() if name.endswith(".stl"))
     folder = tmp_path / "shown"
     folder.mkdir()
-    assert unpack_to_show(parcel, folder).scene_hash == scene.scene_hash
+    assert unpack_to_show(bundle, folder).scene_hash == scene.scene_hash
     assert b"bed" in pack(scene).files.values()
 
 
 def test_nothing_is_written_beside_the_folder(tmp_path: Path) -> None:
     """An attachment whose name is a path is not unpacked."""
-    parcel = pack(load_scene(SCENES / "tine.yaml"))
-    files = {"scene.yaml": parcel.text.encode(), **parcel.files, "../outside.stl": b"x"}
-    BagFolder(tmp_path / "bag", notes={"scene_hash": parcel.scene_hash}, attachments=files).close()
+    bundle = pack(load_scene(SCENES / "tine.yaml"))
+    files = {"scene.yaml": bundle.text.encode(), **bundle.files, "../outside.stl": b"x"}
+    BagFolder(tmp_path / "bag", notes={"scene_hash": bundle.scene_hash}, attachments=files).close()
     (tmp_path / "scene").mkdir()
     read_scene(tmp_path / "bag", tmp_path / "scene")
     assert not (tmp_path / "outside.stl").exists()

@@ -81,7 +81,7 @@ def test_missing_file_is_named():
 
 
 def test_file_beside_the_scene_travels_with_it(tmp_path):
-    """Its path is seen from the scene; a parcel carries it; the hash of the scene does not depend on it."""
+    """Its path is seen from the scene; a bundle carries it; the hash of the scene does not depend on it."""
     (tmp_path / "field.yaml").write_text(FIELD)
     scene = tmp_path / "scene.yaml"
     scene.write_text(f"base: {SCENES / 'mechanism_only.yaml'}\nreport: {{reference: field.yaml}}\n")

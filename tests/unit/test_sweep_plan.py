@@ -88,9 +88,9 @@ def test_jobs_have_their_values_and_seeds() -> None:
 def test_a_parcel_needs_nothing_of_its_sender(name: str, tmp_path: Path) -> None:
     """Unpacked in an empty folder it is the same scene by hash, and no path of the sender is in it."""
     scene = load_scene(SCENES / f"{name}.yaml")
-    parcel = pack(scene)
-    assert str(SCENES.parent) not in parcel.text
-    assert unpack(parcel, tmp_path).scene_hash == scene.scene_hash
-    other = type(parcel)(parcel.text, parcel.files, "0" * 64)
+    bundle = pack(scene)
+    assert str(SCENES.parent) not in bundle.text
+    assert unpack(bundle, tmp_path).scene_hash == scene.scene_hash
+    other = type(bundle)(bundle.text, bundle.files, "0" * 64)
     with pytest.raises(SceneError, match="another version of subsoil_ros"):
         unpack(other, tmp_path)

@@ -13,7 +13,7 @@ from ...loading.scene_bundle import pack
 from ..run_cache import CachedRun, find_run, keep_run
 from .cluster import connected, local_worker_count
 from .plan import Job
-from .worker import PROGRESS, run_parcel
+from .worker import PROGRESS, run_bundle
 
 
 class Watcher(Protocol):
@@ -91,7 +91,7 @@ def _run_missing(missing: dict[str, Job], cache: Path, manner: ExecutionOptions,
             while waiting and len(hashes) < max(1, sum(client.nthreads().values())):
                 scene_hash = waiting.pop()
                 future = client.submit(
-                    run_parcel, names[scene_hash], pack(missing[scene_hash].scene), manner.threads, at_once,
+                    run_bundle, names[scene_hash], pack(missing[scene_hash].scene), manner.threads, at_once,
                     manner.timed, key=f"subsoil-{uuid.uuid4().hex}", pure=False, retries=0,
                 )  # fmt: skip
                 hashes[future.key] = scene_hash

@@ -15,14 +15,14 @@ TELL_EVERY_S = 0.5
 """Wall time between two words of progress (chosen)."""
 
 
-def run_parcel(name: str, parcel: SceneBundle, threads: int, at_once: int, warm_up: bool) -> RunResult:
-    """Runs a scene that came as a parcel. Raises SceneError if it is not the one that was sent."""
+def run_bundle(name: str, bundle: SceneBundle, threads: int, at_once: int, warm_up: bool) -> RunResult:
+    """Runs a scene that came as a bundle. Raises SceneError if it is not the one that was sent."""
     from distributed import get_worker
 
     worker = get_worker()
     told = 0.0
-    with tempfile.TemporaryDirectory(prefix="subsoil-parcel-") as folder:
-        scene = unpack(parcel, Path(folder))
+    with tempfile.TemporaryDirectory(prefix="subsoil-bundle-") as folder:
+        scene = unpack(bundle, Path(folder))
         count = scene.timing.tick_count
 
         def on_tick(tick: int) -> None:

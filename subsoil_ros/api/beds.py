@@ -8,7 +8,7 @@ from ..dem.beds.prepare import expected_dense_count, prepare_bed
 from ..dem.beds.settling import OnProgress, ignore_progress
 from ..dem.engine import SoilEngine
 from ..loading.loader import ResolvedScene
-from ..scene.beds import DenseRandomBed
+from ..scene.beds import DenseRandomBed, TiledBed
 
 BedProgress = Callable[[str], AbstractContextManager[OnProgress]]
 """Shows that the bed of this description is prepared: gives what is told how it goes."""
@@ -21,8 +21,11 @@ def prepare_bed_first(resolved: ResolvedScene, threads: int, progress: BedProgre
         SceneError: a bed that cannot be made.
     """
     soil = resolved.scene.particle_soil
-    if soil is None or not isinstance(soil.bed, DenseRandomBed) or cached_bed_path(resolved).is_file():
+    if soil is None or not isinstance(soil.bed, (DenseRandomBed, TiledBed)):
         return
-    what = f"dense random bed of about {expected_dense_count(soil):,} particles"
+    if cached_bed_path(resolved).is_file():
+        return
+    kind = "tiled" if isinstance(soil.bed, TiledBed) else "dense random"
+    what = f"{kind} bed of about {expected_dense_count(soil):,} particles"
     with progress(what) if progress is not None else nullcontext(ignore_progress) as on_progress:
         prepare_bed(resolved, SoilEngine, threads, on_progress)

@@ -40,7 +40,7 @@ class Features(NamedTuple):
     book: np.ndarray  # book every energy sink
     sizes: np.ndarray = NO  # radii differ: dem.mixture
     materials: np.ndarray = NO  # laws or densities differ: dem.mixture
-    periodic: np.ndarray = NO  # sides; its one number is the period in y [m]
+    periodic: np.ndarray = NO  # sides: (1, 1) period in y; (1, 1, 3) along x, y and z [m]
 
 
 @dataclass(frozen=True)

@@ -31,12 +31,27 @@ class Bed:
     kinetic_energy_joule: float = 0.0  # left when its preparation ended; a run starts from rest
     radii_m: np.ndarray | None = None  # (n,) float64; None: all are equal
     materials: np.ndarray | None = None  # (n,) int64 number of the layer from the top; None: there are none
-    sides: Literal["walls", "periodic"] = "walls"  # periodic: the box is one period wide
+    sides: Literal["walls", "periodic", "endless"] = "walls"
+    """periodic: the box is one period wide in y; endless: it repeats itself along all axes, z = 0 its top."""
+    held: np.ndarray | None = None  # (n,) bool: stays where it is; None: nobody does
 
     @property
     def period_m(self) -> float | None:
         """Period in y [m], None between walls."""
-        return self.upper_m[1] - self.lower_m[1] if self.sides == "periodic" else None
+        return None if self.sides == "walls" else self.upper_m[1] - self.lower_m[1]
+
+    @property
+    def periods_m(self) -> tuple[float, float, float]:
+        """Period along x, y and z [m], infinite where there is none."""
+        x, y, z = self.lower_m
+        if self.sides == "endless":
+            return self.upper_m[0] - x, self.upper_m[1] - y, -z
+        return np.inf, self.period_m or np.inf, np.inf
+
+    @property
+    def floor_m(self) -> float:
+        """Where the bed ends below: its plane, or the highest centre that is held [m]."""
+        return self.lower_m[2] if self.held is None else float(self.positions_m[self.held, 2].max())
 
     def only(self, kept: np.ndarray) -> "Bed":
         """The bed without the particles where `kept` (n,) is false; the order of the others stays."""
@@ -45,7 +60,21 @@ class Bed:
             positions_m=self.positions_m[kept],
             radii_m=None if self.radii_m is None else self.radii_m[kept],
             materials=None if self.materials is None else self.materials[kept],
+            held=None if self.held is None else self.held[kept],
         )
+
+
+def scaled(bed: Bed, scale: float) -> Bed:
+    """Bed and walls `scale` times as large, about the origin."""
+    x, y, z = bed.lower_m
+    far, left = bed.upper_m
+    return dataclasses.replace(
+        bed,
+        positions_m=bed.positions_m * scale,
+        lower_m=(x * scale, y * scale, z * scale),
+        upper_m=(far * scale, left * scale),
+        kinetic_energy_joule=0.0,
+    )
 
 
 def grid_shape(soil: Soil) -> tuple[int, int, int]:

@@ -19,8 +19,8 @@ from ..scene.pairs import layer_soils, pair_values
 from ..scene.soil import Soil
 
 
-def law_features(soil: Soil, *, book: bool = False, period_m: float | None = None) -> Any:
-    """ContactLaw.features of a soil, all layers together; period_m: in y, where the sides are periodic."""
+def law_features(soil: Soil, *, book: bool = False, periodic: np.ndarray = NO) -> Any:
+    """ContactLaw.features of a soil, all layers together; periodic: see Features."""
     values = [value for layer in layer_soils(soil) for value in pair_values(layer)]
 
     def given(yes: bool) -> np.ndarray:
@@ -33,7 +33,7 @@ def law_features(soil: Soil, *, book: bool = False, period_m: float | None = Non
         book=given(book),
         sizes=given(soil.particles.sizes is not None),
         materials=given(soil.layers is not None),
-        periodic=NO if period_m is None else np.full((1, 1), period_m),
+        periodic=periodic,
         **own,
     )
 

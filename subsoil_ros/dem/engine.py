@@ -13,16 +13,16 @@ from ..limits.stable_steps import DENSE_COORDINATION, SAFETY, step_limits
 from ..loading.loader import ResolvedScene
 from ..messages import ToolMotion, ToolWrench
 from ..scene.pairs import layer_soils, pair_values, particle_mass_kg
-from .bed import Bed, finite_rows, refuse_outside
+from .bed import Bed, finite_rows, refuse_outside, scaled
 from .beds.prepare import prepare_bed
 from .contact import history_parity, law_features, soil_laws
 from .integration import kick
 from .kernel_calls import KernelCalls, use_threads
 from .mixture import law_tables, material_at, reaches_m
 from .monitors import Domain, SoilMonitor, refuse_lost_numbers
-from .neighbours import carry_pairs, cell_grid, half_list, slab_starts, sort_by_cell
+from .neighbours import carry_pairs, cell_grid, endless_list, half_list, slab_starts, sort_by_cell
 from .pairs import history_blocks
-from .periodic import TOOL_SKIN, refuse_narrow_period
+from .periodic import TOOL_SKIN, periods, refuse_narrow_period
 from .readings import SoilReadings
 from .snapshot import bed_digest, below, from_named, motion_from, named
 from .state import PairList, Particles, WallList
@@ -72,7 +72,7 @@ class SoilEngine(SoilReadings):
         self.bed: Bed = bed or prepare_bed(resolved, SoilEngine, threads)
         refuse_narrow_period(self.bed, soil)
         book = book or (soil.monitors is not None and soil.monitors.max_energy_defect is not None)
-        self._features = law_features(soil, book=book, period_m=self.bed.period_m)
+        self._features = law_features(soil, book=book, periodic=periods(self.bed))
         law, self._boundary, self._at_tools = soil_laws(soil)
         self._pair_law = soil.law.numbers(*np.array(law, self._kind))
         self._pair_laws, self._wall_laws, self._tool_laws = law_tables(soil, self._features)
@@ -87,7 +87,7 @@ class SoilEngine(SoilReadings):
         self._rebuilds = 0
         self._tool_work = 0.0
         self._sinks = np.zeros(len(SINKS))  # of pairs and walls
-        self._load(self.bed.positions_m, self.bed.radii_m, self.bed.materials)
+        self._load(self.bed.positions_m, self.bed.radii_m, self.bed.materials, self.bed.held)
         if bed is None:
             self._refuse_step_too_large()
 
@@ -112,11 +112,17 @@ class SoilEngine(SoilReadings):
                 f"the prepared bed ({limit.cause}); use at most {SAFETY * limit.limit_s:.2g} s"
             )
 
-    def _load(self, position: np.ndarray, radii: np.ndarray | None, materials: np.ndarray | None) -> None:
+    def _load(
+        self,
+        position: np.ndarray,
+        radii: np.ndarray | None,
+        materials: np.ndarray | None,
+        held: np.ndarray | None = None,
+    ) -> None:
         """Start from particles at rest without contact history; without `materials`, by their depth."""
         self._owes_kick = False
         self._moving = p = Particles.at_rest(
-            np.array(position), np.arange(len(position), dtype=np.int32), self._kind
+            np.array(position), np.arange(len(position), dtype=np.int32), self._kind, held
         )
         if self._soil.particles.sizes is not None or self._soil.layers is not None:
             if radii is None and self._soil.particles.sizes is not None:
@@ -183,6 +189,14 @@ class SoilEngine(SoilReadings):
         """Global damping: every linear and angular velocity times `kept`. For the preparation of beds."""
         self._particles.velocity *= kept
         self._particles.spin *= kept
+
+    def resize(self, scale: float) -> None:
+        """An endless bed `scale` times as large, about the origin, with the springs of its contacts. For
+        the preparation of beds, in steps that are small against a skin."""
+        self._particles.position *= scale
+        self._particles.built_position *= np.float32(scale)
+        self.bed = scaled(self.bed, scale)
+        self._features.periodic[:] = periods(self.bed)
 
     def start(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
         """Wrenches of the initial state. Particles that the tools overlap are removed; no time advances.
@@ -350,7 +364,7 @@ class SoilEngine(SoilReadings):
         motion, (mass, inertia) = (p.position, p.velocity, p.spin, p.force, p.torque), self._masses()
         bind = self._kernels.bind
         drift = (
-            *motion, p.built_position,
+            *motion, p.built_position, p.held,
             mass, inertia, self._gravity, step, (0.5 * self._soil.skin_m) ** 2,
         )  # fmt: skip
         of_pairs = (
@@ -365,7 +379,7 @@ class SoilEngine(SoilReadings):
         )  # fmt: skip
         self._calls = calls = _StepCalls(
             bind(drift_and_contacts, drift, of_pairs, of_walls, varying=(1, True)),
-            bind(kick, p.velocity, p.spin, p.force, p.torque, mass, inertia, step),
+            bind(kick, p.velocity, p.spin, p.force, p.torque, p.held, mass, inertia, step),
         )
         for tool in self._tools:
             tool.bind(p, self._radius, step, self._at_tools, self._mixture(self._tool_laws), features)
@@ -395,20 +409,27 @@ class SoilEngine(SoilReadings):
         reach += skin
         low, high = np.array(self.bed.lower_m), np.array([*self.bed.upper_m, self._domain.ceiling_m])
         period = np.inf
-        if self.bed.period_m is not None:
+        if self.bed.sides == "endless":
+            p.wrap_all(low, np.array(self.bed.periods_m))
+        elif self.bed.period_m is not None:
             period = self.bed.period_m
             p.wrap(low[1], period)
         grid = cell_grid(p.position, reach, low, high, period)
         order, cell_start = sort_by_cell(p.position, grid)
         p.reorder(order)
         smaller = self._radius - p.radius if p.unequal else 0.0
-        row_start, neighbour = half_list(p.position, grid, cell_start, reach, smaller)
+        if self.bed.sides == "endless":
+            row_start, neighbour = endless_list(self.bed, p.position, reach, smaller)
+        else:
+            row_start, neighbour = half_list(p.position, grid, cell_start, reach, smaller)
         old = self._pairs
         history = self._history(len(neighbour), self._kind)
         carry_pairs(
             order, old.row_start, old.neighbour, old.history, row_start, neighbour, history, self._parity
         )
-        slabs = slab_starts(cell_start, grid, _CELLS_PER_SLAB)
+        # the last slab of an endless bed touches the first: all is one
+        per_slab = grid.nx if self.bed.sides == "endless" else _CELLS_PER_SLAB
+        slabs = slab_starts(cell_start, grid, per_slab)
         self._flush_books()
         self._pairs = PairList(row_start, neighbour, history, slabs)
         before, (particle, wall) = self._walls, near_walls(p.position, self._planes, boundary_reach + skin)

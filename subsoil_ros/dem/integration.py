@@ -14,9 +14,21 @@ from .per_particle import of_particle
 
 
 @inner_kernel(forceinline=True)
-def kicked_and_moved(i, position, velocity, spin, force, torque, built, mass, inertia, step, owed):
+def hold(i, force, torque):
+    """What acts on particle i is borne by what holds it."""
+    kind = force.dtype.type
+    for a in range(3):
+        force[i, a] = kind(0.0)
+        torque[i, a] = kind(0.0)
+
+
+@inner_kernel(forceinline=True)
+def kicked_and_moved(i, position, velocity, spin, force, torque, built, held, mass, inertia, step, owed):
     """First half kick and drift of particle i; `owed` is 1 if the second half kick of the step before comes
     first, else 0, in the type of velocities. Returns the square of how far it is from `built` [m]."""
+    if held[i]:
+        hold(i, force, torque)
+        return 0.0
     kind = velocity.dtype.type  # in float32 too no product goes through float64
     half_m = kind(0.5 * step / of_particle(mass, i))
     half_i = kind(0.5 * step / of_particle(inertia, i))
@@ -33,8 +45,11 @@ def kicked_and_moved(i, position, velocity, spin, force, torque, built, mass, in
 
 
 @inner_kernel(forceinline=True)
-def kicked(i, velocity, spin, force, torque, mass, inertia, step):
+def kicked(i, velocity, spin, force, torque, held, mass, inertia, step):
     """Second half kick of particle i."""
+    if held[i]:
+        hold(i, force, torque)
+        return
     kind = velocity.dtype.type
     half_m = kind(0.5 * step / of_particle(mass, i))
     half_i = kind(0.5 * step / of_particle(inertia, i))
@@ -45,7 +60,7 @@ def kicked(i, velocity, spin, force, torque, mass, inertia, step):
 
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def kick_drift(
-    position, velocity, spin, force, torque, built, mass, inertia, gravity, step, limit_squared, kicks
+    position, velocity, spin, force, torque, built, held, mass, inertia, gravity, step, limit_squared, kicks
 ):  # fmt: skip
     """First half kick and drift; forces become gravity alone, torques zero.
 
@@ -58,7 +73,9 @@ def kick_drift(
     far, kind = 0, velocity.dtype.type
     owed = kind(kicks - 1)
     for i in prange(position.shape[0]):
-        moved = kicked_and_moved(i, position, velocity, spin, force, torque, built, mass, inertia, step, owed)
+        moved = kicked_and_moved(
+            i, position, velocity, spin, force, torque, built, held, mass, inertia, step, owed
+        )
         for a in range(3):
             force[i, a] = kind(0.0)
             torque[i, a] = kind(0.0)
@@ -68,10 +85,10 @@ def kick_drift(
 
 
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
-def kick(velocity, spin, force, torque, mass, inertia, step):
+def kick(velocity, spin, force, torque, held, mass, inertia, step):
     """Second half kick."""
     for i in prange(velocity.shape[0]):
-        kicked(i, velocity, spin, force, torque, mass, inertia, step)
+        kicked(i, velocity, spin, force, torque, held, mass, inertia, step)
 
 
 @njit(cache=True, nogil=True)

@@ -4,7 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit, prange
+from scipy.spatial import cKDTree
 
+from .bed import Bed
 from .compiled import inner_kernel
 from .pairs import BLOCK, history_place
 from .per_particle import PARTS, of_particle
@@ -232,6 +234,22 @@ def half_list(position, grid, cell_start, reach, smaller):
             )
             neighbour[row_start[first] : row_start[last]] = own[:pairs]
     return row_start, neighbour
+
+
+def endless_list(
+    bed: Bed, position: np.ndarray, reach: float, smaller: np.ndarray | float
+) -> tuple[np.ndarray, np.ndarray]:
+    """What half_list gives, of an endless bed. Slower; for the preparation of beds."""
+    low, size = np.array(bed.lower_m), np.array(bed.periods_m)
+    inside = np.minimum(position - low, np.nextafter(size, 0.0))
+    pair = cKDTree(inside, boxsize=size).query_pairs(reach, output_type="ndarray").astype(np.int32)
+    apart = np.abs(inside[pair[:, 0]] - inside[pair[:, 1]])
+    distance = np.linalg.norm(np.minimum(apart, size - apart), axis=1)
+    own = np.broadcast_to(smaller, len(position))
+    pair = pair[distance < reach - own[pair[:, 0]] - own[pair[:, 1]]]
+    pair = pair[np.lexsort((pair[:, 1], pair[:, 0]))]
+    row_start = np.searchsorted(pair[:, 0], np.arange(len(position) + 1)).astype(np.int64)
+    return row_start, np.ascontiguousarray(pair[:, 1])
 
 
 def slab_starts(cell_start: np.ndarray, grid: CellGrid, cells_per_slab: int) -> np.ndarray:

@@ -28,7 +28,7 @@ from .contact import (
 )
 from .mixture import pair_of
 from .per_particle import PARTS, added_up
-from .periodic import nearest_image
+from .periodic import nearest_images
 
 BLOCK = 512
 """Pairs computed at a time (measured, 128 to 1024: one component of the histories is then a page, and a bed
@@ -87,7 +87,6 @@ def _gather(
     radius, law, mixture, features,
 ):  # fmt: skip
     """States of the pairs pair <= k < last into the scratch rows; pair `pair` is in row `first_row`."""
-    period = features.periodic.item()
     i, end = first_row, row_start[first_row + 1]
     start = pair
     while start < last:
@@ -101,12 +100,9 @@ def _gather(
         for k in range(start, stop):
             j = np.uint32(neighbour[k])
             b = np.uint64(k - pair)
-            scratch[0, b] = position[j, 0] - px
-            dy = position[j, 1] - py
-            if features.periodic.ndim == 2:
-                dy = nearest_image(dy, period)
-            scratch[1, b] = dy
-            scratch[2, b] = position[j, 2] - pz
+            scratch[0, b], scratch[1, b], scratch[2, b] = nearest_images(
+                position[j, 0] - px, position[j, 1] - py, position[j, 2] - pz, features.periodic
+            )
             scratch[3, b] = vx - velocity[j, 0]
             scratch[4, b] = vy - velocity[j, 1]
             scratch[5, b] = vz - velocity[j, 2]
@@ -304,11 +300,12 @@ def pair_forces(
 @inner_kernel()
 def _overlap_and_law(i, j, position, radius, law, mixture, features):
     """Overlap [m], negative across a gap, of particles i and j, and their law."""
-    dx = position[j, 0] - position[i, 0]
-    dy = position[j, 1] - position[i, 1]
-    dz = position[j, 2] - position[i, 2]
-    if features.periodic.ndim == 2:
-        dy = nearest_image(dy, features.periodic.item())
+    dx, dy, dz = nearest_images(
+        position[j, 0] - position[i, 0],
+        position[j, 1] - position[i, 1],
+        position[j, 2] - position[i, 2],
+        features.periodic,
+    )
     radius_i, radius_j, between = pair_of(i, j, radius, law, mixture, features)
     return radius_i + radius_j - math.sqrt(dx * dx + dy * dy + dz * dz), between
 

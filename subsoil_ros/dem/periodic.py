@@ -7,6 +7,7 @@ periods it was moved by. In between it may be outside by half a skin; pairs alwa
 import numpy as np
 from numba import njit
 
+from ..contact_laws.base import NO
 from ..errors import SceneError
 from ..scene.pairs import layer_soils, pair_values
 from ..scene.soil import Soil
@@ -29,6 +30,25 @@ def nearest_image(difference, period):
     if difference < -half:
         return difference + period
     return difference
+
+
+@njit(cache=True, inline="always")
+def nearest_images(dx, dy, dz, periodic):
+    """The differences of two places [m] to the nearest image; `periodic`: see Features."""
+    if periodic.ndim == 2:
+        dy = nearest_image(dy, periodic.flat[0])
+    if periodic.ndim == 3:
+        dx = nearest_image(dx, periodic.flat[0])
+        dy = nearest_image(dy, periodic.flat[1])
+        dz = nearest_image(dz, periodic.flat[2])
+    return dx, dy, dz
+
+
+def periods(bed: Bed) -> np.ndarray:
+    """Features.periodic of a bed."""
+    if bed.sides == "endless":
+        return np.array(bed.periods_m).reshape(1, 1, 3)
+    return NO if bed.period_m is None else np.full((1, 1), bed.period_m)
 
 
 def wrapped(y_m: np.ndarray, low_m: float, period_m: float) -> tuple[np.ndarray, np.ndarray]:

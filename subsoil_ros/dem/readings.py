@@ -89,8 +89,9 @@ class SoilReadings(ABC):
     def positions_m(self) -> np.ndarray:
         """(n, 3) float64, world axes, in the order of the prepared bed; inside the box if it is periodic."""
         position = self._particles.position[np.argsort(self._particles.identity)]
-        if self.bed.period_m is not None:
-            position[:, 1] = wrapped(position[:, 1], self.bed.lower_m[1], self.bed.period_m)[0]
+        for a, period in enumerate(self.bed.periods_m):
+            if np.isfinite(period):
+                position[:, a] = wrapped(position[:, a], self.bed.lower_m[a], period)[0]
         return position
 
     def displacements_m(self) -> np.ndarray:

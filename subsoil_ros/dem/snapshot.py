@@ -46,5 +46,6 @@ def motion_from(tool: str, array: np.ndarray) -> ToolMotion:
 def bed_digest(bed: Bed, positions_m: np.ndarray) -> np.ndarray:
     """(32,) uint8, sha256 of the particles (n, 3) [m] that a run starts from, and of their box."""
     digest = hashlib.sha256(repr((bed.lower_m, bed.upper_m, bed.sides)).encode())
+    digest.update(b"" if bed.held is None else bed.held.tobytes())
     digest.update(np.ascontiguousarray(positions_m).tobytes())
     return np.frombuffer(digest.digest(), np.uint8)

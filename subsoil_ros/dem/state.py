@@ -24,6 +24,7 @@ class Particles:
     built_position: np.ndarray  # [m] where the neighbour lists were built; float32 tells half a skin well
     identity: np.ndarray  # (n,) int32: place in the bed as prepared
     image: np.ndarray  # (n,) int32: periods by which it was moved back into the box, in y
+    held: np.ndarray  # (n,) bool: stays where it is, whatever acts on it
     # Of length 0 where all particles are equal:
     radius: np.ndarray  # (n,) [m]
     mass: np.ndarray  # (n,) [kg]
@@ -31,13 +32,19 @@ class Particles:
     material: np.ndarray  # (n,) int64: number of the layer it came from
 
     @classmethod
-    def at_rest(cls, position: np.ndarray, identity: np.ndarray, kind: type) -> "Particles":
-        """Equal particles that do not move, at `position` (n, 3) [m]; `kind` is float64 or float32."""
+    def at_rest(
+        cls, position: np.ndarray, identity: np.ndarray, kind: type, held: np.ndarray | None = None
+    ) -> "Particles":
+        """Equal particles that do not move, at `position` (n, 3) [m]; `kind` is float64 or float32.
+
+        Those of `held` (n,) bool will not; without it, all may.
+        """
         zeros: np.ndarray = np.zeros(position.shape, kind)
         none, of_none = np.empty(0), np.empty(0, np.int64)
         return cls(
             position, zeros, zeros.copy(), zeros.copy(), zeros.copy(), position.astype(np.float32), identity,
-            np.zeros(len(position), np.int32), none, none.copy(), none.copy(), of_none,
+            np.zeros(len(position), np.int32), np.zeros(len(position), np.bool_) if held is None else held,
+            none, none.copy(), none.copy(), of_none,
         )  # fmt: skip
 
     def make_unequal(self, radius: np.ndarray, material: np.ndarray, density: np.ndarray) -> None:
@@ -56,11 +63,16 @@ class Particles:
         self.position[:, 1], turns = wrapped(self.position[:, 1], low_m, period_m)
         self.image += turns.astype(np.int32)
 
+    def wrap_all(self, low_m: np.ndarray, periods_m: np.ndarray) -> None:
+        """Put everybody into the box of an endless bed: `low_m` (3,) corner, `periods_m` (3,) size."""
+        for a in range(3):
+            self.position[:, a] = wrapped(self.position[:, a], low_m[a], periods_m[a])[0]
+
     def reorder(self, order: np.ndarray) -> None:
         """Put particle order[k] in place k."""
         for name in ("position", "velocity", "spin", "force", "torque"):
             setattr(self, name, take_rows(getattr(self, name), order))
-        for name in ["identity", "image"] + self.unequal * ["radius", "mass", "inertia", "material"]:
+        for name in ["identity", "image", "held"] + self.unequal * ["radius", "mass", "inertia", "material"]:
             setattr(self, name, getattr(self, name)[order])
         self.built_position = self.position.astype(np.float32)
 

@@ -27,7 +27,7 @@ def wall_planes(
 ) -> np.ndarray:
     """(5, 4) rows (nx, ny, nz, offset): normal towards the wall, n . x = offset on it [m].
 
-    `sides` that are periodic are walls infinitely far away.
+    `sides` that are periodic are walls infinitely far away, as are all of an endless bed.
     """
     planes = np.array(
         [
@@ -40,6 +40,8 @@ def wall_planes(
     )
     if sides == "periodic":
         planes[2:4, 3] = np.inf
+    if sides == "endless":
+        planes[:, 3] = np.inf
     return planes
 
 

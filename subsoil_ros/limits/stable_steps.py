@@ -158,11 +158,11 @@ def step_notes(scene: Scene, step_s: float) -> tuple[str, ...]:
     assert soil is not None
     limits = step_limits(soil)
     damped = next((found for found in limits if found.damped), None)
-    dense = scene.mechanism is not None and soil.bed.kind == "dense_random"
+    dense = scene.mechanism is not None and soil.bed.kind in ("dense_random", "tiled")
     if dense and damped is not None and step_s > DENSE_CALM * damped.limit_s:
         notes.append(
             f"soil.time_step_s: {step_s * 1e6:.4g} us is {step_s / damped.limit_s:.2f} of the limit set by "
-            "dampers: a dense random bed that a tool compacts may spin, and be stopped; at "
+            "dampers: a random bed that a tool compacts may spin, and be stopped; at "
             f"{DENSE_CALM:g} of it, {DENSE_CALM * damped.limit_s * 1e6:.3g} us, the paper's machine ran"
         )
     limit = limits[0]

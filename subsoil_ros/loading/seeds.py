@@ -1,14 +1,14 @@
 """Which key of a scene makes its bed another one."""
 
 from ..errors import InputError
-from ..scene.beds import Bed, DenseRandomBed, GridBed
+from ..scene.beds import Bed, DenseRandomBed, GridBed, TiledBed
 from ..scene.wedge import WedgeSoil
 from .loader import ResolvedScene
 
 
 def is_random(bed: Bed) -> bool:
     """Whether another seed makes it another bed."""
-    return isinstance(bed, DenseRandomBed) or (isinstance(bed, GridBed) and bed.jitter_m > 0.0)
+    return isinstance(bed, (DenseRandomBed, TiledBed)) or (isinstance(bed, GridBed) and bed.jitter_m > 0.0)
 
 
 def seed_key(scene: ResolvedScene) -> str:
@@ -27,6 +27,6 @@ def seed_key(scene: ResolvedScene) -> str:
     if bed is not None and bed.kind == "saved":
         what = "soil.bed is a saved one"
     raise InputError(
-        f"{scene.path}: seeds would change nothing: {what}. Use a dense_random bed, or a grid with "
-        "soil.bed.jitter_m, for instance a hundredth of a radius"
+        f"{scene.path}: seeds would change nothing: {what}. Use a tiled or a dense_random bed, or a grid "
+        "with soil.bed.jitter_m, for instance a hundredth of a radius"
     )

@@ -26,6 +26,25 @@ class DenseRandomBed(StrictModel):
     seed: Seed = 0
 
 
+class TiledBed(StrictModel):
+    """Random spheres at a solid fraction, in a tile that repeats itself and is laid out to the bin.
+
+    The tile is prepared once for all bins and laws; laid out, it comes to rest under the law of the scene.
+    """
+
+    kind: Literal["tiled"]
+    seed: Seed = 0
+    solid_fraction: float = Field(
+        0.60, ge=0.55, le=0.64, description="volume of the spheres over that of the bed."
+    )
+    tile_m: Positive | None = Field(
+        None, description="edge of the tile, a cube; default: 40 mean radii, no wider than the bin."
+    )
+    floor: Literal["held", "plane"] = Field(
+        "held", description="held: soil below the depth, stuck where it is; plane: a wall."
+    )
+
+
 class SavedBed(StrictModel):
     """A bed prepared before, under the same law and for the same bin."""
 
@@ -51,4 +70,4 @@ class SurfaceProfile(StrictModel):
         return self
 
 
-Bed = Annotated[GridBed | DenseRandomBed | SavedBed, Field(discriminator="kind")]
+Bed = Annotated[GridBed | DenseRandomBed | TiledBed | SavedBed, Field(discriminator="kind")]

@@ -19,7 +19,7 @@ from ..periodic import refuse_narrow_period
 from .bonds import bonds_of
 
 FORMAT = "subsoil_ros bed"
-VERSION = 2
+VERSION = 3
 
 LARGEST_OVERLAP = 0.5
 """A start whose particles overlap by more than this part of the smaller radius beyond rest is refused
@@ -32,6 +32,7 @@ _ARRAYS = {
     "kinetic_energy_joule": (np.float64, 0),
     "radii_m": (np.float64, 1),  # of length 0 where all are equal
     "materials": (np.int64, 1),  # of length 0 without layers
+    "held": (np.bool_, 1),  # of length 0 where nobody is
 }
 
 
@@ -60,6 +61,7 @@ def write_bed(path: Path, bed: Bed, soil: Soil) -> None:
                 kinetic_energy_joule=np.array(bed.kinetic_energy_joule),
                 radii_m=np.empty(0) if bed.radii_m is None else bed.radii_m,
                 materials=np.empty(0, np.int64) if bed.materials is None else bed.materials,
+                held=np.empty(0, np.bool_) if bed.held is None else bed.held,
                 sides=np.array(bed.sides),
             )
             file.flush()
@@ -99,6 +101,7 @@ def read_bed(path: Path, soil: Soil) -> Bed:
         content["radii_m"] if soil.particles.sizes else None,
         content["materials"] if soil.layers else None,
         soil.bin.sides,
+        content["held"] if len(content["held"]) else None,
     )
     _refuse_wrong_bin(bed, soil, where)
     refuse_narrow_period(bed, soil)
@@ -144,7 +147,7 @@ def _content(path: Path, where: str) -> dict[str, Any]:
 def _refuse_wrong_bin(bed: Bed, soil: Soil, where: str) -> None:
     """A fitted bed may be smaller or larger than its bin by one particle spacing."""
     low, high = bed.lower_m, bed.upper_m
-    found = (high[0] - low[0], high[1] - low[1], -low[2])
+    found = (high[0] - low[0], high[1] - low[1], -bed.floor_m)
     wanted = (soil.bin.length_m, soil.bin.width_m, soil.bin.depth_m)
     if not np.allclose(found, wanted, rtol=0.0, atol=1.001 * rest_spacing_m(soil)):
         raise SceneError(
@@ -167,6 +170,11 @@ def _refuse_wrong_particles(bed: Bed, soil: Soil, where: str) -> None:
                 f"{where}: has {len(array)} {key} for {count} particles, each to be from {allowed[0]:g} to "
                 f"{allowed[1]:g}; prepare the bed anew"
             )
+    if bed.held is not None and len(bed.held) != count:
+        raise SceneError(
+            f"{where}: says of {len(bed.held)} particles whether they are held, and has {count}; "
+            "prepare the bed anew"
+        )
     inside = (x >= bed.lower_m).all(axis=1) & (x[:, :2] <= bed.upper_m).all(axis=1)  # not a number: outside
     if not inside.all():
         k = int(np.argmin(inside))

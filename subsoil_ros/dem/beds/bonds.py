@@ -39,8 +39,9 @@ def bonds_of(bed: Bed, soil: Soil) -> Bonds:
     kind = material[first] * len(layers) + material[second]
     touch = radius[first] + radius[second]
     apart = x[first] - x[second]
-    if bed.period_m is not None:
-        apart[:, 1] = wrapped(apart[:, 1], -0.5 * bed.period_m, bed.period_m)[0]
+    for a, period in enumerate(bed.periods_m):
+        if np.isfinite(period):
+            apart[:, a] = wrapped(apart[:, a], -0.5 * period, period)[0]
     distance = np.linalg.norm(apart, axis=1)
     near = distance <= touch + reach[kind]
     excess = touch - rest[kind] - distance

@@ -8,6 +8,7 @@ from pathlib import Path
 from ...errors import SceneError
 from ...kernel_cache import user_cache_folder
 from ...loading.loader import ResolvedScene
+from ...scene.beds import TiledBed
 from ...scene.soil import Soil
 from ...source_digest import PACKAGE, law_digests, tree_digest
 from ..bed import Bed
@@ -39,6 +40,19 @@ def cached_bed_path(resolved: ResolvedScene) -> Path:
     }
     key = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
     return user_cache_folder() / "beds" / f"{key[:32]}.npz"
+
+
+def cached_tile_path(soil: Soil, edge_m: float) -> Path:
+    """Where the tile of a tiled bed is kept; it serves all bins and laws."""
+    assert isinstance(soil.bed, TiledBed)
+    content = {
+        "particles": soil.particles.model_dump(mode="json", include={"radius_m", "sizes"}),
+        "bed": [soil.bed.seed, soil.bed.solid_fraction, edge_m],
+        "code": tree_digest(SOURCES),
+        "version": VERSION,
+    }
+    key = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    return user_cache_folder() / "beds" / f"tile-{key[:32]}.npz"
 
 
 def load_cached(path: Path, soil: Soil) -> Bed | None:

@@ -28,9 +28,17 @@ from ...scene.bin import Bin
 from ...scene.pairs import pair_values
 from ...scene.sizes import mean_power, sampled_radii_m
 from ...scene.soil import Soil
-from ..bed import Bed, grid_shape
+from ..bed import Bed, grid_shape, scaled
 from ..mixture import material_at
-from .settling import SETTLING_GRAVITY, EngineOf, OnProgress, Rest, Settling
+from .settling import (
+    SETTLING_GRAVITY,
+    EngineOf,
+    OnProgress,
+    Rest,
+    Settling,
+    settling_step_s,
+    smooth_soil,
+)  # fmt: skip
 from .surface import cut_to_depth, mean_above_profile_m
 
 CLOSE_PACKING = 0.64
@@ -93,13 +101,17 @@ def prepare_dense(
     grid_shape(soil)  # refuses a bin too small for a particle
     common = resolved.scene.model_copy(update={"soil": soil.model_copy(update={"layers": None})})
     gravity = resolved.scene.gravity_m_per_s2
+    without_layers = common.particle_soil
+    assert without_layers is not None
+    smooth, sticky = smooth_soil(without_layers, adhesive=False), smooth_soil(soil, adhesive=True)
     loose = Settling(
-        dataclasses.replace(resolved, scene=common), engine_of, threads, adhesive=False,
-        gravity_m_per_s2=SETTLING_GRAVITY, on_progress=on_progress,
+        dataclasses.replace(resolved, scene=common), engine_of, threads, soil=smooth,
+        step_s=settling_step_s(smooth), gravity_m_per_s2=SETTLING_GRAVITY, on_progress=on_progress,
     )  # fmt: skip
     bonded = Settling(
-        resolved, engine_of, threads, adhesive=True, gravity_m_per_s2=gravity, on_progress=on_progress
-    )
+        resolved, engine_of, threads, soil=sticky, step_s=settling_step_s(sticky), gravity_m_per_s2=gravity,
+        on_progress=on_progress,
+    )  # fmt: skip
     edge = PILOT_DIAMETERS * rest_spacing_m(soil)
     pilot = _settled(soil, Bin(length_m=edge, width_m=edge, depth_m=edge, sides=soil.bin.sides), seed, loose)
     shrink = _bonded(pilot, edge, soil, bonded).upper_m[0] / edge
@@ -177,16 +189,3 @@ def _least_energy(bed: Bed, bonded: Settling) -> tuple[Bed, float]:
         options={"xatol": 0.1 * SCALE_TOLERANCE},
     )
     return scaled(bed, float(found.x)), float(found.x)
-
-
-def scaled(bed: Bed, scale: float) -> Bed:
-    """Bed and walls `scale` times as large, about the origin."""
-    x, y, z = bed.lower_m
-    far, left = bed.upper_m
-    return dataclasses.replace(
-        bed,
-        positions_m=bed.positions_m * scale,
-        lower_m=(x * scale, y * scale, z * scale),
-        upper_m=(far * scale, left * scale),
-        kinetic_energy_joule=0.0,
-    )

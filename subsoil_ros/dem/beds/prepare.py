@@ -1,5 +1,6 @@
 """The bed a scene describes."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from ...errors import SceneError
 from ...loading.loader import ResolvedScene
 from ...scene.bed_spacing import particle_spacing_m, rest_spacing_m
-from ...scene.beds import GridBed, SavedBed
+from ...scene.beds import GridBed, SavedBed, TiledBed
 from ...scene.meshes import load_tool_mesh
 from ...scene.pairs import pair_values
 from ...scene.soil import Soil
@@ -18,6 +19,8 @@ from .cache import cached_bed_path, keep, load_cached
 from .dense import prepare_dense, rest_volume_m3
 from .settling import EngineOf, OnProgress, ignore_progress
 from .surface import profile_m
+from .tile import tile_edge_m
+from .tiled import prepare_tiled
 
 
 def prepare_bed(
@@ -43,7 +46,10 @@ def prepare_bed(
     refuse_narrow_period(nominal_box(soil), soil)
     path = cached_bed_path(resolved)
     kept = load_cached(path, soil)
-    if kept is None:
+    if kept is None and isinstance(soil.bed, TiledBed):
+        kept = prepare_tiled(resolved, engine_of, threads, on_progress)
+        keep(path, kept, soil)
+    elif kept is None:
         kept = prepare_dense(resolved, soil.bed.seed, engine_of, threads, on_progress)
         keep(path, kept, soil)
     return kept
@@ -98,6 +104,8 @@ def check_start(resolved: ResolvedScene) -> int:
     else:
         grid_shape(soil)  # refuses a bin too small for a particle
         box = nominal_box(soil)
+    if isinstance(soil.bed, TiledBed):
+        tile_edge_m(soil)
     refuse_narrow_period(box, soil)
     for name in resolved.scene.tools:
         mesh = load_tool_mesh(resolved.directory, resolved.scene, name)
@@ -106,8 +114,11 @@ def check_start(resolved: ResolvedScene) -> int:
 
 
 def expected_dense_count(soil: Soil) -> int:
-    """Particles of a dense random bed before tools remove any, within 2 % (of several sizes: 5 %)."""
+    """Particles of a random bed before tools remove any, within 2 % (of several sizes: 5 %)."""
     x = np.linspace(0.0, soil.bin.length_m, 1001)
     depth = soil.bin.depth_m + float(profile_m(soil.surface, x).mean())
     volume = soil.bin.length_m * soil.bin.width_m * depth
+    if isinstance(soil.bed, TiledBed):
+        sphere = 4.0 / 3.0 * math.pi * soil.particles.mean_volume_radius_m**3
+        return round(soil.bed.solid_fraction * volume / sphere)
     return round(DENSE_FRACTION * volume / rest_volume_m3(soil))

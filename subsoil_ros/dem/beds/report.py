@@ -65,7 +65,7 @@ class BedReport:
     particle_count: int
     radii: RadiusReport | None  # of several sizes
     layers: tuple[LayerReport, ...]  # from top to bottom; empty without
-    density_kg_per_m3: float  # mass over the volume between walls, floor and mean top
+    density_kg_per_m3: float  # mass of what may move over the volume between walls, floor and mean top
     coordination: float  # particles in reach of a particle, mean
     max_overlap_m: float  # beyond rest
     top_mean_m: float
@@ -84,7 +84,8 @@ def report_bed(bed: Bed, soil: Soil) -> BedReport:
     radii, masses = radii_of(bed, soil), masses_kg(bed, soil)
     top = top_surface_m(bed, radius)
     length, width = bed.upper_m[0] - bed.lower_m[0], bed.upper_m[1] - bed.lower_m[1]
-    volume = length * width * (float(top.mean()) - bed.lower_m[2])
+    free = np.ones(len(masses), np.bool_) if bed.held is None else ~bed.held
+    volume = length * width * (float(top.mean()) - bed.floor_m)
     count = len(bed.positions_m)
     bonds = bonds_of(bed, soil)
     coordination = 2.0 * len(bonds.pair) / count
@@ -92,13 +93,13 @@ def report_bed(bed: Bed, soil: Soil) -> BedReport:
     return BedReport(
         particle_count=count,
         radii=None if bed.radii_m is None else _radii(bed.radii_m),
-        layers=_layers(bed, soil, masses, top, length * width),
-        density_kg_per_m3=float(masses.sum()) / volume,
+        layers=_layers(bed, soil, masses * free, top, length * width),
+        density_kg_per_m3=float(masses[free].sum()) / volume,
         coordination=coordination,
         max_overlap_m=float(bonds.excess_m.max(initial=0.0)),
         top_mean_m=float(top.mean()),
         top_spread_m=float(top.std()),
-        floor_m=bed.lower_m[2],
+        floor_m=bed.floor_m,
         wall_gaps=_wall_gaps(bed, radii, top, radius),
         max_void_radius_m=void,
         max_void_at_m=at,
@@ -126,7 +127,7 @@ def _layers(
         return ()
     found, upper = [], np.inf
     for k, layer in enumerate(soil.layers):
-        lower = bed.lower_m[2]
+        lower = bed.floor_m
         if layer.thickness_m is not None:
             lower = max(lower, (0.0 if k == 0 else upper) - layer.thickness_m)
         volume = area_m2 * float(np.clip(np.minimum(top, upper) - lower, 0.0, None).mean())

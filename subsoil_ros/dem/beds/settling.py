@@ -1,13 +1,14 @@
-"""The soil engine without friction and under global damping: how particles find their places.
+"""The soil engine under global damping: how particles find their places.
 
-The law is that of the scene with what resists sliding and turning taken out, and its adhesion too where
-asked. The damper of the contacts only shapes the way to rest: it is lowered to what lets the step be large.
+For beds that settle without friction the law is that of the scene with what resists sliding and turning
+taken out, and its adhesion too where asked. The damper of the contacts only shapes the way to rest: it is
+lowered to what lets the step be large.
 """
 
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -85,9 +86,12 @@ def ignore_progress(progress: SettlingProgress) -> None:
 class SettlingEngine(Protocol):
     """What the preparation of beds needs of the soil engine."""
 
+    bed: Bed
+
     def start(self, motions: tuple[()]) -> object: ...
     def advance(self, tick: int, motions: tuple[()]) -> object: ...
     def damp(self, kept: float) -> None: ...
+    def resize(self, scale: float) -> None: ...
     def positions_m(self) -> np.ndarray: ...
     def forces_newton(self) -> np.ndarray: ...
     def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState: ...
@@ -102,17 +106,20 @@ def smooth_soil(soil: Soil, *, adhesive: bool) -> Soil:
     """The soil without friction, its contacts damped DAMPING_RATIO at most.
 
     Unless `adhesive`, it has no adhesion and is no stiffer than SETTLING_OVERLAP asks for. Layers keep what
-    is left of their own laws. Step, skin and precision are those of the preparation: a bed serves runs of
-    every kind.
+    is left of their own laws.
     """
     law = _smooth_law(soil, adhesive=adhesive)
     layers = soil.layers and tuple(
         layer.model_copy(update={"law": _smooth_law(whole, adhesive=adhesive)})
         for layer, whole in zip(soil.layers, layer_soils(soil), strict=True)
     )
+    return soil.model_copy(update={"law": law, "layers": layers, **of_the_preparation(soil)})
+
+
+def of_the_preparation(soil: Soil) -> dict[str, Any]:
+    """Keys of a soil that are the preparation's own: a bed serves runs of every kind."""
     skin = SKIN * soil.particles.mean_volume_radius_m
-    changes = {"law": law, "layers": layers, "skin_m": skin, "precision": "float64", "device": "cpu"}
-    return soil.model_copy(update={**changes, "monitors": None})
+    return {"skin_m": skin, "precision": "float64", "device": "cpu", "monitors": None}
 
 
 def _smooth_law(soil: Soil, *, adhesive: bool) -> ContactLaw:
@@ -176,41 +183,44 @@ class Settling:
         engine_of: EngineOf,
         threads: int,
         *,
-        adhesive: bool,
+        soil: Soil,
+        step_s: float,
         gravity_m_per_s2: float,
         on_progress: OnProgress = ignore_progress,
     ) -> None:
-        assert resolved.scene.particle_soil is not None
-        soil = smooth_soil(resolved.scene.particle_soil, adhesive=adhesive)
+        self.soil = soil
         self.contact_rate_per_s = math.sqrt(pair_values(soil)[0].stiffness / particle_mass_kg(soil))
         """sqrt(K / m) of a pair."""
-        self._interval_s = STEPS_PER_DAMPING * settling_step_s(soil)
+        self.interval_s = STEPS_PER_DAMPING * step_s
+        """Between two applications of the global damping."""
         scene = resolved.scene.model_copy(
             update={"soil": soil, "mechanism": None, "tools": {}, "gravity_m_per_s2": gravity_m_per_s2}
         )
-        nanoseconds = max(STEPS_PER_DAMPING, round(self._interval_s * 1e9))
+        nanoseconds = max(STEPS_PER_DAMPING, round(self.interval_s * 1e9))
         timing = Timing(nanoseconds, tick_count=1, soil_steps=STEPS_PER_DAMPING, mechanism_steps=0)
         self._resolved = dataclasses.replace(resolved, scene=scene, timing=timing)
         self._engine_of, self._threads, self._on_progress = engine_of, threads, on_progress
 
+    def engine(self, bed: Bed) -> SettlingEngine:
+        """An engine with this bed, not started."""
+        return self._engine_of(self._resolved, self._threads, bed=bed)
+
     def potential_joule(self, bed: Bed) -> float:
         """Energy of position of a bed: contacts, walls and gravity."""
-        return self._engine_of(self._resolved, self._threads, bed=bed).potential_joule()
+        return self.engine(bed).potential_joule()
 
     def run(self, bed: Bed, rest: Rest, damping_per_s: float, phase: str) -> Bed:
         """The bed at rest, or after the longest time it is given; its particles in the same order."""
-        engine = self._engine_of(self._resolved, self._threads, bed=bed)
+        engine = self.engine(bed)
         engine.start(())
-        kept = math.exp(-damping_per_s * self._interval_s)
-        for tick in range(math.ceil(rest.longest_s / self._interval_s)):
+        kept = math.exp(-damping_per_s * self.interval_s)
+        for tick in range(math.ceil(rest.longest_s / self.interval_s)):
             engine.advance(tick, ())
             engine.damp(kept)
             if tick % TICKS_PER_LOOK == TICKS_PER_LOOK - 1:
                 speed = engine.state("", 0, 0).rms_speed_m_per_s
                 self._on_progress(
-                    SettlingProgress(
-                        phase, tick * self._interval_s, rest.longest_s, speed, rest.speed_m_per_s
-                    )
+                    SettlingProgress(phase, tick * self.interval_s, rest.longest_s, speed, rest.speed_m_per_s)
                 )
                 if speed < rest.speed_m_per_s:
                     break

@@ -127,6 +127,7 @@ class DeviceLists:
             built_position=cuda.device_array((n, 3), np.float32),
             identity=cuda.device_array(n, np.int32),
             image=cuda.device_array(n, np.int32),
+            held=cuda.device_array(n, np.bool_),
             radius=numbers[0],
             mass=numbers[1],
             inertia=numbers[2],

@@ -39,12 +39,14 @@ TOOL_SUMS = 10
 
 
 @cuda.jit(cache=True)
-def drift(report, position, velocity, spin, force, torque, built, mass, inertia, step, limit_squared):
+def drift(report, position, velocity, spin, force, torque, built, held, mass, inertia, step, limit_squared):
     """dem.integration.kick_drift, forces left as they are; one half kick only if none is owed."""
     i = cuda.grid(1)
     if i < position.shape[0] and report[HALTED] == 0.0:
         owed = velocity.dtype.type(report[OWES])
-        moved = kicked_and_moved(i, position, velocity, spin, force, torque, built, mass, inertia, step, owed)
+        moved = kicked_and_moved(
+            i, position, velocity, spin, force, torque, built, held, mass, inertia, step, owed
+        )
         if not moved <= limit_squared:
             report[FAR] = 1.0
             if moved != moved:
@@ -52,11 +54,11 @@ def drift(report, position, velocity, spin, force, torque, built, mass, inertia,
 
 
 @cuda.jit(cache=True)
-def kick_owed(report, velocity, spin, force, torque, mass, inertia, step):
+def kick_owed(report, velocity, spin, force, torque, held, mass, inertia, step):
     """The second half kick of the last step, if it is still to come; `kick_paid` follows."""
     i = cuda.grid(1)
     if i < velocity.shape[0] and report[OWES] == 1.0:
-        kicked(i, velocity, spin, force, torque, mass, inertia, step)
+        kicked(i, velocity, spin, force, torque, held, mass, inertia, step)
 
 
 @cuda.jit(cache=True)

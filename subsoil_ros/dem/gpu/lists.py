@@ -36,6 +36,7 @@ class OnDevice(NamedTuple):
     built_position: object
     identity: object
     image: object
+    held: object
     radius: object
     mass: object
     inertia: object
@@ -110,6 +111,7 @@ def reorder(order, old, new, unequal):
             new.built_position[i, a] = float32(old.position[k, a])
         new.identity[i] = old.identity[k]
         new.image[i] = old.image[k]
+        new.held[i] = old.held[k]
         if unequal:
             new.radius[i] = old.radius[k]
             new.mass[i] = old.mass[k]

@@ -86,7 +86,7 @@ class DeviceSoil(DeviceLists):
     def _add_drift(self, launches: Launches) -> None:
         numbers, p = self._numbers, self._side.particles
         launches.add(
-            drift, blocks(self.count), self._report.there, *self._motion(p), p.built_position,
+            drift, blocks(self.count), self._report.there, *self._motion(p), p.built_position, p.held,
             *self._masses(p), numbers.step_s, (0.5 * numbers.skin_m) ** 2,
         )  # fmt: skip
 
@@ -165,7 +165,7 @@ class DeviceSoil(DeviceLists):
     def _add_kick(self, launches: Launches) -> None:
         p, numbers, report = self._side.particles, self._numbers, self._report.there
         launches.add(
-            kick_owed, blocks(self.count), report, p.velocity, p.spin, p.force, p.torque,
+            kick_owed, blocks(self.count), report, p.velocity, p.spin, p.force, p.torque, p.held,
             *self._masses(p), numbers.step_s,
         )  # fmt: skip
         launches.add(kick_paid, 1, report, threads=1)

@@ -1,0 +1,275 @@
+"""A tile of soil that repeats itself along x, y and z: random spheres pressed together to a solid fraction.
+
+1. Random points, fewer to a volume than they will be, pushed apart without friction.
+2. Box and places shrink together, slowly, until the contacts carry a pressure. Frictionless spheres do so at
+   random close packing; with friction they hold each other up before (Silbert, Soft Matter 6 (2010) 2918), so
+   the friction of this step sets the fraction: it is sought until the wanted one is met.
+
+The contacts are linear springs of no soil: a tile is geometry, and one serves every law. `adapted` brings it
+to rest under the law of a scene at a pressure of the scene.
+"""
+
+import dataclasses
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ...contact_laws.base import ContactLaw
+from ...contact_laws.linear.law import LinearLaw
+from ...errors import SceneError
+from ...limits.stable_steps import SAFETY, step_limits
+from ...loading.loader import ResolvedScene
+from ...scene.beds import TiledBed
+from ...scene.bin import Bin
+from ...scene.pairs import layer_soils, pair_values, particle_mass_kg
+from ...scene.sizes import sampled_radii_m
+from ...scene.soil import Soil
+from ..bed import Bed
+from ..periodic import SMALLEST_CELLS
+from .bonds import radii_of
+from .settling import (
+    DAMPING_RATIO,
+    SKIN,
+    EngineOf,
+    OnProgress,
+    Rest,
+    Settling,
+    SettlingEngine,
+    SettlingProgress,
+    of_the_preparation,
+)  # fmt: skip
+
+USUAL_EDGE = 40.0
+"""Edge of a tile over the mean radius where the scene gives none: some 9,000 particles (chosen)."""
+
+START_BELOW = 0.06
+"""By how much the solid fraction of the points that are parted is below the wanted one (chosen: fewer need
+longer to press, more touch before their friction counts)."""
+
+PRESSED_OVERLAP = 0.002
+"""Overlap over the mean radius of contacts that carry the pressure of a tile, p (2 r)^2 / K (chosen: it
+changes the solid fraction by 0.3 %)."""
+
+_STIFFNESS = 1e5
+"""Of the contacts [N/m]: of no effect, as the pressure goes with it; it sets the unit of time."""
+
+INERTIAL_NUMBER = 1e-3
+"""Of the pressing, rate x diameter x sqrt(density / pressure): quasi-static below (GDR MiDi, Eur. Phys. J. E
+14 (2004) 341)."""
+
+PARTING_S, PARTING_DAMPING = 30.0, 10.0
+"""Of step 1: its length in periods of a contact, and its global damping over sqrt(K / m) (chosen: nobody
+flies)."""
+
+PRESSING_DAMPING = 0.02
+"""Global damping while pressing over sqrt(K / m) (chosen: at five times that the frictionless tile carries a
+fifth of its pressure before it jams)."""
+
+PRESSURE_GAIN = 2.0
+"""Part of the missing pressure that the box would make up for between two looks if no contact slid (chosen:
+it comes near the pressure without swinging, as contacts do slide)."""
+
+PRESSURE_TOLERANCE = 0.05
+"""A tile is pressed where its pressure is met to this part (chosen)."""
+
+REST_SPEED = 1e-4
+"""Rms speed of a tile at rest over r sqrt(K / m), a twentieth of what PRESSED_OVERLAP makes (chosen)."""
+
+TICKS_PER_LOOK = 10
+"""Applications of the global damping between two looks at the pressure (chosen)."""
+
+LONGEST_LOOKS = 3000
+"""A tile that is not at rest by then is given up: five times what the slowest took (chosen)."""
+
+FRICTIONLESS = 1e-9
+"""Friction of no effect, with the compiled code of all others."""
+
+ROLLING = 0.1
+"""Rolling friction of the pressing over its friction: without it no friction goes below 0.562 (measured)."""
+
+JAMMED_AT = (
+    (0.530, 1.0), (0.545, 0.59), (0.562, 0.345), (0.571, 0.26), (0.600, 0.11), (0.617, 0.05), (0.630, 0.02),
+    (0.640, FRICTIONLESS),
+)  # fmt: skip
+"""Solid fraction that a friction of the pressing gives, where the search for it starts (measured: radii
+within 15 %, 2,000 to 9,000 particles)."""
+
+FRACTION_TOLERANCE = 0.005
+"""Part of the wanted solid fraction that a tile may miss it by (chosen: a quarter of what density may)."""
+
+LONGEST_SEARCH = 6
+"""Tiles that are pressed at most to find the friction (chosen: two or three do)."""
+
+
+class PressedTile(NamedTuple):
+    """An endless bed, and how it was made."""
+
+    bed: Bed
+    solid_fraction: float
+    friction: float  # of the pressing
+
+
+def solid_fraction(bed: Bed, soil: Soil) -> float:
+    """Volume of the spheres of an endless bed over its own; overlaps count twice."""
+    return float((4.0 / 3.0 * np.pi * radii_of(bed, soil) ** 3).sum() / np.prod(bed.periods_m))
+
+
+def tile_edge_m(soil: Soil) -> float:
+    """Edge of the cubic tile of a scene's bed [m]; periodic sides take a whole number of tiles.
+
+    Raises:
+        SceneError: it is larger than the bin, or its particles would not have one nearest image.
+    """
+    assert isinstance(soil.bed, TiledBed)
+    length, width = soil.bin.length_m, soil.bin.width_m
+    reach = max(pair_values(layer)[0].reach for layer in layer_soils(soil))
+    radius = soil.particles.mean_volume_radius_m
+    smallest = SMALLEST_CELLS * (2.0 * soil.particles.bounds_m[1] + reach + SKIN * radius)
+    given, largest = soil.bed.tile_m, min(length, width)
+    if given is not None and not smallest <= given <= largest:
+        raise SceneError(
+            f"soil.bed.tile_m: {given:g} m given; allowed is at least {smallest:.3g} m, {SMALLEST_CELLS} "
+            f"times the reach of a particle, and at most {largest:g} m, the smaller of soil.bin.length_m and "
+            "soil.bin.width_m"
+        )
+    if largest < smallest:
+        raise SceneError(
+            f"soil.bin: {length:g} x {width:g} m is narrower than the smallest tile, {smallest:.3g} m, "
+            f"{SMALLEST_CELLS} times the reach of a particle; make the bin wider or the particles smaller"
+        )
+    edge = given or max(smallest, min(USUAL_EDGE * radius, largest))
+    return width / round(width / edge) if soil.bin.sides == "periodic" else edge
+
+
+def pressed_tile(
+    resolved: ResolvedScene, edge_m: float, engine_of: EngineOf, on_progress: OnProgress
+) -> PressedTile:
+    """A tile of about this edge [m] with the particles and the solid fraction of a scene's tiled bed.
+
+    Small tiles scatter: of LONGEST_SEARCH that miss the fraction, the nearest.
+    """
+    soil = resolved.scene.particle_soil
+    assert soil is not None
+    assert isinstance(soil.bed, TiledBed)
+    fractions, frictions = np.array(JAMMED_AT).T
+    wanted = aim = soil.bed.solid_fraction
+    tried: dict[float, PressedTile] = {}  # by what the table was asked for
+    while len(tried) < LONGEST_SEARCH and aim not in tried:
+        friction = float(np.interp(aim, fractions, frictions))
+        tried[aim] = tile = _pressed(resolved, soil, edge_m, friction, engine_of, on_progress)
+        if abs(tile.solid_fraction - wanted) <= FRACTION_TOLERANCE * wanted:
+            return tile
+        found = {at: one.solid_fraction for at, one in tried.items()}
+        looser = max((at for at in found if found[at] < wanted), default=None)
+        denser = min((at for at in found if found[at] > wanted), default=None)
+        if looser is None or denser is None:
+            aim = float(np.clip(aim + wanted - tile.solid_fraction, fractions[0], fractions[-1]))
+        else:
+            part = (wanted - found[looser]) / (found[denser] - found[looser])
+            aim = looser + part * (denser - looser)
+    return min(tried.values(), key=lambda tile: abs(tile.solid_fraction - wanted))
+
+
+def _pressed(
+    resolved: ResolvedScene,
+    soil: Soil,
+    edge_m: float,
+    friction: float,
+    engine_of: EngineOf,
+    on_progress: OnProgress,
+) -> PressedTile:
+    assert isinstance(soil.bed, TiledBed)
+    particles, wanted = soil.particles, soil.bed.solid_fraction
+    radius = particles.mean_volume_radius_m
+    count = round(wanted * edge_m**3 / (4.0 / 3.0 * math.pi * radius**3))
+    radii = np.full(count, radius) if particles.sizes is None else sampled_radii_m(particles.sizes, count)
+    volume = float((4.0 / 3.0 * np.pi * radii**3).sum())
+    edge = (volume / (wanted - START_BELOW)) ** (1.0 / 3.0)
+    corner = np.array((0.0, -0.5 * edge, -edge))
+    points = np.random.default_rng(soil.bed.seed).uniform(size=(count, 3)) * edge + corner
+    bed = Bed(points, (0.0, -0.5 * edge, -edge), (edge, 0.5 * edge), radii_m=radii, sides="endless")
+
+    def settling(mu: float) -> Settling:
+        springs = endless_soil(soil, edge, _springs(mu, mass_kg=particles.density_kg_per_m3 * volume / count))
+        return Settling(
+            resolved, engine_of, 1, soil=springs, step_s=SAFETY * step_limits(springs)[0].limit_s,
+            gravity_m_per_s2=0.0, on_progress=on_progress,
+        )  # fmt: skip
+
+    parting, pressing = settling(FRICTIONLESS), settling(friction)
+    longest = PARTING_S * 2.0 * math.pi / parting.contact_rate_per_s
+    bed = parting.run(bed, Rest(0.0, longest), PARTING_DAMPING * parting.contact_rate_per_s, "parting")
+    bed = at_pressure(pressing, bed, PRESSED_OVERLAP * _STIFFNESS / (4.0 * radius), on_progress)
+    return PressedTile(bed, solid_fraction(bed, soil), friction)
+
+
+def _springs(friction: float, mass_kg: float) -> LinearLaw:
+    damping = 2.0 * DAMPING_RATIO * math.sqrt(0.5 * mass_kg * _STIFFNESS)
+    values = {
+        "stiffness_newton_per_m": _STIFFNESS, "tangential_stiffness_newton_per_m": 0.8 * _STIFFNESS,
+        "damping_newton_s_per_m": damping, "tangential_damping_newton_s_per_m": 0.5 * damping,
+        "static_friction": friction, "sliding_friction": friction, "rolling_friction": ROLLING * friction,
+    }  # fmt: skip
+    return LinearLaw.model_validate({"kind": "linear", "particle": values, "boundary": values})
+
+
+def endless_soil(soil: Soil, edge_m: float, law: ContactLaw | None = None) -> Soil:
+    """The soil of a scene as a cube that repeats itself, under `law` in place of its own."""
+    box = Bin(length_m=edge_m, width_m=edge_m, depth_m=edge_m).model_copy(update={"sides": "endless"})
+    changes = {"bin": box, "layers": None, "surface": None} | of_the_preparation(soil)
+    if law is not None:
+        changes |= {"law": law, "particles": soil.particles.model_copy(update={"reference_radius_m": None})}
+    return soil.model_copy(update=changes)
+
+
+def kept_as(soil: Soil, edge_m: float) -> Soil:
+    """The soil that a tile is kept in the cache for: any with these particles."""
+    return endless_soil(soil, edge_m, _springs(0.0, particle_mass_kg(soil)))
+
+
+def at_pressure(settling: Settling, bed: Bed, pressure_pa: float, on_progress: OnProgress) -> Bed:
+    """An endless bed shrunk or grown until it is at rest at this pressure, its contacts' springs with it."""
+    engine = settling.engine(bed)
+    engine.start(())
+    soil, rate = settling.soil, settling.contact_rate_per_s
+    radius = soil.particles.mean_volume_radius_m
+    fastest = INERTIAL_NUMBER / (2.0 * radius * math.sqrt(soil.particles.density_kg_per_m3 / pressure_pa))
+    look_s = TICKS_PER_LOOK * settling.interval_s
+    kept = math.exp(-PRESSING_DAMPING * rate * settling.interval_s)
+    rest = REST_SPEED * radius * rate
+    strain_rate, tick = fastest, 0
+    for _ in range(LONGEST_LOOKS):
+        for _ in range(TICKS_PER_LOOK):
+            engine.resize(1.0 - strain_rate * settling.interval_s)
+            engine.advance(tick, ())
+            engine.damp(kept)
+            tick += 1
+        pressure, modulus = _pressure_pa(engine)
+        missing = pressure_pa - pressure
+        wanted_rate = PRESSURE_GAIN * missing / (3.0 * modulus * look_s) if modulus > 0.0 else math.inf
+        strain_rate = min(max(wanted_rate, -fastest), fastest)
+        speed = engine.state("", 0, 0).rms_speed_m_per_s
+        on_progress(SettlingProgress("pressing", tick * settling.interval_s, math.nan, speed, rest))
+        if abs(missing) < PRESSURE_TOLERANCE * pressure_pa and speed < rest:
+            break
+    else:
+        raise SceneError("the tile does not come to rest")
+    return dataclasses.replace(engine.bed, positions_m=engine.positions_m())
+
+
+def _pressure_pa(engine: SettlingEngine, strain: float = 1e-5) -> tuple[float, float]:
+    """Pressure of an endless bed and its bulk modulus without sliding, from its energy at three sizes [Pa].
+
+    The springs along the contacts are not stretched by a change of size.
+    """
+    volume = float(np.prod(engine.bed.periods_m))
+    joule = []
+    for scale in (1.0, 1.0 + strain, (1.0 - strain) / (1.0 + strain)):
+        engine.resize(scale)
+        joule.append(engine.potential_joule())
+    engine.resize(1.0 / (1.0 - strain))
+    middle, large, small = joule
+    slope = (large - small) / (2.0 * strain)  # dE / d ln(edge) = -3 p V
+    curvature = (large - 2.0 * middle + small) / strain**2
+    return -slope / (3.0 * volume), max(0.0, curvature / (9.0 * volume))

@@ -1,0 +1,118 @@
+"""Tiled bed: a tile of random spheres (dem.beds.tile), laid out to the bin of a scene and brought to rest.
+
+1. The tile is brought to rest under the law of the scene, adhesion and all, at the pressure half way down.
+2. It is repeated over the bin and cut at its walls, where it fills what the cut left open. Below its depth a
+   layer two particles thick is held where it is: a rough floor, with no plane for particles to line up at.
+3. Cut at its surface, it comes to rest in its weight, with the friction of the scene, under global damping.
+
+The springs of its contacts are not kept: a run starts from places alone, and winds up what it needs.
+"""
+
+import dataclasses
+import itertools
+import math
+
+import numpy as np
+
+from ...limits.stable_steps import SAFETY, step_limits
+from ...loading.loader import ResolvedScene
+from ...scene.beds import TiledBed
+from ...scene.soil import Soil
+from ..bed import Bed
+from ..mixture import material_at
+from .bonds import radii_of
+from .cache import cached_tile_path, keep, load_cached
+from .dense import relaxed_rest
+from .settling import SETTLING_GRAVITY, EngineOf, OnProgress, Rest, Settling, of_the_preparation
+from .surface import cut_to_depth, mean_above_profile_m
+from .tile import at_pressure, endless_soil, kept_as, pressed_tile, tile_edge_m
+
+HELD_LAYER = 2.0
+"""Thickness of the layer below the depth that is held, over the largest radius: nobody passes through it."""
+
+
+RESTS = 3
+"""Times that the bed comes to rest, each time from places alone (chosen: when a run then starts without
+springs, its particles move by 0.2 % of their radius, a third of what they do after one)."""
+
+
+FILLING_S, RELAXING_S = 0.15, 0.25
+"""Longest time at which the gaps at walls fill, and of each rest (chosen: a fall by ten radii, and seven times
+the time in which the global damping takes a speed to its e-th part)."""
+
+
+def prepare_tiled(resolved: ResolvedScene, engine_of: EngineOf, threads: int, on_progress: OnProgress) -> Bed:
+    """Tiled bed that fills the bin of the scene; z = 0 at its mean top."""
+    soil, gravity = resolved.scene.particle_soil, resolved.scene.gravity_m_per_s2
+    assert soil is not None
+    assert isinstance(soil.bed, TiledBed)
+    edge = tile_edge_m(soil)
+    path, as_kept = cached_tile_path(soil, edge), kept_as(soil, edge)
+    tile = load_cached(path, as_kept)
+    if tile is None:
+        tile = pressed_tile(resolved, edge, engine_of, on_progress).bed
+        keep(path, tile, as_kept)
+
+    def settling(of: Soil, gravity_m_per_s2: float) -> Settling:
+        return Settling(
+            resolved, engine_of, threads, soil=of, step_s=SAFETY * step_limits(of)[0].limit_s,
+            gravity_m_per_s2=gravity_m_per_s2, on_progress=on_progress,
+        )  # fmt: skip
+
+    bulk = soil.bed.solid_fraction * soil.particles.density_kg_per_m3
+    pressure = 0.5 * bulk * (gravity or SETTLING_GRAVITY) * soil.bin.depth_m
+    tile = at_pressure(settling(endless_soil(soil, edge), 0.0), tile, pressure, on_progress)
+    bed = laid_out(tile, soil)
+    if soil.layers is not None:
+        bed = dataclasses.replace(bed, materials=material_at(soil, -bed.positions_m[:, 2]))
+    last = settling(soil.model_copy(update=of_the_preparation(soil)), gravity)
+    radius = soil.particles.mean_volume_radius_m
+    speed = relaxed_rest(radius, last.contact_rate_per_s).speed_m_per_s
+    damping = math.sqrt(SETTLING_GRAVITY / radius)  # nobody falls its radius much slower than freely
+    bed = last.run(bed, Rest(speed, FILLING_S), damping, "filling")
+    bed = cut_to_depth(bed, radius, soil.bin.depth_m + _below_depth_m(soil), soil.surface)
+    for _ in range(RESTS):
+        bed = last.run(bed, Rest(speed, RELAXING_S), damping, "relaxing")
+    top = mean_above_profile_m(bed, radius, soil.surface)
+    lower = (bed.lower_m[0], bed.lower_m[1], bed.lower_m[2] - top)
+    return dataclasses.replace(bed, positions_m=bed.positions_m - (0.0, 0.0, top), lower_m=lower)
+
+
+def _below_depth_m(soil: Soil) -> float:
+    """From the depth of the bed to the plane below it."""
+    assert isinstance(soil.bed, TiledBed)
+    return (HELD_LAYER + 1.0) * soil.particles.bounds_m[1] if soil.bed.floor == "held" else 0.0
+
+
+def laid_out(tile: Bed, soil: Soil) -> Bed:
+    """The tile repeated over the bin, from the plane below to some particles above z = 0, cut at the walls.
+
+    At a wall, particles stay that do not reach through it; periodic sides are a whole number of tiles apart.
+    """
+    assert isinstance(soil.bed, TiledBed)
+    edge, radii, largest = tile.periods_m[0], radii_of(tile, soil), soil.particles.bounds_m[1]
+    length, periodic = soil.bin.length_m, soil.bin.sides == "periodic"
+    width = edge * round(soil.bin.width_m / edge) if periodic else soil.bin.width_m
+    floor = -soil.bin.depth_m - _below_depth_m(soil)
+    at_walls = 1.0 / length + (0.0 if periodic else 1.0 / width)  # each leaves half a radius open, twice
+    above = 2.0 * largest + soil.bin.depth_m * largest * at_walls
+    corner = np.array((0.0, -0.5 * width, above))
+    size = np.array((length, width, above - floor))
+    copies = [np.arange(math.ceil(along / edge)) for along in size]
+    inside = tile.positions_m - np.array(tile.lower_m) - (0.0, 0.0, edge)  # z from -edge to 0
+    shift = np.array([(i, j, -k) for i, j, k in itertools.product(*copies)]) * edge + corner
+    places = (inside[None] + shift[:, None]).reshape(-1, 3)
+    radius = np.tile(radii, len(shift))
+    kept = (places[:, 0] >= radius) & (places[:, 0] <= length - radius) & (places[:, 2] >= floor + radius)
+    if not periodic:
+        kept &= np.abs(places[:, 1]) <= 0.5 * width - radius
+    places, radius = places[kept], radius[kept]
+    held = places[:, 2] < -soil.bin.depth_m if soil.bed.floor == "held" else None
+    return Bed(
+        places,
+        (0.0, -0.5 * width, floor),
+        (length, 0.5 * width),
+        radii_m=None if soil.particles.sizes is None else radius,
+        sides=soil.bin.sides,
+        held=held,
+    )

@@ -53,6 +53,9 @@ SCENES: dict[str, dict[str, float]] = {
 }
 """Scenes with their overrides, in BASE's names: short, and with the tool in the soil before the end."""
 
+ROS_VARIABLES = ("AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
+"""What an environment of ROS wheels tells the processes it starts."""
+
 CHECKPOINT_AT = 0.99
 """Fraction of the duration at which the state is kept: a run writes no checkpoint of its last tick."""
 
@@ -109,7 +112,7 @@ class Side:
         """Runs Python on this checkout's package, with caches of its own: each side prepares its beds."""
         environment = dict(os.environ)
         if self.python != sys.executable:  # another environment finds its own ROS
-            for key in ("AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "LD_LIBRARY_PATH", "PYTHONPATH"):
+            for key in (*ROS_VARIABLES, "LD_LIBRARY_PATH", "PYTHONPATH"):
                 environment.pop(key, None)
         path = os.pathsep.join(filter(None, (str(self.checkout), environment.get("PYTHONPATH"))))
         environment |= {"PYTHONPATH": path, "XDG_CACHE_HOME": str(self.work / "cache")}
@@ -165,8 +168,8 @@ def named_alike(values: Values, rules: Rules, left_out: Sequence[str]) -> Values
     """`values` by the names they have here, without what is left out. ValueError if two get the same name."""
     kept: Values = {}
     for name, value in values.items():
-        if not any(re.search(pattern, name) for pattern in left_out):
-            new = renamed(name, rules)
+        new = renamed(name, rules)
+        if not any(re.search(pattern, either) for pattern in left_out for either in (name, new)):
             if new in kept:
                 raise ValueError(f"{NAMES.name}: two names become '{new}', '{name}' is one of them")
             kept[new] = value

@@ -19,15 +19,10 @@ from subsoil_ros.figures.plotting import COLOURS, new_figure, save_figure
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.scene.meshes import load_tool_mesh
 from subsoil_ros.scene.tool_faces import cutting_faces
+from validation.blades import ASABE_RANGE, TEXTURES, asabe_newton
 
 from . import SCENES
-from .draft_formulas import (
-    ASABE_RANGE,
-    PAPER_GRID,
-    TEXTURES,
-    asabe_newton,
-    mckyes_newton,
-)
+from .draft_formulas import PAPER_GRID, mckyes_newton
 
 TINE = SCENES / "tine.yaml"
 DEPTHS_M = (0.12, 0.18, 0.24, 0.30)

@@ -1,32 +1,12 @@
-"""Draft of a subsoiler by formulas that know nothing of this project's particles.
+"""Draft of a subsoiler's share by McKyes and Ali (1977): the wedge of the wedge model (wedge/wedge.py).
 
-ASABE D497.7 (R2015), Agricultural Machinery Management Data, table 1: draft of one tool
-
-    D = F_i (A + B S + C S^2) T   [N],   S speed [km/h], T depth [cm]
-
-subsoiler with narrow points: A = 226, B = 0, C = 1.8 per tool; F = 1.0 fine, 0.70 medium, 0.45 coarse soil;
-the standard's range is +- 50 %. McKyes and Ali (1977): the wedge of the wedge model (wedge/wedge.py),
-share alone, with c and phi of the bed's own shear tests. Neither is fitted to anything here.
+c and phi are those of the bed's own shear tests; nothing is fitted to it. ASABE D497.7: validation/blades.py.
 """
 
 import math
 from typing import NamedTuple
 
 from subsoil_ros.wedge.wedge import Plate, Strength, least_wedge
-
-TEXTURES = {"fine": 1.0, "medium": 0.70, "coarse": 0.45}
-"""F_i of the standard."""
-
-ASABE_RANGE = 0.50
-"""Part by which the standard expects single drafts to differ."""
-
-_A, _B, _C = 226.0, 0.0, 1.8
-
-
-def asabe_newton(depth_m: float, speed_m_per_s: float, texture: str) -> float:
-    """ASABE D497.7 draft of one narrow-pointed subsoiler [N]. texture: a key of TEXTURES."""
-    speed, depth = 3.6 * speed_m_per_s, 100.0 * depth_m
-    return TEXTURES[texture] * (_A + _B * speed + _C * speed * speed) * depth
 
 
 class ShearStrength(NamedTuple):

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 from ..errors import SceneError
 from ..limits.communication_steps import CouplingBound, coupling_bounds
+from ..limits.soil_at_work import Finding, soil_at_work
 from ..limits.stable_steps import StepLimit, step_limits, step_notes
 from ..loading.loader import ResolvedScene
 from ..loading.soil_file import soil_of
-from ..scene.meshes import load_tool_mesh
+from ..scene.meshes import ToolMesh, load_tool_mesh
 from .load import SceneLike, resolved_scene
 
 if TYPE_CHECKING:
@@ -48,6 +49,7 @@ class CheckResult:
         scene: the scene as it would run.
         particles: number of particles before tools remove any; about so many for a dense random bed.
         limits: every stable soil step [s] with its cause, the smallest first; empty without particles.
+        at_work: overlap, damping and inertial number of particles while a tool works; empty without.
         coupling: longest communication interval [s] of every tool that a body carries.
         mechanism: topology, static equilibrium and modes; None without a mechanism.
         cost: memory and wall time.
@@ -58,6 +60,7 @@ class CheckResult:
     scene: ResolvedScene
     particles: int
     limits: tuple[StepLimit, ...]
+    at_work: tuple[Finding, ...]
     coupling: tuple[CouplingBound, ...]
     mechanism: Survey | None
     cost: Cost
@@ -77,6 +80,7 @@ class CheckResult:
                 f"soil step: {timing.soil_step_s * 1e6:.4g} us, {timing.soil_steps} per tick; stable up to "
                 f"{limit.limit_s * 1e6:.4g} us ({limit.cause})"
             )
+        yield from (f"{found.name}: {found.text}" for found in self.at_work)
         for bound in self.coupling:
             yield (
                 f"coupling of tool '{bound.tool}': stable up to {bound.unstable_s * 1e6:.4g} us, "
@@ -120,6 +124,7 @@ def check(scene: SceneLike | ResolvedScene, overrides: Mapping[str, object] | No
         scene=resolved,
         particles=particles,
         limits=step_limits(soil) if soil is not None else (),
+        at_work=soil_at_work(model, _meshes(resolved)),
         coupling=bounds,
         mechanism=survey,
         cost=Cost(
@@ -146,16 +151,21 @@ def run_notes(resolved: ResolvedScene) -> tuple[str, ...]:
     """What is to be said of a scene before it runs."""
     if resolved.scene.particle_soil is None:
         return resolved.notes
-    return (*resolved.notes, *step_notes(resolved.scene, resolved.timing.soil_step_s))
+    found = soil_at_work(resolved.scene, _meshes(resolved))
+    warnings = (f"warning: {number.warning}" for number in found if number.warning is not None)
+    return (*resolved.notes, *step_notes(resolved.scene, resolved.timing.soil_step_s), *warnings)
+
+
+def _meshes(resolved: ResolvedScene) -> dict[str, ToolMesh]:
+    return {name: load_tool_mesh(resolved.directory, resolved.scene, name) for name in resolved.scene.tools}
 
 
 def _bounds(resolved: ResolvedScene) -> tuple[CouplingBound, ...]:
     scene = resolved.scene
-    meshes = {name: load_tool_mesh(resolved.directory, scene, name) for name in scene.tools}
     modulus = None
     if scene.wedge_soil is not None:
         modulus = soil_of(scene.wedge_soil).values.bed_modulus_newton_per_m3
-    bounds = coupling_bounds(scene, meshes, modulus)
+    bounds = coupling_bounds(scene, _meshes(resolved), modulus)
     for bound in bounds:
         if resolved.timing.communication_step_s > bound.unstable_s:
             raise SceneError(

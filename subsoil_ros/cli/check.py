@@ -55,6 +55,9 @@ def run(args: argparse.Namespace) -> int:
     if soil is not None:
         console.print(_table("soil", particle_rows(resolved, soil, found.particles)))
         console.print(_limits(found))
+        if found.at_work:
+            rows = ((number.name, number.text) for number in found.at_work)
+            console.print(_table("soil at work", rows))
     if scene.wedge_soil is not None:
         console.print(_table("soil, wedge model", wedge_rows(resolved, scene.wedge_soil)))
     for note in found.notes:

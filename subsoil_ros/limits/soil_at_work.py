@@ -1,0 +1,170 @@
+"""Soil at work: overlap and damping of its contacts, inertial number. Out of range is warned of, no more."""
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from ..scene.meshes import ToolMesh
+from ..scene.model import Scene
+from ..scene.pairs import layer_soils, pair_values, particle_mass_kg
+from ..scene.soil import Soil
+from ..scene.time_functions import ConstantLaw, Law, RampLaw, TableLaw
+from .stable_steps import step_limits
+
+WORKING_STRESS_PA, UPPER_STRESS_PA = 100e3, 300e3
+"""Stress before a share: drafts of 1.2 kN (a loam at 0.2 m) and 3.6 kN on a front of 0.06 m by 0.2 m."""
+
+MAX_OVERLAP = 0.05
+"""Over the radius, under WORKING_STRESS_PA: beyond it springs, not friction, resist compaction."""
+
+SHEAR_BAND_DIAMETERS = 10.0
+"""Width of a shear band. Source: K.H. Roscoe, Geotechnique 20 (1970) 129-170."""
+
+SOLID_FRACTION = 0.6
+"""Of the bed above the tip: random beds have 0.55 to 0.64, and its root counts."""
+
+QUASI_STATIC, COLLISIONAL = 1e-3, 0.1
+"""Inertial numbers between which soil flows densely. Source: GDR MiDi, Eur. Phys. J. E 14 (2004) 341-365."""
+
+
+class Finding(NamedTuple):
+    """One number of the soil at work."""
+
+    name: str
+    text: str
+    warning: str | None = None  # None: in its range
+
+
+def overlap_under(soil: Soil, stress_pa: float) -> float:
+    """Overlap beyond rest, over the radius, of two like particles under stress d^2; soil without layers.
+
+    The force is 1.2 times the mean by Rumpf (solid fraction 0.6, 6.5 contacts); some contacts carry several
+    times as much.
+    """
+    radius = soil.particles.mean_volume_radius_m
+    return pair_values(soil)[0].loaded_m(stress_pa * (2.0 * radius) ** 2) / radius
+
+
+def force_exponent(soil: Soil) -> float:
+    """n of a normal force ~ overlap^n, from the overlaps at work: 1 of a linear spring, 1.5 of Hertz."""
+    growth = overlap_under(soil, UPPER_STRESS_PA) / overlap_under(soil, WORKING_STRESS_PA)
+    return math.log(UPPER_STRESS_PA / WORKING_STRESS_PA) / math.log(growth)
+
+
+def damping_ratio(soil: Soil) -> float:
+    """sqrt(2 n / (n + 1)) C / (2 sqrt(K m)): K, C of the tangent at work, m the reduced mass of a pair.
+
+    y = x^((n + 1) / 2) makes m x'' + c x^((n - 1) / 2) x' + k x^n = 0 a linear oscillator of this ratio.
+    """
+    n, radius = force_exponent(soil), soil.particles.mean_volume_radius_m
+    linear = pair_values(soil)[0].linear_at(overlap_under(soil, WORKING_STRESS_PA) * radius)
+    critical = 2.0 * math.sqrt(linear.stiffness * 0.5 * particle_mass_kg(soil))
+    return math.sqrt(2.0 * n / (n + 1.0)) * linear.damping / critical
+
+
+def restitution(ratio: float) -> float:
+    """Of spring and dashpot over half a period: exp(-pi z / sqrt(1 - z^2)), 0 from z = 1 on; no cohesion."""
+    return math.exp(-math.pi * ratio / math.sqrt(1.0 - ratio**2)) if ratio < 1.0 else 0.0
+
+
+def inertial_number(speed_m_per_s: float, depth_m: float, gravity_m_per_s2: float) -> float:
+    """Of soil that a tool shears: rate d sqrt(rho / p) (GDR MiDi), d and rho of the particles, which cancel.
+
+    rate = speed / (10 d); p = 0.6 rho g depth, the weight on the tip: tool and cohesion press further, so
+    this is an upper bound.
+    """
+    return speed_m_per_s / (SHEAR_BAND_DIAMETERS * math.sqrt(SOLID_FRACTION * gravity_m_per_s2 * depth_m))
+
+
+def soil_at_work(scene: Scene, meshes: Mapping[str, ToolMesh]) -> tuple[Finding, ...]:
+    """Overlap, damping ratio and inertial number, of layers the worst; empty without particles or tools."""
+    soil = scene.particle_soil
+    if soil is None or not (scene.tools or scene.mechanism):
+        return ()
+    return _overlap(soil), _damping(soil), _inertia(scene, meshes)
+
+
+def _overlap(soil: Soil) -> Finding:
+    layers = layer_soils(soil)
+    overlap, k = max((overlap_under(layer, WORKING_STRESS_PA), k) for k, layer in enumerate(layers))
+    upper = f"{100.0 * overlap_under(layers[k], UPPER_STRESS_PA):.3g} % at {UPPER_STRESS_PA * 1e-3:g} kPa"
+    text = f"{100.0 * overlap:.3g} % of the radius beyond rest at {WORKING_STRESS_PA * 1e-3:g} kPa, {upper}"
+    if round(overlap, 3) <= MAX_OVERLAP:
+        return Finding("overlap at work", text)
+    factor = (overlap / MAX_OVERLAP) ** force_exponent(layers[k])
+    needed = _needed(soil, k, factor, "stiffness_newton_per_m", "youngs_modulus_pa")
+    limits = step_limits(soil)
+    step_s = min(limit.limit_s / (1.0 if limit.damped else math.sqrt(factor)) for limit in limits)
+    binding = f"{limits[0].limit_s * 1e6:.3g} us ({limits[0].cause})"
+    falls = f"falls from {binding} to {step_s * 1e6:.3g} us"
+    step = f"the stable step {falls if step_s < limits[0].limit_s else f'stays {binding}'}"
+    told = f"{needed} or more for {100.0 * MAX_OVERLAP:g} %: contacts overlap by {text}; {step}"
+    return Finding("overlap at work", text, told)
+
+
+def _damping(soil: Soil) -> Finding:
+    ratio, k = max((damping_ratio(layer), k) for k, layer in enumerate(layer_soils(soil)))
+    text = f"{ratio:.3g} of a pair of particles, restitution {restitution(ratio):.2g} without cohesion"
+    if round(ratio, 2) <= 1.0:
+        return Finding("damping ratio", text)
+    needed = _needed(soil, k, 1.0 / ratio, "damping_newton_s_per_m")
+    told = f"at a damping ratio of {ratio:.3g}, above 1, draft rises with speed through dashpots"
+    return Finding("damping ratio", text, f"{needed} or less, or stiffer contacts: {told}")
+
+
+def _needed(soil: Soil, k: int, factor: float, *keys: str) -> str:
+    """`factor` times what layer k gives for the one of `keys` that its law has."""
+    where = f"soil.layers.{k}.law" if soil.layers and soil.layers[k].law else "soil.law"
+    row = layer_soils(soil)[k].law.particle
+    for key in (key for key in keys if hasattr(row, key)):
+        return f"{where}.particle.{key}: given {getattr(row, key):g}, needed {factor * getattr(row, key):.3g}"
+    return f"{where}: needed {factor:.3g} times as much"
+
+
+def _inertia(scene: Scene, meshes: Mapping[str, ToolMesh]) -> Finding:
+    found, gravity = [], scene.gravity_m_per_s2
+    for name, mesh in meshes.items():
+        speed, depth = _speed_and_depth(scene, name, mesh)
+        if scene.tools[name].is_tillage and min(speed, depth, gravity) > 0.0:
+            found.append((inertial_number(speed, depth, gravity), name, speed, depth))
+    if not found:
+        return Finding("inertial number", "not known: no tillage tool is below z = 0 and moves along x")
+    number, name, speed, depth = max(found)
+    text = f"{number:.2g} of tool {name}, {speed:g} m/s at {depth:.3g} m"
+    if round(number, 3) <= COLLISIONAL:
+        regime = "quasi-static" if number < QUASI_STATIC else "dense flow, rate dependent"
+        return Finding("inertial number", f"{text}: {regime}")
+    told = f"{text}: collisional, draft depends on speed through collisions and the grain"
+    slower = f"needed for {COLLISIONAL:g} is {speed * COLLISIONAL / number:.3g} m/s or less"
+    return Finding(
+        "inertial number", f"{text}: collisional", f"tools.{name}: inertial number {told}; {slower}"
+    )
+
+
+def _speed_and_depth(scene: Scene, name: str, mesh: ToolMesh) -> tuple[float, float]:
+    """Largest speed along x of the path, or of body, drivers of x and controller [m/s]; depth of the lowest
+    vertex where the path starts, or in the reference pose [m]."""
+    tool, mechanism, controller = scene.tools[name], scene.mechanism, scene.controller
+    x, z = mesh.vertices_m[:, [0, 2]].T
+    if tool.path is not None:
+        turn = tool.path.start_angle_rad
+        lowest = tool.path.start_z_m + (math.sin(turn) * x + math.cos(turn) * z).min()
+        return _largest(tool.path.speed_x_m_per_s), -float(lowest)
+    assert mechanism is not None
+    body = mechanism.bodies[tool.body or ""]
+    speeds = [abs((body.velocity_m_per_s or (0.0, 0.0))[0])]
+    for key, joint in mechanism.joints.items():
+        if joint.kind == "driver" and joint.coordinate == "x":
+            speeds.append(_largest(joint.speed))
+            if controller is not None and controller.driver == key:
+                speeds.append(controller.highest_speed)
+    return max(speeds), -float(body.position_m[1] + z.min())
+
+
+def _largest(law: Law | None) -> float:
+    """Magnitude of a constant, a ramp's end or a table; 0 of others, which no tool follows for long."""
+    if isinstance(law, TableLaw):
+        return max(map(abs, law.values))
+    if isinstance(law, RampLaw):
+        return abs(law.end_value)
+    return abs(law.value) if isinstance(law, ConstantLaw) else 0.0

@@ -89,7 +89,7 @@ class Soil(StrictModel):
             linear = [f"'{kind}'" for kind, law in contact_laws().items() if law.linear_springs]
             raise ValueError(
                 "bed.kind: 'dense_random' settles under linear springs and cannot be prepared under law "
-                f"'{self.law.kind}'; use 'grid', or law {' or '.join(linear)}"
+                f"'{self.law.kind}'; use 'tiled' or 'grid', or law {' or '.join(linear)}"
             )
         return self
 
@@ -98,7 +98,7 @@ class Soil(StrictModel):
         if isinstance(self.bed, GridBed) and self.particles.sizes is not None:
             raise ValueError(
                 "bed.kind: 'grid' has one spacing, at which spheres of several sizes do not touch and would "
-                "fall; use 'dense_random', or particles.radius_m"
+                "fall; use 'tiled' or 'dense_random', or particles.radius_m"
             )
         return self
 

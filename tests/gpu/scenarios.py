@@ -104,7 +104,7 @@ def document(folder: Path, scenario: dict[str, Any]) -> dict[str, Any]:
 
 
 def given_bed() -> Bed:
-    """Spheres of two sizes in two layers between periodic sides, at places that are nothing special."""
+    """Spheres of two sizes in two layers between periodic sides, some held, at any places."""
     random = np.random.default_rng(3)
     axes = [np.arange(0.01, length - 0.005, 0.0185) for length in WIDE_M]
     axes[1] = WIDE_M[1] * (np.arange(6) / 6 - 0.5)
@@ -119,6 +119,7 @@ def given_bed() -> Bed:
         radii_m=radii,
         materials=(places[:, 2] < -0.02).astype(np.int64),
         sides="periodic",
+        held=random.random(len(places)) < 0.2,
     )
 
 

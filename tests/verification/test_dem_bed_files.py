@@ -119,7 +119,7 @@ def at(*places):
 @pytest.mark.parametrize(
     ("arrays", "message"),
     [
-        ({"version": np.array(1)}, r"has version 1, readable is 2"),
+        ({"version": np.array(1)}, r"has version 1, readable is 3"),
         ({"law_hash": np.array("0" * 64)}, r"prepared under another law.*hash 000000000000"),
         ({"format": np.array("a picture")}, r"damaged or no bed file.*does not say"),
         ({"positions_m": np.zeros((3, 2))}, r"damaged or no bed file.*shape"),

@@ -37,8 +37,8 @@ springs, its particles move by 0.2 % of their radius, a third of what they do af
 
 
 FILLING_S, RELAXING_S = 0.15, 0.25
-"""Longest time at which the gaps at walls fill, and of each rest (chosen: a fall by ten radii, and seven times
-the time in which the global damping takes a speed to its e-th part)."""
+"""Longest time in which the gaps at walls fill, and of each rest (chosen: a fall by ten radii, and seven
+times that in which the global damping takes a speed to its e-th part)."""
 
 
 def prepare_tiled(resolved: ResolvedScene, engine_of: EngineOf, threads: int, on_progress: OnProgress) -> Bed:

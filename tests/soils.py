@@ -1,7 +1,8 @@
 """The soils of the tests with the features of their laws: each set of features is a compiled soil step.
 
 A test that needs less than the features of a soil gives what it does without as NEGLIGIBLE. Besides there are
-the two variants, without friction, with which a dense bed of each soil is prepared.
+the two variants, without friction, with which a dense bed of each soil is prepared, and those, endless and
+without a book, with which a tiled bed is.
 """
 
 import copy
@@ -52,7 +53,10 @@ SOILS: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
         (*WETTED, "book", "sizes", "materials"), {"law": WET, **BOOKED, **LAYERS, **UNEQUAL},
     ),
     "dry": (("linear", *RUBBED), {"law": LINEAR}),
-    "dry sizes": (("linear", *RUBBED, "book", "sizes"), {"law": LINEAR, **BOOKED, **UNEQUAL}),
+    "dry sizes": (
+        ("linear", *RUBBED, "book", "sizes"),
+        {"law": LINEAR, **BOOKED, **UNEQUAL, "bed": {"kind": "tiled", "seed": 0}},
+    ),
     "hertz": (("hertz", *RUBBED, "book"), {"law": HERTZ, **BOOKED}),
 }  # fmt: skip
 """Law and features of each soil, as numba compiles them, and the keys of a soil that has them."""

@@ -16,6 +16,7 @@ from subsoil_ros.dem.beds.tiled import HELD_LAYER
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.errors import SceneError
 from tests.soils import LINEAR
+from tests.soils import PARTICLE as WET
 
 DENSITY = 2500.0
 SIZES = {"kind": "uniform", "min_radius_m": 0.0085, "max_radius_m": 0.0115}
@@ -198,6 +199,16 @@ def test_a_tile_that_does_not_fit_is_refused(soil, changes, message):
     """Before anything is prepared."""
     with pytest.raises(SceneError, match=message):
         check_start(tiled(soil, **changes))
+
+
+def test_a_law_that_changes_the_fraction_is_refused(soil):
+    """The paper's soft, sticky spheres pull each other together by a fifth of the volume."""
+    scene = tiled(soil)
+    document = scene.document["soil"] | {"law": {"kind": "cohesive_linear", "particle": WET, "boundary": WET}}
+    with pytest.raises(
+        SceneError, match=r"soil.bed.solid_fraction: 0.6 given; under soil.law the bed rests at"
+    ):
+        prepare_bed(soil.scene(soil=document), SoilEngine)
 
 
 def test_a_bed_file_keeps_what_is_held(soil, tmp_path):

@@ -229,7 +229,11 @@ def kept_as(soil: Soil, edge_m: float) -> Soil:
 
 
 def at_pressure(settling: Settling, bed: Bed, pressure_pa: float, on_progress: OnProgress) -> Bed:
-    """An endless bed shrunk or grown until it is at rest at this pressure, its contacts' springs with it."""
+    """An endless bed shrunk or grown until it is at rest at this pressure, its contacts' springs with it.
+
+    Raises:
+        SceneError: it does not come to rest.
+    """
     engine = settling.engine(bed)
     engine.start(())
     soil, rate = settling.soil, settling.contact_rate_per_s
@@ -250,11 +254,16 @@ def at_pressure(settling: Settling, bed: Bed, pressure_pa: float, on_progress: O
         wanted_rate = PRESSURE_GAIN * missing / (3.0 * modulus * look_s) if modulus > 0.0 else math.inf
         strain_rate = min(max(wanted_rate, -fastest), fastest)
         speed = engine.state("", 0, 0).rms_speed_m_per_s
-        on_progress(SettlingProgress("pressing", tick * settling.interval_s, math.nan, speed, rest))
+        longest_s = LONGEST_LOOKS * look_s
+        on_progress(SettlingProgress("pressing", tick * settling.interval_s, longest_s, speed, rest))
         if abs(missing) < PRESSURE_TOLERANCE * pressure_pa and speed < rest:
             break
     else:
-        raise SceneError("the tile does not come to rest")
+        raise SceneError(
+            f"soil.bed: the tile carries {pressure:.3g} Pa at an rms speed of {speed:.3g} m/s, needed are "
+            f"{pressure_pa:.3g} Pa within {PRESSURE_TOLERANCE:.0%} below {rest:.3g} m/s; use another "
+            "soil.bed.solid_fraction, or a soil.law with dampers"
+        )
     return dataclasses.replace(engine.bed, positions_m=engine.positions_m())
 
 

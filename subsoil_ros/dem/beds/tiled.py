@@ -14,6 +14,7 @@ import math
 
 import numpy as np
 
+from ...errors import SceneError
 from ...limits.stable_steps import SAFETY, step_limits
 from ...loading.loader import ResolvedScene
 from ...scene.beds import TiledBed
@@ -25,7 +26,7 @@ from .cache import cached_tile_path, keep, load_cached
 from .dense import relaxed_rest
 from .settling import SETTLING_GRAVITY, EngineOf, OnProgress, Rest, Settling, of_the_preparation
 from .surface import cut_to_depth, mean_above_profile_m
-from .tile import at_pressure, endless_soil, kept_as, pressed_tile, tile_edge_m
+from .tile import at_pressure, endless_soil, kept_as, pressed_tile, solid_fraction, tile_edge_m
 
 HELD_LAYER = 2.0
 """Thickness of the layer below the depth that is held, over the largest radius: nobody passes through it."""
@@ -36,13 +37,21 @@ RESTS = 3
 springs, its particles move by 0.2 % of their radius, a third of what they do after one)."""
 
 
-FILLING_S, RELAXING_S = 0.15, 0.25
-"""Longest time in which the gaps at walls fill, and of each rest (chosen: a fall by ten radii, and seven
-times that in which the global damping takes a speed to its e-th part)."""
+FILLING_S, RELAXING_S = 0.3, 0.6
+"""Longest time in which the gaps at walls fill, and of each rest (chosen: dry soil comes to
+rest in them, sticky soil long before)."""
+
+
+LARGEST_CHANGE = 0.02
+"""Part of the solid fraction by which the law of a scene may change it: density is to be met so."""
 
 
 def prepare_tiled(resolved: ResolvedScene, engine_of: EngineOf, threads: int, on_progress: OnProgress) -> Bed:
-    """Tiled bed that fills the bin of the scene; z = 0 at its mean top."""
+    """Tiled bed that fills the bin of the scene; z = 0 at its mean top.
+
+    Raises:
+        SceneError: the tile does not fit the bin, or changes its solid fraction under the scene's law.
+    """
     soil, gravity = resolved.scene.particle_soil, resolved.scene.gravity_m_per_s2
     assert soil is not None
     assert isinstance(soil.bed, TiledBed)
@@ -62,6 +71,7 @@ def prepare_tiled(resolved: ResolvedScene, engine_of: EngineOf, threads: int, on
     bulk = soil.bed.solid_fraction * soil.particles.density_kg_per_m3
     pressure = 0.5 * bulk * (gravity or SETTLING_GRAVITY) * soil.bin.depth_m
     tile = at_pressure(settling(endless_soil(soil, edge), 0.0), tile, pressure, on_progress)
+    _refuse_other_fraction(solid_fraction(tile, soil), soil)
     bed = laid_out(tile, soil)
     if soil.layers is not None:
         bed = dataclasses.replace(bed, materials=material_at(soil, -bed.positions_m[:, 2]))
@@ -76,6 +86,17 @@ def prepare_tiled(resolved: ResolvedScene, engine_of: EngineOf, threads: int, on
     top = mean_above_profile_m(bed, radius, soil.surface)
     lower = (bed.lower_m[0], bed.lower_m[1], bed.lower_m[2] - top)
     return dataclasses.replace(bed, positions_m=bed.positions_m - (0.0, 0.0, top), lower_m=lower)
+
+
+def _refuse_other_fraction(found: float, soil: Soil) -> None:
+    assert isinstance(soil.bed, TiledBed)
+    wanted = soil.bed.solid_fraction
+    if abs(found / wanted - 1.0) > LARGEST_CHANGE:
+        raise SceneError(
+            f"soil.bed.solid_fraction: {wanted:g} given; under soil.law the bed rests at {found:.3f}, "
+            f"allowed is a change by {LARGEST_CHANGE:.0%}: adhesion and weight press its contacts too far "
+            "together; use stiffer ones, or bed.kind 'dense_random'"
+        )
 
 
 def _below_depth_m(soil: Soil) -> float:

@@ -78,7 +78,8 @@ def refuse_narrow_period(bed: Bed, soil: Soil) -> None:
 
 
 def refuse_tool_at_seam(name: str, vertices_m: np.ndarray, bed: Bed, soil: Soil) -> None:
-    """A tool must stay off periodic sides: particles beyond the seam would not feel it.
+    """A tool must stay off periodic sides, or reach through both with one section: particles beyond the seam
+    would not feel it.
 
     It never moves in y, so what holds at the start holds during the run.
 
@@ -86,18 +87,32 @@ def refuse_tool_at_seam(name: str, vertices_m: np.ndarray, bed: Bed, soil: Soil)
         vertices_m: (v, 3) of the tool, y as in the world.
 
     Raises:
-        SceneError: it comes nearer to the seam than the reach of a particle.
+        SceneError: it ends nearer to the seam than the reach of a particle, or on one side beyond it.
     """
     if bed.period_m is None:
         return
     reach = tool_search_reach_m(soil)
     low, high = float(vertices_m[:, 1].min()), float(vertices_m[:, 1].max())
+    right, left = (vertices_m[side] for side in _beyond(vertices_m[:, 1], bed, reach))
+    if len(right) + len(left) == len(vertices_m) and _sections(right) == _sections(left):
+        return
     if low - reach < bed.lower_m[1] or high + reach > bed.upper_m[1]:
         raise SceneError(
             f"tools.{name}: is from y = {low:.4g} to {high:.4g} m; with soil.bin.sides periodic it must stay "
             f"between {bed.lower_m[1] + reach:.4g} and {bed.upper_m[1] - reach:.4g} m, off the seam "
-            "by the reach of a particle with the skin of its search; widen soil.bin.width_m or use walls"
+            "by the reach of a particle with the skin of its search, or reach "
+            "through both sides by that with one section; widen soil.bin.width_m, use walls, or make the tool longer"
         )
+
+
+def _beyond(y_m: np.ndarray, bed: Bed, reach_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """(v,) bool each: which places are beyond the right and the left side by a reach."""
+    return y_m <= bed.lower_m[1] - reach_m, y_m >= bed.upper_m[1] + reach_m
+
+
+def _sections(vertices_m: np.ndarray) -> set[tuple[float, float]]:
+    """x and z of the corners at one end of a prism, to 1 um."""
+    return set(map(tuple, np.round(vertices_m[:, [0, 2]], 6).tolist()))
 
 
 def tool_search_reach_m(soil: Soil) -> float:

@@ -11,7 +11,8 @@ class Bin(StrictModel):
     """Open box: x in [0, length], y in [-width/2, width/2]; particles only, tools may cross it.
 
     z = 0 is the mean top of the prepared bed; the floor follows from the bed. Periodic sides: what leaves at
-    y = width/2 comes in at -width/2, as if the bin were a slice of an endless one; tools keep off them.
+    y = width/2 comes in at -width/2, as if the bin were a slice of an endless one; tools keep off them, or go
+    through both.
     """
 
     length_m: Positive

@@ -177,9 +177,10 @@ def test_a_period_below_three_cells_is_refused(soil):
         SoilEngine(periodic(soil, bin=box))
 
 
-@pytest.mark.parametrize(("width_m", "fits"), [(0.06, True), (0.08, False)])
+@pytest.mark.parametrize(("width_m", "fits"), [(0.06, True), (0.08, False), (0.14, False), (0.145, True)])
 def test_a_tool_keeps_off_the_seam(soil, one, at, capsys, tmp_path, width_m, fits):
-    """12 mm of reach and 6 mm of skin on both sides of 108 mm leave 72 mm. Check and run say so, too."""
+    """12 mm of reach and 6 mm of skin on both sides of 108 mm leave 72 mm, and from 144 mm on a prism reaches
+    through both. Check and run say so, too."""
     mesh = soil.box(0.03, width_m, 0.03)
     scene = soil.scene(soil=periodic(soil).document["soil"], tools=one(mesh))
     engine = SoilEngine(scene)
@@ -192,3 +193,28 @@ def test_a_tool_keeps_off_the_seam(soil, one, at, capsys, tmp_path, width_m, fit
     assert main(["run", str(scene.path), "--out", str(tmp_path / "out"), "--mode", "direct"]) == 2
     assert "widen soil.bin.width_m" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_a_prism_through_both_sides_meets_the_same_soil_wherever_the_seam_is(soil, one, at):
+    """A plate through a slice of an endless bed, and the bed a third of a period further: the same wrench but
+    for rounding; twice as large in a bed of two periods."""
+    mesh = soil.box(0.02, 0.3, 0.1)
+
+    def wrench(shift, periods=1):
+        box = {"length_m": 0.12, "width_m": periods * WIDTH, "depth_m": 0.1, "sides": "periodic"}
+        scene = soil.scene(soil={**periodic(soil).document["soil"], "bin": box}, tools=one(mesh))
+        engine = SoilEngine(scene)
+        place, velocity = cluster()
+        place = np.concatenate([place + np.array((0.0, WIDTH * k, 0.0)) for k in range(periods)])
+        low, period = engine.bed.lower_m[1], engine.bed.period_m
+        place[:, 1] = low + (place[:, 1] + shift - low) % period
+        engine.place(place, np.tile(velocity, (periods, 1)))
+        engine.start(at(0.02, -0.05))
+        for tick in range(40):
+            (felt,) = engine.advance(tick, at(0.02 + 2.5e-5 * (tick + 1), -0.05, vx=0.5))
+        return np.array([felt.force_x_newton, felt.force_z_newton, felt.torque_y_newton_m])
+
+    here = wrench(0.0)
+    assert np.abs(here[0]) > 1.0
+    assert_allclose(wrench(WIDTH / 3.0), here, rtol=1e-6)
+    assert_allclose(wrench(0.0, periods=2), 2.0 * here, rtol=1e-6)

@@ -100,8 +100,8 @@ def refuse_tool_at_seam(name: str, vertices_m: np.ndarray, bed: Bed, soil: Soil)
         raise SceneError(
             f"tools.{name}: is from y = {low:.4g} to {high:.4g} m; with soil.bin.sides periodic it must stay "
             f"between {bed.lower_m[1] + reach:.4g} and {bed.upper_m[1] - reach:.4g} m, off the seam "
-            "by the reach of a particle with the skin of its search, or go through both sides by that, with one "
-            "section; widen soil.bin.width_m, use walls, or make the tool longer"
+            "by the reach of a particle with the skin of its search, or go through both sides by that, with "
+            "one section; widen soil.bin.width_m, use walls, or make the tool longer"
         )
 
 

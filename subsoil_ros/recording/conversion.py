@@ -73,9 +73,8 @@ def _plain_names(kind: type) -> tuple[str, ...]:
     return tuple(item.name for item in fields(kind) if item.name not in apart)
 
 
-_PLAIN: dict[type, tuple[str, ...]] = {
-    kind: _plain_names(kind) for kind in (*_TOP_LEVEL, BodyState, JointReaction, ForceState)
-}
+_PLAIN_PARTS = (BodyState, JointReaction, ForceState)
+_PLAIN: dict[type, tuple[str, ...]] = {kind: _plain_names(kind) for kind in (*_TOP_LEVEL, *_PLAIN_PARTS)}
 _STAMPED_BY_TICK = (Grant, DriverCommand, TickAck, NodeStatus)
 
 
@@ -194,9 +193,7 @@ def _plain_to_message(kind: type) -> Callable[[Types, Any], Any]:
 _PART_TO_MESSAGE: dict[type, Callable[[Types, Any], Any]] = {
     ToolMotion: _motion_to_message,
     ToolWrench: _wrench_to_message,
-    BodyState: _plain_to_message(BodyState),
-    JointReaction: _plain_to_message(JointReaction),
-    ForceState: _plain_to_message(ForceState),
+    **{kind: _plain_to_message(kind) for kind in _PLAIN_PARTS},
 }
 
 
@@ -286,9 +283,7 @@ def _plain_from_message(kind: type) -> Callable[[Any], Any]:
 _PART_FROM_MESSAGE: dict[type, Callable[[Any], Any]] = {
     ToolMotion: _motion_from_message,
     ToolWrench: _wrench_from_message,
-    BodyState: _plain_from_message(BodyState),
-    JointReaction: _plain_from_message(JointReaction),
-    ForceState: _plain_from_message(ForceState),
+    **{kind: _plain_from_message(kind) for kind in _PLAIN_PARTS},
 }
 
 

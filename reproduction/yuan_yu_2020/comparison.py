@@ -5,6 +5,7 @@ extremes stand beside. A row agrees if ours is within 25 % of the printed value 
 has a sign or a zero that the paper leaves open is given under both readings, and judged by neither.
 """
 
+import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from subsoil_ros.analysis.disturbance import ZONE_M
+from subsoil_ros.analysis.disturbance import ZONE_M, SpeedZones
 from subsoil_ros.analysis.run_statistics import MOVING_S, RunStatistics, compared_columns
 from subsoil_ros.analysis.series import Series
 from subsoil_ros.analysis.smoothing import moving_mean
@@ -261,6 +262,18 @@ def _disturbance_rows(statistics: RunStatistics) -> Iterator[Row]:
         )  # fmt: skip
 
     steps = f"m/s in steps of {ZONE_M:g} m"
-    yield row("most at the tip, then at the blade", speeds.most_at_tip, (speeds.tip, speeds.blade), "m/s")
-    yield row("decreases ahead", speeds.decreases_ahead, speeds.ahead, steps)
-    yield row("decreases sideways", speeds.decreases_aside, speeds.aside, steps)
+    yield row("most at the tip, then at the blade", most_at_tip(speeds), (speeds.tip, speeds.blade), "m/s")
+    yield row("decreases ahead", falls(speeds.ahead), speeds.ahead, steps)
+    yield row("decreases sideways", falls(speeds.aside), speeds.aside, steps)
+
+
+def most_at_tip(speeds: SpeedZones) -> bool:
+    """Fastest at the tip, then at the blade, then elsewhere: the paper's order."""
+    others = [value for value in (*speeds.ahead[1:], *speeds.aside[1:]) if math.isfinite(value)]
+    return bool(speeds.tip > speeds.blade > max(others, default=0.0))
+
+
+def falls(speeds: tuple[float, ...]) -> bool:
+    """Whether speeds decrease from zone to zone, those left out where no particle was."""
+    known = [value for value in speeds if math.isfinite(value)]
+    return len(known) > 1 and all(b < a for a, b in itertools.pairwise(known))

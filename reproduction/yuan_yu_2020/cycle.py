@@ -23,7 +23,7 @@ from scipy.spatial import cKDTree
 
 from benchmarks.run_cache import write_rows
 from subsoil_ros.analysis.failure_cycles import SMOOTHED_S
-from subsoil_ros.analysis.intervals import paired_difference, t_quantile
+from subsoil_ros.analysis.intervals import t_quantile
 from subsoil_ros.analysis.run_statistics import MOVING_S
 from subsoil_ros.analysis.window import tip_path_m
 from subsoil_ros.recording.joined import open_record
@@ -32,6 +32,7 @@ from . import RESULTS
 from .cycle_frequency import frequency_rows
 from .cycle_record import ANGLE, QUANTILES, SPRING, Run, Values, quantile_range
 from .cycle_runs import cases, find_case
+from .paired import paired_difference
 
 THRESHOLDS = (0.5, 1.0, 1.5)
 """Prominence of a failure in standard deviations."""

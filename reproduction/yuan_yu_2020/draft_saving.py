@@ -24,11 +24,11 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.run_cache import Summary, kept_run, write_scene
-from subsoil_ros.analysis.intervals import PairedDifference, paired_difference
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 
 from . import SCENES
 from .machine_variants import locked_shank, shank_and_frame
+from .paired import PairedDifference, paired_difference
 
 BOUND = 0.02
 """Half-width that counts as resolved, part of the control's mean draft."""

@@ -7,7 +7,6 @@ more than a radius. The loosened cross-section is the moved part of the slab tim
 the surface is that of the columns of the uppermost layer of which half or more moved.
 """
 
-import itertools
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -53,22 +52,6 @@ class SpeedZones:
     blade: float  # over the tip, about the edge of the blade
     ahead: tuple[float, ...]  # k-th: k to k + 1 times ZONE_M ahead of the tip
     aside: tuple[float, ...]  # beside the tip, both sides
-
-    @property
-    def most_at_tip(self) -> bool:
-        """Fastest at the tip, then at the blade, then elsewhere (the paper's order)."""
-        others = [value for value in (*self.ahead[1:], *self.aside[1:]) if np.isfinite(value)]
-        return bool(self.tip > self.blade > max(others, default=0.0))
-
-    @property
-    def decreases_ahead(self) -> bool:
-        """From zone to zone."""
-        return _falls(self.ahead)
-
-    @property
-    def decreases_aside(self) -> bool:
-        """From zone to zone."""
-        return _falls(self.aside)
 
 
 @dataclass(frozen=True)
@@ -248,11 +231,6 @@ def _period_m(soil: Soil, first_m: Values) -> float | None:
 
 def _positions(cloud: SoilCloud) -> Values:
     return np.asarray(cloud.positions_m, np.float64)
-
-
-def _falls(speeds: tuple[float, ...]) -> bool:
-    known = [value for value in speeds if np.isfinite(value)]
-    return len(known) > 1 and all(b < a for a, b in itertools.pairwise(known))
 
 
 def _rear_m(resolved: ResolvedScene, motions: ToolMotions) -> float:

@@ -7,7 +7,6 @@ All from the columns of the series. Vertical forces are upward positive: over a 
 Power is what the soil takes of each tool, -(F v + M w), and what the draft's driver gives.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,23 +24,10 @@ from .window import Window, tip_path_m
 Values = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Loads:
-    """Metrics as summary.json holds them, units in the names, and the columns (n,) over the window that
-    made them, by GROUP.NAME.
-    """
-
-    metrics: dict[str, Any]
-    columns: dict[str, Values]
-
-
-def loads_of(series: Series, resolved: ResolvedScene, window: Window) -> Loads:
-    """Of a run's window; what the scene does not have is absent."""
+def loads_of(series: Series, resolved: ResolvedScene, window: Window) -> dict[str, Any]:
+    """Of a run's window, as summary.json holds them, units in the names; what the scene lacks is absent."""
     scene, rows = resolved.scene, window.rows
     groups = {"vertical": _vertical(series, scene), "power": _power(series, scene)}
-    columns = {
-        f"{group}.{name}": values[rows] for group, found in groups.items() for name, values in found.items()
-    }
     metrics: dict[str, Any] = {
         group: {name: _statistics(values[rows]) for name, values in found.items()}
         for group, found in groups.items()
@@ -54,7 +40,7 @@ def loads_of(series: Series, resolved: ResolvedScene, window: Window) -> Loads:
     if path is not None and scene.soil is not None:
         metrics["tip_depth_m"] = _statistics(-path[1][rows])
     metrics["specific"] = _specific(series, resolved, window)
-    return Loads(metrics, columns)
+    return metrics
 
 
 def _statistics(values: Values) -> dict[str, float]:

@@ -12,7 +12,7 @@ from .dead_centre import past_dead_centre_s
 from .disturbance import Disturbance, read_disturbance
 from .failure_cycles import SMOOTHED_S, FailureCycles, failure_cycles
 from .fatigue import LoadCycles, load_cycles
-from .loads import Loads, loads_of
+from .loads import loads_of
 from .series import Series
 from .smoothing import moving_mean, step_s
 from .spectra import Spectrum, spectrum
@@ -31,7 +31,7 @@ the prototypes, whose 10 ms peaks the first results give)."""
 class RunStatistics:
     """Of the metrics window of one run; quantities by the names of their columns."""
 
-    loads: Loads
+    loads: dict[str, Any]
     stationarity: dict[str, Stationarity]
     spectra: dict[str, Spectrum]
     cycles: LoadCycles | None
@@ -59,7 +59,7 @@ class RunStatistics:
 
     def metrics(self) -> dict[str, Any]:
         """Groups of the whole run, as summary.json holds them; what the run does not have is absent."""
-        loads = dict(self.loads.metrics)
+        loads = dict(self.loads)
         if self.past_dead_centre_s is not None:
             loads["past_dead_centre_s"] = self.past_dead_centre_s
         if self.cycles is not None:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..errors import InputError, RecordingError
 from ..limits.stable_steps import derive_timing
 from ..messages import (
+    BodyState,
     CouplingReport,
     MechanismState,
     SoilState,
@@ -29,18 +30,8 @@ Number = int | float
 _BLOCK_ROWS = 1000
 Cells = Iterator[tuple[str, Number]]
 
-_BODY_COLUMNS = {
-    "x_m": "x_m",
-    "z_m": "z_m",
-    "angle_rad": "angle_rad",
-    "velocity_x_m_per_s": "velocity_x_m_per_s",
-    "velocity_z_m_per_s": "velocity_z_m_per_s",
-    "angular_velocity_rad_per_s": "angular_velocity_rad_per_s",
-    "acceleration_x_m_per_s2": "acceleration_x_m_per_s2",
-    "acceleration_z_m_per_s2": "acceleration_z_m_per_s2",
-    "angular_acceleration_rad_per_s2": "angular_acceleration_rad_per_s2",
-}
-_TOOL_MOTION_COLUMNS = {key: name for key, name in _BODY_COLUMNS.items() if "acceleration" not in key}
+_BODY_COLUMNS = tuple(item.name for item in fields(BodyState) if item.name != "name")
+_TOOL_MOTION_COLUMNS = tuple(name for name in _BODY_COLUMNS if "acceleration" not in name)
 _JOINT_COLUMNS = ("force_x_newton", "force_z_newton", "moment_newton_m")
 _GROUP_COLUMNS = ("force_x_newton", "force_y_newton", "force_z_newton")
 _WRENCH_COLUMNS = tuple(
@@ -237,7 +228,7 @@ def _mechanism(scene: Scene, state: MechanismState) -> Cells:
         values = (force.load, force.coordinate, force.rate)
         yield from zip(_force_columns(scene, force.name), values, strict=True)
     for body in state.bodies:
-        yield from ((f"body.{body.name}.{name}", getattr(body, key)) for key, name in _BODY_COLUMNS.items())
+        yield from ((f"body.{body.name}.{name}", getattr(body, name)) for name in _BODY_COLUMNS)
     for joint in state.joints:
         yield from ((f"joint.{joint.name}.{name}", getattr(joint, name)) for name in _JOINT_COLUMNS)
     yield from ((f"mechanism.{name}", getattr(state, name)) for name in _MECHANISM_COLUMNS)
@@ -266,7 +257,7 @@ def _tools(motions: ToolMotions, wrenches: ToolWrenches | None) -> Cells:
     answers = wrenches.tools if wrenches is not None else ()
     for motion, wrench in zip(motions.tools, answers, strict=True):
         prefix = f"tool.{motion.tool}"
-        yield from ((f"{prefix}.{name}", getattr(motion, key)) for key, name in _TOOL_MOTION_COLUMNS.items())
+        yield from ((f"{prefix}.{name}", getattr(motion, name)) for name in _TOOL_MOTION_COLUMNS)
         yield from ((f"{prefix}.{name}", getattr(wrench, name)) for name in _WRENCH_COLUMNS)
         for group in wrench.groups:
             yield from ((f"{prefix}.{group.group}.{name}", getattr(group, name)) for name in _GROUP_COLUMNS)

@@ -9,7 +9,6 @@ import sys
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.table import Table
 
 if TYPE_CHECKING:
     from ..mbd.benchmark import ChainCost
@@ -52,6 +51,7 @@ def _mechanism(args: argparse.Namespace) -> int:
     from ..mbd.benchmark import chain_costs, machine_cost
     from ..mbd.exudyn_peer import exudyn_cost
     from ._shared.progress import working
+    from ._shared.tables import table
 
     with working("measuring the machine"):
         peer = exudyn_cost()  # right before and right after: the same load on the machine
@@ -71,13 +71,11 @@ def _mechanism(args: argparse.Namespace) -> int:
         print(json.dumps(result))
         return 0
     console = Console(width=None if sys.stdout.isatty() else 120)
-    table = Table(title="7-body machine, CPU us per step", title_justify="left", box=None, show_header=False)
-    table.add_row("Adams-Moulton PECE, order 4", f"{ours:.2f}")
-    table.add_row("Exudyn, generalized-alpha", "not installed" if peer is None else f"{peer:.2f}")
-    console.print(table)
-    curve = Table(title="chain of rods, CPU us per step", title_justify="left", box=None)
-    for heading in ("bodies", "us"):
-        curve.add_column(heading, justify="right")
+    machine = table("7-body machine, CPU us per step")
+    machine.add_row("Adams-Moulton PECE, order 4", f"{ours:.2f}")
+    machine.add_row("Exudyn, generalized-alpha", "not installed" if peer is None else f"{peer:.2f}")
+    console.print(machine)
+    curve = table("chain of rods, CPU us per step", ("bodies", "us"), words=0)
     for cost in chain:
         curve.add_row(str(cost.bodies), f"{cost.us_per_step:.1f}")
     console.print(curve)

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.table import Table
 
 from ..errors import InputError
+from ._shared.tables import table
 
 if TYPE_CHECKING:
     from ..experiments.calibration.law import LawFit
@@ -99,9 +99,7 @@ def _print(fit: WedgeFit, out: Path) -> None:
     from ..experiments.calibration.wedge import FITTED
 
     console = Console(width=None if sys.stdout.isatty() else 140)
-    table = Table(title="fitted values", title_justify="left", title_style="bold", box=None)
-    for heading in ("value", "", "95 % confidence"):
-        table.add_column(heading, justify="left")
+    fitted = table("fitted values", ("value", "", "95 % confidence"), words=3)
     values = fit.soil.values
     shown = values.model_dump()
     shown["friction_part"] = math.tan(values.tool_friction_angle_rad) / math.tan(values.friction_angle_rad)
@@ -109,10 +107,10 @@ def _print(fit: WedgeFit, out: Path) -> None:
     for name in FITTED:
         error = fit.soil.errors.get(name)
         confidence = "at its bound" if error is None else f"+- {1.96 * error:.2g}"
-        table.add_row(name, f"{shown[name]:.4g}", confidence)
+        fitted.add_row(name, f"{shown[name]:.4g}", confidence)
     for name in ("drop", "variation", "period_m" if values.period_m else "period_factor"):
-        table.add_row(name, f"{shown[name]:.4g}", "by matching the fluctuation")
-    console.print(table)
+        fitted.add_row(name, f"{shown[name]:.4g}", "by matching the fluctuation")
+    console.print(fitted)
     names = fit.names
     for i, one in enumerate(names):
         for j in range(i):
@@ -121,9 +119,8 @@ def _print(fit: WedgeFit, out: Path) -> None:
                     f"{one} and {names[j]} are hardly told apart by these runs (correlation "
                     f"{fit.correlation[i, j]:.2f})"
                 )
-    points = Table(title="particles and wedge model", title_justify="left", title_style="bold", box=None)
-    for heading in ("point", "draft N", "", "deviation N", "", "period mm", "", "scatter of runs %"):
-        points.add_column(heading, justify="left" if heading == "point" else "right")
+    headings = ("point", "draft N", "", "deviation N", "", "period mm", "", "scatter of runs %")
+    points = table("particles and wedge model", headings)
     for item in fit.compared:
         cells = []
         for (first, second), scale in (
@@ -148,15 +145,11 @@ def _print(fit: WedgeFit, out: Path) -> None:
 
 def _print_law(fit: LawFit, out: Path) -> None:
     console = Console(width=None if sys.stdout.isatty() else 140)
-    table = Table(title="fitted values", title_justify="left", title_style="bold", box=None)
-    for heading in ("key", "value", "95 % confidence"):
-        table.add_column(heading, justify="left")
+    fitted = table("fitted values", ("key", "value", "95 % confidence"), words=3)
     for key, value, error in zip(fit.keys, fit.values.tolist(), fit.errors.tolist(), strict=True):
-        table.add_row(key, f"{value:.4g}", "unknown" if math.isnan(error) else f"+- {1.96 * error:.2g}")
-    console.print(table)
-    results = Table(title="tests", title_justify="left", title_style="bold", box=None)
-    for heading in ("result", "wanted", "found", "off"):
-        results.add_column(heading, justify="left" if heading == "result" else "right")
+        fitted.add_row(key, f"{value:.4g}", "unknown" if math.isnan(error) else f"+- {1.96 * error:.2g}")
+    console.print(fitted)
+    results = table("tests", ("result", "wanted", "found", "off"))
     for name, wanted, found in zip(fit.names, fit.wanted.tolist(), fit.found.tolist(), strict=True):
         results.add_row(name, f"{wanted:.4g}", f"{found:.4g}", f"{100.0 * (found / wanted - 1.0):+.1f} %")
     console.print(results)

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ._shared.arguments import add_overrides
+from ._shared.tables import table
 
 if TYPE_CHECKING:
     from ..api.check import CheckResult
@@ -51,25 +52,25 @@ def run(args: argparse.Namespace) -> int:
     found = check(resolved)
     scene, soil = resolved.scene, resolved.scene.particle_soil
     console = Console(width=None if sys.stdout.isatty() else 140)
-    console.print(_table(scene.name, _general(resolved)))
+    console.print(_facts(scene.name, _general(resolved)))
     if soil is not None:
-        console.print(_table("soil", particle_rows(resolved, soil, found.particles)))
+        console.print(_facts("soil", particle_rows(resolved, soil, found.particles)))
         console.print(_limits(found))
         if found.at_work:
             rows = ((number.name, number.text) for number in found.at_work)
             console.print(_table("soil at work", rows))
     if scene.wedge_soil is not None:
-        console.print(_table("soil, wedge model", wedge_rows(resolved, scene.wedge_soil)))
+        console.print(_facts("soil, wedge model", wedge_rows(resolved, scene.wedge_soil)))
     for note in found.notes:
         console.print(note)
     if scene.mechanism and found.mechanism:
-        console.print(_table("mechanism", _mechanism(scene.mechanism, found.mechanism)))
+        console.print(_facts("mechanism", _mechanism(scene.mechanism, found.mechanism)))
         if found.mechanism.rest is not None:
-            for table in _at_rest(found.mechanism.rest, resolved.timing):
-                console.print(table)
+            for part in _at_rest(found.mechanism.rest, resolved.timing):
+                console.print(part)
     if found.coupling:
         console.print(_coupling(found))
-    console.print(_table("cost", _cost(found)))
+    console.print(_facts("cost", _cost(found)))
     for line in accuracy_lines(resolved, args.overrides):
         console.print(line)
     if args.bed or args.bed_out:
@@ -81,13 +82,13 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _table(title: str, rows: Iterable[tuple[str, str]]) -> Table:
-    table = Table(title=title, title_justify="left", title_style="bold", show_header=False, box=None)
-    table.add_column(style="dim")
-    table.add_column(overflow="fold")
+def _facts(title: str, rows: Iterable[tuple[str, str]]) -> Table:
+    facts = table(title)
+    facts.add_column(style="dim")
+    facts.add_column(overflow="fold")
     for row in rows:
-        table.add_row(*row)
-    return table
+        facts.add_row(*row)
+    return facts
 
 
 def _general(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
@@ -140,13 +141,11 @@ def _general(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
 
 def _limits(found: CheckResult) -> Table:
     """Every limit on the soil step; the smallest binds."""
-    table = Table(title="soil step", title_justify="left", title_style="bold", box=None)
-    for heading in ("limit", "cause", ""):
-        table.add_column(heading, justify="left")
+    limits = table("soil step", ("limit", "cause", ""), words=3)
     for index, limit in enumerate(found.limits):
         binding = f"binds: used {found.scene.timing.soil_step_s * 1e6:.4g} us" if index == 0 else ""
-        table.add_row(f"{limit.limit_s * 1e6:.4g} us", limit.cause, binding)
-    return table
+        limits.add_row(f"{limit.limit_s * 1e6:.4g} us", limit.cause, binding)
+    return limits
 
 
 def _mechanism(mechanism: Mechanism, found: Survey) -> Iterable[tuple[str, str]]:
@@ -162,30 +161,23 @@ def _mechanism(mechanism: Mechanism, found: Survey) -> Iterable[tuple[str, str]]
         yield "static equilibrium", f"none: {found.no_rest}"
 
 
-def _columns(title: str, headings: Iterable[str]) -> Table:
-    table = Table(title=title, title_justify="left", title_style="bold", box=None)
-    for index, heading in enumerate(headings):
-        table.add_column(heading, justify="right" if index else "left")
-    return table
-
-
 def _at_rest(rest: Rest, timing: Timing) -> Iterable[Table]:
     """Pose, joint forces and forces of static equilibrium; modes about it, and steps in their periods."""
-    poses = _columns("static equilibrium (drivers held, loads left out)", ("body", "x m", "z m", "angle rad"))
+    poses = table("static equilibrium (drivers held, loads left out)", ("body", "x m", "z m", "angle rad"))
     for body in rest.bodies:
         poses.add_row(body.name, f"{body.x_m:.4f}", f"{body.z_m:.4f}", f"{body.angle_rad:.5f}")
     yield poses
-    reactions = _columns("", ("joint, on its second body", "force x N", "force z N", "moment N m", ""))
+    reactions = table("", ("joint, on its second body", "force x N", "force z N", "moment N m", ""))
     for joint in rest.joints:
         parts = (joint.force_x_newton, joint.force_z_newton, joint.moment_newton_m)
         reactions.add_row(joint.name, *map(_number, parts), "" if joint.unique else "not unique")
     yield reactions
-    forces = _columns("", ("force", "length m or angle rad", "force N or moment N m"))
+    forces = table("", ("force", "length m or angle rad", "force N or moment N m"))
     for force in rest.forces:
         forces.add_row(force.name, f"{force.coordinate:.5f}", _number(force.load))
     yield forces
     headings = ("frequency Hz", "damping ratio", "steps a period", "what moves")
-    modes = _columns("modes about static equilibrium", headings)
+    modes = table("modes about static equilibrium", headings)
     modes.columns[3].justify = "left"
     step_s = timing.communication_step_s / timing.mechanism_steps
     for mode in rest.modes:
@@ -207,17 +199,16 @@ def _number(value: float) -> str:
 
 def _coupling(found: CheckResult) -> Table:
     title = f"coupling, interval {found.scene.timing.communication_step_ns * 1e-3:g} us"
-    table = Table(title=title, title_justify="left", title_style="bold", box=None)
-    for heading in ("tool", "damper outweighs the held force up to", "stable up to", "estimated from"):
-        table.add_column(heading, justify="left")
+    headings = ("tool", "damper outweighs the held force up to", "stable up to", "estimated from")
+    bounds = table(title, headings, words=4)
     for bound in found.coupling:
-        table.add_row(
+        bounds.add_row(
             bound.tool,
             f"{bound.undamped_s * 1e6:.4g} us",
             f"{bound.unstable_s * 1e6:.4g} us",
             f"effective mass {bound.effective_mass_kg:.3g} kg, {bound.contact_count:.0f} contacts",
         )
-    return table
+    return bounds
 
 
 def _cost(found: CheckResult) -> Iterable[tuple[str, str]]:

@@ -154,23 +154,14 @@ def _new_folder(out: str | None) -> Iterator[Path]:
 
 def _print(resolved: ResolvedScene, tests: SoilTests, out: str | None) -> None:
     from rich.console import Console
-    from rich.table import Table
 
     from ..experiments.soil_tests.strength import SoilStrength, shear_rows
+    from ._shared.tables import table
 
     console = Console()
     strength = SoilStrength.of(tests)
-    rows = Table(title="direct shear", title_justify="left", title_style="bold", box=None)
-    for heading in (
-        "normal kPa",
-        "peak kPa",
-        "at",
-        "residual kPa",
-        "normal held to",
-        "speed m/s",
-        "imbalance",
-    ):
-        rows.add_column(heading, justify="right")
+    headings = ("normal kPa", "peak kPa", "at", "residual kPa", "normal held to", "speed m/s", "imbalance")
+    rows = table("direct shear", headings, words=0)
     for row in shear_rows(tests):
         rows.add_row(
             f"{1e-3 * row['nominal_normal_pa']:g}",
@@ -182,25 +173,23 @@ def _print(resolved: ResolvedScene, tests: SoilTests, out: str | None) -> None:
             f"{100.0 * row['force_imbalance']:.2g} %",
         )
     console.print(rows)
-    table = Table(
-        title=resolved.scene.name, title_justify="left", title_style="bold", box=None, show_header=False
-    )
-    table.add_row("particles", f"{strength.particle_count:,}")
-    table.add_row(
+    found = table(resolved.scene.name)
+    found.add_row("particles", f"{strength.particle_count:,}")
+    found.add_row(
         "density", f"{strength.density_kg_per_m3:.4g} kg/m3, coordination {strength.coordination:.3g}"
     )
-    table.add_row("peak", _fit(strength.peak))
-    table.add_row("residual", _fit(strength.residual))
+    found.add_row("peak", _fit(strength.peak))
+    found.add_row("residual", _fit(strength.residual))
     if strength.tensile_strength_pa is not None:
-        table.add_row(
+        found.add_row(
             "tensile strength",
             f"{1e-3 * strength.tensile_strength_pa:.3g} kPa, broken at {strength.break_height:.2f} of the "
             f"height (Rumpf: {1e-3 * strength.rumpf_strength_pa:.3g} kPa)",
         )
-    table.add_row("settlement modulus", f"{1e-3 * strength.settlement_modulus_pa:.4g} kPa in the box")
+    found.add_row("settlement modulus", f"{1e-3 * strength.settlement_modulus_pa:.4g} kPa in the box")
     if out is not None:
-        table.add_row("written to", out)
-    console.print(table)
+        found.add_row("written to", out)
+    console.print(found)
 
 
 def _fit(fit: CoulombFit) -> str:

@@ -66,17 +66,15 @@ def run(args: argparse.Namespace) -> int:
 
 def _list(args: argparse.Namespace, design: "StudyDesign", console: Console) -> None:
     """Every preset with its particles and steps."""
-    from rich.table import Table
-
     from ..api.check import start_count
     from ..experiments.study.study import study_jobs
+    from ._shared.tables import table
 
-    table = Table(title=f"{len(design.seeds)} seeds each", title_justify="left", box=None)
-    for heading in ("preset", "particles", "soil steps", "particle-steps"):
-        table.add_column(heading, justify="left" if heading == "preset" else "right")
+    headings = ("preset", "particles", "soil steps", "particle-steps")
+    sizes = table(f"{len(design.seeds)} seeds each", headings)
     one_seed = design.model_copy(update={"seeds": design.seeds[:1]})
     for job in study_jobs(args.scene, args.overrides, one_seed):
         timing = job.scene.timing
         count, steps = start_count(job.scene), timing.soil_steps * timing.tick_count
-        table.add_row(job.point.name, f"{count:,}", f"{steps:,}", f"{count * steps:.2g}")
-    console.print(table)
+        sizes.add_row(job.point.name, f"{count:,}", f"{steps:,}", f"{count * steps:.2g}")
+    console.print(sizes)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..analysis.poses import posed_vertices_m
+from ..analysis.poses import posed_vertices_m, reference_angle
 from ..loading.loader import ResolvedScene
 from ..messages import BodyState
 from ..scene.mechanism import GROUND, Driver, Mechanism, SpringDamper, WheelContact
@@ -33,7 +33,7 @@ class Shapes:
 
     def __init__(self, resolved: ResolvedScene) -> None:
         """Loads the meshes of all tools."""
-        self._scene = resolved.scene
+        self._resolved, self._scene = resolved, resolved.scene
         self._meshes: dict[str, ToolMesh] = {
             name: load_tool_mesh(resolved.directory, resolved.scene, name) for name in resolved.scene.tools
         }
@@ -41,12 +41,9 @@ class Shapes:
 
     def surfaces(self, frame: Frame) -> list[Surface]:
         """Every tool at its pose."""
-        bodies = self._scene.mechanism.bodies if self._scene.mechanism else {}
         found = []
         for motion in frame.tools:
-            body = self._scene.tools[motion.tool].body
-            reference = bodies[body].angle_rad if body is not None else 0.0
-            mesh = self._meshes[motion.tool]
+            mesh, reference = self._meshes[motion.tool], reference_angle(self._resolved, motion.tool)
             found.append(Surface(motion.tool, posed_vertices_m(mesh, motion, reference), mesh.facets))
         return found
 

@@ -41,7 +41,7 @@ from .topics import (
     recorded_topics,
     wrench_topic,
 )
-from .types import deserialize, message_class, schema_text, serialize, type_hash
+from .types import deserialize, schema_text, serialize, type_hash
 
 _RANK = {topic: rank for rank, topic in enumerate(RECORD_OF)}
 _NEEDED_FOR_VISUALIZATION = {TOPIC_OF[kind] for kind in (ToolMotions, ToolWrenches, MechanismState)}
@@ -116,7 +116,7 @@ class BagWriter:
             RecordingError: there is no message for it, or the disk refuses.
             ProtocolError: its tick is over.
         """
-        message = to_message(message_class, record, self._communication_step_ns)
+        message = to_message(record, self._communication_step_ns)
         topic = TOPIC_OF[type(record)]
         kept = record if topic in _NEEDED_FOR_VISUALIZATION or topic == _CLOUD else None
         self._hold(record.tick, _Held(_RANK[topic], topic, serialize(message), kept))
@@ -182,7 +182,7 @@ class BagWriter:
         self._write_height_map(time_ns, held)
         if (tick + 1) % self._series_ticks == 0 or tick == self._last_tick:
             self._write_for_people(time_ns, held)
-        self._emit_message(CLOCK, time_ns, clock(message_class, time_ns))
+        self._emit_message(CLOCK, time_ns, clock(time_ns))
 
     def _write_height_map(self, time_ns: int, held: list[_Held]) -> None:
         soil = self._scene.particle_soil
@@ -191,7 +191,7 @@ class BagWriter:
                 cloud = item.record or cloud_from_message(
                     deserialize(item.data, self._types[_CLOUD]), self._communication_step_ns
                 )
-                self._emit_message(HEIGHT_MAP, time_ns, height_map(message_class, cloud, soil))
+                self._emit_message(HEIGHT_MAP, time_ns, height_map(cloud, soil))
 
     def _write_for_people(self, time_ns: int, held: list[_Held]) -> None:
         records = {
@@ -206,14 +206,14 @@ class BagWriter:
         state: MechanismState | None = records.get(MechanismState)
         motion_of = {motion.tool: motion for motion in motions.tools} if motions else {}
         for tool, motion in motion_of.items():
-            self._emit_message(pose_topic(tool), time_ns, pose_stamped(message_class, motion, time_ns))
+            self._emit_message(pose_topic(tool), time_ns, pose_stamped(motion, time_ns))
         for wrench in wrenches.tools if wrenches else ():
             if wrench.tool in motion_of:
                 frame = body_frame(self._scene, wrench.tool)
-                message = wrench_stamped(message_class, wrench, motion_of[wrench.tool], frame, time_ns)
+                message = wrench_stamped(wrench, motion_of[wrench.tool], frame, time_ns)
                 self._emit_message(wrench_topic(wrench.tool), time_ns, message)
         if state is not None or motion_of:
-            message = transforms(message_class, self._scene, state, motions, time_ns)
+            message = transforms(self._scene, state, motions, time_ns)
             self._emit_message(TRANSFORMS, time_ns, message)
 
     def _emit_message(self, topic: str, time_ns: int, message: Any) -> None:
@@ -272,6 +272,6 @@ def open_bag(directory: Path, resolved: ResolvedScene, live_port: int = 0) -> Ba
         InputError: the folder exists or cannot be created, or the live view cannot serve.
         RecordingError: subsoil_msgs is not there.
     """
-    latched = latched_messages(message_class, resolved)
+    latched = latched_messages(resolved)
     bundle = pack(resolved, with_bed=False)
     return BagWriter(directory, resolved.scene, resolved.timing, latched, live_port, bundle)

@@ -1,17 +1,16 @@
-"""Records of subsoil_ros.messages to subsoil_msgs messages and back, for both message families.
+"""Records of subsoil_ros.messages to messages of rosbags' classes (recording/types.py) and back.
 
-`types(name)` gives the class of a message type: rosbags' generated dataclasses (recording/types.py) in
-direct mode, rclpy's classes in the nodes. Both take keyword arguments and have the same attributes, so
-one function serves both and the ways of running cannot differ. float64 values are only copied.
+Nodes publish the bytes of these messages too, so the ways of running cannot differ. float64 values are only
+copied.
 """
 
 import math
-from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import RecordingError
 from ..messages import (
@@ -35,15 +34,12 @@ from ..messages import (
     ToolWrenches,
 )
 from ..ticks import NANOSECONDS_PER_SECOND, tick_end_ns
-
-Types = Callable[[str], Any]
-"""From a message type name, "geometry_msgs/msg/Pose", to its class."""
+from .types import message_class
 
 PACKAGE = "subsoil_msgs/msg/"
 WORLD_FRAME = "world"
 POINT_FIELDS = ("x", "y", "z", "speed")
 _FLOAT32 = 7  # sensor_msgs/PointField.FLOAT32
-_POINT_BYTES = 4 * len(POINT_FIELDS)
 
 _PARTS: dict[type, dict[str, type]] = {
     ToolMotions: {"tools": ToolMotion},
@@ -73,9 +69,8 @@ def _plain_names(kind: type) -> tuple[str, ...]:
     return tuple(item.name for item in fields(kind) if item.name not in apart)
 
 
-_PLAIN: dict[type, tuple[str, ...]] = {
-    kind: _plain_names(kind) for kind in (*_TOP_LEVEL, BodyState, JointReaction, ForceState)
-}
+_PLAIN_PARTS = (BodyState, JointReaction, ForceState)
+_PLAIN: dict[type, tuple[str, ...]] = {kind: _plain_names(kind) for kind in (*_TOP_LEVEL, *_PLAIN_PARTS)}
 _STAMPED_BY_TICK = (Grant, DriverCommand, TickAck, NodeStatus)
 
 
@@ -91,15 +86,15 @@ def end_time_of(record: Any, communication_step_ns: int) -> int:
     return record.end_time_ns
 
 
-def header(types: Types, time_ns: int, frame: str = WORLD_FRAME) -> Any:
+def header(time_ns: int, frame: str = WORLD_FRAME) -> Any:
     """std_msgs/Header stamped with a simulated time [ns]."""
-    return types("std_msgs/msg/Header")(stamp=stamp(types, time_ns), frame_id=frame)
+    return message_class("std_msgs/msg/Header")(stamp=stamp(time_ns), frame_id=frame)
 
 
-def stamp(types: Types, time_ns: int) -> Any:
+def stamp(time_ns: int) -> Any:
     """builtin_interfaces/Time of a simulated time [ns]."""
     seconds, nanoseconds = divmod(time_ns, NANOSECONDS_PER_SECOND)
-    return types("builtin_interfaces/msg/Time")(sec=seconds, nanosec=nanoseconds)
+    return message_class("builtin_interfaces/msg/Time")(sec=seconds, nanosec=nanoseconds)
 
 
 def time_ns_of(message_stamp: Any) -> int:
@@ -107,26 +102,26 @@ def time_ns_of(message_stamp: Any) -> int:
     return message_stamp.sec * NANOSECONDS_PER_SECOND + message_stamp.nanosec
 
 
-def pose(types: Types, x_m: float, y_m: float, z_m: float, angle_rad: float) -> Any:
+def pose(x_m: float, y_m: float, z_m: float, angle_rad: float) -> Any:
     """geometry_msgs/Pose of a planar pose: phi turns about -y."""
-    return types("geometry_msgs/msg/Pose")(
-        position=types("geometry_msgs/msg/Point")(x=x_m, y=y_m, z=z_m),
-        orientation=rotation(types, angle_rad),
+    return message_class("geometry_msgs/msg/Pose")(
+        position=message_class("geometry_msgs/msg/Point")(x=x_m, y=y_m, z=z_m),
+        orientation=rotation(angle_rad),
     )
 
 
-def rotation(types: Types, angle_rad: float) -> Any:
+def rotation(angle_rad: float) -> Any:
     """geometry_msgs/Quaternion of a rotation by phi about -y."""
     half = 0.5 * angle_rad
-    return types("geometry_msgs/msg/Quaternion")(x=0.0, y=-math.sin(half), z=0.0, w=math.cos(half))
+    return message_class("geometry_msgs/msg/Quaternion")(x=0.0, y=-math.sin(half), z=0.0, w=math.cos(half))
 
 
-def vector(types: Types, x: float, y: float, z: float) -> Any:
+def vector(x: float, y: float, z: float) -> Any:
     """geometry_msgs/Vector3."""
-    return types("geometry_msgs/msg/Vector3")(x=x, y=y, z=z)
+    return message_class("geometry_msgs/msg/Vector3")(x=x, y=y, z=z)
 
 
-def to_message(types: Types, record: Any, communication_step_ns: int) -> Any:
+def to_message(record: Any, communication_step_ns: int) -> Any:
     """The message of a record; `communication_step_ns` stamps the records that carry no time of their own.
 
     A SoilCloud becomes a sensor_msgs/PointCloud2, every other record the message of its name.
@@ -136,7 +131,7 @@ def to_message(types: Types, record: Any, communication_step_ns: int) -> Any:
     """
     kind = type(record)
     if kind is SoilCloud:
-        return point_cloud(types, record)
+        return point_cloud(record)
     if kind not in _TOP_LEVEL:
         raise RecordingError(f"no message carries a {kind.__name__}; give one of the records of messages.py")
     values = {name: getattr(record, name) for name in _PLAIN[kind]}
@@ -146,83 +141,84 @@ def to_message(types: Types, record: Any, communication_step_ns: int) -> Any:
     for name in _TEXTS.get(kind, ()):
         values[name] = list(getattr(record, name))
     for name, part in _PARTS.get(kind, {}).items():
-        values[name] = [_PART_TO_MESSAGE[part](types, item) for item in getattr(record, name)]
-    return types(PACKAGE + kind.__name__)(
-        header=header(types, end_time_of(record, communication_step_ns)), **values
+        values[name] = [_PART_TO_MESSAGE[part](item) for item in getattr(record, name)]
+    return message_class(PACKAGE + kind.__name__)(
+        header=header(end_time_of(record, communication_step_ns)), **values
     )
 
 
-def _motion_to_message(types: Types, motion: ToolMotion) -> Any:
-    return types("subsoil_msgs/msg/ToolMotion")(
+def _motion_to_message(motion: ToolMotion) -> Any:
+    return message_class("subsoil_msgs/msg/ToolMotion")(
         tool=motion.tool,
-        pose=pose(types, motion.x_m, motion.y_m, motion.z_m, motion.angle_rad),
-        twist=types("geometry_msgs/msg/Twist")(
-            linear=vector(types, motion.velocity_x_m_per_s, 0.0, motion.velocity_z_m_per_s),
-            angular=vector(types, 0.0, -motion.angular_velocity_rad_per_s, 0.0),
+        pose=pose(motion.x_m, motion.y_m, motion.z_m, motion.angle_rad),
+        twist=message_class("geometry_msgs/msg/Twist")(
+            linear=vector(motion.velocity_x_m_per_s, 0.0, motion.velocity_z_m_per_s),
+            angular=vector(0.0, -motion.angular_velocity_rad_per_s, 0.0),
         ),
         angle_rad=motion.angle_rad,
     )
 
 
-def _wrench_to_message(types: Types, wrench: ToolWrench) -> Any:
-    return types("subsoil_msgs/msg/ToolWrench")(
+def _wrench_to_message(wrench: ToolWrench) -> Any:
+    return message_class("subsoil_msgs/msg/ToolWrench")(
         tool=wrench.tool,
-        wrench=types("geometry_msgs/msg/Wrench")(
-            force=vector(types, wrench.force_x_newton, wrench.force_y_newton, wrench.force_z_newton),
-            torque=vector(
-                types, wrench.torque_x_newton_m, wrench.torque_y_newton_m, wrench.torque_z_newton_m
-            ),
+        wrench=message_class("geometry_msgs/msg/Wrench")(
+            force=vector(wrench.force_x_newton, wrench.force_y_newton, wrench.force_z_newton),
+            torque=vector(wrench.torque_x_newton_m, wrench.torque_y_newton_m, wrench.torque_z_newton_m),
         ),
         work_joule=wrench.work_joule,
         contact_count=wrench.contact_count,
         groups=[
-            types("subsoil_msgs/msg/FacetGroupForce")(
+            message_class("subsoil_msgs/msg/FacetGroupForce")(
                 group=group.group,
-                force=vector(types, group.force_x_newton, group.force_y_newton, group.force_z_newton),
+                force=vector(group.force_x_newton, group.force_y_newton, group.force_z_newton),
             )
             for group in wrench.groups
         ],
     )
 
 
-def _plain_to_message(kind: type) -> Callable[[Types, Any], Any]:
+def _plain_to_message(kind: type) -> Callable[[Any], Any]:
     names = _PLAIN[kind]
     type_name = PACKAGE + kind.__name__
-    return lambda types, item: types(type_name)(**{name: getattr(item, name) for name in names})
+    return lambda item: message_class(type_name)(**{name: getattr(item, name) for name in names})
 
 
-_PART_TO_MESSAGE: dict[type, Callable[[Types, Any], Any]] = {
+_PART_TO_MESSAGE: dict[type, Callable[[Any], Any]] = {
     ToolMotion: _motion_to_message,
     ToolWrench: _wrench_to_message,
-    BodyState: _plain_to_message(BodyState),
-    JointReaction: _plain_to_message(JointReaction),
-    ForceState: _plain_to_message(ForceState),
+    **{kind: _plain_to_message(kind) for kind in _PLAIN_PARTS},
 }
 
 
-def point_cloud(types: Types, cloud: SoilCloud) -> Any:
+def point_cloud(cloud: SoilCloud) -> Any:
     """sensor_msgs/PointCloud2 of the particles: x, y, z [m] and speed [m/s], float32, little-endian."""
     positions = np.asarray(cloud.positions_m)
     points = np.empty((len(positions), 4), dtype="<f4")
     points[:, :3] = positions
     points[:, 3] = cloud.speeds_m_per_s
-    cls = types("sensor_msgs/msg/PointCloud2")
-    # rclpy takes bytes as array.array, rosbags as numpy; the other one is refused or slow
-    of_rclpy = hasattr(cls, "get_fields_and_field_types")
-    data = array("B", points.tobytes()) if of_rclpy else points.reshape(-1).view(np.uint8)
-    return cls(
-        header=header(types, cloud.end_time_ns),
-        height=1,
-        width=len(points),
+    return points_message(cloud.end_time_ns, points[None], POINT_FIELDS, is_dense=True)
+
+
+def points_message(time_ns: int, points: NDArray[Any], names: Sequence[str], *, is_dense: bool) -> Any:
+    """sensor_msgs/PointCloud2 of points (rows, columns, fields) with named fields, float32 little-endian.
+
+    is_dense: no number of it is NaN.
+    """
+    rows, columns, _ = points.shape
+    return message_class("sensor_msgs/msg/PointCloud2")(
+        header=header(time_ns),
+        height=rows,
+        width=columns,
         fields=[
-            types("sensor_msgs/msg/PointField")(name=name, offset=4 * i, datatype=_FLOAT32, count=1)
-            for i, name in enumerate(POINT_FIELDS)
+            message_class("sensor_msgs/msg/PointField")(name=name, offset=4 * i, datatype=_FLOAT32, count=1)
+            for i, name in enumerate(names)
         ],
         is_bigendian=False,
-        point_step=_POINT_BYTES,
-        row_step=_POINT_BYTES * len(points),
-        data=data,
-        is_dense=True,
+        point_step=4 * len(names),
+        row_step=4 * len(names) * columns,
+        data=points.reshape(-1).view(np.uint8),
+        is_dense=is_dense,
     )
 
 
@@ -286,9 +282,7 @@ def _plain_from_message(kind: type) -> Callable[[Any], Any]:
 _PART_FROM_MESSAGE: dict[type, Callable[[Any], Any]] = {
     ToolMotion: _motion_from_message,
     ToolWrench: _wrench_from_message,
-    BodyState: _plain_from_message(BodyState),
-    JointReaction: _plain_from_message(JointReaction),
-    ForceState: _plain_from_message(ForceState),
+    **{kind: _plain_from_message(kind) for kind in _PLAIN_PARTS},
 }
 
 

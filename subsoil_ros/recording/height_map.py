@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ..messages import SoilCloud
 from ..scene.soil import Soil
-from .conversion import Types, header
+from .conversion import points_message
 
 CELL_DIAMETERS = 1.0
 """Size of a cell in particle diameters: every column of a settled bed then holds particles (chosen)."""
@@ -49,7 +49,7 @@ def height_grid(
     return HeightGrid((x_low, y_low), cell, np.where(np.isfinite(height), height, np.nan))
 
 
-def height_map(types: Types, cloud: SoilCloud, soil: Soil) -> Any:
+def height_map(cloud: SoilCloud, soil: Soil) -> Any:
     """sensor_msgs/PointCloud2 in rows and columns: centre and height of every cell, and its lift, float32.
 
     lift [m] is the height over the surface that the scene describes (z = 0, or its profile), NaN where no
@@ -66,18 +66,4 @@ def height_map(types: Types, cloud: SoilCloud, soil: Soil) -> Any:
     if soil.surface is not None:
         surface = np.interp(xs, soil.surface.x_m, soil.surface.z_m)
     points[:, :, 3] = grid.height_m - surface[None, :]
-    rows, columns, _ = points.shape
-    return types("sensor_msgs/msg/PointCloud2")(
-        header=header(types, cloud.end_time_ns),
-        height=rows,
-        width=columns,
-        fields=[
-            types("sensor_msgs/msg/PointField")(name=name, offset=4 * i, datatype=7, count=1)
-            for i, name in enumerate(FIELDS)
-        ],
-        is_bigendian=False,
-        point_step=4 * len(FIELDS),
-        row_step=4 * len(FIELDS) * columns,
-        data=points.reshape(-1).view(np.uint8),
-        is_dense=False,
-    )
+    return points_message(cloud.end_time_ns, points, FIELDS, is_dense=False)

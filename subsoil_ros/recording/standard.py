@@ -1,7 +1,4 @@
-"""Standard messages for visualization and other tools, derived from the records: poses, forces, /tf, /clock.
-
-For both message families, see recording/conversion.py for `types`.
-"""
+"""Standard messages for other tools, derived from the records: poses, forces, /tf, /clock."""
 
 import math
 from collections.abc import Iterable
@@ -9,12 +6,13 @@ from typing import Any
 
 from ..messages import MechanismState, ToolMotion, ToolMotions, ToolWrench
 from ..scene.model import Scene
-from .conversion import Types, header, pose, rotation, stamp, vector
+from .conversion import header, pose, rotation, stamp, vector
+from .types import message_class
 
 
-def clock(types: Types, time_ns: int) -> Any:
+def clock(time_ns: int) -> Any:
     """rosgraph_msgs/Clock."""
-    return types("rosgraph_msgs/msg/Clock")(clock=stamp(types, time_ns))
+    return message_class("rosgraph_msgs/msg/Clock")(clock=stamp(time_ns))
 
 
 def body_frame(scene: Scene, tool: str) -> str:
@@ -22,33 +20,31 @@ def body_frame(scene: Scene, tool: str) -> str:
     return scene.tools[tool].body or tool
 
 
-def pose_stamped(types: Types, motion: ToolMotion, time_ns: int) -> Any:
+def pose_stamped(motion: ToolMotion, time_ns: int) -> Any:
     """geometry_msgs/PoseStamped of a tool's body in the world frame."""
-    return types("geometry_msgs/msg/PoseStamped")(
-        header=header(types, time_ns),
-        pose=pose(types, motion.x_m, motion.y_m, motion.z_m, motion.angle_rad),
+    return message_class("geometry_msgs/msg/PoseStamped")(
+        header=header(time_ns),
+        pose=pose(motion.x_m, motion.y_m, motion.z_m, motion.angle_rad),
     )
 
 
-def wrench_stamped(types: Types, wrench: ToolWrench, motion: ToolMotion, frame: str, time_ns: int) -> Any:
+def wrench_stamped(wrench: ToolWrench, motion: ToolMotion, frame: str, time_ns: int) -> Any:
     """geometry_msgs/WrenchStamped: soil on tool about the centre of mass, components in the body frame."""
     cosine, sine = math.cos(motion.angle_rad), math.sin(motion.angle_rad)
 
     def in_body(x: float, y: float, z: float) -> Any:
-        return vector(types, cosine * x + sine * z, y, cosine * z - sine * x)
+        return vector(cosine * x + sine * z, y, cosine * z - sine * x)
 
-    return types("geometry_msgs/msg/WrenchStamped")(
-        header=header(types, time_ns, frame),
-        wrench=types("geometry_msgs/msg/Wrench")(
+    return message_class("geometry_msgs/msg/WrenchStamped")(
+        header=header(time_ns, frame),
+        wrench=message_class("geometry_msgs/msg/Wrench")(
             force=in_body(wrench.force_x_newton, wrench.force_y_newton, wrench.force_z_newton),
             torque=in_body(wrench.torque_x_newton_m, wrench.torque_y_newton_m, wrench.torque_z_newton_m),
         ),
     )
 
 
-def transforms(
-    types: Types, scene: Scene, state: MechanismState | None, motions: ToolMotions | None, time_ns: int
-) -> Any:
+def transforms(scene: Scene, state: MechanismState | None, motions: ToolMotions | None, time_ns: int) -> Any:
     """tf2_msgs/TFMessage: every body of the mechanism, or every tool on a path, in the world frame."""
     if state is not None:
         lateral = {tool.body: tool.lateral_m for tool in scene.tools.values()}
@@ -61,13 +57,13 @@ def transforms(
             (body_frame(scene, item.tool), item.x_m, item.y_m, item.z_m, item.angle_rad)
             for item in (motions.tools if motions else ())
         )
-    return types("tf2_msgs/msg/TFMessage")(
+    return message_class("tf2_msgs/msg/TFMessage")(
         transforms=[
-            types("geometry_msgs/msg/TransformStamped")(
-                header=header(types, time_ns),
+            message_class("geometry_msgs/msg/TransformStamped")(
+                header=header(time_ns),
                 child_frame_id=name,
-                transform=types("geometry_msgs/msg/Transform")(
-                    translation=vector(types, x_m, y_m, z_m), rotation=rotation(types, angle_rad)
+                transform=message_class("geometry_msgs/msg/Transform")(
+                    translation=vector(x_m, y_m, z_m), rotation=rotation(angle_rad)
                 ),
             )
             for name, x_m, y_m, z_m, angle_rad in places

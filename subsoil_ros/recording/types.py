@@ -61,7 +61,7 @@ def typestore() -> Typestore:
 
 @cache
 def message_class(name: str) -> Any:
-    """rosbags' class of a message type: the `types` of recording/conversion.py without ROS."""
+    """rosbags' class of a message type, "geometry_msgs/msg/Pose"."""
     return typestore().types[name]
 
 

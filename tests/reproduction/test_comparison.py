@@ -9,7 +9,8 @@ import pytest
 
 from reproduction.yuan_yu_2020 import compare
 from reproduction.yuan_yu_2020.compare import COLUMNS, cells, markdown, write_reproduction
-from reproduction.yuan_yu_2020.comparison import phase, reproduction
+from reproduction.yuan_yu_2020.comparison import falls, most_at_tip, phase, reproduction
+from subsoil_ros.analysis.disturbance import SpeedZones
 from subsoil_ros.analysis.series import Series
 from subsoil_ros.analysis.spectra import spectrum
 from subsoil_ros.analysis.window import Window
@@ -24,6 +25,16 @@ SCENES = Path(__file__).parents[2] / "config/scenes"
 def machine() -> ResolvedScene:
     """The paper's machine with wheels as tools."""
     return load_scene(SCENES / "subsoiler_1s300.yaml")
+
+
+def test_order_of_speeds():
+    """The paper's order: tip, blade, then less and less ahead and sideways."""
+    falling = (0.3, 0.2, 0.1, 0.05)
+    assert most_at_tip(SpeedZones(0.5, 0.4, falling, falling))
+    assert not most_at_tip(SpeedZones(0.3, 0.4, falling, falling))
+    assert falls(falling)
+    assert not falls((0.3, 0.2, 0.25, 0.1))
+    assert falls((0.3, 0.2, float("nan"), 0.1))
 
 
 def test_phase_of_draft_and_spring_energy(machine):

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.run_cache import read_rows
 from reproduction.yuan_yu_2020 import HERE, RESULTS
-from subsoil_ros.analysis.intervals import paired_difference
+from reproduction.yuan_yu_2020.paired import paired_difference
 
 LARGEST_BYTES = 2_000_000
 

@@ -10,7 +10,7 @@ from subsoil_ros.messages import SoilCloud
 from subsoil_ros.recording.bag_writer import BagWriter
 from subsoil_ros.recording.conversion import to_message
 from subsoil_ros.recording.height_map import height_grid
-from subsoil_ros.recording.types import message_class, serialize
+from subsoil_ros.recording.types import serialize
 
 SCENES = Path(__file__).parents[2] / "config/scenes"
 RESOLVED = load_scene(SCENES / "tine.yaml", ["soil.surface={x_m: [0.0], z_m: [-0.05]}"])
@@ -54,7 +54,7 @@ def test_bytes_give_the_same_map(tmp_path):
     one.write(cloud)
     one.close()
     two = BagWriter(tmp_path / "two", RESOLVED.scene, RESOLVED.timing)
-    two.write_raw("soil/points", 0, serialize(to_message(message_class, cloud, END_NS)))
+    two.write_raw("soil/points", 0, serialize(to_message(cloud, END_NS)))
     two.close()
     ((first,), (second,)) = maps(tmp_path / "one"), maps(tmp_path / "two")
     np.testing.assert_array_equal(first.data, second.data)

@@ -22,7 +22,7 @@ def machine() -> ResolvedScene:
 def test_weight_is_carried_by_all_parts(machine):
     """Weight of 271 kg = soil on share, wheels and hitch + rest; each by its own sign."""
     series = made_up(machine)
-    found = loads_of(series, machine, whole(series)).metrics
+    found = loads_of(series, machine, whole(series))
     weight = 9.81 * (35.2 + 2.0 * 25.0 + 7.8 + 100.0 + 10.0 + 68.0)
     assert found["vertical"]["weight_newton"] == pytest.approx(weight)
     assert found["vertical"]["share_newton"]["mean"] == pytest.approx(-200.0)
@@ -34,7 +34,7 @@ def test_weight_is_carried_by_all_parts(machine):
 def test_power_and_energy(machine):
     """Draft times speed; the soil takes -(F v + M w) of a tool, M about phi being minus the torque."""
     series = made_up(machine)
-    found = loads_of(series, machine, whole(series)).metrics
+    found = loads_of(series, machine, whole(series))
     assert found["power"]["draft_watt"]["mean"] == pytest.approx(0.5 * float(series["draft_newton"].mean()))
     assert found["power"]["shank_watt"]["mean"] == pytest.approx(-(-600.0 * 0.5 - 200.0 * 0.1 + 4.0 * 2.5))
     work, way = draft_work(series, machine.scene, np.ones(ROWS, dtype=bool))
@@ -46,7 +46,7 @@ def test_power_and_energy(machine):
 def test_specific_draft(machine):
     """Over the 60 mm of the share; and the tip is as deep as the scene mounts it."""
     series = made_up(machine)
-    found = loads_of(series, machine, whole(series)).metrics
+    found = loads_of(series, machine, whole(series))
     assert found["specific"]["share_width_m"] == pytest.approx(0.060)
     assert found["specific"]["draft_newton_per_m"] == pytest.approx(
         float(series["draft_newton"].mean()) / 0.060

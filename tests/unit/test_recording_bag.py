@@ -28,7 +28,7 @@ from subsoil_ros.messages import (
 from subsoil_ros.recording.bag_reader import BagReader
 from subsoil_ros.recording.bag_writer import BagWriter
 from subsoil_ros.recording.conversion import to_message
-from subsoil_ros.recording.types import message_class, message_folder, schema_text, serialize
+from subsoil_ros.recording.types import message_folder, schema_text, serialize
 
 from .recording_samples import (
     INTERVAL_NS,
@@ -121,7 +121,7 @@ def test_raw_bytes_in_any_order_make_the_same_bag(bag, tmp_path):
         records = records_of(tick)
         for place in np.random.default_rng(tick).permutation(len(records)):
             record = records[place]
-            data = serialize(to_message(message_class, record, INTERVAL_NS))
+            data = serialize(to_message(record, INTERVAL_NS))
             writer.write_raw(names[type(record)], tick, data)
     writer.close()
     assert raw_messages(tmp_path / "raw") == raw_messages(bag)

@@ -16,7 +16,6 @@ from subsoil_ros.mbd.engine import MechanismEngine
 from subsoil_ros.recording.conversion import WORLD_FRAME
 from subsoil_ros.recording.description import tool_markers
 from subsoil_ros.recording.standard import transforms
-from subsoil_ros.recording.types import message_class
 from subsoil_ros.scene.meshes import load_tool_mesh
 from subsoil_ros.scene.urdf import WORLD, mesh_uri, robot_description
 
@@ -49,7 +48,7 @@ def frames(resolved: ResolvedScene) -> tuple[dict[str, np.ndarray], dict[str, tu
     """/tf of the start of a run as matrices, and (x, z, phi) of the bodies."""
     state = MechanismEngine(resolved.scene, resolved.timing).state("run", -1, 0)
     found = {}
-    for item in transforms(message_class, resolved.scene, state, None, 0).transforms:
+    for item in transforms(resolved.scene, state, None, 0).transforms:
         matrix = np.eye(4)
         turn, shift = item.transform.rotation, item.transform.translation
         matrix[:3, :3] = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_matrix()
@@ -96,7 +95,7 @@ def test_markers_stand_where_the_soil_meets_them(overrides: list[str]) -> None:
     """The same for the triangles of the markers."""
     resolved = load_scene(SCENES / "subsoiler_1s300.yaml", overrides)
     placed, _ = frames(resolved)
-    markers = tool_markers(message_class, resolved).markers
+    markers = tool_markers(resolved).markers
     assert [marker.ns for marker in markers] == [
         "shank/share", "shank/blade", "wheel_left/tread", "wheel_right/tread"
     ]  # fmt: skip

@@ -5,7 +5,7 @@ import csv
 import numpy as np
 import pytest
 
-from subsoil_ros.analysis.disturbance import SpeedZones, disturbance_between, write_height_map_csv
+from subsoil_ros.analysis.disturbance import disturbance_between, write_height_map_csv
 
 RADIUS = 0.01
 
@@ -69,17 +69,6 @@ def test_a_particle_that_crosses_a_periodic_side_has_not_moved_far():
         wrapped.mean()
     )
     assert disturbance_between(before, after, (0.1, 0.5), RADIUS, period_m=0.4).moved_fraction == 0.0
-
-
-def test_order_of_speeds():
-    """The paper's order: tip, blade, then less and less ahead and sideways."""
-    falling = (0.3, 0.2, 0.1, 0.05)
-    speeds = SpeedZones(0.5, 0.4, falling, falling)
-    assert (speeds.most_at_tip, speeds.decreases_ahead, speeds.decreases_aside) == (True, True, True)
-    assert not SpeedZones(0.3, 0.4, falling, falling).most_at_tip
-    assert not SpeedZones(0.5, 0.4, (0.3, 0.2, 0.25, 0.1), falling).decreases_ahead
-    nobody = (0.3, 0.2, float("nan"), 0.1)
-    assert SpeedZones(0.5, 0.4, nobody, falling).decreases_ahead
 
 
 def test_height_map_file(tmp_path):

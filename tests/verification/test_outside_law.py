@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from ..determinism.test_modes import without_run
+
 PAGE = Path(__file__).parents[2] / "docs" / "extending.md"
 SCENE = """
 name: two_spheres
@@ -23,6 +25,30 @@ soil:
     particle: {stiffness_newton_per_m: 10000.0, unloading_stiffness_newton_per_m: 40000.0}
     boundary: {stiffness_newton_per_m: 10000.0, unloading_stiffness_newton_per_m: 40000.0}
 """
+TINE = """
+name: tine
+duration_s: 0.03
+soil:
+  bin: {length_m: 0.22, width_m: 0.14, depth_m: 0.15}
+  particles: {radius_m: 0.01, density_kg_per_m3: 2000.0}
+  bed: {kind: grid, spacing_m: 0.0199}
+  law:
+    kind: hysteretic
+    particle: &spring
+      stiffness_newton_per_m: 10000.0
+      unloading_stiffness_newton_per_m: 40000.0
+      tangential_stiffness_newton_per_m: 8000.0
+      static_friction: 0.5
+      sliding_friction: 0.5
+    boundary: *spring
+tools:
+  tine:
+    path: {start_x_m: -0.13, start_z_m: 0.2, speed_x_m_per_s: {kind: constant, value: 1.0}}
+    groups:
+      share: {mesh: MESHES/share.stl}
+      blade: {mesh: MESHES/shank.stl}
+report: {tip_m: [0.12, -0.30]}
+""".replace("MESHES", str(PAGE.parents[1] / "config" / "meshes"))
 PROGRAM = """
 import json, sys
 import numpy as np
@@ -116,6 +142,23 @@ def test_a_scene_may_name_an_installed_law(installed: Path) -> None:
         installed, "-c", "from subsoil_ros.coupling.protocol import CAPABILITIES as c; print(c['soil'])"
     )
     assert re.search(r"'contact_law hysteretic [0-9a-f]{16}'", said.stdout), said.stderr
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+def test_nodes_and_a_direct_run_have_the_same_bits(installed: Path, tmp_path: Path) -> None:
+    """A tool in soil: the series and every message, to the byte; the node processes find the law too."""
+    scene = tmp_path / "tine.yaml"
+    scene.write_text(TINE)
+    one, other = tmp_path / "direct", tmp_path / "nodes"
+    for out in (one, other):
+        arguments = ("run", str(scene), "--mode", out.name, "--out", str(out))
+        done = python(installed, "-m", "subsoil_ros.cli.main", *arguments)
+        assert done.returncode == 0, done.stderr
+    head, *_, last = (one / "series.csv").read_text().splitlines()
+    assert float(dict(zip(head.split(","), last.split(","), strict=True))["tool.tine.force_x_newton"]) < -1.0
+    assert (one / "series.csv").read_bytes() == (other / "series.csv").read_bytes()
+    assert without_run(one) == without_run(other)
 
 
 def test_a_law_that_cannot_be_imported_stops_only_scenes_that_name_it(

@@ -5,7 +5,6 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from rich.console import Console
-from rich.table import Table
 
 from ...api.beds import prepare_bed_first
 from ...dem.beds.bed_file import write_bed
@@ -16,6 +15,7 @@ from ...loading.loader import ResolvedScene
 from .bed_preparation import bed_progress
 from .preparation import KernelAnnouncer
 from .progress import working
+from .tables import table
 
 LEFT_ALONE_S = 0.02
 """How long the bed runs without tools: waves cross some 0.3 m of it (chosen)."""
@@ -40,15 +40,15 @@ def print_bed(console: Console, resolved: ResolvedScene, threads: int, out: Path
         looked = report_bed(bed, soil)
     with working("leaving the bed alone"):
         motion = free_motion(resolved, bed, SoilEngine, threads, LEFT_ALONE_S)
-    table = Table(title="bed", title_justify="left", title_style="bold", box=None, show_header=False)
-    table.add_row("prepared in", f"{seconds:.1f} s")
+    found = table("bed")
+    found.add_row("prepared in", f"{seconds:.1f} s")
     if bed.period_m is not None:
-        table.add_row("period", f"{bed.period_m:.5g} m in y")
+        found.add_row("period", f"{bed.period_m:.5g} m in y")
     for name, text in _rows(looked, motion):
-        table.add_row(name, text)
+        found.add_row(name, text)
     if out is not None:
-        table.add_row("written to", str(out))
-    console.print(table)
+        found.add_row("written to", str(out))
+    console.print(found)
 
 
 def _rows(report: BedReport, motion: FreeMotion) -> Iterable[tuple[str, str]]:

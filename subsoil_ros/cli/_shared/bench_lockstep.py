@@ -13,7 +13,6 @@ from pathlib import Path
 
 import psutil
 from rich.console import Console
-from rich.table import Table
 
 from ...coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
 from ...dem.bench.cases import DENSITY_KG_PER_M3, LINEAR, RADIUS_M
@@ -25,6 +24,7 @@ from ...ros.transport.domain import run_domain
 from ...yaml_document import dump_yaml
 from .helics_peer import helics_cost
 from .progress import working
+from .tables import table
 
 TICKS, QUICK_TICKS = 12_000, 2500
 WARM_UP_TICKS = 1500
@@ -191,24 +191,23 @@ def write_scene(folder: Path, ticks: int) -> Path:
 
 def _print(three: ExchangeCost, four: ExchangeCost, peer: dict[str, float] | None) -> None:
     console = Console(width=None if sys.stdout.isatty() else 120)
-    table = Table(title="one serial exchange [us]", title_justify="left", box=None)
-    for heading in ("", "wall, median", "mean", "90 %", "CPU", *four.nodes):
-        table.add_column(heading, justify="right" if heading else "left")
+    headings = ("", "wall, median", "mean", "90 %", "CPU", *four.nodes)
+    costs = table("one serial exchange [us]", headings)
     for name, cost in (("coupler, mechanism, soil", three), ("and recorder", four)):
-        table.add_row(
+        costs.add_row(
             name,
             *(f"{value:.0f}" for value in (cost.wall_us_median, cost.wall_us_mean, cost.wall_us_p90)),
             f"{cost.cpu_us_per_exchange:.0f}",
             *(f"{cost.nodes[node].cpu_us:.0f}" if node in cost.nodes else "" for node in four.nodes),
         )
     if peer is None:
-        table.add_row("HELICS", "not installed")
+        costs.add_row("HELICS", "not installed")
     else:
-        table.add_row(
+        costs.add_row(
             "HELICS, 2 federates, zmqss",
             f"{peer['wall_us_median']:.0f}",
             "",
             "",
             f"{peer['cpu_us_per_exchange']:.0f}",
         )
-    console.print(table)
+    console.print(costs)

@@ -24,6 +24,7 @@ from ...dem.bench.roofline import roofline
 from ...dem.engine import SoilEngine
 from .bed_preparation import bed_progress
 from .preparation import KernelAnnouncer, say
+from .tables import table
 
 SCALING_COUNTS, LARGEST_COUNT = (10_000, 100_000), 1_000_000
 
@@ -87,18 +88,15 @@ def _print(
     result: dict[str, Any], lines: list[Throughput], threads: list[Throughput], scaling: list[Throughput]
 ) -> None:
     console = Console(width=None if sys.stdout.isatty() else 180)
-    console.print(_table("soil engine, one thread", lines))
-    phases = Table(title="part of the CPU time, %", title_justify="left", box=None)
-    phases.add_column("case")
-    for phase in next(iter(result["phases"].values())):
-        phases.add_column(phase, justify="right")
+    console.print(_speeds("soil engine, one thread", lines))
+    phases = table("part of the CPU time, %", ("case", *next(iter(result["phases"].values()))))
     for name, parts in result["phases"].items():
         phases.add_row(name, *(f"{100.0 * part:.1f}" for part in parts.values()))
     console.print(phases)
-    console.print(_table("one thread and two", threads))
+    console.print(_speeds("one thread and two", threads))
     if result["thread_speed_up"] is not None:
         console.print(f"two threads are {result['thread_speed_up']:.2f} times as fast as one (wall time)")
-    console.print(_table("cost against number of particles", scaling))
+    console.print(_speeds("cost against number of particles", scaling))
     first, last = scaling[0].particle_steps_per_cpu_s, scaling[-1].particle_steps_per_cpu_s
     console.print(
         f"a particle-step costs {100.0 * (first / last - 1.0):+.0f} % from {scaling[0].particle_count:,} to "
@@ -109,10 +107,8 @@ def _print(
         f"one core of this machine: {machine['triad_bytes_per_s'] / 1e9:.1f} GB/s (triad), "
         f"{machine['flops_per_s'] / 1e9:.1f} Gflop/s (float64 multiply-add)"
     )
-    bounds = Table(title="what bounds a particle-step", title_justify="left", box=None)
-    bounds.add_column("case")
-    for heading in ("bytes", "flops", "by bandwidth M/s", "by arithmetic M/s", "reached of the lower, %"):
-        bounds.add_column(heading, justify="right")
+    headings = ("case", "bytes", "flops", "by bandwidth M/s", "by arithmetic M/s", "reached of the lower, %")
+    bounds = table("what bounds a particle-step", headings)
     for bound in result["roofline"]:
         bounds.add_row(
             bound["name"],
@@ -125,15 +121,12 @@ def _print(
     console.print(bounds)
 
 
-def _table(title: str, lines: list[Throughput]) -> Table:
-    table = Table(title=title, title_justify="left", box=None)
-    table.add_column("case")
+def _speeds(title: str, lines: list[Throughput]) -> Table:
     headings = (
-        "bed", "particles", "pairs listed", "contacts", "skin mm", "rebuilds", "steps", "threads",
+        "case", "bed", "particles", "pairs listed", "contacts", "skin mm", "rebuilds", "steps", "threads",
         "M particle-steps per CPU s", "per wall s", "bytes",
     )  # fmt: skip
-    for heading in headings:
-        table.add_column(heading, justify="right")
+    speeds = table(title, headings)
     for line in lines:
         low, middle, high = (
             1e-6 * speed
@@ -143,7 +136,7 @@ def _table(title: str, lines: list[Throughput]) -> Table:
                 line.particle_steps_per_cpu_s_max,
             )
         )
-        table.add_row(
+        speeds.add_row(
             line.name,
             line.bed_hash,
             f"{line.particle_count:,}",
@@ -157,4 +150,4 @@ def _table(title: str, lines: list[Throughput]) -> Table:
             f"{1e-6 * line.particle_steps_per_wall_s:.2f}",
             f"{line.bytes_per_particle:.0f}",
         )
-    return table
+    return speeds

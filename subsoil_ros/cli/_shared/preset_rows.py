@@ -7,6 +7,7 @@ from rich.table import Table
 
 from ...loading.loader import ResolvedScene
 from ...loading.presets import ErrorInterval, Expected
+from .tables import table
 
 
 def accuracy_lines(resolved: ResolvedScene, overrides: Sequence[str]) -> Iterator[RenderableType]:
@@ -29,9 +30,9 @@ def accuracy_lines(resolved: ResolvedScene, overrides: Sequence[str]) -> Iterato
             "run (`subsoil study` measures them)"
         )
         return
-    yield _table(f"preset {name}: expected error against {expected.against}", expected.errors, expected)
+    yield _one_preset(f"preset {name}: expected error against {expected.against}", expected.errors, expected)
     for other, errors in expected.errors_against.items():
-        yield _table(f"against {other}", errors, expected)
+        yield _one_preset(f"against {other}", errors, expected)
     yield from expected.notes
     yield (
         f"expected wall time: {_wall_s(expected, duration)} s for {duration:g} s, without start-up, on "
@@ -62,25 +63,19 @@ def _all_presets(known: Mapping[str, Expected], duration_s: float) -> Iterator[T
 def _one_row_each(
     title: str, errors: Mapping[str, Mapping[str, ErrorInterval]], further: Mapping[str, Mapping[str, str]]
 ) -> Table:
-    table = Table(title=title, title_justify="left", title_style="bold", box=None)
-    table.add_column("preset")
     metrics = list(dict.fromkeys(metric for found in errors.values() for metric in found))
-    for column in (*metrics, *further):
-        table.add_column(column, justify="right")
+    presets = table(title, ("preset", *metrics, *further))
     for name, found in errors.items():
         cells = [_mean_and_interval(found[metric]) if metric in found else "" for metric in metrics]
-        table.add_row(name, *cells, *(column[name] for column in further.values()))
-    return table
+        presets.add_row(name, *cells, *(column[name] for column in further.values()))
+    return presets
 
 
-def _table(title: str, errors: Mapping[str, ErrorInterval], expected: Expected) -> Table:
-    table = Table(title=title, title_justify="left", title_style="bold", box=None)
-    table.add_column("metric")
-    table.add_column("error", justify="right")
-    table.add_column(f"{100.0 * expected.confidence:g} % interval", justify="right")
+def _one_preset(title: str, errors: Mapping[str, ErrorInterval], expected: Expected) -> Table:
+    metrics = table(title, ("metric", "error", f"{100.0 * expected.confidence:g} % interval"))
     for metric, error in errors.items():
-        table.add_row(metric, f"{100.0 * error.mean:+.3g} %", _interval(error))
-    return table
+        metrics.add_row(metric, f"{100.0 * error.mean:+.3g} %", _interval(error))
+    return metrics
 
 
 def _mean_and_interval(error: ErrorInterval) -> str:

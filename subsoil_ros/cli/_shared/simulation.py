@@ -62,11 +62,12 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
             progress = kernels.before(bar)
             if args.mode == "direct":
                 simulate_opened(opened, args.threads, progress, stop_signal, live)
-            elif args.mode == "composed":
-                _run_composed(opened, args.threads, args.paused, live, namespace, progress, stop_signal)
             else:
                 plan = RunPlan.of(opened, args.threads, args.paused, supervised=True, live=live)
-                _run_nodes(plan, namespace, out / "log", progress, stop_signal)
+                if args.mode == "composed":
+                    _run_composed(opened, plan, namespace, progress, stop_signal)
+                else:
+                    _run_nodes(plan, namespace, out / "log", progress, stop_signal)
     except SubsoilError as error:
         failure = error
     if failure is not None and failure.exit_status == InputError.exit_status and not bar.started:
@@ -94,18 +95,17 @@ def _refuse_direct(args: argparse.Namespace, resolved: ResolvedScene) -> None:
     needed_controller(resolved)
 
 
-def _say_what_it_waits_for(
-    resolved: ResolvedScene, run_id: str, domain: int, namespace: str, paused: bool
-) -> None:
-    """Tells the user what must come from outside, and where."""
-    if resolved.scene.controller is not None and build_controller(resolved) is None:
-        place = f", namespace {namespace}" if namespace else ""
+def _say_where_nodes_are(plan: RunPlan, domain: int, namespace: str) -> None:
+    """Prints where other programs find the nodes, and what must come from outside."""
+    place = f", namespace {namespace}" if namespace else ""
+    say(f"nodes in ROS_DOMAIN_ID={domain}{place}")
+    if plan.resolved.scene.controller is not None and build_controller(plan.resolved) is None:
         print(
-            f"waiting for a node '{CONTROLLER}' of run '{run_id}' in ROS_DOMAIN_ID={domain}{place} "
+            f"waiting for a node '{CONTROLLER}' of run '{plan.run_id}' in ROS_DOMAIN_ID={domain}{place} "
             "(controller.law: external)",
             flush=True,
         )
-    if paused:
+    if plan.paused:
         print(
             f"paused before the first tick; ROS_DOMAIN_ID={domain} ros2 service call "
             f"{namespace}/{COUPLER}/resume std_srvs/srv/Trigger lets it go",
@@ -113,16 +113,9 @@ def _say_what_it_waits_for(
         )
 
 
-def _say_domain(domain: int, namespace: str) -> None:
-    """Tells the user where other programs find the nodes."""
-    say(f"nodes in ROS_DOMAIN_ID={domain}{f', namespace {namespace}' if namespace else ''}")
-
-
 def _run_composed(
     opened: OpenedRun,
-    threads: int,
-    paused: bool,
-    live: int,
+    plan: RunPlan,
     namespace: str,
     progress: Callable[[int], None],
     stop_signal: Callable[[], int],
@@ -134,9 +127,8 @@ def _run_composed(
         from ...ros.process.heartbeat import NodeRun
 
         node_run = NodeRun(opened.run_id, opened.resolved, opened.checkpoints, opened.resumed)
-        builds = scene_builds(node_run, opened.bag, threads, progress, paused, live)
-        _say_domain(domain, namespace)
-        _say_what_it_waits_for(opened.resolved, opened.run_id, domain, namespace, paused)
+        builds = scene_builds(node_run, plan.bag, plan.threads, progress, plan.paused, plan.live)
+        _say_where_nodes_are(plan, domain, namespace)
         status = run_composed(node_run, builds, stop_signal, namespace)
     if status.code:
         raise status.error()
@@ -152,8 +144,7 @@ def _run_nodes(
     progress = announce_kernels_of_nodes(progress)
     logs.mkdir()
     with run_domain() as domain:
-        _say_domain(domain, namespace)
-        _say_what_it_waits_for(plan.resolved, plan.run_id, domain, namespace, plan.paused)
+        _say_where_nodes_are(plan, domain, namespace)
         processes = [
             start_node(
                 node.name,

@@ -15,7 +15,7 @@ from ..sweep.plan import Job, Point, jobs_of
 from ..sweep.sweep import RUNS, open_folder
 from ..sweep.table import table_of, write_table, write_whole
 from .design import REFERENCE, StudyDesign
-from .measurement import Measurement, PresetResult, judge
+from .measurement import Measurement, judge
 from .report import draw, expected_presets, markdown, wide_table
 
 REQUEST = "study.yaml"
@@ -25,7 +25,6 @@ REQUEST = "study.yaml"
 class StudyOutcome:
     """What a study left in its folder."""
 
-    judged: list[PresetResult]
     text: str  # the table, as Markdown
     failed: list[tuple[str, str]]
     paths: list[Path]
@@ -86,7 +85,7 @@ def run_study(
         paths.append(out / "expected.yaml")
         write_whole(paths[-1], lambda part: part.write_text(dump_yaml(expected), encoding="utf-8"))
     paths.append(draw(judged, design, jobs[0].scene.scene.name, out / "study.png"))
-    return StudyOutcome(judged, text, failed, [*paths, out / "runs.csv", out / "runs.parquet"])
+    return StudyOutcome(text, failed, [*paths, out / "runs.csv", out / "runs.parquet"])
 
 
 def _measured(jobs: Sequence[Job], runs: Sequence[CachedRun]) -> list[Measurement]:

@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 
 from ...api.execution import code_digest
 from ...errors import InputError
-from .worker import engines_of_worker, ignore_interrupts
+from .worker import ignore_interrupts
 
 PATIENCE_S = 20.0
 """Wall time for a scheduler to answer, and to have a worker (chosen)."""
@@ -86,7 +86,7 @@ def _look_over(client: Any, scheduler: str) -> None:
             f"--scheduler {scheduler}: has no worker; start some with `dask worker {scheduler} --nthreads 1` "
             "in an environment with subsoil_ros"
         ) from error
-    for worker, answer in client.run(engines_of_worker, on_error="return").items():
+    for worker, answer in client.run(code_digest, on_error="return").items():
         if answer != code_digest():
             what = f"has engines {answer}" if isinstance(answer, str) else f"answers {answer!r}"
             raise InputError(

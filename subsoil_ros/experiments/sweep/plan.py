@@ -117,7 +117,7 @@ def jobs_of(
     """
     jobs = []
     for point in points:
-        own = [f"{key}={as_override(value)}" for key, value in point.values.items()]
+        own = [f"{key}={json.dumps(value)}" for key, value in point.values.items()]  # JSON is YAML
         changes = [*common, *point.overrides, *own]
         if not seeds:
             jobs.append(Job(point, load_scene(path, changes)))
@@ -127,8 +127,3 @@ def jobs_of(
             seeded = Point(point.values, seed, point.name, point.overrides)
             jobs.append(Job(seeded, load_scene(path, [*changes, f"{key}={seed}"])))
     return tuple(jobs)
-
-
-def as_override(value: Any) -> str:
-    """A value as YAML text that --set reads back equal: JSON is YAML."""
-    return json.dumps(value)

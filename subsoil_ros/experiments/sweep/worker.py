@@ -5,7 +5,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from ...api.execution import RunResult, code_digest, execute
+from ...api.execution import RunResult, execute
 from ...loading.scene_bundle import SceneBundle, unpack
 
 PROGRESS = "subsoil-progress"
@@ -33,11 +33,6 @@ def run_bundle(name: str, bundle: SceneBundle, threads: int, at_once: int, warm_
                 worker.log_event(PROGRESS, {"name": name, "part": (tick + 1) / count})
 
         return execute(scene, threads, on_tick, at_once=at_once, warm_up=warm_up)
-
-
-def engines_of_worker() -> str:
-    """The digest of the engines that a worker would run."""
-    return code_digest()
 
 
 def ignore_interrupts() -> None:

@@ -35,7 +35,7 @@ from ...messages import (
 )
 from ...recording.standard import clock
 from ...recording.topics import CLOCK
-from ...recording.types import message_class, serialize
+from ...recording.types import serialize
 from ...ticks import INITIAL_TICK, tick_end_ns
 from ..process.heartbeat import STARTUP_S, Heartbeat, NodeRun
 from ..process.node_process import NodeSettings, report_to_supervisor, run_process
@@ -289,9 +289,7 @@ class CouplerNode(LockstepNode):
         if self._schedule.series_due(tick):
             report = work.report(self.run.run_id, tick, self._communication_step_ns, now - self._start)
             self._reports.publish(self.bytes_of(report))
-        self._clock_publisher.publish(
-            serialize(clock(message_class, tick_end_ns(tick, self._communication_step_ns)))
-        )
+        self._clock_publisher.publish(serialize(clock(tick_end_ns(tick, self._communication_step_ns))))
         self.heartbeat.tick = tick
         self._account.check(tick)
         self._last = CouplingState(tick, finished.motions, finished.wrenches, work, now - self._start)

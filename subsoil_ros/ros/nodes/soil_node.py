@@ -25,7 +25,7 @@ from ...messages import (
 )
 from ...recording.standard import body_frame, pose_stamped, wrench_stamped
 from ...recording.topics import pose_topic, wrench_topic
-from ...recording.types import message_class, serialize
+from ...recording.types import serialize
 from ...ticks import tick_end_ns
 from ..process.heartbeat import Heartbeat, NodeRun
 from ..process.node_process import NodeSettings, run_process
@@ -193,9 +193,9 @@ class SoilNode(LockstepNode):
             moved = ToolMotions(self.run.run_id, end_ns // self._communication_step_ns - 1, end_ns, motions)
             self._visualization.move(None, moved, end_ns)
         for motion, wrench in zip(motions, wrenches, strict=True):
-            self._poses[motion.tool].publish(serialize(pose_stamped(message_class, motion, end_ns)))
+            self._poses[motion.tool].publish(serialize(pose_stamped(motion, end_ns)))
             frame = body_frame(scene, wrench.tool)
-            message = wrench_stamped(message_class, wrench, motion, frame, end_ns)
+            message = wrench_stamped(wrench, motion, frame, end_ns)
             self._body_wrenches[wrench.tool].publish(serialize(message))
 
 

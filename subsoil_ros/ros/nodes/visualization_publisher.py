@@ -7,7 +7,7 @@ from ...messages import MechanismState, ToolMotions
 from ...recording.description import latched_messages
 from ...recording.standard import transforms
 from ...recording.topics import LATCHED, TRANSFORMS
-from ...recording.types import message_class, serialize
+from ...recording.types import serialize
 from ..transport.convert import rclpy_class
 from ..transport.qos import LATCHED_QOS, VISUALIZATION_QOS
 
@@ -22,7 +22,7 @@ class VisualizationPublisher:
     def __init__(self, node: Node, resolved: ResolvedScene) -> None:
         self._scene = resolved.scene
         self._latched = []  # publishers: kept, or who comes later hears nothing
-        for topic, message in latched_messages(message_class, resolved).items():
+        for topic, message in latched_messages(resolved).items():
             publisher = node.create_publisher(rclpy_class(LATCHED[topic]), topic.lstrip("/"), LATCHED_QOS)
             publisher.publish(serialize(message))
             self._latched.append(publisher)
@@ -36,5 +36,5 @@ class VisualizationPublisher:
     def move(self, state: MechanismState | None, motions: ToolMotions | None, time_ns: int) -> None:
         """Publishes where the bodies are, or, of a scene without mechanism, the tools."""
         if self._transforms is not None:
-            message = transforms(message_class, self._scene, state, motions, time_ns)
+            message = transforms(self._scene, state, motions, time_ns)
             self._transforms.publish(serialize(message))

@@ -75,7 +75,7 @@ class Diagnostics:
             hardware_id=self._run_id,
             values=[key_value(key=key, value=_text(value)) for key, value in values.items()],
         )
-        header = message_class("std_msgs/msg/Header")(stamp=stamp(message_class, time.time_ns()), frame_id="")
+        header = message_class("std_msgs/msg/Header")(stamp=stamp(time.time_ns()), frame_id="")
         self._publisher.publish(serialize(message_class(_KIND)(header=header, status=[status])))
 
 

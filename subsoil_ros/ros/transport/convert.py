@@ -10,7 +10,7 @@ from importlib import import_module
 from typing import Any
 
 from ...recording.conversion import from_message, message_type, to_message
-from ...recording.types import deserialize, message_class, serialize
+from ...recording.types import deserialize, serialize
 from .tick_codec import TICKED, TickCodec
 
 
@@ -35,7 +35,7 @@ def writer(kind: type, communication_step_ns: int) -> Callable[[Any], bytes]:
 
 def to_bytes(record: Any, communication_step_ns: int) -> bytes:
     """CDR of the message that carries `record`."""
-    return serialize(to_message(message_class, record, communication_step_ns))
+    return serialize(to_message(record, communication_step_ns))
 
 
 def reader(kind: type, communication_step_ns: int) -> Callable[[bytes], Any]:

@@ -6,12 +6,17 @@ from ...coupling.protocol import ACK_LAG_TICKS
 from ...messages import NodeStatus, SoilCloud
 from ...recording.topics import LOCKSTEP_DEPTH
 
-LOCKSTEP_QOS = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-    history=HistoryPolicy.KEEP_LAST,
-    depth=LOCKSTEP_DEPTH,
-)
+
+def _reliable(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATILE) -> QoSProfile:
+    return QoSProfile(
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=durability,
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+    )
+
+
+LOCKSTEP_QOS = _reliable(LOCKSTEP_DEPTH)
 """Lockstep messages and the states recorded with them. The recorder is never further behind than
 ACK_LAG_TICKS, so nothing leaves the history before it has arrived.
 
@@ -19,36 +24,16 @@ Volatile: nobody may join late, all endpoints are matched before tick 0. A histo
 late-comers is always full, and Fast DDS then asks every reader for an acknowledgement with every message.
 """
 
-NODE_STATUS_QOS = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-    history=HistoryPolicy.KEEP_LAST,
-    depth=50,
-)
+NODE_STATUS_QOS = _reliable(50, DurabilityPolicy.TRANSIENT_LOCAL)
 """One queue takes the words of all nodes, so it must hold several of each."""
 
-CLOUD_QOS = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-    history=HistoryPolicy.KEEP_LAST,
-    depth=ACK_LAG_TICKS + 1,
-)
+CLOUD_QOS = _reliable(ACK_LAG_TICKS + 1)
 """Volatile: a cloud is freed as soon as its readers have it. Deep enough for one cloud per tick."""
 
-VISUALIZATION_QOS = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-    history=HistoryPolicy.KEEP_LAST,
-    depth=10,
-)
+VISUALIZATION_QOS = _reliable(10)
 """Poses, wrenches, /tf and /clock: live, for whoever listens; the bag derives its own."""
 
-LATCHED_QOS = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-    history=HistoryPolicy.KEEP_LAST,
-    depth=1,
-)
+LATCHED_QOS = _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)
 """What is said once and kept for who comes later: the machine's description, its tools."""
 
 

@@ -22,7 +22,7 @@ from ...messages import (
     ToolWrenches,
 )
 from ...recording.conversion import from_message, message_type, to_message
-from ...recording.types import deserialize, message_class, serialize
+from ...recording.types import deserialize, serialize
 from ...ticks import NANOSECONDS_PER_SECOND, tick_end_ns
 
 Ticked = Grant | TickAck | ToolMotions | ToolWrenches
@@ -256,4 +256,4 @@ class TickCodec:
         return _Shape(layout, constant, mask, record.run_id, names)
 
     def _general(self, record: Any) -> bytes:
-        return serialize(to_message(message_class, record, self._communication_step_ns))
+        return serialize(to_message(record, self._communication_step_ns))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import ttest_rel
 
-from subsoil_ros.analysis.intervals import paired_difference
+from reproduction.yuan_yu_2020.paired import paired_difference
 
 
 def test_paired_interval_is_students():

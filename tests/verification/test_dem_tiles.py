@@ -128,6 +128,19 @@ def test_a_tiled_bed_fills_its_bin_at_its_density(soil):
     assert abs(check_start(scene) / (~bed.held).sum() - 1.0) < 0.15  # walls cut half a particle
 
 
+def test_nothing_lines_up_at_the_floor(soil):
+    """Centres over the held floor, in slices of an eighth of a diameter: none has half as many again as the mean
+    (random packings settled on a plane have nearly twice as many in their first layers)."""
+    scene = tiled(soil, box={"length_m": 0.5, "width_m": 0.45, "depth_m": 0.16})
+    bed = prepare_bed(scene, SoilEngine, 2)
+    x, y, z = bed.positions_m[~bed.held].T
+    inner = (np.abs(x - 0.25) < 0.19) & (np.abs(y) < 0.165)
+    height = z[inner] - bed.floor_m
+    counts, _ = np.histogram(height, bins=np.arange(0.0, 0.101, 0.005))
+    assert counts.max() < 1.5 * counts.mean()
+    assert counts.min() > 0.5 * counts.mean()
+
+
 def test_a_tiled_bed_stands_still_and_holds_its_floor(soil):
     """Left alone it moves by less than half a per cent of a radius, and the held not by a bit."""
     scene = tiled(soil)

@@ -129,8 +129,8 @@ def test_a_tiled_bed_fills_its_bin_at_its_density(soil):
 
 
 def test_nothing_lines_up_at_the_floor(soil):
-    """Centres over the held floor, in slices of an eighth of a diameter: none has half as many again as the mean
-    (random packings settled on a plane have nearly twice as many in their first layers)."""
+    """Centres over the held floor, in slices of a quarter of a diameter: none has half as many again as the
+    mean (random packings settled on a plane have nearly twice as many in their first layers)."""
     scene = tiled(soil, box={"length_m": 0.5, "width_m": 0.45, "depth_m": 0.16})
     bed = prepare_bed(scene, SoilEngine, 2)
     x, y, z = bed.positions_m[~bed.held].T

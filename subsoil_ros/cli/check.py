@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
         console.print(_limits(found))
         if found.at_work:
             rows = ((number.name, number.text) for number in found.at_work)
-            console.print(_table("soil at work", rows))
+            console.print(_facts("soil at work", rows))
     if scene.wedge_soil is not None:
         console.print(_facts("soil, wedge model", wedge_rows(resolved, scene.wedge_soil)))
     for note in found.notes:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from ...loading.loader import ResolvedScene
 from ...loading.soil_file import soil_of
 from ...scene.bed_spacing import particle_spacing_m
-from ...scene.beds import GridBed, SavedBed
+from ...scene.beds import GridBed, SavedBed, TiledBed
 from ...scene.meshes import load_tool_mesh
 from ...scene.pairs import layer_soils
 from ...scene.sizes import mean_power
@@ -78,10 +78,15 @@ def particle_rows(resolved: ResolvedScene, soil: Soil, count: int) -> Iterable[t
         else:
             kept = cached_bed_path(resolved)
             when = f"kept in {kept}" if kept.is_file() else "prepared when it is first used"
-            yield "bed", f"dense random, seed {soil.bed.seed}; {when}"
+            yield "bed", f"{_random_bed(soil)}, seed {soil.bed.seed}; {when}"
         size = soil.bin
         fitted = "walls" if size.sides == "walls" else "ends and period in y"
-        yield "bin", f"{size.length_m:g} x {size.width_m:g} x {size.depth_m:g} m, {fitted} fitted to the bed"
+        if isinstance(soil.bed, TiledBed):
+            kind = "walls" if size.sides == "walls" else "periodic sides"
+            fitted = f"{kind}, {soil.bed.floor} floor"
+        else:
+            fitted += " fitted to the bed"
+        yield "bin", f"{size.length_m:g} x {size.width_m:g} x {size.depth_m:g} m, {fitted}"
         return
     nx, ny, nz = grid_shape(soil)
     bed = prepare_grid(soil, resolved.scene.gravity_m_per_s2)
@@ -97,6 +102,18 @@ def particle_rows(resolved: ResolvedScene, soil: Soil, count: int) -> Iterable[t
             f"{length:.4g} x {width:.4g} m, floor at z = {bed.lower_m[2]:.4f} m"
             + ("" if bed.period_m is None else f", y periodic with {width:.4g} m")
         ),
+    )
+
+
+def _random_bed(soil: Soil) -> str:
+    if not isinstance(soil.bed, TiledBed):
+        return "dense random"
+    from ...dem.beds.tile import tile_edge_m
+
+    density = soil.bed.solid_fraction * soil.particles.density_kg_per_m3
+    return (
+        f"tiled, solid fraction {soil.bed.solid_fraction:g} ({density:.0f} kg/m3), "
+        f"tiles of {tile_edge_m(soil):.3g} m"
     )
 
 

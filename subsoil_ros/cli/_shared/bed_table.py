@@ -1,5 +1,6 @@
 """The part of `subsoil check` that prepares a bed and prints what it is like."""
 
+import math
 import time
 from collections.abc import Iterable
 from pathlib import Path
@@ -67,7 +68,9 @@ def _rows(report: BedReport, motion: FreeMotion) -> Iterable[tuple[str, str]]:
             f"layer {layer.name}",
             f"{layer.particle_count:,} particles, density {layer.density_kg_per_m3:.4g} kg/m3",
         )
-    yield "density", f"{report.density_kg_per_m3:.4g} kg/m3"
+    inside = report.density_inside_kg_per_m3
+    apart = "" if math.isnan(inside) else f", {inside:.4g} away from walls, floor and top"
+    yield "density", f"{report.density_kg_per_m3:.4g} kg/m3{apart}"
     yield "coordination", f"{report.coordination:.2f} particles in reach, mean"
     yield "stable step", f"{report.stable_step_s * 1e6:.4g} us at this coordination"
     yield "largest overlap", f"{_mm(report.max_overlap_m)} beyond rest"

@@ -1,6 +1,7 @@
 """What a bed is like: density, bonds, surface, gaps at walls, voids, and whether it stands still."""
 
 import dataclasses
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,9 @@ from .bonds import bonds_of, radii_of
 from .settling import EngineOf
 from .surface import top_surface_m
 from .tree import bed_tree, seen_from_corner
+
+INSIDE_DIAMETERS = 2.0
+"""Distance from walls, floor and top from which a bed is as in its midst (chosen: layers fade by then)."""
 
 GAP_CELL = 4.0
 """Edge of the cells a wall is looked at through, in radii: each holds some four particles of a dense layer,
@@ -66,6 +70,7 @@ class BedReport:
     radii: RadiusReport | None  # of several sizes
     layers: tuple[LayerReport, ...]  # from top to bottom; empty without
     density_kg_per_m3: float  # mass of what may move over the volume between walls, floor and mean top
+    density_inside_kg_per_m3: float  # INSIDE_DIAMETERS away from walls, floor and top; nan: nothing is
     coordination: float  # particles in reach of a particle, mean
     max_overlap_m: float  # beyond rest
     top_mean_m: float
@@ -95,6 +100,7 @@ def report_bed(bed: Bed, soil: Soil) -> BedReport:
         radii=None if bed.radii_m is None else _radii(bed.radii_m),
         layers=_layers(bed, soil, masses * free, top, length * width),
         density_kg_per_m3=float(masses[free].sum()) / volume,
+        density_inside_kg_per_m3=_density_inside(bed, masses, float(radii.max())),
         coordination=coordination,
         max_overlap_m=float(bonds.excess_m.max(initial=0.0)),
         top_mean_m=float(top.mean()),
@@ -106,6 +112,19 @@ def report_bed(bed: Bed, soil: Soil) -> BedReport:
         kinetic_energy_joule=bed.kinetic_energy_joule,
         stable_step_s=step_limits(soil, max(coordination, 1.0))[0].limit_s,
     )
+
+
+def _density_inside(bed: Bed, masses: np.ndarray, radius: float) -> float:
+    """Mass over volume of the inner bed [kg/m3], weighted by sin^2 along each axis: a box would cut spheres."""
+    away = 2.0 * INSIDE_DIAMETERS * radius
+    low = np.array([*bed.lower_m[:2], bed.floor_m]) + away
+    size = np.array([*bed.upper_m, 0.0]) - away - low
+    if size.min() <= 0.0:
+        return math.nan
+    part = (bed.positions_m - low) / size
+    inner = ((part > 0.0) & (part < 1.0)).all(axis=1)
+    weight = (np.sin(np.pi * part[inner]) ** 2).prod(axis=1)
+    return float((masses[inner] * weight).sum() / (size.prod() / 8.0))
 
 
 def masses_kg(bed: Bed, soil: Soil) -> np.ndarray:

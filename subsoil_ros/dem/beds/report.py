@@ -115,7 +115,7 @@ def report_bed(bed: Bed, soil: Soil) -> BedReport:
 
 
 def _density_inside(bed: Bed, masses: np.ndarray, radius: float) -> float:
-    """Mass over volume of the inner bed [kg/m3], weighted by sin^2 along each axis: a box would cut spheres."""
+    """Mass over volume of the inner bed [kg/m3], weighted by sin^2 along each axis: a box would cut them."""
     away = 2.0 * INSIDE_DIAMETERS * radius
     low = np.array([*bed.lower_m[:2], bed.floor_m]) + away
     size = np.array([*bed.upper_m, 0.0]) - away - low

@@ -1,4 +1,4 @@
-"""subsoil soil-test SCENE: cohesion, friction angle, tensile strength and density of a scene's soil."""
+"""subsoil soil-test SCENE: strength and density of the soil of a scene, and its friction on metal."""
 
 from __future__ import annotations
 

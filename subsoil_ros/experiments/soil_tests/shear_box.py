@@ -312,6 +312,21 @@ def gripping_law(soil: Soil) -> Document:
     return law | {"combining_rule": "none", "particle": _row(pair), "boundary": _row(glued)}
 
 
+def cemented_layers(soil: Soil, floor_m: float, cap_m: float) -> list[Document]:
+    """`layers` of a scene under the gripping law: one at the lid, one at the floor, the soil between them.
+
+    A bed says itself which particle is of which layer; thicknesses are only checked.
+    """
+    pair = pair_values(soil)[0].scaled(1.0 / size_ratio(soil))
+    row = {"cohesive_stiffness_newton_per_m": GLUE * pair.adhesion}
+    law: Document = {"kind": soil.law.kind, "particle": row}
+    return [
+        {"name": "lid", "thickness_m": cap_m, "law": law},
+        {"name": "soil", "thickness_m": -floor_m - 2.0 * cap_m},
+        {"name": "floor", "law": law},
+    ]
+
+
 def _row(values: PairValues) -> Document:
     return {
         "stiffness_newton_per_m": values.stiffness,

@@ -23,7 +23,7 @@ from ...scene.beds import SavedBed, TiledBed
 from ...scene.pairs import pair_values
 from ...scene.soil import Soil
 from ...yaml_document import Document, dump_yaml
-from .shear_box import ShearBox, gripping_law, write_meshes
+from .shear_box import ShearBox, cemented_layers, gripping_law, write_meshes
 
 Size = tuple[float, float, float]
 """Length, width and height [m]."""
@@ -201,10 +201,12 @@ def write_scene(
     machine: Document,
     *,
     glued: bool = True,
+    cap_m: float = 0.0,
 ) -> ResolvedScene:
     """Writes a test as a scene with its meshes and bed into `folder`, and loads it.
 
-    machine: keys `mechanism`, `tools`, and more of a scene. glued: the box grips the soil.
+    machine: keys `mechanism`, `tools`, and more of a scene. glued: the box grips the soil. cap_m: this much
+    of the soil at the lid and at the floor is cemented, layers of GLUE times the adhesion.
     """
     write_meshes(box, folder)
     soil = specimen.resolved.document["soil"] | {
@@ -216,6 +218,10 @@ def write_scene(
         "bed": {"kind": "saved", "file": "bed.npz"},
         "law": gripping_law(specimen.soil) if glued else specimen.soil.law.model_dump(mode="json"),
     }
+    if cap_m > 0.0:
+        soil["layers"] = cemented_layers(specimen.soil, bed.lower_m[2], cap_m)
+        z = bed.positions_m[:, 2]
+        bed = replace(bed, materials=(z < z.max() - cap_m).astype(np.int64) + (z < z.min() + cap_m))
     write_bed(folder / "bed.npz", bed, Soil.model_validate_json(json.dumps(soil), strict=True))
     document: Document = {
         "name": name,

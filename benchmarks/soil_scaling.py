@@ -37,8 +37,9 @@ def strength_of(radius_m: float, reference_radius_m: float | None, seed: int) ->
         overrides.append(f"soil.particles.reference_radius_m={reference_radius_m}")
     with tempfile.TemporaryDirectory() as folder:
         tests = run_soil_tests(
-            load_scene(SCENE, overrides), NORMAL_PA, SIZE_M, Path(folder), inertial_number=INERTIAL_NUMBER
-        )
+            load_scene(SCENE, overrides), NORMAL_PA, SIZE_M, Path(folder),
+            inertial_number=INERTIAL_NUMBER, plate=False,
+        )  # fmt: skip
     strength = SoilStrength.of(tests)
     return {
         "density_kg_per_m3": strength.density_kg_per_m3,

@@ -17,7 +17,7 @@ VERBS = {
     "compare": "overlay runs and a measured CSV: figure, metrics and differences",
     "sweep": "run a scene with every combination of values; one table (CSV, Parquet), figure and ranking",
     "study": "sweep the factors of a scene against a reference run: errors with intervals, and wall time",
-    "soil-test": "test the soil of a scene: direct shear at several normal stresses, tension, density",
+    "soil-test": "test the soil of a scene: direct shear, sliding on metal, tension, density",
     "calibrate": "fit a wedge model to runs with particles, or a law of particles to soil tests",
     "bag": "describe a bag, or mend one whose writer was killed",
     "bench": "measure the cost of an engine, or of the lockstep between the nodes",

@@ -1,4 +1,4 @@
-"""subsoil soil-test SCENE: cohesion, friction angle, tensile strength and density of a scene's soil."""
+"""subsoil soil-test SCENE: strength and density of the soil of a scene, and its friction on metal."""
 
 from __future__ import annotations
 
@@ -8,22 +8,20 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import astuple
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
-from ..experiments.soil_tests.options import INERTIAL_NUMBER, LEAST_POINTS
+from ..experiments.soil_tests.options import INERTIAL_NUMBER, LEAST_POINTS, SHEAR_DIAMETERS
 from ..extras import require
 from ._shared.arguments import add_overrides
 
 if TYPE_CHECKING:
     from ..experiments.soil_tests.runs import SoilTests
-    from ..experiments.soil_tests.strength import CoulombFit
+    from ..experiments.soil_tests.strength import CoulombFit, PlateFit
     from ..limits.stable_steps import Timing
     from ..loading.loader import ResolvedScene
-
-SHEAR_DIAMETERS = (12.0, 8.0, 6.0)
-"""Length, width and height of the specimen in particle diameters (chosen: usual least sizes)."""
 
 NORMAL_PA = (5e3, 10e3, 20e3)
 """Normal stresses (chosen: from the weight of 0.3 m of soil to what the paper's soft particles bear)."""
@@ -35,8 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out",
         metavar="DIR",
-        help="folder for soil_test.json, shear.csv, tension.csv, soil_test.png and the scene of each test; "
-        "must not exist (default: nothing is written)",
+        help="folder for soil_test.json, shear.csv, plate.csv, tension.csv, soil_test.png and the scene of "
+        "each test; must not exist (default: nothing is written)",
     )
     parser.add_argument(
         "--normal-pa",
@@ -51,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs=3,
         type=float,
         metavar=("L", "W", "H"),
-        help="specimen in shear: length, width, height (default: 12, 8 and 6 particle diameters)",
+        help="specimen in shear: length, width, height (default, and least: 12, 8 and 8 largest diameters)",
     )
     parser.add_argument(
         "--inertial-number",
@@ -90,14 +88,18 @@ def run(args: argparse.Namespace) -> int:
         )
     if args.inertial_number <= 0.0:
         raise InputError(f"--inertial-number: given {args.inertial_number:g}, needed is a number above 0")
-    diameter = 2.0 * resolved.scene.particle_soil.particles.mean_volume_radius_m
-    length, width, height = args.size_m or (n * diameter for n in SHEAR_DIAMETERS)
-    if min(length, width, height) < 5.0 * diameter:
+    diameter = 2.0 * resolved.scene.particle_soil.particles.bounds_m[1]
+    least = tuple(n * diameter for n in SHEAR_DIAMETERS)
+    length, width, height = args.size_m or least
+    if any(
+        given < (1.0 - 1e-9) * wanted for given, wanted in zip((length, width, height), least, strict=True)
+    ):
         raise InputError(
-            f"--size-m: given {length:g} {width:g} {height:g}, needed is at least 5 particle diameters "
-            f"({5.0 * diameter:g} m) each way; 12, 8 and 6 diameters are usual"
+            f"--size-m: given {length:g} {width:g} {height:g}, needed is at least "
+            f"{' '.join(f'{m:g}' for m in least)}, 12 x 8 x 8 of the largest diameters, {diameter:g} m; or "
+            "make the particles smaller"
         )
-    runs = len(stresses) + (pair_values(resolved.scene.particle_soil)[0].adhesion > 0.0)  # tension too
+    runs = 2 * len(stresses) + (pair_values(resolved.scene.particle_soil)[0].adhesion > 0.0)  # tension too
     done: list[str] = []
 
     @contextmanager
@@ -155,31 +157,39 @@ def _new_folder(out: str | None) -> Iterator[Path]:
 def _print(resolved: ResolvedScene, tests: SoilTests, out: str | None) -> None:
     from rich.console import Console
 
-    from ..experiments.soil_tests.strength import SoilStrength, shear_rows
+    from ..experiments.soil_tests.strength import SoilStrength, shear_rows, strength_warnings
     from ._shared.tables import table
 
     console = Console()
     strength = SoilStrength.of(tests)
-    headings = ("normal kPa", "peak kPa", "at", "residual kPa", "normal held to", "speed m/s", "imbalance")
-    rows = table("direct shear", headings, words=0)
-    for row in shear_rows(tests):
-        rows.add_row(
-            f"{1e-3 * row['nominal_normal_pa']:g}",
-            f"{1e-3 * row['peak_shear_pa']:.2f} under {1e-3 * row['peak_normal_pa']:.2f}",
-            f"{1e3 * row['peak_displacement_m']:.1f} mm",
-            f"{1e-3 * row['residual_shear_pa']:.2f} under {1e-3 * row['residual_normal_pa']:.2f}",
-            f"{100.0 * row['normal_error']:.2g} %",
-            f"{row['speed_m_per_s']:.3g}",
-            f"{100.0 * row['force_imbalance']:.2g} %",
-        )
-    console.print(rows)
+    headings = (
+        "normal kPa", "peak kPa", "at", "residual kPa", "lid rises", "normal held to", "speed m/s", "imbalance"
+    )  # fmt: skip
+    for title, curves in (("direct shear", tests.shear), ("plate", tests.plate)):
+        rows = table(title, headings, words=0)
+        for row in shear_rows(curves):
+            rows.add_row(
+                f"{1e-3 * row['nominal_normal_pa']:g}",
+                f"{1e-3 * row['peak_shear_pa']:.2f} under {1e-3 * row['peak_normal_pa']:.2f}",
+                f"{1e3 * row['peak_displacement_m']:.1f} mm",
+                f"{1e-3 * row['residual_shear_pa']:.2f} under {1e-3 * row['residual_normal_pa']:.2f}",
+                f"{row['residual_dilatancy']:.2f}",
+                f"{100.0 * row['normal_error']:.2g} %",
+                f"{row['speed_m_per_s']:.3g}",
+                f"{100.0 * row['force_imbalance']:.2g} %",
+            )
+        console.print(rows)
+    for warning in strength_warnings(tests):
+        console.print(f"warning: {warning}")
     found = table(resolved.scene.name)
     found.add_row("particles", f"{strength.particle_count:,}")
     found.add_row(
         "density", f"{strength.density_kg_per_m3:.4g} kg/m3, coordination {strength.coordination:.3g}"
     )
-    found.add_row("peak", _fit(strength.peak))
-    found.add_row("residual", _fit(strength.residual))
+    found.add_row("peak", _fit(strength.peak, "c", "phi"))
+    found.add_row("residual", _fit(strength.residual, "c", "phi"))
+    assert strength.plate is not None
+    found.add_row("on metal", _fit(strength.plate, "c_a", "delta"))
     if strength.tensile_strength_pa is not None:
         found.add_row(
             "tensile strength",
@@ -192,8 +202,9 @@ def _print(resolved: ResolvedScene, tests: SoilTests, out: str | None) -> None:
     console.print(found)
 
 
-def _fit(fit: CoulombFit) -> str:
+def _fit(fit: CoulombFit | PlateFit, cohesion: str, angle: str) -> str:
+    c, c_error, phi, phi_error, r_squared = astuple(fit)
     return (
-        f"c = {1e-3 * fit.cohesion_pa:.2f} +- {1e-3 * fit.cohesion_error_pa:.2f} kPa, phi = "
-        f"{fit.friction_angle_deg:.1f} +- {fit.friction_angle_error_deg:.1f} deg, R2 = {fit.r_squared:.4f}"
+        f"{cohesion} = {1e-3 * c:.2f} +- {1e-3 * c_error:.2f} kPa, {angle} = {phi:.1f} +- {phi_error:.1f} "
+        f"deg, R2 = {r_squared:.4f}"
     )

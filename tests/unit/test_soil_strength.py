@@ -49,7 +49,10 @@ def test_too_few_stresses(normal: list[float]) -> None:
     [
         (["tine.yaml", "--normal-pa", "1e4", "2e4"], "--normal-pa: given 10000 20000, needed are 3 or more"),
         (["tine.yaml", "--normal-pa", "0", "1e4", "2e4"], "above 0"),
-        (["tine.yaml", "--size-m", "0.2", "0.09", "0.2"], "--size-m: given 0.2 0.09 0.2, needed is at least"),
+        (
+            ["tine.yaml", "--size-m", "0.24", "0.15", "0.16"],
+            "--size-m: given 0.24 0.15 0.16, needed is at least 0.24 0.16 0.16, 12 x 8 x 8 of the largest",
+        ),
         (["tine.yaml", "--inertial-number", "0"], "--inertial-number: given 0"),
         (["mechanism_only.yaml"], "has no 'soil'"),
         (["tine.yaml", "--out", str(SCENES)], "exists already"),

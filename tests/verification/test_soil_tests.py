@@ -8,13 +8,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial import ConvexHull, Voronoi
+from scipy.stats import t as student_t
 
 from subsoil_ros.api.simulate import simulate
 from subsoil_ros.cli.main import main
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.errors import InputError
 from subsoil_ros.experiments.soil_tests import runs as soil_tests
-from subsoil_ros.experiments.soil_tests.runs import needs_glue, rumpf_strength_pa, run_shear, run_tension
+from subsoil_ros.experiments.soil_tests.options import NORMAL_TOLERANCE
+from subsoil_ros.experiments.soil_tests.runs import (
+    SoilTests,
+    needs_glue,
+    rumpf_strength_pa,
+    run_plate,
+    run_shear,
+    run_tension,
+    seated,
+)
 from subsoil_ros.experiments.soil_tests.shear_box import (
     ShearBox,
     TensionLoading,
@@ -23,14 +34,19 @@ from subsoil_ros.experiments.soil_tests.shear_box import (
     tension_machine,
 )
 from subsoil_ros.experiments.soil_tests.specimen import Specimen, box_around, prepare_specimen, write_scene
+from subsoil_ros.experiments.soil_tests.strength import SoilStrength, strength_warnings
 from subsoil_ros.limits.stable_steps import Timing
 from subsoil_ros.loading.loader import ResolvedScene
 from subsoil_ros.messages import ToolWrenches
 from subsoil_ros.scene.pairs import pair_values, tool_values
+from tests.soils import DRY as DRY_ROW
+from tests.soils import NEGLIGIBLE
+from tests.soils import PARTICLE as WET_ROW
 
 GRID = "soil.bed.spacing_m=rest"
 DRY = "cohesive_stiffness_newton_per_m"
 FACTOR = 10.0
+MU = 0.4
 
 
 @pytest.fixture
@@ -47,6 +63,26 @@ def lattice(soil, tmp_path: Path):
     return make
 
 
+@pytest.fixture
+def tiled(soil, tmp_path: Path):
+    """Maker of specimens of a dry tiled bed at 0.60, radii within 15 %, with this rolling friction."""
+
+    def make(rolling: float, size_m) -> tuple[Specimen, Path]:
+        folder = tmp_path / f"tiled_{rolling:g}"
+        folder.mkdir()
+        row = DRY_ROW | {"static_friction": MU, "sliding_friction": MU, "rolling_friction": rolling}
+        sizes = {"kind": "uniform", "min_radius_m": 0.0085, "max_radius_m": 0.0115}
+        found = {
+            "bin": {"length_m": 1.0, "width_m": 1.0, "depth_m": 0.5},
+            "particles": {"sizes": sizes, "density_kg_per_m3": 2500.0},
+            "bed": {"kind": "tiled", "tile_m": 0.5, "solid_fraction": 0.60},
+            "law": {"kind": "linear", "particle": row, "boundary": row},
+        }
+        return prepare_specimen(soil.scene(soil=found), size_m, folder), folder
+
+    return make
+
+
 def subfolder(folder: Path, name: str) -> Path:
     path = folder / name
     path.mkdir()
@@ -59,6 +95,67 @@ def test_a_specimen_takes_what_its_scene_allows(soil, tmp_path: Path) -> None:
     specimen = prepare_specimen(resolved, (0.144, 0.108, 0.126), tmp_path)
     assert specimen.resolved.scene.allow == ("unstable_time_step",)
     assert specimen.resolved.timing.communication_step_ns == 60_000
+
+
+def test_density_is_that_of_voronoi_cells(soil, tmp_path: Path) -> None:
+    """Equal spheres, each at random beside its place: the points find the volume of the exact cells."""
+    specimen = prepare_specimen(
+        soil.scene("soil.bed={kind: grid, spacing_m: 0.0185, jitter_m: 0.0005}"), (0.24, 0.16, 0.16), tmp_path
+    )
+    x = specimen.bed.positions_m
+    core = np.flatnonzero(((x > x.min(axis=0) + 0.03) & (x < x.max(axis=0) - 0.03)).all(axis=1))
+    cells = Voronoi(x)
+    volumes = [ConvexHull(cells.vertices[cells.regions[cells.point_region[k]]]).volume for k in core]
+    mass = 1800.0 * 4.0 / 3.0 * np.pi * 0.01**3
+    assert_allclose(specimen.density_kg_per_m3, mass / np.mean(volumes), rtol=1e-3)
+
+
+def test_a_specimen_of_a_tiled_bed(tiled) -> None:
+    """The box has the floor, whatever the scene says; its density is the bed's; its faces touch the outermost
+    spheres, large or small."""
+    specimen, _ = tiled(0.1, (0.276, 0.184, 0.184))
+    assert specimen.bed.held is None
+    assert_allclose(specimen.density_kg_per_m3, 0.60 * 2500.0, rtol=0.02)
+    assert_allclose(specimen.solid_fraction, 0.60, rtol=0.02)
+    assert specimen.diameter_m == 0.023
+    radii = specimen.bed.radii_m
+    assert_allclose(specimen.mass_kg, 2500.0 * 4.0 / 3.0 * np.pi * (radii**3).sum())
+    box, bed = box_around(specimen, room_m=0.1, gap_m=0.02)
+    x, r = bed.positions_m, radii[:, None]
+    assert_allclose((x - r).min(axis=0) - box.lower_m, 1e-6, atol=1e-9)
+    assert_allclose(box.upper_m - (x + r).max(axis=0), 1e-6, atol=1e-9)
+    assert_array_equal(bed.radii_m, radii)
+
+
+@pytest.mark.parametrize("rolling", [NEGLIGIBLE, 10.0], ids=["rolls", "rolls not"])
+def test_friction_on_metal(tiled, rolling: float) -> None:
+    """Dry spheres: the stress is at most the friction of the plate, and it where they cannot roll; c_a = 0.
+
+    c_a lies in its interval of 95 %, of a line with one degree of freedom. Over the plate the section stays,
+    and the load with it. What rolls slides before the friction is reached, at a stress that still changes.
+    """
+    specimen, folder = tiled(rolling, (0.24, 0.16, 0.12))
+    stresses = (4e3, 8e3, 16e3)
+    curves = tuple(
+        run_plate(specimen, stress, subfolder(folder, f"{stress:g}"), inertial_number=0.01)
+        for stress in stresses
+    )
+    tests = SoilTests(specimen, (0.24, 0.16, 0.12), curves, curves, None)
+    normal, shear = np.array([curve.residual() for curve in curves]).T
+    assert_allclose(normal, stresses, rtol=0.01)
+    beyond = [curve for curve in curves if curve.normal_error > NORMAL_TOLERANCE]  # so quick a test chatters
+    assert max(curve.normal_error for curve in curves) < 0.05
+    assert len(strength_warnings(tests)) == 2 * len(beyond)
+    assert (shear < 1.01 * MU * normal).all()
+    fit = SoilStrength.of(tests).plate
+    assert fit is not None
+    assert abs(fit.adhesion_pa) < student_t.ppf(0.975, 1) * fit.adhesion_error_pa
+    slope = math.tan(math.radians(fit.delta_deg))
+    if rolling == NEGLIGIBLE:
+        assert 0.5 * MU < slope < MU
+    else:
+        assert_allclose(slope, MU, rtol=0.03)
+        assert fit.adhesion_error_pa < 0.01 * stresses[-1]
 
 
 def test_meshes_of_the_box() -> None:
@@ -198,6 +295,24 @@ def test_tension_of_a_lattice(lattice) -> None:
     assert abs(curve.tension_pa[-1]) < 0.02 * strength
 
 
+def test_tension_of_a_tiled_bed(soil, tmp_path: Path) -> None:
+    """Its faces hold few particles, so its ends are cemented: it breaks between them, below the bound."""
+    sizes = {"kind": "uniform", "min_radius_m": 0.0085, "max_radius_m": 0.0115}
+    law = {"rolling_friction": 0.3, "equilibrium_overlap_m": 1e-4, "cohesion_range_m": 5e-4}
+    found = {
+        "bin": {"length_m": 1.0, "width_m": 1.0, "depth_m": 0.5},
+        "particles": {"sizes": sizes, "density_kg_per_m3": 2500.0},
+        "bed": {"kind": "tiled"},
+        "law": {"kind": "cohesive_linear", "particle": WET_ROW | law, "boundary": WET_ROW | law},
+    }
+    specimen = prepare_specimen(soil.scene(soil=found), (0.13, 0.13, 0.2), tmp_path)
+    pressed = seated(specimen, subfolder(tmp_path, "seating"))
+    curve = run_tension(pressed, subfolder(tmp_path, "pull"), inertial_number=0.03)
+    assert 0.2 < curve.break_height < 0.8
+    assert 0.1 < curve.strength_pa / rumpf_strength_pa(specimen) < 1.0
+    assert abs(curve.tension_pa[-1]) < 0.05 * curve.strength_pa
+
+
 def test_scaled_soil_moves_alike(soil) -> None:
     """Particles 1.5 times as large in a box as much larger, gravity less: the same motion in their lengths.
 
@@ -239,11 +354,12 @@ def test_the_command_writes_all_or_nothing(soil, tmp_path: Path) -> None:
     """A series of a dry lattice: the folder has numbers, curves, figure and the scenes; c and phi agree."""
     scene = soil.scene(GRID, law={DRY: 0.0}).path
     out = tmp_path / "out" / "lattice"
-    arguments = ["--normal-pa", "4e3", "8e3", "12e3", "--inertial-number", "0.1"]
-    size = ["--size-m", "0.144", "0.108", "0.126"]
-    assert main(["soil-test", str(scene), "--set", GRID, "--out", str(out), *arguments, *size]) == 0
+    arguments = ["--normal-pa", "4e3", "8e3", "12e3", "--inertial-number", "0.2"]
+    assert main(["soil-test", str(scene), "--set", GRID, "--out", str(out), *arguments]) == 0
     assert [path.name for path in out.parent.iterdir()] == ["lattice"]
-    assert {"soil_test.json", "shear.csv", "soil_test.png", "tests"} <= {p.name for p in out.iterdir()}
+    assert {"soil_test.json", "shear.csv", "plate.csv", "soil_test.png", "tests"} <= {
+        p.name for p in out.iterdir()
+    }
     result = json.loads((out / "soil_test.json").read_text())
     fit, rows = result["strength"]["peak"], result["tests"]
     line = [
@@ -252,5 +368,12 @@ def test_the_command_writes_all_or_nothing(soil, tmp_path: Path) -> None:
     ]
     assert_allclose(sum(line), sum(row["peak_shear_pa"] for row in rows), rtol=1e-9)
     assert result["strength"]["tensile_strength_pa"] is None
+    assert result["size_m"] == [0.24, 0.16, 0.16]
+    assert {"delta_deg", "delta_error_deg", "adhesion_pa", "adhesion_error_pa"} < set(
+        result["strength"]["plate"]
+    )
+    assert [row["nominal_normal_pa"] for row in result["plate_tests"]] == [4e3, 8e3, 12e3]
+    doubtful = [row for row in rows + result["plate_tests"] if row["normal_error"] > NORMAL_TOLERANCE]
+    assert len(result["warnings"]) == len(doubtful)
     curves = np.genfromtxt(out / "shear.csv", delimiter=",", names=True)
     assert_array_equal(np.unique(curves["nominal_normal_pa"]), [4e3, 8e3, 12e3])

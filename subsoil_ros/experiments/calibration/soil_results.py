@@ -32,7 +32,7 @@ def strength_results(
     with tempfile.TemporaryDirectory() as folder:
         tests = run_soil_tests(
             scene, target.normal_pa, target.size_m, Path(folder) / "tests",
-            inertial_number=target.inertial_number, threads=threads, progress=progress,
+            inertial_number=target.inertial_number, plate=False, threads=threads, progress=progress,
         )  # fmt: skip
     found = SoilStrength.of(tests)
     results = {

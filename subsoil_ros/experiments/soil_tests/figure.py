@@ -1,6 +1,7 @@
 """Figure of soil tests."""
 
 import math
+from dataclasses import astuple
 from pathlib import Path
 
 import numpy as np
@@ -24,20 +25,23 @@ def draw_tests(tests: SoilTests, title: str, path: Path) -> None:
             1e3 * curve.displacement_m, 1e-3 * curve.shear_pa, color=COLOURS["main"], alpha=shade, label=label
         )
     _label(curves, "shear displacement [mm]", "shear stress [kPa]", "direct shear, by normal stress")
-    for name, fit, stresses in (
-        ("main", strength.peak, [curve.peak() for curve in tests.shear]),
-        ("share", strength.residual, [curve.residual() for curve in tests.shear]),
+    for colour, name, (c, phi), fit, stresses in (
+        ("main", "peak", ("c", "phi"), strength.peak, [curve.peak() for curve in tests.shear]),
+        ("share", "residual", ("c", "phi"), strength.residual, [curve.residual() for curve in tests.shear]),
+        ("wheels", "on metal", ("c_a", "delta"), strength.plate, [curve.residual() for curve in tests.plate]),
     ):
+        if fit is None:
+            continue
         x, y = 1e-3 * np.array(stresses).T
         ends = np.array([0.0, x.max()])
-        slope = math.tan(math.radians(fit.friction_angle_deg))
+        cohesion, cohesion_error, angle, angle_error, r_squared = astuple(fit)
         words = (
-            f"{'peak' if name == 'main' else 'residual'}: c = {1e-3 * fit.cohesion_pa:.1f} $\\pm$ "
-            f"{1e-3 * fit.cohesion_error_pa:.1f} kPa,\n$\\phi$ = {fit.friction_angle_deg:.1f} $\\pm$ "
-            f"{fit.friction_angle_error_deg:.1f} deg, $R^2$ = {fit.r_squared:.4f}"
+            f"{name}: ${c}$ = {1e-3 * cohesion:.1f} $\\pm$ {1e-3 * cohesion_error:.1f} kPa,\n"
+            f"$\\{phi}$ = {angle:.1f} $\\pm$ {angle_error:.1f} deg, $R^2$ = {r_squared:.4f}"
         )
-        line.plot(ends, 1e-3 * fit.cohesion_pa + slope * ends, color=COLOURS[name], label=words)
-        line.plot(x, y, "o", color=COLOURS[name])
+        height = 1e-3 * cohesion + math.tan(math.radians(angle)) * ends
+        line.plot(ends, height, color=COLOURS[colour], label=words)
+        line.plot(x, y, "o", color=COLOURS[colour])
     _label(line, "normal stress [kPa]", "shear stress [kPa]", "Mohr-Coulomb line")
     line.set_xlim(left=0.0)
     line.set_ylim(bottom=min(0.0, line.get_ylim()[0]))
@@ -50,7 +54,7 @@ def draw_tests(tests: SoilTests, title: str, path: Path) -> None:
             label=f"largest {strongest:.1f} kPa",
         )  # fmt: skip
         rumpf = 1e-3 * strength.rumpf_strength_pa
-        pull.axhline(rumpf, color=COLOURS["paper"], ls="--", label=f"Rumpf {rumpf:.1f} kPa")
+        pull.axhline(rumpf, color=COLOURS["reference"], ls="--", label=f"Rumpf {rumpf:.1f} kPa")
         _label(pull, "opening [mm]", "tension [kPa]", "tension")
     save_figure(figure, path)
 

@@ -4,5 +4,12 @@ INERTIAL_NUMBER = 3e-3
 """Of the shear: rate x diameter x sqrt(density / stress). By mu(I) of P. Jop et al., Nature
 441 (2006) 727-730, it raises the friction coefficient by 0.003; docs/soil_tests.md has a measured check."""
 
+SHEAR_DIAMETERS = (12.0, 8.0, 8.0)
+"""Length, width and height of the specimen in largest diameters, usual and least (chosen: they leave a core
+of 9 x 5 x 5, and a travel of 4)."""
+
+NORMAL_TOLERANCE = 0.02
+"""Part by which the normal stress may miss the nominal one."""
+
 LEAST_POINTS = 3
 """Normal stresses for a fit of c and phi: a line through two points has no error to show."""

@@ -1,12 +1,13 @@
-"""Virtual soil tests: direct shear at several normal stresses and tension, run without ROS.
+"""Virtual soil tests: direct shear and sliding on metal at several normal stresses, and tension; without ROS.
 
 Every stress is a force over the section of the specimen that is left: (length - shear displacement) x width.
+A plate is longer than the specimen, so over it nothing is lost.
 """
 
 import math
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,21 +16,23 @@ from numpy.typing import NDArray
 
 from ...analysis.smoothing import running_mean
 from ...api.simulate import simulate
+from ...dem.bed import Bed
 from ...dem.engine import build_engine
 from ...errors import InputError
 from ...limits.stable_steps import Timing
 from ...loading.loader import ResolvedScene
 from ...messages import MechanismState, SoilState, ToolMotions, ToolWrenches
+from ...scene.beds import TiledBed
 from ...scene.pairs import pair_values, tool_values
 from .options import INERTIAL_NUMBER
 from .shear_box import GLUE, ShearBox, ShearLoading, TensionLoading, shear_machine, tension_machine
-from .specimen import Size, Specimen, box_around, prepare_specimen, write_scene
+from .specimen import TOUCH_M, Size, Specimen, box_around, prepare_specimen, write_scene
 
 RunProgress = Callable[[str, Timing], AbstractContextManager[Callable[[int], None]]]
 """Told the name and time of each run, gives what is called with every tick."""
 
 BAND_DIAMETERS = 6.0
-"""Height over which the rate of shear is counted (chosen: the least height of a specimen)."""
+"""Height over which the rate of shear is counted (chosen: about that of the band that shears)."""
 
 GAP_DIAMETERS = {True: 1.75, False: 0.75}
 """Gap between the frames. Glued: no particle is glued to both when they have come nearer under the load; not
@@ -55,13 +58,24 @@ SMOOTHED_ROWS = 5
 RESIDUAL_PART = 0.15
 """Last part of the travel, over which the residual stress is the mean (chosen)."""
 
+PLATE_DIAMETERS = 2.0
+"""Travel over a plate in largest diameters (chosen: all contacts slide after a tenth of it)."""
+
+SEATING_PA = 20e3
+"""Under which the column of a tiled bed is pressed before tension: its top is rough, and a lid that only
+touches it holds some particles alone (chosen: the largest usual normal stress)."""
+
+CAP_DIAMETERS = 2.0
+"""Thickness of the cemented ends of such a column in largest diameters (chosen: six of ten are left to
+break)."""
+
 TENSION_DIAMETERS = 2.0
 """Travel in tension: bonds end after delta_c + delta_B, a tenth of this (chosen)."""
 
 
 @dataclass(frozen=True)
 class ShearCurve:
-    """One direct shear test; arrays (n,), from the first movement on."""
+    """One direct shear test, or one over a plate; arrays (n,), from the first movement on."""
 
     nominal_pa: float  # normal stress on the plane of shear at its full section
     displacement_m: NDArray[np.float64]
@@ -84,13 +98,21 @@ class ShearCurve:
         """Largest difference of the normal stress from the nominal one, over the nominal, of means over a
         twentieth of the travel, once the speed is reached."""
         parts = np.floor(20.0 * self.displacement_m / self.displacement_m[-1])
-        means = [self.normal_pa[parts == part].mean() for part in range(1, 20)]
+        means = [self.normal_pa[parts == part].mean() for part in np.unique(parts) if 1 <= part < 20]
         return float(np.abs(np.array(means) / self.nominal_pa - 1.0).max())
+
+    @property
+    def _last(self) -> NDArray[np.bool_]:
+        return self.displacement_m >= (1.0 - RESIDUAL_PART) * self.displacement_m[-1]
 
     def residual(self) -> tuple[float, float]:
         """Normal and shear stress [Pa], mean over the last RESIDUAL_PART of the travel."""
-        last = self.displacement_m >= (1.0 - RESIDUAL_PART) * self.displacement_m[-1]
-        return float(self.normal_pa[last].mean()), float(self.shear_pa[last].mean())
+        return float(self.normal_pa[self._last].mean()), float(self.shear_pa[self._last].mean())
+
+    @property
+    def residual_dilatancy(self) -> float:
+        """Rise of the lid over displacement in the last RESIDUAL_PART: near 0 in the critical state."""
+        return float(np.polyfit(self.displacement_m[self._last], self.rise_m[self._last], 1)[0])
 
 
 @dataclass(frozen=True)
@@ -115,6 +137,7 @@ class SoilTests:
     specimen: Specimen
     size_m: Size
     shear: tuple[ShearCurve, ...]
+    plate: tuple[ShearCurve, ...]  # over metal; empty: not run
     tension: TensionCurve | None  # none: a soil without adhesion
 
 
@@ -140,6 +163,7 @@ class _Series:
                 "z": motions["upper"].z_m,
                 "upper_x": wrenches["upper"].force_x_newton,
                 "upper_z": wrenches["upper"].force_z_newton,
+                "lower_x": wrenches["lower"].force_x_newton,
                 "lower_z": wrenches["lower"].force_z_newton,
                 "drive": machine.draft_newton,
             }
@@ -202,28 +226,78 @@ def run_shear(
         RunError: the run failed.
     """
     glued = needs_glue(specimen, normal_pa) if glued is None else glued
-    diameter = 2.0 * specimen.soil.particles.mean_volume_radius_m
+    diameter = specimen.diameter_m
     travel = float(np.ptp(specimen.bed.positions_m[:, 0])) / 3.0
     box, bed = box_around(specimen, travel + 2.0 * diameter, GAP_DIAMETERS[glued] * diameter)
+    curve = _sheared(
+        specimen, f"direct shear at {normal_pa:g} Pa", folder, box, bed, normal_pa, inertial_number, travel,
+        threads, progress, glued=glued,
+    )  # fmt: skip
+    _refuse_closed_gap(specimen, normal_pa, box.gap_m, curve.settled * box.height_m, glued=glued)
+    return curve
+
+
+def run_plate(
+    specimen: Specimen,
+    normal_pa: float,
+    folder: Path,
+    *,
+    inertial_number: float = INERTIAL_NUMBER,
+    threads: int = 1,
+    progress: RunProgress = lambda name, timing: nullcontext(lambda tick: None),
+) -> ShearCurve:
+    """The soil of `specimen` in a frame with a lid, loaded and driven over a plate of metal.
+
+    Nothing is glued: the rear wall pushes, and the plate is a tool under the law and the stiffness of the
+    scene. `folder` takes the scene of the test.
+
+    Raises:
+        InputError: the load is below the weight of lid and soil.
+        RunError: the run failed.
+    """
+    travel = PLATE_DIAMETERS * specimen.diameter_m
+    box, bed = box_around(
+        specimen, 2.0 * (travel + specimen.diameter_m), None
+    )  # the plate: half as far beyond
+    return _sheared(
+        specimen, f"plate at {normal_pa:g} Pa", folder, box, bed, normal_pa, inertial_number, travel, threads,
+        progress, glued=False,
+    )  # fmt: skip
+
+
+def _sheared(
+    specimen: Specimen,
+    name: str,
+    folder: Path,
+    box: ShearBox,
+    bed: Bed,
+    normal_pa: float,
+    inertial_number: float,
+    travel: float,
+    threads: int,
+    progress: RunProgress,
+    *,
+    glued: bool,
+) -> ShearCurve:
     gravity = specimen.resolved.scene.gravity_m_per_s2
     loading = _shear_loading(specimen, box, normal_pa, inertial_number, travel, glued=glued)
-    name = f"direct shear at {normal_pa:g} Pa"
     grace = GRACE_STRAIN * normal_pa * box.area_m2 * box.height_m
     machine = shear_machine(box, loading, gravity) | {"coupling": {"residual_grace_joule": grace}}
     resolved = write_scene(specimen, name, folder, box, bed, loading.duration_s, machine, glued=glued)
-    series = _run(resolved, specimen, threads, progress(name, resolved.timing))[0]
+    series, _ = _run(resolved, specimen, threads, progress(name, resolved.timing))
     moving = np.array(series.times_s) >= loading.start_s
     drive, upper, z = series.column("drive"), series.column("upper_x"), series.column("z")
-    settled_m = float(z[0] - z[int(np.argmax(moving))])
-    _refuse_closed_gap(specimen, normal_pa, box.gap_m, settled_m, glued=glued)
     displacement = series.column("x") - box.centre_m[0]
-    section = (box.length_m - displacement) * box.width_m
-    normal = series.column("upper_z") + 0.5 * specimen.mass_kg * gravity
+    section = box.section_m2(displacement)
+    if box.over_plate:
+        shear, normal = series.column("lower_x"), -series.column("lower_z")
+    else:
+        shear, normal = -upper, series.column("upper_z") + box.part_above * specimen.mass_kg * gravity
     first = int(np.argmax(moving))
     return ShearCurve(
         nominal_pa=normal_pa,
         displacement_m=displacement[moving],
-        shear_pa=running_mean(drive / section, SMOOTHED_ROWS)[moving],
+        shear_pa=running_mean(shear / section, SMOOTHED_ROWS)[moving],
         normal_pa=running_mean(normal / section, SMOOTHED_ROWS)[moving],
         rise_m=(z - z[first])[moving],
         settled=float((z[0] - z[first]) / box.height_m),
@@ -246,7 +320,7 @@ def _refuse_closed_gap(
 ) -> None:
     """A particle held by both frames makes a soil stronger than it is."""
     _, boundary = pair_values(specimen.soil)
-    radius = specimen.soil.particles.mean_volume_radius_m
+    radius = 0.5 * specimen.diameter_m
     reach = 2.0 * (radius + boundary.reach) if glued else -2.0 * PASS_DIAMETERS * radius
     if gap_m - settled_m < reach:
         raise InputError(
@@ -271,7 +345,7 @@ def _shear_loading(
     glued: bool,
 ) -> ShearLoading:
     gravity = specimen.resolved.scene.gravity_m_per_s2
-    soil_above_kg = 0.5 * specimen.mass_kg
+    soil_above_kg = box.part_above * specimen.mass_kg
     lid_kg = LID_PART * soil_above_kg
     load = normal_pa * box.area_m2 - soil_above_kg * gravity
     if load < lid_kg * gravity:
@@ -322,27 +396,53 @@ def run_tension(
     """A tension test along z: the two halves of the box are drawn apart, so the soil breaks between them.
 
     The walls grip over each half; a specimen higher than wide is needed, or it is drawn out of one
-    half: look at `break_height`. `folder` takes the scene.
+    half: look at `break_height`. That of a tiled bed, whose faces are cut, is gripped by its ends, which are
+    cemented. The tension is that where it breaks, without the weight of the soil above. `folder` takes the
+    scene.
     """
-    diameter = 2.0 * specimen.soil.particles.mean_volume_radius_m
+    diameter = specimen.diameter_m
     travel = TENSION_DIAMETERS * diameter
     box, bed = box_around(specimen, travel + 2.0 * diameter, GAP_DIAMETERS[True] * diameter)
     speed = quasi_static_speed_m_per_s(specimen, 0.0, inertial_number)
     loading = TensionLoading(_waves_s(specimen, box, 0.0), speed, travel)
+    cut = isinstance(specimen.soil.bed, TiledBed) and specimen.soil.layers is None
+    cap = CAP_DIAMETERS * diameter if cut else 0.0
     resolved = write_scene(
-        specimen, "tension", folder, box, bed, loading.duration_s, tension_machine(box, loading)
+        specimen, "tension", folder, box, bed, loading.duration_s, tension_machine(box, loading), cap_m=cap
     )
-    series, rise = _run(resolved, specimen, threads, progress("tension", resolved.timing))
-    half_weight = 0.5 * specimen.mass_kg * specimen.resolved.scene.gravity_m_per_s2
+    series, ends_m = _run(resolved, specimen, threads, progress("tension", resolved.timing))
+    rise = (ends_m - specimen.bed.positions_m)[:, 2]
     opening = series.column("z") - box.middle_m
     moving = np.array(series.times_s) >= loading.rest_s
-    pull = (-series.column("upper_z") - half_weight) / box.area_m2
+    break_height = float((rise < 0.5 * opening[-1]).mean())
+    weight_above = (1.0 - break_height) * specimen.mass_kg * specimen.resolved.scene.gravity_m_per_s2
+    pull = (-series.column("upper_z") - weight_above) / box.area_m2
     return TensionCurve(
         opening_m=opening[moving],
         tension_pa=running_mean(pull, SMOOTHED_ROWS)[moving],
-        break_height=float((rise < 0.5 * opening[-1]).mean()),
+        break_height=break_height,
         speed_m_per_s=speed,
     )
+
+
+def seated(specimen: Specimen, folder: Path, threads: int = 1) -> Specimen:
+    """The specimen after a lid has pressed it by SEATING_PA and let it go; `folder` takes the scene.
+
+    Raises RunError: the run failed.
+    """
+    box, bed = box_around(specimen, 2.0 * specimen.diameter_m, None)
+    loading = _shear_loading(specimen, box, SEATING_PA, INERTIAL_NUMBER, TOUCH_M, glued=False)
+    machine = shear_machine(box, loading, specimen.resolved.scene.gravity_m_per_s2)
+    machine["mechanism"]["joints"]["drive"]["speed"] = {"kind": "constant", "value": 0.0}
+    machine["mechanism"]["forces"]["load"]["force_z_newton"] = {
+        "kind": "table",
+        "times_s": [part * loading.load_s for part in (0.0, 1.0, 2.0, 3.0)],
+        "values": [0.0, -loading.load_newton, -loading.load_newton, 0.0],
+    }
+    duration = 4.0 * loading.load_s
+    resolved = write_scene(specimen, "seating", folder, box, bed, duration, machine, glued=False)
+    _, ends_m = _run(resolved, specimen, threads, nullcontext(lambda tick: None))
+    return replace(specimen, bed=replace(specimen.bed, positions_m=ends_m))
 
 
 def _run(
@@ -351,14 +451,14 @@ def _run(
     threads: int,
     watched: AbstractContextManager[Callable[[int], None]],
 ) -> tuple[_Series, NDArray[np.float64]]:
-    """The series of a test, and how far each particle rose [m]."""
+    """The series of a test, and (n, 3) [m] where its particles ended."""
     soil = build_engine(resolved, threads)
     series = _Series()
     with watched as on_tick:
         simulate(resolved, soil=soil, sink=series, on_tick=on_tick)
-    height = soil.positions_m()[:, 2]
-    assert len(height) == len(specimen.bed.positions_m), "the box stands off every particle"
-    return series, height - specimen.bed.positions_m[:, 2]
+    ends_m = soil.positions_m()
+    assert len(ends_m) == len(specimen.bed.positions_m), "the box stands off every particle"
+    return series, ends_m
 
 
 def run_soil_tests(
@@ -368,14 +468,16 @@ def run_soil_tests(
     folder: Path,
     *,
     inertial_number: float = INERTIAL_NUMBER,
+    plate: bool = True,
     threads: int = 1,
     progress: RunProgress = lambda name, timing: nullcontext(lambda tick: None),
     working: Callable[[str], AbstractContextManager[object]] = nullcontext,
 ) -> SoilTests:
-    """Direct shear at every stress of `normal_pa`, and tension if the soil has adhesion.
+    """Direct shear at every stress of `normal_pa`, over metal too, and tension if the soil has adhesion.
 
-    The specimen in tension is as long as wide, and a quarter higher than wide. `folder` takes a scene with
-    its meshes and bed for each test, in a folder of its own. `progress` and `working` show what is going on.
+    plate: whether the tests over metal are run, on a specimen of half the height. The specimen in tension is
+    as long as wide, and a quarter higher than wide. `folder` takes a scene with its meshes and bed for each
+    test, in a folder of its own. `progress` and `working` show what is going on.
     """
 
     def subfolder(name: str) -> Path:
@@ -393,12 +495,26 @@ def run_soil_tests(
         )
         for stress in normal_pa
     )  # fmt: skip
+    slid: tuple[ShearCurve, ...] = ()
+    if plate:
+        half = (size_m[0], size_m[1], 0.5 * size_m[2])
+        with working("preparing the specimen over the plate"):
+            low = prepare_specimen(resolved, half, subfolder("low"), threads, like=specimen)
+        slid = tuple(
+            run_plate(
+                low, stress, subfolder(f"plate_{stress:g}_pa"), inertial_number=inertial_number,
+                threads=threads, progress=progress,
+            )
+            for stress in normal_pa
+        )  # fmt: skip
     tension = None
     if pair_values(specimen.soil)[0].adhesion > 0.0:
         column = (size_m[1], size_m[1], 1.25 * size_m[1])
         with working("preparing the column"):
             pulled = prepare_specimen(resolved, column, subfolder("column"), threads)
+            if isinstance(pulled.soil.bed, TiledBed):
+                pulled = seated(pulled, subfolder("seating"), threads)
         tension = run_tension(
             pulled, subfolder("tension"), inertial_number=inertial_number, threads=threads, progress=progress
         )
-    return SoilTests(specimen, size_m, curves, tension)
+    return SoilTests(specimen, size_m, curves, slid, tension)

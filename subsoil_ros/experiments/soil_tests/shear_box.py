@@ -2,6 +2,7 @@
 
 The box is a lower and an upper frame of four walls, with a plate below and one above. For direct shear the
 upper frame with its lid is loaded and driven along x; for tension it is lifted. Its surfaces grip the soil.
+Over a plate of metal there is no lower frame, and nothing grips.
 """
 
 from dataclasses import dataclass, replace
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 
 from ...contact_laws.base import PairValues
 from ...scene.pairs import pair_values, size_ratio
@@ -17,6 +19,11 @@ from ...yaml_document import Document
 
 GLUE = 10.0
 """Largest attraction of the box over that of a pair of particles (chosen: the soil breaks, not the grip)."""
+
+
+FOLLOWER = 4.0
+"""Mass of what the lid's damper ends at over that of the lid (chosen: it stays behind the quick motion of a
+lid on its contacts, and catches up with a slow one within some milliseconds)."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +59,21 @@ class ShearBox:
     def area_m2(self) -> float:
         """Of the specimen's section."""
         return self.length_m * self.width_m
+
+    @property
+    def over_plate(self) -> bool:
+        """Whether the upper frame reaches past the floor: it holds all the soil, and the floor is a plate."""
+        return self.gap_m < -self.height_m
+
+    @property
+    def part_above(self) -> float:
+        """Part of the soil above the plane of shear."""
+        return 1.0 if self.over_plate else 0.5
+
+    def section_m2(self, displacement_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Of the plane of shear after a shear displacement; over a plate, which is longer, all of it."""
+        lost = 0.0 if self.over_plate else 1.0
+        return (self.length_m - lost * displacement_m) * self.width_m
 
     @property
     def frame_height_m(self) -> float:
@@ -154,39 +176,44 @@ class ShearLoading:
 
 
 def shear_machine(box: ShearBox, loading: ShearLoading, gravity_m_per_s2: float) -> Document:
-    """`mechanism` and `tools` of a direct shear test.
+    """`mechanism` and `tools` of a direct shear test, or of one over a plate.
 
     The lid is one body with the upper frame, which is free to rise and sink: so what the walls put on the
     soil along z does not change the load on the plane of shear (R. A. Jewell, Geotechnique 39 (1989)
     309-322, has the load pad fixed to the upper half for this). The load falls with the section, so that the
-    normal stress stays.
+    normal stress stays. The lid's damper ends at a weightless follower that is free along z: it takes what
+    is quick out of the lid's motion, and bears nothing where the lid rises steadily.
     """
     start, x = loading.start_s, box.centre_m[0]
     rise = 0.05 * loading.travel_m / loading.speed_m_per_s
     reached = 0.5 * loading.speed_m_per_s * rise  # displacement when the speed is reached
 
-    def push(displacement_m: float) -> float:
-        left_newton = loading.load_newton - loading.normal_pa * box.width_m * displacement_m
-        return -(left_newton - loading.lid_mass_kg * gravity_m_per_s2)
-
+    lost_m2 = box.area_m2 - box.section_m2(np.array([0.0, 0.0, reached, loading.travel_m]))
+    push = loading.lid_mass_kg * gravity_m_per_s2 - loading.load_newton + loading.normal_pa * lost_m2
     load = {
         "kind": "table",
         "times_s": [0.0, loading.load_s, start, start + rise, loading.duration_s],
-        "values": [0.0, push(0.0), push(0.0), push(reached), push(loading.travel_m)],
+        "values": [0.0, *push.tolist()],
     }
-    point = [x, box.middle_m]
+    point, above = [x, box.middle_m], [x, box.middle_m + box.height_m]
+    follower_kg = FOLLOWER * loading.lid_mass_kg
     return {
         "mechanism": {
             "bodies": {
                 "lower": _body(box, 1.0, box.middle_m),
                 "carriage": _body(box, 1.0, box.middle_m),
                 "upper": _body(box, loading.lid_mass_kg, box.middle_m),
+                "follower": _body(box, follower_kg, above[1]),
             },
             "joints": {
                 "base": {"kind": "fixed", "body_a": "ground", "body_b": "lower", "point_m": point},
                 "rail": {
                     "kind": "prismatic", "body_a": "ground", "body_b": "carriage", "point_m": point,
                     "axis": [1.0, 0.0],
+                },
+                "mast": {
+                    "kind": "prismatic", "body_a": "carriage", "body_b": "follower", "point_m": above,
+                    "axis": [0.0, 1.0],
                 },
                 "guide": {
                     "kind": "prismatic", "body_a": "carriage", "body_b": "upper", "point_m": point,
@@ -206,15 +233,20 @@ def shear_machine(box: ShearBox, loading: ShearLoading, gravity_m_per_s2: float)
                     "force_z_newton": load,
                 },
                 "damper": {
-                    "kind": "coordinate_spring", "body": "upper", "coordinate": "z",
-                    "target": {"kind": "constant", "value": 0.0}, "stiffness_newton_per_m": 0.0,
+                    "kind": "spring_damper", "body_a": "upper", "point_a_m": point,
+                    "body_b": "follower", "point_b_m": above, "free_length_m": box.height_m,
+                    "stiffness_newton_per_m": 0.0,
                     "damping_newton_s_per_m": loading.lid_damping_newton_s_per_m,
+                },
+                "lift": {
+                    "kind": "point_load", "body": "follower", "point_m": above,
+                    "force_z_newton": {"kind": "constant", "value": follower_kg * gravity_m_per_s2},
                 },
             },
             "draft_driver": "drive",
         },
         "tools": {
-            "lower": _tool(box, "lower", "lower", "floor"),
+            "lower": _tool(box, "lower", None if box.over_plate else "lower", "floor"),
             "upper": _tool(box, "upper", "upper", "lid"),
         },
     }  # fmt: skip
@@ -278,6 +310,21 @@ def gripping_law(soil: Soil) -> Document:
         return law
     glued = replace(boundary, adhesion=GLUE * pair.peak_attraction / boundary.reach)
     return law | {"combining_rule": "none", "particle": _row(pair), "boundary": _row(glued)}
+
+
+def cemented_layers(soil: Soil, floor_m: float, cap_m: float) -> list[Document]:
+    """`layers` of a scene under the gripping law: one at the lid, one at the floor, the soil between them.
+
+    A bed says itself which particle is of which layer; thicknesses are only checked.
+    """
+    pair = pair_values(soil)[0].scaled(1.0 / size_ratio(soil))
+    row = {"cohesive_stiffness_newton_per_m": GLUE * pair.adhesion}
+    law: Document = {"kind": soil.law.kind, "particle": row}
+    return [
+        {"name": "lid", "thickness_m": cap_m, "law": law},
+        {"name": "soil", "thickness_m": -floor_m - 2.0 * cap_m},
+        {"name": "floor", "law": law},
+    ]
 
 
 def _row(values: PairValues) -> Document:

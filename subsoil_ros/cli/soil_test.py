@@ -163,7 +163,8 @@ def _print(resolved: ResolvedScene, tests: SoilTests, out: str | None) -> None:
     console = Console()
     strength = SoilStrength.of(tests)
     headings = (
-        "normal kPa", "peak kPa", "at", "residual kPa", "lid rises", "normal held to", "speed m/s", "imbalance"
+        "normal kPa", "peak kPa", "at", "residual kPa", "lid rises", "normal held to", "speed m/s",
+        "imbalance",
     )  # fmt: skip
     for title, curves in (("direct shear", tests.shear), ("plate", tests.plate)):
         rows = table(title, headings, words=0)

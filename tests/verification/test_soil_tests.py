@@ -298,7 +298,8 @@ def test_tension_of_a_lattice(lattice) -> None:
 def test_tension_of_a_tiled_bed(soil, tmp_path: Path) -> None:
     """Its faces hold few particles, so its ends are cemented: it breaks between them, below the bound."""
     sizes = {"kind": "uniform", "min_radius_m": 0.0085, "max_radius_m": 0.0115}
-    law = {"rolling_friction": 0.3, "equilibrium_overlap_m": 1e-4, "cohesion_range_m": 5e-4}
+    law = {"rolling_friction": 0.3, "equilibrium_overlap_m": 5e-5, "cohesion_range_m": 5e-4}
+    law |= {"stiffness_newton_per_m": 4e4, "cohesive_stiffness_newton_per_m": 3e3}
     found = {
         "bin": {"length_m": 1.0, "width_m": 1.0, "depth_m": 0.5},
         "particles": {"sizes": sizes, "density_kg_per_m3": 2500.0},

@@ -4,13 +4,14 @@
 
 Angles [rad]: rake alpha of the blade and beta of the failure plane against the horizontal, friction phi of
 the soil, delta between soil and blade. A blade of width w reaches from the surface to its tip at depth d. P
-is the force on it, at delta to its normal; vertical forces are positive downward, where they draw it in.
+is the force on the blade, at the angle delta to its normal. Vertical forces are positive downward: such a
+force pulls the blade into the soil.
 
 Sources: A.R. Reece, Proc. Inst. Mech. Eng. 179 (3F) (1964) 16-22; D.R.P. Hettiaratchi, A.R. Reece,
 Geotechnique 24 (1974) 289-310; K. Terzaghi, Theoretical Soil Mechanics (1943), chapter 7; J.V. Perumpral,
 R.D. Grisso, C.S. Desai, Trans. ASAE 26 (1983) 991-995; R.J. Godwin, G. Spoor, J. Agric. Eng. Res. 22 (1977)
 213-228; R.J. Godwin, M.J. O'Dogherty, J. Terramechanics 44 (2007) 3-14; ASABE D497.7 (R2015), table 1.
-McKyes and Ali (1977) is that of the wedge model (docs/wedge.md).
+For McKyes and Ali (1977) see the wedge model (docs/wedge.md).
 """
 
 import argparse

@@ -4,7 +4,7 @@ from .laboratory import Document
 
 RADIUS_M, SOLID_FRACTION, DENSITY = 0.0075, 0.60, 2600.0
 
-STIFFNESS = 7.5e4  # [N/m]: overlaps of 0.5 % of the radius at 10 kPa
+STIFFNESS = 7.5e4  # [N/m]: overlaps of 0.4 % of the radius at 10 kPa
 ROW = {
     "stiffness_newton_per_m": STIFFNESS, "tangential_stiffness_newton_per_m": 0.8 * STIFFNESS,
     "damping_newton_s_per_m": 3.0, "tangential_damping_newton_s_per_m": 1.5,

@@ -1,12 +1,12 @@
-"""A wide upright blade pushed through a slice of soil, against Coulomb's passive earth pressure.
+"""A wide upright blade pushed through a slice of soil, against passive earth pressure.
 
     python -m validation.wide_blade [--soils sand loam] [--radii-mm 7.5] [--seeds N] [--json FILE]
 
 The slice is one period of an endless bed, so nothing holds the soil at its sides. Theory is
-validation.blades.log_spiral, the plane wedge before a smooth blade, with cohesion and friction angle of
-validation.biaxial, of the same soil in plane strain too. What the blade has swept lies on the wedge as a
-surcharge. Compared is the mean draught over FIRST_M to LAST_M of travel. Exit status 1 where it differs from
-theory by more than ACCEPTED.
+validation.blades.log_spiral, which is the plane wedge for a smooth blade. Cohesion and friction angle are
+those of validation.biaxial, of the same soil in plane strain. The soil that the blade has swept acts as a
+surcharge on the wedge. The mean draught over travel from FIRST_M to LAST_M is compared. Exit status 1 where it
+differs from theory by more than ACCEPTED.
 """
 
 import argparse

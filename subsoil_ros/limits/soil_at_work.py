@@ -1,4 +1,4 @@
-"""Soil at work: overlap and damping of its contacts, inertial number. Out of range is warned of, no more."""
+"""Overlap, damping ratio and inertial number of soil while a tool works. Values out of range give warnings."""
 
 import math
 from collections.abc import Mapping

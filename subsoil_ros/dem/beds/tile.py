@@ -1,12 +1,12 @@
 """A tile of soil that repeats itself along x, y and z: random spheres pressed together to a solid fraction.
 
-1. Random points, fewer to a volume than they will be, pushed apart without friction.
-2. Box and places shrink together, slowly, until the contacts carry a pressure. Frictionless spheres do so at
-   random close packing; with friction they hold each other up before (Silbert, Soft Matter 6 (2010) 2918), so
-   the friction of this step sets the fraction: it is sought until the wanted one is met.
+1. Random points, at a solid fraction 0.06 below the given one, are pushed apart without friction.
+2. Box and positions shrink together, slowly, until the contacts carry a pressure. Frictionless spheres jam
+   at random close packing, spheres with friction at a lower fraction (Silbert, Soft Matter 6 (2010) 2918). So
+   the friction of this step is adjusted until the given solid fraction is met.
 
-The contacts are linear springs of no soil: a tile is geometry, and one serves every law. `adapted` brings it
-to rest under the law of a scene at a pressure of the scene.
+The springs of the contacts are linear and belong to no soil, so one tile serves every law. `at_pressure`
+brings it to rest under the law of a scene at a given pressure.
 """
 
 import dataclasses
@@ -48,7 +48,7 @@ START_BELOW = 0.06
 longer to press, more touch before their friction counts)."""
 
 PRESSED_OVERLAP = 0.002
-"""Overlap over the mean radius of contacts that carry the pressure of a tile, p (2 r)^2 / K (chosen: it
+"""Overlap over the mean radius of contacts that carry the pressure of a tile, p (2 r)^2 / (K r) (chosen: it
 changes the solid fraction by 0.3 %)."""
 
 _STIFFNESS = 1e5

@@ -1,11 +1,12 @@
 """Tiled bed: a tile of random spheres (dem.beds.tile), laid out to the bin of a scene and brought to rest.
 
 1. The tile is brought to rest under the law of the scene, adhesion and all, at the pressure half way down.
-2. It is repeated over the bin and cut at its walls, where it fills what the cut left open. Below its depth a
-   layer two particles thick is held where it is: a rough floor, with no plane for particles to line up at.
+2. The tile is repeated over the bin and cut at the walls; the soil then settles into the gaps at the walls.
+   Particles with centres up to one largest diameter below the bin's depth are fixed: a rough floor, with no
+   plane along which particles could order.
 3. Cut at its surface, it comes to rest in its weight, with the friction of the scene, under global damping.
 
-The springs of its contacts are not kept: a run starts from places alone, and winds up what it needs.
+Only positions are kept: the tangential springs of the contacts are zero when a run starts.
 """
 
 import dataclasses

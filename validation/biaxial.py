@@ -2,11 +2,11 @@
 
     python -m validation.biaxial [--soils sand loam] [--seeds N]
 
-A block of soil, one period wide, stands on a smooth floor against a smooth wall. There is no gravity. A side plate holds the least
-stress constant while a top plate moves down at constant speed; nothing is cut, glued or clamped. The peak is where the ratio of greatest to least
-stress is largest. A straight line through the peaks at several least stresses,
-sigma_1 = K_p sigma_3 + 2 c sqrt(K_p), gives cohesion and friction angle in plane strain, the state of the soil
-before a wide blade.
+A block of soil, one period wide, stands on a smooth floor against a smooth wall. There is no gravity. A
+side plate holds the least stress constant while a top plate moves down at constant speed; nothing is cut,
+glued or clamped. The peak is where the ratio of greatest to least stress is largest. A straight line
+through the peaks at several least stresses, sigma_1 = K_p sigma_3 + 2 c sqrt(K_p), gives cohesion and
+friction angle in plane strain, the state of the soil before a wide blade.
 """
 
 import argparse

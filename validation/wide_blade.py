@@ -5,8 +5,8 @@
 The slice is one period of an endless bed, so nothing holds the soil at its sides. Theory is
 validation.blades.log_spiral, which is the plane wedge for a smooth blade. Cohesion and friction angle are
 those of validation.biaxial, of the same soil in plane strain. The soil that the blade has swept acts as a
-surcharge on the wedge. The mean draught over travel from FIRST_M to LAST_M is compared. Exit status 1 where it
-differs from theory by more than ACCEPTED.
+surcharge on the wedge. The mean draught over travel from FIRST_M to LAST_M is compared. Exit status 1 where
+it differs from theory by more than ACCEPTED.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Overlap, damping ratio and inertial number of soil while a tool works. Values out of range give warnings."""
+"""Overlap, damping ratio and inertial number of soil while a tool works; warnings out of range."""
 
 import math
 from collections.abc import Mapping

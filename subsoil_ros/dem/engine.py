@@ -34,6 +34,11 @@ _CELLS_PER_SLAB = 1
 """Slab width in cells: wider than the reach, narrow enough to keep threads equally busy (chosen)."""
 
 
+_STRAIN_OF_LISTS = 0.02
+"""Of an endless bed, over skin / radius: lists are built anew before it brings pairs a twentieth of the skin
+nearer."""
+
+
 class _StepCalls(NamedTuple):
     """Kernels of a step, with the arrays as they stand until lists are built anew."""
 
@@ -197,6 +202,9 @@ class SoilEngine(SoilReadings):
         self._particles.built_position *= np.float32(scale)
         self.bed = scaled(self.bed, scale)
         self._features.periodic[:] = periods(self.bed)
+        self._strain += abs(scale - 1.0)
+        if self._strain > _STRAIN_OF_LISTS * self._soil.skin_m / self._radius:
+            self._rebuild(())
 
     def start(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
         """Wrenches of the initial state. Particles that the tools overlap are removed; no time advances.
@@ -444,6 +452,7 @@ class SoilEngine(SoilReadings):
         self._pair_book = np.zeros((len(slabs) - 1, len(SINKS)))
         self._wall_book = np.zeros((CHUNKS, len(SINKS)))
         self._rebuilds += 1
+        self._strain = 0.0
 
 
 def build_engine(resolved: ResolvedScene, threads: int = 1) -> SoilEngine:

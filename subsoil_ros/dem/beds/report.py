@@ -100,7 +100,7 @@ def report_bed(bed: Bed, soil: Soil) -> BedReport:
         radii=None if bed.radii_m is None else _radii(bed.radii_m),
         layers=_layers(bed, soil, masses * free, top, length * width),
         density_kg_per_m3=float(masses[free].sum()) / volume,
-        density_inside_kg_per_m3=_density_inside(bed, masses, float(radii.max())),
+        density_inside_kg_per_m3=_density_inside(bed, masses, float(radii.max()), float(top.min())),
         coordination=coordination,
         max_overlap_m=float(bonds.excess_m.max(initial=0.0)),
         top_mean_m=float(top.mean()),
@@ -114,11 +114,11 @@ def report_bed(bed: Bed, soil: Soil) -> BedReport:
     )
 
 
-def _density_inside(bed: Bed, masses: np.ndarray, radius: float) -> float:
+def _density_inside(bed: Bed, masses: np.ndarray, radius: float, top_m: float) -> float:
     """Mass over volume of the inner bed [kg/m3], weighted by sin^2 along each axis: a box would cut them."""
     away = 2.0 * INSIDE_DIAMETERS * radius
     low = np.array([*bed.lower_m[:2], bed.floor_m]) + away
-    size = np.array([*bed.upper_m, 0.0]) - away - low
+    size = np.array([*bed.upper_m, top_m]) - away - low
     if size.min() <= 0.0:
         return math.nan
     part = (bed.positions_m - low) / size

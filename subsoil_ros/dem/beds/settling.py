@@ -189,8 +189,11 @@ class Settling:
         on_progress: OnProgress = ignore_progress,
     ) -> None:
         self.soil = soil
-        self.contact_rate_per_s = math.sqrt(pair_values(soil)[0].stiffness / particle_mass_kg(soil))
-        """sqrt(K / m) of a pair."""
+        pair, radius = pair_values(soil)[0], soil.particles.mean_volume_radius_m
+        stress_pa = 0.5 * soil.particles.density_kg_per_m3 * SETTLING_GRAVITY * soil.bin.depth_m
+        pair = pair.linear_at(pair.loaded_m(stress_pa * (2.0 * radius) ** 2))
+        self.contact_rate_per_s = math.sqrt(pair.stiffness / particle_mass_kg(soil))
+        """sqrt(K / m) of a pair, half way down."""
         self.interval_s = STEPS_PER_DAMPING * step_s
         """Between two applications of the global damping."""
         scene = resolved.scene.model_copy(

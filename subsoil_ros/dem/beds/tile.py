@@ -22,7 +22,7 @@ from ...limits.stable_steps import SAFETY, step_limits
 from ...loading.loader import ResolvedScene
 from ...scene.beds import TiledBed
 from ...scene.bin import Bin
-from ...scene.pairs import layer_soils, pair_values, particle_mass_kg
+from ...scene.pairs import layer_soils, pair_values
 from ...scene.sizes import sampled_radii_m
 from ...scene.soil import Soil
 from ..bed import Bed
@@ -51,8 +51,9 @@ PRESSED_OVERLAP = 0.002
 """Overlap over the mean radius of contacts that carry the pressure of a tile, p (2 r)^2 / (K r) (chosen: it
 changes the solid fraction by 0.3 %)."""
 
-_STIFFNESS = 1e5
-"""Of the contacts [N/m]: of no effect, as the pressure goes with it; it sets the unit of time."""
+_STIFFNESS, _DENSITY = 1e5, 2500.0
+"""Of contacts [N/m] and spheres [kg/m3]: of no effect, as pressure and damping go with them; they set the
+unit of time."""
 
 INERTIAL_NUMBER = 1e-3
 """Of the pressing, rate x diameter x sqrt(density / pressure): quasi-static below (GDR MiDi, Eur. Phys. J. E
@@ -75,6 +76,9 @@ PRESSURE_TOLERANCE = 0.05
 
 REST_SPEED = 1e-4
 """Rms speed of a tile at rest over r sqrt(K / m), a twentieth of what PRESSED_OVERLAP makes (chosen)."""
+
+MARGIN = 1.05
+"""Of the smallest edge: a tile shrinks while it is pressed and under the law of a scene (chosen)."""
 
 TICKS_PER_LOOK = 10
 """Applications of the global damping between two looks at the pressure (chosen)."""
@@ -125,7 +129,7 @@ def tile_edge_m(soil: Soil) -> float:
     length, width = soil.bin.length_m, soil.bin.width_m
     reach = max(pair_values(layer)[0].reach for layer in layer_soils(soil))
     radius = soil.particles.mean_volume_radius_m
-    smallest = SMALLEST_CELLS * (2.0 * soil.particles.bounds_m[1] + reach + SKIN * radius)
+    smallest = MARGIN * SMALLEST_CELLS * (2.0 * soil.particles.bounds_m[1] + reach + SKIN * radius)
     given, largest = soil.bed.tile_m, min(length, width)
     if given is not None and not smallest <= given <= largest:
         raise SceneError(
@@ -139,7 +143,10 @@ def tile_edge_m(soil: Soil) -> float:
             f"{SMALLEST_CELLS} times the reach of a particle; make the bin wider or the particles smaller"
         )
     edge = given or max(smallest, min(USUAL_EDGE * radius, largest))
-    return width / round(width / edge) if soil.bin.sides == "periodic" else edge
+    if soil.bin.sides != "periodic":
+        return edge
+    tiles = round(width / edge)
+    return width / (tiles if width / tiles >= smallest else tiles - 1)
 
 
 def pressed_tile(
@@ -191,7 +198,7 @@ def _pressed(
     bed = Bed(points, (0.0, -0.5 * edge, -edge), (edge, 0.5 * edge), radii_m=radii, sides="endless")
 
     def settling(mu: float) -> Settling:
-        springs = endless_soil(soil, edge, _springs(mu, mass_kg=particles.density_kg_per_m3 * volume / count))
+        springs = endless_soil(soil, edge, _springs(mu, radius))
         return Settling(
             resolved, engine_of, 1, soil=springs, step_s=SAFETY * step_limits(springs)[0].limit_s,
             gravity_m_per_s2=0.0, on_progress=on_progress,
@@ -204,7 +211,8 @@ def _pressed(
     return PressedTile(bed, solid_fraction(bed, soil), friction)
 
 
-def _springs(friction: float, mass_kg: float) -> LinearLaw:
+def _springs(friction: float, radius_m: float) -> LinearLaw:
+    mass_kg = _DENSITY * 4.0 / 3.0 * math.pi * radius_m**3
     damping = 2.0 * DAMPING_RATIO * math.sqrt(0.5 * mass_kg * _STIFFNESS)
     values = {
         "stiffness_newton_per_m": _STIFFNESS, "tangential_stiffness_newton_per_m": 0.8 * _STIFFNESS,
@@ -219,13 +227,15 @@ def endless_soil(soil: Soil, edge_m: float, law: ContactLaw | None = None) -> So
     box = Bin(length_m=edge_m, width_m=edge_m, depth_m=edge_m).model_copy(update={"sides": "endless"})
     changes = {"bin": box, "layers": None, "surface": None} | of_the_preparation(soil)
     if law is not None:
-        changes |= {"law": law, "particles": soil.particles.model_copy(update={"reference_radius_m": None})}
+        alike = {"reference_radius_m": None, "density_kg_per_m3": _DENSITY}
+        changes |= {"law": law, "particles": soil.particles.model_copy(update=alike)}
+        changes["tool_stiffness_factor"] = 1.0
     return soil.model_copy(update=changes)
 
 
 def kept_as(soil: Soil, edge_m: float) -> Soil:
     """The soil that a tile is kept in the cache for: any with these particles."""
-    return endless_soil(soil, edge_m, _springs(0.0, particle_mass_kg(soil)))
+    return endless_soil(soil, edge_m, _springs(0.0, soil.particles.mean_volume_radius_m))
 
 
 def at_pressure(settling: Settling, bed: Bed, pressure_pa: float, on_progress: OnProgress) -> Bed:

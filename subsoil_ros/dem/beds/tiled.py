@@ -19,12 +19,14 @@ from ...errors import SceneError
 from ...limits.stable_steps import SAFETY, step_limits
 from ...loading.loader import ResolvedScene
 from ...scene.beds import TiledBed
+from ...scene.pairs import layer_soils
 from ...scene.soil import Soil
 from ..bed import Bed
 from ..mixture import material_at
 from .bonds import radii_of
 from .cache import cached_tile_path, keep, load_cached
 from .dense import relaxed_rest
+from .report import masses_kg
 from .settling import SETTLING_GRAVITY, EngineOf, OnProgress, Rest, Settling, of_the_preparation
 from .surface import cut_to_depth, mean_above_profile_m
 from .tile import at_pressure, endless_soil, kept_as, pressed_tile, solid_fraction, tile_edge_m
@@ -38,9 +40,12 @@ RESTS = 3
 springs, its particles move by 0.2 % of their radius, a third of what they do after one)."""
 
 
-FILLING_S, RELAXING_S = 0.3, 0.6
-"""Longest time in which the gaps at walls fill, and of each rest (chosen: dry soil comes to
-rest in them, sticky soil long before)."""
+FILLING_FALL, RELAXING_S = 10.0, 0.6
+"""While the gaps at walls fill, soil may fall so many radii, and three times as far as its top sinks. Longest
+time of each rest (chosen: dry soil comes to rest in it, sticky soil long before)."""
+
+MOVING = 10.0
+"""A bed that moves so many times as fast as one at rest is refused (chosen)."""
 
 
 LARGEST_CHANGE = 0.02
@@ -69,24 +74,52 @@ def prepare_tiled(resolved: ResolvedScene, engine_of: EngineOf, threads: int, on
             gravity_m_per_s2=gravity_m_per_s2, on_progress=on_progress,
         )  # fmt: skip
 
+    gravity = gravity or SETTLING_GRAVITY
     bulk = soil.bed.solid_fraction * soil.particles.density_kg_per_m3
-    pressure = 0.5 * bulk * (gravity or SETTLING_GRAVITY) * soil.bin.depth_m
-    tile = at_pressure(settling(endless_soil(soil, edge), 0.0), tile, pressure, on_progress)
-    _refuse_other_fraction(solid_fraction(tile, soil), soil)
-    bed = laid_out(tile, soil)
-    if soil.layers is not None:
-        bed = dataclasses.replace(bed, materials=material_at(soil, -bed.positions_m[:, 2]))
-    last = settling(soil.model_copy(update=of_the_preparation(soil)), gravity)
+    pressure = 0.5 * bulk * gravity * soil.bin.depth_m
+    tiles = [
+        at_pressure(settling(endless_soil(layer, edge), 0.0), tile, pressure, on_progress)
+        for layer in dict.fromkeys((soil.model_copy(update={"layers": None}), *layer_soils(soil)))
+    ]
+    for under_law in tiles:
+        _refuse_other_fraction(solid_fraction(under_law, soil), soil)
+    bed = laid_out(tiles[0], soil)
+    last = settling(soil.model_copy(update=of_the_preparation(soil)), resolved.scene.gravity_m_per_s2)
     radius = soil.particles.mean_volume_radius_m
     speed = relaxed_rest(radius, last.contact_rate_per_s).speed_m_per_s
-    damping = math.sqrt(SETTLING_GRAVITY / radius)  # nobody falls its radius much slower than freely
-    bed = last.run(bed, Rest(speed, FILLING_S), damping, "filling")
-    bed = cut_to_depth(bed, radius, soil.bin.depth_m + _below_depth_m(soil), soil.surface)
+    damping = math.sqrt(gravity / radius)  # nothing falls its radius much slower than freely
+    falls_m = FILLING_FALL * radius + 3.0 * _sinking_m(soil)
+    loose = settling(
+        soil.model_copy(update=of_the_preparation(soil) | {"layers": None}), resolved.scene.gravity_m_per_s2
+    )
+    bed = loose.run(bed, Rest(speed, falls_m / math.sqrt(gravity * radius)), damping, "filling")
+    bed = loose.run(bed, Rest(speed, RELAXING_S), damping, "relaxing")
+    bed = _top_at_zero(cut_to_depth(bed, radius, soil.bin.depth_m + _below_depth_m(soil), soil.surface), soil)
+    if soil.layers is not None:
+        bed = dataclasses.replace(bed, materials=material_at(soil, -bed.positions_m[:, 2]))
     for _ in range(RESTS):
         bed = last.run(bed, Rest(speed, RELAXING_S), damping, "relaxing")
-    top = mean_above_profile_m(bed, radius, soil.surface)
+    bed = _top_at_zero(bed, soil)
+    _refuse_unfinished(bed, soil, MOVING * speed)
+    return bed
+
+
+def _top_at_zero(bed: Bed, soil: Soil) -> Bed:
+    top = mean_above_profile_m(bed, soil.particles.mean_volume_radius_m, soil.surface)
     lower = (bed.lower_m[0], bed.lower_m[1], bed.lower_m[2] - top)
     return dataclasses.replace(bed, positions_m=bed.positions_m - (0.0, 0.0, top), lower_m=lower)
+
+
+def _refuse_unfinished(bed: Bed, soil: Soil, speed_m_per_s: float) -> None:
+    """A bed that sank after it was cut, or that still moves."""
+    short = soil.bin.depth_m + bed.floor_m
+    found = math.sqrt(2.0 * bed.kinetic_energy_joule / float(masses_kg(bed, soil).sum()))
+    if abs(short) > 2.0 * soil.particles.bounds_m[1] or found > speed_m_per_s:
+        raise SceneError(
+            f"soil.bed: did not come to rest: it is {-bed.floor_m:.3g} m deep and moves at {found:.2g} m/s "
+            f"(rms), needed are soil.bin.depth_m {soil.bin.depth_m:g} m and {speed_m_per_s:.2g} m/s; make "
+            "the bin wider or its sides periodic, or use a denser soil.bed.solid_fraction"
+        )
 
 
 def _refuse_other_fraction(found: float, soil: Soil) -> None:
@@ -106,6 +139,13 @@ def _below_depth_m(soil: Soil) -> float:
     return (HELD_LAYER + 1.0) * soil.particles.bounds_m[1] if soil.bed.floor == "held" else 0.0
 
 
+def _sinking_m(soil: Soil) -> float:
+    """How far the top sinks while gaps at walls fill, each half a radius wide [m]."""
+    box, largest = soil.bin, soil.particles.bounds_m[1]
+    across = 0.0 if box.sides == "periodic" else 1.0 / box.width_m
+    return box.depth_m * largest * (1.0 / box.length_m + across)
+
+
 def laid_out(tile: Bed, soil: Soil) -> Bed:
     """The tile repeated over the bin, from the plane below to some particles above z = 0, cut at the walls.
 
@@ -114,13 +154,15 @@ def laid_out(tile: Bed, soil: Soil) -> Bed:
     assert isinstance(soil.bed, TiledBed)
     edge, radii, largest = tile.periods_m[0], radii_of(tile, soil), soil.particles.bounds_m[1]
     length, periodic = soil.bin.length_m, soil.bin.sides == "periodic"
-    width = edge * round(soil.bin.width_m / edge) if periodic else soil.bin.width_m
+    tiles = round(soil.bin.width_m / edge)
+    width = edge * tiles if periodic else soil.bin.width_m
     floor = -soil.bin.depth_m - _below_depth_m(soil)
-    at_walls = 1.0 / length + (0.0 if periodic else 1.0 / width)  # each leaves half a radius open, twice
-    above = 2.0 * largest + soil.bin.depth_m * largest * at_walls
+    above = 2.0 * largest + _sinking_m(soil)
     corner = np.array((0.0, -0.5 * width, above))
     size = np.array((length, width, above - floor))
     copies = [np.arange(math.ceil(along / edge)) for along in size]
+    if periodic:
+        copies[1] = np.arange(tiles)  # one more would come to lie on the first
     inside = tile.positions_m - np.array(tile.lower_m) - (0.0, 0.0, edge)  # z from -edge to 0
     shift = np.array([(i, j, -k) for i, j, k in itertools.product(*copies)]) * edge + corner
     places = (inside[None] + shift[:, None]).reshape(-1, 3)

@@ -296,7 +296,10 @@ def test_tension_of_a_lattice(lattice) -> None:
 
 
 def test_tension_of_a_tiled_bed(soil, tmp_path: Path) -> None:
-    """Its faces hold few particles, so its ends are cemented: it breaks between them, below the bound."""
+    """Its faces hold few particles, so its ends are cemented: it breaks between them, near Rumpf's strength.
+
+    That counts the contacts before the column is pressed by 20 kPa, which makes more.
+    """
     sizes = {"kind": "uniform", "min_radius_m": 0.0085, "max_radius_m": 0.0115}
     law = {"rolling_friction": 0.3, "equilibrium_overlap_m": 5e-5, "cohesion_range_m": 5e-4}
     law |= {"stiffness_newton_per_m": 4e4, "cohesive_stiffness_newton_per_m": 3e3}
@@ -310,7 +313,7 @@ def test_tension_of_a_tiled_bed(soil, tmp_path: Path) -> None:
     pressed = seated(specimen, subfolder(tmp_path, "seating"))
     curve = run_tension(pressed, subfolder(tmp_path, "pull"), inertial_number=0.03)
     assert 0.2 < curve.break_height < 0.8
-    assert 0.1 < curve.strength_pa / rumpf_strength_pa(specimen) < 1.0
+    assert 0.5 < curve.strength_pa / rumpf_strength_pa(specimen) < 1.5
     assert abs(curve.tension_pa[-1]) < 0.05 * curve.strength_pa
 
 

@@ -32,13 +32,11 @@ from .surface import cut_to_depth, mean_above_profile_m
 from .tile import at_pressure, endless_soil, kept_as, pressed_tile, solid_fraction, tile_edge_m
 
 HELD_LAYER = 2.0
-"""Thickness of the layer below the depth that is held, over the largest radius: nobody passes through it."""
-
+"""Thickness of the layer below the depth that is held, over the largest radius: no particle passes it."""
 
 RESTS = 3
 """Times that the bed comes to rest, each time from places alone (chosen: when a run then starts without
 springs, its particles move by 0.2 % of their radius, a third of what they do after one)."""
-
 
 FILLING_FALL, RELAXING_S = 10.0, 0.6
 """While the gaps at walls fill, soil may fall so many radii, and three times as far as its top sinks. Longest
@@ -46,7 +44,6 @@ time of each rest (chosen: dry soil comes to rest in it, sticky soil long before
 
 MOVING = 10.0
 """A bed that moves so many times as fast as one at rest is refused (chosen)."""
-
 
 LARGEST_CHANGE = 0.02
 """Part of the solid fraction by which the law of a scene may change it: density is to be met so."""
@@ -56,7 +53,8 @@ def prepare_tiled(resolved: ResolvedScene, engine_of: EngineOf, threads: int, on
     """Tiled bed that fills the bin of the scene; z = 0 at its mean top.
 
     Raises:
-        SceneError: the tile does not fit the bin, or changes its solid fraction under the scene's law.
+        SceneError: the tile does not fit the bin, or changes its solid fraction under the scene's law or that
+            of a layer; the bed does not come to rest.
     """
     soil, gravity = resolved.scene.particle_soil, resolved.scene.gravity_m_per_s2
     assert soil is not None

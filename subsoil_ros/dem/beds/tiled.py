@@ -34,9 +34,9 @@ from .tile import at_pressure, endless_soil, kept_as, pressed_tile, solid_fracti
 HELD_LAYER = 2.0
 """Thickness of the layer below the depth that is held, over the largest radius: no particle passes it."""
 
-RESTS = 2
+RESTS = 3
 """Times that the bed comes to rest once it is cut, each time from places alone (chosen: when a run then
-starts without springs, its particles move by 0.2 % of their radius, a third of what they do after one rest)."""
+starts without springs, its particles move by 0.2 % of their radius, a third of what they do after one)."""
 
 FILLING_FALL, RELAXING_S = 10.0, 0.6
 """While the gaps at walls fill, soil may fall so many radii, and three times as far as its top sinks. Longest

@@ -33,7 +33,7 @@ LENGTH_M, WIDTH_M, HEIGHT_M = 0.18, 0.15, 0.36
 LEAST_PA = (1e3, 2e3, 4e3)
 """Stress before a blade at 0.15 m: its own weight is up to 2.3 kPa."""
 
-INERTIAL_NUMBER = 1e-3
+INERTIAL_NUMBER = 1e-3  # of the top plate: quasi-static (GDR MiDi 2004)
 STRAIN = 0.10
 """Of the height, over which the peak is sought."""
 
@@ -43,7 +43,7 @@ SETTLED = 0.05
 SERVO_S = 0.01
 """In which a plate would make up for a missing stress in soil of MODULUS_PA (chosen: it does not swing)."""
 
-MODULUS_PA = 3e6
+MODULUS_PA = 3e6  # chosen: of the order of stiffness over diameter, 5e6
 LONGEST_TICKS = 400_000
 """A test that is not over by then is given up: nine times the longest (chosen)."""
 

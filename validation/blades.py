@@ -1,4 +1,4 @@
-"""Closed forms of the draught of a blade, which discrete elements are compared with, and a table of them.
+"""Closed forms of the draft of a blade, which discrete elements are compared with, and a table of them.
 
     python -m validation.blades [--cohesion-kpa C] [--friction-deg PHI] [--density RHO] [--width-m W] ...
 
@@ -91,7 +91,7 @@ class Blade:
 class Force(NamedTuple):
     """What a theory gives of a blade."""
 
-    draught_newton: float
+    draft_newton: float
     vertical_newton: float  # on the blade, positive downward
     rupture_m: float  # along the surface, from the blade to where the failure surface comes out
     beta_rad: float  # of the failure surface at the tip
@@ -166,8 +166,8 @@ def _force(soil: Soil, blade: Blade, p_newton: float, beta: float, rupture_m: fl
     """H and V of P and of the adhesion along the blade."""
     at = blade.rake_rad + soil.delta_rad
     adhesion = soil.adhesion_pa * blade.width_m * blade.depth_m
-    draught = p_newton * math.sin(at) + adhesion / math.tan(blade.rake_rad)
-    return Force(draught, p_newton * math.cos(at) - adhesion, rupture_m, beta)
+    draft = p_newton * math.sin(at) + adhesion / math.tan(blade.rake_rad)
+    return Force(draft, p_newton * math.cos(at) - adhesion, rupture_m, beta)
 
 
 def _plane_rupture(blade: Blade, beta: float) -> float:
@@ -240,7 +240,7 @@ def log_spiral(soil: Soil, blade: Blade) -> Force:
     rupture_m = blade.depth_m * spiral_factors(soil, blade.rake_rad, theta)[1]
     beta = 0.25 * math.pi - 0.5 * soil.friction_rad - theta
     spiral = _force(soil, blade, blade.width_m * pressure(theta), beta, rupture_m)
-    return spiral if spiral.draught_newton < plane.draught_newton else plane
+    return spiral if spiral.draft_newton < plane.draft_newton else plane
 
 
 def mckyes_ali(soil: Soil, blade: Blade) -> Force:
@@ -298,19 +298,19 @@ def godwin_spoor(soil: Soil, blade: Blade) -> tuple[Force, float]:
     """A narrow tine, and its critical depth [m], below which soil goes around it (Godwin and Spoor 1977).
 
     Above the critical depth Godwin and O'Dogherty's tine; below it c N_c' + (1 - sin phi)(gamma z + q) N_q'
-    on the width, horizontally. The critical depth is that of least draught, the tip's where none is less.
+    on the width, horizontally. The critical depth is that of least draft, the tip's where none is less.
     """
 
     def both(depth: float) -> tuple[Force, float]:
         above = godwin_odogherty(soil, replace(blade, depth_m=depth))
         pressure = lateral_pressure(soil.strength, 0.5 * (depth + blade.depth_m), 0.0)
         below = blade.width_m * (blade.depth_m - depth) * pressure
-        return above._replace(draught_newton=above.draught_newton + below), depth
+        return above._replace(draft_newton=above.draft_newton + below), depth
 
-    def draughts(depths: Values) -> Values:
-        return np.array([both(float(depth))[0].draught_newton for depth in depths])
+    def drafts(depths: Values) -> Values:
+        return np.array([both(float(depth))[0].draft_newton for depth in depths])
 
-    return both(_least(draughts, 0.01 * blade.depth_m, blade.depth_m))
+    return both(_least(drafts, 0.01 * blade.depth_m, blade.depth_m))
 
 
 def asabe_newton(depth_m: float, speed_m_per_s: float, texture: str) -> float:
@@ -332,18 +332,16 @@ def table(soil: Soil, blade: Blade) -> str:
         f"Godwin and Spoor, critical depth {critical_m:.3g} m": tine,
     }
     lines = [
-        "| theory | draught N | vertical N, down | rupture distance m | beta deg |",
+        "| theory | draft N | vertical N, down | rupture distance m | beta deg |",
         "|---|---|---|---|---|",
     ]
-    for name, (draught, vertical, rupture, beta) in theories.items():
-        lines.append(
-            f"| {name} | {draught:.0f} | {vertical:.0f} | {rupture:.3f} | {math.degrees(beta):.1f} |"
-        )
+    for name, (draft, vertical, rupture, beta) in theories.items():
+        lines.append(f"| {name} | {draft:.0f} | {vertical:.0f} | {rupture:.3f} | {math.degrees(beta):.1f} |")
     for texture in TEXTURES:
-        draught = asabe_newton(blade.depth_m, blade.speed_m_per_s, texture)
-        low, high = (1.0 - ASABE_RANGE) * draught, (1.0 + ASABE_RANGE) * draught
+        draft = asabe_newton(blade.depth_m, blade.speed_m_per_s, texture)
+        low, high = (1.0 - ASABE_RANGE) * draft, (1.0 + ASABE_RANGE) * draft
         lines.append(
-            f"| ASABE D497.7, subsoiler, {texture} soil | {draught:.0f} ({low:.0f} to {high:.0f}) | | | |"
+            f"| ASABE D497.7, subsoiler, {texture} soil | {draft:.0f} ({low:.0f} to {high:.0f}) | | | |"
         )
     return "\n".join(lines)
 

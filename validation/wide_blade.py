@@ -5,7 +5,7 @@
 The slice is one period of an endless bed, so nothing holds the soil at its sides. Theory is
 validation.blades.log_spiral, which is the plane wedge for a smooth blade. Cohesion and friction angle are
 those of validation.biaxial, of the same soil in plane strain. The soil that the blade has swept acts as a
-surcharge on the wedge. The mean draught over travel from FIRST_M to LAST_M is compared. Exit status 1 where
+surcharge on the wedge. The mean draft over travel from FIRST_M to LAST_M is compared. Exit status 1 where
 it differs from theory by more than ACCEPTED.
 """
 
@@ -35,12 +35,15 @@ DEPTH_M = 0.15
 
 BED: Document = {"length_m": 0.75, "width_m": 0.15, "depth_m": 0.25, "sides": "periodic"}
 SPEED_M_PER_S = 0.05
+"""Inertial number 0.007 at half the depth, in a band of ten diameters: slow enough (chosen)."""
+
 FIRST_M, LAST_M = 0.05 * DEPTH_M, 0.2 * DEPTH_M
 """Of travel: from where the wedge slides."""
 
-THICKNESS_M = 0.02
+THICKNESS_M = 0.02  # of the blade, more than a diameter: no particle comes behind it (chosen)
 
 ACCEPTED = 0.15
+"""Part by which the mean may differ from theory (asked of the soil)."""
 
 BLADES = {"smooth": 0.0, "rough": 0.3}
 """Friction of soil on metal."""
@@ -64,8 +67,8 @@ class Row:
         return float(np.mean(self.measured)) / self.theory - 1.0
 
 
-def draught(laboratory: Laboratory, soil: str, radius_m: float, friction: float, seed: int) -> float:
-    """Mean draught by width of a blade [N/m]."""
+def draft(laboratory: Laboratory, soil: str, radius_m: float, friction: float, seed: int) -> float:
+    """Mean draft by width of a blade [N/m]."""
     mesh = box_mesh(laboratory.folder, THICKNESS_M, BED["width_m"] + 0.2, 2.0 * DEPTH_M)
     blade = {"blade": {"path": {}, "groups": {"blade": {"mesh": mesh}}}}
     section = soil_section(soil, friction, seed, BED, radius_m)
@@ -87,14 +90,14 @@ def draught(laboratory: Laboratory, soil: str, radius_m: float, friction: float,
 
 
 def theory(strength: Strength, friction: float) -> float:
-    """Draught by width [N/m] of the plane wedge or the log spiral."""
+    """Draft by width [N/m] of the plane wedge or the log spiral."""
     density, blade = SOLID_FRACTION * DENSITY, Blade(1.0, DEPTH_M, 0.5 * math.pi)
     soil = Soil(
         max(strength.cohesion_pa, 0.0), math.radians(strength.friction_deg), density, math.atan(friction)
     )
     swept = 0.5 * (FIRST_M + LAST_M) * DEPTH_M
     heaved = density * GRAVITY_M_PER_S2 * swept / log_spiral(soil, blade).rupture_m
-    return log_spiral(dataclasses.replace(soil, surcharge_pa=heaved), blade).draught_newton
+    return log_spiral(dataclasses.replace(soil, surcharge_pa=heaved), blade).draft_newton
 
 
 def compare(soils: Sequence[str], radii_m: Sequence[float], seeds: int, folder: Path) -> Iterator[Row]:
@@ -103,7 +106,7 @@ def compare(soils: Sequence[str], radii_m: Sequence[float], seeds: int, folder: 
     for soil in soils:
         found = strength(laboratory, soil, seeds)
         for radius, (name, friction) in itertools.product(radii_m, BLADES.items()):
-            forces = tuple(draught(laboratory, soil, radius, friction, 1 + k) for k in range(seeds))
+            forces = tuple(draft(laboratory, soil, radius, friction, 1 + k) for k in range(seeds))
             expected = theory(found, friction)
             yield Row(soil, radius, name, found.cohesion_pa, found.friction_deg, expected, forces)
 

@@ -18,7 +18,7 @@ from ..extras import require
 from ._shared.arguments import add_overrides
 
 if TYPE_CHECKING:
-    from ..experiments.soil_tests.runs import SoilTests
+    from ..experiments.soil_tests.curves import SoilTests
     from ..experiments.soil_tests.strength import CoulombFit, PlateFit
     from ..limits.stable_steps import Timing
     from ..loading.loader import ResolvedScene

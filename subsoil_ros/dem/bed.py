@@ -33,7 +33,7 @@ class Bed:
     materials: np.ndarray | None = None  # (n,) int64 number of the layer from the top; None: there are none
     sides: Literal["walls", "periodic", "endless"] = "walls"
     """periodic: the box is one period wide in y; endless: it repeats itself along all axes, z = 0 its top."""
-    held: np.ndarray | None = None  # (n,) bool: stays where it is; None: nobody does
+    held: np.ndarray | None = None  # (n,) bool: stays where it is; None: no particle does
 
     @property
     def period_m(self) -> float | None:

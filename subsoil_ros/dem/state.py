@@ -64,7 +64,7 @@ class Particles:
         self.image += turns.astype(np.int32)
 
     def wrap_all(self, low_m: np.ndarray, periods_m: np.ndarray) -> None:
-        """Put everybody into the box of an endless bed: `low_m` (3,) corner, `periods_m` (3,) size."""
+        """Put all particles into the box of an endless bed: `low_m` (3,) corner, `periods_m` (3,) size."""
         for a in range(3):
             self.position[:, a] = wrapped(self.position[:, a], low_m[a], periods_m[a])[0]
 

@@ -1,4 +1,4 @@
-"""Closed forms of the draught of a blade against worked numbers, equilibrium, published tables and limits."""
+"""Closed forms of the draft of a blade against worked numbers, equilibrium, published tables and limits."""
 
 import math
 from dataclasses import replace
@@ -32,7 +32,7 @@ def blade(rake=90.0, width=1.0, depth=0.3, speed=0.0):
 
 def total(force):
     """P where there is no adhesion along the blade."""
-    return math.hypot(force.draught_newton, force.vertical_newton)
+    return math.hypot(force.draft_newton, force.vertical_newton)
 
 
 def weight_factor(theory, friction, delta, rake):
@@ -90,10 +90,10 @@ def test_smooth_upright_wall(theory):
         assert 2.0 * weight_factor(theory, friction, 0.0, 90.0) == pytest.approx(k_p, rel=1e-9)
         made = soil(friction, 0.0, 5e3, 0.0)
         expected = 2.0 * made.cohesion_pa * math.sqrt(k_p) * 0.3
-        assert theory(made, blade()).draught_newton == pytest.approx(expected, rel=1e-9)
+        assert theory(made, blade()).draft_newton == pytest.approx(expected, rel=1e-9)
     clay = soil(0.0, 0.0, 5e3)
     expected = 2.0 * 5e3 * 0.3 + 0.5 * clay.unit_weight * 0.09
-    assert theory(clay, blade()).draught_newton == pytest.approx(expected, rel=1e-9)
+    assert theory(clay, blade()).draft_newton == pytest.approx(expected, rel=1e-9)
     assert theory(clay, blade()).vertical_newton == pytest.approx(0.0, abs=1e-9)
 
 
@@ -179,10 +179,10 @@ def test_scales_with_the_size(theory):
     """Without cohesion, twice the size draws 8 times as much; wide blades at twice the depth 4 times."""
     made = soil(32.0, 20.0)
     small, large = theory(made, blade(60.0, 0.1, 0.2)), theory(made, blade(60.0, 0.2, 0.4))
-    assert large.draught_newton == pytest.approx(8.0 * small.draught_newton, rel=1e-6)
+    assert large.draft_newton == pytest.approx(8.0 * small.draft_newton, rel=1e-6)
     assert large.rupture_m == pytest.approx(2.0 * small.rupture_m, rel=1e-4)
     shallow, deep = theory(made, blade(60.0, 1e5, 0.2)), theory(made, blade(60.0, 1e5, 0.4))
-    assert deep.draught_newton == pytest.approx(4.0 * shallow.draught_newton, rel=1e-5)
+    assert deep.draft_newton == pytest.approx(4.0 * shallow.draft_newton, rel=1e-5)
 
 
 @pytest.mark.parametrize("theory", THEORIES[2:])
@@ -193,7 +193,7 @@ def test_wide_blades_are_the_plane_wedge(theory):
         expected = blades.reece(made, wide)
         assert theory(made, wide)[:2] == pytest.approx(expected[:2], rel=1e-5)
         narrow = replace(wide, width_m=0.06)
-        assert theory(made, narrow).draught_newton > blades.reece(made, narrow).draught_newton
+        assert theory(made, narrow).draft_newton > blades.reece(made, narrow).draft_newton
 
 
 @pytest.mark.parametrize(
@@ -204,21 +204,21 @@ def test_perumpral_of_the_tested_beds(cohesion, friction, density, expected):
     """A share of 60 mm at 25 degrees, 0.30 m deep, delta 23: beds with the strength of docs/soil_tests.md."""
     share = blade(25.0, 0.06)
     made = soil(friction, 23.0, cohesion, density)
-    assert blades.perumpral(made, share).draught_newton == pytest.approx(expected, rel=WORKED)
+    assert blades.perumpral(made, share).draft_newton == pytest.approx(expected, rel=WORKED)
 
 
 def test_mckyes_and_ali_of_the_same_share():
     """6.3 kN in the dense bed; in the others the least is the upright plane: 1.6 kN, and 0.95 in a loam."""
     share = blade(25.0, 0.06)
     dense = soil(43.0, 23.0, 23.1e3, 1735.0)
-    assert blades.mckyes_ali(dense, share).draught_newton == pytest.approx(6.3e3, rel=WORKED)
+    assert blades.mckyes_ali(dense, share).draft_newton == pytest.approx(6.3e3, rel=WORKED)
     for made, expected in (
         (soil(23.1, 23.0, 37.9e3, 1296.0), 1.6e3),
         (soil(32.0, 23.0, 10e3, 1450.0), 0.95e3),
     ):
         least = blades.mckyes_ali(made, share)
         assert math.degrees(least.beta_rad) == pytest.approx(90.0, abs=0.1)
-        assert least.draught_newton == pytest.approx(expected, rel=WORKED)
+        assert least.draft_newton == pytest.approx(expected, rel=WORKED)
 
 
 def test_mckyes_and_ali_is_the_wedge_model():
@@ -228,7 +228,7 @@ def test_mckyes_and_ali_is_the_wedge_model():
     force = blades.mckyes_ali(made, tool)
     p = wedge_force(Plate(0.08, tool.rake_rad, 0.2, 0.2), made.strength, 1.5, force.beta_rad)
     at, adhesion = tool.rake_rad + made.delta_rad, 2e3 * 0.08 * 0.2
-    assert force.draught_newton == pytest.approx(p * math.sin(at) + adhesion / math.tan(tool.rake_rad))
+    assert force.draft_newton == pytest.approx(p * math.sin(at) + adhesion / math.tan(tool.rake_rad))
     assert force.vertical_newton == pytest.approx(p * math.cos(at) - adhesion)
 
 
@@ -238,7 +238,7 @@ def test_critical_depth_of_a_narrow_tine():
     for depth in (0.4, 0.6):
         force, critical = blades.godwin_spoor(made, blade(90.0, 0.05, depth))
         assert critical == pytest.approx(0.23, rel=WORKED)
-        assert force.draught_newton < blades.godwin_odogherty(made, blade(90.0, 0.05, depth)).draught_newton
+        assert force.draft_newton < blades.godwin_odogherty(made, blade(90.0, 0.05, depth)).draft_newton
     whole = blade(25.0, 0.06)
     loam = soil(32.0, 23.0, 10e3, 1450.0)
     force, critical = blades.godwin_spoor(loam, whole)
@@ -250,10 +250,7 @@ def test_speed_adds_momentum():
     """rho v^2 d N_a (w + 0.6 d), smooth, upright: N_a = cos phi / (cos beta cos(beta + phi)), 2 at 30."""
     made = soil(30.0, 0.0, 5e3, 1500.0)
     slow, fast = blade(90.0, 0.06, 0.2), blade(90.0, 0.06, 0.2, 2.0)
-    more = (
-        blades.godwin_odogherty(made, fast).draught_newton
-        - blades.godwin_odogherty(made, slow).draught_newton
-    )
+    more = blades.godwin_odogherty(made, fast).draft_newton - blades.godwin_odogherty(made, slow).draft_newton
     assert more == pytest.approx(1500.0 * 4.0 * 0.2 * 2.0 * (0.06 + 0.12), rel=1e-6)
     assert blades.reece(made, fast) == blades.reece(made, slow)
 
@@ -298,14 +295,14 @@ def test_refuses_values_of_no_soil_and_no_blade(make, message):
 
 
 def test_command_prints_one_row_a_theory(monkeypatch, capsys):
-    """Draughts as the functions give them; angles without a wedge end with status 2."""
+    """Drafts as the functions give them; angles without a wedge end with status 2."""
     options = ["--cohesion-kpa", "5", "--friction-deg", "30", "--delta-deg", "20", "--rake-deg", "60"]
     monkeypatch.setattr("sys.argv", ["blades", *options, "--depth-m", "0.2", "--density", "1500"])
     blades.main()
     rows = [line.split(" | ") for line in capsys.readouterr().out.splitlines()[2:]]
     assert len(rows) == 9
-    draught = blades.perumpral(soil(30.0, 20.0, 5e3), blade(60.0, 0.06, 0.2)).draught_newton
-    assert float(next(row for row in rows if "Perumpral" in row[0])[1]) == round(draught)
+    draft = blades.perumpral(soil(30.0, 20.0, 5e3), blade(60.0, 0.06, 0.2)).draft_newton
+    assert float(next(row for row in rows if "Perumpral" in row[0])[1]) == round(draft)
     monkeypatch.setattr("sys.argv", ["blades", "--rake-deg", "130"])
     with pytest.raises(SystemExit) as left:
         blades.main()

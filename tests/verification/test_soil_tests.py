@@ -16,9 +16,9 @@ from subsoil_ros.cli.main import main
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.errors import InputError
 from subsoil_ros.experiments.soil_tests import runs as soil_tests
+from subsoil_ros.experiments.soil_tests.curves import SoilTests
 from subsoil_ros.experiments.soil_tests.options import NORMAL_TOLERANCE
 from subsoil_ros.experiments.soil_tests.runs import (
-    SoilTests,
     needs_glue,
     rumpf_strength_pa,
     run_plate,

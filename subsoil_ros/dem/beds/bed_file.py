@@ -32,7 +32,7 @@ _ARRAYS = {
     "kinetic_energy_joule": (np.float64, 0),
     "radii_m": (np.float64, 1),  # of length 0 where all are equal
     "materials": (np.int64, 1),  # of length 0 without layers
-    "held": (np.bool_, 1),  # of length 0 where nobody is
+    "held": (np.bool_, 1),  # of length 0 where no particle is
 }
 
 

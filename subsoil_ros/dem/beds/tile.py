@@ -60,8 +60,8 @@ INERTIAL_NUMBER = 1e-3
 14 (2004) 341)."""
 
 PARTING_S, PARTING_DAMPING = 30.0, 10.0
-"""Of step 1: its length in periods of a contact, and its global damping over sqrt(K / m) (chosen: nobody
-flies)."""
+"""Of step 1: its length in periods of a contact, and its global damping over sqrt(K / m) (chosen: no
+particle flies)."""
 
 PRESSING_DAMPING = 0.02
 """Global damping while pressing over sqrt(K / m) (chosen: at five times that the frictionless tile carries a
@@ -212,6 +212,7 @@ def _pressed(
 
 
 def _springs(friction: float, radius_m: float) -> LinearLaw:
+    """Tangential values are usual parts of the normal ones; the fraction is met whatever they are."""
     mass_kg = _DENSITY * 4.0 / 3.0 * math.pi * radius_m**3
     damping = 2.0 * DAMPING_RATIO * math.sqrt(0.5 * mass_kg * _STIFFNESS)
     values = {

@@ -86,15 +86,9 @@ class GpuSoilEngine(SoilEngine):
         self._fetch_boundaries()
         return super().wall_force_newton
 
-    def _load(
-        self,
-        position: np.ndarray,
-        radii: np.ndarray | None,
-        materials: np.ndarray | None,
-        held: np.ndarray | None = None,
-    ) -> None:
+    def _load(self, *particles: Any) -> None:
         self._here_is_old, self._there_is_old = False, True
-        super()._load(position, radii, materials, held)
+        super()._load(*particles)
 
     def _keep(self, kept: np.ndarray) -> None:
         super()._keep(kept)

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ...figures.plotting import COLOURS, new_figure, save_figure
-from .runs import SoilTests
+from .curves import SoilTests
 from .strength import SoilStrength
 
 

@@ -7,29 +7,22 @@ A plate is longer than the specimen, so over it nothing is lost.
 import math
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...analysis.smoothing import running_mean
-from ...api.simulate import simulate
 from ...dem.bed import Bed
-from ...dem.engine import build_engine
 from ...errors import InputError
-from ...limits.stable_steps import Timing
 from ...loading.loader import ResolvedScene
-from ...messages import MechanismState, SoilState, ToolMotions, ToolWrenches
 from ...scene.beds import TiledBed
 from ...scene.pairs import pair_values, tool_values
+from .curves import ShearCurve, SoilTests, TensionCurve
 from .options import INERTIAL_NUMBER
+from .series import RunProgress, run_box
 from .shear_box import GLUE, ShearBox, ShearLoading, TensionLoading, shear_machine, tension_machine
 from .specimen import TOUCH_M, Size, Specimen, box_around, prepare_specimen, write_scene
-
-RunProgress = Callable[[str, Timing], AbstractContextManager[Callable[[int], None]]]
-"""Told the name and time of each run, gives what is called with every tick."""
 
 BAND_DIAMETERS = 6.0
 """Height over which the rate of shear is counted (chosen: about that of the band that shears)."""
@@ -55,9 +48,6 @@ GRACE_STRAIN = 0.25
 SMOOTHED_ROWS = 5
 """Of the series: over the noise of single contacts."""
 
-RESIDUAL_PART = 0.15
-"""Last part of the travel, over which the residual stress is the mean (chosen)."""
-
 PLATE_DIAMETERS = 2.0
 """Travel over a plate in largest diameters (chosen: all contacts slide after a tenth of it)."""
 
@@ -71,106 +61,6 @@ break)."""
 
 TENSION_DIAMETERS = 2.0
 """Travel in tension: bonds end after delta_c + delta_B, a tenth of this (chosen)."""
-
-
-@dataclass(frozen=True)
-class ShearCurve:
-    """One direct shear test, or one over a plate; arrays (n,), from the first movement on."""
-
-    nominal_pa: float  # normal stress on the plane of shear at its full section
-    displacement_m: NDArray[np.float64]
-    shear_pa: NDArray[np.float64]
-    normal_pa: NDArray[np.float64]
-    rise_m: NDArray[np.float64]  # of the lid, from the first movement on
-    settled: float  # strain of the height under the load alone
-    speed_m_per_s: float
-    imbalance: (
-        float  # |driver force - soil on the upper box| over the largest driver force, mean while moving
-    )
-
-    def peak(self) -> tuple[float, float]:
-        """Normal and shear stress [Pa] where shear is largest."""
-        k = int(np.argmax(self.shear_pa))
-        return float(self.normal_pa[k]), float(self.shear_pa[k])
-
-    @property
-    def normal_error(self) -> float:
-        """Largest difference of the normal stress from the nominal one, over the nominal, of means over a
-        twentieth of the travel, once the speed is reached."""
-        parts = np.floor(20.0 * self.displacement_m / self.displacement_m[-1])
-        means = [self.normal_pa[parts == part].mean() for part in np.unique(parts) if 1 <= part < 20]
-        return float(np.abs(np.array(means) / self.nominal_pa - 1.0).max())
-
-    @property
-    def _last(self) -> NDArray[np.bool_]:
-        return self.displacement_m >= (1.0 - RESIDUAL_PART) * self.displacement_m[-1]
-
-    def residual(self) -> tuple[float, float]:
-        """Normal and shear stress [Pa], mean over the last RESIDUAL_PART of the travel."""
-        return float(self.normal_pa[self._last].mean()), float(self.shear_pa[self._last].mean())
-
-    @property
-    def residual_dilatancy(self) -> float:
-        """Rise of the lid over displacement in the last RESIDUAL_PART: near 0 in the critical state."""
-        return float(np.polyfit(self.displacement_m[self._last], self.rise_m[self._last], 1)[0])
-
-
-@dataclass(frozen=True)
-class TensionCurve:
-    """One tension test; arrays (n,)."""
-
-    opening_m: NDArray[np.float64]
-    tension_pa: NDArray[np.float64]
-    break_height: float  # part of the height below the crack, 0.5: in the middle
-    speed_m_per_s: float
-
-    @property
-    def strength_pa(self) -> float:
-        """Largest tension."""
-        return float(self.tension_pa.max())
-
-
-@dataclass(frozen=True)
-class SoilTests:
-    """All tests of one soil."""
-
-    specimen: Specimen
-    size_m: Size
-    shear: tuple[ShearCurve, ...]
-    plate: tuple[ShearCurve, ...]  # over metal; empty: not run
-    tension: TensionCurve | None  # none: a soil without adhesion
-
-
-@dataclass
-class _Series:
-    """Takes the records of a run; one row per series tick."""
-
-    times_s: list[float] = field(default_factory=list)
-    rows: list[dict[str, float]] = field(default_factory=list)
-    _last: dict[type, Any] = field(default_factory=dict)
-
-    def write(self, record: Any) -> None:
-        self._last[type(record)] = record
-        if not isinstance(record, SoilState):  # the last of a tick that is needed here
-            return
-        motions = {motion.tool: motion for motion in self._last[ToolMotions].tools}
-        wrenches = {wrench.tool: wrench for wrench in self._last[ToolWrenches].tools}
-        machine: MechanismState = self._last[MechanismState]
-        self.times_s.append(record.end_time_ns * 1e-9)
-        self.rows.append(
-            {
-                "x": motions["upper"].x_m,
-                "z": motions["upper"].z_m,
-                "upper_x": wrenches["upper"].force_x_newton,
-                "upper_z": wrenches["upper"].force_z_newton,
-                "lower_x": wrenches["lower"].force_x_newton,
-                "lower_z": wrenches["lower"].force_z_newton,
-                "drive": machine.draft_newton,
-            }
-        )
-
-    def column(self, name: str) -> NDArray[np.float64]:
-        return np.array([row[name] for row in self.rows])
 
 
 def rumpf_strength_pa(specimen: Specimen) -> float:
@@ -284,7 +174,7 @@ def _sheared(
     grace = GRACE_STRAIN * normal_pa * box.area_m2 * box.height_m
     machine = shear_machine(box, loading, gravity) | {"coupling": {"residual_grace_joule": grace}}
     resolved = write_scene(specimen, name, folder, box, bed, loading.duration_s, machine, glued=glued)
-    series, _ = _run(resolved, specimen, threads, progress(name, resolved.timing))
+    series, _ = run_box(resolved, specimen, threads, progress(name, resolved.timing))
     moving = np.array(series.times_s) >= loading.start_s
     drive, upper, z = series.column("drive"), series.column("upper_x"), series.column("z")
     displacement = series.column("x") - box.centre_m[0]
@@ -410,7 +300,7 @@ def run_tension(
     resolved = write_scene(
         specimen, "tension", folder, box, bed, loading.duration_s, tension_machine(box, loading), cap_m=cap
     )
-    series, ends_m = _run(resolved, specimen, threads, progress("tension", resolved.timing))
+    series, ends_m = run_box(resolved, specimen, threads, progress("tension", resolved.timing))
     rise = (ends_m - specimen.bed.positions_m)[:, 2]
     opening = series.column("z") - box.middle_m
     moving = np.array(series.times_s) >= loading.rest_s
@@ -441,24 +331,8 @@ def seated(specimen: Specimen, folder: Path, threads: int = 1) -> Specimen:
     }
     duration = 4.0 * loading.load_s
     resolved = write_scene(specimen, "seating", folder, box, bed, duration, machine, glued=False)
-    _, ends_m = _run(resolved, specimen, threads, nullcontext(lambda tick: None))
+    _, ends_m = run_box(resolved, specimen, threads, nullcontext(lambda tick: None))
     return replace(specimen, bed=replace(specimen.bed, positions_m=ends_m))
-
-
-def _run(
-    resolved: ResolvedScene,
-    specimen: Specimen,
-    threads: int,
-    watched: AbstractContextManager[Callable[[int], None]],
-) -> tuple[_Series, NDArray[np.float64]]:
-    """The series of a test, and (n, 3) [m] where its particles ended."""
-    soil = build_engine(resolved, threads)
-    series = _Series()
-    with watched as on_tick:
-        simulate(resolved, soil=soil, sink=series, on_tick=on_tick)
-    ends_m = soil.positions_m()
-    assert len(ends_m) == len(specimen.bed.positions_m), "the box stands off every particle"
-    return series, ends_m
 
 
 def run_soil_tests(

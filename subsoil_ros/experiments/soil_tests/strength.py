@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError
+from .curves import ShearCurve, SoilTests
 from .options import LEAST_POINTS, NORMAL_TOLERANCE
-from .runs import ShearCurve, SoilTests, rumpf_strength_pa
+from .runs import rumpf_strength_pa
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,7 @@ setup(
         (f"{SHARE}/config/templates", files("config/templates/*.yaml")),
         (f"{SHARE}/config/meshes", files("config/meshes/*.stl")),
         (f"{SHARE}/config/soils", files("config/soils/*.yaml")),
+        (f"{SHARE}/config/materials", files("config/materials/*.yaml")),
         (f"{SHARE}/config/calibration", files("config/calibration/*.yaml")),
         (f"{SHARE}/config/references", files("config/references/*.yaml")),
         (f"{SHARE}/config/studies", files("config/studies/*.yaml")),

@@ -1,12 +1,12 @@
 """A wide upright blade pushed through a slice of soil, against passive earth pressure.
 
-    python -m validation.wide_blade [--soils sand loam] [--radii-mm 7.5] [--seeds N] [--json FILE]
+    python -m validation.wide_blade [--soils dry_sand loam] [--radii-mm 7.5] [--seeds N] [--json FILE]
 
 The slice is one period of an endless bed, so nothing holds the soil at its sides. Theory is
-validation.blades.log_spiral, which is the plane wedge for a smooth blade. Cohesion and friction angle are
-those of validation.biaxial, of the same soil in plane strain. The soil that the blade has swept acts as a
-surcharge on the wedge. The mean draft over travel from FIRST_M to LAST_M is compared. Exit status 1 where
-it differs from theory by more than ACCEPTED.
+validation.blades.log_spiral, which is the plane wedge for a smooth blade. Cohesion, friction angle and
+density are those that the element tests of the shipped material found. The soil that the blade has swept
+acts as a surcharge on the wedge. The mean draft over travel from FIRST_M to LAST_M is compared. Exit status
+1 where it differs from theory by more than ACCEPTED.
 """
 
 import argparse
@@ -23,13 +23,16 @@ from pathlib import Path
 import numpy as np
 
 from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.experiments.soil_tests.element import Strength
+from subsoil_ros.loading.material import read_material
+from subsoil_ros.loading.shipped import shipped_material
 from subsoil_ros.messages import ToolMotion
+from subsoil_ros.scene.material import Material
 
-from .biaxial import Strength, strength
 from .blades import GRAVITY_M_PER_S2, Blade, Soil, log_spiral
 from .laboratory import Document, Laboratory, box_mesh
-from .soils import DENSITY, LAWS, RADIUS_M, SOLID_FRACTION, soil_section
 
+SOILS, RADIUS_M = ("dry_sand", "loam"), 0.0075
 DEPTH_M = 0.15
 """Of the blade: ten diameters."""
 
@@ -67,12 +70,27 @@ class Row:
         return float(np.mean(self.measured)) / self.theory - 1.0
 
 
-def draft(laboratory: Laboratory, soil: str, radius_m: float, friction: float, seed: int) -> float:
+def soil_section(material: Material, radius_m: float, friction: float, seed: int) -> Document:
+    """The soil of a scene, with this friction on metal; spheres slide there and do not roll."""
+    section = material.section(radius_m)
+    keys = ("static_friction", "sliding_friction", "rolling_friction")
+    boundary = section["law"]["boundary"] | dict.fromkeys(keys, friction)
+    return section | {
+        "bin": BED,
+        "bed": section["bed"] | {"seed": seed},
+        "law": section["law"] | {"boundary": boundary},
+        "skin_m": 0.2 * radius_m,
+    }
+
+
+def draft(laboratory: Laboratory, material: Material, radius_m: float, friction: float, seed: int) -> float:
     """Mean draft by width of a blade [N/m]."""
     mesh = box_mesh(laboratory.folder, THICKNESS_M, BED["width_m"] + 0.2, 2.0 * DEPTH_M)
     blade = {"blade": {"path": {}, "groups": {"blade": {"mesh": mesh}}}}
-    section = soil_section(soil, friction, seed, BED, radius_m)
-    scene = laboratory.resolve({"name": soil, "duration_s": 1.0, "soil": section, "tools": blade})
+    section = soil_section(material, radius_m, friction, seed)
+    scene = laboratory.resolve(
+        {"name": material.soil.name, "duration_s": 1.0, "soil": section, "tools": blade}
+    )
     engine = SoilEngine(scene)
     step = SPEED_M_PER_S * scene.timing.communication_step_s
     start = 0.5 * THICKNESS_M
@@ -89,12 +107,10 @@ def draft(laboratory: Laboratory, soil: str, radius_m: float, friction: float, s
     return float(np.mean(force[round(FIRST_M / step) :])) / engine.bed.period_m
 
 
-def theory(strength: Strength, friction: float) -> float:
-    """Draft by width [N/m] of the plane wedge or the log spiral."""
-    density, blade = SOLID_FRACTION * DENSITY, Blade(1.0, DEPTH_M, 0.5 * math.pi)
-    soil = Soil(
-        max(strength.cohesion_pa, 0.0), math.radians(strength.friction_deg), density, math.atan(friction)
-    )
+def theory(strength: Strength, density: float, friction: float) -> float:
+    """Draft by width [N/m] of the plane wedge or the log spiral; density [kg/m3]."""
+    blade, angle = Blade(1.0, DEPTH_M, 0.5 * math.pi), math.radians(strength.friction_angle_deg)
+    soil = Soil(max(strength.cohesion_pa, 0.0), angle, density, math.atan(friction))
     swept = 0.5 * (FIRST_M + LAST_M) * DEPTH_M
     heaved = density * GRAVITY_M_PER_S2 * swept / log_spiral(soil, blade).rupture_m
     return log_spiral(dataclasses.replace(soil, surcharge_pa=heaved), blade).draft_newton
@@ -104,11 +120,19 @@ def compare(soils: Sequence[str], radii_m: Sequence[float], seeds: int, folder: 
     """A row for each soil, radius and blade."""
     laboratory = Laboratory(folder)
     for soil in soils:
-        found = strength(laboratory, soil, seeds)
+        material = read_material(shipped_material(Path(soil)), soil)
+        found, density = strength_of(material)
         for radius, (name, friction) in itertools.product(radii_m, BLADES.items()):
-            forces = tuple(draft(laboratory, soil, radius, friction, 1 + k) for k in range(seeds))
-            expected = theory(found, friction)
-            yield Row(soil, radius, name, found.cohesion_pa, found.friction_deg, expected, forces)
+            forces = tuple(draft(laboratory, material, radius, friction, 1 + k) for k in range(seeds))
+            expected = theory(found, density, friction)
+            yield Row(soil, radius, name, found.cohesion_pa, found.friction_angle_deg, expected, forces)
+
+
+def strength_of(material: Material) -> tuple[Strength, float]:
+    """Peak strength and density [kg/m3] that the element tests found."""
+    measured = material.measured
+    strength = Strength(measured["cohesion_pa"].value, measured["friction_angle_deg"].value)
+    return strength, measured["bulk_density_kg_per_m3"].value
 
 
 def as_text(row: Row) -> str:
@@ -124,7 +148,7 @@ def as_text(row: Row) -> str:
 def main() -> int:
     """Prints the table. Returns 1 if a mean is outside ACCEPTED."""
     parser = argparse.ArgumentParser(prog="python -m validation.wide_blade", description=main.__doc__)
-    parser.add_argument("--soils", nargs="+", choices=list(LAWS), default=list(LAWS))
+    parser.add_argument("--soils", nargs="+", default=list(SOILS))
     parser.add_argument("--radii-mm", nargs="+", type=float, default=[1e3 * RADIUS_M])
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--json", type=Path, metavar="FILE")

@@ -1,4 +1,5 @@
-"""subsoil calibrate DESIGN: fits a wedge model to runs with particles, or a law to soil tests."""
+"""subsoil calibrate FILE: fits particles to a laboratory's soil, a wedge model to runs, or a law to soil
+tests."""
 
 from __future__ import annotations
 
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from ..errors import InputError
+from ..extras import require
 from ._shared.tables import table
 
 if TYPE_CHECKING:
@@ -20,19 +22,34 @@ if TYPE_CHECKING:
     from ..experiments.calibration.wedge import WedgeFit
     from ..limits.stable_steps import Timing
 
+LARGEST_RADIUS_M = 0.1
+"""Of particles that soil is calibrated at: a subsoiler is 0.06 m wide (chosen)."""
+
 CORRELATED = 0.95
 """Correlation of two fitted values beyond which the runs hardly tell them apart (chosen)."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `subsoil calibrate`."""
-    parser.add_argument("design", type=Path, help="design file (.yaml), see docs/wedge.md")
+    parser.add_argument(
+        "design",
+        type=Path,
+        metavar="FILE",
+        help="soil of a laboratory (.yaml, docs/soils.md) or its shipped name, or a design (docs/wedge.md)",
+    )
+    parser.add_argument(
+        "--radius",
+        type=float,
+        metavar="R",
+        default=None,
+        help="mean radius [m] of the particles that a laboratory's soil is fitted at",
+    )
     parser.add_argument(
         "--out",
         required=True,
         type=Path,
         metavar="FILE",
-        help="soil file (wedge) or scene fragment (dem) to write; must not exist",
+        help="material (soil), soil file (wedge) or scene fragment (dem) to write; must not exist",
     )
     parser.add_argument(
         "--runs",
@@ -41,7 +58,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=None,
         help="where finished runs are kept, by the hash of their scene (default: the user's cache)",
     )
-    parser.add_argument("--threads", type=int, default=1, metavar="N", help="of the soil engine (default: 1)")
+    parser.add_argument(
+        "--threads",
+        type=int,
+        default=1,
+        metavar="N",
+        help="of the soil engine; for a laboratory's soil, tests that run at once (default: 1)",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -56,15 +79,26 @@ def run(args: argparse.Namespace) -> int:
     from ..experiments.calibration.law import fit_law, write_law
     from ..experiments.calibration.wedge import FITTED, fit_wedge, measure
     from ..kernel_cache import user_cache_folder
+    from ..loading.shipped import shipped_soil
     from ..loading.soil_file import write_soil_file
+    from ..yaml_document import read_document
     from ._shared.preparation import KernelAnnouncer, say
     from ._shared.progress import working
 
-    design = read_design(args.design)
+    args.design = shipped_soil(args.design)
+    of_laboratory = read_document(args.design, str(args.design)).get("model") == "laboratory"
+    if of_laboratory != (args.radius is not None):
+        raise InputError(
+            f"--radius: is {'needed for' if of_laboratory else 'only for'} a laboratory's soil "
+            "(model: laboratory)"
+        )
     if args.out.exists():
         raise InputError(f"--out {args.out}: exists already; results are never written over, name another")
     if not args.out.parent.is_dir():
         raise InputError(f"--out {args.out}: its folder is not there; make it, or name another")
+    if of_laboratory:
+        return _material(args)
+    design = read_design(args.design)
     folder = args.runs or user_cache_folder() / "calibration"
     scene = base_scene(args.design, design)
     if isinstance(design, LawDesign):
@@ -82,6 +116,39 @@ def run(args: argparse.Namespace) -> int:
             fit = fit_wedge(scene, design, density, measured)
     write_soil_file(args.out, fit.soil)
     _print(fit, args.out)
+    return 0
+
+
+def _material(args: argparse.Namespace) -> int:
+    require("a calibration to a laboratory's soil", "dask", "distributed")
+    from ..experiments.calibration.material import calibrate
+    from ..loading.material import read_laboratory_soil, write_material
+    from ._shared.preparation import say
+
+    soil = read_laboratory_soil(args.design)
+    if not 0.0 < args.radius <= LARGEST_RADIUS_M:
+        raise InputError(
+            f"--radius: given {args.radius:g} m, allowed is up to {LARGEST_RADIUS_M:g} m: soil of larger "
+            "spheres is coarser than any tool"
+        )
+    material = calibrate(soil, args.radius, args.threads, say)
+    write_material(args.out, material)
+    console = Console(width=None if sys.stdout.isatty() else 140)
+    wanted = soil.model_dump()
+    found = table(
+        f"{soil.name}, r = {args.radius * 1e3:g} mm", ("wanted", "found", "95 % confidence"), words=3
+    )
+    for key, interval in {**material.measured, **material.fitted}.items():
+        asked = wanted.get(key)
+        found.add_row(
+            key,
+            "" if asked is None else f"{asked:g}",
+            f"{interval.value:.4g}",
+            f"{interval.low:.4g} to {interval.high:.4g}",
+        )
+    console.print(found)
+    low, high = material.radii_m
+    console.print(f"written to {args.out}; for mean radii from {low:g} to {high:g} m")
     return 0
 
 

@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
     from ..api.check import check
     from ..loading.loader import load_scene
     from ._shared.preset_rows import accuracy_lines
-    from ._shared.soil_rows import particle_rows, wedge_rows
+    from ._shared.soil_rows import material_rows, particle_rows, wedge_rows
 
     resolved = load_scene(args.scene, args.overrides)
     found = check(resolved)
@@ -54,6 +54,8 @@ def run(args: argparse.Namespace) -> int:
     console = Console(width=None if sys.stdout.isatty() else 140)
     console.print(_facts(scene.name, _general(resolved)))
     if soil is not None:
+        if resolved.material is not None:
+            console.print(_facts("material", material_rows(resolved.material)))
         console.print(_facts("soil", particle_rows(resolved, soil, found.particles)))
         console.print(_limits(found))
         if found.at_work:

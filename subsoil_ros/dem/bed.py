@@ -64,15 +64,16 @@ class Bed:
         )
 
 
-def scaled(bed: Bed, scale: float) -> Bed:
-    """Bed and walls `scale` times as large, about the origin."""
-    x, y, z = bed.lower_m
-    far, left = bed.upper_m
+def scaled(bed: Bed, scale: float | np.ndarray) -> Bed:
+    """Bed and walls `scale` times as large, or (3,) along x, y and z, about the origin."""
+    scales = np.broadcast_to(scale, 3)
+    x, y, z = np.array(bed.lower_m) * scales
+    far, left = np.array(bed.upper_m) * scales[:2]
     return dataclasses.replace(
         bed,
         positions_m=bed.positions_m * scale,
-        lower_m=(x * scale, y * scale, z * scale),
-        upper_m=(far * scale, left * scale),
+        lower_m=(float(x), float(y), float(z)),
+        upper_m=(float(far), float(left)),
         kinetic_energy_joule=0.0,
     )
 

@@ -16,6 +16,7 @@ from ..scene.pairs import layer_soils, pair_values, particle_mass_kg
 from .bed import Bed, finite_rows, refuse_outside, scaled
 from .beds.prepare import prepare_bed
 from .contact import history_parity, law_features, soil_laws
+from .homogeneous import stretch_springs
 from .integration import kick
 from .kernel_calls import KernelCalls, use_threads
 from .mixture import law_tables, material_at, reaches_m
@@ -195,14 +196,23 @@ class SoilEngine(SoilReadings):
         self._particles.velocity *= kept
         self._particles.spin *= kept
 
-    def resize(self, scale: float) -> None:
-        """An endless bed `scale` times as large, about the origin, with the springs of its contacts. For
-        the preparation of beds, in steps that are small against a skin."""
-        self._particles.position *= scale
-        self._particles.built_position *= np.float32(scale)
-        self.bed = scaled(self.bed, scale)
+    def resize(self, scale: float | np.ndarray) -> None:
+        """An endless bed `scale` times as large, or (3,) along x, y and z, about the origin. Particles move
+        with it, and so do the ends of the springs of their contacts. For the preparation and testing of beds,
+        in steps that are small against a skin."""
+        scales = np.broadcast_to(np.asarray(scale, np.float64), 3)
+        p = self._particles
+        p.position *= scales
+        p.built_position *= scales.astype(np.float32)
+        self.bed = scaled(self.bed, scales)
         self._features.periodic[:] = periods(self.bed)
-        self._strain += abs(scale - 1.0)
+        if np.ndim(scale):
+            pairs = self._pairs
+            stretch_springs(
+                pairs.row_start, pairs.neighbour, p.position, pairs.history, scales - 1.0,
+                self._radius, self._boundary, self._mixture(self._pair_laws), self._features,
+            )  # fmt: skip
+        self._strain += float(np.abs(scales - 1.0).max())
         if self._strain > _STRAIN_OF_LISTS * self._soil.skin_m / self._radius:
             self._rebuild(())
 

@@ -10,6 +10,7 @@ from ..contact_laws.base import SINKS, Features
 from ..messages import SoilCloud, SoilState
 from .bed import Bed
 from .energy import EnergyBook
+from .homogeneous import pair_stress
 from .integration import mass_sums, motion_sums
 from .kernel_calls import use_threads
 from .mixture import Mixture
@@ -191,6 +192,14 @@ class SoilReadings(ABC):
         """Energy of position: stored in contacts, and gravity."""
         book = self.energy()
         return book.stored_joule + book.gravity_joule
+
+    def stress_pa(self) -> np.ndarray:
+        """(3, 3) mean stress of an endless bed, compression positive, along x, y and z; without dampers."""
+        pairs = self._pairs
+        return pair_stress(
+            pairs.row_start, pairs.neighbour, self._particles.position, pairs.history,
+            self._radius, self._boundary, self._mixture(self._pair_laws), self._features,
+        ) / float(np.prod(self.bed.periods_m))  # fmt: skip
 
     def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:
         """Particles in the order of the prepared bed, float32."""

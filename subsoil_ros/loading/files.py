@@ -1,4 +1,4 @@
-"""Where a scene document names files: meshes, a saved bed, a soil file and its scene, a reference file."""
+"""Where a scene document names files: meshes, a saved bed, a soil or material file, a reference file."""
 
 import copy
 from collections.abc import Callable
@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import Any
 
 from ..yaml_document import Document
-from .shipped import shipped_reference
+from .shipped import shipped_material, shipped_reference
 
 
 def map_files(document: Document, change: Callable[[str], str]) -> Document:
     """A copy of a document, or of a fragment of one, with every file name changed."""
     copied = copy.deepcopy(document)
     soil = copied.get("soil")
-    for key in ("file", "fitted_to"):
+    for key in ("file", "fitted_to", "material"):
         _change(soil, key, change)
     if isinstance(soil, dict):
         _change(soil.get("bed"), "file", change)
@@ -34,11 +34,12 @@ def _change(holder: Any, key: str, change: Callable[[str], str]) -> None:
 def with_absolute_files(document: Document, directory: Path) -> Document:
     """A copy with files by absolute path, seen from the folder the document was written in.
 
-    A bare name that is no file there may be that of a shipped reference.
+    A bare name that is no file there may be that of a shipped reference or material.
     """
 
     def absolute(name: str) -> str:
+        shipped = shipped_material(shipped_reference(Path(name)))
         path = directory / name
-        return str((path if path.exists() else directory / shipped_reference(Path(name))).resolve())
+        return str((path if path.exists() else directory / shipped).resolve())
 
     return map_files(document, absolute)

@@ -15,11 +15,13 @@ from pathlib import Path
 from ..errors import SceneError
 from ..limits.stable_steps import Timing, derive_timing
 from ..scene.beds import SavedBed
+from ..scene.material import Material
 from ..scene.meshes import load_tool_mesh
 from ..scene.model import Scene
 from ..yaml_document import Document, dump_yaml, merge, plain_value, read_document
 from .files import with_absolute_files
 from .keys import suggestion
+from .material import CHOOSE_MATERIAL, OF_MATERIAL, with_material
 from .overrides import CHOICES, Override, apply_override, overrides_of, parse_overrides
 from .presets import Preset, read_preset
 from .reference import Reference, read_reference
@@ -42,6 +44,7 @@ class ResolvedScene:
     preset: str | None = None  # the preset that was chosen
     presets: Mapping[str, Preset] = field(default_factory=dict)  # all that the scene file has
     reference: Reference | None = None  # what report.reference names
+    material: Material | None = None  # what soil.material named; `document` has its particles instead
 
     def write(self, path: Path) -> None:
         """Write `document` as a scene file."""
@@ -75,8 +78,18 @@ def load_scene(
     document = _with_preset(document, shown, [c for c in changes if c.path == "preset"])
     changes = [c for c in changes if c.path not in CHOICES]
     kept = {key: document.pop(key) for item in CHOICES.items() for key in item if key in document}
-    for change in changes:
-        document = with_absolute_files(apply_override(document, change), path.resolve().parent)
+
+    def changed(changes: Sequence[Override]) -> None:
+        nonlocal document
+        for change in changes:
+            document = with_absolute_files(apply_override(document, change), path.resolve().parent)
+
+    changed([change for change in changes if change.path in CHOOSE_MATERIAL])
+    document, material = with_material(document, shown)
+    rest = [change for change in changes if change.path not in CHOOSE_MATERIAL]
+    changed(rest)
+    if any(change.path.startswith(OF_MATERIAL) for change in rest):
+        material = None  # the soil is another one
     scene: Scene = validated(Scene, document, shown, changes)
     try:
         timing = derive_timing(scene)
@@ -99,6 +112,7 @@ def load_scene(
         preset=kept.get("preset"),
         presets=presets,
         reference=reference,
+        material=material,
     )
 
 

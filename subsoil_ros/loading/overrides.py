@@ -88,6 +88,8 @@ def _split(document: Document, override: Override) -> list[str]:
         named_numbers = model is None and not any(map(is_model, members(item)))
         key = ".".join(rest) if named_numbers else rest[0]  # initial.coordinates has dots in its names
         known = known_keys(annotation, value)
+        if keys == ["soil"] and rest == ["material"]:  # of the loader
+            return [*keys, *rest]
         new_part = model is None and rest == [key] and isinstance(override.value, dict)  # a whole one
         if key not in known and not named_numbers and not new_part:
             raise SceneError(

@@ -48,6 +48,13 @@ UNITS = {
 """Endings of keys and their units, the longer ones before those they end in."""
 
 
+_MATERIAL: Schema = {
+    "type": ["string", "null"],
+    "description": "Material file, or name of a shipped one: particles, bed and law of a laboratory's soil.",
+}
+"""The key of `soil` that the loader reads."""
+
+
 def scene_schema() -> Schema:
     """The schema of a scene file, draft 7."""
     whole = Scene.model_json_schema(schema_generator=_SchemaWithUnits)
@@ -55,6 +62,13 @@ def scene_schema() -> Schema:
     definitions["Scene"] = whole
     partial = {f"{PARTIAL}{name}": _partial(found) for name, found in definitions.items()}
     definitions |= partial
+    for name in ("Soil", f"{PARTIAL}Soil"):
+        definitions[name]["properties"]["material"] = _MATERIAL
+    definitions["Soil"] = {  # a material brings what a soil without one must have
+        "if": {"required": ["material"]},
+        "then": {"$ref": f"#/$defs/{PARTIAL}Soil"},
+        "else": definitions["Soil"],
+    }
     for name in ("Scene", f"{PARTIAL}Scene"):
         definitions[name]["properties"] = {**_loader_keys(), **definitions[name]["properties"]}
     schema = {

@@ -35,6 +35,21 @@ def shipped_reference(path: Path) -> Path:
     return _shipped(path, "references")
 
 
+def shipped_material(path: Path) -> Path:
+    """The same of the material files."""
+    return _shipped(path, "materials")
+
+
+def shipped_soil(path: Path) -> Path:
+    """The same of the soils of laboratories."""
+    return _shipped(path, "soils")
+
+
+def material_names() -> list[str]:
+    """Names of the shipped materials."""
+    return sorted(path.stem for path in (config_folder() / "materials").glob("*.yaml"))
+
+
 def _shipped(path: Path, kind: str) -> Path:
     if path.exists() or path.suffix or path.parent != Path():
         return path

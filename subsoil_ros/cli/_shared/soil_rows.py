@@ -7,12 +7,23 @@ from ...loading.loader import ResolvedScene
 from ...loading.soil_file import soil_of
 from ...scene.bed_spacing import particle_spacing_m
 from ...scene.beds import GridBed, SavedBed, TiledBed
+from ...scene.material import Material
 from ...scene.meshes import load_tool_mesh
 from ...scene.pairs import layer_soils
 from ...scene.sizes import mean_power
 from ...scene.soil import Soil
 from ...scene.tool_faces import cutting_faces, wheel_face
 from ...scene.wedge import WedgeSoil
+
+
+def material_rows(material: Material) -> Iterable[tuple[str, str]]:
+    """What a laboratory says of the soil, and what its particles make, with 95 % intervals."""
+    asked = material.soil.model_dump()
+    yield "soil", material.soil.name
+    for key, found in material.measured.items():
+        wanted = f"{asked[key]:g}, found " if asked.get(key) is not None else ""
+        half = 0.5 * (found.high - found.low)
+        yield key, f"{wanted}{found.value:.4g} +- {half:.2g}"
 
 
 def wedge_rows(resolved: ResolvedScene, soil: WedgeSoil) -> Iterable[tuple[str, str]]:

@@ -60,11 +60,7 @@ def prepare_tiled(resolved: ResolvedScene, engine_of: EngineOf, threads: int, on
     assert soil is not None
     assert isinstance(soil.bed, TiledBed)
     edge = tile_edge_m(soil)
-    path, as_kept = cached_tile_path(soil, edge), kept_as(soil, edge)
-    tile = load_cached(path, as_kept)
-    if tile is None:
-        tile = pressed_tile(resolved, edge, engine_of, on_progress).bed
-        keep(path, tile, as_kept)
+    tile = kept_tile(resolved, edge, engine_of, on_progress)
 
     def settling(of: Soil, gravity_m_per_s2: float) -> Settling:
         return Settling(
@@ -100,6 +96,18 @@ def prepare_tiled(resolved: ResolvedScene, engine_of: EngineOf, threads: int, on
     bed = _top_at_zero(bed, soil)
     _refuse_unfinished(bed, soil, MOVING * speed)
     return bed
+
+
+def kept_tile(resolved: ResolvedScene, edge_m: float, engine_of: EngineOf, on_progress: OnProgress) -> Bed:
+    """The pressed tile of about this edge [m] for a scene's tiled bed, from the cache where it is there."""
+    soil = resolved.scene.particle_soil
+    assert soil is not None
+    path, as_kept = cached_tile_path(soil, edge_m), kept_as(soil, edge_m)
+    tile = load_cached(path, as_kept)
+    if tile is None:
+        tile = pressed_tile(resolved, edge_m, engine_of, on_progress).bed
+        keep(path, tile, as_kept)
+    return tile
 
 
 def _top_at_zero(bed: Bed, soil: Soil) -> Bed:

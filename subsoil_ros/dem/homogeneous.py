@@ -1,0 +1,70 @@
+"""Strain and stress of soil that is the same all over: an endless bed."""
+
+import numpy as np
+from numba import njit
+
+from ..contact_laws.base import SPRINGS
+from .contact import components, kept_at, reach
+from .mixture import pair_of
+from .pairs import BLOCK, contact_of_pair, history_place
+from .periodic import nearest_images
+
+
+@njit(cache=True, error_model="numpy")
+def stretch_springs(row_start, neighbour, position, history, strain, radius, law, mixture, features):
+    """Tangential springs of all contacts, after the bed was stretched by `strain` (3,) along x, y and z.
+
+    Of a pair a vector l apart, particle i moves by -strain l against j. `law` is any one of its class.
+    """
+    for i in range(position.shape[0]):
+        for k in range(row_start[i], row_start[i + 1]):
+            j = neighbour[k]
+            dx, dy, dz = nearest_images(
+                position[j, 0] - position[i, 0],
+                position[j, 1] - position[i, 1],
+                position[j, 2] - position[i, 2],
+                features.periodic,
+            )
+            squared = dx * dx + dy * dy + dz * dz
+            radius_i, radius_j, between = pair_of(i, j, radius, law, mixture, features)
+            if squared >= reach(radius_i + radius_j, between, features) ** 2:
+                continue
+            ex, ey, ez = strain[0] * dx, strain[1] * dy, strain[2] * dz
+            along = (ex * dx + ey * dy + ez * dz) / squared
+            h = history_place(k, components(between))
+            history[h] -= ex - along * dx
+            history[h + BLOCK] -= ey - along * dy
+            history[h + 2 * BLOCK] -= ez - along * dz
+
+
+@njit(cache=True, error_model="numpy")
+def pair_stress(row_start, neighbour, position, history, radius, law, mixture, features):
+    """Sum over all pairs of force times distance (3, 3) [N m], compression positive, without dampers.
+
+    `law` is any one of its class. Over the volume it is the mean stress (Love; J. Christoffersen, M.M.
+    Mehrabadi, S. Nemat-Nasser, J. Appl. Mech. 48 (1981) 339-344).
+    """
+    total = np.zeros((3, 3))
+    still = (0.0, 0.0, 0.0)
+    for i in range(position.shape[0]):
+        for k in range(row_start[i], row_start[i + 1]):
+            j = neighbour[k]
+            apart = nearest_images(
+                position[j, 0] - position[i, 0],
+                position[j, 1] - position[i, 1],
+                position[j, 2] - position[i, 2],
+                features.periodic,
+            )
+            radius_i, radius_j, between = pair_of(i, j, radius, law, mixture, features)
+            h = history_place(k, components(between))
+            found = contact_of_pair(
+                apart, still, still, still, radius_i, radius_j,
+                (history[h], history[h + BLOCK], history[h + 2 * BLOCK]),
+                (history[h + 3 * BLOCK], history[h + 4 * BLOCK], history[h + 5 * BLOCK]),
+                kept_at(history, h + SPRINGS * BLOCK, BLOCK, 1.0, between), 0.0, between, features,
+            )  # fmt: skip
+            force = found[1]
+            for a in range(3):
+                for b in range(3):
+                    total[a, b] -= force[a] * apart[b]
+    return total

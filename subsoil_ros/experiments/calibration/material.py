@@ -1,0 +1,319 @@
+"""Particles fitted to a laboratory's soil, by element tests.
+
+Two numbers are sought: friction of the particles, for the friction angle, and attraction of a pair, for the
+cohesion. Everything else follows from a rule: stiffness from the overlap at work or from the confined
+modulus, dampers from a restitution, density from the bulk density, the friction on metal from that of the
+laboratory.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from ...api.execution import code_digest
+from ...errors import InputError
+from ...limits.soil_at_work import MAX_OVERLAP, WORKING_STRESS_PA
+from ...loading.loader import load_scene
+from ...scene.material import (
+    VERSION,
+    Interval,
+    LaboratorySoil,
+    Material,
+    mean_volume_radius_m,
+    sizes_about,
+)
+from ...yaml_document import Document
+from ..soil_tests.element import (
+    CELL_DIAMETERS,
+    CRITICAL_STRAIN,
+    LEAST_PA,
+    NEIGHBOURS,
+    PEAK_STRAIN,
+    Cell,
+    Strength,
+    confined_modulus_pa,
+    fit_strength,
+    plane_strain,
+    prepare_cell,
+    tensile_strength_pa,
+)
+from ..sweep.cluster import connected
+
+SEEDS = (101, 102, 103, 104)
+"""Of the cells that are fitted to; scenes have others unless they ask for these."""
+
+FRICTIONS = (0.02, 1.2)
+"""Least and largest friction of particles: beyond the largest, spheres roll and the angle hardly grows."""
+
+ROLLING_FRICTION = 0.1
+"""Stands for the shape of grains (chosen: small against the friction, so that one number is left to fit)."""
+
+RESTITUTION = 0.6
+"""Of two particles without attraction (chosen: dampers that draft does not notice, and no rattling)."""
+
+TANGENTIAL_STIFFNESS, TANGENTIAL_DAMPING = 0.8, 0.5
+"""Over the normal ones: usual parts."""
+
+REST_OVERLAP = 0.01
+"""Largest overlap over the radius that attraction alone presses two particles to (chosen: stronger ones would
+shrink the bed by more than its density may)."""
+
+REACH = 0.05
+"""Distance over the radius at which attraction ends (chosen: a bond breaks before the particle is sheared
+by)."""
+
+START_FRICTION, ANGLE_DEG, PER_FRICTION_DEG = 0.32, 32.0, 35.0
+"""A friction, the angle that it makes, and the angle's growth with it: where the search begins (measured)."""
+
+COHESION_OVER_RUMPF, PER_FRICTION = 0.55, 1.2
+"""Cohesion over Rumpf's tensile strength, and the part by which it grows with friction: likewise."""
+
+TOLERANCE = (0.3, 0.02, 50.0)
+"""The search ends with the angle met to so many degrees and the cohesion to such a part or pressure [Pa]."""
+
+LONGEST_SEARCH = 12
+"""Sets that are tested at most (chosen: five to eight do)."""
+
+Say = Callable[[str], None]
+
+
+class _Numbers(NamedTuple):
+    """What a search changes."""
+
+    friction: float
+    attraction_newton: float  # largest of a pair of mean volume
+
+
+class _Tested(NamedTuple):
+    """Results of one set, one row per seed."""
+
+    angle_deg: NDArray[np.float64]
+    cohesion_pa: NDArray[np.float64]
+    density_kg_per_m3: NDArray[np.float64]
+
+    def mean(self) -> NDArray[np.float64]:
+        """Angle and cohesion."""
+        return np.array((self.angle_deg.mean(), self.cohesion_pa.mean()))
+
+
+def calibrate(soil: LaboratorySoil, radius_m: float, workers: int, say: Say) -> Material:
+    """Particles of mean radius `radius_m` that make a laboratory's soil, tests on `workers` processes.
+
+    Raises:
+        InputError: the friction angle or the confined modulus is out of reach; says what can be reached.
+    """
+    with connected(None, workers) as (client, _):
+        return _Fit(soil, radius_m, client, say).material()
+
+
+class _Fit:
+    def __init__(self, soil: LaboratorySoil, radius_m: float, client: Any, say: Say) -> None:
+        self._soil, self._radius, self._client, self._say = soil, radius_m, client, say
+        self._mean_radius = mean_volume_radius_m(radius_m)
+        self._density = soil.bulk_density_kg_per_m3 / soil.solid_fraction
+        self._stiffer = 1.0  # than the overlap at work asks for
+        self._sets = 0
+
+    def material(self) -> Material:
+        """The fit."""
+        soil = self._soil
+        wanted = np.array((soil.friction_angle_deg, soil.cohesion_pa))
+        rumpf = soil.solid_fraction * NEIGHBOURS / (math.pi * (2.0 * self._mean_radius) ** 2)
+        slope = np.array(
+            ((PER_FRICTION_DEG, 0.0), (PER_FRICTION * soil.cohesion_pa, COHESION_OVER_RUMPF * rumpf))
+        )
+        start = START_FRICTION + (soil.friction_angle_deg - ANGLE_DEG) / PER_FRICTION_DEG
+        at = np.array((float(np.clip(start, *FRICTIONS)), soil.cohesion_pa / slope[1, 1]))
+        self._say(f"pressing {len(SEEDS)} cells")
+        self._over_seeds(_pressed, at)
+        if soil.confined_modulus_pa is not None:
+            self._stiffen(at, soil.confined_modulus_pa)
+        tested, free = self._tested(at), soil.cohesion_pa > 0.0
+        while not self._met(tested, wanted):
+            missing = wanted - tested.mean()
+            step = np.linalg.solve(slope, missing) if free else np.array((missing[0] / slope[0, 0], 0.0))
+            to = np.clip(at + step, (FRICTIONS[0], 0.25 * at[1]), (FRICTIONS[1], 4.0 * at[1]))
+            if self._sets == LONGEST_SEARCH or (to[0] == at[0] and to[0] in FRICTIONS):
+                self._refuse(tested, at)
+            before, at, moved = tested, to, to - at
+            tested = self._tested(at)
+            error = tested.mean() - before.mean() - slope @ moved
+            scaled = moved / np.array((0.1, max(at[1], 1e-9) * 0.2)) ** 2  # both numbers count alike
+            slope = slope + np.outer(error, scaled) / float(moved @ scaled)
+        self._density *= soil.bulk_density_kg_per_m3 / float(tested.density_kg_per_m3.mean())
+        return self._measured(at, tested, slope)
+
+    def _met(self, tested: _Tested, wanted: NDArray[np.float64]) -> bool:
+        off = np.abs(tested.mean() - wanted)
+        degrees, part, pressure = TOLERANCE
+        if wanted[1] == 0.0:
+            return bool(off[0] <= degrees)
+        return bool(off[0] <= degrees and off[1] <= max(part * wanted[1], pressure))
+
+    def _tested(self, at: NDArray[np.float64]) -> _Tested:
+        rows = self._over_seeds(_strength, at)
+        self._sets += 1
+        angle, cohesion, density = np.array(rows).T
+        found = _Tested(angle, cohesion, density)
+        self._say(
+            f"set {self._sets}: friction {at[0]:.3f}, attraction {at[1]:.3g} N: "
+            f"{found.mean()[0]:.2f} degrees, {found.mean()[1] * 1e-3:.3g} kPa"
+        )
+        return found
+
+    def _over_seeds(self, test: Callable[[Document], Any], at: NDArray[np.float64]) -> list[Any]:
+        documents = [self._document(at, seed) for seed in SEEDS]
+        return list(self._client.gather(self._client.map(test, documents, pure=False)))
+
+    def _document(self, at: NDArray[np.float64], seed: int) -> Document:
+        """A scene with these particles, and nothing else."""
+        edge = CELL_DIAMETERS * 2.0 * sizes_about(self._radius)["max_radius_m"]
+        section = self._material_at(at, {}, {}).section(self._radius)
+        section["bed"]["seed"] = section["particles"]["sizes"]["seed"] = seed
+        box = {"length_m": edge, "width_m": edge, "depth_m": edge}
+        return {"name": self._soil.name, "duration_s": 1.0, "soil": section | {"bin": box}}
+
+    def _law(self, numbers: _Numbers) -> Document:
+        radius = self._mean_radius
+        stiffness = self._stiffer * 4.0 * radius * WORKING_STRESS_PA / MAX_OVERLAP
+        stiffness = max(stiffness, numbers.attraction_newton / (REST_OVERLAP * radius))
+        logarithm = math.log(RESTITUTION)
+        ratio = -logarithm / math.hypot(math.pi, logarithm)  # exp(-pi z / sqrt(1 - z^2)) = restitution
+        damping = 2.0 * ratio * math.sqrt(0.5 * self._density * 4.0 / 3.0 * math.pi * radius**3 * stiffness)
+        row = {
+            "stiffness_newton_per_m": stiffness,
+            "tangential_stiffness_newton_per_m": TANGENTIAL_STIFFNESS * stiffness,
+            "damping_newton_s_per_m": damping,
+            "tangential_damping_newton_s_per_m": TANGENTIAL_DAMPING * damping,
+            "static_friction": numbers.friction,
+            "sliding_friction": numbers.friction,
+            "rolling_friction": ROLLING_FRICTION,
+        }
+        on_metal = math.tan(math.radians(self._soil.metal_friction_angle_deg))
+        metal = dict.fromkeys(("static_friction", "sliding_friction", "rolling_friction"), on_metal)
+        if numbers.attraction_newton == 0.0:
+            return {"kind": "linear", "particle": row, "boundary": row | metal}
+        bond = {
+            "cohesive_stiffness_newton_per_m": numbers.attraction_newton / (REACH * radius),
+            "equilibrium_overlap_m": numbers.attraction_newton
+            / stiffness,  # as steep in tension as in pressure
+            "cohesion_range_m": REACH * radius,
+        }
+        free = bond | {"cohesive_stiffness_newton_per_m": 0.0}
+        return {
+            "kind": "cohesive_linear", "combining_rule": "none",
+            "particle": row | bond, "boundary": row | free | metal,
+        }  # fmt: skip
+
+    def _material_at(
+        self, at: NDArray[np.float64], fitted: dict[str, Interval], measured: dict[str, Interval]
+    ) -> Material:
+        return Material(
+            version=VERSION,
+            soil=self._soil,
+            radius_m=self._radius,
+            density_kg_per_m3=self._density,
+            law=self._law(_Numbers(float(at[0]), float(at[1]))),
+            fitted=fitted,
+            measured=measured,
+            code=code_digest(),
+        )
+
+    def _stiffen(self, at: NDArray[np.float64], wanted_pa: float) -> None:
+        """The modulus goes with the stiffness. Raises InputError where overlaps at work would be too
+        large."""
+        least = float(np.mean(self._over_seeds(_modulus, at)))
+        if wanted_pa < least:
+            raise InputError(
+                f"confined_modulus_pa: given {wanted_pa:g} Pa, needed is {least:.3g} Pa or more: softer "
+                f"particles overlap by more than {MAX_OVERLAP:.0%} of their radius at "
+                f"{WORKING_STRESS_PA * 1e-3:g} kPa; leave it out to take the softest that do not"
+            )
+        self._stiffer = wanted_pa / least
+
+    def _refuse(self, tested: _Tested, at: NDArray[np.float64]) -> None:
+        if self._sets == LONGEST_SEARCH:
+            raise InputError(
+                f"{self._soil.name}: {LONGEST_SEARCH} sets did not meet cohesion_pa and friction_angle_deg; "
+                f"the last made {tested.mean()[1]:.4g} Pa and {tested.mean()[0]:.3g} degrees: give others"
+            )
+        ends = [float(self._tested(np.array((end, at[1]))).mean()[0]) for end in FRICTIONS]
+        raise InputError(
+            f"friction_angle_deg: given {self._soil.friction_angle_deg:g}; spheres of this solid fraction "
+            f"and cohesion reach {ends[0]:.1f} to {ends[1]:.1f} degrees; give one in between, or another "
+            "solid_fraction"
+        )
+
+    def _measured(self, at: NDArray[np.float64], tested: _Tested, slope: NDArray[np.float64]) -> Material:
+        rows: dict[str, NDArray[np.float64]] = {
+            "friction_angle_deg": tested.angle_deg,
+            "cohesion_pa": tested.cohesion_pa,
+        }
+        critical = np.array(self._over_seeds(_critical, at))
+        rows["bulk_density_kg_per_m3"] = critical[:, 2]
+        rows["critical_friction_angle_deg"], rows["critical_cohesion_pa"] = critical[:, 0], critical[:, 1]
+        rows["confined_modulus_pa"] = np.array(self._over_seeds(_modulus, at))
+        if at[1] > 0.0:
+            rows["tensile_strength_pa"] = np.array(self._over_seeds(_tension, at))
+        measured = {key: _interval(found) for key, found in rows.items()}
+        free = 2 if at[1] > 0.0 else 1
+        scatter = np.atleast_2d(np.cov(np.array((tested.angle_deg, tested.cohesion_pa))[:free]))
+        inverse = np.linalg.inv(slope[:free, :free])
+        count = len(SEEDS)
+        half = student.ppf(0.975, count - 1) * np.sqrt(np.diag(inverse @ scatter @ inverse.T) / count)
+        fitted = {
+            key: Interval(value=float(value), low=float(value - width), high=float(value + width))
+            for key, value, width in zip(("static_friction", "attraction_newton"), at, half, strict=False)
+        }
+        return self._material_at(at, fitted, measured)
+
+
+def _interval(found: NDArray[np.float64]) -> Interval:
+    """Mean and its 95 % interval (Student)."""
+    mean, half = float(found.mean()), 0.0
+    if len(found) > 1:
+        half = float(student.ppf(0.975, len(found) - 1) * found.std(ddof=1) / math.sqrt(len(found)))
+    return Interval(value=mean, low=mean - half, high=mean + half)
+
+
+def _cell(document: Document) -> Cell:
+    return prepare_cell(load_scene(document))
+
+
+def _pressed(document: Document) -> None:
+    _cell(document)
+
+
+def _series(document: Document, end_strain: float, *, to_peak: bool) -> tuple[list[Any], float]:
+    cell = _cell(document)
+    curves = [plane_strain(cell, least, end_strain, to_peak=to_peak) for least in LEAST_PA]
+    return curves, float(np.mean([curve.density_kg_per_m3 for curve in curves]))
+
+
+def _strength(document: Document) -> tuple[float, float, float]:
+    curves, density = _series(document, PEAK_STRAIN, to_peak=True)
+    found = _line([curve.peak_pa() for curve in curves])
+    return found.friction_angle_deg, found.cohesion_pa, density
+
+
+def _critical(document: Document) -> tuple[float, float, float]:
+    curves, density = _series(document, CRITICAL_STRAIN, to_peak=False)
+    found = _line([curve.critical_pa() for curve in curves])
+    return found.friction_angle_deg, found.cohesion_pa, density
+
+
+def _line(points: list[tuple[float, float]]) -> Strength:
+    least, greatest = zip(*points, strict=True)
+    return fit_strength(least, greatest)
+
+
+def _modulus(document: Document) -> float:
+    return confined_modulus_pa(_cell(document))
+
+
+def _tension(document: Document) -> float:
+    return tensile_strength_pa(_cell(document))

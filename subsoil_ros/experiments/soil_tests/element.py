@@ -1,0 +1,227 @@
+"""Element tests: strength and stiffness of a soil in a cell that repeats itself along x, y and z.
+
+The cell is an endless bed (dem.beds.tile). It has no walls, no lid and no cut, so stress and strain are the
+same all over it, and what it tells is a property of the soil alone. It is strained along its axes; a servo
+holds the stress of axes that have one given. There is no gravity.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...dem.bed import Bed
+from ...dem.beds.settling import Settling, ignore_progress
+from ...dem.beds.tile import at_pressure, endless_soil, solid_fraction
+from ...dem.beds.tiled import kept_tile
+from ...dem.engine import SoilEngine
+from ...errors import RunError
+from ...limits.stable_steps import SAFETY, step_limits
+from ...loading.loader import ResolvedScene
+from ...scene.pairs import pair_values
+from .curves import RESIDUAL_PART
+
+CELL_DIAMETERS = 12.0
+"""Edge of the cell over the largest diameter (chosen: two seeds then differ by 3 % in strength)."""
+
+INERTIAL_NUMBER = 1e-3
+"""Of the strain: quasi-static (GDR MiDi, Eur. Phys. J. E 14 (2004) 341)."""
+
+LEAST_PA = (2.5e3, 5e3, 10e3)
+"""Least stresses of a series: on the plane of failure 4 to 40 kPa, as before a tool at 0.1 to 0.4 m."""
+
+PEAK_STRAIN, CRITICAL_STRAIN = 0.15, 0.30
+"""Strains within which the peak is found, and by whose end the soil flows at constant volume (chosen)."""
+
+PAST_PEAK, LOOKS_FOR_PEAK = 0.03, 100
+"""Strain without a higher peak after which a test for the peak ends, and how often that is looked at
+(chosen)."""
+
+SMOOTHED_STRAIN = 0.005
+"""Over which a stress is averaged (chosen)."""
+
+LATERAL_PA = 500.0
+"""Pressure at which a cell begins that is pulled (chosen: it is at rest)."""
+
+WORKING_PA = 100e3
+"""Stress up to which it is compressed: that before a share (limits.soil_at_work)."""
+
+NEIGHBOURS = 6.5
+"""Contacts of a particle, for an estimate of the attraction."""
+
+GAIN, FOLLOWED = 0.3, 0.1
+"""Of the servo: parts of a missing stress, over K / d, that the next strain and the mean strain rate make up
+for (chosen: stresses are held to 2 %)."""
+
+FASTEST = 5.0
+"""Strain rate of the servo over that of the test, at most (chosen)."""
+
+
+class Cell(NamedTuple):
+    """Soil to be tested."""
+
+    resolved: ResolvedScene
+    tile: Bed  # pressed, under springs of its own
+    threads: int
+
+
+class PlaneStrain(NamedTuple):
+    """Compression along z, strain along y 0, stress along x constant; arrays (n,), compression positive."""
+
+    strain: NDArray[np.float64]
+    greatest_pa: NDArray[np.float64]
+    least_pa: NDArray[np.float64]
+    volume_strain: NDArray[np.float64]  # growth of the volume over that at the start
+    held_pa: float  # what the least stress was to be
+    density_kg_per_m3: float  # at the start
+
+    def smoothed(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Least and greatest stress [Pa], each the mean over SMOOTHED_STRAIN."""
+        window = np.ones(max(1, round(SMOOTHED_STRAIN / self.strain[-1] * len(self.strain))))
+        least, greatest = (
+            np.convolve(stress, window / window.sum(), "valid")
+            for stress in (self.least_pa, self.greatest_pa)
+        )
+        return least, greatest
+
+    def peak_pa(self) -> tuple[float, float]:
+        """Least and greatest stress where their ratio is largest."""
+        least, greatest = self.smoothed()
+        at = int(np.argmax(greatest / least))
+        return float(least[at]), float(greatest[at])
+
+    def peak_strain(self) -> float:
+        """Where it is, at the end of what is averaged."""
+        least, greatest = self.smoothed()
+        return float(self.strain[int(np.argmax(greatest / least)) + len(self.strain) - len(least)])
+
+    def critical_pa(self) -> tuple[float, float]:
+        """Least and greatest stress, means over the last RESIDUAL_PART of the strain."""
+        last = self.strain > (1.0 - RESIDUAL_PART) * self.strain[-1]
+        return float(self.least_pa[last].mean()), float(self.greatest_pa[last].mean())
+
+    @property
+    def held_to(self) -> float:
+        """Largest part by which the smoothed least stress misses what it was to be."""
+        return float(np.abs(self.smoothed()[0] / self.held_pa - 1.0).max())
+
+
+class Strength(NamedTuple):
+    """Of a Mohr-Coulomb soil."""
+
+    cohesion_pa: float
+    friction_angle_deg: float
+
+
+def fit_strength(least_pa: Sequence[float], greatest_pa: Sequence[float]) -> Strength:
+    """sigma_1 = K_p sigma_3 + 2 c sqrt(K_p), K_p = (1 + sin phi) / (1 - sin phi), by least squares."""
+    k_p, at_zero = np.polyfit(least_pa, greatest_pa, 1)
+    angle = math.asin((k_p - 1.0) / (k_p + 1.0))
+    return Strength(float(at_zero) / (2.0 * math.sqrt(k_p)), math.degrees(angle))
+
+
+def prepare_cell(resolved: ResolvedScene, threads: int = 1, edge_m: float | None = None) -> Cell:
+    """A cell with the particles of a scene whose bed is tiled; edge_m: CELL_DIAMETERS unless given."""
+    soil = resolved.scene.particle_soil
+    assert soil is not None
+    edge = edge_m or CELL_DIAMETERS * 2.0 * soil.particles.bounds_m[1]
+    return Cell(resolved, kept_tile(resolved, edge, SoilEngine, ignore_progress), threads)
+
+
+class _Strained:
+    """A cell at rest at a pressure, under the law of its scene, ready to be strained."""
+
+    def __init__(self, cell: Cell, pressure_pa: float) -> None:
+        whole = cell.resolved.scene.particle_soil
+        assert whole is not None
+        self.soil = soil = endless_soil(whole, cell.tile.periods_m[0])
+        settling = Settling(
+            cell.resolved, SoilEngine, cell.threads, soil=soil, step_s=SAFETY * step_limits(soil)[0].limit_s,
+            gravity_m_per_s2=0.0,
+        )  # fmt: skip
+        self.look_s = settling.interval_s
+        bed = at_pressure(settling, cell.tile, pressure_pa, ignore_progress)
+        self.density_kg_per_m3 = solid_fraction(bed, whole) * soil.particles.density_kg_per_m3
+        engine = settling.engine(bed)
+        assert isinstance(engine, SoilEngine)
+        self.engine = engine
+        engine.start(())
+        self._tick = 0
+        self._drift = np.zeros(3)
+        pair, diameter = pair_values(soil)[0], 2.0 * soil.particles.mean_volume_radius_m
+        self._modulus_pa = pair.max_stiffness / diameter
+        attraction = solid_fraction(bed, whole) * NEIGHBOURS * pair.peak_attraction / (math.pi * diameter**2)
+        speed = math.sqrt((pressure_pa + attraction) / soil.particles.density_kg_per_m3)
+        self.rate_per_s = INERTIAL_NUMBER * speed / diameter
+        """Quasi-static."""
+
+    def advance(self, rates_per_s: Sequence[float], held_pa: Sequence[float | None]) -> NDArray[np.float64]:
+        """(3,) stresses along the axes after some steps at these strain rates, extension positive; an axis
+        with a stress in `held_pa` has the rate that holds it."""
+        stress = np.diagonal(self.engine.stress_pa())
+        rates = np.array(rates_per_s)
+        for axis, held in enumerate(held_pa):
+            if held is not None:
+                missed = (stress[axis] - held) / (self._modulus_pa * self.look_s)
+                bound = FASTEST * self.rate_per_s
+                self._drift[axis] = np.clip(self._drift[axis] + FOLLOWED * missed, -bound, bound)
+                rates[axis] = np.clip(GAIN * missed + self._drift[axis], -bound, bound)
+        self.engine.resize(1.0 + rates * self.look_s)
+        self.engine.advance(self._tick, ())
+        self._tick += 1
+        return np.diagonal(self.engine.stress_pa())
+
+    @property
+    def volume_m3(self) -> float:
+        """Of the cell."""
+        return float(np.prod(self.engine.bed.periods_m))
+
+
+def plane_strain(
+    cell: Cell, least_pa: float, end_strain: float = PEAK_STRAIN, *, to_peak: bool = True
+) -> PlaneStrain:
+    """Compressed along z until it is shorter by a part `end_strain` of its height, or, `to_peak`, by
+    PAST_PEAK more than at the peak."""
+    element = _Strained(cell, least_pa)
+    height, volume = element.engine.bed.periods_m[2], element.volume_m3
+    rows: list[tuple[float, float, float, float]] = []
+
+    def curve() -> PlaneStrain:
+        strain, greatest, least, grown = np.array(rows).T
+        return PlaneStrain(strain, greatest, least, grown, least_pa, element.density_kg_per_m3)
+
+    while not rows or rows[-1][0] < end_strain:
+        stress = element.advance((0.0, 0.0, -element.rate_per_s), (least_pa, None, None))
+        short = 1.0 - element.engine.bed.periods_m[2] / height
+        rows.append((short, float(stress[2]), float(stress[0]), element.volume_m3 / volume - 1.0))
+        if to_peak and len(rows) % LOOKS_FOR_PEAK == 0 and short - curve().peak_strain() > PAST_PEAK:
+            break
+    return curve()
+
+
+def confined_modulus_pa(cell: Cell, from_pa: float = LEAST_PA[-1], to_pa: float = WORKING_PA) -> float:
+    """Stress over strain along z between two stresses, at no strain along x and y: secant [Pa]."""
+    element = _Strained(cell, from_pa)
+    height = element.engine.bed.periods_m[2]
+    rows = [(0.0, from_pa)]
+    while rows[-1][1] < to_pa:
+        stress = element.advance((0.0, 0.0, -element.rate_per_s), (None, None, None))
+        rows.append((1.0 - element.engine.bed.periods_m[2] / height, float(stress[2])))
+        if rows[-1][0] > CRITICAL_STRAIN:
+            raise RunError(
+                f"confined compression: {rows[-1][1]:.3g} Pa at a strain of {CRITICAL_STRAIN:g}, less than "
+                f"{to_pa:g} Pa; make the contacts stiffer"
+            )
+    return (rows[-1][1] - from_pa) / rows[-1][0]
+
+
+def tensile_strength_pa(cell: Cell, end_strain: float = PEAK_STRAIN) -> float:
+    """Largest tension along z while it is drawn out, without stress along x and y [Pa]."""
+    element = _Strained(cell, LATERAL_PA)
+    height, largest = element.engine.bed.periods_m[2], 0.0
+    while element.engine.bed.periods_m[2] < (1.0 + end_strain) * height:
+        stress = element.advance((0.0, 0.0, element.rate_per_s), (0.0, 0.0, None))
+        largest = max(largest, -float(stress[2]))
+    return largest

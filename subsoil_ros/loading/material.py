@@ -1,0 +1,88 @@
+"""Material files: `soil.material` in a scene stands for the particles that make a soil of a laboratory."""
+
+from pathlib import Path
+from typing import Any
+
+from ..errors import SceneError
+from ..scene.material import VERSION, LaboratorySoil, Material
+from ..yaml_document import Document, dump_yaml, merge, read_document
+from .keys import suggestion
+from .shipped import material_names
+from .validation_errors import validated
+
+CHOOSE_MATERIAL = ("soil", "soil.material", "soil.particles", "soil.particles.radius_m")
+"""Overrides that come before a material is looked up; all others change what it brought."""
+
+OF_MATERIAL = ("soil.law", "soil.particles", "soil.bed.solid_fraction", "soil.layers")
+"""What makes a soil that of its material."""
+
+_BROUGHT = ("law", "particles.sizes", "particles.density_kg_per_m3", "particles.reference_radius_m")
+"""Keys of `soil` that a scene with a material has not."""
+
+
+def read_laboratory_soil(path: Path) -> LaboratorySoil:
+    """Raises SceneError for a file that is missing or describes no soil."""
+    soil: LaboratorySoil = validated(LaboratorySoil, read_document(path, str(path)), str(path))
+    return soil
+
+
+def read_material(path: Path, place: str) -> Material:
+    """Raises SceneError for a file that is missing, no material, or of another version."""
+    if not path.is_file() and not path.suffix:
+        raise SceneError(
+            f"{place}: no file, and no soil that is shipped: {suggestion(path.name, material_names())}"
+        )
+    document = read_document(path, f"{place}: {path}")
+    if document.get("version") != VERSION:
+        raise SceneError(
+            f"{place}: {path}: version {document.get('version')!r}, this program reads {VERSION}; calibrate "
+            "the soil again (subsoil calibrate)"
+        )
+    material: Material = validated(Material, document, f"{place}: {path}")
+    return material
+
+
+def write_material(path: Path, material: Material) -> None:
+    """Writes a file that read_material gives back equal."""
+    path.write_text(dump_yaml(material.model_dump(mode="json", exclude_none=True)), encoding="utf-8")
+
+
+def with_material(document: Document, shown: str) -> tuple[Document, Material | None]:
+    """A scene's document with the particles of its material in the place of `soil.material`.
+
+    Raises:
+        SceneError: no such file, no radius or one that it does not cover, or keys that the material gives.
+    """
+    soil = document.get("soil")
+    if not isinstance(soil, dict) or soil.get("material") is None:
+        return document, None
+    name = soil["material"]
+    if not isinstance(name, str):
+        raise SceneError(
+            f"{shown}: soil.material: given {name!r}, needed is a material file or a soil's name"
+        )
+    material = read_material(Path(name), f"{shown}: soil.material")
+    for key in _BROUGHT:
+        if _at(soil, key) is not None:
+            raise SceneError(f"{shown}: soil.{key}: given beside soil.material, which brings it; remove one")
+    radius = _at(soil, "particles.radius_m")
+    low, high = material.radii_m
+    if not isinstance(radius, int | float) or isinstance(radius, bool) or not low <= radius <= high:
+        raise SceneError(
+            f"{shown}: soil.particles.radius_m: given {radius!r}, needed is a mean radius from {low:g} to "
+            f"{high:g} m, which {name} covers; for others calibrate it (subsoil calibrate --radius)"
+        )
+    own = {key: value for key, value in soil.items() if key not in ("material", "law")}
+    own["particles"] = {key: value for key, value in own["particles"].items() if value is not None}
+    del own["particles"]["radius_m"]
+    below = material.section(float(radius))
+    if (_at(soil, "bed.kind") or "tiled") != "tiled":
+        del below["bed"]
+    return {**document, "soil": merge(below, own, shown)}, material
+
+
+def _at(soil: Document, key: str) -> Any:
+    value: Any = soil
+    for part in key.split("."):
+        value = value.get(part) if isinstance(value, dict) else None
+    return value

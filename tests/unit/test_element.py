@@ -1,0 +1,39 @@
+"""What is computed of the curves of element tests, without running particles."""
+
+import math
+
+import numpy as np
+from numpy.testing import assert_allclose
+
+from subsoil_ros.experiments.soil_tests.element import PlaneStrain, fit_strength
+
+K_P = math.tan(math.radians(45.0 + 16.0)) ** 2
+
+
+def curve(least_pa: float) -> PlaneStrain:
+    """A peak of phi = 32 degrees and c = 1.5 kPa at a strain of 0.03, then 0.7 of it."""
+    strain = np.linspace(0.0, 0.15, 2000)
+    peak = K_P * least_pa + 2.0 * 1500.0 * math.sqrt(K_P)
+    rise = np.clip(strain / 0.03, 0.0, 1.0) - 0.3 * np.clip(strain / 0.03 - 2.0, 0.0, 1.0)
+    least = np.full_like(strain, least_pa)
+    return PlaneStrain(strain, peak * rise, least, np.zeros_like(strain), least_pa, 1500.0)
+
+
+def test_strength_from_peaks():
+    """Peaks on a line give its cohesion and angle, whatever follows them."""
+    found = fit_strength(*zip(*(curve(least).peak_pa() for least in (1e3, 2e3, 4e3)), strict=True))
+    assert_allclose(found, (1500.0, 32.0), rtol=1e-9)
+
+
+def test_critical_state_is_the_end():
+    """The mean of the last part of the strain."""
+    one = curve(2e3)
+    assert_allclose(one.critical_pa(), (2e3, 0.7 * one.peak_pa()[1]), rtol=1e-9)
+
+
+def test_how_well_the_least_stress_was_held():
+    """The largest deviation of a mean over half a per cent of strain: one of 4 % on a half of that is 2 %."""
+    one = curve(2e3)
+    least = one.least_pa.copy()
+    least[1000 : 1000 + 33] *= 1.04  # of 67 rows in half a per cent
+    assert_allclose(one._replace(least_pa=least).held_to, 0.04 * 33 / 67, rtol=1e-9)

@@ -1,0 +1,247 @@
+"""Soils by their laboratory values: what `soil.material` stands for, what is refused, and how the fit
+searches."""
+
+import math
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from numpy.testing import assert_allclose
+
+from subsoil_ros.cli.main import main
+from subsoil_ros.dem.beds.tile import tile_edge_m
+from subsoil_ros.errors import InputError, SceneError
+from subsoil_ros.experiments.calibration import material as calibration
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
+from subsoil_ros.loading.material import read_laboratory_soil, read_material, write_material
+from subsoil_ros.loading.shipped import config_folder, material_names
+from subsoil_ros.scene.material import LaboratorySoil
+from subsoil_ros.scene.pairs import pair_values
+
+LABORATORY = {
+    "model": "laboratory", "name": "test soil", "source": "made up", "cohesion_pa": 8e3,
+    "friction_angle_deg": 31.0, "bulk_density_kg_per_m3": 1500.0, "metal_friction_angle_deg": 22.0,
+}  # fmt: skip
+
+
+def scene(**soil: Any) -> ResolvedScene:
+    """A bin of loam; `soil` changes keys."""
+    keys: dict[str, Any] = {
+        "material": "loam",
+        "bin": {"length_m": 0.6, "width_m": 0.4, "depth_m": 0.3},
+        "particles": {"radius_m": 0.012},
+    }
+    found = {key: value for key, value in {**keys, **soil}.items() if value is not None}
+    return load_scene({"name": "field", "duration_s": 1.0, "soil": found})
+
+
+def test_a_material_is_its_particles_bed_and_law():
+    """The scene is the one that has them written out, also when it is loaded from what a run records."""
+    found = scene(bed={"seed": 3})
+    material = found.material
+    assert material is not None
+    assert material.soil.cohesion_pa == 10e3
+    assert "material" not in found.document["soil"]
+    again = load_scene(found.document)
+    assert again.scene_hash == found.scene_hash
+    soil = found.scene.particle_soil
+    assert soil is not None
+    assert soil.bed.kind == "tiled"
+    assert soil.bed.seed == 3
+    assert soil.particles.bounds_m == pytest.approx((0.85 * 0.012, 1.15 * 0.012))
+    ratio = soil.particles.mean_volume_radius_m / soil.particles.reference_radius_m
+    assert_allclose(ratio, 0.012 / material.radius_m, rtol=1e-12)
+    row = material.law["particle"]
+    pair, boundary = pair_values(soil)
+    assert_allclose(pair.stiffness, ratio * row["stiffness_newton_per_m"])
+    assert_allclose(pair.peak_attraction, ratio**2 * material.fitted["attraction_newton"].value, rtol=1e-9)
+    assert_allclose(
+        math.degrees(math.atan(boundary.sliding_friction)), material.soil.metal_friction_angle_deg
+    )
+
+
+@pytest.mark.parametrize("name", material_names())
+def test_shipped_materials_meet_their_soils(name):
+    """Within what the calibration promises; each has the shipped soil that it was fitted to."""
+    material = read_material(config_folder() / "materials" / f"{name}.yaml", name)
+    assert material.soil == read_laboratory_soil(config_folder() / "soils" / f"{name}.yaml")
+    found = {key: interval.value for key, interval in material.measured.items()}
+    assert abs(found["friction_angle_deg"] - material.soil.friction_angle_deg) < 0.5
+    assert abs(found["cohesion_pa"] - material.soil.cohesion_pa) < max(
+        300.0, 0.03 * material.soil.cohesion_pa
+    )
+    assert abs(found["bulk_density_kg_per_m3"] / material.soil.bulk_density_kg_per_m3 - 1.0) < 0.01
+    if "tensile_strength_pa" in found:
+        assert found["tensile_strength_pa"] < found["cohesion_pa"] / math.tan(
+            math.radians(found["friction_angle_deg"])
+        )
+
+
+def test_a_scene_may_choose_and_change_its_material(tmp_path):
+    """By --set: another radius is still the material's, another friction is not."""
+    path = tmp_path / "scene.yaml"
+    soil = {
+        "material": "loam", "bin": {"length_m": 0.6, "width_m": 0.4, "depth_m": 0.3},
+        "particles": {"radius_m": 0.012},
+    }  # fmt: skip
+    path.write_text(yaml.safe_dump({"name": "field", "duration_s": 1.0, "soil": soil}))
+    coarse = load_scene(path, ["soil.particles.radius_m=0.02", "soil.bed.seed=5"])
+    assert coarse.material is not None
+    assert coarse.scene.particle_soil.particles.bounds_m[1] == pytest.approx(0.023)
+    changed = load_scene(path, ["soil.law.particle.static_friction=0.7"])
+    assert changed.material is None
+    assert changed.scene.particle_soil.law.particle.static_friction == 0.7
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"material": "mud"}, "soil.material: no file, and no soil that is shipped"),
+        ({"material": 3}, "soil.material: given 3, needed is a material file or a soil's name"),
+        ({"particles": {"radius_m": 0.03}}, r"given 0.03, needed is a mean radius from 0.005 to 0.02 m"),
+        ({"particles": None}, "soil.particles.radius_m: given None, needed is a mean radius"),
+        ({"law": {"kind": "linear"}}, "soil.law: given beside soil.material, which brings it"),
+        (
+            {"particles": {"radius_m": 0.01, "density_kg_per_m3": 2000.0}},
+            "soil.particles.density_kg_per_m3: given beside soil.material",
+        ),
+        ({"bed": {"tile_m": 2.0}}, "soil.bed.tile_m: 2 m given; allowed is at least .* and at most 0.4 m"),
+    ],
+)
+def test_bad_materials_in_scenes(change, words):
+    """One message each."""
+    with pytest.raises(SceneError, match=words):
+        tile_edge_m(scene(**change).scene.particle_soil)
+
+
+def test_a_material_of_another_version(tmp_path):
+    """Says which one this program reads."""
+    material = read_material(config_folder() / "materials" / "loam.yaml", "loam")
+    path = tmp_path / "old.yaml"
+    write_material(path, material.model_copy(update={"version": 0}))
+    with pytest.raises(SceneError, match="version 0, this program reads 1; calibrate the soil again"):
+        scene(material=str(path))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"tensile_strength_pa": 14e3}, r"no soil bears more tension than .* 1\.331e\+04 Pa"),
+        ({"friction_angle_deg": 70.0}, "friction_angle_deg"),
+        ({"cohesion": 3.0}, "unknown key 'cohesion'"),
+        ({"source": None}, "source"),
+    ],
+)
+def test_bad_soils_of_laboratories(tmp_path, capsys, change, words):
+    """The command line says it in one message and writes nothing."""
+    path, out = tmp_path / "soil.yaml", tmp_path / "out.yaml"
+    document = {key: value for key, value in {**LABORATORY, **change}.items() if value is not None}
+    path.write_text(yaml.safe_dump(document))
+    assert main(["calibrate", str(path), "--radius", "0.01", "--out", str(out)]) != 0
+    assert re.search(words, capsys.readouterr().err)
+    assert not out.exists()
+
+
+def test_radius_and_laboratory_belong_together(tmp_path, capsys):
+    """A soil needs --radius, a design has none, and spheres are smaller than tools."""
+    path, out = tmp_path / "soil.yaml", tmp_path / "out.yaml"
+    path.write_text(yaml.safe_dump(LABORATORY))
+    assert main(["calibrate", str(path), "--out", str(out)]) != 0
+    assert "--radius: is needed for a laboratory's soil" in capsys.readouterr().err
+    assert main(["calibrate", str(path), "--radius", "0.5", "--out", str(out)]) != 0
+    assert "--radius: given 0.5 m, allowed is up to 0.1 m" in capsys.readouterr().err
+
+
+class InProcess:
+    """A Dask client without a cluster."""
+
+    def map(self, function: Callable[..., Any], items: list[Any], *, pure: bool) -> list[Any]:
+        return [function(item) for item in items]
+
+    def gather(self, found: list[Any]) -> list[Any]:
+        return found
+
+
+@pytest.fixture
+def made_up(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
+    """Tests of a soil whose strength is a formula, with a scatter by seed; counts the sets."""
+    count = {"sets": 0}
+
+    def strength(document: Any) -> tuple[float, float, float]:
+        soil = document["soil"]
+        row, seed = soil["law"]["particle"], soil["bed"]["seed"]
+        count["sets"] += 1
+        friction = row["static_friction"]
+        attraction = row.get("cohesive_stiffness_newton_per_m", 0.0) * row.get("cohesion_range_m", 0.0)
+        off = 0.01 * ((seed % 3) - 1.0)
+        angle = 45.0 * (1.0 - math.exp(-3.0 * friction)) + 0.2 * attraction
+        return angle * (1.0 + off), 3e3 * attraction * (0.4 + friction) * (1.0 - off), 0.61 * 2500.0
+
+    @contextmanager
+    def connected(scheduler: str | None, workers: int) -> Iterator[tuple[InProcess, int]]:
+        yield InProcess(), workers
+
+    def modulus(document: Any) -> float:
+        return 30.0 * document["soil"]["law"]["particle"]["stiffness_newton_per_m"]
+
+    monkeypatch.setattr(calibration, "connected", connected)
+    monkeypatch.setattr(calibration, "_strength", strength)
+    monkeypatch.setattr(calibration, "_critical", strength)
+    monkeypatch.setattr(calibration, "_modulus", modulus)
+    monkeypatch.setattr(calibration, "_tension", lambda document: 1e3)
+    monkeypatch.setattr(calibration, "_pressed", lambda document: None)
+    return count
+
+
+def fit(**changes: Any) -> Any:
+    """A calibration to the made-up tests."""
+    soil = LaboratorySoil.model_validate({**LABORATORY, **changes})
+    return calibration.calibrate(soil, 0.01, 1, lambda text: None)
+
+
+def test_the_fit_finds_friction_and_attraction(made_up):
+    """Both targets are met, dampers have the restitution, density is corrected, and a file gives it back."""
+    material = fit()
+    found = material.measured
+    assert abs(found["friction_angle_deg"].value - 31.0) < 0.3
+    assert abs(found["cohesion_pa"].value - 8e3) < 0.02 * 8e3
+    assert found["cohesion_pa"].low < found["cohesion_pa"].value < found["cohesion_pa"].high
+    assert made_up["sets"] <= 9 * 4
+    row = material.law["particle"]
+    assert row["sliding_friction"] == material.fitted["static_friction"].value
+    assert_allclose(
+        row["stiffness_newton_per_m"] * row["equilibrium_overlap_m"],
+        material.fitted["attraction_newton"].value,
+    )
+    mass = material.density_kg_per_m3 * 4.0 / 3.0 * math.pi * calibration.mean_volume_radius_m(0.01) ** 3
+    ratio = row["damping_newton_s_per_m"] / (2.0 * math.sqrt(0.5 * mass * row["stiffness_newton_per_m"]))
+    assert_allclose(math.exp(-math.pi * ratio / math.sqrt(1.0 - ratio**2)), 0.6, rtol=1e-9)
+    assert_allclose(material.density_kg_per_m3, 2500.0 * 1500.0 / (0.61 * 2500.0))
+
+
+def test_dry_soil_has_no_attraction(made_up):
+    """One number is left to find."""
+    material = fit(cohesion_pa=0.0)
+    assert material.law["kind"] == "linear"
+    assert set(material.fitted) == {"static_friction"}
+    assert "tensile_strength_pa" not in material.measured
+
+
+def test_what_cannot_be_reached(made_up):
+    """A friction angle that no friction gives, and a modulus too soft for the overlap at work."""
+    with pytest.raises(InputError, match=r"spheres of this .* reach .* to 4\d\.\d degrees"):
+        fit(friction_angle_deg=55.0)
+    with pytest.raises(InputError, match=r"confined_modulus_pa: given 1000 Pa, needed is .* Pa or more"):
+        fit(confined_modulus_pa=1000.0)
+
+
+def test_stiffness_from_the_confined_modulus(made_up):
+    """A stiffer soil has stiffer contacts, in proportion."""
+    assert_allclose(
+        fit(confined_modulus_pa=5e6, cohesion_pa=0.0).measured["confined_modulus_pa"].value, 5e6, rtol=1e-9
+    )
+    assert np.isfinite(fit(confined_modulus_pa=5e6).density_kg_per_m3)

@@ -1,0 +1,138 @@
+"""Element tests: mean stress, affine strain and similarity of endless soil."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.testing import assert_allclose
+
+from subsoil_ros.dem.bed import Bed, scaled
+from subsoil_ros.dem.beds.settling import Settling, ignore_progress
+from subsoil_ros.dem.beds.tile import at_pressure, endless_soil
+from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.experiments.soil_tests.element import Cell, plane_strain, prepare_cell, tensile_strength_pa
+from subsoil_ros.limits.stable_steps import SAFETY, step_limits
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
+
+STIFFNESS, RADIUS = 8e4, 0.01
+
+
+def scene(ratio: float = 1.0, friction: float = 0.5, attraction: float = 0.0) -> ResolvedScene:
+    """Spheres `ratio` times as large as those that the law is for."""
+    radius = ratio * RADIUS
+    row = {
+        "stiffness_newton_per_m": STIFFNESS, "tangential_stiffness_newton_per_m": 0.8 * STIFFNESS,
+        "damping_newton_s_per_m": 4.0, "tangential_damping_newton_s_per_m": 2.0,
+        "static_friction": friction, "sliding_friction": friction, "rolling_friction": 0.1,
+        "cohesive_stiffness_newton_per_m": attraction / 5e-4, "equilibrium_overlap_m": 2e-5,
+        "cohesion_range_m": 5e-4,
+    }  # fmt: skip
+    edge = 18.0 * radius
+    return load_scene(
+        {
+            "name": "cell",
+            "duration_s": 1.0,
+            "soil": {
+                "bin": {"length_m": edge, "width_m": edge, "depth_m": edge},
+                "particles": {
+                    "sizes": {
+                        "kind": "uniform",
+                        "min_radius_m": 0.85 * radius,
+                        "max_radius_m": 1.15 * radius,
+                    },
+                    "density_kg_per_m3": 2400.0,
+                    "reference_radius_m": RADIUS,
+                },
+                "bed": {"kind": "tiled", "solid_fraction": 0.60},
+                "law": {
+                    "kind": "cohesive_linear",
+                    "combining_rule": "none",
+                    "particle": row,
+                    "boundary": row,
+                },
+            },
+        }
+    )
+
+
+def at_rest(resolved: ResolvedScene, pressure_pa: float) -> SoilEngine:
+    """An engine with a cell at rest at a pressure."""
+    soil = resolved.scene.particle_soil
+    assert soil is not None
+    cell = prepare_cell(resolved, edge_m=soil.bin.length_m)
+    endless = endless_soil(soil, soil.bin.length_m)
+    settling = Settling(
+        resolved, SoilEngine, 1, soil=endless, step_s=SAFETY * step_limits(endless)[0].limit_s,
+        gravity_m_per_s2=0.0,
+    )  # fmt: skip
+    engine = settling.engine(at_pressure(settling, cell.tile, pressure_pa, ignore_progress))
+    engine.start(())
+    assert isinstance(engine, SoilEngine)
+    return engine
+
+
+def test_stress_of_a_cubic_lattice():
+    """Columns of equal spheres, overlapping by other parts along x, y and z: force over the area of a
+    column."""
+    resolved = scene()
+    soil = resolved.scene.particle_soil
+    assert soil is not None
+    spacing = 2.0 * RADIUS * np.array((0.998, 0.997, 0.996))
+    low = -0.5 * 8 * spacing
+    cells = np.stack(np.meshgrid(*[np.arange(8)] * 3, indexing="ij"), -1).reshape(-1, 3)
+    bed = Bed(
+        (cells + 0.5) * spacing + (0.0, low[1], -8 * spacing[2]), (0.0, low[1], -8 * spacing[2]),
+        (8 * spacing[0], -low[1]), radii_m=np.full(512, RADIUS), sides="endless",
+    )  # fmt: skip
+    endless = endless_soil(soil, 0.16)
+    engine = Settling(resolved, SoilEngine, 1, soil=endless, step_s=1e-5, gravity_m_per_s2=0.0).engine(bed)
+    engine.start(())
+    assert isinstance(engine, SoilEngine)
+    ratio = soil.particles.mean_volume_radius_m / RADIUS  # the law is scaled with it
+    force = ratio * STIFFNESS * (2.0 * RADIUS - spacing - ratio * 2e-5)
+    area = np.prod(spacing) / spacing
+    assert_allclose(engine.stress_pa(), np.diag(force / area), rtol=1e-9, atol=1e-6)
+
+
+def test_strain_does_the_work_that_is_stored():
+    """Without sliding, energy grows by - volume x stress x strain, tangential springs included: stress and
+    strain belong together. (Without attraction, contacts that open would slide.)"""
+    engine = at_rest(scene(friction=50.0, attraction=4.0), 5e3)
+    rate = np.array((2e-7, 3e-7, -8e-7))
+    for _ in range(100):  # springs have some stress
+        engine.resize(1.0 + rate)
+    before, work = engine.potential_joule(), 0.0
+    for _ in range(100):
+        stress = np.diagonal(engine.stress_pa())
+        volume = np.prod(engine.bed.periods_m)
+        engine.resize(1.0 + rate)
+        middle = 0.5 * (stress + np.diagonal(engine.stress_pa()))
+        work -= float(volume * middle @ rate)
+    sheared = engine.state_arrays()["pairs.history"]
+    assert np.abs(sheared).max() > 1e-7
+    assert_allclose(engine.potential_joule() - before, work, rtol=2e-4)
+
+
+def test_scaled_soil_is_the_same_soil():
+    """Spheres 1.5 times as large, the law scaled: the same stresses at the same strains, to round-off."""
+    cell = prepare_cell(scene(attraction=2.0), edge_m=18.0 * RADIUS)
+    larger = scaled(cell.tile, np.full(3, 1.5))
+    larger = replace(larger, radii_m=1.5 * larger.radii_m)
+    one = plane_strain(cell, 5e3, 2e-3)
+    other = plane_strain(Cell(scene(1.5, attraction=2.0), larger, 1), 5e3, 2e-3)
+    assert_allclose(other.strain[:60], one.strain[:60], rtol=1e-6)
+    assert_allclose(other.greatest_pa[:60], one.greatest_pa[:60], rtol=1e-5)
+
+
+def test_cohesion_and_tension():
+    """Attraction makes cohesion, and a tension below Rumpf's and below what the strength allows; dry soil has
+    neither."""
+    resolved = scene(attraction=4.0)
+    cell = prepare_cell(resolved, edge_m=18.0 * RADIUS)
+    bonded = plane_strain(cell, 5e3)
+    dry_cell = prepare_cell(scene(), edge_m=18.0 * RADIUS)
+    dry = plane_strain(dry_cell, 5e3)
+    assert max(bonded.held_to, dry.held_to) < 0.02
+    assert bonded.peak_pa()[1] > 1.5 * dry.peak_pa()[1]
+    tension = tensile_strength_pa(cell, 0.05)
+    rumpf = 0.6 * 6.5 * 4.0 / (np.pi * (2.0 * RADIUS) ** 2)
+    assert 0.3 * rumpf < tension < rumpf

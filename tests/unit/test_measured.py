@@ -1,0 +1,54 @@
+"""validation.measured: what it reads, and what it refuses; particles and calibration are stood in for."""
+
+import csv
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from subsoil_ros.errors import InputError
+from subsoil_ros.loading.material import read_material
+from subsoil_ros.loading.shipped import config_folder
+
+measured = import_module("validation.measured.__main__")
+TEMPLATE = Path(measured.__file__).with_name("template.csv")
+ROW = ["made up", "soil", 9e3, 31.0, 1450.0, 22.0, 45.0, 0.05, 0.15, 0.5, 700.0, "", ""]
+
+
+def table(path: Path, *rows: list[object]) -> Path:
+    """The template with rows."""
+    with path.open("w", newline="") as file:
+        file.write(TEMPLATE.read_text())
+        csv.writer(file).writerows(rows)
+    return path
+
+
+def test_template_has_the_columns(tmp_path):
+    """And is refused while it is empty."""
+    assert TEMPLATE.read_text().strip() == ",".join(measured.COLUMNS)
+    with pytest.raises(InputError, match="has no row"):
+        measured.read_table(TEMPLATE)
+
+
+def test_a_cell_that_is_no_number(tmp_path, capsys):
+    """Says the line and the column; nothing is written."""
+    path = table(tmp_path / "t.csv", ROW, [*ROW[:10], "many", "", ""])
+    assert measured.main([str(path), "--out", str(tmp_path / "out")]) == 2
+    assert "line 3: draft_newton: given 'many', needed is a number" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_row_is_simulated_in_its_calibrated_soil(tmp_path, monkeypatch, capsys):
+    """One calibration for a soil; results beside the measured values and the closed forms."""
+    loam = read_material(config_folder() / "materials" / "loam.yaml", "loam")
+    asked = []
+    monkeypatch.setattr(measured, "calibrate", lambda soil, *rest: asked.append(soil) or loam)
+    monkeypatch.setattr(measured, "measured", lambda *rest, **seed: (650.0, 120.0, 0.3, 1.0, 1000))
+    path = table(tmp_path / "t.csv", ROW, [*ROW[:8], 0.2, *ROW[9:]])
+    assert measured.main([str(path), "--out", str(tmp_path / "out")]) == 0
+    assert [soil.cohesion_pa for soil in asked] == [9e3]
+    with (tmp_path / "out" / "results.csv").open(newline="") as file:
+        found = list(csv.DictReader(file))
+    assert [row["simulated_newton"] for row in found] == ["650.0", "650.0"]
+    assert float(found[1]["perumpral_newton"]) > float(found[0]["perumpral_newton"]) > 100.0
+    assert "| 700 | 650 |" in capsys.readouterr().out

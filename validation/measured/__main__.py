@@ -1,0 +1,110 @@
+"""Measured drafts of flat blades beside those of particles and of closed forms.
+
+    python -m validation.measured TABLE.csv --out DIR [--radius-mm 10] [--processes 2]
+
+The table's columns are those of template.csv. Every soil in it is calibrated to its laboratory values.
+"""
+
+import argparse
+import csv
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from subsoil_ros.errors import InputError
+from subsoil_ros.experiments.calibration.material import calibrate
+from subsoil_ros.loading.material import read_material, write_material
+from subsoil_ros.scene.material import LaboratorySoil
+
+from ..blades import Blade, godwin_odogherty, perumpral
+from ..narrow_blade import measured, soil_of
+
+LABORATORY = (
+    "source", "cohesion_pa", "friction_angle_deg", "bulk_density_kg_per_m3", "metal_friction_angle_deg",
+)  # fmt: skip
+COLUMNS = (
+    LABORATORY[0], "soil", *LABORATORY[1:], "rake_deg", "width_m", "depth_m", "speed_m_per_s", "draft_newton",
+    "draft_error_newton", "vertical_newton",
+)  # fmt: skip
+OPTIONAL = ("draft_error_newton", "vertical_newton")
+TEXTS = ("source", "soil")
+RESULTS = ("simulated_newton", "simulated_vertical_newton", "perumpral_newton", "godwin_odogherty_newton")
+
+
+def read_table(path: Path) -> list[dict[str, str | float]]:
+    """Rows with numbers. Raises InputError for other columns, no row, or a cell that is no number."""
+    with path.open(newline="", encoding="utf-8") as file:
+        reader = csv.DictReader(file)
+        if tuple(reader.fieldnames or ()) != COLUMNS:
+            raise InputError(
+                f"{path}: columns are {', '.join(reader.fieldnames or ())}; needed are {', '.join(COLUMNS)}"
+            )
+        rows = []
+        for number, row in enumerate(reader, start=2):
+            found: dict[str, str | float] = {}
+            for key in COLUMNS:
+                text = (row[key] or "").strip()
+                if key in TEXTS or (key in OPTIONAL and not text):
+                    found[key] = text
+                    continue
+                try:
+                    found[key] = float(text)
+                except ValueError as error:
+                    raise InputError(
+                        f"{path}: line {number}: {key}: given '{text}', needed is a number"
+                    ) from error
+            rows.append(found)
+    if not rows:
+        raise InputError(f"{path}: has no row; add measured runs below its columns")
+    return rows
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Prints the table and writes it."""
+    parser = argparse.ArgumentParser(prog="python -m validation.measured", description=main.__doc__)
+    parser.add_argument("table", type=Path)
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+    parser.add_argument("--radius-mm", type=float, default=10.0)
+    parser.add_argument("--processes", type=int, default=2)
+    args = parser.parse_args(arguments)
+    try:
+        rows = read_table(args.table)
+    except (InputError, OSError) as error:
+        print(error, file=sys.stderr)
+        return 2
+    args.out.mkdir(parents=True, exist_ok=True)
+    radius = 1e-3 * args.radius_mm
+    with (args.out / "results.csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, (*COLUMNS, *RESULTS))
+        writer.writeheader()
+        print(
+            "| soil | rake deg | width m | depth m | m/s | measured N | simulated N | Perumpral N | G-O'D N |"
+        )
+        print("|---" * 9 + "|")
+        for row in rows:
+            path = args.out / f"{row['soil']}.yaml"
+            if not path.exists():
+                values = {key: row[key] for key in LABORATORY}
+                soil = LaboratorySoil.model_validate({"model": "laboratory", "name": row["soil"], **values})
+                write_material(path, calibrate(soil, radius, args.processes, lambda text: None))
+            blade = Blade(
+                float(row["width_m"]), float(row["depth_m"]), math.radians(float(row["rake_deg"])),
+                float(row["speed_m_per_s"]),
+            )  # fmt: skip
+            draft, vertical, *_ = measured(str(path.resolve()), radius, blade, seed=1)
+            theory = soil_of(read_material(path, str(path)))
+            forms = (perumpral(theory, blade).draft_newton, godwin_odogherty(theory, blade).draft_newton)
+            writer.writerow(row | dict(zip(RESULTS, (draft, vertical, *forms), strict=True)))
+            file.flush()
+            print(
+                f"| {row['soil']} | {row['rake_deg']:g} | {row['width_m']:g} | {row['depth_m']:g} "
+                f"| {row['speed_m_per_s']:g} | {row['draft_newton']:.0f} | {draft:.0f} "
+                f"| {forms[0]:.0f} | {forms[1]:.0f} |",
+                flush=True,
+            )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

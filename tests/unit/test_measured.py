@@ -42,7 +42,12 @@ def test_a_row_is_simulated_in_its_calibrated_soil(tmp_path, monkeypatch, capsys
     """One calibration for a soil; results beside the measured values and the closed forms."""
     loam = read_material(config_folder() / "materials" / "loam.yaml", "loam")
     asked = []
-    monkeypatch.setattr(measured, "calibrate", lambda soil, *rest: asked.append(soil) or loam)
+
+    def calibrate(soil, *rest):
+        asked.append(soil)
+        return loam.model_copy(update={"soil": soil})
+
+    monkeypatch.setattr(measured, "calibrate", calibrate)
     monkeypatch.setattr(measured, "measured", lambda *rest, **seed: (650.0, 120.0, 0.3, 1.0, 1000))
     path = table(tmp_path / "t.csv", ROW, [*ROW[:8], 0.2, *ROW[9:]])
     assert measured.main([str(path), "--out", str(tmp_path / "out")]) == 0
@@ -52,3 +57,6 @@ def test_a_row_is_simulated_in_its_calibrated_soil(tmp_path, monkeypatch, capsys
     assert [row["simulated_newton"] for row in found] == ["650.0", "650.0"]
     assert float(found[1]["perumpral_newton"]) > float(found[0]["perumpral_newton"]) > 100.0
     assert "| 700 | 650 |" in capsys.readouterr().out
+    other = table(tmp_path / "o.csv", [*ROW[:2], 5e3, *ROW[3:]])
+    assert measured.main([str(other), "--out", str(tmp_path / "out")]) == 2
+    assert "is of other laboratory values" in capsys.readouterr().err

@@ -84,16 +84,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("|---" * 9 + "|")
         for row in rows:
             path = args.out / f"{row['soil']}.yaml"
+            values = {key: row[key] for key in LABORATORY}
+            soil = LaboratorySoil.model_validate({"model": "laboratory", "name": row["soil"], **values})
             if not path.exists():
-                values = {key: row[key] for key in LABORATORY}
-                soil = LaboratorySoil.model_validate({"model": "laboratory", "name": row["soil"], **values})
                 write_material(path, calibrate(soil, radius, args.processes, lambda text: None))
+            kept = read_material(path, str(path))
+            if kept.soil != soil or kept.radius_m != radius:
+                print(
+                    f"{path}: is of other laboratory values or another radius; name another --out",
+                    file=sys.stderr,
+                )
+                return 2
             blade = Blade(
                 float(row["width_m"]), float(row["depth_m"]), math.radians(float(row["rake_deg"])),
                 float(row["speed_m_per_s"]),
             )  # fmt: skip
             draft, vertical, *_ = measured(str(path.resolve()), radius, blade, seed=1)
-            theory = soil_of(read_material(path, str(path)))
+            theory = soil_of(kept)
             forms = (perumpral(theory, blade).draft_newton, godwin_odogherty(theory, blade).draft_newton)
             writer.writerow(row | dict(zip(RESULTS, (draft, vertical, *forms), strict=True)))
             file.flush()

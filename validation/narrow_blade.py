@@ -55,6 +55,9 @@ BEHIND_M = 0.03
 BELOW = 0.5
 """Soil below the tip over its depth (chosen)."""
 
+ROOM, USUAL_WIDTH_M, USUAL_RAKES = 1.4, 0.08, (math.radians(45.0), 0.5 * math.pi)
+"""Width of the bin over that of the widest crescents: wider ones than WIDTH_PART allows are seen."""
+
 LOOSE_PART = 0.5
 """A particle of the surface is loosened when it moved by so many radii."""
 
@@ -113,16 +116,14 @@ def measured(soil: str, radius_m: float, blade: Blade, seed: int) -> tuple[float
     material = read_material(shipped_material(Path(soil)), soil)
     depth = blade.depth_m
     theory = soil_of(material)
-    widest = max(
-        crescents_m(theory, Blade(0.08, depth, math.radians(rake))) for rake in (45.0, 60.0, 90.0)
-    )  # one bin for all blades of a depth: its bed is prepared once
-    rupture = max(
-        godwin_odogherty(theory, Blade(0.08, depth, math.radians(r))).rupture_m for r in (45.0, 90.0)
-    )
+    widest = Blade(max(blade.width_m, USUAL_WIDTH_M), depth, 0.5 * math.pi)  # all narrower share a bed
+    rupture = max(godwin_odogherty(theory, Blade(0.08, depth, rake)).rupture_m for rake in USUAL_RAKES)
     box = {
-        "length_m": round(LAST * depth + 1.1 * rupture, 2), "width_m": round(1.15 * widest, 2),
-        "depth_m": round((1.0 + BELOW) * depth, 3), "sides": "periodic",
-    }  # fmt: skip
+        "length_m": round(LAST * depth + 1.1 * rupture, 2),
+        "width_m": round(ROOM * crescents_m(theory, widest), 2),
+        "depth_m": round((1.0 + BELOW) * depth, 3),
+        "sides": "periodic",
+    }
     with tempfile.TemporaryDirectory() as folder:
         mesh = blade_mesh(Path(folder), blade)
         scene = Laboratory(Path(folder)).resolve(

@@ -131,6 +131,8 @@ def _material(args: argparse.Namespace) -> int:
             f"--radius: given {args.radius:g} m, allowed is up to {LARGEST_RADIUS_M:g} m: soil of larger "
             "spheres is coarser than any tool"
         )
+    if args.threads < 1:
+        raise InputError(f"--threads: given {args.threads}, needed is 1 or more")
     material = calibrate(soil, args.radius, args.threads, say)
     write_material(args.out, material)
     console = Console(width=None if sys.stdout.isatty() else 140)

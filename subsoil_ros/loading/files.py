@@ -40,6 +40,6 @@ def with_absolute_files(document: Document, directory: Path) -> Document:
     def absolute(name: str) -> str:
         shipped = shipped_material(shipped_reference(Path(name)))
         path = directory / name
-        return str((path if path.exists() else directory / shipped).resolve())
+        return str((path if path.is_file() else directory / shipped).resolve())
 
     return map_files(document, absolute)

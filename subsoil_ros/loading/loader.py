@@ -21,7 +21,7 @@ from ..scene.model import Scene
 from ..yaml_document import Document, dump_yaml, merge, plain_value, read_document
 from .files import with_absolute_files
 from .keys import suggestion
-from .material import CHOOSE_MATERIAL, OF_MATERIAL, with_material
+from .material import CHOOSE_MATERIAL, is_of, with_material
 from .overrides import CHOICES, Override, apply_override, overrides_of, parse_overrides
 from .presets import Preset, read_preset
 from .reference import Reference, read_reference
@@ -86,11 +86,10 @@ def load_scene(
 
     changed([change for change in changes if change.path in CHOOSE_MATERIAL])
     document, material = with_material(document, shown)
-    rest = [change for change in changes if change.path not in CHOOSE_MATERIAL]
-    changed(rest)
-    if any(change.path.startswith(OF_MATERIAL) for change in rest):
-        material = None  # the soil is another one
+    changed([change for change in changes if change.path not in CHOOSE_MATERIAL])
     scene: Scene = validated(Scene, document, shown, changes)
+    if material is not None and (scene.particle_soil is None or not is_of(scene.particle_soil, material)):
+        material = None  # the soil is another one
     try:
         timing = derive_timing(scene)
         scene_hash = _scene_hash(scene)

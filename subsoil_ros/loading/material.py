@@ -5,6 +5,7 @@ from typing import Any
 
 from ..errors import SceneError
 from ..scene.material import VERSION, LaboratorySoil, Material
+from ..scene.soil import Soil
 from ..yaml_document import Document, dump_yaml, merge, read_document
 from .keys import suggestion
 from .shipped import material_names
@@ -12,9 +13,6 @@ from .validation_errors import validated
 
 CHOOSE_MATERIAL = ("soil", "soil.material", "soil.particles", "soil.particles.radius_m")
 """Overrides that come before a material is looked up; all others change what it brought."""
-
-OF_MATERIAL = ("soil.law", "soil.particles", "soil.bed.solid_fraction", "soil.layers")
-"""What makes a soil that of its material."""
 
 _BROUGHT = ("law", "particles.sizes", "particles.density_kg_per_m3", "particles.reference_radius_m")
 """Keys of `soil` that a scene with a material has not."""
@@ -54,9 +52,11 @@ def with_material(document: Document, shown: str) -> tuple[Document, Material | 
         SceneError: no such file, no radius or one that it does not cover, or keys that the material gives.
     """
     soil = document.get("soil")
-    if not isinstance(soil, dict) or soil.get("material") is None:
+    if not isinstance(soil, dict) or "material" not in soil:
         return document, None
     name = soil["material"]
+    if name is None:
+        return {**document, "soil": {key: soil[key] for key in soil if key != "material"}}, None
     if not isinstance(name, str):
         raise SceneError(
             f"{shown}: soil.material: given {name!r}, needed is a material file or a soil's name"
@@ -79,6 +79,25 @@ def with_material(document: Document, shown: str) -> tuple[Document, Material | 
     if (_at(soil, "bed.kind") or "tiled") != "tiled":
         del below["bed"]
     return {**document, "soil": merge(below, own, shown)}, material
+
+
+def is_of(soil: Soil, material: Material) -> bool:
+    """Whether a validated soil is still that of its material: nothing of it was changed by the scene."""
+    low, high = soil.particles.bounds_m
+    brought = soil.model_dump(include={"law", "particles", "bed", "layers"})
+    own = Soil.model_validate(
+        material.section(0.5 * (low + high)) | {"bin": soil.bin.model_dump()}
+    ).model_dump(include={"law", "particles", "bed", "layers"})
+    for section in (brought, own):
+        for key in ("seed", "tile_m", "floor"):
+            section["bed"].pop(key, None)
+        if section["particles"]["sizes"] is not None:
+            section["particles"]["sizes"] = {
+                key: round(value, 9) if isinstance(value, float) else value
+                for key, value in section["particles"]["sizes"].items()
+                if key != "seed"
+            }
+    return bool(brought == own)
 
 
 def _at(soil: Document, key: str) -> Any:

@@ -51,7 +51,7 @@ def material_names() -> list[str]:
 
 
 def _shipped(path: Path, kind: str) -> Path:
-    if path.exists() or path.suffix or path.parent != Path():
+    if path.is_file() or path.suffix or path.parent != Path():
         return path
     try:
         found = config_folder() / kind / f"{path}.yaml"

@@ -37,3 +37,17 @@ def test_how_well_the_least_stress_was_held():
     least = one.least_pa.copy()
     least[1000 : 1000 + 33] *= 1.04  # of 67 rows in half a per cent
     assert_allclose(one._replace(least_pa=least).held_to, 0.04 * 33 / 67, rtol=1e-9)
+
+
+def test_a_test_that_is_shorter_than_what_is_averaged():
+    """Few rows, and less strain than a mean is over: still one least and one greatest stress."""
+    short = curve(2e3)._replace(
+        **{
+            key: getattr(curve(2e3), key)[1:20]
+            for key in ("strain", "greatest_pa", "least_pa", "volume_strain")
+        }
+    )
+    least, greatest = short.smoothed()
+    assert len(least) == len(greatest) == 1
+    assert_allclose(least, 2e3)
+    assert short.peak_strain() == short.strain[-1]

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import numpy as np
 import pytest
 import yaml
 from numpy.testing import assert_allclose
@@ -92,9 +91,27 @@ def test_a_scene_may_choose_and_change_its_material(tmp_path):
     coarse = load_scene(path, ["soil.particles.radius_m=0.02", "soil.bed.seed=5"])
     assert coarse.material is not None
     assert coarse.scene.particle_soil.particles.bounds_m[1] == pytest.approx(0.023)
-    changed = load_scene(path, ["soil.law.particle.static_friction=0.7"])
-    assert changed.material is None
+    layers = "soil.layers=[{name: top, thickness_m: 0.1}, {name: bottom, density_kg_per_m3: 2000.0}]"
+    others = (
+        "soil.law.particle.static_friction=0.7", "soil.bed={kind: tiled, solid_fraction: 0.57}", layers,
+        "soil.bed={kind: dense_random}", "soil.particles.density_kg_per_m3=2000.0",
+    )  # fmt: skip
+    for other in others:
+        assert load_scene(path, [other]).material is None
+    changed = load_scene(path, others[:1])
     assert changed.scene.particle_soil.law.particle.static_friction == 0.7
+    soil["bed"] = {"solid_fraction": 0.57}
+    path.write_text(yaml.safe_dump({"name": "field", "duration_s": 1.0, "soil": soil}))
+    assert load_scene(path).material is None
+
+
+def test_a_folder_of_the_name_and_no_material(tmp_path, monkeypatch):
+    """A folder hides no shipped material; null is none."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "loam").mkdir()
+    assert scene().material is not None
+    with pytest.raises(SceneError, match=r"soil\.law: is missing"):
+        load_scene({"name": "field", "duration_s": 1.0, "soil": {"material": None}})
 
 
 @pytest.mark.parametrize(
@@ -241,7 +258,9 @@ def test_what_cannot_be_reached(made_up):
 
 def test_stiffness_from_the_confined_modulus(made_up):
     """A stiffer soil has stiffer contacts, in proportion."""
-    assert_allclose(
-        fit(confined_modulus_pa=5e6, cohesion_pa=0.0).measured["confined_modulus_pa"].value, 5e6, rtol=1e-9
-    )
-    assert np.isfinite(fit(confined_modulus_pa=5e6).density_kg_per_m3)
+    dry = fit(confined_modulus_pa=5e6, cohesion_pa=0.0).measured
+    assert_allclose(dry["confined_modulus_pa"].value, 5e6, rtol=1e-9)
+    for wanted in (4e6, 6e6):  # attraction has a say in the first
+        found = fit(confined_modulus_pa=wanted, cohesion_pa=30e3).measured
+        assert_allclose(found["confined_modulus_pa"].value, wanted, rtol=0.05)
+        assert_allclose(found["cohesion_pa"].value, 30e3, rtol=0.02)

@@ -75,6 +75,9 @@ COHESION_OVER_RUMPF, PER_FRICTION = 0.55, 1.2
 TOLERANCE = (0.3, 0.02, 50.0)
 """The search ends with the angle met to so many degrees and the cohesion to such a part or pressure [Pa]."""
 
+MODULUS_TOLERANCE, LONGEST_STIFFENING = 0.05, 4
+"""Part by which the confined modulus may be missed, and how often the stiffness is changed for it at most."""
+
 LONGEST_SEARCH = 12
 """Sets that are tested at most (chosen: five to eight do)."""
 
@@ -115,13 +118,12 @@ class _Fit:
         self._soil, self._radius, self._client, self._say = soil, radius_m, client, say
         self._mean_radius = mean_volume_radius_m(radius_m)
         self._density = soil.bulk_density_kg_per_m3 / soil.solid_fraction
-        self._stiffer = 1.0  # than the overlap at work asks for
+        self._given_stiffness = 0.0  # by the confined modulus [N/m]
         self._sets = 0
 
     def material(self) -> Material:
         """The fit."""
         soil = self._soil
-        wanted = np.array((soil.friction_angle_deg, soil.cohesion_pa))
         rumpf = soil.solid_fraction * NEIGHBOURS / (math.pi * (2.0 * self._mean_radius) ** 2)
         slope = np.array(
             ((PER_FRICTION_DEG, 0.0), (PER_FRICTION * soil.cohesion_pa, COHESION_OVER_RUMPF * rumpf))
@@ -130,22 +132,32 @@ class _Fit:
         at = np.array((float(np.clip(start, *FRICTIONS)), soil.cohesion_pa / slope[1, 1]))
         self._say(f"pressing {len(SEEDS)} cells")
         self._over_seeds(_pressed, at)
-        if soil.confined_modulus_pa is not None:
-            self._stiffen(at, soil.confined_modulus_pa)
-        tested, free = self._tested(at), soil.cohesion_pa > 0.0
+        at, slope, tested = self._search(at, slope)
+        for _ in range(LONGEST_STIFFENING):
+            if not self._stiffened(at):
+                break
+            at, slope, tested = self._search(at, slope)
+        self._density *= soil.bulk_density_kg_per_m3 / float(tested.density_kg_per_m3.mean())
+        return self._measured(at, tested, slope)
+
+    def _search(
+        self, at: NDArray[np.float64], slope: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], _Tested]:
+        """Broyden's method: friction and attraction that meet both targets, slope of the results, results."""
+        wanted = np.array((self._soil.friction_angle_deg, self._soil.cohesion_pa))
+        tested, free = self._tested(at), wanted[1] > 0.0
         while not self._met(tested, wanted):
             missing = wanted - tested.mean()
             step = np.linalg.solve(slope, missing) if free else np.array((missing[0] / slope[0, 0], 0.0))
             to = np.clip(at + step, (FRICTIONS[0], 0.25 * at[1]), (FRICTIONS[1], 4.0 * at[1]))
-            if self._sets == LONGEST_SEARCH or (to[0] == at[0] and to[0] in FRICTIONS):
+            if self._sets >= LONGEST_SEARCH or (to[0] == at[0] and to[0] in FRICTIONS):
                 self._refuse(tested, at)
             before, at, moved = tested, to, to - at
             tested = self._tested(at)
             error = tested.mean() - before.mean() - slope @ moved
             scaled = moved / np.array((0.1, max(at[1], 1e-9) * 0.2)) ** 2  # both numbers count alike
             slope = slope + np.outer(error, scaled) / float(moved @ scaled)
-        self._density *= soil.bulk_density_kg_per_m3 / float(tested.density_kg_per_m3.mean())
-        return self._measured(at, tested, slope)
+        return at, slope, tested
 
     def _met(self, tested: _Tested, wanted: NDArray[np.float64]) -> bool:
         off = np.abs(tested.mean() - wanted)
@@ -179,8 +191,7 @@ class _Fit:
 
     def _law(self, numbers: _Numbers) -> Document:
         radius = self._mean_radius
-        stiffness = self._stiffer * 4.0 * radius * WORKING_STRESS_PA / MAX_OVERLAP
-        stiffness = max(stiffness, numbers.attraction_newton / (REST_OVERLAP * radius))
+        stiffness = self._stiffness(numbers.attraction_newton)
         logarithm = math.log(RESTITUTION)
         ratio = -logarithm / math.hypot(math.pi, logarithm)  # exp(-pi z / sqrt(1 - z^2)) = restitution
         damping = 2.0 * ratio * math.sqrt(0.5 * self._density * 4.0 / 3.0 * math.pi * radius**3 * stiffness)
@@ -223,17 +234,38 @@ class _Fit:
             code=code_digest(),
         )
 
-    def _stiffen(self, at: NDArray[np.float64], wanted_pa: float) -> None:
-        """The modulus goes with the stiffness. Raises InputError where overlaps at work would be too
-        large."""
-        least = float(np.mean(self._over_seeds(_modulus, at)))
-        if wanted_pa < least:
+    def _stiffened(self, at: NDArray[np.float64]) -> bool:
+        """Whether the stiffness had to be changed for the wanted modulus, which goes with it.
+
+        Raises:
+            InputError: overlaps would be larger than the rules of stiffness allow.
+        """
+        wanted_pa = self._soil.confined_modulus_pa
+        if wanted_pa is None:
+            return False
+        found_pa = float(np.mean(self._over_seeds(_modulus, at)))
+        if abs(found_pa / wanted_pa - 1.0) <= MODULUS_TOLERANCE:
+            return False
+        stiffness = self._stiffness(float(at[1])) * wanted_pa / found_pa
+        least = self._least_stiffness(float(at[1]))
+        if stiffness < least:
             raise InputError(
-                f"confined_modulus_pa: given {wanted_pa:g} Pa, needed is {least:.3g} Pa or more: softer "
-                f"particles overlap by more than {MAX_OVERLAP:.0%} of their radius at "
-                f"{WORKING_STRESS_PA * 1e-3:g} kPa; leave it out to take the softest that do not"
+                f"confined_modulus_pa: given {wanted_pa:g} Pa, needed is some "
+                f"{wanted_pa * least / stiffness:.3g} Pa or more: softer particles overlap by more than "
+                f"{MAX_OVERLAP:.0%} of their radius at {WORKING_STRESS_PA * 1e-3:g} kPa, or by more than "
+                f"{REST_OVERLAP:.0%} by attraction alone; leave it out to take the softest that do not"
             )
-        self._stiffer = wanted_pa / least
+        self._given_stiffness = stiffness
+        self._sets = 0
+        return True
+
+    def _least_stiffness(self, attraction_newton: float) -> float:
+        at_work = 4.0 * self._mean_radius * WORKING_STRESS_PA / MAX_OVERLAP
+        return max(at_work, attraction_newton / (REST_OVERLAP * self._mean_radius))
+
+    def _stiffness(self, attraction_newton: float) -> float:
+        """Of a pair [N/m]."""
+        return max(self._given_stiffness, self._least_stiffness(attraction_newton))
 
     def _refuse(self, tested: _Tested, at: NDArray[np.float64]) -> None:
         if self._sets == LONGEST_SEARCH:

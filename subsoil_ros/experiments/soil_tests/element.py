@@ -43,7 +43,11 @@ SMOOTHED_STRAIN = 0.005
 """Over which a stress is averaged (chosen)."""
 
 LATERAL_PA = 500.0
-"""Pressure at which a cell begins that is pulled (chosen: it is at rest)."""
+"""Pressure at which a cell begins that is pulled (chosen: small against any tension worth a test)."""
+
+HELD, HELD_LOOKS, LONGEST_HOLD = 0.02, 100, 5000
+"""A test begins when the mean stress along each axis over so many looks is within this part of its pressure,
+at the latest after the longest hold."""
 
 WORKING_PA = 100e3
 """Stress up to which it is compressed: that before a share (limits.soil_at_work)."""
@@ -78,8 +82,9 @@ class PlaneStrain(NamedTuple):
     density_kg_per_m3: float  # at the start
 
     def smoothed(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Least and greatest stress [Pa], each the mean over SMOOTHED_STRAIN."""
-        window = np.ones(max(1, round(SMOOTHED_STRAIN / self.strain[-1] * len(self.strain))))
+        """Least and greatest stress [Pa], each the mean over SMOOTHED_STRAIN, or all of a shorter test."""
+        rows = round(SMOOTHED_STRAIN / self.strain[-1] * len(self.strain))
+        window = np.ones(min(max(rows, 1), len(self.strain)))
         least, greatest = (
             np.convolve(stress, window / window.sum(), "valid")
             for stress in (self.least_pa, self.greatest_pa)
@@ -143,7 +148,6 @@ class _Strained:
         )  # fmt: skip
         self.look_s = settling.interval_s
         bed = at_pressure(settling, cell.tile, pressure_pa, ignore_progress)
-        self.density_kg_per_m3 = solid_fraction(bed, whole) * soil.particles.density_kg_per_m3
         engine = settling.engine(bed)
         assert isinstance(engine, SoilEngine)
         self.engine = engine
@@ -151,11 +155,30 @@ class _Strained:
         self._tick = 0
         self._drift = np.zeros(3)
         pair, diameter = pair_values(soil)[0], 2.0 * soil.particles.mean_volume_radius_m
-        self._modulus_pa = pair.max_stiffness / diameter
+        self._modulus_pa = pair.linear_at(pair.loaded_m(pressure_pa * diameter**2)).max_stiffness / diameter
         attraction = solid_fraction(bed, whole) * NEIGHBOURS * pair.peak_attraction / (math.pi * diameter**2)
         speed = math.sqrt((pressure_pa + attraction) / soil.particles.density_kg_per_m3)
         self.rate_per_s = INERTIAL_NUMBER * speed / diameter
         """Quasi-static."""
+        self._hold(pressure_pa)
+
+    def _hold(self, pressure_pa: float) -> None:
+        """Until the springs along the contacts, which a bed at rest comes without, have their forces.
+
+        Raises:
+            RunError: the pressure is not reached.
+        """
+        looks: list[NDArray[np.float64]] = []
+        while len(looks) < LONGEST_HOLD:
+            looks.append(self.advance((0.0, 0.0, 0.0), (pressure_pa,) * 3))
+            if len(looks) % HELD_LOOKS == 0:
+                found = np.mean(looks[-HELD_LOOKS:], axis=0)
+                if np.abs(found / pressure_pa - 1.0).max() < HELD:
+                    self._drift[:] = 0.0
+                    return
+        raise RunError(
+            f"element test: {pressure_pa:g} Pa wanted along x, y and z, found {found}; give the law dampers"
+        )
 
     def advance(self, rates_per_s: Sequence[float], held_pa: Sequence[float | None]) -> NDArray[np.float64]:
         """(3,) stresses along the axes after some steps at these strain rates, extension positive; an axis
@@ -178,6 +201,11 @@ class _Strained:
         """Of the cell."""
         return float(np.prod(self.engine.bed.periods_m))
 
+    @property
+    def density_kg_per_m3(self) -> float:
+        """Of the cell."""
+        return solid_fraction(self.engine.bed, self.soil) * self.soil.particles.density_kg_per_m3
+
 
 def plane_strain(
     cell: Cell, least_pa: float, end_strain: float = PEAK_STRAIN, *, to_peak: bool = True
@@ -186,17 +214,19 @@ def plane_strain(
     PAST_PEAK more than at the peak."""
     element = _Strained(cell, least_pa)
     height, volume = element.engine.bed.periods_m[2], element.volume_m3
+    density = element.density_kg_per_m3
     rows: list[tuple[float, float, float, float]] = []
 
     def curve() -> PlaneStrain:
         strain, greatest, least, grown = np.array(rows).T
-        return PlaneStrain(strain, greatest, least, grown, least_pa, element.density_kg_per_m3)
+        return PlaneStrain(strain, greatest, least, grown, least_pa, density)
 
     while not rows or rows[-1][0] < end_strain:
         stress = element.advance((0.0, 0.0, -element.rate_per_s), (least_pa, None, None))
         short = 1.0 - element.engine.bed.periods_m[2] / height
         rows.append((short, float(stress[2]), float(stress[0]), element.volume_m3 / volume - 1.0))
-        if to_peak and len(rows) % LOOKS_FOR_PEAK == 0 and short - curve().peak_strain() > PAST_PEAK:
+        due = to_peak and len(rows) % LOOKS_FOR_PEAK == 0 and short > PAST_PEAK
+        if due and short - curve().peak_strain() > PAST_PEAK:
             break
     return curve()
 
@@ -205,16 +235,18 @@ def confined_modulus_pa(cell: Cell, from_pa: float = LEAST_PA[-1], to_pa: float 
     """Stress over strain along z between two stresses, at no strain along x and y: secant [Pa]."""
     element = _Strained(cell, from_pa)
     height = element.engine.bed.periods_m[2]
-    rows = [(0.0, from_pa)]
-    while rows[-1][1] < to_pa:
-        stress = element.advance((0.0, 0.0, -element.rate_per_s), (None, None, None))
-        rows.append((1.0 - element.engine.bed.periods_m[2] / height, float(stress[2])))
-        if rows[-1][0] > CRITICAL_STRAIN:
+    strain, stress = [0.0], [from_pa]
+    while stress[-1] < to_pa:
+        found = element.advance((0.0, 0.0, -element.rate_per_s), (None, None, None))
+        strain.append(1.0 - element.engine.bed.periods_m[2] / height)
+        stress.append(float(found[2]))
+        if strain[-1] > CRITICAL_STRAIN:
             raise RunError(
-                f"confined compression: {rows[-1][1]:.3g} Pa at a strain of {CRITICAL_STRAIN:g}, less than "
+                f"confined compression: {stress[-1]:.3g} Pa at a strain of {CRITICAL_STRAIN:g}, less than "
                 f"{to_pa:g} Pa; make the contacts stiffer"
             )
-    return (rows[-1][1] - from_pa) / rows[-1][0]
+    low, high = np.interp((from_pa, to_pa), np.maximum.accumulate(stress), strain)
+    return float((to_pa - from_pa) / (high - low))
 
 
 def tensile_strength_pa(cell: Cell, end_strain: float = PEAK_STRAIN) -> float:

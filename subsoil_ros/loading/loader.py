@@ -21,7 +21,7 @@ from ..scene.model import Scene
 from ..yaml_document import Document, dump_yaml, merge, plain_value, read_document
 from .files import with_absolute_files
 from .keys import suggestion
-from .material import CHOOSE_MATERIAL, is_of, with_material
+from .material import is_of, material_first, with_material
 from .overrides import CHOICES, Override, apply_override, overrides_of, parse_overrides
 from .presets import Preset, read_preset
 from .reference import Reference, read_reference
@@ -84,9 +84,10 @@ def load_scene(
         for change in changes:
             document = with_absolute_files(apply_override(document, change), path.resolve().parent)
 
-    changed([change for change in changes if change.path in CHOOSE_MATERIAL])
+    first, rest = material_first(document, changes)
+    changed(first)
     document, material = with_material(document, shown)
-    changed([change for change in changes if change.path not in CHOOSE_MATERIAL])
+    changed(rest)
     scene: Scene = validated(Scene, document, shown, changes)
     if material is not None and (scene.particle_soil is None or not is_of(scene.particle_soil, material)):
         material = None  # the soil is another one

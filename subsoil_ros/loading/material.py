@@ -1,5 +1,6 @@
 """Material files: `soil.material` in a scene stands for the particles that make a soil of a laboratory."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,11 +9,9 @@ from ..scene.material import VERSION, LaboratorySoil, Material
 from ..scene.soil import Soil
 from ..yaml_document import Document, dump_yaml, merge, read_document
 from .keys import suggestion
+from .overrides import Override
 from .shipped import material_names
 from .validation_errors import validated
-
-CHOOSE_MATERIAL = ("soil", "soil.material", "soil.particles", "soil.particles.radius_m")
-"""Overrides that come before a material is looked up; all others change what it brought."""
 
 _BROUGHT = ("law", "particles.sizes", "particles.density_kg_per_m3", "particles.reference_radius_m")
 """Keys of `soil` that a scene with a material has not."""
@@ -43,6 +42,20 @@ def read_material(path: Path, place: str) -> Material:
 def write_material(path: Path, material: Material) -> None:
     """Writes a file that read_material gives back equal."""
     path.write_text(dump_yaml(material.model_dump(mode="json", exclude_none=True)), encoding="utf-8")
+
+
+def material_first(
+    document: Document, changes: Sequence[Override]
+) -> tuple[Sequence[Override], Sequence[Override]]:
+    """The overrides that choose a material and its radius, before it is looked up, and those that then
+    change what it brought; all of them are the second where no material is named."""
+    choose = ("soil", "soil.material", "soil.particles", "soil.particles.radius_m")
+    soils = [document.get("soil"), *(change.value for change in changes if change.path == "soil")]
+    named = any(isinstance(soil, dict) and "material" in soil for soil in soils)
+    if not named and not any(change.path == "soil.material" for change in changes):
+        return (), changes
+    first = [change for change in changes if change.path in choose]
+    return first, [change for change in changes if change.path not in choose]
 
 
 def with_material(document: Document, shown: str) -> tuple[Document, Material | None]:

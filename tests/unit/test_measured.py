@@ -38,6 +38,24 @@ def test_a_cell_that_is_no_number(tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({1: "a/b"}, "soil 'a/b': allowed are letters"),
+        ({3: 75.0}, "friction_angle_deg: given 75"),
+        ({2: "nan"}, "cohesion_pa"),
+        ({2: 5e3}, "has several sets of laboratory values"),
+    ],
+)
+def test_a_soil_that_cannot_be(tmp_path, capsys, change, words):
+    """One message before anything is computed; nothing is written."""
+    row = [change.get(place, cell) for place, cell in enumerate(ROW)]
+    path = table(tmp_path / "t.csv", ROW, row)
+    assert measured.main([str(path), "--out", str(tmp_path / "out")]) == 2
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_row_is_simulated_in_its_calibrated_soil(tmp_path, monkeypatch, capsys):
     """One calibration for a soil; results beside the measured values and the closed forms."""
     loam = read_material(config_folder() / "materials" / "loam.yaml", "loam")

@@ -176,7 +176,8 @@ def test_pictures_of_all_views(recorded, capsys):
 def test_displacement_and_range(recorded, resolved):
     """Displacement has a scale of its own, and a picture needs no speed for it."""
     assert default_limits(resolved, "speed") == (0.0, 0.2)
-    assert default_limits(resolved, "displacement") == (0.0, pytest.approx(0.1))
+    radius = resolved.scene.particle_soil.particles.mean_volume_radius_m
+    assert default_limits(resolved, "displacement") == (0.0, pytest.approx(10.0 * radius))
     words = ["--colour", "displacement", "--range", "0", "1e-4", "--view", "above", "--size", *SIZE]
     assert verb(render, recorded, *words) == 0
 

@@ -17,8 +17,8 @@ SOURCES = [
     "scripts", "setup.cfg", "setup.py", "subsoil_ros",
 ]  # fmt: skip
 SHIPPED = (
-    "scenes/*.yaml", "templates/*.yaml", "meshes/*.stl", "soils/*.yaml", "calibration/*.yaml",
-    "references/*.yaml", "studies/*.yaml", "foxglove/*.json", "*.json",
+    "scenes/*.yaml", "templates/*.yaml", "meshes/*.stl", "soils/*.yaml", "materials/*.yaml",
+    "calibration/*.yaml", "references/*.yaml", "studies/*.yaml", "foxglove/*.json", "*.json",
 )  # fmt: skip
 
 

@@ -9,7 +9,14 @@ from subsoil_ros.dem.bed import Bed, scaled
 from subsoil_ros.dem.beds.settling import Settling, ignore_progress
 from subsoil_ros.dem.beds.tile import at_pressure, endless_soil
 from subsoil_ros.dem.engine import SoilEngine
-from subsoil_ros.experiments.soil_tests.element import Cell, plane_strain, prepare_cell, tensile_strength_pa
+from subsoil_ros.experiments.soil_tests.element import (
+    Cell,
+    confined_modulus_pa,
+    fit_strength,
+    plane_strain,
+    prepare_cell,
+    tensile_strength_pa,
+)
 from subsoil_ros.limits.stable_steps import SAFETY, step_limits
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 
@@ -125,14 +132,32 @@ def test_scaled_soil_is_the_same_soil():
 
 def test_cohesion_and_tension():
     """Attraction makes cohesion, and a tension below Rumpf's and below what the strength allows; dry soil has
-    neither."""
-    resolved = scene(attraction=4.0)
-    cell = prepare_cell(resolved, edge_m=18.0 * RADIUS)
-    bonded = plane_strain(cell, 5e3)
+    neither, and softens to its critical state."""
+    cell = prepare_cell(scene(attraction=4.0), edge_m=18.0 * RADIUS)
     dry_cell = prepare_cell(scene(), edge_m=18.0 * RADIUS)
-    dry = plane_strain(dry_cell, 5e3)
-    assert max(bonded.held_to, dry.held_to) < 0.02
-    assert bonded.peak_pa()[1] > 1.5 * dry.peak_pa()[1]
-    tension = tensile_strength_pa(cell, 0.05)
+    found = []
+    for one in (cell, dry_cell):
+        curves = [plane_strain(one, least) for least in (5e3, 1e4)]
+        assert max(curve.held_to for curve in curves) < 0.02
+        found.append(fit_strength(*zip(*(curve.peak_pa() for curve in curves), strict=True)))
+    bonded, dry = found
+    assert abs(dry.cohesion_pa) < 300.0 < 2000.0 < bonded.cohesion_pa
+    assert 33.0 < dry.friction_angle_deg < 40.0
     rumpf = 0.6 * 6.5 * 4.0 / (np.pi * (2.0 * RADIUS) ** 2)
-    assert 0.3 * rumpf < tension < rumpf
+    allowed = bonded.cohesion_pa / np.tan(np.radians(bonded.friction_angle_deg))
+    assert 0.3 * rumpf < tensile_strength_pa(cell, 0.05) < min(rumpf, allowed)
+    assert tensile_strength_pa(dry_cell, 0.02) < 50.0
+    flowing = plane_strain(dry_cell, 1e4, 0.3, to_peak=False)
+    ratios = [greatest / least for least, greatest in (flowing.peak_pa(), flowing.critical_pa())]
+    assert 2.5 < ratios[1] < 0.97 * ratios[0]
+    assert flowing.volume_strain[-1] > 0.01
+
+
+def test_confined_modulus():
+    """Of the order of that of particles that move with the mean strain, n_c d^2 (K / 5 + 2 K_t / 15), and below
+    it (K. Walton, J. Mech. Phys. Solids 35 (1987) 213)."""
+    cell = prepare_cell(scene(friction=0.5), edge_m=18.0 * RADIUS)
+    found = confined_modulus_pa(cell)
+    contacts = 3.0 * 0.61 * 5.5 / (np.pi * (2.0 * RADIUS) ** 3)
+    affine = contacts * (2.0 * RADIUS) ** 2 * (STIFFNESS / 5.0 + 2.0 * 0.8 * STIFFNESS / 15.0)
+    assert 0.4 * affine < found < affine

@@ -8,14 +8,16 @@ The table's columns are those of template.csv. Every soil in it is calibrated to
 import argparse
 import csv
 import math
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from subsoil_ros.errors import InputError
+from subsoil_ros.errors import InputError, SubsoilError
 from subsoil_ros.experiments.calibration.material import calibrate
 from subsoil_ros.loading.material import read_material, write_material
-from subsoil_ros.scene.material import LaboratorySoil
+from subsoil_ros.loading.validation_errors import validated
+from subsoil_ros.scene.material import LaboratorySoil, Material
 
 from ..blades import Blade, godwin_odogherty, perumpral
 from ..narrow_blade import measured, soil_of
@@ -29,6 +31,7 @@ COLUMNS = (
 )  # fmt: skip
 OPTIONAL = ("draft_error_newton", "vertical_newton")
 TEXTS = ("source", "soil")
+NAME = re.compile(r"[\w-]+")
 RESULTS = ("simulated_newton", "simulated_vertical_newton", "perumpral_newton", "godwin_odogherty_newton")
 
 
@@ -60,6 +63,35 @@ def read_table(path: Path) -> list[dict[str, str | float]]:
     return rows
 
 
+def calibrated(
+    rows: list[dict[str, str | float]], radius_m: float, folder: Path, processes: int
+) -> dict[str, tuple[Path, Material]]:
+    """File and material of each soil in a table; one that is in the folder is not calibrated again.
+
+    Raises:
+        SubsoilError: values that no soil has, two sets of them for one soil, or a file of others.
+    """
+    soils: dict[str, LaboratorySoil] = {}
+    for row in rows:
+        name, values = str(row["soil"]), {key: row[key] for key in LABORATORY}
+        if not NAME.fullmatch(name):
+            raise InputError(f"soil '{name}': allowed are letters, digits, _ and -")
+        soil = validated(LaboratorySoil, {"model": "laboratory", "name": name, **values}, f"soil {name}")
+        if soils.setdefault(name, soil) != soil:
+            raise InputError(f"soil '{name}': has several sets of laboratory values; give each a name")
+    folder.mkdir(parents=True, exist_ok=True)
+    found = {}
+    for name, soil in soils.items():
+        path = folder / f"{name}.yaml"
+        if not path.exists():
+            write_material(path, calibrate(soil, radius_m, processes, lambda text: None))
+        material = read_material(path, str(path))
+        if material.soil != soil or material.radius_m != radius_m:
+            raise InputError(f"{path}: is of other laboratory values or another radius; name another --out")
+        found[name] = path, material
+    return found
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Prints the table and writes it."""
     parser = argparse.ArgumentParser(prog="python -m validation.measured", description=main.__doc__)
@@ -68,13 +100,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--radius-mm", type=float, default=10.0)
     parser.add_argument("--processes", type=int, default=2)
     args = parser.parse_args(arguments)
+    radius = 1e-3 * args.radius_mm
     try:
         rows = read_table(args.table)
-    except (InputError, OSError) as error:
+        materials = calibrated(rows, radius, args.out, args.processes)
+    except (SubsoilError, OSError) as error:
         print(error, file=sys.stderr)
         return 2
-    args.out.mkdir(parents=True, exist_ok=True)
-    radius = 1e-3 * args.radius_mm
     with (args.out / "results.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, (*COLUMNS, *RESULTS))
         writer.writeheader()
@@ -83,18 +115,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         print("|---" * 9 + "|")
         for row in rows:
-            path = args.out / f"{row['soil']}.yaml"
-            values = {key: row[key] for key in LABORATORY}
-            soil = LaboratorySoil.model_validate({"model": "laboratory", "name": row["soil"], **values})
-            if not path.exists():
-                write_material(path, calibrate(soil, radius, args.processes, lambda text: None))
-            kept = read_material(path, str(path))
-            if kept.soil != soil or kept.radius_m != radius:
-                print(
-                    f"{path}: is of other laboratory values or another radius; name another --out",
-                    file=sys.stderr,
-                )
-                return 2
+            path, kept = materials[str(row["soil"])]
             blade = Blade(
                 float(row["width_m"]), float(row["depth_m"]), math.radians(float(row["rake_deg"])),
                 float(row["speed_m_per_s"]),

@@ -281,6 +281,8 @@ class _Fit:
         )
 
     def _measured(self, at: NDArray[np.float64], tested: _Tested, slope: NDArray[np.float64]) -> Material:
+        """Intervals are from the scatter of the seeds; those of the fitted numbers through the slope that the
+        search ended with."""
         rows: dict[str, NDArray[np.float64]] = {
             "friction_angle_deg": tested.angle_deg,
             "cohesion_pa": tested.cohesion_pa,

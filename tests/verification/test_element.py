@@ -154,8 +154,8 @@ def test_cohesion_and_tension():
 
 
 def test_confined_modulus():
-    """Of the order of that of particles that move with the mean strain, n_c d^2 (K / 5 + 2 K_t / 15), and below
-    it (K. Walton, J. Mech. Phys. Solids 35 (1987) 213)."""
+    """Of the order of that of particles that move with the mean strain, n_c d^2 (K / 5 + 2 K_t / 15), and
+    below it (K. Walton, J. Mech. Phys. Solids 35 (1987) 213)."""
     cell = prepare_cell(scene(friction=0.5), edge_m=18.0 * RADIUS)
     found = confined_modulus_pa(cell)
     contacts = 3.0 * 0.61 * 5.5 / (np.pi * (2.0 * RADIUS) ** 3)

@@ -137,9 +137,8 @@ def _material(args: argparse.Namespace) -> int:
     write_material(args.out, material)
     console = Console(width=None if sys.stdout.isatty() else 140)
     wanted = soil.model_dump()
-    found = table(
-        f"{soil.name}, r = {args.radius * 1e3:g} mm", ("wanted", "found", "95 % confidence"), words=3
-    )
+    title = f"{soil.name}, r = {args.radius * 1e3:g} mm"
+    found = table(title, ("", "wanted", "found", "95 % confidence"))
     for key, interval in {**material.measured, **material.fitted}.items():
         asked = wanted.get(key)
         found.add_row(

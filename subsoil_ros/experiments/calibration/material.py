@@ -150,7 +150,8 @@ class _Fit:
             missing = wanted - tested.mean()
             step = np.linalg.solve(slope, missing) if free else np.array((missing[0] / slope[0, 0], 0.0))
             to = np.clip(at + step, (FRICTIONS[0], 0.25 * at[1]), (FRICTIONS[1], 4.0 * at[1]))
-            if self._sets >= LONGEST_SEARCH or (to[0] == at[0] and to[0] in FRICTIONS):
+            stuck = to[0] == at[0] and to[0] in FRICTIONS and abs(missing[0]) > TOLERANCE[0]
+            if self._sets >= LONGEST_SEARCH or stuck:
                 self._refuse(tested, at)
             before, at, moved = tested, to, to - at
             tested = self._tested(at)

@@ -107,7 +107,7 @@ def read_document(path: Path, shown: str) -> Document:
     try:
         content = path.read_bytes()
     except FileNotFoundError as error:
-        raise SceneError(f"{shown}: no such scene file{_similar_files(path)}") from error
+        raise SceneError(f"{shown}: no such file{_similar_files(path)}") from error
     except IsADirectoryError as error:
         raise SceneError(f"{shown}: is a folder; name the scene file (.yaml) in it") from error
     except OSError as error:

@@ -92,7 +92,7 @@ def test_exchange_that_is_doubtful_is_said(check: Check) -> None:
 def test_missing_file(refused: Callable[..., str]) -> None:
     """A scene file that is not there is named, with those beside it."""
     text = refused(SCENES / "tyne.yaml")
-    assert "tyne.yaml: no such scene file" in text
+    assert "tyne.yaml: no such file" in text
     assert "tine.yaml" in text
 
 

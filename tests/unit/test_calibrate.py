@@ -138,7 +138,7 @@ def test_tip_stands_where_the_point_says(design: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"scene": "none.yaml"}, "none.yaml: no such scene file"),
+        ({"scene": "none.yaml"}, "none.yaml: no such file"),
         ({"scene": str(SCENES / "mechanism_only.yaml"), "overrides": []}, "has no soil of particles"),
         ({"fit": []}, "fit: given a list of 0, needed is at least 3 entries"),
         ({"model": "cam_clay"}, ": model: given the text 'cam_clay', allowed are wedge, dem"),

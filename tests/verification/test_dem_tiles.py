@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
 
 from subsoil_ros.dem.bed import Bed
+from subsoil_ros.dem.beds import cache
 from subsoil_ros.dem.beds.prepare import check_start, prepare_bed
 from subsoil_ros.dem.beds.report import free_motion, report_bed
 from subsoil_ros.dem.beds.settling import ignore_progress
@@ -196,8 +197,9 @@ def test_no_tile_lies_on_another(soil, tiles):
         assert (counts == counts[0]).all()
 
 
-def test_a_tile_serves_every_bin_and_law(soil):
+def test_a_tile_serves_every_bin_and_law(soil, monkeypatch, tmp_path):
     """The second bed presses no tile; another seed gives another bed, threads give the same."""
+    monkeypatch.setattr(cache, "user_cache_folder", lambda: tmp_path)
     phases = []
 
     def note(progress):

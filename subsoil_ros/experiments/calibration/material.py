@@ -41,6 +41,7 @@ from ..soil_tests.element import (
     prepare_cell,
     tensile_strength_pa,
 )
+from ..soil_tests.runs import rumpf_pa
 from ..sweep.cluster import connected
 
 SEEDS = (101, 102, 103, 104)
@@ -124,7 +125,7 @@ class _Fit:
     def material(self) -> Material:
         """The fit."""
         soil = self._soil
-        rumpf = soil.solid_fraction * NEIGHBOURS / (math.pi * (2.0 * self._mean_radius) ** 2)
+        rumpf = rumpf_pa(soil.solid_fraction * NEIGHBOURS, 1.0, 2.0 * self._mean_radius)
         slope = np.array(
             ((PER_FRICTION_DEG, 0.0), (PER_FRICTION * soil.cohesion_pa, COHESION_OVER_RUMPF * rumpf))
         )

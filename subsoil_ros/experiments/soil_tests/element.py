@@ -18,10 +18,12 @@ from ...dem.beds.tile import at_pressure, endless_soil, solid_fraction
 from ...dem.beds.tiled import kept_tile
 from ...dem.engine import SoilEngine
 from ...errors import RunError
+from ...limits.soil_at_work import WORKING_STRESS_PA
 from ...limits.stable_steps import SAFETY, step_limits
 from ...loading.loader import ResolvedScene
 from ...scene.pairs import pair_values
 from .curves import RESIDUAL_PART
+from .runs import rumpf_pa
 
 CELL_DIAMETERS = 12.0
 """Edge of the cell over the largest diameter (chosen: two seeds then differ by 3 % in strength)."""
@@ -48,9 +50,6 @@ LATERAL_PA = 500.0
 HELD, HELD_LOOKS, LONGEST_HOLD = 0.02, 100, 5000
 """A test begins when the mean stress along each axis over so many looks is within this part of its pressure,
 at the latest after the longest hold."""
-
-WORKING_PA = 100e3
-"""Stress up to which it is compressed: that before a share (limits.soil_at_work)."""
 
 NEIGHBOURS = 6.5
 """Contacts of a particle, for an estimate of the attraction."""
@@ -152,14 +151,14 @@ class _Strained:
         assert isinstance(engine, SoilEngine)
         self.engine = engine
         engine.start(())
+        self._stress_pa = np.diagonal(engine.stress_pa())  # where the last look ended
         self._tick = 0
         self._drift = np.zeros(3)
         pair, diameter = pair_values(soil)[0], 2.0 * soil.particles.mean_volume_radius_m
         self._modulus_pa = pair.linear_at(pair.loaded_m(pressure_pa * diameter**2)).max_stiffness / diameter
-        attraction = solid_fraction(bed, whole) * NEIGHBOURS * pair.peak_attraction / (math.pi * diameter**2)
+        attraction = rumpf_pa(solid_fraction(bed, whole) * NEIGHBOURS, pair.peak_attraction, diameter)
         speed = math.sqrt((pressure_pa + attraction) / soil.particles.density_kg_per_m3)
         self.rate_per_s = INERTIAL_NUMBER * speed / diameter
-        """Quasi-static."""
         self._hold(pressure_pa)
 
     def _hold(self, pressure_pa: float) -> None:
@@ -183,18 +182,18 @@ class _Strained:
     def advance(self, rates_per_s: Sequence[float], held_pa: Sequence[float | None]) -> NDArray[np.float64]:
         """(3,) stresses along the axes after some steps at these strain rates, extension positive; an axis
         with a stress in `held_pa` has the rate that holds it."""
-        stress = np.diagonal(self.engine.stress_pa())
         rates = np.array(rates_per_s)
         for axis, held in enumerate(held_pa):
             if held is not None:
-                missed = (stress[axis] - held) / (self._modulus_pa * self.look_s)
+                missed = (self._stress_pa[axis] - held) / (self._modulus_pa * self.look_s)
                 bound = FASTEST * self.rate_per_s
                 self._drift[axis] = np.clip(self._drift[axis] + FOLLOWED * missed, -bound, bound)
                 rates[axis] = np.clip(GAIN * missed + self._drift[axis], -bound, bound)
         self.engine.resize(1.0 + rates * self.look_s)
         self.engine.advance(self._tick, ())
         self._tick += 1
-        return np.diagonal(self.engine.stress_pa())
+        self._stress_pa = np.diagonal(self.engine.stress_pa())
+        return self._stress_pa
 
     @property
     def volume_m3(self) -> float:
@@ -231,7 +230,7 @@ def plane_strain(
     return curve()
 
 
-def confined_modulus_pa(cell: Cell, from_pa: float = LEAST_PA[-1], to_pa: float = WORKING_PA) -> float:
+def confined_modulus_pa(cell: Cell, from_pa: float = LEAST_PA[-1], to_pa: float = WORKING_STRESS_PA) -> float:
     """Stress over strain along z between two stresses, at no strain along x and y: secant [Pa]."""
     element = _Strained(cell, from_pa)
     height = element.engine.bed.periods_m[2]

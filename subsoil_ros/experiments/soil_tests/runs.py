@@ -63,17 +63,21 @@ TENSION_DIAMETERS = 2.0
 """Travel in tension: bonds end after delta_c + delta_B, a tenth of this (chosen)."""
 
 
-def rumpf_strength_pa(specimen: Specimen) -> float:
-    """Tensile strength by Rumpf, sigma = solid fraction z F / (pi d^2), F the largest attraction of a pair.
+def rumpf_pa(bonds: float, attraction_newton: float, distance_m: float) -> float:
+    """Tensile strength by Rumpf, sigma = solid fraction z F / (pi d^2); `bonds` is solid fraction z.
 
-    Source: H. Rumpf, Chem. Ing. Tech. 42 (1970) 538-540, before z is replaced by pi over the porosity. d is
-    the distance of particles at rest and z counts all in reach, so it is an upper bound for bonds that all
-    break at once; friction of bonds across the pull is not in it.
+    F is the largest attraction of a pair, d the distance of two particles, z the number of neighbours of one.
+    Source: H. Rumpf, Chem. Ing. Tech. 42 (1970) 538-540, before z is replaced by pi over the porosity.
     """
+    return bonds * attraction_newton / (math.pi * distance_m**2)
+
+
+def rumpf_strength_pa(specimen: Specimen) -> float:
+    """That of a specimen, with the distance at rest and all neighbours in reach: an upper bound for bonds
+    that all break at once; friction of bonds across the pull is not in it."""
     pair, _ = pair_values(specimen.soil)
     distance = 2.0 * specimen.soil.particles.mean_volume_radius_m - pair.rest_overlap
-    bonds = specimen.solid_fraction * specimen.coordination
-    return bonds * pair.peak_attraction / (math.pi * distance**2)
+    return rumpf_pa(specimen.solid_fraction * specimen.coordination, pair.peak_attraction, distance)
 
 
 def affine_modulus_pa(specimen: Specimen, stress_pa: float) -> float:

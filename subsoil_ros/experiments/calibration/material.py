@@ -8,12 +8,12 @@ laboratory.
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
+from ...analysis.intervals import t_quantile
 from ...api.execution import code_digest
 from ...errors import InputError
 from ...limits.soil_at_work import MAX_OVERLAP, WORKING_STRESS_PA
@@ -34,7 +34,6 @@ from ..soil_tests.element import (
     NEIGHBOURS,
     PEAK_STRAIN,
     Cell,
-    Strength,
     confined_modulus_pa,
     fit_strength,
     plane_strain,
@@ -83,13 +82,6 @@ LONGEST_SEARCH = 12
 """Sets that are tested at most (chosen: five to eight do)."""
 
 Say = Callable[[str], None]
-
-
-class _Numbers(NamedTuple):
-    """What a search changes."""
-
-    friction: float
-    attraction_newton: float  # largest of a pair of mean volume
 
 
 class _Tested(NamedTuple):
@@ -149,11 +141,15 @@ class _Fit:
         tested, free = self._tested(at), wanted[1] > 0.0
         while not self._met(tested, wanted):
             missing = wanted - tested.mean()
+            if self._sets >= LONGEST_SEARCH:
+                raise InputError(
+                    f"{self._soil.name}: {self._sets} sets did not meet cohesion_pa and friction_angle_deg; "
+                    f"the last made {tested.mean()[1]:.4g} Pa and {tested.mean()[0]:.3g} degrees: give others"
+                )
             step = np.linalg.solve(slope, missing) if free else np.array((missing[0] / slope[0, 0], 0.0))
             to = np.clip(at + step, (FRICTIONS[0], 0.25 * at[1]), (FRICTIONS[1], 4.0 * at[1]))
-            stuck = to[0] == at[0] and to[0] in FRICTIONS and abs(missing[0]) > TOLERANCE[0]
-            if self._sets >= LONGEST_SEARCH or stuck:
-                self._refuse(tested, at)
+            if to[0] == at[0] and to[0] in FRICTIONS and abs(missing[0]) > TOLERANCE[0]:
+                self._refuse_angle(float(at[1]))
             before, at, moved = tested, to, to - at
             tested = self._tested(at)
             error = tested.mean() - before.mean() - slope @ moved
@@ -164,9 +160,8 @@ class _Fit:
     def _met(self, tested: _Tested, wanted: NDArray[np.float64]) -> bool:
         off = np.abs(tested.mean() - wanted)
         degrees, part, pressure = TOLERANCE
-        if wanted[1] == 0.0:
-            return bool(off[0] <= degrees)
-        return bool(off[0] <= degrees and off[1] <= max(part * wanted[1], pressure))
+        enough = wanted[1] == 0.0 or off[1] <= max(part * wanted[1], pressure)
+        return bool(off[0] <= degrees and enough)
 
     def _tested(self, at: NDArray[np.float64]) -> _Tested:
         rows = self._over_seeds(_strength, at)
@@ -191,9 +186,10 @@ class _Fit:
         box = {"length_m": edge, "width_m": edge, "depth_m": edge}
         return {"name": self._soil.name, "duration_s": 1.0, "soil": section | {"bin": box}}
 
-    def _law(self, numbers: _Numbers) -> Document:
+    def _law(self, friction: float, attraction_newton: float) -> Document:
+        """attraction_newton: the largest of a pair of mean volume."""
         radius = self._mean_radius
-        stiffness = self._stiffness(numbers.attraction_newton)
+        stiffness = self._stiffness(attraction_newton)
         logarithm = math.log(RESTITUTION)
         ratio = -logarithm / math.hypot(math.pi, logarithm)  # exp(-pi z / sqrt(1 - z^2)) = restitution
         damping = 2.0 * ratio * math.sqrt(0.5 * self._density * 4.0 / 3.0 * math.pi * radius**3 * stiffness)
@@ -202,18 +198,17 @@ class _Fit:
             "tangential_stiffness_newton_per_m": TANGENTIAL_STIFFNESS * stiffness,
             "damping_newton_s_per_m": damping,
             "tangential_damping_newton_s_per_m": TANGENTIAL_DAMPING * damping,
-            "static_friction": numbers.friction,
-            "sliding_friction": numbers.friction,
+            "static_friction": friction,
+            "sliding_friction": friction,
             "rolling_friction": ROLLING_FRICTION,
         }
         on_metal = math.tan(math.radians(self._soil.metal_friction_angle_deg))
         metal = dict.fromkeys(("static_friction", "sliding_friction", "rolling_friction"), on_metal)
-        if numbers.attraction_newton == 0.0:
+        if attraction_newton == 0.0:
             return {"kind": "linear", "particle": row, "boundary": row | metal}
         bond = {
-            "cohesive_stiffness_newton_per_m": numbers.attraction_newton / (REACH * radius),
-            "equilibrium_overlap_m": numbers.attraction_newton
-            / stiffness,  # as steep in tension as in pressure
+            "cohesive_stiffness_newton_per_m": attraction_newton / (REACH * radius),
+            "equilibrium_overlap_m": attraction_newton / stiffness,  # as steep in tension as in pressure
             "cohesion_range_m": REACH * radius,
         }
         free = bond | {"cohesive_stiffness_newton_per_m": 0.0}
@@ -230,7 +225,7 @@ class _Fit:
             soil=self._soil,
             radius_m=self._radius,
             density_kg_per_m3=self._density,
-            law=self._law(_Numbers(float(at[0]), float(at[1]))),
+            law=self._law(float(at[0]), float(at[1])),
             fitted=fitted,
             measured=measured,
             code=code_digest(),
@@ -269,13 +264,8 @@ class _Fit:
         """Of a pair [N/m]."""
         return max(self._given_stiffness, self._least_stiffness(attraction_newton))
 
-    def _refuse(self, tested: _Tested, at: NDArray[np.float64]) -> None:
-        if self._sets == LONGEST_SEARCH:
-            raise InputError(
-                f"{self._soil.name}: {LONGEST_SEARCH} sets did not meet cohesion_pa and friction_angle_deg; "
-                f"the last made {tested.mean()[1]:.4g} Pa and {tested.mean()[0]:.3g} degrees: give others"
-            )
-        ends = [float(self._tested(np.array((end, at[1]))).mean()[0]) for end in FRICTIONS]
+    def _refuse_angle(self, attraction_newton: float) -> NoReturn:
+        ends = [float(self._tested(np.array((end, attraction_newton))).mean()[0]) for end in FRICTIONS]
         raise InputError(
             f"friction_angle_deg: given {self._soil.friction_angle_deg:g}; spheres of this solid fraction "
             f"and cohesion reach {ends[0]:.1f} to {ends[1]:.1f} degrees; give one in between, or another "
@@ -300,7 +290,7 @@ class _Fit:
         scatter = np.atleast_2d(np.cov(np.array((tested.angle_deg, tested.cohesion_pa))[:free]))
         inverse = np.linalg.inv(slope[:free, :free])
         count = len(SEEDS)
-        half = student.ppf(0.975, count - 1) * np.sqrt(np.diag(inverse @ scatter @ inverse.T) / count)
+        half = t_quantile(count - 1) * np.sqrt(np.diag(inverse @ scatter @ inverse.T) / count)
         fitted = {
             key: Interval(value=float(value), low=float(value - width), high=float(value + width))
             for key, value, width in zip(("static_friction", "attraction_newton"), at, half, strict=False)
@@ -310,9 +300,8 @@ class _Fit:
 
 def _interval(found: NDArray[np.float64]) -> Interval:
     """Mean and its 95 % interval (Student)."""
-    mean, half = float(found.mean()), 0.0
-    if len(found) > 1:
-        half = float(student.ppf(0.975, len(found) - 1) * found.std(ddof=1) / math.sqrt(len(found)))
+    mean = float(found.mean())
+    half = t_quantile(len(found) - 1) * float(found.std(ddof=1)) / math.sqrt(len(found))
     return Interval(value=mean, low=mean - half, high=mean + half)
 
 
@@ -324,27 +313,23 @@ def _pressed(document: Document) -> None:
     _cell(document)
 
 
-def _series(document: Document, end_strain: float, *, to_peak: bool) -> tuple[list[Any], float]:
-    cell = _cell(document)
-    curves = [plane_strain(cell, least, end_strain, to_peak=to_peak) for least in LEAST_PA]
-    return curves, float(np.mean([curve.density_kg_per_m3 for curve in curves]))
-
-
 def _strength(document: Document) -> tuple[float, float, float]:
-    curves, density = _series(document, PEAK_STRAIN, to_peak=True)
-    found = _line([curve.peak_pa() for curve in curves])
-    return found.friction_angle_deg, found.cohesion_pa, density
+    """Friction angle [deg], cohesion [Pa] and density [kg/m3] at the peak."""
+    return _series(document, PEAK_STRAIN, to_peak=True)
 
 
 def _critical(document: Document) -> tuple[float, float, float]:
-    curves, density = _series(document, CRITICAL_STRAIN, to_peak=False)
-    found = _line([curve.critical_pa() for curve in curves])
-    return found.friction_angle_deg, found.cohesion_pa, density
+    """Those of the critical state."""
+    return _series(document, CRITICAL_STRAIN, to_peak=False)
 
 
-def _line(points: list[tuple[float, float]]) -> Strength:
-    least, greatest = zip(*points, strict=True)
-    return fit_strength(least, greatest)
+def _series(document: Document, end_strain: float, *, to_peak: bool) -> tuple[float, float, float]:
+    cell = _cell(document)
+    curves = [plane_strain(cell, least, end_strain, to_peak=to_peak) for least in LEAST_PA]
+    points = [curve.peak_pa() if to_peak else curve.critical_pa() for curve in curves]
+    strength = fit_strength(*zip(*points, strict=True))
+    density = float(np.mean([curve.density_kg_per_m3 for curve in curves]))
+    return strength.friction_angle_deg, strength.cohesion_pa, density
 
 
 def _modulus(document: Document) -> float:

@@ -63,7 +63,6 @@ class Material(StrictModel):
     law: dict[str, Any]
     fitted: dict[str, Interval]  # by key of the law's rows
     measured: dict[str, Interval]  # what the particles make, by key of `soil`
-    code: str  # digest of what the fit was made with
 
     @property
     def radii_m(self) -> tuple[float, float]:

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...analysis.intervals import t_quantile
-from ...api.execution import code_digest
 from ...errors import InputError
 from ...limits.soil_at_work import MAX_OVERLAP, WORKING_STRESS_PA
 from ...loading.loader import load_scene
@@ -228,7 +227,6 @@ class _Fit:
             law=self._law(float(at[0]), float(at[1])),
             fitted=fitted,
             measured=measured,
-            code=code_digest(),
         )
 
     def _stiffened(self, at: NDArray[np.float64]) -> bool:

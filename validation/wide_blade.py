@@ -5,10 +5,11 @@
 The slice is one period of an endless bed, so nothing holds the soil at its sides. Theory is
 validation.blades.log_spiral, which is the plane wedge for a smooth blade. Cohesion, friction angle and
 density are those that the element tests of the shipped material found. The soil that the blade has swept
-acts as a surcharge on the wedge. Coulomb's force is the largest that the soil bears, so the largest draft
-within LAST_M of travel is compared with theory at the peak strength. A soil that softens is not at its peak
-everywhere at once: its draft lies between theory at the peak and at the critical strength; the mean from
-FIRST_M on stands beside it. Exit status 1 where the largest is off by more than ACCEPTED.
+by the middle of FIRST_M to LAST_M of travel acts as a surcharge on the wedge, spread over its rupture
+distance. Coulomb's force is the largest that the soil bears, so the largest draft within LAST_M of travel is
+compared with theory at the peak strength. A soil that softens is not at its peak everywhere at once: its
+draft lies between theory at the peak and at the critical strength; the mean from FIRST_M on stands beside
+it. Exit status 1 where the largest is off by more than ACCEPTED.
 """
 
 import argparse
@@ -51,7 +52,7 @@ LARGEST_OVER_M = 0.002
 THICKNESS_M = 0.02  # of the blade, more than a diameter: no particle comes behind it (chosen)
 
 ACCEPTED = 0.15
-"""Part by which the mean may differ from theory (asked of the soil)."""
+"""Part by which the largest draft may differ from theory (asked of the soil)."""
 
 BLADES = {"smooth": 0.0, "rough": 0.3}
 """Friction of soil on metal."""

@@ -80,6 +80,13 @@ def value_in(value: object, key: object) -> object:
     return value.get(key) if isinstance(value, dict) else None
 
 
+def value_at(value: object, path: Iterable[object]) -> object:
+    """What stands at a path; None where there is nothing."""
+    for key in path:
+        value = value_in(value, key)
+    return value
+
+
 def known_keys(annotation: Any, value: object) -> list[str]:
     """The keys that may stand at a place: fields of its model, or the names given in the scene."""
     model = model_at(annotation, value)

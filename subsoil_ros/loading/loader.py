@@ -88,7 +88,7 @@ def load_scene(
     changed(first)
     document, material = with_material(document, shown)
     changed(rest)
-    scene: Scene = validated(Scene, document, shown, changes)
+    scene = validated(Scene, document, shown, changes)
     if material is not None and (scene.particle_soil is None or not is_of(scene.particle_soil, material)):
         material = None  # the soil is another one
     try:

@@ -2,13 +2,12 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from ..errors import SceneError
 from ..scene.material import VERSION, LaboratorySoil, Material
 from ..scene.soil import Soil
 from ..yaml_document import Document, dump_yaml, merge, read_document
-from .keys import suggestion
+from .keys import suggestion, value_at
 from .overrides import Override
 from .shipped import material_names
 from .validation_errors import validated
@@ -19,8 +18,7 @@ _BROUGHT = ("law", "particles.sizes", "particles.density_kg_per_m3", "particles.
 
 def read_laboratory_soil(path: Path) -> LaboratorySoil:
     """Raises SceneError for a file that is missing or describes no soil."""
-    soil: LaboratorySoil = validated(LaboratorySoil, read_document(path, str(path)), str(path))
-    return soil
+    return validated(LaboratorySoil, read_document(path, str(path)), str(path))
 
 
 def read_material(path: Path, place: str) -> Material:
@@ -29,14 +27,14 @@ def read_material(path: Path, place: str) -> Material:
         raise SceneError(
             f"{place}: no file, and no soil that is shipped: {suggestion(path.name, material_names())}"
         )
-    document = read_document(path, f"{place}: {path}")
+    shown = f"{place}: {path}"
+    document = read_document(path, shown)
     if document.get("version") != VERSION:
         raise SceneError(
-            f"{place}: {path}: version {document.get('version')!r}, this program reads {VERSION}; calibrate "
+            f"{shown}: version {document.get('version')!r}, this program reads {VERSION}; calibrate "
             "the soil again (subsoil calibrate)"
         )
-    material: Material = validated(Material, document, f"{place}: {path}")
-    return material
+    return validated(Material, document, shown)
 
 
 def write_material(path: Path, material: Material) -> None:
@@ -76,9 +74,9 @@ def with_material(document: Document, shown: str) -> tuple[Document, Material | 
         )
     material = read_material(Path(name), f"{shown}: soil.material")
     for key in _BROUGHT:
-        if _at(soil, key) is not None:
+        if value_at(soil, key.split(".")) is not None:
             raise SceneError(f"{shown}: soil.{key}: given beside soil.material, which brings it; remove one")
-    radius = _at(soil, "particles.radius_m")
+    radius = value_at(soil, ("particles", "radius_m"))
     low, high = material.radii_m
     if not isinstance(radius, int | float) or isinstance(radius, bool) or not low <= radius <= high:
         raise SceneError(
@@ -89,7 +87,7 @@ def with_material(document: Document, shown: str) -> tuple[Document, Material | 
     own["particles"] = {key: value for key, value in own["particles"].items() if value is not None}
     del own["particles"]["radius_m"]
     below = material.section(float(radius))
-    if (_at(soil, "bed.kind") or "tiled") != "tiled":
+    if (value_at(soil, ("bed", "kind")) or "tiled") != "tiled":
         del below["bed"]
     return {**document, "soil": merge(below, own, shown)}, material
 
@@ -97,24 +95,16 @@ def with_material(document: Document, shown: str) -> tuple[Document, Material | 
 def is_of(soil: Soil, material: Material) -> bool:
     """Whether a validated soil is still that of its material: nothing of it was changed by the scene."""
     low, high = soil.particles.bounds_m
-    brought = soil.model_dump(include={"law", "particles", "bed", "layers"})
-    own = Soil.model_validate(
-        material.section(0.5 * (low + high)) | {"bin": soil.bin.model_dump()}
-    ).model_dump(include={"law", "particles", "bed", "layers"})
-    for section in (brought, own):
-        for key in ("seed", "tile_m", "floor"):
-            section["bed"].pop(key, None)
-        if section["particles"]["sizes"] is not None:
-            section["particles"]["sizes"] = {
-                key: round(value, 9) if isinstance(value, float) else value
-                for key, value in section["particles"]["sizes"].items()
-                if key != "seed"
-            }
-    return bool(brought == own)
+    own = Soil.model_validate(material.section(0.5 * (low + high)) | {"bin": soil.bin.model_dump()})
+    return _fixed_part(soil) == _fixed_part(own)
 
 
-def _at(soil: Document, key: str) -> Any:
-    value: Any = soil
-    for part in key.split("."):
-        value = value.get(part) if isinstance(value, dict) else None
-    return value
+def _fixed_part(soil: Soil) -> Document:
+    """What a scene may not change of a material's soil; radii to a nanometre."""
+    content = soil.model_dump(
+        include={"law", "particles", "bed", "layers"},
+        exclude={"bed": {"seed", "tile_m", "floor"}, "particles": {"sizes": {"seed"}}},
+    )
+    sizes = content["particles"]["sizes"] or {}
+    sizes |= {key: round(value, 9) for key, value in sizes.items() if isinstance(value, float)}
+    return content

@@ -37,5 +37,4 @@ class Preset(StrictModel):
 
 def read_preset(content: Document, place: str) -> Preset:
     """A preset of a scene document; `place` names it in errors. Raises SceneError."""
-    preset: Preset = validated(Preset, content, place)
-    return preset
+    return validated(Preset, content, place)

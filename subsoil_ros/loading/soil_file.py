@@ -48,14 +48,14 @@ class FoundSoil(StrictModel):
 
 def read_soil_file(path: Path, place: str = "soil.file") -> SoilFile:
     """Raises SceneError for a file that is missing, no YAML, or no soil file."""
-    document = read_document(path, f"{place}: {path}")
+    shown = f"{place}: {path}"
+    document = read_document(path, shown)
     if document.get("model") != "wedge":
         raise SceneError(
-            f"{place}: {path}: its model is {document.get('model')!r}, needed is a file with model "
+            f"{shown}: its model is {document.get('model')!r}, needed is a file with model "
             "'wedge', as `subsoil calibrate` writes it"
         )
-    soil: SoilFile = validated(SoilFile, document, f"{place}: {path}")
-    return soil
+    return validated(SoilFile, document, shown)
 
 
 def write_soil_file(path: Path, soil: SoilFile) -> None:

@@ -3,7 +3,7 @@
 import json
 import re
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
@@ -12,11 +12,13 @@ from ..contact_laws.registry import unusable_laws
 from ..errors import SceneError
 from ..scene.model import Scene
 from ..yaml_document import Document
-from .keys import annotation_at, kinds, known_keys, suggestion, value_in
+from .keys import annotation_at, kinds, known_keys, suggestion, value_at
 from .overrides import LOADER_KEYS, Override
 
 SHOWN_COUNT = 8
 """More errors than these are only counted."""
+
+Model = TypeVar("Model")
 
 _NEEDED = {
     "float_type": "a number",
@@ -43,7 +45,9 @@ _QUOTED = re.compile(r"'([^']+)'")
 _SUBPATH = re.compile(r"^([A-Za-z_][\w.\[\]]*): ")
 
 
-def validated(annotation: Any, document: Document, shown: str, overrides: Sequence[Override] = ()) -> Any:
+def validated(
+    annotation: type[Model], document: Document, shown: str, overrides: Sequence[Override] = ()
+) -> Model:
     """The document as an instance of `annotation`, a model or a union of models.
 
     Raises:
@@ -113,7 +117,7 @@ def _message(
         return path, text
     if first["type"] == "extra_forbidden":
         parent = place[:-1]
-        known = known_keys(annotation_at(root, document, parent), _value_at(document, parent))
+        known = known_keys(annotation_at(root, document, parent), value_at(document, parent))
         known += LOADER_KEYS if root is Scene and not parent else []
         return path, f"unknown key '{place[-1]}'; {suggestion(place[-1], known)}"
     if first["type"] == "missing":
@@ -175,10 +179,3 @@ def _given(value: object) -> str:
     if isinstance(value, list):
         return f"a list of {len(value)}"
     return str(value)[:60]
-
-
-def _value_at(document: Document, path: tuple[str, ...]) -> object:
-    value: object = document
-    for key in path:
-        value = value_in(value, key)
-    return value

@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -107,7 +107,7 @@ Design = WedgeDesign | LawDesign
 
 def read_design(path: Path) -> Design:
     """Raises InputError for a file that is missing or is no design."""
-    kind = Annotated[Design, Field(discriminator="model")]
+    kind: Any = Annotated[Design, Field(discriminator="model")]
     design: Design = validated(kind, read_document(path, str(path)), str(path))
     return design
 

@@ -94,8 +94,7 @@ class StudyPreset:
 
 def read_design(path: Path) -> StudyDesign:
     """Raises InputError for a file that is missing or is no design; a line per wrong place."""
-    design: StudyDesign = validated(StudyDesign, read_document(path, str(path)), str(path))
-    return design
+    return validated(StudyDesign, read_document(path, str(path)), str(path))
 
 
 def design_of(scene: Path) -> Path:

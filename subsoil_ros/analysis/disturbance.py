@@ -105,13 +105,14 @@ class Disturbance:
 def read_disturbance(
     bag: Path, resolved: ResolvedScene, series: Series, window: Window
 ) -> Disturbance | None:
-    """From a bag's clouds; None without particles, with fewer than two clouds, or too short a way.
+    """From a bag's clouds; None without particles, in a window, where soil comes and goes, with fewer than
+    two clouds, or too short a way.
 
     Raises:
         InputError, RecordingError: as open_record.
     """
     soil = resolved.scene.particle_soil
-    if soil is None:
+    if soil is None or soil.window is not None:
         return None
     reader = open_record(bag)
     times = reader.cloud_times_ns()

@@ -54,7 +54,7 @@ class Bed:
         return self.lower_m[2] if self.held is None else float(self.positions_m[self.held, 2].max())
 
     def only(self, kept: np.ndarray) -> "Bed":
-        """The bed without the particles where `kept` (n,) is false; the order of the others stays."""
+        """The bed without the particles where `kept` (n,) is false, or with those of these numbers."""
         return dataclasses.replace(
             self,
             positions_m=self.positions_m[kept],
@@ -171,7 +171,7 @@ def prepare_grid(soil: Soil, gravity_m_per_s2: float) -> Bed:
         lower_m=(0.0, -half_width, floor),
         upper_m=(float(x[-1] + wall), half_width),
         materials=np.concatenate([np.tile(material[:n], ny) for n in heights]) if soil.layers else None,
-        sides=soil.bin.sides,
+        sides=soil.bin.bed_sides,
     )
 
 

@@ -92,6 +92,7 @@ class SoilEngine(SoilReadings):
         self._calls: _StepCalls | None = None
         self._rebuilds = 0
         self._tool_work = 0.0
+        self._carried_joule = 0.0
         self._sinks = np.zeros(len(SINKS))  # of pairs and walls
         self._load(self.bed.positions_m, self.bed.radii_m, self.bed.materials, self.bed.held)
         if bed is None:
@@ -124,12 +125,13 @@ class SoilEngine(SoilReadings):
         radii: np.ndarray | None,
         materials: np.ndarray | None,
         held: np.ndarray | None = None,
+        identity: np.ndarray | None = None,
     ) -> None:
         """Start from particles at rest without contact history; without `materials`, by their depth."""
         self._owes_kick = False
-        self._moving = p = Particles.at_rest(
-            np.array(position), np.arange(len(position), dtype=np.int32), self._kind, held
-        )
+        if identity is None:
+            identity = np.arange(len(position), dtype=np.int32)
+        self._moving = p = Particles.at_rest(np.array(position), identity, self._kind, held)
         if self._soil.particles.sizes is not None or self._soil.layers is not None:
             if radii is None and self._soil.particles.sizes is not None:
                 raise InputError("radii_m: is missing; a soil with particles.sizes needs one per particle")
@@ -138,12 +140,15 @@ class SoilEngine(SoilReadings):
                 materials = material_at(self._soil, -position[:, 2])
             p.make_unequal(radius, np.array(materials, np.int64), self._density)
         self._loaded_position = position
-        self._domain = Domain(self._planes, self.bed, position, self._radius)
+        self._domain = self._domain_about(position)
         self._monitor = (
             None if self._soil.monitors is None else SoilMonitor(self._soil, self._domain, len(position))
         )
         self._forget_contacts()
         self._rebuild(())
+
+    def _domain_about(self, position: np.ndarray) -> Domain:
+        return Domain(self._planes, self.bed, position, self._radius)
 
     def _keep(self, kept: np.ndarray) -> None:
         """Only the particles where `kept` (n,) bool, without contact history."""
@@ -265,7 +270,7 @@ class SoilEngine(SoilReadings):
             "sinks": self._sinks,
             "tool_work": np.array(self._tool_work),
             "rebuilds": np.array(self._rebuilds),
-            "bed": bed_digest(self.bed, self._loaded_position),
+            "bed": self._bed_digest(),
         }
         parts = {f"tool.{tool.name}": tool.state_arrays() for tool in self._tools}
         if self._monitor is not None:
@@ -274,13 +279,16 @@ class SoilEngine(SoilReadings):
             arrays.update((f"{prefix}.{name}", array) for name, array in part.items())
         return arrays
 
+    def _bed_digest(self) -> np.ndarray:
+        return bed_digest(self.bed, self._loaded_position)
+
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Goes on from such a state; it keeps the arrays. In place of `start`.
 
         Raises:
             KeyError, ValueError: it is not one of this scene and bed.
         """
-        if not np.array_equal(arrays["bed"], bed_digest(self.bed, self._loaded_position)):
+        if not np.array_equal(arrays["bed"], self._bed_digest()):
             raise ValueError("the bed prepared here is not the one that the state began with")
         names = self._resolved.scene.tools
         tools = [below(f"tool.{name}", arrays) for name in names]
@@ -414,13 +422,19 @@ class SoilEngine(SoilReadings):
         tool.feel(by_group, moment, sums, at)
         self._tool_work -= tool.felt.work_joule - work
 
+    def _near_walls(self, reach: float) -> tuple[np.ndarray, np.ndarray]:
+        return near_walls(self._particles.position, self._planes, reach)
+
     def _reaches_m(self) -> tuple[float, float]:
         """How far apart two centres act on each other at most, and a centre and a wall or tool."""
         at_pairs, at_walls = self._reaches
         return 2.0 * self._radius + at_pairs, self._radius + at_walls
 
-    def _rebuild(self, motions: tuple[ToolMotion, ...]) -> None:
-        """Sort particles into cells, find pairs, walls and tool candidates, carry histories over."""
+    def _rebuild(self, motions: tuple[ToolMotion, ...], came_from: np.ndarray | None = None) -> None:
+        """Sort particles into cells, find pairs, walls and tool candidates, carry histories over.
+
+        came_from (n,): what numbers the particles had in the lists up to now, where others.
+        """
         p, skin = self._particles, self._soil.skin_m
         self._calls = None
         reach, boundary_reach = self._reaches_m()
@@ -435,6 +449,7 @@ class SoilEngine(SoilReadings):
         grid = cell_grid(p.position, reach, low, high, period)
         order, cell_start = sort_by_cell(p.position, grid)
         p.reorder(order)
+        order = order if came_from is None else came_from[order]
         smaller = self._radius - p.radius if p.unequal else 0.0
         if self.bed.sides == "endless":
             row_start, neighbour = endless_list(self.bed, p.position, reach, smaller)
@@ -450,7 +465,7 @@ class SoilEngine(SoilReadings):
         slabs = slab_starts(cell_start, grid, per_slab)
         self._flush_books()
         self._pairs = PairList(row_start, neighbour, history, slabs)
-        before, (particle, wall) = self._walls, near_walls(p.position, self._planes, boundary_reach + skin)
+        before, (particle, wall) = self._walls, self._near_walls(boundary_reach + skin)
         history = self._history(len(particle), np.float64)
         carry_walls(
             order, before.particle, before.wall, before.history, particle, wall, history, len(self._parity)
@@ -468,6 +483,10 @@ class SoilEngine(SoilReadings):
 def build_engine(resolved: ResolvedScene, threads: int = 1) -> SoilEngine:
     """The engine for the device that the scene names."""
     soil = resolved.scene.particle_soil
+    if soil is not None and soil.window is not None:
+        from .window import FieldEngine
+
+        return FieldEngine(resolved, threads)
     if soil is None or soil.device == "cpu":
         return SoilEngine(resolved, threads)
     if soil.law.kind not in BUILT_IN:

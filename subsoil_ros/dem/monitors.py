@@ -129,6 +129,10 @@ class Domain:
         self.ceiling_m = float(position_m[:, 2].max()) + max(sides)
         """As far above the bed as its longest side (chosen): nothing that a tool throws comes there."""
 
+    def move_to(self, planes: np.ndarray) -> None:
+        """The walls are others."""
+        self._planes = planes
+
     def outside(self, particles: Particles) -> np.ndarray:
         """(n,) bool."""
         radius = particles.radius if particles.unequal else self._radius
@@ -153,9 +157,8 @@ class SoilMonitor:
     def __init__(self, soil: Soil, domain: Domain, count: int) -> None:
         assert soil.monitors is not None
         self._bounds, self._domain, self._radius = soil.monitors, domain, soil.particles.bounds_m[0]
-        given = soil.max_lost_particles
-        self._alarm = max(1, count // ONE_IN) if given is None else given
-        self._gone = np.zeros(count, np.bool_)
+        self._allowed, self.count = soil.max_lost_particles, count  # particles there were so far
+        self._gone = np.empty(0, np.int64)  # identities
         self.first_lost: list[LostParticle] = []
         # between two looks nobody may cross a particle unseen; a rebuild says that one moved by half a skin
         self._hurry_steps = soil.monitors.every_steps * soil.skin_m / (4.0 * self._radius)
@@ -190,7 +193,11 @@ class SoilMonitor:
     @property
     def lost_count(self) -> int:
         """Particles that have left the domain since the start, up to the last check."""
-        return int(self._gone.sum())
+        return len(self._gone)
+
+    @property
+    def _alarm(self) -> int:
+        return max(1, self.count // ONE_IN) if self._allowed is None else self._allowed
 
     @property
     def balances(self) -> bool:
@@ -266,18 +273,17 @@ class SoilMonitor:
 
     def _check_lost(self, where: str, tick: int, particles: Particles) -> None:
         outside = self._domain.outside(particles)
-        new = np.flatnonzero(outside & ~self._gone[particles.identity])
+        new = np.flatnonzero(outside)
+        new = new[~np.isin(particles.identity[new], self._gone)]
         if len(new) == 0:
             return
         new = new[np.argsort(particles.identity[new])]
         first = self.lost_count == 0
-        self._gone[particles.identity[new]] = True
+        self._gone = np.append(self._gone, particles.identity[new])
         for k in new[: NAMED - len(self.first_lost)]:
             x, y, z = particles.position[k].tolist()
             self.first_lost.append(LostParticle(int(particles.identity[k]), (x, y, z), tick))
-        found = (
-            f"{where}: {self.lost_count} of {len(self._gone)} particles have left the domain, {self._names()}"
-        )
+        found = f"{where}: {self.lost_count} of {self.count} particles have left the domain, {self._names()}"
         if self.lost_count > self._alarm:
             raise PhysicsError(
                 f"{found}; allowed is soil.max_lost_particles {self._alarm}; use a smaller "

@@ -300,7 +300,8 @@ def carry_rows(
 
     Each array of `old` has one row per old particle; a particle that was not there gets zeros.
     """
-    row_of = np.full(len(order), -1, np.int64)
+    most = max(order.max(initial=0), old_particle.max(initial=0))
+    row_of = np.full(most + 1, -1, np.int64)
     row_of[old_particle] = np.arange(len(old_particle))
     rows = row_of[order[particle]]
     known = rows >= 0

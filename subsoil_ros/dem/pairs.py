@@ -70,6 +70,12 @@ def history_place(pair, components=SPRINGS):
     return pair // BLOCK * (BLOCK * components) + pair % BLOCK
 
 
+def history_places(pair: np.ndarray, components: int) -> np.ndarray:
+    """(p, components) places of what a law keeps of pairs (p,), in blocks of history_blocks."""
+    first = pair // BLOCK * (BLOCK * components) + pair % BLOCK  # history_place
+    return np.asarray(first[:, None] + BLOCK * np.arange(components))
+
+
 @inner_kernel(forceinline=True)
 def stored_energy(overlap, history, pair, law, features):
     """Energy in the normal force and the springs of a pair or wall contact [J]."""

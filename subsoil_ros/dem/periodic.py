@@ -105,6 +105,32 @@ def refuse_tool_at_seam(name: str, vertices_m: np.ndarray, bed: Bed, soil: Soil)
         )
 
 
+HELD_LAYER = 2.0
+"""Thickness of held soil over the largest radius: no particle passes it."""
+
+
+def refuse_tool_at_held_side(name: str, vertices_m: np.ndarray, soil: Soil) -> None:
+    """A tool must stay off soil that is held at the sides of a field: it would cut rock.
+
+    Args:
+        vertices_m: (v, 3) of the tool, y as in the world.
+
+    Raises:
+        SceneError: it comes nearer than a diameter of the largest particle.
+    """
+    if soil.bin.sides != "held":
+        return
+    largest = soil.particles.bounds_m[1]
+    free = 0.5 * soil.bin.width_m - (HELD_LAYER + 2.0) * largest
+    outermost = float(np.abs(vertices_m[:, 1]).max())
+    if outermost > free:
+        raise SceneError(
+            f"tools.{name}: reaches to y = {outermost:.4g} m; with soil.bin.sides held, allowed is up to "
+            f"{free:.4g} m, a particle before the soil that is held: make soil.bin.width_m at least "
+            f"{soil.bin.width_m + 2.0 * (outermost - free):.4g} m, or its sides periodic"
+        )
+
+
 def _beyond(y_m: np.ndarray, bed: Bed, reach_m: float) -> tuple[np.ndarray, np.ndarray]:
     """(v,) bool each: which places are beyond the right and the left side by a reach."""
     return y_m <= bed.lower_m[1] - reach_m, y_m >= bed.upper_m[1] + reach_m

@@ -15,7 +15,7 @@ from .integration import mass_sums, motion_sums
 from .kernel_calls import use_threads
 from .mixture import Mixture
 from .monitors import LostParticle, MotionSums, SoilMonitor, half_step_sums
-from .pairs import contact_scan, pair_energy
+from .pairs import contact_scan, history_places, pair_energy
 from .periodic import wrapped
 from .state import PairList, Particles, WallList
 from .tools.surface import ToolSurface
@@ -29,6 +29,7 @@ class SoilReadings(ABC):
     _threads: int
     _step_s: float
     _gravity: float
+    _parity: np.ndarray  # (components,) of what the law keeps of a contact
     _radius: float  # of all, or the largest [m]
     _mass: float  # of all, or of one of mean volume [kg]
     _inertia: float
@@ -47,6 +48,7 @@ class SoilReadings(ABC):
     _monitor: SoilMonitor | None
     _rebuilds: int
     _tool_work: float
+    _carried_joule: float  # that came in less what left with a window
     _sinks: np.ndarray
     _wall_force: np.ndarray
     _pair_book: np.ndarray
@@ -102,10 +104,22 @@ class SoilReadings(ABC):
         """
         p = self._particles
         back = np.argsort(p.identity)
-        moved = p.position[back] - self._loaded_position[p.identity[back]]
+        moved = p.position[back] - self._laid_out_m(p.identity[back])
         if self.bed.period_m is not None:
             moved[:, 1] += p.image[back] * self.bed.period_m
         return moved
+
+    def _laid_out_m(self, identity: np.ndarray) -> np.ndarray:
+        """(n, 3) places in the prepared bed."""
+        return self._loaded_position[identity]
+
+    def contact_histories(self) -> tuple[np.ndarray, np.ndarray]:
+        """Listed pairs, (p, 2) places in the prepared bed, and what the law keeps of them (p, components)."""
+        rows, neighbour = self._pairs.row_start, self._pairs.neighbour
+        identity = self._particles.identity
+        first = np.repeat(np.arange(len(rows) - 1), np.diff(rows))
+        history = self._pairs.history[history_places(np.arange(len(neighbour)), len(self._parity))]
+        return np.stack((identity[first], identity[neighbour]), axis=1).astype(np.int64), history
 
     def velocities_m_per_s(self) -> np.ndarray:
         """(n, 3) float64, world axes, in the order of the prepared bed."""
@@ -186,6 +200,7 @@ class SoilReadings(ABC):
             stored_joule=self._stored_in_pairs() + at_walls + at_tools,
             sinks_joule=dict(zip(SINKS, sinks.tolist(), strict=True)),
             tool_work_joule=self._tool_work,
+            carried_joule=self._carried_joule,
         )
 
     def potential_joule(self) -> float:

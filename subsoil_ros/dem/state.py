@@ -1,6 +1,6 @@
 """What changes in the soil: particles and the histories of their contacts."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -75,6 +75,14 @@ class Particles:
         for name in ["identity", "image", "held"] + self.unequal * ["radius", "mass", "inertia", "material"]:
             setattr(self, name, getattr(self, name)[order])
         self.built_position = self.position.astype(np.float32)
+
+    def joined(self, others: "Particles") -> "Particles":
+        """These and, after them, `others`."""
+        parts = {
+            item.name: np.concatenate((getattr(self, item.name), getattr(others, item.name)))
+            for item in fields(self)
+        }
+        return Particles(**parts)
 
     @property
     def count(self) -> int:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..loading.loader import ResolvedScene
+from ..recording.height_map import soil_span_m
 from .machine_shapes import Segments, Shapes, Surface
 from .snapshots import Frame, Snapshots
 from .soil_cut import SPEED_SCALE_M_PER_S
@@ -75,7 +76,7 @@ class Renderer:
         _add_lines(plotter, self._shapes.skeleton(frame), "body", _TUBE_M)
         _add_lines(plotter, self._shapes.wheels(frame), "body", 0.5 * _TUBE_M)
         _add_lines(plotter, self._shapes.springs(frame), "spring", 1.5 * _TUBE_M)
-        bounds = self._bounds()
+        bounds = self._bounds(frame)
         plotter.add_mesh(pyvista.Box(bounds).outline(), color=_COLOURS["bin"], line_width=2)
         plotter.add_text(
             f"{self._resolved.scene.name}   t = {frame.time_s:.3f} s", position="upper_left",
@@ -120,13 +121,13 @@ class Renderer:
         if view in ("longitudinal", "corner"):
             return y >= 0.0, lambda surface: bool((surface.vertices_m[:, 1] < 0.0).all())
         if view == "cross":
-            plane = self._cross_x_m(surfaces)
+            plane = self._cross_x_m(frame, surfaces)
             return x <= plane, lambda surface: bool((surface.vertices_m[:, 0] > plane).all())
         return np.ones(len(x), dtype=bool), lambda surface: False
 
-    def _cross_x_m(self, surfaces: Sequence[Surface]) -> float:
+    def _cross_x_m(self, frame: Frame, surfaces: Sequence[Surface]) -> float:
         """Forward place of the lowest point of the tools that cut; mid-bin while that is outside."""
-        x0, x1, *_ = self._bounds()
+        x0, x1, *_ = self._bounds(frame)
         tools = self._resolved.scene.tools
         shares = [surface.vertices_m for surface in surfaces if tools[surface.tool].is_tillage]
         if shares:
@@ -136,12 +137,14 @@ class Renderer:
                 return tip
         return 0.5 * (x0 + x1)
 
-    def _bounds(self) -> tuple[float, float, float, float, float, float]:
-        """What is shown at least, x, y, z from and to: the bin, or without soil the machine."""
+    def _bounds(self, frame: Frame) -> tuple[float, float, float, float, float, float]:
+        """What is shown at least, x, y, z from and to: the soil there is, or without soil the machine."""
         scene = self._resolved.scene
         if scene.soil is not None:
             size = scene.soil.bin
-            return 0.0, size.length_m, -0.5 * size.width_m, 0.5 * size.width_m, -size.depth_m, 0.0
+            soil = scene.particle_soil
+            low, high = (0.0, size.length_m) if soil is None else soil_span_m(frame.positions_m, soil)
+            return low, high, -0.5 * size.width_m, 0.5 * size.width_m, -size.depth_m, 0.0
         assert scene.mechanism is not None
         places = np.array([body.position_m for body in scene.mechanism.bodies.values()])
         (low_x, low_z), (high_x, high_z) = places.min(axis=0) - 0.5, places.max(axis=0) + 0.5

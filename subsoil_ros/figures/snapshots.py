@@ -96,6 +96,7 @@ class Snapshots:
         soil = self._resolved.scene.particle_soil
         axes = [0, 2] if soil is not None and soil.bin.sides == "periodic" else [0, 1, 2]
         whole = self._resolved.scene.record.cloud_region is None  # else particles come and go
+        whole &= soil is None or soil.window is None
         times = {self.times_ns[0], *wanted}
         start: NDArray[np.float32] | None = None
         for cloud in self._reader.clouds(

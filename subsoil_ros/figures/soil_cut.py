@@ -13,6 +13,7 @@ from scipy.spatial import ConvexHull
 from ..analysis.poses import posed_vertices_m, reference_angle
 from ..loading.loader import ResolvedScene
 from ..messages import SoilCloud, ToolMotion, ToolMotions
+from ..recording.height_map import soil_span_m
 from ..recording.joined import open_record
 from ..scene.meshes import ToolMesh, load_tool_mesh
 from ..scene.soil import Soil
@@ -68,26 +69,28 @@ def _draw(
     path: Path,
 ) -> None:
     meshes = {name: load_tool_mesh(resolved.directory, resolved.scene, name) for name in resolved.scene.tools}
-    # the walls stand up to one spacing inside the nominal bin, to fit the bed
     radius, depth = soil.particles.mean_volume_radius_m, soil.bin.depth_m
     first = np.asarray(clouds[0].positions_m)
-    length = min(soil.bin.length_m, first[:, 0].max(initial=0.0) + radius)
+    spans = [soil_span_m(np.asarray(cloud.positions_m), soil) for cloud in clouds]
+    if soil.window is None:  # the walls stand up to one spacing inside the nominal bin, to fit the bed
+        spans = [(0.0, min(soil.bin.length_m, first[:, 0].max(initial=0.0) + radius))] * len(clouds)
+    length = max(high - low for low, high in spans)
     floor = max(-depth, first[:, 2].min(initial=0.0) - radius)
     inch_per_m = min(_WIDTH_INCH / (1.1 * length), _HEIGHT_INCH / (depth + _HEADROOM_M))
     figure = new_figure(
         1.1 * length * inch_per_m + 1.6, len(clouds) * ((depth + _HEADROOM_M) * inch_per_m + 0.5) + 1.2
     )
-    panels = figure.subplots(len(clouds), 1, sharex=True, squeeze=False)[:, 0]
+    panels = figure.subplots(len(clouds), 1, sharex=soil.window is None, squeeze=False)[:, 0]
     drawn = set()
-    for axes, cloud in zip(panels, clouds, strict=True):
+    for axes, cloud, (low, high) in zip(panels, clouds, spans, strict=True):
         spheres = _draw_particles(axes, cloud, radius)
         record = motions.get(cloud.end_time_ns)
         for motion in record.tools if record is not None else ():
             drawn.add(_draw_tool(axes, meshes[motion.tool], motion, reference_angle(resolved, motion.tool)))
         rim = _HEADROOM_M / 5
-        axes.plot([0, 0, length, length], [rim, floor, floor, rim], color=_BIN, lw=1.5)
+        axes.plot([low, low, high, high], [rim, floor, floor, rim], color=_BIN, lw=1.5)
         axes.set_aspect("equal")
-        axes.set_xlim(-0.05 * length, 1.05 * length)
+        axes.set_xlim(low - 0.05 * length, low + 1.05 * length)
         axes.set_ylim(floor - 0.01, _HEADROOM_M)
         axes.set_ylabel("height [m]")
         axes.set_title(f"t = {cloud.end_time_ns * 1e-9:.3f} s", fontsize=10, loc="left")

@@ -21,7 +21,7 @@ from ..scene.model import Scene
 from ..yaml_document import Document, dump_yaml, merge, plain_value, read_document
 from .files import with_absolute_files
 from .keys import suggestion
-from .material import is_of, material_first, with_material
+from .material import is_of, material_first, with_material, with_window
 from .overrides import CHOICES, Override, apply_override, overrides_of, parse_overrides
 from .presets import Preset, read_preset
 from .reference import Reference, read_reference
@@ -88,6 +88,7 @@ def load_scene(
     changed(first)
     document, material = with_material(document, shown)
     changed(rest)
+    document = with_window(document, material, shown)
     scene = validated(Scene, document, shown, changes)
     if material is not None and (scene.particle_soil is None or not is_of(scene.particle_soil, material)):
         material = None  # the soil is another one

@@ -1,11 +1,13 @@
 """Material files: `soil.material` in a scene stands for the particles that make a soil of a laboratory."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import SceneError
 from ..scene.material import VERSION, LaboratorySoil, Material
 from ..scene.soil import Soil
+from ..scene.window import rupture_distance_m
 from ..yaml_document import Document, dump_yaml, merge, read_document
 from .keys import suggestion, value_at
 from .overrides import Override
@@ -92,11 +94,35 @@ def with_material(document: Document, shown: str) -> tuple[Document, Material | 
     return {**document, "soil": merge(below, own, shown)}, material
 
 
+def with_window(document: Document, material: Material | None, shown: str) -> Document:
+    """A scene's document whose `soil.window` is as long as the soil of its material asks for.
+
+    Raises:
+        SceneError: it is given shorter than the rupture distance.
+    """
+    window = value_at(document, ("soil", "window"))
+    depth = value_at(document, ("soil", "bin", "depth_m"))
+    if material is None or not isinstance(window, dict) or not isinstance(depth, int | float):
+        return document
+    angle = material.soil.friction_angle_deg
+    needed = math.ceil(1e3 * rupture_distance_m(depth, angle)) / 1e3
+    for key in ("ahead_m", "behind_m"):
+        given = window.get(key)
+        if isinstance(given, int | float) and given < needed:
+            raise SceneError(
+                f"{shown}: soil.window.{key}: {given:g} m is less than the rupture distance of soil "
+                f"'{material.soil.name}', {needed:g} m over {depth:g} m of depth at {angle:g} degrees; make "
+                "it longer, or leave it out"
+            )
+    filled = {"ahead_m": needed, "behind_m": needed} | window
+    return {**document, "soil": {**document["soil"], "window": filled}}
+
+
 def is_of(soil: Soil, material: Material) -> bool:
     """Whether a validated soil is still that of its material: nothing of it was changed by the scene."""
     low, high = soil.particles.bounds_m
-    own = Soil.model_validate(material.section(0.5 * (low + high)) | {"bin": soil.bin.model_dump()})
-    return _fixed_part(soil) == _fixed_part(own)
+    section = material.section(0.5 * (low + high)) | {"bin": soil.bin.model_dump(exclude={"sides"})}
+    return _fixed_part(soil) == _fixed_part(Soil.model_validate(section))
 
 
 def _fixed_part(soil: Soil) -> Document:

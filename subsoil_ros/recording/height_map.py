@@ -1,5 +1,6 @@
 """Height of the soil's surface over the bin, from the places of its particles."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -49,15 +50,24 @@ def height_grid(
     return HeightGrid((x_low, y_low), cell, np.where(np.isfinite(height), height, np.nan))
 
 
+def soil_span_m(positions_m: NDArray[Any], soil: Soil) -> tuple[float, float]:
+    """Where soil is along x [m]: the bin; of a window, whole cells about its particles (n, 3)."""
+    if soil.window is None or len(positions_m) == 0:
+        return 0.0, soil.bin.length_m
+    cell = CELL_DIAMETERS * 2.0 * soil.particles.mean_volume_radius_m
+    low, high = float(positions_m[:, 0].min()), float(positions_m[:, 0].max())
+    return cell * math.floor(low / cell), cell * math.ceil(high / cell)
+
+
 def height_map(cloud: SoilCloud, soil: Soil) -> Any:
     """sensor_msgs/PointCloud2 in rows and columns: centre and height of every cell, and its lift, float32.
 
     lift [m] is the height over the surface that the scene describes (z = 0, or its profile), NaN where no
     particle is. Depends on nothing but the cloud, so a run that goes on from a checkpoint writes the same.
     """
-    half = 0.5 * soil.bin.width_m
-    box = ((0.0, -half), (soil.bin.length_m, half))
-    grid = height_grid(np.asarray(cloud.positions_m, np.float64), soil.particles.mean_volume_radius_m, box)
+    half, positions = 0.5 * soil.bin.width_m, np.asarray(cloud.positions_m, np.float64)
+    low, high = soil_span_m(positions, soil)
+    grid = height_grid(positions, soil.particles.mean_volume_radius_m, ((low, -half), (high, half)))
     xs, ys = grid.centres_m()
     points = np.empty((*grid.height_m.shape, len(FIELDS)), dtype="<f4")
     points[:, :, 0], points[:, :, 1] = xs[None, :], ys[:, None]

@@ -12,10 +12,18 @@ class Bin(StrictModel):
 
     z = 0 is the mean top of the prepared bed; the floor follows from the bed. Periodic sides: what leaves at
     y = width/2 comes in at -width/2, as if the bin were a slice of an endless one; tools keep off them, or go
-    through both.
+    through both. Held: the outermost soil stays where it is, a diameter of the largest particles thick.
+    With soil.window, the bin is the whole field, of which soil exists near the tools only.
     """
 
     length_m: Positive
     width_m: Positive
     depth_m: Positive = Field(description="of the bed.")
-    sides: Literal["walls", "periodic"] = Field("walls", description="at y = +-width/2.")
+    sides: Literal["walls", "periodic", "held"] = Field(
+        "walls", description="at y = +-width/2; with soil.window: held or periodic."
+    )
+
+    @property
+    def bed_sides(self) -> Literal["walls", "periodic"]:
+        """Of the bed: held soil stands before walls."""
+        return "walls" if self.sides == "held" else self.sides

@@ -7,11 +7,12 @@ from pydantic import Field, model_validator
 from ..contact_laws.base import ContactLaw, one_of_kinds
 from ..contact_laws.registry import contact_laws
 from ..strict_model import Positive, StrictModel
-from .beds import Bed, DenseRandomBed, GridBed, SavedBed, SurfaceProfile
+from .beds import Bed, DenseRandomBed, GridBed, SavedBed, SurfaceProfile, TiledBed
 from .bin import Bin
 from .layers import Layer
 from .monitors import Monitors
 from .sizes import Sizes, mean_power
+from .window import SoilWindow
 
 
 class Particles(StrictModel):
@@ -76,6 +77,9 @@ class Soil(StrictModel):
     max_tool_overlap_m: Positive | None = Field(
         None, description="the run stops beyond it; default: two radii."
     )
+    window: SoilWindow | None = Field(
+        None, description="soil exists near the tools only; null: in all the bin."
+    )
     surface: SurfaceProfile | None = Field(None, description="trims the bed.")
     layers: tuple[Layer, ...] | None = Field(None, min_length=2, description="from top to bottom.")
     monitors: Monitors | None = Field(Monitors(), description="null: none.")
@@ -91,6 +95,34 @@ class Soil(StrictModel):
                 "bed.kind: 'dense_random' settles under linear springs and cannot be prepared under law "
                 f"'{self.law.kind}'; use 'tiled' or 'grid', or law {' or '.join(linear)}"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _windowed_field(self) -> "Soil":
+        """A window needs a tiled bed without walls; only there sides are held."""
+        if self.window is None:
+            if self.bin.sides == "held":
+                raise ValueError("bin.sides: 'held' needs soil.window; use 'walls' or 'periodic', or add it")
+            return self
+        if not isinstance(self.bed, TiledBed) or self.bed.floor != "held":
+            raise ValueError(
+                f"window: is laid out from a tiled bed over a held floor, not from '{self.bed.kind}'"
+                f"{', floor plane' if isinstance(self.bed, TiledBed) else ''}; use bed: {{kind: tiled}}"
+            )
+        if self.bin.sides == "walls":
+            raise ValueError("bin.sides: a field has no 'walls'; with soil.window use 'held' or 'periodic'")
+        if self.surface is not None:
+            raise ValueError("surface: cannot be given with soil.window, whose field is level; leave one out")
+        if self.device != "cpu":
+            raise ValueError(
+                "device: 'gpu' does not compute a soil.window; use 'cpu', or leave the window out"
+            )
+        for key in ("ahead_m", "behind_m"):
+            if getattr(self.window, key) < self.bin.depth_m:
+                raise ValueError(
+                    f"window.{key}: {getattr(self.window, key):g} m is less than the bed is deep; allowed is "
+                    f"at least {self.bin.depth_m:g} m, the rupture distance is longer still"
+                )
         return self
 
     @model_validator(mode="after")

@@ -13,8 +13,9 @@ from subsoil_ros.dem.beds.prepare import check_start, prepare_bed
 from subsoil_ros.dem.beds.report import free_motion, report_bed
 from subsoil_ros.dem.beds.settling import ignore_progress
 from subsoil_ros.dem.beds.tile import PRESSED_OVERLAP, pressed_tile, solid_fraction, tile_edge_m
-from subsoil_ros.dem.beds.tiled import HELD_LAYER, laid_out
+from subsoil_ros.dem.beds.tiled import laid_out
 from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.periodic import HELD_LAYER
 from subsoil_ros.errors import SceneError
 from tests.soils import LINEAR
 from tests.soils import PARTICLE as WET

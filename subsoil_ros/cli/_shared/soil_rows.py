@@ -14,6 +14,7 @@ from ...scene.sizes import mean_power
 from ...scene.soil import Soil
 from ...scene.tool_faces import cutting_faces, wheel_face
 from ...scene.wedge import WedgeSoil
+from ...scene.window import SoilWindow, rupture_distance_m
 
 
 def material_rows(material: Material) -> Iterable[tuple[str, str]]:
@@ -93,11 +94,14 @@ def particle_rows(resolved: ResolvedScene, soil: Soil, count: int) -> Iterable[t
         size = soil.bin
         fitted = "walls" if size.sides == "walls" else "ends and period in y"
         if isinstance(soil.bed, TiledBed):
-            kind = "walls" if size.sides == "walls" else "periodic sides"
+            kind = "walls" if size.sides == "walls" else f"{size.sides} sides"
             fitted = f"{kind}, {soil.bed.floor} floor"
         else:
             fitted += " fitted to the bed"
-        yield "bin", f"{size.length_m:g} x {size.width_m:g} x {size.depth_m:g} m, {fitted}"
+        box = "bin" if soil.window is None else "field"
+        yield box, f"{size.length_m:g} x {size.width_m:g} x {size.depth_m:g} m, {fitted}"
+        if soil.window is not None:
+            yield "window", _window(resolved, soil, soil.window)
         return
     nx, ny, nz = grid_shape(soil)
     bed = prepare_grid(soil, resolved.scene.gravity_m_per_s2)
@@ -114,6 +118,15 @@ def particle_rows(resolved: ResolvedScene, soil: Soil, count: int) -> Iterable[t
             + ("" if bed.period_m is None else f", y periodic with {width:.4g} m")
         ),
     )
+
+
+def _window(resolved: ResolvedScene, soil: Soil, window: SoilWindow) -> str:
+    text = f"soil exists from {window.behind_m:g} m behind the tools to {window.ahead_m:g} m ahead of them"
+    if resolved.material is None:
+        return text
+    angle = resolved.material.soil.friction_angle_deg
+    rupture = rupture_distance_m(soil.bin.depth_m, angle)
+    return f"{text}; a cut as deep as the bed fails {rupture:.3g} m ahead at {angle:g} degrees"
 
 
 def _random_bed(soil: Soil) -> str:

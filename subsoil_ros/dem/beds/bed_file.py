@@ -35,6 +35,9 @@ _ARRAYS = {
     "held": (np.bool_, 1),  # of length 0 where no particle is
 }
 
+CONTACTS = ("contact_pair", "contact_history")
+"""Further arrays of the block of a field."""
+
 
 def law_hash(soil: Soil) -> str:
     """What the particles of a bed are and how they touch: sha256 hex of law, particles and layers."""
@@ -42,8 +45,10 @@ def law_hash(soil: Soil) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def write_bed(path: Path, bed: Bed, soil: Soil) -> None:
+def write_bed(path: Path, bed: Bed, soil: Soil, contacts: tuple[np.ndarray, ...] = ()) -> None:
     """Write `bed`, prepared under the law of `soil`, as a compressed .npz; atomic.
+
+    contacts: pairs and histories of the block of a field, CONTACTS.
 
     Raises:
         OSError: the folder cannot be written to; nothing is left behind.
@@ -63,6 +68,7 @@ def write_bed(path: Path, bed: Bed, soil: Soil) -> None:
                 materials=np.empty(0, np.int64) if bed.materials is None else bed.materials,
                 held=np.empty(0, np.bool_) if bed.held is None else bed.held,
                 sides=np.array(bed.sides),
+                **dict(zip(CONTACTS, contacts, strict=False)),  # type: ignore[arg-type]
             )
             file.flush()
             os.chmod(file.name, 0o644)
@@ -87,7 +93,7 @@ def read_bed(path: Path, soil: Soil) -> Bed:
             f"{str(content['law_hash'])[:12]}, this scene has {law_hash(soil)[:12]}); prepare it anew with "
             "this scene's soil.law, soil.particles and soil.layers"
         )
-    if content["sides"] != soil.bin.sides:
+    if content["sides"] != soil.bin.bed_sides:
         raise SceneError(
             f"{where}: was prepared between sides '{content['sides']}', soil.bin.sides is "
             f"'{soil.bin.sides}'; give the scene the sides of the bed, or prepare the bed anew"
@@ -100,7 +106,7 @@ def read_bed(path: Path, soil: Soil) -> Bed:
         float(content["kinetic_energy_joule"]),
         content["radii_m"] if soil.particles.sizes else None,
         content["materials"] if soil.layers else None,
-        soil.bin.sides,
+        soil.bin.bed_sides,
         content["held"] if len(content["held"]) else None,
     )
     _refuse_wrong_bin(bed, soil, where)

@@ -3,7 +3,11 @@
 import contextlib
 import hashlib
 import json
+import zipfile
+import zlib
 from pathlib import Path
+
+import numpy as np
 
 from ...errors import SceneError
 from ...kernel_cache import user_cache_folder
@@ -12,7 +16,8 @@ from ...scene.beds import TiledBed
 from ...scene.soil import Soil
 from ...source_digest import PACKAGE, law_digests, tree_digest
 from ..bed import Bed
-from .bed_file import VERSION, read_bed, write_bed
+from .bed_file import CONTACTS, VERSION, read_bed, write_bed
+from .tile import tile_edge_m
 
 SOURCES = (
     *(PACKAGE / "dem").glob("*.py"),
@@ -28,11 +33,14 @@ _OF_THE_RUN = {
 
 
 def cached_bed_path(resolved: ResolvedScene) -> Path:
-    """Where the bed of a scene is kept once it is prepared."""
+    """Where the bed of a scene is kept once it is prepared; of a field, its block."""
     soil = resolved.scene.particle_soil
     assert soil is not None
+    described = soil.model_dump(mode="json", exclude=_OF_THE_RUN)
+    if described.pop("window") is not None:  # the block of its field
+        described |= {"bin": soil.bin.depth_m, "edge_m": tile_edge_m(soil)}
     content = {
-        "soil": soil.model_dump(mode="json", exclude=_OF_THE_RUN),
+        "soil": described,
         "gravity_m_per_s2": resolved.scene.gravity_m_per_s2,
         "code": tree_digest(SOURCES),
         "laws": law_digests(),
@@ -65,8 +73,17 @@ def load_cached(path: Path, soil: Soil) -> Bed | None:
         return None  # it is prepared again and replaces the damaged file
 
 
-def keep(path: Path, bed: Bed, soil: Soil) -> None:
+def load_contacts(path: Path) -> tuple[np.ndarray, ...] | None:
+    """The contacts kept with the bed at `path`; none if there are none, or it is damaged."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return tuple(file[name] for name in CONTACTS)
+    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile, zlib.error):
+        return None
+
+
+def keep(path: Path, bed: Bed, soil: Soil, contacts: tuple[np.ndarray, ...] = ()) -> None:
     """Keep a bed for later runs; where the folder cannot be written to, they prepare it again."""
     with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_bed(path, bed, soil)
+        write_bed(path, bed, soil, contacts)

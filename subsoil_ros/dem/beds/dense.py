@@ -140,7 +140,7 @@ def _settled(soil: Soil, box: Bin, seed: int, loose: Settling) -> Bed:
     points = np.random.default_rng(seed).uniform(low, high, (count, 3))
     radii = None if sizes is None else sampled_radii_m(sizes, count)
     sides = (0.0, -half_width, 0.0), (box.length_m, half_width)
-    bed = Bed(points, *sides, sides=box.sides, radii_m=radii)
+    bed = Bed(points, *sides, sides=box.bed_sides, radii_m=radii)
     # Far above the critical damping of a pair, so that no particle flies out of the top.
     bed = loose.run(bed, Rest(0.0, QUENCH_S), QUENCH_DAMPING * loose.contact_rate_per_s, "parting")
     damping = FALL_DAMPING * math.sqrt(SETTLING_GRAVITY / box.depth_m)

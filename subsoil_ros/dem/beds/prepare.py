@@ -13,20 +13,22 @@ from ...scene.meshes import load_tool_mesh
 from ...scene.pairs import pair_values
 from ...scene.soil import Soil
 from ..bed import Bed, grid_shape, prepare_grid
-from ..periodic import refuse_narrow_period, refuse_tool_at_seam
+from ..periodic import HELD_LAYER, refuse_narrow_period, refuse_tool_at_held_side, refuse_tool_at_seam
 from .bed_file import LARGEST_OVERLAP, read_bed
 from .cache import cached_bed_path, keep, load_cached
 from .dense import prepare_dense, rest_volume_m3
+from .field import Field, kept_block
 from .settling import EngineOf, OnProgress, ignore_progress
 from .surface import profile_m
 from .tile import tile_edge_m
-from .tiled import HELD_LAYER, prepare_tiled
+from .tiled import prepare_tiled
 
 
 def prepare_bed(
     resolved: ResolvedScene, engine_of: EngineOf, threads: int = 1, on_progress: OnProgress = ignore_progress
 ) -> Bed:
-    """The bed of the scene's soil; `engine_of` is the class SoilEngine, which settles particles.
+    """The bed of the scene's soil, of a field its first window; `engine_of` is the class SoilEngine, which
+    settles particles.
 
     One that takes long to prepare is kept in the user's cache folder and taken from there the next time;
     `on_progress` is told how its preparation goes.
@@ -43,6 +45,9 @@ def prepare_bed(
         return bed
     if isinstance(soil.bed, SavedBed):
         return read_bed(Path(soil.bed.file), soil)
+    if soil.window is not None:
+        field = Field(kept_block(resolved, engine_of, threads, on_progress), soil)
+        return field.bed(*field.first_window)
     refuse_narrow_period(nominal_box(soil), soil)
     path = cached_bed_path(resolved)
     kept = load_cached(path, soil)
@@ -59,7 +64,7 @@ def nominal_box(soil: Soil) -> Bed:
     """The scene's bin without particles."""
     half_width = 0.5 * soil.bin.width_m
     lower = (0.0, -half_width, -soil.bin.depth_m)
-    return Bed(np.empty((0, 3)), lower, (soil.bin.length_m, half_width), sides=soil.bin.sides)
+    return Bed(np.empty((0, 3)), lower, (soil.bin.length_m, half_width), sides=soil.bin.bed_sides)
 
 
 def _refuse_tight_grid(soil: Soil) -> None:
@@ -107,20 +112,28 @@ def check_start(resolved: ResolvedScene) -> int:
     if isinstance(soil.bed, TiledBed):
         tile_edge_m(soil)
     refuse_narrow_period(box, soil)
+    ends = []
     for name in resolved.scene.tools:
         mesh = load_tool_mesh(resolved.directory, resolved.scene, name)
         refuse_tool_at_seam(name, mesh.vertices_m, box, soil)
-    return len(box.positions_m) or expected_dense_count(soil)
+        refuse_tool_at_held_side(name, mesh.vertices_m, soil)
+        ends.append((float(mesh.vertices_m[:, 0].min()), float(mesh.vertices_m[:, 0].max())))
+    tools_m = max((high for _, high in ends), default=0.0) - min((low for low, _ in ends), default=0.0)
+    return len(box.positions_m) or expected_dense_count(soil, tools_m)
 
 
-def expected_dense_count(soil: Soil) -> int:
-    """Particles of a random bed before tools remove any, within 2 % (several sizes: 5 %, tiled: 15 %)."""
+def expected_dense_count(soil: Soil, tools_m: float = 0.0) -> int:
+    """Particles of a random bed before tools remove any, within 2 % (several sizes: 5 %, tiled: 15 %); in a
+    window, about tools of this length."""
+    length = soil.bin.length_m
+    if soil.window is not None:
+        length = min(length, soil.window.ahead_m + tools_m + soil.window.behind_m)
     x = np.linspace(0.0, soil.bin.length_m, 1001)
     depth = soil.bin.depth_m + float(profile_m(soil.surface, x).mean())
-    volume = soil.bin.length_m * soil.bin.width_m * depth
+    volume = length * soil.bin.width_m * depth
     if isinstance(soil.bed, TiledBed):
         sphere = 4.0 / 3.0 * math.pi * soil.particles.mean_volume_radius_m**3
         held = HELD_LAYER * soil.particles.bounds_m[1] if soil.bed.floor == "held" else 0.0
-        volume += soil.bin.length_m * soil.bin.width_m * held
+        volume += length * soil.bin.width_m * held
         return round(soil.bed.solid_fraction * volume / sphere)
     return round(DENSE_FRACTION * volume / rest_volume_m3(soil))

@@ -96,6 +96,7 @@ class SettlingEngine(Protocol):
     def forces_newton(self) -> np.ndarray: ...
     def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState: ...
     def potential_joule(self) -> float: ...
+    def contact_histories(self) -> tuple[np.ndarray, np.ndarray]: ...
 
 
 EngineOf = Callable[..., SettlingEngine]
@@ -214,6 +215,10 @@ class Settling:
 
     def run(self, bed: Bed, rest: Rest, damping_per_s: float, phase: str) -> Bed:
         """The bed at rest, or after the longest time it is given; its particles in the same order."""
+        return bed_of(self.settled(bed, rest, damping_per_s, phase), bed)
+
+    def settled(self, bed: Bed, rest: Rest, damping_per_s: float, phase: str) -> SettlingEngine:
+        """The engine with this bed at rest, or after the longest time it is given."""
         engine = self.engine(bed)
         engine.start(())
         kept = math.exp(-damping_per_s * self.interval_s)
@@ -227,5 +232,10 @@ class Settling:
                 )
                 if speed < rest.speed_m_per_s:
                     break
-        kinetic = engine.state("", 0, 0).kinetic_energy_joule
-        return dataclasses.replace(bed, positions_m=engine.positions_m(), kinetic_energy_joule=kinetic)
+        return engine
+
+
+def bed_of(engine: SettlingEngine, bed: Bed) -> Bed:
+    """The bed that an engine was made with, as it is now."""
+    kinetic = engine.state("", 0, 0).kinetic_energy_joule
+    return dataclasses.replace(bed, positions_m=engine.positions_m(), kinetic_energy_joule=kinetic)

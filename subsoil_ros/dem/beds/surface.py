@@ -31,8 +31,10 @@ def top_surface_m(bed: Bed, radius_m: float) -> np.ndarray:
         for dy in range(-columns, columns + 1):
             node = nearest + np.array((dx, dy))
             offset = low + (node + 0.5) * pitch - bed.positions_m[:, :2]
-            if bed.sides == "periodic":
+            if bed.sides != "walls":
                 node[:, 1] %= count[1]
+            if bed.sides == "endless":
+                node[:, 0] %= count[0]
             below = touch2 - (offset**2).sum(axis=1)
             hit = ((node >= 0) & (node < count)).all(axis=1) & (below >= 0.0)
             height = bed.positions_m[hit, 2] + np.sqrt(below[hit]) - radius_m

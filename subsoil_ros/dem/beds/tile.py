@@ -226,7 +226,7 @@ def _springs(friction: float, radius_m: float) -> LinearLaw:
 def endless_soil(soil: Soil, edge_m: float, law: ContactLaw | None = None) -> Soil:
     """The soil of a scene as a cube that repeats itself, under `law` in place of its own."""
     box = Bin(length_m=edge_m, width_m=edge_m, depth_m=edge_m).model_copy(update={"sides": "endless"})
-    changes = {"bin": box, "layers": None, "surface": None} | of_the_preparation(soil)
+    changes = {"bin": box, "layers": None, "surface": None, "window": None} | of_the_preparation(soil)
     if law is not None:
         alike = {"reference_radius_m": None, "density_kg_per_m3": _DENSITY}
         changes |= {"law": law, "particles": soil.particles.model_copy(update=alike)}

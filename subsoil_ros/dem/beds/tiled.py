@@ -23,6 +23,7 @@ from ...scene.pairs import layer_soils
 from ...scene.soil import Soil
 from ..bed import Bed
 from ..mixture import material_at
+from ..periodic import HELD_LAYER
 from .bonds import radii_of
 from .cache import cached_tile_path, keep, load_cached
 from .dense import relaxed_rest
@@ -30,9 +31,6 @@ from .report import masses_kg
 from .settling import SETTLING_GRAVITY, EngineOf, OnProgress, Rest, Settling, of_the_preparation
 from .surface import cut_to_depth, mean_above_profile_m
 from .tile import at_pressure, endless_soil, kept_as, pressed_tile, solid_fraction, tile_edge_m
-
-HELD_LAYER = 2.0
-"""Thickness of the layer below the depth that is held, over the largest radius: no particle passes it."""
 
 RESTS = 3
 """Times that the bed comes to rest once it is cut, each time from places alone (chosen: when a run then
@@ -58,35 +56,18 @@ def prepare_tiled(resolved: ResolvedScene, engine_of: EngineOf, threads: int, on
     """
     soil, gravity = resolved.scene.particle_soil, resolved.scene.gravity_m_per_s2
     assert soil is not None
-    assert isinstance(soil.bed, TiledBed)
-    edge = tile_edge_m(soil)
-    tile = kept_tile(resolved, edge, engine_of, on_progress)
 
-    def settling(of: Soil, gravity_m_per_s2: float) -> Settling:
-        return Settling(
-            resolved, engine_of, threads, soil=of, step_s=SAFETY * step_limits(of)[0].limit_s,
-            gravity_m_per_s2=gravity_m_per_s2, on_progress=on_progress,
-        )  # fmt: skip
+    def settling(of: Soil) -> Settling:
+        return settling_under(resolved, engine_of, threads, of, gravity, on_progress)
 
-    gravity = gravity or SETTLING_GRAVITY
-    bulk = soil.bed.solid_fraction * soil.particles.density_kg_per_m3
-    pressure = 0.5 * bulk * gravity * soil.bin.depth_m
-    tiles = [
-        at_pressure(settling(endless_soil(layer, edge), 0.0), tile, pressure, on_progress)
-        for layer in dict.fromkeys((soil.model_copy(update={"layers": None}), *layer_soils(soil)))
-    ]
-    for under_law in tiles:
-        _refuse_other_fraction(solid_fraction(under_law, soil), soil)
-    bed = laid_out(tiles[0], soil)
-    last = settling(soil.model_copy(update=of_the_preparation(soil)), resolved.scene.gravity_m_per_s2)
+    bed = laid_out(tile_under_law(resolved, tile_edge_m(soil), engine_of, threads, on_progress), soil)
+    last = settling(soil.model_copy(update=of_the_preparation(soil)))
     radius = soil.particles.mean_volume_radius_m
     speed = relaxed_rest(radius, last.contact_rate_per_s).speed_m_per_s
-    damping = math.sqrt(gravity / radius)  # nothing falls its radius much slower than freely
+    damping = damping_per_s(soil, gravity)
     falls_m = FILLING_FALL * radius + 3.0 * _sinking_m(soil)
-    loose = settling(
-        soil.model_copy(update=of_the_preparation(soil) | {"layers": None}), resolved.scene.gravity_m_per_s2
-    )
-    bed = loose.run(bed, Rest(speed, falls_m / math.sqrt(gravity * radius)), damping, "filling")
+    loose = settling(soil.model_copy(update=of_the_preparation(soil) | {"layers": None}))
+    bed = loose.run(bed, Rest(speed, falls_m / (damping * radius)), damping, "filling")
     bed = loose.run(bed, Rest(speed, RELAXING_S), damping, "relaxing")
     bed = _top_at_zero(cut_to_depth(bed, radius, soil.bin.depth_m + _below_depth_m(soil), soil.surface), soil)
     if soil.layers is not None:
@@ -94,8 +75,47 @@ def prepare_tiled(resolved: ResolvedScene, engine_of: EngineOf, threads: int, on
     for _ in range(RESTS):
         bed = last.run(bed, Rest(speed, RELAXING_S), damping, "relaxing")
     bed = _top_at_zero(bed, soil)
-    _refuse_unfinished(bed, soil, MOVING * speed)
+    refuse_unfinished(bed, soil, speed)
     return bed
+
+
+def settling_under(
+    resolved: ResolvedScene, engine_of: EngineOf, threads: int, soil: Soil, gravity_m_per_s2: float,
+    on_progress: OnProgress,
+) -> Settling:  # fmt: skip
+    """Particles under the law of this soil, at its own step."""
+    return Settling(
+        resolved, engine_of, threads, soil=soil, step_s=SAFETY * step_limits(soil)[0].limit_s,
+        gravity_m_per_s2=gravity_m_per_s2, on_progress=on_progress,
+    )  # fmt: skip
+
+
+def damping_per_s(soil: Soil, gravity_m_per_s2: float) -> float:
+    """Global damping on the way to rest: nothing falls its radius much slower than freely."""
+    return math.sqrt((gravity_m_per_s2 or SETTLING_GRAVITY) / soil.particles.mean_volume_radius_m)
+
+
+def tile_under_law(
+    resolved: ResolvedScene, edge_m: float, engine_of: EngineOf, threads: int, on_progress: OnProgress
+) -> Bed:
+    """The tile of about this edge [m] at rest under the law of a scene, at the pressure half way down.
+
+    Raises:
+        SceneError: this law, or that of a layer, changes its solid fraction.
+    """
+    soil = resolved.scene.particle_soil
+    assert soil is not None
+    assert isinstance(soil.bed, TiledBed)
+    tile = kept_tile(resolved, edge_m, engine_of, on_progress)
+    bulk = soil.bed.solid_fraction * soil.particles.density_kg_per_m3
+    gravity = resolved.scene.gravity_m_per_s2 or SETTLING_GRAVITY
+    pressure = 0.5 * bulk * gravity * soil.bin.depth_m
+    tiles = []
+    for layer in dict.fromkeys((soil.model_copy(update={"layers": None}), *layer_soils(soil))):
+        alone = settling_under(resolved, engine_of, threads, endless_soil(layer, edge_m), 0.0, on_progress)
+        tiles.append(at_pressure(alone, tile, pressure, on_progress))
+        _refuse_other_fraction(solid_fraction(tiles[-1], soil), soil)
+    return tiles[0]
 
 
 def kept_tile(resolved: ResolvedScene, edge_m: float, engine_of: EngineOf, on_progress: OnProgress) -> Bed:
@@ -116,8 +136,9 @@ def _top_at_zero(bed: Bed, soil: Soil) -> Bed:
     return dataclasses.replace(bed, positions_m=bed.positions_m - (0.0, 0.0, top), lower_m=lower)
 
 
-def _refuse_unfinished(bed: Bed, soil: Soil, speed_m_per_s: float) -> None:
-    """A bed that sank after it was cut, or that still moves."""
+def refuse_unfinished(bed: Bed, soil: Soil, rest_m_per_s: float) -> None:
+    """A bed that sank after it was cut, or that moves MOVING times as fast as at rest."""
+    speed_m_per_s = MOVING * rest_m_per_s
     short = soil.bin.depth_m + bed.floor_m
     found = math.sqrt(2.0 * bed.kinetic_energy_joule / float(masses_kg(bed, soil).sum()))
     if abs(short) > 2.0 * soil.particles.bounds_m[1] or found > speed_m_per_s:
@@ -183,6 +204,6 @@ def laid_out(tile: Bed, soil: Soil) -> Bed:
         (0.0, -0.5 * width, floor),
         (length, 0.5 * width),
         radii_m=None if soil.particles.sizes is None else radius,
-        sides=soil.bin.sides,
+        sides=soil.bin.bed_sides,
         held=held,
     )

@@ -154,7 +154,8 @@ class GpuSoilEngine(SoilEngine):
         self._here_is_old = self._there_is_old = False
         self._steps_done, self._looked, self._restored_slabs = 0, None, None
 
-    def _rebuild(self, motions: tuple[ToolMotion, ...]) -> None:
+    def _rebuild(self, motions: tuple[ToolMotion, ...], came_from: np.ndarray | None = None) -> None:
+        assert came_from is None, "soil comes and goes on a CPU only"
         if self._there_is_old:
             self._new_device()
         poses = [tool.kernel_motion(motion)[:4] for tool, motion in zip(self._tools, motions, strict=True)]

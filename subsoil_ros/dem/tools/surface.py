@@ -119,6 +119,13 @@ class ToolSurface:
         hit = inside_or_near(particles.position, candidates, pose, self.facets.corner, clearance_m)
         return candidates[hit]
 
+    def span_m(self, below_m: float) -> tuple[float, float]:
+        """Lowest and highest x of its surface below this height [m]; inf and -inf where it is above."""
+        x, z, cosine, sine = self.kernel_motion(self.last)[:4]
+        local_x, local_z = self.mesh.vertices_m[:, 0], self.mesh.vertices_m[:, 2]
+        at = (x + cosine * local_x - sine * local_z)[z + sine * local_x + cosine * local_z <= below_m]
+        return float(at.min(initial=np.inf)), float(at.max(initial=-np.inf))
+
     def bind(
         self,
         particles: Particles,

@@ -98,7 +98,9 @@ def prepare_specimen(
             "--set soil.bed='{kind: tiled}', or the same with dense_random or grid"
         )
     length, width, depth = size_m
-    soil = {key: value for key, value in resolved.document["soil"].items() if key != "surface"}
+    soil = {
+        key: value for key, value in resolved.document["soil"].items() if key not in ("surface", "window")
+    }
     soil["bin"] = {"length_m": length, "width_m": width, "depth_m": depth}
     document = {
         "name": "specimen",

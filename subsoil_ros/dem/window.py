@@ -1,0 +1,201 @@
+"""A window of soil that goes with the tools through a field (scene.window).
+
+At the beginning of a tick, where the tools stand says which strips there are to be (dem.beds.field). A strip
+is laid out ahead as it settled, with the histories of its contacts; what is behind the window is taken away.
+The outermost layer at an open end is held: ahead, where it was laid out; behind, where it came to lie. Soil
+that is no longer at an end is freed. At both ends of the field walls stand in its place.
+
+Nothing that grows is kept: an identity says where its particle was laid out.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..errors import InputError, PhysicsError
+from ..loading.loader import ResolvedScene
+from ..messages import ToolMotion, ToolWrench
+from .beds.field import Field, Strips, kept_block
+from .engine import SoilEngine
+from .monitors import Domain
+from .pairs import history_places
+from .snapshot import bed_digest
+from .state import Particles
+from .tools.surface import ToolSurface, surfaces
+from .walls import near_walls, wall_planes
+
+
+class FieldEngine(SoilEngine):
+    """SoilEngine of a scene with soil.window."""
+
+    def __init__(self, resolved: ResolvedScene, threads: int = 1, *, book: bool = False) -> None:
+        soil = resolved.scene.particle_soil
+        assert soil is not None
+        self._field = Field(kept_block(resolved, SoilEngine, threads), soil)
+        rear, front = self._field.first_window
+        self._first_box = self._field.box(rear, front)
+        self._rear, self._front = rear, front
+        self._with_history = self._field.first_identity(front)
+        """Particles before this identity have the histories of their contacts."""
+        super().__init__(resolved, threads, book=book, bed=self._field.bed(rear, front))
+        self._lay_out(rear, front)
+        self._refuse_step_too_large()
+
+    def start(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
+        """See SoilEngine; soil is laid out about the tools.
+
+        Raises:
+            InputError: the tools begin beyond the field.
+        """
+        span = self._span_m(surfaces(self._resolved, self.bed, motions))
+        if span is not None:
+            end = self._field.count * self._field.strip_m
+            if span[0] >= end:
+                raise InputError(
+                    f"tools: begin at x = {span[0]:.4g} m, beyond the field, which ends at {end:.4g} m; make "
+                    "soil.bin.length_m larger, or let them begin before"
+                )
+            self._lay_out(*self._field.strips_about(*span))
+        return super().start(motions)
+
+    def advance(self, tick: int, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
+        """See SoilEngine; before, the window follows the tools."""
+        span = self._span_m(self._tools)
+        if span is not None:
+            rear, front = self._field.strips_about(*span)
+            rear, front = max(rear, self._rear), max(front, self._front)
+            self._refuse_return(tick, span[0])
+            if (rear, front) != (self._rear, self._front):
+                self._shift(rear, front)
+        return super().advance(tick, motions)
+
+    def state_arrays(self) -> dict[str, np.ndarray]:
+        """See SoilEngine."""
+        return super().state_arrays() | {
+            "window": np.array((self._rear, self._front)),
+            "carried_joule": np.array(self._carried_joule),
+        }
+
+    def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """See SoilEngine."""
+        self._rear, self._front = arrays["window"].tolist()
+        self._put_walls()
+        super().restore(arrays)
+        self._carried_joule = float(arrays["carried_joule"])
+        self._with_history = self._field.first_identity(self._front)
+
+    def _bed_digest(self) -> np.ndarray:
+        return bed_digest(self._first_box, np.concatenate([part.ravel() for part in self._field.arrays]))
+
+    def _domain_about(self, position: np.ndarray) -> Domain:
+        return Domain(self._planes, self._first_box, self._field.arrays[0], self._radius)
+
+    def _laid_out_m(self, identity: np.ndarray) -> np.ndarray:
+        return self._field.laid_out_m(identity)
+
+    def _near_walls(self, reach: float) -> tuple[np.ndarray, np.ndarray]:
+        """Held soil stands where the walls do and does not feel them."""
+        particle, wall = near_walls(self._particles.position, self._planes, reach)
+        free = ~self._particles.held[particle]
+        return particle[free], wall[free]
+
+    def _forget_contacts(self) -> None:
+        super()._forget_contacts()
+        self._with_history = 0
+
+    def _rebuild(self, motions: tuple[ToolMotion, ...], came_from: np.ndarray | None = None) -> None:
+        super()._rebuild(motions, came_from)
+        end = self._field.first_identity(self._front)
+        if self._with_history == end:
+            return
+        p, pairs = self._particles, self._pairs
+        first = np.repeat(p.identity, np.diff(pairs.row_start))
+        second = p.identity[pairs.neighbour]
+        new = np.flatnonzero(np.maximum(first, second) >= self._with_history)
+        places = history_places(new, len(self._parity))
+        pairs.history[places] = self._field.histories(first[new], second[new])
+        self._with_history = end
+
+    def _span_m(self, tools: tuple[ToolSurface, ...]) -> tuple[float, float] | None:
+        """Lowest and highest x of what of the tools is not far above the soil; None: nothing is."""
+        spans = [tool.span_m(self._soil.bin.depth_m) for tool in tools]
+        low = min((span[0] for span in spans), default=np.inf)
+        high = max((span[1] for span in spans), default=-np.inf)
+        return (low, high) if low <= high else None
+
+    def _refuse_return(self, tick: int, low_m: float) -> None:
+        end = self._rear * self._field.strip_m + self._field.layer_m + 2.0 * self._radius
+        if self._rear > 0 and low_m < end:
+            raise PhysicsError(
+                f"{self._where(tick, 1)}: a tool is back at x = {low_m:.4g} m, where the soil behind it was "
+                f"taken away; allowed is x > {end:.4g} m: make soil.window.behind_m larger, or leave "
+                "soil.window out"
+            )
+
+    def _lay_out(self, rear: int, front: int) -> None:
+        """Begin with these strips."""
+        self._rear, self._front = rear, front
+        self._put_walls()
+        laid = self._field.strips(rear, front)
+        held = self._field.held(laid.identity, laid.position_m[:, 0], rear, front)
+        self._load(laid.position_m, laid.radius_m, laid.material, held, laid.identity)
+        self._count_particles()
+
+    def _put_walls(self) -> None:
+        box = self._field.box(self._rear, self._front)
+        self.bed = dataclasses.replace(self.bed, lower_m=box.lower_m, upper_m=box.upper_m)
+        self._planes = wall_planes(box.lower_m, box.upper_m, box.sides)
+        self._domain.move_to(self._planes)
+
+    def _count_particles(self) -> None:
+        if self._monitor is not None:
+            self._monitor.count = self._field.first_identity(self._front)
+
+    def _shift(self, rear: int, front: int) -> None:
+        """Strips rear <= m < front from now on. Only those laid out or freed change what acts on them."""
+        books = self._features.book.ndim == 2
+        before = self.energy().total_joule if books else 0.0
+        p, field = self._particles, self._field
+        stay = np.flatnonzero(p.position[:, 0] >= rear * field.strip_m)
+        new = self._at_rest(field.strips(self._front, front))
+        came_from = np.concatenate((stay, p.count + np.arange(new.count)))
+        held_before = p.identity[p.held]
+        pairs = self._pairs
+        none = np.full(new.count, pairs.row_start[-1])
+        pairs.row_start = np.concatenate((pairs.row_start, none))
+        self._moving = p = p.joined(new)
+        p.reorder(came_from)
+        self._rear, self._front = rear, front
+        p.held = field.held(p.identity, p.position[:, 0], rear, front)
+        p.velocity[p.held] = 0.0
+        p.spin[p.held] = 0.0
+        self._put_walls()
+        self._count_particles()
+        known = self._with_history
+        self._rebuild(tuple(tool.last for tool in self._tools), came_from)
+        p = self._particles
+        freed = ~p.held & np.isin(p.identity, held_before)
+        self._give_forces(freed | (p.identity >= known))
+        if books:
+            self._carried_joule += self.energy().total_joule - before
+
+    def _at_rest(self, laid: Strips) -> Particles:
+        held = np.ones(len(laid.identity), np.bool_)
+        found = Particles.at_rest(laid.position_m, laid.identity, self._kind, held)
+        if self._particles.unequal:
+            found.make_unequal(laid.radius_m, laid.material, self._density)
+        return found
+
+    def _give_forces(self, fresh: np.ndarray) -> None:
+        """What acts on the particles of `fresh` (n,) as they stand; all others, and all springs, stay as they
+        are."""
+        p, history, at_walls = self._particles, self._pairs.history.copy(), self._walls.history.copy()
+        force, torque = p.force.copy(), p.torque.copy()
+        p.force[:] = 0.0
+        p.force[:, 2] = -self._masses()[0] * self._gravity
+        p.torque[:] = 0.0
+        self._bind(step=0.0).drift_and_contacts(0, True)
+        self._calls = None
+        p.force[~fresh], p.torque[~fresh] = force[~fresh], torque[~fresh]
+        self._pairs.history[:], self._walls.history[:] = history, at_walls

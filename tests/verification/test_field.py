@@ -1,0 +1,260 @@
+"""Soil in a window that goes with a tool through a field: the packing of one block, its contacts, what enters
+and leaves, and the same bits on two threads and after a restart on either side of a shift."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from subsoil_ros.dem.beds.field import HELD_LAYER, STRIPS_PER_BLOCK
+from subsoil_ros.dem.engine import build_engine
+from subsoil_ros.dem.pairs import history_places
+from subsoil_ros.dem.window import FieldEngine
+from subsoil_ros.errors import InputError, PhysicsError, SceneError
+from subsoil_ros.messages import ToolMotion
+from tests.soils import BOOKED, LINEAR
+from tests.verification.conftest import one_tool
+
+SIZES = {"kind": "uniform", "min_radius_m": 0.0085, "max_radius_m": 0.0115}
+ALIKE = {"radius_m": 0.01, "density_kg_per_m3": 1800.0}
+LARGEST = SIZES["max_radius_m"]
+SPEED, START_M = 1.0, 0.1
+STEP_S = 5e-5
+
+
+def field(maker, *, sides="held", **changes):
+    """A field 1.2 m long under a window of some 0.3 m: 1,500 particles, in strips of about 37 mm."""
+    soil = {
+        "bin": {"length_m": 1.2, "width_m": 0.3, "depth_m": 0.1, "sides": sides},
+        "window": {"ahead_m": 0.12, "behind_m": 0.1},
+        "particles": {"sizes": SIZES, "density_kg_per_m3": 2500.0},
+        "bed": {"kind": "tiled", "tile_m": 0.15},
+        "law": LINEAR,
+        "time_step_s": STEP_S,
+        **BOOKED,
+        **changes,
+    }
+    tools = one_tool(maker.box(0.03, 0.04, 0.08, subdivide=1))
+    return maker.scene(soil=soil, tools=tools, coupling={"communication_step_ns": 200_000})
+
+
+def bar(tick):
+    """A bar on its way through the field."""
+    time_s = 2e-4 * (tick + 1)
+    return (ToolMotion("tool", START_M + SPEED * time_s, 0.0, -0.03, 0.0, SPEED, 0.0, 0.0),)
+
+
+def driven(scene, threads=1, *, ticks):
+    """An engine after so many ticks, and the wrenches."""
+    engine = FieldEngine(scene, threads)
+    engine.start(bar(-1))
+    return engine, [engine.advance(tick, bar(tick)) for tick in range(ticks)]
+
+
+def window_of(engine):
+    """First strip, and the one after the last."""
+    return tuple(engine.state_arrays()["window"].tolist())
+
+
+def far_from_ends(engine, diameters=2.0):
+    """(n,) bool: free particles that many diameters within what is held, or within walls."""
+    p, margin = engine.particles(), (HELD_LAYER + 2.0 * diameters) * LARGEST
+    low, high = engine.bed.lower_m, engine.bed.upper_m
+    inside = (p.position[:, 0] > low[0] + margin) & (p.position[:, 0] < high[0] - margin)
+    if engine.bed.sides == "walls":
+        inside &= (p.position[:, 1] > low[1] + margin) & (p.position[:, 1] < high[1] - margin)
+    return inside & ~p.held
+
+
+def above(x_m):
+    """The bar above the soil, where the window still follows it."""
+    return (ToolMotion("tool", x_m, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0),)
+
+
+@pytest.mark.parametrize("sides", ["held", "periodic"])
+def test_a_field_stands_as_its_block_does(soil, sides):
+    """Copies of one particle of the block feel the same to round-off, next to nothing: no contact and no
+    spring is missing."""
+    changes = {} if sides == "held" else {"particles": ALIKE, "monitors": None}
+    scene = field(soil, sides=sides, window={"ahead_m": 0.6, "behind_m": 0.1}, **changes)
+    engine = FieldEngine(scene)
+    engine.start(above(0.3))
+    p, inside = engine.particles(), far_from_ends(engine)
+    number = engine._field._number[p.identity % len(engine._field._place)]
+    force, weight = engine.particles().force[inside], 9.81 * engine.mass_kg
+    assert np.sqrt((force**2).sum(axis=1).mean()) < 0.05 * weight
+    order = np.argsort(number[inside], kind="stable")
+    same = np.diff(number[inside][order]) == 0
+    assert same.sum() > 300
+    assert np.abs(np.diff(force[order], axis=0)[same]).max() < 1e-9
+    first, history = engine.contact_histories()
+    assert np.abs(history[:, :3]).max() > 0.0
+    assert len(first) > 3 * p.count
+
+
+def test_a_strip_is_laid_out_without_a_jolt(soil):
+    """With the tool away: what acts on particles that were free stays as it is, bit for bit; those laid out
+    and freed feel what their copies in the block do, to 5 % of the weight (rms); no energy is made."""
+    engine = FieldEngine(field(soil))
+    engine.start(above(0.5))
+    field_of, p = engine._field, engine.particles()
+    inside = far_from_ends(engine)
+    number = field_of._number[p.identity % len(field_of._place)]
+    resting = np.full((number.max() + 1, 3), np.nan)
+    resting[number[inside]] = p.force[inside]
+    for tick in range(100):
+        engine.advance(tick, above(0.5))
+    p = engine.particles()
+    before = dict(zip(p.identity.tolist(), p.force.copy(), strict=True))
+    held = set(p.identity[p.held].tolist())
+    book, (rear, front) = engine.energy(), window_of(engine)
+    engine._shift(rear, front + 4)
+    p = engine.particles()
+    free_before = np.isin(p.identity, list(before.keys() - held))
+    for k in np.flatnonzero(~p.held & free_before):
+        assert_array_equal(p.force[k], before[int(p.identity[k])])
+    fresh = ~p.held & ~free_before & (np.abs(p.position[:, 1]) < 0.15 - (HELD_LAYER + 4.0) * LARGEST)
+    copies = resting[field_of._number[p.identity[fresh] % len(field_of._place)]]
+    known = np.isfinite(copies[:, 0])
+    assert known.sum() > 100
+    change, weight = np.linalg.norm(p.force[fresh] - copies, axis=1)[known], 9.81 * p.mass.mean()
+    assert np.sqrt((change**2).mean()) < 0.05 * weight
+    assert change.max() < 0.1 * weight
+    assert_allclose(engine.energy().total_joule, book.total_joule, rtol=1e-12)
+
+
+def test_soil_comes_and_goes_with_the_tool(soil):
+    """As many particles all the way; identities are unique for ever; the balance of energy is closed."""
+    engine, _ = driven(field(soil), ticks=0)
+    start, seen, counts, windows = engine.energy().total_joule, set(), {}, []
+    for tick in range(3000):
+        engine.advance(tick, bar(tick))
+        if tick % 50 == 0:
+            now = set(engine.particles().identity.tolist())
+            assert len(now) == engine.particle_count
+            new = now - seen
+            assert not seen or not new or min(new) > max(seen - new)
+            seen |= now
+            windows.append(window_of(engine))
+            rear, front = windows[-1]
+            if rear > 0:
+                counts.setdefault((rear % STRIPS_PER_BLOCK, front - rear), []).append(engine.particle_count)
+    assert windows[-1][0] > 12
+    assert max(len(of_one_window) for of_one_window in counts.values()) > 3
+    for of_one_window in counts.values():
+        assert np.ptp(of_one_window) < 0.15 * np.mean(of_one_window)  # the bar pushes a heap
+    assert engine.lost_particles == ()
+    book = engine.energy()
+    assert abs(book.total_joule - start) < 0.02 * book.turned_over_joule
+    x = engine.particles().position[:, 0]
+    strip = engine._field.strip_m
+    assert x.min() >= windows[-1][0] * strip
+    assert x.max() <= windows[-1][1] * strip
+
+
+@pytest.mark.parametrize("before", [True, False], ids=["before a shift", "after it"])
+def test_a_restart_and_two_threads_give_the_same_bits(soil, before):
+    """From a state just before and just after a shift."""
+    scene = field(soil)
+    first, _ = driven(scene, ticks=0)
+    tick, window = 0, window_of(first)
+    kept = {}
+    while window_of(first) == window or tick < 300:
+        window = window_of(first)
+        if before:
+            kept = {name: np.array(array) for name, array in first.state_arrays().items()}
+        first.advance(tick, bar(tick))
+        tick += 1
+    at = tick - 1 if before else tick
+    if not before:
+        kept = {name: np.array(array) for name, array in first.state_arrays().items()}
+    second = FieldEngine(scene, 2)
+    second.restore(kept)
+    if before:
+        second.advance(at, bar(at))
+    assert window_of(second) == window_of(first) != window
+    for later in range(tick, tick + 400):
+        assert first.advance(later, bar(later)) == second.advance(later, bar(later))
+    assert window_of(first) != window
+    for name, array in first.state_arrays().items():
+        assert_array_equal(array, second.state_arrays()[name], err_msg=name)
+
+
+def test_both_ends_of_a_field_are_walls(soil):
+    """A tool comes in at one, as into a bin, and nothing is held there, nor at the other; nothing is lost."""
+    scene = field(soil, bin={"length_m": 0.4, "width_m": 0.3, "depth_m": 0.1, "sides": "held"})
+
+    def through(tick):
+        return (ToolMotion("tool", -0.1 + 2e-4 * (tick + 1), 0.0, -0.03, 0.0, 1.0, 0.0, 0.0),)
+
+    def free_at(x_m):
+        p = engine.particles()
+        sides = np.abs(p.position[:, 1]) < 0.15 - (HELD_LAYER + 0.1) * LARGEST
+        here = np.abs(p.position[:, 0] - x_m) < 1.2 * LARGEST
+        return (~p.held)[here & sides & (p.position[:, 2] > -0.09)]
+
+    engine = FieldEngine(scene)
+    engine.start(through(-1))
+    assert free_at(0.0).all()
+    assert not free_at(engine.bed.upper_m[0]).all()
+    forces = [engine.advance(tick, through(tick))[0].force_x_newton for tick in range(1950)]
+    assert max(forces[:250]) == min(forces[:250]) == 0.0
+    assert min(forces) < -1.0
+    assert engine.lost_particles == ()
+    assert window_of(engine)[1] == engine._field.count
+    assert free_at(engine.bed.upper_m[0]).all()
+    assert not free_at(engine.bed.lower_m[0]).any()
+
+
+def test_a_tool_that_comes_back_is_refused(soil):
+    """The soil behind the window is gone: the run stops instead of finding none."""
+    engine, _ = driven(field(soil), ticks=2000)
+    assert window_of(engine)[0] > 0
+
+    def back():
+        for tick in range(2000, 4000):
+            engine.advance(tick, bar(3999 - tick))
+
+    with pytest.raises(PhysicsError, match=r"tick 2...,? .*back at x = .* taken away; allowed is x > "):
+        back()
+
+
+BOX = {"length_m": 1.2, "width_m": 0.3, "depth_m": 0.1}
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"window": {"ahead_m": 0.05, "behind_m": 0.1}}, r"window.ahead_m: 0.05 m is less than the bed"),
+        ({"bed": {"kind": "dense_random"}}, r"window: is laid out from a tiled bed over a held floor, not"),
+        ({"bed": {"kind": "tiled", "floor": "plane"}}, r"over a held floor, not from 'tiled', floor plane"),
+        ({"window": None}, r"bin.sides: 'held' needs soil.window"),
+        ({"surface": {"x_m": [0.0], "z_m": [-0.01]}}, r"surface: cannot be given with soil.window"),
+        ({"bin": BOX}, r"bin.sides: a field has no 'walls'"),
+        ({"bed": {"kind": "tiled", "tile_m": 0.05}}, r"soil.bed.tile_m: 0.05 m given; allowed is at least"),
+        ({"bin": BOX | {"width_m": 0.1, "sides": "held"}}, r"and at most 0.1 m, the smaller of"),
+    ],
+)
+def test_windows_that_cannot_be(soil, changes, told):
+    """One message each, before anything runs."""
+    from subsoil_ros.dem.beds.prepare import check_start
+
+    with pytest.raises(SceneError, match=told):
+        check_start(field(soil, **changes))
+
+
+def test_a_tool_beyond_the_field_or_at_its_held_sides_is_refused(soil):
+    """It would find no soil, or cut rock."""
+    from subsoil_ros.dem.beds.prepare import check_start
+
+    with pytest.raises(InputError, match=r"begin at x = 1.985 m, beyond the field, which ends at 1.216 m"):
+        FieldEngine(field(soil)).start((ToolMotion("tool", 2.0, 0.0, -0.03, 0.0, 0.0, 0.0, 0.0),))
+    wide = soil.scene(soil=field(soil).document["soil"], tools=one_tool(soil.box(0.03, 0.25, 0.08)))
+    with pytest.raises(SceneError, match=r"tools.tool: reaches to y = 0.125 m; .*width_m at least"):
+        check_start(wide)
+
+
+def test_scenes_with_a_window_get_its_engine(soil):
+    """And those without the plain one."""
+    assert isinstance(build_engine(field(soil)), FieldEngine)
+    assert STRIPS_PER_BLOCK == 4
+    assert history_places(np.array([0, 511, 512]), 6)[:, 0].tolist() == [0, 511, 512 * 6]

@@ -66,9 +66,10 @@ def reach(touch, law, features):
 
 
 def at_size(law, radius, mass):
-    """dem.contact.at_size: K_Y R^2 and mu_r R of rolling."""
+    """dem.contact.at_size: K_Y R^2 and mu R of rolling and twisting."""
     return CohesiveLinearNumbers(
         law.stiffness, law.tangential_stiffness, law.damping, law.tangential_damping, law.adhesion,
         law.contact_adhesion, law.rest_overlap, law.reach, law.peak_attraction, law.static_friction,
         law.sliding_friction, radius * radius * law.rolling_stiffness, radius * law.rolling_arm,
+        radius * law.twisting_arm,
     )  # fmt: skip

@@ -27,6 +27,7 @@ class CohesiveLinearNumbers(NamedTuple):
     sliding_friction: float
     rolling_stiffness: float  # K_Y R_eff^2 [N m/rad]
     rolling_arm: float  # mu_r R_eff [m]: torque limit over normal force
+    twisting_arm: float = 0.0  # mu_t R_eff [m]: likewise, about the normal
 
 
 class CohesiveLinearFeatures(NamedTuple):
@@ -38,6 +39,7 @@ class CohesiveLinearFeatures(NamedTuple):
     sizes: np.ndarray = NO
     materials: np.ndarray = NO
     periodic: np.ndarray = NO
+    twisting: np.ndarray = NO
     cohesion: np.ndarray = NO
     damp_all_zones: np.ndarray = NO
     friction_repulsive: np.ndarray = NO  # neither of the two: friction is limited by F_n + F_peak
@@ -55,6 +57,7 @@ class CohesiveLinearValues(StrictModel):
     static_friction: NonNegative
     sliding_friction: NonNegative
     rolling_friction: NonNegative
+    twisting_friction: NonNegative = 0.0
     equilibrium_overlap_m: Positive = Field(description="delta_c.")
     cohesion_range_m: Positive = Field(description="delta_B.")
 
@@ -118,6 +121,7 @@ class CohesiveLinearLaw(ContactLaw):
             sliding_friction=values.sliding_friction,
             rolling_stiffness=values.tangential_stiffness * radius_m**2,
             rolling_arm=values.rolling_friction * radius_m,
+            twisting_arm=values.twisting_friction * radius_m,
         )
 
     def own_features(self, values: Sequence[PairValues]) -> dict[str, bool]:
@@ -151,6 +155,7 @@ class CohesiveLinearLaw(ContactLaw):
             static_friction=second.static_friction,
             sliding_friction=second.sliding_friction,
             rolling_friction=second.rolling_friction,
+            twisting_friction=second.twisting_friction,
             adhesion=value("cohesive_stiffness_newton_per_m"),
             rest_overlap=second.equilibrium_overlap_m,
             reach=second.cohesion_range_m,

@@ -22,6 +22,7 @@ class HertzNumbers(NamedTuple):
     sliding_friction: float
     rolling_stiffness: float  # S_t R_eff^2 [N m^0.5/rad]
     rolling_arm: float  # mu_r R_eff [m]: torque limit over normal force
+    twisting_arm: float = 0.0  # mu_t R_eff [m]: likewise, about the normal
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,7 @@ class HertzPair(PairValues):
             static_friction=self.static_friction,
             sliding_friction=self.sliding_friction,
             rolling_friction=self.rolling_friction,
+            twisting_friction=self.twisting_friction,
         )
 
 
@@ -59,6 +61,7 @@ class HertzValues(StrictModel):
     static_friction: NonNegative
     sliding_friction: NonNegative
     rolling_friction: NonNegative = 0.0
+    twisting_friction: NonNegative = 0.0
 
 
 class HertzMindlinLaw(ContactLaw):
@@ -98,6 +101,7 @@ class HertzMindlinLaw(ContactLaw):
             sliding_friction=values.sliding_friction,
             rolling_stiffness=values.tangential_stiffness * radius_m**2,
             rolling_arm=values.rolling_friction * radius_m,
+            twisting_arm=values.twisting_friction * radius_m,
         )
 
     def wave_limit(self, radius_m: float, density_kg_per_m3: float) -> tuple[str, float]:
@@ -139,4 +143,5 @@ def _values(
         static_friction=second.static_friction,
         sliding_friction=second.sliding_friction,
         rolling_friction=second.rolling_friction,
+        twisting_friction=second.twisting_friction,
     )

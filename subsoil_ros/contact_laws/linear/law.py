@@ -18,6 +18,7 @@ class LinearNumbers(NamedTuple):
     sliding_friction: float
     rolling_stiffness: float  # K_t R_eff^2 [N m/rad]
     rolling_arm: float  # mu_r R_eff [m]: torque limit over normal force
+    twisting_arm: float = 0.0  # mu_t R_eff [m]: likewise, about the normal
 
 
 class LinearValues(StrictModel):
@@ -30,6 +31,7 @@ class LinearValues(StrictModel):
     static_friction: NonNegative
     sliding_friction: NonNegative
     rolling_friction: NonNegative = 0.0
+    twisting_friction: NonNegative = 0.0
 
 
 class LinearLaw(ContactLaw):
@@ -74,6 +76,7 @@ class LinearLaw(ContactLaw):
             sliding_friction=values.sliding_friction,
             rolling_stiffness=values.tangential_stiffness * radius_m**2,
             rolling_arm=values.rolling_friction * radius_m,
+            twisting_arm=values.twisting_friction * radius_m,
         )
 
 
@@ -86,4 +89,5 @@ def _values(row: LinearValues) -> PairValues:
         row.static_friction,
         row.sliding_friction,
         row.rolling_friction,
+        twisting_friction=row.twisting_friction,
     )

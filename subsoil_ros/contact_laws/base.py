@@ -1,6 +1,7 @@
 """What every contact law has, and what two bodies in contact put on each other."""
 
 import functools
+import math
 import operator
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -60,6 +61,7 @@ class PairValues:
     rest_overlap: float = 0.0  # delta_c [m]
     reach: float = 0.0  # delta_B [m]
     twisting_friction: float = 0.0
+    damping_of_restitution: bool = False  # dampers ~ sqrt(K m)
 
     @property
     def contact_adhesion(self) -> float:
@@ -81,8 +83,14 @@ class PairValues:
         return force_newton / self.stiffness
 
     def stiffened(self: Values, factor: float) -> Values:
-        """With the normal stiffness times `factor`."""
-        return replace(self, stiffness=factor * self.stiffness)
+        """With the normal stiffness times `factor`; the restitution stays if the dampers follow from it."""
+        dampers = math.sqrt(factor) if self.damping_of_restitution else 1.0
+        return replace(
+            self,
+            stiffness=factor * self.stiffness,
+            damping=dampers * self.damping,
+            tangential_damping=dampers * self.tangential_damping,
+        )
 
     def scaled(self: Values, ratio: float) -> Values:
         """Values of spheres `ratio` times as large that make soil of the same strength and modulus.
@@ -173,6 +181,10 @@ class ContactLaw(StrictModel):
         """Overlap of two particles, and of particle and boundary, without force."""
         return 0.0, 0.0
 
+    def refused(self, change: Any) -> str:
+        """Why a layer cannot change this law so, from the name of the row on; empty: it can."""
+        return ""
+
     def changed_by(self: Law, change: Any) -> Law:
         """This law with the values that a layer has of its own (layer_law)."""
         rows = {
@@ -192,7 +204,7 @@ def layer_law(law: type[ContactLaw]) -> type[StrictModel]:
 
     def changes(row: type[StrictModel]) -> type[StrictModel]:
         optional: dict[str, Any] = {
-            name: (Annotated[(field.annotation, *field.metadata)] | None, None)
+            name: (Annotated[(field.annotation, *field.metadata, Field())] | None, None)
             for name, field in row.model_fields.items()
         }
         found = create_model(row.__name__.replace("Values", "Change"), __base__=StrictModel, **optional)

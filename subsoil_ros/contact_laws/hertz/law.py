@@ -6,6 +6,7 @@ from typing import Literal, NamedTuple
 
 from ...strict_model import Fraction, NonNegative, PoissonRatio, Positive, StrictModel
 from ..base import ContactLaw, PairValues, with_weaker_friction
+from ..dampers import damping_ratio_at
 
 RAYLEIGH_FRACTION = 0.2
 """Fraction of the Rayleigh time that a step may take (usual: 0.1 to 0.2)."""
@@ -132,9 +133,7 @@ def _values(
     normal, tangential = (a + b for a, b in zip(compliance(first), compliance(second), strict=True))
     root = math.sqrt(radius_m)
     stiffness, shear = 2.0 * root / normal, 8.0 * root / tangential  # S_n, S_t per root of overlap
-    log_e = math.log(restitution)
-    beta = -log_e / math.hypot(log_e, math.pi)
-    dashpot = 2.0 * math.sqrt(5.0 / 6.0) * beta
+    dashpot = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio_at(restitution)
     return HertzPair(
         stiffness=2.0 / 3.0 * stiffness,
         tangential_stiffness=shear,

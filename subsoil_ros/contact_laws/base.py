@@ -1,6 +1,7 @@
 """What every contact law has, and what two bodies in contact put on each other."""
 
 import functools
+import math
 import operator
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,11 +13,12 @@ from pydantic import Field, create_model
 from ..strict_model import StrictModel
 
 SINKS = ("normal_dashpot", "tangential_dashpot", "sliding", "rolling", "separation")
-"""Energy sinks that a contact books, in this order, joule."""
+"""Energy sinks that a contact books, in this order, joule. `rolling`: of rolling and twisting friction."""
 
 SPRINGS = 6
-"""Numbers that are kept of every contact: tangential spring x, y, z [m], rolling spring x, y, z [rad], i
-against j. Seen from the other side they change their sign. A law may keep more: ContactLaw.kept."""
+"""Numbers that are kept of every contact: tangential spring x, y, z [m], rolling spring x, y, z [rad], whose
+part along the normal is the twisting spring; i against j. Seen from the other side they change their sign. A
+law may keep more: ContactLaw.kept."""
 
 YES, NO = np.zeros((1, 1)), np.zeros(1)
 """Values of Features."""
@@ -41,6 +43,7 @@ class Features(NamedTuple):
     sizes: np.ndarray = NO  # radii differ: dem.mixture
     materials: np.ndarray = NO  # laws or densities differ: dem.mixture
     periodic: np.ndarray = NO  # sides: (1, 1) period in y; (1, 1, 3) along x, y and z [m]
+    twisting: np.ndarray = NO
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,8 @@ class PairValues:
     adhesion: float = 0.0  # K_B [N/m]
     rest_overlap: float = 0.0  # delta_c [m]
     reach: float = 0.0  # delta_B [m]
+    twisting_friction: float = 0.0
+    damping_of_restitution: bool = False  # dampers ~ sqrt(K m)
 
     @property
     def contact_adhesion(self) -> float:
@@ -78,8 +83,14 @@ class PairValues:
         return force_newton / self.stiffness
 
     def stiffened(self: Values, factor: float) -> Values:
-        """With the normal stiffness times `factor`."""
-        return replace(self, stiffness=factor * self.stiffness)
+        """With the normal stiffness times `factor`; the restitution stays if the dampers follow from it."""
+        dampers = math.sqrt(factor) if self.damping_of_restitution else 1.0
+        return replace(
+            self,
+            stiffness=factor * self.stiffness,
+            damping=dampers * self.damping,
+            tangential_damping=dampers * self.tangential_damping,
+        )
 
     def scaled(self: Values, ratio: float) -> Values:
         """Values of spheres `ratio` times as large that make soil of the same strength and modulus.
@@ -170,6 +181,10 @@ class ContactLaw(StrictModel):
         """Overlap of two particles, and of particle and boundary, without force."""
         return 0.0, 0.0
 
+    def refused(self, change: Any) -> str:
+        """Why a layer cannot change this law so, from the name of the row on; empty: it can."""
+        return ""
+
     def changed_by(self: Law, change: Any) -> Law:
         """This law with the values that a layer has of its own (layer_law)."""
         rows = {
@@ -189,7 +204,7 @@ def layer_law(law: type[ContactLaw]) -> type[StrictModel]:
 
     def changes(row: type[StrictModel]) -> type[StrictModel]:
         optional: dict[str, Any] = {
-            name: (Annotated[(field.annotation, *field.metadata)] | None, None)
+            name: (Annotated[(field.annotation, *field.metadata, Field())] | None, None)
             for name, field in row.model_fields.items()
         }
         found = create_model(row.__name__.replace("Values", "Change"), __base__=StrictModel, **optional)
@@ -234,4 +249,6 @@ def with_weaker_friction(values: Values, one: Any, other: Any) -> Values:
         static_friction=min(one.static_friction, other.static_friction),
         sliding_friction=min(one.sliding_friction, other.sliding_friction),
         rolling_friction=min(one.rolling_friction, other.rolling_friction),
+        # rows of outside laws need not have it
+        twisting_friction=min(getattr(row, "twisting_friction", 0.0) for row in (one, other)),
     )

@@ -65,6 +65,8 @@ def _fault(kind: str, law: object, taken: Set[str]) -> str:
         return "its class has no `numbers`, the NamedTuple that its kernels take"
     if not law.numbers.__module__.endswith(".law"):
         return "the class of its `numbers` must stand in a module law.py, beside kernel.py"
+    if missing := set(Features._fields) - set(getattr(law.features, "_fields", ())):
+        return f"the class of its `features` has no '{min(missing)}'; it begins with the fields of Features"
     if twice := taken & _compiled_names(law):
         return f"another law has a class '{min(twice)}' too, which numba cannot tell apart; rename it"
     return ""

@@ -1,9 +1,12 @@
 """Strain and stress of soil that is the same all over: an endless bed."""
 
+import math
+
 import numpy as np
 from numba import njit
 
 from ..contact_laws.base import SPRINGS
+from ..contact_laws.springs import turned
 from .contact import components, kept_at, reach
 from .mixture import pair_of
 from .pairs import BLOCK, contact_of_pair, history_place
@@ -12,7 +15,8 @@ from .periodic import nearest_images
 
 @njit(cache=True, error_model="numpy")
 def stretch_springs(row_start, neighbour, position, history, strain, radius, law, mixture, features):
-    """Tangential springs of all contacts, after the bed was stretched by `strain` (3,) along x, y and z.
+    """Tangential and twisting springs of all contacts, after the bed was stretched by `strain` (3,) along x,
+    y and z.
 
     Of a pair a vector l apart, particle i moves by -strain l against j. `law` is any one of its class.
     """
@@ -35,6 +39,13 @@ def stretch_springs(row_start, neighbour, position, history, strain, radius, law
             history[h] -= ex - along * dx
             history[h + BLOCK] -= ey - along * dy
             history[h + 2 * BLOCK] -= ez - along * dz
+            if features.twisting.ndim == 2:
+                bx, by, bz = dx - ex, dy - ey, dz - ez
+                back, here = 1.0 / math.sqrt(bx * bx + by * by + bz * bz), 1.0 / math.sqrt(squared)
+                roll = (history[h + 3 * BLOCK], history[h + 4 * BLOCK], history[h + 5 * BLOCK])
+                history[h + 3 * BLOCK], history[h + 4 * BLOCK], history[h + 5 * BLOCK] = turned(
+                    roll, (bx * back, by * back, bz * back), (dx * here, dy * here, dz * here)
+                )
 
 
 @njit(cache=True, error_model="numpy")

@@ -14,7 +14,7 @@ from numba.extending import register_jitable
 
 from ..contact_laws.base import SINKS, SPRINGS
 from ..contact_laws.inverse_root import inverse_root
-from ..contact_laws.springs import like
+from ..contact_laws.springs import like, turned
 from .compiled import inner_kernel
 from .contact import (
     components,
@@ -169,6 +169,11 @@ def contact_of_pair(
         relative[1] + cz * nx - cx * nz,
         relative[2] + cx * ny - cy * nx,
     )
+    if features.twisting.ndim == 2:
+        # the drift moved the centres by a step with these velocities
+        bx, by, bz = dx + step * relative[0], dy + step * relative[1], dz + step * relative[2]
+        back = inverse_root(bx * bx + by * by + bz * bz)
+        roll = turned(roll, (bx * back, by * back, bz * back), (nx, ny, nz))
     f, m, s, r, kept, sinks = contact(
         touch - distance, (nx, ny, nz), sliding, (wx - ox, wy - oy, wz - oz), shear, roll, kept, step, law,
         features,

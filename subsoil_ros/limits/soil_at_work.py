@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from ..contact_laws.dampers import restitution_at
 from ..scene.meshes import ToolMesh
 from ..scene.model import Scene
 from ..scene.pairs import layer_soils, pair_values, particle_mass_kg
@@ -62,11 +63,6 @@ def damping_ratio(soil: Soil) -> float:
     return math.sqrt(2.0 * n / (n + 1.0)) * linear.damping / critical
 
 
-def restitution(ratio: float) -> float:
-    """Of spring and dashpot over half a period: exp(-pi z / sqrt(1 - z^2)), 0 from z = 1 on; no cohesion."""
-    return math.exp(-math.pi * ratio / math.sqrt(1.0 - ratio**2)) if ratio < 1.0 else 0.0
-
-
 def inertial_number(speed_m_per_s: float, depth_m: float, gravity_m_per_s2: float) -> float:
     """Of soil that a tool shears: rate d sqrt(rho / p) (GDR MiDi), d and rho of the particles, which cancel.
 
@@ -104,7 +100,7 @@ def _overlap(soil: Soil) -> Finding:
 
 def _damping(soil: Soil) -> Finding:
     ratio, k = max((damping_ratio(layer), k) for k, layer in enumerate(layer_soils(soil)))
-    text = f"{ratio:.3g} of a pair of particles, restitution {restitution(ratio):.2g} without cohesion"
+    text = f"{ratio:.3g} of a pair of particles, restitution {restitution_at(ratio):.2g} without cohesion"
     if round(ratio, 2) <= 1.0:
         return Finding("damping ratio", text)
     needed = _needed(soil, k, 1.0 / ratio, "damping_newton_s_per_m")

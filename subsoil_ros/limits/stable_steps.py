@@ -123,12 +123,13 @@ def _boundary_limits(soil: Soil, named: str) -> dict[str, StepLimit]:
     radius = soil.particles.bounds_m[0]
     mass = sphere_mass_kg(soil, radius)
     wall = boundary_values(soil, radius, mass)
-    normal = wall.stiffened(max(1.0, soil.tool_stiffness_factor)).max_stiffness
+    stiffest = wall.stiffened(max(1.0, soil.tool_stiffness_factor))
+    normal, damping, sliding_damping = stiffest.max_stiffness, stiffest.damping, stiffest.tangential_damping
     tangential = wall.tangential_stiffness
     arm = radius - wall.rest_overlap
     turning = 2.0 * arm**2 / (0.4 * radius**2)  # of two walls beside a turn, over the mass
     spring = max(normal + 2.0 * tangential, turning * tangential) / mass
-    damper = max(wall.damping + 2.0 * wall.tangential_damping, turning * wall.tangential_damping) / mass
+    damper = max(damping + 2.0 * sliding_damping, turning * sliding_damping) / mass
     name = f"at walls and tools, particle {mass * 1e3:.3g} g{named}"
     limits = {
         "boundary, springs": StepLimit(
@@ -136,7 +137,7 @@ def _boundary_limits(soil: Soil, named: str) -> dict[str, StepLimit]:
         )
     }
     if damper > 0.0:
-        cause = f"damping {wall.damping:g} and {wall.tangential_damping:g} N s/m {name}"
+        cause = f"damping {damping:g} and {sliding_damping:g} N s/m {name}"
         limits["boundary, dampers"] = StepLimit(cause, 2.0 / damper, damped=True)
     return limits
 

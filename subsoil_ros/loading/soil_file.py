@@ -5,8 +5,9 @@ import math
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import Field, ValidationError
 
+from ..contact_laws.registry import contact_laws
 from ..errors import SceneError, SubsoilError
 from ..scene.meshes import load_tool_mesh
 from ..scene.model import Scene
@@ -81,6 +82,15 @@ def law_of(soil: Soil) -> dict[str, Any]:
     return dict(content)
 
 
+def _with_defaults(fitted: dict[str, Any]) -> dict[str, Any]:
+    """`fitted_law` with the keys that its contact law has got since; as it is if the law refuses it."""
+    try:
+        law = contact_laws()[fitted["law"]["kind"]].model_validate(fitted["law"])
+    except (KeyError, ValidationError):
+        return fitted
+    return {**fitted, "law": law.model_dump(mode="json", exclude_none=True)}
+
+
 def _differences(one: Any, two: Any, path: str = "") -> list[str]:
     """Paths at which two plain documents differ."""
     if isinstance(one, dict) and isinstance(two, dict):
@@ -149,7 +159,7 @@ def _refuse_other_law(soil: WedgeSoil, fitted_to: Scene) -> None:
     if particles is None:
         raise SceneError(f"soil.fitted_to: {soil.fitted_to}: has no soil of particles; name a scene that has")
     assert soil.file is not None
-    differ = _differences(read_soil_file(Path(soil.file)).fitted_law, law_of(particles))
+    differ = _differences(_with_defaults(read_soil_file(Path(soil.file)).fitted_law), law_of(particles))
     if differ:
         raise SceneError(
             f"soil.file: {soil.file}: was fitted to another soil than that of soil.fitted_to "

@@ -149,6 +149,8 @@ class Soil(StrictModel):
                     f"{where}.law.kind: '{layer.law.kind}' differs from soil.law.kind, '{self.law.kind}'; "
                     "all layers need the same"
                 )
+            if layer.law is not None and (refused := self.law.refused(layer.law)):
+                raise ValueError(f"{where}.law.{refused}")
             if last and thickness is not None:
                 raise ValueError(f"{where}.thickness_m: the last layer goes on to the floor; leave it out")
             if last:

@@ -21,7 +21,7 @@ from subsoil_ros.messages import ToolMotion
 ROW = {
     "stiffness_newton_per_m": 1e4, "tangential_stiffness_newton_per_m": 8e3,
     "damping_newton_s_per_m": 10.0, "tangential_damping_newton_s_per_m": 5.0,
-    "static_friction": 0.5, "sliding_friction": 0.4, "rolling_friction": 0.3,
+    "static_friction": 0.5, "sliding_friction": 0.4, "rolling_friction": 0.3, "twisting_friction": 0.2,
 }  # fmt: skip
 WET = {
     **ROW,

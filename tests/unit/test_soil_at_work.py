@@ -10,12 +10,12 @@ from numpy.testing import assert_allclose
 import subsoil_ros as subsoil
 from subsoil_ros.api.check import run_notes
 from subsoil_ros.cli.main import main
+from subsoil_ros.contact_laws.dampers import damping_ratio_at, restitution_at
 from subsoil_ros.limits.soil_at_work import (
     damping_ratio,
     force_exponent,
     inertial_number,
     overlap_under,
-    restitution,
 )
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.scene.soil import Soil
@@ -71,14 +71,16 @@ def test_hertzian_spheres_have_the_restitution_that_was_given(given: float) -> N
     """Their damping ratio is that of the linear oscillator with the same restitution."""
     row = ELASTIC | {"restitution": given}
     soil = soil_under({"kind": "hertz_mindlin", "particle": row, "boundary": row})
-    assert_allclose(restitution(damping_ratio(soil)), given, rtol=1e-12)
+    assert_allclose(restitution_at(damping_ratio(soil)), given, rtol=1e-12)
 
 
 def test_restitution() -> None:
     """exp(-pi z / sqrt(1 - z^2)): of z = 0.6 exp(-3 pi / 4); 1 without damping, 0 if critically damped."""
-    assert restitution(0.0) == 1.0
-    assert_allclose(restitution(0.6), math.exp(-0.75 * math.pi), rtol=1e-14)
-    assert [restitution(ratio) for ratio in (1.0, 1.5)] == [0.0, 0.0]
+    assert restitution_at(0.0) == 1.0
+    assert_allclose(restitution_at(0.6), math.exp(-0.75 * math.pi), rtol=1e-14)
+    assert [restitution_at(ratio) for ratio in (1.0, 1.5)] == [0.0, 0.0]
+    for given in (1e-3, 0.3, 0.99, 1.0):
+        assert_allclose(restitution_at(damping_ratio_at(given)), given, rtol=1e-12)
 
 
 def test_inertial_number() -> None:

@@ -29,8 +29,12 @@ TWO = {"kind": "listed", "radii_m": [SMALL, LARGE], "shares": [1.0, 1.0], "share
 BOX = ((0.0, -0.15, -0.3), (0.3, 0.15))
 
 
-def two_spheres(maker, step_ns, x, v=((0, 0, 0), (0, 0, 0)), w=None, law=LINEAR, gravity=0.0, tools=None):
-    """An engine with a small and a large sphere in a box of 0.3 m, started unless there are tools."""
+def two_spheres(
+    maker, step_ns, x, v=((0, 0, 0), (0, 0, 0)), w=None, law=LINEAR, gravity=0.0, tools=None,
+    radii_m=(SMALL, LARGE),
+):  # fmt: skip
+    """An engine with two spheres in a box of 0.3 m, started unless there are tools."""
+    radii = np.array(radii_m)
     bed = {"kind": "dense_random"}
     if law["kind"] == "hertz_mindlin":  # cannot be settled; named by the scene, never read: the bed is given
         (maker.folder / "none.npz").write_bytes(b"")
@@ -46,7 +50,6 @@ def two_spheres(maker, step_ns, x, v=((0, 0, 0), (0, 0, 0)), w=None, law=LINEAR,
             "time_step_s": step_ns * 1e-9,
         },
     )  # fmt: skip
-    radii = np.array([SMALL, LARGE])
     engine = SoilEngine(scene, bed=Bed(np.array(x, np.float64), *BOX, radii_m=radii), book=True)
     engine.place(x, v, w, radii)
     if not tools:
@@ -85,6 +88,23 @@ def test_head_on_collision_of_unequal_spheres(soil):
         assert_allclose(v, common + 0.4 * restitution * REDUCED_MASS / MASS * (-1, 1), rtol=0.02)
     assert errors[0] < 0.01
     assert errors[1] < 0.7 * errors[0] + 1e-4
+
+
+@pytest.mark.parametrize("given", [0.3, 0.8])
+def test_head_on_collisions_of_every_size_have_the_restitution_that_was_given(soil, given):
+    """Small on large, two small, two large, and each at the wall: dampers go with the root of the mass."""
+    row = {key: value for key, value in ROW.items() if "damping" not in key} | {"restitution": given}
+    law = {"kind": "linear", "particle": row, "boundary": row}
+    for first, second in ((SMALL, LARGE), (SMALL, SMALL), (LARGE, LARGE)):
+        x = [(0.1, 0, -0.15), (0.1 + first + second + 1e-9, 0, -0.15)]
+        engine = two_spheres(soil, 1000, x, [(0.3, 0, 0), (-0.1, 0, 0)], law=law, radii_m=(first, second))
+        run(engine, 2000)
+        v = engine.velocities_m_per_s()[:, 0]
+        assert_allclose((v[1] - v[0]) / 0.4, given, rtol=0.01)
+    x = [(0.1, 0, -0.3 + SMALL + 1e-9), (0.2, 0, -0.3 + LARGE + 1e-9)]
+    engine = two_spheres(soil, 1000, x, [(0, 0, -0.2), (0, 0, -0.2)], law=law)
+    run(engine, 2000)
+    assert_allclose(engine.velocities_m_per_s()[:, 2] / 0.2, given, rtol=0.01)
 
 
 def test_oblique_collision_of_unequal_spheres_keeps_angular_momentum_and_energy(soil):

@@ -3,6 +3,8 @@
 What the paper leaves open is chosen in docs/physics.md: friction limit, damped zones.
 """
 
+import math
+
 from ..springs import contact_with_springs, energy_of_springs, law_kernel, like
 from .law import CohesiveLinearNumbers
 
@@ -66,9 +68,13 @@ def reach(touch, law, features):
 
 
 def at_size(law, radius, mass):
-    """dem.contact.at_size: K_Y R^2 and mu_r R of rolling."""
+    """dem.contact.at_size: K_Y R^2 and mu R of rolling and twisting; dampers that follow from a restitution
+    with the root of the mass."""
+    damper = math.sqrt(mass) if law.of_restitution > 0.0 else 1.0
     return CohesiveLinearNumbers(
-        law.stiffness, law.tangential_stiffness, law.damping, law.tangential_damping, law.adhesion,
-        law.contact_adhesion, law.rest_overlap, law.reach, law.peak_attraction, law.static_friction,
-        law.sliding_friction, radius * radius * law.rolling_stiffness, radius * law.rolling_arm,
+        law.stiffness, law.tangential_stiffness, damper * law.damping, damper * law.tangential_damping,
+        law.adhesion, law.contact_adhesion, law.rest_overlap, law.reach, law.peak_attraction,
+        law.static_friction, law.sliding_friction,
+        radius * radius * law.rolling_stiffness, radius * law.rolling_arm,
+        radius * law.twisting_arm, law.of_restitution,
     )  # fmt: skip

@@ -7,8 +7,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from ...strict_model import NonNegative, Positive, StrictModel
-from ..base import NO, ContactLaw, PairValues, doubled, series, with_weaker_friction
+from ...strict_model import NonNegative, Positive
+from ..base import NO, PairValues, doubled, series, with_weaker_friction
+from ..dampers import DampedLaw, DampedValues, damped, smaller_restitution
 
 
 class CohesiveLinearNumbers(NamedTuple):
@@ -27,6 +28,8 @@ class CohesiveLinearNumbers(NamedTuple):
     sliding_friction: float
     rolling_stiffness: float  # K_Y R_eff^2 [N m/rad]
     rolling_arm: float  # mu_r R_eff [m]: torque limit over normal force
+    twisting_arm: float = 0.0  # mu_t R_eff [m]: likewise, about the normal
+    of_restitution: float = 0.0  # 1: dampers go with the root of the reduced mass, 0: they do not
 
 
 class CohesiveLinearFeatures(NamedTuple):
@@ -38,28 +41,30 @@ class CohesiveLinearFeatures(NamedTuple):
     sizes: np.ndarray = NO
     materials: np.ndarray = NO
     periodic: np.ndarray = NO
+    twisting: np.ndarray = NO
     cohesion: np.ndarray = NO
     damp_all_zones: np.ndarray = NO
     friction_repulsive: np.ndarray = NO  # neither of the two: friction is limited by F_n + F_peak
     friction_absolute: np.ndarray = NO
 
 
-class CohesiveLinearValues(StrictModel):
+class CohesiveLinearValues(DampedValues):
     """One row of table 3 of the paper."""
 
     stiffness_newton_per_m: Positive = Field(description="K_X.")
     tangential_stiffness_newton_per_m: NonNegative = Field(description="K_Y, K_Z.")
-    damping_newton_s_per_m: NonNegative = Field(description="C_X.")
-    tangential_damping_newton_s_per_m: NonNegative = Field(description="C_Y, C_Z.")
+    damping_newton_s_per_m: NonNegative | None = Field(None, description="C_X.")
+    tangential_damping_newton_s_per_m: NonNegative | None = Field(None, description="C_Y, C_Z.")
     cohesive_stiffness_newton_per_m: NonNegative = Field(description="K_B.")
     static_friction: NonNegative
     sliding_friction: NonNegative
     rolling_friction: NonNegative
+    twisting_friction: NonNegative = 0.0
     equilibrium_overlap_m: Positive = Field(description="delta_c.")
     cohesion_range_m: Positive = Field(description="delta_B.")
 
 
-class CohesiveLinearLaw(ContactLaw):
+class CohesiveLinearLaw(DampedLaw):
     """The paper's law of wet particles (eq. 12-21), its adjustment distance Delta being 0.
 
     `combining_rule` says how the two rows are read: `series`, those of a body, combined by eq. 15, 16 and 18
@@ -79,13 +84,15 @@ class CohesiveLinearLaw(ContactLaw):
 
     def pair(self, ratio: float, radius_m: float, mass_kg: float) -> PairValues:
         """Two particles under this law."""
-        return self._with(self.particle, in_series=self.combining_rule == "series").scaled(ratio)
+        found = self._with(self.particle, in_series=self.combining_rule == "series").scaled(ratio)
+        return damped(found, self.particle.restitution, mass_kg)
 
     def mixed_pair(
         self, other: "CohesiveLinearLaw", ratio: float, radius_m: float, mass_kg: float
     ) -> PairValues:
         """Springs, dampers and adhesions of the two in series, a value that stands for a like pair being half
-        of a body's; rest overlap and reach the mean, each body bringing its half; the smaller friction."""
+        of a body's; rest overlap and reach the mean, each body bringing its half; the smaller friction and
+        restitution."""
         found = self._with(other.particle, in_series=True)
         if self.combining_rule == "none":
             found = doubled(found)
@@ -95,11 +102,13 @@ class CohesiveLinearLaw(ContactLaw):
             rest_overlap=0.5 * (one.equilibrium_overlap_m + two.equilibrium_overlap_m),
             reach=0.5 * (one.cohesion_range_m + two.cohesion_range_m),
         )
-        return with_weaker_friction(found.scaled(ratio), one, two)
+        found = with_weaker_friction(found.scaled(ratio), one, two)
+        return damped(found, smaller_restitution(one, two), mass_kg)
 
     def at_boundary(self, ratio: float, radius_m: float, mass_kg: float) -> PairValues:
         """A particle at a wall or tool."""
-        return self._with(self.boundary, in_series=self.combining_rule == "series").scaled(ratio)
+        found = self._with(self.boundary, in_series=self.combining_rule == "series").scaled(ratio)
+        return damped(found, self.boundary.restitution, mass_kg)
 
     @classmethod
     def numbers_of(cls, values: PairValues, radius_m: float) -> CohesiveLinearNumbers:
@@ -118,6 +127,8 @@ class CohesiveLinearLaw(ContactLaw):
             sliding_friction=values.sliding_friction,
             rolling_stiffness=values.tangential_stiffness * radius_m**2,
             rolling_arm=values.rolling_friction * radius_m,
+            twisting_arm=values.twisting_friction * radius_m,
+            of_restitution=float(values.damping_of_restitution),
         )
 
     def own_features(self, values: Sequence[PairValues]) -> dict[str, bool]:
@@ -136,12 +147,12 @@ class CohesiveLinearLaw(ContactLaw):
     def _with(self, second: CohesiveLinearValues, *, in_series: bool) -> PairValues:
         """Particle with `second`: body values combined as springs in series, or pair values as they stand.
 
-        Distances and friction are not combined: those of the row stand for the pair.
+        Distances, friction and restitution are not combined: those of the row stand for the pair.
         """
 
         def value(key: str) -> float:
-            own: float = getattr(second, key)
-            return series(getattr(self.particle, key), own) if in_series else own
+            own: float = getattr(second, key) or 0.0
+            return series(getattr(self.particle, key) or 0.0, own) if in_series else own
 
         return PairValues(
             stiffness=value("stiffness_newton_per_m"),
@@ -151,6 +162,7 @@ class CohesiveLinearLaw(ContactLaw):
             static_friction=second.static_friction,
             sliding_friction=second.sliding_friction,
             rolling_friction=second.rolling_friction,
+            twisting_friction=second.twisting_friction,
             adhesion=value("cohesive_stiffness_newton_per_m"),
             rest_overlap=second.equilibrium_overlap_m,
             reach=second.cohesion_range_m,

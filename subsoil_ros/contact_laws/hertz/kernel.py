@@ -43,11 +43,12 @@ def reach(touch, law, features):
 
 def at_size(law, radius, mass):
     """dem.contact.at_size: stiffnesses with R^(1/2), dashpots with the root of stiffness times mass,
-    R^(1/4) m^(1/2); K_Y R^2 and mu_r R of rolling."""
+    R^(1/4) m^(1/2); K_Y R^2 and mu R of rolling and twisting."""
     normal = math.sqrt(radius)
     damper = math.sqrt(normal * mass)
     return HertzNumbers(
         normal * law.stiffness, normal * law.tangential_stiffness, damper * law.damping,
         damper * law.tangential_damping, law.static_friction, law.sliding_friction,
         normal * radius * radius * law.rolling_stiffness, radius * law.rolling_arm,
+        radius * law.twisting_arm,
     )  # fmt: skip

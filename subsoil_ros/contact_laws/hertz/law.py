@@ -6,6 +6,7 @@ from typing import Literal, NamedTuple
 
 from ...strict_model import Fraction, NonNegative, PoissonRatio, Positive, StrictModel
 from ..base import ContactLaw, PairValues, with_weaker_friction
+from ..dampers import damping_ratio_at
 
 RAYLEIGH_FRACTION = 0.2
 """Fraction of the Rayleigh time that a step may take (usual: 0.1 to 0.2)."""
@@ -22,6 +23,7 @@ class HertzNumbers(NamedTuple):
     sliding_friction: float
     rolling_stiffness: float  # S_t R_eff^2 [N m^0.5/rad]
     rolling_arm: float  # mu_r R_eff [m]: torque limit over normal force
+    twisting_arm: float = 0.0  # mu_t R_eff [m]: likewise, about the normal
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,7 @@ class HertzPair(PairValues):
             static_friction=self.static_friction,
             sliding_friction=self.sliding_friction,
             rolling_friction=self.rolling_friction,
+            twisting_friction=self.twisting_friction,
         )
 
 
@@ -59,6 +62,7 @@ class HertzValues(StrictModel):
     static_friction: NonNegative
     sliding_friction: NonNegative
     rolling_friction: NonNegative = 0.0
+    twisting_friction: NonNegative = 0.0
 
 
 class HertzMindlinLaw(ContactLaw):
@@ -98,6 +102,7 @@ class HertzMindlinLaw(ContactLaw):
             sliding_friction=values.sliding_friction,
             rolling_stiffness=values.tangential_stiffness * radius_m**2,
             rolling_arm=values.rolling_friction * radius_m,
+            twisting_arm=values.twisting_friction * radius_m,
         )
 
     def wave_limit(self, radius_m: float, density_kg_per_m3: float) -> tuple[str, float]:
@@ -128,9 +133,7 @@ def _values(
     normal, tangential = (a + b for a, b in zip(compliance(first), compliance(second), strict=True))
     root = math.sqrt(radius_m)
     stiffness, shear = 2.0 * root / normal, 8.0 * root / tangential  # S_n, S_t per root of overlap
-    log_e = math.log(restitution)
-    beta = -log_e / math.hypot(log_e, math.pi)
-    dashpot = 2.0 * math.sqrt(5.0 / 6.0) * beta
+    dashpot = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio_at(restitution)
     return HertzPair(
         stiffness=2.0 / 3.0 * stiffness,
         tangential_stiffness=shear,
@@ -139,4 +142,5 @@ def _values(
         static_friction=second.static_friction,
         sliding_friction=second.sliding_friction,
         rolling_friction=second.rolling_friction,
+        twisting_friction=second.twisting_friction,
     )

@@ -1,5 +1,7 @@
 """Kernels of the linear law: a spring and a dashpot while the spheres overlap."""
 
+import math
+
 from ..springs import contact_with_springs, energy_of_springs, like
 from .law import LinearNumbers
 
@@ -39,8 +41,12 @@ def reach(touch, law, features):
 
 
 def at_size(law, radius, mass):
-    """dem.contact.at_size: K_t R^2 and mu_r R of rolling."""
+    """dem.contact.at_size: K_t R^2 and mu R of rolling and twisting; dampers that follow from a restitution
+    with the root of the mass."""
+    damper = math.sqrt(mass) if law.of_restitution > 0.0 else 1.0
     return LinearNumbers(
-        law.stiffness, law.tangential_stiffness, law.damping, law.tangential_damping, law.static_friction,
-        law.sliding_friction, radius * radius * law.rolling_stiffness, radius * law.rolling_arm,
+        law.stiffness, law.tangential_stiffness, damper * law.damping, damper * law.tangential_damping,
+        law.static_friction, law.sliding_friction,
+        radius * radius * law.rolling_stiffness, radius * law.rolling_arm,
+        radius * law.twisting_arm, law.of_restitution,
     )  # fmt: skip

@@ -3,8 +3,9 @@
 from dataclasses import replace
 from typing import Literal, NamedTuple
 
-from ...strict_model import NonNegative, Positive, StrictModel
-from ..base import ContactLaw, PairValues, doubled, series, with_weaker_friction
+from ...strict_model import NonNegative
+from ..base import PairValues, doubled, series, with_weaker_friction
+from ..dampers import DampedLaw, DampedValues, damped, smaller_restitution
 
 
 class LinearNumbers(NamedTuple):
@@ -18,21 +19,20 @@ class LinearNumbers(NamedTuple):
     sliding_friction: float
     rolling_stiffness: float  # K_t R_eff^2 [N m/rad]
     rolling_arm: float  # mu_r R_eff [m]: torque limit over normal force
+    twisting_arm: float = 0.0  # mu_t R_eff [m]: likewise, about the normal
+    of_restitution: float = 0.0  # 1: dampers go with the root of the reduced mass, 0: they do not
 
 
-class LinearValues(StrictModel):
+class LinearValues(DampedValues):
     """A spring and a dashpot, as they stand for the pair."""
 
-    stiffness_newton_per_m: Positive
-    tangential_stiffness_newton_per_m: NonNegative
-    damping_newton_s_per_m: NonNegative
-    tangential_damping_newton_s_per_m: NonNegative
     static_friction: NonNegative
     sliding_friction: NonNegative
     rolling_friction: NonNegative = 0.0
+    twisting_friction: NonNegative = 0.0
 
 
-class LinearLaw(ContactLaw):
+class LinearLaw(DampedLaw):
     """Dry spheres with linear springs and dashpots, acting while they overlap."""
 
     kind: Literal["linear"]
@@ -44,10 +44,11 @@ class LinearLaw(ContactLaw):
 
     def pair(self, ratio: float, radius_m: float, mass_kg: float) -> PairValues:
         """Two particles under this law."""
-        return _values(self.particle).scaled(ratio)
+        return damped(_values(self.particle).scaled(ratio), self.particle.restitution, mass_kg)
 
     def mixed_pair(self, other: "LinearLaw", ratio: float, radius_m: float, mass_kg: float) -> PairValues:
-        """Springs and dampers in series, a value being half of a body's; the smaller friction."""
+        """Springs and dampers in series, a value being half of a body's; the smaller friction and
+        restitution."""
         found, theirs = _values(self.particle), _values(other.particle)
         halves = replace(
             found,
@@ -56,11 +57,12 @@ class LinearLaw(ContactLaw):
             damping=series(found.damping, theirs.damping),
             tangential_damping=series(found.tangential_damping, theirs.tangential_damping),
         )
-        return with_weaker_friction(doubled(halves).scaled(ratio), self.particle, other.particle)
+        found = with_weaker_friction(doubled(halves).scaled(ratio), self.particle, other.particle)
+        return damped(found, smaller_restitution(self.particle, other.particle), mass_kg)
 
     def at_boundary(self, ratio: float, radius_m: float, mass_kg: float) -> PairValues:
         """A particle at a wall or tool."""
-        return _values(self.boundary).scaled(ratio)
+        return damped(_values(self.boundary).scaled(ratio), self.boundary.restitution, mass_kg)
 
     @classmethod
     def numbers_of(cls, values: PairValues, radius_m: float) -> LinearNumbers:
@@ -74,6 +76,8 @@ class LinearLaw(ContactLaw):
             sliding_friction=values.sliding_friction,
             rolling_stiffness=values.tangential_stiffness * radius_m**2,
             rolling_arm=values.rolling_friction * radius_m,
+            twisting_arm=values.twisting_friction * radius_m,
+            of_restitution=float(values.damping_of_restitution),
         )
 
 
@@ -81,9 +85,10 @@ def _values(row: LinearValues) -> PairValues:
     return PairValues(
         row.stiffness_newton_per_m,
         row.tangential_stiffness_newton_per_m,
-        row.damping_newton_s_per_m,
-        row.tangential_damping_newton_s_per_m,
+        row.damping_newton_s_per_m or 0.0,
+        row.tangential_damping_newton_s_per_m or 0.0,
         row.static_friction,
         row.sliding_friction,
         row.rolling_friction,
+        twisting_friction=row.twisting_friction,
     )

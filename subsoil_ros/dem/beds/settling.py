@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from ...contact_laws.base import ContactLaw
+from ...contact_laws.dampers import DampedValues, restitution_at
 from ...limits.stable_steps import Timing
 from ...loading.loader import ResolvedScene
 from ...messages import SoilState
@@ -23,7 +24,7 @@ from ..bed import Bed
 
 _SLIDING = (
     "tangential_stiffness_newton_per_m", "tangential_damping_newton_s_per_m", "static_friction",
-    "sliding_friction", "rolling_friction",
+    "sliding_friction", "rolling_friction", "twisting_friction",
 )  # fmt: skip
 _ADHESION = "cohesive_stiffness_newton_per_m"
 _DAMPING = "damping_newton_s_per_m"
@@ -133,10 +134,12 @@ def _smooth_law(soil: Soil, *, adhesive: bool) -> ContactLaw:
     lowered = min(same_ratio, wanted / pair.damping) if pair.damping > 0.0 else 1.0
 
     def smooth(row: StrictModel) -> StrictModel:
-        changes = {key: 0.0 for key in without if key in type(row).model_fields}
+        changes = {key: 0.0 for key in without if getattr(row, key, None) is not None}
         for key, factor in ((_STIFFNESS, softened), (_DAMPING, lowered)):
-            if key in type(row).model_fields:
+            if getattr(row, key, None) is not None:
                 changes[key] = factor * getattr(row, key)
+        if isinstance(row, DampedValues) and row.restitution is not None:
+            changes["restitution"] = max(row.restitution, restitution_at(DAMPING_RATIO))
         return row.model_copy(update=changes)
 
     rows = {

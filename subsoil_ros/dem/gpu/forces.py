@@ -25,7 +25,7 @@ from ..mixture import pair_of, sphere_of
 from ..pairs import contact_of_pair
 from ..per_particle import of_particle
 from ..periodic import nearest_image
-from ..tools.forces import CONTACTS, row_forces
+from ..tools.forces import CONTACTS, FOUND, row_forces
 from ..walls import WALLS, contact_at_wall
 from .device import THREADS, WARP
 from .scan import block_largest, block_total
@@ -147,7 +147,7 @@ def pair_kernel(features: Features) -> Any:
                 if held:
                     if features.tangential.ndim == 2:
                         shear = history[0, at], history[1, at], history[2, at]
-                    if features.rolling.ndim == 2:
+                    if features.rolling.ndim == 2 or features.twisting.ndim == 2:
                         roll = history[3, at], history[4, at], history[5, at]
                 if j < i:
                     apart = -apart[0], -apart[1], -apart[2]
@@ -159,7 +159,7 @@ def pair_kernel(features: Features) -> Any:
                 if acts > zero:
                     if features.tangential.ndim == 2:
                         history[0, at], history[1, at], history[2, at] = s
-                    if features.rolling.ndim == 2:
+                    if features.rolling.ndim == 2 or features.twisting.ndim == 2:
                         history[3, at], history[4, at], history[5, at] = r
                     if not held:
                         neighbour[at] = j
@@ -255,7 +255,7 @@ def tool_kernel(features: Features) -> Any:
         row = cuda.grid(1)
         if row >= sizes[k] or row >= particle.shape[0] or report[FAR] == 1.0:
             return
-        out = cuda.local.array((CONTACTS, 6), float64)
+        out = cuda.local.array((CONTACTS, FOUND), float64)
         old_shear = cuda.local.array((CONTACTS, 3), float64)
         old_roll = cuda.local.array((CONTACTS, 3), float64)
         for a in range(3):

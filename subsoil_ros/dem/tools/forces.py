@@ -12,6 +12,7 @@ import math
 import numpy as np
 from numba import njit, prange
 
+from ...contact_laws.springs import turned
 from ..compiled import inner_kernel
 from ..contact import contact, kept_at, normal_potential, put_kept, reach, spring_energy
 from ..mixture import sphere_of
@@ -22,6 +23,10 @@ CONTACTS = 4
 
 _CHUNKS = 32
 """Fixed split of the candidates, whatever the number of threads."""
+
+FOUND = 9
+"""Numbers of a contact that was found: unit normal towards the tool, distance [m] (negative: centre behind
+the face), group, history slot or -1, normal of that slot, set where twisting friction needs it."""
 
 _SAME_NORMAL = 0.7
 """Cosine up to which a contact continues the one before (chosen: 45 degrees)."""
@@ -58,8 +63,7 @@ def _is_nearest(px, py, pz, dx, dy, dz, facets, m, kind):
 def _find_contacts(px, py, pz, facets, first, last, facet, reach, was_active, was_normal, out):
     """Contacts of a centre p [m, body frame] with the facets facet[first:last].
 
-    Returns the number found; rows of out (CONTACTS, 6): unit normal towards the tool, distance [m]
-    (negative: centre behind the face), group, history slot or -1.
+    Returns the number found; rows of out (CONTACTS, FOUND), but for the slot's normal.
     """
     found = 0
     for q in range(first, last):
@@ -113,6 +117,10 @@ def _candidate(
         for a in range(roll.shape[2]):
             old_roll[s, a] = roll[row, s, a] if active[row, s] else 0.0
         active[row, s] = False
+    if features.twisting.ndim == 2:
+        for k in range(found):
+            for a in range(3):
+                out[k, 6 + a] = normal[row, max(int(out[k, 5]), 0), a]
     for k in range(found):
         bx, by, bz = out[k, 0], out[k, 1], out[k, 2]
         distance, group, slot = out[k, 3], int(out[k, 4]), int(out[k, 5])
@@ -133,6 +141,9 @@ def _candidate(
         if slot >= 0:
             sx, sy, sz = old_shear[slot, 0], old_shear[slot, 1], old_shear[slot, 2]
             tx, ty, tz = old_roll[slot, 0], old_roll[slot, 1], old_roll[slot, 2]
+            if features.twisting.ndim == 2:
+                before = (out[k, 6], out[k, 7], out[k, 8])
+                tx, ty, tz = turned((tx, ty, tz), before, (bx, by, bz))
             for a in range(3):  # a slot continues in one contact only
                 old_shear[slot, a] = 0.0
             for a in range(roll.shape[2]):
@@ -178,7 +189,7 @@ def row_forces(
 ):  # fmt: skip
     """Forces of the tool on candidate `row`, and what it puts on the tool, added.
 
-    out (CONTACTS, 6), old_shear (CONTACTS, 3) and old_roll, as long as `roll`, are room to work in.
+    out (CONTACTS, FOUND), old_shear (CONTACTS, 3) and old_roll, as long as `roll`, are room to work in.
     """
     x0, z0, cosine, sine = motion[0], motion[1], motion[2], motion[3]
     i = particle[row]
@@ -202,7 +213,7 @@ def _rows_forces(
     group_force, moment, sums,
 ):  # fmt: skip
     """Candidates first <= row < last; group_force (groups, 3), moment (3,), sums (7,) are theirs alone."""
-    out = np.empty((CONTACTS, 6))
+    out = np.empty((CONTACTS, FOUND))
     old_shear, old_roll = np.empty((CONTACTS, 3)), np.empty((CONTACTS, roll.shape[2]))
     group_force[:] = 0.0
     moment[:] = 0.0
@@ -260,7 +271,7 @@ def tool_scan(
 ):  # fmt: skip
     """Stored energy of one tool's contacts [J]."""
     energy = 0.0
-    out = np.empty((CONTACTS, 6))
+    out = np.empty((CONTACTS, FOUND))
     x0, z0, cosine, sine = motion[0], motion[1], motion[2], motion[3]
     for row in range(particle.shape[0]):
         i = particle[row]

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...analysis.intervals import t_quantile
+from ...contact_laws.dampers import TANGENTIAL_DAMPING, damping_ratio_at
 from ...errors import InputError
 from ...limits.soil_at_work import MAX_OVERLAP, WORKING_STRESS_PA
 from ...loading.loader import load_scene
@@ -54,8 +55,8 @@ ROLLING_FRICTION = 0.1
 RESTITUTION = 0.6
 """Of two particles without attraction (chosen: dampers that draft does not notice, and no rattling)."""
 
-TANGENTIAL_STIFFNESS, TANGENTIAL_DAMPING = 0.8, 0.5
-"""Over the normal ones: usual parts."""
+TANGENTIAL_STIFFNESS = 0.8
+"""Over the normal one: a usual part."""
 
 REST_OVERLAP = 0.01
 """Largest overlap over the radius that attraction alone presses two particles to (chosen: stronger ones would
@@ -189,9 +190,8 @@ class _Fit:
         """attraction_newton: the largest of a pair of mean volume."""
         radius = self._mean_radius
         stiffness = self._stiffness(attraction_newton)
-        logarithm = math.log(RESTITUTION)
-        ratio = -logarithm / math.hypot(math.pi, logarithm)  # exp(-pi z / sqrt(1 - z^2)) = restitution
-        damping = 2.0 * ratio * math.sqrt(0.5 * self._density * 4.0 / 3.0 * math.pi * radius**3 * stiffness)
+        mass = 0.5 * self._density * 4.0 / 3.0 * math.pi * radius**3
+        damping = 2.0 * damping_ratio_at(RESTITUTION) * math.sqrt(mass * stiffness)
         row = {
             "stiffness_newton_per_m": stiffness,
             "tangential_stiffness_newton_per_m": TANGENTIAL_STIFFNESS * stiffness,

@@ -337,6 +337,7 @@ def _row(values: PairValues) -> Document:
         "static_friction": values.static_friction,
         "sliding_friction": values.sliding_friction,
         "rolling_friction": values.rolling_friction,
+        "twisting_friction": values.twisting_friction,
         "equilibrium_overlap_m": values.rest_overlap,
         "cohesion_range_m": values.reach,
     }

@@ -17,11 +17,13 @@ from ..contact_laws.inverse_root import inverse_root
 from ..contact_laws.springs import like, turned
 from .compiled import inner_kernel
 from .contact import (
+    at_size,
     components,
     contact,
     kept_at,
     normal_potential,
     numbers_at,
+    numbers_like,
     put_kept,
     reach,
     spring_energy,
@@ -118,7 +120,10 @@ def _gather(
             scratch[9, b] = spin[j, 0]
             scratch[10, b] = spin[j, 1]
             scratch[11, b] = spin[j, 2]
-            if features.sizes.ndim == 2 or features.materials.ndim == 2:
+            if features.sizes.ndim == 2 and features.materials.ndim == 1:
+                scratch[12, b], scratch[13, b] = mixture.radius[i], mixture.radius[j]
+                scratch[14, b] = mixture.mass[i] * mixture.mass[j] / (mixture.mass[i] + mixture.mass[j])
+            elif features.sizes.ndim == 2 or features.materials.ndim == 2:
                 scratch[12, b], scratch[13, b], of_pair = pair_of(i, j, radius, law, mixture, features)
                 for a, number in enumerate(of_pair):
                     scratch[14 + a, b] = number
@@ -208,7 +213,11 @@ def _compute(count, scratch, history, radius, step, common_law, features, book):
     for b in range(count):
         if features.sizes.ndim == 2 or features.materials.ndim == 2:
             radius_i, radius_j = scratch[b + 12 * ROW], scratch[b + 13 * ROW]
-            law = numbers_at(scratch, b + 14 * ROW, ROW, common_law)
+            if features.materials.ndim == 2:
+                law = numbers_at(scratch, b + 14 * ROW, ROW, common_law)
+            else:
+                reduced = radius_i * radius_j / (radius_i + radius_j)
+                law = numbers_like(step, at_size(common_law, reduced, scratch[b + 14 * ROW]))
         acts, f, on_i, on_j, s, r, sinks, kept = contact_of_pair(
             (scratch[b], scratch[b + ROW], scratch[b + 2 * ROW]),
             (scratch[b + 3 * ROW], scratch[b + 4 * ROW], scratch[b + 5 * ROW]),
@@ -270,8 +279,11 @@ def _slab_forces(
     radius, step, law, mixture, features, book,
 ):  # fmt: skip
     """Pairs of the particles first <= i < last, in list order. `book` (5,) gathers the sinks [J]."""
-    count = _GATHERED
-    if features.sizes.ndim == 2 or features.materials.ndim == 2:
+    count, common = _GATHERED, law
+    if features.sizes.ndim == 2 and features.materials.ndim == 1:
+        count += 3  # radii of i and j, reduced mass
+        common = numbers_like(step, numbers_at(mixture.laws[0], 0, 1, law))
+    elif features.sizes.ndim == 2 or features.materials.ndim == 2:
         count += 2 + len(law)  # radii of i and j, and the law of the pair
     flat = scratch_rows(count, history.dtype)
     rows = flat.reshape((count, ROW))
@@ -284,7 +296,7 @@ def _slab_forces(
             radius, law, mixture, features,
         )  # fmt: skip
         own = history[history_place(pair, components(law)) :]
-        _compute(stop - pair, flat, own, radius, step, law, features, book)
+        _compute(stop - pair, flat, own, radius, step, common, features, book)
         row = _scatter(row, pair, stop, row_start, neighbour, force, torque, rows)
         pair = stop
 

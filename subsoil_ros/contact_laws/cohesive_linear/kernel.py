@@ -70,7 +70,7 @@ def reach(touch, law, features):
 def at_size(law, radius, mass):
     """dem.contact.at_size: K_Y R^2 and mu R of rolling and twisting; dampers that follow from a restitution
     with the root of the mass."""
-    damper = math.sqrt(mass) if law.of_restitution > 0.0 else 1.0
+    damper = math.sqrt(mass) if law.of_restitution > 0.0 else like(mass, 1.0)
     return CohesiveLinearNumbers(
         law.stiffness, law.tangential_stiffness, damper * law.damping, damper * law.tangential_damping,
         law.adhesion, law.contact_adhesion, law.rest_overlap, law.reach, law.peak_attraction,

@@ -1,0 +1,172 @@
+"""A rigid tine pulled through a field of loam: whether it is one field, all along, at one cost per metre.
+
+    python -m validation.field pull FILE.csv [--metres M] [--radius-mm R] [--seed N] [--speed V] [--sides S]
+                                             [--width W] [--ends FACTOR] [--bin LENGTH]
+    python -m validation.field table FILE.csv ...
+
+`pull` drives the tine of config/scenes/field_tine.yaml, 0.20 m deep, through a window of soil, or with --bin
+through a bin of that length, and writes a row per ROW_M of travel. --ends multiplies the lengths of the window
+ahead and behind. `table` judges such files from START_M on: mean draft and vertical force with their 95 %
+intervals; the trend of the draft; its correlation at the lag of the tile; CPU time per metre and memory of the
+process, late against early. Exit status 1 where one is not within TREND, CORRELATION, COST or MEMORY.
+"""
+
+import argparse
+import csv
+import math
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import psutil
+
+from subsoil_ros.analysis.stationarity import stationarity
+from subsoil_ros.dem.engine import build_engine
+from subsoil_ros.dem.window import FieldEngine
+from subsoil_ros.loading.loader import load_scene
+from subsoil_ros.messages import ToolMotion
+
+SCENE = Path(__file__).parents[1] / "config/scenes/field_tine.yaml"
+TIP_M, HEIGHT_M, FIRST_TIP_M = 0.12, 0.10, -0.05
+"""Of the tine: x of the tip in its mesh, height of the mesh for a depth of 0.20 m, and where the tip begins."""
+
+ROW_M = 0.01
+"""Travel of a row (chosen: less than a particle)."""
+
+START_M, LEAVE_M = 1.0, 0.5
+"""From where on the draft counts: one window; and before the end of a bin."""
+
+TREND, CORRELATION, COST, MEMORY = 0.05, 0.2, 0.05, 0.02
+"""Allowed of the draft over the whole way, of its correlation, of CPU time per metre, of memory (asked)."""
+
+COLUMNS = ("tip_x_m", "draft_newton", "vertical_newton", "particles", "cpu_s", "memory_bytes", "period_m")
+
+
+def pull(args: argparse.Namespace) -> None:
+    """Drives the tine and writes the rows as they come."""
+    length = args.bin or args.metres + 1.0
+    scene = load_scene(SCENE)
+    depth = scene.document["soil"]["bin"]["depth_m"]
+    box = {"length_m": length, "width_m": args.width, "depth_m": depth, "sides": args.sides}
+    changes = {"soil.bin": box, "soil.window": {}, "soil.particles.radius_m": 1e-3 * args.radius_mm}
+    changes["soil.bed.seed"] = args.seed
+    if args.bin:
+        changes |= {"soil.window": None, "soil.bin": box | {"sides": "walls"}}
+    scene = load_scene(SCENE, changes)
+    if args.ends != 1.0:
+        window = scene.scene.particle_soil.window
+        longer = {key: args.ends * getattr(window, key) for key in ("ahead_m", "behind_m")}
+        scene = load_scene(SCENE, changes | {"soil.window": longer})
+    engine = build_engine(scene, args.threads)
+    tick_s, process = scene.timing.communication_step_s, psutil.Process()
+
+    def at(time_s: float) -> tuple[ToolMotion, ...]:
+        x = FIRST_TIP_M - TIP_M + args.speed * time_s
+        return (ToolMotion("tine", x, 0.0, HEIGHT_M, 0.0, args.speed, 0.0, 0.0),)
+
+    period = engine._field.period_m if isinstance(engine, FieldEngine) else math.nan
+    engine.start(at(0.0))
+    ticks_of_row = max(1, round(ROW_M / (args.speed * tick_s)))
+    with args.file.open("w", newline="") as file:
+        table = csv.writer(file)
+        table.writerow(COLUMNS)
+        forces = []
+        for tick in range(round((args.metres - FIRST_TIP_M) / (args.speed * tick_s))):
+            wrench = engine.advance(tick, at((tick + 1) * tick_s))[0]
+            forces.append((-wrench.force_x_newton, wrench.force_z_newton))
+            if len(forces) < ticks_of_row:
+                continue
+            draft, vertical = np.mean(forces, axis=0).tolist()
+            tip = FIRST_TIP_M + args.speed * (tick + 1) * tick_s
+            row = (round(tip, 6), round(draft, 3), round(vertical, 3), engine.particle_count)
+            cpu, memory = time.process_time(), process.memory_info().rss
+            table.writerow((*row, round(cpu, 2), memory, round(period, 9)))
+            file.flush()
+            forces = []
+    lost = engine.state("", 0, 0).lost_particle_count
+    print(f"{args.file}: {args.metres:g} m, {lost} particles lost")
+
+
+def read(path: Path) -> dict[str, np.ndarray]:
+    """Columns of a file of `pull`."""
+    rows = np.genfromtxt(path, delimiter=",", names=True)
+    return {name: rows[name] for name in COLUMNS}
+
+
+def judged(path: Path) -> tuple[str, bool]:
+    """A row of the table, and whether all that was asked for holds."""
+    found = read(path)
+    tip, period = found["tip_x_m"], float(found["period_m"][0])
+    counts = tip >= START_M
+    if math.isnan(period):
+        counts &= tip <= tip[-1] - LEAVE_M
+    x, draft = tip[counts], found["draft_newton"][counts]
+    steady, vertical = stationarity(x, draft), stationarity(x, found["vertical_newton"][counts])
+    if steady is None or vertical is None:
+        raise SystemExit(f"{path}: only {len(x)} rows from {START_M:g} m on; pull farther")
+    told = [
+        path.stem, f"{x[-1]:.2f}", f"{steady.mean:.0f} +- {steady.mean_half_width:.0f}",
+        f"{vertical.mean:.0f} +- {vertical.mean_half_width:.0f}",
+        f"{steady.drift:+.1%} +- {steady.drift_half_width:.1%}",
+    ]  # fmt: skip
+    good = abs(steady.drift) < TREND
+    if math.isnan(period):
+        return "| " + " | ".join([*told, "-", "-", "-"]) + " |", good
+    at_lag, noise = correlation(draft, round(period / ROW_M), steady.effective_count)
+    early, late = thirds(tip, found["cpu_s"]), np.array_split(found["memory_bytes"][counts], 3)
+    cost = early[1] / early[0] - 1.0
+    memory = float(np.median(late[2]) / np.median(late[0])) - 1.0
+    told += [f"{at_lag:+.2f} +- {noise:.2f}", f"{early[0]:.0f} s, {cost:+.1%}"]
+    told.append(f"{np.median(late[0]) / 1e6:.0f} MB, {memory:+.1%}")
+    good &= at_lag < CORRELATION and abs(cost) < COST and abs(memory) < MEMORY
+    return "| " + " | ".join(told) + " |", good
+
+
+def correlation(values: np.ndarray, lag: int, independent: float) -> tuple[float, float]:
+    """Autocorrelation of (n,) values about their trend at a lag of rows, and its 95 % bound by chance."""
+    rows = np.arange(len(values))
+    about = values - np.polyval(np.polyfit(rows, values, 1), rows)
+    if lag >= len(values):
+        return math.nan, math.nan
+    found = float(about[:-lag] @ about[lag:] / (len(values) - lag) / about.var())
+    return found, 1.96 / math.sqrt(independent)
+
+
+def thirds(tip_m: np.ndarray, cpu_s: np.ndarray) -> tuple[float, float]:
+    """CPU time per metre in the first and the last third of the way from START_M on."""
+    ends = np.linspace(START_M, tip_m[-1], 4)
+    at = np.interp(ends, tip_m, cpu_s)
+    per_metre = np.diff(at) / np.diff(ends)
+    return float(per_metre[0]), float(per_metre[2])
+
+
+def main() -> int:
+    """Pulls a tine through a field, or judges such pulls. Returns 1 where something asked for is missed."""
+    parser = argparse.ArgumentParser(prog="python -m validation.field", description=main.__doc__)
+    parts = parser.add_subparsers(dest="part", required=True)
+    pulling = parts.add_parser("pull")
+    pulling.add_argument("file", type=Path)
+    for name, usual in (("metres", 12.0), ("radius-mm", 15.0), ("speed", 0.5), ("width", 0.6), ("ends", 1.0)):
+        pulling.add_argument(f"--{name}", type=float, default=usual)
+    pulling.add_argument("--seed", type=int, default=1)
+    pulling.add_argument("--threads", type=int, default=1)
+    pulling.add_argument("--sides", choices=["held", "periodic"], default="held")
+    pulling.add_argument("--bin", type=float, metavar="LENGTH")
+    telling = parts.add_parser("table")
+    telling.add_argument("files", type=Path, nargs="+")
+    args = parser.parse_args()
+    if args.part == "pull":
+        pull(args)
+        return 0
+    print(
+        "| pull | to m | draft N | vertical N | trend of draft | correlation at the tile | CPU per metre | memory |"
+    )
+    print("|---" * 8 + "|")
+    rows = [judged(path) for path in args.files]
+    print("\n".join(text for text, _ in rows))
+    return int(not all(good for _, good in rows))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

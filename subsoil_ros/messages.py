@@ -239,9 +239,13 @@ class NodeStatus:
 
 @dataclass(frozen=True, slots=True)
 class SoilCloud:
-    """Particles for visualization: positions [m] (n, 3) and speeds [m/s] (n,), float32 arrays."""
+    """Particles for visualization: positions [m] (n, 3) and speeds [m/s] (n,), float32 arrays.
+
+    identities (n,) uint32, unique for ever, where particles come and go (soil.window); else None.
+    """
 
     tick: int
     end_time_ns: int
     positions_m: object = field(repr=False)
     speeds_m_per_s: object = field(repr=False)
+    identities: object = field(default=None, repr=False)

@@ -5,10 +5,10 @@
     python -m validation.field table FILE.csv ...
 
 `pull` drives the tine of config/scenes/field_tine.yaml, 0.20 m deep, through a window of soil, or with --bin
-through a bin of that length, and writes a row per ROW_M of travel. --ends multiplies the lengths of the window
-ahead and behind. `table` judges such files from START_M on: mean draft and vertical force with their 95 %
-intervals; the trend of the draft; its correlation at the lag of the tile; CPU time per metre and memory of the
-process, late against early. Exit status 1 where one is not within TREND, CORRELATION, COST or MEMORY.
+through a bin of that length, and writes a row per ROW_M of travel. --ends multiplies the lengths of the
+window ahead and behind. `table` judges such files from START_M on: mean draft and vertical force with their
+95 % intervals; the trend of the draft; its correlation at the lag of the tile; CPU time per metre and memory
+of the process, late against early. Exit status 1 where one is not within TREND, CORRELATION, COST or MEMORY.
 """
 
 import argparse
@@ -29,7 +29,7 @@ from subsoil_ros.messages import ToolMotion
 
 SCENE = Path(__file__).parents[1] / "config/scenes/field_tine.yaml"
 TIP_M, HEIGHT_M, FIRST_TIP_M = 0.12, 0.10, -0.05
-"""Of the tine: x of the tip in its mesh, height of the mesh for a depth of 0.20 m, and where the tip begins."""
+"""Of the tine: x of the tip in its mesh, height of the mesh for a depth of 0.20 m, where the tip begins."""
 
 ROW_M = 0.01
 """Travel of a row (chosen: less than a particle)."""
@@ -159,9 +159,8 @@ def main() -> int:
     if args.part == "pull":
         pull(args)
         return 0
-    print(
-        "| pull | to m | draft N | vertical N | trend of draft | correlation at the tile | CPU per metre | memory |"
-    )
+    columns = "pull", "to m", "draft N", "vertical N", "trend", "correlation", "CPU per metre", "memory"
+    print("| " + " | ".join(columns) + " |")
     print("|---" * 8 + "|")
     rows = [judged(path) for path in args.files]
     print("\n".join(text for text, _ in rows))

@@ -105,14 +105,15 @@ class Disturbance:
 def read_disturbance(
     bag: Path, resolved: ResolvedScene, series: Series, window: Window
 ) -> Disturbance | None:
-    """From a bag's clouds; None without particles, in a window, where soil comes and goes, with fewer than
-    two clouds, or too short a way.
+    """From a bag's clouds; None without particles, with fewer than two clouds, or too short a way.
+
+    In a window, first and last are those in which a particle is: as it was laid out, and as it left.
 
     Raises:
         InputError, RecordingError: as open_record.
     """
     soil = resolved.scene.particle_soil
-    if soil is None or soil.window is not None:
+    if soil is None:
         return None
     reader = open_record(bag)
     times = reader.cloud_times_ns()
@@ -126,12 +127,15 @@ def read_disturbance(
         else set()
     )
     wanted = {times[0], times[-1]} | looked
-    clouds = {
-        cloud.end_time_ns: cloud
-        for cloud in reader.clouds(
-            resolved.timing.communication_step_ns, at=lambda time_ns: time_ns in wanted
-        )
-    }
+    clouds, places = {}, Places()
+    for cloud in reader.clouds(
+        resolved.timing.communication_step_ns,
+        at=lambda time_ns: time_ns in wanted or soil.window is not None,
+    ):
+        if soil.window is not None or cloud.end_time_ns in (times[0], times[-1]):
+            places.see(cloud)
+        if cloud.end_time_ns in wanted:
+            clouds[cloud.end_time_ns] = cloud
     motions = list(reader.records(ToolMotions, at=lambda time_ns: time_ns == times[-1]))
     radius = soil.particles.mean_volume_radius_m
     margin = resolved.scene.report.window_inside_m
@@ -139,9 +143,33 @@ def read_disturbance(
     slab = (margin, min(rear, soil.bin.length_m - margin))
     if slab[1] - slab[0] < LEAST_SLAB_DIAMETERS * 2.0 * radius:
         return None
-    first, last = _positions(clouds[times[0]]), _positions(clouds[times[-1]])
+    first, last = places.first_m, places.last_m
     speeds = _speed_zones([clouds[time] for time in sorted(looked)], series, resolved)
     return disturbance_between(first, last, slab, radius, speeds, _period_m(soil, first))
+
+
+class Places:
+    """Where the particles of some clouds were first and last, in one order."""
+
+    def __init__(self) -> None:
+        self.first_m, self.last_m = np.empty((0, 3)), np.empty((0, 3))
+        self._row_of = np.empty(0, np.int64)  # of an identity
+
+    def see(self, cloud: SoilCloud) -> None:
+        """One more cloud."""
+        places = np.asarray(cloud.positions_m, np.float64)
+        if cloud.identities is None:
+            identity = np.arange(len(places))
+        else:
+            identity = np.asarray(cloud.identities, np.int64)
+        missing = int(identity.max(initial=-1)) + 1 - len(self._row_of)
+        if missing > 0:
+            self._row_of = np.append(self._row_of, np.full(max(missing, len(self._row_of)), -1))
+        new = self._row_of[identity] < 0
+        self._row_of[identity[new]] = len(self.first_m) + np.arange(new.sum())
+        self.first_m = np.concatenate((self.first_m, places[new]))
+        self.last_m = np.concatenate((self.last_m, places[new]))
+        self.last_m[self._row_of[identity]] = places
 
 
 def disturbance_between(
@@ -230,10 +258,6 @@ def _period_m(soil: Soil, first_m: Values) -> float | None:
     return float(np.ptp(first_m[:, 1])) + gap
 
 
-def _positions(cloud: SoilCloud) -> Values:
-    return np.asarray(cloud.positions_m, np.float64)
-
-
 def _rear_m(resolved: ResolvedScene, motions: ToolMotions) -> float:
     """The rearmost point of the shares [m]; behind it the soil is passed."""
     ends = []
@@ -263,7 +287,7 @@ def _speed_zones(clouds: list[SoilCloud], series: Series, resolved: ResolvedScen
 
 def _zones_of(cloud: SoilCloud, tip_x: float, tip_z: float, lateral: float) -> Values:
     """Sum of speeds and number of particles (2 + 2 ZONES, 2): tip, blade, ahead, aside."""
-    x, y, z = (_positions(cloud) - (tip_x, lateral, tip_z)).T
+    x, y, z = (np.asarray(cloud.positions_m, np.float64) - (tip_x, lateral, tip_z)).T
     speed = np.asarray(cloud.speeds_m_per_s, np.float64)
     near, beside = np.abs(x) < ZONE_M, np.abs(y)
     zones = [

@@ -18,16 +18,18 @@ def recorded_cloud(cloud: SoilCloud, record: Record) -> SoilCloud:
         return cloud
     positions = np.asarray(cloud.positions_m, dtype=np.float32)
     speeds = np.asarray(cloud.speeds_m_per_s, dtype=np.float32)
+    identities: Any = cloud.identities
     if record.cloud_region is not None:
         inside = np.ones(len(positions), dtype=bool)
         for axis, span in enumerate(record.cloud_region.spans_m):
             if span is not None:
                 inside &= (positions[:, axis] >= span[0]) & (positions[:, axis] <= span[1])
         positions, speeds = positions[inside], speeds[inside]
+        identities = None if identities is None else identities[inside]
     if record.cloud_resolution_m > 0.0:
         positions = _rounded(positions, position_step_m(record.cloud_resolution_m))
         speeds = _shortened(speeds, SPEED_BITS)
-    return SoilCloud(cloud.tick, cloud.end_time_ns, positions, speeds)
+    return SoilCloud(cloud.tick, cloud.end_time_ns, positions, speeds, identities)
 
 
 def _rounded(values: NDArray[np.float32], step: float) -> NDArray[np.float32]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..errors import InputError, PhysicsError
 from ..loading.loader import ResolvedScene
-from ..messages import ToolMotion, ToolWrench
+from ..messages import SoilCloud, ToolMotion, ToolWrench
 from .beds.field import Field, Strips, kept_block
 from .engine import SoilEngine
 from .monitors import Domain
@@ -69,6 +69,11 @@ class FieldEngine(SoilEngine):
             if (rear, front) != (self._rear, self._front):
                 self._shift(rear, front)
         return super().advance(tick, motions)
+
+    def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:
+        """See SoilReadings; with identities."""
+        identities = np.sort(self._particles.identity).astype(np.uint32)
+        return dataclasses.replace(super().cloud(tick, end_time_ns), identities=identities)
 
     def state_arrays(self) -> dict[str, np.ndarray]:
         """See SoilEngine."""

@@ -39,7 +39,8 @@ from .types import message_class
 PACKAGE = "subsoil_msgs/msg/"
 WORLD_FRAME = "world"
 POINT_FIELDS = ("x", "y", "z", "speed")
-_FLOAT32 = 7  # sensor_msgs/PointField.FLOAT32
+IDENTITY = "identity"
+_FLOAT32, _UINT32 = 7, 6  # sensor_msgs/PointField
 
 _PARTS: dict[type, dict[str, type]] = {
     ToolMotions: {"tools": ToolMotion},
@@ -192,16 +193,21 @@ _PART_TO_MESSAGE: dict[type, Callable[[Any], Any]] = {
 
 
 def point_cloud(cloud: SoilCloud) -> Any:
-    """sensor_msgs/PointCloud2 of the particles: x, y, z [m] and speed [m/s], float32, little-endian."""
+    """sensor_msgs/PointCloud2 of the particles: x, y, z [m] and speed [m/s], float32, little-endian, and,
+    where particles come and go, their identity, uint32."""
     positions = np.asarray(cloud.positions_m)
-    points = np.empty((len(positions), 4), dtype="<f4")
+    names = POINT_FIELDS if cloud.identities is None else (*POINT_FIELDS, IDENTITY)
+    points = np.empty((len(positions), len(names)), dtype="<f4")
     points[:, :3] = positions
     points[:, 3] = cloud.speeds_m_per_s
-    return points_message(cloud.end_time_ns, points[None], POINT_FIELDS, is_dense=True)
+    if cloud.identities is not None:
+        points.view("<u4")[:, 4] = cloud.identities
+    return points_message(cloud.end_time_ns, points[None], names, is_dense=True)
 
 
 def points_message(time_ns: int, points: NDArray[Any], names: Sequence[str], *, is_dense: bool) -> Any:
-    """sensor_msgs/PointCloud2 of points (rows, columns, fields) with named fields, float32 little-endian.
+    """sensor_msgs/PointCloud2 of points (rows, columns, fields) with named fields, little-endian: float32,
+    and uint32 of IDENTITY.
 
     is_dense: no number of it is NaN.
     """
@@ -211,7 +217,9 @@ def points_message(time_ns: int, points: NDArray[Any], names: Sequence[str], *, 
         height=rows,
         width=columns,
         fields=[
-            message_class("sensor_msgs/msg/PointField")(name=name, offset=4 * i, datatype=_FLOAT32, count=1)
+            message_class("sensor_msgs/msg/PointField")(
+                name=name, offset=4 * i, datatype=_UINT32 if name == IDENTITY else _FLOAT32, count=1
+            )
             for i, name in enumerate(names)
         ],
         is_bigendian=False,
@@ -287,7 +295,10 @@ _PART_FROM_MESSAGE: dict[type, Callable[[Any], Any]] = {
 
 
 def cloud_from_message(message: Any, communication_step_ns: int) -> SoilCloud:
-    """The SoilCloud of a PointCloud2 made by `point_cloud`: positions (n, 3), speeds (n,), float32."""
-    points = np.frombuffer(memoryview(message.data), dtype="<f4").reshape(-1, 4)
+    """The SoilCloud of a PointCloud2 made by `point_cloud`."""
+    words = message.point_step // 4
+    points = np.frombuffer(memoryview(message.data), dtype="<f4").reshape(-1, words)
+    identities = points.view("<u4")[:, 4] if words > len(POINT_FIELDS) else None
     time_ns = time_ns_of(message.header.stamp)
-    return SoilCloud(time_ns // communication_step_ns - 1, time_ns, points[:, :3], points[:, 3])
+    tick = time_ns // communication_step_ns - 1
+    return SoilCloud(tick, time_ns, points[:, :3], points[:, 3], identities)

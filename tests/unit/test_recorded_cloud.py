@@ -1,5 +1,7 @@
 """Clouds of a region, and rounded ones: what is kept, and how exactly."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from subsoil_ros.coupling.cloud import recorded_cloud
 from subsoil_ros.messages import SoilCloud
 from subsoil_ros.recording.bag_reader import BagReader
 from subsoil_ros.recording.bag_writer import BagWriter
+from subsoil_ros.recording.conversion import cloud_from_message, point_cloud
 from subsoil_ros.scene.model import Record
 
 from .recording_samples import INTERVAL_NS, SCENE, TICKS, TIMING, end_ns
@@ -91,3 +94,22 @@ def test_nonsense_is_refused(given, complaint):
     """One message each, with what is allowed."""
     with pytest.raises(ValueError, match=complaint):
         Record.model_validate(given)
+
+
+def test_identities_stay_with_their_particles():
+    """Where particles come and go: through a region, a message and back; beyond what float32 counts."""
+    identities = np.arange(len(POSITIONS), dtype=np.uint32) + np.uint32(2**31)
+    cloud = dataclasses.replace(CLOUD, identities=identities)
+    record = Record.model_validate({"cloud_region": {"x_m": [0.5, 1.0]}, "cloud_resolution_m": 1e-3})
+    kept = recorded_cloud(cloud, record)
+    inside = (POSITIONS[:, 0] >= 0.5) & (POSITIONS[:, 0] <= 1.0)
+    np.testing.assert_array_equal(kept.identities, identities[inside])
+    message = point_cloud(kept)
+    assert [(field.name, field.offset, field.datatype) for field in message.fields][3:] == [
+        ("speed", 12, 7),
+        ("identity", 16, 6),
+    ]
+    back = cloud_from_message(message, INTERVAL_NS)
+    np.testing.assert_array_equal(back.identities, kept.identities)
+    np.testing.assert_array_equal(back.positions_m, kept.positions_m)
+    assert cloud_from_message(point_cloud(CLOUD), INTERVAL_NS).identities is None

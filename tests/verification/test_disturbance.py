@@ -5,7 +5,8 @@ import csv
 import numpy as np
 import pytest
 
-from subsoil_ros.analysis.disturbance import disturbance_between, write_height_map_csv
+from subsoil_ros.analysis.disturbance import Places, disturbance_between, write_height_map_csv
+from subsoil_ros.messages import SoilCloud
 
 RADIUS = 0.01
 
@@ -80,3 +81,13 @@ def test_height_map_file(tmp_path):
         rows = list(csv.DictReader(stream))
     assert len(rows) == found.lift.height_m.size
     assert {row["lift_m"] for row in rows} == {"0.02"}
+
+
+def test_soil_that_comes_and_goes_is_followed_by_its_identity():
+    """First where it came in, last where it was seen last."""
+    places = Places()
+    at = [np.full((2, 3), 0.0), np.full((3, 3), 1.0), np.full((2, 3), 2.0)]
+    for cloud, identities in zip(at, ([1, 5], [1, 5, 40], [40, 3]), strict=True):
+        places.see(SoilCloud(0, 0, cloud, np.zeros(len(cloud)), np.array(identities, np.uint32)))
+    assert places.first_m[:, 0].tolist() == [0.0, 0.0, 1.0, 2.0]
+    assert places.last_m[:, 0].tolist() == [1.0, 1.0, 2.0, 2.0]

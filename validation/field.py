@@ -3,12 +3,15 @@
     python -m validation.field pull FILE.csv [--metres M] [--radius-mm R] [--seed N] [--speed V] [--sides S]
                                              [--width W] [--ends FACTOR] [--bin LENGTH]
     python -m validation.field table FILE.csv ...
+    python -m validation.field coverage FILE.csv ... [--metres M ...]
 
 `pull` drives the tine of config/scenes/field_tine.yaml, 0.20 m deep, through a window of soil, or with --bin
 through a bin of that length, and writes a row per ROW_M of travel. --ends multiplies the lengths of the
 window ahead and behind. `table` judges such files from START_M on: mean draft and vertical force with their
 95 % intervals; the trend of the draft; its correlation at the lag of the tile; CPU time per metre and memory
 of the process, late against early. Exit status 1 where one is not within TREND, CORRELATION, COST or MEMORY.
+`coverage` cuts STRETCHES of each length from such pulls and counts how many 95 % intervals of a stretch's
+mean draft hold the mean of the whole pull: 90 to 98 % should.
 """
 
 import argparse
@@ -39,6 +42,9 @@ START_M, LEAVE_M = 1.0, 0.5
 
 TREND, CORRELATION, COST, MEMORY = 0.05, 0.2, 0.05, 0.02
 """Allowed of the draft over the whole way, of its correlation, of CPU time per metre, of memory (asked)."""
+
+STRETCHES, COVERED = 400, (0.90, 0.98)
+"""Stretches of a pull, overlapping, and the part of intervals that should hold the mean (asked)."""
 
 COLUMNS = ("tip_x_m", "draft_newton", "vertical_newton", "particles", "cpu_s", "memory_bytes", "period_m")
 
@@ -123,6 +129,22 @@ def judged(path: Path) -> tuple[str, bool]:
     return "| " + " | ".join(told) + " |", good
 
 
+def covered(path: Path, metres: float) -> tuple[str, bool]:
+    """A row of the table of coverage, and whether it is within COVERED; a pull of five lengths is needed."""
+    found = read(path)
+    draft = found["draft_newton"][found["tip_x_m"] >= START_M]
+    rows = round(metres / ROW_M)
+    if len(draft) < 5 * rows:
+        return f"| {path.stem} | {metres:g} | pull too short |", True
+    starts = np.linspace(0, len(draft) - rows, STRETCHES).astype(int)
+    judged = [stationarity(np.arange(rows) * ROW_M, draft[start : start + rows]) for start in starts]
+    means = np.array([one.mean for one in judged if one is not None])
+    half_widths = np.array([one.mean_half_width for one in judged if one is not None])
+    part = float((np.abs(means - draft.mean()) <= half_widths).mean())
+    of_mean = f"{np.median(half_widths) / draft.mean():.1%} | {means.std() / draft.mean():.1%}"
+    return f"| {path.stem} | {metres:g} | {part:.1%} | {of_mean} |", COVERED[0] <= part <= COVERED[1]
+
+
 def correlation(values: np.ndarray, lag: int, independent: float) -> tuple[float, float]:
     """Autocorrelation of (n,) values about their trend at a lag of rows, and its 95 % bound by chance."""
     rows = np.arange(len(values))
@@ -155,7 +177,16 @@ def main() -> int:
     pulling.add_argument("--bin", type=float, metavar="LENGTH")
     telling = parts.add_parser("table")
     telling.add_argument("files", type=Path, nargs="+")
+    covering = parts.add_parser("coverage")
+    covering.add_argument("files", type=Path, nargs="+")
+    covering.add_argument("--metres", type=float, nargs="+", default=[3.0, 5.0, 10.0])
     args = parser.parse_args()
+    if args.part == "coverage":
+        print("| pull | stretch m | intervals that hold the mean | half-width | scatter of means |")
+        print("|---" * 5 + "|")
+        rows = [covered(path, metres) for path in args.files for metres in args.metres]
+        print("\n".join(text for text, _ in rows))
+        return int(not all(good for _, good in rows))
     if args.part == "pull":
         pull(args)
         return 0

@@ -1,13 +1,19 @@
 """Whether a stretch of a run is steady, and how well its mean is known.
 
-Neighbouring samples of a draft hang together, so n of them tell as little as n_eff = T / (2 tau) independent
-ones, tau being the integrated autocorrelation time
+Neighbouring samples of a draft hang together, and those of one failure cycle balance each other: after a peak
+comes a fall. What counts for the mean is only what is slower than that. So its error comes from the slowest
+waves of the stretch (equal-weighted cosine estimator of E. Lazarus, D.J. Lewis, J.H. Stock, M.W. Watson,
+J. Bus. Econ. Stat. 36 (2018) 541-559):
+
+    c_k = sqrt(2 / n) sum_i x_i cos(pi k (i - 1/2) / n),   error^2 = sum_(k = 1..WAVES) c_k^2 / (WAVES n)
+
+with Student's t of WAVES degrees of freedom. The standard error of the trend's slope is the one of least
+squares of as many independent samples, from the waves 2 to WAVES + 1 of the residuals: the first is the
+trend's own. How long the stretch is beside the integrated autocorrelation time
 
     tau = step (1/2 + sum_k rho_k),   summed up to the first lag M >= 5 tau / step
 
-(automatic window of N. Madras, A.D. Sokal, J. Stat. Phys. 50 (1988) 109-186). The standard error of the mean
-is s / sqrt(n_eff); that of the trend's slope is the one of least squares times sqrt(2 tau / step), tau here
-of the residuals. Intervals are Student's with n_eff - 2 degrees of freedom.
+(automatic window of N. Madras, A.D. Sokal, J. Stat. Phys. 50 (1988) 109-186) says whether it can be judged.
 """
 
 import math
@@ -18,11 +24,16 @@ from numpy.typing import NDArray
 
 from .intervals import t_quantile
 
+WAVES = 8
+"""Slowest waves of a stretch that its error comes from (chosen: 95 % intervals then hold the mean of a random
+process in 90 % of stretches ten correlation times long; the fastest is WAVES / 2 over the stretch, slower
+than failure cycles in any stretch of ten). `python -m validation.field coverage` measures it on drafts."""
+
 WINDOW_FACTOR = 5.0
 """Lags per autocorrelation time that are summed: a bias of e^-5 (Madras and Sokal)."""
 
 LEAST_EFFECTIVE = 8.0
-"""Fewer independent samples judge no trend (chosen: Student's factor is then above 2.4)."""
+"""A stretch that is shorter than so many times 2 tau judges no trend (chosen: as many as WAVES)."""
 
 BLOCKS = 4
 """Blocks whose means are shown (chosen: each still longer than a cycle of the paper in 4 s)."""
@@ -33,10 +44,10 @@ class Stationarity:
     """Mean, trend and blocks of one quantity over a window; half-widths are of 95 %."""
 
     mean: float
-    mean_error: float  # standard error, of samples that hang together
+    mean_error: float  # standard error
     correlation_s: float  # integrated autocorrelation time
-    effective_count: float  # independent samples about the mean
-    effective_count_about_trend: float  # and about the trend, which the verdict rests on
+    effective_count: float  # independent samples that would know the mean as well
+    length_over_correlation: float  # over 2 tau about the trend, which the verdict rests on
     slope_per_s: float
     slope_half_width_per_s: float
     length_s: float
@@ -44,8 +55,8 @@ class Stationarity:
 
     @property
     def mean_half_width(self) -> float:
-        """Of the interval of the mean; infinite where two samples or fewer are independent."""
-        return self.mean_error * t_quantile(self.effective_count - 1.0)
+        """Of the interval of the mean."""
+        return self.mean_error * t_quantile(WAVES)
 
     @property
     def drift(self) -> float:
@@ -60,7 +71,7 @@ class Stationarity:
     @property
     def verdict(self) -> str:
         """`drifts` (the trend's interval leaves zero out), `no drift seen`, or `too short`."""
-        if self.effective_count_about_trend < LEAST_EFFECTIVE:
+        if self.length_over_correlation < LEAST_EFFECTIVE:
             return "too short"
         return "drifts" if abs(self.slope_per_s) > self.slope_half_width_per_s else "no drift seen"
 
@@ -81,31 +92,35 @@ def correlation_steps(values: NDArray[np.float64]) -> float:
     return max(found, 0.5)
 
 
+def _long_run_variance(about: NDArray[np.float64], first: int) -> float:
+    """n times the variance of the mean of (n,) values, from WAVES waves, the slowest being number `first`."""
+    waves = np.arange(first, first + WAVES)[:, None]
+    places = (np.arange(len(about)) + 0.5) / len(about)
+    found = np.cos(np.pi * waves * places) @ about
+    return float(found @ found) * 2.0 / len(about) / WAVES
+
+
 def stationarity(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> Stationarity | None:
-    """Of values (n,) at even times (n,) [s]; None for fewer than 2 BLOCKS of them."""
+    """Of values (n,) at even times (n,) [s]; None for fewer than 2 WAVES of them."""
     count = len(values)
-    if count < 2 * BLOCKS:
+    if count < 2 * WAVES:
         return None
     step_s = float(np.median(np.diff(times_s)))
-    tau = correlation_steps(values)
-    effective = count / (2.0 * tau)
     centred = times_s - times_s.mean()
     about = values - values.mean()
     spread = float(centred @ centred)
     slope = float(centred @ about) / spread
     residual = about - slope * centred
-    tau_residual = correlation_steps(residual)
-    variance = float(residual @ residual) / (count - 2) / spread * 2.0 * tau_residual
-    about_trend = count / (2.0 * tau_residual)
-    factor = t_quantile(about_trend - 2.0)
+    of_mean, of_trend = _long_run_variance(about, 1), _long_run_variance(residual, 2)
+    variance = float(about @ about) / (count - 1)
     return Stationarity(
         mean=float(values.mean()),
-        mean_error=float(values.std(ddof=1)) / math.sqrt(effective),
-        correlation_s=tau * step_s,
-        effective_count=effective,
-        effective_count_about_trend=about_trend,
+        mean_error=math.sqrt(of_mean / count),
+        correlation_s=correlation_steps(values) * step_s,
+        effective_count=count * variance / of_mean if of_mean > 0.0 else float(count),
+        length_over_correlation=count / (2.0 * correlation_steps(residual)),
         slope_per_s=slope,
-        slope_half_width_per_s=math.sqrt(variance) * factor if variance > 0.0 else 0.0,
+        slope_half_width_per_s=math.sqrt(of_trend / spread) * t_quantile(WAVES),
         length_s=count * step_s,
         block_means=tuple(float(block.mean()) for block in np.array_split(values, BLOCKS)),
     )

@@ -32,8 +32,7 @@ def test_correlation_time_is_that_of_the_process():
 
 
 def test_intervals_hold_what_they_promise():
-    """95 % of the intervals of mean and slope hold the truth: of 200 runs all but 10 +- 3 sqrt(9.5), and the
-    few per cent that correlation times from a finite record are short by."""
+    """95 % of the intervals of mean and slope hold the truth: of 200 runs all but 10 +- 3 sqrt(9.5)."""
     rng = np.random.default_rng(3)
     times = 0.001 * np.arange(2000)
     missed_mean = missed_slope = 0
@@ -42,10 +41,32 @@ def test_intervals_hold_what_they_promise():
         missed_slope += abs(found.slope_per_s - 2.0) > found.slope_half_width_per_s
         level = stationarity(times, 5.0 + autoregressive(rng, len(times)))
         missed_mean += abs(level.mean - 5.0) > level.mean_half_width
-    most = 10 + 3.0 * math.sqrt(9.5) + 0.04 * 200
-    assert missed_mean <= most
-    assert missed_slope <= most
-    assert missed_mean + missed_slope > 0  # an interval that never misses is too wide
+    most = 3.0 * math.sqrt(9.5)
+    assert abs(missed_mean - 10) <= most
+    assert abs(missed_slope - 10) <= most
+
+
+def test_what_balances_itself_does_not_widen_the_interval():
+    """Failure cycles: a draft that rises and falls, each cycle of its own length and height, 30 of them in
+    200 stretches. Waves faster than cycles count for nothing: the intervals hold the mean in 90 to 98 %,
+    and are a tenth narrower than those from the correlation time."""
+    rng = np.random.default_rng(5)
+    stretches = []
+    for _ in range(200):
+        cycles = []
+        while sum(map(len, cycles)) < 620:
+            length = int(max(5, rng.normal(20.0, 6.0)))
+            cycles.append(rng.normal(1.0, 0.1) * np.linspace(0.4, 1.6, length))
+        stretches.append(np.concatenate(cycles)[20:620])
+    truth = np.mean(stretches)
+    found = [stationarity(np.arange(600.0), values) for values in stretches]
+    held = np.mean([abs(one.mean - truth) <= one.mean_half_width for one in found])
+    assert 0.90 <= held <= 0.985
+    by_correlation = [
+        values.std(ddof=1) * math.sqrt(2.0 * correlation_steps(values) / 600.0) * t_quantile(30.0)
+        for values in stretches
+    ]
+    assert np.median([one.mean_half_width for one in found]) < 0.9 * np.median(by_correlation)
 
 
 def test_a_trend_is_told_from_noise():
@@ -67,7 +88,7 @@ def test_a_short_window_judges_nothing():
     level = stationarity(times, np.full(100, 7.0))
     assert (level.mean, level.mean_error, level.slope_per_s) == (7.0, 0.0, 0.0)
     assert level.verdict == "no drift seen"
-    assert stationarity(times[:7], times[:7]) is None
+    assert stationarity(times[:15], times[:15]) is None
 
 
 def test_student_factor():

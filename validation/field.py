@@ -119,7 +119,7 @@ def judged(path: Path) -> tuple[str, bool]:
     good = abs(steady.drift) < TREND
     if math.isnan(period):
         return "| " + " | ".join([*told, "-", "-", "-"]) + " |", good
-    at_lag, noise = correlation(draft, round(period / ROW_M), steady.effective_count)
+    at_lag, noise = correlation(draft, round(period / ROW_M), steady.length_over_correlation)
     early, late = thirds(tip, found["cpu_s"]), np.array_split(found["memory_bytes"][counts], 3)
     cost = early[1] / early[0] - 1.0
     memory = float(np.median(late[2]) / np.median(late[0])) - 1.0

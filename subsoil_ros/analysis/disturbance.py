@@ -21,6 +21,7 @@ from ..scene.bed_spacing import particle_spacing_m
 from ..scene.beds import GridBed
 from ..scene.meshes import load_tool_mesh
 from ..scene.soil import Soil
+from ..scene.window import SoilWindow
 from .poses import posed_vertices_m, reference_angle
 from .series import Series
 from .window import Window, tip_path_m, window_span_s
@@ -105,19 +106,23 @@ class Disturbance:
 def read_disturbance(
     bag: Path, resolved: ResolvedScene, series: Series, window: Window
 ) -> Disturbance | None:
-    """From a bag's clouds; None without particles, with fewer than two clouds, or too short a way.
+    """From a bag's clouds; None without particles, with fewer than two clouds or a region of them, or too
+    short a way.
 
-    In a window, first and last are those in which a particle is: as it was laid out, and as it left.
+    In a window, first and last are the clouds in which a particle is; None where they are so rare that soil
+    is not seen before the tools move it.
 
     Raises:
         InputError, RecordingError: as open_record.
     """
     soil = resolved.scene.particle_soil
-    if soil is None:
+    if soil is None or resolved.scene.record.cloud_region is not None:
         return None
     reader = open_record(bag)
     times = reader.cloud_times_ns()
-    if len(times) < 2:
+    if len(times) < 2 or (
+        soil.window is not None and not _seen_in_time(times, series, resolved, soil.window)
+    ):
         return None
     start_s, end_s = window_span_s(series, window)
     inside = [time for time in times if start_s <= 1e-9 * time <= end_s]
@@ -140,12 +145,24 @@ def read_disturbance(
     radius = soil.particles.mean_volume_radius_m
     margin = resolved.scene.report.window_inside_m
     rear = _rear_m(resolved, motions[-1]) if motions else soil.bin.length_m
-    slab = (margin, min(rear, soil.bin.length_m - margin))
+    start = margin
+    if soil.window is not None and (path := tip_path_m(series, resolved.scene)) is not None:
+        start += max(0.0, float(path[0][0]))  # soil behind it was never passed
+    slab = (start, min(rear, soil.bin.length_m - margin))
     if slab[1] - slab[0] < LEAST_SLAB_DIAMETERS * 2.0 * radius:
         return None
     first, last = places.first_m, places.last_m
     speeds = _speed_zones([clouds[time] for time in sorted(looked)], series, resolved)
     return disturbance_between(first, last, slab, radius, speeds, _period_m(soil, first))
+
+
+def _seen_in_time(times_ns: list[int], series: Series, resolved: ResolvedScene, window: SoilWindow) -> bool:
+    """Whether the tip travels less between two clouds than half of the window ahead or behind."""
+    path = tip_path_m(series, resolved.scene)
+    if path is None:
+        return False
+    tip = np.interp(1e-9 * np.array(times_ns), series["time_s"], path[0])
+    return bool(np.diff(tip).max() < 0.5 * min(window.ahead_m, window.behind_m))
 
 
 class Places:
@@ -166,9 +183,10 @@ class Places:
         if missing > 0:
             self._row_of = np.append(self._row_of, np.full(max(missing, len(self._row_of)), -1))
         new = self._row_of[identity] < 0
-        self._row_of[identity[new]] = len(self.first_m) + np.arange(new.sum())
-        self.first_m = np.concatenate((self.first_m, places[new]))
-        self.last_m = np.concatenate((self.last_m, places[new]))
+        if new.any():
+            self._row_of[identity[new]] = len(self.first_m) + np.arange(new.sum())
+            self.first_m = np.concatenate((self.first_m, places[new]))
+            self.last_m = np.concatenate((self.last_m, places[new]))
         self.last_m[self._row_of[identity]] = places
 
 

@@ -9,6 +9,7 @@ Nothing that grows is kept: an identity says where its particle was laid out.
 """
 
 import dataclasses
+import logging
 from collections.abc import Mapping
 
 import numpy as np
@@ -16,6 +17,7 @@ import numpy as np
 from ..errors import InputError, PhysicsError
 from ..loading.loader import ResolvedScene
 from ..messages import SoilCloud, ToolMotion, ToolWrench
+from .bed import Bed
 from .beds.field import Field, Strips, kept_block
 from .engine import SoilEngine
 from .monitors import Domain
@@ -25,17 +27,22 @@ from .state import Particles
 from .tools.surface import ToolSurface, surfaces
 from .walls import near_walls, wall_planes
 
+_logger = logging.getLogger(__name__)
+
 
 class FieldEngine(SoilEngine):
-    """SoilEngine of a scene with soil.window."""
+    """SoilEngine of a scene with soil.window; its bed is always that of the field's beginning."""
 
-    def __init__(self, resolved: ResolvedScene, threads: int = 1, *, book: bool = False) -> None:
+    def __init__(
+        self, resolved: ResolvedScene, threads: int = 1, *, book: bool = False, bed: Bed | None = None
+    ) -> None:
         soil = resolved.scene.particle_soil
         assert soil is not None
         self._field = Field(kept_block(resolved, SoilEngine, threads), soil)
         rear, front = self._field.first_window
         self._first_box = self._field.box(rear, front)
-        self._rear, self._front = rear, front
+        self._rear, self._front, self._first = rear, front, rear  # strips, and that of the start
+        self._warned = False
         self._with_history = self._field.first_identity(front)
         """Particles before this identity have the histories of their contacts."""
         super().__init__(resolved, threads, book=book, bed=self._field.bed(rear, front))
@@ -70,6 +77,10 @@ class FieldEngine(SoilEngine):
                 self._shift(rear, front)
         return super().advance(tick, motions)
 
+    def place(self, *_: object, **__: object) -> None:
+        """Refused: what is in a field follows from its block."""
+        raise InputError("place: a field is laid out from its block; leave soil.window out")
+
     def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:
         """See SoilReadings; with identities."""
         identities = np.sort(self._particles.identity).astype(np.uint32)
@@ -78,14 +89,15 @@ class FieldEngine(SoilEngine):
     def state_arrays(self) -> dict[str, np.ndarray]:
         """See SoilEngine."""
         return super().state_arrays() | {
-            "window": np.array((self._rear, self._front)),
+            "window": np.array((self._rear, self._front, self._first)),
             "carried_joule": np.array(self._carried_joule),
         }
 
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
         """See SoilEngine."""
-        self._rear, self._front = arrays["window"].tolist()
+        self._rear, self._front, self._first = arrays["window"].tolist()
         self._put_walls()
+        self._count_particles()
         super().restore(arrays)
         self._carried_joule = float(arrays["carried_joule"])
         self._with_history = self._field.first_identity(self._front)
@@ -140,7 +152,7 @@ class FieldEngine(SoilEngine):
 
     def _lay_out(self, rear: int, front: int) -> None:
         """Begin with these strips."""
-        self._rear, self._front = rear, front
+        self._rear, self._front, self._first = rear, front, rear
         self._put_walls()
         laid = self._field.strips(rear, front)
         held = self._field.held(laid.identity, laid.position_m[:, 0], rear, front)
@@ -155,7 +167,8 @@ class FieldEngine(SoilEngine):
 
     def _count_particles(self) -> None:
         if self._monitor is not None:
-            self._monitor.count = self._field.first_identity(self._front)
+            first, last = map(self._field.first_identity, (self._first, self._front))
+            self._monitor.count = last - first
 
     def _shift(self, rear: int, front: int) -> None:
         """Strips rear <= m < front from now on. Only those laid out or freed change what acts on them."""
@@ -163,7 +176,8 @@ class FieldEngine(SoilEngine):
         before = self.energy().total_joule if books else 0.0
         p, field = self._particles, self._field
         stay = np.flatnonzero(p.position[:, 0] >= rear * field.strip_m)
-        new = self._at_rest(field.strips(self._front, front))
+        self._warn_of_motion_ahead(p)
+        new = self._at_rest(field.strips(max(self._front, rear), front))
         came_from = np.concatenate((stay, p.count + np.arange(new.count)))
         held_before = p.identity[p.held]
         pairs = self._pairs
@@ -185,6 +199,21 @@ class FieldEngine(SoilEngine):
         if books:
             self._carried_joule += self.energy().total_joule - before
 
+    def _warn_of_motion_ahead(self, p: Particles) -> None:
+        """Soil that the tools move must not come near the layer that is held ahead."""
+        if self._front == self._field.count or self._warned:
+            return
+        end = self._front * self._field.strip_m - self._field.layer_m - 2.0 * self._radius
+        near = np.flatnonzero(~p.held & (p.position[:, 0] > end))
+        way = p.position[near] - self._field.laid_out_m(p.identity[near])
+        if (np.abs(way[:, [0, 2]]).max(initial=0.0)) > self._smallest:
+            self._warned = True
+            _logger.warning(
+                "warning: soil moves at the front of the window, where it is held at x = %.3f m, and the "
+                "draft may rise by that; make soil.window.ahead_m longer",
+                end,
+            )
+
     def _at_rest(self, laid: Strips) -> Particles:
         held = np.ones(len(laid.identity), np.bool_)
         found = Particles.at_rest(laid.position_m, laid.identity, self._kind, held)
@@ -195,7 +224,11 @@ class FieldEngine(SoilEngine):
     def _give_forces(self, fresh: np.ndarray) -> None:
         """What acts on the particles of `fresh` (n,) as they stand; all others, and all springs, stay as they
         are."""
-        p, history, at_walls = self._particles, self._pairs.history.copy(), self._walls.history.copy()
+        p = self._particles
+        kept = [
+            (array, array.copy())
+            for array in (self._pairs.history, self._walls.history, self._pair_book, self._wall_book)
+        ]
         force, torque = p.force.copy(), p.torque.copy()
         p.force[:] = 0.0
         p.force[:, 2] = -self._masses()[0] * self._gravity
@@ -203,4 +236,5 @@ class FieldEngine(SoilEngine):
         self._bind(step=0.0).drift_and_contacts(0, True)
         self._calls = None
         p.force[~fresh], p.torque[~fresh] = force[~fresh], torque[~fresh]
-        self._pairs.history[:], self._walls.history[:] = history, at_walls
+        for array, before in kept:
+            array[:] = before

@@ -10,7 +10,8 @@ from rich.console import Console
 from ...api.beds import prepare_bed_first
 from ...dem.beds.bed_file import write_bed
 from ...dem.beds.report import BedReport, FreeMotion, free_motion, report_bed
-from ...dem.engine import SoilEngine
+from ...dem.engine import SoilEngine, build_engine
+from ...dem.window import FieldEngine
 from ...errors import InputError
 from ...loading.loader import ResolvedScene
 from .bed_preparation import bed_progress
@@ -30,7 +31,7 @@ def print_bed(console: Console, resolved: ResolvedScene, threads: int, out: Path
     started = time.perf_counter()
     with KernelAnnouncer():
         prepare_bed_first(resolved, threads, bed_progress)
-        bed = SoilEngine(resolved, threads).bed  # refuses a step too large for it
+        bed = build_engine(resolved, threads).bed  # refuses a step too large for it
     seconds = time.perf_counter() - started
     if out is not None:
         try:
@@ -40,7 +41,8 @@ def print_bed(console: Console, resolved: ResolvedScene, threads: int, out: Path
     with working("looking at the bed"):
         looked = report_bed(bed, soil)
     with working("leaving the bed alone"):
-        motion = free_motion(resolved, bed, SoilEngine, threads, LEFT_ALONE_S)
+        engine_of = SoilEngine if soil.window is None else FieldEngine
+        motion = free_motion(resolved, bed, engine_of, threads, LEFT_ALONE_S)
     found = table("bed")
     found.add_row("prepared in", f"{seconds:.1f} s")
     if bed.period_m is not None:

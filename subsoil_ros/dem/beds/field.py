@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...errors import SceneError
 from ...loading.loader import ResolvedScene
 from ...scene.bin import Bin
 from ...scene.soil import Soil
@@ -118,7 +119,7 @@ def _prepared(
     damping = damping_per_s(soil, gravity)
     over_lower = soil.bin.depth_m + (HELD_LAYER + HEADROOM) * soil.particles.bounds_m[1]
     bed = settling.run(_in_layers(_stacked(tile, soil), soil), rest, damping, "relaxing")
-    bed = _level(cut_to_depth(bed, radius, over_lower), soil)
+    bed = _in_layers(_level(cut_to_depth(bed, radius, over_lower), soil), soil)
     engine = settling.settled(bed, rest, damping, "relaxing")
     bed = _level(bed_of(engine, bed), soil)
     refuse_unfinished(bed, endless, rest.speed_m_per_s)
@@ -149,7 +150,7 @@ def _level(bed: Bed, soil: Soil) -> Bed:
     """The bed with its mean top where the surface is."""
     rise = -_headroom_m(soil) - mean_above_profile_m(bed, soil.particles.mean_volume_radius_m, None)
     risen = bed.positions_m + np.array((0.0, 0.0, rise))
-    return _in_layers(dataclasses.replace(bed, positions_m=risen), soil)
+    return dataclasses.replace(bed, positions_m=risen)
 
 
 def _in_layers(bed: Bed, soil: Soil) -> Bed:
@@ -202,6 +203,12 @@ class Field:
         self._held = block.bed.held[self._number]
         if soil.bin.sides == "held":
             self._held |= np.abs(self._place[:, 1]) > self._half_width - self.layer_m
+        most = np.iinfo(np.int32).max // len(self._place) * period
+        if self.count * self.strip_m > most:
+            raise SceneError(
+                f"soil.bin.length_m: {soil.bin.length_m:g} m given; particles of this size can be told "
+                f"apart over {most:.0f} m at most; make the field shorter"
+            )
         first, second = block.contacts.pair.T
         self._key = first * len(rows) + second
         assert (np.diff(self._key) > 0).all()
@@ -255,6 +262,8 @@ class Field:
         """(p, components) of the contacts of particles by identity, as laid out; zero where there is none."""
         one, other = self._number[first % len(self._place)], self._number[second % len(self._place)]
         turned = one > other
+        if len(self._key) == 0:  # a law without springs
+            return np.zeros((len(first), len(self._parity)))
         key = np.where(turned, other, one) * len(self._block.bed.positions_m) + np.where(turned, one, other)
         row = np.minimum(np.searchsorted(self._key, key), len(self._key) - 1)
         found = self._block.contacts.history[row] * (self._key[row] == key)[:, None]

@@ -16,7 +16,7 @@ from ..bed import Bed
 from ..kernel_calls import KernelCalls
 from ..mixture import Mixture
 from ..neighbours import CellGrid, carry_rows
-from ..periodic import refuse_tool_at_seam
+from ..periodic import refuse_tool_at_held_side, refuse_tool_at_seam
 from ..snapshot import from_named, motion_array, motion_from, named
 from ..state import Particles, ToolList
 from .facets import Facets, facets_of, inside_or_near, near_facets
@@ -54,6 +54,9 @@ class ToolSurface:
 
     def __post_init__(self) -> None:
         self.facets = facets_of(self.mesh)
+        self._edges = np.unique(
+            np.sort(self.mesh.facets[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2), axis=0
+        )
         self._radius_m = float(np.linalg.norm(self.mesh.vertices_m[:, [0, 2]], axis=1).max())
         self._searched = self.last
         self._buffers = chunk_buffers(len(self.mesh.groups))
@@ -122,9 +125,12 @@ class ToolSurface:
     def span_m(self, below_m: float) -> tuple[float, float]:
         """Lowest and highest x of its surface below this height [m]; inf and -inf where it is above."""
         x, z, cosine, sine = self.kernel_motion(self.last)[:4]
-        local_x, local_z = self.mesh.vertices_m[:, 0], self.mesh.vertices_m[:, 2]
-        at = (x + cosine * local_x - sine * local_z)[z + sine * local_x + cosine * local_z <= below_m]
-        return float(at.min(initial=np.inf)), float(at.max(initial=-np.inf))
+        local_x, local_z = self.mesh.vertices_m[self._edges][:, :, [0, 2]].T  # (2, edges)
+        at, height = x + cosine * local_x - sine * local_z, z + sine * local_x + cosine * local_z - below_m
+        crossing = (height[0] > 0.0) != (height[1] > 0.0)
+        part = height[0, crossing] / (height[0, crossing] - height[1, crossing])
+        ends = np.append(at[height <= 0.0], at[0, crossing] + part * np.diff(at, axis=0)[0, crossing])
+        return float(ends.min(initial=np.inf)), float(ends.max(initial=-np.inf))
 
     def bind(
         self,
@@ -221,6 +227,7 @@ def surfaces(resolved: ResolvedScene, bed: Bed, motions: tuple[ToolMotion, ...])
     for (name, tool), motion in zip(scene.tools.items(), motions, strict=True):
         mesh = load_tool_mesh(resolved.directory, scene, name)
         refuse_tool_at_seam(name, mesh.vertices_m, bed, soil)
+        refuse_tool_at_held_side(name, mesh.vertices_m, soil)
         reference = bodies[tool.body].angle_rad if tool.body else 0.0
         found.append(ToolSurface(name, mesh, reference, motion, len(soil.law.kept)))
     return tuple(found)

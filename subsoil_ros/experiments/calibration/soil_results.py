@@ -81,6 +81,8 @@ def repose_results(
     box = f"{{length_m: {5.0 * length!r}, width_m: {width!r}, depth_m: {height!r}}}"
     duration = FALLS * math.sqrt(2.0 * height / gravity)
     changes = [f"soil.bin={box}", "soil.bed={kind: grid, spacing_m: rest}", f"duration_s={duration!r}"]
+    if scene.scene.particle_soil is not None and scene.scene.particle_soil.window is not None:
+        changes.append("soil.window=null")
     changes += [f"{key}=null" for key in ("tools", "mechanism", "report") if key in scene.document]
     resolved = _changed(scene, changes)
     engine = build_engine(resolved, threads)

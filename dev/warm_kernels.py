@@ -1,7 +1,7 @@
 """Compile the kernels of `make run` before it, in two processes; with --tests those of the tests' soils too.
 
-Run from the sources: python -m dev.warm_kernels. One process runs the cycle scene's soil in a small bin, with
-its tool on a path: preparation of the dense bed, and the run. The other runs the machine of that scene on a
+Run from the sources: python -m dev.warm_kernels. One process runs that scene's soil in a small field, with
+its tool on a path: preparation of its block, and the run. The other runs the machine of that scene on a
 wedge model. Compiled kernels stay in the user's cache under a digest of their sources, so a second call
 compiles nothing.
 """
@@ -18,7 +18,7 @@ from subsoil_ros.kernel_cache import kernel_cache_folder
 from subsoil_ros.loading.shipped import config_folder
 
 CONFIG = config_folder()
-SCENE = CONFIG / "scenes" / "subsoiler_1s300_cycle.yaml"
+SCENE = CONFIG / "scenes" / "field_swing.yaml"
 SHORT = {"duration_s": 0.002, "record.series_ticks": 1}
 
 SOIL = {
@@ -28,7 +28,8 @@ SOIL = {
     "report": None,
     "tools.shank.body": None,
     "tools.shank.path": {"start_x_m": 0.1},
-    "soil.bin": {"length_m": 0.3, "width_m": 0.15, "depth_m": 0.15},
+    "soil.bin": {"length_m": 0.3, "width_m": 0.3, "depth_m": 0.15, "sides": "held"},
+    "soil.bed.tile_m": 0.15,
 }
 MACHINE = {
     **SHORT,

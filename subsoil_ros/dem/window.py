@@ -163,7 +163,10 @@ class FieldEngine(SoilEngine):
         box = self._field.box(self._rear, self._front)
         self.bed = dataclasses.replace(self.bed, lower_m=box.lower_m, upper_m=box.upper_m)
         self._planes = wall_planes(box.lower_m, box.upper_m, box.sides)
-        self._domain.move_to(self._planes)
+        belongs = self._planes.copy()
+        if self._rear > 0:
+            belongs[0, 3] = np.inf  # what was thrown behind the window leaves with its next shift
+        self._domain.move_to(belongs)
 
     def _count_particles(self) -> None:
         if self._monitor is not None:

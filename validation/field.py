@@ -51,7 +51,8 @@ COLUMNS = ("tip_x_m", "draft_newton", "vertical_newton", "particles", "cpu_s", "
 
 def pull(args: argparse.Namespace) -> None:
     """Drives the tine and writes the rows as they come."""
-    length = args.bin or args.metres + 1.0
+    (file,), (metres,) = args.files, args.metres or (12.0,)
+    length = args.bin or metres + 1.0
     scene = load_scene(SCENE)
     depth = scene.document["soil"]["bin"]["depth_m"]
     box = {"length_m": length, "width_m": args.width, "depth_m": depth, "sides": args.sides}
@@ -74,11 +75,11 @@ def pull(args: argparse.Namespace) -> None:
     period = engine._field.period_m if isinstance(engine, FieldEngine) else math.nan
     engine.start(at(0.0))
     ticks_of_row = max(1, round(ROW_M / (args.speed * tick_s)))
-    with args.file.open("w", newline="") as file:
-        table = csv.writer(file)
+    with file.open("w", newline="") as rows_file:
+        table = csv.writer(rows_file)
         table.writerow(COLUMNS)
         forces = []
-        for tick in range(round((args.metres - FIRST_TIP_M) / (args.speed * tick_s))):
+        for tick in range(round((metres - FIRST_TIP_M) / (args.speed * tick_s))):
             wrench = engine.advance(tick, at((tick + 1) * tick_s))[0]
             forces.append((-wrench.force_x_newton, wrench.force_z_newton))
             if len(forces) < ticks_of_row:
@@ -88,10 +89,10 @@ def pull(args: argparse.Namespace) -> None:
             row = (round(tip, 6), round(draft, 3), round(vertical, 3), engine.particle_count)
             cpu, memory = time.process_time(), process.memory_info().rss
             table.writerow((*row, round(cpu, 2), memory, round(period, 9)))
-            file.flush()
+            rows_file.flush()
             forces = []
     lost = engine.state("", 0, 0).lost_particle_count
-    print(f"{args.file}: {args.metres:g} m, {lost} particles lost")
+    print(f"{file}: {metres:g} m, {lost} particles lost")
 
 
 def read(path: Path) -> dict[str, np.ndarray]:
@@ -166,25 +167,20 @@ def thirds(tip_m: np.ndarray, cpu_s: np.ndarray) -> tuple[float, float]:
 def main() -> int:
     """Pulls a tine through a field, or judges such pulls. Returns 1 where something asked for is missed."""
     parser = argparse.ArgumentParser(prog="python -m validation.field", description=main.__doc__)
-    parts = parser.add_subparsers(dest="part", required=True)
-    pulling = parts.add_parser("pull")
-    pulling.add_argument("file", type=Path)
-    for name, usual in (("metres", 12.0), ("radius-mm", 15.0), ("speed", 0.5), ("width", 0.6), ("ends", 1.0)):
-        pulling.add_argument(f"--{name}", type=float, default=usual)
-    pulling.add_argument("--seed", type=int, default=1)
-    pulling.add_argument("--threads", type=int, default=1)
-    pulling.add_argument("--sides", choices=["held", "periodic"], default="held")
-    pulling.add_argument("--bin", type=float, metavar="LENGTH")
-    telling = parts.add_parser("table")
-    telling.add_argument("files", type=Path, nargs="+")
-    covering = parts.add_parser("coverage")
-    covering.add_argument("files", type=Path, nargs="+")
-    covering.add_argument("--metres", type=float, nargs="+", default=[3.0, 5.0, 10.0])
+    parser.add_argument("part", choices=["pull", "table", "coverage"])
+    parser.add_argument("files", type=Path, nargs="+", metavar="FILE.csv")
+    parser.add_argument("--metres", type=float, nargs="+", help="to pull (12), or of stretches (3 5 10)")
+    for name, usual in (("radius-mm", 15.0), ("speed", 0.5), ("width", 0.6), ("ends", 1.0)):
+        parser.add_argument(f"--{name}", type=float, default=usual)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--sides", choices=["held", "periodic"], default="held")
+    parser.add_argument("--bin", type=float, metavar="LENGTH")
     args = parser.parse_args()
     if args.part == "coverage":
         print("| pull | stretch m | intervals that hold the mean | half-width | scatter of means |")
         print("|---" * 5 + "|")
-        rows = [covered(path, metres) for path in args.files for metres in args.metres]
+        rows = [covered(path, metres) for path in args.files for metres in args.metres or (3.0, 5.0, 10.0)]
         print("\n".join(text for text, _ in rows))
         return int(not all(good for _, good in rows))
     if args.part == "pull":

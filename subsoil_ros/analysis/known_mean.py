@@ -82,7 +82,8 @@ class KnownMean:
     def result(self) -> dict[str, Any]:
         """Mean and half-width of the bins, None where there are too few, and whether they meet the scene."""
         wanted, state = self._stop_when, self.state
-        times_s = np.arange(len(state.means)) * (self._bin_ticks * self._communication_step_ns * 1e-9)
+        bin_s = self._bin_ticks * self._communication_step_ns * 1e-9
+        times_s = np.arange(len(state.means), dtype=np.float64) * bin_s
         found = stationarity(times_s, np.array(state.means))
         mean = half_width = None
         verdict, reached = UNKNOWN, False

@@ -100,7 +100,7 @@ class MechanismNode(LockstepNode):
         if grant.command is Command.ABORT:
             self.finish_aborted(grant)
             return
-        if grant.command is Command.END:
+        if grant.command is Command.END and grant.tick < self._schedule.last_tick:
             self._end_with(grant.tick)
         if grant.tick == self.run.first_tick and self._schedule.control_due(grant.tick):
             self._publish_state(grant.tick - 1)  # the run goes on here, and its controller has not seen it
@@ -140,7 +140,7 @@ class MechanismNode(LockstepNode):
         return state
 
     def _end_with(self, tick: int) -> None:
-        """What is due at the last tick is due at `tick`."""
+        """Ends early: what is due at the last tick is due at `tick`."""
         self._schedule = self._schedule.ends_with(tick)
         if self._checkpoint_writer is not None:
             self._checkpoint_writer.ends_with(tick)

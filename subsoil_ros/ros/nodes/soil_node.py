@@ -148,7 +148,7 @@ class SoilNode(LockstepNode):
         if grant.command is Command.ABORT:
             self.finish_aborted(grant)
             return
-        if grant.command is Command.END:
+        if grant.command is Command.END and grant.tick < self._schedule.last_tick:
             self._end_with(grant.tick)
         self._work()
 
@@ -188,7 +188,7 @@ class SoilNode(LockstepNode):
         return [(SOIL, self._engine), *paths]
 
     def _end_with(self, tick: int) -> None:
-        """What is due at the last tick is due at `tick`."""
+        """Ends early: what is due at the last tick is due at `tick`."""
         self._schedule = self._schedule.ends_with(tick)
         if self._checkpoint_writer is not None:
             self._checkpoint_writer.ends_with(tick)

@@ -21,5 +21,5 @@ class StopWhen(StrictModel):
     )
     confidence: Annotated[float, Field(gt=0.5, lt=1.0)] = Field(0.95, description="of the interval.")
     at_most_m: Positive | None = Field(
-        None, description="travel of the tool after which the run ends in any case; null: duration_s alone."
+        None, description="travel of the tool after which the run ends in any case."
     )

@@ -26,6 +26,14 @@ def tick_count(duration_s: float, communication_step_ns: int) -> int:
     return max(1, -(-duration_ns // communication_step_ns))
 
 
+def is_early_end(tick: int, check_ticks: int) -> bool:
+    """Whether a run may end with `tick` before its last one; `check_ticks` 0: never.
+
+    The tick before it is a check tick, at whose end that is decided.
+    """
+    return check_ticks > 0 and tick > 0 and (tick + 1) % check_ticks == 0
+
+
 def is_control_tick(tick: int, control_ticks: int) -> bool:
     """Whether a controller commands `tick`: every `control_ticks` ticks, not the first; 0: never."""
     return control_ticks > 0 and tick > 0 and tick % control_ticks == 0

@@ -3,7 +3,7 @@
 import csv
 import json
 from array import array
-from collections.abc import Callable, Iterator, Mapping, Sized
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sized
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -206,6 +206,11 @@ def _row(scene: Scene, records: dict[type, Any]) -> Cells:
     yield from ((f"coupling.{name}", getattr(report, name)) for name in _COUPLING_COLUMNS)
 
 
+def draft_of(tools: Iterable[ToolWrench]) -> float:
+    """Draft of tools [N]: the pull along +x, so minus the soil's force."""
+    return -sum(tool.force_x_newton for tool in tools)
+
+
 def _draft(scene: Scene, state: MechanismState | None, wrenches: ToolWrenches | None) -> Cells:
     """Draft, and what the soil takes of it by kind of tool, and by shank where there are several: the pull
     along +x, so minus the soil's force.
@@ -214,11 +219,11 @@ def _draft(scene: Scene, state: MechanismState | None, wrenches: ToolWrenches | 
     if state is not None and scene.mechanism is not None and scene.mechanism.draft_driver is not None:
         yield "draft_newton", state.draft_newton
     elif tools:
-        yield "draft_newton", -sum(tool.force_x_newton for tool in tools)
+        yield "draft_newton", draft_of(tools)
     for name, share in (("share", True), ("wheels", False)):
         kind = [tool for tool in tools if scene.tools[tool.tool].is_tillage is share]
         if kind:
-            yield f"draft.{name}_newton", -sum(tool.force_x_newton for tool in kind)
+            yield f"draft.{name}_newton", draft_of(kind)
         if share and len(kind) > 1:  # several shanks side by side
             yield from ((f"draft.tool.{tool.tool}_newton", -tool.force_x_newton) for tool in kind)
 

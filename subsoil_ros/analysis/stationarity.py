@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .intervals import t_quantile
+from .intervals import CONFIDENCE, t_quantile
 
 WAVES = 8
 """Slowest waves of a stretch that its error comes from (chosen: 95 % intervals then hold the mean of a random
@@ -56,7 +56,11 @@ class Stationarity:
     @property
     def mean_half_width(self) -> float:
         """Of the interval of the mean."""
-        return self.mean_error * t_quantile(WAVES)
+        return self.half_width()
+
+    def half_width(self, confidence: float = CONFIDENCE) -> float:
+        """Of the interval of the mean, at another confidence."""
+        return self.mean_error * t_quantile(WAVES, confidence)
 
     @property
     def drift(self) -> float:

@@ -13,6 +13,8 @@ from rich.table import Table
 
 from ..loading.loader import ResolvedScene
 from ..loading.reference import Reference
+from ..messages import Command, Grant
+from ..recording.bag_reader import BagReader
 from ..scene.model import Scene
 from .quantities import finite
 from .reference_table import print_reference
@@ -28,6 +30,7 @@ SCHEMA_VERSION = 1
 
 RUN_FACTS = (
     "mode", "threads", "whole_wall_s", "versions", "failure", "resumed_from", "checkpoint", "state_sha256",
+    "stop_when",
 )  # fmt: skip
 """Keys of `run` that no bag holds, and that a later report takes over."""
 
@@ -63,7 +66,7 @@ def summarize(
                 "id": series.run_id,
                 **run_info,
                 "recorded": True,
-                "complete": tick_count == timing.tick_count,
+                "complete": tick_count == timing.tick_count or _ended_early(bag, scene),
                 "simulated_s": simulated_s,
                 "ticks": tick_count,
                 "steps": tick_count * (timing.soil_steps or timing.mechanism_steps),
@@ -90,6 +93,15 @@ def summarize(
             **statistics.metrics(),
         }
     )
+
+
+def _ended_early(bag: Path, scene: Scene) -> bool:
+    """Whether a run with stop_when has its END, which the last grant of the record carries."""
+    if scene.stop_when is None:
+        return False
+    end_ns = BagReader(bag).end_time_ns
+    grants = BagReader(bag).records(Grant, at=lambda time_ns: time_ns == end_ns)
+    return any(grant.command is Command.END for grant in grants)
 
 
 def summarize_unrecorded(resolved: ResolvedScene, run_info: Mapping[str, Any]) -> Summary:
@@ -220,6 +232,25 @@ def _lines(scene: Scene, summary: Summary) -> list[tuple[str, str, float, int]]:
     return [line for line in lines if line[1] in summary["series"]]
 
 
+def mean_words(result: Mapping[str, Any]) -> str:
+    """What a check of stop_when found, in a few words."""
+    mean, half_width = result["mean"], result["half_width"]
+    if mean is None or half_width is None:
+        return f"{result['metric']}: {result['verdict']}"
+    interval = f"+- {100.0 * half_width / abs(mean):.3g} %" if mean else f"+- {half_width:.4g}"
+    return f"{result['metric']} {mean:.5g} {interval}, {result['verdict']}"
+
+
+def stop_words(result: Mapping[str, Any]) -> str:
+    """Whether a run with stop_when has reached it, as a line."""
+    wanted = f"{100.0 * result['relative_interval']:g} % at a confidence of {result['confidence']:g}"
+    word = "reached" if result["reached"] else "WARNING: not reached"
+    return (
+        f"stop_when: {word} after {result['travel_m']:.4g} m of travel: {mean_words(result)}; asked for are "
+        f"{wanted} and no drift seen"
+    )
+
+
 def _soil_words(summary: Summary) -> str:
     count = summary["particles"]["count"]
     return f"{count} particles" if count else "no particles"
@@ -255,6 +286,8 @@ def summary_facts(summary: Summary) -> list[str]:
             f"newest checkpoint: {newest['path']}, at {newest['time_s']:.6g} s, "
             f"{newest['size_bytes'] / 1e6:.3g} MB, written in {newest['write_s']:.2g} s"
         )
+    if run.get("stop_when"):
+        lines.append(stop_words(run["stop_when"]))
     if not run["complete"]:
         lines.append("The run ended before its last tick.")
     scene = summary["scene"]

@@ -71,6 +71,7 @@ def execute(
     stopwatch = _Stopwatch(on_tick)
     start = time.perf_counter()
     failure: SubsoilError | None = None
+    found: dict[str, Any] = {}  # of the mean of stop_when
     with tempfile.TemporaryDirectory(prefix="subsoil-run-") as name:
         folder = Path(name)
         try:
@@ -78,7 +79,14 @@ def execute(
                 ticks = min(WARM_UP_TICKS, resolved.timing.tick_count)
                 short = replace(resolved, timing=replace(resolved.timing, tick_count=ticks))
                 simulate(short, threads=threads)
-            simulate(resolved, folder / "bag", run_id="kept", threads=threads, on_tick=stopwatch)
+            simulate(
+                resolved,
+                folder / "bag",
+                run_id="kept",
+                threads=threads,
+                on_tick=stopwatch,
+                on_check=found.update,
+            )
         except SubsoilError as error:
             failure = error
         wall_s, cpu_s = stopwatch.times()
@@ -95,9 +103,10 @@ def execute(
             "code": code_digest(),
         }
         run_info = {"mode": "direct", "threads": threads, "whole_wall_s": facts["whole_wall_s"]}
+        run_info |= {"stop_when": found} if found else {}
         write_results(resolved, folder, run_info, failure)
-        found = {name: folder / name for name in ("series.csv", "summary.json")}
-        return RunResult({name: path.read_bytes() for name, path in found.items() if path.is_file()}, facts)
+        paths = {name: folder / name for name in ("series.csv", "summary.json")}
+        return RunResult({name: path.read_bytes() for name, path in paths.items() if path.is_file()}, facts)
 
 
 def code_digest() -> str:

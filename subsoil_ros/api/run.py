@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 from ..errors import InputError, SubsoilError
 from ..loading.loader import ResolvedScene
@@ -81,6 +82,7 @@ def _run(opened: OpenedRun, threads: int, progress: Progress | None, *, lasting:
     stopped: list[int] = []  # signals
     tick_count = opened.resolved.timing.tick_count
     started = False
+    found: dict[str, Any] = {}  # of the mean of stop_when
 
     def on_tick(tick: int) -> None:
         nonlocal started
@@ -94,7 +96,9 @@ def _run(opened: OpenedRun, threads: int, progress: Progress | None, *, lasting:
     start = time.monotonic()
     with _interrupts(stopped):
         try:
-            simulate_opened(opened, threads, on_tick, lambda: stopped[0] if stopped else 0)
+            simulate_opened(
+                opened, threads, on_tick, lambda: stopped[0] if stopped else 0, on_check=found.update
+            )
         except SubsoilError as error:
             failure = error
             if lasting:
@@ -103,6 +107,7 @@ def _run(opened: OpenedRun, threads: int, progress: Progress | None, *, lasting:
             shutil.rmtree(opened.out)  # bad input that showed only when the engines were built
         else:
             facts = {"mode": "direct", "threads": threads, "whole_wall_s": time.monotonic() - start}
+            facts |= {"stop_when": found} if found else {}
             conclude(opened, facts, failure)
     if failure is not None:
         raise failure

@@ -3,10 +3,12 @@
 from collections.abc import Callable
 from pathlib import Path
 
+from ..analysis.known_mean import build_stop_rule
 from ..coupling.checkpoints import CheckpointWriter
 from ..coupling.control import Controller, build_controller
 from ..coupling.direct import RecordSink, run_direct
 from ..coupling.engines import MotionSource, Soil, build_motion_source, build_soil
+from ..coupling.stopping import OnCheck
 from ..errors import InputError
 from ..loading.loader import ResolvedScene
 from ..recording.bag_writer import open_bag
@@ -46,6 +48,7 @@ def simulate(
     soil: Soil | None = None,
     sink: RecordSink | None = None,
     controller: Controller | None = None,
+    on_check: OnCheck = lambda result: None,
 ) -> None:
     """Run a scene in this process, from tick 0 or a checkpoint to its last tick.
 
@@ -59,6 +62,7 @@ def simulate(
         live_port: where the bag is shown while it is written; 0: nowhere.
         motion_source, soil, controller: in the place of the scene's own.
         sink: takes the records where there is no bag.
+        on_check: called with what is known of the mean of stop_when, at each check and at the end.
 
     Raises:
         InputError: as open_bag, or the scene needs an external controller.
@@ -85,6 +89,8 @@ def simulate(
             checkpoint_writer,
             resumed,
             controller,
+            build_stop_rule(resolved, resumed),
+            on_check,
         )
     finally:
         if writer is not None:
@@ -97,6 +103,7 @@ def simulate_opened(
     on_tick: OnTick,
     stop_signal: Callable[[], int],
     live_port: int = 0,
+    on_check: OnCheck = lambda result: None,
 ) -> None:
     """Run an opened run into its folder, as `simulate`."""
     simulate(
@@ -110,4 +117,5 @@ def simulate_opened(
         resumed=opened.resumed,
         live_port=live_port,
         motion_source=opened.motion_source,
+        on_check=on_check,
     )

@@ -27,6 +27,7 @@ from .energy_account import InterfaceWork
 from .engines import Resumable
 from .protocol import MECHANISM, SOIL
 from .schedule import schedule_of
+from .stopping import StopState
 
 PATHS = "paths"
 """Part of the tools' paths in a scene without mechanism."""
@@ -53,14 +54,18 @@ class CouplingState:
     wrenches: tuple[ToolWrench, ...]
     work: InterfaceWork
     wall_time_s: float = 0.0  # since tick 0, earlier runs included
+    stopping: StopState | None = None  # of a scene with stop_when
 
     def document(self) -> dict[str, Any]:
         """As JSON, which gives back the same bits of every number; without the wall time."""
-        return {
+        document = {
             "motions": [asdict(motion) for motion in self.motions],
             "wrenches": [asdict(wrench) for wrench in self.wrenches],
             "work": asdict(self.work),
         }
+        if self.stopping is not None:
+            document["stopping"] = asdict(self.stopping)
+        return document
 
     @classmethod
     def of(cls, checkpoint: Checkpoint) -> "CouplingState":
@@ -72,6 +77,7 @@ class CouplingState:
             tuple(_wrench(wrench) for wrench in document["wrenches"]),
             InterfaceWork(**document["work"]),
             document["wall_time_s"],
+            StopState.of(document["stopping"]) if "stopping" in document else None,
         )
 
 
@@ -112,6 +118,10 @@ class CheckpointWriter:
         self._resolved, self._run_id, self._sync_record = resolved, run_id, sync_record
         self._schedule = schedule_of(resolved.scene, resolved.timing)
         self._names = part_names(resolved.scene)
+
+    def ends_with(self, tick: int) -> None:
+        """Take it that the run ends with `tick`: no checkpoint is due there."""
+        self._schedule = self._schedule.ends_with(tick)
 
     def due(self, tick: int) -> bool:
         """Whether the scene asks for a checkpoint of `tick`."""

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable
 from typing import Any, Protocol
 
+from ..errors import InputError
 from ..loading.loader import ResolvedScene
 from ..messages import Command, Grant, MechanismState, ToolMotions, ToolWrenches
 from ..recording.checkpoint import Checkpoint
@@ -16,6 +17,7 @@ from .engines import Mechanism, MotionSource, Soil
 from .exit_status import interrupted
 from .protocol import SOIL
 from .schedule import schedule_of
+from .stopping import OnCheck, StopRule
 
 
 class RecordSink(Protocol):
@@ -37,6 +39,8 @@ def run_direct(
     checkpoint_writer: CheckpointWriter | None = None,
     resumed: Checkpoint | None = None,
     controller: Controller | None = None,
+    stop_rule: StopRule | None = None,
+    on_check: OnCheck = lambda result: None,
 ) -> None:
     """Runs a scene from tick 0, or from where another run stood, to its last tick, writing every record.
 
@@ -48,8 +52,11 @@ def run_direct(
         stop_signal: asked before each tick; a signal's number other than 0 ends the run there.
         checkpoint_writer: writes checkpoints, when they are due and on a signal; None: there are none.
         resumed: where to go on.
+        stop_rule: of a scene with stop_when, in the state of `resumed`.
+        on_check: called with what the rule found, at each check and at the end.
 
     Raises:
+        InputError: the scene has stop_when, and no rule is given.
         InterruptedRunError: stop_signal asked for it.
         RunError: an engine or the interface account failed. Every finished tick is written.
     """
@@ -64,6 +71,8 @@ def run_direct(
         machine = mechanism.state(run_id, state.tick, tick_end_ns(state.tick, communication_step_ns))
     start = time.monotonic() - state.wall_time_s
     write = sink.write if sink is not None else _forget
+    if schedule.check_ticks and stop_rule is None:
+        raise InputError(f"{resolved.path}: has stop_when, and this run has no rule; give stop_rule")
 
     def keep() -> None:
         """Writes the checkpoint of `state`, if there is not yet one of it."""
@@ -74,7 +83,19 @@ def run_direct(
             checkpoint_writer.keep(state.tick, SOIL, soil)
         checkpoint_writer.commit(state)
 
+    def end_with(tick: int) -> None:
+        """Makes `tick`, the next one, the last."""
+        nonlocal schedule
+        schedule = schedule.ends_with(tick)
+        if checkpoint_writer is not None:
+            checkpoint_writer.ends_with(tick)
+        if soil is not None:
+            soil.ends_with(tick)
+
     first_tick = state.tick + 1
+    if stop_rule is not None and stop_rule.state.stops:
+        end_with(first_tick)
+        on_check(stop_rule.result())
     for tick in range(first_tick, schedule.tick_count):
         signal_number = stop_signal()
         if signal_number:
@@ -107,9 +128,18 @@ def run_direct(
             write(recorded_cloud(soil.cloud(tick, end_ns), resolved.scene.record))
         on_tick(tick)
         account.check(tick)
-        state = CouplingState(tick, motions, wrenches, work, wall_time_s)
+        if stop_rule is not None:
+            stop_rule.add(tick, motions, wrenches)
+            if schedule.check_due(tick) and stop_rule.check():
+                end_with(tick + 1)
+            if schedule.check_due(tick) or (tick == schedule.last_tick and not stop_rule.state.stops):
+                on_check(stop_rule.result())
+        stopping = stop_rule.state if stop_rule is not None else None
+        state = CouplingState(tick, motions, wrenches, work, wall_time_s, stopping)
         if checkpoint_writer is not None and checkpoint_writer.due(tick):
             keep()
+        if tick == schedule.last_tick:
+            break
     if checkpoint_writer is not None:
         checkpoint_writer.note_end(state.tick, part, motion_source)
         if soil is not None:

@@ -60,6 +60,10 @@ class Soil(Resumable, Protocol):
         """Wrenches of `tick`, the tools moving to `motions` within it."""
         ...
 
+    def ends_with(self, tick: int) -> None:
+        """Take it that the run ends early with `tick`, which is advanced next."""
+        ...
+
     def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
         """Monitors at the end of `tick`."""
         ...

@@ -1,10 +1,14 @@
 """Which ticks record what: the one answer for the direct run, the nodes and the recorder."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..limits.stable_steps import Timing
 from ..scene.model import Scene
-from ..ticks import NANOSECONDS_PER_SECOND, every_ticks, is_control_tick
+from ..ticks import NANOSECONDS_PER_SECOND, every_ticks, is_control_tick, is_early_end
+
+CHECK_S = 0.1
+"""Simulated time between checks of `stop_when`, the nearest multiple of the series interval: short beside the
+seconds that a mean takes to be known, and long beside the time that a check costs."""
 
 
 @dataclass(frozen=True)
@@ -16,6 +20,9 @@ class Schedule:
     cloud_ticks: int  # 0: no clouds
     checkpoint_ticks: int = 0  # 0: no checkpoints
     control_ticks: int = 0  # 0: no controller
+    check_ticks: int = (
+        0  # a multiple of series_ticks: the run may end early with a series tick; 0: it may not
+    )
 
     @property
     def last_tick(self) -> int:
@@ -25,6 +32,14 @@ class Schedule:
     def series_due(self, tick: int) -> bool:
         """Whether states, reports, poses and wrenches of `tick` are recorded."""
         return (tick + 1) % self.series_ticks == 0 or tick == self.last_tick
+
+    def ends_with(self, tick: int) -> "Schedule":
+        """This schedule where `tick` is the last one."""
+        return replace(self, tick_count=tick + 1)
+
+    def check_due(self, tick: int) -> bool:
+        """Whether it is decided at the end of `tick` if the next tick is the last one."""
+        return tick < self.last_tick and is_early_end(tick + 1, self.check_ticks)
 
     def control_due(self, tick: int) -> bool:
         """Whether a controller commands `tick`."""
@@ -53,6 +68,11 @@ def schedule_of(scene: Scene, timing: Timing) -> Schedule:
         ticks = round(scene.record.checkpoint_s * NANOSECONDS_PER_SECOND / timing.communication_step_ns)
         checkpoint_ticks = max(1, ticks)
     control_ticks = scene.controller.interval_ticks if scene.controller is not None else 0
+    series_ticks = scene.record.series_ticks
+    check_ticks = 0
+    if scene.stop_when is not None:
+        series = round(CHECK_S * NANOSECONDS_PER_SECOND / (series_ticks * timing.communication_step_ns))
+        check_ticks = max(2, series * series_ticks, series_ticks)
     return Schedule(
-        timing.tick_count, scene.record.series_ticks, cloud_ticks, checkpoint_ticks, control_ticks
+        timing.tick_count, series_ticks, cloud_ticks, checkpoint_ticks, control_ticks, check_ticks
     )

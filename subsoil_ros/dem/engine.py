@@ -70,6 +70,7 @@ class SoilEngine(SoilReadings):
             )
         self._resolved, self._soil, self._threads = resolved, soil, threads
         self._step_s = resolved.timing.soil_step_s
+        self._last_tick = resolved.timing.tick_count - 1
         self._kind = np.float32 if soil.precision == "mixed" else np.float64  # of all but positions
         self._gravity = resolved.scene.gravity_m_per_s2
         self._smallest, self._radius = soil.particles.bounds_m  # equal, or smallest and largest radius
@@ -329,6 +330,10 @@ class SoilEngine(SoilReadings):
             self._after_step(tick, s)
         return self._wrenches()
 
+    def ends_with(self, tick: int) -> None:
+        """Take it that the run ends early with `tick`, which is advanced next: the soil is checked then."""
+        self._last_tick = tick
+
     def _after_step(self, tick: int, step: int) -> None:
         """Refuses a tool sunk too deep into a particle, and looks at the soil when it is time."""
         for tool in self._tools:
@@ -340,7 +345,7 @@ class SoilEngine(SoilReadings):
                     "or thicker"
                 )
         timing = self._resolved.timing
-        last = step == timing.soil_steps and tick == timing.tick_count - 1
+        last = step == timing.soil_steps and tick == self._last_tick
         if self._monitor is not None and self._monitor.due(last=last):
             self._monitor.check(self._where(tick, step), tick, self)
 

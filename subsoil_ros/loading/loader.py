@@ -238,6 +238,8 @@ def _scene_hash(scene: Scene) -> str:
     """
     content = scene.model_dump(mode="json")
     content["report"].pop("reference")
+    if scene.stop_when is None:
+        content.pop("stop_when")  # scenes without it have the hash of versions without the key
     for name, tool in content["tools"].items():
         for group, part in tool["groups"].items():
             advice = "an .stl file"

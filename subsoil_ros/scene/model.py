@@ -9,6 +9,7 @@ from .cloud import CloudRegion
 from .controller import Controller, DraftLimit, External, HoldHeight
 from .mechanism import Driver, Mechanism, WheelContact
 from .soil import Auto, Soil
+from .stop_when import StopWhen
 from .time_functions import ConstantLaw
 from .tools import Tool
 from .wedge import WedgeSoil
@@ -94,6 +95,7 @@ class Scene(StrictModel):
     coupling: Coupling = Coupling()
     record: Record = Record()
     report: Report = Report()
+    stop_when: StopWhen | None = Field(None, description="ends the run once its mean is known.")
 
     @property
     def particle_soil(self) -> Soil | None:
@@ -134,6 +136,8 @@ class Scene(StrictModel):
                 )
         if self.controller is not None:
             _check_controller(self.controller, self.mechanism, self.record.series_ticks)
+        if self.stop_when is not None:
+            _check_stop_when(self, self.stop_when)
         report = self.report
         if report.shank is not None and report.shank not in bodies:
             raise ValueError(f"report.shank: no body '{report.shank}'")
@@ -153,6 +157,30 @@ def _check_allow(scene: Scene) -> None:
         if not (stepped if step else fitted):
             needed = "a number in soil.time_step_s" if step else "a soil.file of a wedge model"
             raise ValueError(f"allow: '{name}' is about {needed}, and there is none; remove it from the list")
+
+
+def _check_stop_when(scene: Scene, stop_when: StopWhen) -> None:
+    """Raises ValueError where a scene cannot end by the mean of `stop_when`."""
+    if scene.soil is None:
+        raise ValueError("stop_when: given without 'soil'; it is about the soil's forces on the tools")
+    if not any(tool.is_tillage for tool in scene.tools.values()):
+        found = ", ".join(f"{name} ({tool.role})" for name, tool in scene.tools.items()) or "none"
+        raise ValueError(f"stop_when: tools are {found}; needed is one of role 'tillage'")
+    driven = scene.mechanism is not None and scene.mechanism.draft_driver is not None
+    if driven and stop_when.metric == "draft_newton":
+        raise ValueError(
+            "stop_when.metric: given 'draft_newton', which with mechanism.draft_driver is the force of a "
+            "driver; give 'draft.share_newton', the draft of the tillage tools"
+        )
+    if scene.controller is not None:
+        raise ValueError(
+            "stop_when: given with 'controller', which is not supported; leave out one of them, and end a "
+            "controlled run by duration_s"
+        )
+    if not scene.record.bag:
+        raise ValueError(
+            "stop_when: given with record.bag: false, which leaves no result to report; set record.bag: true"
+        )
 
 
 def _check_controller(controller: Controller, mechanism: Mechanism | None, series_ticks: int) -> None:

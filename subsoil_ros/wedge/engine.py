@@ -127,6 +127,9 @@ class WedgeEngine:
         """
         return self._answer(f"tick {tick}", motions)
 
+    def ends_with(self, tick: int) -> None:
+        """Take it that the run ends early with `tick`; nothing depends on it."""
+
     def state_arrays(self) -> dict[str, np.ndarray]:
         """All that later ticks depend on, by name: the memory of each tool."""
         return {

@@ -23,6 +23,7 @@ from subsoil_ros.coupling.protocol import (
     Participant,
     RecordBarrier,
 )
+from subsoil_ros.coupling.schedule import Schedule
 from subsoil_ros.errors import ProtocolError
 from subsoil_ros.messages import (
     Command,
@@ -53,7 +54,14 @@ class Case:
     control_ticks: int = 0
     first_tick: int = 0  # later where the run goes on from another; then without controller
     paused: bool = False
+    check_ticks: int = 0  # the run may end early every so many ticks; then without controller
+    stop_tick: int = -1  # the check tick that ends the run
     prompt: bool = True  # what is sent to the recorder is there at once; its acknowledgements may be late
+
+    @property
+    def last_tick(self) -> int:
+        """With which the run ends."""
+        return self.ticks - 1 if self.stop_tick < 0 else self.stop_tick + 1
 
 
 def motion(tick: int) -> tuple[ToolMotion, ...]:
@@ -77,16 +85,17 @@ def node_status(node: str, state: NodeState = NodeState.READY, run_id: str = RUN
 
 @dataclass(frozen=True)
 class Due:
-    """What the recorder waits for at a tick."""
+    """What the recorder waits for at a tick; at_end: if the run ends with it."""
 
     case: Case
+    at_end: bool = False
 
     def __call__(self, tick: int) -> tuple[str, ...]:
         case = self.case
         names = ["grant"]
         names += ["driver_command"] if is_control_tick(tick, case.control_ticks) else []
         names += ["tool_motions"] + (["tool_wrenches"] if case.soil else [])
-        series = (tick + 1) % case.series_ticks == 0 or tick == case.ticks - 1
+        series = (tick + 1) % case.series_ticks == 0 or tick == case.ticks - 1 or self.at_end
         return (*names, *(("mechanism_state", "coupling_report") if series else ()))
 
 
@@ -104,6 +113,7 @@ class System:
     queues: dict[tuple[str, str], deque] = field(default_factory=dict)
     done: dict[str, int] = field(default_factory=dict)  # last tick, by node
     fault: str = ""
+    checked: int = -2  # the last check tick that was decided
 
     def __post_init__(self) -> None:
         case = self.case
@@ -114,30 +124,47 @@ class System:
         self.done = {
             name: 0 if name == CONTROLLER else case.first_tick - 1 for name in (*self.listeners, COUPLER)
         }
-        self.due = Due(case)
+        self.schedule = Schedule(case.ticks, case.series_ticks, 0, check_ticks=case.check_ticks)
         self.coupler = Coupler(
             node_status(COUPLER), self.listeners, TOOLS, case.ticks, case.window, soil=case.soil,
             control_ticks=case.control_ticks, paused=case.paused, first_tick=case.first_tick,
+            check_ticks=case.check_ticks,
         )  # fmt: skip
         first = case.first_tick
         needs = Needs.WRENCHES if case.soil else Needs.NOTHING
         self.nodes = {
             MECHANISM: Participant(
-                RUN, case.ticks, needs, TOOLS, control_ticks=case.control_ticks, first_tick=first
+                RUN,
+                case.ticks,
+                needs,
+                TOOLS,
+                control_ticks=case.control_ticks,
+                first_tick=first,
+                check_ticks=case.check_ticks,
             )
         }
         self.nodes[MECHANISM].start(wrench(first - 1))
         if case.soil:
-            self.nodes[SOIL] = Participant(RUN, case.ticks, Needs.MOTIONS, TOOLS, first_tick=first)
+            self.nodes[SOIL] = Participant(
+                RUN, case.ticks, Needs.MOTIONS, TOOLS, first_tick=first, check_ticks=case.check_ticks
+            )
         self.commander = None
         if case.control_ticks:
             self.commander = Commander(RUN, case.ticks, case.series_ticks, case.control_ticks, first)
-        self.barrier: RecordBarrier[Any] = RecordBarrier(case.ticks, self.due, case.window, first)
+        self.barrier: RecordBarrier[Any] = RecordBarrier(
+            case.ticks, Due(case), case.window, first, check_ticks=case.check_ticks,
+            due_at_end=Due(case, at_end=True),
+        )  # fmt: skip
         for name in self.listeners:
             initial = {"initial_motions": motion(-1)} if name == MECHANISM else {}
             initial = {"initial_wrenches": wrench(-1)} if name == SOIL else initial
             self.coupler.accept_node_status(node_status(name, **initial))
+        self._check(first - 1)
         self._grant()
+
+    def due(self, tick: int) -> tuple[str, ...]:
+        """What is recorded of a tick."""
+        return Due(self.case, at_end=tick == self.case.last_tick)(tick)
 
     def frozen(self) -> bytes:
         """The whole state; pickle.loads gives it back. Equal states built alike give equal bytes."""
@@ -207,8 +234,18 @@ class System:
         assert tick == self.done[name] + every, "a tick twice, or left out"
         self.done[name] = tick
 
+    def _check(self, tick: int) -> None:
+        """The decision of a check tick."""
+        if self.schedule.check_due(tick):
+            self.coupler.decide(tick, ends=tick == self.case.stop_tick)
+            self.checked = tick
+
     def _grant(self) -> None:
         for grant in self.coupler.next_grants():
+            checks = range(self.case.first_tick - 1, grant.tick)
+            due = max(filter(self.schedule.check_due, checks), default=self.checked)
+            assert due == self.checked, "granted beyond a check tick before its decision"
+            assert (grant.command is Command.END) == (grant.tick == self.case.last_tick)
             assert grant.tick <= self.coupler.done_tick + self.case.window
             self._send(grant, *self.listeners)
 
@@ -272,6 +309,7 @@ class System:
             self._note(COUPLER, finished.tick)
             if "coupling_report" in self.due(finished.tick):
                 self._send(f"report {finished.tick}", RECORDER)
+            self._check(finished.tick)
         self._grant()
 
     def _deliver_recorder(self, message: Any) -> None:
@@ -281,6 +319,8 @@ class System:
         else:
             name = NAMES[type(message)]
             tick = int(message.split()[1]) if isinstance(message, str) else message.tick
+            if isinstance(message, Grant) and message.command is Command.END:
+                barrier.end(tick)
             barrier.add(name, tick, message)
             if name == "grant":
                 barrier.note_grant(tick)

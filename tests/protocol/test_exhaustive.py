@@ -80,7 +80,7 @@ def explore(case: Case, plan: Plan, judge) -> int:
 def complete(system: System, plan: Plan) -> None:
     """Every tick done once by everybody, and recorded."""
     assert system.complete, system.coupler.missing()
-    last = system.case.ticks - 1
+    last = system.case.last_tick
     expected = dict.fromkeys(system.done, last)
     if CONTROLLER in expected:
         expected[CONTROLLER] = last // system.case.control_ticks * system.case.control_ticks
@@ -113,6 +113,12 @@ CASES = [
     Case(ticks=2, control_ticks=1),
     Case(ticks=5, first_tick=3),
     Case(ticks=5, soil=False, series_ticks=2, control_ticks=2),
+    Case(ticks=4, check_ticks=2, stop_tick=0),
+    Case(ticks=5, window=1, check_ticks=2, stop_tick=2, series_ticks=3),
+    Case(ticks=5, check_ticks=2),
+    Case(ticks=3, check_ticks=3, stop_tick=1),
+    Case(ticks=6, check_ticks=2, stop_tick=2, first_tick=3),
+    Case(ticks=6, check_ticks=3, stop_tick=4, first_tick=3),
 ]
 
 
@@ -138,7 +144,11 @@ def test_every_order_completes_where_no_acknowledgement_is_awaited(monkeypatch: 
     ],
     ids=", ".join,
 )
-@pytest.mark.parametrize("case", [Case(window=1), Case(soil=False, window=2)], ids=str)
+@pytest.mark.parametrize(
+    "case",
+    [Case(window=1), Case(soil=False, window=2), Case(ticks=5, window=2, check_ticks=2, stop_tick=0)],
+    ids=str,
+)
 def test_pauses_and_steps_at_any_moment_lose_nothing(case: Case, user: tuple[str, ...]) -> None:
     """Paused, stepped and resumed at any moments, a run does each tick exactly once."""
     explore(case, Plan(user=user), complete)
@@ -174,7 +184,14 @@ def test_an_abort_at_any_moment_ends_the_run_for_all(case: Case, user: tuple[str
 
 @pytest.mark.parametrize("faults", [("lose",), ("repeat",)], ids=str)
 @pytest.mark.parametrize(
-    "case", [Case(window=1), Case(ticks=2, window=2), Case(soil=False, control_ticks=1)], ids=str
+    "case",
+    [
+        Case(window=1),
+        Case(ticks=2, window=2),
+        Case(soil=False, control_ticks=1),
+        Case(ticks=4, check_ticks=2, stop_tick=0),
+    ],
+    ids=str,
 )
 def test_one_message_lost_or_twice_is_never_unseen(case: Case, faults: tuple[str, ...]) -> None:
     """The run ends with the tick named, or stands and says what it waits for, or the message was needless."""

@@ -42,6 +42,7 @@ class RunProgress:
     """A bar on standard error. Use as context manager, and call with each tick that is done."""
 
     def __init__(self, name: str, timing: Timing) -> None:
+        self._name = name
         self._communication_step_ns = timing.communication_step_ns
         duration_s = tick_end_s(timing.tick_count - 1, timing.communication_step_ns)
         self._progress = Progress(
@@ -64,6 +65,10 @@ class RunProgress:
 
     def __exit__(self, *exception: object) -> None:
         self._progress.stop()
+
+    def note(self, words: str) -> None:
+        """Show words beside the name of the run."""
+        self._progress.update(self._task, description=f"{self._name} ({words})")
 
     def __call__(self, tick: int) -> None:
         self.started = True

@@ -4,11 +4,12 @@ import argparse
 import os
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
-from ...analysis.summary import print_summary
+from ...analysis.summary import mean_words, print_summary
 from ...api.checkpoints import name_checkpoint
 from ...api.opened_run import OpenedRun, open_run
 from ...api.results import conclude
@@ -16,6 +17,7 @@ from ...api.simulate import needed_controller, simulate_opened
 from ...coupling.control import build_controller
 from ...coupling.protocol import CONTROLLER, COUPLER
 from ...coupling.signals import caught_signals
+from ...coupling.stopping import OnCheck
 from ...errors import InputError, SubsoilError
 from ...loading.loader import ResolvedScene, load_scene
 from ...ros.process.plan import RunPlan, checked_namespace
@@ -52,6 +54,7 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
     say_where(live)
     failure: SubsoilError | None = None
     signals: list[int] = []
+    found: dict[str, Any] = {}  # of the mean of stop_when
 
     def stop_signal() -> int:
         return signals[0] if signals else 0
@@ -60,20 +63,26 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
     try:
         with caught_signals(signals.append), RunProgress(resolved.scene.name, resolved.timing) as bar:
             progress = kernels.before(bar)
+
+            def on_check(result: Mapping[str, Any]) -> None:
+                found.update(result)
+                bar.note(mean_words(result))
+
             if args.mode == "direct":
-                simulate_opened(opened, args.threads, progress, stop_signal, live)
+                simulate_opened(opened, args.threads, progress, stop_signal, live, on_check)
             else:
                 plan = RunPlan.of(opened, args.threads, args.paused, supervised=True, live=live)
                 if args.mode == "composed":
-                    _run_composed(opened, plan, namespace, progress, stop_signal)
+                    _run_composed(opened, plan, namespace, progress, on_check, stop_signal)
                 else:
-                    _run_nodes(plan, namespace, out / "log", progress, stop_signal)
+                    _run_nodes(plan, namespace, out / "log", progress, on_check, stop_signal)
     except SubsoilError as error:
         failure = error
     if failure is not None and failure.exit_status == InputError.exit_status and not bar.started:
         shutil.rmtree(out)  # bad input that showed only when the bed was there: nothing ran
         raise failure
     facts = {"mode": args.mode, "threads": args.threads, "whole_wall_s": time.monotonic() - start}
+    facts |= {"stop_when": found} if found else {}
     if failure is not None:
         name_checkpoint(failure, out, opened.resumed)
     summary = conclude(opened, facts, failure, reading=reading_bag, working=working)
@@ -118,6 +127,7 @@ def _run_composed(
     plan: RunPlan,
     namespace: str,
     progress: Callable[[int], None],
+    on_check: OnCheck,
     stop_signal: Callable[[], int],
 ) -> None:
     with run_domain() as domain:
@@ -127,7 +137,7 @@ def _run_composed(
         from ...ros.process.heartbeat import NodeRun
 
         node_run = NodeRun(opened.run_id, opened.resolved, opened.checkpoints, opened.resumed)
-        builds = scene_builds(node_run, plan.bag, plan.threads, progress, plan.paused, plan.live)
+        builds = scene_builds(node_run, plan.bag, plan.threads, progress, plan.paused, plan.live, on_check)
         _say_where_nodes_are(plan, domain, namespace)
         status = run_composed(node_run, builds, stop_signal, namespace)
     if status.code:
@@ -139,6 +149,7 @@ def _run_nodes(
     namespace: str,
     logs: Path,
     progress: Callable[[int], None],
+    on_check: OnCheck,
     stop_signal: Callable[[], int],
 ) -> None:
     progress = announce_kernels_of_nodes(progress)
@@ -156,6 +167,6 @@ def _run_nodes(
             )
             for node in plan.nodes()
         ]
-        status = Supervisor(processes, progress).follow(stop_signal)
+        status = Supervisor(processes, progress, on_check).follow(stop_signal)
     if status.code:
         raise status.error()

@@ -17,6 +17,7 @@ from ...messages import (
     ToolWrenches,
 )
 from ...ticks import INITIAL_TICK, is_control_tick
+from .checking import Checks
 from .handshake import check_node_status
 from .names import ACK_LAG_TICKS, CONTROLLER, RECORDER, SOIL
 from .pacing import Pacing
@@ -42,6 +43,8 @@ class Coupler:
         control_ticks: a controller's command is part of a tick every so many; 0: of none.
         needed: by node, what it must be able to do (handshake.needed_capabilities).
         paused: no tick is granted before `resume` or `step`.
+        check_ticks: the run may end early every so many ticks (checking.Checks); 0: never. Nothing is granted
+            beyond a check tick before `decide`.
     """
 
     def __init__(
@@ -56,6 +59,7 @@ class Coupler:
         control_ticks: int = 0,
         needed: Mapping[str, Mapping[str, str]] | None = None,
         paused: bool = False,
+        check_ticks: int = 0,
     ) -> None:
         self.last_tick = tick_count - 1
         self.done_tick = first_tick - 1
@@ -74,6 +78,7 @@ class Coupler:
         self._process_ids: dict[str, int] = {}
         self._needed = needed or {}
         self._pacing = Pacing(first_tick - 1 if paused else None)
+        self._checks = Checks(check_ticks, first_tick)
         self._control_ticks = control_ticks
         run_id = node_status.run_id
         self._acks = Stream("tick_ack", run_id, tick_count)
@@ -89,7 +94,7 @@ class Coupler:
     @property
     def finished(self) -> bool:
         """Whether every tick is done and recorded."""
-        return self.acknowledged_tick == self.last_tick == self.done_tick
+        return self.acknowledged_tick >= self.last_tick == self.done_tick
 
     def accept_node_status(self, node_status: NodeStatus) -> None:
         """Takes the status of a participant.
@@ -127,11 +132,23 @@ class Coupler:
             return ()
         first = self._granted + 1
         free = min(self.done_tick + self._window, self.acknowledged_tick + ACK_LAG_TICKS, self.last_tick)
-        self._granted = self._pacing.limit(free)
+        self._granted = self._pacing.limit(self._checks.limit(free))
         return tuple(
             Grant(self._own.run_id, tick, Command.END if tick == self.last_tick else Command.RUN)
             for tick in range(first, self._granted + 1)
         )
+
+    def decide(self, tick: int, *, ends: bool) -> None:
+        """Go on after check tick `tick`, which is done, or end the run with the tick after it.
+
+        Raises:
+            ProtocolError: it is not done, or its decision is not due.
+        """
+        if tick != self.done_tick:
+            raise ProtocolError(f"check of tick {tick}: done is tick {self.done_tick}")
+        self._checks.decide(tick)
+        if ends:
+            self.last_tick = tick + 1
 
     @property
     def paused(self) -> bool:

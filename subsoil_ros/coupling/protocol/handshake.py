@@ -15,6 +15,9 @@ TICK_MEAN = "tick_mean"
 DRIVER_COMMAND = "driver_command"
 """Takes the commands of a controller."""
 
+EARLY_END = "early_end"
+"""Takes END before the last tick of the scene."""
+
 CONTACT_LAW = "contact_law"
 """Has a contact law of another package: "contact_law KIND DIGEST", digest of its sources."""
 
@@ -28,9 +31,9 @@ def _outside_law(kind: str) -> str | None:
 _LAWS = tuple(filter(None, map(_outside_law, contact_laws())))
 
 CAPABILITIES: Mapping[str, tuple[str, ...]] = {
-    MECHANISM: (DRIVER_COMMAND,),
-    SOIL: (TICK_MEAN, *_LAWS),
-    RECORDER: (DRIVER_COMMAND,),
+    MECHANISM: (DRIVER_COMMAND, EARLY_END),
+    SOIL: (TICK_MEAN, EARLY_END, *_LAWS),
+    RECORDER: (DRIVER_COMMAND, EARLY_END),
 }
 """Of the nodes of this package."""
 
@@ -49,6 +52,8 @@ def needed_capabilities(scene: Scene) -> dict[str, dict[str, str]]:
         add(law, f"soil.law.kind: {scene.particle_soil.law.kind}", SOIL)
     if scene.controller is not None:
         add(DRIVER_COMMAND, "controller", MECHANISM, RECORDER)
+    if scene.stop_when is not None:
+        add(EARLY_END, "stop_when", MECHANISM, SOIL, RECORDER)
     return needed
 
 

@@ -6,6 +6,7 @@ from enum import Enum
 from ...errors import ProtocolError
 from ...messages import Command, DriverCommand, Grant, ToolMotion, ToolMotions, ToolWrench, ToolWrenches
 from ...ticks import is_control_tick
+from .checking import is_end
 from .streams import AnswerStream, CommandStream, Stream
 
 
@@ -33,6 +34,7 @@ class Participant:
     Args:
         control_ticks: a command is needed every so many ticks; 0: never.
         first_tick: later than 0 where the run goes on from another.
+        check_ticks: END may come early every so many ticks (ticks.is_early_end); 0: with the last tick only.
     """
 
     def __init__(
@@ -44,8 +46,9 @@ class Participant:
         *,
         control_ticks: int = 0,
         first_tick: int = 0,
+        check_ticks: int = 0,
     ) -> None:
-        self.last_tick = tick_count - 1
+        self.last_tick = tick_count - 1  # an earlier one once END has come with it
         self.done_tick = first_tick - 1  # last tick handed out and finished
         self.abort: Grant | None = None
         self._needs = needs
@@ -57,6 +60,8 @@ class Participant:
         self._control_ticks = control_ticks
         self._initial_wrenches: tuple[ToolWrench, ...] | None = None
         self._at_work = False
+        self._check_ticks = check_ticks
+        self._ended = False
 
     def start(self, wrenches: tuple[ToolWrench, ...]) -> None:
         """Takes the wrenches before the first tick; only Needs.WRENCHES has to have them."""
@@ -68,11 +73,23 @@ class Participant:
             self._grants.refuse_foreign(grant.run_id, grant.tick)
             self.abort = self.abort or grant
             return
-        self._grants.accept(grant.run_id, grant.tick)
-        if (grant.command is Command.END) != (grant.tick == self.last_tick):
+        if self._ended and grant.tick > self.last_tick:
             raise ProtocolError(
-                f"grant: {grant.command.name} came with tick {grant.tick}, the last tick is {self.last_tick}"
+                f"grant: tick {grant.tick} came, but the run ends with tick {self.last_tick}, as END said"
             )
+        self._grants.accept(grant.run_id, grant.tick)
+        end = grant.command is Command.END
+        allowed = (
+            is_end(grant.tick, self.last_tick, self._check_ticks) if end else grant.tick < self.last_tick
+        )
+        if not allowed:
+            every = f"; END may come every {self._check_ticks} ticks" if self._check_ticks else ""
+            raise ProtocolError(
+                f"grant: {grant.command.name} came with tick {grant.tick}, the last tick is "
+                f"{self.last_tick}{every}"
+            )
+        if end:
+            self.last_tick, self._ended = grant.tick, True
 
     def accept_keep(self, grant: Grant) -> None:
         """Takes it that the state at the end of a tick is to be kept now.

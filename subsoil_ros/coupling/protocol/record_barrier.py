@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 from ...errors import ProtocolError
+from .checking import is_end
 from .names import ACK_EVERY_TICKS
 
 Payload = TypeVar("Payload")
@@ -19,10 +20,20 @@ class RecordBarrier(Generic[Payload]):
         due: names of the messages due at a tick, in the order in which they are recorded.
         grant_window: a grant of tick k says that the coupler has finished tick k - grant_window.
         first_tick: later than 0 where the run goes on from another.
+        check_ticks: the run may end early every so many ticks (ticks.is_early_end); 0: never.
+        due_at_end: as `due`, if the run ends with the tick; the same as `due` if not given. The grant is
+            among them.
     """
 
     def __init__(
-        self, tick_count: int, due: Callable[[int], tuple[str, ...]], grant_window: int, first_tick: int = 0
+        self,
+        tick_count: int,
+        due: Callable[[int], tuple[str, ...]],
+        grant_window: int,
+        first_tick: int = 0,
+        *,
+        check_ticks: int = 0,
+        due_at_end: Callable[[int], tuple[str, ...]] | None = None,
     ) -> None:
         self.last_tick = tick_count - 1
         self.done_tick = first_tick - 1
@@ -30,7 +41,9 @@ class RecordBarrier(Generic[Payload]):
         self._certain = first_tick - 1  # no abort names an earlier tick
         self.cut_tick = self.last_tick  # the record ends here; earlier after an abort
         self._acknowledged = first_tick - 1
-        self._due = due
+        self._due_before_end = due
+        self._due_at_end = due_at_end or due
+        self._check_ticks = check_ticks
         self._kept: dict[int, dict[str, Payload]] = {}
 
     def add(self, name: str, tick: int, payload: Payload) -> None:
@@ -39,7 +52,10 @@ class RecordBarrier(Generic[Payload]):
         Raises:
             ProtocolError: it is repeated, or not due at its tick.
         """
-        if name not in self._due(tick) or tick > self.last_tick:
+        allowed = self._due(tick)
+        if is_end(tick, self.last_tick, self._check_ticks):
+            allowed = self._due_at_end(tick)  # its grant may be on the way
+        if name not in allowed or tick > self.last_tick:
             raise ProtocolError(f"{name}: tick {tick} came, nothing of it is due then")
         kept = self._kept.setdefault(tick, {})
         if tick <= self.done_tick or name in kept:
@@ -47,6 +63,17 @@ class RecordBarrier(Generic[Payload]):
                 f"{name}: tick {tick} is repeated, the record stands at tick {self.done_tick}"
             )
         kept[name] = payload
+
+    def end(self, tick: int) -> None:
+        """Take it that END came with `tick`.
+
+        Raises:
+            ProtocolError: the run may not end there.
+        """
+        if not is_end(tick, self.last_tick, self._check_ticks):
+            raise ProtocolError(f"grant: END came with tick {tick}, the last tick is {self.last_tick}")
+        self.last_tick = tick
+        self.cut_tick = min(self.cut_tick, tick)
 
     def note_grant(self, tick: int) -> None:
         """Takes it that `tick` is granted."""
@@ -65,11 +92,15 @@ class RecordBarrier(Generic[Payload]):
         """The next tick of which everything is here, in recording order; None while some is missing."""
         tick = self.done_tick + 1
         kept = self._kept.get(tick, {})
-        if tick > min(self.cut_tick, self._certain) or len(kept) < len(self._due(tick)):
+        due = self._due(tick)
+        if tick > min(self.cut_tick, self._certain) or not all(name in kept for name in due):
             return None
+        if len(kept) > len(due):
+            more = ", ".join(name for name in kept if name not in due)
+            raise ProtocolError(f"{more}: tick {tick} came, nothing of it is due then")
         del self._kept[tick]
         self.done_tick = tick
-        return tick, [(name, kept[name]) for name in self._due(tick)]
+        return tick, [(name, kept[name]) for name in due]
 
     def next_ack(self, *, at_once: bool = False) -> int | None:
         """The tick to acknowledge now, if it is time to or `at_once`; the last is so in any case."""
@@ -91,3 +122,7 @@ class RecordBarrier(Generic[Payload]):
         tick = self.done_tick + 1
         kept = self._kept.get(tick, {})
         return f"tick {tick}: {', '.join(name for name in self._due(tick) if name not in kept)}"
+
+    def _due(self, tick: int) -> tuple[str, ...]:
+        """What is due at `tick`, as far as it is known whether the run ends with it."""
+        return (self._due_at_end if tick == self.last_tick else self._due_before_end)(tick)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from rclpy.context import Context
 
+from ...analysis.known_mean import build_stop_rule
 from ...coupling.checkpoints import CouplingState
 from ...coupling.energy_account import InterfaceAccount, account_of
 from ...coupling.exit_status import KEEP_S, SIGNAL_STATUS, ExitStatus
@@ -22,6 +23,7 @@ from ...coupling.protocol import (
     needed_capabilities,
 )
 from ...coupling.schedule import schedule_of
+from ...coupling.stopping import OnCheck
 from ...errors import RunError
 from ...messages import (
     CouplingReport,
@@ -74,6 +76,7 @@ class CouplerNode(LockstepNode):
         context: Context | None = None,
         on_progress: Callable[[int], None] = lambda tick: None,
         paused: bool = False,
+        on_check: OnCheck = lambda result: None,
     ) -> None:
         super().__init__(COUPLER, run, heartbeat, context)
         scene, timing = run.resolved.scene, run.resolved.timing
@@ -90,7 +93,10 @@ class CouplerNode(LockstepNode):
             control_ticks=self._schedule.control_ticks,
             needed=needed_capabilities(scene),
             paused=paused,
+            check_ticks=self._schedule.check_ticks,
         )
+        self._stop_rule = build_stop_rule(run.resolved, run.resumed)
+        self._on_check = on_check
         self._checkpoint_writer = run.checkpoint_writer()
         self._to_commit: deque[CouplingState] = deque()  # checkpoints whose record is not yet on the disk
         self._last: CouplingState | None = None  # the exchange at the end of the last finished tick
@@ -226,8 +232,21 @@ class CouplerNode(LockstepNode):
         )
         self._last_advance = now
         self._start = now - (before.wall_time_s if before is not None else 0.0)
+        if self._schedule.check_due(coupler.done_tick):  # the run goes on from a check tick
+            self._decide(coupler.done_tick)
         self._say_pacing()
         self._grant()
+
+    def _decide(self, tick: int) -> None:
+        """Goes on after a check tick, or ends the run with the next tick."""
+        rule = self._stop_rule
+        assert rule is not None  # of a scene with check ticks
+        self._on_check(rule.result())
+        self._coupler.decide(tick, ends=rule.state.stops)
+        if rule.state.stops:
+            self._schedule = self._schedule.ends_with(tick + 1)
+            if self._checkpoint_writer is not None:
+                self._checkpoint_writer.ends_with(tick + 1)
 
     def _on_pacing(self) -> None:
         """A pause, its end, or steps were asked for."""
@@ -292,7 +311,18 @@ class CouplerNode(LockstepNode):
         self._clock_publisher.publish(serialize(clock(tick_end_ns(tick, self._communication_step_ns))))
         self.heartbeat.tick = tick
         self._account.check(tick)
-        self._last = CouplingState(tick, finished.motions, finished.wrenches, work, now - self._start)
+        stopping = None
+        if self._stop_rule is not None:
+            self._stop_rule.add(tick, finished.motions, finished.wrenches)
+            if self._schedule.check_due(tick):
+                self._stop_rule.check()
+                self._decide(tick)
+            elif tick == self._schedule.last_tick and not self._stop_rule.state.stops:
+                self._on_check(self._stop_rule.result())
+            stopping = self._stop_rule.state
+        self._last = CouplingState(
+            tick, finished.motions, finished.wrenches, work, now - self._start, stopping
+        )
         if self._checkpoint_writer is not None and self._checkpoint_writer.due(tick):
             self._to_commit.append(self._last)
             self._commit_recorded()
@@ -325,6 +355,7 @@ def build(
         context,
         on_progress=lambda tick: report_to_supervisor(tick=tick),
         paused=settings.paused,
+        on_check=lambda result: report_to_supervisor(check=result),
     )
 
 

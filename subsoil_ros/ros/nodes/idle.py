@@ -92,6 +92,9 @@ class IdleSoil(_Stateless):
         """No force."""
         return self._wrenches(motions)
 
+    def ends_with(self, tick: int) -> None:
+        """Nothing depends on it."""
+
     def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
         """All zero."""
         return SoilState(run_id, tick, end_time_ns, 0, 0, 0, 0, *[0.0] * 5)

@@ -46,6 +46,7 @@ class MechanismNode(LockstepNode):
             tuple(scene.tools),
             control_ticks=self._schedule.control_ticks,
             first_tick=run.first_tick,
+            check_ticks=self._schedule.check_ticks,
         )
         self._checkpoint_writer = run.checkpoint_writer()
         self._state: MechanismState | None = None  # the last one published
@@ -99,6 +100,8 @@ class MechanismNode(LockstepNode):
         if grant.command is Command.ABORT:
             self.finish_aborted(grant)
             return
+        if grant.command is Command.END and grant.tick < self._schedule.last_tick:
+            self._end_with(grant.tick)
         if grant.tick == self.run.first_tick and self._schedule.control_due(grant.tick):
             self._publish_state(grant.tick - 1)  # the run goes on here, and its controller has not seen it
         self._work()
@@ -135,6 +138,12 @@ class MechanismNode(LockstepNode):
         self._states.publish(self.bytes_of(state))
         self._state = state
         return state
+
+    def _end_with(self, tick: int) -> None:
+        """Ends early: what is due at the last tick is due at `tick`."""
+        self._schedule = self._schedule.ends_with(tick)
+        if self._checkpoint_writer is not None:
+            self._checkpoint_writer.ends_with(tick)
 
     def _keep(self, tick: int) -> None:
         if self._checkpoint_writer is not None:

@@ -41,8 +41,11 @@ CUT_S = 2.0
 _LOCKSTEP = (Grant, DriverCommand, ToolMotions, ToolWrenches)
 
 
-def due_topics(resolved: ResolvedScene) -> Callable[[int], tuple[str, ...]]:
-    """The function that says which topics a tick of the scene records, in recording order."""
+def due_topics(resolved: ResolvedScene, *, at_end: bool = False) -> Callable[[int], tuple[str, ...]]:
+    """The function that says which topics a tick of the scene records, in recording order.
+
+    at_end: if the run ends with that tick.
+    """
     scene = resolved.scene
     schedule = schedule_of(scene, resolved.timing)
     lockstep: list[type] = [Grant, ToolMotions]
@@ -60,9 +63,10 @@ def due_topics(resolved: ResolvedScene) -> Callable[[int], tuple[str, ...]]:
     cloud = (TOPIC_OF[SoilCloud],)
 
     def due(tick: int) -> tuple[str, ...]:
-        states_due = series if schedule.series_due(tick) else ()
-        commands_due = command if schedule.control_due(tick) else ()
-        return every + commands_due + states_due + (cloud if schedule.cloud_due(tick) else ())
+        of_tick = schedule.ends_with(tick) if at_end else schedule
+        states_due = series if of_tick.series_due(tick) else ()
+        commands_due = command if of_tick.control_due(tick) else ()
+        return every + commands_due + states_due + (cloud if of_tick.cloud_due(tick) else ())
 
     return due
 
@@ -96,10 +100,15 @@ class RecorderNode(LockstepNode):
         super().__init__(RECORDER, run, heartbeat, context)
         scene, timing = run.resolved.scene, run.resolved.timing
         self._writer = writer
-        self._barrier: RecordBarrier[bytes] = RecordBarrier(
-            timing.tick_count, due_topics(run.resolved), scene.coupling.grant_window, run.first_tick
-        )
         self._schedule = schedule_of(scene, timing)
+        self._barrier: RecordBarrier[bytes] = RecordBarrier(
+            timing.tick_count,
+            due_topics(run.resolved),
+            scene.coupling.grant_window,
+            run.first_tick,
+            check_ticks=self._schedule.check_ticks,
+            due_at_end=due_topics(run.resolved, at_end=True),
+        )
         self._abort: Grant | None = None
         self._keep_tick = INITIAL_TICK  # a checkpoint is wanted of it, beside those that are due
         self._cut_deadline = 0.0
@@ -161,6 +170,10 @@ class RecorderNode(LockstepNode):
             else:
                 self._keep_tick = grant.tick  # something of it is still on the way
             return
+        if grant.command is Command.END:
+            self._refuse_foreign(Grant, grant.run_id, grant.tick)
+            self._barrier.end(grant.tick)
+            self._schedule = self._schedule.ends_with(grant.tick)
         self._on_message(Grant, cdr)
 
     def _on_message(self, kind: type, cdr: bytes) -> None:

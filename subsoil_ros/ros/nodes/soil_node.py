@@ -62,7 +62,12 @@ class SoilNode(LockstepNode):
         self._schedule = schedule_of(scene, timing)
         needs = Needs.MOTIONS if motion_source is None else Needs.NOTHING
         self._participant = Participant(
-            run.run_id, timing.tick_count, needs, tuple(scene.tools), first_tick=run.first_tick
+            run.run_id,
+            timing.tick_count,
+            needs,
+            tuple(scene.tools),
+            first_tick=run.first_tick,
+            check_ticks=self._schedule.check_ticks,
         )
         self._checkpoint_writer = run.checkpoint_writer()
         self._state: SoilState | None = None  # the last one published
@@ -143,6 +148,8 @@ class SoilNode(LockstepNode):
         if grant.command is Command.ABORT:
             self.finish_aborted(grant)
             return
+        if grant.command is Command.END and grant.tick < self._schedule.last_tick:
+            self._end_with(grant.tick)
         self._work()
 
     def _on_motions(self, motions: ToolMotions) -> None:
@@ -179,6 +186,13 @@ class SoilNode(LockstepNode):
         """What a checkpoint has from this node."""
         paths = [] if self._motion_source is None else [(PATHS, self._motion_source)]
         return [(SOIL, self._engine), *paths]
+
+    def _end_with(self, tick: int) -> None:
+        """Ends early: what is due at the last tick is due at `tick`."""
+        self._schedule = self._schedule.ends_with(tick)
+        if self._checkpoint_writer is not None:
+            self._checkpoint_writer.ends_with(tick)
+        self._engine.ends_with(tick)
 
     def _keep(self, tick: int) -> None:
         if self._checkpoint_writer is not None:

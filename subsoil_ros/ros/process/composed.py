@@ -12,6 +12,7 @@ from rclpy.signals import SignalHandlerOptions
 from ...coupling.control import build_controller
 from ...coupling.exit_status import ExitStatus, interrupted
 from ...coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL
+from ...coupling.stopping import OnCheck
 from ..nodes import controller_node, coupler_node, mechanism_node, recorder_node, soil_node
 from ..nodes.lockstep_node import LockstepNode
 from .heartbeat import Heartbeat, NodeRun
@@ -30,6 +31,7 @@ def scene_builds(
     on_progress: Callable[[int], None],
     paused: bool = False,
     live: int = 0,
+    on_check: OnCheck = lambda result: None,
 ) -> dict[str, Build]:
     """How the nodes of a scene are made, by name; an external controller is not among them.
 
@@ -42,7 +44,7 @@ def scene_builds(
         MECHANISM: partial(mechanism_node.build, settings),
         SOIL: partial(soil_node.build, settings),
         RECORDER: partial(recorder_node.build, settings),
-        COUPLER: partial(coupler_node.CouplerNode, on_progress=on_progress, paused=paused),
+        COUPLER: partial(coupler_node.CouplerNode, on_progress=on_progress, paused=paused, on_check=on_check),
     }
     if build_controller(run.resolved) is not None:
         builds[CONTROLLER] = partial(controller_node.build, settings)

@@ -17,6 +17,7 @@ import psutil
 
 from ...coupling.exit_status import KEEP_S, SIGNAL_STATUS, ExitStatus, interrupted
 from ...coupling.protocol import COUPLER, RECORDER
+from ...coupling.stopping import OnCheck
 from ...errors import RunError
 from ..transport.shared_memory import sweep_shared_memory
 from .plan import Parameters, ros_arguments
@@ -102,9 +103,15 @@ class Supervisor:
     The nodes hold the other end of a pipe: should this process be killed, they notice and end.
     """
 
-    def __init__(self, processes: list[NodeProcess], on_progress: Callable[[int], None]) -> None:
+    def __init__(
+        self,
+        processes: list[NodeProcess],
+        on_progress: Callable[[int], None],
+        on_check: OnCheck = lambda result: None,
+    ) -> None:
         self._processes = processes
         self._on_progress = on_progress
+        self._on_check = on_check
         self._coupler = next(process for process in processes if process.name == COUPLER)
         self._events: queue.Queue[dict] = queue.Queue()
         self._verdict: ExitStatus | None = None
@@ -168,6 +175,8 @@ class Supervisor:
             if "tick" in event:
                 self._progressed = True
                 self._on_progress(event["tick"])
+            elif "check" in event:
+                self._on_check(event["check"])
             else:
                 self._verdict = ExitStatus(event["exit_status"], event["reason"])
 

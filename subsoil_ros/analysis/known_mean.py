@@ -1,0 +1,129 @@
+"""Runs that end once their mean is known: the rule of `stop_when`.
+
+The metric is averaged over bins of ticks. A check takes the interval of the bins' mean (stationarity.py) and
+ends the run where half-width <= relative_interval |mean| and no drift is seen. Looking often makes such an
+interval somewhat too narrow: the run ends at the first check that it passes.
+"""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..coupling.checkpoints import CouplingState
+from ..coupling.stopping import StopState
+from ..loading.loader import ResolvedScene
+from ..messages import ToolMotion, ToolWrench
+from ..recording.checkpoint import Checkpoint
+from ..scene.model import Scene
+from ..ticks import NANOSECONDS_PER_SECOND, tick_end_s
+from .series import draft_of
+from .stationarity import stationarity
+
+BIN_S = 0.01
+"""Simulated time that one value is the mean of: short beside a failure cycle of soil, which takes some tenths
+of a second, and the values of the longest field stay few."""
+
+UNKNOWN = "too short"
+"""Verdict before a check has had enough bins."""
+
+
+class KnownMean:
+    """The rule of a scene's `stop_when`: coupling.stopping.StopRule.
+
+    Args:
+        state: where a run goes on; None: from its first tick.
+    """
+
+    def __init__(self, resolved: ResolvedScene, state: StopState | None = None) -> None:
+        scene = resolved.scene
+        assert scene.stop_when is not None
+        assert scene.soil is not None  # the scene model refuses it
+        self.state = state or StopState()
+        self._scene, self._stop_when = scene, scene.stop_when
+        self._communication_step_ns = resolved.timing.communication_step_ns
+        self._bin_ticks = max(1, round(BIN_S * NANOSECONDS_PER_SECOND / self._communication_step_ns))
+        self._tools = frozenset(
+            name
+            for name, tool in scene.tools.items()
+            if tool.is_tillage or self._stop_when.metric == "draft_newton"
+        )
+        self._tip = next(name for name, tool in scene.tools.items() if tool.is_tillage)
+        self._inside_m = scene.report.window_inside_m
+        self._last_m = scene.soil.bin.length_m - self._inside_m
+        self._arm_m, self._angle_rad = _tip_arm(scene, self._tip)
+
+    def add(self, tick: int, motions: tuple[ToolMotion, ...], wrenches: tuple[ToolWrench, ...]) -> None:
+        """Take the exchange of `tick`; it counts if the tip is inside the metrics window."""
+        state = self.state
+        tip_m = self._tip_m(motions)
+        start_m = tip_m if state.start_m is None else state.start_m
+        settled = tick_end_s(tick, self._communication_step_ns) > self._scene.report.settle_s
+        started = state.started or (settled and tip_m >= self._inside_m)
+        ended = state.ended or tip_m > self._last_m
+        means, total, count = state.means, state.total, state.count
+        if started and not ended:
+            total += draft_of(wrench for wrench in wrenches if wrench.tool in self._tools)
+            count += 1
+            if count == self._bin_ticks:
+                means, total, count = (*means, total / count), 0.0, 0
+        self.state = StopState(
+            means, total, count, started, ended, start_m, tip_m - start_m, stops=state.stops
+        )
+
+    def check(self) -> bool:
+        """Whether the run ends with the next tick: the mean is known, or the tool has gone `at_most_m`."""
+        at_most_m = self._stop_when.at_most_m
+        over = at_most_m is not None and self.state.travel_m >= at_most_m
+        self.state = replace(self.state, stops=over or self.result()["reached"])
+        return self.state.stops
+
+    def result(self) -> dict[str, Any]:
+        """Mean and half-width of the bins, None where there are too few, and whether they meet the scene."""
+        wanted, state = self._stop_when, self.state
+        bin_s = self._bin_ticks * self._communication_step_ns * 1e-9
+        times_s = np.arange(len(state.means), dtype=np.float64) * bin_s
+        found = stationarity(times_s, np.array(state.means))
+        mean = half_width = None
+        verdict, reached = UNKNOWN, False
+        if found is not None:
+            mean, half_width, verdict = found.mean, found.half_width(wanted.confidence), found.verdict
+            narrow = half_width <= wanted.relative_interval * abs(mean) and math.isfinite(mean)
+            reached = narrow and mean != 0.0 and verdict == "no drift seen"
+        return {
+            "metric": wanted.metric,
+            "relative_interval": wanted.relative_interval,
+            "confidence": wanted.confidence,
+            "at_most_m": wanted.at_most_m,
+            "reached": reached,
+            "mean": mean,
+            "half_width": half_width,
+            "verdict": verdict,
+            "travel_m": state.travel_m,
+        }
+
+    def _tip_m(self, motions: tuple[ToolMotion, ...]) -> float:
+        """Forward position of the share tip [m]; of the tool's own point if the scene names no tip."""
+        motion = next(motion for motion in motions if motion.tool == self._tip)
+        turn = motion.angle_rad - self._angle_rad
+        return motion.x_m + math.cos(turn) * self._arm_m[0] - math.sin(turn) * self._arm_m[1]
+
+
+def _tip_arm(scene: Scene, name: str) -> tuple[tuple[float, float], float]:
+    """From a tool's point to the tip in the reference pose (x, z) [m], and the tool's angle there [rad]."""
+    if scene.report.tip_m is None:
+        return (0.0, 0.0), 0.0
+    x, z = scene.report.tip_m
+    body = scene.tools[name].body
+    if body is None or scene.mechanism is None:
+        return (x, z), 0.0
+    reference = scene.mechanism.bodies[body]
+    return (x - reference.position_m[0], z - reference.position_m[1]), reference.angle_rad
+
+
+def build_stop_rule(resolved: ResolvedScene, resumed: Checkpoint | None = None) -> KnownMean | None:
+    """The rule of a scene, in the state of a checkpoint; None if the scene has no `stop_when`."""
+    if resolved.scene.stop_when is None:
+        return None
+    return KnownMean(resolved, CouplingState.of(resumed).stopping if resumed is not None else None)

@@ -1,0 +1,40 @@
+"""Check ticks: at the end of each it is decided whether the run ends with the tick after it."""
+
+from ...errors import ProtocolError
+from ...ticks import is_early_end
+
+
+class Checks:
+    """How far ticks may be granted: not beyond a check tick before its decision.
+
+    Args:
+        check_ticks: every so many ticks a run may end early, and the tick before is a check tick; 0: never.
+        first_tick: the tick before it may be a check tick, too.
+    """
+
+    def __init__(self, check_ticks: int, first_tick: int) -> None:
+        self._check_ticks = check_ticks
+        end_tick = max(first_tick, 1)  # a check tick comes before every early end
+        if check_ticks:
+            end_tick = -(-(end_tick + 1) // check_ticks) * check_ticks - 1
+        self._pending = end_tick - 1
+
+    def decide(self, tick: int) -> None:
+        """Take it that the decision of check tick `tick` is made.
+
+        Raises:
+            ProtocolError: another check tick is to be decided.
+        """
+        if not self._check_ticks or tick != self._pending:
+            awaited = f"tick {self._pending}" if self._check_ticks else "no tick"
+            raise ProtocolError(f"check of tick {tick}: {awaited} is to be decided")
+        self._pending += self._check_ticks
+
+    def limit(self, tick: int) -> int:
+        """The last tick that may be granted, where nothing else forbids `tick`."""
+        return min(tick, self._pending) if self._check_ticks else tick
+
+
+def is_end(tick: int, last_tick: int, check_ticks: int) -> bool:
+    """Whether END may come with `tick`."""
+    return tick == last_tick or (tick < last_tick and is_early_end(tick, check_ticks))

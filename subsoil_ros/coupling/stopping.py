@@ -1,0 +1,47 @@
+"""Who decides at check ticks whether a run ends early."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from ..messages import ToolMotion, ToolWrench
+
+OnCheck = Callable[[Mapping[str, Any]], None]
+"""Called with what a check found, as `run.stop_when` of summary.json holds it."""
+
+
+@dataclass(frozen=True, slots=True)
+class StopState:
+    """All that later checks depend on: the means of the bins that are full, and the bin that is not."""
+
+    means: tuple[float, ...] = ()  # of the metric, one a bin
+    total: float = 0.0  # of the metric over the ticks of the bin that is not full
+    count: int = 0  # ticks in that bin
+    started: bool = False  # the metrics window has begun
+    ended: bool = False  # it is over
+    start_m: float | None = None  # tip at the end of the first tick; None: before it
+    travel_m: float = 0.0  # of the tip since then
+    stops: bool = False  # a check has ended the run
+
+    @classmethod
+    def of(cls, document: Mapping[str, Any]) -> "StopState":
+        """The state in a checkpoint."""
+        return cls(**{**document, "means": tuple(document["means"])})
+
+
+class StopRule(Protocol):
+    """Follows the exchange of every tick, and says at check ticks whether the run ends."""
+
+    state: StopState
+
+    def add(self, tick: int, motions: tuple[ToolMotion, ...], wrenches: tuple[ToolWrench, ...]) -> None:
+        """Take the exchange of `tick`."""
+        ...
+
+    def check(self) -> bool:
+        """Whether the run ends with the next tick; judges what was added."""
+        ...
+
+    def result(self) -> dict[str, Any]:
+        """What is known of the mean, as `run.stop_when` of summary.json holds it."""
+        ...

@@ -11,7 +11,7 @@ window ahead and behind. `table` judges such files from START_M on: mean draft a
 95 % intervals; the trend of the draft; its correlation at the lag of the tile; CPU time per metre and memory
 of the process, late against early. Exit status 1 where one is not within TREND, CORRELATION, COST or MEMORY.
 `coverage` cuts STRETCHES of each length from such pulls and counts how many 95 % intervals of a stretch's
-mean draft hold the mean of the whole pull: 90 to 98 % should.
+mean draft hold the mean of the whole pull: 90 to 98 % should; likewise of pulls that stop once they know it.
 """
 
 import argparse
@@ -45,6 +45,9 @@ TREND, CORRELATION, COST, MEMORY = 0.05, 0.2, 0.05, 0.02
 
 STRETCHES, COVERED = 400, (0.90, 0.98)
 """Stretches of a pull, overlapping, and the part of intervals that should hold the mean (asked)."""
+
+STOP_AT, LOOK_ROWS, LONGEST_M = (0.05, 0.03), 5, 11.0
+"""Relative intervals that end a pull (scene.stop_when), rows between two looks, and the longest such pull."""
 
 COLUMNS = ("tip_x_m", "draft_newton", "vertical_newton", "particles", "cpu_s", "memory_bytes", "period_m")
 
@@ -146,6 +149,26 @@ def covered(path: Path, metres: float) -> tuple[str, bool]:
     return f"| {path.stem} | {metres:g} | {part:.1%} | {of_mean} |", COVERED[0] <= part <= COVERED[1]
 
 
+def stopped(path: Path, relative: float) -> tuple[str, bool]:
+    """The same of pulls that end with the first interval this narrow, if no drift is seen."""
+    found = read(path)
+    draft = found["draft_newton"][found["tip_x_m"] >= START_M]
+    longest = round(LONGEST_M / ROW_M)
+    held, metres = [], []
+    for start in np.linspace(0, len(draft) - longest, STRETCHES // 2).astype(int):
+        for rows in range(2 * LOOK_ROWS, longest, LOOK_ROWS):
+            now = stationarity(np.arange(rows) * ROW_M, draft[start : start + rows])
+            if now is None or now.verdict != "no drift seen":
+                continue
+            if now.mean_half_width <= relative * abs(now.mean):
+                held.append(abs(now.mean - draft.mean()) <= now.mean_half_width)
+                metres.append(rows * ROW_M)
+                break
+    part = float(np.mean(held))
+    told = f"{part:.1%} | {np.median(metres):.2g} ({min(metres):.2g} to {max(metres):.2g})"
+    return f"| {path.stem} | stopped at {relative:.0%} | {told} | |", COVERED[0] <= part <= COVERED[1]
+
+
 def correlation(values: np.ndarray, lag: int, independent: float) -> tuple[float, float]:
     """Autocorrelation of (n,) values about their trend at a lag of rows, and its 95 % bound by chance."""
     rows = np.arange(len(values))
@@ -181,6 +204,7 @@ def main() -> int:
         print("| pull | stretch m | intervals that hold the mean | half-width | scatter of means |")
         print("|---" * 5 + "|")
         rows = [covered(path, metres) for path in args.files for metres in args.metres or (3.0, 5.0, 10.0)]
+        rows += [stopped(path, relative) for path in args.files for relative in STOP_AT]
         print("\n".join(text for text, _ in rows))
         return int(not all(good for _, good in rows))
     if args.part == "pull":

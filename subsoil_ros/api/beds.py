@@ -27,5 +27,7 @@ def prepare_bed_first(resolved: ResolvedScene, threads: int, progress: BedProgre
         return
     kind = "tiled" if isinstance(soil.bed, TiledBed) else "dense random"
     what = f"{kind} bed of about {expected_dense_count(soil):,} particles"
+    if soil.window is not None:
+        what = "block that the field repeats"
     with progress(what) if progress is not None else nullcontext(ignore_progress) as on_progress:
         prepare_bed(resolved, SoilEngine, threads, on_progress)

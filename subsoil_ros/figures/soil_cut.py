@@ -99,10 +99,10 @@ def _draw(
     bar.set_label("particle speed [m/s]")
     sizes = "" if soil.particles.sizes is None else ", particles drawn in their mean size"
     figure.suptitle(
-        f"Soil along the mid-plane of the bin, tool moving to the right{sizes}\n{resolved.scene.name}",
+        f"Soil along the mid-plane, tool moving to the right{sizes}\n{resolved.scene.name}",
         fontsize=11,
     )
-    handles = [Line2D([], [], color=_BIN, lw=1.5, label="bin")]
+    handles = [Line2D([], [], color=_BIN, lw=1.5, label="bin" if soil.window is None else "window of soil")]
     if "cut" in drawn:
         handles.append(Line2D([], [], color=_TOOL_EDGE, lw=1.6, label="tool, cut at the mid-plane"))
     if "beside" in drawn:

@@ -41,6 +41,10 @@ TIP_REACH_M = 0.08
 
 LEAST_IN_ZONE = 5
 
+SEEN_PART = 0.5
+"""Part of a window that tools may travel between two clouds (chosen: soil is then seen before it is within
+half the rupture distance of them, and again before it leaves)."""
+
 SPEED_CLOUDS = 5
 """Clouds of the window whose speeds are averaged, at most (chosen)."""
 
@@ -162,7 +166,7 @@ def _seen_in_time(times_ns: list[int], series: Series, resolved: ResolvedScene, 
     if path is None:
         return False
     tip = np.interp(1e-9 * np.array(times_ns), series["time_s"], path[0])
-    return bool(np.diff(tip).max() < 0.5 * min(window.ahead_m, window.behind_m))
+    return bool(np.diff(tip).max() < SEEN_PART * min(window.ahead_m, window.behind_m))
 
 
 class Places:

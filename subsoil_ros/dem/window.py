@@ -203,7 +203,11 @@ class FieldEngine(SoilEngine):
             self._carried_joule += self.energy().total_joule - before
 
     def _warn_of_motion_ahead(self, p: Particles) -> None:
-        """Soil that the tools move must not come near the layer that is held ahead."""
+        """Soil that the tools move must not come near the layer that is held ahead.
+
+        Moved is who is farther by a radius from where it was laid out, as in the disturbance; near is a
+        diameter, which no force of a contact passes.
+        """
         if self._front == self._field.count or self._warned:
             return
         end = self._front * self._field.strip_m - self._field.layer_m - 2.0 * self._radius

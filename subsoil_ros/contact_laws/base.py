@@ -144,7 +144,7 @@ class ContactLaw(StrictModel):
 
     kept: ClassVar[Mapping[str, int]] = {}
     """Numbers kept of a contact beside the SPRINGS: name -> 1, or -1 where it changes its sign seen from the
-    other side. All begin with zero."""
+    other side. All begin with zero. No components of vectors: a field lays soil out turned about z."""
 
     linear_springs: ClassVar[bool] = False
     """Whether the normal force is that of linear springs, which the settling of dense beds rests on."""

@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from subsoil_ros.dem.beds.field import HELD_LAYER, STRIPS_PER_BLOCK
+from subsoil_ros.dem.bed import Bed
+from subsoil_ros.dem.beds.field import HELD_LAYER
+from subsoil_ros.dem.beds.plot import plot_of
 from subsoil_ros.dem.engine import build_engine
 from subsoil_ros.dem.pairs import history_place, history_places
 from subsoil_ros.dem.window import FieldEngine
@@ -85,7 +87,7 @@ def test_a_field_stands_as_its_block_does(soil, sides):
     order = np.argsort(number[inside], kind="stable")
     same = np.diff(number[inside][order]) == 0
     assert same.sum() > 300
-    assert np.abs(np.diff(force[order], axis=0)[same]).max() < 1e-9
+    assert np.abs(np.diff(force[order], axis=0)[same]).max() < 1e-8
     first, history = engine.contact_histories()
     assert np.abs(history[:, :3]).max() > 0.0
     assert len(first) > 3 * p.count
@@ -176,7 +178,7 @@ def test_soil_comes_and_goes_with_the_tool(soil):
             windows.append(window_of(engine))
             rear, front = windows[-1]
             if rear > 0:
-                counts.setdefault((rear % STRIPS_PER_BLOCK, front - rear), []).append(engine.particle_count)
+                counts.setdefault((front - rear), []).append(engine.particle_count)
     assert windows[-1][0] > 12
     assert max(len(of_one_window) for of_one_window in counts.values()) > 3
     for of_one_window in counts.values():
@@ -186,8 +188,30 @@ def test_soil_comes_and_goes_with_the_tool(soil):
     assert abs(book.total_joule - start) < 0.02 * book.turned_over_joule
     x = engine.particles().position[:, 0]
     strip = engine._field.strip_m
-    assert x.min() >= windows[-1][0] * strip
-    assert x.max() <= windows[-1][1] * strip
+    rear, front = window_of(engine)
+    assert x.min() >= rear * strip
+    assert x.max() <= front * strip
+
+
+def test_the_plot_is_the_ground_turned(soil):
+    """Every particle of the plot is a particle of the block, some whole edges away in the ground; the period
+    closes on itself; nothing is there twice, and nothing is missing."""
+    rng = np.random.default_rng(1)
+    edge, width = 0.6, 0.5
+    points = rng.uniform((0.0, -0.3, -0.1), (edge, 0.3, 0.0), (400, 3))
+    bed = Bed(points, (0.0, -0.3, -0.1), (edge, 0.3), sides="endless")
+    plot = plot_of(bed, width, "held")
+    assert plot.period_m == pytest.approx(edge * np.hypot(21, 8), rel=1e-12)
+    ground = (plot.place_m[:, :2] + (0.0, 0.5 * width)) @ plot.turn  # back by the transposed
+    away = (ground - (points[:, :2] + (0.0, 0.3))[plot.number]) / edge
+    assert np.abs(away - np.round(away)).max() < 1e-9
+    assert_array_equal(plot.place_m[:, 2], points[plot.number, 2])
+    assert len(np.unique(np.column_stack((plot.number, np.round(away))), axis=0)) == len(plot.number)
+    density, found = 400 / edge**2, len(plot.number) / (plot.period_m * width)
+    assert found == pytest.approx(density, rel=0.01)
+    assert np.unique(plot.number).size == 400
+    offsets = np.unique(np.round(plot.turn[1] @ np.round(away).T * np.hypot(21, 8)).astype(int))
+    assert_array_equal(np.diff(offsets), 1)  # rows of copies, 1/22 of the edge apart
 
 
 @pytest.mark.parametrize("before", [True, False], ids=["before a shift", "after it"])
@@ -224,7 +248,7 @@ def test_both_ends_of_a_field_are_walls(soil):
     scene = field(soil, bin={"length_m": 0.4, "width_m": 0.3, "depth_m": 0.1, "sides": "held"})
 
     def through(tick):
-        return (ToolMotion("tool", -0.1 + 2e-4 * (tick + 1), 0.0, -0.03, 0.0, 1.0, 0.0, 0.0),)
+        return (ToolMotion("tool", -0.1 + 1e-4 * (tick + 1), 0.0, -0.03, 0.0, 0.5, 0.0, 0.0),)
 
     def free_at(x_m):
         p = engine.particles()
@@ -236,8 +260,8 @@ def test_both_ends_of_a_field_are_walls(soil):
     engine.start(through(-1))
     assert free_at(0.0).all()
     assert not free_at(engine.bed.upper_m[0]).all()
-    forces = [engine.advance(tick, through(tick))[0].force_x_newton for tick in range(1950)]
-    assert max(forces[:250]) == min(forces[:250]) == 0.0
+    forces = [engine.advance(tick, through(tick))[0].force_x_newton for tick in range(3900)]
+    assert max(forces[:500]) == min(forces[:500]) == 0.0
     assert min(forces) < -1.0
     assert engine.lost_particles == ()
     assert window_of(engine)[1] == engine._field.count
@@ -286,7 +310,7 @@ def test_a_tool_beyond_the_field_or_at_its_held_sides_is_refused(soil):
     """It would find no soil, or cut rock."""
     from subsoil_ros.dem.beds.prepare import check_start
 
-    with pytest.raises(InputError, match=r"begin at x = 1.985 m, beyond the field, which ends at 1.216 m"):
+    with pytest.raises(InputError, match=r"begin at x = 1.985 m, beyond the field, which ends at 1.214 m"):
         FieldEngine(field(soil)).start((ToolMotion("tool", 2.0, 0.0, -0.03, 0.0, 0.0, 0.0, 0.0),))
     wide = soil.scene(soil=field(soil).document["soil"], tools=one_tool(soil.box(0.03, 0.25, 0.08)))
     with pytest.raises(SceneError, match=r"tools.tool: reaches to y = 0.125 m; .*width_m at least"):

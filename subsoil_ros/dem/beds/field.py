@@ -3,7 +3,7 @@
 1. A tile of random spheres (dem.beds.tile) under the law of the scene, stacked as deep as the bed over held
    soil, comes to rest in its weight between periodic sides along x and y. It is cut at its surface and
    comes to rest once more. With the springs that its contacts then have, that is the block.
-2. Blocks side by side, cut to the width of the scene, make the plot, one period of the field.
+2. Copies of the block, cut to the width of the scene, make the plot, one period of the field (plot).
 3. Strips of the field are cut by the place of the particles along x. A particle's identity is the number of
    its period times the particles of the plot, plus its number in the plot: it says where it was laid out.
 """
@@ -25,6 +25,7 @@ from ..periodic import HELD_LAYER
 from .bonds import radii_of
 from .cache import cached_bed_path, keep, load_cached, load_contacts
 from .dense import relaxed_rest
+from .plot import plot_of
 from .settling import (
     EngineOf,
     OnProgress,
@@ -45,7 +46,7 @@ from .tiled import (
 )  # fmt: skip
 
 STRIPS_PER_BLOCK = 4
-"""Strips that a block is cut into (chosen: on average the window is an eighth of a tile longer than asked
+"""Strips in the length of a block (chosen: on average the window is an eighth of a block longer than asked
 for, and lists are built anew for a shift more rarely than for the motion of particles)."""
 
 HEADROOM = 4.0
@@ -181,38 +182,30 @@ class Field:
     def __init__(self, block: Block, soil: Soil) -> None:
         self._block, self._soil = block, soil
         self._largest = soil.particles.bounds_m[1]
-        period, across, _ = block.bed.periods_m
-        self.period_m, self.strip_m = period, period / STRIPS_PER_BLOCK
+        plot = plot_of(block.bed, soil.bin.width_m, soil.bin.sides)
+        self._strips = round(STRIPS_PER_BLOCK * plot.blocks)
+        self.period_m, self.strip_m = plot.period_m, plot.period_m / self._strips
         self.count = max(1, round(soil.bin.length_m / self.strip_m))
-        self._half_width = 0.5 * soil.bin.width_m
-        if soil.bin.sides == "periodic":
-            self._half_width = 0.5 * across * max(1, round(soil.bin.width_m / across))
-        copies = math.ceil(2.0 * self._half_width / across - 1e-9)
-        shift = (0.0, -block.bed.lower_m[1] - self._half_width, _headroom_m(soil))
+        self._half_width, self._number = plot.half_width_m, plot.number
         self._floor = block.bed.lower_m[2] + _headroom_m(soil)
-        rows = block.bed.positions_m + shift
-        places = (rows[None] + (across * np.arange(copies))[:, None, None] * (0.0, 1.0, 0.0)).reshape(-1, 3)
-        number = np.tile(np.arange(len(rows)), copies)
-        kept = np.flatnonzero(places[:, 1] < self._half_width)
-        kept = kept[np.argsort(places[kept, 0], kind="stable")]
-        self._place, self._number = places[kept], number[kept]
-        self._start = np.searchsorted(self._place[:, 0], self.strip_m * np.arange(STRIPS_PER_BLOCK + 1))
-        self._start[-1] = len(kept)
+        self._place = plot.place_m + np.array((0.0, 0.0, _headroom_m(soil)))
+        self._start = np.searchsorted(self._place[:, 0], self.strip_m * np.arange(self._strips + 1))
+        self._start[-1] = len(self._place)
         self._radius = radii_of(block.bed, soil)[self._number]
         assert block.bed.held is not None
         self._held = block.bed.held[self._number]
         if soil.bin.sides == "held":
             self._held |= np.abs(self._place[:, 1]) > self._half_width - self.layer_m
-        most = np.iinfo(np.int32).max // len(self._place) * period
+        most = np.iinfo(np.int32).max // len(self._place) * self.period_m
         if self.count * self.strip_m > most:
             raise SceneError(
                 f"soil.bin.length_m: {soil.bin.length_m:g} m given; particles of this size can be told "
                 f"apart over {most:.0f} m at most; make the field shorter"
             )
         first, second = block.contacts.pair.T
-        self._key = first * len(rows) + second
+        self._key = first * len(block.bed.positions_m) + second
         assert (np.diff(self._key) > 0).all()
-        self._parity = history_parity(soil.law)
+        self._parity, self._history = history_parity(soil.law), plot.turned(block.contacts.history)
 
     @property
     def layer_m(self) -> float:
@@ -228,7 +221,7 @@ class Field:
 
     def first_identity(self, strip: int) -> int:
         """Identity of the first particle of a strip."""
-        period, part = divmod(strip, STRIPS_PER_BLOCK)
+        period, part = divmod(strip, self._strips)
         return period * len(self._place) + int(self._start[part])
 
     def strips(self, first: int, last: int) -> Strips:
@@ -266,7 +259,7 @@ class Field:
             return np.zeros((len(first), len(self._parity)))
         key = np.where(turned, other, one) * len(self._block.bed.positions_m) + np.where(turned, one, other)
         row = np.minimum(np.searchsorted(self._key, key), len(self._key) - 1)
-        found = self._block.contacts.history[row] * (self._key[row] == key)[:, None]
+        found = self._history[row] * (self._key[row] == key)[:, None]
         return np.where(turned[:, None], found * self._parity, found)
 
     def strips_about(self, low_m: float, high_m: float) -> tuple[int, int]:
@@ -298,4 +291,4 @@ class Field:
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
         """All that is laid out follows from these: places in a period [m], radii [m], histories."""
-        return self._place, self._radius, self._block.contacts.history
+        return self._place, self._radius, self._history

@@ -6,10 +6,12 @@
     python -m validation.field coverage FILE.csv ... [--metres M ...]
 
 `pull` drives the tine of config/scenes/field_tine.yaml, 0.20 m deep, through a window of soil, or with --bin
-through a bin of that length, and writes a row per ROW_M of travel. --ends multiplies the lengths of the
-window ahead and behind. `table` judges such files from START_M on: mean draft and vertical force with their
-95 % intervals; the trend of the draft; its correlation at the lag of the tile; CPU time per metre and memory
-of the process, late against early. Exit status 1 where one is not within TREND, CORRELATION, COST or MEMORY.
+through a bin of that length, and writes a row per ROW_M of travel, and at the end the loosened section to
+FILE_section.csv. --ends multiplies the lengths of the window ahead and behind. `table` judges such files from
+START_M on: mean draft, vertical force and loosened section with their 95 % intervals; the trend of the draft;
+its correlation at the length of a block, and at the period of the field if the pull is twice as long; CPU
+time per metre and memory of the process, late against early. Exit status 1 where one is not within TREND,
+CORRELATION, COST or MEMORY. A folder of `subsoil run` may stand for a file; cost is then left out.
 `coverage` cuts STRETCHES of each length from such pulls and counts how many 95 % intervals of a stretch's
 mean draft hold the mean of the whole pull: 90 to 98 % should; likewise of pulls that stop once they know it.
 """
@@ -24,10 +26,15 @@ from pathlib import Path
 import numpy as np
 import psutil
 
+from subsoil_ros.analysis.disturbance import Places, disturbance_between, write_section_csv
+from subsoil_ros.analysis.smoothing import moving_mean
 from subsoil_ros.analysis.stationarity import stationarity
+from subsoil_ros.analysis.window import tip_x_m
+from subsoil_ros.api.read import read_run
+from subsoil_ros.dem.beds.plot import ACROSS, ALONG
+from subsoil_ros.dem.beds.tile import tile_edge_m
 from subsoil_ros.dem.engine import build_engine
-from subsoil_ros.dem.window import FieldEngine
-from subsoil_ros.loading.loader import load_scene
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import ToolMotion
 
 SCENE = Path(__file__).parents[1] / "config/scenes/field_tine.yaml"
@@ -37,8 +44,14 @@ TIP_M, HEIGHT_M, FIRST_TIP_M = 0.12, 0.10, -0.05
 ROW_M = 0.01
 """Travel of a row (chosen: less than a particle)."""
 
+SPEED_M_PER_S = 0.5
+"""Of the shipped scenes."""
+
 START_M, LEAVE_M = 1.0, 0.5
 """From where on the draft counts: one window; and before the end of a bin."""
+
+CLOUD_ROWS, REAR_M = 10, 0.4
+"""Rows between two clouds; and how far behind the tip soil has come to rest (chosen: two depths)."""
 
 TREND, CORRELATION, COST, MEMORY = 0.05, 0.2, 0.05, 0.02
 """Allowed of the draft over the whole way, of its correlation, of CPU time per metre, of memory (asked)."""
@@ -49,7 +62,9 @@ STRETCHES, COVERED = 400, (0.90, 0.98)
 STOP_AT, LOOK_ROWS, LONGEST_M = (0.05, 0.03), 5, 11.0
 """Relative intervals that end a pull (scene.stop_when), rows between two looks, and the longest such pull."""
 
-COLUMNS = ("tip_x_m", "draft_newton", "vertical_newton", "particles", "cpu_s", "memory_bytes", "period_m")
+COLUMNS = (
+    "tip_x_m", "draft_newton", "vertical_newton", "particles", "cpu_s", "memory_bytes", "block_m", "period_m",
+)  # fmt: skip
 
 
 def pull(args: argparse.Namespace) -> None:
@@ -75,13 +90,15 @@ def pull(args: argparse.Namespace) -> None:
         x = FIRST_TIP_M - TIP_M + args.speed * time_s
         return (ToolMotion("tine", x, 0.0, HEIGHT_M, 0.0, args.speed, 0.0, 0.0),)
 
-    period = engine._field.period_m if isinstance(engine, FieldEngine) else math.nan
+    block, period = repeats_m(scene)
     engine.start(at(0.0))
+    places = Places()
+    places.see(engine.cloud(0, 0))
     ticks_of_row = max(1, round(ROW_M / (args.speed * tick_s)))
     with file.open("w", newline="") as rows_file:
         table = csv.writer(rows_file)
         table.writerow(COLUMNS)
-        forces = []
+        forces, rows = [], 0
         for tick in range(round((metres - FIRST_TIP_M) / (args.speed * tick_s))):
             wrench = engine.advance(tick, at((tick + 1) * tick_s))[0]
             forces.append((-wrench.force_x_newton, wrench.force_z_newton))
@@ -91,15 +108,56 @@ def pull(args: argparse.Namespace) -> None:
             tip = FIRST_TIP_M + args.speed * (tick + 1) * tick_s
             row = (round(tip, 6), round(draft, 3), round(vertical, 3), engine.particle_count)
             cpu, memory = time.process_time(), process.memory_info().rss
-            table.writerow((*row, round(cpu, 2), memory, round(period, 9)))
+            table.writerow((*row, round(cpu, 2), memory, round(block, 9), round(period, 9)))
             rows_file.flush()
-            forces = []
+            forces, rows = [], rows + 1
+            if rows % CLOUD_ROWS == 0:
+                places.see(engine.cloud(tick, 0))
+    radius = scene.scene.particle_soil.particles.mean_volume_radius_m
+    slab = (START_M, (metres - LEAVE_M if args.bin else metres) - REAR_M)
+    loosened = disturbance_between(places.first_m, places.last_m, slab, radius)
+    if loosened is not None:
+        write_section_csv(loosened, section_of(file))
     lost = engine.state("", 0, 0).lost_particle_count
     print(f"{file}: {metres:g} m, {lost} particles lost")
 
 
+def section_of(file: Path) -> Path:
+    """Where the loosened section of a pull stands."""
+    return file.with_name(f"{file.stem}_section.csv")
+
+
+def repeats_m(scene: ResolvedScene) -> tuple[float, float]:
+    """Travel from one copy of the block to the next one, and the period of the field [m]; NaN for a bin."""
+    soil = scene.scene.particle_soil
+    if soil.window is None:
+        return math.nan, math.nan
+    ahead, aside = (ALONG if soil.bin.sides == "periodic" else ACROSS)[0]
+    edge, blocks = tile_edge_m(soil), math.hypot(ahead, aside)
+    return edge * ahead / blocks, edge * blocks
+
+
+def of_run(directory: Path) -> dict[str, np.ndarray]:
+    """The same of a folder of `subsoil run`, over the travel of the tip, without CPU time and memory."""
+    run = read_run(directory)
+    scene, series = run.scene.scene, {name: run.series[name].to_numpy() for name in run.series}
+    tip = np.maximum.accumulate(tip_x_m(series, scene)) + 1e-9 * np.arange(len(series["time_s"]))
+    share = next(name for name, tool in scene.tools.items() if tool.is_tillage)
+    rows = np.arange(ROW_M * math.ceil(tip[0] / ROW_M), tip[-1], ROW_M)
+    found = {name: np.full(len(rows), math.nan) for name in COLUMNS} | {"tip_x_m": rows}
+    for name, column in (
+        ("draft_newton", "draft_newton"),
+        ("vertical_newton", f"tool.{share}.force_z_newton"),
+    ):
+        found[name] = np.interp(rows, tip, moving_mean(series, column, ROW_M / SPEED_M_PER_S))
+    found["block_m"][:], found["period_m"][:] = repeats_m(run.scene)
+    return found
+
+
 def read(path: Path) -> dict[str, np.ndarray]:
-    """Columns of a file of `pull`."""
+    """Columns of a file of `pull`, or of a run."""
+    if path.is_dir():
+        return of_run(path)
     rows = np.genfromtxt(path, delimiter=",", names=True)
     return {name: rows[name] for name in COLUMNS}
 
@@ -115,21 +173,36 @@ def judged(path: Path) -> tuple[str, bool]:
     steady, vertical = stationarity(x, draft), stationarity(x, found["vertical_newton"][counts])
     if steady is None or vertical is None:
         raise SystemExit(f"{path}: only {len(x)} rows from {START_M:g} m on; pull farther")
+    section = "-"
+    if section_of(path).is_file():
+        slices = np.genfromtxt(section_of(path), delimiter=",", names=True)
+        found_section = stationarity(slices["x_m"], 1e4 * slices["area_m2"])
+        if found_section is not None:
+            section = f"{found_section.mean:.0f} +- {found_section.mean_half_width:.0f}"
     told = [
         path.stem, f"{x[-1]:.2f}", f"{steady.mean:.0f} +- {steady.mean_half_width:.0f}",
         f"{vertical.mean:.0f} +- {vertical.mean_half_width:.0f}",
+        section,
         f"{steady.drift:+.1%} +- {steady.drift_half_width:.1%}",
     ]  # fmt: skip
     good = abs(steady.drift) < TREND
     if math.isnan(period):
         return "| " + " | ".join([*told, "-", "-", "-"]) + " |", good
-    at_lag, noise = correlation(draft, round(period / ROW_M), steady.length_over_correlation)
+    block = float(found["block_m"][0])
+    at_block, noise = correlation(draft, round(block / ROW_M), steady.length_over_correlation)
+    repeats = f"{at_block:+.2f} +- {noise:.2f}"
+    if len(draft) * ROW_M > 2.0 * period > 3.0 * block:
+        again, noise = correlation(draft, round(period / ROW_M), 0.5 * steady.length_over_correlation)
+        repeats += f"; {again:+.2f} +- {noise:.2f} at {period:.1f} m"
+    good &= at_block < CORRELATION
+    if path.is_dir():
+        return "| " + " | ".join([*told, repeats, "-", "-"]) + " |", good
     early, late = thirds(tip, found["cpu_s"]), np.array_split(found["memory_bytes"][counts], 3)
     cost = early[1] / early[0] - 1.0
     memory = float(np.median(late[2]) / np.median(late[0])) - 1.0
-    told += [f"{at_lag:+.2f} +- {noise:.2f}", f"{early[0]:.0f} s, {cost:+.1%}"]
+    told += [repeats, f"{early[0]:.0f} s, {cost:+.1%}"]
     told.append(f"{np.median(late[0]) / 1e6:.0f} MB, {memory:+.1%}")
-    good &= at_lag < CORRELATION and abs(cost) < COST and abs(memory) < MEMORY
+    good &= abs(cost) < COST and abs(memory) < MEMORY
     return "| " + " | ".join(told) + " |", good
 
 
@@ -193,7 +266,7 @@ def main() -> int:
     parser.add_argument("part", choices=["pull", "table", "coverage"])
     parser.add_argument("files", type=Path, nargs="+", metavar="FILE.csv")
     parser.add_argument("--metres", type=float, nargs="+", help="to pull (12), or of stretches (3 5 10)")
-    for name, usual in (("radius-mm", 15.0), ("speed", 0.5), ("width", 0.6), ("ends", 1.0)):
+    for name, usual in (("radius-mm", 15.0), ("speed", SPEED_M_PER_S), ("width", 0.6), ("ends", 1.0)):
         parser.add_argument(f"--{name}", type=float, default=usual)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--threads", type=int, default=1)
@@ -210,9 +283,10 @@ def main() -> int:
     if args.part == "pull":
         pull(args)
         return 0
-    columns = "pull", "to m", "draft N", "vertical N", "trend", "correlation", "CPU per metre", "memory"
+    columns = ["pull", "to m", "draft N", "vertical N", "loosened cm2"]
+    columns += ["trend", "correlation", "CPU per metre", "memory"]
     print("| " + " | ".join(columns) + " |")
-    print("|---" * 8 + "|")
+    print("|---" * 9 + "|")
     rows = [judged(path) for path in args.files]
     print("\n".join(text for text, _ in rows))
     return int(not all(good for _, good in rows))

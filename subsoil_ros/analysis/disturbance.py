@@ -24,6 +24,7 @@ from ..scene.soil import Soil
 from ..scene.window import SoilWindow
 from .poses import posed_vertices_m, reference_angle
 from .series import Series
+from .stationarity import stationarity
 from .window import Window, tip_path_m, window_span_s
 
 Values = NDArray[np.float64]
@@ -40,6 +41,9 @@ TIP_REACH_M = 0.08
 """Soil this near to the tip is at the tip (chosen: share width and a particle)."""
 
 LEAST_IN_ZONE = 5
+
+SLICE_DIAMETERS = 2.0
+"""Length of a slice of the slab (chosen: each holds hundreds of particles of a section)."""
 
 SEEN_PART = 0.5
 """Part of a window that tools may travel between two clouds (chosen: soil is then seen before it is within
@@ -69,11 +73,18 @@ class Disturbance:
     bed_section_m2: float  # of the slab, across
     area_m2: float  # loosened cross-section
     surface_width_m: float
+    slice_m2: Values  # (slices,) loosened cross-section of slices of the slab, evenly from its start on
     lift: HeightGrid  # change of the surface's height over the slab, NaN where no soil is
     moved_map: Values  # (cells in z from below, cells in y): moved part of each, NaN where empty
     cell_m: float
     origin_m: tuple[float, float]  # y and z of the corner of moved_map
     speeds: SpeedZones | None
+
+    @property
+    def slices_m(self) -> Values:
+        """(slices,) where they are along x."""
+        start, end = self.slab_m
+        return start + (np.arange(len(self.slice_m2)) + 0.5) * (end - start) / len(self.slice_m2)
 
     @property
     def max_lift_m(self) -> float:
@@ -98,6 +109,9 @@ class Disturbance:
             "lift_max_m": self.max_lift_m,
             "lifted_area_m2": self.lifted_area_m2,
         }
+        along = stationarity(self.slices_m, self.slice_m2)
+        if along is not None:
+            found["area_half_width_m2"] = along.mean_half_width
         if self.speeds is not None:
             found["tip_speed_m_per_s"] = self.speeds.tip
             found["blade_speed_m_per_s"] = self.speeds.blade
@@ -226,6 +240,10 @@ def disturbance_between(
     part = np.divide(hits, count, out=np.full(count.shape, np.nan), where=count > 0.0)
     section = float((high[1] - low[1]) * (high[2] - low[2]))
     moved_fraction = float(moved.mean())
+    slices = max(1, int((slab_m[1] - slab_m[0]) / (SLICE_DIAMETERS * 2.0 * radius_m)))
+    place_x = ((before[:, 0] - slab_m[0]) / (slab_m[1] - slab_m[0]) * slices).astype(int)
+    of_slice = np.bincount(np.minimum(place_x, slices - 1), minlength=slices)
+    moved_of = np.bincount(np.minimum(place_x, slices - 1), weights=moved, minlength=slices)
     # whole cells about the middle: one that hangs over a wall would compare single particles
     half = 0.5 * cell * max(1, int((high[1] - low[1]) / cell + 1e-9))
     middle = 0.5 * float(low[1] + high[1])
@@ -242,6 +260,7 @@ def disturbance_between(
         moved_fraction=moved_fraction,
         bed_section_m2=section,
         area_m2=moved_fraction * section,
+        slice_m2=section * moved_of / np.maximum(of_slice, 1),
         surface_width_m=_surface_width_m(before, moved, low[1], high[1], cell, radius_m),
         lift=lift,
         moved_map=part,
@@ -261,6 +280,14 @@ def _surface_width_m(
     count = np.bincount(place, minlength=columns)
     hits = np.bincount(place, weights=moved[top], minlength=columns)
     return float(((hits >= 0.5 * count) & (count > 0)).sum() * (high - low) / columns)
+
+
+def write_section_csv(found: Disturbance, path: Path) -> None:
+    """One row for each slice of the slab: where it is along x, and the loosened cross-section there."""
+    import pandas as pd
+
+    columns = {"x_m": found.slices_m, "area_m2": found.slice_m2}
+    pd.DataFrame(columns).to_csv(path, index=False, float_format="%.6g")
 
 
 def write_height_map_csv(lift: HeightGrid, path: Path) -> None:

@@ -96,6 +96,7 @@ def run_statistics(bag: Path, resolved: ResolvedScene, series: Series, window: W
     """
     rows = window.rows
     names = [name for name in compared_columns(resolved.scene) if name in series]
+    shares = [name for name, tool in resolved.scene.tools.items() if tool.is_tillage]
     times, step = series["time_s"][rows], step_s(series)
     steady: dict[str, Stationarity] = {}
     spectra: dict[str, Spectrum] = {}
@@ -105,13 +106,15 @@ def run_statistics(bag: Path, resolved: ResolvedScene, series: Series, window: W
         smooth = moving_mean(series, name, MOVING_S)
         whole[name] = (float(smooth.min()), float(smooth.max()))
         inside[name] = (float(smooth[rows].min()), float(smooth[rows].max()))
-        values = np.asarray(series[name][rows], np.float64)
-        judged = stationarity(times, values)
-        if judged is not None:
-            steady[name] = judged
-        waves = spectrum(step, values)
+        waves = spectrum(step, np.asarray(series[name][rows], np.float64))
         if waves is not None:
             spectra[name] = waves
+    for name in (*names, *(f"tool.{share}.force_z_newton" for share in shares)):
+        if name not in series:
+            continue
+        judged = stationarity(times, np.asarray(series[name][rows], np.float64))
+        if judged is not None:
+            steady[name] = judged
     spring = f"spring.{resolved.scene.report.spring}.force_newton"
     cycles = None
     if spring in series and rows.sum() > 1:
@@ -148,6 +151,8 @@ def _stationarity(steady: Stationarity) -> dict[str, Any]:
         "slope_half_width_per_s": steady.slope_half_width_per_s,
         "drift": steady.drift,
         "drift_half_width": steady.drift_half_width,
+        "deviation": steady.deviation,
+        "deviation_half_width": steady.deviation_half_width,
         "verdict": steady.verdict,
         "block_means": list(steady.block_means),
     }

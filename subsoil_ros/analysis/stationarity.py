@@ -51,6 +51,8 @@ class Stationarity:
     slope_per_s: float
     slope_half_width_per_s: float
     length_s: float
+    deviation: float  # standard deviation about the trend
+    deviation_half_width: float
     block_means: tuple[float, ...]
 
     @property
@@ -117,6 +119,9 @@ def stationarity(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> S
     residual = about - slope * centred
     of_mean, of_trend = _long_run_variance(about, 1), _long_run_variance(residual, 2)
     variance = float(about @ about) / (count - 1)
+    square = residual**2
+    deviation = math.sqrt(square.mean())
+    of_square = math.sqrt(_long_run_variance(square - square.mean(), 1) / count) * t_quantile(WAVES)
     return Stationarity(
         mean=float(values.mean()),
         mean_error=math.sqrt(of_mean / count),
@@ -126,5 +131,7 @@ def stationarity(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> S
         slope_per_s=slope,
         slope_half_width_per_s=math.sqrt(of_trend / spread) * t_quantile(WAVES),
         length_s=count * step_s,
+        deviation=deviation,
+        deviation_half_width=0.5 * of_square / deviation if deviation > 0.0 else 0.0,
         block_means=tuple(float(block.mean()) for block in np.array_split(values, BLOCKS)),
     )

@@ -121,8 +121,11 @@ def _disturbance(summary: Summary) -> str:
     found = summary.get("disturbance")
     if found is None:
         return ""
+    half = found.get("area_half_width_m2")
+    interval = "" if half is None else f" +- {1e4 * half:.0f}"
     return (
-        f"soil: {1e4 * found['area_m2']:.0f} cm2 loosened ({100.0 * found['moved_fraction']:.1f} % of "
-        f"the bed moved by more than a radius), {1e3 * found['surface_width_m']:.0f} mm wide at the surface, "
+        f"soil: {1e4 * found['area_m2']:.0f}{interval} cm2 loosened "
+        f"({100.0 * found['moved_fraction']:.1f} % of the bed moved by more than a radius), "
+        f"{1e3 * found['surface_width_m']:.0f} mm wide at the surface, "
         f"which rose by {1e3 * found['lift_max_m']:.0f} mm at most"
     )

@@ -84,7 +84,7 @@ def _report(recorded: RecordedRun, html: bool) -> int:
 
 
 def _write_tables(statistics: RunStatistics, directory: Path) -> None:
-    from ..analysis.disturbance import write_height_map_csv
+    from ..analysis.disturbance import write_height_map_csv, write_section_csv
     from ..analysis.fatigue import write_cycles_csv
     from ..analysis.spectra import write_spectra_csv
 
@@ -94,6 +94,7 @@ def _write_tables(statistics: RunStatistics, directory: Path) -> None:
         write_cycles_csv(statistics.cycles, directory / "load_cycles.csv")
     if statistics.disturbance is not None:
         write_height_map_csv(statistics.disturbance.lift, directory / "height_map.csv")
+        write_section_csv(statistics.disturbance, directory / "loosened_section.csv")
 
 
 def _known_facts(path: Path) -> dict[str, Any]:

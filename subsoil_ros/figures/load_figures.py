@@ -77,8 +77,8 @@ def _draw_cycles(cycles: LoadCycles, title: str, path: Path) -> Path:
 
 
 def _draw_disturbance(found: Disturbance, title: str, path: Path) -> Path:
-    figure = new_figure(10.0, 7.0)
-    section, surface = figure.subplots(2, 1)
+    figure = new_figure(10.0, 9.5)
+    section, surface, along = figure.subplots(3, 1)
     rows, columns = found.moved_map.shape
     y_low, z_low = found.origin_m
     extent = (y_low, y_low + columns * found.cell_m, z_low, 0.0)
@@ -103,5 +103,10 @@ def _draw_disturbance(found: Disturbance, title: str, path: Path) -> Path:
     surface.set_xlabel("along travel, x [m]")
     surface.set_ylabel("across travel, y [m]")
     surface.set_title("height of the surface, after less before", fontsize=10, loc="left")
+    along.plot(found.slices_m, 1e4 * found.slice_m2, drawstyle="steps-mid")
+    along.set_xlabel("along travel, x [m]")
+    along.set_ylabel("loosened section [cm$^2$]")
+    along.set_ylim(bottom=0.0)
+    along.grid(alpha=0.3)
     figure.suptitle(f"Disturbance of the soil behind the tool\n{title}", fontsize=11)
     return save_figure(figure, path)

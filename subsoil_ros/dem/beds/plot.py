@@ -15,8 +15,8 @@ from ..bed import Bed
 
 ALONG, ACROSS = ((1, 0), (0, 1)), ((21, 8), (13, 5))
 """Blocks along the ground's x and y from a copy to the next one in its row, and to one in the row beside.
-Rows go along the field. With numbers of Fibonacci, the places where a tool cuts through the copies of a period are
-spread evenly over the block: 8/22 of its edge from one copy to the next, and no two nearer than 1/22."""
+Rows go along the field. With numbers of Fibonacci, the places where a tool cuts through the copies of a
+period are spread evenly over the block: 8/22 of its edge from one to the next, 1/22 between the nearest."""
 
 
 class Plot(NamedTuple):

@@ -1,18 +1,23 @@
-"""Flat blades that stand out of the surface of loam, against the closed forms of narrow tines.
+"""Flat blades that stand out of the surface of a field, against the closed forms of narrow tines.
 
     python -m validation.narrow_blade [--rakes 45 60 90] [--widths-mm 40 80] [--depths-mm 100 140 200]
-        [--speeds 0.5] [--radius-mm 10] [--soil loam] [--seeds 1] [--processes 2] [--json FILE]
+        [--noses-mm 0] [--speeds 0.5] [--radius-mm 10] [--soil loam] [--seeds 1] [--depths 6] [--processes 2]
+        [--json FILE]
 
 Cohesion, friction angle and density are those that the element tests of the material found; the friction on
-metal is that of its law, a blade on which spheres slide. The sides are periodic, and farther apart than the
-crescents of Godwin and O'Dogherty. Means are over the travel from 0.75 to 2.25 depths. Exit status 1 where
+metal is that of its law, a blade on which spheres slide. Blades go through a soil.window, its held
+sides farther apart than the crescents of Godwin and O'Dogherty. Means are over the travel from FIRST to
+--depths times the depth, with 95 % intervals. A nose is the height over which the tip is cut off upright.
+Exit status 1 where, of blades without a nose,
 
 - the draft is further than ACCEPTED from both Perumpral's and Godwin and O'Dogherty's;
 - it grows with depth by an exponent further than EXPONENT from both of theirs;
 - the loosened surface is wider or narrower than Godwin and O'Dogherty's crescents by more than WIDTH_PART;
-- the vertical force has another sign than theirs.
+- the vertical force has another sign than theirs;
+- it grows with speed by something else than the term of inertia, more than the interval tells.
 
-A row is also compared with McKyes and Ali, which is reported only.
+Theory at the critical strength, where soil is that was sheared far, is printed beside: with McKyes and Ali it
+is reported only.
 """
 
 import argparse
@@ -28,8 +33,11 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 
-from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.analysis.disturbance import Places
+from subsoil_ros.analysis.stationarity import stationarity
+from subsoil_ros.dem.engine import build_engine
 from subsoil_ros.loading.material import read_material
 from subsoil_ros.loading.shipped import shipped_material
 from subsoil_ros.messages import ToolMotion
@@ -46,17 +54,20 @@ Res. 48 (1998) 239-253)."""
 RELIEF_M = 0.03
 """Thickness of the blade at its top; at its tip it is sharp, and nothing of it is below (chosen)."""
 
-FIRST, LAST = 0.75, 2.25
-"""Travel over the depth, of the means: from where the first crescent is whole (chosen)."""
+FIRST, BEHIND = 1.5, 2.0
+"""Over the depth: travel from which on means count, the first crescent being whole (chosen); and how far
+behind the tip the surface has come to rest."""
 
-BEHIND_M = 0.03
-"""Of the tip behind the end wall at the start (chosen: more than a radius)."""
+BEHIND_M, ROW_M, CLOUD_M = 0.03, 0.005, 0.1
+"""Of the tip behind the end wall at the start (chosen: more than a radius); travel of a row, and between two
+looks at where particles are (less than a window)."""
 
 BELOW = 0.5
 """Soil below the tip over its depth (chosen)."""
 
-ROOM, USUAL_WIDTH_M, USUAL_RAKES = 1.4, 0.08, (math.radians(45.0), 0.5 * math.pi)
-"""Width of the bin over that of the widest crescents: wider ones than WIDTH_PART allows are seen."""
+ROOM, AHEAD_M = 1.4, 2.0
+"""Width of the field over that of the crescents (wider ones than WIDTH_PART allows are seen); field beyond the
+end of the pull (no window reaches its end)."""
 
 LOOSE_PART = 0.5
 """A particle of the surface is loosened when it moved by so many radii."""
@@ -77,15 +88,29 @@ class Row:
     loosened_m: float  # width of the loosened surface
     theories: dict[str, Force]
     crescents_m: float  # width of Godwin and O'Dogherty's at the surface
+    half_widths: tuple[float, float] = (0.0, 0.0)  # of the 95 % intervals of draft and vertical force [N]
+    critical_newton: float = math.nan  # Perumpral's draft at the critical strength
+    nose_m: float = 0.0
 
     def deviations(self) -> dict[str, float]:
         """Of the draft from each theory, as a part of it."""
         return {name: self.draft_newton / force.draft_newton - 1.0 for name, force in self.theories.items()}
 
 
-def soil_of(material: Material) -> Soil:
-    """For the closed forms."""
-    strength, density = strength_of(material)
+@dataclass(frozen=True)
+class Pull:
+    """What one seed gave."""
+
+    draft: tuple[float, float]  # mean and half-width of its 95 % interval [N]
+    vertical: tuple[float, float]
+    loosened_m: float
+    bin_width_m: float
+    particles: int
+
+
+def soil_of(material: Material, state: str = "") -> Soil:
+    """For the closed forms: at the peak, or in the state `critical_`."""
+    strength, density = strength_of(material, state)
     return Soil(
         max(strength.cohesion_pa, 0.0), math.radians(strength.friction_angle_deg), density,
         math.radians(material.soil.metal_friction_angle_deg),
@@ -100,105 +125,120 @@ def crescents_m(soil: Soil, blade: Blade) -> float:
     return blade.width_m + 2.0 * math.sqrt(max(radius**2 - behind**2, 0.0))
 
 
-def blade_mesh(folder: Path, blade: Blade) -> str:
-    """A prism: its face from the tip (0, 0) up and back at the rake, its back less steep."""
-    length = (blade.depth_m + 0.15) / math.sin(blade.rake_rad)
-    top = length * np.array((-math.cos(blade.rake_rad), math.sin(blade.rake_rad)))
-    section = np.array(((0.0, 0.0), top, top - (RELIEF_M, 0.0)))
+def blade_mesh(folder: Path, blade: Blade, nose_m: float = 0.0) -> str:
+    """A prism: its face from the tip (0, 0), or from the upper end of its nose, up and back at the rake, its
+    back less steep."""
+    length = (blade.depth_m - nose_m + 0.15) / math.sin(blade.rake_rad)
+    top = length * np.array((-math.cos(blade.rake_rad), math.sin(blade.rake_rad))) + (0.0, nose_m)
+    section = np.array(((0.0, 0.0), (0.0, nose_m), top, top - (RELIEF_M, 0.0)))
     corners = [(x, side * 0.5 * blade.width_m, z) for x, z in section for side in (-1.0, 1.0)]
-    path = folder / f"blade_{blade.rake_rad:.3f}_{blade.width_m:g}_{blade.depth_m:g}.stl"
+    path = folder / "blade.stl"
     trimesh.Trimesh(vertices=corners).convex_hull.export(path)
     return str(path)
 
 
-def measured(soil: str, radius_m: float, blade: Blade, seed: int) -> tuple[float, float, float, float, int]:
-    """Draft, vertical force, width of the loosened surface, width of the bin, particles."""
+def pulled(
+    soil: str, radius_m: float, blade: Blade, nose_m: float, seed: int, depths: float, threads: int = 1
+) -> Pull:
+    """A blade through a field of soil."""
     material = read_material(shipped_material(Path(soil)), soil)
-    depth = blade.depth_m
-    theory = soil_of(material)
-    widest = Blade(max(blade.width_m, USUAL_WIDTH_M), depth, 0.5 * math.pi)  # all narrower share a bed
-    rupture = max(godwin_odogherty(theory, Blade(0.08, depth, rake)).rupture_m for rake in USUAL_RAKES)
+    depth, wide = blade.depth_m, round(ROOM * crescents_m(soil_of(material), blade), 2)
     box = {
-        "length_m": round(LAST * depth + 1.1 * rupture, 2),
-        "width_m": round(ROOM * crescents_m(theory, widest), 2),
+        "length_m": round(depths * depth + AHEAD_M, 2),
+        "width_m": wide,
         "depth_m": round((1.0 + BELOW) * depth, 3),
-        "sides": "periodic",
+        "sides": "held",
     }
+    particles, bed = {"radius_m": radius_m}, {"seed": seed}
+    parts = {"material": soil, "bin": box, "window": {}, "particles": particles, "bed": bed}
     with tempfile.TemporaryDirectory() as folder:
-        mesh = blade_mesh(Path(folder), blade)
-        scene = Laboratory(Path(folder)).resolve(
-            {
-                "name": "blade",
-                "duration_s": 1.0,
-                "tools": {"blade": {"path": {}, "groups": {"blade": {"mesh": mesh}}}},
-                "soil": {
-                    "material": soil,
-                    "bin": box,
-                    "particles": {"radius_m": radius_m},
-                    "bed": {"seed": seed},
-                },
-            }
-        )
-        engine = SoilEngine(scene)
+        mesh = blade_mesh(Path(folder), blade, nose_m)
+        tools = {"blade": {"path": {}, "groups": {"blade": {"mesh": mesh}}}}
+        document = {"name": "blade", "duration_s": 1.0, "tools": tools, "soil": parts}
+        scene = Laboratory(Path(folder)).resolve(document)
+        engine = build_engine(scene, threads)
         step = blade.speed_m_per_s * scene.timing.communication_step_s
 
-        def at(x: float, speed: float) -> tuple[ToolMotion, ...]:
-            return (ToolMotion("blade", x - BEHIND_M, 0.0, -depth, 0.0, speed, 0.0, 0.0),)
+        def at(tick: int) -> tuple[ToolMotion, ...]:
+            x = step * (tick + 1) - BEHIND_M
+            return (ToolMotion("blade", x, 0.0, -depth, 0.0, blade.speed_m_per_s, 0.0, 0.0),)
 
-        engine.start(at(0.0, 0.0))
-        forces = []
-        for tick in range(round((LAST * depth + BEHIND_M) / step)):
-            wrench = engine.advance(tick, at(step * (tick + 1), blade.speed_m_per_s))[0]
-            forces.append((-wrench.force_x_newton, -wrench.force_z_newton))
-    window = np.array(forces[round((FIRST * depth + BEHIND_M) / step) :])
-    moved = engine.displacements_m()
-    top = engine.positions_m()[:, 2] - moved[:, 2] > -2.0 * radius_m
-    loose = top & (np.linalg.norm(moved, axis=1) > LOOSE_PART * radius_m)
-    sideways = np.abs(engine.positions_m()[loose, 1])
-    width = 2.0 * float(np.percentile(sideways, 99.0)) if loose.any() else 0.0
-    assert engine.bed.period_m is not None
-    draft, vertical = window.mean(axis=0).tolist()
-    return draft, vertical, width, engine.bed.period_m, engine.particle_count
+        engine.start(at(-1))
+    places, forces, most = Places(), [], 0
+    for tick in range(round((depths * depth + BEHIND_M) / step)):
+        if tick % round(CLOUD_M / step) == 0:
+            places.see(engine.cloud(tick, 0))
+            most = max(most, engine.particle_count)
+        wrench = engine.advance(tick, at(tick))[0]
+        forces.append((-wrench.force_x_newton, -wrench.force_z_newton))
+    places.see(engine.cloud(tick, 0))
+    first, per_row = round((FIRST * depth + BEHIND_M) / step), max(1, round(ROW_M / step))
+    counted = np.asarray(forces[first : first + (len(forces) - first) // per_row * per_row])
+    rows: NDArray[np.float64] = counted.reshape(-1, per_row, 2).mean(axis=1)
+    travel = np.arange(len(rows), dtype=np.float64) * ROW_M
+    known = [stationarity(travel, values) for values in rows.T]
+    if None in known:
+        raise SystemExit(f"--depths: {depths:g} given; allowed is at least {FIRST + 2.0:g}, pull farther")
+    before, way = places.first_m, places.last_m - places.first_m
+    passed = (before[:, 0] > FIRST * depth) & (before[:, 0] < (depths - BEHIND) * depth)
+    top = passed & (before[:, 2] > -2.0 * radius_m)
+    sideways = np.abs(before[top & (np.linalg.norm(way, axis=1) > LOOSE_PART * radius_m), 1])
+    loosened = 2.0 * float(np.percentile(sideways, 99.0)) if len(sideways) else 0.0
+    draft, vertical = [(one.mean, one.mean_half_width) for one in known if one is not None]
+    return Pull(draft, vertical, loosened, wide, most)
 
 
 def compare(args: argparse.Namespace) -> Iterator[Row]:
     """A row for each blade, as they are done."""
-    soil = soil_of(read_material(shipped_material(Path(args.soil)), args.soil))
+    material = read_material(shipped_material(Path(args.soil)), args.soil)
+    soil, critical = soil_of(material), soil_of(material, "critical_")
     blades = [
-        Blade(1e-3 * width, 1e-3 * depth, math.radians(rake), speed)
-        for depth, rake, width, speed in itertools.product(
-            args.depths_mm, args.rakes, args.widths_mm, args.speeds
+        (Blade(1e-3 * width, 1e-3 * depth, math.radians(rake), speed), 1e-3 * nose)
+        for depth, rake, width, nose, speed in itertools.product(
+            args.depths_mm, args.rakes, args.widths_mm, args.noses_mm, args.speeds
         )
     ]
     with ProcessPoolExecutor(args.processes) as pool:
+        radius = 1e-3 * args.radius_mm
         jobs = [
-            [pool.submit(measured, args.soil, 1e-3 * args.radius_mm, blade, seed) for seed in args.seeds]
+            [pool.submit(pulled, args.soil, radius, *blade, seed, args.depths) for seed in args.seeds]
             for blade in blades
         ]
-        for blade, job in zip(blades, jobs, strict=True):
+        for (blade, nose), job in zip(blades, jobs, strict=True):
             found = [one.result() for one in job]
-            draft, vertical, width = np.mean([one[:3] for one in found], axis=0).tolist()
+            draft, vertical = mean_of([one.draft for one in found]), mean_of([one.vertical for one in found])
             theories = {
                 "Perumpral": perumpral(soil, blade),
                 "Godwin and O'Dogherty": godwin_odogherty(soil, blade),
                 "McKyes and Ali": mckyes_ali(soil, blade),
             }
             yield Row(
-                math.degrees(blade.rake_rad), blade.width_m, blade.depth_m, blade.speed_m_per_s, found[0][3],
-                found[0][4], draft, vertical, width, theories, crescents_m(soil, blade),
+                math.degrees(blade.rake_rad), blade.width_m, blade.depth_m, blade.speed_m_per_s,
+                found[0].bin_width_m, found[0].particles, draft[0], vertical[0],
+                float(np.mean([one.loosened_m for one in found])), theories, crescents_m(soil, blade),
+                (draft[1], vertical[1]), perumpral(critical, blade).draft_newton, nose,
             )  # fmt: skip
+
+
+def mean_of(found: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """Mean of means of equal weight, and its half-width."""
+    means, halves = np.array(found).T
+    return float(means.mean()), float(np.linalg.norm(halves) / len(halves))
 
 
 def as_text(row: Row) -> str:
     """A row of the table."""
     off = row.deviations()
     narrow = row.theories["Perumpral"]
-    return (
-        f"| {row.rake_deg:.0f} | {1e3 * row.width_m:.0f} | {1e3 * row.depth_m:.0f} | {row.speed_m_per_s:g} "
-        f"| {row.draft_newton:.0f} | {off['Perumpral']:+.0%} | {off[GODWIN]:+.0%} "
-        f"| {off['McKyes and Ali']:+.0%} | {row.vertical_newton:+.0f} / {narrow.vertical_newton:+.0f} "
-        f"| {row.loosened_m:.2f} / {row.crescents_m:.2f} | {row.bin_width_m:.2f} |"
-    )
+    cells = [
+        f"{row.rake_deg:.0f} | {1e3 * row.width_m:.0f} | {1e3 * row.depth_m:.0f} | {1e3 * row.nose_m:.0f}",
+        f"{row.speed_m_per_s:g} | {row.draft_newton:.0f} +- {row.half_widths[0]:.0f}",
+        *(f"{off[name]:+.0%}" for name in ("Perumpral", GODWIN, "McKyes and Ali")),
+        f"{row.draft_newton / row.critical_newton - 1.0:+.0%}",
+        f"{row.vertical_newton:+.0f} +- {row.half_widths[1]:.0f} / {narrow.vertical_newton:+.0f}",
+        f"{row.loosened_m:.2f} / {row.crescents_m:.2f} | {row.bin_width_m:.2f}",
+    ]
+    return "| " + " | ".join(cells) + " |"
 
 
 GODWIN = "Godwin and O'Dogherty"
@@ -208,10 +248,10 @@ NARROW = ("Perumpral", GODWIN)
 def exponents(rows: Sequence[Row]) -> Iterator[tuple[str, float, dict[str, float]]]:
     """Of draft over depth, for each rake, width and speed: found, and of each theory."""
 
-    def key(row: Row) -> tuple[float, float, float]:
-        return row.rake_deg, row.width_m, row.speed_m_per_s
+    def key(row: Row) -> tuple[float, float, float, float]:
+        return row.rake_deg, row.width_m, row.speed_m_per_s, row.nose_m
 
-    for (rake, width, speed), group in itertools.groupby(sorted(rows, key=key), key):
+    for (rake, width, speed, _), group in itertools.groupby(sorted(rows, key=key), key):
         series = list(group)
         depth = np.log([row.depth_m for row in series])
         if len(series) < 2:
@@ -224,9 +264,26 @@ def exponents(rows: Sequence[Row]) -> Iterator[tuple[str, float, dict[str, float
         yield f"rake {rake:.0f}, {1e3 * width:.0f} mm, {speed:g} m/s", found, theory
 
 
+def growth(rows: Sequence[Row]) -> Iterator[tuple[str, float, float, float]]:
+    """Draft above that at the lowest speed: where, found [N], half-width [N], Godwin and O'Dogherty's [N]."""
+
+    def key(row: Row) -> tuple[float, float, float, float]:
+        return row.rake_deg, row.width_m, row.depth_m, row.nose_m
+
+    for (rake, width, depth, _), group in itertools.groupby(sorted(rows, key=key), key):
+        slowest, *faster = sorted(group, key=lambda row: row.speed_m_per_s)
+        for row in faster:
+            where = f"rake {rake:.0f}, {1e3 * width:.0f} mm wide, {1e3 * depth:.0f} mm deep"
+            where += f", {slowest.speed_m_per_s:g} to {row.speed_m_per_s:g} m/s"
+            theory = row.theories[GODWIN].draft_newton - slowest.theories[GODWIN].draft_newton
+            half = math.hypot(row.half_widths[0], slowest.half_widths[0])
+            yield where, row.draft_newton - slowest.draft_newton, half, theory
+
+
 def misses(rows: Sequence[Row]) -> list[str]:
     """What is further from theory than accepted, in words."""
     found = []
+    rows = [row for row in rows if row.nose_m == 0.0]
     for row in rows:
         where = f"rake {row.rake_deg:.0f}, {1e3 * row.width_m:.0f} mm wide, {1e3 * row.depth_m:.0f} mm deep"
         off = row.deviations()
@@ -239,6 +296,9 @@ def misses(rows: Sequence[Row]) -> list[str]:
     for where, power, theory in exponents(rows):
         if min(abs(power - value) for value in theory.values()) > EXPONENT:
             found.append(f"{where}: exponent over depth {power:.2f}")
+    for where, more, half, inertia in growth(rows):
+        if abs(more - inertia) > half:
+            found.append(f"{where}: draft grows by {more:.0f} +- {half:.0f} N, inertia by {inertia:.0f} N")
     return found
 
 
@@ -248,16 +308,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--rakes", nargs="+", type=float, default=[45.0, 60.0, 90.0], metavar="DEG")
     parser.add_argument("--widths-mm", nargs="+", type=float, default=[40.0, 80.0])
     parser.add_argument("--depths-mm", nargs="+", type=float, default=[100.0, 140.0, 200.0])
+    parser.add_argument("--noses-mm", nargs="+", type=float, default=[0.0])
     parser.add_argument("--speeds", nargs="+", type=float, default=[0.5])
     parser.add_argument("--radius-mm", type=float, default=10.0)
     parser.add_argument("--soil", default="loam")
     parser.add_argument("--seeds", nargs="+", type=int, default=[1])
+    parser.add_argument("--depths", type=float, default=6.0, help="travel over the depth")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--json", type=Path, metavar="FILE")
     args = parser.parse_args(arguments)
     print(
-        "| rake deg | width mm | depth mm | m/s | draft N | Perumpral | G-O'D | McKyes-Ali "
-        "| vertical N, down / Perumpral | loosened / crescents m | bin m |\n" + "|---" * 11 + "|"
+        "| rake deg | width mm | depth mm | nose mm | m/s | draft N | Perumpral | G-O'D | McKyes-Ali "
+        "| Perumpral, critical | vertical N, down / Perumpral | loosened / crescents m | bin m |\n"
+        + "|---" * 13
+        + "|"
     )
     rows = []
     for row in compare(args):
@@ -265,6 +329,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(as_text(row), flush=True)
     for where, power, theory in exponents(rows):
         print(f"{where}: exponent {power:.2f}, " + ", ".join(f"{name} {n:.2f}" for name, n in theory.items()))
+    for where, more, half, inertia in growth(rows):
+        print(f"{where}: draft grows by {more:.0f} +- {half:.0f} N, by inertia alone by {inertia:.0f} N")
     found = misses(rows)
     print("\n".join(found) or "all within what is accepted")
     if args.json:

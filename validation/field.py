@@ -4,6 +4,7 @@
                                              [--width W] [--ends FACTOR] [--bin LENGTH]
     python -m validation.field table FILE.csv ...
     python -m validation.field coverage FILE.csv ... [--metres M ...]
+    python -m validation.field echo [--radius-mm R]
 
 `pull` drives the tine of config/scenes/field_tine.yaml, 0.20 m deep, through a window of soil, or with --bin
 through a bin of that length, and writes a row per ROW_M of travel, and at the end the loosened section to
@@ -12,6 +13,8 @@ START_M on: mean draft, vertical force and loosened section with their 95 % inte
 its correlation at the length of a block, and at the period of the field if the pull is twice as long; CPU
 time per metre and memory of the process, late against early. Exit status 1 where one is not within TREND,
 CORRELATION, COST or MEMORY. A folder of `subsoil run` may stand for a file; cost is then left out.
+`echo` kicks the soil below a tool at rest, in the usual window and in one twice as long, and prints how far
+the two differ near the kick: what the nearer ends send back.
 `coverage` cuts STRETCHES of each length from such pulls and counts how many 95 % intervals of a stretch's
 mean draft hold the mean of the whole pull: 90 to 98 % should; likewise of pulls that stop once they know it.
 """
@@ -34,6 +37,7 @@ from subsoil_ros.api.read import read_run
 from subsoil_ros.dem.beds.plot import ACROSS, ALONG
 from subsoil_ros.dem.beds.tile import tile_edge_m
 from subsoil_ros.dem.engine import build_engine
+from subsoil_ros.dem.window import FieldEngine
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import ToolMotion
 
@@ -49,6 +53,10 @@ SPEED_M_PER_S = 0.5
 
 START_M, LEAVE_M = 1.0, 0.5
 """From where on the draft counts: one window; and before the end of a bin."""
+
+KICK_M_PER_S, KICKED_M, LISTEN_S = 1.0, 0.06, 0.08
+"""Speed of a kick, radius of the ball that is kicked, how long is listened (chosen: until what the ends send
+back has passed)."""
 
 CLOUD_ROWS, REAR_M = 10, 0.4
 """Rows between two clouds; and how far behind the tip soil has come to rest (chosen: two depths)."""
@@ -120,6 +128,48 @@ def pull(args: argparse.Namespace) -> None:
         write_section_csv(loosened, section_of(file))
     lost = engine.state("", 0, 0).lost_particle_count
     print(f"{file}: {metres:g} m, {lost} particles lost")
+
+
+def velocities(engine: FieldEngine, identity: np.ndarray) -> np.ndarray:
+    """(n, 3) [m/s] of particles by identity."""
+    p = engine.particles()
+    row = np.empty(int(p.identity.max()) + 1, np.int64)
+    row[p.identity] = np.arange(p.count)
+    return np.array(p.velocity[row[identity]])
+
+
+def echo(radius_m: float) -> None:
+    """Kicks the soil in two windows and prints what comes back from the ends of the shorter one."""
+    base = load_scene(SCENE, {"soil.particles.radius_m": radius_m})
+    window = base.scene.particle_soil.window
+    doubled = {key: 2.0 * getattr(window, key) for key in ("ahead_m", "behind_m")}
+    engines = []
+    x = 3.0
+    above = (ToolMotion("tine", x - TIP_M, 0.0, 0.25, 0.0, 0.0, 0.0, 0.0),)
+    for longer in (1.0, 2.0):
+        box = {key: longer / 2.0 * value for key, value in doubled.items()}
+        scene = load_scene(SCENE, {"soil.particles.radius_m": radius_m, "soil.window": box})
+        engine = build_engine(scene)
+        engine.start(above)
+        p = engine.particles()
+        ball = np.linalg.norm(p.position - (x, 0.0, -0.1), axis=1) < KICKED_M
+        p.velocity[ball, 0] += KICK_M_PER_S
+        engines.append(engine)
+        near = np.sort(p.identity[ball & ~p.held])
+    tick_s = base.timing.communication_step_s
+    first, largest, when = 0.0, 0.0, 0.0
+    for tick in range(round(LISTEN_S / tick_s)):
+        for engine in engines:
+            engine.advance(tick, above)
+        here, there = (velocities(engine, near) for engine in engines)
+        first = max(first, float(np.sqrt((there**2).sum(axis=1).mean())))
+        back = float(np.sqrt(((here - there) ** 2).sum(axis=1).mean()))
+        if back > largest:
+            largest, when = back, (tick + 1) * tick_s
+    print(
+        f"kick of {first:.2f} m/s (rms, {len(near)} particles); from the ends {largest:.2g} m/s at most, "
+        f"{largest / first:.1%}, after {1e3 * when:.0f} ms"
+    )
 
 
 def section_of(file: Path) -> Path:
@@ -263,8 +313,8 @@ def thirds(tip_m: np.ndarray, cpu_s: np.ndarray) -> tuple[float, float]:
 def main() -> int:
     """Pulls a tine through a field, or judges such pulls. Returns 1 where something asked for is missed."""
     parser = argparse.ArgumentParser(prog="python -m validation.field", description=main.__doc__)
-    parser.add_argument("part", choices=["pull", "table", "coverage"])
-    parser.add_argument("files", type=Path, nargs="+", metavar="FILE.csv")
+    parser.add_argument("part", choices=["pull", "table", "coverage", "echo"])
+    parser.add_argument("files", type=Path, nargs="*", metavar="FILE.csv")
     parser.add_argument("--metres", type=float, nargs="+", help="to pull (12), or of stretches (3 5 10)")
     for name, usual in (("radius-mm", 15.0), ("speed", SPEED_M_PER_S), ("width", 0.6), ("ends", 1.0)):
         parser.add_argument(f"--{name}", type=float, default=usual)
@@ -280,6 +330,11 @@ def main() -> int:
         rows += [stopped(path, relative) for path in args.files for relative in STOP_AT]
         print("\n".join(text for text, _ in rows))
         return int(not all(good for _, good in rows))
+    if args.part == "echo":
+        echo(1e-3 * args.radius_mm)
+        return 0
+    if not args.files:
+        parser.error("FILE.csv: none given; name at least one")
     if args.part == "pull":
         pull(args)
         return 0

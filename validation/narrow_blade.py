@@ -66,8 +66,8 @@ BELOW = 0.5
 """Soil below the tip over its depth (chosen)."""
 
 ROOM, AHEAD_M = 1.4, 2.0
-"""Width of the field over that of the crescents (wider ones than WIDTH_PART allows are seen); field beyond the
-end of the pull (no window reaches its end)."""
+"""Width of the field over that of the crescents (wider ones than WIDTH_PART allows are seen); field beyond
+the end of the pull (no window reaches its end)."""
 
 LOOSE_PART = 0.5
 """A particle of the surface is loosened when it moved by so many radii."""

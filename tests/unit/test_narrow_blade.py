@@ -1,5 +1,6 @@
 """What is computed in validation.narrow_blade, without running particles."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -55,6 +56,41 @@ def test_blade_is_sharp_and_nothing_is_below_its_tip(tmp_path):
         assert np.allclose(lowest[:, [0, 2]], 0.0)
         facing = mesh.face_normals[mesh.face_normals[:, 0] > 1e-6]
         assert np.allclose(facing, (math.sin(blade.rake_rad), 0.0, math.cos(blade.rake_rad)), atol=1e-6)
+
+
+def test_a_nose_is_an_upright_face_below_the_raked_one(tmp_path):
+    """From the tip up; the rake begins at its upper end."""
+    blade = Blade(0.06, 0.2, math.radians(45.0))
+    mesh = trimesh.load_mesh(narrow.blade_mesh(tmp_path, blade, 0.04))
+    upright = mesh.face_normals[:, 0] > 0.999
+    corners = mesh.triangles[upright].reshape(-1, 3)
+    assert np.allclose(corners[:, 0], 0.0)
+    assert np.isclose(corners[:, 2].min(), 0.0)
+    assert np.isclose(corners[:, 2].max(), 0.04)
+    raked = mesh.triangles[(mesh.face_normals[:, 0] > 0.1) & ~upright].reshape(-1, 3)
+    assert np.isclose(raked[:, 2].min(), 0.04)
+    assert np.isclose(raked[:, 2].max(), 0.2 + 0.15)
+
+
+def test_growth_with_speed_is_judged_by_its_interval():
+    """Draft may grow by more than inertia as long as the interval holds it."""
+
+    def at(speed: float, draft: float, half: float) -> narrow.Row:
+        one = row(0.1, draft)
+        force = Force(1000.0 + 100.0 * speed**2, 300.0, 0.3, 0.5)
+        return dataclasses.replace(
+            one, speed_m_per_s=speed, half_widths=(half, 0.0), theories=dict.fromkeys(one.theories, force)
+        )
+
+    grown = list(narrow.growth([at(1.0, 1200.0, 40.0), at(0.5, 1000.0, 30.0)]))
+    assert [found[1:] for found in grown] == [(200.0, 50.0, 75.0)]
+    assert len(narrow.misses([at(1.0, 1200.0, 40.0), at(0.5, 1000.0, 30.0)])) == 1
+    assert narrow.misses([at(1.0, 1200.0, 150.0), at(0.5, 1000.0, 30.0)]) == []
+
+
+def test_means_of_seeds():
+    """Intervals of independent beds add in squares."""
+    assert narrow.mean_of([(1.0, 3.0), (3.0, 4.0)]) == (2.0, 2.5)
 
 
 def test_soil_of_a_material():

@@ -5,7 +5,12 @@ import csv
 import numpy as np
 import pytest
 
-from subsoil_ros.analysis.disturbance import Places, disturbance_between, write_height_map_csv
+from subsoil_ros.analysis.disturbance import (
+    Places,
+    disturbance_between,
+    write_height_map_csv,
+    write_section_csv,
+)
 from subsoil_ros.messages import SoilCloud
 
 RADIUS = 0.01
@@ -57,6 +62,26 @@ def test_only_the_slab_counts():
     assert disturbance_between(before, after, (0.1, 0.3), RADIUS).moved_fraction == 0.0
     assert disturbance_between(before, after, (0.2, 0.4), RADIUS).moved_fraction == pytest.approx(0.5)
     assert disturbance_between(before, after, (5.0, 6.0), RADIUS) is None
+
+
+def test_the_loosened_section_is_known_along_the_way(tmp_path):
+    """A prism whose depth doubles half way: the slices show both depths, their mean is that of the slab, and
+    its interval is written down."""
+    before = np.concatenate([lattice() + np.array((0.6 * k, 0.0, 0.0)) for k in range(3)])
+    after, middle = before.copy(), 0.9
+    deep = np.where(before[:, 0] < middle, 0.04, 0.08)
+    prism = (np.abs(before[:, 1]) < 0.06) & (before[:, 2] > -deep)
+    after[prism, 2] += 0.03
+    found = disturbance_between(before, after, (0.1, 1.7), RADIUS)
+    first, second = found.slice_m2[found.slices_m < 0.86], found.slice_m2[found.slices_m > 0.94]
+    assert first == pytest.approx(0.12 * 0.04, rel=1e-9)
+    assert second == pytest.approx(0.12 * 0.08, rel=1e-9)
+    assert found.slice_m2.mean() == pytest.approx(found.area_m2, rel=1e-9)
+    assert 0.0 < found.metrics()["area_half_width_m2"] < 0.02
+    write_section_csv(found, tmp_path / "loosened_section.csv")
+    with (tmp_path / "loosened_section.csv").open() as stream:
+        rows = [(float(row["x_m"]), float(row["area_m2"])) for row in csv.DictReader(stream)]
+    assert np.allclose(rows, np.column_stack((found.slices_m, found.slice_m2)), rtol=1e-5)
 
 
 def test_a_particle_that_crosses_a_periodic_side_has_not_moved_far():

@@ -32,18 +32,20 @@ def test_correlation_time_is_that_of_the_process():
 
 
 def test_intervals_hold_what_they_promise():
-    """95 % of the intervals of mean and slope hold the truth: of 200 runs all but 10 +- 3 sqrt(9.5)."""
+    """95 % of the intervals of mean, slope and deviation hold the truth, of 200 all but 10 +- 3 sqrt(9.5)."""
     rng = np.random.default_rng(3)
     times = 0.001 * np.arange(2000)
-    missed_mean = missed_slope = 0
+    missed_mean = missed_slope = missed_deviation = 0
     for _ in range(200):
         found = stationarity(times, 5.0 + 2.0 * times + autoregressive(rng, len(times)))
+        missed_deviation += abs(found.deviation - 1.0) > found.deviation_half_width
         missed_slope += abs(found.slope_per_s - 2.0) > found.slope_half_width_per_s
         level = stationarity(times, 5.0 + autoregressive(rng, len(times)))
         missed_mean += abs(level.mean - 5.0) > level.mean_half_width
     most = 3.0 * math.sqrt(9.5)
     assert abs(missed_mean - 10) <= most
     assert abs(missed_slope - 10) <= most
+    assert abs(missed_deviation - 10) <= most
 
 
 def test_what_balances_itself_does_not_widen_the_interval():

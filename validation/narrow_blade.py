@@ -54,9 +54,9 @@ Res. 48 (1998) 239-253)."""
 RELIEF_M = 0.03
 """Thickness of the blade at its top; at its tip it is sharp, and nothing of it is below (chosen)."""
 
-FIRST, BEHIND = 1.5, 2.0
-"""Over the depth: travel from which on means count, the first crescent being whole (chosen); and how far
-behind the tip the surface has come to rest."""
+FIRST, DEPTHS, BEHIND = 1.5, 6.0, 2.0
+"""Over the depth: travel from which on means count, the first crescent being whole (chosen), and up to which;
+and how far behind the tip the surface has come to rest."""
 
 BEHIND_M, ROW_M, CLOUD_M = 0.03, 0.005, 0.1
 """Of the tip behind the end wall at the start (chosen: more than a radius); travel of a row, and between two
@@ -138,7 +138,7 @@ def blade_mesh(folder: Path, blade: Blade, nose_m: float = 0.0) -> str:
 
 
 def pulled(
-    soil: str, radius_m: float, blade: Blade, nose_m: float, seed: int, depths: float, threads: int = 1
+    soil: str, radius_m: float, blade: Blade, nose_m: float = 0.0, seed: int = 1, depths: float = DEPTHS
 ) -> Pull:
     """A blade through a field of soil."""
     material = read_material(shipped_material(Path(soil)), soil)
@@ -156,7 +156,7 @@ def pulled(
         tools = {"blade": {"path": {}, "groups": {"blade": {"mesh": mesh}}}}
         document = {"name": "blade", "duration_s": 1.0, "tools": tools, "soil": parts}
         scene = Laboratory(Path(folder)).resolve(document)
-        engine = build_engine(scene, threads)
+        engine = build_engine(scene)
         step = blade.speed_m_per_s * scene.timing.communication_step_s
 
         def at(tick: int) -> tuple[ToolMotion, ...]:
@@ -313,7 +313,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--radius-mm", type=float, default=10.0)
     parser.add_argument("--soil", default="loam")
     parser.add_argument("--seeds", nargs="+", type=int, default=[1])
-    parser.add_argument("--depths", type=float, default=6.0, help="travel over the depth")
+    parser.add_argument("--depths", type=float, default=DEPTHS, help="travel over the depth")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--json", type=Path, metavar="FILE")
     args = parser.parse_args(arguments)

@@ -9,6 +9,7 @@ import pytest
 from subsoil_ros.errors import InputError
 from subsoil_ros.loading.material import read_material
 from subsoil_ros.loading.shipped import config_folder
+from validation.narrow_blade import Pull
 
 measured = import_module("validation.measured.__main__")
 TEMPLATE = Path(measured.__file__).with_name("template.csv")
@@ -66,7 +67,8 @@ def test_a_row_is_simulated_in_its_calibrated_soil(tmp_path, monkeypatch, capsys
         return loam.model_copy(update={"soil": soil})
 
     monkeypatch.setattr(measured, "calibrate", calibrate)
-    monkeypatch.setattr(measured, "measured", lambda *rest, **seed: (650.0, 120.0, 0.3, 1.0, 1000))
+    pull = Pull((650.0, 40.0), (120.0, 30.0), 0.3, 1.0, 1000)
+    monkeypatch.setattr(measured, "pulled", lambda *rest: pull)
     path = table(tmp_path / "t.csv", ROW, [*ROW[:8], 0.2, *ROW[9:]])
     assert measured.main([str(path), "--out", str(tmp_path / "out")]) == 0
     assert [soil.cohesion_pa for soil in asked] == [9e3]

@@ -20,7 +20,7 @@ from subsoil_ros.loading.validation_errors import validated
 from subsoil_ros.scene.material import LaboratorySoil, Material
 
 from ..blades import Blade, godwin_odogherty, perumpral
-from ..narrow_blade import measured, soil_of
+from ..narrow_blade import pulled, soil_of
 
 LABORATORY = (
     "source", "cohesion_pa", "friction_angle_deg", "bulk_density_kg_per_m3", "metal_friction_angle_deg",
@@ -32,7 +32,13 @@ COLUMNS = (
 OPTIONAL = ("draft_error_newton", "vertical_newton")
 TEXTS = ("source", "soil")
 NAME = re.compile(r"[\w-]+")
-RESULTS = ("simulated_newton", "simulated_vertical_newton", "perumpral_newton", "godwin_odogherty_newton")
+RESULTS = (
+    "simulated_newton",
+    "simulated_error_newton",
+    "simulated_vertical_newton",
+    "perumpral_newton",
+    "godwin_odogherty_newton",
+)
 
 
 def read_table(path: Path) -> list[dict[str, str | float]]:
@@ -120,14 +126,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 float(row["width_m"]), float(row["depth_m"]), math.radians(float(row["rake_deg"])),
                 float(row["speed_m_per_s"]),
             )  # fmt: skip
-            draft, vertical, *_ = measured(str(path.resolve()), radius, blade, seed=1)
+            pull = pulled(str(path.resolve()), radius, blade)
+            (draft, half), (vertical, _) = pull.draft, pull.vertical
             theory = soil_of(kept)
             forms = (perumpral(theory, blade).draft_newton, godwin_odogherty(theory, blade).draft_newton)
-            writer.writerow(row | dict(zip(RESULTS, (draft, vertical, *forms), strict=True)))
+            writer.writerow(row | dict(zip(RESULTS, (draft, half, vertical, *forms), strict=True)))
             file.flush()
             print(
                 f"| {row['soil']} | {row['rake_deg']:g} | {row['width_m']:g} | {row['depth_m']:g} "
-                f"| {row['speed_m_per_s']:g} | {row['draft_newton']:.0f} | {draft:.0f} "
+                f"| {row['speed_m_per_s']:g} | {row['draft_newton']:.0f} | {draft:.0f} +- {half:.0f} "
                 f"| {forms[0]:.0f} | {forms[1]:.0f} |",
                 flush=True,
             )

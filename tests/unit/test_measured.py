@@ -76,7 +76,7 @@ def test_a_row_is_simulated_in_its_calibrated_soil(tmp_path, monkeypatch, capsys
         found = list(csv.DictReader(file))
     assert [row["simulated_newton"] for row in found] == ["650.0", "650.0"]
     assert float(found[1]["perumpral_newton"]) > float(found[0]["perumpral_newton"]) > 100.0
-    assert "| 700 | 650 |" in capsys.readouterr().out
+    assert "| 700 | 650 +- 40 |" in capsys.readouterr().out
     other = table(tmp_path / "o.csv", [*ROW[:2], 5e3, *ROW[3:]])
     assert measured.main([str(other), "--out", str(tmp_path / "out")]) == 2
     assert "is of other laboratory values" in capsys.readouterr().err

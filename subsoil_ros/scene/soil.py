@@ -111,8 +111,6 @@ class Soil(StrictModel):
             )
         if self.bin.sides == "walls":
             raise ValueError("bin.sides: a field has no 'walls'; with soil.window use 'held' or 'periodic'")
-        if self.surface is not None:
-            raise ValueError("surface: cannot be given with soil.window, whose field is level; leave one out")
         if self.device != "cpu":
             raise ValueError(
                 "device: 'gpu' does not compute a soil.window; use 'cpu', or leave the window out"

@@ -243,6 +243,26 @@ def test_a_restart_and_two_threads_give_the_same_bits(soil, before):
         assert_array_equal(array, second.state_arrays()[name], err_msg=name)
 
 
+def test_a_field_may_slope(soil):
+    """Cut out of the level block: the surface is the profile's to a radius, all along. One particle in a hundred
+    rolls farther than a radius until it rests, and nothing is lost."""
+    profile = {"x_m": [0.1, 0.6, 1.1], "z_m": [0.0, -0.04, -0.01]}
+    engine = FieldEngine(field(soil, surface=profile))
+    level = FieldEngine(field(soil))
+    heights = {}
+    for one in (engine, level):
+        one.start(above(0.3))
+        for tick in range(3000):
+            one.advance(tick, above(min(0.3 + 2e-4 * tick, 0.7)))
+        assert one.lost_particles == ()
+        x, _, z = one.particles().position.T
+        columns = np.arange(0.62, 0.76, 0.02)
+        heights[one] = np.array([z[np.abs(x - column) < 0.02].max() for column in columns])
+    found = heights[engine] - heights[level]
+    assert found == pytest.approx(np.interp(columns, profile["x_m"], profile["z_m"]), abs=ALIKE["radius_m"])
+    assert (np.linalg.norm(engine.displacements_m(), axis=1) > ALIKE["radius_m"]).mean() < 0.01
+
+
 def test_both_ends_of_a_field_are_walls(soil):
     """A tool comes in at one, as into a bin, and nothing is held there, nor at the other; nothing is lost."""
     scene = field(soil, bin={"length_m": 0.4, "width_m": 0.3, "depth_m": 0.1, "sides": "held"})
@@ -292,7 +312,6 @@ BOX = {"length_m": 1.2, "width_m": 0.3, "depth_m": 0.1}
         ({"bed": {"kind": "dense_random"}}, r"window: is laid out from a tiled bed over a held floor, not"),
         ({"bed": {"kind": "tiled", "floor": "plane"}}, r"over a held floor, not from 'tiled', floor plane"),
         ({"window": None}, r"bin.sides: 'held' needs soil.window"),
-        ({"surface": {"x_m": [0.0], "z_m": [-0.01]}}, r"surface: cannot be given with soil.window"),
         ({"bin": BOX}, r"bin.sides: a field has no 'walls'"),
         ({"bed": {"kind": "tiled", "tile_m": 0.05}}, r"soil.bed.tile_m: 0.05 m given; allowed is at least"),
         ({"bin": BOX | {"width_m": 0.1, "sides": "held"}}, r"and at most 0.1 m, the smaller of"),

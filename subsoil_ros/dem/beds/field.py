@@ -35,7 +35,7 @@ from .settling import (
     ignore_progress,
     of_the_preparation,
 )  # fmt: skip
-from .surface import cut_to_depth, mean_above_profile_m
+from .surface import cut_to_depth, mean_above_profile_m, profile_m
 from .tile import tile_edge_m
 from .tiled import (
     RELAXING_S,
@@ -100,7 +100,7 @@ def _endless(soil: Soil, edge_m: float) -> Soil:
     """The soil of a scene, layers and all, in a box that repeats itself, its surface below the top."""
     box = Bin(length_m=edge_m, width_m=edge_m, depth_m=soil.bin.depth_m + _headroom_m(soil))
     box = box.model_copy(update={"sides": "endless"})
-    return soil.model_copy(update={"bin": box, "window": None} | of_the_preparation(soil))
+    return soil.model_copy(update={"bin": box, "window": None, "surface": None} | of_the_preparation(soil))
 
 
 def _headroom_m(soil: Soil) -> float:
@@ -192,6 +192,7 @@ class Field:
         self._start = np.searchsorted(self._place[:, 0], self.strip_m * np.arange(self._strips + 1))
         self._start[-1] = len(self._place)
         self._radius = radii_of(block.bed, soil)[self._number]
+        self._top_m = float((self._place[:, 2] + self._radius).max())
         assert block.bed.held is not None
         self._held = block.bed.held[self._number]
         if soil.bin.sides == "held":
@@ -225,11 +226,14 @@ class Field:
         return period * len(self._place) + int(self._start[part])
 
     def strips(self, first: int, last: int) -> Strips:
-        """Particles of strips first <= m < last. At both ends of the field they stand behind a wall."""
+        """Particles of strips first <= m < last, those that reach above the surface left out. At both ends of
+        the field they stand behind a wall."""
         identity = np.arange(self.first_identity(first), self.first_identity(last))
         place, k = self.laid_out_m(identity), identity % len(self._place)
         radius = self._radius[k]
         kept = (place[:, 0] >= radius) & (place[:, 0] <= self.count * self.strip_m - radius)
+        if self._soil.surface is not None:
+            kept &= place[:, 2] + radius <= self._top_m + profile_m(self._soil.surface, place[:, 0])
         materials = self._block.bed.materials
         material = np.zeros(len(k), np.int64) if materials is None else materials[self._number[k]]
         return Strips(identity[kept].astype(np.int32), place[kept], radius[kept], material[kept])

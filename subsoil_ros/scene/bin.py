@@ -20,7 +20,7 @@ class Bin(StrictModel):
     width_m: Positive
     depth_m: Positive = Field(description="of the bed.")
     sides: Literal["walls", "periodic", "held"] = Field(
-        "walls", description="at y = +-width/2; with soil.window: held or periodic."
+        "walls", description="at y = +-width/2; held: with soil.window only."
     )
 
     @property

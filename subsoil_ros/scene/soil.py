@@ -99,7 +99,7 @@ class Soil(StrictModel):
 
     @model_validator(mode="after")
     def _windowed_field(self) -> "Soil":
-        """A window needs a tiled bed without walls; only there sides are held."""
+        """A window needs a tiled bed over a held floor; only there sides are held."""
         if self.window is None:
             if self.bin.sides == "held":
                 raise ValueError("bin.sides: 'held' needs soil.window; use 'walls' or 'periodic', or add it")
@@ -109,8 +109,6 @@ class Soil(StrictModel):
                 f"window: is laid out from a tiled bed over a held floor, not from '{self.bed.kind}'"
                 f"{', floor plane' if isinstance(self.bed, TiledBed) else ''}; use bed: {{kind: tiled}}"
             )
-        if self.bin.sides == "walls":
-            raise ValueError("bin.sides: a field has no 'walls'; with soil.window use 'held' or 'periodic'")
         if self.device != "cpu":
             raise ValueError(
                 "device: 'gpu' does not compute a soil.window; use 'cpu', or leave the window out"

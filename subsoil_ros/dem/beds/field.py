@@ -186,12 +186,13 @@ class Field:
         self._strips = round(STRIPS_PER_BLOCK * plot.blocks)
         self.period_m, self.strip_m = plot.period_m, plot.period_m / self._strips
         self.count = max(1, round(soil.bin.length_m / self.strip_m))
-        self._half_width, self._number = plot.half_width_m, plot.number
-        self._floor = block.bed.lower_m[2] + _headroom_m(soil)
-        self._place = plot.place_m + np.array((0.0, 0.0, _headroom_m(soil)))
+        self._half_width, self._floor = plot.half_width_m, block.bed.lower_m[2] + _headroom_m(soil)
+        radius = radii_of(block.bed, soil)[plot.number]
+        fits = np.abs(plot.place_m[:, 1]) + radius * (soil.bin.sides == "walls") <= self._half_width
+        self._place = plot.place_m[fits] + np.array((0.0, 0.0, _headroom_m(soil)))
+        self._number, self._radius = plot.number[fits], radius[fits]
         self._start = np.searchsorted(self._place[:, 0], self.strip_m * np.arange(self._strips + 1))
         self._start[-1] = len(self._place)
-        self._radius = radii_of(block.bed, soil)[self._number]
         self._top_m = float((self._place[:, 2] + self._radius).max())
         assert block.bed.held is not None
         self._held = block.bed.held[self._number]

@@ -1,8 +1,8 @@
 """One period of a field: copies of a block, which is periodic along x and y, cut to the field's width.
 
-The copies tile the ground as squares do. A field with held sides lies across them at an angle, so that a tool
+The copies tile the ground as squares do. A field lies across them at an angle, so that a tool
 meets each copy at another place of its width and the draft does not repeat itself from block to block. With
-periodic sides the field lies along them, as its own period must be one of the ground.
+periodic sides it lies along them, as its own period must be one of the ground.
 """
 
 import math

@@ -320,7 +320,7 @@ def main() -> int:
         parser.add_argument(f"--{name}", type=float, default=usual)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--sides", choices=["held", "periodic"], default="held")
+    parser.add_argument("--sides", choices=["held", "periodic", "walls"], default="held")
     parser.add_argument("--bin", type=float, metavar="LENGTH")
     args = parser.parse_args()
     if args.part == "coverage":

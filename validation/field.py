@@ -212,6 +212,20 @@ def read(path: Path) -> dict[str, np.ndarray]:
     return {name: rows[name] for name in COLUMNS}
 
 
+def loosened_text(path: Path) -> str:
+    """Loosened section [cm2] with its interval, where it is known."""
+    if path.is_dir():
+        found = read_run(path).summary.get("disturbance", {})
+        if "area_half_width_m2" not in found:
+            return "-"
+        return f"{1e4 * found['area_m2']:.0f} +- {1e4 * found['area_half_width_m2']:.0f}"
+    if not section_of(path).is_file():
+        return "-"
+    slices = np.genfromtxt(section_of(path), delimiter=",", names=True)
+    along = stationarity(slices["x_m"], 1e4 * slices["area_m2"])
+    return "-" if along is None else f"{along.mean:.0f} +- {along.mean_half_width:.0f}"
+
+
 def judged(path: Path) -> tuple[str, bool]:
     """A row of the table, and whether all that was asked for holds."""
     found = read(path)
@@ -223,16 +237,10 @@ def judged(path: Path) -> tuple[str, bool]:
     steady, vertical = stationarity(x, draft), stationarity(x, found["vertical_newton"][counts])
     if steady is None or vertical is None:
         raise SystemExit(f"{path}: only {len(x)} rows from {START_M:g} m on; pull farther")
-    section = "-"
-    if section_of(path).is_file():
-        slices = np.genfromtxt(section_of(path), delimiter=",", names=True)
-        found_section = stationarity(slices["x_m"], 1e4 * slices["area_m2"])
-        if found_section is not None:
-            section = f"{found_section.mean:.0f} +- {found_section.mean_half_width:.0f}"
     told = [
         path.stem, f"{x[-1]:.2f}", f"{steady.mean:.0f} +- {steady.mean_half_width:.0f}",
         f"{vertical.mean:.0f} +- {vertical.mean_half_width:.0f}",
-        section,
+        loosened_text(path),
         f"{steady.drift:+.1%} +- {steady.drift_half_width:.1%}",
     ]  # fmt: skip
     good = abs(steady.drift) < TREND

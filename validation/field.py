@@ -11,8 +11,8 @@ through a bin of that length, and writes a row per ROW_M of travel, and at the e
 FILE_section.csv. --ends multiplies the lengths of the window ahead and behind. `table` judges such files from
 START_M on: mean draft, vertical force and loosened section with their 95 % intervals; the trend of the draft;
 its correlation at the length of a block, and at the period of the field if the pull is twice as long; CPU
-time per metre and memory of the process, late against early. Exit status 1 where one is not within TREND,
-CORRELATION, COST or MEMORY. A folder of `subsoil run` may stand for a file; cost is then left out.
+time per metre and memory of the process, less the places kept for the section, late against early. Exit
+status 1 where one is not within TREND, CORRELATION, COST or MEMORY. A folder of `subsoil run` may stand for a file; cost is then left out.
 `echo` kicks the soil below a tool at rest, in the usual window and in one twice as long, and prints how far
 the two differ near the kick: what the nearer ends send back.
 `coverage` cuts STRETCHES of each length from such pulls and counts how many 95 % intervals of a stretch's
@@ -115,7 +115,8 @@ def pull(args: argparse.Namespace) -> None:
             draft, vertical = np.mean(forces, axis=0).tolist()
             tip = FIRST_TIP_M + args.speed * (tick + 1) * tick_s
             row = (round(tip, 6), round(draft, 3), round(vertical, 3), engine.particle_count)
-            cpu, memory = time.process_time(), process.memory_info().rss
+            own = places.first_m.nbytes + places.last_m.nbytes + places._row_of.nbytes
+            cpu, memory = time.process_time(), process.memory_info().rss - own
             table.writerow((*row, round(cpu, 2), memory, round(block, 9), round(period, 9)))
             rows_file.flush()
             forces, rows = [], rows + 1

@@ -12,7 +12,8 @@ FILE_section.csv. --ends multiplies the lengths of the window ahead and behind. 
 START_M on: mean draft, vertical force and loosened section with their 95 % intervals; the trend of the draft;
 its correlation at the length of a block, and at the period of the field if the pull is twice as long; CPU
 time per metre and memory of the process, less the places kept for the section, late against early. Exit
-status 1 where one is not within TREND, CORRELATION, COST or MEMORY. A folder of `subsoil run` may stand for a file; cost is then left out.
+status 1 where one is not within TREND, CORRELATION, COST or MEMORY. A folder of `subsoil run` may stand for a
+file; cost is then left out.
 `echo` kicks the soil below a tool at rest, in the usual window and in one twice as long, and prints how far
 the two differ near the kick: what the nearer ends send back.
 `coverage` cuts STRETCHES of each length from such pulls and counts how many 95 % intervals of a stretch's

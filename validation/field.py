@@ -343,6 +343,7 @@ def main() -> int:
     if args.part == "echo":
         echo(1e-3 * args.radius_mm)
         return 0
+    args.files = [path for path in args.files if not path.stem.endswith("_section")]
     if not args.files:
         parser.error("FILE.csv: none given; name at least one")
     if args.part == "pull":

@@ -7,15 +7,15 @@ SCENE (field_swing) runs as it is; then a joint takes the place of the shank's s
 frame by amplitude x sin(2 pi f t) about its mean angle. With the moment M of the soil on the shank about its
 hinge and the rate w of the swing, over whole periods after BEGIN_M of travel of the tip:
 
-    power P = <M w>,   the soil as a damper C = -P / <w w>,   as a spring K = -<(M - <M>) q> / <q q>
+    power P = <(M - <M>) w>,   the soil as a damper C = -P / <w w>
 
-q being the angle about its mean. A positive power, and so a negative damper, is self-excitation: the soil
-puts energy into whatever swing there is. It grows by itself where the soil's damper outweighs that of the
-shank's own spring, C < -C_spring. Where C is positive, the soil damps the swing, and what swings the shank is
-its failing: the shank is forced. Intervals are 95 %.
+A swing grows by itself where the soil feeds it with more than the shank's own spring damps, C < -C_spring:
+self-excitation. Elsewhere what swings the shank is the failing of the soil: the shank is forced. Intervals
+are 95 %.
 """
 
 import argparse
+import cmath
 import csv
 import itertools
 import math
@@ -54,20 +54,15 @@ class Swing:
     power_half_width_watt: float
     damper_newton_m_s_per_rad: float
     damper_half_width_newton_m_s_per_rad: float
-    spring_newton_m_per_rad: float
     draft_newton: float
 
 
-def moment_of_soil(series: Series, scene: Scene) -> Values:
-    """(n,) [N m] of the soil on the shank about its hinge, in the sense of its angle."""
+def moment_of_soil(series: Series, scene: Scene, hinge: complex) -> Values:
+    """(n,) [N m] of the soil on the shank about its hinge, x + i z [m], in the sense of the shank's angle."""
     shank = str(scene.report.shank)
     assert scene.mechanism is not None
     body = scene.mechanism.bodies[shank]
-    hinge = next(
-        joint.point_m for joint in scene.mechanism.joints.values()
-        if joint.kind == "revolute" and shank in (joint.body_a, joint.body_b)
-    )  # fmt: skip
-    arm = complex(*hinge) - complex(*body.position_m)
+    arm = hinge - complex(*body.position_m)
     tool = next(name for name, item in scene.tools.items() if item.body == shank)
     turned = arm * np.exp(1j * (series[f"body.{shank}.angle_rad"] - body.angle_rad))
     x = series[f"tool.{tool}.x_m"] - (series[f"body.{shank}.x_m"] + turned.real)
@@ -77,8 +72,8 @@ def moment_of_soil(series: Series, scene: Scene) -> Values:
 
 
 def soil_on_swing(
-    times_s: Values, angle_rad: Values, rate_rad_per_s: Values, moment_newton_m: Values, frequency_hz: float
-) -> tuple[float, float, float, float, float, float]:
+    times_s: Values, rate_rad_per_s: Values, moment_newton_m: Values, frequency_hz: float
+) -> tuple[float, float, float, float, float]:
     """Numbers of a Swing but the draft, over the whole periods at the end of (n,) values.
 
     Raises:
@@ -90,37 +85,34 @@ def soil_on_swing(
     if periods < 2:
         raise ValueError(f"{len(times_s) * step:.3g} s hold fewer than two periods of {frequency_hz:g} Hz")
     last = slice(len(times_s) - rows, None)
-    angle = angle_rad[last] - angle_rad[last].mean()
     rate, moment = rate_rad_per_s[last], moment_newton_m[last] - moment_newton_m[last].mean()
     power = stationarity(times_s[last], moment * rate)
     assert power is not None
     square = float((rate**2).mean())
-    spring = -float((moment * angle).mean() / (angle**2).mean())
     half = power.mean_half_width
-    return periods, power.mean, half, -power.mean / square, half / square, spring
+    return periods, power.mean, half, -power.mean / square, half / square
 
 
-def read_swing(folder: Path, parts: tuple[str, str]) -> tuple[Values, Values, Values, Values, Values]:
-    """Of a finished run from BEGIN_M on: time, angle, rate, moment of the soil, draft; parts: names of shank
-    and frame."""
+def read_swing(folder: Path, free: Scene) -> tuple[Values, Values, Values, Values, Values]:
+    """Of a run from BEGIN_M on: time, angle, rate, moment of the soil, draft; free: its scene with the spring."""
     series, scene = read_series_csv(folder / "series.csv"), load_scene(folder / "scene.yaml").scene
     path = tip_path_m(series, scene)
     assert path is not None
     first = int(np.argmax(path[0] >= BEGIN_M))
-    shank, frame = parts
+    (shank, frame), found = shank_and_frame(free), shank_spring(free)
+    assert found is not None
     columns = [series["time_s"]]
     for name in ("angle_rad", "angular_velocity_rad_per_s"):
         columns.append(series[f"body.{shank}.{name}"] - series[f"body.{frame}.{name}"])
-    columns += [moment_of_soil(series, scene), series["draft_newton"]]
+    columns += [moment_of_soil(series, scene, found.hinge), series["draft_newton"]]
     times, angle, rate, moment, draft = (np.asarray(column, np.float64)[first:] for column in columns)
     return times, angle, rate, moment, draft
 
 
-def swing_of(folder: Path, frequency_hz: float, parts: tuple[str, str]) -> Swing:
+def swing_of(folder: Path, frequency_hz: float, free: Scene) -> Swing:
     """Of a finished run."""
-    *swing, draft = read_swing(folder, parts)
-    times, angle, rate, moment = swing
-    return Swing(*soil_on_swing(times, angle, rate, moment, frequency_hz), float(draft.mean()))
+    times, _, rate, moment, draft = read_swing(folder, free)
+    return Swing(*soil_on_swing(times, rate, moment, frequency_hz), float(draft.mean()))
 
 
 def swung_shank(resolved: ResolvedScene, mean_rad: float, amplitude_rad: float, frequency_hz: float) -> dict:
@@ -138,10 +130,8 @@ def damper_of_spring(scene: Scene, angle_rad: float) -> float:
     """C_spring [N m s/rad] of the shank's own spring about the hinge, at an angle from the reference pose."""
     found = shank_spring(scene)
     assert found is not None
-    lug = found.lug * complex(math.cos(angle_rad), math.sin(angle_rad))
-    along = lug - found.anchor
-    arm = (lug.conjugate() * along).imag / abs(along)
-    return float(found.spring.damping_newton_s_per_m) * arm**2
+    turned = found._replace(lug=found.lug * cmath.rect(1.0, angle_rad))
+    return float(found.spring.damping_newton_s_per_m) * turned.arm_m**2
 
 
 def as_text(seed: int, amplitude_rad: float, frequency_hz: float, swing: Swing) -> str:
@@ -150,7 +140,7 @@ def as_text(seed: int, amplitude_rad: float, frequency_hz: float, swing: Swing) 
         f"{seed} | {amplitude_rad:g} | {frequency_hz:g} | {swing.periods:.0f}",
         f"{swing.power_watt:+.1f} +- {swing.power_half_width_watt:.1f}",
         f"{swing.damper_newton_m_s_per_rad:+.0f} +- {swing.damper_half_width_newton_m_s_per_rad:.0f}",
-        f"{1e-3 * swing.spring_newton_m_per_rad:+.2f} | {swing.draft_newton:.0f}",
+        f"{swing.draft_newton:.0f}",
     ]
     return "| " + " | ".join(cells) + " |"
 
@@ -166,6 +156,10 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--set", dest="overrides", action="append", default=[], metavar="KEY=VALUE")
     args = parser.parse_args()
+    if shank_spring(load_scene(args.scene, args.overrides).scene) is None:
+        parser.error(
+            f"{args.scene}: report.shank, report.spring and report.tip_m must name a shank on a spring"
+        )
 
     def free(seed: int) -> tuple[ResolvedScene, Summary]:
         overrides = [*args.overrides, f"soil.bed.seed={seed}"]
@@ -177,21 +171,24 @@ def main() -> int:
         document = swung_shank(resolved, mean_angle_rad(summary, resolved), amplitude, frequency)
         name = f"swung_{seed}_{amplitude:g}_{frequency:g}.yaml"
         run = kept_run(write_scene(document, args.out / "scenes" / name), args.out / "runs")
-        return swing_of(Path(run["folder"]), frequency, shank_and_frame(resolved.scene))
+        return swing_of(Path(run["folder"]), frequency, resolved.scene)
 
     cases = list(itertools.product(args.seeds, args.amplitudes_rad, args.frequencies_hz))
     with ThreadPoolExecutor(args.workers) as pool:
         of_seed = dict(zip(args.seeds, pool.map(free, args.seeds), strict=True))
         resolved, summary = of_seed[args.seeds[0]]
         own = damper_of_spring(resolved.scene, mean_angle_rad(summary, resolved))
-        _, angle, rate, moment, _ = read_swing(Path(summary["folder"]), shank_and_frame(resolved.scene))
+        _, angle, rate, moment, _ = read_swing(Path(summary["folder"]), resolved.scene)
         print(
             f"free: the angle goes over {np.ptp(angle):.3f} rad, the soil's power on its swing is "
             f"{float(((moment - moment.mean()) * rate).mean()):.1f} W\nthe shank's own spring damps with "
             f"{own:.0f} N m s/rad about the hinge and takes {own * float((rate**2).mean()):.1f} W\n"
         )
-        print("| seed | amplitude rad | Hz | periods | power W | soil as a damper | as a spring | draft N |")
-        print("|---" * 8 + "|\n| | | | | | N m s/rad | kN m/rad | |")
+        print(
+            "| seed | amplitude rad | Hz | periods | power W | damper N m s/rad | draft N |\n"
+            + "|---" * 7
+            + "|"
+        )
         with (args.out / "forced_swing.csv").open("w", newline="", encoding="utf-8") as file:
             table: csv.DictWriter[str] | None = None
             for case, swing in zip(cases, pool.map(forced, cases), strict=True):

@@ -94,7 +94,7 @@ def soil_on_swing(
 
 
 def read_swing(folder: Path, free: Scene) -> tuple[Values, Values, Values, Values, Values]:
-    """Of a run from BEGIN_M on: time, angle, rate, moment of the soil, draft; free: its scene with the spring."""
+    """Time, angle, rate, moment of the soil and draft of a run from BEGIN_M on; free: with the spring."""
     series, scene = read_series_csv(folder / "series.csv"), load_scene(folder / "scene.yaml").scene
     path = tip_path_m(series, scene)
     assert path is not None

@@ -26,6 +26,11 @@ ELASTIC = {
     "static_friction": 0.5, "sliding_friction": 0.4, "rolling_friction": 0.1,
 }  # fmt: skip
 HERTZ = {"kind": "hertz_mindlin", "particle": ELASTIC, "boundary": ELASTIC}
+YIELDING = {
+    "youngs_modulus_pa": 1e7, "poisson_ratio": 0.25, "contact_plasticity": 0.75,
+    "surface_energy_joule_per_m2": 20.0, "static_friction": 0.5, "sliding_friction": 0.4,
+}  # fmt: skip
+PLASTIC = {"kind": "elasto_plastic_adhesive", "particle": YIELDING, "boundary": YIELDING}
 
 BOOKED = {"monitors": {"max_energy_defect": 1e3}}
 LAYERS = {"layers": [{"name": "top", "thickness_m": 0.04}, {"name": "heavy", "density_kg_per_m3": 2000.0}]}
@@ -58,6 +63,7 @@ SOILS: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
         {"law": LINEAR, **BOOKED, **UNEQUAL, "bed": {"kind": "tiled", "seed": 0}},
     ),
     "hertz": (("hertz", *RUBBED, "book"), {"law": HERTZ, **BOOKED}),
+    "plastic": (("elasto_plastic_adhesive", "tangential", "book"), {"law": PLASTIC, **BOOKED}),
 }  # fmt: skip
 """Law and features of each soil, as numba compiles them, and the keys of a soil that has them."""
 

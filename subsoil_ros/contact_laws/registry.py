@@ -7,6 +7,7 @@ from typing import get_args
 from ..outside_laws import outside_laws
 from .base import ContactLaw, Features
 from .cohesive_linear.law import CohesiveLinearLaw
+from .elasto_plastic_adhesive.law import ElastoPlasticAdhesiveLaw
 from .hertz.law import HertzMindlinLaw
 from .linear.law import LinearLaw
 
@@ -14,6 +15,7 @@ BUILT_IN: dict[str, type[ContactLaw]] = {
     "cohesive_linear": CohesiveLinearLaw,
     "linear": LinearLaw,
     "hertz_mindlin": HertzMindlinLaw,
+    "elasto_plastic_adhesive": ElastoPlasticAdhesiveLaw,
 }
 
 

@@ -494,10 +494,11 @@ def build_engine(resolved: ResolvedScene, threads: int = 1) -> SoilEngine:
         return FieldEngine(resolved, threads)
     if soil is None or soil.device == "cpu":
         return SoilEngine(resolved, threads)
-    if soil.law.kind not in BUILT_IN:
+    without_memory = [kind for kind, law in BUILT_IN.items() if not law.kept]
+    if soil.law.kind not in without_memory:
         raise InputError(
-            f"soil.device: 'gpu' computes the contact laws {', '.join(BUILT_IN)}, not '{soil.law.kind}'; "
-            "use 'cpu'"
+            f"soil.device: 'gpu' computes the contact laws {', '.join(without_memory)}, not "
+            f"'{soil.law.kind}'; use 'cpu'"
         )
     from .gpu.engine import GpuSoilEngine
 

@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from subsoil_ros.contact_laws.base import PairValues
+from subsoil_ros.contact_laws.elasto_plastic_adhesive.law import ElastoPlasticAdhesivePair
 from subsoil_ros.limits.stable_steps import step_limits
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.scene.pairs import pair_values, particle_mass_kg
@@ -23,6 +24,7 @@ SPRINGS = ROW | {
     "tangential_damping_newton_s_per_m": 2.0,
 }
 MATERIAL = ROW | {"youngs_modulus_pa": 1e7, "poisson_ratio": 0.3, "restitution": 0.6}
+YIELDING = MATERIAL | {"contact_plasticity": 0.6}
 
 
 def soil_of(law: dict | None) -> Soil:
@@ -37,7 +39,13 @@ LAWS = {
     "wet": None,
     "linear": {"kind": "linear", "particle": SPRINGS, "boundary": SPRINGS | {"stiffness_newton_per_m": 5e4}},
     "hertz_mindlin": {"kind": "hertz_mindlin", "particle": MATERIAL, "boundary": MATERIAL},
-}
+    "elasto_plastic_adhesive": {
+        "kind": "elasto_plastic_adhesive", "particle": YIELDING, "boundary": YIELDING, "exponent": 1.5,
+    },
+}  # fmt: skip
+
+
+OF_MODULI = ("hertz_mindlin", "elasto_plastic_adhesive")
 
 
 def scaled(soil: Soil, ratio: float) -> Soil:
@@ -69,7 +77,7 @@ def dimensionless(values: PairValues, diameter_m: float, density_kg_per_m3: floa
 
 @pytest.mark.parametrize("name", LAWS)
 def test_every_number_without_dimension_is_kept(name: str) -> None:
-    """Both pairs, for each law, to round-off; unscaled, the same numbers differ (but for Hertz)."""
+    """Both pairs, for each law, to round-off; unscaled, the same numbers differ (but for laws of moduli)."""
     soil = soil_of(LAWS[name])
     larger = scaled(soil, RATIO)
     unscaled = larger.model_copy(
@@ -83,7 +91,7 @@ def test_every_number_without_dimension_is_kept(name: str) -> None:
     for which in (0, 1):
         assert_allclose(numbers(larger, which), numbers(soil, which), rtol=1e-12)
         changed = abs(numbers(unscaled, which)[0] / numbers(soil, which)[0] - 1.0)
-        assert changed < 1e-12 if name == "hertz_mindlin" else changed > 0.1
+        assert changed < 1e-12 if name in OF_MODULI else changed > 0.1
 
 
 def test_forces_and_the_stable_step_grow_with_the_radius() -> None:
@@ -107,3 +115,21 @@ def test_a_scene_asks_for_it_by_the_radius_of_the_law() -> None:
     scene = load_scene(SCENES / "tine.yaml", given).scene
     assert scene.soil is not None
     assert pair_values(scene.soil) == pair_values(scaled(soil_of(None), 1.5))
+
+
+def test_attraction_of_plastic_spheres_keeps_the_strength() -> None:
+    """Pull-off forces go with the square of the radius, those of a surface energy as well: overlaps and the
+    energy itself go with the radius."""
+    sticky = YIELDING | {"pull_off_newton": 1.0, "surface_energy_joule_per_m2": 20.0}
+    sticky |= {"cohesion_energy_joule_per_m3": 1e4}
+    soil = soil_of({"kind": "elasto_plastic_adhesive", "particle": sticky, "boundary": sticky})
+    small, large = (pair_values(one)[0] for one in (soil, scaled(soil, RATIO)))
+    assert isinstance(small, ElastoPlasticAdhesivePair)
+    assert isinstance(large, ElastoPlasticAdhesivePair)
+    assert_allclose(large.pull_off / small.pull_off, RATIO**2)
+    overlap_m = 1e-4
+    pulls = [
+        found.adhesion_root * math.sqrt(at) for found, at in ((small, overlap_m), (large, RATIO * overlap_m))
+    ]
+    assert_allclose(pulls[1] / pulls[0], RATIO**2)
+    assert_allclose(large.cohesion_stiffness / small.cohesion_stiffness, RATIO)

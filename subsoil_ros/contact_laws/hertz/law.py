@@ -106,14 +106,19 @@ class HertzMindlinLaw(ContactLaw):
         )
 
     def wave_limit(self, radius_m: float, density_kg_per_m3: float) -> tuple[str, float]:
-        """Time of a Rayleigh wave around half a sphere, pi r sqrt(rho / G) / (0.1631 nu + 0.8766).
-
-        Source: Y. Li, Y. Xu, C. Thornton, Powder Technology 160 (2005) 219-228.
-        """
-        nu = self.particle.poisson_ratio
-        shear = self.particle.youngs_modulus_pa / (2.0 * (1.0 + nu))
-        time = math.pi * radius_m * math.sqrt(density_kg_per_m3 / shear) / (0.1631 * nu + 0.8766)
+        """Part of the Rayleigh time of a sphere."""
+        row = self.particle
+        time = rayleigh_time_s(row.youngs_modulus_pa, row.poisson_ratio, radius_m, density_kg_per_m3)
         return f"{RAYLEIGH_FRACTION:g} of the Rayleigh time {time:.3g} s", RAYLEIGH_FRACTION * time
+
+
+def rayleigh_time_s(youngs_modulus_pa: float, nu: float, radius_m: float, density_kg_per_m3: float) -> float:
+    """Time of a Rayleigh wave around half a sphere, pi r sqrt(rho / G) / (0.1631 nu + 0.8766).
+
+    Source: Y. Li, Y. Xu, C. Thornton, Powder Technology 160 (2005) 219-228.
+    """
+    shear = youngs_modulus_pa / (2.0 * (1.0 + nu))
+    return math.pi * radius_m * math.sqrt(density_kg_per_m3 / shear) / (0.1631 * nu + 0.8766)
 
 
 def _values(

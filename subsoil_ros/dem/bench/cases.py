@@ -58,6 +58,13 @@ STIR_M_PER_S = 0.25
 """Standard deviation of each component of the random velocities (chosen: the fastest particles move by
 half the skin in some 15 steps, as beside a tool at 0.5 m/s)."""
 
+PLASTIC = {
+    "youngs_modulus_pa": 9e5, "poisson_ratio": 0.3, "contact_plasticity": 0.75, "restitution": 0.3,
+    "surface_energy_joule_per_m2": 50.0,
+    **{key: WET_PARTICLE[key] for key in ("static_friction", "sliding_friction", "rolling_friction")},
+}  # fmt: skip
+"""Loads as stiffly as WET_PARTICLE: 5 kN/m."""
+
 PLATE = "plate"
 PLATE_SIZE_M = (0.01, 0.06, 0.30)
 PLATE_SPEED_M_PER_S = 0.5
@@ -116,12 +123,23 @@ def cohesive_case(
     precision: str = "float64",
 ) -> Case:
     """Soil of the paper with a plate in it, whose mesh is written into `folder`."""
-    import trimesh
-
-    trimesh.creation.box(PLATE_SIZE_M).export(folder / "plate.stl")
     law = {"kind": "cohesive_linear", "particle": WET_PARTICLE, "boundary": WET_BOUNDARY}
     document = _document(law, bed, size_m, WET_SKIN_M)
     document["soil"]["precision"] = precision
+    return _with_plate(document, steps, name, folder)
+
+
+def plastic_case(steps: int, name: str, folder: Path) -> Case:
+    """The same plate in a grid of spheres that yield and stick, as soft, each touching six."""
+    law = {"kind": "elasto_plastic_adhesive", "particle": PLASTIC, "boundary": PLASTIC}
+    bed = {"kind": "grid", "spacing_m": 0.0195}
+    return _with_plate(_document(law, bed, (0.60, 0.30, 0.40), WET_SKIN_M), steps, name, folder)
+
+
+def _with_plate(document: dict[str, Any], steps: int, name: str, folder: Path) -> Case:
+    import trimesh
+
+    trimesh.creation.box(PLATE_SIZE_M).export(folder / "plate.stl")
     document["tools"] = {PLATE: {"path": {}, "groups": {"plate": {"mesh": "plate.stl"}}}}
     return Case(name, _resolved(document, WET_STEP_S, folder), steps, stirred=False)
 
@@ -167,6 +185,7 @@ def throughput_cases(folder: Path, *, quick: bool) -> list[Case]:
         linear_case(DENSE, (0.60, 0.30, 0.345), 1000, "linear, dense random 9,000"),
         cohesive_case(GRID, (0.55, 0.27, 0.364), 1000, "cohesive linear, grid 9,000", folder),
         cohesive_case(DENSE, (0.50, 0.25, 0.32), 1000, "cohesive linear, dense random 9,000", folder),
+        plastic_case(1000, "elasto-plastic adhesive, grid 9,000", folder),
     ]
     if not quick:
         box, name = (1.80, 0.80, 0.40), "cohesive linear, dense random 130,000"

@@ -1,0 +1,114 @@
+"""Kernels of the elasto-plastic adhesive law.
+
+With h = overlap^n and what is kept of a contact, plastic overlap p and ratio q of adhesive to unloading
+stiffness, the spring carries the larger of k2 (h - p^n) and -q k2 h. Where it is pressed more than ever, p
+grows with the overlap and q follows from the attraction 3/2 pi dgamma a, a^2 = 2 R p, at most half of what k2
+could bear; on the branch -q k2 h the plastic overlap shrinks with h, and loading starts again from there.
+"""
+
+import math
+
+from ..springs import contact_with_springs, energy_of_springs, law_kernel, like
+from .law import ElastoPlasticAdhesiveNumbers
+
+_TINY = 1e-30
+"""Keeps a quotient finite; far below any stiffness times overlap [N], also in float32."""
+
+
+@law_kernel()
+def _rooted(length, law):
+    """Root of a length, or 1 where the exponent is 1."""
+    return math.sqrt(length) if law.hertzian > like(length, 0.0) else like(length, 1.0)
+
+
+@law_kernel()
+def _power_of(ratio, law):
+    """ratio^(1 / n), 1 <= ratio <= 2; for n = 3/2 the cube root of its square, by Newton steps."""
+    squared, third = ratio * ratio, like(ratio, 1.0 / 3.0)
+    root = like(ratio, 0.6) * ratio + like(ratio, 0.4)  # right to 2 % from 1 to 2
+    for _ in range(4):
+        root -= third * (root - squared / (root * root))
+    return root if law.hertzian > like(ratio, 0.0) else ratio
+
+
+@law_kernel()
+def _elastic(overlap, plastic, law):
+    """Energy that unloading from the plastic overlap gives [J]; negative overlaps have none."""
+    near = max(overlap, like(overlap, 0.0))
+    up, down = near * _rooted(near, law), plastic * _rooted(plastic, law)
+    half, part = like(overlap, 0.5), like(overlap, 0.4)
+    part = part if law.hertzian > like(overlap, 0.0) else half  # 1 / (n + 1)
+    return law.unloading_stiffness * (part * (near * up - plastic * down) - down * (near - plastic))
+
+
+def contact(overlap, normal, velocity, spin, shear, roll, kept, step, law, features):
+    """dem.contact.contact. Plastic work and what adhesion takes are booked with the normal dashpot."""
+    zero, half, one = like(overlap, 0.0), like(overlap, 0.5), like(overlap, 1.0)
+    nx, ny, nz = normal
+    ux, uy, uz = velocity
+    overlap_rate = ux * nx + uy * ny + uz * nz
+    near = max(overlap, zero)
+    grown = _rooted(near, law)
+    height = law.unloading_stiffness * near * grown
+
+    virgin = law.plastic_part * near
+    plastic = max(virgin, kept[0])
+    yielded = law.unloading_stiffness * plastic * _rooted(plastic, law)
+    attraction = min(law.adhesion_root * math.sqrt(plastic), half * yielded)
+    ratio = attraction / max(yielded - attraction, like(overlap, _TINY))
+    ratio = ratio if virgin > kept[0] else kept[1]
+    pulled = ratio * height
+    spring = max(height - yielded, -pulled)
+    wider = _power_of(one + ratio, law)  # plastic overlap over the overlap where the spring begins to pull so
+    plastic = near * wider if height - yielded < -pulled else plastic
+
+    before = _rooted(max(overlap - step * overlap_rate, zero), law)
+    damped = law.damping * math.sqrt(grown) * overlap_rate
+    attracting = law.pull_off + law.cohesion_stiffness * near
+    force_n = spring - attracting + damped
+    pressing = max(force_n + law.friction_with_adhesion * (pulled + attracting), zero)
+    push = -force_n * nx, -force_n * ny, -force_n * nz
+    f, m, s, r, lost = contact_with_springs(
+        push, pressing, overlap_rate, normal, velocity, spin, shear, roll, step, law, features, grown, before
+    )
+    taken = zero
+    if features.book.ndim == 2:  # the integral of k2 (overlap - p) d(p^n) along the two branches
+        moved = plastic * plastic * _rooted(plastic, law) - kept[0] * kept[0] * _rooted(kept[0], law)
+        grows = (one - law.plastic_part) / max(law.plastic_part, like(overlap, _TINY))
+        shrinks = one / wider - one
+        part = like(overlap, 0.6) if law.hertzian > zero else half  # n / (n + 1)
+        taken = part * law.unloading_stiffness * moved * (grows if moved > zero else shrinks)
+        taken += damped * overlap_rate * step
+    return f, m, s, r, (plastic, ratio), (taken, lost[0], lost[1], lost[2], lost[3])
+
+
+def normal_potential(overlap, kept, law, features):
+    """dem.contact.normal_potential."""
+    near = max(overlap, 0.0)
+    attracted = near * (law.pull_off + 0.5 * law.cohesion_stiffness * near)
+    return _elastic(near, kept[0], law) - attracted if overlap > 0.0 else 0.0
+
+
+def spring_energy(overlap, shear, roll, law):
+    """dem.contact.spring_energy."""
+    return energy_of_springs(_rooted(max(overlap, like(overlap, 0.0)), law), shear, roll, law)
+
+
+def reach(touch, law, features):
+    """dem.contact.reach."""
+    return touch
+
+
+def at_size(law, radius, mass):
+    """dem.contact.at_size: stiffnesses with R, or with its root for exponent 3/2, dashpots with the root of
+    stiffness times mass, adhesion with the root of R, linear cohesion with R."""
+    root = math.sqrt(radius)
+    normal = root if law.hertzian > 0.0 else radius
+    damper = math.sqrt(normal * mass)
+    return ElastoPlasticAdhesiveNumbers(
+        normal * law.unloading_stiffness, normal * law.tangential_stiffness, damper * law.damping,
+        damper * law.tangential_damping, law.plastic_part, root * law.adhesion_root,
+        radius * law.cohesion_stiffness, law.pull_off, law.friction_with_adhesion, law.static_friction,
+        law.sliding_friction, normal * radius * radius * law.rolling_stiffness, radius * law.rolling_arm,
+        radius * law.twisting_arm, law.hertzian,
+    )  # fmt: skip

@@ -196,3 +196,23 @@ def test_bad_part_is_refused(section, part, words):
     machine[section]["part"] = part
     with pytest.raises((ValidationError, SubsoilError), match=words):
         Mechanism.model_validate(machine)
+
+
+@pytest.mark.parametrize("start", [(0.3, 0.0), (0.3, 0.4), (0.0, 0.0)])
+def test_a_spring_of_no_free_length(mechanism_engine, start):
+    """Force -k (x, z): without gravity x and z swing with sqrt(k / m), each by itself, through the anchor and
+    from it."""
+    omega, x, z = math.sqrt(100.0 / 4.0), *start
+    machine = {
+        "bodies": {"ball": _body(x, z, 4.0, velocity_m_per_s=(1.0, -0.5), angular_velocity_rad_per_s=0.0)},
+        "forces": {"spring": {"kind": "spring_damper", "body_a": "ground", "point_a_m": (0.0, 0.0),
+                              "body_b": "ball", "point_b_m": start, "free_length_m": 0.0,
+                              "stiffness_newton_per_m": 100.0}},
+    }  # fmt: skip
+    engine = mechanism_engine(machine, 1_000_000, gravity_m_per_s2=0.0)
+    for tick in range(2000):
+        engine.advance(tick, ())
+    ball = engine.state("run", 1999, 2_000_000_000).bodies[0]
+    sine, cosine = math.sin(omega * 2.0), math.cos(omega * 2.0)
+    assert ball.x_m == pytest.approx(x * cosine + 1.0 / omega * sine, abs=1e-8)
+    assert ball.z_m == pytest.approx(z * cosine - 0.5 / omega * sine, abs=1e-8)

@@ -14,10 +14,11 @@ from .table import LOCKED_SPRING, SPRING_DAMPER
 
 @inner_kernel
 def measure(force, q, turns, v):
-    """Length, its rate, its direction, and the arms of both ends."""
+    """Length, its rate, its direction (none at no length), and the arms of both ends."""
     dx, dz, ax, az, bx, bz = difference(force, q, turns)
     length = math.sqrt(dx * dx + dz * dz)
-    ux, uz = dx / length, dz / length
+    inverse = 1.0 / length if length > 0.0 else 0.0
+    ux, uz = dx * inverse, dz * inverse
     vx, vz = relative_velocity(force, v, ax, az, bx, bz)
     return length, ux * vx + uz * vz, ux, uz, ax, az, bx, bz
 
@@ -36,6 +37,12 @@ def fill(builder: Builder, name: str, force: SpringDamper) -> None:
             )
         builder.lock(name, row, LOCKED_SPRING, ROD, length)
         return
+    pushes = force.free_length_m > 0.0 or force.preload_newton != 0.0 or force.table or force.stops
+    if pushes and force.point_a_m == force.point_b_m and force.body_a != force.body_b:
+        raise SceneError(
+            f"mechanism.forces.{name}: its two points are one in the reference pose, where its force has no "
+            "direction; move one, or give free_length_m: 0 and neither preload, table nor stops"
+        )
     row["acts_in"] = {"both": 0, "compression": 1, "tension": -1}[force.acts_in]
     row["damping"] = force.damping_newton_s_per_m
     table = None if force.table is None else (force.table.compressions_m, force.table.forces_newton)

@@ -52,7 +52,7 @@ from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import ToolMotion
 
 OUT = Path(__file__).parents[1] / "docs/results/gpu"
-CYCLE = Path(__file__).parents[1] / "config/scenes/subsoiler_1s300_cycle.yaml"
+DENSE_BED = Path(__file__).parent / "dense_bed.yaml"
 
 SMALL_BED_M, LARGE_BED_M = (0.60, 0.20, 0.30), (1.80, 0.40, 0.40)
 WARM_UP_TICKS = 5
@@ -287,7 +287,7 @@ def field(radii: list[float], part: float) -> Iterable[dict[str, Any]]:
                 "soil.bin.length_m=2.0",
                 "soil.bin.sides=periodic",
             ]
-            resolved = load_scene(CYCLE, overrides)
+            resolved = load_scene(DENSE_BED, overrides)
             start = time.perf_counter()
             bed = _field_bed(resolved, radius)
             prepared = time.perf_counter() - start

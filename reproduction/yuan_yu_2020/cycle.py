@@ -4,11 +4,13 @@
 
 Takes the runs that are finished, starts none. Leaves in --results (results/cycle beside this file):
 
-cases.csv       one row for each run: draft, swing, cycles, spectrum, residual, overlaps
-cases.md        the same for reading, one row for each case; intervals of 95 % from the scatter between seeds
+cases.csv       one row for each run: draft, swing, cycles, spectrum, residual, overlap
+cases.md        the same for reading; intervals are of 95 %
+phases.md       when spring, angle, height and the soil's own force follow the draft
 thresholds.csv  travel between failures by the prominence that counts as one
 frequency.csv   sprung shank against the locked one's record passed through the linear shank
 saving.json     sprung less locked draft, bed by bed
+cycle.png       draft over two metres, its spectra over time and travel, travel between failures
 """
 
 import argparse
@@ -18,161 +20,238 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.signal import detrend
 
 from benchmarks.run_cache import write_rows
 from subsoil_ros.analysis.failure_cycles import SMOOTHED_S
-from subsoil_ros.analysis.intervals import t_quantile
 from subsoil_ros.analysis.run_statistics import MOVING_S
-from subsoil_ros.analysis.window import tip_path_m
-from subsoil_ros.recording.joined import open_record
+from subsoil_ros.analysis.smoothing import step_s
+from subsoil_ros.analysis.spectra import spectrum
+from subsoil_ros.analysis.stationarity import stationarity
 
 from . import RESULTS
 from .cycle_frequency import frequency_rows
 from .cycle_record import ANGLE, QUANTILES, SPRING, Run, Values, quantile_range
-from .cycle_runs import cases, find_case
+from .cycle_runs import LONG_S, cases, find_case
 from .paired import paired_difference
 
 THRESHOLDS = (0.5, 1.0, 1.5)
 """Prominence of a failure in standard deviations."""
 
-IN_WORK_M, AT_TIP_M = 0.25, 0.05
-"""Contacts this near to the tip are in work, or the most loaded ones (chosen: a rupture distance of 0.18 m
-of depth and more; the width of the share)."""
+PAIRED_M = 10.5
+"""End of the travel in which sprung and locked are compared, on the same places of a field."""
 
 
-def overlaps(run: Run) -> dict[str, float]:
-    """99 % quantile of the overlap over the radius, of the contacts in work and of those at the tip."""
-    soil = run.scene.scene.particle_soil
-    path = tip_path_m(run.series, run.scene.scene)
-    assert soil is not None
-    assert path is not None
-    radius, times = soil.particles.mean_volume_radius_m, run.series["time_s"]
-    first, last = times[run.rows][[0, -1]]
-    found: dict[float, list[Values]] = {IN_WORK_M: [], AT_TIP_M: []}
-    for cloud in open_record(run.folder / "bag").clouds(run.scene.timing.communication_step_ns):
-        now = cloud.end_time_ns * 1e-9
-        if not first <= now <= last:
-            continue
-        tip = [np.interp(now, times, path[0]), 0.0, np.interp(now, times, path[1])]
-        positions = np.asarray(cloud.positions_m, np.float64)
-        for reach, values in found.items():
-            near = positions[((positions - tip) ** 2).sum(axis=1) < reach**2]
-            pairs = cKDTree(near).query_pairs(2.0 * radius, output_type="ndarray")
-            values.append(2.0 * radius - np.linalg.norm(near[pairs[:, 0]] - near[pairs[:, 1]], axis=1))
-    in_work, at_tip = (np.quantile(np.concatenate(values), 0.99) / radius for values in found.values())
-    largest = run.series["soil.max_overlap_m"][run.rows] / radius
+def of_mean(values: Values) -> dict[str, float]:
+    """Mean and deviation about the trend of (n,) values, with half-widths."""
+    found = stationarity(np.arange(len(values), dtype=np.float64), values)
+    assert found is not None
     return {
-        "overlap_in_work_99_percent": float(in_work),
-        "overlap_at_tip_99_percent": float(at_tip),
-        "max_overlap_mean": float(largest.mean()),
-        "max_overlap": float(largest.max()),
-        "max_tool_overlap": float(run.series["soil.max_tool_overlap_m"][run.rows].max()) / radius,
+        "mean_newton": found.mean,
+        "mean_half_width_newton": found.mean_half_width,
+        "deviation_newton": found.deviation,
+        "deviation_half_width_newton": found.deviation_half_width,
+        "drift": found.drift,
+        "drift_half_width": found.drift_half_width,
     }
+
+
+def unbalanced_newton(run: Run) -> float:
+    """Root mean square [N] of what is left of the driver's force after the soil's on the shank and the sum of
+    mass times acceleration along x: the wheels' friction."""
+    mechanism, series = run.scene.scene.mechanism, run.series
+    assert mechanism is not None
+    left = series["draft_newton"] + series["tool.shank.force_x_newton"]
+    for name, body in mechanism.bodies.items():
+        left = left - body.mass_kg * series[f"body.{name}.acceleration_x_m_per_s2"]
+    return float(np.sqrt((left[run.rows] ** 2).mean()))
 
 
 def case_row(run: Run) -> dict[str, Any]:
     """One row of cases.csv."""
     draft = run.column("draft_newton", MOVING_S)
     cycles = run.cycles(1.0)
-    frequency, density = run.periodogram(run.series["draft_newton"][run.rows])
+    over_time = spectrum(step_s(run.series), run.series["draft_newton"][run.rows])
+    metres, laid = run.over_travel(run.column("draft_newton", SMOOTHED_S))
+    over_travel = spectrum(metres, laid)
+    assert over_time is not None
+    assert over_travel is not None
     low, high = np.quantile(draft, QUANTILES)
-    path = tip_path_m(run.series, run.scene.scene)
-    assert path is not None
     row: dict[str, Any] = {
         "case": run.case.name,
         "seed": run.case.seed,
         "particles": run.summary["particles.count"],
-        "draft_mean_newton": run.draft_mean_newton,
-        "draft_deviation_newton": float(run.column("draft_newton", SMOOTHED_S).std()),
+        "travel_counted_m": float(np.ptp(run.tip_m[0][run.rows])),
+        **{f"draft_{key}": value for key, value in of_mean(run.column("draft_newton", SMOOTHED_S)).items()},
         "draft_1_percent_newton": float(low),
         "draft_99_percent_newton": float(high),
+        "draft_least_newton": float(draft.min()),
         "soil_lifts_share_newton": float(run.series["tool.shank.force_z_newton"][run.rows].mean()),
+        "unbalanced_newton": unbalanced_newton(run),
     }
-    for name, column in (("angle_rad", ANGLE), ("spring_newton", SPRING)):
-        held = run.case.locked or column not in run.series
-        values = None if held else run.column(column, MOVING_S)
-        row[f"{name}_range"] = None if values is None else float(np.ptp(values))
-        row[f"{name}_98_percent_range"] = None if values is None else quantile_range(values)
-        row[f"{name}_least"] = None if values is None else float(values.min())
+    held = run.case.locked
+    angle, spring = (None if held else run.column(name, MOVING_S) for name in (ANGLE, SPRING))
+    row |= {
+        "angle_mean_rad": None if angle is None else float(angle.mean()),
+        "angle_rad_range": None if angle is None else float(np.ptp(angle)),
+        "angle_rad_98_percent_range": None if angle is None else quantile_range(angle),
+        "spring_mean_newton": None if spring is None else float(spring.mean()),
+        "spring_newton_98_percent_range": None if spring is None else quantile_range(spring),
+        "spring_least_newton": None if spring is None else float(spring.min()),
+        "spring_largest_newton": None if spring is None else float(spring.max()),
+    }
+    soil = run.scene.scene.particle_soil
+    assert soil is not None
+    overlap = run.series["soil.max_overlap_m"][run.rows] / soil.particles.mean_volume_radius_m
+    loads = np.diff(run.column("draft_newton", SMOOTHED_S)) / step_s(run.series)
     return row | {
         "cycles": cycles.count if cycles else 0,
         "travel_m": cycles.travel.mean if cycles else None,
+        "travel_half_width_m": cycles.travel.half_width if cycles else None,
         "travel_deviation_m": float(cycles.travel_m.std(ddof=1)) if cycles else None,
         "time_s": float(cycles.time_s.mean()) if cycles else None,
         "loading_fraction": cycles.loading_fraction if cycles else None,
         "unloading_over_loading": cycles.unloading_over_loading if cycles else None,
-        "strongest_hz": float(frequency[1 + np.argmax(density[1:])]),
-        "resolution_hz": float(frequency[1]),
-        "tip_depth_m": -float(path[1][run.rows].mean()),
+        "loading_newton_per_s": float(loads[loads > 0.0].mean()),
+        "unloading_newton_per_s": float(-loads[loads < 0.0].mean()),
+        "strongest_hz": over_time.dominant_hz,
+        "stands_out": over_time.significant,
+        "resolution_hz": over_time.resolution_hz,
+        "strongest_m": 1.0 / over_travel.dominant_hz,
+        "stands_out_over_travel": over_travel.significant,
+        "tip_depth_m": -float(run.tip_m[1][run.rows].mean()),
         "residual_ratio": run.summary["energy.residual_ratio"],
-        **overlaps(run),
+        "max_overlap_mean": float(overlap.mean()),
+        "max_overlap": float(overlap.max()),
         "wall_s": run.summary["run.wall_s"],
         "scene_hash": run.summary["scene.hash"],
     }
 
 
-def pooled_scatter(rows: Sequence[dict[str, Any]], key: str) -> tuple[float, int]:
-    """Standard deviation of a quantity between seeds over its mean, of all cases with several, and its
-    degrees of freedom."""
-    squares, freedoms = 0.0, 0
-    for group in _by_case(rows).values():
-        values = np.array([row[key] for row in group if row[key] is not None])
-        if len(values) > 1:
-            squares += float((((values - values.mean()) / values.mean()) ** 2).sum())
-            freedoms += len(values) - 1
-    return (float(np.sqrt(squares / freedoms)), freedoms) if freedoms else (np.nan, 0)
+HEADS = (
+    "case", "seed", "metres", "draft [N]", "1 %, 99 % [N]", "deviation [N]", "angle [rad]", "spring [kN]",
+    "travel between failures [mm]", "loading", "unloading rate", "strongest [Hz]", "over travel [mm]",
+    "depth [mm]", "soil lifts share [N]", "residual", "largest overlap: mean; at all",
+)  # fmt: skip
 
 
-def _by_case(rows: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
-    groups: dict[str, list[dict[str, Any]]] = {}
-    for row in rows:
-        groups.setdefault(row["case"], []).append(row)
-    return groups
+def case_text(row: dict[str, Any]) -> str:
+    """One row of cases.md."""
+    swings = row["angle_rad_98_percent_range"] is not None
+
+    def told(value: Any, scale: float, digits: int) -> str:
+        return "" if value is None else f"{scale * value:.{digits}f}"
+
+    cells = (
+        row["case"],
+        str(row["seed"]),
+        f"{row['travel_counted_m']:.1f}",
+        f"{row['draft_mean_newton']:.0f} +- {row['draft_mean_half_width_newton']:.0f}",
+        f"{row['draft_1_percent_newton']:.0f}, {row['draft_99_percent_newton']:.0f}",
+        f"{row['draft_deviation_newton']:.0f} +- {row['draft_deviation_half_width_newton']:.0f}",
+        told(row["angle_rad_98_percent_range"], 1.0, 3),
+        f"{1e-3 * row['spring_mean_newton']:.1f}; {1e-3 * row['spring_newton_98_percent_range']:.1f}"
+        if swings
+        else "",
+        f"{told(row['travel_m'], 1e3, 0)} +- {told(row['travel_half_width_m'], 1e3, 0)} "
+        f"({told(row['travel_deviation_m'], 1e3, 0)}; {row['cycles']})",
+        told(row["loading_fraction"], 1.0, 2),
+        told(row["unloading_over_loading"], 1.0, 1),
+        f"{row['strongest_hz']:.1f}{'' if row['stands_out'] else ' (noise)'}",
+        f"{1e3 * row['strongest_m']:.0f}{'' if row['stands_out_over_travel'] else ' (noise)'}",
+        f"{1e3 * row['tip_depth_m']:.0f}",
+        f"{row['soil_lifts_share_newton']:.0f}",
+        f"{row['residual_ratio']:.0e}",
+        f"{100.0 * row['max_overlap_mean']:.0f}; {100.0 * row['max_overlap']:.0f} %",
+    )
+    return f"| {' | '.join(cells)} |"
 
 
-def case_table(rows: Sequence[dict[str, Any]]) -> str:
-    """cases.md: means over the seeds of a case, with what the scatter of seeds leaves open."""
-    heads = (
-        "case", "runs", "draft [N]", "1 %, 99 % [N]", "deviation [N]", "angle [rad]", "spring [kN]",
-        "travel between failures [mm]", "loading", "unloading rate", "strongest [Hz]", "depth [mm]",
-        "soil lifts share [N]", "residual",
-        "overlap: 99 % in work, at the tip; largest",
-    )  # fmt: skip
-    lines = [f"| {' | '.join(heads)} |", "|" + "---|" * len(heads)]
-    for case, group in _by_case(rows).items():
+PHASED = {
+    "soil's force on the tool": "tool.shank.force_x_newton",
+    "spring force": SPRING,
+    "share angle": ANGLE,
+    "height of the shank": "body.shank.z_m",
+}
+"""What is laid beside the draft: quantity, column."""
 
-        def mean(key: str, group: Sequence[dict[str, Any]] = group) -> float:
-            values = [row[key] for row in group if row[key] is not None]
-            return float(np.mean(values)) if values else np.nan
+LONGEST_LAG_S = 0.25
+"""Between the draft and what follows it (chosen: half a cycle)."""
 
-        def interval(key: str, scale: float, digits: int, group: Sequence[dict[str, Any]] = group) -> str:
-            scatter, freedoms = pooled_scatter(rows, key)
-            half = t_quantile(freedoms) * scatter / np.sqrt(len(group))
-            return f"{scale * mean(key):.{digits}f} +- {scale * abs(mean(key)) * half:.{digits}f}"
 
-        swings = not np.isnan(mean("angle_rad_range"))
-        cells = (
-            case,
-            str(len(group)),
-            interval("draft_mean_newton", 1.0, 0),
-            f"{mean('draft_1_percent_newton'):.0f}, {mean('draft_99_percent_newton'):.0f}",
-            interval("draft_deviation_newton", 1.0, 0),
-            interval("angle_rad_98_percent_range", 1.0, 3) if swings else "",
-            interval("spring_newton_98_percent_range", 1e-3, 1) if swings else "",
-            f"{interval('travel_m', 1e3, 0)} ({sum(row['cycles'] for row in group)})",
-            f"{mean('loading_fraction'):.2f}",
-            f"{mean('unloading_over_loading'):.1f}",
-            f"{mean('strongest_hz'):.1f}",
-            f"{1e3 * mean('tip_depth_m'):.0f}",
-            f"{mean('soil_lifts_share_newton'):.0f}",
-            f"{mean('residual_ratio'):.0e}",
-            f"{100.0 * mean('overlap_in_work_99_percent'):.1f}, "
-            f"{100.0 * mean('overlap_at_tip_99_percent'):.0f}; {100.0 * mean('max_overlap'):.0f} %",
+def phases(run: Run) -> list[dict[str, Any]]:
+    """Correlation with the draft at no lag, and the largest in size with its lag: positive after it."""
+    step = step_s(run.series)
+    draft = detrend(run.column("draft_newton", MOVING_S))
+    lags = np.arange(-round(LONGEST_LAG_S / step), round(LONGEST_LAG_S / step) + 1)
+    found = []
+    for name, column in PHASED.items():
+        other = detrend(run.column(column, MOVING_S))
+        inner = slice(-lags[0], len(draft) - lags[-1])
+        own = draft[inner]
+        all_of = np.array([np.corrcoef(own, np.roll(other, -lag)[inner])[0, 1] for lag in lags])
+        at = int(np.argmax(np.abs(all_of)))
+        found.append(
+            {
+                "case": run.case.name,
+                "seed": run.case.seed,
+                "quantity": name,
+                "correlation": float(all_of[-lags[0]]),
+                "largest": float(all_of[at]),
+                "lag_s": float(lags[at] * step),
+            }
         )
-        lines.append(f"| {' | '.join(cells)} |")
+    return found
+
+
+def phase_table(rows: Sequence[dict[str, Any]]) -> str:
+    """phases.md."""
+    lines = [
+        "| case | quantity | correlation with the draft | largest | after the draft by |",
+        "|---" * 5 + "|",
+    ]
+    for row in rows:
+        lines.append(
+            f"| {row['case']} | {row['quantity']} | {row['correlation']:+.2f} | {row['largest']:+.2f} "
+            f"| {1e3 * row['lag_s']:+.0f} ms |"
+        )
     return "\n".join(lines) + "\n"
+
+
+def draw(runs: Sequence[Run], path: Path) -> None:
+    """Draft over travel, its spectra over time and travel, and travel between failures, for each run."""
+    figure, axes = plt.subplots(2, 2, figsize=(11, 7), constrained_layout=True)
+    for run in runs:
+        smooth, label = run.column("draft_newton", SMOOTHED_S), run.case.name
+        tip = run.tip_m[0][run.rows]
+        shown = tip < tip[0] + 2.0
+        axes[0, 0].plot(tip[shown], smooth[shown], lw=1, label=label)
+        over_time = spectrum(step_s(run.series), run.series["draft_newton"][run.rows])
+        over_travel = spectrum(*run.over_travel(smooth))
+        cycles = run.cycles(1.0)
+        assert over_time is not None
+        assert over_travel is not None
+        assert cycles is not None
+        for axis, found in ((axes[0, 1], over_time), (axes[1, 0], over_travel)):
+            axis.loglog(found.frequency_hz[1:], found.density[1:], lw=1, label=label)
+        axes[1, 1].hist(
+            1e3 * cycles.travel_m, np.arange(0, 520, 20), density=True, histtype="step", label=label
+        )
+    for axis, x, y in zip(
+        axes.flat,
+        ("tip [m]", "frequency [Hz]", "cycles per metre", "travel between failures [mm]"),
+        ("draft, 20 ms mean [N]", "draft [N²/Hz]", "draft [N² m]", "density [1/mm]"),
+        strict=True,
+    ):
+        axis.set_xlabel(x)
+        axis.set_ylabel(y)
+    axes[0, 1].set_xlim(0.2, 30.0)
+    axes[1, 0].set_xlim(0.4, 60.0)
+    axes[0, 0].legend(fontsize="small")
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
 
 
 def threshold_rows(runs: Sequence[Run]) -> list[dict[str, Any]]:
@@ -204,27 +283,31 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("runs/cycle"), help="where the runs are")
     parser.add_argument("--results", type=Path, default=RESULTS / "cycle")
     args = parser.parse_args()
-    runs = []
+    runs, ten_metres = [], {}
     for case in cases():
         summary = find_case(case, args.out)
         if summary is None:
             print(f"{case.key}: not run")
-        else:
-            runs.append(Run(case, summary))
+            continue
+        runs.append(Run(case, summary))
+        if case.name in ("loam", "locked"):
+            ten_metres[case.name, case.seed] = Run(case, summary, PAIRED_M)
     args.results.mkdir(parents=True, exist_ok=True)
     table = [case_row(run) for run in runs]
     write_rows(args.results / "cases.csv", table)
-    (args.results / "cases.md").write_text(case_table(table), encoding="utf-8")
+    lines = [f"| {' | '.join(HEADS)} |", "|---" * len(HEADS) + "|", *map(case_text, table)]
+    (args.results / "cases.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    long = [run for run in runs if run.case.duration_s == LONG_S]
+    told = [row for run in long for row in phases(run)]
+    (args.results / "phases.md").write_text(phase_table(told), encoding="utf-8")
     write_rows(args.results / "thresholds.csv", threshold_rows(runs))
-    sprung = {run.case.seed: run for run in runs if run.case.name == "as declared"}
-    locked = {run.case.seed: run for run in runs if run.case.locked}
-    seeds = sorted(sprung.keys() & locked.keys())
-    rows = frequency_rows([sprung[seed] for seed in seeds], [locked[seed] for seed in seeds])
+    draw(long, args.results / "cycle.png")
+    seeds = sorted(seed for name, seed in ten_metres if name == "locked" and ("loam", seed) in ten_metres)
+    sprung, locked = ([ten_metres[name, seed] for seed in seeds] for name in ("loam", "locked"))
+    rows = frequency_rows(sprung, locked)
     columns = dict.fromkeys(key for row in rows for key in row)
     write_rows(args.results / "frequency.csv", [columns | row for row in rows])
-    saving = paired_difference(
-        *([runs[seed].draft_mean_newton for seed in seeds] for runs in (sprung, locked))
-    )
+    saving = paired_difference(*([run.draft_mean_newton for run in runs] for runs in (sprung, locked)))
     text = json.dumps({"seeds": seeds, **asdict(saving)}, indent=1)
     (args.results / "saving.json").write_text(text + "\n", encoding="utf-8")
     print(text)

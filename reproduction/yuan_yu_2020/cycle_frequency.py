@@ -14,7 +14,6 @@ from scipy.stats import f as f_distribution
 
 from subsoil_ros.analysis.failure_cycles import SMOOTHED_S
 from subsoil_ros.analysis.smoothing import running_mean, step_s
-from subsoil_ros.analysis.window import tip_path_m
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.scene.mechanism import SpringDamper
 
@@ -81,9 +80,7 @@ def over_the_travel(
     of the locked record at s; behind its farthest place the soil unloads, M(s_most) - h K (s_most - s) with
     K `soil_newton_per_m`, and never pulls. Semi-implicit Euler.
     """
-    path = tip_path_m(locked.series, locked.scene.scene)
-    assert path is not None
-    times, place = locked.series["time_s"], np.maximum.accumulate(path[0])
+    times, place = locked.series["time_s"], np.maximum.accumulate(locked.tip_m[0])
     moment, tip = soil_moment_newton_m(locked, levers), levers.tip_lever_m
     arm, inertia = levers.spring_arm_m, levers.inertia_kg_m2
     stiffness, damping = levers.stiffness_newton_m_per_rad, damping_newton_s_per_m * arm**2

@@ -1,5 +1,6 @@
 """A finished run of cycle_runs.py, read back over the window that all its tables share."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -20,24 +21,27 @@ Values = NDArray[np.float64]
 QUANTILES = (0.01, 0.99)
 """Of the 10 ms mean: the extremes of a record grow with its length."""
 
-BEGIN_M, END_M = 0.45, 1.95
-"""Travel of the trolley that counts, the same in all cases: from the tip well inside the bin on (chosen). A
-window by the tip's place would open in the throw after a failure, always at the same phase of a cycle."""
+BEGIN_M, LEAST_M = 0.5, 1e-6
+"""Travel of the trolley from which on a run counts, the same in all cases: the tip three depths inside the
+field (chosen); and travel of the tip from row to row, at least, where values are laid over it."""
 
 SPRING, ANGLE = "spring.H9_spring.force_newton", "body.shank.angle_rad"
 
 
 class Run:
-    """A finished run and its window."""
+    """A finished run, from BEGIN_M of travel on, up to `end_m`."""
 
-    def __init__(self, case: Case, summary: Summary) -> None:
+    def __init__(self, case: Case, summary: Summary, end_m: float = math.inf) -> None:
         self.case, self.summary = case, summary
         self.folder = Path(summary["folder"])
         self.series: Series = read_series_csv(self.folder / "series.csv")
         self.scene = load_scene(self.folder / "scene.yaml")
         trolley = self.series["body.trolley.x_m"]
         travel = trolley - trolley[0]
-        self.rows = (travel >= BEGIN_M) & (travel <= END_M)
+        self.rows = (travel >= BEGIN_M) & (travel <= end_m)
+        path = tip_path_m(self.series, self.scene.scene)
+        assert path is not None
+        self.tip_m: tuple[Values, Values] = path  # x and z, all rows
 
     @property
     def draft_mean_newton(self) -> float:
@@ -54,9 +58,16 @@ class Run:
 
     def cycles_of(self, values: Values, threshold: float = 1.0) -> FailureCycles | None:
         """Of any load (n,) over the window."""
-        path = tip_path_m(self.series, self.scene.scene)
-        assert path is not None
-        return failure_cycles(self.series["time_s"][self.rows], path[0][self.rows], values, threshold)
+        times, tip = self.series["time_s"][self.rows], self.tip_m[0][self.rows]
+        return failure_cycles(times, tip, values, threshold)
+
+    def over_travel(self, values: Values) -> tuple[float, Values]:
+        """Values (n,) over the window at even places of the farthest the tip has been at: their distance [m]
+        and themselves."""
+        place = np.maximum.accumulate(self.tip_m[0][self.rows])
+        new = np.r_[True, np.diff(place) > LEAST_M]
+        step = float(place[-1] - place[0]) / len(place)
+        return step, np.interp(place[0] + step * np.arange(len(place)), place[new], values[new])
 
     def periodogram(self, values: Values) -> tuple[Values, Values]:
         """Frequencies [Hz] and one-sided density of values (n,) over the window, trend removed, Hann's

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from reproduction.yuan_yu_2020 import cycle, cycle_frequency, cycle_runs
+from reproduction.yuan_yu_2020 import cycle, cycle_frequency, cycle_record, cycle_runs
 from reproduction.yuan_yu_2020.levers import levers_of
 from subsoil_ros.analysis.series import Series
 from subsoil_ros.loading.loader import load_scene
@@ -20,20 +20,53 @@ def test_cases_load(tmp_path):
     assert len(set(hashes.values())) == len(cases) >= 17
     base = load_scene(cycle_runs.SCENE)
     assert base.timing.soil_step_s == pytest.approx(cycle_runs.STEP_S)
-    third = next(case for case in cases if case.name == "a third of the step")
-    timing = load_scene(cycle_runs.scene_of(third, tmp_path)).timing
-    assert timing.soil_step_s == pytest.approx(cycle_runs.STEP_S / 3.0, rel=1e-4)
+    half = next(case for case in cases if case.name == "half the step")
+    timing = load_scene(cycle_runs.scene_of(half, tmp_path)).timing
+    assert timing.soil_step_s == pytest.approx(cycle_runs.STEP_S / 2.0, rel=1e-4)
 
 
 def test_ground_keeps_the_depth(tmp_path):
     """On a stiffer ground that stands higher the wheels bear the same weight at the same height."""
     cases = {case.name: case for case in cycle_runs.cases()}
-    for name, factor in (("wheel ground times 4", 4.0), ("wheel ground times 7", 7.0)):
-        force = load_scene(cycle_runs.scene_of(cases[name], tmp_path)).scene.mechanism.forces["ground_left"]
-        axle_m = 0.20 - cycle_runs.SINKAGE_M
-        assert force.stiffness_newton_per_m == factor * 28000.0
-        sunk = force.ground_z_m + force.radius_m - axle_m
-        assert force.stiffness_newton_per_m * sunk == pytest.approx(28000.0 * cycle_runs.SINKAGE_M)
+    path = cycle_runs.scene_of(cases["wheel ground times 4"], tmp_path)
+    force = load_scene(path).scene.mechanism.forces["ground_left"]
+    axle_m = 0.20 - cycle_runs.SINKAGE_M
+    assert force.stiffness_newton_per_m == 4.0 * 28000.0
+    sunk = force.ground_z_m + force.radius_m - axle_m
+    assert force.stiffness_newton_per_m * sunk == pytest.approx(28000.0 * cycle_runs.SINKAGE_M)
+
+
+def test_springs_are_as_long(tmp_path):
+    """Under the mean force every spring has the length of the declared one, and its damping ratio."""
+
+    def spring_of(path):
+        return load_scene(path).scene.mechanism.forces["H9_spring"]
+
+    def at_work_m(spring):
+        return spring.free_length_m - cycle_runs.SPRING_NEWTON / spring.stiffness_newton_per_m
+
+    declared = spring_of(cycle_runs.SCENE)
+    assert declared.stiffness_newton_per_m == cycle_runs.SPRING["stiffness"]
+    for case in cycle_runs.cases():
+        if case.name.startswith("spring times"):
+            other = spring_of(cycle_runs.scene_of(case, tmp_path))
+            factor = other.stiffness_newton_per_m / declared.stiffness_newton_per_m
+            assert factor == pytest.approx(float(case.name.split()[-1]))
+            assert at_work_m(other) == pytest.approx(at_work_m(declared))
+            ratio = other.damping_newton_s_per_m / declared.damping_newton_s_per_m
+            assert ratio == pytest.approx(math.sqrt(factor))
+
+
+def test_stiffer_contacts_are_as_strong(tmp_path):
+    """Attraction and friction are those of the declared law."""
+    cases = {case.name: case for case in cycle_runs.cases()}
+    path = cycle_runs.scene_of(cases["stiffness times 4"], tmp_path)
+    stiff, plain = (load_scene(one).document["soil"]["law"]["particle"] for one in (path, cycle_runs.SCENE))
+    assert stiff["stiffness_newton_per_m"] == 4.0 * plain["stiffness_newton_per_m"]
+    for row in (stiff, plain):
+        row["attraction"] = row["stiffness_newton_per_m"] * row["equilibrium_overlap_m"]
+    for key in ("attraction", "cohesive_stiffness_newton_per_m", "cohesion_range_m", "static_friction"):
+        assert stiff[key] == pytest.approx(plain[key])
 
 
 @pytest.mark.parametrize("ratio", [0.0, 0.5, 2.0])
@@ -88,7 +121,7 @@ def test_shank_over_the_travel(soil_newton_per_m):
             "tool.shank.force_z_newton": zero,
             "tool.shank.torque_y_newton_m": -0.4 * push,
         }
-        run = SimpleNamespace(series=Series(columns, "run", 0.0), scene=scene)
+        run = SimpleNamespace(series=Series(columns, "run", 0.0), scene=scene, tip_m=(0.5 * times, zero))
         force = cycle_frequency.over_the_travel(run, levers, 1000.0, soil_newton_per_m)
         held = 1000.0 * (0.25 + 0.4) / 0.25
         if falls:
@@ -99,13 +132,34 @@ def test_shank_over_the_travel(soil_newton_per_m):
             assert force == pytest.approx(held, rel=1e-6)
 
 
-def test_pooled_scatter():
-    """Two cases of two seeds, 10 and 5 % off their means, have a freedom each; a case of one seed has
-    none."""
-    rows = [
-        {"case": case, "x": value}
-        for case, value in (("a", 9.0), ("a", 11.0), ("b", 19.0), ("b", 21.0), ("c", 5.0))
-    ]
-    scatter, freedoms = cycle.pooled_scatter(rows, "x")
-    assert freedoms == 2
-    assert scatter == pytest.approx(math.sqrt((2.0 * 0.1**2 + 2.0 * 0.05**2) / 2.0))
+def test_phases():
+    """A spring that follows the draft by 20 ms, an angle that is its opposite."""
+    times = np.arange(0.0, 6.0, 2e-3)
+    draft = np.sin(2.0 * math.pi * 2.0 * times) + np.sin(2.0 * math.pi * 3.1 * times)
+    columns = {
+        "time_s": times,
+        "draft_newton": draft,
+        "tool.shank.force_x_newton": -draft,
+        "spring.H9_spring.force_newton": np.interp(times - 0.02, times, draft),
+        "body.shank.angle_rad": -draft,
+        "body.shank.z_m": draft,
+    }
+    run = SimpleNamespace(
+        series=Series(columns, "run", 0.0),
+        case=cycle_runs.Case("a", {}),
+        column=lambda name, _: columns[name],
+    )
+    found = {row["quantity"]: row for row in cycle.phases(run)}
+    assert found["spring force"]["lag_s"] == pytest.approx(0.02)
+    assert found["spring force"]["largest"] == pytest.approx(1.0, abs=0.01)
+    assert found["share angle"]["correlation"] == pytest.approx(-1.0)
+    assert found["height of the shank"]["lag_s"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_over_travel():
+    """A tip that stands and is thrown on: what it meets is laid over the way it has come."""
+    tip = np.r_[np.linspace(0.0, 1.0, 500), np.full(300, 1.0), np.linspace(1.0, 3.0, 200)]
+    run = SimpleNamespace(tip_m=(tip, tip), rows=np.ones(len(tip), bool))
+    step, values = cycle_record.Run.over_travel(run, 10.0 * tip)
+    assert step * len(values) == pytest.approx(3.0)
+    assert values == pytest.approx(10.0 * step * np.arange(len(values)), abs=0.05)

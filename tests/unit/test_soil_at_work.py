@@ -109,7 +109,7 @@ def test_what_a_warning_asks_for_is_enough() -> None:
     soft, stiff = subsoil.check("tine"), subsoil.check("tine", STIFF)
     assert [found.warning for found in stiff.at_work] == [None, None, None]
     assert stiff.limits[0].limit_s == soft.limits[0].limit_s
-    assert warnings_of("subsoiler_1s300_cycle") == []
+    assert warnings_of("field_swing") == []
 
 
 def test_a_step_that_springs_bind_falls() -> None:

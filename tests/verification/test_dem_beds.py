@@ -21,6 +21,7 @@ from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.scene.pairs import pair_values, particle_mass_kg
 
 SCENES = Path(__file__).parents[2] / "config" / "scenes"
+DENSE_BED = Path(__file__).parents[2] / "benchmarks" / "dense_bed.yaml"
 RADIUS = 0.01
 MASS = 1800.0 * 4.0 / 3.0 * np.pi * RADIUS**3
 REACH = 2.0 * RADIUS + 0.002  # delta_B
@@ -126,8 +127,8 @@ def test_a_dense_bed_near_its_limit_is_warned_of(bed, step_us, warned):
 
 
 def test_a_step_that_springs_limit_is_not_warned_of():
-    """The cycle scene takes 0.6 of a limit set by springs, which is 0.38 of that set by dampers."""
-    scene = load_scene(SCENES / "subsoiler_1s300_cycle.yaml")
+    """This scene takes 0.6 of a limit set by springs, which is 0.38 of that set by dampers."""
+    scene = load_scene(DENSE_BED)
     limits, step_s = step_limits(scene.scene.particle_soil), scene.timing.soil_step_s
     assert not limits[0].damped
     damped_s = next(limit.limit_s for limit in limits if limit.damped)
@@ -140,7 +141,7 @@ def test_stiff_contacts_settle_softly():
     """Under the weight of the bed, taken for solid, the lowest contacts overlap by 0.5 % of the radius; the
     damping ratio stays, and with both the step grows with the root of the stiffness. The paper's law is
     softer already and stays as it is."""
-    soil = load_scene(SCENES / "subsoiler_1s300_cycle.yaml").scene.particle_soil
+    soil = load_scene(DENSE_BED).scene.particle_soil
     radius, (stiff, _) = 0.015, pair_values(soil)
     loose, _ = pair_values(smooth_soil(soil, adhesive=False))
     weight = 2310.0 * 9.81 * 0.28 * (2.0 * radius) ** 2
@@ -158,9 +159,7 @@ def test_stiff_contacts_settle_softly():
 def test_a_bed_of_stiff_contacts_stands_still():
     """Its relaxation ends before it is at rest without friction. With that of the run, which holds what is
     out of balance, nobody moves farther in 20 ms than a thousandth of the radius (rms)."""
-    resolved = load_scene(
-        SCENES / "subsoiler_1s300_cycle.yaml", ["soil.bin={length_m: 0.36, width_m: 0.36, depth_m: 0.24}"]
-    )
+    resolved = load_scene(DENSE_BED, ["soil.bin={length_m: 0.36, width_m: 0.36, depth_m: 0.24}"])
     soil = resolved.scene.particle_soil
     bed = prepare_dense(resolved, 0, SoilEngine, 1, ignore_progress)
     assert 0.58 < len(bed.positions_m) * particle_mass_kg(soil) / 2310.0 / (0.36 * 0.36 * 0.24) < 0.64

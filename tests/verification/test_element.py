@@ -16,6 +16,7 @@ from subsoil_ros.experiments.soil_tests.element import (
     plane_strain,
     prepare_cell,
     tensile_strength_pa,
+    unconfined_strength_pa,
 )
 from subsoil_ros.limits.stable_steps import SAFETY, step_limits
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
@@ -159,3 +160,26 @@ def test_confined_modulus():
     contacts = 3.0 * 0.61 * 5.5 / (np.pi * (2.0 * RADIUS) ** 3)
     affine = contacts * (2.0 * RADIUS) ** 2 * (STIFFNESS / 5.0 + 2.0 * 0.8 * STIFFNESS / 15.0)
     assert 0.4 * affine < found < affine
+
+
+def test_a_preload_strengthens_what_yields_and_sticks() -> None:
+    """After 80 kPa the unconfined strength is a multiple of that after 5 kPa; without attraction there
+    is next to none."""
+    document = scene().document
+    row = {
+        "youngs_modulus_pa": 1.5e7, "poisson_ratio": 0.3, "restitution": 0.5, "contact_plasticity": 0.75,
+        "surface_energy_joule_per_m2": 300.0, "static_friction": 0.3, "sliding_friction": 0.3,
+        "rolling_friction": 0.1,
+    }  # fmt: skip
+    found = []
+    for energy, preload_pa in ((300.0, 5e3), (300.0, 8e4), (0.0, 8e4)):
+        row["surface_energy_joule_per_m2"] = energy
+        law = {"kind": "elasto_plastic_adhesive", "particle": row, "boundary": row}
+        resolved = load_scene(document | {"soil": document["soil"] | {"law": law}})
+        soil = resolved.scene.particle_soil
+        assert soil is not None
+        found.append(
+            unconfined_strength_pa(prepare_cell(resolved, edge_m=soil.bin.length_m), preload_pa, 0.05)
+        )
+    assert found[1] > 3.0 * found[0] > 0.0
+    assert found[2] < 0.15 * found[1]

@@ -54,6 +54,9 @@ at the latest after the longest hold."""
 NEIGHBOURS = 6.5
 """Contacts of a particle, for an estimate of the attraction."""
 
+RELEASE_LOOKS = 500
+"""Over which a preload is taken away (chosen: slower than stress waves cross a cell)."""
+
 GAIN, FOLLOWED = 0.3, 0.1
 """Of the servo: parts of a missing stress, over K / d, that the next strain and the mean strain rate make up
 for (chosen: stresses are held to 2 %)."""
@@ -255,4 +258,29 @@ def tensile_strength_pa(cell: Cell, end_strain: float = PEAK_STRAIN) -> float:
     while element.engine.bed.periods_m[2] < (1.0 + end_strain) * height:
         stress = element.advance((0.0, 0.0, element.rate_per_s), (0.0, 0.0, None))
         largest = max(largest, -float(stress[2]))
+    return largest
+
+
+def unconfined_strength_pa(cell: Cell, preload_pa: float, end_strain: float = PEAK_STRAIN) -> float:
+    """Largest stress along z while it is shortened, without stress along x and y, after all three axes bore
+    `preload_pa` and were released [Pa]: a point of the soil's flow function.
+
+    Raises:
+        RunError: released, the cell falls apart or does not come to rest.
+    """
+    element = _Strained(cell, preload_pa)
+    for look in range(1, LONGEST_HOLD + 1):
+        held = max(preload_pa * (1.0 - look / RELEASE_LOOKS), 0.0)
+        stress = element.advance((0.0, 0.0, 0.0), (held,) * 3)
+        if held == 0.0 and np.abs(stress).max() < HELD * preload_pa:
+            break
+    else:
+        raise RunError(
+            f"unconfined compression: {preload_pa:g} Pa released, {stress} Pa are left along x, y and z; "
+            "give the law an attraction"
+        )
+    height, largest = element.engine.bed.periods_m[2], 0.0
+    while element.engine.bed.periods_m[2] > (1.0 - end_strain) * height:
+        stress = element.advance((0.0, 0.0, -element.rate_per_s), (0.0, 0.0, None))
+        largest = max(largest, float(stress[2]))
     return largest

@@ -99,7 +99,14 @@ def run(args: argparse.Namespace) -> int:
             f"{' '.join(f'{m:g}' for m in least)}, 12 x 8 x 8 of the largest diameters, {diameter:g} m; or "
             "make the particles smaller"
         )
-    runs = 2 * len(stresses) + (pair_values(resolved.scene.particle_soil)[0].adhesion > 0.0)  # tension too
+    pair = pair_values(resolved.scene.particle_soil)[0]
+    if pair.sticks and pair.adhesion == 0.0:
+        raise InputError(
+            f"soil.law: given '{resolved.scene.particle_soil.law.kind}' with attraction, and what sticks "
+            "cannot be glued to the box under it, out of which it would slide as a block; allowed is "
+            "'cohesive_linear', or this law without attraction"
+        )
+    runs = 2 * len(stresses) + (pair.adhesion > 0.0)  # tension too
     done: list[str] = []
 
     @contextmanager

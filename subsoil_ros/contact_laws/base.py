@@ -74,6 +74,11 @@ class PairValues:
         return self.adhesion * self.reach
 
     @property
+    def sticks(self) -> bool:
+        """Whether anything attracts."""
+        return self.adhesion > 0.0
+
+    @property
     def max_stiffness(self) -> float:
         """Steepest slope of the normal force [N/m]."""
         return max(self.stiffness, self.contact_adhesion)

@@ -25,7 +25,7 @@ def restitution_at(damping_ratio: float) -> float:
 def damping_ratio_at(restitution: float) -> float:
     """The inverse of restitution_at, for 0 < restitution <= 1: -ln e / sqrt(pi^2 + ln^2 e)."""
     logarithm = math.log(restitution)
-    return -logarithm / math.hypot(logarithm, math.pi)
+    return abs(logarithm) / math.hypot(logarithm, math.pi)
 
 
 _DAMPERS, _RESTITUTION = ("damping_newton_s_per_m", "tangential_damping_newton_s_per_m"), "restitution"

@@ -100,7 +100,7 @@ def _overlap(soil: Soil) -> Finding:
 
 def _damping(soil: Soil) -> Finding:
     ratio, k = max((damping_ratio(layer), k) for k, layer in enumerate(layer_soils(soil)))
-    text = f"{ratio:.3g} of a pair of particles, restitution {restitution_at(ratio):.2g} without cohesion"
+    text = f"{ratio:.3g} of a pair of particles, restitution {restitution_at(ratio):.2g} of the dashpot alone"
     if round(ratio, 2) <= 1.0:
         return Finding("damping ratio", text)
     needed = _needed(soil, k, 1.0 / ratio, "damping_newton_s_per_m")

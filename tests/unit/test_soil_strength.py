@@ -24,6 +24,13 @@ def test_a_line_is_found_without_error() -> None:
     assert fit.friction_angle_error_deg < 1e-8
 
 
+ROW = (
+    "{youngs_modulus_pa: 1e7, poisson_ratio: 0.3, contact_plasticity: 0.5, pull_off_newton: 1.0, "
+    "static_friction: 0.3, sliding_friction: 0.3}"
+)
+YIELDING = f"{{kind: elasto_plastic_adhesive, particle: {ROW}, boundary: {ROW}}}"
+
+
 def test_errors_are_those_of_linear_regression() -> None:
     """Standard errors and R^2 as scipy finds them; the angle's by the derivative of atan."""
     normal = np.array([5e3, 9e3, 20e3, 31e3])
@@ -55,6 +62,10 @@ def test_too_few_stresses(normal: list[float]) -> None:
         ),
         (["tine.yaml", "--inertial-number", "0"], "--inertial-number: given 0"),
         (["mechanism_only.yaml"], "has no 'soil'"),
+        (
+            ["tine.yaml", "--set", f"soil.law={YIELDING}", "--set", "soil.bed.spacing_m=rest"],
+            "soil.law: given 'elasto_plastic_adhesive' with attraction",
+        ),
         (["tine.yaml", "--out", str(SCENES)], "exists already"),
         (["tine.yaml", "--normal-pa", "100", "200", "300"], "below the weight of lid and soil"),
     ],

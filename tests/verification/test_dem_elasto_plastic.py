@@ -12,7 +12,9 @@ from pydantic import ValidationError
 
 from subsoil_ros.contact_laws.base import YES, Features
 from subsoil_ros.contact_laws.elasto_plastic_adhesive.law import ElastoPlasticAdhesiveLaw
-from subsoil_ros.dem.contact import contact, normal_potential
+from subsoil_ros.dem.contact import at_size, contact, normal_potential
+from subsoil_ros.limits.stable_steps import step_limits
+from subsoil_ros.loading.loader import load_scene
 
 from .impacts import laboratory
 
@@ -192,20 +194,70 @@ def test_impact(soil, exponent):
         )
 
 
-def test_a_slow_impact_sticks(soil):
-    """Two spheres that meet slowly stay together; the books close while they swing."""
-    row = STICKY | {"restitution": 0.5}
+@pytest.mark.parametrize("energy", [300.0, 0.0])
+def test_a_slow_impact_sticks_by_adhesion_alone(soil, energy):
+    """Two spheres that meet slowly stay together, those without adhesion do not, whatever the dashpot; the
+    books close."""
+    row = STICKY | {"restitution": 0.5, "surface_energy_joule_per_m2": energy}
     engine = laboratory(soil, law_of(row).model_dump(exclude_none=True), RADIUS, 1800.0, 2000, True, 24.0)
     engine.place([(0.04, 0, -0.06), (0.06, 0, -0.06)], [(0.05, 0, 0), (-0.05, 0, 0)])
     engine.start(())
     before = engine.energy()
     for tick in range(20000):
         engine.advance(tick, ())
-    x = engine.positions_m()
-    assert x[1, 0] - x[0, 0] < 2.0 * RADIUS
+    x, v = engine.positions_m(), engine.velocities_m_per_s()
     after = engine.energy()
     assert after.total_joule == pytest.approx(before.total_joule, rel=0.01)
-    assert after.kinetic_joule < 1e-3 * before.kinetic_joule
+    if energy > 0.0:
+        assert x[1, 0] - x[0, 0] < 2.0 * RADIUS
+        assert after.kinetic_joule < 1e-3 * before.kinetic_joule
+    else:  # the dashpot takes its part where the spring presses, the yielding sqrt(1 - lambda_p)
+        assert x[1, 0] - x[0, 0] > 2.0 * RADIUS
+        assert 0.8 < (v[1, 0] - v[0, 0]) / 0.1 / (0.5 * 0.5) < 1.0
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
+def test_numbers_of_a_size_are_those_of_the_pair(exponent):
+    """From a reduced radius of 1 m and mass of 1 kg the kernels find what the law says of a size."""
+    row = STICKY | {
+        "restitution": 0.5, "cohesion_energy_joule_per_m3": 3e4, "pull_off_newton": 0.1,
+        "rolling_friction": 0.1, "twisting_friction": 0.05, "static_friction": 0.4,
+    }  # fmt: skip
+    law = law_of(row, exponent)
+    for ratio in (1.0, 1.5):
+        direct = law.numbers_of(law.pair(ratio, 0.004, 0.003), 0.004)
+        unit = law.numbers_of(law.pair(ratio, 1.0, 1.0), 1.0)
+        assert_allclose(at_size(unit, 0.004, 0.003), direct, rtol=1e-12)
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
+def test_unlike_layers(exponent):
+    """The same seen from either side, and between equals that of one."""
+    one = law_of(STICKY | {"restitution": 0.5}, exponent)
+    other = law_of(ROW | {"contact_plasticity": 0.3, "youngs_modulus_pa": 3e7, "restitution": 0.8}, exponent)
+    mixed, turned = one.mixed_pair(other, 1.0, 0.005, 0.003), other.mixed_pair(one, 1.0, 0.005, 0.003)
+    assert mixed == turned
+    assert (mixed.contact_plasticity, mixed.adhesion_root) == (0.75, 0.0)
+    assert one.mixed_pair(one, 1.0, 0.005, 0.003) == one.pair(1.0, 0.005, 0.003)
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
+@pytest.mark.parametrize("row", ["particle", "boundary"])
+def test_the_step_follows_from_unloading(exponent, row):
+    """The stiffer it unloads, between particles or at walls, the shorter the step: with the root of k2."""
+
+    def limit_s(plasticity):
+        law = law_of(ROW, exponent).model_dump(exclude_none=True)
+        law[row]["contact_plasticity"] = plasticity
+        soil = {
+            "bin": {"length_m": 0.2, "width_m": 0.2, "depth_m": 0.1}, "law": law,
+            "particles": {"radius_m": RADIUS, "density_kg_per_m3": 1800.0},
+            "bed": {"kind": "grid", "spacing_m": 2.0 * RADIUS},
+        }  # fmt: skip
+        scene = load_scene({"name": "steps", "duration_s": 0.1, "soil": soil})
+        return step_limits(scene.scene.particle_soil)[0].limit_s
+
+    assert limit_s(0.9999) / limit_s(0.99) == pytest.approx(0.1, rel=0.01)
 
 
 @pytest.mark.parametrize(
@@ -216,6 +268,10 @@ def test_a_slow_impact_sticks(soil):
         ({"surface_energy_joule_per_m2": -1.0}, "greater than or equal to 0"),
         ({"pull_off_newton": -1.0}, "greater than or equal to 0"),
         ({"restitution": 0.0}, "greater than 0"),
+        (
+            {"surface_energy_joule_per_m2": 1.0, "contact_plasticity": 0.0},
+            "where no contact is left that sticks",
+        ),
     ],
 )
 def test_bad_values_are_refused(change, words):

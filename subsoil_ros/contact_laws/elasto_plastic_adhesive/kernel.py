@@ -63,7 +63,7 @@ def contact(overlap, normal, velocity, spin, shear, roll, kept, step, law, featu
     plastic = near * wider if height - yielded < -pulled else plastic
 
     before = _rooted(max(overlap - step * overlap_rate, zero), law)
-    damped = law.damping * math.sqrt(grown) * overlap_rate
+    damped = max(law.damping * math.sqrt(grown) * overlap_rate, -max(spring, zero))  # it never pulls
     attracting = law.pull_off + law.cohesion_stiffness * near
     force_n = spring - attracting + damped
     pressing = max(force_n + law.friction_with_adhesion * (pulled + attracting), zero)

@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal, NamedTuple
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from ...strict_model import Fraction, NonNegative, PoissonRatio, Positive, StrictModel
 from ..base import ContactLaw, PairValues, with_weaker_friction
@@ -58,6 +58,11 @@ class ElastoPlasticAdhesivePair(PairValues):
     def unloading_stiffness(self) -> float:
         """k2."""
         return self.stiffness / (1.0 - self.contact_plasticity)
+
+    @property
+    def sticks(self) -> bool:
+        """Whether anything attracts."""
+        return self.adhesion_root + self.cohesion_stiffness + self.pull_off > 0.0
 
     @property
     def max_stiffness(self) -> float:
@@ -114,11 +119,23 @@ class ElastoPlasticAdhesiveValues(StrictModel):
         0.0, description="Attraction over contact area: linear cohesion."
     )
     pull_off_newton: NonNegative = Field(0.0, description="-f0: attraction of any contact.")
-    restitution: Fraction = Field(1.0, description="Of the dashpot on the unloading spring.")
+    restitution: Fraction = Field(
+        1.0, description="Of the dashpot alone, on the unloading spring; it never pulls."
+    )
     static_friction: NonNegative
     sliding_friction: NonNegative
     rolling_friction: NonNegative = 0.0
     twisting_friction: NonNegative = 0.0
+
+    @model_validator(mode="after")
+    def _something_sticks(self) -> "ElastoPlasticAdhesiveValues":
+        if self.surface_energy_joule_per_m2 > 0.0 and self.contact_plasticity == 0.0:
+            raise ValueError(
+                f"surface_energy_joule_per_m2: given {self.surface_energy_joule_per_m2:g} with "
+                "contact_plasticity 0, where no contact is left that sticks; give a contact_plasticity above "
+                "0, or pull_off_newton"
+            )
+        return self
 
 
 class ElastoPlasticAdhesiveLaw(ContactLaw):
@@ -201,11 +218,12 @@ class ElastoPlasticAdhesiveLaw(ContactLaw):
         )
 
     def wave_limit(self, radius_m: float, density_kg_per_m3: float) -> tuple[str, float] | None:
-        """With exponent 3/2 that of the Rayleigh wave in spheres as stiff as they unload."""
+        """With exponent 3/2 that of the Rayleigh wave in spheres as stiff as they unload, of either row."""
         if self.exponent == 1.0:
             return None
         row = self.particle
-        stiffer = row.youngs_modulus_pa / (1.0 - row.contact_plasticity)
+        plastic = max(row.contact_plasticity, self.boundary.contact_plasticity)
+        stiffer = row.youngs_modulus_pa / (1.0 - plastic)
         time = rayleigh_time_s(stiffer, row.poisson_ratio, radius_m, density_kg_per_m3)
         cause = f"{RAYLEIGH_FRACTION:g} of the Rayleigh time {time:.3g} s of spheres that unload"
         return cause, RAYLEIGH_FRACTION * time

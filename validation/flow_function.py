@@ -1,9 +1,9 @@
-"""Unconfined strength over the preload: it grows where contacts yield and stick, not where they are elastic.
+"""Measure the unconfined strength after a preload, for plastic and for elastic contacts.
 
     python -m validation.flow_function [--preloads-kpa 5 20 80] [--seeds 1] [--processes 2]
 
-Endless cells of one packing, equal but for the law: PLASTIC spheres stick the more the harder they were
-pressed (elasto_plastic_adhesive), ELASTIC ones by a constant force. Each cell bears the preload on all three
+Endless cells of one packing, equal but for the law: the adhesion of PLASTIC spheres grows with the largest
+force (elasto_plastic_adhesive), that of ELASTIC ones is constant. Each cell bears the preload on all three
 axes, is released, and is then shortened without lateral stress. Exit status 1 where the strength of the
 plastic one does not grow by GROWS (a factor) from the least to the largest preload, or that of the elastic
 one changes by more than FLAT. Thakur et al., Granular Matter 16 (2014) 383-400, show the same of powders.

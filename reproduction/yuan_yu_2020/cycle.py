@@ -2,14 +2,14 @@
 
     python -m reproduction.yuan_yu_2020.cycle [--out DIR] [--results DIR]
 
-Takes the runs that are finished, starts none. Leaves in --results (results/cycle beside this file):
+Reads finished runs, starts none. Leaves in --results (results/cycle beside this file):
 
 cases.csv       one row for each run: draft, swing, cycles, spectrum, residual, overlap
 cases.md        the same for reading; intervals are of 95 %
 phases.md       when spring, angle, height and the soil's own force follow the draft
 thresholds.csv  travel between failures by the prominence that counts as one
 frequency.csv   sprung shank against the locked one's record passed through the linear shank
-saving.json     sprung less locked draft, bed by bed
+saving.json     locked less sprung draft, field by field
 cycle.png       draft over two metres, its spectra over time and travel, travel between failures
 """
 

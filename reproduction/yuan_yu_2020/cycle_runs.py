@@ -1,4 +1,4 @@
-"""Runs of the machine in a field that could show its swing to be an artefact, and what it depends on.
+"""Runs that test whether the swing of the machine in a field is an artefact, and what it depends on.
 
     python -m reproduction.yuan_yu_2020.cycle_runs [--out DIR] [--case NAME ...] [--workers N] [--list]
 

@@ -104,9 +104,8 @@ def report_fractions(args: argparse.Namespace) -> None:
             for soil, fraction, radius in cases
         }
         for (soil, fraction, radius), job in jobs.items():
-            found = np.array(
-                [(*one.peak, *one.critical, one.critical_fraction) for one in [one.result() for one in job]]
-            )
+            cells = [one.result() for one in job]
+            found = np.array([(*cell.peak, *cell.critical, cell.critical_fraction) for cell in cells])
             (c, phi, c_end, phi_end, end), spread = found.mean(axis=0), found.std(axis=0, ddof=1)
             print(
                 f"| {soil} | {fraction:g} | {radius:g} | {1e-3 * c:.2f} +- {1e-3 * spread[0]:.2f} "

@@ -43,12 +43,13 @@ from subsoil_ros.loading.material import read_material
 from subsoil_ros.loading.shipped import shipped_material
 from subsoil_ros.messages import ToolMotion
 
+from .blades import GRAVITY_M_PER_S2
 from .laboratory import Laboratory
 
 Values = NDArray[np.float64]
 
 SOIL, THICK = "dry_sand", 0.1
-"""Thickness of the plate over its depth (chosen)."""
+"""Thickness of the plate over its depth (chosen: more than a particle, so that none passes through)."""
 
 GRAINS_WIDE = 10.0
 """Period of the field over the mean diameter (chosen: it averages over so many grains)."""
@@ -87,7 +88,7 @@ class Run(NamedTuple):
     @property
     def speed_m_per_s(self) -> float:
         """Of the plate."""
-        return self.froude * math.sqrt(9.81 * self.depth_m)
+        return self.froude * math.sqrt(GRAVITY_M_PER_S2 * self.depth_m)
 
     @property
     def width_m(self) -> float:
@@ -97,7 +98,7 @@ class Run(NamedTuple):
     @property
     def name(self) -> str:
         """Of its files."""
-        words = (f"{1e2 * self.fraction:.0f}", f"{1e3 * self.depth_m:g}mm", f"r{1e3 * self.radius_m:g}")
+        words = (f"{1e2 * self.fraction:g}", f"{1e3 * self.depth_m:g}mm", f"r{1e3 * self.radius_m:g}")
         return "_".join((*words, f"f{self.froude:g}", f"s{self.seed}"))
 
 
@@ -255,7 +256,7 @@ def judged(path: Path) -> Judged:
         for low, high in itertools.pairwise(OCTAVES)
     ]
     bulk = run.fraction * read_material(shipped_material(Path(SOIL)), SOIL).density_kg_per_m3
-    scale = bulk * 9.81 * run.depth_m**2 * run.width_m
+    scale = bulk * GRAVITY_M_PER_S2 * run.depth_m**2 * run.width_m
     angles = rows["band_deg"][counts]
     angles = angles[np.isfinite(angles)]
     quartiles = np.percentile(angles, (25.0, 50.0, 75.0)) if len(angles) else np.full(3, math.nan)
@@ -311,15 +312,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--processes", type=int, default=2)
     args = parser.parse_args(arguments)
-    args.directory.mkdir(parents=True, exist_ok=True)
     if args.part == "drag":
+        args.directory.mkdir(parents=True, exist_ok=True)
         asked = [run for run in runs_of(args) if not (args.directory / f"{run.name}.csv").is_file()]
         with ProcessPoolExecutor(args.processes) as pool:
             for name in pool.map(drag, asked, [args.directory] * len(asked)):
                 print(name, flush=True)
         return 0
+    tables = sorted(args.directory.glob("*.csv"))
+    if not tables:
+        parser.error(f"{args.directory}: holds no table; give the DIR of a finished `drag`")
     print("| " + " | ".join(HEADS) + " |\n" + "|---" * len(HEADS) + "|")
-    for path in sorted(args.directory.glob("*.csv")):
+    for path in tables:
         print(as_text(judged(path)))
     return 0
 

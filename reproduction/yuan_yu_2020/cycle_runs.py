@@ -31,12 +31,9 @@ STEP_S = 8.1e-5
 LONG_S, MIDDLE_S, SHORT_S = 41.0, 21.0, 15.0
 """Durations: 20, 10 and 7 m of the trolley's travel at 0.5 m/s, and the entry."""
 
-GROUND_STIFFNESS, SINKAGE_M = 28000.0, 0.0267
-"""Of the wheel ground as declared [N/m], and how far the wheels sink into it in work."""
-
-SPRING = {"stiffness": 176500.0, "damping": 1000.0, "free_length_m": 0.38735}
-SPRING_NEWTON = 4650.0
-"""Of the spring as declared [N/m], [N s/m]; its mean force in work, under which other springs are as long."""
+SINKAGE_M, SPRING_NEWTON = 0.0267, 4650.0
+"""Means of the run in loam, which other grounds and springs must meet: how far the wheels sink into their
+ground, and the force of the spring."""
 
 TREAD = str(SCENE.parents[1] / "meshes" / "wheel.stl")
 
@@ -82,10 +79,16 @@ def _step(part: int) -> Document:
     return {"soil": {"time_step_s": round(STEP_S / part, 9)}, "record": {"series_ticks": 20 * part}}
 
 
+def _declared(force: str) -> Document:
+    """A force of the scene."""
+    found: Document = load_scene(SCENE).document["mechanism"]["forces"][force]
+    return found
+
+
 def _ground(factor: float) -> Document:
     """A stiffer ground for the wheels, as much lower as they sink less, so that the tip works as deep."""
     wheel = {
-        "stiffness_newton_per_m": factor * GROUND_STIFFNESS,
+        "stiffness_newton_per_m": factor * _declared("ground_left")["stiffness_newton_per_m"],
         "ground_z_m": -SINKAGE_M * (1.0 - 1.0 / factor),
     }
     return {"mechanism": {"forces": {"ground_left": wheel, "ground_right": wheel}}}
@@ -93,11 +96,12 @@ def _ground(factor: float) -> Document:
 
 def _spring(factor: float) -> Document:
     """Another stiffness, as long as before under the mean force; the damping ratio is kept."""
-    shift = SPRING_NEWTON / SPRING["stiffness"] * (1.0 - 1.0 / factor)
+    declared = _declared("H9_spring")
+    stiffness = declared["stiffness_newton_per_m"]
     spring = {
-        "stiffness_newton_per_m": factor * SPRING["stiffness"],
-        "damping_newton_s_per_m": math.sqrt(factor) * SPRING["damping"],
-        "free_length_m": SPRING["free_length_m"] - shift,
+        "stiffness_newton_per_m": factor * stiffness,
+        "damping_newton_s_per_m": math.sqrt(factor) * declared["damping_newton_s_per_m"],
+        "free_length_m": declared["free_length_m"] - SPRING_NEWTON / stiffness * (1.0 - 1.0 / factor),
     }
     return {"mechanism": {"forces": {"H9_spring": spring}}}
 
@@ -185,8 +189,8 @@ def scene_of(case: Case, out: Path) -> Path:
     """Scene file of a case; of a locked one that of the same bed with the shank on the spring."""
     name = "loam" if case.locked else case.key.rpartition("-")[0]
     changes: Document = {"base": str(SCENE), "name": name, **case.changes}
-    sprung = next(one.duration_s for one in cases() if one.seed == case.seed) if case.locked else None
-    changes["duration_s"] = sprung or case.duration_s
+    run = (case.name if not case.locked else "loam", case.seed)
+    changes["duration_s"] = next(one.duration_s for one in cases() if (one.name, one.seed) == run)
     soil: dict[str, Any] = changes.get("soil", {})
     changes["soil"] = {**soil, "bed": {**soil.get("bed", {}), "seed": case.seed}}
     return write_scene(changes, out / "scenes" / f"{name}-{case.seed}.yaml")

@@ -13,13 +13,14 @@ from pydantic import Field, field_validator, model_validator
 from ...strict_model import Fraction, NonNegative, PoissonRatio, Positive, StrictModel
 from ..base import ContactLaw, PairValues, with_weaker_friction
 from ..dampers import damping_ratio_at
-from ..hertz.law import RAYLEIGH_FRACTION, rayleigh_time_s
+from ..hertz.law import RAYLEIGH_FRACTION, rayleigh_time_s, reduced_compliances, springs_at
 
 TANGENTIAL_RATIO = 2.0 / 7.0
 """Tangential over loading stiffness, exponent 1: a sticking contact then swings as fast along the tangent as
 along the normal (Thakur et al. 2014)."""
 
 EXPONENTS = (1.0, 1.5)
+"""Linear springs, and those of elastic spheres (Thakur et al. 2014)."""
 
 
 class ElastoPlasticAdhesiveNumbers(NamedTuple):
@@ -92,16 +93,7 @@ class ElastoPlasticAdhesivePair(PairValues):
         """Springs and dashpots of small motion at this overlap, which unloads and loads again, in N/m and
         N s/m."""
         root = math.sqrt(overlap_m) if self.exponent > 1.0 else 1.0
-        return PairValues(
-            stiffness=self.exponent * self.unloading_stiffness * root,
-            tangential_stiffness=self.tangential_stiffness * root,
-            damping=self.damping * math.sqrt(root),
-            tangential_damping=self.tangential_damping * math.sqrt(root),
-            static_friction=self.static_friction,
-            sliding_friction=self.sliding_friction,
-            rolling_friction=self.rolling_friction,
-            twisting_friction=self.twisting_friction,
-        )
+        return springs_at(self, self.exponent * self.unloading_stiffness * root, root)
 
 
 class ElastoPlasticAdhesiveValues(StrictModel):
@@ -242,11 +234,7 @@ class ElastoPlasticAdhesiveLaw(ContactLaw):
         8 G* sqrt(R* overlap). Dashpots give the restitution on the spring k2.
         """
 
-        def compliance(row: ElastoPlasticAdhesiveValues) -> tuple[float, float]:
-            nu, young = row.poisson_ratio, row.youngs_modulus_pa
-            return (1.0 - nu**2) / young, 2.0 * (2.0 - nu) * (1.0 + nu) / young
-
-        normal, shear = (a + b for a, b in zip(compliance(first), compliance(second), strict=True))
+        normal, shear = reduced_compliances(first, second)
         damping = 2.0 * damping_ratio_at(second.restitution)
         if self.exponent == 1.0:
             stiffness = 2.0 * radius_m / normal

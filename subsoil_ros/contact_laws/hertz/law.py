@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from ...strict_model import Fraction, NonNegative, PoissonRatio, Positive, StrictModel
 from ..base import ContactLaw, PairValues, with_weaker_friction
@@ -41,16 +41,7 @@ class HertzPair(PairValues):
     def linear_at(self, overlap_m: float) -> PairValues:
         """Springs and dashpots in N/m and N s/m at this overlap."""
         root = math.sqrt(overlap_m)
-        return PairValues(
-            stiffness=1.5 * self.stiffness * root,
-            tangential_stiffness=self.tangential_stiffness * root,
-            damping=self.damping * math.sqrt(root),
-            tangential_damping=self.tangential_damping * math.sqrt(root),
-            static_friction=self.static_friction,
-            sliding_friction=self.sliding_friction,
-            rolling_friction=self.rolling_friction,
-            twisting_friction=self.twisting_friction,
-        )
+        return springs_at(self, 1.5 * self.stiffness * root, root)
 
 
 class HertzValues(StrictModel):
@@ -121,6 +112,32 @@ def rayleigh_time_s(youngs_modulus_pa: float, nu: float, radius_m: float, densit
     return math.pi * radius_m * math.sqrt(density_kg_per_m3 / shear) / (0.1631 * nu + 0.8766)
 
 
+def springs_at(values: PairValues, stiffness: float, root: float) -> PairValues:
+    """Linear springs of a pair whose tangential stiffness goes with the root [m^0.5] of its overlap, dampers
+    with the root of that; `stiffness` [N/m] is the tangent along the normal."""
+    return PairValues(
+        stiffness=stiffness,
+        tangential_stiffness=values.tangential_stiffness * root,
+        damping=values.damping * math.sqrt(root),
+        tangential_damping=values.tangential_damping * math.sqrt(root),
+        static_friction=values.static_friction,
+        sliding_friction=values.sliding_friction,
+        rolling_friction=values.rolling_friction,
+        twisting_friction=values.twisting_friction,
+    )
+
+
+def reduced_compliances(first: Any, second: Any) -> tuple[float, float]:
+    """1 / E* and 1 / G* [1/Pa] of two rows with youngs_modulus_pa and poisson_ratio (Johnson 1985)."""
+
+    def compliance(row: Any) -> tuple[float, float]:
+        nu, young = row.poisson_ratio, row.youngs_modulus_pa
+        return (1.0 - nu**2) / young, 2.0 * (2.0 - nu) * (1.0 + nu) / young
+
+    (normal, shear), (other_normal, other_shear) = compliance(first), compliance(second)
+    return normal + other_normal, shear + other_shear
+
+
 def _values(
     first: HertzValues, second: HertzValues, restitution: float, radius_m: float, mass_kg: float
 ) -> HertzPair:
@@ -131,11 +148,7 @@ def _values(
     T. Ishida, Powder Technology 71 (1992) 239-250).
     """
 
-    def compliance(row: HertzValues) -> tuple[float, float]:
-        nu, young = row.poisson_ratio, row.youngs_modulus_pa
-        return (1.0 - nu**2) / young, 2.0 * (2.0 - nu) * (1.0 + nu) / young
-
-    normal, tangential = (a + b for a, b in zip(compliance(first), compliance(second), strict=True))
+    normal, tangential = reduced_compliances(first, second)
     root = math.sqrt(radius_m)
     stiffness, shear = 2.0 * root / normal, 8.0 * root / tangential  # S_n, S_t per root of overlap
     dashpot = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio_at(restitution)

@@ -266,7 +266,7 @@ def unconfined_strength_pa(cell: Cell, preload_pa: float, end_strain: float = PE
     `preload_pa` and were released [Pa]: a point of the soil's flow function.
 
     Raises:
-        RunError: released, the cell falls apart or does not come to rest.
+        RunError: released, the cell does not come to rest.
     """
     element = _Strained(cell, preload_pa)
     for look in range(1, LONGEST_HOLD + 1):
@@ -277,7 +277,7 @@ def unconfined_strength_pa(cell: Cell, preload_pa: float, end_strain: float = PE
     else:
         raise RunError(
             f"unconfined compression: {preload_pa:g} Pa released, {stress} Pa are left along x, y and z; "
-            "give the law an attraction"
+            "give the law dampers"
         )
     height, largest = element.engine.bed.periods_m[2], 0.0
     while element.engine.bed.periods_m[2] > (1.0 - end_strain) * height:

@@ -38,7 +38,7 @@ def fill(builder: Builder, name: str, force: SpringDamper) -> None:
         builder.lock(name, row, LOCKED_SPRING, ROD, length)
         return
     pushes = force.free_length_m > 0.0 or force.preload_newton != 0.0 or force.table or force.stops
-    if pushes and force.point_a_m == force.point_b_m and force.body_a != force.body_b:
+    if pushes and force.point_a_m == force.point_b_m:
         raise SceneError(
             f"mechanism.forces.{name}: its two points are one in the reference pose, where its force has no "
             "direction; move one, or give free_length_m: 0 and neither preload, table nor stops"

@@ -100,6 +100,7 @@ class SoilState:
     particle_count: int
     contact_count: int
     lost_particle_count: int  # left the domain since the start
+    broken_bond_count: int  # since the start
     rebuild_count: int  # neighbour lists built since the start
     kinetic_energy_joule: float  # translation and rotation
     rms_speed_m_per_s: float
@@ -242,6 +243,7 @@ class SoilCloud:
     """Particles for visualization: positions [m] (n, 3) and speeds [m/s] (n,), float32 arrays.
 
     identities (n,) uint32, unique for ever, where particles come and go (soil.window); else None.
+    broken_parts (n,) float32: part of each particle's bonds that broke (soil.bonds); else None.
     """
 
     tick: int
@@ -249,3 +251,4 @@ class SoilCloud:
     positions_m: object = field(repr=False)
     speeds_m_per_s: object = field(repr=False)
     identities: object = field(default=None, repr=False)
+    broken_parts: object = field(default=None, repr=False)

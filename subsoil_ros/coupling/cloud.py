@@ -19,6 +19,7 @@ def recorded_cloud(cloud: SoilCloud, record: Record) -> SoilCloud:
     positions = np.asarray(cloud.positions_m, dtype=np.float32)
     speeds = np.asarray(cloud.speeds_m_per_s, dtype=np.float32)
     identities: Any = cloud.identities
+    broken: Any = cloud.broken_parts
     if record.cloud_region is not None:
         inside = np.ones(len(positions), dtype=bool)
         for axis, span in enumerate(record.cloud_region.spans_m):
@@ -26,10 +27,11 @@ def recorded_cloud(cloud: SoilCloud, record: Record) -> SoilCloud:
                 inside &= (positions[:, axis] >= span[0]) & (positions[:, axis] <= span[1])
         positions, speeds = positions[inside], speeds[inside]
         identities = None if identities is None else identities[inside]
+        broken = None if broken is None else broken[inside]
     if record.cloud_resolution_m > 0.0:
         positions = _rounded(positions, position_step_m(record.cloud_resolution_m))
         speeds = _shortened(speeds, SPEED_BITS)
-    return SoilCloud(cloud.tick, cloud.end_time_ns, positions, speeds, identities)
+    return SoilCloud(cloud.tick, cloud.end_time_ns, positions, speeds, identities, broken)
 
 
 def _rounded(values: NDArray[np.float32], step: float) -> NDArray[np.float32]:

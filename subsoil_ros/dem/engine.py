@@ -15,6 +15,9 @@ from ..messages import ToolMotion, ToolWrench
 from ..scene.pairs import layer_soils, pair_values, particle_mass_kg
 from .bed import Bed, finite_rows, refuse_outside, scaled
 from .beds.prepare import prepare_bed
+from .blocks import history_blocks
+from .bonds.bond_list import BondList
+from .bonds.kernel import NO_BONDS
 from .contact import history_parity, law_features, soil_laws
 from .homogeneous import stretch_springs
 from .integration import kick
@@ -22,7 +25,6 @@ from .kernel_calls import KernelCalls, use_threads
 from .mixture import law_tables, material_at, reaches_m
 from .monitors import Domain, SoilMonitor, refuse_lost_numbers
 from .neighbours import carry_pairs, cell_grid, endless_list, half_list, slab_starts, sort_by_cell
-from .pairs import history_blocks
 from .periodic import TOOL_SKIN, periods, refuse_narrow_period
 from .readings import SoilReadings
 from .snapshot import bed_digest, below, from_named, motion_from, named
@@ -89,6 +91,7 @@ class SoilEngine(SoilReadings):
         self._overlap_bound = soil.max_tool_overlap_m or 2.0 * soil.particles.mean_volume_radius_m
         self._planes = wall_planes(self.bed.lower_m, self.bed.upper_m, self.bed.sides)
         self._tools: tuple[ToolSurface, ...] = ()
+        self._bonds: BondList | None = None
         self._kernels = KernelCalls()
         self._calls: _StepCalls | None = None
         self._rebuilds = 0
@@ -164,6 +167,8 @@ class SoilEngine(SoilReadings):
         )
         none = np.empty(0, np.int64)
         self._walls = WallList(none, none.copy(), self._history(0, np.float64))
+        if self._soil.bonds is not None:
+            self._bonds = BondList(self._soil, self._particles, self._kind, self._features)
 
     def _history(self, contacts: int, kind: type) -> np.ndarray:
         return history_blocks(contacts, kind, len(self._parity))
@@ -218,6 +223,8 @@ class SoilEngine(SoilReadings):
                 pairs.row_start, pairs.neighbour, p.position, pairs.history, scales - 1.0,
                 self._radius, self._boundary, self._mixture(self._pair_laws), self._features,
             )  # fmt: skip
+            if self._bonds is not None:
+                self._bonds.stretch(self._pairs, p.position, scales - 1.0)
         self._strain += float(np.abs(scales - 1.0).max())
         if self._strain > _STRAIN_OF_LISTS * self._soil.skin_m / self._radius:
             self._rebuild(())
@@ -274,6 +281,8 @@ class SoilEngine(SoilReadings):
             "bed": self._bed_digest(),
         }
         parts = {f"tool.{tool.name}": tool.state_arrays() for tool in self._tools}
+        if self._bonds is not None:
+            parts["bonds"] = self._bonds.arrays()
         if self._monitor is not None:
             parts["watch"] = self._monitor.state_arrays()
         for prefix, part in parts.items():
@@ -300,6 +309,9 @@ class SoilEngine(SoilReadings):
         self._moving, self._owes_kick = from_named(Particles, "particles", arrays), False
         self._pairs = from_named(PairList, "pairs", arrays)
         self._walls = from_named(WallList, "walls", arrays)
+        if self._soil.bonds is not None:
+            self._bonds = BondList(self._soil, self._moving, self._kind, self._features)
+            self._bonds.restore(below("bonds", arrays))
         self._calls = None
         self._wall_force = arrays["wall_force"]
         self._pair_book, self._wall_book = arrays["pair_book"], arrays["wall_book"]
@@ -401,7 +413,7 @@ class SoilEngine(SoilReadings):
         of_pairs = (
             pairs.slab_start, pairs.row_start, pairs.neighbour, *motion, pairs.history,
             self._kind(self._radius), self._kind(step), self._pair_law, self._mixture(self._pair_laws),
-            features, self._pair_book,
+            features, self._pair_book, self._bonds.kernel_arrays() if self._bonds is not None else NO_BONDS,
         )  # fmt: skip
         of_walls = (
             walls.particle, walls.wall, self._planes, *motion, walls.history,
@@ -469,7 +481,11 @@ class SoilEngine(SoilReadings):
         per_slab = grid.nx if self.bed.sides == "endless" else _CELLS_PER_SLAB
         slabs = slab_starts(cell_start, grid, per_slab)
         self._flush_books()
-        self._pairs = PairList(row_start, neighbour, history, slabs)
+        self._pairs = pairs = PairList(row_start, neighbour, history, slabs)
+        if self._bonds is not None:
+            self._bonds.carry(order, old, pairs)
+            if self._bonds.known <= p.identity.max(initial=-1):
+                self._bonds.add(pairs, p, self._laid_out_m(p.identity))
         before, (particle, wall) = self._walls, self._near_walls(boundary_reach + skin)
         history = self._history(len(particle), np.float64)
         carry_walls(

@@ -7,9 +7,10 @@ from numba import njit
 
 from ..contact_laws.base import SPRINGS
 from ..contact_laws.springs import turned
+from .blocks import BLOCK, history_place
 from .contact import components, kept_at, reach
 from .mixture import pair_of
-from .pairs import BLOCK, contact_of_pair, history_place
+from .pairs import contact_of_pair
 from .periodic import nearest_images
 
 

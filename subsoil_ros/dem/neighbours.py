@@ -7,8 +7,8 @@ from numba import njit, prange
 from scipy.spatial import cKDTree
 
 from .bed import Bed
+from .blocks import BLOCK, history_place
 from .compiled import inner_kernel
-from .pairs import BLOCK, history_place
 from .per_particle import PARTS, of_particle
 from .periodic import nearest_image
 

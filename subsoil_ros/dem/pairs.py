@@ -2,19 +2,20 @@
 
 The pairs of a slab are taken in blocks. Of each block the particles' states are gathered into scratch
 rows, the law is computed along the rows, where the compiler makes vector instructions of it, and the
-results are scattered to the particles in the order of the list. Histories live in blocks too: BLOCK
-numbers of each component, one after the other, so that no copy is needed.
+results are scattered to the particles in the order of the list. Histories live in blocks too, so that no
+copy is needed (dem.blocks).
 """
 
 import math
 
 import numpy as np
 from numba import njit, prange
-from numba.extending import register_jitable
 
 from ..contact_laws.base import SINKS, SPRINGS
 from ..contact_laws.inverse_root import inverse_root
 from ..contact_laws.springs import like, turned
+from .blocks import BLOCK, ROW, history_place, scratch_rows
+from .bonds.kernel import add_bonds, bond_rows, put_bonds
 from .compiled import inner_kernel
 from .contact import (
     at_size,
@@ -32,50 +33,10 @@ from .mixture import pair_of
 from .per_particle import PARTS, added_up
 from .periodic import nearest_images
 
-BLOCK = 512
-"""Pairs computed at a time (measured, 128 to 1024: one component of the histories is then a page, and a bed
-larger than the cache streams a fifth faster than with 128)."""
-
-_LINE_BYTES = 64
-"""A cache line, and the widest vector: one that starts on a line costs half of one that crosses two."""
-
-ROW = BLOCK + 16
-"""Length of a scratch row: whole lines, but no power of two, so that the rows do not compete for the same
-lines of the cache."""
-
 _GATHERED = 12
 """Scratch rows: x_j - x_i, v_i - v_j, w_i, w_j. Results take their place: force on i, torque on i, on j."""
 
 _BOOKED = len(SINKS)
-
-
-def history_blocks(pairs: int, kind: type, components: int = SPRINGS) -> np.ndarray:
-    """Room for `components` numbers of each of `pairs` pairs, from the start of a cache line on; not set
-    but for what follows the last pair, zero. Component c of pair k stands at history_place(k) + c * BLOCK."""
-    size = BLOCK * components
-    count, spare = -(-pairs // BLOCK) * size, _LINE_BYTES // np.dtype(kind).itemsize
-    numbers: np.ndarray = np.empty(count + spare, kind)
-    first = _first_on_line(numbers)
-    numbers[first + pairs // BLOCK * size :] = 0.0
-    return numbers[first : first + count]
-
-
-@register_jitable
-def _first_on_line(numbers):
-    """Index of the first number of an array that starts a cache line."""
-    return -numbers.ctypes.data % _LINE_BYTES // numbers.itemsize
-
-
-@njit(cache=True, forceinline=True)
-def history_place(pair, components=SPRINGS):
-    """Place of the first of `components` numbers of a pair's history."""
-    return pair // BLOCK * (BLOCK * components) + pair % BLOCK
-
-
-def history_places(pair: np.ndarray, components: int) -> np.ndarray:
-    """(p, components) places of what a law keeps of pairs (p,), in blocks of history_blocks."""
-    first = pair // BLOCK * (BLOCK * components) + pair % BLOCK  # history_place
-    return np.asarray(first[:, None] + BLOCK * np.arange(components))
 
 
 @inner_kernel(forceinline=True)
@@ -128,14 +89,6 @@ def _gather(
                 for a, number in enumerate(of_pair):
                     scratch[14 + a, b] = number
         start = stop
-
-
-@inner_kernel(forceinline=True)
-def scratch_rows(count, kind):
-    """`count` rows of ROW numbers, one after the other from the start of a cache line on; not set."""
-    spare = np.empty((count + 1) * ROW, kind)
-    first = _first_on_line(spare)
-    return spare[first : first + count * ROW]
 
 
 @inner_kernel(forceinline=True, fastmath={"contract"})
@@ -276,7 +229,7 @@ def _scatter(first_row, pair, last, row_start, neighbour, force, torque, scratch
 @inner_kernel()
 def _slab_forces(
     first, last, row_start, neighbour, position, velocity, spin, force, torque, history,
-    radius, step, law, mixture, features, book,
+    radius, step, law, mixture, features, book, bonds, slab,
 ):  # fmt: skip
     """Pairs of the particles first <= i < last, in list order. `book` (5,) gathers the sinks [J]."""
     count, common = _GATHERED, law
@@ -285,7 +238,7 @@ def _slab_forces(
         common = numbers_like(step, numbers_at(mixture.laws[0], 0, 1, law))
     elif features.sizes.ndim == 2 or features.materials.ndim == 2:
         count += 2 + len(law)  # radii of i and j, and the law of the pair
-    flat = scratch_rows(count, history.dtype)
+    flat, of_bonds = scratch_rows(count, history.dtype), scratch_rows(bond_rows(bonds), history.dtype)
     rows = flat.reshape((count, ROW))
     pair, end = row_start[first], row_start[last]
     row = first
@@ -296,7 +249,9 @@ def _slab_forces(
             radius, law, mixture, features,
         )  # fmt: skip
         own = history[history_place(pair, components(law)) :]
+        put_bonds(stop - pair, pair, flat, of_bonds, slab, step, bonds, features)
         _compute(stop - pair, flat, own, radius, step, common, features, book)
+        add_bonds(stop - pair, flat, of_bonds, bonds)
         row = _scatter(row, pair, stop, row_start, neighbour, force, torque, rows)
         pair = stop
 
@@ -304,11 +259,12 @@ def _slab_forces(
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def pair_forces(
     slab_start, row_start, neighbour, position, velocity, spin, force, torque, history,
-    radius, step, law, mixture, features, book,
+    radius, step, law, mixture, features, book, bonds,
 ):  # fmt: skip
     """Adds the forces of all pairs. `book` (slabs, 5) [J] gathers the sinks slab by slab.
 
     radius [m] and law are those of all particles, unless `features` say that `mixture` has their own.
+    bonds: NoBonds or BondArrays.
     """
     slabs = slab_start.shape[0] - 1
     for color in range(2):
@@ -316,7 +272,7 @@ def pair_forces(
             slab = 2 * half + color
             _slab_forces(
                 slab_start[slab], slab_start[slab + 1], row_start, neighbour, position, velocity, spin,
-                force, torque, history, radius, step, law, mixture, features, book[slab],
+                force, torque, history, radius, step, law, mixture, features, book[slab], bonds, slab,
             )  # fmt: skip
 
 

@@ -9,13 +9,16 @@ import numpy as np
 from ..contact_laws.base import SINKS, Features
 from ..messages import SoilCloud, SoilState
 from .bed import Bed
+from .blocks import history_places
+from .bonds.bond_list import SINKS as BOND_SINKS
+from .bonds.bond_list import BondList
 from .energy import EnergyBook
 from .homogeneous import pair_stress
 from .integration import mass_sums, motion_sums
 from .kernel_calls import use_threads
 from .mixture import Mixture
 from .monitors import LostParticle, MotionSums, SoilMonitor, half_step_sums
-from .pairs import contact_scan, history_places, pair_energy
+from .pairs import contact_scan, pair_energy
 from .periodic import wrapped
 from .state import PairList, Particles, WallList
 from .tools.surface import ToolSurface
@@ -44,6 +47,7 @@ class SoilReadings(ABC):
     _loaded_position: np.ndarray
     _pairs: PairList
     _walls: WallList
+    _bonds: BondList | None
     _tools: Sequence[ToolSurface]
     _monitor: SoilMonitor | None
     _rebuilds: int
@@ -172,6 +176,7 @@ class SoilReadings(ABC):
             particle_count=n,
             contact_count=contacts,
             lost_particle_count=self._monitor.lost_count if self._monitor is not None else 0,
+            broken_bond_count=self._bonds.count(self._pairs)[1] if self._bonds is not None else 0,
             rebuild_count=self._rebuilds,
             kinetic_energy_joule=self._moving_joule()[0],
             rms_speed_m_per_s=float(np.sqrt(sums.speed2 / n)),
@@ -194,11 +199,17 @@ class SoilReadings(ABC):
             t.stored_joule(p, self._radius, self._at_tools, mixture, self._features) for t in self._tools
         )
         sinks = self._sinks + sum((t.sinks_joule for t in self._tools), np.zeros(len(SINKS)))
+        booked = dict(zip(SINKS, sinks.tolist(), strict=True))
+        in_bonds = 0.0
+        if self._bonds is not None:
+            self._bonds.flush()
+            in_bonds = self._bonds.sums(self._pairs, p.position)[0]
+            booked |= zip(BOND_SINKS, self._bonds.lost_joule.tolist(), strict=True)
         return EnergyBook(
             kinetic_joule=kinetic,
             gravity_joule=gravity,
-            stored_joule=self._stored_in_pairs() + at_walls + at_tools,
-            sinks_joule=dict(zip(SINKS, sinks.tolist(), strict=True)),
+            stored_joule=self._stored_in_pairs() + in_bonds + at_walls + at_tools,
+            sinks_joule=booked,
             tool_work_joule=self._tool_work,
             carried_joule=self._carried_joule,
         )
@@ -210,16 +221,23 @@ class SoilReadings(ABC):
 
     def stress_pa(self) -> np.ndarray:
         """(3, 3) mean stress of an endless bed, compression positive, along x, y and z; without dampers."""
-        pairs = self._pairs
-        return pair_stress(
-            pairs.row_start, pairs.neighbour, self._particles.position, pairs.history,
+        pairs, position = self._pairs, self._particles.position
+        total = pair_stress(
+            pairs.row_start, pairs.neighbour, position, pairs.history,
             self._radius, self._boundary, self._mixture(self._pair_laws), self._features,
-        ) / float(np.prod(self.bed.periods_m))  # fmt: skip
+        )  # fmt: skip
+        if self._bonds is not None:
+            total = total + self._bonds.sums(pairs, position)[1]
+        return total / float(np.prod(self.bed.periods_m))
 
     def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:
         """Particles in the order of the prepared bed, float32."""
         speed = np.linalg.norm(self.velocities_m_per_s(), axis=1)
-        return SoilCloud(tick, end_time_ns, self.positions_m().astype(np.float32), speed.astype(np.float32))
+        broken = None
+        if self._bonds is not None:
+            broken = self._bonds.broken_part(self._pairs)[np.argsort(self._particles.identity)]
+        positions = self.positions_m().astype(np.float32)
+        return SoilCloud(tick, end_time_ns, positions, speed.astype(np.float32), broken_parts=broken)
 
     def _masses(self) -> tuple[float | np.ndarray, float | np.ndarray]:
         """Mass [kg] and inertia [kg m2] for the kernels: of all particles, or arrays (n,)."""

@@ -101,7 +101,7 @@ class PairList:
 
     row_start: np.ndarray  # (n + 1,) int64
     neighbour: np.ndarray  # (p,) int32
-    history: np.ndarray  # springs, and what the law keeps besides, in blocks (dem.pairs.history_blocks)
+    history: np.ndarray  # springs, and what the law keeps besides, in blocks (dem.blocks.history_blocks)
     slab_start: np.ndarray  # (slabs + 1,) int64
 
 

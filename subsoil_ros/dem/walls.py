@@ -8,10 +8,11 @@ from numba import njit, prange
 
 from ..contact_laws.base import SINKS, SPRINGS
 from ..contact_laws.springs import like
+from .blocks import BLOCK, ROW, history_place, scratch_rows
 from .compiled import inner_kernel
 from .contact import components, contact, kept_at, numbers_at, put_kept, reach, spring_energy
 from .mixture import sphere_of
-from .pairs import BLOCK, ROW, history_place, scratch_rows, stored_energy
+from .pairs import stored_energy
 
 WALLS = ("near", "far", "right", "left", "floor")
 

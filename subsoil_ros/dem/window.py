@@ -19,9 +19,9 @@ from ..loading.loader import ResolvedScene
 from ..messages import SoilCloud, ToolMotion, ToolWrench
 from .bed import Bed
 from .beds.field import Field, Strips, kept_block
+from .blocks import history_places
 from .engine import SoilEngine
 from .monitors import Domain
-from .pairs import history_places
 from .snapshot import bed_digest
 from .state import Particles
 from .tools.surface import ToolSurface, surfaces
@@ -232,10 +232,10 @@ class FieldEngine(SoilEngine):
         """What acts on the particles of `fresh` (n,) as they stand; all others, and all springs, stay as they
         are."""
         p = self._particles
-        kept = [
-            (array, array.copy())
-            for array in (self._pairs.history, self._walls.history, self._pair_book, self._wall_book)
-        ]
+        changed = [self._pairs.history, self._walls.history, self._pair_book, self._wall_book]
+        if self._bonds is not None:
+            changed += [self._bonds.state, self._bonds.book]
+        kept = [(array, array.copy()) for array in changed]
         force, torque = p.force.copy(), p.torque.copy()
         p.force[:] = 0.0
         p.force[:, 2] = -self._masses()[0] * self._gravity

@@ -1,6 +1,7 @@
 """What follows from a scene: stable soil steps and ticks."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from ..errors import SceneError
@@ -53,15 +54,28 @@ def step_limits(soil: Soil, coordination: float = DENSE_COORDINATION) -> tuple[S
     these rates of the whole bed by its largest over single particles, and the smallest of a layer has the
     largest z / m (neighbours grow with the square of the radius at most, mass with its cube) under the
     stiffest of its pairs.
+
+    Bonds act beside the contacts: rates of dampers, and squares of frequencies, add up.
     """
     layers = layer_soils(soil)
     waves = [found for found in map(_wave_limit, layers) if found is not None]
     if waves:
-        return (min(waves, key=lambda item: item.limit_s),)
+        slowest = min(waves, key=lambda item: item.limit_s)
+        of_bonds = [bond for layer in layers for bond in _bond_limits(layer, coordination).values()]
+        return tuple(sorted((_beside(slowest, of_bonds), *of_bonds), key=lambda item: item.limit_s))
     smallest: dict[str, StepLimit] = {}
     for k, layer in enumerate(layers):
         named = f", layer {soil.layers[k].name}" if soil.layers else ""
-        candidates = [_particle_limits(layer, other, coordination, named) for other in layers]
+        bonds = _bond_limits(layer, coordination)
+        candidates = [bonds]
+        for other in layers:
+            found_here = _particle_limits(layer, other, coordination, named)
+            candidates.append(
+                {
+                    kind: _beside(limit, (bonds[kind],) if kind in bonds else ())
+                    for kind, limit in found_here.items()
+                }
+            )
         for limits in (*candidates, _boundary_limits(layer, named)):
             for kind, found in limits.items():
                 if kind not in smallest or found.limit_s < smallest[kind].limit_s:
@@ -116,6 +130,55 @@ def _particle_limits(soil: Soil, other: Soil, z: float, named: str) -> dict[str,
         spring=True,
     )
     return limits
+
+
+def _bond_limits(soil: Soil, z: float) -> dict[str, StepLimit]:
+    """Limits of the smallest particle of `soil` among z bonds and nothing else, by kind of motion.
+
+    Opposite spins of neighbours see bending and torsion, equal ones shear; of each the larger counts.
+    """
+    if soil.bonds is None:
+        return {}
+    radius = soil.particles.bounds_m[0]
+    mass = sphere_mass_kg(soil, radius)
+    own = soil.bonds.radius_over_particle * radius
+    normal = soil.bonds.youngs_modulus_pa * math.pi * own**2 / (2.0 * radius)
+    shear = normal / soil.bonds.stiffness_ratio
+    damper = 2.0 * soil.bonds.damping_ratio * math.sqrt(0.5 * mass * normal)
+    sliding = damper / math.sqrt(soil.bonds.stiffness_ratio)
+    inertia = 0.4 * mass * radius**2
+
+    def turning(slip: float, bending: float, torsion: float) -> float:
+        across = max(2.0 / 3.0 * slip * radius**2, 2.0 / 3.0 * bending + torsion / 3.0)
+        return 2.0 * z * across / inertia
+
+    rates = {
+        "spin, dampers": turning(
+            sliding, math.sqrt(0.1) * own**2 * damper, math.sqrt(0.2) * own**2 * sliding
+        ),
+        "translation, dampers": 2.0 * z * max(damper, sliding) / mass,
+    }
+    squares = {
+        "translation, springs": 2.0 * z * (normal + 2.0 * shear) / (3.0 * mass),
+        "spin, springs": turning(shear, 0.25 * own**2 * normal, 0.5 * own**2 * shear),
+        "pair": 2.0 * normal / mass,
+    }
+    cause = f"bonds of {normal:.3g} and {shear:.3g} N/m"
+    found = {kind: StepLimit(f"{cause}, {kind}", 2.0 / math.sqrt(square)) for kind, square in squares.items()}
+    for kind, rate in rates.items():
+        if rate > 0.0:
+            found[kind] = StepLimit(f"{cause}, {kind}", 2.0 / rate, damped=True)
+    return found
+
+
+def _beside(limit: StepLimit, others: Iterable[StepLimit]) -> StepLimit:
+    """A limit with what other springs or dampers, as it is set by them, add to it."""
+    alike = [other for other in others if other.damped == limit.damped]
+    if not alike:
+        return limit
+    power = 1.0 if limit.damped else 2.0
+    total = limit.limit_s**-power + max(other.limit_s**-power for other in alike)
+    return StepLimit(f"{limit.cause}, with {alike[0].cause}", total ** (-1.0 / power), limit.damped)
 
 
 def _boundary_limits(soil: Soil, named: str) -> dict[str, StepLimit]:

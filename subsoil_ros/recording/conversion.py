@@ -39,7 +39,7 @@ from .types import message_class
 PACKAGE = "subsoil_msgs/msg/"
 WORLD_FRAME = "world"
 POINT_FIELDS = ("x", "y", "z", "speed")
-IDENTITY = "identity"
+IDENTITY, BROKEN = "identity", "broken_part"
 _FLOAT32, _UINT32 = 7, 6  # sensor_msgs/PointField
 
 _PARTS: dict[type, dict[str, type]] = {
@@ -193,15 +193,16 @@ _PART_TO_MESSAGE: dict[type, Callable[[Any], Any]] = {
 
 
 def point_cloud(cloud: SoilCloud) -> Any:
-    """sensor_msgs/PointCloud2 of the particles: x, y, z [m] and speed [m/s], float32, little-endian, and,
-    where particles come and go, their identity, uint32."""
+    """sensor_msgs/PointCloud2 of the particles: x, y, z [m] and speed [m/s], float32, little-endian; where
+    particles come and go, their identity, uint32; where they are bonded, the part of the bonds that broke."""
     positions = np.asarray(cloud.positions_m)
-    names = POINT_FIELDS if cloud.identities is None else (*POINT_FIELDS, IDENTITY)
+    more = {IDENTITY: cloud.identities, BROKEN: cloud.broken_parts}
+    names = (*POINT_FIELDS, *(name for name, values in more.items() if values is not None))
     points = np.empty((len(positions), len(names)), dtype="<f4")
     points[:, :3] = positions
     points[:, 3] = cloud.speeds_m_per_s
-    if cloud.identities is not None:
-        points.view("<u4")[:, 4] = cloud.identities
+    for k, name in enumerate(names[4:], 4):
+        points.view("<u4" if name == IDENTITY else "<f4")[:, k] = more[name]
     return points_message(cloud.end_time_ns, points[None], names, is_dense=True)
 
 
@@ -298,7 +299,9 @@ def cloud_from_message(message: Any, communication_step_ns: int) -> SoilCloud:
     """The SoilCloud of a PointCloud2 made by `point_cloud`."""
     words = message.point_step // 4
     points = np.frombuffer(memoryview(message.data), dtype="<f4").reshape(-1, words)
-    identities = points.view("<u4")[:, 4] if words > len(POINT_FIELDS) else None
+    places = {field.name: field.offset // 4 for field in message.fields}
+    identities = points.view("<u4")[:, places[IDENTITY]] if IDENTITY in places else None
+    broken = points[:, places[BROKEN]] if BROKEN in places else None
     time_ns = time_ns_of(message.header.stamp)
     tick = time_ns // communication_step_ns - 1
-    return SoilCloud(tick, time_ns, points[:, :3], points[:, 3], identities)
+    return SoilCloud(tick, time_ns, points[:, :3], points[:, 3], identities, broken)

@@ -9,6 +9,7 @@ from ..contact_laws.registry import contact_laws
 from ..strict_model import Positive, StrictModel
 from .beds import Bed, DenseRandomBed, GridBed, SavedBed, SurfaceProfile, TiledBed
 from .bin import Bin
+from .bonds import Bonds
 from .layers import Layer
 from .monitors import Monitors
 from .sizes import Sizes, mean_power
@@ -65,6 +66,7 @@ class Soil(StrictModel):
     particles: Particles
     bed: Bed
     law: SoilLaw
+    bonds: Bonds | None = Field(None, description="cement; null: none.")
     time_step_s: Annotated[Positive | Auto, Field(union_mode="left_to_right")] = "auto"
     precision: Literal["float64", "mixed"] = Field(
         "float64", description="mixed: all but positions and boundaries in float32."
@@ -119,6 +121,22 @@ class Soil(StrictModel):
                     f"window.{key}: {getattr(self.window, key):g} m is less than the bed is deep; allowed is "
                     f"at least {self.bin.depth_m:g} m, the rupture distance is longer still"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _bonds_within_lists(self) -> "Soil":
+        """Bonded particles stay in the lists of neighbours until their bond breaks."""
+        if self.bonds is None:
+            return self
+        if self.device != "cpu":
+            raise ValueError("device: 'gpu' does not compute soil.bonds; use 'cpu', or leave the bonds out")
+        needed = (self.bonds.longest - 2.0) * self.particles.bounds_m[1]
+        if needed > self.skin_m:
+            raise ValueError(
+                f"skin_m: {self.skin_m:g} m given; bonds reach over gaps of up to {needed:.3g} m before they "
+                "break, and the skin must be as wide: make it so, or give bonds.gap_over_radius or "
+                "bonds.tensile_strength_pa a smaller value"
+            )
         return self
 
     @model_validator(mode="after")

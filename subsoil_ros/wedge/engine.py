@@ -303,7 +303,7 @@ class WedgeEngine:
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
         """Zeros: there are no particles to monitor."""
-        return SoilState(run_id, tick, end_time_ns, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        return SoilState(run_id, tick, end_time_ns, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
     def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:
         """Nobody asks: the schedule of a scene without particles has no clouds.

@@ -86,7 +86,7 @@ class SpringSoil:
         return self._answer(motions)
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
-        return SoilState(run_id, tick, end_time_ns, 1, 0, 0, 0, *[0.0] * 5)
+        return SoilState(run_id, tick, end_time_ns, 1, 0, 0, 0, 0, *[0.0] * 5)
 
     def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:
         return SoilCloud(tick, end_time_ns, [[self._x, 0.0, 0.0]], [0.0])

@@ -81,7 +81,10 @@ class Run:
             wrenches.append(ToolWrench(name, *self._numbers(7), 5, groups))
         found: list[object] = [Grant("run", tick), ToolMotions(*head, tuple(motions))]
         if scene.soil is not None:
-            found += [ToolWrenches(*head, tuple(wrenches)), SoilState(*head, 300, 7, 0, 2, *self._numbers(5))]
+            found += [
+                ToolWrenches(*head, tuple(wrenches)),
+                SoilState(*head, 300, 7, 0, 0, 2, *self._numbers(5)),
+            ]
             positions = self._rng.random((300, 3)) * (0.5, 0.1, 0.36) - (0.0, 0.05, 0.36)
             speeds = 0.3 * self._rng.random(300)
             found.append(SoilCloud(tick, head[2], positions.astype("f4"), speeds.astype("f4")))

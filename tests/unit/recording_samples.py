@@ -107,7 +107,7 @@ def records_of(tick: int) -> list:
         forces = (ForceState("spring", *awkward(rng, 3)),)
         found += [
             MechanismState("run", tick, end_ns(tick), *awkward(rng, 9), bodies, joints, forces),
-            SoilState("run", tick, end_ns(tick), 7, 8, 0, 9, *awkward(rng, 5)),
+            SoilState("run", tick, end_ns(tick), 7, 8, 0, 3, 9, *awkward(rng, 5)),
             CouplingReport("run", tick, end_ns(tick), *awkward(rng, 6)),
         ]
     if tick == TICKS - 1:

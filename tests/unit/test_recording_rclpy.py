@@ -54,7 +54,7 @@ RECORDS = [
         (BodyState("frame", *(THIRD * k for k in range(9))),),
         (JointReaction("pin", 1.0, THIRD, 3.0, False),), (ForceState("spring", 1.0, THIRD, 3.0),),
     ),
-    SoilState("run", 41, 42 * INTERVAL_NS, 1, 2, 3, 4, 0.1, 0.2, 0.3, 0.4, THIRD),
+    SoilState("run", 41, 42 * INTERVAL_NS, 1, 2, 3, 7, 4, 0.1, 0.2, 0.3, 0.4, THIRD),
     CouplingReport("run", 41, 42 * INTERVAL_NS, 0.1, 0.2, 0.3, 0.4, 0.5, THIRD),
 ]  # fmt: skip
 

@@ -8,9 +8,9 @@ import pytest
 
 from subsoil_ros.contact_laws.base import SPRINGS
 from subsoil_ros.contact_laws.linear.law import LinearLaw
+from subsoil_ros.dem.blocks import BLOCK, history_blocks, history_place
 from subsoil_ros.dem.contact import history_parity
 from subsoil_ros.dem.neighbours import carry_pairs, cell_grid, half_list, sort_by_cell
-from subsoil_ros.dem.pairs import BLOCK, history_blocks, history_place
 
 REACH_M = 0.022
 LOW, HIGH = np.array([0.0, 0.0, -0.1]), np.array([0.2, 0.1, 0.0])

@@ -8,8 +8,8 @@ from numpy.testing import assert_array_equal
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.beds.field import HELD_LAYER
 from subsoil_ros.dem.beds.plot import plot_of
+from subsoil_ros.dem.blocks import history_place, history_places
 from subsoil_ros.dem.engine import build_engine
-from subsoil_ros.dem.pairs import history_place, history_places
 from subsoil_ros.dem.window import FieldEngine
 from subsoil_ros.errors import InputError, PhysicsError, SceneError
 from subsoil_ros.messages import ToolMotion

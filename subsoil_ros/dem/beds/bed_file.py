@@ -16,7 +16,7 @@ from ...scene.bed_spacing import rest_spacing_m
 from ...scene.soil import Soil
 from ..bed import Bed
 from ..periodic import refuse_narrow_period
-from .bonds import bonds_of
+from .in_reach import pairs_in_reach
 
 FORMAT = "subsoil_ros bed"
 VERSION = 3
@@ -188,7 +188,7 @@ def _refuse_wrong_particles(bed: Bed, soil: Soil, where: str) -> None:
             f"{where}: particle {k} at {x[k].tolist()} m is outside the bin, {np.sum(~inside) - 1} others "
             "too; prepare the bed anew"
         )
-    bonds = bonds_of(bed, soil)
+    bonds = pairs_in_reach(bed, soil)
     share = bonds.excess_m / bonds.smaller_m
     if share.max(initial=0.0) > LARGEST_OVERLAP:
         k = int(np.argmax(share))

@@ -27,7 +27,7 @@ SOURCES = (
 
 _OF_THE_RUN = {
     "time_step_s", "precision", "device", "skin_m", "max_tool_overlap_m", "max_lost_particles",
-    "monitors",
+    "monitors", "bonds",
 }  # fmt: skip
 """Keys of the soil that its bed does not depend on."""
 

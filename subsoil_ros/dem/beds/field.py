@@ -22,9 +22,9 @@ from ..bed import Bed
 from ..contact import history_parity
 from ..mixture import material_at
 from ..periodic import HELD_LAYER
-from .bonds import radii_of
 from .cache import cached_bed_path, keep, load_cached, load_contacts
 from .dense import relaxed_rest
+from .in_reach import radii_of
 from .plot import plot_of
 from .settling import (
     EngineOf,

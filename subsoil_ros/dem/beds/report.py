@@ -12,7 +12,7 @@ from ...scene.pairs import layer_soils
 from ...scene.soil import Soil
 from ..bed import Bed
 from ..walls import WALLS, wall_planes
-from .bonds import bonds_of, radii_of
+from .in_reach import pairs_in_reach, radii_of
 from .settling import EngineOf
 from .surface import top_surface_m
 from .tree import bed_tree, seen_from_corner
@@ -92,7 +92,7 @@ def report_bed(bed: Bed, soil: Soil) -> BedReport:
     free = np.ones(len(masses), np.bool_) if bed.held is None else ~bed.held
     volume = length * width * (float(top.mean()) - bed.floor_m)
     count = len(bed.positions_m)
-    bonds = bonds_of(bed, soil)
+    bonds = pairs_in_reach(bed, soil)
     coordination = 2.0 * len(bonds.pair) / count
     void, at = _largest_void(bed, radii, top, radius)
     return BedReport(

@@ -121,7 +121,7 @@ def smooth_soil(soil: Soil, *, adhesive: bool) -> Soil:
 def of_the_preparation(soil: Soil) -> dict[str, Any]:
     """Keys of a soil that are the preparation's own: a bed serves runs of every kind."""
     skin = SKIN * soil.particles.mean_volume_radius_m
-    return {"skin_m": skin, "precision": "float64", "device": "cpu", "monitors": None}
+    return {"skin_m": skin, "precision": "float64", "device": "cpu", "monitors": None, "bonds": None}
 
 
 def _smooth_law(soil: Soil, *, adhesive: bool) -> ContactLaw:

@@ -27,7 +27,7 @@ from ...scene.sizes import sampled_radii_m
 from ...scene.soil import Soil
 from ..bed import Bed
 from ..periodic import SMALLEST_CELLS
-from .bonds import radii_of
+from .in_reach import radii_of
 from .settling import (
     DAMPING_RATIO,
     SKIN,

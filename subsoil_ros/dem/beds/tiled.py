@@ -24,9 +24,9 @@ from ...scene.soil import Soil
 from ..bed import Bed
 from ..mixture import material_at
 from ..periodic import HELD_LAYER
-from .bonds import radii_of
 from .cache import cached_tile_path, keep, load_cached
 from .dense import relaxed_rest
+from .in_reach import radii_of
 from .report import masses_kg
 from .settling import SETTLING_GRAVITY, EngineOf, OnProgress, Rest, Settling, of_the_preparation
 from .surface import cut_to_depth, mean_above_profile_m

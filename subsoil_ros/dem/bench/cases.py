@@ -65,6 +65,11 @@ PLASTIC = {
 }  # fmt: skip
 """Loads as stiffly as WET_PARTICLE: 5 kN/m."""
 
+CEMENT = {
+    "youngs_modulus_pa": 1e5, "tensile_strength_pa": 5e3, "cohesion_pa": 1e4, "damping_ratio": 0.0,
+}  # fmt: skip
+"""1.6 kN/m, so that the step of the bed without bonds does; few break."""
+
 PLATE = "plate"
 PLATE_SIZE_M = (0.01, 0.06, 0.30)
 PLATE_SPEED_M_PER_S = 0.5
@@ -121,11 +126,12 @@ def cohesive_case(
     name: str,
     folder: Path,
     precision: str = "float64",
+    bonds: dict[str, Any] | None = None,
 ) -> Case:
     """Soil of the paper with a plate in it, whose mesh is written into `folder`."""
     law = {"kind": "cohesive_linear", "particle": WET_PARTICLE, "boundary": WET_BOUNDARY}
     document = _document(law, bed, size_m, WET_SKIN_M)
-    document["soil"]["precision"] = precision
+    document["soil"] |= {"precision": precision, "bonds": bonds}
     return _with_plate(document, steps, name, folder)
 
 
@@ -185,6 +191,14 @@ def throughput_cases(folder: Path, *, quick: bool) -> list[Case]:
         linear_case(DENSE, (0.60, 0.30, 0.345), 1000, "linear, dense random 9,000"),
         cohesive_case(GRID, (0.55, 0.27, 0.364), 1000, "cohesive linear, grid 9,000", folder),
         cohesive_case(DENSE, (0.50, 0.25, 0.32), 1000, "cohesive linear, dense random 9,000", folder),
+        cohesive_case(
+            DENSE,
+            (0.50, 0.25, 0.32),
+            1000,
+            "the same, bonded",
+            folder,
+            bonds=CEMENT,
+        ),
         plastic_case(1000, "elasto-plastic adhesive, grid 9,000", folder),
     ]
     if not quick:

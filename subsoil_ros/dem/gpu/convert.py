@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...contact_laws.base import SPRINGS
-from ..pairs import BLOCK, history_blocks
+from ..blocks import BLOCK, history_blocks
 from ..state import PairList, WallList
 from ..walls import WALLS
 from .device import WARP
@@ -20,7 +20,7 @@ def _places(count: np.ndarray, slice_start: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def _block_places(pairs: int) -> np.ndarray:
-    """dem.pairs.history_place of every pair."""
+    """dem.blocks.history_place of every pair."""
     k = np.arange(pairs)
     return k // BLOCK * (BLOCK * SPRINGS) + k % BLOCK
 

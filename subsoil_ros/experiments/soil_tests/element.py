@@ -22,6 +22,7 @@ from ...limits.soil_at_work import WORKING_STRESS_PA
 from ...limits.stable_steps import SAFETY, step_limits
 from ...loading.loader import ResolvedScene
 from ...scene.pairs import pair_values
+from ...scene.soil import Soil
 from .curves import RESIDUAL_PART
 from .runs import rumpf_pa
 
@@ -143,14 +144,19 @@ class _Strained:
     def __init__(self, cell: Cell, pressure_pa: float) -> None:
         whole = cell.resolved.scene.particle_soil
         assert whole is not None
-        self.soil = soil = endless_soil(whole, cell.tile.periods_m[0])
-        settling = Settling(
-            cell.resolved, SoilEngine, cell.threads, soil=soil, step_s=SAFETY * step_limits(soil)[0].limit_s,
-            gravity_m_per_s2=0.0,
-        )  # fmt: skip
-        self.look_s = settling.interval_s
-        bed = at_pressure(settling, cell.tile, pressure_pa, ignore_progress)
-        engine = settling.engine(bed)
+        loose = endless_soil(whole, cell.tile.periods_m[0])
+        self.soil = soil = loose.model_copy(update={"bonds": whole.bonds})  # they are made under pressure
+
+        def settling(of: Soil) -> Settling:
+            return Settling(
+                cell.resolved, SoilEngine, cell.threads, soil=of, step_s=SAFETY * step_limits(of)[0].limit_s,
+                gravity_m_per_s2=0.0,
+            )  # fmt: skip
+
+        bed = at_pressure(settling(loose), cell.tile, pressure_pa, ignore_progress)
+        strained = settling(soil)
+        self.look_s = strained.interval_s
+        engine = strained.engine(bed)
         assert isinstance(engine, SoilEngine)
         self.engine = engine
         engine.start(())
@@ -159,8 +165,13 @@ class _Strained:
         self._drift = np.zeros(3)
         pair, diameter = pair_values(soil)[0], 2.0 * soil.particles.mean_volume_radius_m
         self._modulus_pa = pair.linear_at(pair.loaded_m(pressure_pa * diameter**2)).max_stiffness / diameter
+        bonded_pa = 0.0
+        if soil.bonds is not None:
+            section = soil.bonds.radius_over_particle**2
+            self._modulus_pa += 0.25 * math.pi * section * soil.bonds.youngs_modulus_pa
+            bonded_pa = section * soil.bonds.tensile_strength_pa
         attraction = rumpf_pa(solid_fraction(bed, whole) * NEIGHBOURS, pair.peak_attraction, diameter)
-        speed = math.sqrt((pressure_pa + attraction) / soil.particles.density_kg_per_m3)
+        speed = math.sqrt((pressure_pa + attraction + bonded_pa) / soil.particles.density_kg_per_m3)
         self.rate_per_s = INERTIAL_NUMBER * speed / diameter
         self._hold(pressure_pa)
 

@@ -14,7 +14,7 @@ from scipy.stats.qmc import Sobol
 
 from ...dem.bed import Bed
 from ...dem.beds.bed_file import write_bed
-from ...dem.beds.bonds import bonds_of, radii_of
+from ...dem.beds.in_reach import pairs_in_reach, radii_of
 from ...dem.beds.report import masses_kg
 from ...dem.engine import SoilEngine
 from ...errors import InputError
@@ -166,7 +166,7 @@ def _core(bed: Bed, soil: Soil) -> tuple[float, float]:
     distance, near = cKDTree(x).query(points, k=min(CELL_NEIGHBOURS, len(x)))
     nearest = np.argmin(distance**2 - radii[near] ** 2, axis=1)
     cells = core[near[np.arange(len(points)), nearest]].mean() * np.prod(upper - lower)
-    bonds = np.bincount(bonds_of(bed, soil).pair.ravel(), minlength=len(x))
+    bonds = np.bincount(pairs_in_reach(bed, soil).pair.ravel(), minlength=len(x))
     return float(masses_kg(bed, soil)[core].sum() / cells), float(bonds[core].mean())
 
 

@@ -97,7 +97,7 @@ class IdleSoil(_Stateless):
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
         """All zero."""
-        return SoilState(run_id, tick, end_time_ns, 0, 0, 0, 0, *[0.0] * 5)
+        return SoilState(run_id, tick, end_time_ns, 0, 0, 0, 0, 0, *[0.0] * 5)
 
     def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:
         """Nothing to see."""

@@ -11,7 +11,7 @@ from ..periodic import wrapped
 from .tree import bed_tree
 
 
-class Bonds(NamedTuple):
+class InReach(NamedTuple):
     """Pairs of particles in reach."""
 
     pair: np.ndarray  # (p, 2) int64, numbers of the particles
@@ -26,7 +26,7 @@ def radii_of(bed: Bed, soil: Soil) -> np.ndarray:
     return np.full(len(bed.positions_m), soil.particles.mean_volume_radius_m)
 
 
-def bonds_of(bed: Bed, soil: Soil) -> Bonds:
+def pairs_in_reach(bed: Bed, soil: Soil) -> InReach:
     """All pairs in reach of each other."""
     layers = layer_soils(soil)
     values = [particle_values(one, other, 1.0, 1.0) for one in layers for other in layers]
@@ -45,4 +45,4 @@ def bonds_of(bed: Bed, soil: Soil) -> Bonds:
     distance = np.linalg.norm(apart, axis=1)
     near = distance <= touch + reach[kind]
     excess = touch - rest[kind] - distance
-    return Bonds(pair[near], excess[near], np.minimum(radius[first], radius[second])[near])
+    return InReach(pair[near], excess[near], np.minimum(radius[first], radius[second])[near])

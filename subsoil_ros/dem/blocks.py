@@ -1,0 +1,60 @@
+"""Numbers of pairs in blocks: histories as they are kept, and scratch rows beside them.
+
+A block holds BLOCK numbers of each component, one after the other, so that the compiler makes vector
+instructions of a law that runs along them.
+"""
+
+import numpy as np
+from numba import njit
+from numba.extending import register_jitable
+
+from ..contact_laws.base import SPRINGS
+from .compiled import inner_kernel
+
+BLOCK = 512
+"""Pairs computed at a time (measured, 128 to 1024: one component of the histories is then a page, and a bed
+larger than the cache streams a fifth faster than with 128)."""
+
+_LINE_BYTES = 64
+"""A cache line, and the widest vector: one that starts on a line costs half of one that crosses two."""
+
+ROW = BLOCK + 16
+"""Length of a scratch row: whole lines, but no power of two, so that the rows do not compete for the same
+lines of the cache."""
+
+
+def history_blocks(pairs: int, kind: type, components: int = SPRINGS) -> np.ndarray:
+    """Room for `components` numbers of each of `pairs` pairs, from the start of a cache line on; not set
+    but for what follows the last pair, zero. Component c of pair k stands at history_place(k) + c * BLOCK."""
+    size = BLOCK * components
+    count, spare = -(-pairs // BLOCK) * size, _LINE_BYTES // np.dtype(kind).itemsize
+    numbers: np.ndarray = np.empty(count + spare, kind)
+    first = _first_on_line(numbers)
+    numbers[first + pairs // BLOCK * size :] = 0.0
+    return numbers[first : first + count]
+
+
+@register_jitable
+def _first_on_line(numbers):
+    """Index of the first number of an array that starts a cache line."""
+    return -numbers.ctypes.data % _LINE_BYTES // numbers.itemsize
+
+
+@njit(cache=True, forceinline=True)
+def history_place(pair, components=SPRINGS):
+    """Place of the first of `components` numbers of a pair's history."""
+    return pair // BLOCK * (BLOCK * components) + pair % BLOCK
+
+
+def history_places(pair: np.ndarray, components: int) -> np.ndarray:
+    """(p, components) places of what a law keeps of pairs (p,), in blocks of history_blocks."""
+    first = pair // BLOCK * (BLOCK * components) + pair % BLOCK  # history_place
+    return np.asarray(first[:, None] + BLOCK * np.arange(components))
+
+
+@inner_kernel(forceinline=True)
+def scratch_rows(count, kind):
+    """`count` rows of ROW numbers, one after the other from the start of a cache line on; not set."""
+    spare = np.empty((count + 1) * ROW, kind)
+    first = _first_on_line(spare)
+    return spare[first : first + count * ROW]

@@ -1,0 +1,1 @@
+"""Bonds between particles that break for good (scene.bonds)."""

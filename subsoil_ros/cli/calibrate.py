@@ -45,6 +45,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="mean radius [m] of the particles that a laboratory's soil is fitted at",
     )
     parser.add_argument(
+        "--law",
+        choices=("cohesive_linear", "elasto_plastic_adhesive", "bonded"),
+        help="of the particles of a laboratory's soil: springs that attract (the default), spheres that yield "
+        "and stick, or dry ones with bonds that break for good",
+    )
+    parser.add_argument(
         "--out",
         required=True,
         type=Path,
@@ -92,6 +98,8 @@ def run(args: argparse.Namespace) -> int:
             f"--radius: is {'needed for' if of_laboratory else 'only for'} a laboratory's soil "
             "(model: laboratory)"
         )
+    if args.law is not None and not of_laboratory:
+        raise InputError("--law: is only for a laboratory's soil (model: laboratory)")
     if args.out.exists():
         raise InputError(f"--out {args.out}: exists already; results are never written over, name another")
     if not args.out.parent.is_dir():
@@ -133,7 +141,7 @@ def _material(args: argparse.Namespace) -> int:
         )
     if args.threads < 1:
         raise InputError(f"--threads: given {args.threads}, needed is 1 or more")
-    material = calibrate(soil, args.radius, args.threads, say)
+    material = calibrate(soil, args.radius, args.threads, say, args.law or "cohesive_linear")
     write_material(args.out, material)
     console = Console(width=None if sys.stdout.isatty() else 140)
     wanted = soil.model_dump()

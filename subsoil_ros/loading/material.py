@@ -14,7 +14,7 @@ from .overrides import Override
 from .shipped import material_names
 from .validation_errors import validated
 
-_BROUGHT = ("law", "particles.sizes", "particles.density_kg_per_m3", "particles.reference_radius_m")
+_BROUGHT = ("law", "bonds", "particles.sizes", "particles.density_kg_per_m3", "particles.reference_radius_m")
 """Keys of `soil` that a scene with a material has not."""
 
 
@@ -85,7 +85,7 @@ def with_material(document: Document, shown: str) -> tuple[Document, Material | 
             f"{shown}: soil.particles.radius_m: given {radius!r}, needed is a mean radius from {low:g} to "
             f"{high:g} m, which {name} covers; for others calibrate it (subsoil calibrate --radius)"
         )
-    own = {key: value for key, value in soil.items() if key not in ("material", "law")}
+    own = {key: value for key, value in soil.items() if key not in ("material", "law", "bonds")}
     own["particles"] = {key: value for key, value in own["particles"].items() if value is not None}
     del own["particles"]["radius_m"]
     below = material.section(float(radius))
@@ -128,7 +128,7 @@ def is_of(soil: Soil, material: Material) -> bool:
 def _fixed_part(soil: Soil) -> Document:
     """What a scene may not change of a material's soil; radii to a nanometre."""
     content = soil.model_dump(
-        include={"law", "particles", "bed", "layers"},
+        include={"law", "bonds", "particles", "bed", "layers"},
         exclude={"bed": {"seed", "tile_m", "floor"}, "particles": {"sizes": {"seed"}}},
     )
     sizes = content["particles"]["sizes"] or {}

@@ -61,6 +61,7 @@ class Material(StrictModel):
     radius_m: Positive  # mean radius that the law was calibrated at
     density_kg_per_m3: Positive  # of a particle
     law: dict[str, Any]
+    bonds: dict[str, Any] | None = None
     fitted: dict[str, Interval]  # by key of the law's rows
     measured: dict[str, Interval]  # what the particles make, by key of `soil`
 
@@ -71,7 +72,8 @@ class Material(StrictModel):
 
     def section(self, radius_m: float) -> dict[str, Any]:
         """Keys of a scene's soil, without its bin, for particles of this mean radius."""
-        return {
+        bonds = {} if self.bonds is None else {"bonds": self.bonds}
+        return bonds | {
             "particles": {
                 "sizes": sizes_about(radius_m),
                 "density_kg_per_m3": self.density_kg_per_m3,

@@ -1,9 +1,9 @@
 """Particles fitted to a laboratory's soil, by element tests.
 
-Two numbers are sought: friction of the particles, for the friction angle, and attraction of a pair, for the
-cohesion. Everything else follows from a rule: stiffness from the overlap at work or from the confined
-modulus, dampers from a restitution, density from the bulk density, the friction on metal from that of the
-laboratory.
+Two numbers are sought: friction of the particles, for the friction angle, and one that makes cohesion, which
+depends on the law (particles). Everything else follows from a rule: stiffness from the overlap at work or
+from the confined modulus, dampers from a restitution, density from the bulk density, the friction on metal
+from that of the laboratory.
 """
 
 import math
@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...analysis.intervals import t_quantile
-from ...contact_laws.dampers import TANGENTIAL_DAMPING, damping_ratio_at
 from ...errors import InputError
 from ...limits.soil_at_work import MAX_OVERLAP, WORKING_STRESS_PA
 from ...loading.loader import load_scene
@@ -31,7 +30,6 @@ from ..soil_tests.element import (
     CELL_DIAMETERS,
     CRITICAL_STRAIN,
     LEAST_PA,
-    NEIGHBOURS,
     PEAK_STRAIN,
     Cell,
     confined_modulus_pa,
@@ -40,8 +38,8 @@ from ..soil_tests.element import (
     prepare_cell,
     tensile_strength_pa,
 )
-from ..soil_tests.runs import rumpf_pa
 from ..sweep.cluster import connected
+from .particles import FORMS, REST_OVERLAP, Wanted
 
 SEEDS = (101, 102, 103, 104)
 """Of the cells that are fitted to; scenes have others unless they ask for these."""
@@ -49,28 +47,11 @@ SEEDS = (101, 102, 103, 104)
 FRICTIONS = (0.02, 1.2)
 """Least and largest friction of particles: beyond the largest, spheres roll and the angle hardly grows."""
 
-ROLLING_FRICTION = 0.1
-"""Stands for the shape of grains (chosen: small against the friction, so that one number is left to fit)."""
-
-RESTITUTION = 0.6
-"""Of two particles without attraction (chosen: dampers that draft does not notice, and no rattling)."""
-
-TANGENTIAL_STIFFNESS = 0.8
-"""Over the normal one: a usual part."""
-
-REST_OVERLAP = 0.01
-"""Largest overlap over the radius that attraction alone presses two particles to (chosen: stronger ones would
-shrink the bed by more than its density may)."""
-
-REACH = 0.05
-"""Distance over the radius at which attraction ends (chosen: a bond breaks before the particle is sheared
-by)."""
-
 START_FRICTION, ANGLE_DEG, PER_FRICTION_DEG = 0.32, 32.0, 35.0
 """A friction, the angle that it makes, and the angle's growth with it: where the search begins (measured)."""
 
-COHESION_OVER_RUMPF, PER_FRICTION = 0.55, 1.2
-"""Cohesion over Rumpf's tensile strength, and the part by which it grows with friction: likewise."""
+PER_FRICTION = 1.2
+"""Part by which cohesion grows with friction: likewise."""
 
 TOLERANCE = (0.3, 0.02, 50.0)
 """The search ends with the angle met to so many degrees and the cohesion to such a part or pressure [Pa]."""
@@ -96,19 +77,30 @@ class _Tested(NamedTuple):
         return np.array((self.angle_deg.mean(), self.cohesion_pa.mean()))
 
 
-def calibrate(soil: LaboratorySoil, radius_m: float, workers: int, say: Say) -> Material:
+def calibrate(
+    soil: LaboratorySoil, radius_m: float, workers: int, say: Say, law: str = "cohesive_linear"
+) -> Material:
     """Particles of mean radius `radius_m` that make a laboratory's soil, tests on `workers` processes.
 
+    law: one of FORMS.
+
     Raises:
-        InputError: the friction angle or the confined modulus is out of reach; says what can be reached.
+        InputError: the friction angle or the confined modulus is out of reach, says what can be reached; or
+            bonds for a soil without cohesion.
     """
+    if law == "bonded" and soil.cohesion_pa == 0.0:
+        raise InputError(
+            f"--law bonded: soil '{soil.name}' has cohesion_pa 0 and nothing for bonds to bear; leave --law "
+            "out, or give a soil with cohesion"
+        )
     with connected(None, workers) as (client, _):
-        return _Fit(soil, radius_m, client, say).material()
+        return _Fit(soil, radius_m, client, say, law).material()
 
 
 class _Fit:
-    def __init__(self, soil: LaboratorySoil, radius_m: float, client: Any, say: Say) -> None:
+    def __init__(self, soil: LaboratorySoil, radius_m: float, client: Any, say: Say, law: str) -> None:
         self._soil, self._radius, self._client, self._say = soil, radius_m, client, say
+        self._form = FORMS[law]
         self._mean_radius = mean_volume_radius_m(radius_m)
         self._density = soil.bulk_density_kg_per_m3 / soil.solid_fraction
         self._given_stiffness = 0.0  # by the confined modulus [N/m]
@@ -117,10 +109,8 @@ class _Fit:
     def material(self) -> Material:
         """The fit."""
         soil = self._soil
-        rumpf = rumpf_pa(soil.solid_fraction * NEIGHBOURS, 1.0, 2.0 * self._mean_radius)
-        slope = np.array(
-            ((PER_FRICTION_DEG, 0.0), (PER_FRICTION * soil.cohesion_pa, COHESION_OVER_RUMPF * rumpf))
-        )
+        per_unit = self._form.cohesion_per_unit(self._wanted(0.0))
+        slope = np.array(((PER_FRICTION_DEG, 0.0), (PER_FRICTION * soil.cohesion_pa, per_unit)))
         start = START_FRICTION + (soil.friction_angle_deg - ANGLE_DEG) / PER_FRICTION_DEG
         at = np.array((float(np.clip(start, *FRICTIONS)), soil.cohesion_pa / slope[1, 1]))
         self._say(f"pressing {len(SEEDS)} cells")
@@ -169,7 +159,7 @@ class _Fit:
         angle, cohesion, density = np.array(rows).T
         found = _Tested(angle, cohesion, density)
         self._say(
-            f"set {self._sets}: friction {at[0]:.3f}, attraction {at[1]:.3g} N: "
+            f"set {self._sets}: friction {at[0]:.3f}, {self._form.fitted} {at[1]:.3g}: "
             f"{found.mean()[0]:.2f} degrees, {found.mean()[1] * 1e-3:.3g} kPa"
         )
         return found
@@ -186,45 +176,20 @@ class _Fit:
         box = {"length_m": edge, "width_m": edge, "depth_m": edge}
         return {"name": self._soil.name, "duration_s": 1.0, "soil": section | {"bin": box}}
 
-    def _law(self, friction: float, attraction_newton: float) -> Document:
-        """attraction_newton: the largest of a pair of mean volume."""
-        radius = self._mean_radius
-        stiffness = self._stiffness(attraction_newton)
-        mass = 0.5 * self._density * 4.0 / 3.0 * math.pi * radius**3
-        damping = 2.0 * damping_ratio_at(RESTITUTION) * math.sqrt(mass * stiffness)
-        row = {
-            "stiffness_newton_per_m": stiffness,
-            "tangential_stiffness_newton_per_m": TANGENTIAL_STIFFNESS * stiffness,
-            "damping_newton_s_per_m": damping,
-            "tangential_damping_newton_s_per_m": TANGENTIAL_DAMPING * damping,
-            "static_friction": friction,
-            "sliding_friction": friction,
-            "rolling_friction": ROLLING_FRICTION,
-        }
-        on_metal = math.tan(math.radians(self._soil.metal_friction_angle_deg))
-        metal = dict.fromkeys(("static_friction", "sliding_friction", "rolling_friction"), on_metal)
-        if attraction_newton == 0.0:
-            return {"kind": "linear", "particle": row, "boundary": row | metal}
-        bond = {
-            "cohesive_stiffness_newton_per_m": attraction_newton / (REACH * radius),
-            "equilibrium_overlap_m": attraction_newton / stiffness,  # as steep in tension as in pressure
-            "cohesion_range_m": REACH * radius,
-        }
-        free = bond | {"cohesive_stiffness_newton_per_m": 0.0}
-        return {
-            "kind": "cohesive_linear", "combining_rule": "none",
-            "particle": row | bond, "boundary": row | free | metal,
-        }  # fmt: skip
+    def _wanted(self, second: float) -> Wanted:
+        return Wanted(self._soil, self._radius, self._density, self._stiffness(second))
 
     def _material_at(
         self, at: NDArray[np.float64], fitted: dict[str, Interval], measured: dict[str, Interval]
     ) -> Material:
+        found = self._form.sections(self._wanted(float(at[1])), float(at[0]), float(at[1]))
         return Material(
             version=VERSION,
             soil=self._soil,
             radius_m=self._radius,
             density_kg_per_m3=self._density,
-            law=self._law(float(at[0]), float(at[1])),
+            law=found["law"],
+            bonds=found.get("bonds"),
             fitted=fitted,
             measured=measured,
         )
@@ -254,16 +219,17 @@ class _Fit:
         self._sets = 0
         return True
 
-    def _least_stiffness(self, attraction_newton: float) -> float:
+    def _least_stiffness(self, second: float) -> float:
         at_work = 4.0 * self._mean_radius * WORKING_STRESS_PA / MAX_OVERLAP
-        return max(at_work, attraction_newton / (REST_OVERLAP * self._mean_radius))
+        pressed = second / (REST_OVERLAP * self._mean_radius) if self._form.presses else 0.0
+        return max(at_work, pressed)
 
-    def _stiffness(self, attraction_newton: float) -> float:
+    def _stiffness(self, second: float) -> float:
         """Of a pair [N/m]."""
-        return max(self._given_stiffness, self._least_stiffness(attraction_newton))
+        return max(self._given_stiffness, self._least_stiffness(second))
 
-    def _refuse_angle(self, attraction_newton: float) -> NoReturn:
-        ends = [float(self._tested(np.array((end, attraction_newton))).mean()[0]) for end in FRICTIONS]
+    def _refuse_angle(self, second: float) -> NoReturn:
+        ends = [float(self._tested(np.array((end, second))).mean()[0]) for end in FRICTIONS]
         raise InputError(
             f"friction_angle_deg: given {self._soil.friction_angle_deg:g}; spheres of this solid fraction "
             f"and cohesion reach {ends[0]:.1f} to {ends[1]:.1f} degrees; give one in between, or another "
@@ -291,7 +257,7 @@ class _Fit:
         half = t_quantile(count - 1) * np.sqrt(np.diag(inverse @ scatter @ inverse.T) / count)
         fitted = {
             key: Interval(value=float(value), low=float(value - width), high=float(value + width))
-            for key, value, width in zip(("static_friction", "attraction_newton"), at, half, strict=False)
+            for key, value, width in zip(("static_friction", self._form.fitted), at, half, strict=False)
         }
         return self._material_at(at, fitted, measured)
 

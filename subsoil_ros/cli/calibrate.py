@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--law",
         choices=("cohesive_linear", "elasto_plastic_adhesive", "bonded"),
-        help="of the particles of a laboratory's soil: springs that attract (the default), spheres that yield "
+        help="of the particles of a laboratory's soil: springs that attract (default), spheres that yield "
         "and stick, or dry ones with bonds that break for good",
     )
     parser.add_argument(

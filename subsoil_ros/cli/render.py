@@ -39,9 +39,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--colour",
-        choices=("speed", "displacement"),
+        choices=("speed", "displacement", "broken"),
         default="speed",
-        help="of the particles; displacement is from the first recorded moment (default: speed)",
+        help="of the particles; displacement is from the first recorded moment, broken the part of a "
+        "particle's bonds that broke (default: speed)",
     )
     parser.add_argument(
         "--range",
@@ -49,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         nargs=2,
         metavar=("LOW", "HIGH"),
-        help="of the colours, in m/s or m (default: 0 to 0.2 m/s, or 0 to 5 particle diameters)",
+        help="of the colours (default: 0 to 0.2 m/s, 0 to 5 particle diameters in m, or 0 to 1)",
     )
     parser.add_argument(
         "--size",

@@ -33,14 +33,16 @@ _SMALLEST_FONT = 6  # points (chosen: what can still be read)
 class Style:
     """How moments are shown."""
 
-    colour: str  # "speed" [m/s] or "displacement" [m]
+    colour: str  # "speed" [m/s], "displacement" [m] or "broken", part of the bonds
     limits: tuple[float, float]  # of the colours
     size: tuple[int, int]  # of the picture, pixels
 
 
 def default_limits(resolved: ResolvedScene, colour: str) -> tuple[float, float]:
-    """The paper's scale for speed [m/s]; some diameters for displacement [m]."""
+    """The paper's scale for speed [m/s]; some diameters for displacement [m]; all for broken bonds."""
     soil = resolved.scene.particle_soil
+    if colour == "broken":
+        return 0.0, 1.0
     if colour == "speed" or soil is None:
         return SPEED_SCALE_M_PER_S
     return 0.0, DISPLACEMENT_SCALE_DIAMETERS * 2.0 * soil.particles.mean_volume_radius_m
@@ -88,8 +90,11 @@ class Renderer:
         soil = self._resolved.scene.particle_soil
         assert soil is not None
         cloud = pyvista.PolyData(frame.positions_m[keep])
-        named = {"speed": frame.speeds_m_per_s, "displacement": frame.displacements_m}[self._style.colour]
-        title = {"speed": "speed\n[m/s]", "displacement": "displacement\n[m]"}[self._style.colour]
+        title, named = {
+            "speed": ("speed\n[m/s]", frame.speeds_m_per_s),
+            "displacement": ("displacement\n[m]", frame.displacements_m),
+            "broken": ("broken\nbonds", frame.broken_parts),
+        }[self._style.colour]
         cloud.point_data[title] = named[keep]
         actor = plotter.add_mesh(
             cloud,

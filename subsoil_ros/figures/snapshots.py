@@ -20,12 +20,13 @@ RATE_HZ = 25.0
 
 @dataclass(frozen=True)
 class Frame:
-    """One moment, world axes. Without particles the three arrays are empty."""
+    """One moment, world axes. Without particles their arrays are empty."""
 
     time_s: float
     positions_m: NDArray[np.float32]  # (n, 3)
     speeds_m_per_s: NDArray[np.float32]  # (n,)
     displacements_m: NDArray[np.float32]  # (n,) from the first cloud; nan where that is not known
+    broken_parts: NDArray[np.float32]  # (n,) of the bonds of each; nan where there are none
     tools: tuple[ToolMotion, ...]
     bodies: tuple[BodyState, ...]  # of the machine, at the last recorded state up to then
 
@@ -63,6 +64,7 @@ class Snapshots:
                 positions_m=np.asarray(cloud.positions_m, dtype=np.float32).reshape(-1, 3),
                 speeds_m_per_s=np.asarray(cloud.speeds_m_per_s, dtype=np.float32),
                 displacements_m=displacements,
+                broken_parts=_broken_parts(cloud),
                 tools=tools[time_ns].tools if time_ns in tools else (),
                 bodies=states[state_at[time_ns]].bodies if time_ns in state_at else (),
             )
@@ -111,6 +113,12 @@ class Snapshots:
             else:
                 moved = np.full(len(positions), np.nan, dtype=np.float32)
             yield cloud.end_time_ns, cloud, moved
+
+
+def _broken_parts(cloud: SoilCloud) -> NDArray[np.float32]:
+    if cloud.broken_parts is None:
+        return np.full(len(np.asarray(cloud.positions_m)), np.nan, dtype=np.float32)
+    return np.asarray(cloud.broken_parts, dtype=np.float32)
 
 
 def _times_ns(reader: BagReader | JoinedBags, kind: type) -> list[int]:

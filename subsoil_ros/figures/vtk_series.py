@@ -19,8 +19,8 @@ def write_vtk_series(
 ) -> list[Path]:
     """Writes soil, tools and machine into a new `folder`, which appears when all is in it.
 
-    soil: points with speed_m_per_s, displacement_m and radius_m; tools: their surfaces, with the index of the
-    tool in the scene; machine: lines to joints and springs. Returns the .vtp.series files.
+    soil: points with speed_m_per_s, displacement_m, broken_part and radius_m; tools: their surfaces, with the
+    index of the tool in the scene; machine: lines to joints and springs. Returns the .vtp.series files.
 
     Raises:
         OSError: the folder cannot be written.
@@ -59,6 +59,7 @@ def _meshes(resolved: ResolvedScene, shapes: Shapes, frame: Frame) -> dict[str, 
         cloud = pyvista.PolyData(frame.positions_m)
         cloud.point_data["speed_m_per_s"] = frame.speeds_m_per_s
         cloud.point_data["displacement_m"] = frame.displacements_m
+        cloud.point_data["broken_part"] = frame.broken_parts
         cloud.field_data["radius_m"] = [soil.particles.mean_volume_radius_m]
         found["soil"] = cloud
     surfaces = shapes.surfaces(frame)

@@ -15,7 +15,7 @@ from ..errors import InputError, RecordingError
 from ..messages import SoilCloud
 from .conversion import cloud_from_message, from_message, message_type
 from .topics import RECORD_OF, TOPIC_OF, bag_topic
-from .types import deserialize
+from .types import deserialize, deserializer
 
 BROKEN = (McapError, struct.error, zstandard.ZstdError, ValueError)
 """What the readers of MCAP, its strings and its chunks meet where a file is cut or overwritten."""
@@ -82,28 +82,30 @@ class BagReader:
         Raises:
             RecordingError: the bag is damaged.
         """
-        for topic, time_ns, data in self._raw([bag_topic(TOPIC_OF[kind]) for kind in kinds]):
+        for topic, time_ns, data, schema in self._raw([bag_topic(TOPIC_OF[kind]) for kind in kinds]):
             if at is None or at(time_ns):
                 kind = _KIND_OF_BAG_TOPIC[topic]
-                yield from_message(kind, deserialize(data, message_type(kind)))
+                yield from_message(kind, deserializer(message_type(kind), schema)(data))
 
     def clouds(
         self, communication_step_ns: int, at: Callable[[int], bool] | None = None
     ) -> Iterator[SoilCloud]:
         """Soil clouds in order of simulated time; positions (n, 3) [m], speeds (n,) [m/s], float32."""
-        for _, time_ns, data in self._raw([bag_topic(TOPIC_OF[SoilCloud])]):
+        for _, time_ns, data, _ in self._raw([bag_topic(TOPIC_OF[SoilCloud])]):
             if at is None or at(time_ns):
                 yield cloud_from_message(deserialize(data, message_type(SoilCloud)), communication_step_ns)
 
     def cloud_times_ns(self) -> list[int]:
         """Simulated times of the soil clouds [ns]; decodes none."""
-        return [time_ns for _, time_ns, _ in self._raw([bag_topic(TOPIC_OF[SoilCloud])])]
+        return [time_ns for _, time_ns, _, _ in self._raw([bag_topic(TOPIC_OF[SoilCloud])])]
 
-    def _raw(self, topics: list[str]) -> Iterator[tuple[str, int, bytes]]:
+    def _raw(self, topics: list[str]) -> Iterator[tuple[str, int, bytes, str]]:
+        """Topic, time [ns], bytes and definition of every message."""
+        schemas = {key: schema.data.decode() for key, schema in self._summary.schemas.items()}
         try:
             with self.path.open("rb") as stream:
                 reader = make_reader(stream, validate_crcs=True)
                 for _, channel, message in reader.iter_messages(topics):
-                    yield channel.topic, message.log_time, message.data
+                    yield channel.topic, message.log_time, message.data, schemas[channel.schema_id]
         except BROKEN as error:
             raise damaged(self.path, error) from error

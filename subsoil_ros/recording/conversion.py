@@ -40,6 +40,7 @@ PACKAGE = "subsoil_msgs/msg/"
 WORLD_FRAME = "world"
 POINT_FIELDS = ("x", "y", "z", "speed")
 IDENTITY, BROKEN = "identity", "broken_part"
+_LATER = {"broken_bond_count": 0}  # what messages of older bags lack
 _FLOAT32, _UINT32 = 7, 6  # sensor_msgs/PointField
 
 _PARTS: dict[type, dict[str, type]] = {
@@ -238,7 +239,7 @@ def from_message(kind: type | str, message: Any) -> Any:
     """
     if isinstance(kind, str):
         kind = _RECORD_OF_NAME[kind]
-    values = {name: getattr(message, name) for name in _PLAIN[kind]}
+    values = {name: getattr(message, name, _LATER.get(name)) for name in _PLAIN[kind]}
     if kind not in _STAMPED_BY_TICK:
         values["end_time_ns"] = time_ns_of(message.header.stamp)
     for owner, name in _ENUMS:

@@ -2,6 +2,7 @@
 
 import os
 import sys
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -90,6 +91,18 @@ def type_hash(name: str) -> str:
 def serialize(message: Any) -> bytes:
     """CDR bytes of a rosbags message."""
     return bytes(typestore().serialize_cdr(message, message.__msgtype__))
+
+
+@cache
+def deserializer(name: str, schema: str) -> Callable[[bytes], Any]:
+    """What reads messages of type `name` from CDR bytes, as a bag defines it by `schema`, a ros2msg text:
+    another version may have had other fields."""
+    if schema == schema_text(name):
+        return lambda data: deserialize(data, name)
+    store = get_typestore(Stores.ROS2_JAZZY)
+    own = get_types_from_msg(schema, name)
+    store.register({key: value for key, value in own.items() if key not in store.types})
+    return lambda data: store.deserialize_cdr(data, name)
 
 
 def deserialize(data: bytes, name: str) -> Any:

@@ -36,6 +36,19 @@ def test_a_region_keeps_the_particles_inside_it_and_their_order():
     np.testing.assert_array_equal(kept.speeds_m_per_s, SPEEDS[inside])
 
 
+@pytest.mark.parametrize("windowed", [False, True])
+def test_parts_of_broken_bonds_come_back_with_their_particles(windowed):
+    """Beside identities and alone, through a region and a PointCloud2."""
+    broken = RNG.random(20_000).astype(np.float32)
+    identities = np.arange(20_000, dtype=np.uint32) if windowed else None
+    cloud = dataclasses.replace(CLOUD, broken_parts=broken, identities=identities)
+    kept = recorded_cloud(cloud, Record.model_validate({"cloud_region": {"x_m": [0.5, 1.0]}}))
+    back = cloud_from_message(point_cloud(kept), INTERVAL_NS)
+    inside = (POSITIONS[:, 0] >= 0.5) & (POSITIONS[:, 0] <= 1.0)
+    np.testing.assert_array_equal(back.broken_parts, broken[inside])
+    assert (back.identities is not None) == windowed
+
+
 @pytest.mark.parametrize(("resolution_m", "step_m"), [(1e-3, 2.0**-10), (1e-4, 2.0**-14), (0.0625, 2.0**-4)])
 def test_positions_are_rounded_to_the_power_of_two_below(resolution_m, step_m):
     """Multiples of the step, none further away than half of it."""

@@ -7,9 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from subsoil_ros.messages import SoilState
+from subsoil_ros.recording.conversion import from_message
 from subsoil_ros.recording.topics import LATCHED, recorded_topics
-from subsoil_ros.recording.types import type_hash, typestore
+from subsoil_ros.recording.types import deserializer, schema_text, type_hash, typestore
 
 from .recording_samples import SCENE
 
@@ -69,3 +72,17 @@ def test_standard_types_have_the_fields_of_this_distribution(name: str) -> None:
         field["name"] for field in description(name)["type_description_msg"]["type_description"]["fields"]
     ]
     assert [field for field, _ in typestore().fielddefs[name][1]] == fields
+
+
+def test_a_bag_of_an_older_version_is_read_by_its_own_definition() -> None:
+    """A field that was added since is 0; all others are as they were written."""
+    name = "subsoil_msgs/msg/SoilState"
+    older = "".join(line for line in schema_text(name).splitlines(True) if "broken_bond_count" not in line)
+    store = get_typestore(Stores.ROS2_JAZZY)
+    own = get_types_from_msg(older, name)
+    store.register({key: value for key, value in own.items() if key not in store.types})
+    header = store.types["std_msgs/msg/Header"](store.types["builtin_interfaces/msg/Time"](1, 5), "world")
+    message = store.types[name](header, "run", 41, 1, 2, 3, 4, 0.1, 0.2, 0.3, 0.4, 0.5)
+    data = bytes(store.serialize_cdr(message, name))
+    state = from_message(SoilState, deserializer(name, older)(data))
+    assert state == SoilState("run", 41, 1_000_000_005, 1, 2, 3, 0, 4, 0.1, 0.2, 0.3, 0.4, 0.5)

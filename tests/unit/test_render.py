@@ -56,7 +56,7 @@ def block(x: tuple[float, float], y: tuple[float, float], speed: float) -> tuple
 def made_up(*blocks: tuple[np.ndarray, np.ndarray]) -> Frame:
     """A moment with these particles and no machine."""
     places, speeds = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
-    return Frame(0.0, places, speeds, np.zeros_like(speeds), (), ())
+    return Frame(0.0, places, speeds, np.zeros_like(speeds), np.zeros_like(speeds), (), ())
 
 
 def is_soil(pixel: np.ndarray) -> bool:
@@ -147,7 +147,8 @@ def test_tool_stands_at_its_pose(recorded, resolved):
     """The tip of the share is where the bag says: grey pixels there, none below or before it."""
     frames = Snapshots(recorded / "bag", resolved)
     frame = next(frames.read(frames.times_ns[-1:]))
-    bare = Frame(frame.time_s, np.empty((0, 3), "f4"), np.empty(0, "f4"), np.empty(0, "f4"), frame.tools, ())
+    none = np.empty(0, "f4")
+    bare = Frame(frame.time_s, np.empty((0, 3), "f4"), none, none, none, frame.tools, ())
     picture = Renderer(resolved, Style("speed", LIMITS, SIZE)).draw(bare, "longitudinal").astype(int)
     high = 1.06 * 0.72
     metres = high / SIZE[1]

@@ -127,7 +127,8 @@ KINDS: dict[str, dict[str, str]] = {
         "velocity_residual": "m_per_s",
     },
     "soil": {
-        "particle": "count", "contact": "count", "lost_particle": "count", "rebuild": "count",
+        "particle": "count", "contact": "count", "lost_particle": "count", "broken_bond": "count",
+        "rebuild": "count",
         "kinetic_energy": "joule", "rms_speed": "m_per_s", "rms_angular_velocity": "rad_per_s",
         "max_overlap": "m", "max_tool_overlap": "m",
     },

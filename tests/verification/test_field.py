@@ -367,3 +367,62 @@ def test_places_of_histories_are_those_of_the_kernels():
     places = history_places(pairs, 7)
     assert places[:, 0].tolist() == [history_place(pair, 7) for pair in pairs]
     assert_array_equal(np.diff(places, axis=1), 512)
+
+
+CEMENT = {"youngs_modulus_pa": 1e6, "tensile_strength_pa": 5e3, "cohesion_pa": 1e4, "damping_ratio": 0.05}
+
+
+def bonds_by_identity(engine):
+    """Length without force of every whole bond, by the identities of its particles."""
+    pairs, p = engine._pairs, engine.particles()
+    first = np.repeat(np.arange(p.count), np.diff(pairs.row_start))
+    lengths = engine._bonds.state[history_places(np.arange(len(first)), len(engine._bonds._parity))[:, 0]]
+    ends = np.sort(np.stack((p.identity[first], p.identity[pairs.neighbour]), axis=1), axis=1)
+    whole = lengths > 0.0
+    return dict(zip(map(tuple, ends[whole].tolist()), lengths[whole].tolist(), strict=True))
+
+
+@pytest.mark.parametrize("sides", ["held", "periodic"])
+def test_bonds_of_a_window_are_those_of_the_whole_field(soil, sides):
+    """Soil that was laid out strip by strip has the bonds that it has laid out at once, each once; those
+    behind the window are gone and not counted as broken."""
+    scene = field(soil, sides=sides, bonds=CEMENT)
+    engine = FieldEngine(scene)
+    engine.start(above(0.2))
+    _, front = window_of(engine)
+    for further in (2, 5):
+        engine._shift(further, front + further)
+    window = {"ahead_m": 0.15, "behind_m": 1.0}
+    at_once = FieldEngine(field(soil, sides=sides, bonds=CEMENT, window=window))
+    at_once.start(above(0.5))
+    found, wanted = bonds_by_identity(engine), bonds_by_identity(at_once)
+    within = {
+        ends: length for ends, length in wanted.items() if set(ends) <= set(engine.particles().identity)
+    }
+    assert len(found) > 2.0 * engine.particle_count
+    assert found == pytest.approx(within, abs=1e-12)
+    assert engine.state("", 0, 0).broken_bond_count == 0
+
+
+def test_bonded_soil_has_the_same_bits_on_threads_and_after_a_restart(soil):
+    """Bonds break at the bar, before and after a shift of the window; their books close."""
+    scene = field(soil, bonds=CEMENT)
+    first, wrenches = driven(scene, ticks=500)
+    assert first.state("", 0, 0).broken_bond_count > 20
+    _, again = driven(scene, 2, ticks=500)
+    assert wrenches == again
+    half, _ = driven(scene, ticks=250)
+    arrays = {name: np.array(array) for name, array in half.state_arrays().items()}
+    resumed = FieldEngine(scene)
+    resumed.restore(arrays)
+    assert [resumed.advance(tick, bar(tick)) for tick in range(250, 500)] == wrenches[250:]
+    for name, array in first.state_arrays().items():
+        assert_array_equal(array, resumed.state_arrays()[name], err_msg=name)
+    cloud = first.cloud(0, 0)
+    p = first.particles()
+    broken = np.asarray(cloud.broken_parts)
+    near = np.abs(np.asarray(cloud.positions_m)[:, 0] - bar(499)[0].x_m) < 0.1
+    assert broken[near].mean() > 3.0 * broken[~near].mean()
+    assert len(broken) == p.count
+    book = first.energy()
+    assert book.sinks_joule["bond_breakage"] > 0.0

@@ -15,8 +15,9 @@ from subsoil_ros.cli.main import main
 from subsoil_ros.dem.beds.tile import tile_edge_m
 from subsoil_ros.errors import InputError, SceneError
 from subsoil_ros.experiments.calibration import material as calibration
+from subsoil_ros.experiments.calibration.particles import FORMS
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
-from subsoil_ros.loading.material import read_laboratory_soil, read_material, write_material
+from subsoil_ros.loading.material import is_of, read_laboratory_soil, read_material, write_material
 from subsoil_ros.loading.shipped import config_folder, material_names
 from subsoil_ros.scene.material import LaboratorySoil
 from subsoil_ros.scene.pairs import pair_values
@@ -67,7 +68,8 @@ def test_a_material_is_its_particles_bed_and_law():
 def test_shipped_materials_meet_their_soils(name):
     """Within what the calibration promises; each has the shipped soil that it was fitted to."""
     material = read_material(config_folder() / "materials" / f"{name}.yaml", name)
-    assert material.soil == read_laboratory_soil(config_folder() / "soils" / f"{name}.yaml")
+    soil = name.removesuffix("_bonded").removesuffix("_plastic")  # other laws
+    assert material.soil == read_laboratory_soil(config_folder() / "soils" / f"{soil}.yaml")
     found = {key: interval.value for key, interval in material.measured.items()}
     assert abs(found["friction_angle_deg"] - material.soil.friction_angle_deg) < 0.5
     assert abs(found["cohesion_pa"] - material.soil.cohesion_pa) < max(
@@ -194,6 +196,8 @@ def made_up(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
         count["sets"] += 1
         friction = row["static_friction"]
         attraction = row.get("cohesive_stiffness_newton_per_m", 0.0) * row.get("cohesion_range_m", 0.0)
+        attraction += 0.01 * row.get("surface_energy_joule_per_m2", 0.0)
+        attraction += 3e-4 * soil.get("bonds", {}).get("tensile_strength_pa", 0.0)
         off = 0.01 * ((seed % 3) - 1.0)
         angle = 45.0 * (1.0 - math.exp(-3.0 * friction)) + 0.2 * attraction
         return angle * (1.0 + off), 3e3 * attraction * (0.4 + friction) * (1.0 - off), 0.61 * 2500.0
@@ -203,7 +207,8 @@ def made_up(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
         yield InProcess(), workers
 
     def modulus(document: Any) -> float:
-        return 30.0 * document["soil"]["law"]["particle"]["stiffness_newton_per_m"]
+        row = document["soil"]["law"]["particle"]
+        return 30.0 * row.get("stiffness_newton_per_m", row.get("youngs_modulus_pa"))
 
     monkeypatch.setattr(calibration, "connected", connected)
     monkeypatch.setattr(calibration, "_strength", strength)
@@ -214,10 +219,10 @@ def made_up(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
     return count
 
 
-def fit(**changes: Any) -> Any:
+def fit(law: str = "cohesive_linear", **changes: Any) -> Any:
     """A calibration to the made-up tests."""
     soil = LaboratorySoil.model_validate({**LABORATORY, **changes})
-    return calibration.calibrate(soil, 0.01, 1, lambda text: None)
+    return calibration.calibrate(soil, 0.01, 1, lambda text: None, law)
 
 
 def test_the_fit_finds_friction_and_attraction(made_up):
@@ -238,6 +243,36 @@ def test_the_fit_finds_friction_and_attraction(made_up):
     ratio = row["damping_newton_s_per_m"] / (2.0 * math.sqrt(0.5 * mass * row["stiffness_newton_per_m"]))
     assert_allclose(math.exp(-math.pi * ratio / math.sqrt(1.0 - ratio**2)), 0.6, rtol=1e-9)
     assert_allclose(material.density_kg_per_m3, 2500.0 * 1500.0 / (0.61 * 2500.0))
+
+
+@pytest.mark.parametrize("law", ["elasto_plastic_adhesive", "bonded"])
+def test_other_laws_are_fitted_likewise(made_up, law, tmp_path):
+    """Their own number makes the cohesion, a file gives it back, and a scene takes the particles."""
+    material = fit(law)
+    assert abs(material.measured["cohesion_pa"].value - 8e3) < 0.02 * 8e3
+    assert set(material.fitted) == {"static_friction", FORMS[law].fitted}
+    path = tmp_path / "made.yaml"
+    write_material(path, material)
+    soil = scene(material=str(path)).scene.particle_soil
+    assert is_of(soil, material)
+    radius = soil.particles.mean_volume_radius_m
+    pair = soil.law.pair(1.0, 0.5 * radius, 1.0)
+    at_work = 4.0 * calibration.WORKING_STRESS_PA * radius / calibration.MAX_OVERLAP
+    assert pair.stiffness == pytest.approx(at_work, rel=1e-6)
+    if law == "bonded":
+        assert soil.bonds.tensile_strength_pa == material.fitted["tensile_strength_pa"].value
+        assert pair.peak_attraction == 0.0
+        weaker = soil.bonds.model_copy(update={"tensile_strength_pa": 1e3})
+        assert not is_of(soil.model_copy(update={"bonds": weaker}), material)
+        with pytest.raises(SceneError, match=r"soil\.bonds: given beside soil\.material"):
+            scene(material=str(path), bonds=material.bonds)
+
+
+def test_bonds_need_a_cohesion(made_up):
+    """Dry soil has nothing for them to bear."""
+    with pytest.raises(InputError, match=r"--law bonded: soil 'test soil' has cohesion_pa 0"):
+        fit("bonded", cohesion_pa=0.0)
+    assert fit("elasto_plastic_adhesive", cohesion_pa=0.0).law["kind"] == "elasto_plastic_adhesive"
 
 
 def test_dry_soil_has_no_attraction(made_up):

@@ -36,6 +36,7 @@ from .cycle_frequency import frequency_rows
 from .cycle_record import ANGLE, QUANTILES, SPRING, Run, Values, quantile_range
 from .cycle_runs import LONG_S, cases, find_case
 from .paired import paired_difference
+from .ship_results import ship_picture
 
 THRESHOLDS = (0.5, 1.0, 1.5)
 """Prominence of a failure in standard deviations."""
@@ -292,6 +293,8 @@ def main() -> None:
         runs.append(Run(case, summary))
         if case.name in ("loam", "locked"):
             ten_metres[case.name, case.seed] = Run(case, summary, PAIRED_M)
+    if not runs:
+        raise SystemExit(f"{args.out}: no finished run of these scenes there; make them with cycle_runs")
     args.results.mkdir(parents=True, exist_ok=True)
     table = [case_row(run) for run in runs]
     write_rows(args.results / "cases.csv", table)
@@ -301,7 +304,9 @@ def main() -> None:
     told = [row for run in long for row in phases(run)]
     (args.results / "phases.md").write_text(phase_table(told), encoding="utf-8")
     write_rows(args.results / "thresholds.csv", threshold_rows(runs))
-    draw(long, args.results / "cycle.png")
+    picture = args.results / "cycle.png"
+    draw(long, picture)
+    ship_picture(picture, picture)
     seeds = sorted(seed for name, seed in ten_metres if name == "locked" and ("loam", seed) in ten_metres)
     sprung, locked = ([ten_metres[name, seed] for seed in seeds] for name in ("loam", "locked"))
     rows = frequency_rows(sprung, locked)

@@ -256,7 +256,7 @@ def test_other_laws_are_fitted_likewise(made_up, law, tmp_path):
     soil = scene(material=str(path)).scene.particle_soil
     assert is_of(soil, material)
     radius = soil.particles.mean_volume_radius_m
-    pair = soil.law.pair(1.0, 0.5 * radius, 1.0)
+    pair = pair_values(soil)[0]
     at_work = 4.0 * calibration.WORKING_STRESS_PA * radius / calibration.MAX_OVERLAP
     assert pair.stiffness == pytest.approx(at_work, rel=1e-6)
     if law == "bonded":

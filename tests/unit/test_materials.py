@@ -260,7 +260,7 @@ def test_other_laws_are_fitted_likewise(made_up, law, tmp_path):
     at_work = 4.0 * calibration.WORKING_STRESS_PA * radius / calibration.MAX_OVERLAP
     assert pair.stiffness == pytest.approx(at_work, rel=1e-6)
     if law == "bonded":
-        assert soil.bonds.tensile_strength_pa == material.fitted["tensile_strength_pa"].value
+        assert soil.bonds.tensile_strength_pa == material.fitted["bond_tensile_strength_pa"].value
         assert pair.peak_attraction == 0.0
         weaker = soil.bonds.model_copy(update={"tensile_strength_pa": 1e3})
         assert not is_of(soil.model_copy(update={"bonds": weaker}), material)

@@ -4,10 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from validation import beds, laws, steps, tools
+from validation import beds, laws, plastic_and_bonded, steps, tools
 from validation.cases import Case
 
-CASES = [case for part in (steps, laws, tools, beds) for case in part.CASES if not case.long]
+CASES = [
+    case for part in (steps, laws, tools, beds, plastic_and_bonded) for case in part.CASES if not case.long
+]
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.key} {case.title}")

@@ -164,7 +164,7 @@ FORMS = {
         presses=False,
     ),
     "bonded": Form(
-        "tensile_strength_pa", _bonded, lambda wanted: COHESION_OVER_RUMPF, presses=False
+        "bond_tensile_strength_pa", _bonded, lambda wanted: COHESION_OVER_RUMPF, presses=False
     ),
 }  # fmt: skip
 """By the name that `subsoil calibrate --law` takes."""

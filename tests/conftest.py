@@ -20,7 +20,7 @@ pytest_plugins = ["tests.compile_times"]
 QUICK = (
     "lint", "protocol", "unit",
     "ros/test_nodes.py", "ros/test_simulation_services.py", "ros/test_tick_codec.py",
-    "verification/test_dem_precision.py", "verification/test_mbd_joints.py",
+    "verification/test_dem_bonds.py", "verification/test_dem_precision.py", "verification/test_mbd_joints.py",
     "verification/test_wedge_formulas.py",
 )  # fmt: skip
 """Folders and files whose tests are `make test-quick`: some of every package folder (test_quick.py)."""

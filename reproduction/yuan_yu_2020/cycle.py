@@ -9,7 +9,7 @@ cases.md        the same for reading; intervals are of 95 %
 phases.md       when spring, angle, height and the soil's own force follow the draft
 thresholds.csv  travel between failures by the prominence that counts as one
 frequency.csv   sprung shank against the locked one's record passed through the linear shank
-saving.json     locked less sprung draft, field by field
+saving.json     locked less sprung draft, field by field, for each soil
 cycle.png       draft over two metres, its spectra over time and travel, travel between failures
 """
 
@@ -40,6 +40,9 @@ from .ship_results import ship_picture
 
 THRESHOLDS = (0.5, 1.0, 1.5)
 """Prominence of a failure in standard deviations."""
+
+LOCKED = {"loam": "locked", "brittle loam": "brittle locked"}
+"""Soils that both machines were drawn through, sprung and with the shank held: their cases."""
 
 PAIRED_M = 10.5
 """End of the travel in which sprung and locked are compared, on the same places of a field."""
@@ -291,7 +294,7 @@ def main() -> None:
             print(f"{case.key}: not run")
             continue
         runs.append(Run(case, summary))
-        if case.name in ("loam", "locked"):
+        if case.name in (*LOCKED, *LOCKED.values()):
             ten_metres[case.name, case.seed] = Run(case, summary, PAIRED_M)
     if not runs:
         raise SystemExit(f"{args.out}: no finished run of these scenes there; make them with cycle_runs")
@@ -307,13 +310,18 @@ def main() -> None:
     picture = args.results / "cycle.png"
     draw(long, picture)
     ship_picture(picture, picture)
-    seeds = sorted(seed for name, seed in ten_metres if name == "locked" and ("loam", seed) in ten_metres)
-    sprung, locked = ([ten_metres[name, seed] for seed in seeds] for name in ("loam", "locked"))
-    rows = frequency_rows(sprung, locked)
+    rows, savings = [], {}
+    for soil, held in LOCKED.items():
+        seeds = sorted(seed for name, seed in ten_metres if name == held and (soil, seed) in ten_metres)
+        if not seeds:
+            continue
+        sprung, locked = ([ten_metres[name, seed] for seed in seeds] for name in (soil, held))
+        rows += [{"soil": soil, **row} for row in frequency_rows(sprung, locked)]
+        saving = paired_difference(*([run.draft_mean_newton for run in both] for both in (sprung, locked)))
+        savings[soil] = {"seeds": seeds, **asdict(saving)}
     columns = dict.fromkeys(key for row in rows for key in row)
     write_rows(args.results / "frequency.csv", [columns | row for row in rows])
-    saving = paired_difference(*([run.draft_mean_newton for run in runs] for runs in (sprung, locked)))
-    text = json.dumps({"seeds": seeds, **asdict(saving)}, indent=1)
+    text = json.dumps(savings, indent=1)
     (args.results / "saving.json").write_text(text + "\n", encoding="utf-8")
     print(text)
 

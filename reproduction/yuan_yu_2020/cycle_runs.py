@@ -44,8 +44,13 @@ class Case(NamedTuple):
     name: str
     changes: Document
     seed: int = 1
-    locked: bool = False  # at the mean angle of the sprung run of this seed
+    sprung: str = ""  # the shank is locked, at the mean angle of the case of this name and seed
     duration_s: float = SHORT_S
+
+    @property
+    def locked(self) -> bool:
+        """Whether the shank is held."""
+        return bool(self.sprung)
 
     @property
     def key(self) -> str:
@@ -57,7 +62,7 @@ def _radius(radius_m: float) -> Document:
     return {"soil": {"particles": {"radius_m": radius_m}, "skin_m": 0.3 * radius_m}}
 
 
-def _law(stiffness: float = 1.0, damping: float = 1.0) -> Document:
+def _law(stiffness: float = 1.0, damping: float = 1.0, material: str = "loam") -> Document:
     """Other contacts of the same strength: friction and attraction, k times overlap at rest, as they are."""
     factors = {
         "stiffness_newton_per_m": stiffness,
@@ -66,12 +71,13 @@ def _law(stiffness: float = 1.0, damping: float = 1.0) -> Document:
         "damping_newton_s_per_m": damping,
         "tangential_damping_newton_s_per_m": damping,
     }
-    soil = copy.deepcopy(load_scene(SCENE).document["soil"])
+    soil = copy.deepcopy(load_scene(SCENE, [f"soil.material={material}"]).document["soil"])
     law = soil["law"]
     for row in ("particle", "boundary"):
-        law[row] |= {key: law[row][key] * factor for key, factor in factors.items()}
+        law[row] |= {key: law[row][key] * factor for key, factor in factors.items() if key in law[row]}
     particles = {"radius_m": None} | soil["particles"]
-    return {"soil": {"material": None, "law": law, "particles": particles, "window": soil["window"]}}
+    changed = {"material": None, "law": law, "particles": particles, "window": soil["window"]}
+    return {"soil": changed | ({"bonds": soil["bonds"]} if soil.get("bonds") else {})}
 
 
 def _step(part: int) -> Document:
@@ -161,7 +167,7 @@ def cases() -> Iterator[Case]:
     for seed in (2, 3):
         yield Case("loam", {}, seed, duration_s=MIDDLE_S)
     for seed in (1, 2, 3):
-        yield Case("locked", {}, seed, True, MIDDLE_S)
+        yield Case("locked", {}, seed, "loam", MIDDLE_S)
     yield Case("dry sand", {"soil": {"material": "dry_sand"}}, duration_s=MIDDLE_S)
     yield Case("half the step", _step(2))
     yield Case("r = 12 mm", _radius(0.012))
@@ -183,14 +189,35 @@ def cases() -> Iterator[Case]:
     yield Case("wheels on the bed", _wheels_on_the_bed(), duration_s=0.7 * SHORT_S)
     for name, changes in (("loose sandy loam", loose), ("dense sandy loam", dense)):
         yield Case(name, changes, 2, duration_s=MIDDLE_S)
+    yield from _brittle_cases()
+
+
+def _brittle_cases() -> Iterator[Case]:
+    """Loam whose cohesion is bonds that break for good."""
+    soil: Document = {"soil": {"material": "loam_bonded"}}
+    yield Case("brittle loam", soil, 1, duration_s=LONG_S)
+    for seed in (2, 3):
+        yield Case("brittle loam", soil, seed, duration_s=MIDDLE_S)
+    for seed in (1, 2, 3):
+        yield Case("brittle locked", soil, seed, "brittle loam", MIDDLE_S)
+    for name, changes in (
+        ("half the step", _step(2)),
+        ("r = 12 mm", _radius(0.012)),
+        ("r = 20 mm", _radius(0.020)),
+        ("field 1.0 m wide", {"soil": {"bin": {"width_m": 1.0}}}),
+    ):
+        yield Case(f"brittle {name}", {**changes, "soil": {**changes.get("soil", {}), **soil["soil"]}})
+    yield Case("brittle stiffness times 4", _law(4.0, 2.0, "loam_bonded"))
+    radius = _radius(0.010)
+    yield Case("brittle r = 10 mm", {"soil": radius["soil"] | soil["soil"]}, duration_s=0.7 * SHORT_S)
 
 
 def scene_of(case: Case, out: Path) -> Path:
     """Scene file of a case; of a locked one that of the same bed with the shank on the spring."""
-    name = "loam" if case.locked else case.key.rpartition("-")[0]
-    changes: Document = {"base": str(SCENE), "name": name, **case.changes}
-    run = (case.name if not case.locked else "loam", case.seed)
-    changes["duration_s"] = next(one.duration_s for one in cases() if (one.name, one.seed) == run)
+    whose = case.sprung or case.name
+    free = next(one for one in cases() if (one.name, one.seed) == (whose, case.seed))
+    name = free.key.rpartition("-")[0]
+    changes: Document = {"base": str(SCENE), "name": name, **case.changes, "duration_s": free.duration_s}
     soil: dict[str, Any] = changes.get("soil", {})
     changes["soil"] = {**soil, "bed": {**soil.get("bed", {}), "seed": case.seed}}
     return write_scene(changes, out / "scenes" / f"{name}-{case.seed}.yaml")

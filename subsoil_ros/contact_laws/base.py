@@ -13,7 +13,11 @@ from pydantic import Field, create_model
 from ..strict_model import StrictModel
 
 SINKS = ("normal_dashpot", "tangential_dashpot", "sliding", "rolling", "separation")
-"""Energy sinks that a contact books, in this order, joule. `rolling`: of rolling and twisting friction."""
+"""Energy sinks that every contact books, in this order, joule. `rolling`: of rolling and twisting friction. A
+law may have more: ContactLaw.more_sinks."""
+
+SHARED_SINKS = len(SINKS)
+"""Of every law."""
 
 SPRINGS = 6
 """Numbers that are kept of every contact: tangential spring x, y, z [m], rolling spring x, y, z [rad], whose
@@ -147,12 +151,20 @@ class ContactLaw(StrictModel):
     features: ClassVar[type] = Features
     """Class of what the compiler is told."""
 
+    more_sinks: ClassVar[tuple[str, ...]] = ()
+    """Energy sinks of its own; its kernel books them after SINKS."""
+
     kept: ClassVar[Mapping[str, int]] = {}
     """Numbers kept of a contact beside the SPRINGS: name -> 1, or -1 where it changes its sign seen from the
     other side. All begin with zero. No components of vectors: a field lays soil out turned about z."""
 
     linear_springs: ClassVar[bool] = False
     """Whether the normal force is that of linear springs, which the settling of dense beds rests on."""
+
+    @property
+    def sinks(self) -> tuple[str, ...]:
+        """Names of all energy sinks."""
+        return SINKS + self.more_sinks
 
     def pair(self, ratio: float, radius_m: float, mass_kg: float) -> PairValues:
         """Two particles under this law."""

@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from ..contact_laws.base import SINKS
 from ..contact_laws.registry import BUILT_IN
 from ..errors import InputError, PhysicsError, SceneError
 from ..limits.stable_steps import DENSE_COORDINATION, SAFETY, step_limits
@@ -97,7 +96,8 @@ class SoilEngine(SoilReadings):
         self._rebuilds = 0
         self._tool_work = 0.0
         self._carried_joule = 0.0
-        self._sinks = np.zeros(len(SINKS))  # of pairs and walls
+        self._sink_names = soil.law.sinks
+        self._sinks = np.zeros(len(self._sink_names))  # of pairs and walls
         self._load(self.bed.positions_m, self.bed.radii_m, self.bed.materials, self.bed.held)
         if bed is None:
             self._refuse_step_too_large()
@@ -495,8 +495,8 @@ class SoilEngine(SoilReadings):
         for tool, motion in zip(self._tools, motions, strict=True):
             tool.search(motion, p, order, cell_start, grid, boundary_reach + TOOL_SKIN * skin)
         self._wall_force = np.zeros((len(particle), 3))
-        self._pair_book = np.zeros((len(slabs) - 1, len(SINKS)))
-        self._wall_book = np.zeros((CHUNKS, len(SINKS)))
+        self._pair_book = np.zeros((len(slabs) - 1, len(self._sinks)))
+        self._wall_book = np.zeros((CHUNKS, len(self._sinks)))
         self._rebuilds += 1
         self._strain = 0.0
 

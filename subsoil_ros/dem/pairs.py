@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from ..contact_laws.base import SINKS, SPRINGS
+from ..contact_laws.base import SHARED_SINKS, SPRINGS
 from ..contact_laws.inverse_root import inverse_root
 from ..contact_laws.springs import like, turned
 from .blocks import BLOCK, ROW, history_place, scratch_rows
@@ -35,8 +35,6 @@ from .periodic import nearest_images
 
 _GATHERED = 12
 """Scratch rows: x_j - x_i, v_i - v_j, w_i, w_j. Results take their place: force on i, torque on i, on j."""
-
-_BOOKED = len(SINKS)
 
 
 @inner_kernel(forceinline=True)
@@ -100,8 +98,8 @@ def contact_of_pair(
     apart [m]: x_j - x_i; relative [m/s]: v_i - v_j of the centres; spins [rad/s], radii [m]; shear [m], roll
     [rad], kept: history.
     Returns 1 if they are in reach, else 0, all the rest being zero then; force on i [N]; torques on i and on
-    j [N m]; shear, roll; sinks [J] (SINKS), where a separated pair loses its springs; kept, not
-    yet zero then.
+    j [N m]; shear, roll; sinks [J] (SINKS), where a separated pair loses its springs; those of the law
+    itself and kept, not yet zero then.
     """
     zero, half, one = like(step, 0.0), like(step, 0.5), like(step, 1.0)
     touch = radius_i + radius_j
@@ -151,7 +149,8 @@ def contact_of_pair(
         (arm_j * qx - mx, arm_j * qy - my, arm_j * qz - mz),
         (acts * s[0], acts * s[1], acts * s[2]),
         (acts * r[0], acts * r[1], acts * r[2]),
-        (acts * sinks[0], acts * sinks[1], acts * sinks[2], acts * sinks[3], acts * sinks[4] + lost),
+        (acts * sinks[0], acts * sinks[1], acts * sinks[2], acts * sinks[3], acts * sinks[4] + lost)  # noqa: RUF005
+        + sinks[SHARED_SINKS:],
         kept,
     )
 
@@ -192,8 +191,10 @@ def _compute(count, scratch, history, radius, step, common_law, features, book):
         scratch[b + 3 * ROW], scratch[b + 4 * ROW], scratch[b + 5 * ROW] = on_i
         scratch[b + 6 * ROW], scratch[b + 7 * ROW], scratch[b + 8 * ROW] = on_j
         if features.book.ndim == 2:
-            for a in range(_BOOKED):
+            for a in range(SHARED_SINKS):
                 book[a] += sinks[a]
+            for a in range(SHARED_SINKS, len(sinks)):
+                book[a] += acts * sinks[a]
 
 
 @inner_kernel()
@@ -231,7 +232,7 @@ def _slab_forces(
     first, last, row_start, neighbour, position, velocity, spin, force, torque, history,
     radius, step, law, mixture, features, book, bonds, slab,
 ):  # fmt: skip
-    """Pairs of the particles first <= i < last, in list order. `book` (5,) gathers the sinks [J]."""
+    """Pairs of the particles first <= i < last, in list order. `book` (sinks,) gathers the sinks [J]."""
     count, common = _GATHERED, law
     if features.sizes.ndim == 2 and features.materials.ndim == 1:
         count += 3  # radii of i and j, reduced mass
@@ -261,7 +262,7 @@ def pair_forces(
     slab_start, row_start, neighbour, position, velocity, spin, force, torque, history,
     radius, step, law, mixture, features, book, bonds,
 ):  # fmt: skip
-    """Adds the forces of all pairs. `book` (slabs, 5) [J] gathers the sinks slab by slab.
+    """Adds the forces of all pairs. `book` (slabs, sinks) [J] gathers the sinks slab by slab.
 
     radius [m] and law are those of all particles, unless `features` say that `mixture` has their own.
     bonds: NoBonds or BondArrays.

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..contact_laws.base import SINKS, Features
+from ..contact_laws.base import Features
 from ..messages import SoilCloud, SoilState
 from .bed import Bed
 from .blocks import history_places
@@ -54,6 +54,7 @@ class SoilReadings(ABC):
     _tool_work: float
     _carried_joule: float  # that came in less what left with a window
     _sinks: np.ndarray
+    _sink_names: tuple[str, ...]
     _wall_force: np.ndarray
     _pair_book: np.ndarray
     _wall_book: np.ndarray
@@ -198,8 +199,8 @@ class SoilReadings(ABC):
         at_tools = sum(
             t.stored_joule(p, self._radius, self._at_tools, mixture, self._features) for t in self._tools
         )
-        sinks = self._sinks + sum((t.sinks_joule for t in self._tools), np.zeros(len(SINKS)))
-        booked = dict(zip(SINKS, sinks.tolist(), strict=True))
+        sinks = self._sinks + sum((t.sinks_joule for t in self._tools), np.zeros_like(self._sinks))
+        booked = dict(zip(self._sink_names, sinks.tolist(), strict=True))
         in_bonds = 0.0
         if self._bonds is not None:
             self._bonds.flush()

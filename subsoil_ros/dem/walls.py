@@ -6,7 +6,7 @@ Forces go as those of pairs do (dem.pairs): in blocks, gathered, computed along 
 import numpy as np
 from numba import njit, prange
 
-from ..contact_laws.base import SINKS, SPRINGS
+from ..contact_laws.base import SHARED_SINKS, SPRINGS
 from ..contact_laws.springs import like
 from .blocks import BLOCK, ROW, history_place, scratch_rows
 from .compiled import inner_kernel
@@ -139,7 +139,8 @@ def contact_at_wall(distance, normal, velocity, spin, radius, shear, roll, kept,
         ),
         (acts * s[0], acts * s[1], acts * s[2]),
         (acts * r[0], acts * r[1], acts * r[2]),
-        (acts * sinks[0], acts * sinks[1], acts * sinks[2], acts * sinks[3], acts * sinks[4] + lost),
+        (acts * sinks[0], acts * sinks[1], acts * sinks[2], acts * sinks[3], acts * sinks[4] + lost)  # noqa: RUF005
+        + sinks[SHARED_SINKS:],
         kept,
     )
 
@@ -171,8 +172,10 @@ def _compute(count, scratch, history, common_radius, step, common_law, features,
         scratch[b], scratch[b + ROW], scratch[b + 2 * ROW] = f
         scratch[b + 3 * ROW], scratch[b + 4 * ROW], scratch[b + 5 * ROW] = on_it
         if features.book.ndim == 2:
-            for a in range(len(SINKS)):
+            for a in range(SHARED_SINKS):
                 book[a] += sinks[a]
+            for a in range(SHARED_SINKS, len(sinks)):
+                book[a] += acts * sinks[a]
 
 
 @inner_kernel()
@@ -180,7 +183,7 @@ def _part_forces(
     first, last, particle, wall, planes, position, velocity, spin, force, torque, history,
     radius, step, law, mixture, features, wall_force, book,
 ):  # fmt: skip
-    """Pairs first <= k < last of the list. `book` (5,) gathers the sinks [J]."""
+    """Pairs first <= k < last of the list. `book` (sinks,) gathers the sinks [J]."""
     count = _GATHERED
     if features.sizes.ndim == 2 or features.materials.ndim == 2:
         count += 1 + len(law)  # radius and law
@@ -217,8 +220,8 @@ def wall_forces(
     particle, wall, planes, position, velocity, spin, force, torque, history,
     radius, step, law, mixture, features, wall_force, book,
 ):  # fmt: skip
-    """Adds the forces of the walls. `wall_force` (w, 3) [N] receives that of each pair, `book` (CHUNKS, 5)
-    gathers the sinks [J]. `mixture`: see pair_forces."""
+    """Adds the forces of the walls. `wall_force` (w, 3) [N] receives that of each pair, `book`
+    (CHUNKS, sinks) gathers the sinks [J]. `mixture`: see pair_forces."""
     count = particle.shape[0]
     for chunk in prange(CHUNKS):
         _part_forces(

@@ -196,7 +196,7 @@ def made_up(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
         count["sets"] += 1
         friction = row["static_friction"]
         attraction = row.get("cohesive_stiffness_newton_per_m", 0.0) * row.get("cohesion_range_m", 0.0)
-        attraction += 0.01 * row.get("surface_energy_joule_per_m2", 0.0)
+        attraction += row.get("pull_off_newton", 0.0)
         attraction += 3e-4 * soil.get("bonds", {}).get("tensile_strength_pa", 0.0)
         off = 0.01 * ((seed % 3) - 1.0)
         angle = 45.0 * (1.0 - math.exp(-3.0 * friction)) + 0.2 * attraction

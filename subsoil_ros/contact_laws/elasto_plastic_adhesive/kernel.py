@@ -42,7 +42,7 @@ def _elastic(overlap, plastic, law):
 
 
 def contact(overlap, normal, velocity, spin, shear, roll, kept, step, law, features):
-    """dem.contact.contact. Plastic work and what adhesion takes are booked with the normal dashpot."""
+    """dem.contact.contact."""
     zero, half, one = like(overlap, 0.0), like(overlap, 0.5), like(overlap, 1.0)
     nx, ny, nz = normal
     ux, uy, uz = velocity
@@ -71,15 +71,18 @@ def contact(overlap, normal, velocity, spin, shear, roll, kept, step, law, featu
     f, m, s, r, lost = contact_with_springs(
         push, pressing, overlap_rate, normal, velocity, spin, shear, roll, step, law, features, grown, before
     )
-    taken = zero
+    yielding = adhesion = zero
     if features.book.ndim == 2:  # the integral of k2 (overlap - p) d(p^n) along the two branches
         moved = plastic * plastic * _rooted(plastic, law) - kept[0] * kept[0] * _rooted(kept[0], law)
         grows = (one - law.plastic_part) / max(law.plastic_part, like(overlap, _TINY))
         shrinks = one / wider - one
         part = like(overlap, 0.6) if law.hertzian > zero else half  # n / (n + 1)
-        taken = part * law.unloading_stiffness * moved * (grows if moved > zero else shrinks)
-        taken += damped * overlap_rate * step
-    return f, m, s, r, (plastic, ratio), (taken, lost[0], lost[1], lost[2], lost[3])
+        taken = part * law.unloading_stiffness * moved
+        yielding = max(taken * grows, zero)
+        adhesion = max(-taken, zero) * -shrinks
+    dashpot = damped * overlap_rate * step
+    sinks = (dashpot, lost[0], lost[1], lost[2], lost[3], yielding, adhesion)
+    return f, m, s, r, (plastic, ratio), sinks
 
 
 def normal_potential(overlap, kept, law, features):

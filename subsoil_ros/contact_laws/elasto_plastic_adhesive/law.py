@@ -155,6 +155,7 @@ class ElastoPlasticAdhesiveLaw(ContactLaw):
         return given
 
     numbers = ElastoPlasticAdhesiveNumbers
+    more_sinks = ("yielding", "adhesion")
     kept = {"plastic_overlap_m": 1, "adhesive_ratio": 1}  # noqa: RUF012
 
     def pair(self, ratio: float, radius_m: float, mass_kg: float) -> PairValues:

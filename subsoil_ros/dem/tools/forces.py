@@ -12,6 +12,7 @@ import math
 import numpy as np
 from numba import njit, prange
 
+from ...contact_laws.base import SHARED_SINKS
 from ...contact_laws.springs import turned
 from ..compiled import inner_kernel
 from ..contact import contact, kept_at, normal_potential, put_kept, reach, spring_energy
@@ -23,6 +24,9 @@ CONTACTS = 4
 
 _CHUNKS = 32
 """Fixed split of the candidates, whatever the number of threads."""
+
+_DEEPEST = SHARED_SINKS + 1
+"""Place of the largest overlap among the sums of a tool."""
 
 FOUND = 9
 """Numbers of a contact that was found: unit normal towards the tool, distance [m] (negative: centre behind
@@ -109,7 +113,8 @@ def _candidate(
     row, i, found, out, position, velocity, spin, force, torque, motion, active, normal, shear, roll,
     old_shear, old_roll, radius, step, law, features, group_force, moment, sums,
 ):  # fmt: skip
-    """Applies the contacts `out` of particle i. `sums` (7,): sinks, contacts, largest overlap."""
+    """Applies the contacts `out` of particle i. `sums`: sinks of all laws, contacts, largest overlap,
+    sinks of this law."""
     x0, z0, cosine, sine, vx0, vz0, rate, lateral = motion
     for s in range(CONTACTS):
         for a in range(3):
@@ -172,10 +177,12 @@ def _candidate(
         moment[0] -= ry * f[2] - rz * f[1] + m[0]
         moment[1] -= rz * f[0] - rx * f[2] + m[1]
         moment[2] -= rx * f[1] - ry * f[0] + m[2]
-        sums[5] += 1.0
-        sums[6] = max(sums[6], radius - distance)
-        for a in range(5):
+        sums[SHARED_SINKS] += 1.0
+        sums[_DEEPEST] = max(sums[_DEEPEST], radius - distance)
+        for a in range(SHARED_SINKS):
             sums[a] += sinks[a]
+        for a in range(SHARED_SINKS, len(sinks)):
+            sums[a + 2] += sinks[a]  # contacts and overlap lie between
     if features.book.ndim == 2:
         for s in range(CONTACTS):
             sums[4] += spring_energy(0.0, old_shear[s], old_roll[s], law)
@@ -212,7 +219,7 @@ def _rows_forces(
     active, normal, shear, roll, common_radius, step, common_law, mixture, features,
     group_force, moment, sums,
 ):  # fmt: skip
-    """Candidates first <= row < last; group_force (groups, 3), moment (3,), sums (7,) are theirs alone."""
+    """Candidates first <= row < last; group_force (groups, 3), moment (3,), sums (n,) are theirs alone."""
     out = np.empty((CONTACTS, FOUND))
     old_shear, old_roll = np.empty((CONTACTS, 3)), np.empty((CONTACTS, roll.shape[2]))
     group_force[:] = 0.0
@@ -237,7 +244,7 @@ def tool_forces(
     are filled chunk by chunk and summed in order.
 
     Returns the force of the soil on the tool by group (groups, 3) [N], the moment (3,) [N m] about the
-    body's centre of mass, and (7,): sinks [J], contacts, largest overlap [m].
+    body's centre of mass, and (n,): sinks of all laws [J], contacts, largest overlap [m], sinks of this law.
     """
     count = particle.shape[0]
     for chunk in prange(_CHUNKS):
@@ -246,22 +253,21 @@ def tool_forces(
             motion, position, velocity, spin, force, torque, active, normal, shear, roll, radius, step, law,
             mixture, features, group_force[chunk], moment[chunk], sums[chunk],
         )  # fmt: skip
-    by_group, torque, total = np.zeros(group_force.shape[1:]), np.zeros(3), np.zeros(7)
+    by_group, torque, total = np.zeros(group_force.shape[1:]), np.zeros(3), np.zeros(sums.shape[1])
     for chunk in range(_CHUNKS):
         for group in range(by_group.shape[0]):
             for a in range(3):
                 by_group[group, a] += group_force[chunk, group, a]
         for a in range(3):
             torque[a] += moment[chunk, a]
-        for a in range(6):
-            total[a] += sums[chunk, a]
-        total[6] = max(total[6], sums[chunk, 6])
+        for a in range(len(total)):
+            total[a] = max(total[a], sums[chunk, a]) if a == _DEEPEST else total[a] + sums[chunk, a]
     return by_group, torque, total
 
 
-def chunk_buffers(groups: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def chunk_buffers(groups: int, sinks: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Arrays that tool_forces fills: group_force, moment, sums."""
-    return np.zeros((_CHUNKS, groups, 3)), np.zeros((_CHUNKS, 3)), np.zeros((_CHUNKS, 7))
+    return np.zeros((_CHUNKS, groups, 3)), np.zeros((_CHUNKS, 3)), np.zeros((_CHUNKS, sinks + 2))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

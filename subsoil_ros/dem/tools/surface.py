@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...contact_laws.base import Features
+from ...contact_laws.base import SHARED_SINKS, Features
 from ...errors import PhysicsError
 from ...loading.loader import ResolvedScene
 from ...messages import FacetGroupForce, ToolMotion, ToolWrench
@@ -46,20 +46,22 @@ class ToolSurface:
     reference_angle_rad: float
     last: ToolMotion  # at the end of the last soil step
     kept: int = 0  # numbers that the law keeps of a contact beside its springs
+    sink_count: int = SHARED_SINKS
     facets: Facets = field(init=False)
     near: ToolList = field(init=False)
     max_overlap_m: float = field(default=0.0, init=False)
-    sinks_joule: np.ndarray = field(default_factory=lambda: np.zeros(5), init=False)
+    sinks_joule: np.ndarray = field(init=False)
     felt: ToolLoad = field(init=False)
 
     def __post_init__(self) -> None:
         self.facets = facets_of(self.mesh)
+        self.sinks_joule = np.zeros(self.sink_count)
         self._edges = np.unique(
             np.sort(self.mesh.facets[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2), axis=0
         )
         self._radius_m = float(np.linalg.norm(self.mesh.vertices_m[:, [0, 2]], axis=1).max())
         self._searched = self.last
-        self._buffers = chunk_buffers(len(self.mesh.groups))
+        self._buffers = chunk_buffers(len(self.mesh.groups), self.sink_count)
         self._kernels = KernelCalls()
         none = np.empty(0, np.int64)
         normal, shear, roll = (np.zeros((0, CONTACTS, count)) for count in (3, 3, 3 + self.kept))
@@ -167,10 +169,10 @@ class ToolSurface:
             + fz * (motion.z_m - self.last.z_m)
             - float(torque[1]) * (motion.angle_rad - self.last.angle_rad)
         )
-        self.felt.contacts = int(sums[5])
+        self.felt.contacts = int(sums[SHARED_SINKS])
         self.felt.steps += 1
-        self.max_overlap_m = max(self.max_overlap_m, float(sums[6]))
-        self.sinks_joule += sums[:5]
+        self.max_overlap_m = max(self.max_overlap_m, float(sums[SHARED_SINKS + 1]))
+        self.sinks_joule += np.delete(sums, (SHARED_SINKS, SHARED_SINKS + 1))
         self.last = motion
 
     def stored_joule(
@@ -223,13 +225,13 @@ def surfaces(resolved: ResolvedScene, bed: Bed, motions: tuple[ToolMotion, ...])
     scene, soil = resolved.scene, resolved.scene.particle_soil
     assert soil is not None
     bodies = scene.mechanism.bodies if scene.mechanism else {}
-    found = []
+    sinks, found = len(soil.law.sinks), []
     for (name, tool), motion in zip(scene.tools.items(), motions, strict=True):
         mesh = load_tool_mesh(resolved.directory, scene, name)
         refuse_tool_at_seam(name, mesh.vertices_m, bed, soil)
         refuse_tool_at_held_side(name, mesh.vertices_m, soil)
         reference = bodies[tool.body].angle_rad if tool.body else 0.0
-        found.append(ToolSurface(name, mesh, reference, motion, len(soil.law.kept)))
+        found.append(ToolSurface(name, mesh, reference, motion, len(soil.law.kept), sinks))
     return tuple(found)
 
 

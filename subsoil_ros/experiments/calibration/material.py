@@ -53,6 +53,9 @@ START_FRICTION, ANGLE_DEG, PER_FRICTION_DEG = 0.32, 32.0, 35.0
 PER_FRICTION = 1.2
 """Part by which cohesion grows with friction: likewise."""
 
+COHESION_OVER_TENSION = 0.55
+"""Cohesion over the tensile strength, likewise."""
+
 TOLERANCE = (0.3, 0.02, 50.0)
 """The search ends with the angle met to so many degrees and the cohesion to such a part or pressure [Pa]."""
 
@@ -109,7 +112,7 @@ class _Fit:
     def material(self) -> Material:
         """The fit."""
         soil = self._soil
-        per_unit = self._form.cohesion_per_unit(self._wanted(0.0))
+        per_unit = COHESION_OVER_TENSION * self._form.tension_per_unit(self._wanted(0.0))
         slope = np.array(((PER_FRICTION_DEG, 0.0), (PER_FRICTION * soil.cohesion_pa, per_unit)))
         start = START_FRICTION + (soil.friction_angle_deg - ANGLE_DEG) / PER_FRICTION_DEG
         at = np.array((float(np.clip(start, *FRICTIONS)), soil.cohesion_pa / slope[1, 1]))

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from ...contact_laws.dampers import TANGENTIAL_DAMPING, damping_ratio_at
 from ...scene.material import LaboratorySoil, mean_volume_radius_m
 from ...yaml_document import Document
-from ..soil_tests.element import LEAST_PA, NEIGHBOURS
+from ..soil_tests.element import NEIGHBOURS
 from ..soil_tests.runs import rumpf_pa
 
 ROLLING_FRICTION = 0.1
@@ -40,9 +40,6 @@ becomes hardly shorter)."""
 
 SHEAR_OVER_TENSION, CEMENT_ANGLE_DEG = 2.0, 30.0
 """Strengths of the cement (chosen: usual of parallel bonds; tension and bending break it first)."""
-
-COHESION_OVER_RUMPF = 0.55
-"""Cohesion over Rumpf's tensile strength, where a search begins (measured)."""
 
 
 class Wanted(NamedTuple):
@@ -108,8 +105,12 @@ def _attracted(wanted: Wanted, friction: float, attraction_newton: float) -> Doc
     }  # fmt: skip
 
 
-def _yielding(wanted: Wanted, friction: float, surface_energy_joule_per_m2: float) -> Document:
-    """Load with the wanted stiffness, 2 E* R*; the metal does not stick."""
+def _yielding(wanted: Wanted, friction: float, pull_off_newton: float) -> Document:
+    """Load with the wanted stiffness, 2 E* R*; the metal does not stick.
+
+    A constant pull-off and no surface energy: the attraction of that goes with the load, at most half of what
+    yields, so under the pressures of the tests it reads as friction.
+    """
     own, metal = wanted.with_friction(friction)
     row = {
         "youngs_modulus_pa": 2.0 * (1.0 - POISSON_RATIO**2) * wanted.stiffness / wanted.mean_radius_m,
@@ -117,7 +118,7 @@ def _yielding(wanted: Wanted, friction: float, surface_energy_joule_per_m2: floa
         "contact_plasticity": PLASTICITY,
         "restitution": RESTITUTION,
     }
-    sticky = {"surface_energy_joule_per_m2": surface_energy_joule_per_m2}
+    sticky = {"pull_off_newton": pull_off_newton}
     law = {"kind": "elasto_plastic_adhesive", "particle": row | own | sticky, "boundary": row | metal}
     return {"law": law}
 
@@ -137,34 +138,20 @@ def _bonded(wanted: Wanted, friction: float, tensile_strength_pa: float) -> Docu
     }
 
 
-def _pull_per_surface_energy(wanted: Wanted) -> float:
-    """Attraction over surface energy of a pair that was pressed by twice the middle one of LEAST_PA [m]."""
-    force = 2.0 * LEAST_PA[1] * (2.0 * wanted.mean_radius_m) ** 2
-    plastic = PLASTICITY * force / wanted.stiffness
-    return 1.5 * math.pi * math.sqrt(wanted.mean_radius_m * plastic)
-
-
 class Form(NamedTuple):
     """Particles under one law."""
 
     fitted: str  # the number that makes cohesion, 0 without
     sections: Callable[[Wanted, float, float], Document]  # of a scene's soil, from friction and that number
-    cohesion_per_unit: Callable[[Wanted], float]  # where a search begins [Pa over its unit]
+    tension_per_unit: Callable[[Wanted], float]  # by Rumpf [Pa over its unit]
     presses: bool  # attraction presses particles at rest
 
 
 FORMS = {
-    "cohesive_linear": Form(
-        "attraction_newton", _attracted, lambda wanted: COHESION_OVER_RUMPF * wanted.rumpf_pa, presses=True
-    ),
+    "cohesive_linear": Form("attraction_newton", _attracted, lambda wanted: wanted.rumpf_pa, presses=True),
     "elasto_plastic_adhesive": Form(
-        "surface_energy_joule_per_m2",
-        _yielding,
-        lambda wanted: COHESION_OVER_RUMPF * wanted.rumpf_pa * _pull_per_surface_energy(wanted),
-        presses=False,
+        "pull_off_newton", _yielding, lambda wanted: wanted.rumpf_pa, presses=True
     ),
-    "bonded": Form(
-        "bond_tensile_strength_pa", _bonded, lambda wanted: COHESION_OVER_RUMPF, presses=False
-    ),
-}  # fmt: skip
+    "bonded": Form("bond_tensile_strength_pa", _bonded, lambda wanted: 1.0, presses=False),
+}
 """By the name that `subsoil calibrate --law` takes."""

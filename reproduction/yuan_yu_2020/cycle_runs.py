@@ -189,6 +189,7 @@ def cases() -> Iterator[Case]:
     yield Case("wheels on the bed", _wheels_on_the_bed(), duration_s=0.7 * SHORT_S)
     for name, changes in (("loose sandy loam", loose), ("dense sandy loam", dense)):
         yield Case(name, changes, 2, duration_s=MIDDLE_S)
+    yield Case("plastic loam", {"soil": {"material": "loam_plastic"}})
     yield from _brittle_cases()
 
 

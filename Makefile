@@ -2,7 +2,7 @@
 # Needs Python 3.10 to 3.13 with its headers, a C++ compiler and the package registry; no ROS installation, no root.
 
 VENV ?= .venv
-SCENE ?= config/scenes/field_swing.yaml
+SCENE ?= config/scenes/field_swing_brittle.yaml
 OUT ?= runs/$(shell date +%Y%m%d-%H%M%S)
 # The soil takes as many threads as there are cores, four at most: the results are the same bits.
 RUN_FLAGS ?= --threads $(shell n=$$(nproc 2>/dev/null || echo 1); test $$n -le 4 || n=4; echo $$n)
@@ -44,7 +44,7 @@ pip := $(bin)/python -m pip
 setup:  ## make .venv: ROS 2 Jazzy, subsoil_msgs, subsoil_ros, kernels of run (again only when their files change)
 	@$(MAKE) --no-print-directory $(two_jobs) $(set_up)
 
-run: setup  ## simulate SCENE (field_swing) into OUT (runs/<time>), then report; RUN_FLAGS go to subsoil run
+run: setup  ## simulate SCENE (field_swing_brittle) into OUT (runs/<time>), then report; RUN_FLAGS go to subsoil run
 	$(bin)/subsoil run $(SCENE) --out $(out) $(RUN_FLAGS)
 	$(bin)/subsoil report $(out)
 

@@ -18,7 +18,7 @@ from subsoil_ros.kernel_cache import kernel_cache_folder
 from subsoil_ros.loading.shipped import config_folder
 
 CONFIG = config_folder()
-SCENE = CONFIG / "scenes" / "field_swing.yaml"
+SCENE = CONFIG / "scenes" / "field_swing_brittle.yaml"
 SHORT = {"duration_s": 0.002, "record.series_ticks": 1}
 
 SOIL = {

@@ -159,6 +159,8 @@ def _mechanism(mechanism: Mechanism, found: Survey) -> Iterable[tuple[str, str]]
     if counts.redundant_count:
         joints = ", ".join(counts.redundant_joints)
         yield "redundant", f"{counts.redundant_count}; reactions not unique: {joints}"
+    if found.moved:
+        yield "assembly", found.moved
     if found.rest is None:
         yield "static equilibrium", f"none: {found.no_rest}"
 

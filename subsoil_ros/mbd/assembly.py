@@ -1,5 +1,6 @@
 """A consistent start: positions and velocities on the constraints, and what the constraints leave free."""
 
+import math
 import warnings
 from dataclasses import dataclass, replace
 
@@ -20,6 +21,22 @@ CONTRADICTION = 1e-9
 """Part of the largest entry by which Phi_q q' = -Phi_t may fail before constraints contradict."""
 
 
+LARGEST_GAP = 0.1
+"""Gap of a joint in the pose that the scene gives, over the machine's size, beyond which the data are taken
+to be wrong (chosen: rounded coordinates and small adjustments pass)."""
+
+LEAST_GAP = 1e-9
+"""Likewise, below which it is round-off."""
+
+
+MISSED_VELOCITY = 1e-6
+"""Part of the largest velocity that the scene gives, or of 1, by which one may be missed in silence."""
+
+
+class MovedBodiesWarning(UserWarning):
+    """A machine does not start as the scene gives it: joints do not meet, or forbid a velocity."""
+
+
 class RedundantConstraintsWarning(UserWarning):
     """Constraints say the same thing twice: motion is determined, some joint reactions are not."""
 
@@ -33,6 +50,7 @@ class Start:
     v: np.ndarray  # (n + 3,) float64 [m/s, m/s, rad/s]
     rank: int  # independent constraints
     redundant: tuple[str, ...]  # joints whose reactions are not unique
+    moved: str  # how far bodies were moved onto their joints, in words; empty where they fit
 
 
 def assemble(mechanism: Mechanism, gravity: float, step_s: float) -> Start:
@@ -51,6 +69,7 @@ def assemble(mechanism: Mechanism, gravity: float, step_s: float) -> Start:
     for index, value in held.items():
         q[index] = value
     q = _close(_drivers_from(machine, q), held, q)
+    moved = _moved(machine, q, held)
     machine = _drivers_from(machine, q)
     if mechanism.initial.static_equilibrium:
         q = settle(Closure(machine, held=held), q)
@@ -66,7 +85,9 @@ def assemble(mechanism: Mechanism, gravity: float, step_s: float) -> Start:
             RedundantConstraintsWarning,
             stacklevel=3,
         )
-    return Start(machine, q, v, rank, redundant)
+    if moved:
+        warnings.warn(f"mechanism.joints: {moved}", MovedBodiesWarning, stacklevel=3)
+    return Start(machine, q, v, rank, redundant, moved)
 
 
 def _drivers_from(machine: Machine, q: np.ndarray) -> Machine:
@@ -103,6 +124,33 @@ def _close(machine: Machine, held: dict[int, float], q: np.ndarray) -> np.ndarra
         f"(angles times the machine's size of {machine.model.size:.3g} m). Correct the joint points, the "
         "bodies' positions and angles, or initial.coordinates, so that all meet in one pose."
     )
+
+
+def _moved(machine: Machine, q: np.ndarray, held: dict[int, float]) -> str:
+    """What had to be done for joints whose two points differ in the given pose; `q`: the closed pose.
+
+    Raises:
+        SceneError: a gap is beyond LARGEST_GAP.
+    """
+    free, size = Closure(machine, drivers=False), machine.model.size
+    gaps: dict[str, float] = {}
+    for name, gap in zip(free.names(), free.residual(machine.reference), strict=True):
+        gaps[name] = math.hypot(gaps.get(name, 0.0), float(gap))
+    name, gap = max(gaps.items(), key=lambda item: item[1], default=("", 0.0))
+    if gap > LARGEST_GAP * size:
+        raise SceneError(
+            f"mechanism.{name}: its two points are {gap:.3g} m apart in the given pose, more than "
+            f"{LARGEST_GAP:.0%} of the machine's size of {size:.3g} m. Correct point_m, point_b_m or the "
+            "poses of the bodies."
+        )
+    if gap <= LEAST_GAP * size:
+        return ""
+    words = f"the points of {name.removeprefix('joints.')} are {1e3 * gap:.3g} mm apart in the given pose"
+    if held:
+        return words
+    way = np.hypot(*(q - machine.reference)[: 3 * len(machine.bodies)].reshape(-1, 3)[:, :2].T)
+    body = machine.bodies[int(np.argmax(way))]
+    return f"{words}; bodies were moved onto their joints, {body} by {1e3 * way.max():.3g} mm"
 
 
 def _null_rows(matrix: np.ndarray) -> tuple[int, np.ndarray]:
@@ -208,12 +256,27 @@ def _velocities(machine: Machine, mechanism: Mechanism, q: np.ndarray) -> np.nda
         weighted = root[chosen, None] * free[chosen]
         scaled = scaled + free @ _least(weighted, root[chosen] * (guess - scaled)[chosen])
         free = free @ _null_rows(weighted.T)[1] if free.shape[1] else free
+    _say_missed(machine, (scaled - guess) * model.column_scale, guess * model.column_scale, given)
     v = np.zeros_like(q)
     v[: len(scaled)] = scaled * model.column_scale
     gamma = np.zeros(len(model.row_scale))
     evaluate_gamma(model, 0.0, 0.0, q, turns_of(q), v, gamma)
     _refuse_contradiction(machine, matrix, gamma, "acceleration")
     return v
+
+
+def _say_missed(machine: Machine, missed: np.ndarray, wanted: np.ndarray, given: np.ndarray) -> None:
+    """A warning where joints and drivers forbid a velocity of the scene; arrays (n,) [m/s, rad/s]."""
+    off = np.where(given, np.abs(missed), 0.0)
+    if off.max(initial=0.0) > MISSED_VELOCITY * max(1.0, np.abs(wanted).max(initial=0.0)):
+        k = int(np.argmax(off))
+        what = ("velocity_m_per_s (x)", "velocity_m_per_s (z)", "angular_velocity_rad_per_s")[k % 3]
+        warnings.warn(
+            f"mechanism.bodies.{machine.bodies[k // 3]}.{what}: given {wanted[k]:.4g}, which joints and "
+            f"drivers do not allow; the run starts with {wanted[k] + missed[k]:.4g}",
+            MovedBodiesWarning,
+            stacklevel=4,
+        )
 
 
 def _least(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:

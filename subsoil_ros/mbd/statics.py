@@ -8,7 +8,7 @@ import numpy as np
 from ..errors import SceneError
 from ..messages import BodyState, ForceState, JointReaction
 from ..scene.mechanism import Mechanism
-from .assembly import RedundantConstraintsWarning, Start, assemble
+from .assembly import MovedBodiesWarning, RedundantConstraintsWarning, Start, assemble
 from .diagnostics import locked_forces, reactions_at
 from .equilibrium import settle
 from .forces.evaluation import Held, evaluate_forces, held_at, report_forces
@@ -36,22 +36,26 @@ class Survey:
     topology: Topology
     rest: Rest | None
     no_rest: str  # why there is none
+    moved: str  # how far bodies were moved onto their joints; empty where they fit
 
 
 def survey(mechanism: Mechanism, gravity_m_per_s2: float = 9.81) -> Survey:
-    """Assemble a machine, bring it to rest, and linearise it there; no warning about redundancy.
+    """Assemble a machine, bring it to rest, and linearise it there; no warnings.
 
     Raises:
         SceneError, SingularMechanismError: as assembly.assemble.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RedundantConstraintsWarning)
+        warnings.simplefilter("ignore", MovedBodiesWarning)
         start = assemble(mechanism, gravity_m_per_s2, step_s=1.0)
     topology = Topology.of(start)
     try:
-        return Survey(topology, _rest(start), "")
+        return Survey(topology, _rest(start), "", start.moved)
     except SceneError as error:
-        return Survey(topology, None, str(error).replace("mechanism.initial.static_equilibrium: ", ""))
+        return Survey(
+            topology, None, str(error).replace("mechanism.initial.static_equilibrium: ", ""), start.moved
+        )
 
 
 def _rest(start: Start) -> Rest:

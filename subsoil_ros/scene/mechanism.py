@@ -95,7 +95,9 @@ class Revolute(StrictModel):
     body_a: str
     body_b: str
     point_m: Point = Field(description="used for both bodies unless point_b_m is given.")
-    point_b_m: Point | None = None
+    point_b_m: Point | None = Field(
+        None, description="point of body_b in the given pose; bodies are moved until both points meet."
+    )
     friction: RotationFriction | None = None
     stops: RotationStops | None = None
 

@@ -2,11 +2,12 @@
 
 import copy
 import math
+import warnings
 
 import pytest
 
 from subsoil_ros.errors import PhysicsError, ProtocolError, SceneError, SingularMechanismError
-from subsoil_ros.mbd.assembly import RedundantConstraintsWarning, assemble
+from subsoil_ros.mbd.assembly import MovedBodiesWarning, RedundantConstraintsWarning, assemble
 from subsoil_ros.mbd.topology import Topology
 from subsoil_ros.messages import ToolWrench
 from subsoil_ros.scene.mechanism import Mechanism
@@ -57,11 +58,21 @@ def test_bodies_given_a_little_wrong_are_moved_onto_their_joints(mechanism_engin
     """A pose rounded by a centimetre is closed to 1e-12 m, moving each body by no more than about that."""
     machine = _four_bar()
     machine["joints"]["left_head"]["point_b_m"] = (0.21, 1.005)
-    state = mechanism_engine(machine).state("run", -1, 0)
+    with pytest.warns(MovedBodiesWarning, match=r"left_head are 11\.2 mm apart.*bar by \d"):
+        state = mechanism_engine(machine).state("run", -1, 0)
     assert state.position_residual_m < 1e-12
     for body, name in zip(state.bodies, machine["bodies"], strict=True):
         x, z = machine["bodies"][name]["position_m"]
         assert math.hypot(body.x_m - x, body.z_m - z) < 0.02
+
+
+def test_a_velocity_that_joints_forbid_is_named():
+    """The two links of a parallelogram turn alike: given 1 and 0.5 m/s, they start in between."""
+    machine = _four_bar()
+    for name, speed in (("left", 1.0), ("right", 0.5)):
+        machine["bodies"][name]["velocity_m_per_s"] = (speed, 0.0)
+    with pytest.warns(MovedBodiesWarning, match=r"velocity_m_per_s \(x\): given .*starts with 0\.7"):
+        assemble(Mechanism.model_validate(machine), 9.81, 1e-3)
 
 
 def test_named_coordinates_are_held(mechanism_engine):
@@ -165,6 +176,17 @@ def test_links_too_short_cannot_be_assembled(mechanism_engine):
     }
     # the least-squares gap of 0.3 m is shared by three equal joints
     with pytest.raises(SceneError, match=r"cannot be assembled.*start by 0\.1 m.*end by 0\.1 m"):
+        mechanism_engine(machine)
+
+
+def test_points_far_apart_are_wrong_data(mechanism_engine):
+    """Beyond a tenth of the machine's size; a machine whose points meet is not spoken of."""
+    machine = _four_bar()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        mechanism_engine(machine)
+    machine["joints"]["left_head"]["point_b_m"] = (0.6, 1.0)
+    with pytest.raises(SceneError, match=r"joints\.left_head: its two points are 0\.4 m apart.*10%"):
         mechanism_engine(machine)
 
 

@@ -1,5 +1,6 @@
 """Static equilibrium: the pose of least potential energy that the constraints allow, drivers held."""
 
+import warnings
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +24,15 @@ LARGEST_MOVE = 0.1
 LAST_ITERATION = 400
 FARTHEST = 100.0
 """A machine that sinks by this many of its sizes has nothing under it."""
+
+
+UNSTABLE = 1e-6
+"""Part of the largest stiffness over mass, or of gravity over the machine's size, by which one is negative
+where the equilibrium is called unstable (chosen: far above the error of differences)."""
+
+
+class UnstableEquilibriumWarning(UserWarning):
+    """The pose of rest is one that the machine leaves at the least push."""
 
 
 class _Pull(NamedTuple):
@@ -56,6 +66,8 @@ def settle(closure: Closure, q: np.ndarray) -> np.ndarray:
     for _ in range(LAST_ITERATION):
         negligible = max(negligible, RESIDUAL * pull.total)
         if pull.free <= negligible:
+            if pull.basis.shape[1]:
+                _say_unstable(closure, _stiffness(closure, model, q, root, pull.basis), pull, root)
             return q
         if np.abs(q - start).max() > FARTHEST * model.size:
             break
@@ -72,6 +84,21 @@ def settle(closure: Closure, q: np.ndarray) -> np.ndarray:
         else:
             radius = 0.25 * float(np.abs(move).max())
     raise _no_equilibrium(closure, pull, root)
+
+
+def _say_unstable(closure: Closure, stiffness: np.ndarray, pull: _Pull, root: np.ndarray) -> None:
+    values, vectors = np.linalg.eigh(stiffness)
+    model = closure.machine.model
+    largest = max(float(np.abs(values).max(initial=0.0)), model.gravity / model.size)
+    if values.min(initial=0.0) < -UNSTABLE * largest:
+        moves = np.abs(pull.basis @ vectors[:, 0] / root).reshape(-1, 3)
+        body = closure.machine.bodies[int(moves.max(axis=1).argmax())]
+        warnings.warn(
+            f"mechanism.initial.static_equilibrium: the pose is an unstable equilibrium: body '{body}' "
+            "leaves it at the least push. Give the bodies a pose from which they come to rest below.",
+            UnstableEquilibriumWarning,
+            stacklevel=4,
+        )
 
 
 def _newton_move(pull: _Pull, stiffness: np.ndarray, negligible: float, size: float) -> np.ndarray:

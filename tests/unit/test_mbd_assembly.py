@@ -8,6 +8,7 @@ import pytest
 
 from subsoil_ros.errors import PhysicsError, ProtocolError, SceneError, SingularMechanismError
 from subsoil_ros.mbd.assembly import MovedBodiesWarning, RedundantConstraintsWarning, assemble
+from subsoil_ros.mbd.equilibrium import UnstableEquilibriumWarning
 from subsoil_ros.mbd.topology import Topology
 from subsoil_ros.messages import ToolWrench
 from subsoil_ros.scene.mechanism import Mechanism
@@ -188,6 +189,21 @@ def test_points_far_apart_are_wrong_data(mechanism_engine):
     machine["joints"]["left_head"]["point_b_m"] = (0.6, 1.0)
     with pytest.raises(SceneError, match=r"joints\.left_head: its two points are 0\.4 m apart.*10%"):
         mechanism_engine(machine)
+
+
+@pytest.mark.parametrize("height", [0.5, -0.5])
+def test_an_unstable_equilibrium_is_named(height):
+    """A pendulum that stands, and none that hangs."""
+    machine = {
+        "bodies": {"bob": _body(0.0, height)},
+        "joints": {"pin": _pin("ground", "bob", 0.0, 0.0)},
+        "initial": {"static_equilibrium": True},
+    }
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        assemble(Mechanism.model_validate(machine), 9.81, 1e-3)
+    assert [found.category for found in caught] == ([UnstableEquilibriumWarning] if height > 0.0 else [])
+    assert all("body 'bob'" in str(found.message) for found in caught)
 
 
 def test_held_coordinate_off_its_rail_cannot_be_assembled(mechanism_engine):

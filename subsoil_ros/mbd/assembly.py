@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..errors import SceneError, SingularMechanismError
+from ..errors import SceneError
 from ..scene.mechanism import Driver, Mechanism
 from .build import Machine, build_machine
 from .equilibrium import settle
@@ -58,8 +58,7 @@ def assemble(mechanism: Mechanism, gravity: float, step_s: float) -> Start:
 
     Raises:
         SceneError: bodies that cannot be assembled, constraints that contradict each other, or a
-            static equilibrium that does not exist.
-        SingularMechanismError: the pose is singular.
+            static equilibrium that does not exist; a pose that is singular.
     """
     machine = build_machine(mechanism, gravity, step_s)
     held = {
@@ -179,14 +178,14 @@ def _count(machine: Machine, q: np.ndarray) -> tuple[int, tuple[str, ...]]:
     """Number of independent constraints, and the joints that repeat others.
 
     Raises:
-        SingularMechanismError: the rank is higher in a neighbouring pose.
+        SceneError: the rank is higher in a neighbouring pose.
     """
     matrix = Closure(machine).jacobian(q)
     rank, null = _null_rows(matrix)
     if rank == matrix.shape[0]:
         return rank, ()
     if _neighbour_rank(machine, q) > rank:
-        raise SingularMechanismError(
+        raise SceneError(
             f"mechanism: the initial pose is singular (a dead centre or a stretched linkage): joints "
             f"{', '.join(_joints_of(machine, null, 0.1))} do not determine the motion there. Start from "
             "another pose: change the bodies' positions or initial.coordinates."

@@ -47,7 +47,6 @@ class MechanismEngine:
         Raises:
             SceneError: no mechanism in the scene, one that cannot be assembled, a step too large for it, or
                 a driver that jumps in speed.
-            SingularMechanismError: it starts in a singular position.
         """
         if scene.mechanism is None:
             raise SceneError("mechanism: is missing, and this run needs one")

@@ -43,7 +43,7 @@ def survey(mechanism: Mechanism, gravity_m_per_s2: float = 9.81) -> Survey:
     """Assemble a machine, bring it to rest, and linearise it there; no warnings.
 
     Raises:
-        SceneError, SingularMechanismError: as assembly.assemble.
+        SceneError: as assembly.assemble.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RedundantConstraintsWarning)

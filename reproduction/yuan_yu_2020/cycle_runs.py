@@ -62,7 +62,7 @@ def _radius(radius_m: float) -> Document:
     return {"soil": {"particles": {"radius_m": radius_m}, "skin_m": 0.3 * radius_m}}
 
 
-def _law(stiffness: float = 1.0, damping: float = 1.0, material: str = "loam") -> Document:
+def _law(stiffness: float = 1.0, damping: float = 1.0) -> Document:
     """Other contacts of the same strength: friction and attraction, k times overlap at rest, as they are."""
     factors = {
         "stiffness_newton_per_m": stiffness,
@@ -71,13 +71,12 @@ def _law(stiffness: float = 1.0, damping: float = 1.0, material: str = "loam") -
         "damping_newton_s_per_m": damping,
         "tangential_damping_newton_s_per_m": damping,
     }
-    soil = copy.deepcopy(load_scene(SCENE, [f"soil.material={material}"]).document["soil"])
+    soil = copy.deepcopy(load_scene(SCENE).document["soil"])
     law = soil["law"]
     for row in ("particle", "boundary"):
-        law[row] |= {key: law[row][key] * factor for key, factor in factors.items() if key in law[row]}
+        law[row] |= {key: law[row][key] * factor for key, factor in factors.items()}
     particles = {"radius_m": None} | soil["particles"]
-    changed = {"material": None, "law": law, "particles": particles, "window": soil["window"]}
-    return {"soil": changed | ({"bonds": soil["bonds"]} if soil.get("bonds") else {})}
+    return {"soil": {"material": None, "law": law, "particles": particles, "window": soil["window"]}}
 
 
 def _step(part: int) -> Document:
@@ -208,7 +207,6 @@ def _brittle_cases() -> Iterator[Case]:
         ("field 1.0 m wide", {"soil": {"bin": {"width_m": 1.0}}}),
     ):
         yield Case(f"brittle {name}", {**changes, "soil": {**changes.get("soil", {}), **soil["soil"]}})
-    yield Case("brittle stiffness times 4", _law(4.0, 2.0, "loam_bonded"))
     radius = _radius(0.010)
     yield Case("brittle r = 10 mm", {"soil": radius["soil"] | soil["soil"]}, duration_s=0.7 * SHORT_S)
 

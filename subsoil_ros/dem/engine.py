@@ -262,6 +262,8 @@ class SoilEngine(SoilReadings):
         self._bind(step=0.0).drift_and_contacts(0, True)
         self._tool_forces(motions)
         self._calls = None
+        for book in (self._pair_book, self._wall_book, *(tool.sinks_joule for tool in self._tools)):
+            book[:] = 0.0  # contacts that begin pressed have yielded before
 
     def state_arrays(self) -> dict[str, np.ndarray]:
         """All that later ticks depend on, and what their results count from; by name, not copied.

@@ -26,9 +26,9 @@ FARTHEST = 100.0
 """A machine that sinks by this many of its sizes has nothing under it."""
 
 
-UNSTABLE = 1e-6
+UNSTABLE = 1e-8
 """Part of the largest stiffness over mass, or of gravity over the machine's size, by which one is negative
-where the equilibrium is called unstable (chosen: far above the error of differences)."""
+where the equilibrium is called unstable (chosen: above the error of differences, 1e-10)."""
 
 
 class UnstableEquilibriumWarning(UserWarning):

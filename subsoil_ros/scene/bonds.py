@@ -31,7 +31,8 @@ class Bonds(StrictModel):
         0.05, description="neighbours farther apart, over the smaller radius, are not bonded."
     )
     damping_ratio: Annotated[float, Field(ge=0.0, lt=1.0)] = Field(
-        0.1, description="of every spring of a bond between two particles."
+        0.1,
+        description="part of critical damping of two equal particles; of turns, times radius_over_particle.",
     )
 
     @model_validator(mode="after")

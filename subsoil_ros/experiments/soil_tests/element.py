@@ -145,7 +145,8 @@ class _Strained:
         whole = cell.resolved.scene.particle_soil
         assert whole is not None
         loose = endless_soil(whole, cell.tile.periods_m[0])
-        self.soil = soil = loose.model_copy(update={"bonds": whole.bonds})  # they are made under pressure
+        wider = {"bonds": whole.bonds, "skin_m": max(loose.skin_m, whole.skin_m)} if whole.bonds else {}
+        self.soil = soil = loose.model_copy(update=wider)  # bonds are made under pressure
 
         def settling(of: Soil) -> Settling:
             return Settling(

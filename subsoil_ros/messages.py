@@ -172,6 +172,8 @@ class MechanismState:
     external_work_joule: float  # by the soil's wrenches and prescribed loads, since the start
     position_residual_m: float  # largest violation of a position constraint
     velocity_residual_m_per_s: float
+    energy_residual_joule: float  # energy that appeared since the start, by errors of the steps
+    part_count: int  # parts of steps, since the start, that mechanism.tolerance asked for
     bodies: tuple[BodyState, ...] = ()
     joints: tuple[JointReaction, ...] = ()
     forces: tuple[ForceState, ...] = ()

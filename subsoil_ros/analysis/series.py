@@ -38,7 +38,9 @@ _WRENCH_COLUMNS = tuple(
     item.name for item in fields(ToolWrench) if item.name not in ("tool", "work_joule", "groups")
 )
 _MECHANISM_COLUMNS = tuple(
-    item.name for item in fields(MechanismState) if item.name.endswith("_joule") or "residual" in item.name
+    item.name
+    for item in fields(MechanismState)
+    if item.name.endswith(("_joule", "_count")) or "residual" in item.name
 )
 _SOIL_COLUMNS = tuple(
     item.name for item in fields(SoilState) if item.name not in ("run_id", "tick", "end_time_ns")

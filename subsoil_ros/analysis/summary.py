@@ -256,6 +256,18 @@ def _soil_words(summary: Summary) -> str:
     return f"{count} particles" if count else "no particles"
 
 
+def _mechanism_lines(summary: Summary) -> list[str]:
+    """How far the machine's balance of energy is open, and how many parts of steps that took."""
+    series = summary["series"]
+    residual = series.get("mechanism.energy_residual_joule", {}).get("run", {})
+    if residual.get("min") is None:
+        return []
+    largest = max(abs(residual["min"]), abs(residual["max"]))
+    count = series["mechanism.part_count"]["run"]["max"]
+    parts = f"; {count} parts of steps, for mechanism.tolerance" if count else ""
+    return [f"mechanism: balance of energy open by {largest:.3g} J at most{parts}"]
+
+
 def summary_facts(summary: Summary) -> list[str]:
     """What else is to be said of a run, line by line; a warning begins with WARNING or NOTE."""
     window, run, energy = summary["window"], summary["run"], summary["energy"]
@@ -271,6 +283,7 @@ def summary_facts(summary: Summary) -> list[str]:
         f"interface energy residual {energy['residual_joule']:.3g} J, "
         f"{100.0 * energy['residual_ratio']:.3g} % of the work done there",
     ]
+    lines += _mechanism_lines(summary)
     lines += load_lines(summary)
     particles = summary["particles"]
     if particles["lost_count"]:

@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     if scene.mechanism and found.mechanism:
         console.print(_facts("mechanism", _mechanism(scene.mechanism, found.mechanism)))
         if found.mechanism.rest is not None:
-            for part in _at_rest(found.mechanism.rest, resolved.timing):
+            for part in _at_rest(scene.mechanism, found.mechanism.rest, resolved.timing):
                 console.print(part)
     if found.coupling:
         console.print(_coupling(found))
@@ -165,7 +165,7 @@ def _mechanism(mechanism: Mechanism, found: Survey) -> Iterable[tuple[str, str]]
         yield "static equilibrium", f"none: {found.no_rest}"
 
 
-def _at_rest(rest: Rest, timing: Timing) -> Iterable[Table]:
+def _at_rest(machine: Mechanism, rest: Rest, timing: Timing) -> Iterable[Table]:
     """Pose, joint forces and forces of static equilibrium; modes about it, and steps in their periods."""
     poses = table("static equilibrium (drivers held, loads left out)", ("body", "x m", "z m", "angle rad"))
     for body in rest.bodies:
@@ -184,10 +184,12 @@ def _at_rest(rest: Rest, timing: Timing) -> Iterable[Table]:
     modes = table("modes about static equilibrium", headings)
     modes.columns[3].justify = "left"
     step_s = timing.communication_step_s / timing.mechanism_steps
+    in_parts = machine.tolerance is not None and machine.integrator != "generalized_alpha"
+    beyond = "not resolved: taken in parts" if in_parts else "not resolved"
     for mode in rest.modes:
         if mode.oscillates:
             steps = 1.0 / (mode.frequency_hz * step_s)
-            told = f"{steps:.3g}" if steps >= RESOLVED_STEPS else f"{steps:.3g}, not resolved"
+            told = f"{steps:.3g}" if steps >= RESOLVED_STEPS else f"{steps:.3g}, {beyond}"
             modes.add_row(f"{mode.frequency_hz:.4g}", f"{mode.damping_ratio:.3g}", told, mode.words)
         elif mode.eigenvalue == 0.0:
             modes.add_row("free", "", "", mode.words)

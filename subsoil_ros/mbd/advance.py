@@ -4,10 +4,13 @@ A step sees every force in one mode (forces/evaluation.py). Where its end lies i
 first switch is found, the step is taken to there, and the rest begins anew without history.
 """
 
+import numpy as np
+
 from .compiled import inner_kernel, kernel
 from .dynamics import complete
+from .energy_balance import keep_balance
 from .events import differs, locate_switch
-from .forces.evaluation import evaluate_modes
+from .forces.evaluation import evaluate_modes, report_forces
 from .geometry import evaluate_turns
 from .integrators.adams_moulton import guess_multistep, multistep_power
 from .integrators.generalized_alpha import keep_auxiliary, step_generalized_alpha
@@ -15,22 +18,27 @@ from .integrators.runge_kutta import guess_runge_kutta
 from .joints.constraints import evaluate_residual
 from .linear import copy
 from .partition import choose_partition, condition_estimate
-from .singular_poses import can_skip, is_doubtful, skip_ahead
+from .singular_poses import can_skip, is_doubtful, is_near, skip_ahead
+from .step_error import MOST_HALVINGS, SPARE, halvings_for, keep_guess, step_error
 from .tables import (
     ADAMS_MOULTON,
     BY_WRENCHES,
     CONTRADICTION,
+    DISSIPATED,
     DOUBTFUL,
     EVENT_COUNT,
     GENERALIZED_ALPHA,
+    INACCURATE,
     NOT_CLOSED,
     OK,
+    PART_COUNT,
     PARTITION_COUNT,
     PAST_COUNT,
     RESTART_COUNT,
     RUNGE_KUTTA_4,
     SINGULAR,
     SKIPPED_COUNT,
+    UNBALANCED,
 )
 
 PATIENCE = 4
@@ -100,6 +108,8 @@ def _try(model, state, work, start, span, select, method, strict):
     left = state.counters[SKIPPED_COUNT] > 0  # the partition may be that of the pose being left
     for stage in range(1, 3 if method == ADAMS_MOULTON else 5):
         time = start + span
+        if stage == (2 if method == ADAMS_MOULTON else 4):
+            keep_guess(state, work, method)
         if method == ADAMS_MOULTON:
             guess_multistep(model, state, work, span, stage)
         else:
@@ -160,6 +170,16 @@ def _restart(state):
 
 
 @inner_kernel
+def _change_modes(model, state, work, time, select):
+    """The modes in `work` become the state's; what a one-way spring stored as it let go is dissipated."""
+    evaluate_turns(state.q, work.turns)
+    before = report_forces(model, state, time, select, state.q, work.turns, state.v, work.report)
+    copy(state.modes, work.modes)
+    after = report_forces(model, state, time, select, state.q, work.turns, state.v, work.report)
+    state.work[DISSIPATED] += before - after
+
+
+@inner_kernel
 def _next_breakpoint(model, time, end):
     """The first breakpoint after `time` and clearly before `end`, or `end`."""
     margin = BREAKPOINT_MARGIN * model.step
@@ -198,10 +218,11 @@ def _try_again(model, state, work, start, span, select, method, whole, status):
 
 
 @inner_kernel
-def _take_part(model, state, work, start, span, select, locating):
+def _take_part(model, state, work, start, span, select, locating, judged):
     """One step of at most `span`, to the first switch of a force if there is one.
 
-    Answers (status, span taken, most position iterations of a stage, whether a force has switched).
+    Answers (status, span taken, most position iterations of a stage, whether a force has switched, its error
+    over the tolerance). INACCURATE: it is `judged`, its error is above the tolerance, and nothing was taken.
     """
     whole = span > (1.0 - BREAKPOINT_MARGIN) * model.step
     method = _method(model, state, whole)
@@ -213,7 +234,13 @@ def _take_part(model, state, work, start, span, select, locating):
             model, state, work, start, span, select, method, whole, status
         )
     if status != OK:
-        return status, span, iterations, False
+        return status, span, iterations, False, 0.0
+    excess = 0.0
+    if judged and not is_near(state, work):
+        excess = step_error(model, state, work, span, method) / model.tolerance
+        if not excess <= 1.0:
+            copy(state.multipliers, work.kept)
+            return INACCURATE, span, iterations, False, excess
     state.counters[SKIPPED_COUNT] = state.counters[SKIPPED_COUNT] + 1 if skipped else 0
     if skipped:
         method = ADAMS_MOULTON
@@ -230,17 +257,17 @@ def _take_part(model, state, work, start, span, select, locating):
             status, more = _try(model, state, work, start, span, select, method, False)
             iterations = max(iterations, more)
             if status != OK:
-                return status, span, iterations, False
+                return status, span, iterations, False, 0.0
     if span > 0.0:
         _book(model, state, work, span, method)
         _accept(state, work, method)
         if not whole and method != GENERALIZED_ALPHA:
             state.counters[PAST_COUNT] = 0  # history is of equal steps
     if switched:
-        copy(state.modes, work.modes)
+        _change_modes(model, state, work, start + span, select)
         state.counters[EVENT_COUNT] += 1
         _restart(state)
-    return OK, span, iterations, switched
+    return OK, span, iterations, switched, excess
 
 
 @inner_kernel
@@ -264,33 +291,53 @@ def _supervise(model, state, work, time, select, iterations):
 
 @inner_kernel
 def _take_step(model, state, work, start, end, fresh):
-    """From `start` to `end`, one step later, part by part; answers the status."""
-    time, switches = start, 0
+    """From `start` to `end`, one step later, part by part; answers the status.
+
+    A part whose error is above the tolerance is halved, as often as its error says, and is doubled again
+    where SPARE of the tolerance is enough.
+    """
+    time, switches, halvings, inside = start, 0, 0, False
     while time < end:
         breakpoint = _next_breakpoint(model, time, end)
         select = 0.5 * (time + breakpoint)
-        if _breakpoint_at(model, time):
+        if inside:
+            fresh = False
+        elif _breakpoint_at(model, time):
             _restart(state)
             evaluate_turns(state.q, work.turns)
-            evaluate_modes(model, time, select, state.q, work.turns, state.v, state.modes)
-        if (fresh and state.counters[SKIPPED_COUNT] == 0) or state.counters[PAST_COUNT] == 0:
+            evaluate_modes(model, time, select, state.q, work.turns, state.v, work.modes)
+            _change_modes(model, state, work, time, select)
+        if (fresh and state.counters[SKIPPED_COUNT] == 0) or (state.counters[PAST_COUNT] == 0 and not inside):
             status = _refresh(model, state, work, time, select)
             if status != OK:
                 return status
         locating = switches < MOST_SWITCHES
-        status, span, iterations, switched = _take_part(
-            model, state, work, time, breakpoint - time, select, locating
+        span, judged = breakpoint - time, locating and model.tolerance < np.inf
+        if halvings > 0:
+            span = min(span, model.step / 2.0**halvings)
+            if breakpoint - time - span < 0.5 * span:
+                span = breakpoint - time
+        status, span, iterations, switched, excess = _take_part(
+            model, state, work, time, span, select, locating, judged
         )
+        if status == INACCURATE and halvings < MOST_HALVINGS:
+            halvings = min(halvings + halvings_for(excess), MOST_HALVINGS)
+            state.counters[PAST_COUNT] = 0  # history is of whole steps
+            inside = True
+            continue
         if status != OK:
             return status
+        if halvings > 0:
+            state.counters[PART_COUNT] += 1
+            if excess < SPARE:
+                halvings -= 1
         status = _supervise(model, state, work, time + span, select, iterations)
         if status != OK:
             return status
-        if switched:
-            switches += 1
-            time = time + span if breakpoint - time - span > SWITCH_MARGIN * model.step else breakpoint
-        else:
-            time = breakpoint
+        reached = breakpoint - time - span <= SWITCH_MARGIN * model.step
+        inside = not switched and not reached
+        switches += 1 if switched else 0
+        time = breakpoint if reached else time + span
         fresh = False
     return OK
 
@@ -309,10 +356,14 @@ def advance_tick(model, state, work, start, steps):
         if status == SINGULAR:
             return status
     if steps == 0:
-        return _refresh(model, state, work, start, start + 0.5 * model.step)
+        status = _refresh(model, state, work, start, start + 0.5 * model.step)
+        if status == OK:
+            keep_balance(model, state, work, start, start + 0.5 * model.step)
+        return status
     for step in range(steps):
         begin, end = start + step * model.step, start + (step + 1) * model.step
         status = _take_step(model, state, work, begin, end, step == 0)
         if status != OK:
             return status
-    return OK
+    end = start + steps * model.step
+    return OK if keep_balance(model, state, work, end, end - 0.5 * model.step) else UNBALANCED

@@ -72,6 +72,7 @@ def build_machine(mechanism: Mechanism, gravity: float, step_s: float) -> Machin
         gravity=float(gravity),
         size=float(size),
         step=float(step_s),
+        tolerance=math.inf if mechanism.tolerance is None else mechanism.tolerance,
         integrator=INTEGRATORS[mechanism.integrator],
         pressed=bool((forces.rows["friction"][np.isin(forces.rows["kind"], FRICTIONS)] > 0.0).any()),
     )

@@ -9,7 +9,7 @@ from .forces.table import LOCKED_SPRING, LOCKED_TORSION, POINT_LOAD
 from .geometry import turns_of
 from .joints import kind_of
 from .joints.constraints import evaluate_jacobian, evaluate_residual, evaluate_speed
-from .tables import BY_DRIVERS, BY_LOADS, BY_WRENCHES, DISSIPATED, Model, State
+from .tables import BY_DRIVERS, BY_LOADS, BY_WRENCHES, DISSIPATED, PART_COUNT, RESIDUAL, Model, State
 
 
 def body_states(machine: Machine, state: State) -> tuple[BodyState, ...]:
@@ -97,6 +97,8 @@ def mechanism_state(
         external_work_joule=work[BY_LOADS] + work[BY_WRENCHES],
         position_residual_m=position,
         velocity_residual_m_per_s=velocity,
+        energy_residual_joule=float(state.balance[RESIDUAL]),
+        part_count=int(state.counters[PART_COUNT]),
         bodies=body_states(machine, state),
         joints=reactions,
         forces=forces,

@@ -15,19 +15,25 @@ from .advance import advance_tick
 from .assembly import Start, assemble, weakest_joints
 from .diagnostics import mechanism_state
 from .driving import Ramp, next_ramp, refuse_jumps, write_ramp
+from .energy_balance import LARGEST_RESIDUAL
 from .geometry import turns_of
 from .joints.constraints import evaluate_residual
 from .projection import Closure
 from .stability import refuse_unstable_step
+from .step_error import MOST_HALVINGS
 from .tables import (
     CONTRADICTION,
+    INACCURATE,
     JAMMED,
+    LARGEST,
     NOT_CLOSED,
     NOT_SOLVED,
     OK,
     PAST_COUNT,
+    RESIDUAL,
     RESTART_COUNT,
     SINGULAR,
+    UNBALANCED,
     State,
     make_state,
     make_workspace,
@@ -36,6 +42,10 @@ from .topology import Topology
 
 if TYPE_CHECKING:
     from ..limits.stable_steps import Timing
+
+
+NEARLY_SINGULAR = 0.1
+"""Pivots of the joints below this part of the best ones seen are named as a cause (chosen)."""
 
 
 class MechanismEngine:
@@ -238,7 +248,41 @@ class MechanismEngine:
                 f"{where}: generalized_alpha: Newton's method does not converge at a step of "
                 f"{model.step:.3g} s. Raise coupling.mechanism_steps, or use another mechanism.integrator."
             )
+        if status in (INACCURATE, UNBALANCED):
+            return self._inexact(status, time, joints)
         return PhysicsError(
             f"{where}: an acceleration is not finite or above 1e300; a spring of zero length, or a step too "
             "large for a stiff force: raise coupling.mechanism_steps."
+        )
+
+    def _inexact(self, status: int, time: float, joints: str) -> RunError:
+        """The error for steps that do not follow the motion; near a singular pose that is the cause."""
+        model = self._machine.model
+        residual, turned = self._state.balance[RESIDUAL], self._state.balance[LARGEST]
+        if status == INACCURATE:
+            what = (
+                f"mechanism: after {time:.6f} s: the error of a step stays above mechanism.tolerance "
+                f"{model.tolerance:g}, even in parts of {model.step / 2**MOST_HALVINGS:.3g} s"
+            )
+        else:
+            what = (
+                f"mechanism: at {time + self._steps * model.step:.6f} s: the balance of energy is open by "
+                f"{residual:.3g} J, {100.0 * abs(residual) / turned:.3g} % of {turned:.3g} J turned over; "
+                f"allowed is {100.0 * LARGEST_RESIDUAL:g} %"
+            )
+        pivots = np.abs(np.diag(self._work.factor))
+        if len(pivots) and pivots.min() < NEARLY_SINGULAR * pivots.max() * self._state.condition[2]:
+            return SingularMechanismError(
+                f"{what}: joints {joints} have come near a singular position (a dead centre or a stretched "
+                "linkage), where they do not determine the motion. Keep the machine away from it: limit the "
+                "drivers, or change the geometry."
+            )
+        if math.isinf(model.tolerance):
+            return PhysicsError(
+                f"{what}. The steps do not follow the motion: give a mechanism.tolerance, with adams_moulton "
+                "or runge_kutta_4, or raise coupling.mechanism_steps."
+            )
+        return PhysicsError(
+            f"{what}. A force is too stiff or too sudden to be followed: soften it, or change "
+            "mechanism.tolerance."
         )

@@ -13,6 +13,9 @@ from .linear import copy, pivot_ratio
 from .partition import NEAR
 from .tables import GENERALIZED_ALPHA, PAST_COUNT, SKIPPED_COUNT
 
+NOT_JUDGED = 30.0
+"""Up to so many times the pivots of a pose that is skipped, a step's error is not judged (chosen)."""
+
 MOST_SKIPPED = 100
 """A machine that has not left the pose after so many steps stays in it (chosen)."""
 
@@ -21,6 +24,12 @@ MOST_SKIPPED = 100
 def is_doubtful(state, work):
     """Whether Phi_u, as factored in `work`, has become nearly singular."""
     return pivot_ratio(work.factor) < NEAR * state.condition[2]
+
+
+@inner_kernel
+def is_near(state, work):
+    """Whether Phi_u is so near to singular that a step errs by its joints, not by its length."""
+    return pivot_ratio(work.factor) < NOT_JUDGED * NEAR * state.condition[2]
 
 
 @inner_kernel

@@ -18,6 +18,10 @@ BY_DRIVERS, DISSIPATED, BY_LOADS, BY_WRENCHES = 0, 1, 2, 3
 # Entries of State.counters.
 PAST_COUNT, PARTITION_COUNT, RESTART_COUNT, EVENT_COUNT = 0, 1, 2, 3
 SKIPPED_COUNT = 4  # steps in a row that were extrapolated past a singular pose (singular_poses.py)
+PART_COUNT = 5  # parts of steps that the error of a whole step asked for (step_error.py)
+
+# Entries of State.balance.
+AT_START, LARGEST, RESIDUAL = 0, 1, 2
 
 ADAMS_MOULTON, RUNGE_KUTTA_4, GENERALIZED_ALPHA = 0, 1, 2
 
@@ -27,6 +31,8 @@ MANY_FREEDOMS = 8
 # What a kernel answers.
 OK, NOT_CLOSED, SINGULAR, CONTRADICTION, NOT_FINITE, JAMMED, NOT_SOLVED = 0, 1, 2, 3, 4, 5, 6
 DOUBTFUL = 7  # too near to a singular pose; never leaves advance.py
+INACCURATE = 8  # the error of a step is above the tolerance, however small the step
+UNBALANCED = 9  # energy appeared or vanished
 
 
 class Sparsity(NamedTuple):
@@ -57,6 +63,7 @@ class Model(NamedTuple):
     gravity: float  # [m/s^2], along -z
     size: float  # of the machine [m]
     step: float  # [s]
+    tolerance: float  # of the error of a step, see step_error.py; infinite: not judged
     integrator: int  # ADAMS_MOULTON, RUNGE_KUTTA_4, GENERALIZED_ALPHA
     pressed: bool  # some joint's friction depends on its reaction
 
@@ -73,6 +80,9 @@ class State(NamedTuple):
     powers: np.ndarray  # (3,) float64 [W]
     past_powers: np.ndarray  # (order - 1, 3) float64 [W]
     work: np.ndarray  # (4,) float64 [J], since the start
+    balance: (
+        np.ndarray
+    )  # (3,) float64 [J]: energy at the start, largest turnover, residual, see energy_balance.py
     rows: np.ndarray  # (r,) int64: independent constraints
     dependent: np.ndarray  # (r,) int64: coordinates u
     independent: np.ndarray  # (n - r,) int64: coordinates v
@@ -83,7 +93,7 @@ class State(NamedTuple):
         np.ndarray
     )  # (3,) float64: of Phi_u when chosen (0: not measured yet); best pivots of Phi_q, Phi_u
     modes: np.ndarray  # (forces,) int64: of the forces, see forces/evaluation.py
-    counters: np.ndarray  # (5,) int64
+    counters: np.ndarray  # (6,) int64
 
 
 class Workspace(NamedTuple):
@@ -113,6 +123,8 @@ class Workspace(NamedTuple):
     kept: np.ndarray  # (m,) float64: multipliers at the start of the step
     previous: np.ndarray  # (m,) float64: multipliers of the iteration before
     sums: np.ndarray  # (2, n + 3) float64
+    guess: np.ndarray  # (2, n + 3) float64: what the end of the step is compared with (step_error.py)
+    report: np.ndarray  # (forces, 3) float64
     power_sums: np.ndarray  # (3,) float64
     modes: np.ndarray  # (forces,) int64
     trial_q: np.ndarray  # (n + 3,) float64: inside a step, where a mode ends
@@ -138,6 +150,7 @@ def make_state(coordinates: int, rows: int, rank: int, forces: int, order: int) 
         powers=np.zeros(3),
         past_powers=np.zeros((order - 1, 3)),
         work=np.zeros(4),
+        balance=np.zeros(3),
         rows=np.zeros(rank, dtype=np.int64),
         dependent=np.zeros(rank, dtype=np.int64),
         independent=np.zeros(coordinates - rank, dtype=np.int64),
@@ -146,7 +159,7 @@ def make_state(coordinates: int, rows: int, rank: int, forces: int, order: int) 
         band=np.zeros(2, dtype=np.int64),
         condition=np.zeros(3),
         modes=np.zeros(forces, dtype=np.int64),
-        counters=np.zeros(5, dtype=np.int64),
+        counters=np.zeros(6, dtype=np.int64),
     )
 
 
@@ -179,6 +192,8 @@ def make_workspace(coordinates: int, rows: int, rank: int, forces: int) -> Works
         kept=np.zeros(rows),
         previous=np.zeros(rows),
         sums=np.zeros((2, coordinates + 3)),
+        guess=np.zeros((2, coordinates + 3)),
+        report=np.zeros((forces, 3)),
         power_sums=np.zeros(3),
         modes=np.zeros(forces, dtype=np.int64),
         trial_q=np.zeros(coordinates + 3),

@@ -40,7 +40,11 @@ PACKAGE = "subsoil_msgs/msg/"
 WORLD_FRAME = "world"
 POINT_FIELDS = ("x", "y", "z", "speed")
 IDENTITY, BROKEN = "identity", "broken_part"
-_LATER = {"broken_bond_count": 0}  # what messages of older bags lack
+_LATER = {
+    "broken_bond_count": 0,
+    "energy_residual_joule": math.nan,
+    "part_count": 0,
+}  # what messages of older bags lack
 _FLOAT32, _UINT32 = 7, 6  # sensor_msgs/PointField
 
 _PARTS: dict[type, dict[str, type]] = {

@@ -347,6 +347,11 @@ class Mechanism(StrictModel):
     initial: InitialState = InitialState()
     integrator: Literal["adams_moulton", "runge_kutta_4", "generalized_alpha"] = "adams_moulton"
     integrator_order: Literal[2, 3, 4] = Field(4, description="of Adams-Moulton.")
+    tolerance: Positive | None = Field(
+        1e-6,
+        description="of the velocities, in one step: where its error is larger, a step of adams_moulton or "
+        "runge_kutta_4 is taken in parts; null: fixed steps.",
+    )
 
     @model_validator(mode="after")
     def _names(self) -> "Mechanism":

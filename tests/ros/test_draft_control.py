@@ -41,7 +41,7 @@ def drive(controller: ModuleType, depth_m: float, target: float, duration_s: flo
     speed, found = 0.0, []
     for tick in range(1, round(duration_s / INTERVAL_S)):
         draft = SLOPE_NEWTON_PER_M * depth_m
-        state = MechanismState("run", tick - 1, 0, draft, *[0.0] * 8, bodies=(BodyState("b", *[0.0] * 9),))
+        state = MechanismState("run", tick - 1, 0, draft, *[0.0] * 9, 0, bodies=(BodyState("b", *[0.0] * 9),))
         command = law.command(tick, state)
         depth_m -= 0.5 * (speed + command.speed) * INTERVAL_S  # the ramp of the driver; speed is upward
         speed = command.speed

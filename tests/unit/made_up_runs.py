@@ -95,7 +95,7 @@ class Run:
             forces = tuple(
                 ForceState(n, *self._numbers(3)) for n, kind in kinds.items() if kind != "point_load"
             )
-            found.append(MechanismState(*head, *self._numbers(9), bodies, joints, forces))
+            found.append(MechanismState(*head, *self._numbers(10), 3 * tick, bodies, joints, forces))
         return [*found, CouplingReport(*head, *self._numbers(5), 0.5 * tick)]
 
     def is_series(self, tick: int) -> bool:

@@ -106,7 +106,7 @@ def records_of(tick: int) -> list:
         joints = (JointReaction("pin", *awkward(rng, 3), False),)
         forces = (ForceState("spring", *awkward(rng, 3)),)
         found += [
-            MechanismState("run", tick, end_ns(tick), *awkward(rng, 9), bodies, joints, forces),
+            MechanismState("run", tick, end_ns(tick), *awkward(rng, 10), 5, bodies, joints, forces),
             SoilState("run", tick, end_ns(tick), 7, 8, 0, 3, 9, *awkward(rng, 5)),
             CouplingReport("run", tick, end_ns(tick), *awkward(rng, 6)),
         ]

@@ -329,7 +329,7 @@ def test_slider_driven_past_its_dead_centre_is_named(mechanism_engine):
     with pytest.raises(SingularMechanismError, match="main, big_end, small_end, pull"):
         _run(engine, 1000)
     body = engine.state("run", 0, 0).bodies[2]
-    assert 0.0 <= 1.5 - body.x_m < 0.4e-3  # within a step of the dead centre, and finite
+    assert 0.0 <= 1.5 - body.x_m < 0.8e-3  # within two steps of the dead centre, and finite
 
 
 def test_machine_that_nothing_holds_has_no_rest(mechanism_engine):

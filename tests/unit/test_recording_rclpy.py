@@ -50,7 +50,7 @@ RECORDS = [
     ToolMotions("run", 41, 42 * INTERVAL_NS, (MOTION, MOTION)),
     ToolWrenches("run", 41, 42 * INTERVAL_NS, (WRENCH,)),
     MechanismState(
-        "run", 41, 42 * INTERVAL_NS, *(THIRD * k for k in range(9)),
+        "run", 41, 42 * INTERVAL_NS, *(THIRD * k for k in range(10)), 2**40,
         (BodyState("frame", *(THIRD * k for k in range(9))),),
         (JointReaction("pin", 1.0, THIRD, 3.0, False),), (ForceState("spring", 1.0, THIRD, 3.0),),
     ),

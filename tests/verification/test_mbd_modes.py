@@ -8,7 +8,7 @@ import pytest
 
 from subsoil_ros.cli import check
 from subsoil_ros.cli.main import main
-from subsoil_ros.errors import SceneError
+from subsoil_ros.errors import PhysicsError, SceneError
 from subsoil_ros.mbd.statics import survey
 from subsoil_ros.scene.mechanism import Mechanism
 
@@ -211,18 +211,22 @@ def test_check_marks_modes_that_the_step_does_not_resolve(tmp_path, capsys):
 def test_step_above_the_bound_is_refused_and_below_it_is_stable(
     mechanism_engine, integrator, order, reach, growth
 ):
-    """An oscillator of 20 rad/s: refused just above the bound, with a mode and an advice; steady below.
+    """An oscillator of 20 rad/s: refused just above the bound, with a mode and an advice; no growth below.
 
-    Fifty steps a period are always taken, also by order 3, which makes an undamped mode grow.
+    Fifty steps a period are always taken, also by order 3, which makes an undamped mode grow. What is stable
+    need not be right: a method that damps the mode is stopped by the balance of energy.
     """
-    machine = _slider(0.0) | {"integrator": integrator, "integrator_order": order}
-    with pytest.raises(SceneError, match=r"stability bound.*3\.18 Hz \(mass z 1\).*generalized_alpha"):
+    machine = _slider(0.0) | {"integrator": integrator, "integrator_order": order, "tolerance": None}
+    with pytest.raises(SceneError, match=r"stability bound.*3\.18 Hz \(mass z 1\).*mechanism\.tolerance"):
         mechanism_engine(machine, round(1.03 * reach / 20.0 * 1e9))
     interval = round(0.97 * reach / 20.0 * 1e9)
     engine = mechanism_engine(machine, interval)
     for tick in range(2000):
-        engine.advance(tick, ())
-    state = engine.state("run", 1999, 2000 * interval)
+        try:
+            engine.advance(tick, ())
+        except PhysicsError:
+            break
+    state = engine.state("run", tick, (tick + 1) * interval)
     assert abs(state.bodies[0].z_m + 0.5245) < 0.0755 * (1.0 + growth) ** 2000
 
 
@@ -230,7 +234,7 @@ def test_bound_counts_forces_that_do_not_act_yet(mechanism_engine):
     """A wheel in the air over hard ground: the step is judged by the contact to come."""
     contact = {"kind": "wheel_contact", "body": "wheel", "radius_m": 0.2, "stiffness_newton_per_m": 2e7,
                "damping_newton_s_per_m": 10.0, "friction": 0.0}  # fmt: skip
-    machine = {"bodies": {"wheel": _rod(0.0, 0.5)}, "forces": {"tread": contact}}
+    machine = {"bodies": {"wheel": _rod(0.0, 0.5)}, "forces": {"tread": contact}, "tolerance": None}
     with pytest.raises(SceneError, match=r"stability bound.*wheel z 1"):
         mechanism_engine(machine, 1_000_000)
     mechanism_engine(machine, 100_000)

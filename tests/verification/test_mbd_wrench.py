@@ -121,7 +121,7 @@ def test_work_of_wrenches_is_force_times_displacement(mechanism_engine, subsoile
 
 def test_shift_keeps_the_order_on_a_spring_under_steps_of_force(mechanism_engine):
     """A mass on a spring under a force that jumps every tick is followed at the order of the method."""
-    machine = _block(4)
+    machine = {**_block(4), "tolerance": None}
     machine["forces"] = {
         "spring": {
             "kind": "coordinate_spring",

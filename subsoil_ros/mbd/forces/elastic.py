@@ -29,7 +29,7 @@ def _segment(model, force, stretch):
 def spring_push(model, force, mode, stretch, rate):
     """Push, its elastic part and the energy stored, `stretch` growing at `rate`; without the stops.
 
-    A one-way spring stores energy while its elastic part alone acts that way.
+    A one-way spring stores energy while it acts, and its elastic part alone acts that way.
     """
     if force.curve_count > 0:
         row = force.curve + mode // STOPS
@@ -44,10 +44,10 @@ def spring_push(model, force, mode, stretch, rate):
     stored = (0.5 * elastic + force.preload) * stretch
     if force.acts_in == 0:
         return total, elastic + force.preload, stored
-    if force.acts_in * elastic < 0.0:
-        elastic, stored = 0.0, 0.0
     if mode // STOPS == 0:
-        total = 0.0
+        return 0.0, 0.0, 0.0
+    if force.acts_in * elastic < 0.0:
+        return total, 0.0, 0.0
     return total, elastic, stored
 
 

@@ -70,7 +70,7 @@ class IdleMechanism(_Stateless):
         """All zero."""
         bodies = tuple(BodyState(name, *[0.0] * 9) for name in self._bodies)
         zeros = [0.0] * sum(item.type is float for item in fields(MechanismState))
-        return MechanismState(run_id, tick, end_time_ns, *zeros, bodies=bodies)  # type: ignore[arg-type, misc]
+        return MechanismState(run_id, tick, end_time_ns, *zeros, part_count=0, bodies=bodies)  # type: ignore[arg-type, misc]
 
     def command(self, command: DriverCommand) -> None:
         """Not heard."""

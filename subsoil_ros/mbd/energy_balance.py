@@ -1,0 +1,51 @@
+"""The mechanism's own balance of energy: what it stores and has lost, less the work that came in, stays."""
+
+from .compiled import inner_kernel
+from .forces.evaluation import report_forces
+from .geometry import evaluate_turns
+from .tables import (
+    AT_START,
+    BY_DRIVERS,
+    BY_LOADS,
+    BY_WRENCHES,
+    DISSIPATED,
+    GENERALIZED_ALPHA,
+    LARGEST,
+    RESIDUAL,
+    SKIPPED_COUNT,
+)
+
+LARGEST_RESIDUAL = 1e-2
+"""Part of the largest energy turned over by which the balance may fail (chosen: a hundredth, below what
+designers ask of a mean draft)."""
+
+SLOWEST = 1e-3
+"""Energy is turned over, at least, as by the machine at so many of its sizes per second (chosen)."""
+
+
+@inner_kernel
+def keep_balance(model, state, work, time, select):
+    """Brings State.balance up to the time [s]; whether it closes. At the start it takes the energy there.
+
+    generalized_alpha damps fast modes, so there energy may vanish. Next to a singular pose, where steps are
+    extrapolated (singular_poses.py), nothing is judged.
+    """
+    evaluate_turns(state.q, work.turns)
+    stored = report_forces(model, state, time, select, state.q, work.turns, state.v, work.report)
+    kinetic, gravity, slow = 0.0, 0.0, 0.0
+    for i in range(model.mass.shape[0]):
+        kinetic += 0.5 * model.mass[i] * state.v[i] ** 2
+        if i % 3 == 1:
+            gravity += model.mass[i] * model.gravity * state.q[i]
+            slow += model.mass[i] * (SLOWEST * model.size) ** 2
+    came = state.work[BY_DRIVERS] + state.work[BY_LOADS] + state.work[BY_WRENCHES]
+    energy = kinetic + gravity + stored + state.work[DISSIPATED] - came
+    if state.balance[LARGEST] == 0.0:
+        state.balance[AT_START] = energy
+    turned = abs(state.work[BY_DRIVERS]) + abs(state.work[BY_LOADS]) + abs(state.work[BY_WRENCHES])
+    turned += kinetic + stored + abs(state.work[DISSIPATED]) + slow + 1e-9 * abs(gravity)
+    state.balance[LARGEST] = max(state.balance[LARGEST], turned)
+    state.balance[RESIDUAL] = energy - state.balance[AT_START]
+    residual, bound = state.balance[RESIDUAL], LARGEST_RESIDUAL * state.balance[LARGEST]
+    lost = residual < 0.0 and model.integrator == GENERALIZED_ALPHA
+    return lost or state.counters[SKIPPED_COUNT] > 0 or abs(residual) <= bound

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
-from launch.actions import DeclareLaunchArgument, ExecuteProcess, LogInfo, OpaqueFunction, Shutdown
+from launch.actions import DeclareLaunchArgument, ExecuteProcess, LogInfo, OpaqueFunction, TimerAction
 from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node, SetParameter
@@ -22,9 +22,12 @@ from subsoil_ros.api.opened_run import open_run
 from subsoil_ros.cli._shared.bed_preparation import bed_progress
 from subsoil_ros.cli._shared.live import live_port, say_where
 from subsoil_ros.cli._shared.preparation import say_opened
-from subsoil_ros.errors import InputError
+from subsoil_ros.errors import InputError, RunError
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.ros.process.plan import RunPlan, checked_namespace, remappings
+
+PATIENCE_S = 15.0
+"""Time for the other nodes after one has failed (chosen: more than a coupler waits for a silent one)."""
 
 DEFAULT_SCENE = "config/scenes/subsoiler_1s300_wedge.yaml"
 
@@ -79,7 +82,7 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         command += ["--resume", given["resume"]] if given["resume"] else []
         command += ["--live", given["live"]] if given["live"] else []
         command += [word for change in overrides for word in ("--set", change)]
-        return [ExecuteProcess(cmd=command, output="screen")]
+        return [ExecuteProcess(cmd=command, output="screen", on_exit=Ending(1))]
     live = live_port(given["live"] or None)
     resume = Path(given["resume"]) if given["resume"] else None
     resolved = load_scene(scene, overrides)
@@ -87,6 +90,7 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     say_opened(opened)
     plan = RunPlan.of(opened, threads, paused, recorded=recording, live=live)
     say_where(live)
+    ending = Ending(len(plan.nodes()))
     nodes = [
         Node(
             package="subsoil_ros",
@@ -99,7 +103,7 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
             remappings=list(remappings(namespace)),
             ros_arguments=["--disable-external-lib-logs"],
             output="screen",
-            on_exit=end_if_failed,
+            on_exit=ending,
         )
         for node in plan.nodes()
     ]
@@ -107,11 +111,32 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     return [LogInfo(msg=words), *nodes]
 
 
-def end_if_failed(event: ProcessExited, context: LaunchContext) -> Shutdown | None:
-    """Ends the launch when a node has failed; one that ends in order leaves the others time for the bag."""
-    if event.returncode == 0:
-        return None
-    return Shutdown(reason=f"{event.process_name} ended with status {event.returncode}")
+class Ending:
+    """Called as each process of the run ends: after a failure the launch ends, with a failing status.
+
+    First the others have time to find out who died, to say so and to close the bag. An error raised here is
+    what makes launch shut the rest down and end with status 1.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._left = count
+        self._first = ""
+
+    def __call__(self, event: ProcessExited, context: LaunchContext) -> TimerAction | None:
+        """What follows from the end of one process: nothing, or a time limit for the others."""
+        self._left -= 1
+        begun = not self._first and event.returncode != 0
+        if begun:
+            self._first = f"{event.process_name} ended with status {event.returncode}"
+        if self._first and self._left == 0:
+            self.fail(context)
+        if not begun or context.is_shutdown:
+            return None
+        return TimerAction(period=PATIENCE_S, actions=[OpaqueFunction(function=self.fail)])
+
+    def fail(self, context: LaunchContext) -> None:
+        """Ends the launch."""
+        raise RunError(f"the run failed: {self._first}")
 
 
 def flag(name: str, text: str) -> bool:

@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from subsoil_ros.cli.main import main
-from subsoil_ros.errors import InputError
+from subsoil_ros.errors import InputError, RunError
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.ros.process.plan import RunPlan
 from subsoil_ros.ros.transport.domain import run_domain
@@ -63,7 +63,7 @@ def stand_ins(share: Path) -> dict[str, ModuleType]:
             "ExecuteProcess",
             "LogInfo",
             "OpaqueFunction",
-            "Shutdown",
+            "TimerAction",
         ),
         "launch.events": (),
         "launch.events.process": ("ProcessExited",),
@@ -190,14 +190,46 @@ def test_other_modes_are_left_to_subsoil_run(start: Callable[..., list[Taken]], 
     assert not (tmp_path / "out").exists()
 
 
-def test_a_node_that_fails_ends_the_launch(start: Callable[..., list[Taken]], tmp_path: Path) -> None:
-    """With its name and status; a node that ends in order ends nothing, so the recorder can close the bag."""
+def exit_of(node: Taken, status: int, name: str, shut_down: bool = False) -> Taken | None:
+    """What launch is told to do when a node's process has ended."""
+    context = SimpleNamespace(is_shutdown=shut_down)
+    return node.on_exit(SimpleNamespace(returncode=status, process_name=name), context)
+
+
+@pytest.mark.parametrize("status", [3, -9])
+def test_a_node_that_fails_ends_the_launch(
+    start: Callable[..., list[Taken]], tmp_path: Path, status: int
+) -> None:
+    """With an error that names it, when the others have ended or after some time; launch then ends with 1."""
+    _, mechanism, recorder, coupler = start(scene=str(MACHINE), out=str(tmp_path / "out"))
+    timer = exit_of(mechanism, status, "mechanism_node-1")
+    assert timer is not None
+    assert (timer.kind, timer.period) == ("TimerAction", 15.0)
+    words = f"the run failed: mechanism_node-1 ended with status {status}$"
+    with pytest.raises(RunError, match=words):
+        timer.actions[0].function(None)
+    assert exit_of(recorder, 3, "recorder_node-2") is None
+    with pytest.raises(RunError, match=words):
+        exit_of(coupler, 3, "coupler_node-3")
+
+
+def test_nodes_that_end_in_order_end_nothing(start: Callable[..., list[Taken]], tmp_path: Path) -> None:
+    """So that the recorder can close the bag. After Ctrl-C only the last one that ends tells launch."""
     _, *nodes = start(scene=str(MACHINE), out=str(tmp_path / "out"))
-    for node in nodes:
-        assert node.on_exit(SimpleNamespace(returncode=0, process_name="soil_node-2"), None) is None
-        for status in (3, -9):
-            ended = node.on_exit(SimpleNamespace(returncode=status, process_name="soil_node-2"), None)
-            assert (ended.kind, ended.reason) == ("Shutdown", f"soil_node-2 ended with status {status}")
+    assert [exit_of(node, 0, "node") for node in nodes] == [None] * 3
+    _, *nodes = start(scene=str(MACHINE), out=str(tmp_path / "other"))
+    assert [exit_of(node, 130, "node", shut_down=True) for node in nodes[:2]] == [None] * 2
+    with pytest.raises(RunError, match="ended with status 130"):
+        exit_of(nodes[2], 130, "node", shut_down=True)
+
+
+def test_a_run_that_subsoil_run_refuses_ends_the_launch(
+    start: Callable[..., list[Taken]], tmp_path: Path
+) -> None:
+    """Its message stands on the screen; launch ends with 1."""
+    (process,) = start(scene=str(MACHINE), out=str(tmp_path / "out"), mode="foo")
+    with pytest.raises(RunError, match="python-1 ended with status 2"):
+        exit_of(process, 2, "python-1")
 
 
 def test_it_goes_on_from_an_earlier_run(start: Callable[..., list[Taken]], tmp_path: Path) -> None:

@@ -122,8 +122,9 @@ $(prefix)/.set-up-subsoil: $(prefix)/.set-up-messages setup.py setup.cfg package
 	$(pip) install --quiet --no-build-isolation --no-deps --force-reinstall --editable .
 	touch $@
 
-# Looks at the sources only when they change; what is in the user's cache already is not compiled again.
-$(prefix)/.set-up-kernels: $(prefix)/.set-up-packages dev/warm_kernels.py $(shell find subsoil_ros/dem subsoil_ros/mbd \
+# Looks at the sources only when they change; what is in the user's cache already is not compiled again. Beside the
+# messages, but after them where older ones are installed: it records a run.
+$(prefix)/.set-up-kernels: $(prefix)/.set-up-packages $(wildcard $(prefix)/.set-up-messages) dev/warm_kernels.py $(shell find subsoil_ros/dem subsoil_ros/mbd \
 		subsoil_ros/wedge -name '*.py')
 	$(bin)/python -m dev.warm_kernels
 	touch $@

@@ -278,7 +278,7 @@ class System:
                 others = [SOIL] if case.soil else []
                 self._send(ToolMotions(RUN, tick, 0, motion(tick)), *others, COUPLER, RECORDER)
                 if "mechanism_state" in self.due(tick):
-                    state = MechanismState(RUN, tick, 0, *[0.0] * 9)
+                    state = MechanismState(RUN, tick, 0, *[0.0] * 10, 0)
                     self._send(state, *([CONTROLLER] if case.control_ticks else []), RECORDER)
             else:
                 assert work.motions == motion(tick)

@@ -66,7 +66,7 @@ class SpringMover:
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> MechanismState:
         body = BodyState(self._tool, self._x, *[0.0] * 8)
-        return MechanismState(run_id, tick, end_time_ns, *[0.0] * 9, bodies=(body,))
+        return MechanismState(run_id, tick, end_time_ns, *[0.0] * 10, 0, bodies=(body,))
 
 
 class SpringSoil:

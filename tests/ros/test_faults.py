@@ -34,7 +34,9 @@ def assert_readable(out: Path, cut: bool = False) -> int:
     count = min(lengths)
     assert count > 10
     assert max(lengths) - count <= (1 if cut else 0)
-    assert {name: found[:count] for name, found in ticks.items()} == {name: list(range(count)) for name in ticks}
+    assert {name: found[:count] for name, found in ticks.items()} == {
+        name: list(range(count)) for name in ticks
+    }
     return count
 
 

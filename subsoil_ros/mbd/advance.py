@@ -10,7 +10,7 @@ from .compiled import inner_kernel, kernel
 from .dynamics import complete
 from .energy_balance import keep_balance
 from .events import differs, locate_switch
-from .forces.evaluation import evaluate_modes, report_forces
+from .forces.evaluation import evaluate_forces, evaluate_modes, report_forces
 from .geometry import evaluate_turns
 from .integrators.adams_moulton import guess_multistep, multistep_power
 from .integrators.generalized_alpha import keep_auxiliary, step_generalized_alpha
@@ -22,6 +22,7 @@ from .singular_poses import can_skip, is_doubtful, is_near, skip_ahead
 from .step_error import MOST_HALVINGS, SPARE, halvings_for, keep_guess, step_error
 from .tables import (
     ADAMS_MOULTON,
+    BY_LOADS,
     BY_WRENCHES,
     CONTRADICTION,
     DISSIPATED,
@@ -61,13 +62,26 @@ CONTRADICTION_GAP = 1e-8
 
 
 @inner_kernel
-def _take_start(state, work):
-    """The acceleration evaluated again at the state; history is shifted by what has changed."""
+def _take_start(model, state, work, time, select):
+    """The acceleration evaluated again at the state; history is shifted by what has changed.
+
+    The shifted accelerations lead through other velocities in the past, and powers are those at these.
+    """
     for k in range(state.counters[PAST_COUNT]):
+        changed = False
         for i in range(state.a.shape[0]):
-            state.past_a[k, i] += work.a[i] - state.a[i]
+            change = work.a[i] - state.a[i]
+            changed = changed or change != 0.0
+            state.past_a[k, i] += change
+            work.trial_v[i] = state.v[i] - (k + 1) * model.step * change
         for i in range(state.powers.shape[0]):
             state.past_powers[k, i] += work.powers[i] - state.powers[i]
+        if changed:
+            evaluate_forces(
+                model, state, time, select, work.q, work.turns, work.trial_v, work.force, work.power_sums
+            )
+            for i in (DISSIPATED, BY_LOADS):
+                state.past_powers[k, i] += work.power_sums[i] - work.powers[i]
     copy(state.a, work.a)
     copy(state.powers, work.powers)
 
@@ -79,7 +93,7 @@ def _refresh(model, state, work, time, select):
     copy(work.v, state.v)
     status, _ = complete(model, state, work, time, select, False)
     if status == OK:
-        _take_start(state, work)
+        _take_start(model, state, work, time, select)
     return status
 
 

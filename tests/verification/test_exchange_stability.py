@@ -124,7 +124,7 @@ def scene_of(soil, case: Exchange, ticks: int):
             "own": own,
             "load": {"kind": "point_load", "body": "block", "point_m": point, "force_z_newton": load},
         },
-        "integrator": case.integrator, "integrator_order": case.order,
+        "tolerance": None, "integrator": case.integrator, "integrator_order": case.order,
     }  # fmt: skip
     communication_step_ns = round(case.interval * 1e9)
     mesh = {"mesh": soil.box(0.125, 0.125, 0.0625), "position_m": [0.25, 0.0, PLACE + AMPLITUDE]}

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from subsoil_ros.mbd.tables import LARGEST, RESIDUAL
 from subsoil_ros.messages import ToolWrench
 
 TICKS, INTERVAL_NS = 400, 50_000
@@ -149,3 +150,30 @@ def test_shift_keeps_the_order_on_a_spring_under_steps_of_force(mechanism_engine
     # the change of acceleration is the same all along the past, so the shifted history is the true one
     observed = np.log2(np.array(errors[:-1]) / errors[1:])
     assert observed == pytest.approx(4.0, abs=0.25)
+
+
+@pytest.mark.parametrize("steps", [1, 3])
+@pytest.mark.parametrize("order", [2, 3, 4])
+def test_the_balance_of_energy_closes_under_wrenches_that_jump(mechanism_engine, order, steps):
+    """A load's work over a block that random wrenches push about is booked to round-off; so is a damper's, to
+    the error of a quadrature."""
+    machine = _block(order)
+    machine["forces"] = {
+        "load": {
+            "kind": "point_load", "body": "block", "point_m": (0.3, 0.4),
+            "force_x_newton": {"kind": "constant", "value": 100.0},
+        },
+    }  # fmt: skip
+    damper = {
+        "kind": "coordinate_spring", "body": "block", "coordinate": "z", "damping_newton_s_per_m": 50.0,
+        "stiffness_newton_per_m": 0.0, "target": {"kind": "constant", "value": 0.4},
+    }  # fmt: skip
+    wrenches = np.random.default_rng(order).normal(size=(TICKS, 3)) * [500.0, 300.0, 0.0]
+    rounding = TICKS * 1000.0 * 0.4 * 2.2e-16  # of wrench times place [J]
+    for part, forces in ((0.0, {}), (1e-5, {"damper": damper})):
+        machine["forces"].update(forces)
+        engine = mechanism_engine(machine, INTERVAL_NS, steps, tools=["block"], gravity_m_per_s2=0.0)
+        for tick, (fx, fz, torque) in enumerate(wrenches):
+            engine.advance(tick, (_wrench(fx, fz, torque),))
+            balance = engine.arrays.balance
+            assert abs(balance[RESIDUAL]) < rounding + part * balance[LARGEST]

@@ -231,14 +231,14 @@ def _fill_disk(run: Run) -> None:
 
 def kinds() -> list[Kind]:
     """All kinds of fault that can be made here; a full disk needs root for a small file system."""
-    foreign = "tool_wrenches|two nodes|published by the nodes|finite|residual"
+    foreign = "tool_wrenches|two nodes|publishes on it|finite|residual"
     found = [
         *(Kind(f"kill {name}", _send(name, signal.SIGKILL), 3, f"{name} node .*SIGKILL") for name in NODES),
         *(
             Kind(f"stop {name}", _send(name, signal.SIGSTOP), 3, f"{name} (has not been heard|.*killed)")
             for name in NODES
         ),
-        Kind("second soil", _second_soil, 3, "two nodes 'soil'|published by the nodes"),
+        Kind("second soil", _second_soil, 3, "two nodes 'soil'|node '/soil.* publishes on it"),
         *(
             Kind(f"foreign {what}", _foreign(f"foreign_{what}"), 3, foreign)
             for what in ("run", "tick", "nan", "tools")

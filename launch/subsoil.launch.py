@@ -21,7 +21,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 from subsoil_ros.api.opened_run import open_run
 from subsoil_ros.cli._shared.bed_preparation import bed_progress
 from subsoil_ros.cli._shared.live import live_port, say_where
-from subsoil_ros.cli._shared.preparation import say_opened
+from subsoil_ros.cli._shared.preparation import KernelAnnouncer, say_opened
 from subsoil_ros.errors import InputError, RunError
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.ros.process.plan import RunPlan, checked_namespace, remappings
@@ -86,7 +86,8 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     live = live_port(given["live"] or None)
     resume = Path(given["resume"]) if given["resume"] else None
     resolved = load_scene(scene, overrides)
-    opened = open_run(resolved, out, threads, resume, shown=scene, bed_progress=bed_progress)
+    with KernelAnnouncer():
+        opened = open_run(resolved, out, threads, resume, shown=scene, bed_progress=bed_progress)
     say_opened(opened)
     plan = RunPlan.of(opened, threads, paused, recorded=recording, live=live)
     say_where(live)

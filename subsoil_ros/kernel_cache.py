@@ -1,12 +1,15 @@
-"""How numba compiles and runs kernels, and where it keeps them: outside the package, perhaps read-only."""
+"""How numba compiles and runs kernels, that it says so, and where it keeps them: outside the package."""
 
 import functools
 import os
 import tempfile
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numba
 from llvmlite.binding import get_host_cpu_features
+from numba.core import event
 from numba.core.caching import CacheImpl
 
 from .source_digest import PACKAGE, kernel_digest
@@ -116,3 +119,49 @@ def _features_of_this_core() -> str:
     features = get_host_cpu_features()
     features["prefer-256-bit"] = False
     return str(features.flatten())
+
+
+class CompilationListener(event.Listener):
+    """Says before the first kernel is compiled that this happens, and in `done` how long it took.
+
+    Kernels that come from the cache on disk are not compiled and pass in silence; so does what is still
+    compiled after `done`, which is little. Use as context manager.
+
+    Args:
+        say: takes each line.
+    """
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._say = say
+        self._depth = self._compiled = 0
+        self._since = self._seconds = 0.0
+        self._told = False
+
+    def on_start(self, event: object) -> None:
+        """A kernel, or one it calls, is compiled from here."""
+        if self._compiled == 0:
+            self._say(f"compiling kernels, once: kept in {kernel_cache_folder()}")
+        if self._depth == 0:
+            self._since = time.monotonic()
+        self._depth += 1
+        self._compiled += 1
+
+    def on_end(self, event: object) -> None:
+        """To here."""
+        self._depth -= 1
+        if self._depth == 0:
+            self._seconds += time.monotonic() - self._since
+
+    def done(self) -> None:
+        """Says how long it took; once, and nothing if nothing was compiled."""
+        if self._compiled and not self._told:
+            self._told = True
+            self._say(f"compiled {self._compiled} kernels in {self._seconds:.0f} s")
+
+    def __enter__(self) -> "CompilationListener":
+        event.register("numba:compile", self)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        event.unregister("numba:compile", self)
+        self.done()

@@ -191,7 +191,7 @@ class CouplingReport:
     residual_joule: float  # cumulative mechanism - soil
     absolute_work_joule: float  # cumulative sum of |soil work|
     residual_ratio: float  # |residual| / absolute work; 0 while no work was done
-    wall_time_s: float  # since tick 0; differs between runs
+    wall_time_s: float  # since tick 0, without pauses; differs between runs
 
 
 @dataclass(frozen=True, slots=True)

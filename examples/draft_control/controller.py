@@ -10,22 +10,24 @@ results do not depend on how fast this program is. With real_time:=true it holds
 import time
 from dataclasses import dataclass
 
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.context import Context
 
 from subsoil_ros.coupling.protocol import CONTROLLER
 from subsoil_ros.messages import DriverCommand, MechanismState
 from subsoil_ros.ros.nodes.controller_node import ControllerNode
 from subsoil_ros.ros.process.heartbeat import Heartbeat, NodeRun
-from subsoil_ros.ros.process.node_process import NodeSettings, run_process
+from subsoil_ros.ros.process.node_process import run_process
+from subsoil_ros.ros.process.parameters import NodeSettings, ParameterKey
 from subsoil_ros.scene.controller import Controller as ControllerKeys
 
+RANGE = (0.0, 1e5)  # of the three numbers
+ALLOWED = "a number from 0 to 100000, with a decimal point"
 TARGETS = {
-    "target_newton": (1300.0, "draft to hold"),
-    "later_target_newton": (1700.0, "draft to hold from step_at_s on"),
-    "step_at_s": (5.0, "simulated time of the step between the two"),
+    "target_newton": ParameterKey(1300.0, "draft to hold", ALLOWED, RANGE),
+    "later_target_newton": ParameterKey(1700.0, "draft to hold from step_at_s on", ALLOWED, RANGE),
+    "step_at_s": ParameterKey(5.0, "simulated time of the step between the two", ALLOWED, RANGE),
 }
-LARGEST_TARGET = 1e5  # of the parameters' ranges
+PARAMETERS = {**TARGETS, "real_time": ParameterKey(False, "hold the run to the wall clock", "true or false")}
 
 GAIN_M_PER_NEWTON_S = 4e-4
 """Speed of the hitch for each newton of draft too much. Draft grows with depth by about S = 5000 N/m in this
@@ -116,17 +118,12 @@ def build(
     """The node, its targets from its parameters."""
     keys = run.resolved.scene.controller
     assert keys is not None  # subsoil_ros names the scene's mistake before
-    values = {}
-    for name, (default, words) in TARGETS.items():
-        limits = [FloatingPointRange(from_value=0.0, to_value=LARGEST_TARGET)]
-        descriptor = ParameterDescriptor(description=words, floating_point_range=limits, read_only=True)
-        values[name] = heartbeat.node.declare_parameter(name, default, descriptor).value
-    words = ParameterDescriptor(description="hold the run to the wall clock", read_only=True)
-    paced = heartbeat.node.declare_parameter("real_time", False, words).value
+    values = {name: heartbeat.node.get_parameter(name).value for name in TARGETS}
+    paced = heartbeat.node.get_parameter("real_time").value
     interval_s = keys.interval_ticks * run.resolved.timing.communication_step_s
     control = DraftControl(keys, Targets(**values), interval_s)
     return DraftControlNode(RealTime(control) if paced else None, control, run, heartbeat, context)
 
 
 if __name__ == "__main__":
-    raise SystemExit(run_process(CONTROLLER, build))
+    raise SystemExit(run_process(CONTROLLER, build, PARAMETERS))

@@ -1,6 +1,5 @@
 """A run that can begin: its scene checked, its bed prepared, its folder made."""
 
-import uuid
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +15,10 @@ if TYPE_CHECKING:
     from .beds import BedProgress
 
 
+RUN_ID_DIGITS = 12
+"""Hexadecimal digits: enough that scenes do not share a name (48 bits), few enough to type."""
+
+
 @dataclass(frozen=True)
 class OpenedRun:
     """What a run needs to begin.
@@ -26,10 +29,14 @@ class OpenedRun:
 
     resolved: ResolvedScene
     out: Path
-    run_id: str
     motion_source: MotionSource
     resumed: Checkpoint | None
     warnings: tuple[str, ...] = ()
+
+    @property
+    def run_id(self) -> str:
+        """Name of the run: the first digits of the scene's hash, so that its bag is the same each time."""
+        return self.resolved.scene_hash[:RUN_ID_DIGITS]
 
     @property
     def bag(self) -> Path:
@@ -76,7 +83,7 @@ def open_run(
     resolved.write(out / "scene.yaml")
     if resumed is not None and resume is not None:
         note_resumption(resumed, resume, resolved, out)
-    return OpenedRun(resolved, out, uuid.uuid4().hex[:12], motion_source, resumed, tuple(warnings))
+    return OpenedRun(resolved, out, motion_source, resumed, tuple(warnings))
 
 
 def _prepare_soil(resolved: ResolvedScene, threads: int, progress: "BedProgress | None") -> None:

@@ -11,6 +11,7 @@ from ..analysis.series import Series, read_series, read_series_csv
 from ..analysis.summary import SCHEMA_VERSION, summarize
 from ..errors import InputError
 from ..loading.loader import ResolvedScene
+from .checkpoints import checkpoint_facts
 from .recorded_run import RecordedRun, recorded_run
 
 if TYPE_CHECKING:
@@ -89,7 +90,9 @@ def read_run(folder: str | PathLike[str]) -> Run:
             return Run(recorded.resolved, summary, recorded.directory, None)
         series = _series(recorded)
         if summary is None:
-            summary = summarize(recorded.bag, recorded.resolved, {}, series)
+            summary = summarize(
+                recorded.bag, recorded.resolved, checkpoint_facts(recorded.directory, None), series
+            )
         place = recorded.directory if recorded.directory.is_dir() else None
         return Run(recorded.resolved, summary, place, series)
 

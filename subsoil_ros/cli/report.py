@@ -58,7 +58,7 @@ def _report(recorded: RecordedRun, html: bool) -> int:
     window = metrics_window(series, resolved.scene)
     with working("reading the clouds"):
         statistics = run_statistics(bag, resolved, series, window)
-    summary = summarize(bag, resolved, _known_facts(directory / "summary.json"), series, statistics)
+    summary = summarize(bag, resolved, _known_facts(directory), series, statistics)
     recorded.make_directory()
     try:
         write_series_csv(series, directory / "series.csv")
@@ -97,11 +97,13 @@ def _write_tables(statistics: RunStatistics, directory: Path) -> None:
         write_section_csv(statistics.disturbance, directory / "loosened_section.csv")
 
 
-def _known_facts(path: Path) -> dict[str, Any]:
-    """What the run itself wrote down and no bag tells; nothing if it never came to it."""
+def _known_facts(directory: Path) -> dict[str, Any]:
+    """What the run wrote down and no bag tells: in its summary, or, under ros2 launch, in its folder."""
     from ..analysis.summary import run_facts
+    from ..api.checkpoints import checkpoint_facts
 
+    facts = checkpoint_facts(directory, None)
     try:
-        return run_facts(json.loads(path.read_text(encoding="utf-8")))
+        return facts | run_facts(json.loads((directory / "summary.json").read_text(encoding="utf-8")))
     except (FileNotFoundError, ValueError):
-        return {}
+        return facts

@@ -14,13 +14,16 @@ import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
+from rcl_interfaces.msg import Log
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
-from visualization_msgs.msg import MarkerArray
+from visualization_msgs.msg import Marker, MarkerArray
 
 from subsoil_ros.api.simulate import simulate
 from subsoil_ros.coupling.exit_status import ExitStatus
@@ -31,7 +34,7 @@ from subsoil_ros.recording.bag_writer import open_bag
 from subsoil_ros.ros.nodes.recorder_node import RecorderNode
 from subsoil_ros.ros.process.composed import Build, run_composed
 from subsoil_ros.ros.process.heartbeat import NodeRun
-from subsoil_ros.ros.process.node_process import PARAMETERS, read_settings
+from subsoil_ros.ros.process.parameters import PARAMETERS, read_settings
 from subsoil_ros.ros.transport.qos import LATCHED_QOS
 
 from .conftest import SCENE, messages
@@ -48,6 +51,8 @@ from .test_nodes import (
 )
 
 pytestmark = pytest.mark.ros
+
+DURABILITIES = {"volatile": DurabilityPolicy.VOLATILE, "kept": DurabilityPolicy.TRANSIENT_LOCAL}
 
 
 @pytest.fixture
@@ -87,11 +92,12 @@ def test_parameters_describe_themselves(process_node: Callable[..., Node]) -> No
         (["-p", "threads:=0"], "parameter 'threads': needed is a whole number from 1 to 1024"),
         (["-p", "threads:=many"], "parameter 'threads': needed is a whole number"),
         (["-p", "run_id:=7"], "parameter 'run_id': needed is text; a number in quotes is one too"),
+        (["-p", "thread:=2"], "parameter 'thread': not known; allowed are bag, checkpoints,"),
         (["-p", "recorded:=2"], "parameter 'recorded': needed is true or false"),
         (["-r", "__node:=mud"], "the node was renamed to 'mud'"),
         ([], "parameter 'scene' is empty"),
     ],
-    ids=["zero", "text", "number", "flag", "renamed", "no scene"],
+    ids=["zero", "text", "number", "unknown", "flag", "renamed", "no scene"],
 )
 def test_a_parameter_that_cannot_be_is_refused(
     process_node: Callable[..., Node], words: list[str], expected: str
@@ -103,16 +109,42 @@ def test_a_parameter_that_cannot_be_is_refused(
     assert "\n" not in str(raised.value)
 
 
-def test_a_process_says_it_in_one_line() -> None:
-    """The same from the command line: exit 2, no traceback."""
-    words = ["--ros-args", "-p", "threads:=0", "-r", "__ns:=/field"]
-    done = subprocess.run(
-        [Path(sys.prefix) / "lib" / "subsoil_ros" / "soil_node", *words],  # where `ros2 run` finds it
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (
+            ["--ros-args", "-p", "threads:=0", "-r", "__ns:=/field"],
+            "[field.soil_process]: parameter 'threads': needed is",
+        ),
+        (["--ros-args", "-p", "treads:=2"], "[soil_process]: parameter 'treads': not known; allowed are"),
+        (["--ros-args", "-p", "threads"], "soil: no ROS node can be made: "),
+        (["--threads=2"], "soil: argument '--threads=2': not known; give --ros-args -p NAME:=VALUE"),
+    ],
+    ids=["value", "name", "syntax", "no ROS"],
+)
+def test_a_process_says_it_in_one_line(words: list[str], expected: str) -> None:
+    """The same from the command line: exit 2, one message, no traceback."""
+    done = run_soil_node(*words)
+    assert done.returncode == 2
+    (line,) = done.stderr.strip().splitlines()
+    assert expected in line
+
+
+def run_soil_node(*words: str) -> subprocess.CompletedProcess[str]:
+    """The soil node where `ros2 run` finds it."""
+    return subprocess.run(
+        [Path(sys.prefix) / "lib" / "subsoil_ros" / "soil_node", *words],
         capture_output=True, text=True, timeout=LIMIT_S, check=False,
     )  # fmt: skip
-    assert done.returncode == 2
-    assert done.stderr.strip().startswith("soil: parameter 'threads': needed is")
-    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_help_prints_the_parameters() -> None:
+    """Each with its default, on standard output, status 0; no scene is needed."""
+    done = run_soil_node("--help")
+    assert (done.returncode, done.stderr) == (0, "")
+    for name, key in PARAMETERS.items():
+        assert f"  {name} (default: " in done.stdout
+        assert key.description in done.stdout
 
 
 def described_builds(
@@ -201,6 +233,89 @@ def test_nodes_say_how_they_do(
     assert run.status() == ExitStatus(3, "soil: tick 40: overlap too deep")
     assert heard["soil: lockstep"][-1].message == "tick 40: overlap too deep"
     assert set(heard) == names
+
+
+def test_parameters_are_answered_while_an_engine_computes(
+    resolved: ResolvedScene,  # noqa: F811
+    tmp_path: Path,
+    listener: Node,  # noqa: F811
+) -> None:
+    """list, get and describe, of all eight nodes that `ros2 param list` asks, each within two seconds."""
+    gate, at = threading.Event(), threading.Event()
+    run = Run(resolved, described_builds(resolved, tmp_path / "bag", lambda: GatedSoil(gate, at)))
+    assert at.wait(LIMIT_S)  # the soil computes: it takes no message
+    names = [name for node in (MECHANISM, SOIL, RECORDER, COUPLER) for name in (node, f"{node}_process")]
+    spin(listener, lambda: set(names) <= set(listener.get_node_names()))
+    for name in names:
+        begin = time.monotonic()
+        listed = call(listener, ListParameters, f"{name}/list_parameters", depth=0)
+        assert "use_sim_time" in listed.result.names
+        (value,) = call(listener, GetParameters, f"{name}/get_parameters", names=["use_sim_time"]).values
+        assert value.bool_value is False
+        asked = call(listener, DescribeParameters, f"{name}/describe_parameters", names=["use_sim_time"])
+        assert [item.name for item in asked.descriptors] == ["use_sim_time"]
+        assert time.monotonic() - begin < 2.0
+    gate.set()
+    assert run.status() == ExitStatus()
+
+
+def call(node: Node, kind: type, name: str, **request: Any) -> Any:
+    """The answer of a service."""
+    client = node.create_client(kind, name)
+    spin(node, client.service_is_ready)
+    future = client.call_async(kind.Request(**request))
+    spin(node, future.done)
+    node.destroy_client(client)
+    return future.result()
+
+
+def test_what_nodes_log_is_on_rosout(
+    resolved: ResolvedScene,  # noqa: F811
+    tmp_path: Path,
+    listener: Node,  # noqa: F811
+) -> None:
+    """Readiness and the start at INFO, the reason of a failure at ERROR from the node itself, by name."""
+    heard: list[tuple[str, int, str]] = []
+    rosout = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    listener.create_subscription(
+        Log, "/rosout", lambda log: heard.append((log.name, log.level, log.msg)), rosout
+    )
+    info, error = Log.INFO, Log.ERROR
+    run = Run(resolved, described_builds(resolved, tmp_path / "bag", lambda: SpringSoil(fail_tick=7)))
+    expected = {
+        (MECHANISM, info, "ready for run 'test'; waits for the first grant of coupler"),
+        (SOIL, info, "ready for run 'test'; waits for the first grant of coupler"),
+        (COUPLER, info, "run 'test': running after tick -1"),
+        (SOIL, error, "tick 7: overlap too deep"),
+        (COUPLER, error, "soil: tick 7: overlap too deep"),
+        (RECORDER, error, "run aborted at tick 6: soil: tick 7: overlap too deep"),
+    }
+    spin(listener, lambda: expected <= set(heard))
+    assert run.status().code == 3
+
+
+@pytest.mark.parametrize("durability", DURABILITIES.values(), ids=DURABILITIES)
+def test_a_late_display_sees_the_tools(
+    resolved: ResolvedScene,  # noqa: F811
+    tmp_path: Path,
+    listener: Node,  # noqa: F811
+    durability: DurabilityPolicy,
+) -> None:
+    """Also with the default of a display of RViz, volatile; once each, whatever the durability."""
+    qos = QoSProfile(depth=5, durability=durability)
+    gate, at = threading.Event(), threading.Event()
+    run = Run(resolved, described_builds(resolved, tmp_path / "bag", lambda: GatedSoil(gate, at)))
+    assert at.wait(LIMIT_S)
+    heard: dict[str, list[Any]] = {"robot_description": [], "tool_markers": []}
+    listener.create_subscription(String, "/robot_description", heard["robot_description"].append, qos)
+    listener.create_subscription(MarkerArray, "/tool_markers", heard["tool_markers"].append, qos)
+    spin(listener, lambda: all(heard.values()))
+    (markers,) = heard["tool_markers"]
+    assert [marker.type for marker in markers.markers] == [Marker.TRIANGLE_LIST] * len(markers.markers)
+    assert heard["robot_description"][0].data.startswith("<?xml")
+    gate.set()
+    assert run.status() == ExitStatus()
+    assert {name: len(messages) for name, messages in heard.items()} == dict.fromkeys(heard, 1)
 
 
 def test_live_topics_carry_the_bytes_of_the_bag(

@@ -5,24 +5,27 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 from rclpy.node import Node
+from subsoil_msgs import msg
 from subsoil_msgs.msg import ToolWrench as ToolWrenchMessage
 from subsoil_msgs.msg import ToolWrenches as ToolWrenchesMessage
 
 from subsoil_ros.coupling.exit_status import ExitStatus
-from subsoil_ros.coupling.protocol import ACK_LAG_TICKS, RECORDER
+from subsoil_ros.coupling.protocol import ACK_LAG_TICKS, COUPLER, RECORDER
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
-from subsoil_ros.messages import ToolMotion, ToolWrench
+from subsoil_ros.messages import Grant, NodeStatus, ToolMotion, ToolWrench
 from subsoil_ros.recording.bag_writer import BagWriter
 from subsoil_ros.ros.nodes.recorder_node import RecorderNode
 from subsoil_ros.ros.process import heartbeat as lifeline_module
 from subsoil_ros.ros.process.composed import run_composed
 from subsoil_ros.ros.process.heartbeat import NodeRun
-from subsoil_ros.ros.transport.qos import LOCKSTEP_QOS
+from subsoil_ros.ros.transport.qos import LOCKSTEP_QOS, NODE_STATUS_QOS, qos_of
 
 from .conftest import SCENE, lockstep_ticks
+from .test_conventions import spin
 from .test_nodes import (  # noqa: F401  fixtures
     LIMIT_S,
     TICKS,
@@ -36,6 +39,7 @@ from .test_nodes import (  # noqa: F401  fixtures
     run_nodes,
     status_with_foreign_publisher,
 )
+from .test_pause import start
 
 pytestmark = pytest.mark.ros
 
@@ -72,11 +76,61 @@ def test_a_foreign_publisher_is_refused_by_name(
     spoil(message)
     status = status_with_foreign_publisher(resolved, tmp_path / "bag", listener, "tool_wrenches", message)
     assert status.code == 3
-    assert "tool_wrenches: " in status.reason
+    expected = "tool_wrenches: node '/somebody' on this machine publishes on it; in a run only soil may"
+    assert expected in status.reason
     ticks = lockstep_ticks(tmp_path / "bag", resolved.timing.communication_step_ns)
     count = len(ticks["grant"])  # who finds him ends with what all had finished, or with what it had
     assert count <= 3
     assert ticks == {name: list(range(count)) for name in ticks}
+
+
+def of_run(kind: type, run_id: str = "test") -> Any:
+    """A message whose content a node would refuse: of tick 3, before any is granted."""
+    message = kind(run_id=run_id, tick=3)
+    message.header.stamp.nanosec = 4 * 48_000
+    return message
+
+
+@pytest.mark.parametrize(
+    ("topic", "message", "owners"),
+    [
+        ("grant", of_run(msg.Grant), "coupler"),
+        ("tool_motions", of_run(msg.ToolMotions), "mechanism"),
+        ("tool_wrenches", of_run(msg.ToolWrenches), "soil"),
+        ("mechanism_state", of_run(msg.MechanismState), "mechanism"),
+        ("tick_ack", of_run(msg.TickAck), "recorder"),
+        ("node_status", msg.NodeStatus(run_id="other", node="soil"), "mechanism_process, soil_process, "),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_it_is_named_while_the_run_is_paused(
+    resolved: ResolvedScene,  # noqa: F811
+    tmp_path: Path,
+    listener: Node,  # noqa: F811
+    topic: str,
+    message: Any,
+    owners: str,
+) -> None:
+    """By one form of message for every topic: topic, node, machine, and whose topic it is."""
+    states: list[int] = []
+
+    def heard(status: msg.NodeStatus) -> None:
+        if status.node == COUPLER:
+            states.append(status.state)
+
+    listener.create_subscription(msg.NodeStatus, "node_status", heard, NODE_STATUS_QOS)
+    thread, statuses = start(resolved, tmp_path / "bag")
+    spin(listener, lambda: states and states[-1] == msg.NodeStatus.PAUSED)
+    qos = qos_of(NodeStatus if topic == "node_status" else Grant)
+    publisher = listener.create_publisher(type(message), topic, qos)
+    spin(listener, publisher.get_subscription_count)
+    publisher.publish(message)
+    thread.join(LIMIT_S)
+    (status,) = statuses
+    assert status.code == 3
+    expected = f"{topic}: node '/somebody' on this machine publishes on it; in a run only {owners}"
+    assert expected in status.reason
+    assert status.reason.endswith(" may. Give every run a ROS_DOMAIN_ID of its own")
 
 
 def test_a_listener_that_takes_nothing_holds_nobody_up(

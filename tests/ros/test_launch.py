@@ -14,11 +14,14 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
+import numba
 import pytest
 
+from subsoil_ros.api.read import read_run
 from subsoil_ros.cli.main import main
+from subsoil_ros.coupling.engines import MotionSource, build_motion_source
 from subsoil_ros.errors import InputError, RunError
-from subsoil_ros.loading.loader import load_scene
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.ros.process.plan import RunPlan
 from subsoil_ros.ros.transport.domain import run_domain
 
@@ -171,7 +174,16 @@ def test_what_it_starts_makes_the_run(
     assert main([*direct, "--set", "record.cloud_hz=0"]) == 0
     assert main(["report", str(out)]) == 0
     assert (out / "series.csv").read_bytes() == (tmp_path / "direct/series.csv").read_bytes()
-    assert len(contents(out / "bag")) == len(contents(tmp_path / "direct/bag"))
+    assert contents(out / "bag") == contents(tmp_path / "direct/bag")
+    launched, alone = (
+        json.loads((path / "summary.json").read_text())["run"]["state_sha256"]
+        for path in (out, tmp_path / "direct")
+    )
+    assert sorted(launched) == ["coupling", "mechanism"]
+    assert launched == alone
+    (out / "series.csv").unlink()
+    (out / "summary.json").unlink()
+    assert read_run(out).summary["run"]["state_sha256"] == alone
 
 
 def test_other_modes_are_left_to_subsoil_run(start: Callable[..., list[Taken]], tmp_path: Path) -> None:
@@ -244,6 +256,25 @@ def test_it_goes_on_from_an_earlier_run(start: Callable[..., list[Taken]], tmp_p
     with pytest.raises(InputError, match=r"^resume .*nowhere: no such folder"):
         start(scene=str(MACHINE), out=str(tmp_path / "third"), resume=str(tmp_path / "nowhere"))
     assert not (tmp_path / "third").exists()
+
+
+def test_it_says_at_once_that_it_compiles(
+    start: Callable[..., list[Taken]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Before the first kernel that is compiled while the run is prepared: on the screen of the launch."""
+    said_before: list[str] = []
+
+    def prepare(resolved: ResolvedScene) -> MotionSource:
+        numba.njit(lambda x: x + 1)(1)
+        said_before.append(capsys.readouterr().err)
+        return build_motion_source(resolved)
+
+    monkeypatch.setattr("subsoil_ros.api.opened_run.build_motion_source", prepare)
+    start(scene=str(MACHINE), out=str(tmp_path / "out"))
+    assert said_before[0].startswith("compiling kernels, once: kept in ")
 
 
 def test_a_run_without_record(start: Callable[..., list[Taken]], tmp_path: Path) -> None:

@@ -104,8 +104,9 @@ def test_without_a_bag_every_mode_gives_the_same_state(tmp_path: Path) -> None:
     for mode, bag in (("direct", "true"), ("direct", "false"), ("composed", "false"), ("nodes", "false")):
         out = tmp_path / f"{mode}_{bag}"
         sets = ["--set", f"record.bag={bag}", "--set", "record.checkpoint_s=0.06"]
-        status, _, err = Run(out, mode, 0.1, *sets, scene=scene).finish()
+        status, said, err = Run(out, mode, 0.1, *sets, scene=scene).finish()
         assert status == 0, err
+        assert "[INFO]" not in said + err  # what nodes log stands in log/ and on /rosout
         assert bool(re.search(r"^nodes in ROS_DOMAIN_ID=\d+$", err, re.MULTILINE)) == (mode != "direct")
         assert (out / "bag").exists() == (out / "series.csv").exists() == (bag == "true")
         digests.append(json.loads((out / "summary.json").read_text())["run"]["state_sha256"])

@@ -4,13 +4,16 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
+from subsoil_msgs.msg import CouplingReport
 from subsoil_msgs.srv import Step
 
 from subsoil_ros.coupling.exit_status import ExitStatus
@@ -21,6 +24,7 @@ from subsoil_ros.ros.nodes.coupler_node import CouplerNode
 from subsoil_ros.ros.process.composed import run_composed
 from subsoil_ros.ros.process.heartbeat import NodeRun
 
+from .conftest import messages
 from .test_nodes import (
     LIMIT_S,
     TICKS,
@@ -31,6 +35,7 @@ from .test_nodes import (
     contents,
     listener,  # noqa: F401 (a fixture)
     resolved,  # noqa: F401 (a fixture)
+    run_nodes,
     run_without_ros,
 )
 
@@ -112,8 +117,44 @@ def test_a_paused_and_stepped_run_gives_the_same_bits(
         assert user.call("resume").success
     thread.join(LIMIT_S)
     assert statuses == [ExitStatus()]
+    assert run_nodes(resolved, tmp_path / "undisturbed", SpringSoil) == ExitStatus()
+    assert without_wall_time(tmp_path / "paused") == without_wall_time(tmp_path / "undisturbed")
     run_without_ros(resolved, tmp_path / "direct", SpringSoil())
     assert contents(tmp_path / "paused") == contents(tmp_path / "direct")
+
+
+def without_wall_time(bag: Path) -> list[tuple[str, int, bytes]]:
+    """Every message as it stands in the bag, but for the one field that differs from run to run."""
+    return [
+        (topic, time_ns, data[:-8] if topic.endswith("coupling_report") else data)
+        for topic, time_ns, data in messages(bag)
+    ]
+
+
+def test_wall_time_leaves_pauses_out(
+    resolved: ResolvedScene,  # noqa: F811
+    tmp_path: Path,
+    user: User,
+) -> None:
+    """A run stands a second before its first tick and a second within: its wall time has neither."""
+    stood_s, begin = 1.0, time.monotonic()
+    thread, statuses = start(resolved, tmp_path / "bag")
+    for _ in range(2):
+        assert user.call("step", steps=8).success
+        time.sleep(stood_s)
+    assert user.call("resume").success
+    thread.join(LIMIT_S)
+    whole_s = time.monotonic() - begin
+    assert statuses == [ExitStatus()]
+    reports = [
+        deserialize_message(data, CouplingReport)
+        for topic, _, data in messages(tmp_path / "bag")
+        if topic.endswith("coupling_report")
+    ]
+    times_s = [report.wall_time_s for report in reports]
+    assert times_s == sorted(times_s)
+    assert 0.0 < times_s[-1] < whole_s - 2.0 * stood_s
+    assert max(after - before for before, after in pairwise(times_s)) < stood_s
 
 
 def test_who_waits_for_steps_hears_of_a_fault(

@@ -8,14 +8,22 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+import rclpy
+from rclpy.action import ActionClient
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+from subsoil_msgs.srv import Step
 
 from subsoil_ros.cli._shared.bench_lockstep import write_scene
 from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.ros.process.supervisor import node_program
+from subsoil_ros.ros.services.simulation_services import dialect
 from subsoil_ros.ros.transport.domain import run_domain
 
-from .conftest import lockstep_ticks
+from .conftest import SCENE, lockstep_ticks
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
@@ -60,6 +68,14 @@ class NodeSet:
             assert time.monotonic() < deadline, self.words()
             time.sleep(0.02)
 
+    def wait_for_words(self, name: str, words: str) -> None:
+        """Until they stand in the log of a node."""
+        deadline = time.monotonic() + LIMIT_S
+        log = self.folder / f"{name}.log"
+        while words not in log.read_text():
+            assert time.monotonic() < deadline, log.read_text()
+            time.sleep(0.02)
+
     def wait(self) -> dict[str, int]:
         """Exit status of every node."""
         return {name: process.wait(LIMIT_S) for name, process in self.processes.items()}
@@ -102,7 +118,7 @@ def test_a_node_of_another_scene_is_refused(node_set: Callable[[int], NodeSet], 
     assert nodes.wait() == dict.fromkeys(NODES, 3), nodes.words()
     ours, theirs = load_scene(nodes.scene).scene_hash, load_scene(tmp_path / "other/scene.yaml").scene_hash
     expected = f"node_status: mechanism runs scene {theirs[:16]}, the coupler {ours[:16]}"
-    assert nodes.words()[COUPLER].startswith(f"coupler: {expected}")
+    assert f"[coupler]: {expected}" in nodes.words()[COUPLER]
 
 
 def test_a_node_of_another_version_is_refused(node_set: Callable[[int], NodeSet]) -> None:
@@ -126,7 +142,71 @@ def test_a_node_that_starts_after_the_refusal_hears_of_it(node_set: Callable[[in
     assert nodes.processes[SOIL].wait(LIMIT_S) == 3
     nodes.start(MECHANISM, PROGRAMS[MECHANISM])
     assert nodes.wait() == dict.fromkeys((SOIL, RECORDER, COUPLER, MECHANISM), 3), nodes.words()
-    assert nodes.words()[MECHANISM].startswith("mechanism: coupler has ended: node_status: soil is")
+    assert "[mechanism]: coupler has ended: node_status: soil is" in nodes.words()[MECHANISM]
+
+
+def test_nodes_say_what_they_wait_for(node_set: Callable[[int], NodeSet]) -> None:
+    """A node alone names the others; with them it says that it is ready, and the coupler when it begins."""
+    nodes = node_set(200)
+    nodes.start(MECHANISM, PROGRAMS[MECHANISM])
+    nodes.wait_for_words(MECHANISM, "[mechanism]: waits for node coupler, recorder, soil of run 'hand'")
+    nodes.start(COUPLER, PROGRAMS[COUPLER])
+    nodes.wait_for_words(COUPLER, "[coupler]: waits for ready from mechanism, recorder, soil of run 'hand'")
+    nodes.wait_for_words(MECHANISM, "[mechanism]: waits for node recorder, soil of run 'hand'")
+    for name in (SOIL, RECORDER):
+        nodes.start(name, PROGRAMS[name])
+    assert nodes.wait() == dict.fromkeys(NODES, 0), nodes.words()
+    for name in (MECHANISM, SOIL, RECORDER):
+        nodes.wait_for_words(name, f"[{name}]: ready for run 'hand'")
+    nodes.wait_for_words(COUPLER, "[coupler]: run 'hand': running after tick -1")
+    assert "[coupler]: run 'hand' has ended with tick 199" in nodes.words()[COUPLER]
+
+
+def test_a_node_says_that_it_compiles(
+    node_set: Callable[[int], NodeSet], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before the first kernel, where none is kept yet; the same words are on the screen of ros2 launch."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
+    nodes = node_set(200)
+    nodes.start(SOIL, node_program(SOIL), SCENE.parent / "tine.yaml")
+    nodes.wait_for_words(SOIL, f"compiling kernels, once: kept in {tmp_path / 'kernels'}")
+
+
+def test_a_coupler_that_has_ended_refuses_requests(node_set: Callable[[int], NodeSet]) -> None:
+    """While it stays to tell nodes that come late, a service call is answered at once with the reason."""
+    nodes = node_set(100_000)
+    for name in (SOIL, RECORDER, COUPLER):
+        nodes.start(name, OTHER_VERSION if name == SOIL else PROGRAMS[name])
+    nodes.wait_for_words(COUPLER, "[coupler]: node_status: soil is subsoil_ros 0.0")
+    context = Context()
+    rclpy.init(context=context)
+    caller = Node("caller", context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(caller)
+    try:
+        for name, kind in (("pause", Trigger), ("resume", Trigger), ("step", Step)):
+            client = caller.create_client(kind, f"{COUPLER}/{name}")
+            assert client.wait_for_service(LIMIT_S)
+            begin = time.monotonic()
+            future = client.call_async(kind.Request())
+            executor.spin_until_future_complete(future, LIMIT_S)
+            assert not future.result().success
+            assert future.result().message.startswith("the run has ended: node_status: soil is")
+            assert time.monotonic() - begin < 2.0
+        kind = dialect().action()
+        steps = ActionClient(caller, kind, "simulate_steps")
+        assert steps.wait_for_server(LIMIT_S)
+        goal = steps.send_goal_async(kind.Goal(steps=1))
+        executor.spin_until_future_complete(goal, LIMIT_S)
+        ended = goal.result().get_result_async()
+        executor.spin_until_future_complete(ended, LIMIT_S)
+        answer = ended.result().result.result if dialect().standard else ended.result().result
+        assert answer.error_message.startswith("the run has ended: node_status: soil is")
+        steps.destroy()
+    finally:
+        executor.shutdown()
+        caller.destroy_node()
+        rclpy.shutdown(context=context)
 
 
 def test_the_terminal_of_the_coupler_closes(node_set: Callable[[int], NodeSet]) -> None:

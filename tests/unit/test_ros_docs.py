@@ -54,8 +54,8 @@ def test_every_service_and_action_is_in_the_table() -> None:
 
 def test_every_parameter_is_in_the_table() -> None:
     """Of the nodes' processes."""
-    source = (ROOT / "subsoil_ros/ros/process/node_process.py").read_text(encoding="utf-8")
-    declared = re.findall(r'^    "(\w+)": \(', source.split("PARAMETERS: ")[1], re.MULTILINE)
+    source = (ROOT / "subsoil_ros/ros/process/parameters.py").read_text(encoding="utf-8")
+    declared = re.findall(r'^    "(\w+)": ParameterKey\(', source.split("PARAMETERS: ")[1], re.MULTILINE)
     listed = {name for cells in rows("Parameters") for name in re.findall(r"`(\w+)`", cells[0])}
     assert listed == set(declared)
 

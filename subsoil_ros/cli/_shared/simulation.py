@@ -31,7 +31,8 @@ from .progress import RunProgress, reading_bag, working
 
 def simulate(args: argparse.Namespace) -> int:
     """Runs the scene as the arguments of `subsoil run` say. Raises as run.run does."""
-    with KernelAnnouncer() as kernels:
+    kernels = KernelAnnouncer()
+    with kernels:
         return _run(args, kernels)
 
 

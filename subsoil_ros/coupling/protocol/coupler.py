@@ -82,6 +82,7 @@ class Coupler:
         self._control_ticks = control_ticks
         run_id = node_status.run_id
         self._acks = Stream("tick_ack", run_id, tick_count)
+        self._statuses = Stream("node_status", run_id, tick_count)
         self._motions = AnswerStream[ToolMotions]("tool_motions", run_id, tick_count, tools, first_tick)
         self._wrenches = AnswerStream[ToolWrenches]("tool_wrenches", run_id, tick_count, tools, first_tick)
         self._commands = CommandStream(run_id, tick_count, control_ticks, first_tick)
@@ -105,7 +106,7 @@ class Coupler:
         """
         if node_status.node not in self._names:
             return
-        self._acks.refuse_foreign(node_status.run_id, node_status.tick)
+        self._statuses.refuse_foreign(node_status.run_id, node_status.tick)
         known = self._process_ids.setdefault(node_status.node, node_status.process_id)
         if known != node_status.process_id:
             raise ProtocolError(

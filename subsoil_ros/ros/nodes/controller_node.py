@@ -7,7 +7,8 @@ from ...coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, Comma
 from ...errors import SceneError
 from ...messages import DriverCommand, Grant, MechanismState, NodeState, NodeStatus
 from ..process.heartbeat import Heartbeat, NodeRun
-from ..process.node_process import NodeSettings, run_process
+from ..process.node_process import run_process
+from ..process.parameters import NodeSettings
 from .lockstep_node import LockstepNode
 
 
@@ -38,7 +39,7 @@ class ControllerNode(LockstepNode):
     def on_poll(self) -> None:
         """Says that it is ready once everybody is there."""
         if self.heartbeat.state is NodeState.STARTING and self.matched:
-            self.heartbeat.say(NodeState.READY)
+            self.say_ready()
 
     def _on_grant(self, grant: Grant) -> None:
         self._commander.accept_grant(grant)

@@ -4,6 +4,7 @@ import statistics
 import time
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 
 from rclpy.context import Context
 
@@ -40,9 +41,11 @@ from ...recording.topics import CLOCK
 from ...recording.types import serialize
 from ...ticks import INITIAL_TICK, tick_end_ns
 from ..process.heartbeat import STARTUP_S, Heartbeat, NodeRun
-from ..process.node_process import NodeSettings, report_to_supervisor, run_process
+from ..process.node_process import report_to_supervisor, run_process
+from ..process.parameters import NodeSettings
 from ..services.diagnostics import Health, Level
 from ..services.pause_services import PauseServices
+from ..services.run_clock import RunClock
 from ..services.run_control import RunControl
 from ..services.simulation_services import SimulationServices, StepsAction
 from ..transport.convert import rclpy_class
@@ -60,6 +63,9 @@ NEAR = 0.5
 
 END_WORD_S = 10.0
 """Time for the word that the run is over to reach everybody."""
+
+PROGRESS_S = 10.0
+"""Wall time between two lines of the log about progress: six a minute, so a run of hours can be followed."""
 
 REST_S = 0.001
 REST_WINDOW = 4
@@ -106,7 +112,8 @@ class CouplerNode(LockstepNode):
         self._on_progress = on_progress
         self._account: InterfaceAccount | None = None  # from the initial exchange
         self._progress_tick = INITIAL_TICK
-        self._start = self._last_advance = time.monotonic()
+        self._last_advance = self._progress_s = time.monotonic()
+        self._wall = RunClock()
         self._grants = self.publisher(Grant, names)
         self._reports = self.publisher(CouplingReport, (RECORDER,))
         self._clock_publisher = self.create_publisher(
@@ -122,8 +129,9 @@ class CouplerNode(LockstepNode):
         if scene.controller is not None:
             self.listen(DriverCommand, self._on_command, (CONTROLLER,))
         self._control = RunControl(self._coupler, self._on_pacing, heartbeat.request_stop)
-        self._pausing = PauseServices(self, self._control, self._guarded)
-        self._simulation = SimulationServices(self, self._control, self._guarded)
+        guarded = partial(self._guarded, after_end=True)
+        self._pausing = PauseServices(self, self._control, guarded)
+        self._simulation = SimulationServices(self, self._control, guarded)
         self._steps = StepsAction(heartbeat, self._control)
 
     def on_poll(self) -> None:
@@ -140,12 +148,27 @@ class CouplerNode(LockstepNode):
         elif self._coupler.done_tick != self._progress_tick:
             self._progress_tick = self._coupler.done_tick
             self._on_progress(self._progress_tick)
+            self._log_progress(now)
         if self._coupler.standing:
             self._last_advance = now  # no deadline while the run is paused
             self.discount_wait()
         allowed_s = self._allowed_s()
         if now - self._last_advance > allowed_s:
             raise RunError(f"no {self._coupler.missing()} within {allowed_s:.0f} s")
+
+    def on_ended(self) -> None:
+        """Ends goals of the action that come too late."""
+        self._steps.poll()
+
+    def waits_for(self) -> str:
+        """The nodes that are not ready."""
+        return self._coupler.missing() if not self._coupler.ready else super().waits_for()
+
+    def _log_progress(self, now: float) -> None:
+        if now - self._progress_s >= PROGRESS_S:
+            self._progress_s = now
+            tick, last = self._coupler.done_tick, self._schedule.last_tick
+            self.get_logger().info(f"tick {tick} of {last}, {100.0 * tick / max(last, 1):.0f} %")
 
     def health(self) -> Health:
         """The interface account, how long ticks take, how far the recorder is behind."""
@@ -231,10 +254,11 @@ class CouplerNode(LockstepNode):
             before.work if before is not None else None,
         )
         self._last_advance = now
-        self._start = now - (before.wall_time_s if before is not None else 0.0)
+        self._wall.start(before.wall_time_s if before is not None else 0.0)
         if self._schedule.check_due(coupler.done_tick):  # the run goes on from a check tick
             self._decide(coupler.done_tick)
         self._say_pacing()
+        self._wall.stand(self._coupler.standing)
         self._grant()
 
     def _decide(self, tick: int) -> None:
@@ -254,6 +278,7 @@ class CouplerNode(LockstepNode):
         self.discount_wait()
         if self._account is not None:
             self._say_pacing()
+            self._wall.stand(self._coupler.standing)
         self._grant()
 
     def _say_pacing(self) -> None:
@@ -262,6 +287,10 @@ class CouplerNode(LockstepNode):
         state = NodeState.PAUSED if self._coupler.paused else NodeState.RUNNING
         if self.heartbeat.state is not state:
             self.heartbeat.say(state)
+            words = f"{state.name.lower()} after tick {self._coupler.done_tick}"
+            if self._coupler.paused:
+                words += "; goes on when its services resume or step are called"
+            self.get_logger().info(f"run '{self.run.run_id}': {words}")
 
     def _grant(self) -> None:
         if self._account is None:
@@ -296,17 +325,18 @@ class CouplerNode(LockstepNode):
         while (finished := self._coupler.take_finished()) is not None:
             self._account_for(finished)
         self._control.note_done()
+        self._wall.stand(self._coupler.standing)
         self._grant()
         if self._coupler.finished:
             self._end()
 
     def _account_for(self, finished: FinishedTick) -> None:
         assert self._account is not None  # no tick is granted before
-        tick, now = finished.tick, time.monotonic()
-        self._last_advance = now
+        tick = finished.tick
+        self._last_advance = time.monotonic()
         work = self._account.add(finished.motions, finished.wrenches)
         if self._schedule.series_due(tick):
-            report = work.report(self.run.run_id, tick, self._communication_step_ns, now - self._start)
+            report = work.report(self.run.run_id, tick, self._communication_step_ns, self._wall.elapsed_s)
             self._reports.publish(self.bytes_of(report))
         self._clock_publisher.publish(serialize(clock(tick_end_ns(tick, self._communication_step_ns))))
         self.heartbeat.tick = tick
@@ -320,9 +350,8 @@ class CouplerNode(LockstepNode):
             elif tick == self._schedule.last_tick and not self._stop_rule.state.stops:
                 self._on_check(self._stop_rule.result())
             stopping = self._stop_rule.state
-        self._last = CouplingState(
-            tick, finished.motions, finished.wrenches, work, now - self._start, stopping
-        )
+        elapsed_s = self._wall.elapsed_s
+        self._last = CouplingState(tick, finished.motions, finished.wrenches, work, elapsed_s, stopping)
         if self._checkpoint_writer is not None and self._checkpoint_writer.due(tick):
             self._to_commit.append(self._last)
             self._commit_recorded()
@@ -340,6 +369,7 @@ class CouplerNode(LockstepNode):
         self._control.refuse_waiting("the run has ended")
         self.heartbeat.say(NodeState.ENDED)
         self.heartbeat.flush(END_WORD_S)
+        self.get_logger().info(f"run '{self.run.run_id}' has ended with tick {self._coupler.done_tick}")
         self.finish(0)
 
 

@@ -23,7 +23,8 @@ from ...messages import (
     ToolWrench,
 )
 from ..process.heartbeat import Heartbeat, NodeRun
-from ..process.node_process import NodeSettings, run_process
+from ..process.node_process import run_process
+from ..process.parameters import NodeSettings
 from .mechanism_node import MechanismNode
 from .soil_node import SoilNode
 
@@ -126,7 +127,7 @@ def _soil(
 
 def main() -> int:
     """Runs the node named by the first argument, with an idle engine, as a process."""
-    name = sys.argv[1]
+    name = sys.argv.pop(1)
     return run_process(name, {MECHANISM: _mechanism, SOIL: _soil}[name])
 
 

@@ -1,29 +1,34 @@
 """What the nodes of a run have in common: their readiness, their end, and that no error is lost."""
 
+import os
+import sys
 import threading
 import time
 import traceback
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from rclpy.context import Context
+from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy
 from rclpy.subscription import Subscription
 
-from ...coupling.exit_status import ExitStatus
+from ...coupling.exit_status import SIGNAL_STATUS, ExitStatus
 from ...coupling.protocol import COUPLER, RECORDER
 from ...errors import ProtocolError, RunError, SubsoilError
-from ...messages import Grant, NodeState, NodeStatus
+from ...messages import Grant, NodeState, NodeStatus, ToolMotion, ToolWrench
 from ...recording.topics import TOPIC_OF
 from ..process.heartbeat import Heartbeat, NodeRun
 from ..services.diagnostics import Diagnostics, Health, Level
 from ..transport.convert import class_of, reader, writer
+from ..transport.publishers import foreign_publishers
 from ..transport.qos import qos_of
-from .message_loop import serve
+from .message_loop import serve, serve_requests
 
 POLL_S = 0.1
 """How often a node checks what no message brings: matched endpoints, stop requests, silence."""
@@ -31,11 +36,9 @@ POLL_S = 0.1
 LONGEST_REST_S = 0.05
 """Longest time that a stop request can wait while the node sleeps."""
 
-NAME_TRIES = 10
-"""Looks, POLL_S apart, for the name of a node whose publisher was found (chosen: a second)."""
-
-_UNKNOWN = "_NODE_NAME_UNKNOWN_"
-"""What rmw calls such a node."""
+WAITING_S = 1.0
+"""A node that starts logs what it waits for so often at most, if that has changed: nodes that are started
+together find each other in about that time, and log little."""
 
 _MEASURED, _RECENT = 101, 4
 """Wake-ups whose tick times are kept, and those of them that the rest follows (chosen)."""
@@ -45,6 +48,26 @@ OWN_TIME = [Parameter("use_sim_time", value=False)]
 
 LAST_WORD_S = 1.5
 """Time given to a last message to arrive; it is used up if somebody is dead."""
+
+
+def say(text: str) -> None:
+    """Write a line to standard error, where there may be no room left, or no reader."""
+    with suppress(OSError):
+        os.write(sys.stderr.fileno(), (text + "\n").encode())  # past the buffer, which would fail at the exit
+
+
+def say_trace(error: BaseException) -> None:
+    """Write where an error arose to standard error, unless it is one that this package foresees."""
+    if not isinstance(error, SubsoilError):
+        say("".join(traceback.format_exception(error)).rstrip())
+
+
+def log_end(logger: RcutilsLogger, status: ExitStatus) -> None:
+    """Log why a run ended; nothing if all went well."""
+    if status.code > SIGNAL_STATUS:
+        logger.warning(status.reason)
+    elif status.code:
+        logger.error(status.reason)
 
 
 def one_line(error: BaseException) -> str:
@@ -80,6 +103,8 @@ class LockstepNode(Node):
         self._writers: dict[type, Callable[[Any], bytes]] = {}
         self._partners: list[tuple[Publisher | Subscription, tuple[str, ...]]] = []
         self._diagnostics = Diagnostics(self, run.run_id, self._communication_step_ns)
+        self._waited_for = ""  # what was logged last
+        self._next_waiting = time.monotonic() + WAITING_S
         self._woken = run.first_tick, time.monotonic()  # the last tick at the last wake-up, and when
         self.tick_times_s: deque[float] = deque(maxlen=_MEASURED)
         """Of the last wake-ups, the mean time of a tick between one and the next."""
@@ -87,6 +112,15 @@ class LockstepNode(Node):
     def spin(self) -> None:
         """Serves until the node ends."""
         serve(self, self._guarded(self._poll), POLL_S, self.ended.is_set, self._pause_s)
+
+    def serve_ended(self, over: Callable[[], bool]) -> None:
+        """Answer requests that come after the end of the run, until `over`; another run is not disturbed."""
+        for endpoint, _ in self._partners:
+            if isinstance(endpoint, Publisher):
+                self.destroy_publisher(endpoint)
+            else:
+                self.destroy_subscription(endpoint)
+        serve_requests(self, self.on_ended, POLL_S, over)
 
     def discount_wait(self) -> None:
         """The time up to now was not taken by ticks: nobody asked for any."""
@@ -119,13 +153,17 @@ class LockstepNode(Node):
             nonlocal due
             number = info["publication_sequence_number"]  # of the publisher, from 1; None: not known
             many = kind is NodeStatus  # every node publishes it
-            if not many and number is not None and number != due:
-                raise ProtocolError(
-                    f"{topic}: message number {number} of its publisher came where number {due} is due; "
-                    "one was lost, or somebody else publishes: give every run a ROS_DOMAIN_ID of its own"
-                )
-            due += 1
-            handle(cdr)
+            try:
+                if not many and number is not None and number != due:
+                    raise ProtocolError(
+                        f"{topic}: message number {number} of its publisher came where number {due} is due; "
+                        "one was lost, or another node publishes: give every run a ROS_DOMAIN_ID of its own"
+                    )
+                due += 1
+                handle(cdr)
+            except ProtocolError:
+                self._refuse_foreign_publishers(subscription, partners)  # they explain it
+                raise
 
         subscription = self.create_subscription(
             class_of(kind), topic, self._guarded(received), qos_of(kind), raw=True
@@ -148,10 +186,23 @@ class LockstepNode(Node):
     @property
     def matched(self) -> bool:
         """Whether every publisher and subscription has found its partners."""
-        return all(self._has_found(endpoint, names) for endpoint, names in self._partners)
+        return not any(self._missing(endpoint, names) for endpoint, names in self._partners)
 
     def on_poll(self) -> None:
         """Looks after what no message brings."""
+
+    def on_ended(self) -> None:
+        """Looks after what no message brings once the run has ended."""
+
+    def waits_for(self) -> str:
+        """What a node that starts waits for, in words; empty: nothing that it knows of."""
+        missing = set().union(*(self._missing(endpoint, names) for endpoint, names in self._partners))
+        return f"node {', '.join(sorted(missing))}" if missing else ""
+
+    def say_ready(self, motions: tuple[ToolMotion, ...] = (), wrenches: tuple[ToolWrench, ...] = ()) -> None:
+        """Says that the first tick can be granted, with what the others need for it."""
+        self.heartbeat.say(NodeState.READY, motions=motions, wrenches=wrenches)
+        self.get_logger().info(f"ready for run '{self.run.run_id}'; waits for the first grant of {COUPLER}")
 
     def health(self) -> Health:
         """What diagnostics say of the node beside its rate."""
@@ -173,8 +224,7 @@ class LockstepNode(Node):
         if self.ended.is_set():
             return
         reason = one_line(error)
-        if not isinstance(error, SubsoilError):
-            self.get_logger().error("".join(traceback.format_exception(error)))
+        say_trace(error)
         self.on_fault(error)
         self.heartbeat.say(NodeState.FAULT, reason)
         self.heartbeat.flush(LAST_WORD_S)
@@ -183,6 +233,7 @@ class LockstepNode(Node):
     def finish(self, exit_status: int, reason: str = "") -> None:
         """Ends the node."""
         self.status = ExitStatus(exit_status, reason)
+        log_end(self.get_logger(), self.status)
         level = Level.ERROR if exit_status else Level.OK
         self._diagnostics.publish(Health(level, reason or "the run has ended"), self.heartbeat.tick)
         self.ended.set()
@@ -209,15 +260,18 @@ class LockstepNode(Node):
         ):
             self.finish(0)
 
-    def _has_found(self, endpoint: Publisher | Subscription, names: tuple[str, ...]) -> bool:
+    def _missing(self, endpoint: Publisher | Subscription, names: tuple[str, ...]) -> set[str]:
+        """Partners that an endpoint has not found yet."""
         if isinstance(endpoint, Subscription):
-            return endpoint.get_publisher_count() >= len(names)
+            return set(names) if endpoint.get_publisher_count() < len(names) else set()
         listeners = self.get_subscriptions_info_by_topic(endpoint.topic_name)
         # somebody else may listen too; who asks for kept messages is never matched
         can_match = [
             item.node_name for item in listeners if item.qos_profile.durability == DurabilityPolicy.VOLATILE
         ]
-        return set(can_match).issuperset(names) and endpoint.get_subscription_count() >= len(can_match)
+        if endpoint.get_subscription_count() < len(can_match):
+            return set(names)
+        return set(names) - set(can_match)
 
     def _poll(self) -> None:
         stop = self.heartbeat.stop
@@ -230,35 +284,53 @@ class LockstepNode(Node):
             raise RunError(self.heartbeat.lost)
         self._refuse_other_publishers()
         self.on_poll()
+        if self.heartbeat.state is NodeState.STARTING:
+            self._log_waiting()
         if self._diagnostics.due():
             self._diagnostics.publish(self.health(), self.heartbeat.tick)
+
+    def _log_waiting(self) -> None:
+        now = time.monotonic()
+        if now < self._next_waiting:
+            return
+        self._next_waiting = now + WAITING_S
+        words = self.waits_for()
+        if words and words != self._waited_for:
+            self.get_logger().info(f"waits for {words} of run '{self.run.run_id}'")
+        self._waited_for = words
 
     def _refuse_other_publishers(self) -> None:
         """Raises ProtocolError if a lockstep topic has more publishers than the run."""
         for endpoint, names in self._partners:
             if not isinstance(endpoint, Subscription) or endpoint.topic_name.endswith(TOPIC_OF[NodeStatus]):
                 continue  # every node publishes its status
-            count = endpoint.get_publisher_count()
-            if count > len(names):
-                found = ", ".join(self._publishers_of(endpoint.topic_name, count))
-                raise ProtocolError(
-                    f"{endpoint.topic_name.lstrip('/')}: published by the nodes {found}; in a run it comes "
-                    f"from {', '.join(names)} alone. Give every run a ROS_DOMAIN_ID of its own"
-                )
+            if endpoint.get_publisher_count() > len(names):
+                self._refuse_foreign_publishers(endpoint, names)
 
-    def _publishers_of(self, topic: str, count: int) -> list[str]:
-        """Names of the nodes of its `count` publishers, who are heard of a little later than these."""
-        for _ in range(NAME_TRIES):
-            names = sorted(info.node_name for info in self.get_publishers_info_by_topic(topic))
-            if len(names) >= count and _UNKNOWN not in names:
-                break
-            time.sleep(POLL_S)
-        names += [_UNKNOWN] * (count - len(names))
-        return ["a node not heard of yet" if name == _UNKNOWN else name for name in names]
+    def _refuse_foreign_publishers(self, subscription: Subscription, names: tuple[str, ...]) -> None:
+        """Raises ProtocolError that names the publishers of a topic which are not of the run, if any are."""
+        topic = subscription.topic_name
+        if topic.endswith(TOPIC_OF[NodeStatus]):
+            run = (*self.run.participants, COUPLER)
+            names = tuple(f"{name}_process" for name in run)
+            allowed = {*names, *run}  # a controller in another language may be one node
+        else:
+            allowed = set(names)
+        found = foreign_publishers(self, topic, allowed.__contains__, subscription.get_publisher_count())
+        if found:
+            raise ProtocolError(
+                f"{topic.lstrip('/')}: {found} publishes on it; in a run only {', '.join(names)} may. Give "
+                "every run a ROS_DOMAIN_ID of its own"
+            )
 
-    def _guarded(self, handle: Callable[..., None]) -> Callable[..., None]:
+    def _guarded(self, handle: Callable[..., None], *, after_end: bool = False) -> Callable[..., None]:
+        """A callback whose errors are the node's fault.
+
+        after_end: also called once the run has ended.
+        """
+
         def guarded(*arguments: Any) -> None:
-            if self.ended.is_set():
+            if self.ended.is_set() and not after_end:
                 return
             try:
                 handle(*arguments)

@@ -21,7 +21,8 @@ from ...messages import (
 )
 from ...ticks import tick_end_ns
 from ..process.heartbeat import Heartbeat, NodeRun
-from ..process.node_process import NodeSettings, run_process
+from ..process.node_process import run_process
+from ..process.parameters import NodeSettings
 from ..services.diagnostics import Health
 from .lockstep_node import LockstepNode
 from .visualization_publisher import VisualizationPublisher
@@ -68,8 +69,9 @@ class MechanismNode(LockstepNode):
 
     def on_poll(self) -> None:
         """Says that it is ready once it has what tick 0 needs and everybody listens."""
+        self._visualization.poll()
         if self.heartbeat.state is NodeState.STARTING and self._started and self.matched:
-            self.heartbeat.say(NodeState.READY, motions=self._initial_motions)
+            self.say_ready(motions=self._initial_motions)
 
     def health(self) -> Health:
         """How well the constraints hold, from the last state published."""

@@ -7,10 +7,11 @@ holding the GIL.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
+from rclpy.service import Service
 
 BURST = 64
 """Messages or requests taken from one subscription or service before the others have their turn."""
@@ -59,18 +60,44 @@ def serve(
                 if taken is None or ended():
                     break
                 callback(*taken)
-        asked = False
-        if services:
-            ready = wait_set.get_ready_entities("service")
-            for service in services:
-                if service.handle.pointer not in ready:
-                    continue
-                for _ in range(BURST):
-                    request, header = service.handle.service_take_request(service.srv_type.Request)  # type: ignore[attr-defined]
-                    if header is None or ended():
-                        break
-                    asked = True
-                    service.callback(request, header)
+        asked = bool(services) and _answer(services, wait_set.get_ready_entities("service"), ended)
         pause_s = rest_s()
         if pause_s > 0.0 and not asked:
             time.sleep(pause_s)
+
+
+def serve_requests(node: Node, poll: Callable[[], None], poll_s: float, over: Callable[[], bool]) -> None:
+    """Serves the services of `node` alone, until `over`, and what has come by then.
+
+    Args:
+        poll: called every `poll_s`.
+    """
+    services = list(node.services)
+    wait_set = _rclpy.WaitSet(0, 0, 0, 0, len(services), 0, node.context.handle)
+    last = not services
+    while not last:
+        last = over()
+        poll()
+        wait_set.clear_entities()
+        for service in services:
+            wait_set.add_service(service.handle)
+        wait_set.wait(0 if last else int(poll_s * 1e9))
+        _answer(services, wait_set.get_ready_entities("service"), lambda: False)
+
+
+def _answer(services: Sequence[Service], ready: Collection[int], ended: Callable[[], bool]) -> bool:
+    """Hands on the requests that have come; gives whether there were any. None is taken once `ended`."""
+    asked = False
+    for service in services:
+        if service.handle.pointer not in ready:
+            continue
+        for _ in range(BURST):
+            if ended():
+                return asked
+            kind = service.srv_type.Request  # type: ignore[attr-defined]
+            request, header = service.handle.service_take_request(kind)
+            if header is None:
+                break
+            asked = True
+            service.callback(request, header)
+    return asked

@@ -30,7 +30,8 @@ from ...recording.bag_writer import BagWriter, open_bag
 from ...recording.topics import TOPIC_OF
 from ...ticks import INITIAL_TICK, NANOSECONDS_PER_SECOND
 from ..process.heartbeat import Heartbeat, NodeRun
-from ..process.node_process import NodeSettings, run_process
+from ..process.node_process import run_process
+from ..process.parameters import NodeSettings
 from ..services.diagnostics import Health
 from ..transport.convert import reader
 from .lockstep_node import LockstepNode
@@ -132,7 +133,7 @@ class RecorderNode(LockstepNode):
     def on_poll(self) -> None:
         """Says that it is ready once everybody is there; ends an aborted record in time."""
         if self.heartbeat.state is NodeState.STARTING and self.matched:
-            self.heartbeat.say(NodeState.READY)
+            self.say_ready()
         if self._abort is not None and time.monotonic() > self._cut_deadline:
             self.get_logger().warning(f"the record is cut early; not here: {self._barrier.missing()}")
             self._end_aborted(self._abort)

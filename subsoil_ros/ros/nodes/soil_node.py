@@ -28,7 +28,8 @@ from ...recording.topics import pose_topic, wrench_topic
 from ...recording.types import serialize
 from ...ticks import tick_end_ns
 from ..process.heartbeat import Heartbeat, NodeRun
-from ..process.node_process import NodeSettings, run_process
+from ..process.node_process import run_process
+from ..process.parameters import NodeSettings
 from ..services.diagnostics import Health, Level
 from ..transport.convert import rclpy_class
 from ..transport.qos import VISUALIZATION_QOS
@@ -102,13 +103,15 @@ class SoilNode(LockstepNode):
 
     def on_poll(self) -> None:
         """Starts paths, and says that it is ready once the soil has answered and everybody listens."""
+        if self._visualization is not None:
+            self._visualization.poll()
         if self.heartbeat.state is not NodeState.STARTING:
             return
         if self._motion_source is not None and self._last_wrenches is None:
             self._start(self._motion_source.initial_motions())
         if self._last_wrenches is not None and self.matched:
             motions = self._initial_motions if self._motion_source is not None else ()
-            self.heartbeat.say(NodeState.READY, motions=motions, wrenches=self._last_wrenches)
+            self.say_ready(motions, self._last_wrenches)
 
     def health(self) -> Health:
         """What the monitors of the last state published say; of a wedge model there is none."""

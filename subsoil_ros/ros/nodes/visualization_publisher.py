@@ -1,6 +1,10 @@
 """The machine for RViz, Foxglove and their like: its description and its tools once, /tf as it moves."""
 
+from dataclasses import dataclass
+
 from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy
 
 from ...loading.loader import ResolvedScene
 from ...messages import MechanismState, ToolMotions
@@ -12,6 +16,16 @@ from ..transport.convert import rclpy_class
 from ..transport.qos import LATCHED_QOS, VISUALIZATION_QOS
 
 
+@dataclass
+class _Latched:
+    """A message that is published once and kept, and who has heard it."""
+
+    publisher: Publisher
+    cdr: bytes
+    listeners: int = 0
+    volatile: int = 0
+
+
 class VisualizationPublisher:
     """Publishes for whoever moves the tools; the bytes are those of the bag. Nothing in a run waits for it.
 
@@ -20,18 +34,35 @@ class VisualizationPublisher:
     """
 
     def __init__(self, node: Node, resolved: ResolvedScene) -> None:
+        self._node = node
         self._scene = resolved.scene
-        self._latched = []  # publishers: kept, or who comes later hears nothing
+        self._latched: list[_Latched] = []
         for topic, message in latched_messages(resolved).items():
             publisher = node.create_publisher(rclpy_class(LATCHED[topic]), topic.lstrip("/"), LATCHED_QOS)
-            publisher.publish(serialize(message))
-            self._latched.append(publisher)
+            self._latched.append(_Latched(publisher, serialize(message)))
+            publisher.publish(self._latched[-1].cdr)
         try:
             kind = rclpy_class("tf2_msgs/msg/TFMessage")
         except ImportError:
             self._transforms = None
         else:
             self._transforms = node.create_publisher(kind, TRANSFORMS, VISUALIZATION_QOS)
+
+    def poll(self) -> None:
+        """Publishes the description and the tools again for new listeners whose durability is volatile.
+
+        A display of RViz has that by default; what was published before it came does not reach it.
+        """
+        for latched in self._latched:
+            count = latched.publisher.get_subscription_count()
+            if count == latched.listeners:
+                continue
+            latched.listeners = count
+            found = self._node.get_subscriptions_info_by_topic(latched.publisher.topic_name)
+            volatile = sum(item.qos_profile.durability == DurabilityPolicy.VOLATILE for item in found)
+            if volatile > latched.volatile:
+                latched.publisher.publish(latched.cdr)
+            latched.volatile = volatile
 
     def move(self, state: MechanismState | None, motions: ToolMotions | None, time_ns: int) -> None:
         """Publishes where the bodies are, or, of a scene without mechanism, the tools."""

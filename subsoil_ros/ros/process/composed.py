@@ -16,8 +16,9 @@ from ...coupling.stopping import OnCheck
 from ..nodes import controller_node, coupler_node, mechanism_node, recorder_node, soil_node
 from ..nodes.lockstep_node import LockstepNode
 from .heartbeat import Heartbeat, NodeRun
-from .node_process import NodeSettings, watched_by
+from .node_process import watched_by
 from .node_thread import Service
+from .parameters import NodeSettings
 from .plan import ros_arguments
 
 Build = Callable[[NodeRun, Heartbeat, Context], LockstepNode]
@@ -62,7 +63,7 @@ def run_composed(
         namespace: of all nodes (plan.checked_namespace).
     """
     context = Context()
-    words = ros_arguments({}, namespace)
+    words = [*ros_arguments({}, namespace), "--disable-stdout-logs"]  # the console is that of `subsoil run`
     rclpy.init(args=words, context=context, signal_handler_options=SignalHandlerOptions.NO)
     heartbeats: dict[str, Heartbeat] = {}
     services: dict[str, Service] = {}
@@ -75,13 +76,12 @@ def run_composed(
             heartbeats[name].start()
             service.start()
         coupler = services[COUPLER]
-        while coupler.is_alive():
-            coupler.join(0.1)
+        while not coupler.ended.wait(0.1):
             signal_number = stop_signal()
             if signal_number:
                 heartbeats[COUPLER].request_stop(interrupted(signal_number))
         for service in services.values():
-            service.join()
+            service.close()
     finally:
         for heartbeat in heartbeats.values():
             heartbeat.close()

@@ -27,6 +27,7 @@ from ...recording.checkpoint import Checkpoint
 from ...recording.topics import TOPIC_OF
 from ...recording.types import own_type_hashes
 from ...ticks import INITIAL_TICK
+from ..services.parameter_services import ParameterServices
 from ..transport.convert import class_of, reader, to_bytes
 from ..transport.qos import NODE_STATUS_QOS
 
@@ -119,6 +120,7 @@ class Heartbeat:
         self._read = reader(NodeStatus, run.resolved.timing.communication_step_ns)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(HEARTBEAT_S, self._on_timer, clock=steady)
+        self._parameters = ParameterServices(node, name)
         self._closing = threading.Event()
         self._destroys: list[Callable[[], None]] = []
         self._thread = threading.Thread(target=self._spin, name=f"{name}_heartbeat", daemon=True)

@@ -7,30 +7,46 @@ from collections.abc import Callable
 from ...coupling.exit_status import ExitStatus
 from ...errors import RunError
 from ...messages import NodeState
-from ..nodes.lockstep_node import LAST_WORD_S, LockstepNode, one_line
+from ..nodes.lockstep_node import LAST_WORD_S, LockstepNode, log_end, one_line, say_trace
 from .heartbeat import Heartbeat
 
 
 class Service(threading.Thread):
-    """Builds the node and spins it. One thread for both: engines may keep settings by thread."""
+    """Builds the node and spins it. One thread for both: engines may keep settings by thread.
+
+    When the run has ended, the node answers requests until `close`: who asks it then would wait for ever.
+    """
 
     def __init__(self, name: str, build: Callable[[], LockstepNode], heartbeat: Heartbeat) -> None:
         super().__init__(name=name, daemon=True)
         self.status = ExitStatus()
+        self.ended = threading.Event()
+        """Set with `status`."""
         self._build = build
         self._heartbeat = heartbeat
+        self._closing = threading.Event()
 
     def run(self) -> None:
         """Ends with `status` set."""
         try:
             node = self._build()
         except Exception as error:  # said to all, as any fault of a node
+            say_trace(error)
             self.status = ExitStatus(getattr(error, "exit_status", RunError.exit_status), one_line(error))
+            log_end(self._heartbeat.node.get_logger(), self.status)
             self._heartbeat.say(NodeState.FAULT, self.status.reason)
             self._heartbeat.flush(LAST_WORD_S)
+            self.ended.set()
             return
         gc.collect()
         gc.freeze()  # what the node is made of stays; collections pass it by
         node.spin()
         self.status = node.status
+        self.ended.set()
+        node.serve_ended(self._closing.is_set)
         node.destroy_node()
+
+    def close(self) -> None:
+        """Waits until the node is gone."""
+        self._closing.set()
+        self.join()

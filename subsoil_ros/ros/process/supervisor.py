@@ -3,6 +3,7 @@
 import json
 import os
 import queue
+import re
 import signal
 import subprocess
 import sys
@@ -36,6 +37,9 @@ VERDICT_S = 2.0
 
 _POLL_S = 0.05
 
+_LOGGED_ERROR = re.compile(r"\[(ERROR|FATAL)\] \[[\d.]+\] \[[^]]*\]: (?P<words>.*)")
+"""An error as rclpy logs it."""
+
 
 @dataclass(frozen=True)
 class NodeProcess:
@@ -68,8 +72,11 @@ class NodeProcess:
                 os.write(self.popen.stdin.fileno(), line.encode())  # past the buffer, so that none is left
 
     def last_words(self) -> str:
-        """The last line of its log."""
+        """The last error in its log, or else its last line."""
         lines = self.log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+        errors = [found for line in lines if (found := _LOGGED_ERROR.fullmatch(line))]
+        if errors:
+            return f"{self.name}: {errors[-1]['words']}"
         return lines[-1] if lines else "it left no message"
 
 

@@ -35,9 +35,7 @@ class PauseServices:
         self._control.pause(self._answer(self._pause, header))
 
     def _on_resume(self, request: Any, header: Any) -> None:
-        answer = Trigger.Response(success=True, message="the run goes on")
-        self._resume.send_response(answer, header)
-        self._control.resume()
+        self._control.resume(self._answer(self._resume, header))
 
     def _on_step(self, request: Any, header: Any) -> None:
         self._control.step(request.steps, self._answer(self._step, header))
@@ -45,8 +43,10 @@ class PauseServices:
     def _answer(self, service: Service, header: Any) -> Answer:
         def answer(result: Result, reason: str) -> None:
             done = self._control.done_tick
+            resumed = service is self._resume
+            well = "the run goes on" if resumed else f"the run stands at the end of tick {done}"
             response = service.srv_type.Response(  # type: ignore[attr-defined]
-                success=result is Result.OK, message=reason or f"the run stands at the end of tick {done}"
+                success=result in (Result.OK, Result.ALREADY_IN_TARGET_STATE), message=reason or well
             )
             if service is self._step:
                 response.tick = done

@@ -69,16 +69,24 @@ class RunControl:
 
     def pause(self, answer: Answer) -> None:
         """Stands at the end of the ticks that are granted."""
+        if self._refused(answer):
+            return
         self._wait_for(self._coupler.pause(), answer)
         self.note_done()
 
-    def resume(self) -> None:
+    def resume(self, answer: Answer) -> None:
         """Goes on."""
+        if self._refused(answer):
+            return
+        playing = not self._coupler.paused
+        answer(Result.ALREADY_IN_TARGET_STATE if playing else Result.OK, "")
         self._coupler.resume()
         self._changed()
 
     def step(self, count: int, answer: Answer) -> int | None:
         """Lets a paused run do `count` ticks more; gives the last of them, None if it is refused."""
+        if self._refused(answer):
+            return None
         try:
             tick = self._coupler.step(count)
         except ProtocolError as error:
@@ -90,10 +98,10 @@ class RunControl:
 
     def set_state(self, wanted: int, answer: Answer) -> None:
         """Goes to a state of RunState, as far as a run can."""
+        if self._refused(answer):
+            return
         if wanted == RunState.PLAYING:
-            playing = not self._coupler.paused
-            self.resume()
-            answer(Result.ALREADY_IN_TARGET_STATE if playing else Result.OK, "")
+            self.resume(answer)
         elif wanted == RunState.PAUSED:
             if self._coupler.standing:
                 answer(Result.ALREADY_IN_TARGET_STATE, "")
@@ -124,6 +132,12 @@ class RunControl:
         waiting, self._waiting = self._waiting, []
         for _, answer in waiting:
             answer(Result.OPERATION_FAILED, reason)
+
+    def _refused(self, answer: Answer) -> bool:
+        """Answers that the run has ended, if it has."""
+        if self._ended:
+            answer(Result.OPERATION_FAILED, self._ended)
+        return bool(self._ended)
 
     def _wait_for(self, tick: int, answer: Answer) -> None:
         self._waiting.append((tick, answer))

@@ -1,0 +1,157 @@
+"""Parameters of a node's process: what it takes, how they are declared and read, what --help prints."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.exceptions import ParameterException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from ...errors import InputError
+from ...loading.loader import ResolvedScene
+from ...recording.checkpoint import read_checkpoint
+from .heartbeat import NodeRun
+
+OF_ROS = ("use_sim_time", "start_type_description_service")
+"""Parameters that every ROS node takes."""
+
+
+@dataclass(frozen=True)
+class NodeSettings:
+    """Parameters of a node's process, all read-only."""
+
+    scene: str
+    run_id: str
+    threads: int
+    bag: str
+    recorded: bool
+    supervised: bool
+    paused: bool = False
+    checkpoints: str = ""
+    resume: str = ""
+    live: int = 0
+
+    def node_run(self, resolved: ResolvedScene) -> NodeRun:
+        """What all nodes of the run share.
+
+        Raises:
+            InputError: the checkpoint to go on from cannot be used.
+        """
+        return NodeRun(
+            self.run_id,
+            resolved,
+            Path(self.checkpoints) if self.checkpoints else None,
+            read_checkpoint(Path(self.resume), resolved.scene_hash) if self.resume else None,
+            self.recorded,
+        )
+
+
+@dataclass(frozen=True)
+class ParameterKey:
+    """One parameter: its default, its description, what is allowed in words, the range of a number."""
+
+    default: str | bool | int | float
+    description: str
+    allowed: str
+    limits: tuple[int, int] | tuple[float, float] | None = None
+
+
+_TEXT = "text; a number in quotes is one too: run_id:=\"'7'\""
+_FLAG = "true or false"
+LARGEST_THREAD_COUNT = 1024
+"""Of the parameter's range (chosen: more than any machine has)."""
+
+PARAMETERS: Mapping[str, ParameterKey] = {
+    "scene": ParameterKey("", "scene file, the same for all nodes", "path of a scene file (.yaml)"),
+    "run_id": ParameterKey(
+        "run", "name of the run, the same for all nodes; other runs' messages are refused", _TEXT
+    ),
+    "threads": ParameterKey(
+        1,
+        "threads of the soil engine; results do not depend on it",
+        f"a whole number from 1 to {LARGEST_THREAD_COUNT}",
+        (1, LARGEST_THREAD_COUNT),
+    ),
+    "bag": ParameterKey("", "folder for the recorder's bag", "path of a folder that does not exist"),
+    "checkpoints": ParameterKey(
+        "",
+        "folder for checkpoints, the same for all nodes; empty: none are written",
+        "path of a folder, or empty",
+    ),
+    "resume": ParameterKey(
+        "",
+        "checkpoint to go on from, the same for all nodes; empty: from tick 0",
+        "path of a checkpoint of this scene, or empty",
+    ),
+    "live": ParameterKey(
+        0,
+        "the recorder: port on this machine of a live view for Foxglove; 0: there is none",
+        "a whole number from 0 to 65535",
+        (0, 65535),
+    ),
+    "paused": ParameterKey(
+        False, "the coupler: grant no tick before a call of its services resume or step", _FLAG
+    ),
+    "recorded": ParameterKey(True, "whether the run has a recorder, the same for all nodes", _FLAG),
+    "supervised": ParameterKey(False, "end when standard input ends, read stop requests from it", _FLAG),
+}
+"""Of every node's process."""
+
+
+def read_settings(node: Node, name: str, more: Mapping[str, ParameterKey] | None = None) -> NodeSettings:
+    """Declare the parameters on `node`, the process of the protocol's node `name`, and read them.
+
+    Args:
+        more: parameters that this node takes beside PARAMETERS.
+
+    Raises:
+        InputError: no scene is given, a parameter is unknown or not what it may be, or the node was renamed.
+    """
+    if node.get_name() != f"{name}_process":
+        raise InputError(
+            f"the node was renamed to '{node.get_name()}'; nodes of a run know each other by "
+            "their names, so use a namespace (-r __ns:=/NAME) instead"
+        )
+    keys = {**PARAMETERS, **(more or {})}
+    with node.handle:
+        given = node.handle.get_parameters(Parameter)
+    unknown = sorted(set(given) - set(keys) - set(OF_ROS))
+    if unknown:
+        raise InputError(f"parameter '{unknown[0]}': not known; allowed are {', '.join(sorted(keys))}")
+    values = {key: _declare(node, key, found) for key, found in keys.items()}
+    if not values["scene"]:
+        raise InputError("parameter 'scene' is empty; name a scene, -p scene:=FILE")
+    return NodeSettings(**{key: values[key] for key in PARAMETERS})
+
+
+def _declare(node: Node, name: str, key: ParameterKey) -> Any:
+    descriptor = ParameterDescriptor(
+        description=key.description, additional_constraints=key.allowed, read_only=True
+    )
+    if key.limits is not None:
+        lowest, largest = key.limits
+        if isinstance(key.default, int):
+            descriptor.integer_range = [IntegerRange(from_value=lowest, to_value=largest, step=1)]
+        else:
+            descriptor.floating_point_range = [FloatingPointRange(from_value=lowest, to_value=largest)]
+    try:
+        return node.declare_parameter(name, key.default, descriptor).value
+    except ParameterException as error:
+        words = " ".join(str(error).split())
+        raise InputError(f"parameter '{name}': needed is {key.allowed} ({words})") from error
+
+
+def help_text(name: str, more: Mapping[str, ParameterKey] | None = None) -> str:
+    """What --help of the node `name` prints."""
+    lines = [
+        f"usage: {name}_node --ros-args -p scene:=FILE [-p NAME:=VALUE]... [-r __ns:=/NAMESPACE]",
+        "",
+        f"The node '{name}' of a run; docs/ros.md says how its nodes are started. Parameters, read-only:",
+    ]
+    for key, found in {**PARAMETERS, **(more or {})}.items():
+        default = str(found.default).lower() if isinstance(found.default, bool) else repr(found.default)
+        lines += [f"  {key} (default: {default})", f"      {found.description}", f"      {found.allowed}"]
+    return "\n".join(lines)

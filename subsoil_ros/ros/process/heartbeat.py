@@ -134,6 +134,7 @@ class Heartbeat:
         message: str = "",
         motions: tuple[ToolMotion, ...] = (),
         wrenches: tuple[ToolWrench, ...] = (),
+        exit_status: int = 0,
     ) -> None:
         """Changes what the heartbeat says, and says it at once."""
         self._node_status = replace(
@@ -142,6 +143,7 @@ class Heartbeat:
             message=message,
             initial_motions=motions,
             initial_wrenches=wrenches,
+            exit_status=exit_status,
         )
         self._publish()
 

@@ -26,7 +26,7 @@ class Service(threading.Thread):
             node = self._build()
         except Exception as error:  # said to all, as any fault of a node
             self.status = ExitStatus(getattr(error, "exit_status", RunError.exit_status), one_line(error))
-            self._heartbeat.say(NodeState.FAULT, self.status.reason)
+            self._heartbeat.say(NodeState.FAULT, self.status.reason, exit_status=self.status.code)
             self._heartbeat.flush(LAST_WORD_S)
             return
         gc.collect()

@@ -24,6 +24,7 @@ from ...errors import InputError, RunError
 from ...loading.loader import ResolvedScene, load_scene
 from ...recording.checkpoint import read_checkpoint
 from ..nodes.lockstep_node import LAST_WORD_S, OWN_TIME, LockstepNode, one_line
+from ..transport.shared_memory import avoid_full_memory
 from .heartbeat import LATE_S, Heartbeat, NodeRun
 from .node_thread import Service
 
@@ -60,6 +61,9 @@ class NodeSettings:
             self.recorded,
         )
 
+
+MOST_NODES = 5
+"""Of a run, each a process: it is not known here how many there are."""
 
 _TEXT = "text; a number in quotes is one too: run_id:=\"'7'\""
 _FLAG = "true or false"
@@ -155,6 +159,12 @@ def run_process(name: str, build: Callable[..., LockstepNode]) -> int:
     if name in (COUPLER, RECORDER) and hasattr(os, "SCHED_BATCH"):
         os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))  # waking, they push no engine aside
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    try:
+        words = avoid_full_memory(MOST_NODES)
+    except InputError as error:
+        words = str(error)
+    if words:
+        say(f"{name}: {words}")
     try:
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
         node = Node(f"{name}_process", parameter_overrides=OWN_TIME)

@@ -307,7 +307,7 @@ def _bag_faults(out: Path, copy: Path) -> list[str]:
         with path.open("rb") as stream:
             for _, channel, message in make_reader(stream).iter_messages(log_time_order=False):
                 name = channel.topic.rpartition("/")[2]
-                if name in ticks:
+                if name in ticks and message.log_time > 0:  # at 0 stands the state before tick 0
                     ticks[name].append(message.log_time // communication_step_ns - 1)
     except Exception as error:  # whatever it is, it goes into the table
         return [f"bag: {type(error).__name__}: {error}"]

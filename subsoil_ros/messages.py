@@ -91,6 +91,17 @@ class ToolWrenches:
 
 
 @dataclass(frozen=True, slots=True)
+class LostParticle:
+    """A particle that left the domain: where it was seen first, world axes."""
+
+    identity: int
+    x_m: float
+    y_m: float
+    z_m: float
+    tick: int
+
+
+@dataclass(frozen=True, slots=True)
 class SoilState:
     """Monitors of the soil at the end of a tick (every record.series_ticks ticks)."""
 
@@ -107,6 +118,7 @@ class SoilState:
     rms_angular_velocity_rad_per_s: float
     max_overlap_m: float
     max_tool_overlap_m: float
+    lost_particles: tuple[LostParticle, ...] = ()  # the first three
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,6 +250,7 @@ class NodeStatus:
     message: str = ""  # the fault, in one line
     initial_motions: tuple[ToolMotion, ...] = ()  # from the source of motion
     initial_wrenches: tuple[ToolWrench, ...] = ()  # from the soil: its answer to initial_motions
+    exit_status: int = 0  # of a node in FAULT: 2 bad input, 3 a failed run
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,13 +2,28 @@
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Fraction = Annotated[float, Field(gt=0.0, le=1.0)]
-PoissonRatio = Annotated[float, Field(gt=-1.0, le=0.5)]
+SMALLEST, LARGEST = 1e-30, 1e30
+"""Magnitudes of a scene's numbers other than 0: squares of products of four of them are still float64."""
+
+
+def _within_reach(value: float) -> float:
+    """The value itself; ValueError for one that computing with it would take out of float64."""
+    if value != 0.0 and not SMALLEST <= abs(value) <= LARGEST:
+        raise ValueError(
+            f"given {value:g}, needed is 0 or a magnitude from {SMALLEST:g} to {LARGEST:g}; what is "
+            "computed from others cannot be represented"
+        )
+    return value
+
+
+WithinReach = AfterValidator(_within_reach)
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False), WithinReach]
+NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False), WithinReach]
+Finite = Annotated[float, Field(allow_inf_nan=False), WithinReach]
+Fraction = Annotated[float, Field(gt=0.0, le=1.0), WithinReach]
+PoissonRatio = Annotated[float, Field(gt=-1.0, le=0.5), WithinReach]
 Point = tuple[Finite, Finite]  # (x, z) in world axes, metres, in the reference pose
 
 

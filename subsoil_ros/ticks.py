@@ -1,6 +1,9 @@
 """Integer simulation time: tick k covers [k H, (k + 1) H), H a whole number of nanoseconds."""
 
 NANOSECONDS_PER_SECOND = 1_000_000_000
+LONGEST_S = 2**31 - 1
+"""Of simulated time: stamps of messages count seconds in 32 bits."""
+
 INITIAL_TICK = -1
 """Tick of the initial state: its end time is 0."""
 

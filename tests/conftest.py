@@ -25,7 +25,10 @@ QUICK = (
 )  # fmt: skip
 """Folders and files whose tests are `make test-quick`: some of every package folder (test_quick.py)."""
 
-NOT_QUICK = ("unit/test_documentation.py", "unit/test_kernel_cache.py", "unit/test_sweep.py")
+NOT_QUICK = (
+    "unit/test_documentation.py", "unit/test_fuzzed_scenes.py", "unit/test_kernel_cache.py",
+    "unit/test_sweep.py",
+)  # fmt: skip
 """Of these folders, what takes longer."""
 
 VALUES = {

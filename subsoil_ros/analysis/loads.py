@@ -1,10 +1,7 @@
-"""Loads over the metrics window: what carries the machine, power, specific draft and energy.
+"""Loads over the metrics window: what carries the machine (carried.py), power, specific draft and energy.
 
-All from the columns of the series. Vertical forces are upward positive: over a window of length T
-
-    weight = soil on shares + soil on wheels + hitch + rest,   rest = minus the change of momentum over T
-
-Power is what the soil takes of each tool, -(F v + M w), and what the draft's driver gives.
+All from the columns of the series. Power is what the soil takes of each tool, -(F v + M w), and what the
+draft's driver gives.
 """
 
 from typing import Any
@@ -14,10 +11,11 @@ from numpy.typing import NDArray
 
 from ..errors import SceneError
 from ..loading.loader import ResolvedScene
-from ..scene.mechanism import GROUND, CoordinateSpring, Driver, WheelContact
+from ..scene.mechanism import Driver
 from ..scene.meshes import load_tool_mesh
 from ..scene.model import Scene
 from ..scene.tool_faces import cutting_faces
+from .carried import vertical_parts
 from .series import Series
 from .window import Window, tip_path_m
 
@@ -27,7 +25,7 @@ Values = NDArray[np.float64]
 def loads_of(series: Series, resolved: ResolvedScene, window: Window) -> dict[str, Any]:
     """Of a run's window, as summary.json holds them, units in the names; what the scene lacks is absent."""
     scene, rows = resolved.scene, window.rows
-    groups = {"vertical": _vertical(series, scene), "power": _power(series, scene)}
+    groups = {"vertical": vertical_parts(series, resolved), "power": _power(series, scene)}
     metrics: dict[str, Any] = {
         group: {name: _statistics(values[rows]) for name, values in found.items()}
         for group, found in groups.items()
@@ -86,30 +84,6 @@ def _driven_speed(series: Series, scene: Scene) -> Values | None:
     else:
         return None
     return np.asarray(series[f"{name}.velocity_x_m_per_s"], np.float64)
-
-
-def _vertical(series: Series, scene: Scene) -> dict[str, Values]:
-    """What carries the machine; empty without a mechanism: then a path holds the tools."""
-    if scene.mechanism is None:
-        return {}
-    parts: dict[str, list[Values]] = {"share": [], "wheels": [], "hitch": []}
-    for name, tool in scene.tools.items():
-        column = f"tool.{name}.force_z_newton"
-        if column in series:
-            parts["share" if tool.is_tillage else "wheels"].append(series[column])
-    for name, force in scene.mechanism.forces.items():
-        if isinstance(force, WheelContact):
-            parts["wheels"].append(series[f"wheel_contact.{name}.force_newton"])
-        elif isinstance(force, CoordinateSpring) and force.coordinate == "z":
-            parts["hitch"].append(series[f"coordinate_spring.{name}.force_newton"])
-    for name, joint in scene.mechanism.joints.items():
-        ground = getattr(joint, "body_a", None) == GROUND
-        driven = isinstance(joint, Driver) and joint.relative_to is None and joint.coordinate == "z"
-        if ground or driven:
-            parts["hitch"].append(series[f"joint.{name}.force_z_newton"])
-        elif getattr(joint, "body_b", None) == GROUND:
-            parts["hitch"].append(-series[f"joint.{name}.force_z_newton"])
-    return {f"{part}_newton": np.sum(found, axis=0) for part, found in parts.items() if found}
 
 
 def _power(series: Series, scene: Scene) -> dict[str, Values]:

@@ -43,7 +43,9 @@ _MECHANISM_COLUMNS = tuple(
     if item.name.endswith(("_joule", "_count")) or "residual" in item.name
 )
 _SOIL_COLUMNS = tuple(
-    item.name for item in fields(SoilState) if item.name not in ("run_id", "tick", "end_time_ns")
+    item.name
+    for item in fields(SoilState)
+    if item.name not in ("run_id", "tick", "end_time_ns", "lost_particles")
 )
 # what is of one tick alone says little on its own, and wall time differs between equal runs
 _COUPLING_COLUMNS = ("residual_joule", "absolute_work_joule", "residual_ratio")

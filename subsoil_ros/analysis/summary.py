@@ -13,9 +13,11 @@ from rich.table import Table
 
 from ..loading.loader import ResolvedScene
 from ..loading.reference import Reference
-from ..messages import Command, Grant
+from ..messages import Command, Grant, LostParticle, SoilState
 from ..recording.bag_reader import BagReader
+from ..recording.joined import open_record
 from ..scene.model import Scene
+from ..ticks import tick_end_s
 from .quantities import finite
 from .reference_table import print_reference
 from .run_statistics import RunStatistics, run_statistics
@@ -25,7 +27,7 @@ from .window import metrics_window, window_span_s
 
 Summary = dict[str, Any]
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 """Of config/summary.schema.json; raised when a quantity moves or changes its meaning."""
 
 RUN_FACTS = (
@@ -73,7 +75,7 @@ def summarize(
                 "wall_s": wall_s,
                 "real_time_factor": simulated_s / wall_s if wall_s > 0.0 else 0.0,
             },
-            "particles": _particles(series),
+            "particles": _particles(series, bag, timing.communication_step_ns),
             "energy": {
                 "residual_joule": float(series["coupling.residual_joule"][-1]),
                 "residual_ratio": float(series["coupling.residual_ratio"][-1]),
@@ -191,15 +193,30 @@ def _bag_words(bag: Path) -> str:
     return f"bag: {bag}, {size_bytes / 1e6:.3g} MB (`subsoil bag info {bag}` says what takes the room)"
 
 
-def _particles(series: Series) -> Summary:
-    """How many particles there are, how many left the domain, and the first row that counts one."""
+def _particles(series: Series, bag: Path, communication_step_ns: int) -> Summary:
+    """How many particles there are, and left the domain; the first row that counts one, and who they are."""
     if "soil.lost_particle_count" not in series:
-        return {"count": 0, "lost_count": 0, "first_lost_s": None}
+        return {"count": 0, "lost_count": 0, "first_lost_s": None, "first_lost": []}
     lost = series["soil.lost_particle_count"]
     first = float(series["time_s"][np.argmax(lost > 0)]) if lost[-1] > 0 else None
+    named: tuple[LostParticle, ...] = ()
+    if first is not None:
+        last_ns = round(1e9 * float(series["time_s"][-1]))
+        for state in open_record(bag).records(SoilState, at=lambda time_ns: time_ns == last_ns):
+            named = state.lost_particles
     return {
-        "count": int(series["soil.particle_count"][-1]), "lost_count": int(lost[-1]), "first_lost_s": first,
-    }  # fmt: skip
+        "count": int(series["soil.particle_count"][-1]),
+        "lost_count": int(lost[-1]),
+        "first_lost_s": first,
+        "first_lost": [
+            {
+                "identity": item.identity,
+                "position_m": [item.x_m, item.y_m, item.z_m],
+                "time_s": tick_end_s(item.tick, communication_step_ns),
+            }
+            for item in named
+        ],
+    }
 
 
 def _of_column(values: np.ndarray, rows: np.ndarray, more: Summary) -> Summary:
@@ -287,9 +304,14 @@ def summary_facts(summary: Summary) -> list[str]:
     lines += load_lines(summary)
     particles = summary["particles"]
     if particles["lost_count"]:
+        named = "; ".join(
+            f"particle {lost['identity']} at ({', '.join(f'{x:.3f}' for x in lost['position_m'])}) m, "
+            f"{lost['time_s']:.4g} s"
+            for lost in particles["first_lost"]
+        )
         lines.append(
             f"WARNING: {particles['lost_count']} particles left the domain, the first before "
-            f"{particles['first_lost_s']:.4g} s; which ones, the soil's log says"
+            f"{particles['first_lost_s']:.4g} s{f': {named}' if named else ''}"
         )
     if run.get("resumed_from"):
         lines.append(f"went on from {run['resumed_from']['checkpoint']}, whose record is in these numbers")

@@ -5,6 +5,11 @@ from typing import Any
 
 Summary = Mapping[str, Any]
 
+_CARRIERS = {
+    "share": "soil on share", "wheels": "wheels", "hitch": "hitch", "tethers": "tethers", "loads": "loads",
+    "inertia": "inertia",
+}  # fmt: skip
+
 
 def load_lines(summary: Summary) -> list[str]:
     """Lines for what the run has; none for what it has not."""
@@ -52,10 +57,13 @@ def _vertical(summary: Summary) -> str:
         return ""
     parts = [
         f"{label} {vertical[f'{key}_newton']['mean']:.0f} N"
-        for key, label in (("share", "soil on share"), ("wheels", "wheels"), ("hitch", "hitch"))
+        for key, label in _CARRIERS.items()
         if f"{key}_newton" in vertical
     ]
-    words = f"weight {vertical['weight_newton']:.0f} N is carried by {', '.join(parts)} (up is positive)"
+    words = (
+        f"weight {vertical['weight_newton']:.0f} N is carried by {', '.join(parts)}, rest "
+        f"{vertical['rest_newton']:.0f} N (up is positive)"
+    )
     if "wheels_newton" in vertical:
         words += f"; least on the wheels {vertical['wheels_newton']['min']:.0f} N"
     if "tip_depth_m" in summary["loads"]:

@@ -25,7 +25,7 @@ def metrics_window(series: Series, scene: Scene) -> Window:
     """The window of a run; a run too short for it counts whole, and says so."""
     report = scene.report
     rules = []
-    rows = np.ones(len(series), dtype=bool)
+    rows = series["time_s"] > 0.0  # the state before the first tick is no part of it
     if report.settle_s > 0.0:
         rows &= series["time_s"] > report.settle_s
         rules.append(f"after {report.settle_s:g} s")

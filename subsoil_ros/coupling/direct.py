@@ -1,7 +1,7 @@
 """A run without ROS: the engines called one after the other. The oracle of the other two ways."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, Protocol
 
 from ..errors import InputError
@@ -71,6 +71,9 @@ def run_direct(
         machine = mechanism.state(run_id, state.tick, tick_end_ns(state.tick, communication_step_ns))
     start = time.monotonic() - state.wall_time_s
     write = sink.write if sink is not None else _forget
+    if sink is not None and resumed is None:
+        for record in _initial_records(run_id, state, mechanism, soil, communication_step_ns):
+            write(record)
     if schedule.check_ticks and stop_rule is None:
         raise InputError(f"{resolved.path}: has stop_when, and this run has no rule; give stop_rule")
 
@@ -149,6 +152,24 @@ def run_direct(
 
 def _forget(record: Any) -> None:
     """In the place of a sink where nothing is recorded."""
+
+
+def _initial_records(
+    run_id: str,
+    state: CouplingState,
+    mechanism: Mechanism | None,
+    soil: Soil | None,
+    communication_step_ns: int,
+) -> Iterator[Any]:
+    """What is recorded of the state before tick 0."""
+    yield ToolMotions(run_id, INITIAL_TICK, 0, state.motions)
+    if soil is not None:
+        yield ToolWrenches(run_id, INITIAL_TICK, 0, state.wrenches)
+    if mechanism is not None:
+        yield mechanism.initial_state(run_id, state.wrenches)
+    if soil is not None:
+        yield soil.state(run_id, INITIAL_TICK, 0)
+    yield state.work.report(run_id, INITIAL_TICK, communication_step_ns, 0.0)
 
 
 def _first_state(

@@ -40,6 +40,10 @@ class MotionSource(Resumable, Protocol):
 class Mechanism(MotionSource, Protocol):
     """A motion source with a state of its own to record, and perhaps a driver that a controller commands."""
 
+    def initial_state(self, run_id: str, wrenches: tuple[ToolWrench, ...]) -> MechanismState:
+        """The state before the first tick, under the soil's first answer; it changes nothing."""
+        ...
+
     def state(self, run_id: str, tick: int, end_time_ns: int) -> MechanismState:
         """The state at the end of `tick`."""
         ...

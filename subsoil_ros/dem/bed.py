@@ -20,6 +20,9 @@ from ..scene.pairs import (
 from ..scene.soil import Soil
 from .mixture import material_at
 
+LARGEST_COUNT = 100_000_000
+"""Particles of a bed (chosen: they take some 60 GB)."""
+
 
 @dataclass(frozen=True)
 class Bed:
@@ -105,6 +108,16 @@ def grid_shape(soil: Soil) -> tuple[int, int, int]:
     return shape
 
 
+def refuse_too_many(count: int, soil: Soil) -> None:
+    """SceneError if a bed of `count` particles is more than a machine holds."""
+    if count > LARGEST_COUNT:
+        raise SceneError(
+            f"soil.bin: a bed of {soil.bin.length_m:g} x {soil.bin.width_m:g} x {soil.bin.depth_m:g} m would "
+            f"hold {count:.3g} particles of radius {soil.particles.mean_volume_radius_m:g} m, allowed are "
+            f"{LARGEST_COUNT:,}; make it smaller, or the particles larger"
+        )
+
+
 def _layers(soil: Soil, x_m: np.ndarray, layers: int, spacing_m: float) -> list[int]:
     """Layers of the grid that stand below the surface profile, at least one, in each slice of `x_m`."""
     if soil.surface is None:
@@ -128,6 +141,7 @@ def prepare_grid(soil: Soil, gravity_m_per_s2: float) -> Bed:
     boundary = pair_values(soil)[1]
     radius, spacing = soil.particles.mean_volume_radius_m, particle_spacing_m(soil)
     nx, ny, nz = grid_shape(soil)
+    refuse_too_many(nx * ny * nz, soil)
     wall = radius - boundary.rest_overlap
     weights = np.array([sphere_mass_kg(material, radius) * gravity_m_per_s2 for material in materials])
     material = material_at(soil, radius + spacing * np.arange(nz))[::-1]  # of the grid's layers, from below
@@ -152,15 +166,16 @@ def prepare_grid(soil: Soil, gravity_m_per_s2: float) -> Bed:
         at_floor = boundary_values(lowest, radius, sphere_mass_kg(lowest, radius))
         return wall - at_floor.loaded_m(weight_on(0, layers)) + np.concatenate(([0.0], np.cumsum(steps_up)))
 
-    floor = -float(column(nz)[-1]) - radius  # top of the uppermost spheres at z = 0
     x = wall + spacing * np.arange(nx)
-    y = spacing * (np.arange(ny) - 0.5 * (ny - 1))
     heights = _layers(soil, x, nz, spacing)
+    columns = {layers: column(layers) for layers in {nz, *heights}}
+    floor = -float(columns[nz][-1]) - radius  # top of the uppermost spheres at z = 0
+    y = spacing * (np.arange(ny) - 0.5 * (ny - 1))
     slices = [
-        np.stack(np.meshgrid([x[i]], y, floor + column(layers), indexing="ij"), axis=-1).reshape(-1, 3)
+        np.stack(np.meshgrid([x[i]], y, floor + columns[layers], indexing="ij"), axis=-1).reshape(-1, 3)
         for i, layers in enumerate(heights)
     ]
-    _refuse_too_soft(soil, column(nz))
+    _refuse_too_soft(soil, columns[nz])
     grid = np.concatenate(slices)
     if isinstance(soil.bed, GridBed) and soil.bed.jitter_m > 0.0:
         generator = np.random.default_rng(soil.bed.seed)

@@ -14,13 +14,13 @@ stable steps, so a healthy bed shows less than 0.02, whatever the speed of its t
 
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numba import njit, prange
 
 from ..errors import PhysicsError
+from ..messages import LostParticle
 from ..scene.soil import Soil
 from .bed import Bed
 from .energy import EnergyBook
@@ -94,15 +94,6 @@ def half_step_sums(position, velocity, spin, force, torque, mass, inertia, step)
     return added_up(v2), added_up(a2), added_up(w2), added_up(t2), added_up(place)
 
 
-@dataclass(frozen=True)
-class LostParticle:
-    """A particle that left the domain."""
-
-    identity: int  # place in the prepared bed
-    position_m: tuple[float, float, float]  # when it was first seen outside
-    tick: int
-
-
 @njit(cache=True, parallel=True, nogil=True)
 def outside(position, planes, radius, ceiling):
     """(n,) bool: a centre a radius [m], one of all or (n,), behind a plane, or above `ceiling` [m].
@@ -172,7 +163,9 @@ class SoilMonitor:
         return {
             "gone": self._gone,
             "first_lost": np.array([(lost.identity, lost.tick) for lost in self.first_lost], np.int64),
-            "first_lost_m": np.array([lost.position_m for lost in self.first_lost], np.float64),
+            "first_lost_m": np.array(
+                [(lost.x_m, lost.y_m, lost.z_m) for lost in self.first_lost], np.float64
+            ),
             "counts": np.array([self._steps, self._suspicious, self._rebuild_step, self._hurried]),
             "joules": np.array([start, self._largest_kinetic]),
         }
@@ -181,7 +174,7 @@ class SoilMonitor:
         """Goes on from such a state."""
         self._gone = arrays["gone"]
         self.first_lost = [
-            LostParticle(identity, (x, y, z), tick)
+            LostParticle(identity, x, y, z, tick)
             for (identity, tick), (x, y, z) in zip(
                 arrays["first_lost"].tolist(), arrays["first_lost_m"].tolist(), strict=True
             )
@@ -282,7 +275,7 @@ class SoilMonitor:
         self._gone = np.append(self._gone, particles.identity[new])
         for k in new[: NAMED - len(self.first_lost)]:
             x, y, z = particles.position[k].tolist()
-            self.first_lost.append(LostParticle(int(particles.identity[k]), (x, y, z), tick))
+            self.first_lost.append(LostParticle(int(particles.identity[k]), x, y, z, tick))
         found = f"{where}: {self.lost_count} of {self.count} particles have left the domain, {self._names()}"
         if self.lost_count > self._alarm:
             raise PhysicsError(
@@ -294,9 +287,9 @@ class SoilMonitor:
 
     def _names(self) -> str:
         return ", ".join(
-            f"particle {lost.identity} at ({x:.3f}, {y:.3f}, {z:.3f}) m in tick {lost.tick}"
+            f"particle {lost.identity} at ({lost.x_m:.3f}, {lost.y_m:.3f}, {lost.z_m:.3f}) m in tick "
+            f"{lost.tick}"
             for lost in self.first_lost
-            for x, y, z in (lost.position_m,)
         )
 
     def _check_balance(self, where: str, now: EnergyBook) -> None:

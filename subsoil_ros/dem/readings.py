@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..contact_laws.base import Features
-from ..messages import SoilCloud, SoilState
+from ..messages import LostParticle, SoilCloud, SoilState
 from .bed import Bed
 from .blocks import history_places
 from .bonds.bond_list import SINKS as BOND_SINKS
@@ -17,7 +17,7 @@ from .homogeneous import pair_stress
 from .integration import mass_sums, motion_sums
 from .kernel_calls import use_threads
 from .mixture import Mixture
-from .monitors import LostParticle, MotionSums, SoilMonitor, half_step_sums
+from .monitors import MotionSums, SoilMonitor, half_step_sums
 from .pairs import contact_scan, pair_energy
 from .periodic import wrapped
 from .state import PairList, Particles, WallList
@@ -184,6 +184,7 @@ class SoilReadings(ABC):
             rms_angular_velocity_rad_per_s=float(np.sqrt((sums.spin2 + sums.half_spin2) / n)),
             max_overlap_m=largest,
             max_tool_overlap_m=max((t.max_overlap_m for t in self._tools), default=0.0),
+            lost_particles=self.lost_particles,
         )
 
     def energy(self) -> EnergyBook:

@@ -31,6 +31,10 @@ MECHANISM_INTERVAL_NS = 500_000
 """Tick of a scene without soil (chosen: 1/250 of the fastest mode of the paper's machine, 8 Hz)."""
 
 
+LARGEST_STEP_COUNT = 1_000_000
+"""Soil steps in a tick (chosen: a tick of 100,000 particles then takes a day)."""
+
+
 @dataclass(frozen=True)
 class StepLimit:
     """Largest stable soil step for one cause."""
@@ -301,6 +305,12 @@ def derive_timing(scene: Scene) -> Timing:
         else:
             communication_step_ns = interval
             largest = max_s if step == "auto" else step
+            if communication_step_ns * 1e-9 > LARGEST_STEP_COUNT * largest:
+                raise SceneError(
+                    f"coupling.communication_step_ns: {communication_step_ns} would take more than "
+                    f"{LARGEST_STEP_COUNT:,} soil steps of {largest:.3g} s ({limit.cause}); lower it, or the "
+                    "stiffness and damping of soil.law"
+                )
             soil_steps = max(1, math.ceil(communication_step_ns * 1e-9 / largest - 1e-9))
             if step != "auto" and abs(soil_steps * step - communication_step_ns * 1e-9) > 1e-9 * step:
                 raise SceneError(

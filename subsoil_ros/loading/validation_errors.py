@@ -133,7 +133,7 @@ def _message(
         kind = first["input"].get("kind")
         if kind is None:
             return path, f"'kind' is missing; allowed are {', '.join(allowed)}"
-        if kind in unusable_laws() and place[-1] == "law":
+        if isinstance(kind, str) and kind in unusable_laws() and place[-1] == "law":
             return f"{path}.kind", f"contact law '{kind}' is installed, but {unusable_laws()[kind]}"
         return f"{path}.kind", f"given {_given(kind)}, allowed are {', '.join(allowed)}{_hint(kind, allowed)}"
     needed = " or ".join(dict.fromkeys(_need(details) for details in found))

@@ -98,6 +98,22 @@ class MechanismEngine:
         """Motions of the tools before the first tick, in scene order."""
         return self._motions()
 
+    def initial_state(self, run_id: str, wrenches: tuple[ToolWrench, ...]) -> MechanismState:
+        """The state at time 0 with the wrenches held (none: empty); the engine is left as it is.
+
+        Raises:
+            ProtocolError, PhysicsError, SingularMechanismError: as advance.
+        """
+        kept = {name: array.copy() for name, array in self._state._asdict().items()}
+        self._hold(INITIAL_TICK, wrenches)
+        status = advance_tick(self._machine.model, self._state, self._work, 0.0, 0)
+        if status != OK:
+            raise self._fault(int(status), 0.0)
+        state = self.state(run_id, INITIAL_TICK, 0)
+        for name, array in kept.items():
+            getattr(self._state, name)[...] = array
+        return state
+
     def advance(self, tick: int, wrenches: tuple[ToolWrench, ...]) -> tuple[ToolMotion, ...]:
         """Advance `tick` with the wrenches held constant (none: empty); motions at its end.
 

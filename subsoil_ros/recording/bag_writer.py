@@ -248,7 +248,7 @@ def _notes(scene: Scene, timing: Timing) -> dict[str, str]:
     notes = {
         "communication_step_ns": str(timing.communication_step_ns),
         "lockstep_messages": "every tick",
-        "series": f"every {record.series_ticks} ticks, and the last",
+        "series": f"the start, every {record.series_ticks} ticks, and the last",
         "clouds": f"thinned: every {cloud_ticks} ticks, and the last" if cloud_ticks else "none",
     }
     if cloud_ticks and record.cloud_region is not None:

@@ -22,6 +22,7 @@ from ..messages import (
     ForceState,
     Grant,
     JointReaction,
+    LostParticle,
     MechanismState,
     NodeState,
     NodeStatus,
@@ -50,6 +51,7 @@ _FLOAT32, _UINT32 = 7, 6  # sensor_msgs/PointField
 _PARTS: dict[type, dict[str, type]] = {
     ToolMotions: {"tools": ToolMotion},
     ToolWrenches: {"tools": ToolWrench},
+    SoilState: {"lost_particles": LostParticle},
     MechanismState: {"bodies": BodyState, "joints": JointReaction, "forces": ForceState},
     NodeStatus: {"initial_motions": ToolMotion, "initial_wrenches": ToolWrench},
 }
@@ -75,7 +77,7 @@ def _plain_names(kind: type) -> tuple[str, ...]:
     return tuple(item.name for item in fields(kind) if item.name not in apart)
 
 
-_PLAIN_PARTS = (BodyState, JointReaction, ForceState)
+_PLAIN_PARTS = (BodyState, JointReaction, ForceState, LostParticle)
 _PLAIN: dict[type, tuple[str, ...]] = {kind: _plain_names(kind) for kind in (*_TOP_LEVEL, *_PLAIN_PARTS)}
 _STAMPED_BY_TICK = (Grant, DriverCommand, TickAck, NodeStatus)
 
@@ -252,7 +254,7 @@ def from_message(kind: type | str, message: Any) -> Any:
     for name in _TEXTS.get(kind, ()):
         values[name] = tuple(getattr(message, name))
     for name, part in _PARTS.get(kind, {}).items():
-        values[name] = tuple(_PART_FROM_MESSAGE[part](item) for item in getattr(message, name))
+        values[name] = tuple(_PART_FROM_MESSAGE[part](item) for item in getattr(message, name, ()))
     return kind(**values)
 
 

@@ -14,8 +14,8 @@ from ..errors import RecordingError
 
 _NAMES = (
     "BodyState", "CouplingReport", "DriverCommand", "ForceState", "Grant", "FacetGroupForce", "JointReaction",
-    "MechanismState", "NodeStatus", "SoilState", "TickAck", "ToolMotion", "ToolMotions", "ToolWrench",
-    "ToolWrenches",
+    "LostParticle", "MechanismState", "NodeStatus", "SoilState", "TickAck", "ToolMotion", "ToolMotions",
+    "ToolWrench", "ToolWrenches",
 )  # fmt: skip
 _OWN = "subsoil_msgs/msg/"
 _RULE = "=" * 80

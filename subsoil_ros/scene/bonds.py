@@ -1,11 +1,11 @@
 """Cement between the particles of a soil."""
 
 import math
-from typing import Annotated, Self
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from ..strict_model import NonNegative, Positive, StrictModel
+from ..strict_model import Fraction, NonNegative, Positive, StrictModel
 
 
 class Bonds(StrictModel):
@@ -24,9 +24,7 @@ class Bonds(StrictModel):
     friction_angle_deg: Annotated[float, Field(ge=0.0, lt=90.0)] = Field(
         0.0, description="growth of the shear strength with pressure."
     )
-    radius_over_particle: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
-        1.0, description="of a bond, over that of the smaller particle."
-    )
+    radius_over_particle: Fraction = Field(1.0, description="of a bond, over that of the smaller particle.")
     gap_over_radius: NonNegative = Field(
         0.05, description="neighbours farther apart, over the smaller radius, are not bonded."
     )
@@ -36,7 +34,7 @@ class Bonds(StrictModel):
     )
 
     @model_validator(mode="after")
-    def _tension_within_the_line_of_coulomb(self) -> Self:
+    def _tension_within_the_line_of_coulomb(self) -> "Bonds":
         slope = math.tan(math.radians(self.friction_angle_deg))
         if self.tensile_strength_pa * slope > self.cohesion_pa:
             raise ValueError(

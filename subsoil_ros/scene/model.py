@@ -4,7 +4,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from ..strict_model import Finite, NonNegative, Positive, StrictModel
+from ..strict_model import Finite, NonNegative, Positive, StrictModel, WithinReach
+from ..ticks import LONGEST_S, NANOSECONDS_PER_SECOND
 from .cloud import CloudRegion
 from .controller import Controller, DraftLimit, External, HoldHeight
 from .mechanism import Driver, Mechanism, WheelContact
@@ -28,7 +29,7 @@ AnySoil = Annotated[
 class Coupling(StrictModel):
     """Exchange between soil and mechanism."""
 
-    communication_step_ns: Annotated[int, Field(gt=0)] | Auto = Field(
+    communication_step_ns: Annotated[int, Field(gt=0, le=LONGEST_S * NANOSECONDS_PER_SECOND)] | Auto = Field(
         "auto", description="auto: one soil step."
     )
     mechanism_steps: int = Field(1, ge=1, le=1000, description="per exchange.")
@@ -85,7 +86,7 @@ class Scene(StrictModel):
 
     name: str = Field(min_length=1)
     description: str = ""
-    duration_s: Positive
+    duration_s: Annotated[float, Field(gt=0.0, le=LONGEST_S, allow_inf_nan=False), WithinReach]
     gravity_m_per_s2: NonNegative = 9.81
     allow: tuple[Allowance, ...] = Field((), description="refusals that this scene overrides, for studies.")
     soil: AnySoil | None = None

@@ -5,14 +5,16 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from ..strict_model import NonNegative, Positive, StrictModel
+from ..strict_model import NonNegative, Positive, StrictModel, WithinReach
 from .bin import Bin
 
 LARGEST_FRICTION_ANGLE_RAD = math.radians(55.0)
 """No soil has more (chosen: beyond it the wedge of a raked blade soon has no solution)."""
 
-FrictionAngle = Annotated[float, Field(ge=0.0, le=LARGEST_FRICTION_ANGLE_RAD, allow_inf_nan=False)]
-Part01 = Annotated[float, Field(ge=0.0, lt=1.0)]
+FrictionAngle = Annotated[
+    float, Field(ge=0.0, le=LARGEST_FRICTION_ANGLE_RAD, allow_inf_nan=False), WithinReach
+]
+Part01 = Annotated[float, Field(ge=0.0, lt=1.0), WithinReach]
 
 
 class WheelSoil(StrictModel):
@@ -20,7 +22,7 @@ class WheelSoil(StrictModel):
 
     cohesive_modulus: NonNegative = Field(description="k_c [N/m^(n+1)].")
     frictional_modulus: NonNegative = Field(description="k_phi [N/m^(n+2)].")
-    exponent: Annotated[float, Field(gt=0.0, lt=3.0)] = Field(description="n.")
+    exponent: Annotated[float, Field(gt=0.0, lt=3.0), WithinReach] = Field(description="n.")
     recovered_fraction: Part01 = Field(
         0.0, description="of the work of compaction, given back behind the wheel."
     )

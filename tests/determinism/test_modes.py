@@ -104,7 +104,12 @@ def test_the_series_is_what_the_engines_produced(results: dict[str, Path]) -> No
     mechanism = MechanismEngine(resolved.scene, resolved.timing)
     soil = SoilEngine(resolved, 1)
     wrenches = soil.start(mechanism.initial_motions())
-    compared = 0
+    start = mechanism.initial_state("run", wrenches)
+    row = dict(zip(head.split(","), rows[0].split(","), strict=True))
+    assert float(row["time_s"]) == 0.0
+    assert float(row["draft_newton"]) == start.draft_newton
+    assert float(row["tool.shank.force_z_newton"]) == wrenches[0].force_z_newton
+    compared = 1
     for tick in range(resolved.timing.tick_count):
         wrenches = soil.advance(tick, mechanism.advance(tick, wrenches))
         if (tick + 1) % resolved.scene.record.series_ticks and tick + 1 != resolved.timing.tick_count:

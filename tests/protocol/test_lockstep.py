@@ -18,7 +18,7 @@ from subsoil_ros.coupling.protocol import (
     Participant,
     RecordBarrier,
 )
-from subsoil_ros.errors import ProtocolError, RunError
+from subsoil_ros.errors import InputError, ProtocolError, RunError
 from subsoil_ros.messages import (
     Command,
     Grant,
@@ -365,6 +365,14 @@ def test_fault_of_a_participant_is_told() -> None:
         coupler.accept_node_status(node_status(SOIL, NodeState.FAULT, message="tick 7: overlap too deep"))
 
 
+def test_bad_input_that_a_participant_finds_stays_bad_input() -> None:
+    """A node that cannot be built from the scene ends the run as a scene that cannot be loaded does."""
+    coupler = Execution(seed=0).coupler
+    fault = node_status(SOIL, NodeState.FAULT, message="tools: they overlap every particle", exit_status=2)
+    with pytest.raises(InputError, match="soil: tools: they overlap every particle"):
+        coupler.accept_node_status(fault)
+
+
 def test_nothing_is_granted_before_all_are_ready() -> None:
     """Tick 0 waits for every participant, and the coupler says for whom."""
     coupler = Execution(seed=0).coupler
@@ -394,3 +402,36 @@ def test_a_tick_is_recorded_when_no_abort_can_name_an_earlier_one() -> None:
     assert barrier.take_tick()[0] == 1
     assert barrier.take_tick() is None
     assert barrier.finished
+
+
+def test_the_record_begins_with_the_initial_state() -> None:
+    """What is due before tick 0 is handed out first, in recording order, once, as soon as it is certain."""
+    barrier: RecordBarrier[bytes] = RecordBarrier(40, due, 3, initial=("motions", "report"))
+    assert barrier.missing() == "tick -1: motions, report"
+    for name in due(0):
+        barrier.add(name, 0, b"")
+    barrier.note_grant(3)
+    assert barrier.take_tick() is None
+    barrier.add("report", -1, b"1")
+    barrier.add("motions", -1, b"2")
+    with pytest.raises(ProtocolError, match="motions: tick -1 is repeated"):
+        barrier.add("motions", -1, b"2")
+    assert barrier.take_tick() == (-1, [("motions", b"2"), ("report", b"1")])
+    assert barrier.next_ack() is None
+    found = barrier.take_tick()
+    assert found is not None
+    assert found[0] == 0
+
+
+def test_an_abort_before_the_first_grant_waits_for_nothing() -> None:
+    """The initial state of a run that cannot begin is not waited for; once a tick was granted, it is."""
+    unborn: RecordBarrier[bytes] = RecordBarrier(40, due, 3, initial=("motions",))
+    unborn.cut(-1)
+    assert unborn.finished
+    begun: RecordBarrier[bytes] = RecordBarrier(40, due, 3, initial=("motions",))
+    begun.note_grant(0)
+    begun.cut(-1)
+    assert not begun.finished
+    begun.add("motions", -1, b"")
+    assert begun.take_tick() == (-1, [("motions", b"")])
+    assert begun.finished

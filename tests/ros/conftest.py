@@ -106,11 +106,11 @@ def messages(bag: Path) -> list[tuple[str, int, bytes]]:
 
 
 def lockstep_ticks(bag: Path, communication_step_ns: int) -> dict[str, list[int]]:
-    """Ticks of the lockstep messages in a bag, by topic, in recorded order."""
+    """Ticks from 0 on of the lockstep messages in a bag, by topic, in recorded order."""
     ticks: dict[str, list[int]] = {"grant": [], "tool_motions": [], "tool_wrenches": []}
     for topic, time_ns, _ in messages(bag):
         name = topic.rpartition("/")[2]
-        if name in ticks:
+        if name in ticks and time_ns > 0:
             ticks[name].append(time_ns // communication_step_ns - 1)
     return ticks
 

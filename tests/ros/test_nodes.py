@@ -19,7 +19,7 @@ from subsoil_msgs.msg import ToolMotions as ToolMotionsMessage
 from subsoil_ros.api.simulate import simulate
 from subsoil_ros.coupling.exit_status import ExitStatus
 from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
-from subsoil_ros.errors import PhysicsError, RunError
+from subsoil_ros.errors import InputError, PhysicsError, RunError
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import (
     BodyState,
@@ -38,6 +38,7 @@ from subsoil_ros.ros.process.composed import Build, run_composed
 from subsoil_ros.ros.process.heartbeat import NodeRun
 from subsoil_ros.ros.transport.domain import run_domain
 from subsoil_ros.ros.transport.qos import LOCKSTEP_QOS
+from subsoil_ros.ticks import INITIAL_TICK
 
 from .conftest import SCENE, lockstep_ticks, messages
 
@@ -63,6 +64,9 @@ class SpringMover:
             self._v += 1e-3 * wrench.force_x_newton
         self._x += 1e-3 * self._v
         return self.initial_motions()
+
+    def initial_state(self, run_id: str, wrenches: tuple[ToolWrench, ...]) -> MechanismState:
+        return self.state(run_id, INITIAL_TICK, 0)
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> MechanismState:
         body = BodyState(self._tool, self._x, *[0.0] * 8)
@@ -166,6 +170,9 @@ def test_nodes_record_what_the_direct_run_records(resolved: ResolvedScene, tmp_p
     assert contents(tmp_path / "nodes") == contents(tmp_path / "direct")
     ticks = lockstep_ticks(tmp_path / "nodes", resolved.timing.communication_step_ns)
     assert ticks == {name: list(range(TICKS)) for name in ticks}
+    start = [topic for topic, time_ns, _ in messages(tmp_path / "nodes") if time_ns == 0]
+    for name in ("tool_motions", "tool_wrenches", "mechanism_state", "soil_state", "coupling_report"):
+        assert start.count(f"/subsoil/{name}") == 1
 
 
 def test_clouds_are_thinned_alike(tmp_path: Path) -> None:
@@ -207,6 +214,21 @@ def test_an_engine_that_cannot_be_built_ends_the_run(resolved: ResolvedScene, tm
 
     assert run_nodes(resolved, tmp_path / "bag", broken) == ExitStatus(3, "soil: no bed")
     assert messages(tmp_path / "bag") == []
+
+
+def test_bad_input_of_an_engine_stays_bad_input(resolved: ResolvedScene, tmp_path: Path) -> None:
+    """What only a node finds as it starts ends the run with 2: as it is built, and as it first answers."""
+
+    def unbuildable() -> SpringSoil:
+        raise InputError("tools: they overlap every particle")
+
+    class Refusing(SpringSoil):
+        def start(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
+            raise InputError("tools: they overlap every particle")
+
+    for name, soil in (("build", unbuildable), ("start", Refusing)):
+        status = run_nodes(resolved, tmp_path / name, soil)
+        assert status == ExitStatus(2, "soil: tools: they overlap every particle")
 
 
 def test_paths_are_hosted_by_the_soil(tmp_path: Path) -> None:

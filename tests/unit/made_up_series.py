@@ -21,11 +21,14 @@ def made_up(resolved: ResolvedScene) -> Series:
     times = STEP_S * (1 + np.arange(ROWS))
     columns = {"time_s": times, "draft_newton": 700.0 + 300.0 * np.sin(2.0 * math.pi * 2.0 * times)}
     level = np.ones(ROWS)
+    for name, joint in scene.mechanism.joints.items():  # between bodies they carry nothing
+        columns[f"joint.{name}.force_z_newton"] = (0.0 if joint.kind == "driver" else 1e6) * level
     for name, body in scene.mechanism.bodies.items():
         columns[f"body.{name}.x_m"] = body.position_m[0] + 0.5 * times
         columns[f"body.{name}.z_m"] = body.position_m[1] * level
         columns[f"body.{name}.angle_rad"] = body.angle_rad * level
         columns[f"body.{name}.velocity_x_m_per_s"] = 0.5 * level
+        columns[f"body.{name}.acceleration_z_m_per_s2"] = 0.2 * level
     for name, (force_x, force_z) in {
         "shank": (-600.0, -200.0), "wheel_left": (-50.0, 600.0), "wheel_right": (-50.0, 610.0)
     }.items():  # fmt: skip

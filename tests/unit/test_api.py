@@ -108,7 +108,7 @@ def test_an_interrupted_run_can_go_on(scene: ResolvedScene, tmp_path: Path, by_s
     first = subsoil.read_run(tmp_path / "first")
     assert first.failure == str(caught.value)
     assert not first.summary["run"]["complete"]
-    assert len(first.series) == 33
+    assert len(first.series) == 34
     second = subsoil.run(scene, tmp_path / "second", resume=tmp_path / "first")
     whole = subsoil.run(scene)
     pd.testing.assert_frame_equal(second.series, whole.series, check_exact=True)
@@ -241,7 +241,7 @@ def test_what_cannot_be_read(scene: ResolvedScene, tmp_path: Path) -> None:
         subsoil.read_run(out)
     (out / "summary.json").write_text("{}")
     with pytest.raises(
-        InputError, match=r"summary\.json: is no summary of schema_version 1; `subsoil report "
+        InputError, match=r"summary\.json: is no summary of schema_version 2; `subsoil report "
     ):
         subsoil.read_run(out)
     (out / "summary.json").unlink()

@@ -54,7 +54,7 @@ def test_run_and_its_end_are_read_from_the_grants(tmp_path: Path, last: Command,
     writer.close()
     facts = describe(tmp_path / "bag")
     assert (facts.run_id, facts.complete) == ("run7", complete)
-    assert facts.notes["series"] == f"every {SERIES_TICKS} ticks, and the last"
+    assert facts.notes["series"] == f"the start, every {SERIES_TICKS} ticks, and the last"
 
 
 def test_the_verb_prints_it_all(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -63,7 +63,8 @@ def test_the_verb_prints_it_all(bag: Path, capsys: pytest.CaptureFixture[str]) -
     text = capsys.readouterr().out
     for part in (
         "/subsoil/tool_wrenches", "subsoil_msgs/msg/ToolWrenches", type_hash("subsoil_msgs/msg/ToolWrenches"),
-        "zstd", "profile 'ros2'", "run run, to its end", "series: every 20 ticks", "of simulated time",
+        "zstd", "profile 'ros2'", "run run, to its end", "series: the start, every 20 ticks",
+        "of simulated time",
     ):  # fmt: skip
         assert part in text
     assert main(["bag", "info", "--json", str(bag)]) == 0

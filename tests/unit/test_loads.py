@@ -20,15 +20,20 @@ def machine() -> ResolvedScene:
 
 
 def test_weight_is_carried_by_all_parts(machine):
-    """Weight of 271 kg = soil on share, wheels and hitch + rest; each by its own sign."""
+    """Weight of 271 kg = soil on share, wheels, hitch, tethers, inertia + rest; each by its own sign."""
     series = made_up(machine)
     found = loads_of(series, machine, whole(series))
-    weight = 9.81 * (35.2 + 2.0 * 25.0 + 7.8 + 100.0 + 10.0 + 68.0)
+    mass = 35.2 + 2.0 * 25.0 + 7.8 + 100.0 + 10.0 + 68.0
+    weight = 9.81 * mass
     assert found["vertical"]["weight_newton"] == pytest.approx(weight)
     assert found["vertical"]["share_newton"]["mean"] == pytest.approx(-200.0)
     assert found["vertical"]["wheels_newton"]["mean"] == pytest.approx(1210.0)
-    assert found["vertical"]["hitch_newton"]["mean"] == pytest.approx(1305.0)
-    assert found["vertical"]["rest_newton"] == pytest.approx(weight + 200.0 - 1210.0 - 1305.0)
+    assert found["vertical"]["hitch_newton"]["mean"] == pytest.approx(1300.0)
+    assert found["vertical"]["tethers_newton"]["mean"] == pytest.approx(5.0)
+    assert found["vertical"]["inertia_newton"]["mean"] == pytest.approx(-0.2 * mass)
+    assert found["vertical"]["rest_newton"] == pytest.approx(
+        weight + 200.0 - 1210.0 - 1300.0 - 5.0 + 0.2 * mass
+    )
 
 
 def test_power_and_energy(machine):

@@ -104,7 +104,7 @@ def test_the_bag_says_what_was_thinned(bag: Path) -> None:
     expected = {
         "communication_step_ns": str(INTERVAL_NS),
         "lockstep_messages": "every tick",
-        "series": f"every {SERIES_TICKS} ticks, and the last",
+        "series": f"the start, every {SERIES_TICKS} ticks, and the last",
         "clouds": f"thinned: every {round(0.1e9 / INTERVAL_NS)} ticks, and the last",
     }
     (path,) = bag.glob("*.mcap")

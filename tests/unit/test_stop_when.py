@@ -68,8 +68,8 @@ def test_the_run_ends_after_the_first_check_that_knows_the_mean(ended: Run) -> N
     """The tick is predicted from the recorded forces and places."""
     assert ended.folder is not None
     reader = BagReader(ended.folder / "bag")
-    draft = np.array([-r.tools[0].force_x_newton for r in reader.records(ToolWrenches)])
-    tip = np.array([r.tools[0].x_m for r in reader.records(ToolMotions)]) + 0.12
+    draft = np.array([-r.tools[0].force_x_newton for r in reader.records(ToolWrenches) if r.tick >= 0])
+    tip = np.array([r.tools[0].x_m for r in reader.records(ToolMotions) if r.tick >= 0]) + 0.12
     first = int(np.argmax(tip >= 0.2))  # report.window_inside_m
     predicted = None
     for tick in range(CHECK_TICKS - 2, len(draft), CHECK_TICKS):

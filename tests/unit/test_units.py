@@ -148,6 +148,7 @@ MESSAGES = {
         **KINDS["coupling"], "mechanism_work": "joule", "soil_work": "joule", "wall_time": "s",
     },
     "ToolMotion": {"angle": "rad"},
+    "LostParticle": {"x": "m", "y": "m", "z": "m"},
     "ToolWrench": {"work": "joule"},
 }  # fmt: skip
 """Numbers of messages with the unit in the name: quantity and unit."""

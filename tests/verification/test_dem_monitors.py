@@ -145,7 +145,7 @@ def test_a_particle_that_leaves_is_counted_and_named(soil, caplog, velocity):
     (lost,) = engine.lost_particles
     assert engine.state("", 399, 0).lost_particle_count == 1
     assert lost.identity == 1
-    assert np.dot(np.array(lost.position_m) - (0.06, 0.0, -0.05), velocity) > 0.0
+    assert np.dot(np.array([lost.x_m, lost.y_m, lost.z_m]) - (0.06, 0.0, -0.05), velocity) > 0.0
     assert 0 < lost.tick < 400
     assert lost.tick % 10 == 9
     assert [record.message.count("particle 1 at") for record in caplog.records] == [1]
@@ -201,7 +201,7 @@ def test_a_stopped_run_leaves_a_readable_bag_and_exit_status_3(soil, tmp_path, c
     assert "max_velocity_reversal" in summary["run"]["failure"]
     assert summary["scene"]["allow"] == ["unstable_time_step"]
     assert not summary["run"]["complete"]
-    assert [state.tick for state in BagReader(out / "bag").records(SoilState)] == [19, 39, 59, 79, 99]
+    assert [state.tick for state in BagReader(out / "bag").records(SoilState)] == [-1, 19, 39, 59, 79, 99]
 
 
 def test_lost_particles_are_in_the_summary(soil, tmp_path, capsys):
@@ -220,4 +220,11 @@ def test_lost_particles_are_in_the_summary(soil, tmp_path, capsys):
     summary = json.loads((out / "summary.json").read_text())
     assert summary["particles"]["lost_count"] > 0
     assert 0.0 < summary["particles"]["first_lost_s"] <= 0.05
-    assert "particles left the domain" in capsys.readouterr().out
+    said, named = capsys.readouterr().out, summary["particles"]["first_lost"]
+    assert "particles left the domain" in said
+    assert len(named) == min(3, summary["particles"]["lost_count"])
+    for lost in named:
+        place = ", ".join(f"{x:.3f}" for x in lost["position_m"])
+        assert f"particle {lost['identity']} at ({place}) m" in said
+        assert lost["position_m"][2] < 0.0
+        assert 0.0 < lost["time_s"] <= 0.05

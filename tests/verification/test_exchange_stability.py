@@ -186,7 +186,7 @@ class Forces(list):
     """Takes the records of a run, keeps the forces."""
 
     def write(self, record) -> None:
-        if isinstance(record, ToolWrenches):
+        if isinstance(record, ToolWrenches) and record.tick >= 0:
             self.append(record.tools[0].force_z_newton)
 
 

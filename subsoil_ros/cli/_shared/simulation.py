@@ -23,6 +23,7 @@ from ...loading.loader import ResolvedScene, load_scene
 from ...ros.process.plan import RunPlan, checked_namespace
 from ...ros.process.supervisor import Supervisor, node_program, start_node
 from ...ros.transport.domain import run_domain
+from ...ros.transport.shared_memory import avoid_full_memory
 from .bed_preparation import bed_progress
 from .live import live_port, say_where
 from .preparation import KernelAnnouncer, announce_kernels_of_nodes, say, say_opened
@@ -123,6 +124,13 @@ def _say_where_nodes_are(plan: RunPlan, domain: int, namespace: str) -> None:
         )
 
 
+def _avoid_full_memory(process_count: int) -> None:
+    """Says so if messages cannot go through shared memory."""
+    words = avoid_full_memory(process_count)
+    if words:
+        say(words)
+
+
 def _run_composed(
     opened: OpenedRun,
     plan: RunPlan,
@@ -134,6 +142,7 @@ def _run_composed(
     with run_domain() as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        _avoid_full_memory(1)
         from ...ros.process.composed import run_composed, scene_builds  # the other modes need no ROS here
         from ...ros.process.heartbeat import NodeRun
 
@@ -156,6 +165,7 @@ def _run_nodes(
     progress = announce_kernels_of_nodes(progress)
     logs.mkdir()
     with run_domain() as domain:
+        _avoid_full_memory(len(plan.nodes()))
         _say_where_nodes_are(plan, domain, namespace)
         processes = [
             start_node(

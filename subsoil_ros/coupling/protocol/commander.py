@@ -1,7 +1,7 @@
 """The controller's side: from states at series ticks to one command per control tick."""
 
 from ...messages import Command, Grant, MechanismState
-from ...ticks import is_control_tick
+from ...ticks import INITIAL_TICK, is_control_tick
 from .streams import Stream
 
 
@@ -12,7 +12,7 @@ class Commander:
         series_ticks: a state comes every so many ticks, and at the last tick.
         control_ticks: a multiple of it: the command of tick k answers the state at the end of tick k - 1.
         first_tick: later than 0 where the run goes on from another. If a command is due there, the state
-            before it comes first.
+            before it comes first. That of INITIAL_TICK calls for nothing.
     """
 
     def __init__(
@@ -34,8 +34,9 @@ class Commander:
         Raises:
             ProtocolError: it is of another run, or not of the expected tick.
         """
-        if state.tick == self._last_tick and state.tick != self._states.next_tick:
-            self._states.refuse_foreign(state.run_id, state.tick)  # beside the series: the run is over
+        beside = state.tick in (INITIAL_TICK, self._last_tick)  # before the run, or at its end
+        if beside and state.tick != self._states.next_tick:
+            self._states.refuse_foreign(state.run_id, state.tick)
             return None
         self._states.accept(state.run_id, state.tick)
         tick = state.tick + 1

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ...errors import ProtocolError, RunError
+from ...errors import InputError, ProtocolError, RunError
 from ...messages import (
     Command,
     DriverCommand,
@@ -101,7 +101,7 @@ class Coupler:
         """Takes the status of a participant.
 
         Raises:
-            RunError: the participant reports a fault.
+            RunError, InputError: the participant reports a fault.
             ProtocolError: it is of another run, or does not fit (handshake), or there are two of its name.
         """
         if node_status.node not in self._names:
@@ -113,7 +113,8 @@ class Coupler:
                 f"node_status: two nodes '{node_status.node}', processes {known} and {node_status.process_id}"
             )
         if node_status.state is NodeState.FAULT:
-            raise RunError(f"{node_status.node}: {node_status.message}")
+            bad_input = node_status.exit_status == InputError.exit_status
+            raise (InputError if bad_input else RunError)(f"{node_status.node}: {node_status.message}")
         check_node_status(self._own, node_status, self._needed.get(node_status.node, {}))
         if node_status.state is not NodeState.READY or node_status.node not in self._waiting:
             return

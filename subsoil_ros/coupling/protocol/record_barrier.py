@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 from ...errors import ProtocolError
+from ...ticks import INITIAL_TICK
 from .checking import is_end
 from .names import ACK_EVERY_TICKS
 
@@ -23,6 +24,7 @@ class RecordBarrier(Generic[Payload]):
         check_ticks: the run may end early every so many ticks (ticks.is_early_end); 0: never.
         due_at_end: as `due`, if the run ends with the tick; the same as `due` if not given. The grant is
             among them.
+        initial: names of the messages of INITIAL_TICK, the state before tick 0; none where the run goes on.
     """
 
     def __init__(
@@ -34,9 +36,10 @@ class RecordBarrier(Generic[Payload]):
         *,
         check_ticks: int = 0,
         due_at_end: Callable[[int], tuple[str, ...]] | None = None,
+        initial: tuple[str, ...] = (),
     ) -> None:
         self.last_tick = tick_count - 1
-        self.done_tick = first_tick - 1
+        self.done_tick = INITIAL_TICK - 1 if initial else first_tick - 1
         self._window = grant_window
         self._certain = first_tick - 1  # no abort names an earlier tick
         self.cut_tick = self.last_tick  # the record ends here; earlier after an abort
@@ -44,6 +47,8 @@ class RecordBarrier(Generic[Payload]):
         self._due_before_end = due
         self._due_at_end = due_at_end or due
         self._check_ticks = check_ticks
+        self._initial = initial
+        self._granted = False
         self._kept: dict[int, dict[str, Payload]] = {}
 
     def add(self, name: str, tick: int, payload: Payload) -> None:
@@ -77,6 +82,7 @@ class RecordBarrier(Generic[Payload]):
 
     def note_grant(self, tick: int) -> None:
         """Takes it that `tick` is granted."""
+        self._granted = True
         self.note_finished(tick - self._window)
 
     def note_finished(self, tick: int) -> None:
@@ -84,8 +90,9 @@ class RecordBarrier(Generic[Payload]):
         self._certain = max(tick, self._certain)
 
     def cut(self, tick: int) -> None:
-        """Ends the record with `tick`, the one that an abort names."""
-        self.cut_tick = min(tick, self.cut_tick)
+        """Ends the record with `tick`, the one that an abort names; a run that never began has none."""
+        began = self._granted or tick > INITIAL_TICK
+        self.cut_tick = min(tick if began else self.done_tick, self.cut_tick)
         self.note_finished(tick)
 
     def take_tick(self) -> tuple[int, list[tuple[str, Payload]]] | None:
@@ -125,4 +132,6 @@ class RecordBarrier(Generic[Payload]):
 
     def _due(self, tick: int) -> tuple[str, ...]:
         """What is due at `tick`, as far as it is known whether the run ends with it."""
+        if tick == INITIAL_TICK:
+            return self._initial
         return (self._due_at_end if tick == self.last_tick else self._due_before_end)(tick)

@@ -12,7 +12,7 @@ from ...scene.beds import GridBed, SavedBed, TiledBed
 from ...scene.meshes import load_tool_mesh
 from ...scene.pairs import pair_values
 from ...scene.soil import Soil
-from ..bed import Bed, grid_shape, prepare_grid
+from ..bed import Bed, grid_shape, prepare_grid, refuse_too_many
 from ..periodic import HELD_LAYER, refuse_narrow_period, refuse_tool_at_held_side, refuse_tool_at_seam
 from .bed_file import LARGEST_OVERLAP, read_bed
 from .cache import cached_bed_path, keep, load_cached
@@ -119,7 +119,9 @@ def check_start(resolved: ResolvedScene) -> int:
         refuse_tool_at_held_side(name, mesh.vertices_m, soil)
         ends.append((float(mesh.vertices_m[:, 0].min()), float(mesh.vertices_m[:, 0].max())))
     tools_m = max((high for _, high in ends), default=0.0) - min((low for low, _ in ends), default=0.0)
-    return len(box.positions_m) or expected_dense_count(soil, tools_m)
+    count = len(box.positions_m) or expected_dense_count(soil, tools_m)
+    refuse_too_many(count, soil)
+    return count
 
 
 def expected_dense_count(soil: Soil, tools_m: float = 0.0) -> int:

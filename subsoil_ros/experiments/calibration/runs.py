@@ -16,6 +16,7 @@ from ...errors import RunError
 from ...limits.stable_steps import Timing
 from ...loading.loader import ResolvedScene
 from ...messages import ToolMotions, ToolWrenches
+from ...ticks import INITIAL_TICK
 from ..run_cache import find_run, keep_run
 
 RunProgress = Callable[[str, Timing], AbstractContextManager[Callable[[int], None]]]
@@ -59,6 +60,8 @@ class _Sink:
         self.groups: tuple[str, ...] = ()
 
     def write(self, record: Any) -> None:
+        if record.tick == INITIAL_TICK:
+            return
         if isinstance(record, ToolMotions):
             self.x_m.append(record.tools[0].x_m)
         elif isinstance(record, ToolWrenches):
@@ -97,10 +100,11 @@ def kept_pull(scene: ResolvedScene, folder: Path, name: str, threads: int, progr
         raise kept.error(name)
     tool, keys = next(iter(scene.scene.tools.items()))
     series, prefix = kept.series(), f"tool.{tool}"
+    run = series["time_s"] > 0.0
     return Pull(
-        series[f"{prefix}.x_m"],
-        np.column_stack([series[f"{prefix}.{group}.force_x_newton"] for group in keys.groups]),
-        np.column_stack([series[f"{prefix}.{group}.force_z_newton"] for group in keys.groups]),
+        series[f"{prefix}.x_m"][run],
+        np.column_stack([series[f"{prefix}.{group}.force_x_newton"][run] for group in keys.groups]),
+        np.column_stack([series[f"{prefix}.{group}.force_z_newton"][run] for group in keys.groups]),
         tuple(keys.groups),
     )
 

@@ -13,6 +13,7 @@ from ...dem.engine import build_engine
 from ...limits.stable_steps import Timing
 from ...loading.loader import ResolvedScene
 from ...messages import MechanismState, SoilState, ToolMotions, ToolWrenches
+from ...ticks import INITIAL_TICK
 from .specimen import Specimen
 
 RunProgress = Callable[[str, Timing], AbstractContextManager[Callable[[int], None]]]
@@ -30,8 +31,8 @@ class Series:
     def write(self, record: Any) -> None:
         """Takes one record."""
         self._last[type(record)] = record
-        if not isinstance(record, SoilState):  # the last of a tick that is needed here
-            return
+        if not isinstance(record, SoilState) or record.tick == INITIAL_TICK:
+            return  # a SoilState is the last of a tick that is needed here
         motions = {motion.tool: motion for motion in self._last[ToolMotions].tools}
         wrenches = {wrench.tool: wrench for wrench in self._last[ToolWrenches].tools}
         machine: MechanismState = self._last[MechanismState]

@@ -10,7 +10,7 @@ from rclpy.context import Context
 
 from ...analysis.known_mean import build_stop_rule
 from ...coupling.checkpoints import CouplingState
-from ...coupling.energy_account import InterfaceAccount, account_of
+from ...coupling.energy_account import InterfaceAccount, InterfaceWork, account_of
 from ...coupling.exit_status import KEEP_S, SIGNAL_STATUS, ExitStatus
 from ...coupling.protocol import (
     ACK_LAG_TICKS,
@@ -257,9 +257,15 @@ class CouplerNode(LockstepNode):
         self._wall.start(before.wall_time_s if before is not None else 0.0)
         if self._schedule.check_due(coupler.done_tick):  # the run goes on from a check tick
             self._decide(coupler.done_tick)
+        if resumed is None:
+            self._report(INITIAL_TICK, self._account.work, 0.0)
         self._say_pacing()
         self._wall.stand(self._coupler.standing)
         self._grant()
+
+    def _report(self, tick: int, work: InterfaceWork, wall_time_s: float) -> None:
+        report = work.report(self.run.run_id, tick, self._communication_step_ns, wall_time_s)
+        self._reports.publish(self.bytes_of(report))
 
     def _decide(self, tick: int) -> None:
         """Goes on after a check tick, or ends the run with the next tick."""
@@ -336,8 +342,7 @@ class CouplerNode(LockstepNode):
         self._last_advance = time.monotonic()
         work = self._account.add(finished.motions, finished.wrenches)
         if self._schedule.series_due(tick):
-            report = work.report(self.run.run_id, tick, self._communication_step_ns, self._wall.elapsed_s)
-            self._reports.publish(self.bytes_of(report))
+            self._report(tick, work, self._wall.elapsed_s)
         self._clock_publisher.publish(serialize(clock(tick_end_ns(tick, self._communication_step_ns))))
         self.heartbeat.tick = tick
         self._account.check(tick)

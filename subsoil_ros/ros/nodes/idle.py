@@ -22,6 +22,7 @@ from ...messages import (
     ToolMotion,
     ToolWrench,
 )
+from ...ticks import INITIAL_TICK
 from ..process.heartbeat import Heartbeat, NodeRun
 from ..process.node_process import run_process
 from ..process.parameters import NodeSettings
@@ -67,6 +68,10 @@ class IdleMechanism(_Stateless):
             self._stamps_file.write_bytes(self._stamps_ns.tobytes())
         return self._motions((tick + 1) * _STEP_M)
 
+    def initial_state(self, run_id: str, wrenches: tuple[ToolWrench, ...]) -> MechanismState:
+        """All zero."""
+        return self.state(run_id, INITIAL_TICK, 0)
+
     def state(self, run_id: str, tick: int, end_time_ns: int) -> MechanismState:
         """All zero."""
         bodies = tuple(BodyState(name, *[0.0] * 9) for name in self._bodies)
@@ -98,7 +103,7 @@ class IdleSoil(_Stateless):
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
         """All zero."""
-        return SoilState(run_id, tick, end_time_ns, 0, 0, 0, 0, 0, *[0.0] * 5)
+        return SoilState(run_id, tick, end_time_ns, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
     def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:
         """Nothing to see."""

@@ -226,9 +226,10 @@ class LockstepNode(Node):
         reason = one_line(error)
         say_trace(error)
         self.on_fault(error)
-        self.heartbeat.say(NodeState.FAULT, reason)
+        exit_status = getattr(error, "exit_status", RunError.exit_status)
+        self.heartbeat.say(NodeState.FAULT, reason, exit_status=exit_status)
         self.heartbeat.flush(LAST_WORD_S)
-        self.finish(getattr(error, "exit_status", RunError.exit_status), reason)
+        self.finish(exit_status, reason)
 
     def finish(self, exit_status: int, reason: str = "") -> None:
         """Ends the node."""

@@ -17,6 +17,7 @@ from ...messages import (
     NodeState,
     NodeStatus,
     ToolMotions,
+    ToolWrench,
     ToolWrenches,
 )
 from ...ticks import tick_end_ns
@@ -66,6 +67,7 @@ class MechanismNode(LockstepNode):
         if controllers:
             self.listen(DriverCommand, self._on_command, controllers)
         self._started = not self._with_soil
+        self._initial_wrenches: tuple[ToolWrench, ...] = ()
 
     def on_poll(self) -> None:
         """Says that it is ready once it has what tick 0 needs and everybody listens."""
@@ -88,7 +90,8 @@ class MechanismNode(LockstepNode):
             and node_status.run_id == self.run.run_id
         ):
             if not self._started:
-                self._participant.start(node_status.initial_wrenches)
+                self._initial_wrenches = node_status.initial_wrenches
+                self._participant.start(self._initial_wrenches)
                 self._started = True
         else:
             self.follow_coupler_end(node_status)
@@ -104,7 +107,9 @@ class MechanismNode(LockstepNode):
             return
         if grant.command is Command.END and grant.tick < self._schedule.last_tick:
             self._end_with(grant.tick)
-        if grant.tick == self.run.first_tick and self._schedule.control_due(grant.tick):
+        if grant.tick == 0:
+            self._publish(self._engine.initial_state(self.run.run_id, self._initial_wrenches))
+        elif grant.tick == self.run.first_tick and self._schedule.control_due(grant.tick):
             self._publish_state(grant.tick - 1)  # the run goes on here, and its controller has not seen it
         self._work()
 
@@ -136,7 +141,10 @@ class MechanismNode(LockstepNode):
             self.note_tick(tick, self._participant.finished)
 
     def _publish_state(self, tick: int) -> MechanismState:
-        state = self._engine.state(self.run.run_id, tick, tick_end_ns(tick, self._communication_step_ns))
+        end_ns = tick_end_ns(tick, self._communication_step_ns)
+        return self._publish(self._engine.state(self.run.run_id, tick, end_ns))
+
+    def _publish(self, state: MechanismState) -> MechanismState:
         self._states.publish(self.bytes_of(state))
         self._state = state
         return state

@@ -33,7 +33,7 @@ from ..process.heartbeat import Heartbeat, NodeRun
 from ..process.node_process import run_process
 from ..process.parameters import NodeSettings
 from ..services.diagnostics import Health
-from ..transport.convert import reader
+from ..transport.convert import reader, to_bytes
 from .lockstep_node import LockstepNode
 
 CUT_S = 2.0
@@ -70,6 +70,19 @@ def due_topics(resolved: ResolvedScene, *, at_end: bool = False) -> Callable[[in
         return every + commands_due + states_due + (cloud if of_tick.cloud_due(tick) else ())
 
     return due
+
+
+def initial_topics(resolved: ResolvedScene) -> tuple[str, ...]:
+    """Topics of the state before tick 0, in recording order."""
+    scene = resolved.scene
+    kinds: list[type] = [ToolMotions]
+    if scene.soil is not None:
+        kinds.append(ToolWrenches)
+    if scene.mechanism is not None:
+        kinds.append(MechanismState)
+    if scene.soil is not None:
+        kinds.append(SoilState)
+    return tuple(TOPIC_OF[kind] for kind in (*kinds, CouplingReport))
 
 
 def stamp_ns(cdr: bytes) -> int:
@@ -109,16 +122,18 @@ class RecorderNode(LockstepNode):
             run.first_tick,
             check_ticks=self._schedule.check_ticks,
             due_at_end=due_topics(run.resolved, at_end=True),
+            initial=initial_topics(run.resolved) if run.resumed is None else (),
         )
+        self._motion_source = MECHANISM if scene.mechanism is not None else SOIL
+        self._initial_from = {self._motion_source} | ({SOIL} if scene.soil is not None else set())
         self._abort: Grant | None = None
         self._keep_tick = INITIAL_TICK  # a checkpoint is wanted of it, beside those that are due
         self._cut_deadline = 0.0
         self._acks = self.publisher(TickAck, (COUPLER,))
-        self.listen(NodeStatus, self.follow_coupler_end, ())
+        self.listen(NodeStatus, self._on_node_status, ())
         self._read_grant = reader(Grant, self._communication_step_ns)
-        motion_source = MECHANISM if scene.mechanism is not None else SOIL
         self.listen_raw(Grant, self._on_grant, (COUPLER,))
-        sources: list[tuple[type, str]] = [(ToolMotions, motion_source), (CouplingReport, COUPLER)]
+        sources: list[tuple[type, str]] = [(ToolMotions, self._motion_source), (CouplingReport, COUPLER)]
         if scene.mechanism is not None:
             sources.append((MechanismState, MECHANISM))
         if scene.soil is not None:
@@ -153,6 +168,25 @@ class RecorderNode(LockstepNode):
         except RunError as second:
             self.get_logger().error(f"the bag could not be closed: {second}")
 
+    def _on_node_status(self, node_status: NodeStatus) -> None:
+        """Keeps the first exchange, which nodes say as they are ready: no topic carries it."""
+        self.follow_coupler_end(node_status)
+        name, run_id = node_status.node, self.run.run_id
+        if node_status.state is not NodeState.READY or name not in self._initial_from:
+            return
+        if self.run.resumed is not None or node_status.run_id != run_id:
+            return
+        self._initial_from.discard(name)
+        records: list[ToolMotions | ToolWrenches] = []
+        if name == self._motion_source:
+            records.append(ToolMotions(run_id, INITIAL_TICK, 0, node_status.initial_motions))
+        if name == SOIL:
+            records.append(ToolWrenches(run_id, INITIAL_TICK, 0, node_status.initial_wrenches))
+        for record in records:
+            cdr = to_bytes(record, self._communication_step_ns)
+            self._barrier.add(TOPIC_OF[type(record)], INITIAL_TICK, cdr)
+        self._record()
+
     def _on_grant(self, cdr: bytes) -> None:
         grant = self._read_grant(cdr)
         if grant.command is Command.ABORT:
@@ -185,7 +219,7 @@ class RecorderNode(LockstepNode):
                 f"{TOPIC_OF[kind]}: stamp {end_ns} ns is no whole number of ticks of "
                 f"{self._communication_step_ns} ns"
             )
-        if kind is MechanismState and tick - 1 < self.run.first_tick:
+        if kind is MechanismState and self.run.resumed is not None and tick - 1 < self.run.first_tick:
             return  # of the run that this one goes on from, for the controller
         if kind in _LOCKSTEP:
             self._refuse_foreign(kind, run_id_of(cdr), tick - 1)
@@ -213,6 +247,8 @@ class RecorderNode(LockstepNode):
             if last:
                 self._writer.close()  # the last acknowledgement says that the bag is finished
             self.note_tick(tick, last)
+            if tick == INITIAL_TICK:
+                continue
             if self._schedule.checkpoint_due(tick) or tick == self._keep_tick:
                 self._sync_and_acknowledge()
             else:

@@ -26,7 +26,7 @@ from ...messages import (
 from ...recording.standard import body_frame, pose_stamped, wrench_stamped
 from ...recording.topics import pose_topic, wrench_topic
 from ...recording.types import serialize
-from ...ticks import tick_end_ns
+from ...ticks import INITIAL_TICK, tick_end_ns
 from ..process.heartbeat import Heartbeat, NodeRun
 from ..process.node_process import run_process
 from ..process.parameters import NodeSettings
@@ -37,7 +37,9 @@ from .lockstep_node import LockstepNode
 from .visualization_publisher import VisualizationPublisher
 
 _MONITORS = tuple(
-    item.name for item in fields(SoilState) if item.name not in ("run_id", "tick", "end_time_ns")
+    item.name
+    for item in fields(SoilState)
+    if item.name not in ("run_id", "tick", "end_time_ns", "lost_particles")
 )
 
 
@@ -153,6 +155,8 @@ class SoilNode(LockstepNode):
             return
         if grant.command is Command.END and grant.tick < self._schedule.last_tick:
             self._end_with(grant.tick)
+        if grant.tick == 0:
+            self._publish_state(INITIAL_TICK)
         self._work()
 
     def _on_motions(self, motions: ToolMotions) -> None:
@@ -173,8 +177,7 @@ class SoilNode(LockstepNode):
                 self._keep(tick)  # before the answer: who has it knows that the part is there
             self._wrenches.publish(self.bytes_of(ToolWrenches(self.run.run_id, tick, end_ns, wrenches)))
             if self._schedule.series_due(tick):
-                self._state = self._engine.state(self.run.run_id, tick, end_ns)
-                self._states.publish(self.bytes_of(self._state))
+                self._publish_state(tick)
                 self._publish_for_people(motions, wrenches, end_ns)
             if self._clouds is not None and self._schedule.cloud_due(tick):
                 cloud = recorded_cloud(self._engine.cloud(tick, end_ns), self.run.resolved.scene.record)
@@ -184,6 +187,11 @@ class SoilNode(LockstepNode):
                 for part, engine in self._parts():
                     self._checkpoint_writer.note_end(tick, part, engine)
             self.note_tick(tick, self._participant.finished)
+
+    def _publish_state(self, tick: int) -> None:
+        end_ns = tick_end_ns(tick, self._communication_step_ns)
+        self._state = self._engine.state(self.run.run_id, tick, end_ns)
+        self._states.publish(self.bytes_of(self._state))
 
     def _parts(self) -> list[tuple[str, Resumable]]:
         """What a checkpoint has from this node."""

@@ -136,6 +136,7 @@ class Heartbeat:
         message: str = "",
         motions: tuple[ToolMotion, ...] = (),
         wrenches: tuple[ToolWrench, ...] = (),
+        exit_status: int = 0,
     ) -> None:
         """Changes what the heartbeat says, and says it at once."""
         self._node_status = replace(
@@ -144,6 +145,7 @@ class Heartbeat:
             message=message,
             initial_motions=motions,
             initial_wrenches=wrenches,
+            exit_status=exit_status,
         )
         self._publish()
 

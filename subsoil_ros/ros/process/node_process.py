@@ -23,12 +23,17 @@ from ...kernel_cache import CompilationListener
 from ...loading.loader import load_scene
 from ...messages import NodeState
 from ..nodes.lockstep_node import LAST_WORD_S, OWN_TIME, LockstepNode, log_end, one_line, say
+from ..transport.shared_memory import avoid_full_memory
 from .heartbeat import LATE_S, Heartbeat, NodeRun
 from .node_thread import Service
 from .parameters import NodeSettings, ParameterKey, help_text, read_settings
 
 GRACE_S = 2.0
 """Time for a node that computes to come back and end in order; then the process ends itself."""
+
+
+MOST_NODES = 5
+"""Of a run, each a process: it is not known here how many there are."""
 
 
 def watched_by(name: str, run: NodeRun) -> tuple[str, ...]:
@@ -63,6 +68,12 @@ def run_process(
             advice = "give --ros-args -p NAME:=VALUE; --help lists the names"
             say(f"{name}: argument '{words[0]}': not known; {advice}")
             return InputError.exit_status
+        try:
+            notice = avoid_full_memory(MOST_NODES)
+        except InputError as error:
+            notice = str(error)
+        if notice:
+            say(f"{name}: {notice}")
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
         node = Node(f"{name}_process", parameter_overrides=OWN_TIME)
     except RuntimeError as error:  # rcl's are such; security asked for, say, and not to be had

@@ -34,7 +34,7 @@ class Service(threading.Thread):
             say_trace(error)
             self.status = ExitStatus(getattr(error, "exit_status", RunError.exit_status), one_line(error))
             log_end(self._heartbeat.node.get_logger(), self.status)
-            self._heartbeat.say(NodeState.FAULT, self.status.reason)
+            self._heartbeat.say(NodeState.FAULT, self.status.reason, exit_status=self.status.code)
             self._heartbeat.flush(LAST_WORD_S)
             self.ended.set()
             return

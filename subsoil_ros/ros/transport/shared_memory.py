@@ -1,4 +1,4 @@
-"""Shared memory that killed nodes left behind.
+"""Shared memory: what killed nodes left in it, and whether there is room for those to come.
 
 Fast DDS gives every participant segments and ports in /dev/shm (about 0.5 MB), and lock files that are
 held locked as long as somebody uses them. What a killed participant leaves stays (as of Fast DDS 2.14;
@@ -6,17 +6,68 @@ its own `fastdds shm clean` works by the same rule).
 """
 
 import fcntl
+import mmap
+import os
 import re
+import shutil
 import time
 from contextlib import suppress
 from pathlib import Path
+
+from ...errors import InputError
 
 FOLDER = Path("/dev/shm")
 
 SETTLED_S = 2.0
 """Files younger than this may belong to somebody who is about to lock them."""
 
+PROCESS_BYTES = 2**20
+"""Of shared memory for one process (measured: 0.65 MB, its segment and its ports)."""
+
+LOADED_BYTES = 2 * mmap.PAGESIZE
+"""The tracing library of ROS (LTTng) maps two pages as a process loads rclpy, without reserving memory: where
+there is none left, the process is killed by SIGBUS (`python -m dev.soak --shm-kib 4`)."""
+
+TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
+_CHOSEN_BY = (TRANSPORTS, "FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+"""Variables by which a user chooses how messages travel."""
+
 _NAME = re.compile(r"(fastrtps_(?:[0-9a-f]{16}|port\d+))(?:_[es]l)?")
+
+
+def free_bytes() -> int:
+    """Room in shared memory; 0 where there is none at all."""
+    return shutil.disk_usage(FOLDER).free if FOLDER.is_dir() else 0
+
+
+def avoid_full_memory(process_count: int) -> str:
+    """Have this process, and those that it starts, use UDP if shared memory has no room for so many.
+
+    Nothing is changed where the user has chosen how messages travel.
+
+    Returns:
+        What is to be said of it, in one line; empty if there is room.
+
+    Raises:
+        InputError: there is not even room to load ROS.
+    """
+    needed = process_count * PROCESS_BYTES
+    if free_bytes() >= needed:
+        return ""
+    sweep_shared_memory()
+    free = free_bytes()
+    if free < LOADED_BYTES:
+        raise InputError(
+            f"{FOLDER} is full: {free} bytes are free, loading ROS takes {LOADED_BYTES}, and a node would "
+            "be killed; make room there, or give --mode direct"
+        )
+    if free >= needed or any(os.environ.get(name) for name in _CHOSEN_BY):
+        return ""
+    os.environ[TRANSPORTS] = "UDPv4"
+    return (
+        f"{FOLDER} has {free / 2**20:.1f} MiB free, shared memory for {process_count} processes takes "
+        f"{needed / 2**20:.0f} MiB: messages go by UDP, which takes 10 to 30 % longer; make room to avoid it"
+    )
 
 
 def sweep_shared_memory() -> int:

@@ -1,0 +1,58 @@
+"""Shipped scenes with random changes: each can be run, or is refused with one message."""
+
+import re
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+
+from dev.fuzz_scenes import passes, scene_texts
+from subsoil_ros import check
+from subsoil_ros.errors import SceneError
+
+CASES = 500
+
+
+def test_a_changed_scene_passes_or_is_refused(tmp_path: Path) -> None:
+    """The same cases in every run; `python -m dev.fuzz_scenes` draws 10,000. Both ends are met often."""
+    found: Counter[bool] = Counter()
+
+    @settings(
+        max_examples=CASES,
+        derandomize=True,
+        database=None,
+        deadline=None,
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(scene_texts())
+    def case(text: str) -> None:
+        found[passes(text, tmp_path)] += 1
+
+    case()
+    assert min(found.values()) > CASES // 20
+    assert found.total() >= CASES
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"duration_s": 1e300}, "duration_s: given 1e+300, needed is a number at most 2.14748e+09"),
+        (
+            {"gravity_m_per_s2": 1e-300},
+            "gravity_m_per_s2: given 1e-300, needed is 0 or a magnitude from 1e-30",
+        ),
+        ({"soil.particles.density_kg_per_m3": 1e200}, "density_kg_per_m3: given 1e+200, needed is 0 or a"),
+        ({"soil.law.particle.damping_newton_s_per_m": 1e29}, "is below the clock's resolution of 1 ns"),
+        ({"coupling.communication_step_ns": 10**15}, "would take more than 1,000,000 soil steps of"),
+        ({"coupling.communication_step_ns": 10**40}, "communication_step_ns: given 1000000"),
+        ({"soil.bin.length_m": 1e4}, "particles of radius 0.01 m, allowed are 100,000,000"),
+        ({"soil.bed.kind": {"kind": 1}}, "soil.bed.kind: given a mapping of keys, allowed are grid"),
+    ],
+    ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
+)
+def test_numbers_out_of_reach_are_refused(changes: dict[str, Any], words: str) -> None:
+    """What no run could be computed with, or no machine could hold, is refused where it stands."""
+    with pytest.raises(SceneError, match=re.escape(words)):
+        check("tine", changes)

@@ -16,6 +16,7 @@ from ..tables import DISSIPATED, Model
 from . import coordinate_spring, joint_stops, point_load, spring_damper, torsion_spring, wheel_contact
 from .elastic import has_modes, push_at, spring_mode
 from .joint_friction import friction_push, is_friction
+from .spring_damper import BEFORE
 from .table import (
     COORDINATE_SPRING,
     LOCKED_SPRING,
@@ -36,7 +37,7 @@ class Held(NamedTuple):
 
 
 @inner_kernel
-def _measure(force, q, turns, v):
+def _measure(force, mode, q, turns, v):
     """Length, angle or translation, its rate, and the direction of a force along it with its two arms.
 
     Answers (value, rate, ux, uz, ax, az, bx, bz); for an angle the direction is zero.
@@ -44,7 +45,7 @@ def _measure(force, q, turns, v):
     if force.kind == TORSION_SPRING or force.kind == ROTATION_FRICTION or force.kind == LOCKED_TORSION:
         return torsion_spring.measure(force, q, v)
     if force.kind == SPRING_DAMPER or force.kind == LOCKED_SPRING:
-        return spring_damper.measure(force, q, turns, v)
+        return spring_damper.measure(force, mode, q, turns, v)
     return joint_stops.measure_translation(force, q, turns, v)
 
 
@@ -52,14 +53,15 @@ def _measure(force, q, turns, v):
 def _add_between(model, held, i, q, turns, v, total, powers):
     """A spring, stop or friction between two bodies."""
     force = model.forces[i]
-    value, rate, ux, uz, ax, az, bx, bz = _measure(force, q, turns, v)
+    mode = held.modes[i]
+    value, rate, ux, uz, ax, az, bx, bz = _measure(force, mode, q, turns, v)
     if is_friction(force):
         push = friction_push(model, force, held.multipliers, rate)
         elastic = 0.0
     else:
-        push, elastic, _ = push_at(model, force, held.modes[i], value, rate)
+        push, elastic, _ = push_at(model, force, mode % BEFORE, value, rate)
     a, b = 3 * force.body_a, 3 * force.body_b
-    if ux == 0.0 and uz == 0.0:
+    if force.kind == TORSION_SPRING or force.kind == ROTATION_FRICTION:
         total[b + 2] += push
         total[a + 2] -= push
     else:
@@ -102,9 +104,12 @@ def evaluate_modes(model, time, select, q, turns, v, modes):
             modes[i] = wheel_contact.mode_at(force, q, v)
         elif force.kind == COORDINATE_SPRING:
             modes[i] = coordinate_spring.mode_at(model, force, time, select, q, v)
-        elif force.kind < LOCKED_SPRING and force.kind != POINT_LOAD and has_modes(force):
-            value, rate, _, _, _, _, _, _ = _measure(force, q, turns, v)
-            modes[i] = spring_mode(model, force, force.length - value, -rate, value, rate)
+        elif force.kind < LOCKED_SPRING and force.kind != POINT_LOAD:
+            if has_modes(force):
+                value, rate, _, _, _, _, _, _ = _measure(force, 0, q, turns, v)
+                modes[i] = spring_mode(model, force, force.length - value, -rate, value, rate)
+            if force.kind == SPRING_DAMPER:
+                modes[i] += spring_damper.passing(model, force, q, turns, v)
 
 
 @kernel
@@ -123,11 +128,11 @@ def report_forces(model, held, time, select, q, turns, v, report):
         elif force.kind == WHEEL_CONTACT:
             value, rate, push, stored = wheel_contact.report(force, mode, q, v)
         elif force.kind != POINT_LOAD:
-            value, rate, _, _, _, _, _, _ = _measure(force, q, turns, v)
+            value, rate, _, _, _, _, _, _ = _measure(force, mode, q, turns, v)
             if is_friction(force):
                 push = friction_push(model, force, held.multipliers, rate)
             elif force.kind < LOCKED_SPRING:
-                push, _, stored = push_at(model, force, mode, value, rate)
+                push, _, stored = push_at(model, force, mode % BEFORE, value, rate)
         report[i, 0], report[i, 1], report[i, 2] = value, rate, push
         total += stored
     return total

@@ -1,9 +1,9 @@
 """The equations of motion as a whole, M q'' + Phi_q^T lambda = F and Phi_q q'' = gamma (paper eq. 6, 8).
 
 For machines with many freedoms: eliminating the dependent coordinates leaves a full matrix of the freedoms,
-whose cost grows with their cube, while this one is a narrow band (sparsity.py). For all others next to singular
-poses (singular_poses.py). Coordinates are scaled by the
-roots of their masses and rows to length one, so that light and heavy bodies weigh the same in the pivoting.
+whose cost grows with their cube, while this one is a narrow band (sparsity.py). For all others next to
+singular poses (singular_poses.py). Coordinates are scaled by the roots of their masses and rows to length
+one, so that light and heavy bodies weigh the same in the pivoting.
 """
 
 import math

@@ -27,8 +27,8 @@ SMALLEST_PIVOT = 1e-7
 
 
 NEAR = 3e-2
-"""Pivots below this part of the best ones seen: near to a singular position (chosen: round-off over its square
-is 1e-13)."""
+"""Pivots below this part of the best ones seen: near to a singular position (chosen: round-off over the
+square of it is 1e-13)."""
 
 
 @inner_kernel

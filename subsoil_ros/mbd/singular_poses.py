@@ -16,12 +16,12 @@ from .joints.constraints import evaluate_jacobian, evaluate_residual, evaluate_s
 from .kkt import factor_whole
 from .linear import lu_solve, pivot_ratio
 from .partition import NEAR, factor_dependent
-from .tables import NEAR_COUNT, NOT_CLOSED, OK, SINGULAR
+from .tables import NEAR_COUNT, NOT_CLOSED, SINGULAR
 
-YIELDING = 1e-8
+YIELDING = 1e-7
 """Square of the singular value (rows of length one, coordinates by the roots of their masses) below which
-the constraints do not hold a direction (chosen: errors of the joints grow by half its inverse root, 5,000, and
-a machine that misses a singular pose by 1e-3 is still led by its joints to 1e-9)."""
+the constraints do not hold a direction (chosen: errors of the joints grow by its inverse root, 3,000, and
+a machine that misses a singular pose by 1e-3 is still led by its joints, to 1e-4 of a step)."""
 
 CLOSING_COUNT = 4
 """Corrections of position, and of velocity: what is held by s is held to (YIELDING / s^2)^4."""

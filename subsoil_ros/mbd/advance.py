@@ -10,7 +10,7 @@ from .compiled import inner_kernel, kernel
 from .dynamics import complete
 from .energy_balance import keep_balance
 from .events import differs, locate_switch
-from .forces.evaluation import evaluate_modes, report_forces
+from .forces.evaluation import evaluate_modes, move_anchors, report_forces
 from .geometry import evaluate_turns
 from .integrators.adams_moulton import guess_multistep, multistep_power
 from .integrators.generalized_alpha import keep_auxiliary, step_generalized_alpha
@@ -176,6 +176,7 @@ def _change_modes(model, state, work, time, select):
     """The modes in `work` become the state's; what a one-way spring stored as it let go is dissipated."""
     evaluate_turns(state.q, work.turns)
     before = report_forces(model, state, time, select, state.q, work.turns, state.v, work.report)
+    move_anchors(model, state, state.q, work.turns, state.v, work.modes, False)
     copy(state.modes, work.modes)
     after = report_forces(model, state, time, select, state.q, work.turns, state.v, work.report)
     state.work[DISSIPATED] += before - after
@@ -245,7 +246,7 @@ def _take_part(model, state, work, start, span, select, locating, judged):
         if not excess <= 1.0:
             copy(state.multipliers, work.kept)
             return INACCURATE, span, iterations, False, excess
-    evaluate_modes(model, start + span, select, work.q, work.turns, work.v, work.modes)
+    evaluate_modes(model, state, start + span, select, work.q, work.turns, work.v, work.modes)
     switched = differs(work.modes, state.modes)
     if switched and locating:
         part = locate_switch(model, state, work, start, span, select)
@@ -308,7 +309,7 @@ def _take_step(model, state, work, start, end, fresh):
         elif _breakpoint_at(model, time):
             _restart(state)
             evaluate_turns(state.q, work.turns)
-            evaluate_modes(model, time, select, state.q, work.turns, state.v, work.modes)
+            evaluate_modes(model, state, time, select, state.q, work.turns, state.v, work.modes)
             _change_modes(model, state, work, time, select)
         if fresh or (state.counters[PAST_COUNT] == 0 and not inside):
             status = _refresh(model, state, work, time, select)
@@ -354,7 +355,9 @@ def advance_tick(model, state, work, start, steps):
     """
     if state.counters[PARTITION_COUNT] == 0:
         evaluate_turns(state.q, work.turns)
-        evaluate_modes(model, start, start + 0.5 * model.step, state.q, work.turns, state.v, state.modes)
+        move_anchors(model, state, state.q, work.turns, state.v, state.modes, True)
+        select = start + 0.5 * model.step
+        evaluate_modes(model, state, start, select, state.q, work.turns, state.v, state.modes)
         status = choose_partition(model, state, work, state.q)
         if status == SINGULAR:
             return status

@@ -93,6 +93,7 @@ class State(NamedTuple):
         np.ndarray
     )  # (3,) float64: of Phi_u when chosen (0: not measured yet); best pivots of Phi_q, Phi_u
     modes: np.ndarray  # (forces,) int64: of the forces, see forces/evaluation.py
+    anchors: np.ndarray  # (forces,) float64 [m or rad]: of those that stick, see forces/sticking.py
     counters: np.ndarray  # (6,) int64
 
 
@@ -159,6 +160,7 @@ def make_state(coordinates: int, rows: int, rank: int, forces: int, order: int) 
         band=np.zeros(2, dtype=np.int64),
         condition=np.zeros(3),
         modes=np.zeros(forces, dtype=np.int64),
+        anchors=np.zeros(forces),
         counters=np.zeros(6, dtype=np.int64),
     )
 

@@ -16,7 +16,6 @@ from .builder import Builder
 from .elastic import fill_elastic, fill_stops
 from .table import LOCKED_SPRING, SPRING_DAMPER
 
-
 BEFORE, BEYOND = 2**40, 2**41
 """Added to the mode of a spring that is about to pass through its anchor, or just has."""
 

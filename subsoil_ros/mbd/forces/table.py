@@ -36,6 +36,8 @@ FORCE = np.dtype(
         ("ground", np.float64),  # wheel: height of the ground [m]
         ("friction", np.float64),
         ("slip_speed", np.float64),  # [m/s] or [rad/s]
+        ("stick_stiffness", np.float64),  # [N/m] or [N m/rad], 0: regularised
+        ("stick_damping", np.float64),  # [N s/m] or [N m s/rad]
     ],
     align=True,
 )

@@ -1,5 +1,6 @@
 """The balance of energy of a machine, closed from its series.csv alone."""
 
+import json
 from pathlib import Path
 
 import pandas as pd
@@ -9,6 +10,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import cumulative_trapezoid
 
 import subsoil_ros as subsoil
+from subsoil_ros.analysis.summary import summary_facts
 
 DAMPING, LOAD, TURNING = 3.0, 40.0, 2.0
 
@@ -77,3 +79,15 @@ def test_its_terms_are_powers_over_time(series: pd.DataFrame) -> None:
         integral = cumulative_trapezoid(power, time, initial=0.0)
         # trapezoids of 500 us: (w h)^2 / 12 of the work, w below 30 rad/s
         assert_allclose(recorded - recorded.iloc[0], integral, atol=5e-5 * abs(recorded).max())
+
+
+def test_a_run_says_how_many_parts_its_steps_took(tmp_path: Path) -> None:
+    """The same at a step of 0.1 s: its number of parts is in series.csv and in the lines of its report."""
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(yaml.safe_dump(SCENE | {"coupling": {"communication_step_ns": 100_000_000}}))
+    subsoil.run(scene, tmp_path / "out")
+    series = pd.read_csv(tmp_path / "out" / "series.csv")
+    count = int(series["mechanism.part_count"].iloc[-1])
+    assert count > 20
+    lines = summary_facts(json.loads((tmp_path / "out" / "summary.json").read_text()))
+    assert any(f"; {count} parts of steps, for mechanism.tolerance" in line for line in lines)

@@ -10,7 +10,7 @@ from .compiled import inner_kernel, kernel
 from .dynamics import complete
 from .energy_balance import keep_balance
 from .events import differs, locate_switch
-from .forces.evaluation import evaluate_forces, evaluate_modes, report_forces
+from .forces.evaluation import evaluate_forces, evaluate_modes, move_anchors, report_forces
 from .geometry import evaluate_turns
 from .integrators.adams_moulton import guess_multistep, multistep_power
 from .integrators.generalized_alpha import keep_auxiliary, step_generalized_alpha
@@ -18,7 +18,7 @@ from .integrators.runge_kutta import guess_runge_kutta
 from .joints.constraints import evaluate_residual
 from .linear import copy
 from .partition import choose_partition, condition_estimate
-from .singular_poses import can_skip, is_doubtful, is_near, skip_ahead
+from .singular_poses import MOST_NEAR, complete_near, count_near, is_near
 from .step_error import MOST_HALVINGS, SPARE, halvings_for, keep_guess, step_error
 from .tables import (
     ADAMS_MOULTON,
@@ -30,6 +30,7 @@ from .tables import (
     EVENT_COUNT,
     GENERALIZED_ALPHA,
     INACCURATE,
+    NEAR_COUNT,
     NOT_CLOSED,
     OK,
     PART_COUNT,
@@ -38,7 +39,6 @@ from .tables import (
     RESTART_COUNT,
     RUNGE_KUTTA_4,
     SINGULAR,
-    SKIPPED_COUNT,
     UNBALANCED,
 )
 
@@ -91,7 +91,10 @@ def _refresh(model, state, work, time, select):
     """The acceleration at the state itself, evaluated again; answers the status."""
     copy(work.q, state.q)
     copy(work.v, state.v)
-    status, _ = complete(model, state, work, time, select, False)
+    if state.counters[NEAR_COUNT] > 0:
+        status = complete_near(model, state, work, time, select, False)
+    else:
+        status, _ = complete(model, state, work, time, select, False)
     if status == OK:
         _take_start(model, state, work, time, select)
     return status
@@ -107,10 +110,11 @@ def _method(model, state, whole):
 
 
 @inner_kernel
-def _try(model, state, work, start, span, select, method, strict):
+def _try(model, state, work, start, span, select, method, near, strict):
     """One step from the state, its end into `work`: (status, most position iterations of a stage).
 
-    `strict`: a stage next to a singular pose ends it with DOUBTFUL.
+    `near`: as next to a singular pose (singular_poses.py). `strict`: a stage that comes next to one ends the
+    step with DOUBTFUL.
     """
     if method == GENERALIZED_ALPHA:
         return step_generalized_alpha(model, state, work, start, span, select)
@@ -119,7 +123,6 @@ def _try(model, state, work, start, span, select, method, strict):
         copy(work.a, state.a)
         copy(work.powers, state.powers)
     most = 0
-    left = state.counters[SKIPPED_COUNT] > 0  # the partition may be that of the pose being left
     for stage in range(1, 3 if method == ADAMS_MOULTON else 5):
         time = start + span
         if stage == (2 if method == ADAMS_MOULTON else 4):
@@ -129,12 +132,11 @@ def _try(model, state, work, start, span, select, method, strict):
         else:
             time = start + (0.5 * span if stage < 3 else span)
             guess_runge_kutta(state, work, span, stage)
-        if left and stage == 1:
-            status = choose_partition(model, state, work, work.q)
-            if status != OK:
-                return status, 0
-        status, iterations = complete(model, state, work, time, select, True)
-        if status == OK and strict and is_doubtful(state, work):
+        if near:
+            status, iterations = complete_near(model, state, work, time, select, True), 0
+        else:
+            status, iterations = complete(model, state, work, time, select, True)
+        if status == OK and strict and is_near(state, work):
             status = DOUBTFUL
         if status != OK:
             return status, iterations
@@ -188,6 +190,7 @@ def _change_modes(model, state, work, time, select):
     """The modes in `work` become the state's; what a one-way spring stored as it let go is dissipated."""
     evaluate_turns(state.q, work.turns)
     before = report_forces(model, state, time, select, state.q, work.turns, state.v, work.report)
+    move_anchors(model, state, state.q, work.turns, state.v, work.modes, False)
     copy(state.modes, work.modes)
     after = report_forces(model, state, time, select, state.q, work.turns, state.v, work.report)
     state.work[DISSIPATED] += before - after
@@ -212,23 +215,29 @@ def _breakpoint_at(model, time):
 
 
 @inner_kernel
-def _try_again(model, state, work, start, span, select, method, whole, status):
-    """After a step that came near a singular pose: (status, position iterations, whether it was skipped).
+def _reach(model, state, work, start, span, select, method):
+    """One step as _try takes it, wherever it leads: (status, position iterations, whether next to a singular
+    pose).
 
-    With another partition if that helps; else past the pose without looking at it (singular_poses.py).
+    Where it comes near one by its partition, another helps; where the pose itself is near, its joints are
+    not asked for more than they hold.
     """
-    if not can_skip(model, state, whole):
-        if status != DOUBTFUL or state.counters[SKIPPED_COUNT] > 0:
-            return SINGULAR if status == DOUBTFUL else status, 0, False
-        status, iterations = _try(model, state, work, start, span, select, method, False)
+    if method == GENERALIZED_ALPHA:
+        status, iterations = _try(model, state, work, start, span, select, method, False, False)
         return status, iterations, False
-    guess_multistep(model, state, work, span, 1)
-    if choose_partition(model, state, work, work.q) == OK:
-        again, iterations = _try(model, state, work, start, span, select, method, False)
-        if again == OK or status != DOUBTFUL:
-            return again, iterations, False
-    skip_ahead(model, state, work, span)
-    return OK, 0, True
+    if state.counters[NEAR_COUNT] == 0:
+        status, iterations = _try(model, state, work, start, span, select, method, False, True)
+        if status not in (DOUBTFUL, SINGULAR, NOT_CLOSED):
+            return status, iterations, False
+        if choose_partition(model, state, work, state.q) == OK:
+            again, iterations = _try(model, state, work, start, span, select, method, False, True)
+            if again == OK:
+                return again, iterations, False
+    elif state.counters[NEAR_COUNT] > MOST_NEAR:
+        return SINGULAR, 0, True
+    copy(state.multipliers, work.kept)
+    status, _ = _try(model, state, work, start, span, select, method, True, False)
+    return status, 0, True
 
 
 @inner_kernel
@@ -241,24 +250,17 @@ def _take_part(model, state, work, start, span, select, locating, judged):
     whole = span > (1.0 - BREAKPOINT_MARGIN) * model.step
     method = _method(model, state, whole)
     copy(work.kept, state.multipliers)
-    status, iterations = _try(model, state, work, start, span, select, method, True)
-    skipped = False
-    if status in (DOUBTFUL, SINGULAR, NOT_CLOSED):
-        status, iterations, skipped = _try_again(
-            model, state, work, start, span, select, method, whole, status
-        )
+    status, iterations, near = _reach(model, state, work, start, span, select, method)
     if status != OK:
         return status, span, iterations, False, 0.0
+    near_count = count_near(model, state, work) if near else 0
     excess = 0.0
-    if judged and not is_near(state, work):
+    if judged and near_count < 2:
         excess = step_error(model, state, work, span, method) / model.tolerance
         if not excess <= 1.0:
             copy(state.multipliers, work.kept)
             return INACCURATE, span, iterations, False, excess
-    state.counters[SKIPPED_COUNT] = state.counters[SKIPPED_COUNT] + 1 if skipped else 0
-    if skipped:
-        method = ADAMS_MOULTON
-    evaluate_modes(model, start + span, select, work.q, work.turns, work.v, work.modes)
+    evaluate_modes(model, state, start + span, select, work.q, work.turns, work.v, work.modes)
     switched = differs(work.modes, state.modes)
     if switched and locating:
         part = locate_switch(model, state, work, start, span, select)
@@ -268,11 +270,13 @@ def _take_part(model, state, work, start, span, select, locating, judged):
             span *= part
             method = _method(model, state, False)
             whole = False
-            status, more = _try(model, state, work, start, span, select, method, False)
+            status, more = _try(model, state, work, start, span, select, method, near, False)
             iterations = max(iterations, more)
             if status != OK:
                 return status, span, iterations, False, 0.0
+            near_count = count_near(model, state, work) if near else 0
     if span > 0.0:
+        state.counters[NEAR_COUNT] = near_count
         _book(model, state, work, span, method)
         _accept(state, work, method)
         if not whole and method != GENERALIZED_ALPHA:
@@ -287,7 +291,7 @@ def _take_part(model, state, work, start, span, select, locating, judged):
 @inner_kernel
 def _supervise(model, state, work, time, select, iterations):
     """After a part of a step: watch the constraints left out, choose the partition anew if due."""
-    if state.counters[SKIPPED_COUNT] > 0:
+    if state.counters[NEAR_COUNT] > 0:
         return OK
     if state.rows.shape[0] < work.residual.shape[0]:
         evaluate_turns(state.q, work.turns)
@@ -319,9 +323,9 @@ def _take_step(model, state, work, start, end, fresh):
         elif _breakpoint_at(model, time):
             _restart(state)
             evaluate_turns(state.q, work.turns)
-            evaluate_modes(model, time, select, state.q, work.turns, state.v, work.modes)
+            evaluate_modes(model, state, time, select, state.q, work.turns, state.v, work.modes)
             _change_modes(model, state, work, time, select)
-        if (fresh and state.counters[SKIPPED_COUNT] == 0) or (state.counters[PAST_COUNT] == 0 and not inside):
+        if fresh or (state.counters[PAST_COUNT] == 0 and not inside):
             status = _refresh(model, state, work, time, select)
             if status != OK:
                 return status
@@ -365,7 +369,9 @@ def advance_tick(model, state, work, start, steps):
     """
     if state.counters[PARTITION_COUNT] == 0:
         evaluate_turns(state.q, work.turns)
-        evaluate_modes(model, start, start + 0.5 * model.step, state.q, work.turns, state.v, state.modes)
+        move_anchors(model, state, state.q, work.turns, state.v, state.modes, True)
+        select = start + 0.5 * model.step
+        evaluate_modes(model, state, start, select, state.q, work.turns, state.v, state.modes)
         status = choose_partition(model, state, work, state.q)
         if status == SINGULAR:
             return status

@@ -15,6 +15,7 @@ from .partition import close_positions, close_velocities, factor_dependent
 from .tables import (
     BY_DRIVERS,
     JAMMED,
+    MANY_FREEDOMS,
     NOT_FINITE,
     OK,
     SINGULAR,
@@ -26,6 +27,9 @@ LAST_FRICTION = 60
 
 FRICTION_SETTLED = 1e-12
 """... until the reactions change by no more than this part of the largest of them."""
+
+YIELDING_TURNS = 3
+"""Where constraints yield, the multipliers are improved so often."""
 
 LARGEST = 1e300
 """An acceleration above this counts as not finite."""
@@ -108,25 +112,30 @@ def _pressure_settled(model, state, work):
 
 
 @inner_kernel
-def _accelerate(model, state, work, time, select):
-    """Accelerations and powers of the state in `work`; factor and Jacobian must be current."""
+def accelerate(model, state, work, time, select, yielding):
+    """Accelerations and powers of the state in `work`; factor and Jacobian must be current.
+
+    `yielding` as for factor_whole: above 0, its factor is used, and the multipliers are found by iteration.
+    """
     evaluate_gamma(model, time, select, work.q, work.turns, work.v, work.gamma)
-    whole = work.whole.shape[0] > 0
-    if not (factor_whole(model, state, work) if whole else _eliminate(model, state, work)):
+    whole = yielding > 0.0 or state.independent.shape[0] > MANY_FREEDOMS
+    if yielding == 0.0 and not (
+        factor_whole(model, state, work, 0.0) if whole else _eliminate(model, state, work)
+    ):
         return SINGULAR
     settled = False
-    for _ in range(LAST_FRICTION):
+    for turn in range(LAST_FRICTION):
         if model.pressed:
             copy(work.previous, state.multipliers)
         evaluate_forces(model, state, time, select, work.q, work.turns, work.v, work.force, work.powers)
         for i in range(state.wrench.shape[0]):
             work.force[i] += state.wrench[i]
         if whole:
-            solve_whole(model, state, work, work.a)
+            solve_whole(model, state, work, work.a, yielding)
         else:
             _solve_reduced(model, state, work, work.a)
         settled = not model.pressed or _pressure_settled(model, state, work)
-        if settled:
+        if settled and (yielding == 0.0 or turn >= YIELDING_TURNS):
             break
     if not settled:
         return JAMMED
@@ -157,4 +166,4 @@ def complete(model, state, work, time, select, closing):
         evaluate_turns(work.q, work.turns)
         if not factor_dependent(model, state, work, work.q):
             return SINGULAR, iterations
-    return _accelerate(model, state, work, time, select), iterations
+    return accelerate(model, state, work, time, select, 0.0), iterations

@@ -12,7 +12,6 @@ from .tables import (
     GENERALIZED_ALPHA,
     LARGEST,
     RESIDUAL,
-    SKIPPED_COUNT,
 )
 
 LARGEST_RESIDUAL = 1e-2
@@ -27,8 +26,7 @@ SLOWEST = 1e-3
 def keep_balance(model, state, work, time, select):
     """Brings State.balance up to the time [s]; whether it closes. At the start it takes the energy there.
 
-    generalized_alpha damps fast modes, so there energy may vanish. Next to a singular pose, where steps are
-    extrapolated (singular_poses.py), nothing is judged.
+    generalized_alpha damps fast modes, so there energy may vanish.
     """
     evaluate_turns(state.q, work.turns)
     stored = report_forces(model, state, time, select, state.q, work.turns, state.v, work.report)
@@ -48,4 +46,4 @@ def keep_balance(model, state, work, time, select):
     state.balance[RESIDUAL] = energy - state.balance[AT_START]
     residual, bound = state.balance[RESIDUAL], LARGEST_RESIDUAL * state.balance[LARGEST]
     lost = residual < 0.0 and model.integrator == GENERALIZED_ALPHA
-    return lost or state.counters[SKIPPED_COUNT] > 0 or abs(residual) <= bound
+    return lost or abs(residual) <= bound

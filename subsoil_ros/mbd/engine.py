@@ -12,6 +12,7 @@ from ..messages import DriverCommand, MechanismState, ToolMotion, ToolWrench
 from ..scene.model import Scene
 from ..ticks import INITIAL_TICK, tick_end_s
 from .advance import advance_tick
+from .advice import USUAL_TOLERANCE, copied, in_parts, passes
 from .assembly import Start, assemble, weakest_joints
 from .diagnostics import mechanism_state
 from .driving import Ramp, next_ramp, refuse_jumps, write_ramp
@@ -23,6 +24,7 @@ from .stability import refuse_unstable_step
 from .step_error import MOST_HALVINGS
 from .tables import (
     CONTRADICTION,
+    GENERALIZED_ALPHA,
     INACCURATE,
     JAMMED,
     LARGEST,
@@ -43,6 +45,9 @@ from .topology import Topology
 if TYPE_CHECKING:
     from ..limits.stable_steps import Timing
 
+
+FINER = 16
+"""Steps so many times finer are tried where Newton's method fails (chosen)."""
 
 NEARLY_SINGULAR = 0.1
 """Pivots of the joints below this part of the best ones seen are named as a cause (chosen)."""
@@ -88,6 +93,7 @@ class MechanismEngine:
         order = model.weights.shape[1]
         self._state = make_state(coordinates, rows, start.rank, forces, order)
         self._work = make_workspace(coordinates, rows, start.rank, forces)
+        self._before = self._state  # at the start of a tick of generalized_alpha, see _what_solves
         state, work = self._state, self._work
         state.q[:], state.v[:] = start.q, start.v
         status = advance_tick(model, state, work, 0.0, 0)
@@ -128,6 +134,8 @@ class MechanismEngine:
             )
         self._hold(tick, wrenches)
         start = tick_end_s(tick - 1, self._interval_ns)
+        if self._machine.model.integrator == GENERALIZED_ALPHA:
+            self._before = copied(self._state)
         status = advance_tick(self._machine.model, self._state, self._work, start, self._steps)
         if status != OK:
             raise self._fault(int(status), start)
@@ -262,14 +270,27 @@ class MechanismEngine:
         if status == NOT_SOLVED:
             return PhysicsError(
                 f"{where}: generalized_alpha: Newton's method does not converge at a step of "
-                f"{model.step:.3g} s. Raise coupling.mechanism_steps, or use another mechanism.integrator."
+                f"{model.step:.3g} s.{self._what_solves(time)}"
             )
         if status in (INACCURATE, UNBALANCED):
             return self._inexact(status, time, joints)
         return PhysicsError(
-            f"{where}: an acceleration is not finite or above 1e300; a spring of zero length, or a step too "
-            "large for a stiff force: raise coupling.mechanism_steps."
+            f"{where}: an acceleration is not finite or above 1e300: a spring of zero length, or a force "
+            "that grows without end. Correct the forces of the machine."
         )
+
+    def _what_solves(self, time: float) -> str:
+        """What gets generalized_alpha, or the machine, over the tick that failed; empty if nothing does."""
+        model = self._machine.model
+        finer = model._replace(step=model.step / FINER)
+        if passes(finer, self._before, time, FINER * self._steps):
+            return f" With {FINER} times as many coupling.mechanism_steps it passes this instant."
+        if passes(in_parts(model), self._before, time, self._steps):
+            return (
+                " With mechanism.integrator: adams_moulton and a mechanism.tolerance of "
+                f"{USUAL_TOLERANCE:g} it passes this instant."
+            )
+        return ""
 
     def _inexact(self, status: int, time: float, joints: str) -> RunError:
         """The error for steps that do not follow the motion; near a singular pose that is the cause."""
@@ -293,12 +314,10 @@ class MechanismEngine:
                 "linkage), where they do not determine the motion. Keep the machine away from it: limit the "
                 "drivers, or change the geometry."
             )
+        if model.integrator == GENERALIZED_ALPHA:
+            return PhysicsError(f"{what}. The steps do not follow the motion.{self._what_solves(time)}")
         if math.isinf(model.tolerance):
             return PhysicsError(
-                f"{what}. The steps do not follow the motion: give a mechanism.tolerance, with adams_moulton "
-                "or runge_kutta_4, or raise coupling.mechanism_steps."
+                f"{what}. The steps, fixed by mechanism.tolerance: null, do not follow the motion."
             )
-        return PhysicsError(
-            f"{what}. A force is too stiff or too sudden to be followed: soften it, or change "
-            "mechanism.tolerance."
-        )
+        return PhysicsError(f"{what}. A force is too stiff or too sudden to be followed: soften it.")

@@ -121,6 +121,7 @@ def _at_rest(model: Model) -> Model:
     forces["damping"] = 0.0
     forces["stop_damping"] = 0.0
     forces["friction"] = 0.0
+    forces["stick_stiffness"] = 0.0
     return model._replace(forces=forces)
 
 

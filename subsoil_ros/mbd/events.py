@@ -50,7 +50,7 @@ def locate_switch(model, state, work, start, span, select):
         _interpolate(state, work, span, part)
         evaluate_turns(work.trial_q, work.turns)
         time = start + part * span
-        evaluate_modes(model, time, select, work.trial_q, work.turns, work.trial_v, work.modes)
+        evaluate_modes(model, state, time, select, work.trial_q, work.turns, work.trial_v, work.modes)
         if differs(work.modes, state.modes):
             after = part
         else:
@@ -58,5 +58,5 @@ def locate_switch(model, state, work, start, span, select):
     _interpolate(state, work, span, after)
     evaluate_turns(work.trial_q, work.turns)
     time = start + after * span
-    evaluate_modes(model, time, select, work.trial_q, work.turns, work.trial_v, work.modes)
+    evaluate_modes(model, state, time, select, work.trial_q, work.turns, work.trial_v, work.modes)
     return after

@@ -1,8 +1,9 @@
 """The equations of motion as a whole, M q'' + Phi_q^T lambda = F and Phi_q q'' = gamma (paper eq. 6, 8).
 
 For machines with many freedoms: eliminating the dependent coordinates leaves a full matrix of the freedoms,
-whose cost grows with their cube, while this one is a narrow band (sparsity.py). Coordinates are scaled by the
-roots of their masses and rows to length one, so that light and heavy bodies weigh the same in the pivoting.
+whose cost grows with their cube, while this one is a narrow band (sparsity.py). For all others next to
+singular poses (singular_poses.py). Coordinates are scaled by the roots of their masses and rows to length
+one, so that light and heavy bodies weigh the same in the pivoting.
 """
 
 import math
@@ -12,8 +13,11 @@ from .linear import lu_factor, lu_solve
 
 
 @inner_kernel
-def factor_whole(model, state, work):
-    """LU of the whole matrix from the Jacobian in `work`; False if singular. Rows left out get lambda = 0."""
+def factor_whole(model, state, work, yielding):
+    """LU of the whole matrix from the Jacobian in `work`; False if singular. Rows left out get lambda = 0.
+
+    `yielding` stands, negative, on the diagonal of the rows: 0, or YIELDING of singular_poses.py.
+    """
     shape, matrix = model.sparsity, work.whole
     size, band, coordinates = matrix.shape[0], model.sparsity.band, model.mass.shape[0]
     for j in range(size):
@@ -32,6 +36,8 @@ def factor_whole(model, state, work):
             total += (work.jacobian[row, c] / model.sqrt_mass[c]) ** 2
         length = math.sqrt(total)
         work.row_length[row] = length
+        if yielding > 0.0:
+            matrix[at, at] = -yielding
         for entry in range(shape.first[row], shape.first[row + 1]):
             c = shape.columns[entry]
             value = work.jacobian[row, c] / (model.sqrt_mass[c] * length)
@@ -41,14 +47,19 @@ def factor_whole(model, state, work):
 
 
 @inner_kernel
-def solve_whole(model, state, work, a):
-    """From `force`, `gamma`: accelerations [m/s^2, rad/s^2] into `a`, multipliers [N, N m] to the state."""
+def solve_whole(model, state, work, a, yielding):
+    """From `force`, `gamma`: accelerations [m/s^2, rad/s^2] into `a`, multipliers [N, N m] to the state.
+
+    With `yielding`, the multipliers found before are those that the constraints yield from.
+    """
     shape, right, coordinates = model.sparsity, work.whole_right, model.mass.shape[0]
     for c in range(coordinates):
         right[shape.place[c]] = model.column_scale[c] * work.force[c] / model.sqrt_mass[c]
     for row in range(work.row_length.shape[0]):
-        used = state.row_place[row] >= 0
-        right[shape.place[coordinates + row]] = work.gamma[row] / work.row_length[row] if used else 0.0
+        at, used = shape.place[coordinates + row], state.row_place[row] >= 0
+        right[at] = work.gamma[row] / work.row_length[row] if used else 0.0
+        if used and yielding > 0.0:
+            right[at] -= yielding * state.multipliers[row] / model.row_scale[row] * work.row_length[row]
     lu_solve(work.whole, work.whole_pivots, shape.band, shape.band, right)
     for c in range(coordinates):
         a[c] = model.column_scale[c] * right[shape.place[c]] / model.sqrt_mass[c]

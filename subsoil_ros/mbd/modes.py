@@ -71,7 +71,9 @@ def linearise(machine: Machine, q: np.ndarray, *, engaged: bool = False) -> Line
     free = right[rank:].T  # orthonormal in coordinates weighted by the roots of the masses
     held = held_at(model, 0.0, 0.0, q, still)
     scaled = np.linalg.lstsq(jacobian.T, _forces(machine, held, q, still), rcond=RANK_TOLERANCE)[0]
-    held = Held(_engaged(machine, held) if engaged else held.modes, model.row_scale * scaled)
+    held = held._replace(multipliers=model.row_scale * scaled)
+    if engaged:
+        held = held._replace(modes=_engaged(machine, held))
 
     def unbalanced(at: np.ndarray) -> np.ndarray:
         pull: np.ndarray = closure.jacobian(at).T @ scaled - _forces(machine, held, at, still)

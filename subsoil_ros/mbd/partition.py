@@ -26,9 +26,9 @@ SMALLEST_PIVOT = 1e-7
 """A full-pivot elimination whose last pivot is this part of its first: a singular position."""
 
 
-NEAR = 1e-3
-"""Pivots below this part of the best ones seen: too near to a singular position to trust (chosen: round-off
-over its square is 1e-10, and a step of the usual sizes leaves the place)."""
+NEAR = 3e-2
+"""Pivots below this part of the best ones seen: near to a singular position (chosen: round-off over the
+square of it is 1e-13)."""
 
 
 @inner_kernel
@@ -120,7 +120,8 @@ def choose_partition(model, state, work, q):
     ratio = abs(last / first)
     state.condition[1] = max(state.condition[1], ratio)
     state.condition[2] = max(state.condition[2], pivot_ratio(work.factor))
-    return DOUBTFUL if ratio < NEAR * state.condition[1] else OK
+    near = ratio < NEAR * state.condition[1] or pivot_ratio(work.factor) < NEAR * state.condition[2]
+    return DOUBTFUL if near else OK
 
 
 @inner_kernel

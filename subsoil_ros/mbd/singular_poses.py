@@ -1,56 +1,115 @@
 """Crossing a singular pose (a dead centre, a flat parallelogram), where the joints say too little.
 
-With s the smallest pivot of the constraints, velocities there are wrong by round-off / s^2: a step that
-happens to end next to such a pose can leave it on another branch of the motion, with any energy. The
-accelerations of earlier steps know better, they are smooth through the pose. So the step is taken by the
-predictor alone and the acceleration at its end extrapolated from the history, both of the method's order,
-until the pose is left.
+With s the smallest pivot of the constraints, what dependent coordinates follow from independent ones is wrong
+there by round-off / s, velocities by round-off / s^2: a step that ends next to such a pose can leave it on
+another branch of the motion, with any energy. So near it no coordinate depends on another: positions and
+velocities are brought onto the constraints by the change of least inertia, which is at right angles to the
+motion that the constraints allow, so that errors of the joints touch the energy only by their square. And the
+constraints yield: a direction that they hold by less than the root of YIELDING is left to the integration.
+Source: the augmented Lagrangian of Bayo, Garcia de Jalon and Serna 1988, a step of which this is.
 """
 
 from .compiled import inner_kernel
-from .integrators.adams_moulton import EXTRAPOLATE, guess_multistep
-from .linear import copy, pivot_ratio
-from .partition import NEAR
-from .tables import GENERALIZED_ALPHA, PAST_COUNT, SKIPPED_COUNT
+from .dynamics import accelerate
+from .geometry import evaluate_turns
+from .joints.constraints import evaluate_jacobian, evaluate_residual, evaluate_speed
+from .kkt import factor_whole
+from .linear import lu_solve, pivot_ratio
+from .partition import NEAR, factor_dependent
+from .tables import NEAR_COUNT, NOT_CLOSED, SINGULAR
 
-NOT_JUDGED = 30.0
-"""Up to so many times the pivots of a pose that is skipped, a step's error is not judged (chosen)."""
+YIELDING = 1e-7
+"""Square of the singular value (rows of length one, coordinates by the roots of their masses) below which
+the constraints do not hold a direction (chosen: errors of the joints grow by its inverse root, 3,000, and
+a machine that misses a singular pose by 1e-3 is still led by its joints, to 1e-4 of a step)."""
 
-MOST_SKIPPED = 100
+CLOSING_COUNT = 4
+"""Corrections of position, and of velocity: what is held by s is held to (YIELDING / s^2)^4."""
+
+OPEN = 1e-8
+"""Constraints may be open next to a singular pose by this part of the machine's size (chosen)."""
+
+NOT_JUDGED = 1.0 / 30.0
+"""Below this part of NEAR, where the errors of the joints are above those of a step, no step is judged."""
+
+MOST_NEAR = 1000
 """A machine that has not left the pose after so many steps stays in it (chosen)."""
 
 
 @inner_kernel
-def is_doubtful(state, work):
-    """Whether Phi_u, as factored in `work`, has become nearly singular."""
+def is_near(state, work):
+    """Whether Phi_u, as factored in `work`, is nearly singular."""
     return pivot_ratio(work.factor) < NEAR * state.condition[2]
 
 
 @inner_kernel
-def is_near(state, work):
-    """Whether Phi_u is so near to singular that a step errs by its joints, not by its length."""
-    return pivot_ratio(work.factor) < NOT_JUDGED * NEAR * state.condition[2]
+def count_near(model, state, work):
+    """Counts the steps in a row that ended next to a singular pose; the end of this one is in `work`.
+
+    0: the next step needs no care; above 1: steps whose error is not judged.
+    """
+    evaluate_turns(work.q, work.turns)
+    held = factor_dependent(model, state, work, work.q)
+    ratio = pivot_ratio(work.factor) if held else 0.0
+    if ratio >= NEAR * state.condition[2]:
+        return 0
+    return 1 if ratio >= NOT_JUDGED * NEAR * state.condition[2] else state.counters[NEAR_COUNT] + 1
 
 
 @inner_kernel
-def can_skip(model, state, whole):
-    """Whether there is enough history, of equal steps, to extrapolate from."""
-    full = state.counters[PAST_COUNT] == state.past_a.shape[0] and model.integrator != GENERALIZED_ALPHA
-    return whole and full and state.counters[SKIPPED_COUNT] < MOST_SKIPPED
+def _least_change(model, state, work, change):
+    """The change of coordinates of least inertia whose constraints change by `gamma`, into `change`."""
+    shape, right, coordinates = model.sparsity, work.whole_right, model.mass.shape[0]
+    for c in range(coordinates):
+        right[shape.place[c]] = 0.0
+    for row in range(work.row_length.shape[0]):
+        used = state.row_place[row] >= 0
+        right[shape.place[coordinates + row]] = work.gamma[row] / work.row_length[row] if used else 0.0
+    lu_solve(work.whole, work.whole_pivots, shape.band, shape.band, right)
+    for c in range(coordinates):
+        change[c] = model.column_scale[c] * right[shape.place[c]] / model.sqrt_mass[c]
 
 
 @inner_kernel
-def skip_ahead(model, state, work, step):
-    """The end of the step into `work`, from the history alone; reactions stay those of the step before."""
-    guess_multistep(model, state, work, step, 1)
-    for i in range(state.wrench.shape[0]):
-        total = model.weights[EXTRAPOLATE, 0] * state.a[i]
-        for k in range(1, model.weights.shape[1]):
-            total += model.weights[EXTRAPOLATE, k] * state.past_a[k - 1, i]
-        work.a[i] = total
-    for i in range(state.powers.shape[0]):
-        total = model.weights[EXTRAPOLATE, 0] * state.powers[i]
-        for k in range(1, model.weights.shape[1]):
-            total += model.weights[EXTRAPOLATE, k] * state.past_powers[k - 1, i]
-        work.powers[i] = total
-    copy(state.multipliers, work.kept)
+def _prepare(model, state, work, time, select):
+    """Residual, Jacobian and factors at the pose in `work`: (whether regular, largest residual [m])."""
+    evaluate_turns(work.q, work.turns)
+    evaluate_residual(model, time, select, work.q, work.turns, work.residual)
+    evaluate_jacobian(model, work.q, work.turns, work.jacobian)
+    largest = 0.0
+    for row in range(work.residual.shape[0]):
+        if state.row_place[row] >= 0:
+            largest = max(largest, abs(work.residual[row]))
+    return factor_whole(model, state, work, YIELDING), largest
+
+
+@inner_kernel
+def complete_near(model, state, work, time, select, closing):
+    """Close positions and velocities of the guess in `work` (if `closing`), then accelerate; the status."""
+    regular, gap = _prepare(model, state, work, time, select)
+    if closing:
+        for _ in range(CLOSING_COUNT):
+            for row in range(work.gamma.shape[0]):
+                work.gamma[row] = -work.residual[row]
+            _least_change(model, state, work, work.a)
+            for c in range(model.mass.shape[0]):
+                work.q[c] += work.a[c]
+            regular, gap = _prepare(model, state, work, time, select)
+            if not regular:
+                return SINGULAR
+        if not gap <= OPEN * model.size:
+            return NOT_CLOSED
+        evaluate_speed(model, time, select, work.residual)
+        for _ in range(CLOSING_COUNT):
+            for row in range(work.gamma.shape[0]):
+                total = work.residual[row]
+                for entry in range(model.sparsity.first[row], model.sparsity.first[row + 1]):
+                    c = model.sparsity.columns[entry]
+                    total -= work.jacobian[row, c] * work.v[c] / model.column_scale[c]
+                work.gamma[row] = total
+            _least_change(model, state, work, work.a)
+            for c in range(model.mass.shape[0]):
+                work.v[c] += work.a[c]
+    if not regular:
+        return SINGULAR
+    return accelerate(model, state, work, time, select, YIELDING)

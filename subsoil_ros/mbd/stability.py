@@ -9,14 +9,18 @@ import math
 import numpy as np
 
 from ..errors import SceneError
+from .advice import USUAL_TOLERANCE, in_parts, passes
 from .assembly import Start
 from .integrators.adams_moulton import CORRECT_Q, CORRECT_V, PREDICT_Q, PREDICT_V
 from .modes import Mode, linearise, modes_of
-from .tables import ADAMS_MOULTON, GENERALIZED_ALPHA, Model
+from .tables import ADAMS_MOULTON, GENERALIZED_ALPHA, Model, make_state
 
 LARGEST_GROWTH = 1.0 + 5e-8
 """A mode that decays or keeps its size may not grow by more than this in one step: 1 % of its energy in 1e5
 steps (chosen). Where the radius reaches 1.01, an undamped spring has a million times its energy by then."""
+
+TRIED_STEPS = 10
+"""So many steps of the machine are tried before they are advised (chosen)."""
 
 RESOLVED = 0.125
 """A mode that turns by less in a step, fifty steps a period, is not judged (chosen): what growth is left,
@@ -101,6 +105,18 @@ def refuse_unstable_step(start: Start, interval_s: float) -> None:
     raise SceneError(
         f"coupling.mechanism_steps: the step of {model.step:.3g} s is above the stability bound of "
         f"{bound:.3g} s of {name}{order} for {what} ({worst.words}), every one-sided force acting. Use at "
-        f"least {math.ceil(interval_s / bound)} steps in an interval of {interval_s:.3g} s, or give a "
-        "mechanism.tolerance, by which steps are taken in parts."
+        f"least {math.ceil(interval_s / bound)} steps in an interval of {interval_s:.3g} s"
+        f"{_or_in_parts(start)}."
     )
+
+
+def _or_in_parts(start: Start) -> str:
+    """The other way, if the first steps go by it."""
+    model = start.machine.model
+    state = make_state(
+        len(model.mass), len(model.row_scale), start.rank, len(model.forces), model.weights.shape[1]
+    )
+    state.q[:], state.v[:] = start.q, start.v
+    if not passes(in_parts(model), state, 0.0, TRIED_STEPS):
+        return ""
+    return f", or a mechanism.tolerance of {USUAL_TOLERANCE:g}, by which steps are taken in parts"

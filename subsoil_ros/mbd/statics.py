@@ -11,7 +11,7 @@ from ..scene.mechanism import Mechanism
 from .assembly import MovedBodiesWarning, RedundantConstraintsWarning, Start, assemble
 from .diagnostics import locked_forces, reactions_at
 from .equilibrium import settle
-from .forces.evaluation import Held, evaluate_forces, held_at, report_forces
+from .forces.evaluation import evaluate_forces, held_at, report_forces
 from .forces.table import POINT_LOAD
 from .geometry import turns_of
 from .modes import Mode, linearise, modes_of
@@ -72,7 +72,7 @@ def _rest(start: Start) -> Rest:
     )[0]
     multipliers = model.row_scale * scaled
     report = np.zeros((len(model.forces), 3))
-    held = Held(held_at(model, 0.0, 0.0, q, still).modes, multipliers)
+    held = held_at(model, 0.0, 0.0, q, still)._replace(multipliers=multipliers)
     report_forces(model, held, 0.0, 0.0, q, turns, still, report)
     locked_forces(model, multipliers, report)
     bodies = tuple(

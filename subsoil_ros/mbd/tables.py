@@ -17,7 +17,7 @@ BY_DRIVERS, DISSIPATED, BY_LOADS, BY_WRENCHES = 0, 1, 2, 3
 
 # Entries of State.counters.
 PAST_COUNT, PARTITION_COUNT, RESTART_COUNT, EVENT_COUNT = 0, 1, 2, 3
-SKIPPED_COUNT = 4  # steps in a row that were extrapolated past a singular pose (singular_poses.py)
+NEAR_COUNT = 4  # steps in a row that ended next to a singular pose, see singular_poses.py
 PART_COUNT = 5  # parts of steps that the error of a whole step asked for (step_error.py)
 
 # Entries of State.balance.
@@ -59,7 +59,7 @@ class Model(NamedTuple):
     column_scale: np.ndarray  # (n,) float64: 1, or 1 / `size` for an angle
     sqrt_mass: np.ndarray  # (n,) float64: roots of the masses of the scaled coordinates [kg^0.5]
     sparsity: Sparsity
-    weights: np.ndarray  # (5, order) float64: multistep weights, see adams_moulton.py
+    weights: np.ndarray  # (4, order) float64: multistep weights, see adams_moulton.py
     gravity: float  # [m/s^2], along -z
     size: float  # of the machine [m]
     step: float  # [s]
@@ -93,6 +93,7 @@ class State(NamedTuple):
         np.ndarray
     )  # (3,) float64: of Phi_u when chosen (0: not measured yet); best pivots of Phi_q, Phi_u
     modes: np.ndarray  # (forces,) int64: of the forces, see forces/evaluation.py
+    anchors: np.ndarray  # (forces,) float64 [m or rad]: of those that stick, see forces/sticking.py
     counters: np.ndarray  # (6,) int64
 
 
@@ -107,7 +108,7 @@ class Workspace(NamedTuple):
     factor: np.ndarray  # (r, r) float64, LU of the scaled Phi_u, see linear.lu_factor
     pivots: np.ndarray  # (r,) int64
     dependence: np.ndarray  # (n - r, r) float64, columns of B = -Phi_u^-1 Phi_v, scaled
-    whole: np.ndarray  # (n + m, n + m) float64, or (0, 0) with few freedoms: see kkt.py
+    whole: np.ndarray  # (n + m, n + m) float64: see kkt.py
     whole_pivots: np.ndarray  # (n + m,) int64
     whole_right: np.ndarray  # (n + m,) float64
     row_length: np.ndarray  # (m,) float64
@@ -159,6 +160,7 @@ def make_state(coordinates: int, rows: int, rank: int, forces: int, order: int) 
         band=np.zeros(2, dtype=np.int64),
         condition=np.zeros(3),
         modes=np.zeros(forces, dtype=np.int64),
+        anchors=np.zeros(forces),
         counters=np.zeros(6, dtype=np.int64),
     )
 
@@ -166,7 +168,7 @@ def make_state(coordinates: int, rows: int, rank: int, forces: int, order: int) 
 def make_workspace(coordinates: int, rows: int, rank: int, forces: int) -> Workspace:
     """Memory for a machine of n = `coordinates`, m = `rows`, r = `rank`."""
     freedom = coordinates - rank
-    whole = coordinates + rows if freedom > MANY_FREEDOMS else 0
+    reduced = freedom if freedom <= MANY_FREEDOMS else 0
     return Workspace(
         turns=np.zeros((coordinates // 3 + 1, 2)),
         residual=np.zeros(rows),
@@ -175,14 +177,14 @@ def make_workspace(coordinates: int, rows: int, rank: int, forces: int) -> Works
         force=np.zeros(coordinates + 3),
         factor=np.zeros((rank, rank)),
         pivots=np.zeros(rank, dtype=np.int64),
-        dependence=np.zeros((freedom, rank) if whole == 0 else (0, 0)),
-        whole=np.zeros((whole, whole)),
-        whole_pivots=np.zeros(whole, dtype=np.int64),
-        whole_right=np.zeros(whole),
+        dependence=np.zeros((reduced, rank)),
+        whole=np.zeros((coordinates + rows, coordinates + rows)),
+        whole_pivots=np.zeros(coordinates + rows, dtype=np.int64),
+        whole_right=np.zeros(coordinates + rows),
         row_length=np.zeros(rows),
         right=np.zeros(rank),
         other=np.zeros(rank),
-        reduced=np.zeros((freedom, freedom) if whole == 0 else (0, 0)),
+        reduced=np.zeros((reduced, reduced)),
         reduced_pivots=np.zeros(freedom, dtype=np.int64),
         reduced_force=np.zeros(freedom),
         q=np.zeros(coordinates + 3),

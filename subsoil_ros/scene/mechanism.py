@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from ..strict_model import Finite, NonNegative, Point, Positive, StrictModel
+from .friction import RotationFriction, TranslationFriction, check_stick
 from .time_functions import Law
 
 GROUND = "ground"
@@ -59,33 +60,6 @@ def _check_ends(unit: str, lower: float | None, upper: float | None) -> None:
         raise ValueError(f"give lower_{unit}, upper_{unit} or both")
     if lower is not None and upper is not None and upper <= lower:
         raise ValueError(f"upper_{unit} {upper} must be larger than lower_{unit} {lower}")
-
-
-class RotationFriction(StrictModel):
-    """Moment (preload + coefficient * radius * force in the pin) * tanh(turning speed / slip speed)."""
-
-    preload_newton_m: NonNegative = 0.0
-    coefficient: NonNegative = 0.0
-    radius_m: NonNegative = Field(0.0, description="of the pin.")
-    slip_speed_rad_per_s: Positive = Field(
-        0.01, description="chosen: friction reaches 76 % of its limit at this speed."
-    )
-
-    @model_validator(mode="after")
-    def _whole(self) -> "RotationFriction":
-        if (self.coefficient > 0.0) != (self.radius_m > 0.0):
-            raise ValueError("coefficient and radius_m are needed together")
-        return self
-
-
-class TranslationFriction(StrictModel):
-    """Force (preload + coefficient * force across the line) * tanh(sliding speed / slip speed)."""
-
-    preload_newton: NonNegative = 0.0
-    coefficient: NonNegative = 0.0
-    slip_speed_m_per_s: Positive = Field(
-        0.01, description="chosen: friction reaches 76 % of its limit at this speed."
-    )
 
 
 class Revolute(StrictModel):
@@ -305,7 +279,7 @@ class PointLoad(StrictModel):
 
 
 class WheelContact(StrictModel):
-    """A wheel on level ground: unilateral spring-damper and regularised Coulomb friction."""
+    """A wheel on level ground: unilateral spring-damper and Coulomb friction, regularised or sticking."""
 
     kind: Literal["wheel_contact"]
     body: str
@@ -317,6 +291,15 @@ class WheelContact(StrictModel):
     slip_speed_m_per_s: Positive = Field(
         0.02, description="chosen: friction reaches 76 % of its limit at this slip."
     )
+    stick_stiffness_newton_per_m: Positive | None = Field(
+        None, description="of the rim along the ground: see joints."
+    )
+    stick_damping_newton_s_per_m: NonNegative = 0.0
+
+    @model_validator(mode="after")
+    def _sticks(self) -> "WheelContact":
+        check_stick(self, "newton_per_m", "newton_s_per_m")
+        return self
 
 
 Force = Annotated[

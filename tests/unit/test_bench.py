@@ -15,5 +15,6 @@ def test_bench_prints_one_json_object(capsys: pytest.CaptureFixture[str]) -> Non
     assert bench.run(parser.parse_args(["mechanism", "--json", "--largest", "2"])) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["machine_us_per_step"] > 0.0
+    assert result["machine_fixed_us_per_step"] > 0.0
     assert [entry["bodies"] for entry in result["chain"]] == [1, 2]
     assert (result["exudyn_us_per_step"] is None) == (result["times_faster_than_exudyn"] is None)

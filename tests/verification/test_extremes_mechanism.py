@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from validation import mechanism
+from validation import mechanism, nasty_machines
 from validation.cases import Case
 
-CASES = [case for case in mechanism.CASES if not case.long]
+CASES = [case for case in (*mechanism.CASES, *nasty_machines.CASES) if not case.long]
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.key} {case.title}")

@@ -1,5 +1,6 @@
 """Published benchmarks and independent integrations: double pendulum, N-four-bar."""
 
+import itertools
 import math
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from subsoil_ros.errors import PhysicsError
+from validation.four_bars import DURATION_NS, HIGH_PRECISION_JOULE, windows
 
 
 def _pin(body_a, body_b, point):
@@ -68,21 +70,6 @@ def test_double_pendulum_follows_minimal_coordinates(mechanism_engine, integrato
 # --- N-four-bar (IFToMM Library of Computational Benchmark Problems, A02) -----------------------------
 
 
-def _windows(count, integrator="adams_moulton"):
-    """`count` windows of rods of 1 m and 1 kg; the upper left corner starts to the right at 1 m/s."""
-    rod = {"mass_kg": 1.0, "inertia_kg_m2": 1.0 / 12.0}
-    bodies, joints = {}, {}
-    for i in range(count + 1):
-        bodies[f"post{i}"] = {**rod, "position_m": (float(i), 0.5)}
-        joints[f"foot{i}"] = _pin("ground", f"post{i}", (float(i), 0.0))
-    bodies["post0"]["angular_velocity_rad_per_s"] = -1.0
-    for i in range(count):
-        bodies[f"bar{i}"] = {**rod, "position_m": (i + 0.5, 1.0)}
-        joints[f"left{i}"] = _pin(f"post{i}", f"bar{i}", (float(i), 1.0))
-        joints[f"right{i}"] = _pin(f"bar{i}", f"post{i + 1}", (i + 1.0, 1.0))
-    return {"bodies": bodies, "joints": joints, "integrator": integrator}
-
-
 def _drift(engine, ticks, communication_step_ns):
     start, worst = _energy(engine.state("run", -1, 0)), 0.0
     for tick in range(ticks):
@@ -97,16 +84,17 @@ def _drift(engine, ticks, communication_step_ns):
     (1, 1_000_000, "adams_moulton"), (2, 1_000_000, "adams_moulton"), (10, 2_000_000, "adams_moulton"),
     (40, 5_000_000, "adams_moulton"), (1, 1_000_000, "runge_kutta_4"), (10, 500_000, "adams_moulton"),
     (1, 250_000, "adams_moulton"), (2, 250_000, "adams_moulton"), (2, 250_000, "runge_kutta_4"),
+    (40, 500_000, "adams_moulton"), (40, 500_000, "runge_kutta_4"),
 ])  # fmt: skip
 def test_windows_turn_for_ten_seconds(mechanism_engine, count, communication_step_ns, integrator):
-    """10 s with ten passages of the flat, singular pose; energy within a hundredth of the benchmark's 0.1 J.
+    """10 s with ten passages of the flat, singular pose; energy to the benchmark's high precision, 1e-3 J.
 
     Small steps end nearer to the pose itself: they are the ones that singular_poses.py has to save.
     """
-    engine = mechanism_engine(_windows(count, integrator), communication_step_ns)
+    engine = mechanism_engine(windows(count, integrator=integrator), communication_step_ns)
     assert engine.topology.freedom_count == 1
-    drift, state = _drift(engine, 10_000_000_000 // communication_step_ns, communication_step_ns)
-    assert drift < 1e-3
+    drift, state = _drift(engine, DURATION_NS // communication_step_ns, communication_step_ns)
+    assert drift < HIGH_PRECISION_JOULE
     # all windows turn as one body: m v^2 / 2 over the turns is that of a compound pendulum
     inertia = (count + 1) / 3.0 + count
     weight = 9.81 * ((count + 1) * 0.5 + count)
@@ -118,9 +106,22 @@ def test_windows_turn_for_ten_seconds(mechanism_engine, count, communication_ste
     assert state.position_residual_m < 1e-10
 
 
+@pytest.mark.parametrize("count", [1, 10])
+def test_smaller_steps_keep_the_energy_of_the_windows_better(mechanism_engine, count):
+    """Halving the step never adds to the drift, down to round-off."""
+    drifts = []
+    for communication_step_ns in (4_000_000, 2_000_000, 1_000_000, 500_000, 250_000):
+        engine = mechanism_engine(windows(count), communication_step_ns)
+        drifts.append(_drift(engine, DURATION_NS // communication_step_ns, communication_step_ns)[0])
+    round_off = 1e-7 * count
+    for coarse, fine in itertools.pairwise(drifts):
+        assert fine < max(coarse, round_off)
+    assert drifts[-1] < round_off
+
+
 def test_implicit_method_ends_by_name_before_the_flat_pose(mechanism_engine):
     """generalized_alpha does not pass the singular pose: it stops with a name and an advice, never NaN."""
-    engine = mechanism_engine(_windows(1, "generalized_alpha"), 1_000_000)
+    engine = mechanism_engine(windows(1, integrator="generalized_alpha"), 1_000_000)
     with pytest.raises(PhysicsError, match="generalized_alpha: Newton's method does not converge"):
         _drift(engine, 10_000, 1_000_000)
     assert np.isfinite(engine.arrays.q).all()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from subsoil_ros.errors import SceneError, SingularMechanismError, SubsoilError
+from subsoil_ros.errors import PhysicsError, SceneError, SingularMechanismError, SubsoilError
 from subsoil_ros.scene.mechanism import Mechanism
 
 
@@ -216,3 +216,88 @@ def test_a_spring_of_no_free_length(mechanism_engine, start):
     sine, cosine = math.sin(omega * 2.0), math.cos(omega * 2.0)
     assert ball.x_m == pytest.approx(x * cosine + 1.0 / omega * sine, abs=1e-8)
     assert ball.z_m == pytest.approx(z * cosine - 0.5 / omega * sine, abs=1e-8)
+
+
+@pytest.mark.parametrize("integrator", ["adams_moulton", "runge_kutta_4", "generalized_alpha"])
+def test_a_spring_through_its_own_anchor(mechanism_engine, integrator):
+    """On a rail through the anchor k (L_0 - |x|) turns about at x = 0: arcs of cosines, mirrored."""
+    mass, stiffness, free, start = 4.0, 100.0, 0.3, 0.8
+    spring = {"kind": "spring_damper", "body_a": "ground", "point_a_m": (0.0, 0.0), "body_b": "ball",
+              "point_b_m": (start, 0.0), "stiffness_newton_per_m": stiffness,
+              "free_length_m": free}  # fmt: skip
+    rail = {"kind": "prismatic", "body_a": "ground", "body_b": "ball", "point_m": (start, 0.0),
+            "axis": (1.0, 0.0)}  # fmt: skip
+    machine = {"bodies": {"ball": _body(start, 0.0, mass)}, "joints": {"rail": rail},
+               "forces": {"spring": spring}, "integrator": integrator}  # fmt: skip
+    engine = mechanism_engine(machine, 1_000_000)
+    omega, wide = math.sqrt(stiffness / mass), start - free
+    across = math.acos(-free / wide) / omega  # from the turning point to the anchor
+    first, worst = _energy(engine.state("run", -1, 0)), 0.0
+    for tick in range(5000):
+        engine.advance(tick, ())
+        state = engine.state("run", tick, 0)
+        worst = max(worst, abs(_energy(state) - first))
+    turns, left = divmod(5.0 + across, 2.0 * across)
+    place = (free + wide * math.cos(omega * (left - across))) * (-1.0) ** turns
+    bound = 1e-3 if integrator == "generalized_alpha" else 1e-7
+    assert state.bodies[0].x_m == pytest.approx(place, abs=bound)
+    assert worst < bound * first
+    assert engine.arrays.counters[3] == 3 * turns  # a step before, there, and a step beyond
+
+
+@pytest.mark.parametrize("aside", [1e-12, 1e-8, 1e-6, 1e-3])
+def test_a_spring_that_all_but_meets_its_anchor(mechanism_engine, aside):
+    """Thrown past the anchor at a distance: energy and moment of momentum about it stay."""
+    spring = {"kind": "spring_damper", "body_a": "ground", "point_a_m": (0.0, 0.0), "body_b": "ball",
+              "point_b_m": (0.8, aside), "free_length_m": 0.3, "stiffness_newton_per_m": 100.0}  # fmt: skip
+    ball = _body(0.8, aside, 4.0, velocity_m_per_s=(-3.0, 0.0), angular_velocity_rad_per_s=0.0)
+    machine = {"bodies": {"ball": ball}, "forces": {"spring": spring}}
+    engine = mechanism_engine(machine, 500_000, gravity_m_per_s2=0.0)
+    first, worst = _energy(engine.state("run", -1, 0)), 0.0
+    for tick in range(1000):
+        engine.advance(tick, ())
+        state = engine.state("run", tick, 0)
+        worst = max(worst, abs(_energy(state) / first - 1.0))
+    ball = state.bodies[0]
+    moment = ball.x_m * ball.velocity_z_m_per_s - ball.z_m * ball.velocity_x_m_per_s
+    assert ball.x_m < -0.2
+    assert worst < 1e-5  # some parts of steps, each within 1e-6 of the velocity
+    assert moment == pytest.approx(3.0 * aside, abs=1e-6)
+
+
+def _strained(**more):
+    """A mass of 1 kg on 1e9 N/m, 1 mm off its free length."""
+    spring = {"kind": "spring_damper", "body_a": "ground", "point_a_m": (0.0, 1.0), "body_b": "mass",
+              "point_b_m": (0.0, -0.001), "free_length_m": 1.0, "stiffness_newton_per_m": 1e9}  # fmt: skip
+    return {"bodies": {"mass": _body(0.0, -0.001)}, "forces": {"spring": spring}, **more}
+
+
+def test_a_refused_step_advises_what_its_machine_was_tried_with(mechanism_engine):
+    """The tolerance that is advised passes; where no part of a step follows, none is advised."""
+    with pytest.raises(SceneError, match=r"at least 124 steps .* or a mechanism\.tolerance of 1e-06"):
+        mechanism_engine(_strained(tolerance=None), 500_000)
+    _run(mechanism_engine(_strained(), 500_000), 20)
+    hopeless = _strained(tolerance=None)
+    hopeless["bodies"]["mass"]["mass_kg"] = 1e-9
+    with pytest.raises(SceneError, match=r"at least \d+ steps in an interval of 0\.0005 s\.$"):
+        mechanism_engine(hopeless, 500_000)
+
+
+def test_where_newton_fails_what_was_tried_is_advised(mechanism_engine):
+    """Two rods strained by 5 MJ: generalized_alpha fails, and names an integrator that passes."""
+    spring = {"kind": "spring_damper", "body_a": "ground", "point_a_m": (2.0, 0.0), "body_b": "second",
+              "point_b_m": (1.0, 1.0), "stiffness_newton_per_m": 1e9,
+              "free_length_m": math.sqrt(2.0) + 0.1}  # fmt: skip
+    machine = {
+        "bodies": {"first": _body(0.0, 0.5, 1.0, 1.0 / 12.0), "second": _body(0.5, 1.0, 1.0, 1.0 / 12.0)},
+        "joints": {"one": _pin("ground", "first", 0.0, 0.0), "two": _pin("first", "second", 0.0, 1.0)},
+        "forces": {"spring": spring},
+    }
+    with pytest.raises(
+        PhysicsError, match=r"not converge .* With mechanism\.integrator: adams_moulton and a"
+    ):
+        _run(mechanism_engine({**machine, "integrator": "generalized_alpha"}, 500_000), 4)
+    engine = mechanism_engine(machine, 500_000)
+    first = _energy(engine.state("run", -1, 0))
+    _run(engine, 4)
+    assert _energy(engine.state("run", 3, 2_000_000)) == pytest.approx(first, rel=1e-4)

@@ -6,88 +6,32 @@ The published reference is itself 1.0e-12 s early: 7e-11 of the crank's angle, a
 5.2e-8 of the small speeds, which change fast there. Against the exact motion every component meets 1e-8.
 """
 
-import math
-
 import numpy as np
 import pytest
 
-
-def _pin(body_a, body_b, point):
-    return {"kind": "revolute", "body_a": body_a, "body_b": body_b, "point_m": tuple(point)}
-
-
-# Geometry, masses, start and solution at 0.03 s: Mazzia & Magherini, Test Set for IVP Solvers, release 2.4,
-# problem "Andrews' squeezing mechanism" (reference by PSIDE at a tolerance of 1e-14); the same problem is in
-# Hairer & Wanner, Solving Ordinary Differential Equations II, VII.7.
-MASSES = (0.04325, 0.00365, 0.02373, 0.00706, 0.07050, 0.00706, 0.05498)
-INERTIAS = (2.194e-6, 4.410e-7, 5.255e-6, 5.667e-7, 1.169e-5, 5.667e-7, 1.912e-5)
-BETA, GAMMA = -0.0617138900142764496, 0.455279819163070380
-PHI, DELTA, EPSILON = 0.222668390165885885, 0.487364979543842550, 1.23054744454982119
-REFERENCE = np.array([15.81077119629904, -15.75637105984298, 0.04082224013073101, -0.5347301163226948,
-                      0.5244099658805304, 0.5347301163226948, 1.048080741042263])  # fmt: skip
-REFERENCE_RATES = np.array([1139.920302151208, -1424.379294994111, 11.03291221937134, 19.29337464421385,
-                            0.5735699284790808, -19.29337464421385, 0.3231791658026955])  # fmt: skip
-REFERENCE_MULTIPLIERS = (199.1753333731910, -29.75531228015052)  # of the loop over K3
-
-
-def _local(origin, angle, along, across):
-    """A point given along the direction `angle` and 90 degrees to its left."""
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([origin[0] + along * c - across * s, origin[1] + along * s + across * c])
-
-
-def _squeezer(integrator):
-    a, b, c = (-0.06934, -0.00227), (-0.03635, 0.03273), (0.014, 0.072)
-    crank = _local((0.0, 0.0), BETA, 7e-3, 0.0)
-    meeting = _local(crank, BETA, -28e-3, 0.0)
-    joint_e = _local(a, DELTA, 4e-2, 0.0)
-    joint_h = _local(a, EPSILON, 0.0, -4e-2)
-    centres = {
-        "K1": (_local((0.0, 0.0), BETA, 92e-5, 0.0), BETA),
-        "K2": (_local(crank, BETA, -115e-4, 0.0), BETA),
-        "K3": (_local(b, GAMMA, 1043e-5, -1874e-5), GAMMA),
-        "K4": (_local(joint_e, PHI + DELTA, 0.0, -(2e-2 - 1421e-5)), PHI + DELTA),
-        "K5": (_local(a, DELTA, 2308e-5, 916e-5), DELTA),
-        "K6": (_local(joint_h, EPSILON - PHI, 2e-2 - 1421e-5, 0.0), EPSILON - PHI),
-        "K7": (_local(a, EPSILON, -449e-5, -1228e-5), EPSILON),
-    }
-    bodies = {
-        name: {"mass_kg": m, "inertia_kg_m2": i, "position_m": tuple(centre), "angle_rad": angle}
-        for (name, (centre, angle)), m, i in zip(centres.items(), MASSES, INERTIAS, strict=True)
-    }
-    joints = {
-        "O": _pin("ground", "K1", (0.0, 0.0)), "crank": _pin("K1", "K2", crank),
-        "F3": _pin("K2", "K3", meeting), "F4": _pin("K2", "K4", meeting), "F6": _pin("K2", "K6", meeting),
-        "B": _pin("ground", "K3", b), "A5": _pin("ground", "K5", a), "A7": _pin("ground", "K7", a),
-        "E": _pin("K4", "K5", joint_e), "H": _pin("K6", "K7", joint_h),
-    }  # fmt: skip
-    forces = {
-        "spring": {"kind": "spring_damper", "body_a": "ground", "point_a_m": c, "body_b": "K3",
-                   "point_b_m": tuple(_local(b, GAMMA, 2e-2, -18e-3)), "stiffness_newton_per_m": 4530.0,
-                   "free_length_m": 0.07785},
-        "motor": {"kind": "point_load", "body": "K1", "point_m": tuple(centres["K1"][0]),
-                  "moment_newton_m": {"kind": "constant", "value": 0.033}},
-    }  # fmt: skip
-    return {"bodies": bodies, "joints": joints, "forces": forces, "integrator": integrator}
-
-
-def _relative(values):
-    """beta, Theta, gamma, Phi, delta, Omega, epsilon from the absolute angles of K1 to K7."""
-    k1, k2, k3, k4, k5, k6, k7 = values
-    return np.array([k1, k2 - k1, k3, k4 - k5, k5, k6 - k7, k7])
+from validation.squeezer import (
+    BETA,
+    INERTIAS,
+    MASSES,
+    REFERENCE,
+    REFERENCE_MULTIPLIERS,
+    REFERENCE_RATES,
+    relative,
+    squeezer,
+)
 
 
 @pytest.mark.parametrize("integrator", ["adams_moulton", "runge_kutta_4"])
 def test_squeezer_meets_its_published_solution(mechanism_engine, integrator):
     """At 0.03 s, steps of 4 us: every angle within 1e-8 of the reference, relative to itself."""
-    engine = mechanism_engine(_squeezer(integrator), 4_000, gravity_m_per_s2=0.0)
+    engine = mechanism_engine(squeezer(integrator=integrator), 4_000, gravity_m_per_s2=0.0)
     assert engine.topology.freedom_count == 1
     for tick in range(7500):
         engine.advance(tick, ())
     state = engine.state("run", 7499, 30_000_000)
-    np.testing.assert_allclose(_relative([b.angle_rad for b in state.bodies]), REFERENCE, rtol=1e-8)
+    np.testing.assert_allclose(relative([b.angle_rad for b in state.bodies]), REFERENCE, rtol=1e-8)
     # rates: relative to the largest; the four small ones agree to 5e-8 of themselves
-    rates = _relative([b.angular_velocity_rad_per_s for b in state.bodies])
+    rates = relative([b.angular_velocity_rad_per_s for b in state.bodies])
     np.testing.assert_allclose(rates, REFERENCE_RATES, atol=1e-8 * 1424.0, rtol=0.0)
     np.testing.assert_allclose(rates, REFERENCE_RATES, rtol=1e-7)
     joint = next(j for j in state.joints if j.name == "F3")
@@ -96,12 +40,12 @@ def test_squeezer_meets_its_published_solution(mechanism_engine, integrator):
 
 def test_squeezer_at_a_coarse_step_is_taken_in_parts(mechanism_engine):
     """At 500 us, where fixed steps are off by a third of the speed, within 1e-6 of the reference."""
-    engine = mechanism_engine(_squeezer("adams_moulton"), 500_000, gravity_m_per_s2=0.0)
+    engine = mechanism_engine(squeezer(), 500_000, gravity_m_per_s2=0.0)
     for tick in range(60):
         engine.advance(tick, ())
     state = engine.state("run", 59, 30_000_000)
-    np.testing.assert_allclose(_relative([b.angle_rad for b in state.bodies]), REFERENCE, rtol=1e-6)
-    rates = _relative([b.angular_velocity_rad_per_s for b in state.bodies])
+    np.testing.assert_allclose(relative([b.angle_rad for b in state.bodies]), REFERENCE, rtol=1e-6)
+    rates = relative([b.angular_velocity_rad_per_s for b in state.bodies])
     np.testing.assert_allclose(rates, REFERENCE_RATES, atol=1e-6 * 1424.0, rtol=0.0)
 
 
@@ -183,9 +127,9 @@ def exact():
     for _ in range(3):  # Newton's method, down to round-off
         beta = beta - (_time(beta) - 0.03) * _crank_rate(beta)
     angles, rates, _, _ = _pose(beta)
-    angles = _relative([beta, *angles[1:]])  # the crank turns more than once
+    angles = relative([beta, *angles[1:]])  # the crank turns more than once
     angles += 2.0 * np.pi * np.round((REFERENCE - angles) / (2.0 * np.pi))
-    return angles, _relative(rates * _crank_rate(beta))
+    return angles, relative(rates * _crank_rate(beta))
 
 
 def test_published_reference_is_a_little_early(exact):
@@ -199,13 +143,13 @@ def test_published_reference_is_a_little_early(exact):
 @pytest.mark.parametrize("integrator", ["adams_moulton", "runge_kutta_4"])
 def test_squeezer_meets_its_exact_motion(mechanism_engine, integrator, exact):
     """At 0.03 s, steps of 4 us: every angle and every speed within 1e-8 of its own value."""
-    engine = mechanism_engine(_squeezer(integrator), 4_000, gravity_m_per_s2=0.0)
+    engine = mechanism_engine(squeezer(integrator=integrator), 4_000, gravity_m_per_s2=0.0)
     for tick in range(7500):
         engine.advance(tick, ())
     state = engine.state("run", 7499, 30_000_000)
-    np.testing.assert_allclose(_relative([b.angle_rad for b in state.bodies]), exact[0], rtol=1e-8)
+    np.testing.assert_allclose(relative([b.angle_rad for b in state.bodies]), exact[0], rtol=1e-8)
     np.testing.assert_allclose(
-        _relative([b.angular_velocity_rad_per_s for b in state.bodies]), exact[1], rtol=1e-8
+        relative([b.angular_velocity_rad_per_s for b in state.bodies]), exact[1], rtol=1e-8
     )
 
 
@@ -213,11 +157,11 @@ def test_squeezer_converges_to_the_exact_motion(mechanism_engine, exact):
     """The largest relative error of a speed falls by 16 or more when the step halves (order 4)."""
     errors = []
     for communication_step_ns in (20_000, 10_000, 5_000):
-        engine = mechanism_engine(_squeezer("adams_moulton"), communication_step_ns, gravity_m_per_s2=0.0)
+        engine = mechanism_engine(squeezer(), communication_step_ns, gravity_m_per_s2=0.0)
         ticks = 30_000_000 // communication_step_ns
         for tick in range(ticks):
             engine.advance(tick, ())
         state = engine.state("run", ticks - 1, 30_000_000)
-        rates = _relative([b.angular_velocity_rad_per_s for b in state.bodies])
+        rates = relative([b.angular_velocity_rad_per_s for b in state.bodies])
         errors.append(np.abs(rates / exact[1] - 1.0).max())
     assert errors[0] > 16.0 * errors[1] > 256.0 * errors[2]

@@ -2,8 +2,8 @@
 
 A mode is a smooth part of an element's law: slack or taut, a segment of a table, a stop touched or not, a
 wheel off or on the ground. Within a step it is held, so that a step sees a smooth force; where the state
-leaves its mode, the integrator finds the instant (events.py). `held` is whatever has `modes` and
-`multipliers`: the State, or Held.
+leaves its mode, the integrator finds the instant (events.py). `held` is whatever has `modes`, `multipliers`
+and `anchors`: the State, or Held.
 """
 
 from typing import NamedTuple
@@ -15,7 +15,9 @@ from ..geometry import turns_of
 from ..tables import DISSIPATED, Model
 from . import coordinate_spring, joint_stops, point_load, spring_damper, torsion_spring, wheel_contact
 from .elastic import has_modes, push_at, spring_mode
-from .joint_friction import friction_push, is_friction
+from .joint_friction import friction_limit, friction_push, is_friction
+from .spring_damper import BEFORE
+from .sticking import stick_anchor, stick_mode
 from .table import (
     COORDINATE_SPRING,
     LOCKED_SPRING,
@@ -33,10 +35,11 @@ class Held(NamedTuple):
 
     modes: np.ndarray  # (forces,) int64
     multipliers: np.ndarray  # (m,) float64 [N or N m]
+    anchors: np.ndarray  # (forces,) float64 [m or rad]: see sticking.py
 
 
 @inner_kernel
-def _measure(force, q, turns, v):
+def _measure(force, mode, q, turns, v):
     """Length, angle or translation, its rate, and the direction of a force along it with its two arms.
 
     Answers (value, rate, ux, uz, ax, az, bx, bz); for an angle the direction is zero.
@@ -44,7 +47,7 @@ def _measure(force, q, turns, v):
     if force.kind == TORSION_SPRING or force.kind == ROTATION_FRICTION or force.kind == LOCKED_TORSION:
         return torsion_spring.measure(force, q, v)
     if force.kind == SPRING_DAMPER or force.kind == LOCKED_SPRING:
-        return spring_damper.measure(force, q, turns, v)
+        return spring_damper.measure(force, mode, q, turns, v)
     return joint_stops.measure_translation(force, q, turns, v)
 
 
@@ -52,14 +55,14 @@ def _measure(force, q, turns, v):
 def _add_between(model, held, i, q, turns, v, total, powers):
     """A spring, stop or friction between two bodies."""
     force = model.forces[i]
-    value, rate, ux, uz, ax, az, bx, bz = _measure(force, q, turns, v)
+    mode = held.modes[i]
+    value, rate, ux, uz, ax, az, bx, bz = _measure(force, mode, q, turns, v)
     if is_friction(force):
-        push = friction_push(model, force, held.multipliers, rate)
-        elastic = 0.0
+        push, elastic, _ = friction_push(model, force, mode, held.anchors[i], held.multipliers, value, rate)
     else:
-        push, elastic, _ = push_at(model, force, held.modes[i], value, rate)
+        push, elastic, _ = push_at(model, force, mode % BEFORE, value, rate)
     a, b = 3 * force.body_a, 3 * force.body_b
-    if ux == 0.0 and uz == 0.0:
+    if force.kind == TORSION_SPRING or force.kind == ROTATION_FRICTION:
         total[b + 2] += push
         total[a + 2] -= push
     else:
@@ -87,24 +90,49 @@ def evaluate_forces(model, held, time, select, q, turns, v, total, powers):
         elif force.kind == COORDINATE_SPRING:
             coordinate_spring.add(model, force, held.modes[i], time, select, q, v, total, powers)
         elif force.kind == WHEEL_CONTACT:
-            wheel_contact.add(force, held.modes[i], q, v, total, powers)
+            wheel_contact.add(force, held.modes[i], held.anchors[i], q, v, total, powers)
         elif force.kind < LOCKED_SPRING:
             _add_between(model, held, i, q, turns, v, total, powers)
 
 
 @kernel
-def evaluate_modes(model, time, select, q, turns, v, modes):
-    """The mode that every force is in at this state, into `modes` (forces,)."""
+def evaluate_modes(model, held, time, select, q, turns, v, modes):
+    """The mode that every force is in at this state, after those in `held`, into `modes` (forces,)."""
     for i in range(model.forces.shape[0]):
-        force = model.forces[i]
+        force, before = model.forces[i], held.modes[i]
         modes[i] = 0
         if force.kind == WHEEL_CONTACT:
-            modes[i] = wheel_contact.mode_at(force, q, v)
+            modes[i] = wheel_contact.mode_at(force, before, held.anchors[i], q, v)
         elif force.kind == COORDINATE_SPRING:
             modes[i] = coordinate_spring.mode_at(model, force, time, select, q, v)
-        elif force.kind < LOCKED_SPRING and force.kind != POINT_LOAD and has_modes(force):
-            value, rate, _, _, _, _, _, _ = _measure(force, q, turns, v)
-            modes[i] = spring_mode(model, force, force.length - value, -rate, value, rate)
+        elif is_friction(force):
+            if force.stick_stiffness > 0.0:
+                value, rate, _, _, _, _, _, _ = _measure(force, 0, q, turns, v)
+                limit = friction_limit(model, force, held.multipliers)
+                modes[i] = stick_mode(force, before, held.anchors[i], limit, value, rate)
+        elif force.kind < LOCKED_SPRING and force.kind != POINT_LOAD:
+            if has_modes(force):
+                value, rate, _, _, _, _, _, _ = _measure(force, 0, q, turns, v)
+                modes[i] = spring_mode(model, force, force.length - value, -rate, value, rate)
+            if force.kind == SPRING_DAMPER:
+                modes[i] += spring_damper.passing(model, force, q, turns, v)
+
+
+@kernel
+def move_anchors(model, held, q, turns, v, modes, first):
+    """Brings the anchors in `held` from its modes to `modes`; the `first` ones are unstrained."""
+    for i in range(model.forces.shape[0]):
+        force, before, after = model.forces[i], held.modes[i], modes[i]
+        if force.stick_stiffness == 0.0 or (before == after and not first):
+            continue
+        if force.kind == WHEEL_CONTACT:
+            moved = wheel_contact.anchor_at(force, before, after, held.anchors[i], q, v)
+            held.anchors[i] = wheel_contact.rolled(force, q) if first else moved
+        else:
+            value, _, _, _, _, _, _, _ = _measure(force, 0, q, turns, v)
+            limit = friction_limit(model, force, held.multipliers)
+            moved = stick_anchor(force, before, after, held.anchors[i], limit, value)
+            held.anchors[i] = value if first else moved
 
 
 @kernel
@@ -121,20 +149,24 @@ def report_forces(model, held, time, select, q, turns, v, report):
         if force.kind == COORDINATE_SPRING:
             value, rate, push, stored = coordinate_spring.report(model, force, mode, time, select, q, v)
         elif force.kind == WHEEL_CONTACT:
-            value, rate, push, stored = wheel_contact.report(force, mode, q, v)
+            value, rate, push, stored = wheel_contact.report(force, mode, held.anchors[i], q, v)
         elif force.kind != POINT_LOAD:
-            value, rate, _, _, _, _, _, _ = _measure(force, q, turns, v)
+            value, rate, _, _, _, _, _, _ = _measure(force, mode, q, turns, v)
             if is_friction(force):
-                push = friction_push(model, force, held.multipliers, rate)
+                push, _, stored = friction_push(
+                    model, force, mode, held.anchors[i], held.multipliers, value, rate
+                )
             elif force.kind < LOCKED_SPRING:
-                push, _, stored = push_at(model, force, mode, value, rate)
+                push, _, stored = push_at(model, force, mode % BEFORE, value, rate)
         report[i, 0], report[i, 1], report[i, 2] = value, rate, push
         total += stored
     return total
 
 
 def held_at(model: Model, time: float, select: float, q: np.ndarray, v: np.ndarray) -> Held:
-    """The modes at a state; multipliers zero."""
-    modes = np.zeros(len(model.forces), dtype=np.int64)
-    evaluate_modes(model, time, select, q, turns_of(q), v, modes)
-    return Held(modes, np.zeros(len(model.row_scale)))
+    """The modes at a state; multipliers zero, what sticks unstrained."""
+    count, turns = len(model.forces), turns_of(q)
+    held = Held(np.zeros(count, dtype=np.int64), np.zeros(len(model.row_scale)), np.zeros(count))
+    move_anchors(model, held, q, turns, v, held.modes, True)
+    evaluate_modes(model, held, time, select, q, turns, v, held.modes)
+    return held

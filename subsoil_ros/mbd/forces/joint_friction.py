@@ -1,13 +1,16 @@
 """Friction of a joint against its rotation or translation: (preload + mu R N) tanh(rate / slip speed).
 
-N is the whole reaction in a pin of radius R, and that across the line (R = 1) on a line.
+N is the whole reaction in a pin of radius R, and that across the line (R = 1) on a line. With a stick
+stiffness: sticking.py.
 """
 
 import math
 
-from ...scene.mechanism import PointOnLine, Prismatic, Revolute, RotationFriction
+from ...scene.friction import RotationFriction
+from ...scene.mechanism import PointOnLine, Prismatic, Revolute
 from ..compiled import inner_kernel
 from .builder import Builder
+from .sticking import stick_push
 from .table import FRICTIONS, ROTATION_FRICTION, TRANSLATION_FRICTION
 
 
@@ -27,12 +30,21 @@ def joint_pressure(model, force, multipliers):
 
 
 @inner_kernel
-def friction_push(model, force, multipliers, rate):
-    """Push on the rotation or translation."""
+def friction_limit(model, force, multipliers):
+    """What friction can hold."""
     limit = force.preload
     if force.friction > 0.0:
         limit += force.friction * force.length * joint_pressure(model, force, multipliers)
-    return -limit * math.tanh(rate / force.slip_speed)
+    return limit
+
+
+@inner_kernel
+def friction_push(model, force, mode, anchor, multipliers, value, rate):
+    """Push on the rotation or translation, its elastic part and the energy stored."""
+    limit = friction_limit(model, force, multipliers)
+    if force.stick_stiffness > 0.0:
+        return stick_push(force, mode, anchor, limit, value, rate)
+    return -limit * math.tanh(rate / force.slip_speed), 0.0, 0.0
 
 
 def fill(builder: Builder, name: str, joint: Revolute | Prismatic | PointOnLine) -> None:
@@ -47,6 +59,10 @@ def fill(builder: Builder, name: str, joint: Revolute | Prismatic | PointOnLine)
     if isinstance(friction, RotationFriction):
         row["preload"], row["length"] = friction.preload_newton_m, friction.radius_m
         row["slip_speed"] = friction.slip_speed_rad_per_s
+        row["stick_stiffness"] = friction.stick_stiffness_newton_m_per_rad or 0.0
+        row["stick_damping"] = friction.stick_damping_newton_m_s_per_rad
     else:
         row["preload"], row["length"] = friction.preload_newton, 1.0
         row["slip_speed"] = friction.slip_speed_m_per_s
+        row["stick_stiffness"] = friction.stick_stiffness_newton_per_m or 0.0
+        row["stick_damping"] = friction.stick_damping_newton_s_per_m

@@ -17,6 +17,7 @@ FORCE = np.dtype(
         ("coordinate", np.int64),  # coordinate spring: index into q
         ("functions", np.int64, 3),  # coordinate spring: target; point load: x, z, moment
         ("acts_in", np.int64),  # spring: 0 both, 1 only positive, -1 only negative force
+        ("kinked", np.int64),  # spring_damper: 1 if its push turns about where it passes through its anchor
         ("joint", np.int64),  # friction: the joint whose reaction presses; locked: the joint in its place
         ("curve", np.int64),  # first row of its table in Model.curves
         ("curve_count", np.int64),  # rows of its table, 0 without
@@ -35,6 +36,8 @@ FORCE = np.dtype(
         ("ground", np.float64),  # wheel: height of the ground [m]
         ("friction", np.float64),
         ("slip_speed", np.float64),  # [m/s] or [rad/s]
+        ("stick_stiffness", np.float64),  # [N/m] or [N m/rad], 0: regularised
+        ("stick_damping", np.float64),  # [N s/m] or [N m s/rad]
     ],
     align=True,
 )

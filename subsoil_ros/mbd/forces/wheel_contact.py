@@ -1,6 +1,7 @@
 """A wheel on level ground, p in it: N = max(0, k p - c z') up, and -mu N tanh(w / w_s) along x at the rim.
 
-w = x' + R phi' is the slip. Modes: 0 off the ground, 1 pressed, 2 in the ground but cut at zero force.
+w = x' + R phi' is the slip. Modes: 0 off the ground, 1 pressed, 2 in the ground but cut at zero force; with a
+stick stiffness also CONTACTS times that of sticking.py, whose value is x + R phi.
 """
 
 import math
@@ -9,51 +10,90 @@ from ...scene.mechanism import WheelContact
 from ..compiled import inner_kernel
 from ..tables import DISSIPATED
 from .builder import Builder
+from .sticking import STICKS, stick_anchor, stick_mode, stick_push
 from .table import WHEEL_CONTACT
 
 PRESSED = 1
 
+CONTACTS = 3
+"""States of a wheel against the ground."""
+
 
 @inner_kernel
-def _contact(force, mode, q, v):
-    """Normal force, its elastic part, friction on the wheel along x, penetration, its rate, slip speed."""
+def rolled(force, q):
+    """What friction holds: the way of the rim along the ground [m]; its rate is the slip."""
+    body = 3 * force.body_b
+    return q[body] + force.length * q[body + 2]
+
+
+@inner_kernel
+def _contact(force, mode, anchor, q, v):
+    """Normal force, its elastic part, friction on the wheel along x, its elastic part and energy stored,
+    penetration, its rate, slip speed."""
     body = 3 * force.body_b
     penetration = force.ground + force.length - q[body + 1]
     rate = -v[body + 1]
     slip = v[body] + force.length * v[body + 2]
     if mode == 0:
-        return 0.0, 0.0, 0.0, penetration, rate, slip
+        return 0.0, 0.0, 0.0, 0.0, 0.0, penetration, rate, slip
     elastic = force.stiffness * penetration
-    normal = elastic + force.damping * rate if mode == PRESSED else 0.0
+    normal = elastic + force.damping * rate if mode % CONTACTS == PRESSED else 0.0
+    if force.stick_stiffness > 0.0:
+        friction, held, stored = 0.0, 0.0, 0.0
+        if mode % CONTACTS == PRESSED:
+            limit = force.friction * normal
+            friction, held, stored = stick_push(
+                force, mode // CONTACTS, anchor, limit, rolled(force, q), slip
+            )
+        return normal, elastic, friction, held, stored, penetration, rate, slip
     friction = -force.friction * normal * math.tanh(slip / force.slip_speed)
-    return normal, elastic, friction, penetration, rate, slip
+    return normal, elastic, friction, 0.0, 0.0, penetration, rate, slip
 
 
 @inner_kernel
-def add(force, mode, q, v, total, powers):
+def add(force, mode, anchor, q, v, total, powers):
     """Its forces; friction acts at the rolling radius."""
-    normal, elastic, friction, _, rate, slip = _contact(force, mode, q, v)
+    normal, elastic, friction, held, _, _, rate, slip = _contact(force, mode, anchor, q, v)
     body = 3 * force.body_b
     total[body] += friction
     total[body + 1] += normal
     total[body + 2] += force.length * friction
-    powers[DISSIPATED] += (normal - elastic) * rate - friction * slip
+    powers[DISSIPATED] += (normal - elastic) * rate - (friction - held) * slip
 
 
 @inner_kernel
-def mode_at(force, q, v):
-    """Its mode."""
-    normal, _, _, penetration, _, _ = _contact(force, PRESSED, q, v)
+def mode_at(force, before, anchor, q, v):
+    """The mode after `before`; a wheel that lands sticks or slides anew."""
+    normal, _, _, _, _, penetration, _, slip = _contact(force, PRESSED, anchor, q, v)
     if penetration <= 0.0:
         return 0
-    return PRESSED if normal > 0.0 else 2
+    if normal <= 0.0:
+        return 2
+    if force.stick_stiffness == 0.0:
+        return PRESSED
+    value, limit = rolled(force, q), force.friction * normal
+    if before % CONTACTS != PRESSED:
+        return PRESSED + CONTACTS * stick_mode(force, STICKS, value, limit, value, slip)
+    return PRESSED + CONTACTS * stick_mode(force, before // CONTACTS, anchor, limit, value, slip)
 
 
 @inner_kernel
-def report(force, mode, q, v):
+def anchor_at(force, before, after, anchor, q, v):
+    """The anchor of its friction once the mode has changed."""
+    if after % CONTACTS != PRESSED:
+        return anchor
+    if before % CONTACTS != PRESSED:
+        return rolled(force, q)
+    normal, _, _, _, _, _, _, _ = _contact(force, after, anchor, q, v)
+    limit = force.friction * normal
+    return stick_anchor(force, before // CONTACTS, after // CONTACTS, anchor, limit, rolled(force, q))
+
+
+@inner_kernel
+def report(force, mode, anchor, q, v):
     """Penetration, its rate, normal force, and energy stored."""
-    normal, elastic, _, penetration, rate, _ = _contact(force, mode, q, v)
-    return penetration, rate, normal, 0.5 * elastic * penetration
+    normal, elastic, _, _, stored, penetration, rate, _ = _contact(force, mode, anchor, q, v)
+    return penetration, rate, normal, 0.5 * elastic * penetration + stored
 
 
 def fill(builder: Builder, name: str, force: WheelContact) -> None:
@@ -63,3 +103,5 @@ def fill(builder: Builder, name: str, force: WheelContact) -> None:
     row["stiffness"], row["damping"] = force.stiffness_newton_per_m, force.damping_newton_s_per_m
     row["length"], row["ground"] = force.radius_m, force.ground_z_m
     row["friction"], row["slip_speed"] = force.friction, force.slip_speed_m_per_s
+    row["stick_stiffness"] = force.stick_stiffness_newton_per_m or 0.0
+    row["stick_damping"] = force.stick_damping_newton_s_per_m

@@ -12,17 +12,17 @@ from numpy.polynomial import polynomial
 
 from ..compiled import inner_kernel
 
-PREDICT_V, PREDICT_Q, CORRECT_V, CORRECT_Q, EXTRAPOLATE = 0, 1, 2, 3, 4
+PREDICT_V, PREDICT_Q, CORRECT_V, CORRECT_Q = 0, 1, 2, 3
 
 
 def multistep_weights(order: int) -> np.ndarray:
-    """Weights (5, order) float64 on the accelerations at times 0, -1, ... (predictor, rows 0, 1 and 4)
-    and 1, 0, -1, ... (corrector, rows 2 and 3), times in steps.
+    """Weights (4, order) float64 on the accelerations at times 0, -1, ... (predictor, rows 0 and 1) and
+    1, 0, -1, ... (corrector, rows 2 and 3), times in steps.
 
     Rows 0 and 2 are the Adams-Bashforth and Adams-Moulton weights of v' = a; rows 1 and 3 those of
-    q(1) = q(0) + v(0) + integral of (1 - s) a(s). Row 4 is the polynomial's own value at 1.
+    q(1) = q(0) + v(0) + integral of (1 - s) a(s).
     """
-    weights = np.zeros((5, order))
+    weights = np.zeros((4, order))
     for row, newest in ((PREDICT_V, 0), (CORRECT_V, 1)):
         nodes = [newest - i for i in range(order)]
         for i, node in enumerate(nodes):
@@ -31,8 +31,6 @@ def multistep_weights(order: int) -> np.ndarray:
             weights[row, i] = polynomial.polyval(1.0, polynomial.polyint(basis))
             doubled = polynomial.polymul([1.0, -1.0], basis)
             weights[row + 1, i] = polynomial.polyval(1.0, polynomial.polyint(doubled))
-            if newest == 0:
-                weights[EXTRAPOLATE, i] = polynomial.polyval(1.0, basis)
     return weights
 
 

@@ -1,0 +1,28 @@
+"""What would help a machine that cannot be followed: only what has been tried on it."""
+
+import numpy as np
+
+from ..scene.mechanism import Mechanism
+from .advance import advance_tick
+from .tables import ADAMS_MOULTON, OK, PAST_COUNT, Model, State, make_workspace
+
+USUAL_TOLERANCE: float = Mechanism.model_fields["tolerance"].default
+
+
+def copied(state: State) -> State:
+    """A state of its own."""
+    return State(*(array.copy() for array in state))
+
+
+def passes(model: Model, state: State, start: float, steps: int) -> bool:
+    """Whether `steps` steps from the time `start` [s] can be taken with this model; `state` is left alone."""
+    trial = copied(state)
+    trial.counters[PAST_COUNT] = 0
+    work = make_workspace(len(model.mass), len(model.row_scale), len(trial.rows), len(model.forces))
+    status = advance_tick(model, trial, work, start, steps)
+    return int(status) == OK and bool(np.isfinite(trial.q).all())
+
+
+def in_parts(model: Model) -> Model:
+    """The same machine by steps in parts, as scenes have it that give nothing else."""
+    return model._replace(integrator=ADAMS_MOULTON, tolerance=USUAL_TOLERANCE)

@@ -6,8 +6,12 @@ The direct run hands these objects over; the nodes copy their fields into ROS me
 right and z up, rotations about -y. A wrench acts on the body, about its centre of mass.
 """
 
+import math
 from dataclasses import dataclass, field
 from enum import IntEnum
+
+from .errors import ProtocolError
+from .rotations import Quaternion, Vector, is_unit, planar_quaternion, rotation_between
 
 
 class Command(IntEnum):
@@ -32,7 +36,10 @@ class NodeState(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class ToolMotion:
-    """Pose and twist of a tool's body at its centre of mass, at the end of a tick."""
+    """Pose and twist of a tool's body at its centre of mass, at the end of a tick; in the plane of travel.
+
+    What moves in the plane only reads the angle; the quaternion is for others.
+    """
 
     tool: str
     x_m: float
@@ -43,6 +50,84 @@ class ToolMotion:
     velocity_z_m_per_s: float
     angular_velocity_rad_per_s: float
 
+    @property
+    def position_m(self) -> Vector:
+        """Centre of mass, world axes."""
+        return (self.x_m, self.y_m, self.z_m)
+
+    @property
+    def quaternion(self) -> Quaternion:
+        """Orientation (x, y, z, w)."""
+        return planar_quaternion(self.angle_rad)
+
+    @property
+    def velocity_m_per_s(self) -> Vector:
+        """Velocity of the centre of mass, world axes."""
+        return (self.velocity_x_m_per_s, 0.0, self.velocity_z_m_per_s)
+
+    @property
+    def spin_rad_per_s(self) -> Vector:
+        """Angular velocity, world axes."""
+        return (0.0, -self.angular_velocity_rad_per_s, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class SpatialMotion(ToolMotion):
+    """Motion of a tool in six degrees of freedom.
+
+    `angle_rad` is NaN, in messages too: by it a reader tells the kinds apart, and what takes it for a planar
+    angle gets no number. `angular_velocity_rad_per_s` is minus the angular velocity about y.
+    """
+
+    velocity_y_m_per_s: float
+    quaternion_x: float
+    quaternion_y: float
+    quaternion_z: float
+    quaternion_w: float
+    angular_velocity_x_rad_per_s: float
+    angular_velocity_z_rad_per_s: float
+
+    def __post_init__(self) -> None:
+        if not is_unit(self.quaternion):
+            raise ProtocolError(
+                f"tool_motions: tool {self.tool}: the orientation {self.quaternion} (x, y, z, w) is no unit "
+                "quaternion, which a motion in space (angle_rad: NaN) needs"
+            )
+
+    @classmethod
+    def of(
+        cls, tool: str, position_m: Vector, quaternion: Quaternion, velocity: Vector, spin: Vector
+    ) -> "SpatialMotion":
+        """From position [m], orientation (x, y, z, w), velocity [m/s] and angular velocity [rad/s].
+
+        Raises:
+            ProtocolError: the quaternion is not of length 1.
+        """
+        x, y, z = map(float, position_m)
+        vx, vy, vz = map(float, velocity)
+        wx, wy, wz = map(float, spin)
+        qx, qy, qz, qw = map(float, quaternion)
+        return cls(tool, x, y, z, math.nan, vx, vz, -wy, vy, qx, qy, qz, qw, wx, wz)
+
+    @property
+    def quaternion(self) -> Quaternion:
+        """Orientation (x, y, z, w)."""
+        return (self.quaternion_x, self.quaternion_y, self.quaternion_z, self.quaternion_w)
+
+    @property
+    def velocity_m_per_s(self) -> Vector:
+        """Velocity of the centre of mass, world axes."""
+        return (self.velocity_x_m_per_s, self.velocity_y_m_per_s, self.velocity_z_m_per_s)
+
+    @property
+    def spin_rad_per_s(self) -> Vector:
+        """Angular velocity, world axes."""
+        return (
+            self.angular_velocity_x_rad_per_s,
+            -self.angular_velocity_rad_per_s,
+            self.angular_velocity_z_rad_per_s,
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class ToolMotions:
@@ -52,6 +137,19 @@ class ToolMotions:
     tick: int
     end_time_ns: int
     tools: tuple[ToolMotion, ...]
+
+
+def work_joule(force: Vector, torque: Vector, before: ToolMotion, after: ToolMotion) -> float:
+    """Work of a force [N] and a torque [N m] about the centre of mass while a tool moves between two poses.
+
+    In the plane, of what acts in the plane.
+    """
+    work = force[0] * (after.x_m - before.x_m) + force[2] * (after.z_m - before.z_m)
+    if isinstance(after, SpatialMotion):
+        turn = rotation_between(before.quaternion, after.quaternion)
+        work += force[1] * (after.y_m - before.y_m)
+        return work + torque[0] * turn[0] + torque[1] * turn[1] + torque[2] * turn[2]
+    return work - torque[1] * (after.angle_rad - before.angle_rad)
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,8 +14,9 @@ import numpy as np
 from ..coupling.checkpoints import CouplingState
 from ..coupling.stopping import StopState
 from ..loading.loader import ResolvedScene
-from ..messages import ToolMotion, ToolWrench
+from ..messages import SpatialMotion, ToolMotion, ToolWrench
 from ..recording.checkpoint import Checkpoint
+from ..rotations import turned
 from ..scene.model import Scene
 from ..ticks import NANOSECONDS_PER_SECOND, tick_end_s
 from .series import draft_of
@@ -106,6 +107,8 @@ class KnownMean:
     def _tip_m(self, motions: tuple[ToolMotion, ...]) -> float:
         """Forward position of the share tip [m]; of the tool's own point if the scene names no tip."""
         motion = next(motion for motion in motions if motion.tool == self._tip)
+        if isinstance(motion, SpatialMotion):
+            return motion.x_m + turned(motion.quaternion, (self._arm_m[0], 0.0, self._arm_m[1]))[0]
         turn = motion.angle_rad - self._angle_rad
         return motion.x_m + math.cos(turn) * self._arm_m[0] - math.sin(turn) * self._arm_m[1]
 

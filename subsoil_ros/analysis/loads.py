@@ -86,6 +86,17 @@ def _driven_speed(series: Series, scene: Scene) -> Values | None:
     return np.asarray(series[f"{name}.velocity_x_m_per_s"], np.float64)
 
 
+_POWER = tuple(
+    (f"{load}_{axis}_{unit}", f"{rate}_{axis}_{per_s}")
+    for load, unit, rate, per_s in (
+        ("force", "newton", "velocity", "m_per_s"),
+        ("torque", "newton_m", "angular_velocity", "rad_per_s"),
+    )
+    for axis in "xyz"
+)
+"""Loads and rates whose products are the power of a tool in space."""
+
+
 def _power(series: Series, scene: Scene) -> dict[str, Values]:
     found: dict[str, Values] = {}
     speed = _driven_speed(series, scene)
@@ -94,6 +105,10 @@ def _power(series: Series, scene: Scene) -> dict[str, Values]:
     for name in scene.tools:
         tool = f"tool.{name}"
         if f"{tool}.force_x_newton" not in series:
+            continue
+        if scene.tools[name].is_spatial:
+            products = [series[f"{tool}.{load}"] * series[f"{tool}.{rate}"] for load, rate in _POWER]
+            found[f"{name}_watt"] = -np.sum(products, axis=0)
             continue
         # the planar moment is minus the torque about y, phi turns about -y
         found[f"{name}_watt"] = -(

@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..loading.loader import ResolvedScene
-from ..messages import ToolMotion
+from ..messages import SpatialMotion, ToolMotion
+from ..rotations import placed_m
 from ..scene.meshes import ToolMesh
 
 
@@ -16,6 +17,8 @@ def reference_angle(resolved: ResolvedScene, tool: str) -> float:
 
 def posed_vertices_m(mesh: ToolMesh, motion: ToolMotion, reference_angle_rad: float) -> NDArray[np.float64]:
     """Vertices (n, 3) of a tool in world axes at a motion's pose."""
+    if isinstance(motion, SpatialMotion):
+        return placed_m(mesh.about_body().vertices_m, motion.position_m, motion.quaternion)
     turn = motion.angle_rad - reference_angle_rad
     cosine, sine = np.cos(turn), np.sin(turn)
     x, y, z = mesh.vertices_m.T

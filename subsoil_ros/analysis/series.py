@@ -18,6 +18,7 @@ from ..messages import (
     CouplingReport,
     MechanismState,
     SoilState,
+    SpatialMotion,
     ToolMotions,
     ToolWrench,
     ToolWrenches,
@@ -32,6 +33,11 @@ Cells = Iterator[tuple[str, Number]]
 
 _BODY_COLUMNS = tuple(item.name for item in fields(BodyState) if item.name != "name")
 _TOOL_MOTION_COLUMNS = tuple(name for name in _BODY_COLUMNS if "acceleration" not in name)
+_SPATIAL_MOTION_COLUMNS = tuple(
+    item.name
+    for item in fields(SpatialMotion)
+    if item.name not in ("tool", "angle_rad", "angular_velocity_rad_per_s")
+)
 _JOINT_COLUMNS = ("force_x_newton", "force_z_newton", "moment_newton_m")
 _GROUP_COLUMNS = ("force_x_newton", "force_y_newton", "force_z_newton")
 _WRENCH_COLUMNS = tuple(
@@ -266,7 +272,11 @@ def _tools(motions: ToolMotions, wrenches: ToolWrenches | None) -> Cells:
     answers = wrenches.tools if wrenches is not None else ()
     for motion, wrench in zip(motions.tools, answers, strict=True):
         prefix = f"tool.{motion.tool}"
-        yield from ((f"{prefix}.{name}", getattr(motion, name)) for name in _TOOL_MOTION_COLUMNS)
+        spatial = isinstance(motion, SpatialMotion)
+        names = _SPATIAL_MOTION_COLUMNS if spatial else _TOOL_MOTION_COLUMNS
+        yield from ((f"{prefix}.{name}", getattr(motion, name)) for name in names)
+        if spatial:
+            yield f"{prefix}.angular_velocity_y_rad_per_s", motion.spin_rad_per_s[1]
         yield from ((f"{prefix}.{name}", getattr(wrench, name)) for name in _WRENCH_COLUMNS)
         for group in wrench.groups:
             yield from ((f"{prefix}.{group.group}.{name}", getattr(group, name)) for name in _GROUP_COLUMNS)

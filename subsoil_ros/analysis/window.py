@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from ..scene.model import Scene
 from .series import Series
@@ -67,6 +68,10 @@ def tip_path_m(series: Series, scene: Scene) -> tuple[NDArray[np.float64], NDArr
         prefix, angle, arm_x, arm_z = f"tool.{tool}", 0.0, tip_x, tip_z
     else:
         return None
+    if body is None and tool is not None and scene.tools[tool].is_spatial:
+        parts = [series[f"{prefix}.quaternion_{part}"] for part in "xyzw"]
+        arm = Rotation.from_quat(np.stack(parts, axis=1)).apply((arm_x, 0.0, arm_z))
+        return series[f"{prefix}.x_m"] + arm[:, 0], series[f"{prefix}.z_m"] + arm[:, 2]
     turn = series[f"{prefix}.angle_rad"] - angle
     cosine, sine = np.cos(turn), np.sin(turn)
     return (

@@ -4,6 +4,7 @@ A checkpoint of tick k is the state at its end: of motion source and soil as the
 coupling: the last motions and wrenches, which tick k+1 begins with, and the interface account.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 
 from ..errors import InputError
 from ..loading.loader import ResolvedScene
-from ..messages import FacetGroupForce, ToolMotion, ToolWrench
+from ..messages import FacetGroupForce, SpatialMotion, ToolMotion, ToolWrench
 from ..recording.checkpoint import (
     Checkpoint,
     commit,
@@ -73,12 +74,16 @@ class CouplingState:
         document = checkpoint.coupling
         return cls(
             checkpoint.tick,
-            tuple(ToolMotion(**motion) for motion in document["motions"]),
+            tuple(map(_motion, document["motions"])),
             tuple(_wrench(wrench) for wrench in document["wrenches"]),
             InterfaceWork(**document["work"]),
             document["wall_time_s"],
             StopState.of(document["stopping"]) if "stopping" in document else None,
         )
+
+
+def _motion(document: Mapping[str, Any]) -> ToolMotion:
+    return SpatialMotion(**document) if math.isnan(document["angle_rad"]) else ToolMotion(**document)
 
 
 def _wrench(document: Mapping[str, Any]) -> ToolWrench:

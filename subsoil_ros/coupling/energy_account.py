@@ -8,18 +8,16 @@ difference is energy that the exchange invents or loses.
 from dataclasses import dataclass
 
 from ..errors import PhysicsError
-from ..messages import CouplingReport, ToolMotion, ToolWrench
+from ..messages import CouplingReport, ToolMotion, ToolWrench, work_joule
 from ..scene.model import Scene
 from ..ticks import tick_end_ns
 
 
 def held_work_joule(wrench: ToolWrench, before: ToolMotion, after: ToolMotion) -> float:
-    """Work of a wrench held constant while its tool moves [J]; only what acts in the plane."""
-    return (
-        wrench.force_x_newton * (after.x_m - before.x_m)
-        + wrench.force_z_newton * (after.z_m - before.z_m)
-        - wrench.torque_y_newton_m * (after.angle_rad - before.angle_rad)
-    )
+    """Work of a wrench held constant while its tool moves [J]."""
+    force = (wrench.force_x_newton, wrench.force_y_newton, wrench.force_z_newton)
+    torque = (wrench.torque_x_newton_m, wrench.torque_y_newton_m, wrench.torque_z_newton_m)
+    return work_joule(force, torque, before, after)
 
 
 @dataclass(frozen=True)
@@ -135,8 +133,9 @@ def account_of(
 ) -> InterfaceAccount:
     """The interface account of a scene, from the initial exchange, or from where an earlier run stood.
 
-    The bound holds where somebody feels the force: not for tools on prescribed paths.
+    The bound holds where the force moves something: not for tools on prescribed paths.
     """
     coupling = scene.coupling
-    bound = coupling.residual_bound if scene.mechanism is not None else None
+    free = any(tool.inertia_kg_m2 is not None for tool in scene.tools.values())
+    bound = coupling.residual_bound if scene.mechanism is not None or free else None
     return InterfaceAccount(motions, wrenches, bound, coupling.residual_grace_joule, work)

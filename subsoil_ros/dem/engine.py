@@ -29,7 +29,8 @@ from .readings import SoilReadings
 from .snapshot import bed_digest, below, from_named, motion_from, named
 from .state import PairList, Particles, WallList
 from .step import drift_and_contacts
-from .tools.surface import ToolSurface, motion_within, refuse_leap, surfaces
+from .tools.motion import motion_within, refuse_other_kind
+from .tools.surface import ToolSurface, refuse_leap, surfaces
 from .walls import CHUNKS, carry_walls, near_walls, wall_planes
 
 _CELLS_PER_SLAB = 1
@@ -332,6 +333,8 @@ class SoilEngine(SoilReadings):
         use_threads(self._threads)
         steps = self._resolved.timing.soil_steps
         starts = tuple(tool.last for tool in self._tools)
+        for start, end in zip(starts, motions, strict=True):
+            refuse_other_kind(f"tick {tick}", start, end, self._resolved.timing.communication_step_s)
         self._begin_tick()
         for s in range(1, steps + 1):
             if s == steps and self._resolved.scene.coupling.force == "tick_end":
@@ -386,6 +389,8 @@ class SoilEngine(SoilReadings):
         for tool, motion in zip(self._tools, motions, strict=True):
             if tool.speed_m_per_s(motion) * self._step_s > self._smallest:
                 refuse_leap(self._where(tick, step), tool, motion, self._step_s, self._smallest)
+            if tool.spatial:
+                self._refuse_at_sides(tick, step, tool, motion)
         calls = self._calls or self._bind(self._step_s)
         near = not self._tools_left_their_lists(motions)
         far = calls.drift_and_contacts(2 if self._owes_kick else 1, near)
@@ -398,6 +403,13 @@ class SoilEngine(SoilReadings):
             self._bind(self._step_s).drift_and_contacts(0, True)
         self._tool_forces(motions)
         self._owes_kick = True
+
+    def _refuse_at_sides(self, tick: int, step: int, tool: ToolSurface, motion: ToolMotion) -> None:
+        if self._soil.bin.sides != "walls":
+            try:
+                tool.refuse_at_sides(motion, self.bed, self._soil)
+            except SceneError as error:
+                raise PhysicsError(f"{self._where(tick, step)}: {error}") from error
 
     def _tools_left_their_lists(self, motions: tuple[ToolMotion, ...]) -> bool:
         allowed = (TOOL_SKIN - 0.5) * self._soil.skin_m

@@ -81,7 +81,8 @@ def refuse_tool_at_seam(name: str, vertices_m: np.ndarray, bed: Bed, soil: Soil)
     """A tool must stay off periodic sides, or reach through both with one section: particles beyond the seam
     would not feel it.
 
-    It never moves in y, so what holds at the start holds during the run.
+    A planar tool never moves in y, so what holds at the start holds during the run; one that moves in space
+    is looked at in every soil step.
 
     Args:
         vertices_m: (v, 3) of the tool, y as in the world.

@@ -1,13 +1,14 @@
 """Records of arrays to named arrays and back, for checkpoints."""
 
 import hashlib
+import math
 from collections.abc import Mapping
 from dataclasses import astuple, fields
 from typing import Any, TypeVar
 
 import numpy as np
 
-from ..messages import ToolMotion
+from ..messages import SpatialMotion, ToolMotion
 from .bed import Bed
 
 Record = TypeVar("Record")
@@ -34,13 +35,14 @@ def below(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray
 
 
 def motion_array(motion: ToolMotion) -> np.ndarray:
-    """A motion as (7,) float64, without the tool's name."""
+    """A motion as (7,) float64, (14,) of one in space, without the tool's name."""
     return np.array(astuple(motion)[1:], np.float64)
 
 
 def motion_from(tool: str, array: np.ndarray) -> ToolMotion:
     """The motion that `motion_array` took apart."""
-    return ToolMotion(tool, *array.tolist())
+    numbers = array.tolist()
+    return SpatialMotion(tool, *numbers) if math.isnan(numbers[3]) else ToolMotion(tool, *numbers)
 
 
 def bed_digest(bed: Bed, positions_m: np.ndarray) -> np.ndarray:

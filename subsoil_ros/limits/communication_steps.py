@@ -45,18 +45,19 @@ class CouplingBound:
 def coupling_bounds(
     scene: Scene, meshes: dict[str, ToolMesh], bed_modulus_newton_per_m3: float | None = None
 ) -> tuple[CouplingBound, ...]:
-    """Bounds of every tool that a body carries; empty without soil or mechanism.
+    """Bounds of every tool that a body carries or that rolls freely; empty without soil.
 
     bed_modulus_newton_per_m3: of a wedge model, from its values or its file.
 
     The effective mass is that of the free body at its farthest point, 1 / (1/m + d^2/J): joints only add
-    to it, so the estimate is on the safe side. Of several layers the worst counts.
+    to it, so the estimate is on the safe side. Of a tool that rolls freely it is J / r^2, r being the largest
+    distance from the axis. Of several layers the worst counts.
     """
     if scene.wedge_soil is not None and scene.mechanism is not None:
         assert bed_modulus_newton_per_m3 is not None
         return _wedge_bounds(scene, bed_modulus_newton_per_m3, meshes)
-    soil = scene.particle_soil
-    if soil is None or scene.mechanism is None:
+    soil, masses = scene.particle_soil, _effective_masses_kg(scene, meshes)
+    if soil is None or not masses:
         return ()
     overlap = REFERENCE_OVERLAP * soil.particles.mean_volume_radius_m
     boundaries = [tool_values(layer).linear_at(overlap) for layer in layer_soils(soil)]
@@ -64,11 +65,7 @@ def coupling_bounds(
     max_damping = max(boundary.damping for boundary in boundaries)
     age = force_age_ticks(scene.coupling, derive_timing(scene).soil_steps)
     found = []
-    for name, tool in scene.tools.items():
-        if tool.body is None:
-            continue
-        body = scene.mechanism.bodies[tool.body]
-        mass = _effective_mass_kg(body, meshes[name])
+    for name, mass in masses.items():
         count = _contact_count(soil, meshes[name])
         damping = count * max_damping
         found.append(
@@ -94,6 +91,19 @@ def force_age_ticks(coupling: Coupling, soil_steps: int) -> float:
 def _effective_mass_kg(body: Body, mesh: ToolMesh) -> float:
     arm = float(np.linalg.norm(mesh.vertices_m[:, [0, 2]], axis=1).max())
     return 1.0 / (1.0 / body.mass_kg + arm**2 / body.inertia_kg_m2)
+
+
+def _effective_masses_kg(scene: Scene, meshes: dict[str, ToolMesh]) -> dict[str, float]:
+    """Of every tool that the soil moves: on a body, or rolling freely about the axis of its path."""
+    found = {}
+    for name, tool in scene.tools.items():
+        if tool.body is not None and scene.mechanism is not None:
+            found[name] = _effective_mass_kg(scene.mechanism.bodies[tool.body], meshes[name])
+        elif tool.inertia_kg_m2 is not None and tool.path is not None and tool.path.turn is not None:
+            axis = np.array(tool.path.turn.axis)
+            arms = np.cross(meshes[name].about_body().vertices_m, axis / np.linalg.norm(axis))
+            found[name] = tool.inertia_kg_m2 / float(np.linalg.norm(arms, axis=1).max()) ** 2
+    return found
 
 
 def _wedge_bounds(scene: Scene, modulus: float, meshes: dict[str, ToolMesh]) -> tuple[CouplingBound, ...]:

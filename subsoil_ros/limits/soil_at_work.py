@@ -4,12 +4,17 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
+import numpy as np
+from scipy.interpolate import CubicSpline
+
 from ..contact_laws.dampers import restitution_at
+from ..rotations import placed_m, quaternion_of
 from ..scene.meshes import ToolMesh
 from ..scene.model import Scene
 from ..scene.pairs import layer_soils, pair_values, particle_mass_kg
 from ..scene.soil import Soil
 from ..scene.time_functions import ConstantLaw, Law, RampLaw, TableLaw
+from ..scene.tools import Path
 from .stable_steps import step_limits
 
 WORKING_STRESS_PA, UPPER_STRESS_PA = 100e3, 300e3
@@ -139,9 +144,11 @@ def _inertia(scene: Scene, meshes: Mapping[str, ToolMesh]) -> Finding:
 
 def _speed_and_depth(scene: Scene, name: str, mesh: ToolMesh) -> tuple[float, float]:
     """Largest speed along x of the path, or of body, drivers of x and controller [m/s]; depth of the lowest
-    vertex where the path starts, or in the reference pose [m]."""
+    vertex where the path starts, or in the reference pose, or at the deepest of given poses [m]."""
     tool, mechanism, controller = scene.tools[name], scene.mechanism, scene.controller
     x, z = mesh.vertices_m[:, [0, 2]].T
+    if tool.path is not None and tool.path.is_spatial:
+        return _speed_and_depth_in_space(tool.path, mesh.about_body())
     if tool.path is not None:
         turn = tool.path.start_angle_rad
         lowest = tool.path.start_z_m + (math.sin(turn) * x + math.cos(turn) * z).min()
@@ -155,6 +162,18 @@ def _speed_and_depth(scene: Scene, name: str, mesh: ToolMesh) -> tuple[float, fl
             if controller is not None and controller.driver == key:
                 speeds.append(controller.highest_speed)
     return max(speeds), -float(body.position_m[1] + z.min())
+
+
+def _speed_and_depth_in_space(path: Path, mesh: ToolMesh) -> tuple[float, float]:
+    """The same of a path in space; of given poses, at the fastest and the deepest of them."""
+    poses = path.poses
+    if poses is None:
+        lowest = placed_m(mesh.vertices_m, (0.0, 0.0, path.start_z_m), path.start_quaternion)[:, 2].min()
+        return _largest(path.speed_x_m_per_s), -float(lowest)
+    places = zip(poses.positions_m, map(quaternion_of, poses.rotations_rad), strict=True)
+    lowest = min(placed_m(mesh.vertices_m, place, turn)[:, 2].min() for place, turn in places)
+    speeds = CubicSpline(poses.times_s, poses.positions_m)(poses.times_s, 1)
+    return float(np.abs(speeds[:, 0]).max()), -float(lowest)
 
 
 def _largest(law: Law | None) -> float:

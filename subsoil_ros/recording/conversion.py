@@ -28,12 +28,14 @@ from ..messages import (
     NodeStatus,
     SoilCloud,
     SoilState,
+    SpatialMotion,
     TickAck,
     ToolMotion,
     ToolMotions,
     ToolWrench,
     ToolWrenches,
 )
+from ..rotations import Quaternion
 from ..ticks import NANOSECONDS_PER_SECOND, tick_end_ns
 from .types import message_class
 
@@ -110,18 +112,18 @@ def time_ns_of(message_stamp: Any) -> int:
     return message_stamp.sec * NANOSECONDS_PER_SECOND + message_stamp.nanosec
 
 
-def pose(x_m: float, y_m: float, z_m: float, angle_rad: float) -> Any:
-    """geometry_msgs/Pose of a planar pose: phi turns about -y."""
+def pose(motion: ToolMotion) -> Any:
+    """geometry_msgs/Pose of a tool's body."""
     return message_class("geometry_msgs/msg/Pose")(
-        position=message_class("geometry_msgs/msg/Point")(x=x_m, y=y_m, z=z_m),
-        orientation=rotation(angle_rad),
+        position=message_class("geometry_msgs/msg/Point")(x=motion.x_m, y=motion.y_m, z=motion.z_m),
+        orientation=rotation(motion.quaternion),
     )
 
 
-def rotation(angle_rad: float) -> Any:
-    """geometry_msgs/Quaternion of a rotation by phi about -y."""
-    half = 0.5 * angle_rad
-    return message_class("geometry_msgs/msg/Quaternion")(x=0.0, y=-math.sin(half), z=0.0, w=math.cos(half))
+def rotation(quaternion: Quaternion) -> Any:
+    """geometry_msgs/Quaternion."""
+    x, y, z, w = quaternion
+    return message_class("geometry_msgs/msg/Quaternion")(x=x, y=y, z=z, w=w)
 
 
 def vector(x: float, y: float, z: float) -> Any:
@@ -158,10 +160,9 @@ def to_message(record: Any, communication_step_ns: int) -> Any:
 def _motion_to_message(motion: ToolMotion) -> Any:
     return message_class("subsoil_msgs/msg/ToolMotion")(
         tool=motion.tool,
-        pose=pose(motion.x_m, motion.y_m, motion.z_m, motion.angle_rad),
+        pose=pose(motion),
         twist=message_class("geometry_msgs/msg/Twist")(
-            linear=vector(motion.velocity_x_m_per_s, 0.0, motion.velocity_z_m_per_s),
-            angular=vector(0.0, -motion.angular_velocity_rad_per_s, 0.0),
+            linear=vector(*motion.velocity_m_per_s), angular=vector(*motion.spin_rad_per_s)
         ),
         angle_rad=motion.angle_rad,
     )
@@ -260,6 +261,12 @@ def from_message(kind: type | str, message: Any) -> Any:
 
 def _motion_from_message(message: Any) -> ToolMotion:
     position, twist = message.pose.position, message.twist
+    if math.isnan(message.angle_rad):
+        at, v, w = message.pose.orientation, twist.linear, twist.angular
+        return SpatialMotion.of(
+            message.tool, (position.x, position.y, position.z), (at.x, at.y, at.z, at.w), (v.x, v.y, v.z),
+            (w.x, w.y, w.z),
+        )  # fmt: skip
     return ToolMotion(
         tool=message.tool,
         x_m=position.x,

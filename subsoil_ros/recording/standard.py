@@ -4,7 +4,8 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
-from ..messages import MechanismState, ToolMotion, ToolMotions, ToolWrench
+from ..messages import MechanismState, SpatialMotion, ToolMotion, ToolMotions, ToolWrench
+from ..rotations import Quaternion, Vector, planar_quaternion, turned
 from ..scene.model import Scene
 from .conversion import header, pose, rotation, stamp, vector
 from .types import message_class
@@ -24,16 +25,23 @@ def pose_stamped(motion: ToolMotion, time_ns: int) -> Any:
     """geometry_msgs/PoseStamped of a tool's body in the world frame."""
     return message_class("geometry_msgs/msg/PoseStamped")(
         header=header(time_ns),
-        pose=pose(motion.x_m, motion.y_m, motion.z_m, motion.angle_rad),
+        pose=pose(motion),
     )
 
 
 def wrench_stamped(wrench: ToolWrench, motion: ToolMotion, frame: str, time_ns: int) -> Any:
     """geometry_msgs/WrenchStamped: soil on tool about the centre of mass, components in the body frame."""
-    cosine, sine = math.cos(motion.angle_rad), math.sin(motion.angle_rad)
+    if isinstance(motion, SpatialMotion):
+        x, y, z, w = motion.quaternion
 
-    def in_body(x: float, y: float, z: float) -> Any:
-        return vector(cosine * x + sine * z, y, cosine * z - sine * x)
+        def in_body(*parts: float) -> Any:
+            return vector(*turned((-x, -y, -z, w), parts))  # type: ignore[arg-type]
+    else:
+        cosine, sine = math.cos(motion.angle_rad), math.sin(motion.angle_rad)
+
+        def in_body(*parts: float) -> Any:
+            x, y, z = parts
+            return vector(cosine * x + sine * z, y, cosine * z - sine * x)
 
     return message_class("geometry_msgs/msg/WrenchStamped")(
         header=header(time_ns, frame),
@@ -48,13 +56,13 @@ def transforms(scene: Scene, state: MechanismState | None, motions: ToolMotions 
     """tf2_msgs/TFMessage: every body of the mechanism, or every tool on a path, in the world frame."""
     if state is not None:
         lateral = {tool.body: tool.lateral_m for tool in scene.tools.values()}
-        places: Iterable[tuple[str, float, float, float, float]] = (
-            (body.name, body.x_m, lateral.get(body.name, 0.0), body.z_m, body.angle_rad)
+        places: Iterable[tuple[str, Vector, Quaternion]] = (
+            (body.name, (body.x_m, lateral.get(body.name, 0.0), body.z_m), planar_quaternion(body.angle_rad))
             for body in state.bodies
         )
     else:
         places = (
-            (body_frame(scene, item.tool), item.x_m, item.y_m, item.z_m, item.angle_rad)
+            (body_frame(scene, item.tool), item.position_m, item.quaternion)
             for item in (motions.tools if motions else ())
         )
     return message_class("tf2_msgs/msg/TFMessage")(
@@ -63,9 +71,9 @@ def transforms(scene: Scene, state: MechanismState | None, motions: ToolMotions 
                 header=header(time_ns),
                 child_frame_id=name,
                 transform=message_class("geometry_msgs/msg/Transform")(
-                    translation=vector(x_m, y_m, z_m), rotation=rotation(angle_rad)
+                    translation=vector(*position_m), rotation=rotation(quaternion)
                 ),
             )
-            for name, x_m, y_m, z_m, angle_rad in places
+            for name, position_m, quaternion in places
         ]
     )

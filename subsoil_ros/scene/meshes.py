@@ -1,6 +1,6 @@
 """Tool meshes: STL files, checked, and placed in the frame of the body that carries them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +33,11 @@ class ToolMesh:
     facets: NDArray[np.int32]  # (m, 3), counter-clockwise seen from outside: normals point outward
     facet_group: NDArray[np.int32]  # (m,), index into groups
     groups: tuple[str, ...]
+    lateral_m: float = 0.0  # y of the body
+
+    def about_body(self) -> "ToolMesh":
+        """The same with y from the body, as a tool that moves in space needs it."""
+        return replace(self, vertices_m=self.vertices_m - (0.0, self.lateral_m, 0.0), lateral_m=0.0)
 
 
 def load_tool_mesh(directory: Path, scene: Scene, tool_name: str) -> ToolMesh:
@@ -59,6 +64,7 @@ def load_tool_mesh(directory: Path, scene: Scene, tool_name: str) -> ToolMesh:
         facets=np.ascontiguousarray(np.concatenate(facets), dtype=np.int32),
         facet_group=np.concatenate(facet_group).astype(np.int32),
         groups=tuple(tool.groups),
+        lateral_m=tool.lateral_m,
     )
 
 

@@ -129,6 +129,7 @@ class Scene(StrictModel):
             carried.add(tool.body)
         if self.mechanism and self.tools and any(t.body is None for t in self.tools.values()):
             raise ValueError("tools: with a mechanism every tool needs a 'body'")
+        _check_spatial(self)
         for name, force in (self.mechanism.forces if self.mechanism else {}).items():
             if isinstance(force, WheelContact) and force.body in carried:
                 raise ValueError(
@@ -158,6 +159,35 @@ def _check_allow(scene: Scene) -> None:
         if not (stepped if step else fitted):
             needed = "a number in soil.time_step_s" if step else "a soil.file of a wedge model"
             raise ValueError(f"allow: '{name}' is about {needed}, and there is none; remove it from the list")
+
+
+def _check_spatial(scene: Scene) -> None:
+    """Raises ValueError for a path in space that this scene's soil cannot follow, or that ends too early."""
+    for name, tool in scene.tools.items():
+        if not tool.is_spatial:
+            continue
+        assert tool.path is not None
+        where, poses = f"tools.{name}.path", tool.path.poses
+        if poses is not None and poses.times_s[-1] < scene.duration_s:
+            raise ValueError(
+                f"{where}.poses.times_s: ends at {poses.times_s[-1]:g} s, before duration_s "
+                f"{scene.duration_s:g}; give poses up to the end"
+            )
+        if poses is not None and tool.lateral_m != 0.0:
+            raise ValueError(
+                f"tools.{name}.lateral_m: given {tool.lateral_m:g} with path.poses, which have a y of their "
+                "own; leave it out"
+            )
+        if scene.particle_soil is None:
+            raise ValueError(
+                f"{where}: leaves the plane of travel, and soil.model 'wedge' has no theory for that; use "
+                "soil.model: dem, or leave out speed_y_m_per_s, turn and poses"
+            )
+        if scene.particle_soil.device == "gpu":
+            raise ValueError(
+                f"{where}: leaves the plane of travel, which soil.device 'gpu' does not compute; use 'cpu', "
+                "or leave out speed_y_m_per_s, turn and poses"
+            )
 
 
 def _check_stop_when(scene: Scene, stop_when: StopWhen) -> None:

@@ -1,9 +1,12 @@
 """Tools: triangle meshes that touch the soil, carried by a body or along a prescribed path."""
 
+import math
+from itertools import pairwise
 from typing import Literal
 
 from pydantic import Field, model_validator
 
+from ..rotations import Quaternion, planar_quaternion, quaternion_of, rotation_between, turned
 from ..strict_model import Finite, Positive, StrictModel
 from .time_functions import Law
 
@@ -20,15 +23,123 @@ class MeshPart(StrictModel):
     position_m: tuple[Finite, Finite, Finite] = (0.0, 0.0, 0.0)
 
 
+LARGEST_TURN_RAD = math.pi - 1e-6
+"""From one pose to the next: a half turn but for round-off, which has no direction."""
+
+Coordinates = tuple[Finite, Finite, Finite]
+"""x, y and z in world axes, or in those of a tool."""
+
+
+class FreeTurn(StrictModel):
+    """The soil's torque turns the tool about the axis; nothing else does, so it is balanced about it."""
+
+    inertia_kg_m2: Positive = Field(description="moment of inertia about the axis.")
+    start_speed_rad_per_s: Finite = 0.0
+
+
+class Turn(StrictModel):
+    """How a tool stands in space, and what turns it about an axis fixed in it, through the path's origin."""
+
+    start_rotation_rad: Coordinates = Field(
+        (0.0, 0.0, 0.0), description="rotation vector at the start: axis in the world times angle."
+    )
+    axis: Coordinates | None = Field(None, description="in the tool's own axes, of any length.")
+    speed_rad_per_s: Law | None = None
+    free: FreeTurn | None = None
+
+    @property
+    def unit_axis(self) -> Coordinates:
+        """Axis of length 1 in the world; it stays there."""
+        x, y, z = self.axis or (0.0, 1.0, 0.0)
+        length = math.hypot(x, y, z)
+        return turned(quaternion_of(self.start_rotation_rad), (x / length, y / length, z / length))
+
+    @model_validator(mode="after")
+    def _turned_by_one(self) -> "Turn":
+        if self.speed_rad_per_s is not None and self.free is not None:
+            raise ValueError("given both 'speed_rad_per_s' and 'free'; give what turns the tool, one of them")
+        turns = self.speed_rad_per_s is not None or self.free is not None
+        if turns != (self.axis is not None):
+            raise ValueError("'axis' goes with 'speed_rad_per_s' or 'free'; give both, or neither")
+        if self.axis is not None and math.hypot(*self.axis) == 0.0:
+            raise ValueError(
+                "axis: given (0, 0, 0), which has no direction; give one, for instance [0, 1, 0]"
+            )
+        return self
+
+
+class Poses(StrictModel):
+    """Poses that a tool passes through, joined by splines with continuous accelerations."""
+
+    times_s: tuple[Finite, ...] = Field(min_length=2, description="from 0 to duration_s at least.")
+    positions_m: tuple[Coordinates, ...]
+    rotations_rad: tuple[Coordinates, ...] = Field(
+        description="rotation vectors: axis in the world times angle, less than half a turn apart."
+    )
+
+    @model_validator(mode="after")
+    def _complete(self) -> "Poses":
+        for name in ("positions_m", "rotations_rad"):
+            if len(getattr(self, name)) != len(self.times_s):
+                count = len(getattr(self, name))
+                raise ValueError(
+                    f"{name}: has {count} entries, times_s has {len(self.times_s)}; give as many"
+                )
+        if self.times_s[0] != 0.0 or any(b <= a for a, b in pairwise(self.times_s)):
+            raise ValueError("times_s: must begin with 0 and increase")
+        for k, (a, b) in enumerate(pairwise(map(quaternion_of, self.rotations_rad))):
+            if math.hypot(*rotation_between(a, b)) > LARGEST_TURN_RAD:
+                raise ValueError(
+                    f"rotations_rad: half a turn from entry {k} to {k + 1}, so that its direction is not "
+                    "known; give one between"
+                )
+        return self
+
+
 class Path(StrictModel):
-    """A prescribed path for a tool without a mechanism: start pose and speeds as time functions."""
+    """A prescribed path for a tool without a mechanism: start pose and speeds as time functions.
+
+    Without speed_y_m_per_s, turn and poses the tool stays in the plane of travel.
+    """
 
     start_x_m: Finite = 0.0
     start_z_m: Finite = 0.0
     start_angle_rad: Finite = 0.0
     speed_x_m_per_s: Law | None = None
+    speed_y_m_per_s: Law | None = None
     speed_z_m_per_s: Law | None = None
     angular_speed_rad_per_s: Law | None = None
+    turn: Turn | None = Field(None, description="in place of start_angle_rad and angular_speed_rad_per_s.")
+    poses: Poses | None = Field(None, description="in place of all the others.")
+
+    @property
+    def is_spatial(self) -> bool:
+        """Whether the tool leaves the plane of travel."""
+        return self.speed_y_m_per_s is not None or self.turn is not None or self.poses is not None
+
+    @property
+    def start_quaternion(self) -> Quaternion:
+        """Orientation at the start."""
+        if self.poses is not None:
+            return quaternion_of(self.poses.rotations_rad[0])
+        if self.turn is not None:
+            return quaternion_of(self.turn.start_rotation_rad)
+        return planar_quaternion(self.start_angle_rad)
+
+    @model_validator(mode="after")
+    def _one_way(self) -> "Path":
+        given = self.model_fields_set
+        planar = sorted(given & {"start_angle_rad", "angular_speed_rad_per_s"})
+        if self.turn is not None and planar:
+            raise ValueError(
+                f"given 'turn' and {', '.join(planar)}; with 'turn' give turn.start_rotation_rad and "
+                "turn.speed_rad_per_s"
+            )
+        if self.poses is not None and given != {"poses"}:
+            raise ValueError(
+                f"given 'poses' and {', '.join(sorted(given - {'poses'}))}; 'poses' stands alone"
+            )
+        return self
 
 
 class Tool(StrictModel):
@@ -49,6 +160,17 @@ class Tool(StrictModel):
     def is_tillage(self) -> bool:
         """Whether it works the soil; a wheel only rolls on it."""
         return self.role == "tillage"
+
+    @property
+    def is_spatial(self) -> bool:
+        """Whether its path leaves the plane of travel."""
+        return self.path is not None and self.path.is_spatial
+
+    @property
+    def inertia_kg_m2(self) -> float | None:
+        """About the axis of its path, where the soil turns it freely; else None."""
+        turn = self.path.turn if self.path is not None else None
+        return turn.free.inertia_kg_m2 if turn is not None and turn.free is not None else None
 
     @model_validator(mode="after")
     def _carried(self) -> "Tool":

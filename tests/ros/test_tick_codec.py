@@ -9,6 +9,7 @@ from subsoil_ros.messages import (
     Command,
     FacetGroupForce,
     Grant,
+    SpatialMotion,
     TickAck,
     ToolMotion,
     ToolMotions,
@@ -17,6 +18,7 @@ from subsoil_ros.messages import (
 )
 from subsoil_ros.ros.transport.convert import to_bytes
 from subsoil_ros.ros.transport.tick_codec import TICKED, TickCodec, Ticked
+from subsoil_ros.rotations import quaternion_of
 
 NAMES = [("a", "share", "wheel_left"), ("é",), ("abc", "de"), ()]
 GROUPS = [("share", "blade"), (), ("x",)]
@@ -30,6 +32,10 @@ def records(kind: type, seed: int) -> list[Ticked]:
         return rng.choice([rng.gauss(0.0, 1e3), 0.0, -0.0, math.inf, 5e-324])
 
     def motion(name: str) -> ToolMotion:
+        if rng.random() < 0.4:
+            turn = quaternion_of((rng.gauss(0, 1), rng.gauss(0, 1), rng.gauss(0, 1)))
+            vectors = [(number(), number(), number()) for _ in range(3)]
+            return SpatialMotion.of(name, vectors[0], turn, *vectors[1:])
         return ToolMotion(name, number(), number(), number(), rng.gauss(0, 9), number(), number(), number())
 
     def wrench(name: str, groups: tuple[str, ...]) -> ToolWrench:

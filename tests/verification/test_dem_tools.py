@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from numpy.testing import assert_allclose
 
-from subsoil_ros.dem.tools.surface import motion_within
+from subsoil_ros.dem.tools.motion import motion_within
 from subsoil_ros.messages import ToolMotion
 
 from ..soils import NEGLIGIBLE

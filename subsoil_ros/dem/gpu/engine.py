@@ -16,7 +16,8 @@ from ..neighbours import CellGrid, slab_starts
 from ..periodic import TOOL_SKIN
 from ..readings import SoilReadings
 from ..state import PairList, Particles, WallList
-from ..tools.surface import motion_within, refuse_leap
+from ..tools.motion import motion_within
+from ..tools.surface import refuse_leap
 from ..walls import CHUNKS
 from .convert import half_rows, wall_pairs
 from .device import refuse_without_gpu

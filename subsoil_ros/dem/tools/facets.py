@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from ...scene.meshes import ToolMesh
+from .motion import into_body, out_of_body
 
 
 class Facets(NamedTuple):
@@ -91,13 +92,12 @@ def closest_feature(px, py, pz, corner):
 
 
 @njit(cache=True)
-def near_facets(position, cell_start, grid, pose, corner, reach):
+def near_facets(position, cell_start, grid, motion, corner, reach):
     """Particles within `reach` [m] of a facet, and which facets.
 
-    pose: x [m], z [m], cosine, sine of the body. corner in the body frame; particles sorted by cell.
+    motion: see tools.motion. corner in the body frame; particles sorted by cell.
     Returns particle (c,), facet_start (c + 1,), facet (q,), particles increasing.
     """
-    x0, z0, cosine, sine = pose
     n = position.shape[0]
     count = np.zeros(n, np.int32)
     found = np.zeros(n + 1, np.int64)
@@ -107,8 +107,7 @@ def near_facets(position, cell_start, grid, pose, corner, reach):
         for m in range(corner.shape[0]):
             low, high = np.full(3, np.inf), np.full(3, -np.inf)
             for v in range(3):
-                x, y, z = corner[m, v, 0], corner[m, v, 1], corner[m, v, 2]
-                world = (x0 + cosine * x - sine * z, y, z0 + sine * x + cosine * z)
+                world = out_of_body(motion, corner[m, v, 0], corner[m, v, 1], corner[m, v, 2])
                 for a in range(3):
                     low[a] = min(low[a], world[a] - reach)
                     high[a] = max(high[a], world[a] + reach)
@@ -124,8 +123,7 @@ def near_facets(position, cell_start, grid, pose, corner, reach):
                 for cy in range(first_y, last_y + 1):
                     column = (cx * grid.ny + cy) * grid.nz
                     for i in range(cell_start[column + first_z], cell_start[column + last_z + 1]):
-                        dx, dz = position[i, 0] - x0, position[i, 2] - z0
-                        px, py, pz = cosine * dx + sine * dz, position[i, 1], cosine * dz - sine * dx
+                        px, py, pz = into_body(motion, position[i, 0], position[i, 1], position[i, 2])
                         qx, qy, qz, _ = closest_feature(px, py, pz, corner[m])
                         if (px - qx) ** 2 + (py - qy) ** 2 + (pz - qz) ** 2 < reach2:
                             if fill == 1:
@@ -145,21 +143,19 @@ def near_facets(position, cell_start, grid, pose, corner, reach):
 
 
 @njit(cache=True)
-def inside_or_near(position, particle, pose, corner, clearance):
+def inside_or_near(position, particle, motion, corner, clearance):
     """Of `particle`, those inside the closed surface or closer to it than their clearance: bool (c,).
 
-    clearance [m]: (n,), of all particles.
+    clearance [m]: (n,), of all particles. motion: see tools.motion.
 
     Inside is where the solid angles of the facets sum to more than 2 pi (A. van Oosterom, J. Strackee,
     IEEE Trans. Biomed. Eng. 30, 1983: the angle of one triangle).
     """
-    x0, z0, cosine, sine = pose
     hit = np.zeros(len(particle), np.bool_)
     a, b, c = np.empty(3), np.empty(3), np.empty(3)
     for k in range(len(particle)):
         i = particle[k]
-        dx, dz = position[i, 0] - x0, position[i, 2] - z0
-        p = (cosine * dx + sine * dz, position[i, 1], cosine * dz - sine * dx)
+        p = into_body(motion, position[i, 0], position[i, 1], position[i, 2])
         angle = 0.0
         for m in range(corner.shape[0]):
             qx, qy, qz, _ = closest_feature(p[0], p[1], p[2], corner[m])

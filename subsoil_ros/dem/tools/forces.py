@@ -18,6 +18,7 @@ from ..compiled import inner_kernel
 from ..contact import contact, kept_at, normal_potential, put_kept, reach, spring_energy
 from ..mixture import sphere_of
 from .facets import closest_feature
+from .motion import centre_of, into_body, spin_of, turned_in, turned_out, velocity_at
 
 CONTACTS = 4
 """Contacts of one particle with one tool that are kept; a convex body gives at most three."""
@@ -115,7 +116,8 @@ def _candidate(
 ):  # fmt: skip
     """Applies the contacts `out` of particle i. `sums`: sinks of all laws, contacts, largest overlap,
     sinks of this law."""
-    x0, z0, cosine, sine, vx0, vz0, rate, lateral = motion
+    x0, y0, z0 = centre_of(motion)
+    ox, oy, oz = spin_of(motion)
     for s in range(CONTACTS):
         for a in range(3):
             old_shear[s, a] = shear[row, s, a] if active[row, s] else 0.0
@@ -129,17 +131,18 @@ def _candidate(
     for k in range(found):
         bx, by, bz = out[k, 0], out[k, 1], out[k, 2]
         distance, group, slot = out[k, 3], int(out[k, 4]), int(out[k, 5])
-        nx, ny, nz = cosine * bx - sine * bz, by, sine * bx + cosine * bz
+        nx, ny, nz = turned_out(motion, bx, by, bz)
         arm = 0.5 * (radius + distance)
         # contact point against the body's centre of mass
         rx = position[i, 0] + arm * nx - x0
-        ry = position[i, 1] + arm * ny - lateral
+        ry = position[i, 1] + arm * ny - y0
         rz = position[i, 2] + arm * nz - z0
         wx, wy, wz = spin[i, 0], spin[i, 1], spin[i, 2]
+        ux, uy, uz = velocity_at(motion, rx, ry, rz)
         relative = (
-            velocity[i, 0] + arm * (wy * nz - wz * ny) - (vx0 - rate * rz),
-            velocity[i, 1] + arm * (wz * nx - wx * nz),
-            velocity[i, 2] + arm * (wx * ny - wy * nx) - (vz0 + rate * rx),
+            velocity[i, 0] + arm * (wy * nz - wz * ny) - ux,
+            velocity[i, 1] + arm * (wz * nx - wx * nz) - uy,
+            velocity[i, 2] + arm * (wx * ny - wy * nx) - uz,
         )
         sx, sy, sz, tx, ty, tz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         kept = kept_at(old_roll[max(slot, 0)], 3, 1, 1.0 if slot >= 0 else 0.0, law)
@@ -154,20 +157,14 @@ def _candidate(
             for a in range(roll.shape[2]):
                 old_roll[slot, a] = 0.0
         f, m, s, r, kept, sinks = contact(
-            radius - distance, (nx, ny, nz), relative, (wx, wy + rate, wz),
-            (cosine * sx - sine * sz, sy, sine * sx + cosine * sz),
-            (cosine * tx - sine * tz, ty, sine * tx + cosine * tz),
-            kept, step, law, features,
+            radius - distance, (nx, ny, nz), relative, (wx - ox, wy - oy, wz - oz),
+            turned_out(motion, sx, sy, sz), turned_out(motion, tx, ty, tz), kept, step, law, features,
         )  # fmt: skip
         put_kept(kept, 1.0, roll[row, k], 3, 1)
         active[row, k] = True
         normal[row, k, 0], normal[row, k, 1], normal[row, k, 2] = bx, by, bz
-        shear[row, k, 0], shear[row, k, 1], shear[row, k, 2] = (
-            cosine * s[0] + sine * s[2], s[1], cosine * s[2] - sine * s[0],
-        )  # fmt: skip
-        roll[row, k, 0], roll[row, k, 1], roll[row, k, 2] = (
-            cosine * r[0] + sine * r[2], r[1], cosine * r[2] - sine * r[0],
-        )  # fmt: skip
+        shear[row, k, 0], shear[row, k, 1], shear[row, k, 2] = turned_in(motion, s[0], s[1], s[2])
+        roll[row, k, 0], roll[row, k, 1], roll[row, k, 2] = turned_in(motion, r[0], r[1], r[2])
         for a in range(3):
             force[i, a] += f[a]
             group_force[group, a] -= f[a]
@@ -198,14 +195,12 @@ def row_forces(
 
     out (CONTACTS, FOUND), old_shear (CONTACTS, 3) and old_roll, as long as `roll`, are room to work in.
     """
-    x0, z0, cosine, sine = motion[0], motion[1], motion[2], motion[3]
     i = particle[row]
     radius, law = sphere_of(i, common_radius, common_law, mixture, features)
-    dx, dz = position[i, 0] - x0, position[i, 2] - z0
+    px, py, pz = into_body(motion, position[i, 0], position[i, 1], position[i, 2])
     found = _find_contacts(
-        cosine * dx + sine * dz, position[i, 1], cosine * dz - sine * dx, facets,
-        facet_start[row], facet_start[row + 1], facet, reach(radius, law, features), active[row],
-        normal[row], out,
+        px, py, pz, facets, facet_start[row], facet_start[row + 1], facet, reach(radius, law, features),
+        active[row], normal[row], out,
     )  # fmt: skip
     _candidate(
         row, i, found, out, position, velocity, spin, force, torque, motion, active, normal, shear,
@@ -240,8 +235,7 @@ def tool_forces(
 ):  # fmt: skip
     """Adds the forces of one tool on its candidate particles. `mixture`: see pair_forces.
 
-    motion: x [m], z [m], cosine, sine, velocity x, z [m/s], phi rate [rad/s], y [m] of the body. The buffers
-    are filled chunk by chunk and summed in order.
+    motion: see tools.motion. The buffers are filled chunk by chunk and summed in order.
 
     Returns the force of the soil on the tool by group (groups, 3) [N], the moment (3,) [N m] about the
     body's centre of mass, and (n,): sinks of all laws [J], contacts, largest overlap [m], sinks of this law.
@@ -278,15 +272,13 @@ def tool_scan(
     """Stored energy of one tool's contacts [J]."""
     energy = 0.0
     out = np.empty((CONTACTS, FOUND))
-    x0, z0, cosine, sine = motion[0], motion[1], motion[2], motion[3]
     for row in range(particle.shape[0]):
         i = particle[row]
         radius, law = sphere_of(i, common_radius, common_law, mixture, features)
-        dx, dz = position[i, 0] - x0, position[i, 2] - z0
+        px, py, pz = into_body(motion, position[i, 0], position[i, 1], position[i, 2])
         found = _find_contacts(
-            cosine * dx + sine * dz, position[i, 1], cosine * dz - sine * dx, facets,
-            facet_start[row], facet_start[row + 1], facet, reach(radius, law, features), active[row],
-            normal[row], out,
+            px, py, pz, facets, facet_start[row], facet_start[row + 1], facet, reach(radius, law, features),
+            active[row], normal[row], out,
         )  # fmt: skip
         for k in range(found):  # in the order in which the last step stored them
             kept = kept_at(roll[row, k], 3, 1, 1.0, law)

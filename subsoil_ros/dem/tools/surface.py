@@ -10,8 +10,10 @@ import numpy as np
 from ...contact_laws.base import SHARED_SINKS, Features
 from ...errors import PhysicsError
 from ...loading.loader import ResolvedScene
-from ...messages import FacetGroupForce, ToolMotion, ToolWrench
+from ...messages import FacetGroupForce, SpatialMotion, ToolMotion, ToolWrench, work_joule
+from ...rotations import placed_m, rotation_between
 from ...scene.meshes import ToolMesh, load_tool_mesh
+from ...scene.soil import Soil
 from ..bed import Bed
 from ..kernel_calls import KernelCalls
 from ..mixture import Mixture
@@ -21,9 +23,7 @@ from ..snapshot import from_named, motion_array, motion_from, named
 from ..state import Particles, ToolList
 from .facets import Facets, facets_of, inside_or_near, near_facets
 from .forces import CONTACTS, chunk_buffers, tool_forces, tool_scan
-
-Motion = tuple[float, float, float, float, float, float, float, float]
-"""x [m], z [m], cosine, sine, velocity x, z [m/s], phi rate [rad/s], y [m]: what the kernels take."""
+from .motion import Motion, kernel_motion
 
 
 @dataclass
@@ -39,7 +39,10 @@ class ToolLoad:
 
 @dataclass
 class ToolSurface:
-    """Surface and contact state of one tool."""
+    """Surface and contact state of one tool.
+
+    mesh: as ToolMesh has it; of a tool that moves in space, about the body's own y.
+    """
 
     name: str
     mesh: ToolMesh
@@ -59,7 +62,9 @@ class ToolSurface:
         self._edges = np.unique(
             np.sort(self.mesh.facets[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2), axis=0
         )
-        self._radius_m = float(np.linalg.norm(self.mesh.vertices_m[:, [0, 2]], axis=1).max())
+        self.spatial = isinstance(self.last, SpatialMotion)
+        about = self.mesh.vertices_m if self.spatial else self.mesh.vertices_m[:, [0, 2]]
+        self._radius_m = float(np.linalg.norm(about, axis=1).max())
         self._searched = self.last
         self._buffers = chunk_buffers(len(self.mesh.groups), self.sink_count)
         self._kernels = KernelCalls()
@@ -75,21 +80,19 @@ class ToolSurface:
 
     def kernel_motion(self, motion: ToolMotion) -> Motion:
         """`motion` as the kernels take it."""
-        turn = motion.angle_rad - self.reference_angle_rad
-        return (
-            motion.x_m, motion.z_m, math.cos(turn), math.sin(turn),
-            motion.velocity_x_m_per_s, motion.velocity_z_m_per_s, motion.angular_velocity_rad_per_s,
-            motion.y_m,
-        )  # fmt: skip
+        return kernel_motion(motion, self.reference_angle_rad)
+
+    def world_m(self, motion: ToolMotion) -> np.ndarray:
+        """Vertices (v, 3) in the world, of a tool that moves in space."""
+        return placed_m(self.mesh.vertices_m, motion.position_m, motion.quaternion)
 
     def search(
         self, motion: ToolMotion, particles: Particles, order: np.ndarray, cell_start: np.ndarray,
         grid: CellGrid, reach: float,
     ) -> None:  # fmt: skip
         """Find the candidates within `reach` [m] of the tool at `motion`, particles being in new `order`."""
-        pose = self.kernel_motion(motion)[:4]
         particle, facet_start, facet = near_facets(
-            particles.position, cell_start, grid, pose, self.facets.corner, reach
+            particles.position, cell_start, grid, self.kernel_motion(motion), self.facets.corner, reach
         )
         old = self.near
         histories = carry_rows(order, old.particle, particle, (old.active, old.normal, old.shear, old.roll))
@@ -103,32 +106,47 @@ class ToolSurface:
     def moved_m(self, motion: ToolMotion) -> float:
         """Bound on how far any point of the surface moved since the search [m]."""
         then = self._searched
+        if self.spatial:
+            shift = math.dist(motion.position_m, then.position_m)
+            turn = math.hypot(*rotation_between(then.quaternion, motion.quaternion))
+            return shift + 2.0 * self._radius_m * math.sin(0.5 * turn)  # a chord
         shift = math.hypot(motion.x_m - then.x_m, motion.z_m - then.z_m)
         return shift + self._radius_m * abs(motion.angle_rad - then.angle_rad)
 
     def speed_m_per_s(self, motion: ToolMotion) -> float:
         """Bound on the speed of any point of the surface [m/s]."""
+        if self.spatial:
+            spin = math.hypot(*motion.spin_rad_per_s)
+            return math.hypot(*motion.velocity_m_per_s) + self._radius_m * spin
         speed = math.hypot(motion.velocity_x_m_per_s, motion.velocity_z_m_per_s)
         return speed + self._radius_m * abs(motion.angular_velocity_rad_per_s)
 
     def overlapped(self, particles: Particles, clearance_m: np.ndarray) -> np.ndarray:
         """Particles (numbers) inside the surface or closer to it than their `clearance_m` (n,)."""
-        pose = self.kernel_motion(self.last)[:4]
-        low, high = self.mesh.vertices_m.min(axis=0), self.mesh.vertices_m.max(axis=0)
-        dx, dz = particles.position[:, 0] - pose[0], particles.position[:, 2] - pose[1]
-        local = np.stack(
-            (pose[2] * dx + pose[3] * dz, particles.position[:, 1], pose[2] * dz - pose[3] * dx), axis=1
-        )
+        pose, vertices, position = self.kernel_motion(self.last), self.mesh.vertices_m, particles.position
+        if self.spatial:
+            vertices, local = self.world_m(self.last), position
+        else:
+            dx, dz = position[:, 0] - pose[0], position[:, 2] - pose[1]
+            local = np.stack(
+                (pose[2] * dx + pose[3] * dz, position[:, 1], pose[2] * dz - pose[3] * dx), axis=1
+            )
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
         near = clearance_m[:, None]
         candidates = np.flatnonzero(((local > low - near) & (local < high + near)).all(axis=1))
-        hit = inside_or_near(particles.position, candidates, pose, self.facets.corner, clearance_m)
+        hit = inside_or_near(position, candidates, pose, self.facets.corner, clearance_m)
         return candidates[hit]
 
     def span_m(self, below_m: float) -> tuple[float, float]:
         """Lowest and highest x of its surface below this height [m]; inf and -inf where it is above."""
-        x, z, cosine, sine = self.kernel_motion(self.last)[:4]
-        local_x, local_z = self.mesh.vertices_m[self._edges][:, :, [0, 2]].T  # (2, edges)
-        at, height = x + cosine * local_x - sine * local_z, z + sine * local_x + cosine * local_z - below_m
+        if self.spatial:
+            at, height = self.world_m(self.last)[self._edges][:, :, [0, 2]].T  # (2, edges)
+            height = height - below_m
+        else:
+            x, z, cosine, sine = self.kernel_motion(self.last)[:4]
+            local_x, local_z = self.mesh.vertices_m[self._edges][:, :, [0, 2]].T  # (2, edges)
+            at = x + cosine * local_x - sine * local_z
+            height = z + sine * local_x + cosine * local_z - below_m
         crossing = (height[0] > 0.0) != (height[1] > 0.0)
         part = height[0, crossing] / (height[0, crossing] - height[1, crossing])
         ends = np.append(at[height <= 0.0], at[0, crossing] + part * np.diff(at, axis=0)[0, crossing])
@@ -161,19 +179,21 @@ class ToolSurface:
 
     def feel(self, by_group: np.ndarray, torque: np.ndarray, sums: np.ndarray, motion: ToolMotion) -> None:
         """Sums up what `forces` returned for a step that ends at `motion`."""
-        fx, _, fz = by_group.sum(axis=0).tolist()
+        fx, fy, fz = by_group.sum(axis=0).tolist()
         self.felt.group_force += by_group
         self.felt.moment += torque
-        self.felt.work_joule += (
-            fx * (motion.x_m - self.last.x_m)
-            + fz * (motion.z_m - self.last.z_m)
-            - float(torque[1]) * (motion.angle_rad - self.last.angle_rad)
-        )
+        self.felt.work_joule += work_joule((fx, fy, fz), torque.tolist(), self.last, motion)
         self.felt.contacts = int(sums[SHARED_SINKS])
         self.felt.steps += 1
         self.max_overlap_m = max(self.max_overlap_m, float(sums[SHARED_SINKS + 1]))
         self.sinks_joule += np.delete(sums, (SHARED_SINKS, SHARED_SINKS + 1))
         self.last = motion
+
+    def refuse_at_sides(self, motion: ToolMotion, bed: Bed, soil: Soil) -> None:
+        """Raises SceneError where the tool, at `motion`, is at periodic or held sides of the soil."""
+        vertices = self.world_m(motion) if self.spatial else self.mesh.vertices_m
+        refuse_tool_at_seam(self.name, vertices, bed, soil)
+        refuse_tool_at_held_side(self.name, vertices, soil)
 
     def stored_joule(
         self, particles: Particles, radius: float, law: Any, mixture: Mixture, features: Features
@@ -228,10 +248,12 @@ def surfaces(resolved: ResolvedScene, bed: Bed, motions: tuple[ToolMotion, ...])
     sinks, found = len(soil.law.sinks), []
     for (name, tool), motion in zip(scene.tools.items(), motions, strict=True):
         mesh = load_tool_mesh(resolved.directory, scene, name)
-        refuse_tool_at_seam(name, mesh.vertices_m, bed, soil)
-        refuse_tool_at_held_side(name, mesh.vertices_m, soil)
         reference = bodies[tool.body].angle_rad if tool.body else 0.0
-        found.append(ToolSurface(name, mesh, reference, motion, len(soil.law.kept), sinks))
+        if isinstance(motion, SpatialMotion):
+            mesh = mesh.about_body()
+        surface = ToolSurface(name, mesh, reference, motion, len(soil.law.kept), sinks)
+        surface.refuse_at_sides(motion, bed, soil)
+        found.append(surface)
     return tuple(found)
 
 
@@ -247,27 +269,3 @@ def refuse_leap(where: str, tool: ToolSurface, motion: ToolMotion, step_s: float
         f"allowed is the radius of the smallest particle, {radius_m:g} m: make the tool slower, or use a "
         "smaller soil.time_step_s"
     )
-
-
-def motion_within(start: ToolMotion, end: ToolMotion, interval_s: float, part: float) -> ToolMotion:
-    """Cubic in x, z and phi between two motions, at `part` (0 to 1] of the interval (Hermite)."""
-    if part == 1.0:
-        return end
-    t, h = part, interval_s
-    h00, h10 = (1.0 + 2.0 * t) * (1.0 - t) ** 2, t * (1.0 - t) ** 2
-    h01, h11 = t * t * (3.0 - 2.0 * t), t * t * (t - 1.0)
-    d00, d10 = 6.0 * t * (t - 1.0), (1.0 - t) * (1.0 - 3.0 * t)
-    d01, d11 = -d00, t * (3.0 * t - 2.0)
-
-    def between(p0: float, v0: float, p1: float, v1: float) -> tuple[float, float]:
-        return (
-            h00 * p0 + h10 * h * v0 + h01 * p1 + h11 * h * v1,
-            (d00 * p0 + d01 * p1) / h + d10 * v0 + d11 * v1,
-        )
-
-    x, vx = between(start.x_m, start.velocity_x_m_per_s, end.x_m, end.velocity_x_m_per_s)
-    z, vz = between(start.z_m, start.velocity_z_m_per_s, end.z_m, end.velocity_z_m_per_s)
-    phi, rate = between(
-        start.angle_rad, start.angular_velocity_rad_per_s, end.angle_rad, end.angular_velocity_rad_per_s
-    )
-    return ToolMotion(end.tool, x, end.y_m, z, phi, vx, vz, rate)

@@ -15,6 +15,7 @@ from ...messages import (
     Command,
     FacetGroupForce,
     Grant,
+    SpatialMotion,
     TickAck,
     ToolMotion,
     ToolMotions,
@@ -36,6 +37,8 @@ _ENCAPSULATION_BYTES = 4  # before what CDR aligns to
 _FRAME = "world"
 _ORDER: Literal["little"] = "little"
 _COMMANDS = tuple(Command)
+_SPATIAL = ((0, 3), (3, 7), (7, 10), (10, 13))
+"""Places of position, orientation, velocity and angular velocity among the numbers of a motion."""
 
 
 @dataclass(frozen=True)
@@ -134,21 +137,11 @@ def _names_of(record: Ticked) -> Names:
 
 
 def _numbers_of_motion(motion: ToolMotion) -> tuple[float, ...]:
-    half = 0.5 * motion.angle_rad
     return (
-        motion.x_m,
-        motion.y_m,
-        motion.z_m,
-        0.0,
-        -math.sin(half),
-        0.0,
-        math.cos(half),
-        motion.velocity_x_m_per_s,
-        0.0,
-        motion.velocity_z_m_per_s,
-        0.0,
-        -motion.angular_velocity_rad_per_s,
-        0.0,
+        *motion.position_m,
+        *motion.quaternion,
+        *motion.velocity_m_per_s,
+        *motion.spin_rad_per_s,
         motion.angle_rad,
     )
 
@@ -170,7 +163,11 @@ def _motions(names: Names, numbers: tuple[float, ...]) -> Iterator[ToolMotion]:
     place = 0
     for tool, _ in names:
         x_m, y_m, z_m, _, _, _, _, speed_x, _, speed_z, _, rate, _, angle_rad = numbers[place : place + 14]
-        yield ToolMotion(tool, x_m, y_m, z_m, angle_rad, speed_x, speed_z, -rate)
+        if math.isnan(angle_rad):
+            parts = [numbers[place + first : place + last] for first, last in _SPATIAL]
+            yield SpatialMotion.of(tool, *parts)  # type: ignore[arg-type]
+        else:
+            yield ToolMotion(tool, x_m, y_m, z_m, angle_rad, speed_x, speed_z, -rate)
         place += 14
 
 

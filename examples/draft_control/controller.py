@@ -20,7 +20,7 @@ from subsoil_ros.ros.process.node_process import run_process
 from subsoil_ros.ros.process.parameters import NodeSettings, ParameterKey
 from subsoil_ros.scene.controller import Controller as ControllerKeys
 
-RANGE = (0.0, 1e5)  # of the three numbers
+RANGE = (0.0, 1e5)  # of each of the three parameters
 ALLOWED = "a number from 0 to 100000, with a decimal point"
 TARGETS = {
     "target_newton": ParameterKey(1300.0, "draft to hold", ALLOWED, RANGE),

@@ -124,7 +124,7 @@ KINDS: dict[str, dict[str, str]] = {
     "mechanism": {
         "kinetic_energy": "joule", "gravity_energy": "joule", "spring_energy": "joule", "dissipated": "joule",
         "driver_work": "joule", "external_work": "joule", "position_residual": "m",
-        "velocity_residual": "m_per_s",
+        "velocity_residual": "m_per_s", "energy_residual": "joule", "part": "count",
     },
     "soil": {
         "particle": "count", "contact": "count", "lost_particle": "count", "broken_bond": "count",

@@ -332,8 +332,8 @@ class Mechanism(StrictModel):
     integrator_order: Literal[2, 3, 4] = Field(4, description="of Adams-Moulton.")
     tolerance: Positive | None = Field(
         1e-6,
-        description="of the velocities, in one step: where its error is larger, a step of adams_moulton or "
-        "runge_kutta_4 is taken in parts; null: fixed steps.",
+        description="error of velocities and positions in one step, over the motion: where it is larger, "
+        "a step of adams_moulton or runge_kutta_4 is taken in parts; null: fixed steps.",
     )
 
     @model_validator(mode="after")

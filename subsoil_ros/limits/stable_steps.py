@@ -86,8 +86,8 @@ def step_limits(soil: Soil, coordination: float = DENSE_COORDINATION) -> tuple[S
 def _particle_limits(soil: Soil, other: Soil, z: float, named: str) -> dict[str, StepLimit]:
     """Limits of the smallest particle of `soil` among particles of `other`, by kind of motion.
 
-    z of its own size find room on it, so of another z ((r1 + r2) / (2 r2))^2: cross-sections r2^2 on a sphere of
-    r1 + r2. With the dampers of such a pair, C ~ (2 r1 r2 / (r1 + r2))^2, that is the rate of like ones.
+    z of its own size find room on it, so of another z ((r1 + r2) / (2 r2))^2: cross-sections r2^2 on a sphere
+    of r1 + r2. With the dampers of such a pair, C ~ (2 r1 r2 / (r1 + r2))^2, that is the rate of like ones.
     """
     radius = soil.particles.bounds_m[0]
     own, others = soil.particles.mean_volume_radius_m, other.particles.mean_volume_radius_m

@@ -22,7 +22,7 @@ from ..scene.model import Scene
 from ..yaml_document import Document, dump_yaml, merge, plain_value, read_document
 from .files import with_absolute_files
 from .keys import suggestion
-from .material import is_of, material_first, refuse_too_coarse, with_material, with_window
+from .material import is_of, material_first, with_material, with_window
 from .overrides import CHOICES, Override, apply_override, overrides_of, parse_overrides
 from .presets import Preset, read_preset
 from .reference import Reference, read_reference
@@ -96,8 +96,6 @@ def load_scene(
     try:
         meshes = {tool: load_tool_mesh(path.parent, scene, tool) for tool in scene.tools}
         if scene.particle_soil is not None and scene.particle_soil.particles.coarse is not None:
-            if material is not None:
-                refuse_too_coarse(scene.particle_soil, material)
             core = {"soil": {"particles": {"coarse": core_m(scene, meshes)}}}
             document = merge(document, core, shown)
             scene = validated(Scene, document, shown, changes)

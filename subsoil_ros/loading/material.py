@@ -118,17 +118,6 @@ def with_window(document: Document, material: Material | None, shown: str) -> Do
     return {**document, "soil": {**document["soil"], "window": filled}}
 
 
-def refuse_too_coarse(soil: Soil, material: Material) -> None:
-    """SceneError if the coarse particles of a graded bed are larger than the material is taken at."""
-    coarse, high = soil.particles.coarse, material.radii_m[1]
-    radius = 0.5 * sum(soil.particles.grades[0].bounds_m)
-    if coarse is not None and coarse.times * radius > high * (1.0 + 1e-9):
-        raise SceneError(
-            f"soil.particles.coarse.times: {coarse.times:g} times {radius:g} m is above {high:g} m, the "
-            f"largest mean radius that soil.material covers; allowed is up to {high / radius:.4g}"
-        )
-
-
 def is_of(soil: Soil, material: Material) -> bool:
     """Whether a validated soil is still that of its material: nothing of it was changed by the scene."""
     low, high = soil.particles.grades[0].bounds_m

@@ -84,13 +84,11 @@ def _prepared(
     settling = settling_under(resolved, engine_of, threads, period, gravity, on_progress)
     radius = soil.particles.mean_volume_radius_m
     rest = Rest(relaxed_rest(radius, settling.contact_rate_per_s).speed_m_per_s, RELAXING_S)
-    assert bed.held is not None
-    aside = np.zeros(len(bed.positions_m), np.bool_)
-    if soil.bin.sides != "periodic":
-        free = 0.5 * soil.bin.width_m - HELD_LAYER * soil.particles.bounds_m[1]
-        aside = np.abs(bed.positions_m[:, 1]) > free
-    stuck = dataclasses.replace(bed, held=bed.held | aside)
-    engine = settling.settled(stuck, rest, damping_per_s(soil, gravity), "relaxing")
+    damping = damping_per_s(soil, gravity)
+    moved = settling.run(_stuck(bed, soil), rest, damping, "relaxing")
+    bed = dataclasses.replace(moved, held=bed.held).only(_inside(moved, soil))
+    stuck = _stuck(bed, soil)
+    engine = settling.settled(stuck, rest, damping, "relaxing")
     bed = _level(dataclasses.replace(bed_of(engine, stuck), held=bed.held), soil)
     refuse_unfinished(bed, period, rest.speed_m_per_s)
     order = np.argsort(bed.positions_m[:, 0], kind="stable")
@@ -115,6 +113,23 @@ def _plot(block: Bed, alone: Soil, soil: Soil, period_m: float | None) -> Bed:
         sides="endless",
         held=block.held[plot.number],
     )
+
+
+def _stuck(bed: Bed, soil: Soil) -> Bed:
+    """The bed with its sides held, unless they are periodic."""
+    assert bed.held is not None
+    if soil.bin.sides == "periodic":
+        return bed
+    free = 0.5 * soil.bin.width_m - HELD_LAYER * soil.particles.bounds_m[1]
+    return dataclasses.replace(bed, held=bed.held | (np.abs(bed.positions_m[:, 1]) > free))
+
+
+def _inside(bed: Bed, soil: Soil) -> np.ndarray:
+    """(n,) bool: particles that did not fall off at an open side."""
+    assert bed.held is not None
+    x = bed.positions_m
+    found = x[:, 2] >= x[bed.held, 2].min()
+    return found if soil.bin.sides == "periodic" else found & (np.abs(x[:, 1]) <= 0.5 * soil.bin.width_m)
 
 
 def _level(bed: Bed, soil: Soil) -> Bed:

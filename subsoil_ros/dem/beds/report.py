@@ -12,7 +12,7 @@ from ...scene.pairs import layer_soils
 from ...scene.soil import Soil
 from ..bed import Bed
 from ..walls import WALLS, wall_planes
-from .graded import grade_parts
+from .graded import grade_parts, grades_at
 from .in_reach import pairs_in_reach, radii_of
 from .settling import EngineOf
 from .surface import top_surface_m
@@ -57,7 +57,7 @@ class RadiusReport:
 @dataclass(frozen=True)
 class LayerReport:
     """Particles of one layer, or of one size of a graded bed; density is their mass over the volume between
-    the layer's depths, or where that size belongs."""
+    the layer's depths, or that of all particles where the size belongs."""
 
     name: str
     particle_count: int
@@ -168,11 +168,11 @@ def _grades(bed: Bed, soil: Soil, masses: np.ndarray, top_m: float) -> tuple[Lay
     volume = (x_high - bed.lower_m[0]) * (y_high - y_low) * (top_m - low)
     parts = grade_parts(soil, (y_low, y_high), (-top_m, -low))
     found = []
+    at = grades_at(soil, bed.positions_m[:, 1], -bed.positions_m[:, 2])
     for k, (grade, part) in enumerate(zip(soil.particles.grades, parts, strict=True)):
-        own = bed.materials == k
-        density = float(masses[own].sum()) / (volume * part) if part > 0.0 else 0.0
+        density = float(masses[at == k].sum()) / (volume * part) if part > 0.0 else 0.0
         name = f"size {1e3 * grade.mean_volume_radius_m:.3g} mm"
-        found.append(LayerReport(name, int(np.sum(own)), density))
+        found.append(LayerReport(name, int(np.sum(bed.materials == k)), density))
     return tuple(found)
 
 

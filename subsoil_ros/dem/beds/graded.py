@@ -5,7 +5,7 @@
    on both sides of an interface, but particles of two beds overlap there.
 3. These are parted without friction and weight, all that is far from an interface being held. Spheres without
    friction jam at a solid fraction of 0.64, so looser ones find places without overlap, in part above the
-   surface. From there they sink back in their weight, with a friction near that which gives the solid fraction.
+   surface. From there they sink back in their weight, with a friction that leaves them near the fraction.
 
 It then comes to rest under the law of the scene, as other beds do (tiled, ground).
 """
@@ -33,7 +33,7 @@ SINKING_S = 0.3
 """Longest time to sink back (chosen: ten times that of a fall by a radius, 30 ms)."""
 
 SINKING_COMPACTS = 0.02
-"""By how much the solid fraction of the friction that is taken lies below the wanted one (measured: with none,
+"""By how much the solid fraction of the friction that is taken lies below the wanted one (measured: with 0,
 the four slices about an interface have 0.612 in place of 0.600; without sinking 0.588)."""
 
 LATTICE = 400

@@ -357,6 +357,9 @@ class SoilCloud:
 
     identities (n,) uint32, unique for ever, where particles come and go (soil.window); else None.
     broken_parts (n,) float32: part of each particle's bonds that broke (soil.bonds); else None.
+    radii_m (n,) float32, where particles have several sizes; else None.
+    materials (n,) uint32: number of the layer, or of the size of a graded bed from the core outwards; else
+    None.
     """
 
     tick: int
@@ -365,3 +368,5 @@ class SoilCloud:
     speeds_m_per_s: object = field(repr=False)
     identities: object = field(default=None, repr=False)
     broken_parts: object = field(default=None, repr=False)
+    radii_m: object = field(default=None, repr=False)
+    materials: object = field(default=None, repr=False)

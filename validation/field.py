@@ -76,8 +76,8 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def pull(args: argparse.Namespace) -> None:
-    """Drives the tine and writes the rows as they come."""
+def pull(args: argparse.Namespace) -> Places:
+    """Drives the tine and writes the rows as they come; where particles were first and last."""
     (file,), (metres,) = args.files, args.metres or (12.0,)
     length = args.bin or metres + 1.0
     scene = load_scene(SCENE)
@@ -85,6 +85,8 @@ def pull(args: argparse.Namespace) -> None:
     box = {"length_m": length, "width_m": args.width, "depth_m": depth, "sides": args.sides}
     changes = {"soil.bin": box, "soil.window": {}, "soil.particles.radius_m": 1e-3 * args.radius_mm}
     changes["soil.bed.seed"] = args.seed
+    if args.coarse:
+        changes["soil.particles.coarse"] = {"times": args.coarse}
     if args.bin:
         changes |= {"soil.window": None, "soil.bin": box | {"sides": "walls"}}
     scene = load_scene(SCENE, changes)
@@ -125,11 +127,13 @@ def pull(args: argparse.Namespace) -> None:
                 places.see(engine.cloud(tick, 0))
     radius = scene.scene.particle_soil.particles.mean_volume_radius_m
     slab = (START_M, (metres - LEAVE_M if args.bin else metres) - REAR_M)
-    loosened = disturbance_between(places.first_m, places.last_m, slab, radius)
+    radii = places.radius_m if args.coarse else None
+    loosened = disturbance_between(places.first_m, places.last_m, slab, radius, radii_m=radii)
     if loosened is not None:
         write_section_csv(loosened, section_of(file))
     lost = engine.state("", 0, 0).lost_particle_count
     print(f"{file}: {metres:g} m, {lost} particles lost")
+    return places
 
 
 def velocities(engine: FieldEngine, identity: np.ndarray) -> np.ndarray:
@@ -332,6 +336,7 @@ def main() -> int:
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--sides", choices=["held", "periodic", "walls"], default="held")
     parser.add_argument("--bin", type=float, metavar="LENGTH")
+    parser.add_argument("--coarse", type=float, metavar="TIMES", help="larger particles away from the tine")
     args = parser.parse_args()
     if args.part == "coverage":
         print("| pull | stretch m | intervals that hold the mean | half-width | scatter of means |")

@@ -9,6 +9,9 @@ from ..messages import SoilCloud
 from ..scene.cloud import SPEED_BITS, position_step_m
 from ..scene.model import Record
 
+MORE = ("identities", "broken_parts", "radii_m", "materials")
+"""What a cloud may have of each particle beside place and speed."""
+
 _SIGNIFICANT_BITS = 24  # of a float32
 
 
@@ -18,20 +21,18 @@ def recorded_cloud(cloud: SoilCloud, record: Record) -> SoilCloud:
         return cloud
     positions = np.asarray(cloud.positions_m, dtype=np.float32)
     speeds = np.asarray(cloud.speeds_m_per_s, dtype=np.float32)
-    identities: Any = cloud.identities
-    broken: Any = cloud.broken_parts
+    more: dict[str, Any] = {name: getattr(cloud, name) for name in MORE}
     if record.cloud_region is not None:
         inside = np.ones(len(positions), dtype=bool)
         for axis, span in enumerate(record.cloud_region.spans_m):
             if span is not None:
                 inside &= (positions[:, axis] >= span[0]) & (positions[:, axis] <= span[1])
         positions, speeds = positions[inside], speeds[inside]
-        identities = None if identities is None else identities[inside]
-        broken = None if broken is None else broken[inside]
+        more = {name: None if values is None else values[inside] for name, values in more.items()}
     if record.cloud_resolution_m > 0.0:
         positions = _rounded(positions, position_step_m(record.cloud_resolution_m))
         speeds = _shortened(speeds, SPEED_BITS)
-    return SoilCloud(cloud.tick, cloud.end_time_ns, positions, speeds, identities, broken)
+    return SoilCloud(cloud.tick, cloud.end_time_ns, positions, speeds, **more)
 
 
 def _rounded(values: NDArray[np.float32], step: float) -> NDArray[np.float32]:

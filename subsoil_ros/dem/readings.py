@@ -238,8 +238,15 @@ class SoilReadings(ABC):
         broken = None
         if self._bonds is not None:
             broken = self._bonds.broken_part(self._pairs)[np.argsort(self._particles.identity)]
-        positions = self.positions_m().astype(np.float32)
-        return SoilCloud(tick, end_time_ns, positions, speed.astype(np.float32), broken_parts=broken)
+        return SoilCloud(
+            tick,
+            end_time_ns,
+            self.positions_m().astype(np.float32),
+            speed.astype(np.float32),
+            broken_parts=broken,
+            radii_m=self.radii_m().astype(np.float32) if self._features.sizes.ndim == 2 else None,
+            materials=self.materials().astype(np.uint32) if self._features.materials.ndim == 2 else None,
+        )
 
     def _masses(self) -> tuple[float | np.ndarray, float | np.ndarray]:
         """Mass [kg] and inertia [kg m2] for the kernels: of all particles, or arrays (n,)."""

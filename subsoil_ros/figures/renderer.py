@@ -26,6 +26,7 @@ _TUBE_M = 0.012  # radius of the lines of the machine (chosen)
 _FAR_M = 20.0  # of a camera without perspective from what it looks at
 _COLOURS = {"tool": "#9aa0a6", "body": "#3c4043", "spring": "#c55a11", "bin": "#806040"}
 _MARGIN = 1.06
+_RADIUS = "radius_m"
 _SMALLEST_FONT = 6  # points (chosen: what can still be read)
 
 
@@ -87,8 +88,6 @@ class Renderer:
         self._aim(plotter, view, bounds)
 
     def _add_particles(self, plotter: Any, frame: Frame, keep: NDArray[np.bool_]) -> None:
-        soil = self._resolved.scene.particle_soil
-        assert soil is not None
         cloud = pyvista.PolyData(frame.positions_m[keep])
         title, named = {
             "speed": ("speed\n[m/s]", frame.speeds_m_per_s),
@@ -96,6 +95,7 @@ class Renderer:
             "broken": ("broken\nbonds", frame.broken_parts),
         }[self._style.colour]
         cloud.point_data[title] = named[keep]
+        cloud.point_data[_RADIUS] = frame.radii_m[keep]
         actor = plotter.add_mesh(
             cloud,
             scalars=title,
@@ -111,7 +111,8 @@ class Renderer:
                 "title_font_size": self._font_size(16), "label_font_size": self._font_size(14),
             },
         )  # fmt: skip
-        actor.mapper.scale_factor = soil.particles.mean_volume_radius_m
+        actor.mapper.scale_factor = 1.0
+        actor.mapper.SetScaleArray(_RADIUS)
 
     def _font_size(self, points: int) -> int:
         """Of a text that has so many points in a picture of 1280 x 720."""

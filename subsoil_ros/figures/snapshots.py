@@ -27,6 +27,7 @@ class Frame:
     speeds_m_per_s: NDArray[np.float32]  # (n,)
     displacements_m: NDArray[np.float32]  # (n,) from the first cloud; nan where that is not known
     broken_parts: NDArray[np.float32]  # (n,) of the bonds of each; nan where there are none
+    radii_m: NDArray[np.float32]  # (n,)
     tools: tuple[ToolMotion, ...]
     bodies: tuple[BodyState, ...]  # of the machine, at the last recorded state up to then
 
@@ -65,9 +66,18 @@ class Snapshots:
                 speeds_m_per_s=np.asarray(cloud.speeds_m_per_s, dtype=np.float32),
                 displacements_m=displacements,
                 broken_parts=_broken_parts(cloud),
+                radii_m=self._radii_m(cloud),
                 tools=tools[time_ns].tools if time_ns in tools else (),
                 bodies=states[state_at[time_ns]].bodies if time_ns in state_at else (),
             )
+
+    def _radii_m(self, cloud: SoilCloud) -> NDArray[np.float32]:
+        """Of the cloud; where it has none, the mean of all."""
+        if cloud.radii_m is not None:
+            return np.asarray(cloud.radii_m, dtype=np.float32)
+        soil = self._resolved.scene.particle_soil
+        mean = 0.0 if soil is None else soil.particles.mean_volume_radius_m
+        return np.full(len(np.asarray(cloud.positions_m)), mean, dtype=np.float32)
 
     def _machine(
         self, wanted: Sequence[int]

@@ -1,6 +1,7 @@
 """A cut through the soil along the mid-plane of the bin at three times (paper, figure 7)."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -8,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection, LineCollection, PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from ..analysis.poses import posed_vertices_m, reference_angle
@@ -83,7 +85,9 @@ def _draw(
     panels = figure.subplots(len(clouds), 1, sharex=soil.window is None, squeeze=False)[:, 0]
     drawn = set()
     for axes, cloud, (low, high) in zip(panels, clouds, spans, strict=True):
-        spheres = _draw_particles(axes, cloud, radius)
+        count = len(np.asarray(cloud.positions_m))
+        radii = np.full(count, radius) if cloud.radii_m is None else np.asarray(cloud.radii_m)
+        spheres = _draw_particles(axes, cloud, radii)
         record = motions.get(cloud.end_time_ns)
         for motion in record.tools if record is not None else ():
             drawn.add(_draw_tool(axes, meshes[motion.tool], motion, reference_angle(resolved, motion.tool)))
@@ -97,7 +101,8 @@ def _draw(
     panels[-1].set_xlabel("along travel [m]")
     bar = figure.colorbar(spheres, ax=list(panels), shrink=0.5, aspect=30, pad=0.01, extend="max")
     bar.set_label("particle speed [m/s]")
-    sizes = "" if soil.particles.sizes is None else ", particles drawn in their mean size"
+    mean = soil.particles.sizes is not None and any(cloud.radii_m is None for cloud in clouds)
+    sizes = ", particles drawn in their mean size" if mean else ""
     figure.suptitle(
         f"Soil along the mid-plane, tool moving to the right{sizes}\n{resolved.scene.name}",
         fontsize=11,
@@ -111,13 +116,13 @@ def _draw(
     save_figure(figure, path)
 
 
-def _draw_particles(axes: Axes, cloud: SoilCloud, radius_m: float) -> EllipseCollection:
-    """Circles of true size of the particles whose centres lie within a radius of y = 0."""
+def _draw_particles(axes: Axes, cloud: SoilCloud, radii_m: NDArray[Any]) -> EllipseCollection:
+    """Circles of true size of the particles (n,) whose centres lie within their radius of y = 0."""
     positions, speeds = np.asarray(cloud.positions_m), np.asarray(cloud.speeds_m_per_s)
     aside = np.abs(positions[:, 1])
-    shown = np.flatnonzero(aside < radius_m)
+    shown = np.flatnonzero(aside < radii_m)
     shown = shown[np.argsort(-aside[shown], kind="stable")]  # nearest to the plane on top
-    diameters = np.full(len(shown), 2.0 * radius_m)
+    diameters = 2.0 * radii_m[shown]
     spheres = EllipseCollection(
         diameters,
         diameters,

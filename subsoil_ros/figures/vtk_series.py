@@ -60,7 +60,7 @@ def _meshes(resolved: ResolvedScene, shapes: Shapes, frame: Frame) -> dict[str, 
         cloud.point_data["speed_m_per_s"] = frame.speeds_m_per_s
         cloud.point_data["displacement_m"] = frame.displacements_m
         cloud.point_data["broken_part"] = frame.broken_parts
-        cloud.field_data["radius_m"] = [soil.particles.mean_volume_radius_m]
+        cloud.point_data["radius_m"] = frame.radii_m
         found["soil"] = cloud
     surfaces = shapes.surfaces(frame)
     if surfaces:

@@ -125,7 +125,7 @@ def _needed(soil: Soil, k: int, factor: float, *keys: str) -> str:
 def _inertia(scene: Scene, meshes: Mapping[str, ToolMesh]) -> Finding:
     found, gravity = [], scene.gravity_m_per_s2
     for name, mesh in meshes.items():
-        speed, depth = _speed_and_depth(scene, name, mesh)
+        speed, depth = speed_and_depth(scene, name, mesh)
         if scene.tools[name].is_tillage and min(speed, depth, gravity) > 0.0:
             found.append((inertial_number(speed, depth, gravity), name, speed, depth))
     if not found:
@@ -142,7 +142,7 @@ def _inertia(scene: Scene, meshes: Mapping[str, ToolMesh]) -> Finding:
     )
 
 
-def _speed_and_depth(scene: Scene, name: str, mesh: ToolMesh) -> tuple[float, float]:
+def speed_and_depth(scene: Scene, name: str, mesh: ToolMesh) -> tuple[float, float]:
     """Largest speed along x of the path, or of body, drivers of x and controller [m/s]; depth of the lowest
     vertex where the path starts, or in the reference pose, or at the deepest of given poses [m]."""
     tool, mechanism, controller = scene.tools[name], scene.mechanism, scene.controller

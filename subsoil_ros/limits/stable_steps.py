@@ -88,8 +88,14 @@ def step_limits(soil: Soil, coordination: float = DENSE_COORDINATION) -> tuple[S
 
 
 def _particle_limits(soil: Soil, other: Soil, z: float, named: str) -> dict[str, StepLimit]:
-    """Limits of the smallest particle of `soil` among z particles of `other`, by kind of motion."""
+    """Limits of the smallest particle of `soil` among particles of `other`, by kind of motion.
+
+    z of its own size find room on it, so of another z ((r1 + r2) / (2 r2))^2: cross-sections r2^2 on a sphere
+    of r1 + r2. With the dampers of such a pair, C ~ (2 r1 r2 / (r1 + r2))^2, that is the rate of like ones.
+    """
     radius = soil.particles.bounds_m[0]
+    own, others = soil.particles.mean_volume_radius_m, other.particles.mean_volume_radius_m
+    z *= ((own + others) / (2.0 * others)) ** 2
     mass = sphere_mass_kg(soil, radius)
     pair = particle_values(soil, other, 0.5 * radius, 0.5 * mass)
     arm = radius - 0.5 * pair.rest_overlap

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..errors import SceneError
+from ..limits.core import core_m
 from ..limits.stable_steps import Timing, derive_timing
 from ..scene.beds import SavedBed
 from ..scene.material import Material
@@ -93,10 +94,13 @@ def load_scene(
     if material is not None and (scene.particle_soil is None or not is_of(scene.particle_soil, material)):
         material = None  # the soil is another one
     try:
+        meshes = {tool: load_tool_mesh(path.parent, scene, tool) for tool in scene.tools}
+        if scene.particle_soil is not None and scene.particle_soil.particles.coarse is not None:
+            core = {"soil": {"particles": {"coarse": core_m(scene, meshes)}}}
+            document = merge(document, core, shown)
+            scene = validated(Scene, document, shown, changes)
         timing = derive_timing(scene)
         scene_hash = _scene_hash(scene)
-        for tool in scene.tools:
-            load_tool_mesh(path.parent, scene, tool)
         notes = _wedge_notes(scene, path.parent)
         named = scene.report.reference
         reference = None if named is None else read_reference(Path(named))
@@ -237,14 +241,16 @@ def _scene_hash(scene: Scene) -> str:
     The reference is left out: no number of a run depends on it.
     """
     content = scene.model_dump(mode="json")
+    wedge, particles = scene.wedge_soil, scene.particle_soil
     content["report"].pop("reference")
+    if particles is not None and particles.particles.coarse is None:
+        content["soil"]["particles"].pop("coarse")
     if scene.stop_when is None:
         content.pop("stop_when")  # scenes without it have the hash of versions without the key
     for name, tool in content["tools"].items():
         for group, part in tool["groups"].items():
             advice = "an .stl file"
             part["mesh"] = _file_hash(part["mesh"], f"tools.{name}.groups.{group}.mesh", advice)
-    wedge, particles = scene.wedge_soil, scene.particle_soil
     if wedge is not None and wedge.file is not None:
         content["soil"]["file"] = _file_hash(wedge.file, "soil.file", "a soil file")
         content["soil"].pop("fitted_to")

@@ -42,7 +42,17 @@ from .types import message_class
 PACKAGE = "subsoil_msgs/msg/"
 WORLD_FRAME = "world"
 POINT_FIELDS = ("x", "y", "z", "speed")
-IDENTITY, BROKEN = "identity", "broken_part"
+_MORE = {
+    "identity": "identities",
+    "broken_part": "broken_parts",
+    "radius": "radii_m",
+    "material": "materials",
+}
+"""Fields of a point cloud that are there where they are needed, and of SoilCloud."""
+
+_WHOLE = ("identity", "material")
+"""Those that are uint32."""
+
 _LATER = {
     "broken_bond_count": 0,
     "energy_residual_joule": math.nan,
@@ -202,21 +212,22 @@ _PART_TO_MESSAGE: dict[type, Callable[[Any], Any]] = {
 
 def point_cloud(cloud: SoilCloud) -> Any:
     """sensor_msgs/PointCloud2 of the particles: x, y, z [m] and speed [m/s], float32, little-endian; where
-    particles come and go, their identity, uint32; where they are bonded, the part of the bonds that broke."""
+    particles come and go, their identity, uint32; where they are bonded, the part of the bonds that broke; of
+    several sizes, their radius [m]; of layers or a graded bed, their material, uint32."""
     positions = np.asarray(cloud.positions_m)
-    more = {IDENTITY: cloud.identities, BROKEN: cloud.broken_parts}
+    more: dict[str, Any] = {name: getattr(cloud, key) for name, key in _MORE.items()}
     names = (*POINT_FIELDS, *(name for name, values in more.items() if values is not None))
     points = np.empty((len(positions), len(names)), dtype="<f4")
     points[:, :3] = positions
     points[:, 3] = cloud.speeds_m_per_s
     for k, name in enumerate(names[4:], 4):
-        points.view("<u4" if name == IDENTITY else "<f4")[:, k] = more[name]
+        points.view("<u4" if name in _WHOLE else "<f4")[:, k] = more[name]
     return points_message(cloud.end_time_ns, points[None], names, is_dense=True)
 
 
 def points_message(time_ns: int, points: NDArray[Any], names: Sequence[str], *, is_dense: bool) -> Any:
     """sensor_msgs/PointCloud2 of points (rows, columns, fields) with named fields, little-endian: float32,
-    and uint32 of IDENTITY.
+    and uint32 of _WHOLE.
 
     is_dense: no number of it is NaN.
     """
@@ -227,7 +238,7 @@ def points_message(time_ns: int, points: NDArray[Any], names: Sequence[str], *, 
         width=columns,
         fields=[
             message_class("sensor_msgs/msg/PointField")(
-                name=name, offset=4 * i, datatype=_UINT32 if name == IDENTITY else _FLOAT32, count=1
+                name=name, offset=4 * i, datatype=_UINT32 if name in _WHOLE else _FLOAT32, count=1
             )
             for i, name in enumerate(names)
         ],
@@ -314,8 +325,11 @@ def cloud_from_message(message: Any, communication_step_ns: int) -> SoilCloud:
     words = message.point_step // 4
     points = np.frombuffer(memoryview(message.data), dtype="<f4").reshape(-1, words)
     places = {field.name: field.offset // 4 for field in message.fields}
-    identities = points.view("<u4")[:, places[IDENTITY]] if IDENTITY in places else None
-    broken = points[:, places[BROKEN]] if BROKEN in places else None
+    more = {
+        key: points.view("<u4" if name in _WHOLE else "<f4")[:, places[name]]
+        for name, key in _MORE.items()
+        if name in places
+    }
     time_ns = time_ns_of(message.header.stamp)
     tick = time_ns // communication_step_ns - 1
-    return SoilCloud(tick, time_ns, points[:, :3], points[:, 3], identities, broken)
+    return SoilCloud(tick, time_ns, points[:, :3], points[:, 3], **more)

@@ -18,7 +18,7 @@ _PARTS = 4096
 """Equal parts of a distribution over which its moments are summed."""
 
 
-def _refuse_wide(smallest_m: float, max_m: float, key: str) -> None:
+def refuse_wide(smallest_m: float, max_m: float, key: str) -> None:
     if max_m > LARGEST_RATIO * smallest_m * (1.0 + 1e-12):
         raise ValueError(
             f"{key}: {max_m:g} m is {max_m / smallest_m:.3g} times the smallest radius, "
@@ -41,7 +41,7 @@ class _Spread(StrictModel):
                 f"max_radius_m: {self.max_radius_m:g} m is not above min_radius_m, "
                 f"{self.min_radius_m:g} m; for equal spheres give particles.radius_m"
             )
-        _refuse_wide(self.min_radius_m, self.max_radius_m, "max_radius_m")
+        refuse_wide(self.min_radius_m, self.max_radius_m, "max_radius_m")
         return self
 
     @property
@@ -104,7 +104,7 @@ class ListedSizes(StrictModel):
             raise ValueError(f"shares: has {len(self.shares)} entries for the {len(self.radii_m)} of radii_m")
         if any(b <= a for a, b in zip(self.radii_m[:-1], self.radii_m[1:], strict=True)):
             raise ValueError("radii_m: must grow from one to the next")
-        _refuse_wide(self.radii_m[0], self.radii_m[-1], "radii_m")
+        refuse_wide(self.radii_m[0], self.radii_m[-1], "radii_m")
         return self
 
     @property
@@ -127,6 +127,18 @@ class ListedSizes(StrictModel):
 
 
 Sizes = Annotated[UniformSizes | NormalSizes | ListedSizes, Field(discriminator="kind")]
+
+
+def times_as_large(
+    sizes: UniformSizes | NormalSizes | ListedSizes, factor: float
+) -> UniformSizes | NormalSizes | ListedSizes:
+    """The same distribution, every radius `factor` times as large."""
+    lengths = {key: value for key, value in sizes.model_dump().items() if key.endswith("_m")}
+    larger = {
+        key: tuple(factor * item for item in value) if isinstance(value, tuple) else factor * value
+        for key, value in lengths.items()
+    }
+    return sizes.model_copy(update=larger)
 
 
 def mean_power(sizes: UniformSizes | NormalSizes | ListedSizes, power: int, less_m: float = 0.0) -> float:

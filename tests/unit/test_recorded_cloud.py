@@ -49,6 +49,20 @@ def test_parts_of_broken_bonds_come_back_with_their_particles(windowed):
     assert (back.identities is not None) == windowed
 
 
+def test_radius_and_material_come_back_with_their_particles():
+    """Through a region and a PointCloud2; without them the cloud has four fields."""
+    radii, materials = RNG.random(20_000).astype(np.float32), np.arange(20_000, dtype=np.uint32) % 3
+    cloud = dataclasses.replace(CLOUD, radii_m=radii, materials=materials)
+    kept = recorded_cloud(cloud, Record.model_validate({"cloud_region": {"x_m": [0.5, 1.0]}}))
+    message = point_cloud(kept)
+    assert [(item.name, item.datatype) for item in message.fields[4:]] == [("radius", 7), ("material", 6)]
+    back = cloud_from_message(message, INTERVAL_NS)
+    inside = (POSITIONS[:, 0] >= 0.5) & (POSITIONS[:, 0] <= 1.0)
+    np.testing.assert_array_equal(back.radii_m, radii[inside])
+    np.testing.assert_array_equal(back.materials, materials[inside])
+    assert len(point_cloud(CLOUD).fields) == 4
+
+
 @pytest.mark.parametrize(("resolution_m", "step_m"), [(1e-3, 2.0**-10), (1e-4, 2.0**-14), (0.0625, 2.0**-4)])
 def test_positions_are_rounded_to_the_power_of_two_below(resolution_m, step_m):
     """Multiples of the step, none further away than half of it."""

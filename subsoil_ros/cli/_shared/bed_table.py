@@ -67,7 +67,7 @@ def _rows(report: BedReport, motion: FreeMotion) -> Iterable[tuple[str, str]]:
         )
     for layer in report.layers:
         yield (
-            f"layer {layer.name}",
+            layer.name,
             f"{layer.particle_count:,} particles, density {layer.density_kg_per_m3:.4g} kg/m3",
         )
     inside = report.density_inside_kg_per_m3

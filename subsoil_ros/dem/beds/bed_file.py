@@ -13,6 +13,7 @@ import numpy as np
 
 from ...errors import SceneError
 from ...scene.bed_spacing import rest_spacing_m
+from ...scene.pairs import layer_soils
 from ...scene.soil import Soil
 from ..bed import Bed
 from ..periodic import refuse_narrow_period
@@ -31,7 +32,7 @@ _ARRAYS = {
     "upper_m": (np.float64, 1),
     "kinetic_energy_joule": (np.float64, 0),
     "radii_m": (np.float64, 1),  # of length 0 where all are equal
-    "materials": (np.int64, 1),  # of length 0 without layers
+    "materials": (np.int64, 1),  # of length 0 without layers and other sizes
     "held": (np.bool_, 1),  # of length 0 where no particle is
 }
 
@@ -42,6 +43,8 @@ CONTACTS = ("contact_pair", "contact_history")
 def law_hash(soil: Soil) -> str:
     """What the particles of a bed are and how they touch: sha256 hex of law, particles and layers."""
     content = soil.model_dump(mode="json", include={"law", "particles", "layers"})
+    if soil.particles.coarse is None:
+        del content["particles"]["coarse"]  # beds of versions without the key stay readable
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
@@ -105,7 +108,7 @@ def read_bed(path: Path, soil: Soil) -> Bed:
         (upper[0], upper[1]),
         float(content["kinetic_energy_joule"]),
         content["radii_m"] if soil.particles.sizes else None,
-        content["materials"] if soil.layers else None,
+        content["materials"] if soil.of_materials else None,
         soil.bin.bed_sides,
         content["held"] if len(content["held"]) else None,
     )
@@ -167,7 +170,7 @@ def _refuse_wrong_particles(bed: Bed, soil: Soil, where: str) -> None:
     count, bounds = len(x), soil.particles.bounds_m
     for key, array, allowed in (
         ("radii_m", bed.radii_m, bounds),
-        ("materials", bed.materials, (0, len(soil.layers or ()) - 1)),
+        ("materials", bed.materials, (0, len(layer_soils(soil)) - 1)),
     ):
         if array is None:
             continue

@@ -37,8 +37,12 @@ def cached_bed_path(resolved: ResolvedScene) -> Path:
     soil = resolved.scene.particle_soil
     assert soil is not None
     described = soil.model_dump(mode="json", exclude=_OF_THE_RUN)
-    if described.pop("window") is not None:  # the block of its field
-        described |= {"bin": soil.bin.depth_m, "edge_m": tile_edge_m(soil)}
+    if described.pop("window") is not None:  # the block of its field, or a period of a graded one
+        described["edge_m"] = tile_edge_m(soil)
+        if soil.particles.coarse is None:
+            described["bin"] = soil.bin.depth_m
+        else:
+            del described["bin"]["length_m"]
     content = {
         "soil": described,
         "gravity_m_per_s2": resolved.scene.gravity_m_per_s2,

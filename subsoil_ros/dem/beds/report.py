@@ -12,6 +12,7 @@ from ...scene.pairs import layer_soils
 from ...scene.soil import Soil
 from ..bed import Bed
 from ..walls import WALLS, wall_planes
+from .graded import grade_parts, grades_at
 from .in_reach import pairs_in_reach, radii_of
 from .settling import EngineOf
 from .surface import top_surface_m
@@ -55,7 +56,8 @@ class RadiusReport:
 
 @dataclass(frozen=True)
 class LayerReport:
-    """Particles of one layer; density is their mass over the volume between the layer's depths."""
+    """Particles of one layer, or of one size of a graded bed; density is their mass over the volume between
+    the layer's depths, or that of all particles where the size belongs."""
 
     name: str
     particle_count: int
@@ -141,7 +143,10 @@ def _radii(radii: np.ndarray) -> RadiusReport:
 def _layers(
     bed: Bed, soil: Soil, masses: np.ndarray, top: np.ndarray, area_m2: float
 ) -> tuple[LayerReport, ...]:
-    """What each layer of the soil holds, `top` and floor being the ends of the first and the last."""
+    """What each layer of the soil holds, `top` and floor being the ends of the first and the last; of a
+    graded bed what each size does."""
+    if soil.particles.coarse is not None:
+        return _grades(bed, soil, masses, float(top.mean()))
     if soil.layers is None or bed.materials is None:
         return ()
     found, upper = [], np.inf
@@ -152,8 +157,22 @@ def _layers(
         volume = area_m2 * float(np.clip(np.minimum(top, upper) - lower, 0.0, None).mean())
         own = bed.materials == k
         density = float(masses[own].sum()) / volume if volume > 0.0 else 0.0
-        found.append(LayerReport(layer.name, int(own.sum()), density))
+        found.append(LayerReport(f"layer {layer.name}", int(own.sum()), density))
         upper = lower
+    return tuple(found)
+
+
+def _grades(bed: Bed, soil: Soil, masses: np.ndarray, top_m: float) -> tuple[LayerReport, ...]:
+    """What each size of a graded bed holds, over the volume where it belongs."""
+    (_, y_low, _), (x_high, y_high), low = bed.lower_m, bed.upper_m, bed.floor_m
+    volume = (x_high - bed.lower_m[0]) * (y_high - y_low) * (top_m - low)
+    parts = grade_parts(soil, (y_low, y_high), (-top_m, -low))
+    found = []
+    at = grades_at(soil, bed.positions_m[:, 1], -bed.positions_m[:, 2])
+    for k, (grade, part) in enumerate(zip(soil.particles.grades, parts, strict=True)):
+        density = float(masses[at == k].sum()) / (volume * part) if part > 0.0 else 0.0
+        name = f"size {1e3 * grade.mean_volume_radius_m:.3g} mm"
+        found.append(LayerReport(name, int(np.sum(bed.materials == k)), density))
     return tuple(found)
 
 

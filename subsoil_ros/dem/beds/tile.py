@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...contact_laws.base import ContactLaw
 from ...contact_laws.linear.law import LinearLaw
 from ...errors import SceneError
 from ...limits.stable_steps import SAFETY, step_limits
@@ -198,7 +197,7 @@ def _pressed(
     bed = Bed(points, (0.0, -0.5 * edge, -edge), (edge, 0.5 * edge), radii_m=radii, sides="endless")
 
     def settling(mu: float) -> Settling:
-        springs = endless_soil(soil, edge, _springs(mu, radius))
+        springs = endless_soil(under_springs(soil, mu), edge)
         return Settling(
             resolved, engine_of, 1, soil=springs, step_s=SAFETY * step_limits(springs)[0].limit_s,
             gravity_m_per_s2=0.0, on_progress=on_progress,
@@ -223,20 +222,26 @@ def _springs(friction: float, radius_m: float) -> LinearLaw:
     return LinearLaw.model_validate({"kind": "linear", "particle": values, "boundary": values})
 
 
-def endless_soil(soil: Soil, edge_m: float, law: ContactLaw | None = None) -> Soil:
-    """The soil of a scene as a cube that repeats itself, under `law` in place of its own."""
+def endless_soil(soil: Soil, edge_m: float) -> Soil:
+    """The soil of a scene as a cube that repeats itself."""
     box = Bin(length_m=edge_m, width_m=edge_m, depth_m=edge_m).model_copy(update={"sides": "endless"})
     changes = {"bin": box, "layers": None, "surface": None, "window": None} | of_the_preparation(soil)
-    if law is not None:
-        alike = {"reference_radius_m": None, "density_kg_per_m3": _DENSITY}
-        changes |= {"law": law, "particles": soil.particles.model_copy(update=alike)}
-        changes["tool_stiffness_factor"] = 1.0
     return soil.model_copy(update=changes)
+
+
+def under_springs(soil: Soil, friction: float) -> Soil:
+    """The particles of a scene under linear springs of this friction in place of its law."""
+    alike = {"reference_radius_m": None, "density_kg_per_m3": _DENSITY}
+    changes = {
+        "law": _springs(friction, soil.particles.mean_volume_radius_m),
+        "particles": soil.particles.model_copy(update=alike), "tool_stiffness_factor": 1.0, "layers": None,
+    }  # fmt: skip
+    return soil.model_copy(update=changes | of_the_preparation(soil))
 
 
 def kept_as(soil: Soil, edge_m: float) -> Soil:
     """The soil that a tile is kept in the cache for: any with these particles."""
-    return endless_soil(soil, edge_m, _springs(0.0, soil.particles.mean_volume_radius_m))
+    return endless_soil(under_springs(soil, 0.0), edge_m)
 
 
 def at_pressure(settling: Settling, bed: Bed, pressure_pa: float, on_progress: OnProgress) -> Bed:

@@ -21,11 +21,12 @@ from ...loading.loader import ResolvedScene
 from ...scene.beds import TiledBed
 from ...scene.pairs import layer_soils
 from ...scene.soil import Soil
-from ..bed import Bed
+from ..bed import Bed, scaled
 from ..mixture import material_at
 from ..periodic import HELD_LAYER
 from .cache import cached_tile_path, keep, load_cached
 from .dense import relaxed_rest
+from .graded import of_grade, put_together
 from .in_reach import radii_of
 from .report import masses_kg
 from .settling import SETTLING_GRAVITY, EngineOf, OnProgress, Rest, Settling, of_the_preparation
@@ -60,7 +61,7 @@ def prepare_tiled(resolved: ResolvedScene, engine_of: EngineOf, threads: int, on
     def settling(of: Soil) -> Settling:
         return settling_under(resolved, engine_of, threads, of, gravity, on_progress)
 
-    bed = laid_out(tile_under_law(resolved, tile_edge_m(soil), engine_of, threads, on_progress), soil)
+    bed = _tiles_laid_out(resolved, soil, engine_of, threads, on_progress)
     last = settling(soil.model_copy(update=of_the_preparation(soil)))
     radius = soil.particles.mean_volume_radius_m
     speed = relaxed_rest(radius, last.contact_rate_per_s).speed_m_per_s
@@ -77,6 +78,22 @@ def prepare_tiled(resolved: ResolvedScene, engine_of: EngineOf, threads: int, on
     bed = _top_at_zero(bed, soil)
     refuse_unfinished(bed, soil, speed)
     return bed
+
+
+def _tiles_laid_out(
+    resolved: ResolvedScene, soil: Soil, engine_of: EngineOf, threads: int, on_progress: OnProgress
+) -> Bed:
+    """The tile of a scene laid out to its bin; of a graded bed those of all sizes, put together."""
+    edge = tile_edge_m(soil)
+    if soil.particles.coarse is None:
+        return laid_out(tile_under_law(resolved, edge, engine_of, threads, on_progress), soil)
+    tiles = [
+        tile_under_law(of_grade(resolved, alone, edge), edge, engine_of, threads, on_progress)
+        for alone in layer_soils(soil)
+    ]
+    period = tiles[0].periods_m[0]
+    beds = [laid_out(scaled(tile, period / tile.periods_m[0]), soil) for tile in tiles]
+    return put_together(resolved, soil, beds, 0.0, engine_of, on_progress)
 
 
 def settling_under(

@@ -1,0 +1,142 @@
+"""What a field is laid out from: a block that repeats itself along x and y; of a graded bed a whole period.
+
+The sizes of a graded bed go by the distance from the path of the tools, and the copies of a block do not lie
+along it. So the plots of the blocks of all sizes are put together about the core (graded), and the whole
+period comes to rest between periodic ends, its sides held unless they are periodic too.
+"""
+
+import dataclasses
+
+import numpy as np
+
+from ...loading.loader import ResolvedScene
+from ...scene.bin import Bin
+from ...scene.pairs import layer_soils
+from ...scene.soil import Soil
+from ..bed import Bed, scaled
+from ..periodic import HELD_LAYER
+from .cache import cached_bed_path, keep, load_cached, load_contacts
+from .dense import relaxed_rest
+from .field import Block, Contacts, contacts_of, headroom_m, kept_block
+from .graded import of_grade, put_together
+from .plot import blocks_of, plot_of
+from .settling import (
+    EngineOf,
+    OnProgress,
+    Rest,
+    bed_of,
+    ignore_progress,
+    of_the_preparation,
+)  # fmt: skip
+from .surface import top_surface_m
+from .tile import tile_edge_m
+from .tiled import RELAXING_S, damping_per_s, refuse_unfinished, settling_under
+
+
+def kept_ground(
+    resolved: ResolvedScene, engine_of: EngineOf, threads: int = 1, on_progress: OnProgress = ignore_progress
+) -> Block:
+    """What a scene's field is laid out from, from the cache where it is there.
+
+    Raises:
+        SceneError: see field.kept_block.
+    """
+    soil = resolved.scene.particle_soil
+    assert soil is not None
+    if soil.particles.coarse is None:
+        return kept_block(resolved, engine_of, threads, on_progress)
+    edge = tile_edge_m(soil)
+    path, as_kept = cached_bed_path(resolved), _period(soil, edge)
+    bed, contacts = load_cached(path, as_kept), load_contacts(path)
+    if bed is not None and contacts is not None:
+        return Block(bed, Contacts(*contacts))
+    ground = _prepared(resolved, soil, edge, engine_of, threads, on_progress)
+    keep(path, ground.bed, as_kept, ground.contacts)
+    return ground
+
+
+def _period(soil: Soil, edge_m: float) -> Soil:
+    """The soil in the box of a period that repeats itself; what is held aside has its headroom too."""
+    aside = 0.0 if soil.bin.sides == "periodic" else 2.0 * headroom_m(soil)
+    box = Bin(
+        length_m=edge_m * blocks_of(soil.bin.sides),
+        width_m=soil.bin.width_m + aside,
+        depth_m=soil.bin.depth_m + headroom_m(soil),
+    ).model_copy(update={"sides": "endless"})
+    return soil.model_copy(update={"bin": box, "window": None, "surface": None} | of_the_preparation(soil))
+
+
+def _prepared(
+    resolved: ResolvedScene,
+    soil: Soil,
+    edge_m: float,
+    engine_of: EngineOf,
+    threads: int,
+    on_progress: OnProgress,
+) -> Block:
+    plots: list[Bed] = []
+    for alone in layer_soils(soil):
+        block = kept_block(of_grade(resolved, alone, edge_m), engine_of, threads, on_progress)
+        plots.append(_plot(block.bed, alone, soil, plots[0].periods_m[0] if plots else None))
+    period = _period(soil, edge_m)
+    bed = put_together(resolved, period, plots, -headroom_m(soil), engine_of, on_progress)
+    gravity = resolved.scene.gravity_m_per_s2
+    settling = settling_under(resolved, engine_of, threads, period, gravity, on_progress)
+    radius = soil.particles.mean_volume_radius_m
+    rest = Rest(relaxed_rest(radius, settling.contact_rate_per_s).speed_m_per_s, RELAXING_S)
+    damping = damping_per_s(soil, gravity)
+    moved = settling.run(_stuck(bed, soil), rest, damping, "relaxing")
+    bed = dataclasses.replace(moved, held=bed.held).only(_inside(moved, soil))
+    stuck = _stuck(bed, soil)
+    engine = settling.settled(stuck, rest, damping, "relaxing")
+    bed = _level(dataclasses.replace(bed_of(engine, stuck), held=bed.held), soil)
+    refuse_unfinished(bed, period, rest.speed_m_per_s)
+    order = np.argsort(bed.positions_m[:, 0], kind="stable")
+    return Block(bed.only(order), contacts_of(engine, soil, order))
+
+
+def _plot(block: Bed, alone: Soil, soil: Soil, period_m: float | None) -> Bed:
+    """A period of the field of one size, as long as that of the first, in the box of all."""
+    blocks = blocks_of(soil.bin.sides)
+    along = 1.0 if period_m is None else period_m / (blocks * block.periods_m[0])
+    block = scaled(block, np.array((along, along, 1.0)))
+    plot = plot_of(block, soil.bin.width_m, soil.bin.sides)
+    room = headroom_m(soil)
+    half = plot.half_width_m + (0.0 if soil.bin.sides == "periodic" else room)
+    assert block.radii_m is not None
+    assert block.held is not None
+    return Bed(
+        plot.place_m + np.array((0.0, 0.0, headroom_m(alone) - room)),
+        (0.0, -half, -soil.bin.depth_m - HELD_LAYER * soil.particles.bounds_m[1] - 2.0 * room),
+        (plot.period_m, half),
+        radii_m=block.radii_m[plot.number],
+        sides="endless",
+        held=block.held[plot.number],
+    )
+
+
+def _stuck(bed: Bed, soil: Soil) -> Bed:
+    """The bed with its sides held, unless they are periodic."""
+    assert bed.held is not None
+    if soil.bin.sides == "periodic":
+        return bed
+    free = 0.5 * soil.bin.width_m - HELD_LAYER * soil.particles.bounds_m[1]
+    return dataclasses.replace(bed, held=bed.held | (np.abs(bed.positions_m[:, 1]) > free))
+
+
+def _inside(bed: Bed, soil: Soil) -> np.ndarray:
+    """(n,) bool: particles that did not fall off at an open side."""
+    assert bed.held is not None
+    x = bed.positions_m
+    found = x[:, 2] >= x[bed.held, 2].min()
+    return found if soil.bin.sides == "periodic" else found & (np.abs(x[:, 1]) <= 0.5 * soil.bin.width_m)
+
+
+def _level(bed: Bed, soil: Soil) -> Bed:
+    """The bed with its mean top, away from held sides, where the surface is."""
+    top = top_surface_m(bed, soil.particles.mean_volume_radius_m)
+    columns = (np.arange(top.shape[1]) + 0.5) / top.shape[1] - 0.5
+    free = 0.5 * soil.bin.width_m - HELD_LAYER * soil.particles.bounds_m[1]
+    inside = np.abs(columns) * bed.periods_m[1] < (np.inf if soil.bin.sides == "periodic" else free)
+    rise = -headroom_m(soil) - float(top[:, inside].mean())
+    return dataclasses.replace(bed, positions_m=bed.positions_m + np.array((0.0, 0.0, rise)))

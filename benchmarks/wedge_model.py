@@ -61,7 +61,7 @@ def real_time(seconds: float) -> None:
         out = Path(folder) / "out"
         load = os.getloadavg()[0]
         cpu_s = run_nodes(seconds, out) - run_nodes(0.5, Path(folder) / "short")
-        reports = list(BagReader(out / "bag").records(CouplingReport))
+        reports = list(BagReader(out / "bag").records(CouplingReport))[1:]  # that of t = 0 has no wall time
     wall = np.array([report.wall_time_s for report in reports])
     simulated = np.array([report.end_time_ns * 1e-9 for report in reports])
     per_tick = np.diff(wall) / np.diff(simulated)

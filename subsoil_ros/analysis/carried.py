@@ -107,7 +107,7 @@ def _point(
     """x and z (n,) [m] of a point given in the reference pose."""
     if body == GROUND:
         level = np.ones(len(series))
-        return point_m[0] * level, point_m[1] * level
+        return (point_m[0] + mechanism.initial.translate_x_m) * level, point_m[1] * level
     centre_x, centre_z = mechanism.bodies[body].position_m
     arm_x, arm_z = _turned(series, mechanism, body, (point_m[0] - centre_x, point_m[1] - centre_z))
     return series[f"body.{body}.x_m"] + arm_x, series[f"body.{body}.z_m"] + arm_z

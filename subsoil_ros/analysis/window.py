@@ -26,7 +26,8 @@ def metrics_window(series: Series, scene: Scene) -> Window:
     """The window of a run; a run too short for it counts whole, and says so."""
     report = scene.report
     rules = []
-    rows = series["time_s"] > 0.0  # the state before the first tick is no part of it
+    begun = series["time_s"] > 0.0  # the state before the first tick is no part of it
+    rows = begun.copy()
     if report.settle_s > 0.0:
         rows &= series["time_s"] > report.settle_s
         rules.append(f"after {report.settle_s:g} s")
@@ -44,7 +45,7 @@ def metrics_window(series: Series, scene: Scene) -> Window:
     rule = ", ".join(rules) or "the whole run"
     if rows.any():
         return Window(rows, rule, False)
-    return Window(np.ones(len(series), dtype=bool), rule, True)
+    return Window(begun if begun.any() else ~begun, rule, True)
 
 
 def tip_x_m(series: Series, scene: Scene) -> NDArray[np.float64] | None:

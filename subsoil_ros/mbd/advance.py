@@ -76,7 +76,7 @@ def _take_start(model, state, work, time, select):
             work.trial_v[i] = state.v[i] - (k + 1) * model.step * change
         for i in range(state.powers.shape[0]):
             state.past_powers[k, i] += work.powers[i] - state.powers[i]
-        if changed:
+        if changed and model.integrator == ADAMS_MOULTON:
             evaluate_forces(
                 model, state, time, select, work.q, work.turns, work.trial_v, work.force, work.power_sums
             )

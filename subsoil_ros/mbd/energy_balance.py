@@ -41,7 +41,7 @@ def keep_balance(model, state, work, time, select):
     if state.balance[LARGEST] == 0.0:
         state.balance[AT_START] = energy
     turned = abs(state.work[BY_DRIVERS]) + abs(state.work[BY_LOADS]) + abs(state.work[BY_WRENCHES])
-    turned += kinetic + stored + abs(state.work[DISSIPATED]) + slow + 1e-9 * abs(gravity)
+    turned += kinetic + abs(stored) + abs(state.work[DISSIPATED]) + slow + 1e-9 * abs(gravity)
     state.balance[LARGEST] = max(state.balance[LARGEST], turned)
     state.balance[RESIDUAL] = energy - state.balance[AT_START]
     residual, bound = state.balance[RESIDUAL], LARGEST_RESIDUAL * state.balance[LARGEST]

@@ -117,6 +117,12 @@ class Path(StrictModel):
         """Whether the tool leaves the plane of travel."""
         return self.speed_y_m_per_s is not None or self.turn is not None or self.poses is not None
 
+    def start_m(self, lateral_m: float) -> tuple[float, float, float]:
+        """Position at the start, of a tool with this lateral offset."""
+        if self.poses is not None:
+            return self.poses.positions_m[0]
+        return self.start_x_m, lateral_m, self.start_z_m
+
     @property
     def start_quaternion(self) -> Quaternion:
         """Orientation at the start."""

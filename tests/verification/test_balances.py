@@ -38,6 +38,7 @@ MACHINE: dict[str, Any] = {
     "duration_s": 0.3,
     "gravity_m_per_s2": G,
     "mechanism": {
+        "initial": {"translate_x_m": 0.4},  # points on the ground move along
         "bodies": {
             "frame": {"mass_kg": 40.0, "inertia_kg_m2": 4.0, "position_m": [0.0, 0.5]},
             "arm": {"mass_kg": 10.0, "inertia_kg_m2": 0.5, "position_m": [0.6, 0.5]},

@@ -10,7 +10,7 @@ from scipy.special import ellipj, ellipk
 from subsoil_ros.errors import PhysicsError
 from subsoil_ros.mbd.benchmark import SEVEN_BODIES
 from subsoil_ros.mbd.energy_balance import LARGEST_RESIDUAL
-from subsoil_ros.mbd.tables import EVENT_COUNT, PART_COUNT, RESIDUAL
+from subsoil_ros.mbd.tables import EVENT_COUNT, LARGEST, PART_COUNT, RESIDUAL
 
 from .small_machines import MASS, book
 
@@ -145,6 +145,22 @@ def test_chain_let_go_faster_than_its_damper_follows(mechanism_engine):
     assert book(state) == pytest.approx(book(start), abs=1e-9)
     fall = 0.5 * 9.81 * 0.1**2
     assert state.bodies[0].z_m == pytest.approx(load["position_m"][1] - fall, abs=1e-9)
+
+
+def test_a_spring_that_stores_less_than_nothing_is_in_the_balance(mechanism_engine):
+    """A constant push of 800 N stores -800 N times its length: energy turned over counts it all the same."""
+    push = {"kind": "spring_damper", "body_a": "ground", "point_a_m": (0.0, 0.0), "body_b": "load",
+            "point_b_m": (0.5, 0.0), "stiffness_newton_per_m": 0.0, "preload_newton": 800.0,
+            "free_length_m": 0.0}  # fmt: skip
+    load = {"mass_kg": MASS, "inertia_kg_m2": 0.3, "position_m": (0.5, 0.0)}
+    machine = {"bodies": {"load": load}, "forces": {"push": push}}
+    engine = mechanism_engine(machine, 1_000_000, gravity_m_per_s2=0.0)
+    assert engine.state("run", -1, 0).spring_energy_joule == pytest.approx(-400.0)
+    for tick in range(100):
+        engine.advance(tick, ())
+    assert engine.state("run", 99, 0).bodies[0].velocity_x_m_per_s == pytest.approx(0.1 * 800.0 / MASS)
+    assert engine.arrays.balance[LARGEST] > 400.0
+    assert abs(engine.arrays.balance[RESIDUAL]) < 1e-9
 
 
 def test_a_machine_that_needs_no_parts_takes_none(mechanism_engine, subsoiler):

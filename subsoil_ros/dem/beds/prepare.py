@@ -7,6 +7,7 @@ import numpy as np
 
 from ...errors import SceneError
 from ...loading.loader import ResolvedScene
+from ...rotations import placed_m
 from ...scene.bed_spacing import particle_spacing_m, rest_spacing_m
 from ...scene.beds import GridBed, SavedBed, TiledBed
 from ...scene.meshes import load_tool_mesh
@@ -115,11 +116,15 @@ def check_start(resolved: ResolvedScene) -> int:
         tile_edge_m(soil)
     refuse_narrow_period(box, soil)
     ends = []
-    for name in resolved.scene.tools:
+    for name, tool in resolved.scene.tools.items():
         mesh = load_tool_mesh(resolved.directory, resolved.scene, name)
-        refuse_tool_at_seam(name, mesh.vertices_m, box, soil)
-        refuse_tool_at_held_side(name, mesh.vertices_m, soil)
-        ends.append((float(mesh.vertices_m[:, 0].min()), float(mesh.vertices_m[:, 0].max())))
+        vertices, path = mesh.vertices_m, tool.path
+        if path is not None and path.is_spatial:
+            start = path.start_m(tool.lateral_m)
+            vertices = placed_m(mesh.about_body().vertices_m, start, path.start_quaternion)
+        refuse_tool_at_seam(name, vertices, box, soil)
+        refuse_tool_at_held_side(name, vertices, soil)
+        ends.append((float(vertices[:, 0].min()), float(vertices[:, 0].max())))
     tools_m = max((high for _, high in ends), default=0.0) - min((low for low, _ in ends), default=0.0)
     count = len(box.positions_m) or expected_dense_count(soil, tools_m)
     refuse_too_many(count, soil)

@@ -16,7 +16,7 @@ from ..neighbours import CellGrid, slab_starts
 from ..periodic import TOOL_SKIN
 from ..readings import SoilReadings
 from ..state import PairList, Particles, WallList
-from ..tools.motion import motion_within
+from ..tools.motion import motion_within, refuse_other_kind
 from ..tools.surface import refuse_leap
 from ..walls import CHUNKS
 from .convert import half_rows, wall_pairs
@@ -191,6 +191,8 @@ class GpuSoilEngine(SoilEngine):
         timing, device = self._resolved.timing, self._soil_there
         steps = timing.soil_steps
         starts = tuple(tool.last for tool in self._tools)
+        for start, end in zip(starts, motions, strict=True):
+            refuse_other_kind(f"tick {tick}", start, end, timing.communication_step_s)
         ends = [
             tuple(
                 motion_within(a, b, timing.communication_step_s, s / steps)

@@ -36,8 +36,8 @@ _NAME = re.compile(r"(fastrtps_(?:[0-9a-f]{16}|port\d+))(?:_[es]l)?")
 
 
 def free_bytes() -> int:
-    """Room in shared memory; 0 where there is none at all."""
-    return shutil.disk_usage(FOLDER).free if FOLDER.is_dir() else 0
+    """Room in shared memory."""
+    return shutil.disk_usage(FOLDER).free
 
 
 def avoid_full_memory(process_count: int) -> str:
@@ -52,7 +52,7 @@ def avoid_full_memory(process_count: int) -> str:
         InputError: there is not even room to load ROS.
     """
     needed = process_count * PROCESS_BYTES
-    if free_bytes() >= needed:
+    if not FOLDER.is_dir() or free_bytes() >= needed:
         return ""
     sweep_shared_memory()
     free = free_bytes()

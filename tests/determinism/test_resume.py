@@ -21,7 +21,7 @@ from subsoil_ros.recording.joined import open_record
 
 from ..ros.conftest import LIMIT_S, SCENE, Run, messages, run_arguments, wait_until_gone
 from ..ros.test_controller import CHANGES, CONTROL, LATCHED_IN_BAG
-from .test_modes import without_run
+from .test_modes import without_wall_time
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
@@ -69,14 +69,14 @@ def summary(out: Path) -> dict:
 def joined(first: Path, second: Path) -> list[tuple[str, int, bytes]]:
     """Messages of both bags as of one run: of the first only those up to the checkpoint."""
     end_ns = json.loads((second / "resumed_from.json").read_text())["end_time_ns"]
-    before = [item for item in without_run(first) if item[1] <= end_ns]
-    return before + [item for item in without_run(second) if item[0] not in LATCHED_IN_BAG]
+    before = [item for item in without_wall_time(first) if item[1] <= end_ns]
+    return before + [item for item in without_wall_time(second) if item[0] not in LATCHED_IN_BAG]
 
 
 def assert_same(whole: Path, first: Path, second: Path) -> None:
     """Series, every message and the full state at the end."""
     assert (second / "series.csv").read_bytes() == (whole / "series.csv").read_bytes()
-    assert joined(first, second) == without_run(whole)
+    assert joined(first, second) == without_wall_time(whole)
     assert summary(second)["state_sha256"] == summary(whole)["state_sha256"]
     assert sorted(summary(whole)["state_sha256"]) == ["coupling", "mechanism", "soil"]
 
@@ -207,7 +207,7 @@ def test_a_controlled_run_goes_on(
     assert summary(second)["resumed_from"]["tick"] == tick
     assert (tick + 1) % CONTROL["interval_ticks"] == {9: 10, 129: 10, 139: 0}[tick]
     assert (second / "series.csv").read_bytes() == (first / "series.csv").read_bytes()
-    assert joined(first, second) == without_run(first)
+    assert joined(first, second) == without_wall_time(first)
     assert summary(second)["state_sha256"] == summary(first)["state_sha256"]
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from ..ros.conftest import Run
-from .test_modes import without_run
+from .test_modes import without_wall_time
 
 SCENE = Path(__file__).parents[2] / "examples" / "tilted_disc" / "disc.yaml"
 CHANGES = (
@@ -47,4 +47,4 @@ def test_the_disc_turns_in_the_soil(results: dict[str, Path]) -> None:
 def test_series_and_bags_are_equal(results: dict[str, Path], mode: str) -> None:
     """series.csv byte for byte, the bag message for message."""
     assert (results[mode] / "series.csv").read_bytes() == (results["direct"] / "series.csv").read_bytes()
-    assert without_run(results[mode]) == without_run(results["direct"])
+    assert without_wall_time(results[mode]) == without_wall_time(results["direct"])

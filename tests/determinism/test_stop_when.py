@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from ..ros.conftest import lockstep_ticks, messages
-from .test_modes import without_run
+from .test_modes import without_wall_time
 
 SCENES = Path(__file__).parents[2] / "config" / "scenes"
 VALUES = {
@@ -86,7 +86,7 @@ def test_every_mode_ends_at_the_same_tick(
     out = run(tmp_path / mode, CASES[name], mode)
     assert facts(out) == facts(direct[name])
     assert (out / "series.csv").read_bytes() == (direct[name] / "series.csv").read_bytes()
-    assert without_run(out) == without_run(direct[name])
+    assert without_wall_time(out) == without_wall_time(direct[name])
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -7,7 +7,7 @@ import pytest
 
 from subsoil_ros.recording.types import schema_text
 
-from ..determinism.test_modes import without_run
+from ..determinism.test_modes import without_wall_time
 from ..live_client import LiveClient, stalled
 from .conftest import Run, messages
 
@@ -57,7 +57,7 @@ def test_a_client_sees_the_run(mode: str, tmp_path: Path, without_live: Path) ->
     for topic, newest in last.items():
         assert client.of(topic)[-1] == newest, topic
     assert client.times_ns == sorted(client.times_ns)
-    assert without_run(run.out) == without_run(without_live)
+    assert without_wall_time(run.out) == without_wall_time(without_live)
     assert (run.out / "series.csv").read_bytes() == (without_live / "series.csv").read_bytes()
 
 
@@ -68,7 +68,7 @@ def test_a_client_that_never_reads_changes_nothing(tmp_path: Path, without_live:
     with stalled(port):
         status, _, err = run.finish()
     assert status == 0, err
-    assert without_run(run.out) == without_run(without_live)
+    assert without_wall_time(run.out) == without_wall_time(without_live)
 
 
 def test_a_taken_port_is_bad_input(tmp_path: Path) -> None:

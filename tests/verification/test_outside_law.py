@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from ..determinism.test_modes import without_run
+from ..determinism.test_modes import without_wall_time
 
 PAGE = Path(__file__).parents[2] / "docs" / "extending.md"
 SCENE = """
@@ -158,7 +158,7 @@ def test_nodes_and_a_direct_run_have_the_same_bits(installed: Path, tmp_path: Pa
     head, *_, last = (one / "series.csv").read_text().splitlines()
     assert float(dict(zip(head.split(","), last.split(","), strict=True))["tool.tine.force_x_newton"]) < -1.0
     assert (one / "series.csv").read_bytes() == (other / "series.csv").read_bytes()
-    assert without_run(one) == without_run(other)
+    assert without_wall_time(one) == without_wall_time(other)
 
 
 def test_a_law_that_cannot_be_imported_stops_only_scenes_that_name_it(

@@ -19,7 +19,6 @@ from .driving import Ramp, next_ramp, refuse_jumps, write_ramp
 from .energy_balance import LARGEST_RESIDUAL
 from .geometry import turns_of
 from .joints.constraints import evaluate_residual
-from .partition import NEAR
 from .projection import Closure
 from .stability import refuse_unstable_step
 from .step_error import MOST_HALVINGS
@@ -29,7 +28,6 @@ from .tables import (
     INACCURATE,
     JAMMED,
     LARGEST,
-    NEAR_COUNT,
     NOT_CLOSED,
     NOT_SOLVED,
     OK,
@@ -50,6 +48,9 @@ if TYPE_CHECKING:
 
 FINER = 16
 """Steps so many times finer are tried where Newton's method fails (chosen)."""
+
+NEARLY_SINGULAR = 0.1
+"""Pivots of the joints below this part of the best ones seen are named as a cause (chosen)."""
 
 
 class MechanismEngine:
@@ -307,8 +308,7 @@ class MechanismEngine:
                 f"allowed is {100.0 * LARGEST_RESIDUAL:g} %"
             )
         pivots = np.abs(np.diag(self._work.factor))
-        near = len(pivots) and pivots.min() < NEAR * pivots.max() * self._state.condition[2]
-        if near or self._state.counters[NEAR_COUNT] > 0:
+        if len(pivots) and pivots.min() < NEARLY_SINGULAR * pivots.max() * self._state.condition[2]:
             return SingularMechanismError(
                 f"{what}: joints {joints} have come near a singular position (a dead centre or a stretched "
                 "linkage), where they do not determine the motion. Keep the machine away from it: limit the "

@@ -107,7 +107,8 @@ def _read(path: Path, where: str) -> trimesh.Trimesh:
     if path.suffix.lower() != ".stl":
         raise SceneError(f"{where}: given a '{path.suffix}' file, allowed are .stl files")
     try:
-        mesh = trimesh.load_mesh(str(path), file_type="stl", process=True)
+        with path.open("rb") as stream:
+            mesh = trimesh.load_mesh(stream, file_type="stl", process=True)
     except Exception as error:  # trimesh raises whatever its parsers meet
         raise SceneError(f"{where}: cannot be read as STL: {' '.join(str(error).split())}") from error
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:

@@ -8,6 +8,7 @@ from ..errors import SceneError
 from ..scene.material import VERSION, LaboratorySoil, Material
 from ..scene.soil import Soil
 from ..scene.window import rupture_distance_m
+from ..strict_model import LARGEST
 from ..yaml_document import Document, dump_yaml, merge, read_document
 from .keys import suggestion, value_at
 from .overrides import Override
@@ -104,6 +105,8 @@ def with_window(document: Document, material: Material | None, shown: str) -> Do
     depth = value_at(document, ("soil", "bin", "depth_m"))
     if material is None or not isinstance(window, dict) or not isinstance(depth, int | float):
         return document
+    if not 0.0 < depth <= LARGEST:
+        return document  # the scene's own checks refuse it
     angle = material.soil.friction_angle_deg
     needed = math.ceil(1e3 * rupture_distance_m(depth, angle)) / 1e3
     for key in ("ahead_m", "behind_m"):

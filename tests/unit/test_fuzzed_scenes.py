@@ -56,3 +56,9 @@ def test_numbers_out_of_reach_are_refused(changes: dict[str, Any], words: str) -
     """What no run could be computed with, or no machine could hold, is refused where it stands."""
     with pytest.raises(SceneError, match=re.escape(words)):
         check("tine", changes)
+
+
+def test_a_window_of_a_depth_out_of_reach_is_refused() -> None:
+    """The length that a window has by default is not computed from it."""
+    with pytest.raises(SceneError, match=re.escape("soil.bin.depth_m: given 1.7e+308, needed is 0 or a")):
+        check("field_tine", {"soil.bin.depth_m": 1.7e308})

@@ -216,7 +216,12 @@ def scene_of(case: Case, out: Path) -> Path:
     whose = case.sprung or case.name
     free = next(one for one in cases() if (one.name, one.seed) == (whose, case.seed))
     name = free.key.rpartition("-")[0]
-    changes: Document = {"base": str(SCENE), "name": name, **case.changes, "duration_s": free.duration_s}
+    every_step: Document = {
+        "coupling": {"communication_step_ns": "soil_step"},
+        "record": {"series_ticks": 20},
+    }
+    changes: Document = {"base": str(SCENE), "name": name, **every_step, **case.changes}
+    changes["duration_s"] = free.duration_s
     soil: dict[str, Any] = changes.get("soil", {})
     changes["soil"] = {**soil, "bed": {**soil.get("bed", {}), "seed": case.seed}}
     return write_scene(changes, out / "scenes" / f"{name}-{case.seed}.yaml")

@@ -18,7 +18,7 @@ from ..scene.model import Coupling, Scene
 from ..scene.pairs import layer_soils, tool_values
 from ..scene.soil import Soil
 from ..scene.tool_faces import cutting_faces
-from .stable_steps import derive_timing
+from .stable_steps import Timing, derive_timing
 
 PRESSED_PART = 0.5
 """Part of a tool's surface that presses on particles at once (chosen: the front half)."""
@@ -26,6 +26,9 @@ PRESSED_PART = 0.5
 DAMPER_SHARE = 2.0
 """c H / m up to which the exchange is stable without a spring. Of the mean of n > 1 steps it would be the
 smaller of 2 n and 2 n / (n - 1), never below 2."""
+
+USED_PART = 0.8
+"""Part of the bounds that a derived interval takes: a fifth of the contact's damper is left (chosen)."""
 
 REFERENCE_OVERLAP = 0.01
 """Overlap over radius at which a Hertzian contact is taken for a linear one (chosen)."""
@@ -78,6 +81,21 @@ def coupling_bounds(
             )
         )
     return tuple(found)
+
+
+def longest_exchange_ns(scene: Scene, meshes: dict[str, ToolMesh], every_step: Timing) -> int:
+    """The longest interval [ns] of whole soil steps, one at least, within USED_PART of the bounds of all tools.
+
+    every_step: of the scene with an exchange every soil step.
+    """
+    bounds, step_ns = coupling_bounds(scene, meshes), every_step.communication_step_ns
+    if not bounds:
+        return step_ns
+    undamped = USED_PART * min(bound.undamped_s for bound in bounds) * 1e9 / step_ns
+    if scene.coupling.force == "tick_mean":
+        undamped = 0.5 * undamped + 0.5  # the force of n steps is (1 - 1 / (2 n)) H old, that of one H / 2
+    unstable = USED_PART * min(bound.unstable_s for bound in bounds) * 1e9 / step_ns
+    return max(1, int(min(undamped, unstable))) * step_ns
 
 
 def force_age_ticks(coupling: Coupling, soil_steps: int) -> float:

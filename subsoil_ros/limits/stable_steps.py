@@ -287,6 +287,10 @@ def derive_timing(scene: Scene) -> Timing:
     soil_steps = 0
     soil = scene.particle_soil
     if soil is None:
+        if interval == "soil_step":
+            raise SceneError(
+                "coupling.communication_step_ns: soil_step, but there are no particles; give nanoseconds or auto"
+            )
         default_ns = MECHANISM_INTERVAL_NS if scene.soil is None else REDUCED_INTERVAL_NS
         communication_step_ns = default_ns if interval == "auto" else interval
         soil_steps = 0 if scene.soil is None else 1
@@ -296,7 +300,7 @@ def derive_timing(scene: Scene) -> Timing:
         if step != "auto":
             _refuse_step(scene, step, limit)
         max_s = SAFETY * limit.limit_s
-        if interval == "auto":
+        if isinstance(interval, str):
             if step == "auto":
                 communication_step_ns = int(max_s * 1e6) * 1000  # whole microseconds
                 communication_step_ns = communication_step_ns or int(max_s * NANOSECONDS_PER_SECOND)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..errors import SceneError
+from ..limits.communication_steps import longest_exchange_ns
 from ..limits.core import core_m
 from ..limits.stable_steps import Timing, derive_timing
 from ..scene.beds import SavedBed
@@ -94,15 +95,18 @@ def load_scene(
     if material is not None and (scene.particle_soil is None or not is_of(scene.particle_soil, material)):
         material = None  # the soil is another one
     try:
+        meshes = {tool: load_tool_mesh(path.parent, scene, tool) for tool in scene.tools}
         if scene.particle_soil is not None and scene.particle_soil.particles.coarse is not None:
-            meshes = {tool: load_tool_mesh(path.parent, scene, tool) for tool in scene.tools}
             core = {"soil": {"particles": {"coarse": core_m(scene, meshes)}}}
             document = merge(document, core, shown)
             scene = validated(Scene, document, shown, changes)
         timing = derive_timing(scene)
+        if material is not None and scene.coupling.communication_step_ns == "auto":
+            interval = longest_exchange_ns(scene, meshes, timing)
+            document = merge(document, {"coupling": {"communication_step_ns": interval}}, shown)
+            scene = validated(Scene, document, shown, changes)
+            timing = derive_timing(scene)
         scene_hash = _scene_hash(scene)
-        for tool in scene.tools:
-            load_tool_mesh(path.parent, scene, tool)
         notes = _wedge_notes(scene, path.parent)
         named = scene.report.reference
         reference = None if named is None else read_reference(Path(named))

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from numpy.testing import assert_allclose
 
+from subsoil_ros.errors import SceneError
 from subsoil_ros.limits.communication_steps import coupling_bounds
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.mbd.engine import MechanismEngine
@@ -120,6 +121,32 @@ def test_coupling_bounds_of_the_full_scene() -> None:
     assert all(
         5.0 * resolved.timing.communication_step_s < min(b.undamped_s, b.unstable_s) for b in bounds.values()
     )
+    assert resolved.timing.soil_steps == 1  # without soil.material: every step
     coarse = {"force": "tick_mean", "communication_step_ns": 4 * resolved.timing.communication_step_ns}
     mean = scene.model_copy(update={"coupling": scene.coupling.model_copy(update=coarse)})
     assert_allclose(coupling_bounds(mean, meshes)[0].undamped_s, damping / stiffness / (1.0 - 1.0 / 8.0))
+
+
+@pytest.mark.parametrize(
+    ("change", "steps"),
+    [
+        ({}, 2),  # 0.8 of 2 C / K, 194 us, over steps of 81 us
+        ({"soil.material": "loam_bonded"}, 3),  # 195 us over 63 us
+        ({"soil.time_step_s": 2.0e-5}, 9),
+        ({"coupling.force": "tick_mean"}, 1),  # of two steps it is 3/4 of the interval old, so 130 us
+        ({"coupling.communication_step_ns": "soil_step"}, 1),
+        ({"coupling.communication_step_ns": 567_000}, 7),
+    ],
+)
+def test_a_soil_by_its_strength_exchanges_within_the_bounds(change: dict[str, object], steps: int) -> None:
+    """As many whole soil steps as fit in 0.8 of what the contacts' dampers outweigh; a written scene keeps them."""
+    resolved = load_scene("field_swing", change)
+    assert resolved.timing.soil_steps == steps
+    again = load_scene(resolved.document)
+    assert (again.timing, again.scene_hash) == (resolved.timing, resolved.scene_hash)
+
+
+def test_soil_steps_need_particles() -> None:
+    """An exchange every soil step is refused where there is none."""
+    with pytest.raises(SceneError, match="communication_step_ns: soil_step, but there are no particles"):
+        shipped("subsoiler_1s300_wedge", "coupling.communication_step_ns=soil_step")

@@ -14,6 +14,7 @@ EXTRA_OF = {
     "jinja2": "report",
     "matplotlib": "report",
     "numba_cuda": "gpu",
+    "plotly": "report",
     "pyarrow": "study",
     "pyvista": "report",
     "vtkmodules": "report",

@@ -13,20 +13,47 @@ _CARRIERS = {
 
 def load_lines(summary: Summary) -> list[str]:
     """Lines for what the run has; none for what it has not."""
-    lines = [
-        _folded(summary),
-        _stationarity(summary),
-        _vertical(summary),
-        _power(summary),
-        _dominant_frequency(summary),
-        _failures(summary),
-        _spring(summary),
-        _disturbance(summary),
-    ]
+    lines = [folded(summary), *load_words(summary).values()]
     return [line for line in lines if line]
 
 
-def _folded(summary: Summary) -> str:
+def load_words(summary: Summary) -> dict[str, str]:
+    """The same under headings, without `folded`."""
+    words = {
+        "Draft": _stationarity(summary),
+        "Weight": _vertical(summary),
+        "Power": _power(summary),
+        "Frequency": _dominant_frequency(summary),
+        "Cycle": _failures(summary),
+        "Fatigue": _spring(summary),
+        "Loosened section": _disturbance(summary),
+    }
+    return {heading: line for heading, line in words.items() if line}
+
+
+def design_rows(summary: Summary, spring: str | None) -> list[tuple[str, str]]:
+    """What a designer asks of a run, heading and words, in the order asked; what the run lacks is absent.
+
+    spring: name of the spring that the scene reports.
+    """
+    series, words = summary["series"], load_words(summary)
+    for heading, name, sign in (
+        ("Draft", "draft_newton", ""),
+        ("Spring load", f"spring.{spring}.force_newton", " (compression is positive)"),
+    ):
+        found = series.get(name)
+        if found is not None and found["mean"] is not None:
+            spread = f"from {found['min']:.0f} to {found['max']:.0f} N{sign}"
+            mean = words.get(heading, f"mean {found['mean']:.0f} N")
+            words[heading] = f"{mean}; {spread}"
+            if heading == "Draft" and found.get("stationarity") is None:
+                words[heading] += "; the window is too short for an interval"
+    order = ("Draft", "Cycle", "Frequency", "Spring load", "Fatigue", "Loosened section", "Power", "Weight")
+    return [(heading, words[heading]) for heading in order if heading in words]
+
+
+def folded(summary: Summary) -> str:
+    """That the soil folded the shank back, and when; empty where it did not."""
     passed = summary["loads"].get("past_dead_centre_s")
     if passed is None:
         return ""

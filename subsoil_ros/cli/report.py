@@ -22,7 +22,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--html",
         action="store_true",
-        help="write report.html as well: one page with all of it that needs no other file and no network",
+        help="write report.html as well: one page, below 25 MB, with interactive plots and a 3-D replay that "
+        "needs no other file and no network; the replay needs a browser with WebGL",
     )
 
 
@@ -35,7 +36,9 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         InputError: the record cannot be used, or a library is missing; nothing was written.
     """
-    require("drawing", "jinja2", "matplotlib")
+    require("drawing", "matplotlib")
+    if args.html:
+        require("--html", "jinja2", "plotly")
     from ..api.recorded_run import recorded_run
 
     with recorded_run(args.record) as recorded:
@@ -71,10 +74,12 @@ def _report(recorded: RecordedRun, html: bool) -> int:
             figures += draw_load_figures(statistics, resolved.scene.name, directory / "figures")
         if html:
             from ..figures.html_report import write_html
+            from ..figures.interactive_plots import RunData
 
-            pictures = sorted((directory / "pictures").glob("*.png"))
+            pictures = [path for path in figures if path.stem == "soil_cut"]
+            pictures += sorted((directory / "pictures").glob("*.png"))
             with working("writing the page"):
-                page = write_html(directory, resolved, summary, [*figures, *pictures])
+                page = write_html(directory, bag, RunData(resolved, series, statistics, summary), pictures)
     except OSError as error:
         raise InputError(f"{error.filename}: cannot be written ({error.strerror})") from error
     print_summary(summary, resolved.scene, directory, bag=bag, reference=resolved.reference)

@@ -1,4 +1,4 @@
-"""A run as one web page that needs nothing else: table, figures, scene, versions, timings, warnings."""
+"""A run as one web page that needs nothing else: warnings, results, interactive plots, replay, tables."""
 
 import base64
 import re
@@ -7,36 +7,42 @@ from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from plotly.offline import get_plotlyjs
 
 from ..analysis.reference_table import HEADINGS, WORDS, reference_lines, reference_rows
 from ..analysis.summary import Summary, metrics_table, summary_facts
+from ..analysis.summary_words import design_rows, folded, load_lines
 from ..analysis.versions import versions
+from ..errors import RecordingError
 from ..loading.loader import ResolvedScene
+from .interactive_plots import RunData, interactive_plots
+from .replay import replay
+from .snapshots import Snapshots
 
 LARGEST_LOG_LINES = 20
 """Warnings of the nodes' logs that are shown; the rest is counted."""
 
-CAPTIONS = {
-    "draft": "Draft over time",
-    "spring_force": "Force of the spring over time",
-    "share_angle": "Entry angle of the share over time",
-    "shank_height": "Height of the shank over time",
-    "over_travel": "Draft, spring force and share angle over the travel of the tip",
-    "soil_cut": "Cut through the soil along the mid-plane of the bin",
-}
+LARGEST_BYTES = 24_000_000
+"""Of the page: mail servers take attachments of 25 MB."""
+
+LARGEST_PICTURES_BYTES = 5_000_000
+"""Of the pictures in the page, in base64; those beyond it stay in their folder."""
+
+CAPTIONS = {"soil_cut": "Cut through the soil along the mid-plane of the bin"}
 
 _TROUBLE = re.compile(r"\[(WARN|ERROR|FATAL)\]|^warning:", re.IGNORECASE)
 _WARNING = re.compile(r"(?:WARNING|NOTE): ")
 
 
-def write_html(directory: Path, resolved: ResolvedScene, summary: Summary, figures: Sequence[Path]) -> Path:
-    """Writes report.html of the run in `directory`, its figures inside the page; returns its path.
+def write_html(directory: Path, bag: Path, run: RunData, pictures: Sequence[Path]) -> Path:
+    """Writes report.html of the run in `directory`, the pictures inside it; returns its path.
 
     Raises:
         OSError: it cannot be written; an older one is left as it was.
     """
+    resolved, summary = run.resolved, run.summary
     headings, rows = metrics_table(summary, resolved.scene)
-    facts = summary_facts(summary)
+    facts, design = summary_facts(summary), design_rows(summary, resolved.scene.report.spring)
     reference = resolved.reference
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent),
@@ -45,29 +51,48 @@ def write_html(directory: Path, resolved: ResolvedScene, summary: Summary, figur
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    text = environment.get_template("report.html.jinja").render(
-        name=resolved.scene.name,
-        description=resolved.scene.description,
-        headings=headings,
-        rows=rows,
-        facts=[line for line in facts if not _WARNING.match(line)],
-        reference=reference,
-        reference_headings=HEADINGS,
-        reference_words=WORDS,
-        reference_rows=[] if reference is None else [r.cells() for r in reference_rows(reference, summary)],
-        reference_lines=[] if reference is None else reference_lines(reference, summary),
-        warnings=_warnings(directory, resolved, summary, facts),
-        figures=[_figure(path) for path in figures],
-        timings=_timings(summary),
-        versions=summary["run"].get("versions") or versions(),
-        versions_of="the run"
+    template = environment.get_template("report.html.jinja")
+    figures, left_out = _figures(pictures)
+    content = {
+        "name": resolved.scene.name,
+        "description": resolved.scene.description,
+        "headings": headings,
+        "rows": rows,
+        "design": design,
+        "facts": [line for line in facts if not _WARNING.match(line) and line not in load_lines(summary)],
+        "reference": reference,
+        "reference_headings": HEADINGS,
+        "reference_words": WORDS,
+        "reference_rows": []
+        if reference is None
+        else [r.cells() for r in reference_rows(reference, summary)],
+        "reference_lines": [] if reference is None else reference_lines(reference, summary),
+        "warnings": _warnings(directory, resolved, summary, facts),
+        "plotlyjs": get_plotlyjs(),
+        "plots": interactive_plots(run),
+        "every": run.every,
+        "row_count": len(run.series),
+        "figures": figures,
+        "left_out": left_out,
+        "timings": _timings(summary),
+        "versions": summary["run"].get("versions") or versions(),
+        "versions_of": "the run"
         if summary["run"].get("versions")
         else "this report (the run did not record its own)",
-        quantities=_quantities(summary),
-        scene_text=resolved.path.read_text(encoding="utf-8"),
-        scene_hash=resolved.scene_hash,
-        run_id=summary["run"]["id"],
-    )
+        "quantities": _quantities(summary),
+        "scene_text": resolved.path.read_text(encoding="utf-8"),
+        "scene_hash": resolved.scene_hash,
+        "run_id": summary["run"]["id"],
+        "replay": None,
+        "replay_words": "",
+    }
+    room = LARGEST_BYTES - len(template.render(content).encode())
+    try:
+        figure, content["replay_words"] = replay(Snapshots(bag, resolved), resolved, room)
+        content["replay"] = figure.to_dict()
+    except RecordingError as error:
+        content["replay_words"] = f"No replay: {error}."
+    text = template.render(content)
     path = directory / "report.html"
     part = directory / "report.html.part"
     part.write_text(text, encoding="utf-8")
@@ -75,15 +100,24 @@ def write_html(directory: Path, resolved: ResolvedScene, summary: Summary, figur
     return path
 
 
-def _figure(path: Path) -> dict[str, str]:
-    caption = CAPTIONS.get(path.stem, path.stem.replace("_", " ").capitalize())
-    data = base64.b64encode(path.read_bytes()).decode("ascii")
-    return {"caption": caption, "source": f"data:image/png;base64,{data}"}
+def _figures(pictures: Sequence[Path]) -> tuple[list[dict[str, str]], int]:
+    """Caption and address of the first pictures that fit in the page, and how many do not."""
+    found: list[dict[str, str]] = []
+    room = LARGEST_PICTURES_BYTES
+    for path in pictures:
+        data = base64.b64encode(path.read_bytes()).decode("ascii")
+        room -= len(data)
+        if room < 0:
+            break
+        caption = CAPTIONS.get(path.stem, path.stem.replace("_", " ").capitalize())
+        found.append({"caption": caption, "source": f"data:image/png;base64,{data}"})
+    return found, len(pictures) - len(found)
 
 
 def _warnings(directory: Path, resolved: ResolvedScene, summary: Summary, facts: Sequence[str]) -> list[str]:
     """All that a reader must know before he trusts the numbers."""
     found = [_WARNING.sub("", line, count=1) for line in facts if _WARNING.match(line)]
+    found += [line for line in (folded(summary),) if line]
     found += [note.removeprefix("warning: ") for note in resolved.notes]
     if not summary["run"]["complete"]:
         found.append("The run ended before its last tick: all numbers are of the part that was simulated.")

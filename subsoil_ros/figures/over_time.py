@@ -13,6 +13,7 @@ from ..analysis.series import Series, read_series
 from ..analysis.smoothing import moving_mean
 from ..analysis.window import Window, metrics_window, tip_x_m, window_span_s
 from ..loading.loader import ResolvedScene
+from ..loading.reference import Reference
 from ..scene.model import Scene
 from .plotting import COLOURS, new_figure, save_figure
 from .soil_cut import draw_soil_cut
@@ -177,14 +178,23 @@ def _draw_reference(
     scale: float = 1.0,
     zero: float = 0.0,
 ) -> None:
-    """Draw what the reference gives of a column, least, mean and largest; a range about the middle of ours.
+    """Draw the reference's levels of a column. shown: the curve (n,), scale * (column - zero)."""
+    if resolved.reference is None:
+        return
+    for place, level in enumerate(reference_levels(resolved.reference, column, shown, scale, zero)):
+        label = resolved.reference.name if place == 0 else None
+        axes.axhline(level, color=COLOURS["reference"], lw=1.0, ls="--", label=label)
+
+
+def reference_levels(
+    reference: Reference, column: str, shown: NDArray[np.float64], scale: float = 1.0, zero: float = 0.0
+) -> list[float]:
+    """What a reference gives of a column, least, mean and largest; a range about the middle of ours.
 
     shown: the curve (n,), scale * (column - zero).
     """
-    if resolved.reference is None:
-        return
     levels = []
-    for quantity, given in resolved.reference.values.items():
+    for quantity, given in reference.values.items():
         of, _, measure = quantity.rpartition(".")
         if of.removesuffix(f".{MOVING}").removesuffix(".run") != f"series.{column}" or given.value is None:
             continue
@@ -193,6 +203,4 @@ def _draw_reference(
             levels += [middle - half, middle + half]
         elif measure in ("mean", "min", "max"):
             levels.append(scale * (given.value - zero))
-    for place, level in enumerate(levels):
-        label = resolved.reference.name if place == 0 else None
-        axes.axhline(level, color=COLOURS["reference"], lw=1.0, ls="--", label=label)
+    return levels

@@ -28,6 +28,7 @@ class Frame:
     displacements_m: NDArray[np.float32]  # (n,) from the first cloud; nan where that is not known
     broken_parts: NDArray[np.float32]  # (n,) of the bonds of each; nan where there are none
     radii_m: NDArray[np.float32]  # (n,)
+    identities: NDArray[np.uint64]  # (n,) the same for a particle at all times
     tools: tuple[ToolMotion, ...]
     bodies: tuple[BodyState, ...]  # of the machine, at the last recorded state up to then
 
@@ -67,6 +68,7 @@ class Snapshots:
                 displacements_m=displacements,
                 broken_parts=_broken_parts(cloud),
                 radii_m=self._radii_m(cloud),
+                identities=_identities(cloud),
                 tools=tools[time_ns].tools if time_ns in tools else (),
                 bodies=states[state_at[time_ns]].bodies if time_ns in state_at else (),
             )
@@ -129,6 +131,12 @@ def _broken_parts(cloud: SoilCloud) -> NDArray[np.float32]:
     if cloud.broken_parts is None:
         return np.full(len(np.asarray(cloud.positions_m)), np.nan, dtype=np.float32)
     return np.asarray(cloud.broken_parts, dtype=np.float32)
+
+
+def _identities(cloud: SoilCloud) -> NDArray[np.uint64]:
+    """Of the cloud; where particles do not come and go, their places in the list."""
+    count = len(np.asarray(cloud.positions_m))
+    return np.asarray(range(count) if cloud.identities is None else cloud.identities, np.uint64)
 
 
 def _times_ns(reader: BagReader | JoinedBags, kind: type) -> list[int]:

@@ -11,14 +11,24 @@ from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
 import pytest
-from websockets.sync.client import ClientConnection, connect
+from numpy.typing import NDArray
+from plotly.offline import get_plotlyjs
+from selenium import webdriver
+from selenium.webdriver.common.by import By
+from selenium.webdriver.support.ui import Select, WebDriverWait
 
 from subsoil_ros.cli import new, report, run
+from subsoil_ros.figures.html_report import LARGEST_BYTES
+from subsoil_ros.figures.replay import replay
+from subsoil_ros.figures.snapshots import Snapshots
 from subsoil_ros.loading.loader import load_scene
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-PATIENCE_S = 60.0
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chromium-browser"))), None)
+DRIVER = shutil.which("chromedriver")
+PATIENCE_S = 120.0
 
 
 def verb(module, *words: object) -> int:
@@ -34,7 +44,7 @@ def reported(tmp_path_factory) -> Path:
     verb(new, folder / "scene", "--template", "machine")
     changes = [
         "duration_s=0.01",
-        "record.cloud_hz=200",
+        "record.cloud_hz=500",
         "name='<b>a & b</b>'",
         "report.note='a \"note\" <i>'",
     ]
@@ -73,8 +83,14 @@ def test_page_holds_everything(reported):
     """Table, figures, scene, versions, timings, warnings; texts of the scene are texts, not HTML."""
     page = Page((reported / "report.html").read_text())
     summary = json.loads((reported / "summary.json").read_text())
-    wanted = {"warnings", "metrics", "figures", "timings", "versions", "quantities", "scene"}
-    assert wanted <= set(page.sections)
+    order = ["warnings", "results", "plots", "replay-section", "metrics", "figures", "timings", "versions"]
+    assert list(page.sections) == ["", *order, "quantities", "scene"]
+    draft = summary["series"]["draft_newton"]
+    assert (
+        f"mean {draft['mean']:.0f} N; from {draft['min']:.0f} to {draft['max']:.0f} N"
+        in page.sections["results"]
+    )
+    assert f"power {summary['loads']['power']['draft_watt']['mean']:.0f} W" in page.sections["results"]
     assert f"{summary['series']['draft_newton']['mean']:.1f}" in page.sections["metrics"]
     assert "soil: [WARN] [1.0] [soil]: 1 particle lost" in page.sections["warnings"]
     assert 'a "note" <i>' in page.sections["warnings"]
@@ -91,16 +107,62 @@ def test_page_holds_everything(reported):
 
 
 def test_page_needs_no_other_file(reported):
-    """Every address is data in the page itself, and its pictures are the figures, bit for bit."""
-    page = Page((reported / "report.html").read_text())
+    """Every address is data in the page itself; of still pictures it has those that no plot replaces."""
+    text = (reported / "report.html").read_text()
+    page = Page(text)
     assert all(address.startswith("data:") for address in page.addresses)
     figures = [
         base64.b64decode(a.partition(",")[2]) for a in page.addresses if a.startswith("data:image/png")
     ]
-    assert sorted(figures) == sorted(path.read_bytes() for path in (reported / "figures").glob("*.png"))
-    assert len(figures) >= 4
-    assert "script" not in page.tags
-    assert not re.search(r"https?://", (reported / "report.html").read_text())
+    assert figures == [(reported / "figures/soil_cut.png").read_bytes()]
+    assert text.count(get_plotlyjs()) == 1
+    assert not re.search(r"https?://", text.replace(get_plotlyjs(), ""))
+
+
+def test_same_run_same_page(reported):
+    """A second report of a run gives the same bytes."""
+    first = (reported / "report.html").read_bytes()
+    assert verb(report, reported, "--html") == 0
+    assert (reported / "report.html").read_bytes() == first
+    assert len(first) < LARGEST_BYTES
+
+
+def decoded(spec: dict[str, str]) -> NDArray[np.float32]:
+    """An array of plotly's JSON."""
+    assert spec["dtype"] == "f4"
+    return np.frombuffer(base64.b64decode(spec["bdata"]), np.float32)
+
+
+def test_replay_shows_the_recorded_soil(reported):
+    """With room for all, every moment has the particles behind the mid-plane where the bag has them."""
+    resolved = load_scene(reported / "scene.yaml")
+    snapshots = Snapshots(reported / "bag", resolved)
+    figure, words = replay(snapshots, resolved, 1e9)
+    frames = figure.to_dict()["frames"]
+    assert f"{len(frames)} of {len(snapshots.times_ns)} recorded moments" in words
+    assert "100 % of its" in words
+    for shown, frame in zip(frames, snapshots.read(snapshots.times_ns), strict=True):
+        behind = frame.positions_m[:, 1] >= 0.0
+        places = np.stack([decoded(shown["data"][0][axis]) for axis in "xyz"], axis=1)
+        np.testing.assert_array_equal(places, frame.positions_m[behind])
+        np.testing.assert_array_equal(
+            decoded(shown["data"][0]["marker"]["color"]), frame.speeds_m_per_s[behind]
+        )
+
+
+def test_replay_is_thinned_to_its_room(reported):
+    """A replay takes the room that it is given, and says which part of the soil it shows."""
+    resolved = load_scene(reported / "scene.yaml")
+    snapshots = Snapshots(reported / "bag", resolved)
+    whole, _ = replay(snapshots, resolved, 1e9)
+    room = 0.4 * len(json.dumps(whole.to_dict()))
+    figure, words = replay(snapshots, resolved, room)
+    assert 0.7 * room < len(json.dumps(figure.to_dict())) < 1.1 * room
+    (percent,) = re.findall(r"([\d.]+) % of its", words)
+    counts = [len(decoded(each.to_dict()["frames"][-1]["data"][0]["x"])) for each in (figure, whole)]
+    assert counts[0] / counts[1] == pytest.approx(float(percent) / 100.0, rel=0.05)
+    tiny, _ = replay(snapshots, resolved, 0.1 * room)
+    assert len(tiny.to_dict()["frames"]) < len(figure.to_dict()["frames"])
 
 
 def test_run_that_says_no_versions(reported):
@@ -116,83 +178,77 @@ def test_run_that_says_no_versions(reported):
         (reported / "summary.json").write_text(json.dumps(summary))
 
 
-class Browser:
-    """A page of headless Chromium, by its DevTools protocol; keeps all events."""
-
-    def __init__(self, socket: ClientConnection) -> None:
-        self._socket = socket
-        self._number = 0
-        self.events: list[dict[str, Any]] = []
-
-    def call(self, method: str, session: str | None = None, **parameters: Any) -> Any:
-        """The result of a command."""
-        self._number += 1
-        message = {"id": self._number, "method": method, "params": parameters}
-        self._socket.send(json.dumps(message | ({"sessionId": session} if session else {})))
-        while True:
-            answer = json.loads(self._socket.recv(timeout=PATIENCE_S))
-            if answer.get("id") == self._number:
-                assert "error" not in answer, answer
-                return answer["result"]
-            self.events.append(answer)
-
-    def wait_for(self, method: str) -> None:
-        """Returns when an event has come."""
-        while not any(event.get("method") == method for event in self.events):
-            self.events.append(json.loads(self._socket.recv(timeout=PATIENCE_S)))
-
-
 @pytest.fixture
-def browser(tmp_path) -> Iterator[Browser]:
-    """Headless Chromium with a profile of its own."""
-    assert CHROMIUM is not None
-    flags = ["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"]
-    process = subprocess.Popen(
-        [
-            CHROMIUM,
-            *flags,
-            "--remote-debugging-port=0",
-            f"--user-data-dir={tmp_path / 'profile'}",
-            "about:blank",
-        ],
-        stderr=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
-        text=True,
-    )
-    assert process.stderr is not None
+def browser(tmp_path) -> Iterator[webdriver.Chrome]:
+    """Headless Chromium with a profile of its own; draws WebGL on the processor."""
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM
+    for flag in (
+        "headless=new", "no-sandbox", "disable-gpu", "disable-dev-shm-usage", "disable-background-networking",
+        "disable-component-update", "disable-sync", "no-first-run", "enable-unsafe-swiftshader",
+        "window-size=1200,900", f"user-data-dir={tmp_path / 'profile'}",
+    ):  # fmt: skip
+        options.add_argument(f"--{flag}")
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    service = webdriver.ChromeService(executable_path=DRIVER, log_output=subprocess.DEVNULL)
+    driver = webdriver.Chrome(options, service)
     try:
-        said = iter(process.stderr)  # ends when Chromium does
-        addresses = (found.group() for line in said if (found := re.search(r"ws://\S+", line)))
-        with connect(next(addresses), max_size=None) as socket:
-            yield Browser(socket)
+        driver.set_page_load_timeout(PATIENCE_S)
+        yield driver
     finally:
-        process.terminate()
-        process.wait(PATIENCE_S)
+        driver.quit()
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here (Debian: apt install chromium)")
-def test_browser_shows_it(reported, browser):
-    """Chromium loads the page without an error or a request to anywhere, and every figure has a size."""
-    target = browser.call("Target.createTarget", url="about:blank")["targetId"]
-    session = browser.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
-    for domain in ("Page", "Runtime", "Log", "Network"):
-        browser.call(f"{domain}.enable", session)
-    browser.events.clear()
-    browser.call("Page.navigate", session, url=(reported / "report.html").as_uri())
-    browser.wait_for("Page.loadEventFired")
-    sizes = "[i.complete, i.naturalWidth, i.naturalHeight, i.width]"
-    ask = f"JSON.stringify([...document.images].map(i => {sizes}))"
-    images = json.loads(browser.call("Runtime.evaluate", session, expression=ask)["result"]["value"])
-    assert len(images) == len(list((reported / "figures").glob("*.png")))
-    assert all(
-        complete and wide > 400 and high > 200 and shown > 200 for complete, wide, high, shown in images
+def wait_for(browser: webdriver.Chrome, expression: str) -> Any:
+    """What an expression is in the page once it is something."""
+    return WebDriverWait(browser, PATIENCE_S).until(lambda page: page.execute_script(f"return {expression}"))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    CHROMIUM is None or DRIVER is None,
+    reason="no Chromium with its driver on PATH (Debian: apt install chromium chromium-driver)",
+)
+def test_browser_plays_it(reported, browser):
+    """Chromium loads the page without an error or a request, draws what is picked, and plays the replay."""
+    page = reported / "report.html"
+    browser.get(page.as_uri())
+    summary = json.loads((reported / "summary.json").read_text())
+    series = pd.read_csv(reported / "series.csv")
+
+    title = "document.querySelector('#plot .gtitle')?.textContent"
+    draft = summary["series"]["draft_newton"]
+    assert wait_for(browser, title).startswith(
+        f"draft_newton: mean {draft['mean']:.6g}, min {draft['min']:.6g}"
     )
-    requested = [
-        e["params"]["request"]["url"]
-        for e in browser.events
-        if e.get("method") == "Network.requestWillBeSent"
-    ]
-    assert requested[0] == (reported / "report.html").as_uri()
-    assert all(url.startswith("data:") for url in requested[1:])
-    said = ("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded")
-    assert [event for event in browser.events if event.get("method") in said] == []
+    assert f"mean {draft['mean']:.0f} N" in browser.find_element(By.ID, "results").text
+    column = "coupling.absolute_work_joule"
+    Select(browser.find_element(By.ID, "pick")).select_by_visible_text(column)
+    wait_for(browser, f"{title}.startsWith('{column}: ')")
+    shown = wait_for(browser, "Array.from(document.getElementById('plot')._fullData[0].y)")
+    np.testing.assert_array_equal(np.float32(shown), np.float32(series[column][: len(shown)]))
+    assert len(series) - len(shown) <= 1  # a last row off the even times
+    assert (
+        wait_for(browser, "document.querySelector('#plot .scatterlayer path.js-line')?.getTotalLength()")
+        > 100
+    )
+
+    element = browser.find_element(By.ID, "replay")
+    place = "document.getElementById('replay').layout.sliders[0].active"
+    wait_for(browser, "document.querySelector('#replay canvas')?.width > 400")
+    browser.execute_script("arguments[0].scrollIntoView()", element)
+    before = element.screenshot_as_png
+    play = element.find_elements(By.CLASS_NAME, "updatemenu-button")[0]
+    assert play.text == "Play"
+    webdriver.ActionChains(browser).click(play).perform()
+    last = len(Snapshots(reported / "bag", load_scene(reported / "scene.yaml")).times_ns) - 1
+    wait_for(browser, f"{place} == {last}")
+    assert last > 2
+    assert element.screenshot_as_png != before
+
+    assert [line for line in browser.get_log("browser") if line["level"] == "SEVERE"] == []
+    messages = [json.loads(line["message"])["message"] for line in browser.get_log("performance")]
+    sent = [each["params"] for each in messages if each["method"] == "Network.requestWillBeSent"]
+    asked = [each["request"]["url"] for each in sent]
+    asked = asked[asked.index(page.as_uri()) + 1 :]  # after those of the empty tab
+    assert all(url.startswith(("data:", "blob:")) for url in asked)

@@ -1,0 +1,210 @@
+"""Interactive plots of a run for its page: one plotly figure for each quantity that a reader can pick."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+
+from ..analysis.failure_cycles import SMOOTHED_S
+from ..analysis.run_statistics import RunStatistics, compared_columns, failures_of
+from ..analysis.series import Series
+from ..analysis.smoothing import moving_mean
+from ..analysis.summary import Summary
+from ..analysis.window import metrics_window, tip_x_m, window_span_s
+from ..loading.loader import ResolvedScene
+from .over_time import reference_levels
+from .plotting import COLOURS
+
+LARGEST_SERIES_BYTES = 5e6
+"""Of all columns in the page. With plotly.js (4.8 MB) and pictures (5 MB) it leaves the replay 9 MB of 24."""
+
+NUMBER_BYTES = 4.0 * 4.0 / 3.0
+"""Of a float32 in base64."""
+
+RESULTS, COLUMNS = "Results", "Columns of series.csv over time"
+
+_CYCLE_BINS = 24
+_WINDOW = "#faf5e9"
+
+
+@dataclass(frozen=True)
+class RunData:
+    """What the plots of a run are drawn from."""
+
+    resolved: ResolvedScene
+    series: Series
+    statistics: RunStatistics
+    summary: Summary
+
+    @property
+    def every(self) -> int:
+        """The plots hold one row of series.csv in so many."""
+        numbers = len(self.series) * len(self.series.columns)
+        return math.ceil(numbers * NUMBER_BYTES / LARGEST_SERIES_BYTES)
+
+
+def interactive_plots(run: RunData) -> list[dict[str, Any]]:
+    """Every plot of a run: `group` and `name` to pick it by, and `figure` as plotly's JSON."""
+    compared = [name for name in compared_columns(run.resolved.scene) if name in run.series]
+    figures = [(RESULTS, title, figure) for title, figure in _results(run, compared)]
+    figures += [(COLUMNS, name, _over_time(run, name)) for name in run.summary["series"]]
+    return [{"group": group, "name": name, "figure": figure.to_dict()} for group, name, figure in figures]
+
+
+def _results(run: RunData, compared: Sequence[str]) -> Iterator[tuple[str, go.Figure]]:
+    found = run.statistics
+    for name in compared:
+        yield f"{_words(run, name)} over time", _over_time(run, name, compared=True)
+    if tip_x_m(run.series, run.resolved.scene) is not None and run.resolved.scene.soil is not None:
+        for name in compared:
+            yield f"{_words(run, name)} over travel", _over_travel(run, name)
+    for name in found.spectra:
+        yield f"Spectrum of {_words(run, name).lower()}", _spectrum(run, name)
+    if found.cycles is not None and len(found.cycles.range_newton):
+        yield "Load cycles of the spring", _load_cycles(run)
+    if found.disturbance is not None:
+        yield "Loosened section", _loosened(run)
+        yield "Lift of the surface", _lift(run)
+
+
+def _words(run: RunData, name: str) -> str:
+    """Name of a compared column as a designer calls it."""
+    report = run.resolved.scene.report
+    return {
+        f"spring.{report.spring}.force_newton": "Spring force",
+        f"body.{report.shank}.angle_rad": "Share angle",
+        f"body.{report.shank}.z_m": "Shank height",
+    }.get(name, "Draft")
+
+
+def _figure(traces: Sequence[Any], title: str, x: str, y: str) -> go.Figure:
+    figure = go.Figure(traces, go.Layout(template="none", hovermode="x"))
+    figure.update_layout(
+        title={"text": escape(title), "x": 0.0, "xref": "paper", "font": {"size": 15}},
+        font={"size": 13},
+        margin={"l": 80, "r": 20, "t": 60, "b": 100},
+        legend={"orientation": "h", "y": -0.2},
+    )
+    figure.update_xaxes(title=escape(x))
+    return figure.update_yaxes(title=escape(y), exponentformat="power")
+
+
+def _line(x: Any, y: Any, name: str, **style: Any) -> go.Scatter:
+    """A curve; arrays travel as float32, even times as start and step, without an uneven last one."""
+    line = {"width": 1.5, "color": COLOURS["main"]} | style
+    places: dict[str, Any] = {"x": np.asarray(x, np.float32)}
+    steps = np.diff(x)
+    even = np.abs(steps - steps[:1]) < 1e-6 * steps[:1]
+    if len(even) > 1 and even[:-1].all():
+        places, y = {"x0": float(x[0]), "dx": float(steps[0])}, y[: len(y) - int(not even[-1])]
+    return go.Scatter(**places, y=np.asarray(y, np.float32), mode="lines", name=escape(name), line=line)
+
+
+def _over_time(run: RunData, name: str, compared: bool = False) -> go.Figure:
+    """A column over time with its mean; a compared one also smoothed, with its parts and its reference."""
+    series, every, found = run.series, slice(None, None, run.every), run.summary["series"][name]
+    times = series["time_s"][every]
+    colour = "#8fb0d3" if compared else COLOURS["main"]
+    traces = [_line(times, series[name][every], "as recorded", color=colour)]
+    title = f"{name}: " + ", ".join(
+        f"{kind} {found[kind]:.6g}" for kind in ("mean", "min", "max") if found[kind] is not None
+    )
+    if compared:
+        kinds = ("draft.share_newton", "draft.wheels_newton") if name == "draft_newton" else ()
+        for part in (name, *(kind for kind in kinds if kind in series)):
+            colour = COLOURS.get(part.removeprefix("draft.").removesuffix("_newton"), COLOURS["main"])
+            words = f"{part}, mean over {SMOOTHED_S:g} s"
+            traces.append(_line(times, moving_mean(series, part, SMOOTHED_S)[every], words, color=colour))
+    figure = _figure(traces, f"{title} in the window", "simulated time [s]", name)
+    window = metrics_window(series, run.resolved.scene)
+    start, end = window_span_s(series, window)
+    figure.add_vrect(start, end, fillcolor=_WINDOW, line_width=0, layer="below")
+    if found["mean"] is not None:
+        figure.add_shape(
+            type="line",
+            x0=start,
+            x1=end,
+            y0=found["mean"],
+            y1=found["mean"],
+            line={"dash": "dash", "width": 1},
+        )
+    if compared and run.resolved.reference is not None:
+        for level in reference_levels(run.resolved.reference, name, series[name]):
+            label = {"text": escape(run.resolved.reference.name), "font": {"size": 10}}
+            figure.add_hline(level, line={"dash": "dot", "color": COLOURS["reference"]}, annotation=label)
+    return figure
+
+
+def _over_travel(run: RunData, name: str) -> go.Figure:
+    """A column, smoothed, over the travel of the tip, with the failures of the soil."""
+    series, scene = run.series, run.resolved.scene
+    tip, values = tip_x_m(series, scene), moving_mean(series, name, SMOOTHED_S)
+    assert tip is not None
+    every = slice(None, None, run.every)
+    traces = [_line(tip[every], values[every], f"mean over {SMOOTHED_S:g} s")]
+    window = metrics_window(series, scene)
+    failures = failures_of(series, scene, window)
+    if failures is not None:
+        at = np.flatnonzero(window.rows)[failures.failures]
+        marker = {"size": 9, "color": COLOURS["share"]}
+        traces.append(
+            go.Scatter(x=tip[at], y=values[at], mode="markers", name="failure of the soil", marker=marker)
+        )
+    return _figure(traces, f"{name} over the travel of the tip", "travel of the tip, x [m]", name)
+
+
+def _spectrum(run: RunData, name: str) -> go.Figure:
+    found = run.statistics.spectra[name]
+    x = found.frequency_hz[1:]
+    traces = [
+        _line(x, found.high[1:], "95 % (chi-square), high", width=0.5),
+        _line(x, found.low[1:], "95 % (chi-square), low", width=0.5).update(fill="tonexty"),
+        _line(x, found.density[1:], "density (Welch)"),
+        _line(x, found.level[1:], "red noise, 95 % anywhere", color=COLOURS["reference"], dash="dash"),
+    ]
+    title = f"Spectrum of {name}: strongest at {found.dominant_hz:.3g} Hz, {found.verdict}"
+    figure = _figure(traces, title, "frequency [Hz]", "density [unit²/Hz]")
+    return figure.update_xaxes(type="log").update_yaxes(type="log")
+
+
+def _load_cycles(run: RunData) -> go.Figure:
+    cycles = run.statistics.cycles
+    assert cycles is not None
+    edges = np.linspace(0.0, cycles.max_range_newton, _CYCLE_BINS + 1)
+    counts, _ = np.histogram(cycles.range_newton, edges, weights=cycles.count)
+    bars = go.Bar(x=0.5 * (edges[1:] + edges[:-1]), y=counts, marker={"color": COLOURS["main"]})
+    equivalent = cycles.equivalent_range_newton()
+    title = f"Load cycles of the spring (rainflow): as harmful as {equivalent:.0f} N once a second"
+    figure = _figure([bars], title, "range of the spring force [N]", "cycles").update_yaxes(type="log")
+    return figure.add_vline(equivalent, line={"color": COLOURS["share"]})
+
+
+def _loosened(run: RunData) -> go.Figure:
+    found = run.statistics.disturbance
+    assert found is not None
+    corner = {"x0": found.origin_m[0] + 0.5 * found.cell_m, "y0": found.origin_m[1] + 0.5 * found.cell_m}
+    bar = {"title": "moved part"}
+    moved = np.asarray(found.moved_map, np.float32)
+    steps = {"dx": found.cell_m, "dy": found.cell_m}
+    image = go.Heatmap(z=moved, **corner, **steps, zmin=0, zmax=1, colorscale="Viridis", colorbar=bar)
+    title = (
+        f"Loosened section: {1e4 * found.area_m2:.0f} cm², {1e3 * found.surface_width_m:.0f} mm wide on top"
+    )
+    figure = _figure([image], title, "across travel, y [m]", "height before [m]")
+    return figure.update_yaxes(scaleanchor="x").update_layout(hovermode="closest")
+
+
+def _lift(run: RunData) -> go.Figure:
+    found = run.statistics.disturbance
+    assert found is not None
+    x, y = found.lift.centres_m()
+    lift_mm = np.asarray(1e3 * found.lift.height_m, np.float32)
+    bar = {"title": "lift [mm]"}
+    image = go.Heatmap(x=x, y=y, z=lift_mm, zmid=0, colorscale="RdBu", reversescale=True, colorbar=bar)
+    title = f"Lift of the surface behind the tool: {1e3 * found.max_lift_m:.0f} mm at most"
+    figure = _figure([image], title, "along travel, x [m]", "across travel, y [m]")
+    return figure.update_yaxes(scaleanchor="x").update_layout(hovermode="closest")

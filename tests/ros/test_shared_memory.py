@@ -57,7 +57,7 @@ def test_no_room_at_all_is_refused(
         assert main(["run", str(WEDGE), "--out", str(tmp_path / "out"), "--mode", mode]) == 2
         said = capsys.readouterr().err.strip().splitlines()[-1]  # after the line of progress
         assert f"is full: {LOADED_BYTES - 1} bytes are free" in said
-        assert "make room there, or give --mode direct" in said
+        assert "make room there, or run without ROS: subsoil run --mode direct" in said
         assert not (tmp_path / "out").exists()
 
 

@@ -75,7 +75,9 @@ def test_toggle_is_passed_or_named(mechanism_engine):
             assert state.bodies[2].x_m == pytest.approx(place, abs=1e-10)
 
 
-def test_overlong_drive_against_a_linkage_ends_by_name(mechanism_engine):
+@pytest.mark.parametrize(("speed", "communication_step_ns", "words"), [
+    (1.0, 1_000_000, "knee"), (0.01, 5_000_000, "the joints cannot be closed any more.*knee")])  # fmt: skip
+def test_overlong_drive_against_a_linkage_ends_by_name(mechanism_engine, speed, communication_step_ns, words):
     """A relative driver that asks a knee for more than it can stretch names the joints, never NaN."""
     machine = {
         "bodies": {"upper": _body(0.3, 0.4), "lower": _body(0.9, 0.4), "foot": _body(1.2, 0.0)},
@@ -85,12 +87,12 @@ def test_overlong_drive_against_a_linkage_ends_by_name(mechanism_engine):
             "rail": {"kind": "prismatic", "body_a": "ground", "body_b": "foot", "point_m": (1.2, 0.0),
                      "axis": (1.0, 0.0)},
             "pull": {"kind": "driver", "body": "foot", "coordinate": "x", "relative_to": "ground",
-                     "speed": {"kind": "constant", "value": 1.0}},
+                     "speed": {"kind": "constant", "value": speed}},
         },
     }  # fmt: skip
-    engine = mechanism_engine(machine, 1_000_000)
-    with pytest.raises(SingularMechanismError, match="knee"):
-        _run(engine, 1000)
+    engine = mechanism_engine(machine, communication_step_ns)
+    with pytest.raises(SingularMechanismError, match=words):
+        _run(engine, 20_000)
     assert np.isfinite(engine.arrays.q).all()
     assert np.isfinite(engine.arrays.a).all()
 
@@ -243,7 +245,8 @@ def test_a_spring_through_its_own_anchor(mechanism_engine, integrator):
     place = (free + wide * math.cos(omega * (left - across))) * (-1.0) ** turns
     bound = 1e-3 if integrator == "generalized_alpha" else 1e-7
     assert state.bodies[0].x_m == pytest.approx(place, abs=bound)
-    assert worst < bound * first
+    # the kink is found to the order of the method: an instant wrong by the cube of the step would add 3e-8
+    assert worst < (bound if integrator == "generalized_alpha" else 1e-9) * first
     assert engine.arrays.counters[EVENT_COUNT] == 3 * turns  # a step before, there, and a step beyond
 
 

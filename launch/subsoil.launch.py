@@ -25,6 +25,7 @@ from subsoil_ros.cli._shared.preparation import KernelAnnouncer, say_opened
 from subsoil_ros.errors import InputError, RunError
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.ros.process.plan import RunPlan, checked_namespace, remappings
+from subsoil_ros.ros.transport.shared_memory import avoid_full_memory
 
 PATIENCE_S = 15.0
 """Time for the other nodes after one has failed (chosen: more than a coupler waits for a silent one)."""
@@ -83,6 +84,7 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         command += ["--live", given["live"]] if given["live"] else []
         command += [word for change in overrides for word in ("--set", change)]
         return [ExecuteProcess(cmd=command, output="screen", on_exit=Ending(1))]
+    notice = avoid_full_memory()  # for the nodes too: they get this process's environment
     live = live_port(given["live"] or None)
     resume = Path(given["resume"]) if given["resume"] else None
     resolved = load_scene(scene, overrides)
@@ -109,7 +111,7 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         for node in plan.nodes()
     ]
     words = f"run '{plan.run_id}' in {out}; `subsoil report {out}` makes series and figures of it"
-    return [LogInfo(msg=words), *nodes]
+    return [*([LogInfo(msg=notice)] if notice else []), LogInfo(msg=words), *nodes]
 
 
 class Ending:

@@ -17,8 +17,9 @@ import pytest
 from subsoil_ros.cli.main import main
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.recording.recovery import recover
+from validation.laboratory import box_mesh
 
-from .conftest import is_alive, lockstep_ticks, run_arguments, wait_until_gone
+from .conftest import SCENE, is_alive, lockstep_ticks, run_arguments, wait_until_gone
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
@@ -130,6 +131,20 @@ def test_a_bad_scene_leaves_no_folder(tmp_path: Path, capsys: pytest.CaptureFixt
     out = tmp_path / "out"
     assert main([*run_arguments(out, "nodes", 0.01), "--set", "soil.particles.radius_m=-1"]) == 2
     assert "radius_m" in capsys.readouterr().err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("mode", ["nodes", "composed", "direct"])
+def test_bad_input_that_only_the_start_shows_leaves_no_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], mode: str
+) -> None:
+    """A tool larger than the bed, found by the soil engine at its start: exit 2, one message, no folder."""
+    cube = box_mesh(tmp_path, 2.0, 2.0, 2.0)
+    out, tine = tmp_path / "out", SCENE.with_name("tine.yaml")
+    larger = ["--set", f"tools.tine.groups.share.mesh={cube}"]
+    assert main(run_arguments(out, mode, 0.01, *larger, scene=tine)) == 2
+    said = capsys.readouterr().err.strip().splitlines()[-1]
+    assert "tools: they overlap every particle of the bed; check their scale and position" in said
     assert not out.exists()
 
 

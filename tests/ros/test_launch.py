@@ -6,6 +6,7 @@ processes are started from that as launch_ros would.
 
 import importlib.util
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -23,7 +24,9 @@ from subsoil_ros.coupling.engines import MotionSource, build_motion_source
 from subsoil_ros.errors import InputError, RunError
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.ros.process.plan import RunPlan
+from subsoil_ros.ros.transport import shared_memory
 from subsoil_ros.ros.transport.domain import run_domain
+from subsoil_ros.ros.transport.shared_memory import LOADED_BYTES, TRANSPORTS
 
 from .conftest import SCENE
 from .test_nodes import contents
@@ -242,6 +245,21 @@ def test_a_run_that_subsoil_run_refuses_ends_the_launch(
     (process,) = start(scene=str(MACHINE), out=str(tmp_path / "out"), mode="foo")
     with pytest.raises(RunError, match="python-1 ended with status 2"):
         exit_of(process, 2, "python-1")
+
+
+def test_it_looks_for_room_in_shared_memory(
+    start: Callable[..., list[Taken]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Once for all nodes, which get its environment: UDP with one line, or an end before anything is made."""
+    monkeypatch.setenv(TRANSPORTS, "")
+    monkeypatch.setattr(shared_memory, "free_bytes", lambda: LOADED_BYTES)
+    notice, *_ = start(scene=str(MACHINE), out=str(tmp_path / "out"))
+    assert "messages go by UDP" in notice.msg
+    assert os.environ[TRANSPORTS] == "UDPv4"
+    monkeypatch.setattr(shared_memory, "free_bytes", lambda: LOADED_BYTES - 1)
+    with pytest.raises(InputError, match="is full"):
+        start(scene=str(MACHINE), out=str(tmp_path / "other"))
+    assert not (tmp_path / "other").exists()
 
 
 def test_it_goes_on_from_an_earlier_run(start: Callable[..., list[Taken]], tmp_path: Path) -> None:

@@ -1,12 +1,16 @@
 """Shared memory without room: a run takes UDP, says so in one line, and records the same."""
 
 import os
+import subprocess
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from subsoil_ros.cli.main import main
 from subsoil_ros.ros.transport import shared_memory
+from subsoil_ros.ros.transport.domain import run_domain
 from subsoil_ros.ros.transport.shared_memory import (
     LOADED_BYTES,
     PROCESS_BYTES,
@@ -14,7 +18,12 @@ from subsoil_ros.ros.transport.shared_memory import (
     avoid_full_memory,
 )
 
+from .conftest import LIMIT_S, SCENE
+
 pytestmark = pytest.mark.ros
+
+PROGRAMS = Path(sys.prefix) / "lib" / "subsoil_ros"
+"""Where `ros2 run` and launch_ros find the nodes."""
 
 WEDGE = Path(__file__).parents[2] / "config/scenes/three_shanks_wedge.yaml"
 
@@ -57,7 +66,7 @@ def test_no_room_at_all_is_refused(
         assert main(["run", str(WEDGE), "--out", str(tmp_path / "out"), "--mode", mode]) == 2
         said = capsys.readouterr().err.strip().splitlines()[-1]  # after the line of progress
         assert f"is full: {LOADED_BYTES - 1} bytes are free" in said
-        assert "make room there, or give --mode direct" in said
+        assert "make room there, or run without ROS: subsoil run --mode direct" in said
         assert not (tmp_path / "out").exists()
 
 
@@ -72,3 +81,45 @@ def test_a_run_without_room_records_the_same(
     assert said.count("messages go by UDP") == 1
     assert main(["run", str(WEDGE), "--out", str(tmp_path / "direct"), "--mode", "direct", *short]) == 0
     assert (tmp_path / "nodes/series.csv").read_bytes() == (tmp_path / "direct/series.csv").read_bytes()
+
+
+@pytest.fixture
+def in_small_memory() -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Runs a command where /dev/shm has so many KiB: a file system of its own, which needs no root."""
+
+    def run(kib: int, *command: str | Path) -> subprocess.CompletedProcess[str]:
+        mounted = f'mount -t tmpfs -o size={kib}k none /dev/shm && exec "$@"'
+        words = ["unshare", "--map-root-user", "--mount", "sh", "-c", mounted, "sh", *command]
+        return subprocess.run(words, capture_output=True, text=True, timeout=LIMIT_S, check=False)
+
+    try:
+        tried = run(4, "true")
+    except FileNotFoundError:
+        pytest.skip("there is no program 'unshare' here")
+    if tried.returncode:
+        pytest.skip(f"no file system can be mounted here: {tried.stderr.strip()}")
+    return run
+
+
+@pytest.mark.parametrize("name", ["soil", "mechanism", "coupler", "recorder", "controller"])
+def test_a_node_is_refused_where_it_could_not_load_ros(in_small_memory: Callable, name: str) -> None:
+    """One page is free, and the tracing library needs two: status 2 and one message in place of SIGBUS."""
+    done = in_small_memory(4, PROGRAMS / f"{name}_node", "--help")
+    assert done.returncode == 2, done
+    assert done.stderr.startswith(f"{name}: /dev/shm is full: 4096 bytes are free")
+    assert done.stderr.count("\n") == 1
+
+
+def test_nodes_started_by_hand_take_udp(in_small_memory: Callable, tmp_path: Path) -> None:
+    """Where two pages are free: each says so in one line, and the run reaches its end."""
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(f"base: {SCENE.with_name('mechanism_only.yaml')}\nduration_s: 0.05\n")
+    script = (
+        'for name in mechanism recorder coupler; do "$0/${name}_node" --ros-args -p scene:="$1" '
+        '-p bag:="$2" & nodes="$nodes $!"; done; for node in $nodes; do wait "$node" || exit; done'
+    )
+    with run_domain() as domain:
+        words = ("env", f"ROS_DOMAIN_ID={domain}", "sh", "-c", script, PROGRAMS, scene, tmp_path / "bag")
+        done = in_small_memory(8, *words)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("messages go by UDP") == 3

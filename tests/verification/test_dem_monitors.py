@@ -204,8 +204,10 @@ def test_a_stopped_run_leaves_a_readable_bag_and_exit_status_3(soil, tmp_path, c
     assert [state.tick for state in BagReader(out / "bag").records(SoilState)] == [-1, 19, 39, 59, 79, 99]
 
 
-def test_lost_particles_are_in_the_summary(soil, tmp_path, capsys):
-    """A soft floor lets the bottom layer through: one line tells people, two keys tell programs."""
+@pytest.mark.parametrize("mode", ["direct", pytest.param("nodes", marks=pytest.mark.ros)])
+def test_lost_particles_are_in_the_summary(soil, tmp_path, capsys, mode):
+    """A soft floor lets the bottom layer through: one line for people, three keys for programs, whether the
+    soil is in this process or in one of its own."""
     scene = with_soil(soil, gravity=300.0, max_lost_particles=1000)
     row = scene.document["soil"]["law"]["boundary"] | {"stiffness_newton_per_m": 150.0}
     path = with_soil(
@@ -216,7 +218,7 @@ def test_lost_particles_are_in_the_summary(soil, tmp_path, capsys):
         monitors={"max_velocity_reversal": None, "max_pair_overlap_radii": None},
     ).path
     out = tmp_path / "out"
-    assert main(["run", str(path), "--out", str(out), "--mode", "direct", "--set", "duration_s=0.05"]) == 0
+    assert main(["run", str(path), "--out", str(out), "--mode", mode, "--set", "duration_s=0.05"]) == 0
     summary = json.loads((out / "summary.json").read_text())
     assert summary["particles"]["lost_count"] > 0
     assert 0.0 < summary["particles"]["first_lost_s"] <= 0.05

@@ -279,6 +279,34 @@ def test_the_core_follows_from_the_tools():
     assert scene.material is not None
 
 
+def cutting(maker, start_z_m, **part):
+    """A box of 0.04 x 0.125 m across and high, its middle at this height."""
+    tools = one_tool(maker.box(0.03, 0.04, 0.125))
+    tools["tool"]["path"]["start_z_m"] = start_z_m
+    tools["tool"]["groups"]["body"].update(part)
+    return tools
+
+
+def test_the_core_is_as_wide_as_the_tillage_tools_reach_aside(soil):
+    """Of a box that stands aside of the middle the farther side counts, wheels do not; in whole millimetres
+    that do not fall short."""
+    tools = cutting(soil, 0.0325, position_m=[0.0, -0.015, 0.0])
+    wheel = {"mesh": soil.box(0.03, 0.1, 0.2), "position_m": [0.1, 0.0, 0.0]}
+    tools["wheel"] = {"role": "wheel", "path": {}, "groups": {"tread": wheel}}
+    found = graded(soil, coarse={"times": 1.5}, tools=tools).scene.particle_soil.particles
+    exact = np.array((0.035 + 0.5 * 0.03, 0.03 + 2.0 * 2.0 * 1.5 * found.mean_volume_radius_m))
+    over = np.array((found.coarse.beyond_m, found.coarse.below_m)) - exact
+    assert (over > -1e-9).all()
+    assert (over <= 1e-3).all()
+
+
+@pytest.mark.parametrize("start_z_m", [0.0625, 0.1])
+def test_a_core_needs_a_tool_in_the_soil(soil, start_z_m):
+    """One that stands on the surface, or above it, gives no depth."""
+    with pytest.raises(SceneError, match=r"coarse.beyond_m: is missing, and no tillage tool is below"):
+        graded(soil, coarse={"times": 1.5}, tools=cutting(soil, start_z_m))
+
+
 @pytest.mark.parametrize(
     ("changes", "told"),
     [

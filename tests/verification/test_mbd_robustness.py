@@ -7,6 +7,7 @@ import pytest
 from pydantic import ValidationError
 
 from subsoil_ros.errors import PhysicsError, SceneError, SingularMechanismError, SubsoilError
+from subsoil_ros.mbd.tables import EVENT_COUNT
 from subsoil_ros.scene.mechanism import Mechanism
 
 
@@ -74,7 +75,9 @@ def test_toggle_is_passed_or_named(mechanism_engine):
             assert state.bodies[2].x_m == pytest.approx(place, abs=1e-10)
 
 
-def test_overlong_drive_against_a_linkage_ends_by_name(mechanism_engine):
+@pytest.mark.parametrize(("speed", "communication_step_ns", "words"), [
+    (1.0, 1_000_000, "knee"), (0.01, 5_000_000, "the joints cannot be closed any more.*knee")])  # fmt: skip
+def test_overlong_drive_against_a_linkage_ends_by_name(mechanism_engine, speed, communication_step_ns, words):
     """A relative driver that asks a knee for more than it can stretch names the joints, never NaN."""
     machine = {
         "bodies": {"upper": _body(0.3, 0.4), "lower": _body(0.9, 0.4), "foot": _body(1.2, 0.0)},
@@ -84,12 +87,12 @@ def test_overlong_drive_against_a_linkage_ends_by_name(mechanism_engine):
             "rail": {"kind": "prismatic", "body_a": "ground", "body_b": "foot", "point_m": (1.2, 0.0),
                      "axis": (1.0, 0.0)},
             "pull": {"kind": "driver", "body": "foot", "coordinate": "x", "relative_to": "ground",
-                     "speed": {"kind": "constant", "value": 1.0}},
+                     "speed": {"kind": "constant", "value": speed}},
         },
     }  # fmt: skip
-    engine = mechanism_engine(machine, 1_000_000)
-    with pytest.raises(SingularMechanismError, match="knee"):
-        _run(engine, 1000)
+    engine = mechanism_engine(machine, communication_step_ns)
+    with pytest.raises(SingularMechanismError, match=words):
+        _run(engine, 20_000)
     assert np.isfinite(engine.arrays.q).all()
     assert np.isfinite(engine.arrays.a).all()
 
@@ -121,10 +124,10 @@ def test_resting_contact_does_not_chatter(mechanism_engine):
     engine = mechanism_engine(machine, 500_000)
     for tick in range(3000):
         engine.advance(tick, ())
-    events = engine.arrays.counters[3]
+    events = engine.arrays.counters[EVENT_COUNT]
     for tick in range(3000, 4000):
         engine.advance(tick, ())
-    assert engine.arrays.counters[3] == events < 20
+    assert engine.arrays.counters[EVENT_COUNT] == events < 20
     state = engine.state("run", 3999, 2_000_000_000)
     assert state.forces[0].load == pytest.approx(98.1, rel=1e-5)
 
@@ -216,6 +219,7 @@ def test_a_spring_of_no_free_length(mechanism_engine, start):
     sine, cosine = math.sin(omega * 2.0), math.cos(omega * 2.0)
     assert ball.x_m == pytest.approx(x * cosine + 1.0 / omega * sine, abs=1e-8)
     assert ball.z_m == pytest.approx(z * cosine - 0.5 / omega * sine, abs=1e-8)
+    assert engine.arrays.counters[EVENT_COUNT] == 0  # its law has no kink
 
 
 @pytest.mark.parametrize("integrator", ["adams_moulton", "runge_kutta_4", "generalized_alpha"])
@@ -241,8 +245,9 @@ def test_a_spring_through_its_own_anchor(mechanism_engine, integrator):
     place = (free + wide * math.cos(omega * (left - across))) * (-1.0) ** turns
     bound = 1e-3 if integrator == "generalized_alpha" else 1e-7
     assert state.bodies[0].x_m == pytest.approx(place, abs=bound)
-    assert worst < bound * first
-    assert engine.arrays.counters[3] == 3 * turns  # a step before, there, and a step beyond
+    # the kink is found to the order of the method: an instant wrong by the cube of the step would add 3e-8
+    assert worst < (bound if integrator == "generalized_alpha" else 1e-9) * first
+    assert engine.arrays.counters[EVENT_COUNT] == 3 * turns  # a step before, there, and a step beyond
 
 
 @pytest.mark.parametrize("aside", [1e-12, 1e-8, 1e-6, 1e-3])

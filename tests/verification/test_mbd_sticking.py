@@ -170,6 +170,66 @@ def test_a_wheel_that_lands_sticking_leaves_again(mechanism_engine):
     assert engine.arrays.counters[EVENT_COUNT] > 6
 
 
+SOFT = 2000.0
+"""Stick stiffness [N/m] of a block that swings on it."""
+
+
+def _thrown(mechanism_engine, speed, press):
+    """A block thrown along a rail that `press` [N] presses it on: no weight, a soft stick without damping."""
+    machine = _incline(0.0, stick_stiffness_newton_per_m=SOFT)
+    machine["bodies"]["block"]["velocity_m_per_s"] = (speed, 0.0)
+    machine["forces"] = {
+        "press": {"kind": "point_load", "body": "block", "point_m": (0.0, 0.0), "force_z_newton": press}
+    }
+    return mechanism_engine(machine, 100_000, gravity_m_per_s2=0.0)
+
+
+def test_a_block_that_comes_to_rest_is_held_by_what_it_slid_with(mechanism_engine):
+    """It sticks up to mu N, slides, stops, and swings on about the anchor, mu N / k behind."""
+    limit, speed, wave = 20.0, 0.5, math.sqrt(SOFT / MASS)
+    engine = _thrown(mechanism_engine, speed, {"kind": "constant", "value": -limit / MU})
+    start, strain = book(engine.state("run", -1, 0)), limit / SOFT
+    sliding = math.sqrt(speed**2 - (wave * strain) ** 2)
+    slid, stops = 0.5 * MASS * sliding**2 / limit, math.asin(wave * strain / speed) / wave
+    stops += MASS * sliding / limit
+    ticks = int(1e4 * (stops + math.pi / wave))
+    state = advance(engine, ticks).state("run", ticks - 1, 0)
+    assert state.bodies[0].x_m == pytest.approx(
+        slid + strain * math.cos(wave * (1e-4 * ticks - stops)), abs=1e-7
+    )
+    assert engine.arrays.counters[EVENT_COUNT] == 2
+    assert book(state) == pytest.approx(start, abs=1e-7)
+
+
+@pytest.mark.parametrize("speed", [0.5, -0.5])
+def test_a_limit_that_falls_below_what_the_spring_holds(mechanism_engine, speed):
+    """The press is let go while the block swings back: the spring pulls on at the limit, its anchor stays.
+
+    The limit is that of the end of a step, so it gives up to a step early: 0.07 N too much for 100 us.
+    """
+    first, last, ends = 72.0, 4.0, 0.094
+    press = {"kind": "ramp", "start_value": -first / MU, "end_value": -last / MU, "end_s": ends}
+    engine = _thrown(mechanism_engine, speed, press)
+    start = book(engine.state("run", -1, 0))
+
+    def slope(time, y):
+        limit = np.interp(time, (0.0, ends), (first, last))
+        return y[1], -np.clip(SOFT * y[0], -limit, limit) / MASS
+
+    exact = solve_ivp(
+        slope, (0.0, 0.15), (0.0, speed), "DOP853", rtol=1e-10, atol=1e-12, max_step=1e-4, dense_output=True
+    )
+    assert abs(exact.y[0]).max() * SOFT < 0.9 * first
+    for tick in range(1500):
+        engine.advance(tick, ())
+        state = engine.state("run", tick, 0)
+        place, pace = exact.sol(1e-4 * (tick + 1))
+        assert state.bodies[0].x_m == pytest.approx(place, abs=1e-6)
+        assert state.bodies[0].velocity_x_m_per_s == pytest.approx(pace, abs=1e-5)
+    assert engine.arrays.counters[EVENT_COUNT] == 3  # it gives, holds again, and slides the other way
+    assert book(state) == pytest.approx(start, abs=1e-6)
+
+
 def test_damping_alone_is_refused():
     """Sticking needs its stiffness."""
     machine = _incline(0.0, stick_damping_newton_s_per_m=1.0)

@@ -32,10 +32,6 @@ GRACE_S = 2.0
 """Time for a node that computes to come back and end in order; then the process ends itself."""
 
 
-MOST_NODES = 5
-"""Of a run, each a process: it is not known here how many there are."""
-
-
 def watched_by(name: str, run: NodeRun) -> tuple[str, ...]:
     """Whose silence ends a node."""
     return run.participants if name == COUPLER else (COUPLER,)
@@ -69,7 +65,7 @@ def run_process(
             say(f"{name}: argument '{words[0]}': not known; {advice}")
             return InputError.exit_status
         try:
-            notice = avoid_full_memory(MOST_NODES)
+            notice = avoid_full_memory()
         except InputError as error:
             notice = str(error)
         if notice:

@@ -24,6 +24,9 @@ SETTLED_S = 2.0
 PROCESS_BYTES = 2**20
 """Of shared memory for one process (measured: 0.65 MB, its segment and its ports)."""
 
+MOST_NODES = 5
+"""Of a run, each a process."""
+
 LOADED_BYTES = 2 * mmap.PAGESIZE
 """The tracing library of ROS (LTTng) maps two pages as a process loads rclpy, without reserving memory: where
 there is none left, the process is killed by SIGBUS (`python -m dev.soak --shm-kib 4`)."""
@@ -40,7 +43,7 @@ def free_bytes() -> int:
     return shutil.disk_usage(FOLDER).free
 
 
-def avoid_full_memory(process_count: int) -> str:
+def avoid_full_memory(process_count: int = MOST_NODES) -> str:
     """Have this process, and those that it starts, use UDP if shared memory has no room for so many.
 
     Nothing is changed where the user has chosen how messages travel.
@@ -59,7 +62,7 @@ def avoid_full_memory(process_count: int) -> str:
     if free < LOADED_BYTES:
         raise InputError(
             f"{FOLDER} is full: {free} bytes are free, loading ROS takes {LOADED_BYTES}, and a node would "
-            "be killed; make room there, or give --mode direct"
+            "be killed; make room there, or run without ROS: subsoil run --mode direct"
         )
     if free >= needed or any(os.environ.get(name) for name in _CHOSEN_BY):
         return ""

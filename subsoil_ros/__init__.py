@@ -1,6 +1,8 @@
 """Soil-tool co-simulation: discrete-element soil and a planar machine in lockstep.
 
-`load_scene`, `check`, `run` and `read_run` are the public interface. Each is imported when it is first used.
+`load_scene`, `check`, `run` and `read_run` are the public interface. For machines and soils of other
+programs there are `serve`, the protocols `Machine` and `OutsideSoil`, what they exchange (`ToolMotion`,
+`SpatialMotion`, `ToolWrench`) and `MujocoMachine`. Each is imported when it is first used.
 """
 
 from typing import TYPE_CHECKING
@@ -12,10 +14,39 @@ if TYPE_CHECKING:
     from .api.load import load_scene
     from .api.read import read_run
     from .api.run import run
+    from .coupling.mujoco_machine import MujocoMachine
+    from .coupling.outside import Machine, OutsideSoil
+    from .messages import SpatialMotion, ToolMotion, ToolWrench
+    from .ros.process.serve import serve
 
-__all__ = ["__version__", "check", "load_scene", "read_run", "run"]
+__all__ = [
+    "Machine",
+    "MujocoMachine",
+    "OutsideSoil",
+    "SpatialMotion",
+    "ToolMotion",
+    "ToolWrench",
+    "__version__",
+    "check",
+    "load_scene",
+    "read_run",
+    "run",
+    "serve",
+]
 
-_MODULES = {"check": "check", "load_scene": "load", "read_run": "read", "run": "run"}
+_MODULES = {
+    "Machine": "coupling.outside",
+    "MujocoMachine": "coupling.mujoco_machine",
+    "OutsideSoil": "coupling.outside",
+    "SpatialMotion": "messages",
+    "ToolMotion": "messages",
+    "ToolWrench": "messages",
+    "check": "api.check",
+    "load_scene": "api.load",
+    "read_run": "api.read",
+    "run": "api.run",
+    "serve": "ros.process.serve",
+}
 
 
 def __getattr__(name: str) -> object:
@@ -23,7 +54,7 @@ def __getattr__(name: str) -> object:
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
     from importlib import import_module
 
-    return getattr(import_module(f".api.{_MODULES[name]}", __name__), name)
+    return getattr(import_module(f".{_MODULES[name]}", __name__), name)
 
 
 def __dir__() -> list[str]:

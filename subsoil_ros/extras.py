@@ -13,6 +13,7 @@ EXTRA_OF = {
     "imageio_ffmpeg": "report",
     "jinja2": "report",
     "matplotlib": "report",
+    "mujoco": "mujoco",
     "numba_cuda": "gpu",
     "plotly": "report",
     "pyarrow": "study",

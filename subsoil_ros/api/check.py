@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ..coupling.outside import Machine, effective_masses_kg
 from ..errors import SceneError
 from ..limits.communication_steps import CouplingBound, coupling_bounds
 from ..limits.soil_at_work import Finding, soil_at_work
@@ -13,6 +14,7 @@ from ..limits.stable_steps import StepLimit, step_limits, step_notes
 from ..loading.loader import ResolvedScene
 from ..loading.soil_file import soil_of
 from ..scene.meshes import ToolMesh, load_tool_mesh
+from ..scene.model import Scene
 from .load import SceneLike, resolved_scene
 
 if TYPE_CHECKING:
@@ -95,12 +97,18 @@ class CheckResult:
         yield from (f"warning: {warning}" for warning in self.warnings)
 
 
-def check(scene: SceneLike | ResolvedScene, overrides: Mapping[str, object] | None = None) -> CheckResult:
+def check(
+    scene: SceneLike | ResolvedScene,
+    overrides: Mapping[str, object] | None = None,
+    *,
+    machine: Machine | None = None,
+) -> CheckResult:
     """Validate a scene and estimate what a run of it costs, without running it.
 
     Args:
         scene: as load_scene takes it, or gives it.
         overrides: as in load_scene.
+        machine: from outside; its effective_mass_kg gives the bounds on the communication step.
 
     Returns:
         Particles, limits, cost and warnings; `print` shows them.
@@ -110,12 +118,13 @@ def check(scene: SceneLike | ResolvedScene, overrides: Mapping[str, object] | No
     """
     resolved = resolved_scene(scene, overrides)
     model, survey = resolved.scene, None
+    masses = effective_masses_kg(resolved, machine)
     try:
         if model.mechanism is not None:
             from ..mbd.statics import survey as survey_of
 
             survey = survey_of(model.mechanism, model.gravity_m_per_s2)
-        bounds = _bounds(resolved)
+        bounds = _bounds(resolved, masses)
         particles = start_count(resolved)
     except SceneError as error:
         raise SceneError(f"{resolved.path}: {error}") from error
@@ -133,7 +142,7 @@ def check(scene: SceneLike | ResolvedScene, overrides: Mapping[str, object] | No
             soil_wall_s=particles * timing.soil_steps * timing.tick_count / PARTICLE_STEPS_PER_S,
             exchange_wall_s=timing.tick_count * LOCKSTEP_S_PER_TICK,
         ),
-        notes=run_notes(resolved),
+        notes=(*run_notes(resolved), *_unbounded(model, masses)),
         warnings=tuple(_warnings(resolved, bounds)),
     )
 
@@ -160,12 +169,23 @@ def _meshes(resolved: ResolvedScene) -> dict[str, ToolMesh]:
     return {name: load_tool_mesh(resolved.directory, resolved.scene, name) for name in resolved.scene.tools}
 
 
-def _bounds(resolved: ResolvedScene) -> tuple[CouplingBound, ...]:
+def _unbounded(scene: Scene, masses: Mapping[str, float] | None) -> Iterator[str]:
+    """Why there is no bound on the communication step."""
+    if scene.external_soil:
+        yield "coupling: no bound on the communication step: the stiffness of the soil is not known"
+    elif scene.external_machine and masses is None:
+        yield (
+            "coupling: no bound on the communication step, which takes check(scene, machine=...) with a "
+            "machine that has effective_mass_kg"
+        )
+
+
+def _bounds(resolved: ResolvedScene, masses: Mapping[str, float] | None) -> tuple[CouplingBound, ...]:
     scene = resolved.scene
     modulus = None
     if scene.wedge_soil is not None:
         modulus = soil_of(scene.wedge_soil).values.bed_modulus_newton_per_m3
-    bounds = coupling_bounds(scene, _meshes(resolved), modulus)
+    bounds = coupling_bounds(scene, _meshes(resolved), modulus, masses)
     for bound in bounds:
         if resolved.timing.communication_step_s > bound.unstable_s:
             raise SceneError(

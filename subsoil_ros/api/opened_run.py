@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..coupling.engines import MotionSource, build_motion_source
+from ..coupling.engines import MotionSource, Soil, build_motion_source, build_soil
+from ..coupling.outside import Machine, OutsideSoil
 from ..errors import InputError, SceneError
 from ..loading.loader import ResolvedScene
 from ..recording.checkpoint import Checkpoint
@@ -23,15 +24,17 @@ RUN_ID_DIGITS = 12
 class OpenedRun:
     """What a run needs to begin.
 
-    out: its folder, with scene.yaml in it; motion_source: the mechanism or the paths; resumed: where it goes
-    on; warnings: why newer checkpoints than that are not used.
+    out: its folder, with scene.yaml in it; motion_source: the mechanism, the paths or the machine from
+    outside, None if that joins over DDS; resumed: where it goes on; warnings: why newer checkpoints than that
+    are not used; soil: from outside, in this process.
     """
 
     resolved: ResolvedScene
     out: Path
-    motion_source: MotionSource
+    motion_source: MotionSource | None
     resumed: Checkpoint | None
     warnings: tuple[str, ...] = ()
+    soil: Soil | None = None
 
     @property
     def run_id(self) -> str:
@@ -62,12 +65,15 @@ def open_run(
     *,
     shown: str | None = None,
     bed_progress: "BedProgress | None" = None,
+    machine: Machine | None = None,
+    soil: OutsideSoil | None = None,
 ) -> OpenedRun:
     """Check that the scene can be run, prepare its bed, and make the folder `out`.
 
     Args:
         resume: folder of an earlier run of the scene, to go on from.
         shown: the scene as the user named it, for messages.
+        machine, soil: from outside, in this process.
         bed_progress: shows that a bed is prepared which takes long.
 
     Raises:
@@ -75,7 +81,9 @@ def open_run(
     """
     resumed, warnings = (None, []) if resume is None else find_checkpoint(resume, resolved)
     try:
-        motion_source = build_motion_source(resolved)
+        joins = resolved.scene.external_machine and machine is None
+        motion_source = None if joins else build_motion_source(resolved, machine)
+        outside = build_soil(resolved, threads, soil) if soil is not None else None
         _prepare_soil(resolved, threads, bed_progress)
     except SceneError as error:
         raise SceneError(f"{shown or resolved.path}: {error}") from error
@@ -83,7 +91,7 @@ def open_run(
     resolved.write(out / "scene.yaml")
     if resumed is not None and resume is not None:
         note_resumption(resumed, resume, resolved, out)
-    return OpenedRun(resolved, out, motion_source, resumed, tuple(warnings))
+    return OpenedRun(resolved, out, motion_source, resumed, tuple(warnings), outside)
 
 
 def _prepare_soil(resolved: ResolvedScene, threads: int, progress: "BedProgress | None") -> None:

@@ -12,6 +12,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from ..coupling.outside import Machine, OutsideSoil, refuse_unlike
 from ..errors import InputError, SubsoilError
 from ..loading.loader import ResolvedScene
 from .checkpoints import name_checkpoint
@@ -33,6 +34,8 @@ def run(
     threads: int = 1,
     resume: str | PathLike[str] | None = None,
     progress: Progress | None = None,
+    machine: Machine | None = None,
+    soil: OutsideSoil | None = None,
 ) -> Run:
     """Run a scene without ROS, as `subsoil run --mode direct` does: the same files, the same bits.
 
@@ -46,6 +49,8 @@ def run(
         threads: of the soil engine; the results do not depend on it.
         resume: folder of an earlier run of the scene, to go on from its newest checkpoint.
         progress: called with the number of ticks done and the number of all, after every tick.
+        machine: moves the tools of a scene with path.external: true (docs/own_machine.md).
+        soil: answers the tools of a scene with soil.model: external.
 
     Returns:
         The run, as read_run gives it.
@@ -60,13 +65,15 @@ def run(
         raise InputError(f"threads: given {threads!r}, needed is a whole number of 1 or more")
     resolved = resolved_scene(scene, overrides)
     needed_controller(resolved)
+    refuse_unlike(resolved, machine, soil)
     earlier = Path(resume) if resume is not None else None
     if out is not None:
-        opened = open_run(resolved, Path(out), threads, earlier)
+        opened = open_run(resolved, Path(out), threads, earlier, machine=machine, soil=soil)
         _run(opened, threads, progress)
         return replace(read_run(opened.out), scene=resolved)
     with tempfile.TemporaryDirectory(prefix="subsoil-run-") as folder:
-        opened = open_run(resolved, Path(folder) / "run", threads, earlier)
+        place = Path(folder) / "run"
+        opened = open_run(resolved, place, threads, earlier, machine=machine, soil=soil)
         _run(opened, threads, progress, lasting=False)
         found = read_run(opened.out)
         found.summary["run"].pop("checkpoint", None)  # it goes with the folder

@@ -75,7 +75,8 @@ def simulate(
         motion_source = motion_source or build_motion_source(resolved)
         soil = soil or build_soil(resolved, threads)
         checkpoint_writer = None
-        if checkpoints is not None:
+        keeps = all(getattr(engine, "keeps_state", True) for engine in (motion_source, soil))
+        if checkpoints is not None and keeps:
             sync = (writer.sync,) if writer is not None else ()
             checkpoint_writer = CheckpointWriter(checkpoints, resolved, run_id, *sync)
         run_direct(
@@ -117,5 +118,6 @@ def simulate_opened(
         resumed=opened.resumed,
         live_port=live_port,
         motion_source=opened.motion_source,
+        soil=opened.soil,
         on_check=on_check,
     )

@@ -38,7 +38,7 @@ COUPLING = "coupling"
 
 def mover_part(scene: Scene) -> str:
     """Name of the part of whoever moves the tools."""
-    return MECHANISM if scene.mechanism is not None else PATHS
+    return MECHANISM if scene.moved_by_participant else PATHS
 
 
 def part_names(scene: Scene) -> tuple[str, ...]:

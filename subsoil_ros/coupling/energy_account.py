@@ -137,5 +137,5 @@ def account_of(
     """
     coupling = scene.coupling
     free = any(tool.inertia_kg_m2 is not None for tool in scene.tools.values())
-    bound = coupling.residual_bound if scene.mechanism is not None or free else None
+    bound = coupling.residual_bound if scene.moved_by_participant or free else None
     return InterfaceAccount(motions, wrenches, bound, coupling.residual_grace_joule, work)

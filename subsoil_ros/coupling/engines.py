@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from ..loading.loader import ResolvedScene
 from ..messages import DriverCommand, MechanismState, SoilCloud, SoilState, ToolMotion, ToolWrench
+from .outside import Machine, OutsideMachine, OutsideSoil, OutsideSoilEngine
 
 
 class Resumable(Protocol):
@@ -93,15 +94,27 @@ def build_paths(resolved: ResolvedScene) -> MotionSource:
     return PathEngine(resolved.scene, resolved.timing)
 
 
-def build_motion_source(resolved: ResolvedScene) -> MotionSource:
-    """The scene's mechanism, or the paths of its tools."""
+def build_motion_source(resolved: ResolvedScene, machine: Machine | None = None) -> MotionSource:
+    """The scene's mechanism, the machine from outside, or the paths of its tools.
+
+    Raises:
+        InputError: the scene takes its machine from outside, and none is given or it cannot be used.
+    """
+    if resolved.scene.external_machine:
+        return OutsideMachine(resolved, machine)
     return build_mechanism(resolved) or build_paths(resolved)
 
 
-def build_soil(resolved: ResolvedScene, threads: int) -> Soil | None:
-    """The scene's soil; None if it names none. Only the engine that is named is imported."""
+def build_soil(resolved: ResolvedScene, threads: int, soil: OutsideSoil | None = None) -> Soil | None:
+    """The scene's soil, or that from outside; None if it names none. Only what is named is imported.
+
+    Raises:
+        InputError: as build_motion_source.
+    """
     if resolved.scene.soil is None:
         return None
+    if resolved.scene.external_soil:
+        return OutsideSoilEngine(resolved, soil)
     if resolved.scene.wedge_soil is not None:
         from ..wedge.engine import WedgeEngine
 

@@ -7,6 +7,7 @@ law, k = n K and c = n C, so the lower bound on the damper does not depend on n.
 tests/verification/test_exchange_stability.py holds the bounds against the exact one-tick map.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,20 +47,25 @@ class CouplingBound:
 
 
 def coupling_bounds(
-    scene: Scene, meshes: dict[str, ToolMesh], bed_modulus_newton_per_m3: float | None = None
+    scene: Scene,
+    meshes: dict[str, ToolMesh],
+    bed_modulus_newton_per_m3: float | None = None,
+    external_masses_kg: Mapping[str, float] | None = None,
 ) -> tuple[CouplingBound, ...]:
-    """Bounds of every tool that a body carries or that rolls freely; empty without soil.
+    """Bounds of every tool that a body carries, that rolls freely, or that a machine from outside moves;
+    empty without a soil of this package.
 
     bed_modulus_newton_per_m3: of a wedge model, from its values or its file.
+    external_masses_kg: effective mass of each tool, as a machine from outside gives it.
 
     The effective mass is that of the free body at its farthest point, 1 / (1/m + d^2/J): joints only add
     to it, so the estimate is on the safe side. Of a tool that rolls freely it is J / r^2, r being the largest
     distance from the axis. Of several layers the worst counts.
     """
-    if scene.wedge_soil is not None and scene.mechanism is not None:
+    soil, masses = scene.particle_soil, external_masses_kg or _effective_masses_kg(scene, meshes)
+    if scene.wedge_soil is not None and scene.moved_by_participant:
         assert bed_modulus_newton_per_m3 is not None
-        return _wedge_bounds(scene, bed_modulus_newton_per_m3, meshes)
-    soil, masses = scene.particle_soil, _effective_masses_kg(scene, meshes)
+        return _wedge_bounds(scene, bed_modulus_newton_per_m3, meshes, masses)
     if soil is None or not masses:
         return ()
     overlap = REFERENCE_OVERLAP * soil.particles.mean_volume_radius_m
@@ -124,16 +130,16 @@ def _effective_masses_kg(scene: Scene, meshes: dict[str, ToolMesh]) -> dict[str,
     return found
 
 
-def _wedge_bounds(scene: Scene, modulus: float, meshes: dict[str, ToolMesh]) -> tuple[CouplingBound, ...]:
+def _wedge_bounds(
+    scene: Scene, modulus: float, meshes: dict[str, ToolMesh], masses: Mapping[str, float]
+) -> tuple[CouplingBound, ...]:
     """Of the springs before shares and shanks: their damper is k H, so it outweighs the held force at any
     H, up to that of a damper alone, k H = 2 m / H."""
-    assert scene.mechanism is not None
     found = []
-    for name, tool in scene.tools.items():
-        if tool.body is None or not tool.is_tillage:
+    for name, mass in masses.items():
+        if not scene.tools[name].is_tillage:
             continue
         faces = cutting_faces(meshes[name], f"tools.{name}")
-        mass = _effective_mass_kg(scene.mechanism.bodies[tool.body], meshes[name])
         longest = float(np.sqrt(DAMPER_SHARE * mass / (modulus * sum(face.area_m2 for face in faces))))
         found.append(CouplingBound(name, longest, longest, mass, float(len(faces))))
     return tuple(found)

@@ -254,6 +254,8 @@ def _scene_hash(scene: Scene) -> str:
     if scene.stop_when is None:
         content.pop("stop_when")  # scenes without it have the hash of versions without the key
     for name, tool in content["tools"].items():
+        if tool["path"] is not None and not tool["path"]["external"]:
+            tool["path"].pop("external")
         for group, part in tool["groups"].items():
             advice = "an .stl file"
             part["mesh"] = _file_hash(part["mesh"], f"tools.{name}.groups.{group}.mesh", advice)

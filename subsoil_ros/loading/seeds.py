@@ -2,6 +2,7 @@
 
 from ..errors import InputError
 from ..scene.beds import Bed, DenseRandomBed, GridBed, TiledBed
+from ..scene.soil import Soil
 from ..scene.wedge import WedgeSoil
 from .loader import ResolvedScene
 
@@ -20,7 +21,7 @@ def seed_key(scene: ResolvedScene) -> str:
     soil = scene.scene.soil
     if isinstance(soil, WedgeSoil):
         return "soil.seed"
-    bed = None if soil is None else soil.bed
+    bed = soil.bed if isinstance(soil, Soil) else None
     if bed is not None and is_random(bed):
         return "soil.bed.seed"
     what = "there is no soil" if bed is None else f"soil.bed is of kind '{bed.kind}' without jitter"

@@ -13,7 +13,7 @@ from .soil import Auto, Soil
 from .stop_when import StopWhen
 from .time_functions import ConstantLaw
 from .tools import Tool
-from .wedge import WedgeSoil
+from .wedge import ExternalSoil, WedgeSoil
 
 
 def _soil_model(soil: Any) -> Any:
@@ -22,7 +22,10 @@ def _soil_model(soil: Any) -> Any:
 
 
 AnySoil = Annotated[
-    Annotated[Soil, Tag("dem")] | Annotated[WedgeSoil, Tag("wedge")], Discriminator(_soil_model)
+    Annotated[Soil, Tag("dem")]
+    | Annotated[WedgeSoil, Tag("wedge")]
+    | Annotated[ExternalSoil, Tag("external")],
+    Discriminator(_soil_model),
 ]
 
 
@@ -112,6 +115,21 @@ class Scene(StrictModel):
         """The soil if it is a wedge model, without particles."""
         return self.soil if isinstance(self.soil, WedgeSoil) else None
 
+    @property
+    def external_soil(self) -> bool:
+        """Whether another program answers the motions."""
+        return isinstance(self.soil, ExternalSoil)
+
+    @property
+    def external_machine(self) -> bool:
+        """Whether another program moves the tools."""
+        return any(tool.path is not None and tool.path.external for tool in self.tools.values())
+
+    @property
+    def moved_by_participant(self) -> bool:
+        """Whether a participant of its own moves the tools, a mechanism or an external machine."""
+        return self.mechanism is not None or self.external_machine
+
     @model_validator(mode="after")
     def _consistent(self) -> "Scene":
         if self.soil is None and self.mechanism is None:
@@ -133,6 +151,7 @@ class Scene(StrictModel):
             carried.add(tool.body)
         if self.mechanism and self.tools and any(t.body is None for t in self.tools.values()):
             raise ValueError("tools: with a mechanism every tool needs a 'body'")
+        _check_external(self)
         _check_spatial(self)
         for name, force in (self.mechanism.forces if self.mechanism else {}).items():
             if isinstance(force, WheelContact) and force.body in carried:
@@ -165,6 +184,16 @@ def _check_allow(scene: Scene) -> None:
             raise ValueError(f"allow: '{name}' is about {needed}, and there is none; remove it from the list")
 
 
+def _check_external(scene: Scene) -> None:
+    """Raises ValueError where only some of the tools have a machine from outside."""
+    own = [name for name, tool in scene.tools.items() if tool.path is None or not tool.path.external]
+    if scene.external_machine and own:
+        raise ValueError(
+            f"tools: {', '.join(own)} without path.external: true, which others have; one machine moves all "
+            "tools of a scene"
+        )
+
+
 def _check_spatial(scene: Scene) -> None:
     """Raises ValueError for a path in space that this scene's soil cannot follow, or that ends too early."""
     for name, tool in scene.tools.items():
@@ -182,12 +211,12 @@ def _check_spatial(scene: Scene) -> None:
                 f"tools.{name}.lateral_m: given {tool.lateral_m:g} with path.poses, which have a y of their "
                 "own; leave it out"
             )
-        if scene.particle_soil is None:
+        if scene.wedge_soil is not None:
             raise ValueError(
                 f"{where}: leaves the plane of travel, and soil.model 'wedge' has no theory for that; use "
                 "soil.model: dem, or leave out speed_y_m_per_s, turn and poses"
             )
-        if scene.particle_soil.device == "gpu":
+        if scene.particle_soil is not None and scene.particle_soil.device == "gpu":
             raise ValueError(
                 f"{where}: leaves the plane of travel, which soil.device 'gpu' does not compute; use 'cpu', "
                 "or leave out speed_y_m_per_s, turn and poses"

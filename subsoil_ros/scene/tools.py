@@ -96,6 +96,9 @@ class Poses(StrictModel):
         return self
 
 
+_START = ("start_x_m", "start_z_m", "start_angle_rad")
+
+
 class Path(StrictModel):
     """A prescribed path for a tool without a mechanism: start pose and speeds as time functions.
 
@@ -111,6 +114,9 @@ class Path(StrictModel):
     angular_speed_rad_per_s: Law | None = None
     turn: Turn | None = Field(None, description="in place of start_angle_rad and angular_speed_rad_per_s.")
     poses: Poses | None = Field(None, description="in place of all the others.")
+    external: bool = Field(
+        False, description="a machine from outside moves the tool from the start pose (docs/own_machine.md)."
+    )
 
     @property
     def is_spatial(self) -> bool:
@@ -140,6 +146,14 @@ class Path(StrictModel):
             raise ValueError(
                 f"given 'turn' and {', '.join(planar)}; with 'turn' give turn.start_rotation_rad and "
                 "turn.speed_rad_per_s"
+            )
+        moved = [key for key in sorted(given) if key not in (*_START, "external", "turn")]
+        if self.turn is not None and self.turn.axis is not None:
+            moved.append("turn.axis")
+        if self.external and moved:
+            raise ValueError(
+                f"external: given with {', '.join(moved)}; the machine from outside moves the tool: give the "
+                f"start pose alone, by {', '.join(_START)} or turn.start_rotation_rad"
             )
         if self.poses is not None and given != {"poses"}:
             raise ValueError(

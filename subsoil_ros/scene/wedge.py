@@ -135,6 +135,13 @@ class WedgeSoil(StrictModel):
         return self
 
 
+class ExternalSoil(StrictModel):
+    """Soil of another program, which answers motions with wrenches (docs/own_machine.md)."""
+
+    model: Literal["external"]
+    bin: Bin = Field(description="where that soil lies: metrics and pictures refer to it.")
+
+
 class SoilRange(StrictModel):
     """What the runs covered that a soil file was fitted to."""
 

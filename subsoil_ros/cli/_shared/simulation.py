@@ -14,8 +14,8 @@ from ...api.checkpoints import name_checkpoint
 from ...api.opened_run import OpenedRun, open_run
 from ...api.results import conclude
 from ...api.simulate import needed_controller, simulate_opened
-from ...coupling.control import build_controller
-from ...coupling.protocol import CONTROLLER, COUPLER
+from ...coupling.outside import refuse_unlike
+from ...coupling.protocol import COUPLER, nodes_from_outside
 from ...coupling.signals import caught_signals
 from ...coupling.stopping import OnCheck
 from ...errors import InputError, SubsoilError
@@ -104,16 +104,16 @@ def _refuse_direct(args: argparse.Namespace, resolved: ResolvedScene) -> None:
     if args.paused:
         raise InputError("--paused: a direct run has no services to resume it; use --mode nodes or composed")
     needed_controller(resolved)
+    refuse_unlike(resolved, None, None)
 
 
 def _say_where_nodes_are(plan: RunPlan, domain: int, namespace: str) -> None:
     """Prints where other programs find the nodes, and what must come from outside."""
     place = f", namespace {namespace}" if namespace else ""
     say(f"nodes in ROS_DOMAIN_ID={domain}{place}")
-    if plan.resolved.scene.controller is not None and build_controller(plan.resolved) is None:
+    for node, key in nodes_from_outside(plan.resolved.scene).items():
         print(
-            f"waiting for a node '{CONTROLLER}' of run '{plan.run_id}' in ROS_DOMAIN_ID={domain}{place} "
-            "(controller.law: external)",
+            f"waiting for a node '{node}' of run '{plan.run_id}' in ROS_DOMAIN_ID={domain}{place} ({key})",
             flush=True,
         )
     if plan.paused:

@@ -18,6 +18,7 @@ from .names import (
     MECHANISM,
     RECORDER,
     SOIL,
+    nodes_from_outside,
     participants,
 )
 from .participant import Needs, Participant, Work
@@ -43,5 +44,6 @@ __all__ = [
     "Stream",
     "Work",
     "needed_capabilities",
+    "nodes_from_outside",
     "participants",
 ]

@@ -1,5 +1,6 @@
 """Names of the nodes of a run, and how far the recorder may be behind."""
 
+from ...scene.controller import External
 from ...scene.model import Scene
 
 COUPLER = "coupler"
@@ -17,9 +18,22 @@ ACK_EVERY_TICKS = 16
 
 def participants(scene: Scene) -> tuple[str, ...]:
     """Nodes a run of the scene needs beside the coupler."""
-    names = [name for name, part in ((MECHANISM, scene.mechanism), (SOIL, scene.soil)) if part is not None]
+    parts = ((MECHANISM, scene.moved_by_participant), (SOIL, scene.soil is not None))
+    names = [name for name, there in parts if there]
     if scene.controller is not None:
         names.append(CONTROLLER)
     if scene.record.bag:
         names.append(RECORDER)
     return tuple(names)
+
+
+def nodes_from_outside(scene: Scene) -> dict[str, str]:
+    """Nodes of a run that other programs bring, with the scene key that says so."""
+    found = {}
+    if scene.external_machine:
+        found[MECHANISM] = "tools.*.path.external: true"
+    if scene.external_soil:
+        found[SOIL] = "soil.model: external"
+    if scene.controller is not None and isinstance(scene.controller.law, External):
+        found[CONTROLLER] = "controller.law: external"
+    return found

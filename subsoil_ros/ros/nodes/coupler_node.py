@@ -119,7 +119,7 @@ class CouplerNode(LockstepNode):
         self._clock_publisher = self.create_publisher(
             rclpy_class("rosgraph_msgs/msg/Clock"), CLOCK, VISUALIZATION_QOS
         )
-        motion_source = MECHANISM if scene.mechanism is not None else SOIL
+        motion_source = MECHANISM if scene.moved_by_participant else SOIL
         self.listen(ToolMotions, self._on_motions, (motion_source,))
         if scene.soil is not None:
             self.listen(ToolWrenches, self._on_wrenches, (SOIL,))

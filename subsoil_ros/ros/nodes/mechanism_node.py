@@ -5,7 +5,7 @@ import time
 from rclpy.context import Context
 
 from ...coupling.checkpoints import restore_engine
-from ...coupling.engines import Mechanism, build_mechanism
+from ...coupling.engines import Mechanism, MotionSource, build_mechanism
 from ...coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL, Needs, Participant
 from ...coupling.schedule import schedule_of
 from ...errors import SceneError
@@ -30,14 +30,18 @@ from .visualization_publisher import VisualizationPublisher
 
 
 class MechanismNode(LockstepNode):
-    """Answers every grant with the motions of its tick; owns no clock and no physics."""
+    """Answers every grant with the motions of its tick; owns no clock and no physics.
+
+    The engine is the scene's mechanism, or a machine from outside, which has no state to publish.
+    """
 
     def __init__(
-        self, engine: Mechanism, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
+        self, engine: MotionSource, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
     ) -> None:
         super().__init__(MECHANISM, run, heartbeat, context)
         scene, timing = run.resolved.scene, run.resolved.timing
         self._engine = engine
+        self._mechanism: Mechanism | None = engine if scene.mechanism is not None else None  # type: ignore[assignment]
         self._schedule = schedule_of(scene, timing)
         self._with_soil = scene.soil is not None
         needs = Needs.WRENCHES if self._with_soil else Needs.NOTHING
@@ -56,7 +60,8 @@ class MechanismNode(LockstepNode):
         listeners = (SOIL, COUPLER, RECORDER) if self._with_soil else (COUPLER, RECORDER)
         self._motions = self.publisher(ToolMotions, listeners)
         controllers = (CONTROLLER,) if scene.controller is not None else ()
-        self._states = self.publisher(MechanismState, (RECORDER, *controllers))
+        if self._mechanism is not None:
+            self._states = self.publisher(MechanismState, (RECORDER, *controllers))
         self._visualization = VisualizationPublisher(self, run.resolved)
         self._initial_motions = engine.initial_motions()
         self.heartbeat.say(NodeState.STARTING, motions=self._initial_motions)
@@ -107,8 +112,8 @@ class MechanismNode(LockstepNode):
             return
         if grant.command is Command.END and grant.tick < self._schedule.last_tick:
             self._end_with(grant.tick)
-        if grant.tick == 0:
-            self._publish(self._engine.initial_state(self.run.run_id, self._initial_wrenches))
+        if grant.tick == 0 and self._mechanism is not None:
+            self._publish(self._mechanism.initial_state(self.run.run_id, self._initial_wrenches))
         elif grant.tick == self.run.first_tick and self._schedule.control_due(grant.tick):
             self._publish_state(grant.tick - 1)  # the run goes on here, and its controller has not seen it
         self._work()
@@ -125,24 +130,28 @@ class MechanismNode(LockstepNode):
         while (work := self._participant.next_work()) is not None:
             tick = work.tick
             end_ns = tick_end_ns(tick, self._communication_step_ns)
-            if work.command is not None:
-                self._engine.command(work.command)
+            if work.command is not None and self._mechanism is not None:
+                self._mechanism.command(work.command)
             begin = time.perf_counter()
             motions = self._engine.advance(tick, work.wrenches)
             self._engine_s += time.perf_counter() - begin
             if self._checkpoint_writer is not None and self._checkpoint_writer.due(tick):
                 self._keep(tick)  # before the answer: who has it knows that the part is there
-            self._motions.publish(self.bytes_of(ToolMotions(self.run.run_id, tick, end_ns, motions)))
+            moved = ToolMotions(self.run.run_id, tick, end_ns, motions)
+            self._motions.publish(self.bytes_of(moved))
             if self._schedule.series_due(tick):
-                self._visualization.move(self._publish_state(tick), None, end_ns)
+                state = self._publish_state(tick)
+                self._visualization.move(state, None if state is not None else moved, end_ns)
             self._participant.finish(tick)
             if self._checkpoint_writer is not None and self._participant.finished:
                 self._checkpoint_writer.note_end(tick, MECHANISM, self._engine)
             self.note_tick(tick, self._participant.finished)
 
-    def _publish_state(self, tick: int) -> MechanismState:
+    def _publish_state(self, tick: int) -> MechanismState | None:
+        if self._mechanism is None:
+            return None
         end_ns = tick_end_ns(tick, self._communication_step_ns)
-        return self._publish(self._engine.state(self.run.run_id, tick, end_ns))
+        return self._publish(self._mechanism.state(self.run.run_id, tick, end_ns))
 
     def _publish(self, state: MechanismState) -> MechanismState:
         self._states.publish(self.bytes_of(state))

@@ -124,7 +124,7 @@ class RecorderNode(LockstepNode):
             due_at_end=due_topics(run.resolved, at_end=True),
             initial=initial_topics(run.resolved) if run.resumed is None else (),
         )
-        self._motion_source = MECHANISM if scene.mechanism is not None else SOIL
+        self._motion_source = MECHANISM if scene.moved_by_participant else SOIL
         self._initial_from = {self._motion_source} | ({SOIL} if scene.soil is not None else set())
         self._abort: Grant | None = None
         self._keep_tick = INITIAL_TICK  # a checkpoint is wanted of it, beside those that are due

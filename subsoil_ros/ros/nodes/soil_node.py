@@ -236,7 +236,7 @@ def build(
     engine = build_soil(run.resolved, settings.threads)
     if engine is None:
         raise SceneError(f"{run.resolved.path}: has no 'soil'; no soil node is needed for it")
-    motion_source = build_paths(run.resolved) if run.resolved.scene.mechanism is None else None
+    motion_source = None if run.resolved.scene.moved_by_participant else build_paths(run.resolved)
     if run.resumed is not None:
         restore_engine(engine, run.resumed, SOIL)
         if motion_source is not None:

@@ -9,9 +9,8 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from ...coupling.control import build_controller
 from ...coupling.exit_status import ExitStatus, interrupted
-from ...coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL
+from ...coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL, nodes_from_outside
 from ...coupling.stopping import OnCheck
 from ..nodes import controller_node, coupler_node, mechanism_node, recorder_node, soil_node
 from ..nodes.lockstep_node import LockstepNode
@@ -34,7 +33,7 @@ def scene_builds(
     live: int = 0,
     on_check: OnCheck = lambda result: None,
 ) -> dict[str, Build]:
-    """How the nodes of a scene are made, by name; an external controller is not among them.
+    """How the nodes of a scene are made, by name; those that other programs bring are not among them.
 
     live: port of the recorder's live view; 0: there is none.
     """
@@ -46,10 +45,10 @@ def scene_builds(
         SOIL: partial(soil_node.build, settings),
         RECORDER: partial(recorder_node.build, settings),
         COUPLER: partial(coupler_node.CouplerNode, on_progress=on_progress, paused=paused, on_check=on_check),
+        CONTROLLER: partial(controller_node.build, settings),
     }
-    if build_controller(run.resolved) is not None:
-        builds[CONTROLLER] = partial(controller_node.build, settings)
-    return {name: builds[name] for name in (*run.participants, COUPLER) if name in builds}
+    left_out = nodes_from_outside(run.resolved.scene)
+    return {name: builds[name] for name in (*run.participants, COUPLER) if name not in left_out}
 
 
 def run_composed(

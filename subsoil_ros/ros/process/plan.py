@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...coupling.control import build_controller
-from ...coupling.protocol import CONTROLLER, COUPLER, RECORDER, SOIL, participants
+from ...coupling.protocol import COUPLER, RECORDER, SOIL, nodes_from_outside, participants
 from ...errors import InputError
 from ...loading.loader import ResolvedScene
 
@@ -86,7 +85,7 @@ class RunPlan:
         )
 
     def nodes(self) -> tuple[NodeStart, ...]:
-        """The nodes to start, the coupler last; an external controller is somebody else's."""
+        """The nodes to start, the coupler last; other programs bring the rest (nodes_from_outside)."""
         common: Parameters = {
             "scene": str(self.scene.resolve()),
             "run_id": self.run_id,
@@ -100,9 +99,8 @@ class RunPlan:
             RECORDER: {"bag": str(self.bag.resolve()), "live": self.live},
             COUPLER: {"paused": self.paused},
         }
-        names = [name for name in participants(self.resolved.scene) if name != RECORDER or self.recorded]
-        if CONTROLLER in names and build_controller(self.resolved) is None:
-            names.remove(CONTROLLER)
+        left_out = {*nodes_from_outside(self.resolved.scene), *(() if self.recorded else (RECORDER,))}
+        names = [name for name in participants(self.resolved.scene) if name not in left_out]
         return tuple(NodeStart(name, {**common, **own.get(name, {})}) for name in (*names, COUPLER))
 
 

@@ -1,0 +1,295 @@
+"""Machines and soils of other programs: their public interface, and the engines that hold them to it."""
+
+import math
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
+from typing import Any, Protocol, TypeVar
+
+from numpy.typing import NDArray
+
+from ..errors import InputError, RunError
+from ..loading.loader import ResolvedScene
+from ..messages import FacetGroupForce, SoilCloud, SoilState, SpatialMotion, ToolMotion, ToolWrench
+from ..rotations import rotation_between
+from ..scene.tools import Tool
+
+Answer = TypeVar("Answer", ToolMotion, ToolWrench)
+
+START_TOLERANCE = 1e-6
+"""Largest distance [m] and turn [rad] of a tool from the start pose of its scene: more than the rounding of a
+pose typed with seven digits, and a thousandth of the smallest particle radius in use."""
+
+PAGE = "docs/own_machine.md"
+
+
+class Machine(Protocol):
+    """What moves the tools of a scene with `path.external: true`.
+
+    It may have three more members. `state_arrays()` gives all that later ticks depend on as arrays by name,
+    and `restore(arrays)` goes on from such a state: without them `record.checkpoint_s` must be 0, and no run
+    is resumed. `effective_mass_kg`, a mapping by tool, is what an impact at the tool's edge has to
+    accelerate: without it `check` gives no bound on the communication step.
+    """
+
+    def initial_motions(self) -> Sequence[ToolMotion]:
+        """Motions before tick 0, in scene order, at the start poses of the scene."""
+        ...
+
+    def advance(self, tick: int, wrenches: tuple[ToolWrench, ...]) -> Sequence[ToolMotion]:
+        """Motions at the end of `tick`, the wrenches being held through it.
+
+        A wrench acts at its tool's origin, whose position the motion gives; components in world axes.
+        """
+        ...
+
+
+class OutsideSoil(Protocol):
+    """What answers the tools of a scene with `soil.model: external`.
+
+    It may have `state_arrays` and `restore`, as a Machine.
+    """
+
+    def start(self, motions: tuple[ToolMotion, ...]) -> Sequence[ToolWrench]:
+        """Wrenches before tick 0, in scene order; no time advances."""
+        ...
+
+    def advance(self, tick: int, motions: tuple[ToolMotion, ...]) -> Sequence[ToolWrench]:
+        """Wrenches of `tick`, the tools moving to `motions` within it.
+
+        `work_joule` is the work of these forces on the tool in the tick: the interface account compares it
+        with that of the wrench which the machine held.
+        """
+        ...
+
+
+class _Outside:
+    """An object of another program: its calls, checked."""
+
+    def __init__(
+        self, resolved: ResolvedScene, word: str, participant: Any, methods: tuple[str, ...]
+    ) -> None:
+        if participant is None:
+            raise _missing(resolved, word)
+        self._word, self._participant = word, participant
+        self._tools: dict[str, Tool] = resolved.scene.tools
+        missing = [name for name in methods if not callable(getattr(participant, name, None))]
+        if missing:
+            raise InputError(
+                f"{word}: {type(participant).__name__} has no method {', '.join(missing)}; needed are "
+                f"{', '.join(methods)} ({PAGE})"
+            )
+        self.keeps_state = all(
+            callable(getattr(participant, name, None)) for name in ("state_arrays", "restore")
+        )
+        if not self.keeps_state and resolved.scene.record.checkpoint_s > 0.0:
+            raise InputError(
+                f"{word}: {type(participant).__name__} has no state_arrays and restore, which checkpoints "
+                "need; add both, or set record.checkpoint_s: 0"
+            )
+
+    def state_arrays(self) -> dict[str, NDArray[Any]]:
+        """All that later ticks depend on; nothing of an object that keeps no state."""
+        return dict(self._call("state_arrays", RunError)) if self.keeps_state else {}
+
+    def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Goes on from such a state.
+
+        Raises:
+            InputError: the object has none, or refuses this one.
+        """
+        if not self.keeps_state:
+            raise InputError(
+                f"{self._word}: {type(self._participant).__name__} has no state_arrays and restore, so its "
+                "run cannot be resumed; run the scene from the start"
+            )
+        self._call("restore", InputError, arrays)
+
+    def _call(self, name: str, kind: type[InputError] | type[RunError], *arguments: Any) -> Any:
+        """What the method gives. Raises `kind` with the place where the object raised anything."""
+        method: Callable[..., Any] = getattr(self._participant, name)
+        try:
+            return method(*arguments)
+        except Exception as error:  # another program's: whatever it is ends the run as any fault
+            last = traceback.extract_tb(error.__traceback__)[-1]
+            text = " ".join(str(error).split())
+            raise kind(
+                f"{self._at(name, arguments)} raised {type(error).__name__}: {text} "
+                f"({last.filename}, line {last.lineno})"
+            ) from error
+
+    def _at(self, name: str, arguments: tuple[Any, ...] = ()) -> str:
+        tick = f" of tick {arguments[0]}" if name == "advance" else ""
+        return f"{self._word}: {name}{tick}"
+
+    def _answers(
+        self,
+        name: str,
+        kind: type[InputError] | type[RunError],
+        answer: Callable[[Tool], type[Answer]],
+        *arguments: Any,
+    ) -> tuple[Answer, ...]:
+        """The records that a method gives: one a tool, of the right kind, finite. Raises `kind` if not."""
+        given, place = self._call(name, kind, *arguments), self._at(name, arguments)
+        if not isinstance(given, Sequence) or len(given) != len(self._tools):
+            found = f"{len(given)} records" if isinstance(given, Sequence) else f"a {type(given).__name__}"
+            raise kind(f"{place} gave {found}; needed is one for each tool: {', '.join(self._tools)}")
+        for record, (tool, model) in zip(given, self._tools.items(), strict=True):
+            needed = answer(model)
+            if type(record) is not needed:
+                raise kind(
+                    f"{place} gave a {type(record).__name__} for tool '{tool}'; needed is a {needed.__name__}"
+                )
+            if record.tool != tool:
+                raise kind(f"{place} gave tool '{record.tool}' where '{tool}' is due, in scene order")
+            wrong = next(_not_finite(record), None)
+            if wrong is not None:
+                raise kind(f"{place} gave {wrong} for tool '{tool}'; needed are finite numbers")
+        return tuple(given)
+
+
+class OutsideMachine(_Outside):
+    """The motion source of a scene whose machine is another program.
+
+    Raises:
+        InputError: the object lacks a method, or keeps no state where the scene asks for checkpoints.
+    """
+
+    def __init__(self, resolved: ResolvedScene, machine: Machine | None) -> None:
+        super().__init__(resolved, "machine", machine, ("initial_motions", "advance"))
+
+    def initial_motions(self) -> tuple[ToolMotion, ...]:
+        """Motions before tick 0.
+
+        Raises:
+            InputError: they are not one of each tool, or not at the start poses of the scene.
+        """
+        motions = self._answers("initial_motions", InputError, _motion_kind)
+        for motion, (name, tool) in zip(motions, self._tools.items(), strict=True):
+            assert tool.path is not None
+            start = tool.path.start_m(tool.lateral_m)
+            off = math.dist(motion.position_m, start)
+            turn = math.hypot(*rotation_between(motion.quaternion, tool.path.start_quaternion))
+            if max(off, turn) > START_TOLERANCE:
+                raise InputError(
+                    f"machine: initial_motions puts tool '{name}' {off:.3g} m and {turn:.3g} rad from its "
+                    f"start in the scene, {start} m; allowed are {START_TOLERANCE:g} of both: change "
+                    f"tools.{name}, or where the machine begins"
+                )
+        return motions
+
+    def advance(self, tick: int, wrenches: tuple[ToolWrench, ...]) -> tuple[ToolMotion, ...]:
+        """Motions at the end of `tick`.
+
+        Raises:
+            RunError: the machine raised an error, or gave anything else.
+        """
+        return self._answers("advance", RunError, _motion_kind, tick, wrenches)
+
+
+class OutsideSoilEngine(_Outside):
+    """The soil of a scene whose soil is another program. Raises InputError as OutsideMachine."""
+
+    def __init__(self, resolved: ResolvedScene, soil: OutsideSoil | None) -> None:
+        super().__init__(resolved, "soil", soil, ("start", "advance"))
+
+    def start(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
+        """Wrenches before tick 0. Raises InputError unless they are one of each tool."""
+        return self._answers("start", InputError, _wrench_kind, motions)
+
+    def advance(self, tick: int, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
+        """Wrenches of `tick`. Raises RunError if the soil raised an error, or gave anything else."""
+        return self._answers("advance", RunError, _wrench_kind, tick, motions)
+
+    def ends_with(self, tick: int) -> None:
+        """Take it that the run ends early with `tick`; nothing depends on it."""
+
+    def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
+        """Zeros: what the soil is made of is not known."""
+        return SoilState(run_id, tick, end_time_ns, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+    def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:
+        """Not asked for: the schedule of a scene without particles has no clouds.
+
+        Raises:
+            InputError: always.
+        """
+        raise InputError("soil.model: 'external' has no particles, so there is no cloud of them")
+
+
+def refuse_unlike(
+    resolved: ResolvedScene, machine: Machine | None, soil: OutsideSoil | None, *, alone: bool = True
+) -> None:
+    """Check that what is given is what the scene takes from outside.
+
+    alone: the run has no other participants, so what the scene takes must be given.
+
+    Raises:
+        InputError: a participant is missing, or is given to a scene that has its own.
+    """
+    scene = resolved.scene
+    for word, external, given in (
+        ("machine", scene.external_machine, machine),
+        ("soil", scene.external_soil, soil),
+    ):
+        if alone and external and given is None:
+            raise _missing(resolved, word)
+        if given is not None and not external:
+            raise InputError(
+                f"{word}: given, but {resolved.path} has its own; needed is {_KEYS[word]} in it ({PAGE})"
+            )
+
+
+_KEYS = {"machine": "tools.*.path.external: true", "soil": "soil.model: external"}
+
+
+def _missing(resolved: ResolvedScene, word: str) -> InputError:
+    return InputError(
+        f"{resolved.path}: {_KEYS[word]}: the {word} comes from outside; give run(scene, {word}=...) in "
+        f"Python, or run the scene with --mode nodes and join it by serve(scene, {word}=...) ({PAGE})"
+    )
+
+
+def effective_masses_kg(resolved: ResolvedScene, machine: Machine | None) -> Mapping[str, float] | None:
+    """The effective mass [kg] of each tool, as the machine gives it; None if it does not.
+
+    Raises:
+        InputError: not one positive number for each tool.
+    """
+    given = getattr(machine, "effective_mass_kg", None)
+    if given is None:
+        return None
+    tools = resolved.scene.tools
+    if (
+        not isinstance(given, Mapping)
+        or set(given) != set(tools)
+        or not all(isinstance(mass, float | int) and 0.0 < mass < math.inf for mass in given.values())
+    ):
+        raise InputError(
+            f"machine: effective_mass_kg is {given!r}; needed is one positive number [kg] for each tool: "
+            f"{', '.join(tools)}"
+        )
+    return {name: float(given[name]) for name in tools}
+
+
+def _motion_kind(tool: Tool) -> type[ToolMotion]:
+    return SpatialMotion if tool.is_spatial else ToolMotion
+
+
+def _wrench_kind(tool: Tool) -> type[ToolWrench]:
+    return ToolWrench
+
+
+def _not_finite(record: Any) -> Any:
+    """Each field of a record that is no finite number where one is due, in words."""
+    for item in fields(record):
+        value = getattr(record, item.name)
+        if item.name == "groups":
+            for group in value:
+                yield from _not_finite(group) if isinstance(group, FacetGroupForce) else (f"{group!r}",)
+        elif item.name == "angle_rad" and isinstance(record, SpatialMotion):
+            continue
+        elif item.name not in ("tool", "group") and not (
+            isinstance(value, float | int) and math.isfinite(value)
+        ):
+            yield f"{item.name} {value!r}"

@@ -1,0 +1,131 @@
+"""A machine or a soil of another program joins a run as a node."""
+
+import os
+import threading
+from collections.abc import Mapping
+from contextlib import nullcontext
+from functools import partial
+from os import PathLike
+from pathlib import Path
+
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from ...api.load import SceneLike, resolved_scene
+from ...api.opened_run import RUN_ID_DIGITS
+from ...coupling.checkpoints import PATHS, restore_engine
+from ...coupling.engines import build_paths
+from ...coupling.exit_status import KEEP_S, ExitStatus, interrupted
+from ...coupling.outside import Machine, OutsideMachine, OutsideSoil, OutsideSoilEngine, refuse_unlike
+from ...coupling.protocol import MECHANISM, SOIL
+from ...coupling.signals import caught_signals
+from ...errors import InputError, RunError
+from ...loading.loader import ResolvedScene
+from ...recording.checkpoint import read_checkpoint
+from ..nodes.lockstep_node import LAST_WORD_S, OWN_TIME, LockstepNode, say
+from ..nodes.mechanism_node import MechanismNode
+from ..nodes.soil_node import SoilNode
+from ..transport.shared_memory import avoid_full_memory
+from .heartbeat import Heartbeat, NodeRun
+from .node_process import GRACE_S, MOST_NODES, watched_by
+from .node_thread import Service
+from .plan import checked_namespace, ros_arguments
+
+
+def serve(
+    scene: SceneLike | ResolvedScene,
+    machine: Machine | None = None,
+    *,
+    soil: OutsideSoil | None = None,
+    overrides: Mapping[str, object] | None = None,
+    run_id: str | None = None,
+    checkpoints: str | PathLike[str] | None = None,
+    resume: str | PathLike[str] | None = None,
+    namespace: str = "",
+) -> None:
+    """Join a run as its machine or its soil, and return when the run has reached its end.
+
+    `subsoil run` or `ros2 launch` starts the other nodes, in the domain ROS_DOMAIN_ID. The numbers are those
+    of run(scene, machine=machine), bit for bit.
+
+    Args:
+        scene: the same for all nodes; as load_scene takes it, or gives it.
+        machine, soil: one of them, as in run.
+        overrides: as in load_scene.
+        run_id: name of the run; unless given the one that `subsoil run` and the launch file use.
+        checkpoints: folder of the checkpoints, the same for all nodes: OUT/checkpoints of `subsoil run`.
+        resume: checkpoint to go on from, the same for all nodes.
+        namespace: of all nodes.
+
+    Raises:
+        InputError: the object or an argument cannot be used.
+        InterruptedRunError: the run was interrupted.
+        RunError: the run failed; the message has the cause.
+    """
+    resolved = resolved_scene(scene, overrides)
+    if (machine is None) == (soil is None):
+        raise InputError("serve: give a machine or a soil, one of them")
+    refuse_unlike(resolved, machine, soil, alone=False)
+    engine = OutsideMachine(resolved, machine) if soil is None else OutsideSoilEngine(resolved, soil)
+    if resolved.scene.record.checkpoint_s > 0.0 and checkpoints is None:
+        raise InputError(
+            f"serve: the scene writes checkpoints every {resolved.scene.record.checkpoint_s:g} s; give "
+            "checkpoints=FOLDER, 'checkpoints' in the folder of the run, or set record.checkpoint_s: 0"
+        )
+    run = NodeRun(
+        run_id or resolved.scene_hash[:RUN_ID_DIGITS],
+        resolved,
+        Path(checkpoints) if checkpoints is not None and engine.keeps_state else None,
+        read_checkpoint(Path(resume), resolved.scene_hash) if resume is not None else None,
+    )
+    status = _serve(run, engine, checked_namespace(namespace))
+    if status.code == InputError.exit_status:
+        raise InputError(status.reason)
+    if status.code:
+        raise status.error()
+
+
+def _serve(run: NodeRun, engine: OutsideMachine | OutsideSoilEngine, namespace: str) -> ExitStatus:
+    name = MECHANISM if isinstance(engine, OutsideMachine) else SOIL
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    notice = avoid_full_memory(MOST_NODES)
+    if notice:
+        say(f"{name}: {notice}")
+    context = Context()
+    words = ros_arguments({}, namespace)
+    rclpy.init(args=words, context=context, signal_handler_options=SignalHandlerOptions.NO)
+    node = Node(f"{name}_process", context=context, parameter_overrides=OWN_TIME)
+    heartbeat = Heartbeat(node, name, run, watched_by(name, run))
+    service = Service(name, partial(_node, engine, run, heartbeat, context), heartbeat)
+    main = threading.current_thread() is threading.main_thread()  # signals reach no other
+    stop = caught_signals(lambda number: heartbeat.request_stop(interrupted(number)))
+    try:
+        with stop if main else nullcontext():
+            heartbeat.start()
+            service.start()
+            while not service.ended.wait(0.2) and heartbeat.stop is None and not heartbeat.lost:
+                pass
+            if not service.ended.wait(GRACE_S + LAST_WORD_S + KEEP_S):  # the object does not come back
+                return heartbeat.stop or ExitStatus(RunError.exit_status, heartbeat.lost)
+        service.close()
+        return service.status
+    finally:
+        heartbeat.close()
+        rclpy.shutdown(context=context)
+
+
+def _node(
+    engine: OutsideMachine | OutsideSoilEngine, run: NodeRun, heartbeat: Heartbeat, context: Context
+) -> LockstepNode:
+    """The node, its engine in the state of the checkpoint to go on from."""
+    name = MECHANISM if isinstance(engine, OutsideMachine) else SOIL
+    if run.resumed is not None:
+        restore_engine(engine, run.resumed, name)
+    if isinstance(engine, OutsideMachine):
+        return MechanismNode(engine, run, heartbeat, context)
+    paths = None if run.resolved.scene.moved_by_participant else build_paths(run.resolved)
+    if paths is not None and run.resumed is not None:
+        restore_engine(paths, run.resumed, PATHS)
+    return SoilNode(engine, paths, run, heartbeat, context)

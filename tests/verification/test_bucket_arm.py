@@ -1,0 +1,55 @@
+"""The example examples/bucket_arm: the arm follows its waypoints and the sand resists."""
+
+import importlib.util
+import math
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+import subsoil_ros as subsoil
+
+pytest.importorskip("mujoco", reason="needs the extra mujoco")
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "bucket_arm"
+
+
+@pytest.fixture(scope="module")
+def bucket() -> ModuleType:
+    """The example's module."""
+    spec = importlib.util.spec_from_file_location("bucket_arm", EXAMPLE / "bucket.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("time_s", [0.0, 0.3, 1.0, 1.7, 2.6, 3.0])
+def test_the_angles_reach_the_waypoints(bucket: ModuleType, time_s: float) -> None:
+    """Forward kinematics of the inverse gives back the pin and the pitch."""
+    x, z, pitch, yaw = bucket.pose_at(time_s)
+    turn, shoulder, elbow, wrist = bucket.angles_of(x, z, pitch, yaw)
+    fore = shoulder + elbow
+    along = bucket.UPPER_M * math.cos(shoulder) + bucket.FORE_M * math.cos(fore)
+    down = bucket.UPPER_M * math.sin(shoulder) + bucket.FORE_M * math.sin(fore)
+    np.testing.assert_allclose(
+        (bucket.SHOULDER_M[0] + along, bucket.SHOULDER_M[1] - down, fore + wrist, turn), (x, z, pitch, yaw)
+    )
+
+
+def test_the_bucket_goes_into_the_sand(bucket: ModuleType) -> None:
+    """On its way within the compliance of the servos, pushed up by the sand, energy balanced."""
+    scene = subsoil.load_scene(EXAMPLE / "bucket.yaml", {"duration_s": 0.5})
+    run = subsoil.run(scene, machine=bucket.machine_of(scene))
+    series = run.series
+    asked = np.array([bucket.pose_at(time) for time in series["time_s"]])
+    assert np.abs(series["tool.bucket.x_m"] - asked[:, 0]).max() < 0.02
+    assert np.abs(series["tool.bucket.z_m"] - asked[:, 1]).max() < 0.02
+    inside = series["time_s"] > 0.4
+    assert series["tool.bucket.force_z_newton"][inside].mean() > 5.0
+    assert series["tool.bucket.force_z_newton"][series["time_s"] < 0.1].abs().max() == 0.0
+    assert run.summary["energy"]["residual_ratio"] < 0.05

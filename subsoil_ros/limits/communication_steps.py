@@ -90,7 +90,7 @@ def coupling_bounds(
 
 
 def longest_exchange_ns(scene: Scene, meshes: dict[str, ToolMesh], every_step: Timing) -> int:
-    """The longest interval [ns] of whole soil steps, one at least, within USED_PART of the bounds of all tools.
+    """The longest interval [ns] of whole soil steps, one at least, within USED_PART of every tool's bounds.
 
     every_step: of the scene with an exchange every soil step.
     """

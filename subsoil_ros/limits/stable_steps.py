@@ -289,7 +289,8 @@ def derive_timing(scene: Scene) -> Timing:
     if soil is None:
         if interval == "soil_step":
             raise SceneError(
-                "coupling.communication_step_ns: soil_step, but there are no particles; give nanoseconds or auto"
+                "coupling.communication_step_ns: soil_step, but there are no particles; give nanoseconds, or "
+                "auto"
             )
         default_ns = MECHANISM_INTERVAL_NS if scene.soil is None else REDUCED_INTERVAL_NS
         communication_step_ns = default_ns if interval == "auto" else interval

@@ -36,8 +36,8 @@ class Coupling(StrictModel):
         Annotated[int, Field(gt=0, le=LONGEST_S * NANOSECONDS_PER_SECOND)] | Auto | Literal["soil_step"]
     ) = Field(
         "auto",
-        description="auto: with soil.material the soil steps within 0.8 of what dampers of contacts outweigh; "
-        "else one, as soil_step.",
+        description="auto: with soil.material the soil steps within 0.8 of what dampers outweigh; else one, "
+        "as soil_step.",
     )
     mechanism_steps: int = Field(1, ge=1, le=1000, description="per exchange.")
     force: Literal["tick_end", "tick_mean"] = "tick_end"

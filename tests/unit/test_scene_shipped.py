@@ -139,7 +139,7 @@ def test_coupling_bounds_of_the_full_scene() -> None:
     ],
 )
 def test_a_soil_by_its_strength_exchanges_within_the_bounds(change: dict[str, object], steps: int) -> None:
-    """As many whole soil steps as fit in 0.8 of what the contacts' dampers outweigh; a written scene keeps them."""
+    """As many whole soil steps as fit in 0.8 of what dampers outweigh; a written scene keeps them."""
     resolved = load_scene("field_swing", change)
     assert resolved.timing.soil_steps == steps
     again = load_scene(resolved.document)

@@ -82,7 +82,7 @@ def imported(run: Path, rrd: Path) -> None:
     report, soil = resolved.scene.report, resolved.scene.particle_soil
     state = next(BagReader(run).records(MechanismState), None)
     if soil is None or state is None or report.shank is None or report.spring is None:
-        sys.exit(f"{run}: needed is a run of a machine in soil of particles that names its shank and spring")
+        sys.exit(f"{run}: must be a run of a machine in soil of particles that names its shank and spring")
     recording = rr.RecordingStream("subsoil")
     shown = layout(state, report.shank, report.spring, soil.particles.mean_volume_radius_m)
     recording.save(str(rrd), default_blueprint=shown)

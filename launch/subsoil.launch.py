@@ -152,5 +152,5 @@ def flag(name: str, text: str) -> bool:
 def whole_number(name: str, text: str) -> int:
     """A launch argument that counts, from 1."""
     if not text.isdecimal() or int(text) < 1:
-        raise InputError(f"{name}: given '{text}', needed is a whole number from 1")
+        raise InputError(f"{name}: given '{text}'; it must be a whole number from 1")
     return int(text)

@@ -12,7 +12,7 @@ def _within_reach(value: float) -> float:
     """The value itself; ValueError for one that computing with it would take out of float64."""
     if value != 0.0 and not SMALLEST <= abs(value) <= LARGEST:
         raise ValueError(
-            f"given {value:g}, needed is 0 or a magnitude from {SMALLEST:g} to {LARGEST:g}; what is "
+            f"given {value:g}; it must be 0 or a magnitude from {SMALLEST:g} to {LARGEST:g}; what is "
             "computed from others cannot be represented"
         )
     return value

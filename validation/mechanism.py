@@ -81,15 +81,8 @@ def dead_centres(laboratory: Laboratory) -> Outcome:
 @CASES.add("M1b", RIGHT)
 def nearly_flat(laboratory: Laboratory) -> Outcome:
     """Four-bar that misses folding flat by 1e-6, driven past it."""
-    short, coupler, rocker, base, start, speed, communication_step_ns = (
-        0.5,
-        1.0,
-        0.5 + 1e-6,
-        1.0,
-        -0.02,
-        5.0,
-        5000,
-    )
+    short, coupler, rocker, base = 0.5, 1.0, 0.5 + 1e-6, 1.0
+    start, speed, communication_step_ns = -0.02, 5.0, 5000
 
     def end_of(angle: float) -> tuple[float, float]:
         """Joint of coupler and rocker, on the branch that turns the same way throughout."""

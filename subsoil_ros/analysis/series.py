@@ -173,7 +173,7 @@ def read_table_csv(path: Path) -> dict[str, NDArray[Any]]:
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: is no text in UTF-8; save it as CSV") from error
     if len(rows) < 2:
-        raise InputError(f"{path}: holds {len(rows)} lines; needed is one of column names, then the numbers")
+        raise InputError(f"{path}: holds {len(rows)} lines; give a line of column names, then numbers")
     names = [name.strip() for name in rows[0]]
     if len(set(names)) != len(names) or not all(names):
         raise InputError(f"{path}: line 1: a column has no name, or two have the same; name each once")

@@ -62,7 +62,7 @@ def run(
         RunError: the run failed; what was recorded before is in `out`.
     """
     if isinstance(threads, bool) or not isinstance(threads, int) or threads < 1:
-        raise InputError(f"threads: given {threads!r}, needed is a whole number of 1 or more")
+        raise InputError(f"threads: given {threads!r}; it must be a whole number of 1 or more")
     resolved = resolved_scene(scene, overrides)
     needed_controller(resolved)
     refuse_unlike(resolved, machine, soil)

@@ -140,7 +140,7 @@ def _material(args: argparse.Namespace) -> int:
             "spheres is coarser than any tool"
         )
     if args.threads < 1:
-        raise InputError(f"--threads: given {args.threads}, needed is 1 or more")
+        raise InputError(f"--threads: given {args.threads}; it must be 1 or more")
     material = calibrate(soil, args.radius, args.threads, say, args.law or "cohesive_linear")
     write_material(args.out, material)
     console = Console(width=None if sys.stdout.isatty() else 140)

@@ -108,7 +108,7 @@ def _check(args: argparse.Namespace) -> None:
                 f"{SMALLEST_PIXELS} to {LARGEST_PIXELS}"
             )
     if args.limits is not None and not args.limits[0] < args.limits[1]:
-        raise InputError(f"--range: given {args.limits[0]:g} {args.limits[1]:g}, needed is low, then high")
+        raise InputError(f"--range: given {args.limits[0]:g} {args.limits[1]:g}; the lower value comes first")
     if args.fps is not None and not 0.0 < args.fps <= 240.0:
         raise InputError(f"--fps: given {args.fps:g}, allowed is more than 0, up to 240")
     if args.fps is not None and args.film is None:

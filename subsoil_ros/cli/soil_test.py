@@ -83,11 +83,11 @@ def run(args: argparse.Namespace) -> int:
     stresses = tuple(sorted(set(args.normal_pa)))
     if len(stresses) < LEAST_POINTS or stresses[0] <= 0.0:
         raise InputError(
-            f"--normal-pa: given {' '.join(f'{p:g}' for p in args.normal_pa)}, needed are {LEAST_POINTS} or "
+            f"--normal-pa: given {' '.join(f'{p:g}' for p in args.normal_pa)}; give {LEAST_POINTS} or "
             "more different stresses above 0"
         )
     if args.inertial_number <= 0.0:
-        raise InputError(f"--inertial-number: given {args.inertial_number:g}, needed is a number above 0")
+        raise InputError(f"--inertial-number: given {args.inertial_number:g}; it must be a number above 0")
     diameter = 2.0 * resolved.scene.particle_soil.particles.bounds_m[1]
     least = tuple(n * diameter for n in SHEAR_DIAMETERS)
     length, width, height = args.size_m or least
@@ -95,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
         given < (1.0 - 1e-9) * wanted for given, wanted in zip((length, width, height), least, strict=True)
     ):
         raise InputError(
-            f"--size-m: given {length:g} {width:g} {height:g}, needed is at least "
+            f"--size-m: given {length:g} {width:g} {height:g}; it must be at least "
             f"{' '.join(f'{m:g}' for m in least)}, 12 x 8 x 8 of the largest diameters, {diameter:g} m; or "
             "make the particles smaller"
         )

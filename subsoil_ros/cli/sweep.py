@@ -122,7 +122,7 @@ def parse_seeds(text: str | None) -> tuple[int, ...]:
         return ()
     parts = [part.strip() for part in text.split(",")]
     if not all(part.isdecimal() for part in parts) or len(set(parts)) < len(parts):
-        raise InputError(f"--seeds {text}: needed are different whole numbers, as 0,1,2")
+        raise InputError(f"--seeds {text}: must be different whole numbers, as 0,1,2")
     return tuple(int(part) for part in parts)
 
 

@@ -229,6 +229,6 @@ def finite_rows(name: str, given: np.ndarray, count: int) -> np.ndarray:
     finite = int(np.isfinite(rows).all(axis=1).sum())
     if len(rows) != count or finite != count:
         raise InputError(
-            f"place: given {len(rows)} rows of {name}, {finite} finite; needed are {count}, all finite"
+            f"place: given {len(rows)} rows of {name}, {finite} finite; they must be {count}, all finite"
         )
     return rows

@@ -161,7 +161,7 @@ def _with_base(path: Path, shown: str, above: tuple[Path, ...], given: Document 
     inherited: dict[str, Document] = {"initial_conditions": {}, "presets": {}}
     if base is not None:
         if not isinstance(base, str):
-            raise SceneError(f"{shown}: base: given {base!r}, needed is the name of another scene file")
+            raise SceneError(f"{shown}: base: given {base!r}; it must be the name of another scene file")
         below = _with_base(path.parent / base, f"{shown}: base: {path.parent / base}", (*above, resolved))
         inherited = {section: below.pop(section, {}) for section in own}
         inherited["presets"] = {
@@ -190,7 +190,7 @@ def _fragments(
     if not isinstance(found, dict) or not all(
         fragment is None or isinstance(fragment, dict) for fragment in found.values()
     ):
-        raise SceneError(f"{shown}: {section}: needed is a mapping of names, each with the keys it changes")
+        raise SceneError(f"{shown}: {section}: must be a mapping of names, each with the keys it changes")
     return {name: change(fragment or {}) for name, fragment in found.items()}
 
 

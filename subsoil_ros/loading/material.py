@@ -73,7 +73,7 @@ def with_material(document: Document, shown: str) -> tuple[Document, Material | 
         return {**document, "soil": {key: soil[key] for key in soil if key != "material"}}, None
     if not isinstance(name, str):
         raise SceneError(
-            f"{shown}: soil.material: given {name!r}, needed is a material file or a soil's name"
+            f"{shown}: soil.material: given {name!r}; it must be a material file or a soil's name"
         )
     material = read_material(Path(name), f"{shown}: soil.material")
     for key in _BROUGHT:
@@ -83,7 +83,7 @@ def with_material(document: Document, shown: str) -> tuple[Document, Material | 
     low, high = material.radii_m
     if not isinstance(radius, int | float) or isinstance(radius, bool) or not low <= radius <= high:
         raise SceneError(
-            f"{shown}: soil.particles.radius_m: given {radius!r}, needed is a mean radius from {low:g} to "
+            f"{shown}: soil.particles.radius_m: given {radius!r}; it must be a mean radius from {low:g} to "
             f"{high:g} m, which {name} covers; for others calibrate it (subsoil calibrate --radius)"
         )
     own = {key: value for key, value in soil.items() if key not in ("material", "law", "bonds")}

@@ -38,7 +38,7 @@ def parse_overrides(texts: Sequence[str]) -> list[Override]:
         path = path.strip()
         if not equals or not path or not value.strip() or not all(path.split(".")):
             raise SceneError(
-                f"--set {text}: given '{text}', needed is KEY.KEY=VALUE, for example soil.bed.seed=3"
+                f"--set {text}: given '{text}'; it must be KEY.KEY=VALUE, for example soil.bed.seed=3"
             )
         found.append(Override(path, parse_yaml(value, f"--set {path}")))
     return found
@@ -49,7 +49,7 @@ def overrides_of(changes: Mapping[str, object]) -> list[Override]:
     found = []
     for path, value in changes.items():
         if not isinstance(path, str) or not all(path.split(".")):
-            raise SceneError(f"overrides: given the key {path!r}, needed is KEY.KEY, as 'soil.bed.seed'")
+            raise SceneError(f"overrides: given the key {path!r}; it must be KEY.KEY, as 'soil.bed.seed'")
         override = Override(path, value, "overrides:")
         found.append(replace(override, value=plain_value(value, override.source)))
     return found

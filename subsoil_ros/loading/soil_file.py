@@ -53,7 +53,7 @@ def read_soil_file(path: Path, place: str = "soil.file") -> SoilFile:
     document = read_document(path, shown)
     if document.get("model") != "wedge":
         raise SceneError(
-            f"{shown}: its model is {document.get('model')!r}, needed is a file with model "
+            f"{shown}: its model is {document.get('model')!r}; give a file with model "
             "'wedge', as `subsoil calibrate` writes it"
         )
     return validated(SoilFile, document, shown)

@@ -129,7 +129,7 @@ def _message(
             return ".".join((*place, "model")), f"given {_given(word)}, allowed are {', '.join(models)}"
         allowed = kinds(annotation)
         if not isinstance(first["input"], dict):
-            return path, f"given {given}, needed is a mapping with 'kind', one of {', '.join(allowed)}"
+            return path, f"given {given}; it must be a mapping with 'kind', one of {', '.join(allowed)}"
         kind = first["input"].get("kind")
         if kind is None:
             return path, f"'kind' is missing; allowed are {', '.join(allowed)}"
@@ -139,7 +139,7 @@ def _message(
     needed = " or ".join(dict.fromkeys(_need(details) for details in found))
     expected = [details["ctx"]["expected"] for details in found if details["type"] == "literal_error"]
     hint = _hint(first["input"], _QUOTED.findall(" ".join(expected)))
-    return path, f"given {given}, needed is {needed}{hint}"
+    return path, f"given {given}; it must be {needed}{hint}"
 
 
 def _hint(given: object, allowed: Sequence[str]) -> str:
@@ -158,9 +158,9 @@ def _need(details: ErrorDetails) -> str:
     if kind == "literal_error":
         return str(context["expected"])
     if kind == "too_short":
-        return f"at least {context['min_length']} entries"
+        return f"a list of at least {context['min_length']} entries"
     if kind == "too_long":
-        return f"at most {context['max_length']} entries"
+        return f"a list of at most {context['max_length']} entries"
     if kind == "string_too_short":
         return "text that is not empty"
     message = details["msg"]

@@ -3,6 +3,7 @@
 from .compiled import inner_kernel
 from .forces.evaluation import report_forces
 from .geometry import evaluate_turns
+from .step_error import SLOWEST
 from .tables import (
     AT_START,
     BY_DRIVERS,
@@ -16,10 +17,7 @@ from .tables import (
 
 LARGEST_RESIDUAL = 1e-2
 """Part of the largest energy turned over by which the balance may fail (chosen: a hundredth, below what
-designers ask of a mean draft)."""
-
-SLOWEST = 1e-3
-"""Energy is turned over, at least, as by the machine at so many of its sizes per second (chosen)."""
+designers ask of a mean draft). Turned over is at least what a machine has at SLOWEST."""
 
 
 @inner_kernel

@@ -284,11 +284,11 @@ class MechanismEngine:
         model = self._machine.model
         finer = model._replace(step=model.step / FINER)
         if passes(finer, self._before, time, FINER * self._steps):
-            return f" With {FINER} times as many coupling.mechanism_steps it passes this instant."
+            return f" With {FINER} times as many coupling.mechanism_steps this step is solved."
         if passes(in_parts(model), self._before, time, self._steps):
             return (
                 " With mechanism.integrator: adams_moulton and a mechanism.tolerance of "
-                f"{USUAL_TOLERANCE:g} it passes this instant."
+                f"{USUAL_TOLERANCE:g} this step is solved."
             )
         return ""
 

@@ -31,7 +31,7 @@ class CloudRegion(StrictModel):
         for axis, span in zip("xyz", self.spans_m, strict=True):
             if span is not None and span[0] >= span[1]:
                 raise ValueError(
-                    f"{axis}_m: given [{span[0]:g}, {span[1]:g}], needed is [from, to], from < to"
+                    f"{axis}_m: given [{span[0]:g}, {span[1]:g}]; it must be [from, to], from < to"
                 )
         return self
 

@@ -229,7 +229,7 @@ def _check_stop_when(scene: Scene, stop_when: StopWhen) -> None:
         raise ValueError("stop_when: given without 'soil'; it is about the soil's forces on the tools")
     if not any(tool.is_tillage for tool in scene.tools.values()):
         found = ", ".join(f"{name} ({tool.role})" for name, tool in scene.tools.items()) or "none"
-        raise ValueError(f"stop_when: tools are {found}; needed is one of role 'tillage'")
+        raise ValueError(f"stop_when: tools are {found}; one must be of role 'tillage'")
     driven = scene.mechanism is not None and scene.mechanism.draft_driver is not None
     if driven and stop_when.metric == "draft_newton":
         raise ValueError(
@@ -258,7 +258,7 @@ def _check_controller(controller: Controller, mechanism: Mechanism | None, serie
     if not isinstance(driver.speed, ConstantLaw):
         raise ValueError(
             f"mechanism.joints.{controller.driver}.speed: given a law of kind '{driver.speed.kind}', but the "
-            "controller commands this driver; needed is 'constant', the speed at the start"
+            "controller commands this driver; it must be 'constant', the speed at the start"
         )
     lowest, highest = controller.lowest_speed, controller.highest_speed
     if not lowest <= driver.speed.value <= highest:

@@ -157,7 +157,7 @@ class Path(StrictModel):
             )
         if self.poses is not None and given != {"poses"}:
             raise ValueError(
-                f"given 'poses' and {', '.join(sorted(given - {'poses'}))}; 'poses' stands alone"
+                f"given 'poses' and {', '.join(sorted(given - {'poses'}))}; 'poses' takes no other keys"
             )
         return self
 

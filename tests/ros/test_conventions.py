@@ -89,11 +89,11 @@ def test_parameters_describe_themselves(process_node: Callable[..., Node]) -> No
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["-p", "threads:=0"], "parameter 'threads': needed is a whole number from 1 to 1024"),
-        (["-p", "threads:=many"], "parameter 'threads': needed is a whole number"),
-        (["-p", "run_id:=7"], "parameter 'run_id': needed is text; a number in quotes is one too"),
+        (["-p", "threads:=0"], "parameter 'threads': must be a whole number from 1 to 1024"),
+        (["-p", "threads:=many"], "parameter 'threads': must be a whole number"),
+        (["-p", "run_id:=7"], "parameter 'run_id': must be text; a number in quotes is one too"),
         (["-p", "thread:=2"], "parameter 'thread': not known; allowed are bag, checkpoints,"),
-        (["-p", "recorded:=2"], "parameter 'recorded': needed is true or false"),
+        (["-p", "recorded:=2"], "parameter 'recorded': must be true or false"),
         (["-r", "__node:=mud"], "the node was renamed to 'mud'"),
         ([], "parameter 'scene' is empty"),
     ],
@@ -114,7 +114,7 @@ def test_a_parameter_that_cannot_be_is_refused(
     [
         (
             ["--ros-args", "-p", "threads:=0", "-r", "__ns:=/field"],
-            "[field.soil_process]: parameter 'threads': needed is",
+            "[field.soil_process]: parameter 'threads': must be",
         ),
         (["--ros-args", "-p", "treads:=2"], "[soil_process]: parameter 'treads': not known; allowed are"),
         (["--ros-args", "-p", "threads"], "soil: no ROS node can be made: "),

@@ -124,7 +124,7 @@ def test_syntax_error(refused: Callable[..., str], tmp_path: Path, content: str,
     ("overrides", "words"),
     [
         (["soil.bin.lenght_m=1"], ["no key 'lenght_m' in soil.bin", "did you mean 'length_m'"]),
-        (["soil.bin.length_m=long"], ["soil.bin.length_m: given the text 'long', needed is a number"]),
+        (["soil.bin.length_m=long"], ["soil.bin.length_m: given the text 'long'; it must be a number"]),
         (["soil.particles.radius_m=-0.01"], ["soil.particles.radius_m: given -0.01", "greater than 0"]),
         (["mechanism.joints.H8_shank_hinge.body_b=shnak"], ["joints.H8_shank_hinge.body_b: no body 'shnak'"]),
         (["tools.shank.body=shnak"], ["tools.shank.body: no body 'shnak'"]),

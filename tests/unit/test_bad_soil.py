@@ -53,7 +53,7 @@ def refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[...,
         (["soil.max_lost_particles=-1"], ["soil.max_lost_particles", "given -1"]),
         (["soil.time_step_s=1e-4"], ["above the stable limit", "add allow: [unstable_time_step]"]),
         (["allow=[unstable_step]"], ["allow.0", "did you mean 'unstable_time_step'?", "--set allow"]),
-        (["allow=unstable_time_step"], ["allow: given the text", "needed is a list"]),
+        (["allow=unstable_time_step"], ["allow: given the text", "must be a list"]),
         (
             ["allow=[unstable_time_step]"],
             ["allow: 'unstable_time_step' is about a number in soil.time_step_s"],

@@ -140,7 +140,7 @@ def test_tip_stands_where_the_point_says(design: Path) -> None:
     [
         ({"scene": "none.yaml"}, "none.yaml: no such file"),
         ({"scene": str(SCENES / "mechanism_only.yaml"), "overrides": []}, "has no soil of particles"),
-        ({"fit": []}, "fit: given a list of 0, needed is at least 3 entries"),
+        ({"fit": []}, "fit: given a list of 0; it must be a list of at least 3 entries"),
         ({"model": "cam_clay"}, ": model: given the text 'cam_clay', allowed are wedge, dem"),
         ({"fitt": 1}, "fitt: unknown key 'fitt'; did you mean 'fit'?"),
     ],

@@ -35,7 +35,7 @@ GIVEN = [f"controller={json.dumps(CONTROL)}"]
         ("controller.law.body=beam", "controller.law.body: no body 'beam'"),
         (
             "mechanism.joints.H10_drive.speed={kind: ramp, end_value: 0.5, end_s: 1.0}",
-            "given a law of kind 'ramp', .* needed is 'constant'",
+            "given a law of kind 'ramp', .* it must be 'constant'",
         ),
     ],
 )

@@ -38,12 +38,12 @@ def test_a_changed_scene_passes_or_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"duration_s": 1e300}, "duration_s: given 1e+300, needed is a number at most 2.14748e+09"),
+        ({"duration_s": 1e300}, "duration_s: given 1e+300; it must be a number at most 2.14748e+09"),
         (
             {"gravity_m_per_s2": 1e-300},
-            "gravity_m_per_s2: given 1e-300, needed is 0 or a magnitude from 1e-30",
+            "gravity_m_per_s2: given 1e-300; it must be 0 or a magnitude from 1e-30",
         ),
-        ({"soil.particles.density_kg_per_m3": 1e200}, "density_kg_per_m3: given 1e+200, needed is 0 or a"),
+        ({"soil.particles.density_kg_per_m3": 1e200}, "density_kg_per_m3: given 1e+200; it must be 0 or a"),
         ({"soil.law.particle.damping_newton_s_per_m": 1e29}, "is below the clock's resolution of 1 ns"),
         ({"coupling.communication_step_ns": 10**15}, "would take more than 1,000,000 soil steps of"),
         ({"coupling.communication_step_ns": 10**40}, "communication_step_ns: given 1000000"),
@@ -60,5 +60,5 @@ def test_numbers_out_of_reach_are_refused(changes: dict[str, Any], words: str) -
 
 def test_a_window_of_a_depth_out_of_reach_is_refused() -> None:
     """The length that a window has by default is not computed from it."""
-    with pytest.raises(SceneError, match=re.escape("soil.bin.depth_m: given 1.7e+308, needed is 0 or a")):
+    with pytest.raises(SceneError, match=re.escape("soil.bin.depth_m: given 1.7e+308; it must be 0 or a")):
         check("field_tine", {"soil.bin.depth_m": 1.7e308})

@@ -120,9 +120,9 @@ def test_a_folder_of_the_name_and_no_material(tmp_path, monkeypatch):
     ("change", "words"),
     [
         ({"material": "mud"}, "soil.material: no file, and no soil that is shipped"),
-        ({"material": 3}, "soil.material: given 3, needed is a material file or a soil's name"),
-        ({"particles": {"radius_m": 0.03}}, r"given 0.03, needed is a mean radius from 0.005 to 0.02 m"),
-        ({"particles": None}, "soil.particles.radius_m: given None, needed is a mean radius"),
+        ({"material": 3}, "soil.material: given 3; it must be a material file or a soil's name"),
+        ({"particles": {"radius_m": 0.03}}, r"given 0.03; it must be a mean radius from 0.005 to 0.02 m"),
+        ({"particles": None}, "soil.particles.radius_m: given None; it must be a mean radius"),
         ({"law": {"kind": "linear"}}, "soil.law: given beside soil.material, which brings it"),
         (
             {"particles": {"radius_m": 0.01, "density_kg_per_m3": 2000.0}},
@@ -287,7 +287,7 @@ def test_what_cannot_be_reached(made_up):
     """A friction angle that no friction gives, and a modulus too soft for the overlap at work."""
     with pytest.raises(InputError, match=r"spheres of this .* reach .* to 4\d\.\d degrees"):
         fit(friction_angle_deg=55.0)
-    with pytest.raises(InputError, match=r"confined_modulus_pa: given 1000 Pa, needed is .* Pa or more"):
+    with pytest.raises(InputError, match=r"confined_modulus_pa: given 1000 Pa; it must be .* Pa or more"):
         fit(confined_modulus_pa=1000.0)
 
 

@@ -35,7 +35,7 @@ def test_a_cell_that_is_no_number(tmp_path, capsys):
     """Says the line and the column; nothing is written."""
     path = table(tmp_path / "t.csv", ROW, [*ROW[:10], "many", "", ""])
     assert measured.main([str(path), "--out", str(tmp_path / "out")]) == 2
-    assert "line 3: draft_newton: given 'many', needed is a number" in capsys.readouterr().err
+    assert "line 3: draft_newton: given 'many'; it must be a number" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 

@@ -84,5 +84,5 @@ def test_namespaces(given: str, expected: str) -> None:
 @pytest.mark.parametrize("given", ["2nd", "a b", "a//b", "a/", "a-b"])
 def test_what_is_no_namespace_is_refused(given: str) -> None:
     """One message, with what is allowed."""
-    with pytest.raises(InputError, match=r"namespace: given '.*', needed are names of letters"):
+    with pytest.raises(InputError, match=r"namespace: given '.*'; it must be names of letters"):
         checked_namespace(given)

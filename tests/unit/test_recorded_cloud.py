@@ -112,7 +112,7 @@ def test_a_rounded_cloud_takes_half_the_room(tmp_path):
     ("given", "complaint"),
     [
         ({"cloud_region": {}}, "gives no bounds"),
-        ({"cloud_region": {"x_m": [1.0, 0.5]}}, r"x_m: given \[1, 0.5\], needed is \[from, to\]"),
+        ({"cloud_region": {"x_m": [1.0, 0.5]}}, r"x_m: given \[1, 0.5\]; it must be \[from, to\]"),
         ({"cloud_resolution_m": 1.0}, "less than or equal to 0.1"),
         ({"cloud_resolution_m": -1e-3}, "greater than or equal to 0"),
     ],

@@ -248,7 +248,7 @@ def test_vtk_series(recorded, resolved, tmp_path):
     ("words", "message"),
     [
         (["--size", "641", "360"], "even numbers"),
-        (["--range", "2", "1"], "needed is low, then high"),
+        (["--range", "2", "1"], "the lower value comes first"),
         (["--film", "film.avi"], "allowed are .mp4 and .gif"),
         (["--fps", "10"], "give --film"),
         (["--film", "film.mp4", "--at", "1"], "its first and its last time"),

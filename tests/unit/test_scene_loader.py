@@ -181,11 +181,11 @@ def test_override_of_a_default(scene_file: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("duration_s: 1e-1", "duration_s: true", ["duration_s: given true, needed is a number"]),
-        ("duration_s: 1e-1", "duration_s: yes", ["duration_s: given the text 'yes', needed is a number"]),
-        ("duration_s: 1e-1", "duration_s: 1:30", ["duration_s: given the text '1:30', needed is a number"]),
+        ("duration_s: 1e-1", "duration_s: true", ["duration_s: given true; it must be a number"]),
+        ("duration_s: 1e-1", "duration_s: yes", ["duration_s: given the text 'yes'; it must be a number"]),
+        ("duration_s: 1e-1", "duration_s: 1:30", ["duration_s: given the text '1:30'; it must be a number"]),
         ("name: pendulum", "name: 2020-01-02\nduration: 1", ["duration: unknown key"]),
-        ("duration_s: 1e-1", "duration_s: 10 s", ["duration_s: given the text '10 s', needed is a number"]),
+        ("duration_s: 1e-1", "duration_s: 10 s", ["duration_s: given the text '10 s'; it must be a number"]),
         ("duration_s: 1e-1", "duration_s: .nan", ["duration_s: given nan", "finite"]),
         ("duration_s: 1e-1", "duration_s: 1\nduration_s: 2", ["4:1", "'duration_s' is given twice", "3"]),
         (
@@ -211,7 +211,7 @@ def test_override_of_a_default(scene_file: Path) -> None:
             ["nmae: unknown key", "did you mean 'name'", "name: is missing"],
         ),
         ("initial_condition: low", "", ["initial_condition: is missing; choose one of low, high"]),
-        ("  low: {}", "  low: 3", ["initial_conditions: needed is a mapping"]),
+        ("  low: {}", "  low: 3", ["initial_conditions: must be a mapping"]),
     ],
 )
 def test_bad_file(scene_file: Path, old: str, new: str, words: list[str]) -> None:

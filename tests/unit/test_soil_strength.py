@@ -54,11 +54,11 @@ def test_too_few_stresses(normal: list[float]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (["tine.yaml", "--normal-pa", "1e4", "2e4"], "--normal-pa: given 10000 20000, needed are 3 or more"),
+        (["tine.yaml", "--normal-pa", "1e4", "2e4"], "--normal-pa: given 10000 20000; give 3 or more"),
         (["tine.yaml", "--normal-pa", "0", "1e4", "2e4"], "above 0"),
         (
             ["tine.yaml", "--size-m", "0.24", "0.15", "0.16"],
-            "--size-m: given 0.24 0.15 0.16, needed is at least 0.24 0.16 0.16, 12 x 8 x 8 of the largest",
+            "--size-m: given 0.24 0.15 0.16; it must be at least 0.24 0.16 0.16, 12 x 8 x 8 of the largest",
         ),
         (["tine.yaml", "--inertial-number", "0"], "--inertial-number: given 0"),
         (["mechanism_only.yaml"], "has no 'soil'"),

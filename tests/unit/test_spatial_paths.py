@@ -198,7 +198,7 @@ HALF = {"times_s": [0.0, 1.0], "positions_m": [[0, 0, 0]] * 2, "rotations_rad": 
     ("path", "message"),
     [
         ({"turn": SPUN, "start_angle_rad": 0.1}, "given 'turn' and start_angle_rad; with 'turn' give"),
-        ({"poses": POSES, "start_x_m": 0.1}, "given 'poses' and start_x_m; 'poses' stands alone"),
+        ({"poses": POSES, "start_x_m": 0.1}, "given 'poses' and start_x_m; 'poses' takes no other keys"),
         ({"poses": POSES | {"times_s": [0.0, 0.4, 0.9]}}, "ends at 0.9 s, before duration_s 1"),
         ({"poses": POSES | {"times_s": [0.1, 0.4, 1.0]}}, "times_s: must begin with 0 and increase"),
         ({"poses": POSES | {"positions_m": [[0, 0, 0]]}}, "positions_m: has 1 entries, times_s has 3"),

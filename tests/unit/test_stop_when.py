@@ -159,7 +159,7 @@ def test_confidence_widens_the_interval(ended: Run, tmp_path: Path) -> None:
         (["stop_when.confidence=0.5"], "stop_when.confidence: .*0.5"),
         (["stop_when.at_most_m=0"], "stop_when.at_most_m: .*0"),
         (["stop_when.metric=draft"], "stop_when.metric: .*draft_newton"),
-        (["tools.tine.role=wheel"], r"stop_when: tools are tine \(wheel\); needed is one of role 'tillage'"),
+        (["tools.tine.role=wheel"], r"stop_when: tools are tine \(wheel\); one must be of role 'tillage'"),
         (["record.bag=false"], "stop_when: given with record.bag: false.*set record.bag: true"),
     ],
 )

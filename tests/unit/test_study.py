@@ -298,7 +298,7 @@ def test_reference_of_the_paper_is_what_was_agreed() -> None:
     ("change", "words"),
     [
         ({"factor": {}}, "factor: unknown key 'factor'; did you mean 'factors'?"),
-        ({"seeds": []}, "seeds: given a list of 0, needed is at least 1 entries"),
+        ({"seeds": []}, "seeds: given a list of 0; it must be a list of at least 1 entries"),
         ({"seeds": [1, 1]}, "seeds: one is given twice"),
         ({"presets": {"a": {"steps": "x"}}}, "presets.a: no factor 'steps'"),
         ({"presets": {"a": {"soil_step": "aut"}}}, "presets.a.soil_step: no value 'aut'"),

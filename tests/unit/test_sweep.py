@@ -228,7 +228,7 @@ def _busy(nanny: psutil.Process) -> list[psutil.Process]:
     [
         ([], "--vary: is missing"),
         (["--vary", "soil.sed=1,2"], "did you mean 'seed'"),
-        (["--vary", "soil.seed=1,2", "--seeds", "0,x"], "--seeds 0,x: needed are different whole numbers"),
+        (["--vary", "soil.seed=1,2", "--seeds", "0,x"], "--seeds 0,x: must be different whole numbers"),
         (["--vary", "soil.seed=1,2", "--scheduler", "tcp://127.0.0.1:9"], "no Dask scheduler answers there"),
         (["--vary", "soil.seed=1,2", "--workers", "0"], "'0' is no whole number"),
     ],

@@ -38,8 +38,8 @@ def test_combinations_are_a_product_with_pairs_in_step() -> None:
 @pytest.mark.parametrize(
     ("vary", "pair", "words"),
     [
-        (["a"], [], "--vary a: needed is KEY=VALUE"),
-        (["a="], [], "needed is KEY=VALUE"),
+        (["a"], [], "--vary a: must be KEY=VALUE"),
+        (["a="], [], "must be KEY=VALUE"),
         (["a=1,1.0"], [], None),  # 1 and 1.0 are different texts, the scene says what it makes of them
         (["a=1,1"], [], "different values"),
         (["a=1", "a=2"], [], "given twice"),

@@ -68,7 +68,7 @@ def soil_file(tmp_path: Path) -> Callable[..., str]:
         ({"values": VALUES, "file": "soil.yaml"}, "soil.values: both are given"),
         (
             {"values": VALUES | {"cohesion_pa": -1.0}},
-            "soil.values.cohesion_pa: given -1.0, needed is a number at least 0",
+            "soil.values.cohesion_pa: given -1.0; it must be a number at least 0",
         ),
         ({"values": VALUES | {"friction_angle_rad": 30.0}}, "soil.values.friction_angle_rad: given 30.0"),
         (
@@ -187,7 +187,7 @@ def test_what_a_scene_allows_travels_with_it(
 def test_a_file_of_another_model(wedge: Callable[..., ResolvedScene], tmp_path: Path) -> None:
     """What `calibrate` writes for particles is no wedge model."""
     (tmp_path / "soil.yaml").write_text("model: dem\n")
-    with pytest.raises(SceneError, match="its model is 'dem', needed is a file with model 'wedge'"):
+    with pytest.raises(SceneError, match="its model is 'dem'; give a file with model 'wedge'"):
         wedge(file=str(tmp_path / "soil.yaml"))
 
 

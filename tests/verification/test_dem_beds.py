@@ -222,7 +222,7 @@ def test_surface_profile_trims_a_dense_bed_before_it_relaxes(soil):
 @pytest.mark.parametrize(
     ("surface", "message"),
     [
-        ({"x_m": [0.0, 0.1], "z_m": [0.0, 0.01]}, r"soil.surface.z_m.*needed is a number at most 0"),
+        ({"x_m": [0.0, 0.1], "z_m": [0.0, 0.01]}, r"soil.surface.z_m.*it must be a number at most 0"),
         ({"x_m": [0.0, 0.1], "z_m": [0.0]}, r"soil.surface.z_m: has 1 heights for the 2 places"),
         ({"x_m": [0.1, 0.1], "z_m": [0.0, -0.1]}, r"soil.surface.x_m: must grow"),
         ({"x_m": [0.0], "z_m": [-0.13]}, r"soil.surface.z_m: -0.13 m .* at least -0.12 m"),

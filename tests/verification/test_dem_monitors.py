@@ -174,7 +174,7 @@ def test_particles_are_placed_inside_the_bin_only(soil, place, words):
 def test_placed_velocities_are_finite_and_as_many_as_particles(soil):
     """One row each."""
     engine = SoilEngine(soil.scene())
-    with pytest.raises(InputError, match="1 rows of velocity, 0 finite; needed are 1, all finite"):
+    with pytest.raises(InputError, match="1 rows of velocity, 0 finite; they must be 1, all finite"):
         engine.place([[0.05, 0.0, -0.05]], [[np.inf, 0.0, 0.0]])
     with pytest.raises(InputError, match="2 rows of spin"):
         engine.place([[0.05, 0.0, -0.05]], None, np.zeros((2, 3)))

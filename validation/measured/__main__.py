@@ -61,7 +61,7 @@ def read_table(path: Path) -> list[dict[str, str | float]]:
                     found[key] = float(text)
                 except ValueError as error:
                     raise InputError(
-                        f"{path}: line {number}: {key}: given '{text}', needed is a number"
+                        f"{path}: line {number}: {key}: given '{text}'; it must be a number"
                     ) from error
             rows.append(found)
     if not rows:

@@ -34,7 +34,7 @@ def live_port(wanted: str | None) -> int:
     from ...recording.live import HOST
 
     if not wanted.isdecimal() or int(wanted) > 65535:
-        raise InputError(f"live view: given '{wanted}', needed is a port from 1024 to 65535, or 0 for any")
+        raise InputError(f"live view: given '{wanted}'; it must be a port from 1024 to 65535, or 0 for any")
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:

@@ -276,7 +276,7 @@ def at_pressure(settling: Settling, bed: Bed, pressure_pa: float, on_progress: O
             break
     else:
         raise SceneError(
-            f"soil.bed: the tile carries {pressure:.3g} Pa at an rms speed of {speed:.3g} m/s, needed are "
+            f"soil.bed: the tile carries {pressure:.3g} Pa at an rms speed of {speed:.3g} m/s; it must be "
             f"{pressure_pa:.3g} Pa within {PRESSURE_TOLERANCE:.0%} below {rest:.3g} m/s; use another "
             "soil.bed.solid_fraction, or a soil.law with dampers"
         )

@@ -161,7 +161,7 @@ def refuse_unfinished(bed: Bed, soil: Soil, rest_m_per_s: float) -> None:
     if abs(short) > 2.0 * soil.particles.bounds_m[1] or found > speed_m_per_s:
         raise SceneError(
             f"soil.bed: did not come to rest: it is {-bed.floor_m:.3g} m deep and moves at {found:.2g} m/s "
-            f"(rms), needed are soil.bin.depth_m {soil.bin.depth_m:g} m and {speed_m_per_s:.2g} m/s; make "
+            f"(rms); it must be {soil.bin.depth_m:g} m (soil.bin.depth_m) and {speed_m_per_s:.2g} m/s; make "
             "the bin wider or its sides periodic, or use a denser soil.bed.solid_fraction"
         )
 

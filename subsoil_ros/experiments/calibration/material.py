@@ -213,7 +213,7 @@ class _Fit:
         least = self._least_stiffness(float(at[1]))
         if stiffness < least:
             raise InputError(
-                f"confined_modulus_pa: given {wanted_pa:g} Pa, needed is some "
+                f"confined_modulus_pa: given {wanted_pa:g} Pa; it must be about "
                 f"{wanted_pa * least / stiffness:.3g} Pa or more: softer particles overlap by more than "
                 f"{MAX_OVERLAP:.0%} of their radius at {WORKING_STRESS_PA * 1e-3:g} kPa, or by more than "
                 f"{REST_OVERLAP:.0%} by attraction alone; leave it out to take the softest that do not"

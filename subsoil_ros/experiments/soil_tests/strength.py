@@ -38,7 +38,7 @@ def fit_coulomb(normal_pa: Sequence[float], shear_pa: Sequence[float]) -> Coulom
 
     if len(normal_pa) < LEAST_POINTS or len(set(normal_pa)) == 1:
         raise InputError(
-            f"normal stresses: {len(normal_pa)} given for the fit of c and phi, needed are at least "
+            f"normal stresses: {len(normal_pa)} given for the fit of c and phi; there must be at least "
             f"{LEAST_POINTS} different ones"
         )
     line = linregress(normal_pa, shear_pa)

@@ -58,14 +58,14 @@ def parse_variations(texts: Sequence[str], flag: str) -> tuple[Variation, ...]:
         key = key.strip()
         if not equals or not key or not values.strip():
             raise InputError(
-                f"{flag} {text}: needed is KEY=VALUE,VALUE..., for example {flag} soil.bed.seed=0,1,2"
+                f"{flag} {text}: must be KEY=VALUE,VALUE..., for example {flag} soil.bed.seed=0,1,2"
             )
         listed = parse_yaml(f"[{values}]", f"{flag} {key}")
         assert isinstance(listed, list)
         if any(other.key == key for other in found):
             raise InputError(f"{flag} {key}: given twice; give all its values at once")
         if not listed or len({as_text(value) for value in listed}) < len(listed):
-            raise InputError(f"{flag} {key}: given {values!r}, needed is a list of different values")
+            raise InputError(f"{flag} {key}: given {values!r}; it must be a list of different values")
         found.append(Variation(key, tuple(listed)))
     return tuple(found)
 

@@ -125,7 +125,7 @@ class CouplerNode(LockstepNode):
             self.listen(ToolWrenches, self._on_wrenches, (SOIL,))
         if RECORDER in names:
             self.listen(TickAck, self._on_ack, (RECORDER,))
-        self.listen(NodeStatus, self._on_node_status, names)
+        self.listen(NodeStatus, self._coupler.accept_node_status, names)
         if scene.controller is not None:
             self.listen(DriverCommand, self._on_command, (CONTROLLER,))
         self._control = RunControl(self._coupler, self._on_pacing, heartbeat.request_stop)
@@ -293,19 +293,15 @@ class CouplerNode(LockstepNode):
         state = NodeState.PAUSED if self._coupler.paused else NodeState.RUNNING
         if self.heartbeat.state is not state:
             self.heartbeat.say(state)
-            words = f"{state.name.lower()} after tick {self._coupler.done_tick}"
-            if self._coupler.paused:
-                words += "; goes on when its services resume or step are called"
-            self.get_logger().info(f"run '{self.run.run_id}': {words}")
+            words = f"run '{self.run.run_id}': {state.name.lower()} after tick {self._coupler.done_tick}"
+            advice = "; call its service resume or step to continue" if self._coupler.paused else ""
+            self.get_logger().info(words + advice)
 
     def _grant(self) -> None:
         if self._account is None:
             return
         for grant in self._coupler.next_grants():
             self._grants.publish(self.bytes_of(grant))
-
-    def _on_node_status(self, node_status: NodeStatus) -> None:
-        self._coupler.accept_node_status(node_status)
 
     def _on_motions(self, motions: ToolMotions) -> None:
         self._coupler.accept_motions(motions)

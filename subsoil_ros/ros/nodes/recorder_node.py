@@ -28,6 +28,7 @@ from ...messages import (
 )
 from ...recording.bag_writer import BagWriter, open_bag
 from ...recording.topics import TOPIC_OF
+from ...scene.model import Scene
 from ...ticks import INITIAL_TICK, NANOSECONDS_PER_SECOND
 from ..process.heartbeat import Heartbeat, NodeRun
 from ..process.node_process import run_process
@@ -42,25 +43,23 @@ CUT_S = 2.0
 _LOCKSTEP = (Grant, DriverCommand, ToolMotions, ToolWrenches)
 
 
+def _topics(scene: Scene) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Topics of what is exchanged every tick, but grants, and of the states, both in recording order."""
+    soil, mechanism = scene.soil is not None, scene.mechanism is not None
+    exchanged = (ToolMotions, *((ToolWrenches,) if soil else ()))
+    states = (*((MechanismState,) if mechanism else ()), *((SoilState,) if soil else ()), CouplingReport)
+    return tuple(TOPIC_OF[kind] for kind in exchanged), tuple(TOPIC_OF[kind] for kind in states)
+
+
 def due_topics(resolved: ResolvedScene, *, at_end: bool = False) -> Callable[[int], tuple[str, ...]]:
     """The function that says which topics a tick of the scene records, in recording order.
 
     at_end: if the run ends with that tick.
     """
-    scene = resolved.scene
-    schedule = schedule_of(scene, resolved.timing)
-    lockstep: list[type] = [Grant, ToolMotions]
-    states: list[type] = []
-    if scene.soil is not None:
-        lockstep.append(ToolWrenches)
-    if scene.mechanism is not None:
-        states.append(MechanismState)
-    if scene.soil is not None:
-        states.append(SoilState)
-    states.append(CouplingReport)
-    every = tuple(TOPIC_OF[kind] for kind in lockstep)
+    schedule = schedule_of(resolved.scene, resolved.timing)
+    exchanged, series = _topics(resolved.scene)
+    every = (TOPIC_OF[Grant], *exchanged)
     command = (TOPIC_OF[DriverCommand],)
-    series = tuple(TOPIC_OF[kind] for kind in states)
     cloud = (TOPIC_OF[SoilCloud],)
 
     def due(tick: int) -> tuple[str, ...]:
@@ -74,15 +73,8 @@ def due_topics(resolved: ResolvedScene, *, at_end: bool = False) -> Callable[[in
 
 def initial_topics(resolved: ResolvedScene) -> tuple[str, ...]:
     """Topics of the state before tick 0, in recording order."""
-    scene = resolved.scene
-    kinds: list[type] = [ToolMotions]
-    if scene.soil is not None:
-        kinds.append(ToolWrenches)
-    if scene.mechanism is not None:
-        kinds.append(MechanismState)
-    if scene.soil is not None:
-        kinds.append(SoilState)
-    return tuple(TOPIC_OF[kind] for kind in (*kinds, CouplingReport))
+    exchanged, states = _topics(resolved.scene)
+    return exchanged + states
 
 
 def stamp_ns(cdr: bytes) -> int:

@@ -141,7 +141,7 @@ def _declare(node: Node, name: str, key: ParameterKey) -> Any:
         return node.declare_parameter(name, key.default, descriptor).value
     except ParameterException as error:
         words = " ".join(str(error).split())
-        raise InputError(f"parameter '{name}': needed is {key.allowed} ({words})") from error
+        raise InputError(f"parameter '{name}': must be {key.allowed} ({words})") from error
 
 
 def help_text(name: str, more: Mapping[str, ParameterKey] | None = None) -> str:

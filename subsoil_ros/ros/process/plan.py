@@ -119,7 +119,7 @@ def checked_namespace(text: str) -> str:
         return ""
     if not _NAMESPACE.fullmatch(text):
         raise InputError(
-            f"namespace: given '{text}', needed are names of letters, digits and underscores that begin with "
+            f"namespace: given '{text}'; it must be names of letters, digits and underscores that begin with "
             "no digit, with slashes between them, as field/left"
         )
     return "/" + text.lstrip("/")

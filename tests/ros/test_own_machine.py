@@ -27,7 +27,7 @@ BOTH = {"machine": "machine=Block()", "soil": "soil=SpringField()"}
 LIMIT_S = 90.0
 
 
-def serving(scene: Path, given: str, checkpoints: Path, before: str = "") -> subprocess.Popen[str]:
+def serving(scene: Path, given: str, before: str) -> subprocess.Popen[str]:
     """A program that serves a participant of tests/outside.py; ends with the status of the error it gets."""
     program = f"""
 import sys
@@ -36,7 +36,7 @@ from subsoil_ros.errors import SubsoilError
 from tests.outside import Block, SpringField
 {before}
 try:
-    subsoil.serve({str(scene)!r}, {given}, checkpoints={str(checkpoints)!r})
+    subsoil.serve({str(scene)!r}, {given})
 except SubsoilError as error:
     sys.exit(f"{{error.exit_status}} {{error}}")
 """
@@ -48,14 +48,16 @@ except SubsoilError as error:
 class Served:
     """A run as nodes whose machine and soil are programs of their own."""
 
-    def __init__(self, folder: Path, before: str = "", **more: Any) -> None:
-        self.scene, self.out = folder / "scene.yaml", folder / "out"
+    def __init__(self, folder: Path, before: str = "", earlier: Path | None = None, **more: Any) -> None:
+        self.scene, self.out = folder / "scene.yaml", folder / ("rest" if earlier else "out")
         self.scene.write_text(dump_yaml(document(**more)), encoding="utf-8")
         duration_s = document(**more)["duration_s"]
-        self.run = Run(self.out, "nodes", duration_s, scene=self.scene)
-        self.programs = {
-            name: serving(self.scene, given, self.out / "checkpoints", before) for name, given in BOTH.items()
-        }
+        words, shared = [], f", checkpoints={str(self.out / 'checkpoints')!r}"
+        if earlier is not None:
+            words = ["--resume", str(earlier)]
+            shared += f", resume={str(max(earlier.glob('checkpoints/*/manifest.json')).parent)!r}"
+        self.run = Run(self.out, "nodes", duration_s, *words, scene=self.scene)
+        self.programs = {name: serving(self.scene, given + shared, before) for name, given in BOTH.items()}
 
     def finish(self) -> tuple[int, str, dict[str, str]]:
         """Status and error of the run, and the last words of each program."""
@@ -105,6 +107,25 @@ def test_the_bits_are_those_of_a_run_in_process(tmp_path: Path, started: list[Se
     assert ends[0] == ends[1]
     assert set(ends[0]) == {"coupling", "mechanism", "soil"}
     assert list((there / "checkpoints").glob("*/manifest.json"))
+
+
+def test_an_interrupted_run_goes_on(tmp_path: Path, started: list[Served]) -> None:
+    """Ctrl-C writes a checkpoint with both participants in it; resumed, the state at the end is the same."""
+    long = {"duration_s": 0.5}
+    started.append(Served(tmp_path, **long))
+    started[0].run.wait_until_recording()
+    started[0].run.process.send_signal(signal.SIGINT)
+    status, error, words = started[0].finish()
+    assert status == 130, error + str(words)
+    started.append(Served(tmp_path, earlier=tmp_path / "out", **long))
+    status, error, words = started[1].finish()
+    assert status == 0, error + str(words)
+    subsoil.run(started[0].scene, tmp_path / "direct", machine=Block(), soil=SpringField())
+    ends = [
+        json.loads((tmp_path / name / "summary.json").read_text())["run"]["state_sha256"]
+        for name in ("rest", "direct")
+    ]
+    assert ends[0] == ends[1]
 
 
 def test_a_machine_that_dies_ends_the_run(tmp_path: Path, started: list[Served]) -> None:

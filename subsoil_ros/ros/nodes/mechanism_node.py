@@ -4,7 +4,7 @@ import time
 
 from rclpy.context import Context
 
-from ...coupling.checkpoints import restore_engine
+from ...coupling.checkpoints import CouplingState, restore_engine
 from ...coupling.engines import Mechanism, MotionSource, build_mechanism
 from ...coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL, Needs, Participant
 from ...coupling.schedule import schedule_of
@@ -63,7 +63,11 @@ class MechanismNode(LockstepNode):
         if self._mechanism is not None:
             self._states = self.publisher(MechanismState, (RECORDER, *controllers))
         self._visualization = VisualizationPublisher(self, run.resolved)
-        self._initial_motions = engine.initial_motions()
+        self._initial_motions = (
+            CouplingState.of(run.resumed).motions
+            if self._mechanism is None and run.resumed is not None  # it gives those of tick -1 only
+            else engine.initial_motions()
+        )
         self.heartbeat.say(NodeState.STARTING, motions=self._initial_motions)
         self.listen(NodeStatus, self._on_node_status, ())
         self.listen(Grant, self._on_grant, (COUPLER,))

@@ -28,7 +28,7 @@ from ..nodes.lockstep_node import LAST_WORD_S, OWN_TIME, LockstepNode, say
 from ..nodes.mechanism_node import MechanismNode
 from ..nodes.soil_node import SoilNode
 from ..transport.shared_memory import avoid_full_memory
-from .heartbeat import Heartbeat, NodeRun
+from .heartbeat import LATE_S, Heartbeat, NodeRun
 from .node_process import GRACE_S, MOST_NODES, watched_by
 from .node_thread import Service
 from .plan import checked_namespace, ros_arguments
@@ -109,6 +109,8 @@ def _serve(run: NodeRun, engine: OutsideMachine | OutsideSoilEngine, namespace: 
                 pass
             if not service.ended.wait(GRACE_S + LAST_WORD_S + KEEP_S):  # the object does not come back
                 return heartbeat.stop or ExitStatus(RunError.exit_status, heartbeat.lost)
+        if service.status.code:
+            heartbeat.outlast(LATE_S)  # a coupler that starts later would wait for this node
         service.close()
         return service.status
     finally:

@@ -29,7 +29,7 @@ from ..nodes.mechanism_node import MechanismNode
 from ..nodes.soil_node import SoilNode
 from ..transport.shared_memory import avoid_full_memory
 from .heartbeat import LATE_S, Heartbeat, NodeRun
-from .node_process import GRACE_S, MOST_NODES, watched_by
+from .node_process import GRACE_S, watched_by
 from .node_thread import Service
 from .plan import checked_namespace, ros_arguments
 
@@ -90,7 +90,7 @@ def serve(
 def _serve(run: NodeRun, engine: OutsideMachine | OutsideSoilEngine, namespace: str) -> ExitStatus:
     name = MECHANISM if isinstance(engine, OutsideMachine) else SOIL
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    notice = avoid_full_memory(MOST_NODES)
+    notice = avoid_full_memory()
     if notice:
         say(f"{name}: {notice}")
     context = Context()

@@ -120,7 +120,7 @@ class MujocoMachine:
         return int(site)
 
     def _place(self) -> None:
-        """Brings the poses up to the state: a step leaves those of its start."""
+        """Compute the poses of the present state: a step leaves those of its start."""
         self._mujoco.mj_kinematics(self.model, self.data)
         self._mujoco.mj_comPos(self.model, self.data)
 

@@ -1,4 +1,4 @@
-"""Machines and soils of other programs: their public interface, and the engines that hold them to it."""
+"""External machines and soils: their public interface, and the engines that check them."""
 
 import math
 import traceback
@@ -24,7 +24,7 @@ PAGE = "docs/own_machine.md"
 
 
 class Machine(Protocol):
-    """What moves the tools of a scene with `path.external: true`.
+    """An external machine: moves the tools of a scene with `path.external: true`.
 
     It may have three more members. `state_arrays()` gives all that later ticks depend on as arrays by name,
     and `restore(arrays)` goes on from such a state: without them `record.checkpoint_s` must be 0, and no run
@@ -45,7 +45,7 @@ class Machine(Protocol):
 
 
 class OutsideSoil(Protocol):
-    """What answers the tools of a scene with `soil.model: external`.
+    """An external soil: computes the forces on the tools of a scene with `soil.model: external`.
 
     It may have `state_arrays` and `restore`, as a Machine.
     """
@@ -202,7 +202,7 @@ class OutsideSoilEngine(_Outside):
         return self._answers("advance", RunError, _wrench_kind, tick, motions)
 
     def ends_with(self, tick: int) -> None:
-        """Take it that the run ends early with `tick`; nothing depends on it."""
+        """Do nothing: an external soil does not depend on where the run ends."""
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
         """Zeros: what the soil is made of is not known."""

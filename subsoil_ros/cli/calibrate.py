@@ -172,7 +172,7 @@ def _progress(name: str, timing: Timing) -> Iterator[Callable[[int], None]]:
 
 
 def _print(fit: WedgeFit, out: Path) -> None:
-    from ..experiments.calibration.wedge import FITTED
+    from ..experiments.calibration.wedge import searched_by
 
     console = Console(width=None if sys.stdout.isatty() else 140)
     fitted = table("fitted values", ("value", "", "95 % confidence"), words=3)
@@ -180,11 +180,12 @@ def _print(fit: WedgeFit, out: Path) -> None:
     shown = values.model_dump()
     shown["friction_part"] = math.tan(values.tool_friction_angle_rad) / math.tan(values.friction_angle_rad)
     shown["adhesion_part"] = values.adhesion_pa / values.cohesion_pa if values.cohesion_pa else 0.0
-    for name in FITTED:
+    for name in searched_by(fit.soil.values.theory):
         error = fit.soil.errors.get(name)
         confidence = "at its bound" if error is None else f"+- {1.96 * error:.2g}"
         fitted.add_row(name, f"{shown[name]:.4g}", confidence)
-    for name in ("drop", "variation", "period_m" if values.period_m else "period_factor"):
+    length = "period_m" if values.period_m else "period_factor"
+    for name in ("drop", "variation", "length_variation", length):
         fitted.add_row(name, f"{shown[name]:.4g}", "by matching the fluctuation")
     console.print(fitted)
     names = fit.names
@@ -195,19 +196,18 @@ def _print(fit: WedgeFit, out: Path) -> None:
                     f"{one} and {names[j]} are hardly told apart by these runs (correlation "
                     f"{fit.correlation[i, j]:.2f})"
                 )
-    headings = ("point", "draft N", "", "deviation N", "", "period mm", "", "scatter of runs %")
+    headings = (
+        "point", "draft N", "", "upward N", "", "deviation N", "", "variance of means", "power by octave",
+        "scatter of runs %",
+    )  # fmt: skip
     points = table("particles and wedge model", headings)
     for item in fit.compared:
         cells = []
-        for (first, second), scale in (
-            (item.draft_newton, 1.0),
-            (item.deviation_newton, 1.0),
-            (item.period_m, 1e3),
-        ):
-            cells += [
-                f"{first * scale:.0f} / {second * scale:.0f}",
-                f"{100.0 * (second / first - 1.0):+.0f} %",
-            ]
+        for first, second in (item.draft_newton, item.upward_newton, item.deviation_newton):
+            cells += [f"{first:.0f} / {second:.0f}", f"{100.0 * (second / first - 1.0):+.0f} %"]
+        cells += [
+            " ".join(f"{part:.2f}" for part in ratio) for ratio in (item.variance_ratio, item.power_ratio)
+        ]
         scatter = (
             ", ".join(f"{100.0 * part:.0f}" for part in item.scatter) if item.replicates > 1 else "one run"
         )

@@ -39,6 +39,10 @@ class WheelSoil(StrictModel):
 class WedgeValues(StrictModel):
     """Strength of the soil and how it fails. docs/wedge.md says what each number does."""
 
+    theory: Literal["mckyes_ali", "perumpral"] = Field(
+        "mckyes_ali",
+        description="perumpral: the wedge's sides resist, shanks part broken soil; mckyes_ali: crescents.",
+    )
     density_kg_per_m3: Positive
     cohesion_pa: NonNegative
     friction_angle_rad: FrictionAngle
@@ -52,6 +56,14 @@ class WedgeValues(StrictModel):
         2.0e7, description="pressure over displacement while a wedge forms."
     )
     drop: Part01 = Field(0.3, description="part of the force lost when a wedge has failed.")
+    drop_depth_m: Positive | None = Field(
+        None,
+        description="depth where drop and variation hold; they go as one over the depth. None: everywhere.",
+    )
+    tip_m: NonNegative = Field(
+        0.0,
+        description="height of the share's blunt tip, which soil lifts as much as it holds it back.",
+    )
     period_factor: Positive = Field(
         0.3, description="travel from failure to failure over the length of the wedge."
     )
@@ -60,6 +72,12 @@ class WedgeValues(StrictModel):
     )
     variation: Part01 = Field(
         0.1, description="standard deviation of strength and length from wedge to wedge, relative."
+    )
+    length_variation: NonNegative | None = Field(
+        None, description="that of the length, where it is another: lognormal, so it may be above 1."
+    )
+    rate_s_per_m: NonNegative = Field(
+        0.0, description="part of the wedge's force that a failing wedge bears more per m/s."
     )
     shank_fraction: NonNegative = Field(
         1.0, description="of a lone shank's resistance, met in soil that the share has broken."

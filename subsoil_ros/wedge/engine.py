@@ -15,11 +15,15 @@ from ..scene.meshes import load_tool_mesh
 from ..scene.tool_faces import CuttingFace, WheelFace, cutting_faces, wheel_face
 from ..scene.wedge import WedgeValues, layer_values
 from .layers import mean_strength
-from .wedge import Plate, failure
+from .wedge import Plate, Strength, bearing_factors, failure
 from .wheel import SLOWEST_M_PER_S, grip_newton, rolling_resistance_newton, wheel_load_newton
 
 ROUND_OFF_RAD = 1e-9
 """A plate that leans forward by less counts as upright (chosen: above the round-off of a pose)."""
+
+
+LARGEST_DROP = 0.95
+"""Part of its force that a shallow wedge loses at most (chosen: what fails is still pushed)."""
 
 
 @dataclass
@@ -105,6 +109,12 @@ class WedgeEngine:
         soil = self._resolved.scene.wedge_soil
         other._values, other._layers = values, layer_values(values, soil.layers if soil else None)
         other.memory = ResistanceState()
+        return other
+
+    def with_seed(self, seed: int) -> "WedgeEngine":
+        """The same engine with other wedges."""
+        other = copy.copy(self)
+        other._seed = seed
         return other
 
     def start(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
@@ -198,13 +208,23 @@ class WedgeEngine:
         speed = max(moved[0] - moved[2] * tip[1], 0.0) / self._interval_s
         if self._range is not None and face.is_share:
             self._refuse_beyond(where, tool.name, depth, speed)
-        beta, force, length, rising = failure(Plate(face.width_m, rake, depth, height), strength, speed)
         part = 1.0 if face.is_share else self._values.shank_fraction
-        force *= part
+        plate = Plate(face.width_m, rake, depth, height)
+        if face.is_share or not strength.plane_sides:
+            beta, force, length, rising = failure(plate, strength, speed)
+            force *= part
+        else:
+            beta, force, length, rising = _parted(plate, strength, part)
         up = (rising / 3.0 + 0.5 * (1.0 - rising)) * height / tall
         arm = (tip[0] + up * (top[0] - tip[0]), tip[1] + up * (top[1] - tip[1]))
         way = (moved[0] - moved[2] * arm[1], moved[1] + moved[2] * arm[0])
-        normal = self._press(index, number, face, rake, force, strength.tool_friction, length, way)
+        normal = self._press(
+            index, number, face, rake, force, strength.tool_friction, length, way, self._scale(index, motion)
+        )
+        if face.is_share and self._values.tip_m > 0.0 and force > 0.0:
+            self._bear_tip(
+                face, strength, depth, normal / (force * math.cos(strength.tool_friction)), tip, moved, felt
+            )
         adhesion = part * strength.adhesion * height * face.width_m / math.sin(rake)
         felt.add(face.group, _on_plate(rake, beta, normal, force, adhesion, strength.tool_friction, way,
                                        SLOWEST_M_PER_S * self._interval_s), arm)  # fmt: skip
@@ -219,24 +239,45 @@ class WedgeEngine:
         scale = -side / (math.hypot(*slid) + SLOWEST_M_PER_S * self._interval_s)
         felt.add(face.group, (scale * slid[0], scale * slid[1]), centre)
 
+    def _bear_tip(
+        self, face: CuttingFace, strength: Strength, depth: float, mobilised: float,
+        tip: tuple[float, float], moved: tuple[float, float, float], felt: _Felt,
+    ) -> None:  # fmt: skip
+        """A blunt tip pushes soil aside: the soil's bearing pressure on its height, as much up as back."""
+        cohesive, frictional = bearing_factors(strength.friction)
+        pressure = strength.cohesion * cohesive
+        pressure += (strength.unit_weight * depth + strength.surcharge) * frictional
+        into = moved[0] - moved[2] * tip[1] - (moved[1] + moved[2] * tip[0])
+        if into > 0.0:
+            force = mobilised * pressure * face.width_m * self._values.tip_m
+            force *= into / (into + SLOWEST_M_PER_S * self._interval_s)
+            felt.add(face.group, (-force, force), tip)
+
     def _press(
         self, index: int, number: int, face: CuttingFace, rake: float, force: float, delta: float,
-        length: float, way: tuple[float, float],
+        length: float, way: tuple[float, float], scale: float,
     ) -> float:  # fmt: skip
         """Normal force [N] on a plate after it went `way` (x, z): a spring up to what the wedge bears.
 
         The wedge bears (1 - drop) P when it begins and P when it fails; only travel beyond the spring's
-        brings it nearer to that. The damper makes up for the force held over a tick (coupling, k H / 2).
+        brings it nearer to that, and the faster the more force (rate). The damper makes up for the force held
+        over a tick (coupling, k H / 2). scale: of drop and variation, by the depth.
         """
         memory, values = self.memory.tools[index], self._values
-        bears = force * math.cos(delta) * memory.strength * (1.0 - values.drop * (1.0 - memory.phase))
+        whole = force * math.cos(delta)
+        bears = whole * memory.strength**scale * (1.0 - scale * values.drop * (1.0 - memory.phase))
         stiffness = values.bed_modulus_newton_per_m3 * face.area_m2
         into = way[0] * math.sin(rake) + way[1] * math.cos(rake)
         trial = memory.normal_newton[number] + stiffness * into
+        slow = (
+            values.rate_s_per_m * whole / self._interval_s
+        )  # force per travel beyond the spring's in a tick
+        beyond = max(trial - bears, 0.0) / (stiffness + slow)
+        bears += slow * beyond
         memory.normal_newton[number] = min(max(trial, 0.0), bears)
         normal = min(max(memory.normal_newton[number] + stiffness * into, 0.0), bears)
-        if face.is_share and trial > bears and into > 0.0 and length > 0.0:
-            slid = min((trial - bears) / stiffness, into) / math.sin(rake)
+        if face.is_share and beyond > 0.0 and into > 0.0 and length > 0.0:
+            slid = min(beyond, into) / math.sin(rake)
             period = values.period_m or values.period_factor * length
             memory.phase += slid / (period * memory.length)
             while memory.phase >= 1.0:
@@ -245,13 +286,24 @@ class WedgeEngine:
                 self._next_wedge(index)
         return normal
 
+    def _scale(self, index: int, motion: ToolMotion) -> float:
+        """How much of drop and variation acts on a tool at its depth: deeper wedges fail in more blocks."""
+        reference, tool = self._values.drop_depth_m, self._tools[index]
+        if reference is None:
+            return 1.0
+        turn, (x, z) = motion.angle_rad - tool.reference_angle_rad, tool.faces[0].tip_m
+        depth = -(motion.z_m + math.sin(turn) * x + math.cos(turn) * z)
+        most = LARGEST_DROP / max(self._values.drop, 1e-3)
+        return min(reference / depth, most) if depth > 0.0 else most
+
     def _next_wedge(self, index: int) -> None:
         """Strength and length of the wedge that forms now: lognormal of mean 1, by seed, tool and number."""
-        memory, spread = self.memory.tools[index], self._values.variation
-        if spread == 0.0:
+        memory, values = self.memory.tools[index], self._values
+        length = values.variation if values.length_variation is None else values.length_variation
+        if values.variation == 0.0 and length == 0.0:
             return
         random = np.random.default_rng([self._seed, index, memory.failed_count])
-        sigma = math.sqrt(math.log1p(spread * spread))
+        sigma = np.array([math.sqrt(math.log1p(part * part)) for part in (values.variation, length)])
         memory.strength, memory.length = np.exp(sigma * random.standard_normal(2) - 0.5 * sigma**2).tolist()
 
     def _roll(
@@ -312,6 +364,19 @@ class WedgeEngine:
             InputError: always.
         """
         raise InputError("soil.model: 'wedge' has no particles, so there is no cloud of them")
+
+
+def _parted(plate: Plate, strength: Strength, whole: float) -> tuple[float, float, float, float]:
+    """As `failure`, of a shank in soil that the share has broken: it parts it, at the bearing pressure.
+
+    whole: part of its cohesion that the soil still has.
+    """
+    cohesive, frictional = bearing_factors(strength.friction)
+    middle = plate.depth - 0.5 * plate.height
+    weight = strength.unit_weight * middle * frictional
+    pressure = whole * strength.cohesion * cohesive + strength.surcharge * frictional + weight
+    force = pressure * plate.width * plate.height / math.sin(plate.rake + strength.tool_friction)
+    return 0.25 * math.pi - 0.5 * strength.friction, force, 0.0, weight / pressure
 
 
 def _on_plate(

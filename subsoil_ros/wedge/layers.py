@@ -22,7 +22,7 @@ def mean_strength(layers: Layers, depth_m: float, height_m: float, gravity: floa
         return Strength(
             first.density_kg_per_m3 * gravity, first.density_kg_per_m3, first.cohesion_pa,
             first.friction_angle_rad, first.adhesion_pa, first.tool_friction_angle_rad, first.surcharge_pa,
-            first.speed_factor,
+            first.speed_factor, first.theory == "perumpral",
         )  # fmt: skip
     density = cohesion = friction = adhesion = tool_friction = 0.0
     top, plate_top = 0.0, depth_m - height_m
@@ -41,5 +41,5 @@ def mean_strength(layers: Layers, depth_m: float, height_m: float, gravity: floa
             break
     return Strength(
         density * gravity, density, cohesion, math.atan(friction), adhesion, math.atan(tool_friction),
-        first.surcharge_pa, first.speed_factor,
+        first.surcharge_pa, first.speed_factor, first.theory == "perumpral",
     )  # fmt: skip

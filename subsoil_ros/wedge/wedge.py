@@ -1,9 +1,11 @@
-"""Passive failure in front of a raked plate: the wedge with two circular side crescents, and flow around.
+"""Passive failure in front of a raked plate: the wedge with two circular side crescents or with plane sides
+that resist, and flow around.
 
 Angles [rad]: rake alpha of the plate and rupture angle beta against the horizontal, friction phi of the
 soil and delta at the plate. docs/wedge.md derives the equations from equilibrium.
 Sources: E. McKyes, O.S. Ali, J. Terramechanics 14 (1977) 43-58; E. McKyes, Soil Cutting and Tillage
-(1985); R.J. Godwin, G. Spoor, J. Agric. Eng. Res. 22 (1977) 213-228.
+(1985); J.V. Perumpral, R.D. Grisso, C.S. Desai, Trans. ASAE 26 (1983) 991-995; R.J. Godwin, G. Spoor,
+J. Agric. Eng. Res. 22 (1977) 213-228.
 """
 
 import math
@@ -38,6 +40,7 @@ class Strength(NamedTuple):
     tool_friction: float  # delta [rad]
     surcharge: float  # q [Pa]
     speed_factor: float  # on the inertia term
+    plane_sides: bool = False  # the wedge's own sides resist (Perumpral); False: crescents (McKyes and Ali)
 
 
 class Plate(NamedTuple):
@@ -61,11 +64,17 @@ def wedge_terms(plate, soil, beta):
     cot_reaction = 1.0 / math.tan(beta + soil.friction)
     length = d * (cot_beta + cot_alpha)
     # how far a crescent reaches sideways: r sin(eta), cos(eta) = d cot(alpha) / r (1977)
-    side = math.sqrt(max(length * length - (d * cot_alpha) ** 2, 0.0))
+    side = 0.0 if soil.plane_sides else math.sqrt(max(length * length - (d * cot_alpha) ** 2, 0.0))
     share = 1.0 / (math.cos(alpha + soil.tool_friction) + math.sin(alpha + soil.tool_friction) * cot_reaction)
     weight = soil.unit_weight * 0.5 * d * length * (w + 2.0 * side / 3.0) * share
     cohesion = soil.cohesion * d * (1.0 + cot_beta * cot_reaction) * (w + side) * share
     surcharge = soil.surcharge * length * (w + side) * share
+    if soil.plane_sides:  # two triangles, each under the pressure at rest, against the motion along the plane
+        along = (math.sin(beta) + math.cos(beta) * cot_reaction) * d * length * share
+        rest = (1.0 - math.sin(soil.friction)) * math.tan(soil.friction) * along
+        weight += soil.unit_weight * d / 3.0 * rest
+        cohesion += soil.cohesion * along
+        surcharge += soil.surcharge * rest
     adhesion = soil.adhesion * h * (1.0 - cot_alpha * cot_reaction) * w * share
     tan_beta = math.tan(beta)
     inertia = soil.speed_factor * soil.density * d * w * share
@@ -112,6 +121,17 @@ def least_wedge(plate, soil, speed):
     # towards the upright plane crescents shrink as a root: steep, so its end is looked at by itself
     upright = wedge_force(plate, soil, speed, last)
     return (last, upright) if upright < force else (beta, force)
+
+
+def bearing_factors(friction: float) -> tuple[float, float]:
+    """(N_c, N_q) of soil that gives way sideways, at the friction angle phi [rad].
+
+    N_q = tan^2(45 + phi / 2) exp(pi tan phi), N_c = (N_q - 1) cot phi, pi + 2 without friction: L. Prandtl,
+    Nachr. Ges. Wiss. Goettingen (1920) 74-85; H. Reissner, Proc. 1st Int. Congr. Appl. Mech. (1924) 295-311.
+    """
+    tangent = math.tan(friction)
+    n_q = math.tan(0.25 * math.pi + 0.5 * friction) ** 2 * math.exp(math.pi * tangent)
+    return (math.pi + 2.0 if tangent < 1e-9 else (n_q - 1.0) / tangent), n_q
 
 
 @njit(cache=True, error_model="numpy")

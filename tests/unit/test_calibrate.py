@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from numpy.testing import assert_allclose
 
 from subsoil_ros.api.execution import execute
 from subsoil_ros.cli.main import main
@@ -22,7 +23,8 @@ from subsoil_ros.experiments.calibration.design import (
     read_design,
     tip_of,
 )
-from subsoil_ros.experiments.calibration.runs import Pull, dominant_period_m, numbers
+from subsoil_ros.experiments.calibration.fluctuation import octave_edges_m
+from subsoil_ros.experiments.calibration.runs import Pull, numbers
 from subsoil_ros.experiments.calibration.soil_results import slope_rad
 from subsoil_ros.experiments.run_cache import keep_run
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
@@ -99,23 +101,25 @@ def test_values_that_are_known_are_found(design: Path, tmp_path: Path, capsys: C
         assert model == pytest.approx(draft, rel=0.05)
         deviation, model = row["deviation_newton"]
         assert model == pytest.approx(deviation, rel=0.25)
-        period, model = row["period_m"]
-        assert model == pytest.approx(period, rel=0.15)
+        assert row["power_ratio"][1] == pytest.approx(
+            1.0, rel=0.5
+        )  # of the waves of 20 to 40 mm, the cycle's
     # the file runs in a scene whose particles it was fitted to
     use = {"model": "wedge", "file": str(out), "fitted_to": str(SCENES / "tine.yaml")}
     load_scene(write(tmp_path / "use.yaml", {"base": str(SCENES / "tine.yaml"), "soil": use, "tools": FAST}))
 
 
-def test_period_of_a_known_wave() -> None:
-    """A sine on a trend and noise; its deviation is that of the sine, the trend being taken off."""
+def test_numbers_of_a_known_wave() -> None:
+    """A sine on a trend: deviation, power in its own octave, variance of its means in closed form."""
     x = np.arange(0.0, 1.0, 5e-4)
-    random = np.random.default_rng(0)
-    draft = 1000.0 + 300.0 * x + 50.0 * np.sin(2.0 * np.pi * x / 0.04) + random.normal(0.0, 5.0, len(x))
-    read = numbers(Pull(x, -draft[:, None], 0.0 * draft[:, None], ("share",)), 0.1, (0.3, 0.9))
-    assert dominant_period_m([read]) == pytest.approx(0.04, rel=0.05)  # one line of the spectrum is 4 %
-    later = numbers(Pull(x + 0.007, -draft[:, None], 0.0 * draft[:, None], ("share",)), 0.1, (0.3, 0.9))
-    assert dominant_period_m([read, later]) == pytest.approx(0.04, rel=0.05)  # a replicate stands elsewhere
-    assert read.deviation_newton == pytest.approx(50.0 / math.sqrt(2.0), rel=0.05)
+    draft = 1000.0 + 300.0 * x + 50.0 * np.sin(2.0 * np.pi * x / 0.06)
+    read = numbers(Pull(x, -draft[:, None], 0.0 * draft[:, None], ("share",)), 0.1, (0.3, 0.9), 0.01)
+    variance = 0.5 * 50.0**2
+    assert read.deviation_newton == pytest.approx(math.sqrt(variance), rel=0.01)
+    assert_allclose(octave_edges_m(0.01, 0.6), [0.01, 0.02, 0.04, 0.08])
+    assert_allclose(read.octave_power, [0.0, 0.0, variance], atol=0.01 * variance)
+    smoothed = np.sinc(0.1 / 0.06) ** 2  # a mean over 0.1 m of a wave of 0.06 m
+    assert read.variance_of_means[0] == pytest.approx(variance * smoothed, rel=0.1)
     assert read.draft_newton == pytest.approx(1000.0 + 300.0 * 0.5, rel=0.01)
 
 

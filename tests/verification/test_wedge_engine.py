@@ -106,6 +106,30 @@ def test_steady_share_has_the_force_of_the_theory(engine):
     assert -last.force_z_newton == pytest.approx(v, rel=1e-3)
 
 
+def test_a_failing_wedge_bears_more_the_faster_it_is_pushed(engine):
+    """Steady: P (1 + rate v sin alpha) on the plate; the spring before it takes the same force."""
+    rate, speed = 0.4, STEP_M / 1e-3
+    plain, faster = (
+        engine({"adhesion_pa": 0.0, "rate_s_per_m": part, "speed_factor": 0.0}) for part in (0.0, rate)
+    )
+    drawn(plain, forward(400))
+    drawn(faster, forward(400))
+    (slow,), (quick,) = plain.memory.tools[0].normal_newton, faster.memory.tools[0].normal_newton
+    assert quick / slow == pytest.approx(1.0 + rate * speed * math.sin(math.radians(25.0)), rel=1e-6)
+
+
+def test_length_and_strength_vary_each_by_their_own(engine):
+    """Even strengths with uneven lengths: the force rises to the same peak each time, after other travels."""
+    values = {"variation": 0.0, "length_variation": 0.8, "drop": 0.4, "period_m": 0.02}
+    soil = engine(values)
+    forces = -np.array([w.force_x_newton for w in drawn(soil, forward(2000))])
+    peaks = np.flatnonzero((forces[1:-1] > forces[:-2]) & (forces[2:] < 0.8 * forces[1:-1])) + 1
+    assert len(peaks) > 10
+    assert np.std(forces[peaks]) < 0.03 * forces[peaks].mean()
+    assert np.std(np.diff(peaks)) > 0.4 * np.diff(peaks).mean()
+    assert soil.memory.tools[0].strength == 1.0
+
+
 def test_rising_soil_lifts_an_upright_blade(engine):
     """Soil in front of it slides up, so friction is upward: V = -P sin(delta), H = P cos(delta)."""
     blade = trimesh.creation.box((0.02, 0.05, 0.6)).apply_translation((0.0, 0.0, -0.1))
@@ -309,3 +333,48 @@ def test_no_particle_code_is_imported(tmp_path):
     figures = sorted(path.name for path in (tmp_path / "out" / "figures").iterdir())
     assert figures == ["draft.png", "over_travel.png"]
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["particles"]["count"] == 0
+
+
+def test_a_blunt_tip_is_lifted_as_much_as_it_is_held_back(engine):
+    """By bearing pressure times width times height of the tip; with the wedge as far as it is mobilised."""
+    values = {"theory": "perumpral", "adhesion_pa": 0.0, "speed_factor": 0.0}
+    sharp, blunt = (drawn(engine({**values, "tip_m": tip}), forward(400))[-1] for tip in (0.0, 0.01))
+    tangent = math.tan(0.5)
+    n_q = math.tan(0.25 * math.pi + 0.25) ** 2 * math.exp(math.pi * tangent)
+    pressure = 8e3 * (n_q - 1.0) / tangent + 1300.0 * 9.81 * 0.2 * n_q
+    assert n_q == pytest.approx(16.0, rel=0.02)  # at 28.6 degrees, between 14.7 at 28 and 16.4 at 29
+    lift = 0.06 * 0.01 * pressure
+    assert sharp.force_x_newton - blunt.force_x_newton == pytest.approx(lift, rel=5e-3)
+    assert blunt.force_z_newton - sharp.force_z_newton == pytest.approx(lift, rel=5e-3)
+
+
+def test_a_shank_parts_broken_soil_at_its_bearing_pressure(engine):
+    """H = pressure at half its depth times its front; cohesion counts by the part that is left."""
+    values = {"theory": "perumpral", "adhesion_pa": 0.0, "tool_friction_angle_rad": 0.0, "speed_factor": 0.0}
+    forces = [
+        -drawn(engine({**values, "shank_fraction": part}, share="both"), forward(400))[-1]
+        .groups[1]
+        .force_x_newton
+        for part in (0.0, 0.25, 0.5)
+    ]
+    assert forces[2] - forces[1] == pytest.approx(forces[1] - forces[0], rel=1e-6)
+    tangent = math.tan(0.5)
+    n_q = math.tan(0.25 * math.pi + 0.25) ** 2 * math.exp(math.pi * tangent)
+    front_m2 = (forces[1] - forces[0]) / (0.25 * 8e3 * (n_q - 1.0) / tangent)
+    blade = trimesh.load(CONFIG / "meshes" / "shank.stl")
+    height = -(0.1 + blade.bounds[0, 2])  # of what is in the soil
+    assert front_m2 == pytest.approx(np.ptp(blade.bounds[:, 1]) * height, rel=0.02)
+    assert forces[0] == pytest.approx(1300.0 * 9.81 * 0.5 * height * n_q * front_m2, rel=0.02)
+
+
+def test_deeper_wedges_drop_less(engine):
+    """Drop and variation go as one over the depth of the tip, at most to LARGEST_DROP."""
+    values = {"drop": 0.3, "drop_depth_m": 0.1, "period_m": 0.02, "adhesion_pa": 0.0}
+    for z, drop in ((0.1, 0.15), (0.2, 0.3), (0.28, 0.95)):  # tip 0.2, 0.1 and 0.02 m deep
+        soil = engine(values)
+        drawn(soil, forward(1000, z=z))
+        normal, where = [], soil.memory.tools[0]
+        for tick in range(200):
+            soil.advance(tick, at(x=1.0 + tick * STEP_M, z=z))
+            normal.append(where.normal_newton[0])
+        assert 1.0 - min(normal[50:]) / max(normal[50:]) == pytest.approx(drop, abs=0.03)

@@ -24,6 +24,7 @@ from subsoil_ros.wedge.wedge import (
     wedge_terms,
 )
 from subsoil_ros.wedge.wheel import grip_newton, rolling_resistance_newton, wheel_load_newton
+from validation import blades
 
 WIDE = 1e4
 """Width over depth at which two crescents weigh less than 1e-3 of the wedge."""
@@ -48,6 +49,22 @@ def coulomb(rake, phi, delta):
     alpha, phi, delta = math.radians(rake), math.radians(phi), math.radians(delta)
     root = math.sqrt(math.sin(phi + delta) * math.sin(phi) / math.sin(alpha + delta) / math.sin(alpha))
     return math.sin(alpha - phi) ** 2 / (math.sin(alpha) ** 2 * math.sin(alpha + delta) * (1.0 - root) ** 2)
+
+
+@pytest.mark.parametrize("rake", [25.0, 45.0, 90.0])
+def test_plane_sides_are_those_of_perumpral(rake):
+    """The least wedge is that of the closed form by equilibrium across the plane's reaction."""
+    soil = blades.Soil(1e4, math.radians(32.0), 1450.0, math.radians(23.0))
+    for width, depth in ((0.06, 0.2), (WIDE, 1.0)):
+        blade = blades.Blade(width, depth, math.radians(rake))
+        beta, force = least_wedge(
+            Plate(width, blade.rake_rad, depth, depth), soil.strength._replace(plane_sides=True), 0.0
+        )
+        known = blades.perumpral(soil, blade)
+        assert force * math.sin(blade.rake_rad + soil.delta_rad) == pytest.approx(
+            known.draft_newton, rel=SEARCHED
+        )
+        assert beta == pytest.approx(known.beta_rad, abs=2e-4)
 
 
 def test_smooth_upright_wall_fails_by_rankine():

@@ -43,6 +43,7 @@ class WedgeDesign(StrictModel):
     overrides: tuple[str, ...] = ()  # KEY=VALUE over the scene, in every run
     start_tip_x_m: Finite = -0.05
     window_m: tuple[Positive, Positive]  # tip positions over which means are taken
+    theory: Literal["mckyes_ali", "perumpral"] = "mckyes_ali"
     fit: Annotated[tuple[Point, ...], Field(min_length=3)]
     check: tuple[Point, ...] = ()
     wheels: WheelSoil | None = None  # taken over into the soil file

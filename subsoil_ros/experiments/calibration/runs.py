@@ -18,15 +18,10 @@ from ...loading.loader import ResolvedScene
 from ...messages import ToolMotions, ToolWrenches
 from ...ticks import INITIAL_TICK
 from ..run_cache import find_run, keep_run
+from .fluctuation import MEAN_LENGTHS_M, SAMPLE_M, octave_power, variance_of_means, without_trend
 
 RunProgress = Callable[[str, Timing], AbstractContextManager[Callable[[int], None]]]
 """Told the name and time of each run, gives what is called with every tick."""
-
-SAMPLE_M = 1e-3
-"""Travel between samples of a spectrum (chosen: a twentieth of a particle's diameter)."""
-
-RESOLVED_PERIODS = 5.0
-"""Longer periods than the window over this are drift: too few to tell (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +42,8 @@ class PullNumbers:
     mean_z_newton: NDArray[np.float64]
     draft_newton: float
     deviation_newton: float  # standard deviation of the draft about its trend
-    frequency_per_m: NDArray[np.float64]
-    power: NDArray[np.float64]  # of the draft about its trend
+    octave_power: NDArray[np.float64]  # [N2] of the draft about its trend, of waves between octave_edges_m
+    variance_of_means: NDArray[np.float64]  # [N2] of the draft about its trend, over each of MEAN_LENGTHS_M
 
 
 class _Sink:
@@ -109,32 +104,21 @@ def kept_pull(scene: ResolvedScene, folder: Path, name: str, threads: int, progr
     )
 
 
-def numbers(found: Pull, tip_x_m: float, window_m: tuple[float, float]) -> PullNumbers:
-    """Means, deviation and spectrum over a window of the tip; tip_x_m: of the tip from the tool's origin."""
+def numbers(
+    found: Pull, tip_x_m: float, window_m: tuple[float, float], shortest_wave_m: float
+) -> PullNumbers:
+    """Means and fluctuation over a window of the tip; tip_x_m: of the tip from the tool's origin."""
     tip = found.x_m + tip_x_m
     rows = (tip >= window_m[0]) & (tip <= window_m[1])
     if rows.sum() < 10:
         raise RunError(f"window_m {window_m}: the tip was there in {int(rows.sum())} ticks; draw it further")
     draft = -found.force_x_newton[rows].sum(axis=1)
-    at = np.arange(*window_m, SAMPLE_M)  # the same for all pulls, so that spectra can be averaged
-    sampled = np.interp(at, tip[rows], draft)
-    about = sampled - np.polyval(np.polyfit(at, sampled, 1), at)
-    power = np.abs(np.fft.rfft(about * np.hanning(len(about)))) ** 2
+    about = without_trend(np.interp(np.arange(*window_m, SAMPLE_M), tip[rows], draft))
     return PullNumbers(
         mean_x_newton=found.force_x_newton[rows].mean(axis=0),
         mean_z_newton=found.force_z_newton[rows].mean(axis=0),
         draft_newton=float(draft.mean()),
         deviation_newton=float(about.std()),
-        frequency_per_m=np.asarray(np.fft.rfftfreq(len(about), SAMPLE_M), np.float64),
-        power=power,
+        octave_power=octave_power(about, shortest_wave_m),
+        variance_of_means=np.array([variance_of_means(about, length) for length in MEAN_LENGTHS_M]),
     )
-
-
-def dominant_period_m(found: list[PullNumbers]) -> float:
-    """Period of the largest peak of the mean spectrum of replicates, of those resolved often enough."""
-    frequency = found[0].frequency_per_m
-    power = np.mean([item.power / item.power.sum() for item in found], axis=0)
-    power = np.convolve(power, [0.25, 0.5, 0.25], "same")
-    lowest = RESOLVED_PERIODS * frequency[1]
-    rows = np.flatnonzero(frequency >= lowest)
-    return float(1.0 / frequency[rows[np.argmax(power[rows])]])

@@ -61,7 +61,8 @@ def _draft_newton(scene: ResolvedScene, folder: Path, threads: int, progress: Ru
     assert soil is not None
     inside = scene.scene.report.window_inside_m
     found = kept_pull(scene, folder, "draft", threads, progress)
-    return numbers(found, tip_x, (inside, soil.bin.length_m - inside)).draft_newton
+    window = (inside, soil.bin.length_m - inside)
+    return numbers(found, tip_x, window, soil.particles.mean_volume_radius_m).draft_newton
 
 
 def _changed(scene: ResolvedScene, changes: list[str]) -> ResolvedScene:

@@ -18,9 +18,12 @@ from ...scene.tool_faces import cutting_faces
 from ...scene.wedge import SoilRange, WedgeValues
 from ...wedge.engine import WedgeEngine
 from .design import Point, WedgeDesign, fitted_law, point_overrides, tip_of
-from .runs import PullNumbers, RunProgress, dominant_period_m, kept_pull, numbers, pull
+from .fluctuation import fit_wedges
+from .runs import PullNumbers, RunProgress, kept_pull, numbers, pull
 
-FITTED = {
+Bounds = dict[str, tuple[float, float, float]]
+
+FITTED: Bounds = {
     "cohesion_pa": (1e4, 0.0, 2e5),
     "friction_angle_rad": (0.3, 0.01, 0.9),
     "adhesion_part": (0.3, 0.0, 1.0),
@@ -29,6 +32,9 @@ FITTED = {
     "speed_factor": (1.0, 0.0, 50.0),
 }
 """Start and bounds. friction_part is tan(delta) over tan(phi), adhesion_part c_a over c: both at most 1."""
+
+FITTED_TOO: Bounds = {"rate_s_per_m": (0.05, 0.0, 1.0), "tip_m": (0.01, 0.0, 0.1)}
+"""Of the theory of Perumpral, Grisso and Desai. Its adhesion is 0, as of a material's particles on metal."""
 
 STARTS = (0.1, 0.35, 0.6)
 """Friction angles [rad] that the fit starts from; the best end is taken."""
@@ -39,7 +45,16 @@ WEIGHT = 0.03
 UPWARD_WEIGHT = 3.0
 """How much more a mean vertical force may miss by (chosen: the draft is what is asked for)."""
 
-ROUNDS = 3
+STEADY_TICKS = 200
+"""Ticks until the forces of a steady pull stand, at most (chosen: each brings them nearer by some half)."""
+
+SEEDS = (0, 1, 2, 3)
+"""Of the wedge model beside each point (chosen: its powers are then known better than those of one run)."""
+
+WEDGE_STEP_M = 1e-3
+"""Travel in a tick of the wedge model (chosen: a tenth of the shortest wave that is compared)."""
+
+ROUNDS = 2
 """Means and fluctuation are fitted in turn: the drop lowers the mean."""
 
 
@@ -70,9 +85,11 @@ class Compared:
     point: Point
     used: bool
     draft_newton: tuple[float, float]  # particles, wedge
+    upward_newton: tuple[float, float]
     deviation_newton: tuple[float, float]
-    period_m: tuple[float, float]
-    scatter: tuple[float, float, float]  # of draft, deviation and period between replicates, relative
+    variance_ratio: tuple[float, ...]  # wedge over particles, of means over each of MEAN_LENGTHS_M
+    power_ratio: tuple[float, ...]  # wedge over particles, by octave of wave length
+    scatter: tuple[float, float]  # of draft and deviation between replicates, relative
     replicates: int
 
 
@@ -94,6 +111,7 @@ def measure(
     """Runs what has not been run yet. Raises RunError as kept_pull does."""
     found = []
     name, _ = tip_of(scene)
+    shortest = _shortest_wave_m(scene)
     for used, points in ((True, design.fit), (False, design.check)):
         for point in points:
             runs = []
@@ -101,15 +119,27 @@ def measure(
                 resolved = load_scene(scene.path, point_overrides(scene, design, point, replicate))
                 label = f"{point.name}, run {replicate + 1} of {point.replicates}"
                 tip_x = _tip_x_m(scene, point)
-                runs.append(
-                    numbers(kept_pull(resolved, folder, label, threads, progress), tip_x, design.window_m)
-                )
-            wedge = load_scene(scene.path, (*point_overrides(scene, design, point, 0), *_WEDGE))
+                found_pull = kept_pull(resolved, folder, label, threads, progress)
+                runs.append(numbers(found_pull, tip_x, design.window_m, shortest))
+            step = f"coupling.communication_step_ns={round(1e9 * WEDGE_STEP_M / point.speed_m_per_s)}"
+            changes = [
+                change
+                for change in point_overrides(scene, design, point, 0)
+                if not change.startswith("soil.") or change.startswith("soil.bin")  # particles are not there
+            ]
+            wedge = load_scene(scene.path, (*changes, *_WEDGE, step))
             found.append(Measured(point, wedge, _tip_x_m(scene, point), runs, used))
     groups = scene.scene.tools[name].groups
     if any(len(item.numbers[0].mean_x_newton) != len(groups) for item in found):
         raise RunError(f"{folder}: a cached run has other groups than {', '.join(groups)}; remove the folder")
     return found
+
+
+def _shortest_wave_m(scene: ResolvedScene) -> float:
+    """A radius: shorter waves are of single contacts."""
+    soil = scene.scene.particle_soil
+    assert soil is not None
+    return soil.particles.mean_volume_radius_m
 
 
 _START = WedgeValues(
@@ -133,26 +163,25 @@ def _tip_x_m(scene: ResolvedScene, point: Point) -> float:
 def fit_wedge(
     scene: ResolvedScene, design: WedgeDesign, density_kg_per_m3: float, measured: list[Measured]
 ) -> WedgeFit:
-    """Fits strength to the mean forces of each group, then drop, variation and period to the fluctuation.
+    """Fits strength to the mean forces of each group, and what varies from wedge to wedge to the fluctuation.
 
     Strength by least squares over share and shank along x and z; standard errors from the Jacobian, scaled by
-    the residuals' own size. drop and period by running the wedge engine on the same paths.
+    the residuals' own size.
     """
-    used = [item for item in measured if item.used]
+    used, shortest = [item for item in measured if item.used], _shortest_wave_m(scene)
     engines = {id(item): WedgeEngine(item.scene) for item in measured}
-    values = _START.model_copy(
-        update={"density_kg_per_m3": density_kg_per_m3, "drop": 0.1, "wheels": design.wheels}
-    )
+    first = {"density_kg_per_m3": density_kg_per_m3, "drop": 0.1, "wheels": design.wheels}
+    values = _START.model_copy(update={**first, "theory": design.theory})
     best = None
     for _ in range(ROUNDS):
         best = _fit_means(values, used, engines, best)
-        values = _with(values, best.x)
-        values = _fit_fluctuation(values, used, engines, design)
+        values = _fit_fluctuation(_with(values, best.x), used, design, shortest)
     best = _fit_means(values, used, engines, best)
     values = _with(values, best.x)
-    compared = tuple(_compare(values, item, engines[id(item)], design) for item in measured)
-    names = tuple(name for name, bound in zip(FITTED, _at_bound(best), strict=True) if not bound)
-    free = [list(FITTED).index(name) for name in names]  # a value at its bound has no error of this kind
+    compared = tuple(_compare(values, item, engines[id(item)], design, shortest) for item in measured)
+    searched = searched_by(design.theory)
+    names = tuple(name for name, bound in zip(searched, _at_bound(best, searched), strict=True) if not bound)
+    free = [list(searched).index(name) for name in names]  # a value at its bound has no error of this kind
     freedoms = len(best.fun) - len(free)
     chi_squared = float(best.fun @ best.fun) / max(freedoms, 1)
     slopes = best.jac[:, free]
@@ -175,17 +204,24 @@ def fit_wedge(
     return WedgeFit(soil, compared, names, covariance / np.outer(safe, safe), chi_squared, freedoms)
 
 
-def _at_bound(end: Any) -> list[bool]:
+def searched_by(theory: str) -> Bounds:
+    """Start, lower and upper bound of each number that a fit of this theory looks for."""
+    if theory == "perumpral":
+        return {name: bounds for name, bounds in FITTED.items() if name != "adhesion_part"} | FITTED_TOO
+    return FITTED
+
+
+def _at_bound(end: Any, searched: Bounds) -> list[bool]:
     """Which values stand at a bound, to 1e-3 of their scale."""
     return [
         value - low < 1e-3 * start or high - value < 1e-3 * start
-        for value, (start, low, high) in zip(end.x, FITTED.values(), strict=True)
+        for value, (start, low, high) in zip(end.x, searched.values(), strict=True)
     ]
 
 
 def _with(values: WedgeValues, found: NDArray[np.float64]) -> WedgeValues:
-    change = dict(zip(FITTED, found.tolist(), strict=True))
-    part, sticks = change.pop("friction_part"), change.pop("adhesion_part")
+    change: dict[str, float] = dict(zip(searched_by(values.theory), found.tolist(), strict=True))
+    part, sticks = change.pop("friction_part"), change.pop("adhesion_part", 0.0)
     change["adhesion_pa"] = sticks * change["cohesion_pa"]
     change["tool_friction_angle_rad"] = math.atan(part * math.tan(change["friction_angle_rad"]))
     return WedgeValues.model_validate({**values.model_dump(), **change})
@@ -195,9 +231,7 @@ def _fit_means(
     values: WedgeValues, used: list[Measured], engines: dict[int, WedgeEngine], before: Any
 ) -> Any:
     """Least squares over the mean forces; from several starts the first time."""
-    lower = np.array([low for _, low, _ in FITTED.values()])
-    upper = np.array([high for _, _, high in FITTED.values()])
-    scale = np.array([start for start, _, _ in FITTED.values()])
+    scale, lower, upper = np.array(list(searched_by(values.theory).values())).T
 
     def residuals(found: NDArray[np.float64]) -> NDArray[np.float64]:
         soil = _with(values, found)
@@ -232,9 +266,12 @@ def steady(engine: WedgeEngine, item: Measured) -> tuple[NDArray[np.float64], ND
 
     engine.start(at(start))
     memory = engine.memory.tools[0]
-    memory.normal_newton = [math.inf for _ in memory.normal_newton]
-    memory.phase, memory.strength = 0.5, 1.0
-    groups = engine.advance(0, at(start + step))[0].groups
+    memory.normal_newton = (10.0 * np.abs(item.mean("mean_x_newton"))).tolist()  # more than it bears
+    for tick in range(STEADY_TICKS):
+        memory.phase, memory.strength, before = 0.5, 1.0, memory.normal_newton.copy()
+        groups = engine.advance(tick, at(start + (tick + 1) * step))[0].groups
+        if np.allclose(memory.normal_newton, before, rtol=1e-6, atol=0.0):
+            break
     return (
         np.array([group.force_x_newton for group in groups]),
         np.array([group.force_z_newton for group in groups]),
@@ -242,46 +279,47 @@ def steady(engine: WedgeEngine, item: Measured) -> tuple[NDArray[np.float64], ND
 
 
 def _wedge_numbers(
-    values: WedgeValues, item: Measured, engine: WedgeEngine, design: WedgeDesign
-) -> PullNumbers:
-    return numbers(pull(item.scene, engine.with_values(values)), item.tip_x_m, design.window_m)
+    values: WedgeValues, item: Measured, engine: WedgeEngine, design: WedgeDesign, shortest_wave_m: float
+) -> list[PullNumbers]:
+    """Of the wedge model on the same path, one for each of SEEDS."""
+    found = engine.with_values(values)
+    return [
+        numbers(pull(item.scene, found.with_seed(seed)), item.tip_x_m, design.window_m, shortest_wave_m)
+        for seed in SEEDS
+    ]
 
 
 def _fit_fluctuation(
-    values: WedgeValues,
-    used: list[Measured],
-    engines: dict[int, WedgeEngine],
-    design: WedgeDesign,
+    values: WedgeValues, used: list[Measured], design: WedgeDesign, shortest_wave_m: float
 ) -> WedgeValues:
-    """drop (with a variation of its own size), and the period: as a length, or over the wedge's length.
+    """drop, variations and the length of a wedge, by the power of the draft by octave of wave length.
 
-    Of both the one whose numbers scatter less from point to point. A cycle from 1 - drop to 1 deviates by
-    drop / sqrt(12); wedges that vary by as much double the variance.
+    The length is one of travel, or over the length of the theory's wedge; drop and variation are the same at
+    every depth, or go as one over it. Of these four what meets the powers best.
     """
-    periods = np.array([dominant_period_m(item.numbers) for item in used])
-    lengths = np.array([_wedge_length_m(values, item) for item in used])
-    constant, relative = np.median(periods), np.median(periods / lengths)
-    spread = float(np.std(np.log(periods))), float(np.std(np.log(periods / lengths)))
-    follows = spread[1] < spread[0]
-    change: dict[str, Any] = {
-        "period_m": None if follows else float(constant),
-        "period_factor": float(relative),
+    powers = [item.mean("octave_power") / item.mean("draft_newton") ** 2 for item in used]
+    window_m = design.window_m[1] - design.window_m[0]
+    depths = np.array([item.point.depth_m for item in used])
+    reference = float(np.exp(np.mean(np.log(depths))))
+    lengths = {
+        "period_m": np.ones(len(used)),
+        "period_factor": np.array([_wedge_length_m(values, item) for item in used]),
     }
-    drop = values.drop
-    for _ in range(4):
-        change |= {"drop": drop, "variation": drop / math.sqrt(12.0)}
-        soil = WedgeValues.model_validate({**values.model_dump(), **change})
-        ratio, late = [], []
-        for item, period in zip(used, periods, strict=True):
-            got = _wedge_numbers(soil, item, engines[id(item)], design)
-            ratio.append(item.mean("deviation_newton") / got.deviation_newton)
-            late.append(period / dominant_period_m([got]))
-        drop = float(np.clip(drop * np.exp(np.mean(np.log(ratio))), 1e-3, 0.9))
-        if not follows:
-            change["period_m"] *= float(np.clip(np.median(late), 0.8, 1.25))
-        change["period_factor"] *= float(np.clip(np.median(late), 0.8, 1.25))
-    change |= {"drop": drop, "variation": drop / math.sqrt(12.0)}
-    return WedgeValues.model_validate({**values.model_dump(), **change})
+    parts = {None: np.ones(len(used)), reference: reference / depths}
+    found = [
+        (key, depth, *fit_wedges(powers, scale, part, shortest_wave_m, window_m))
+        for key, scale in lengths.items()
+        for depth, part in parts.items()
+    ]
+    key, depth, wedges, _ = min(found, key=lambda item: item[3])
+    change = {
+        "drop": wedges.drop,
+        "drop_depth_m": depth,
+        "variation": wedges.variation,
+        "length_variation": wedges.length_variation,
+        "period_m": None,
+    }
+    return WedgeValues.model_validate({**values.model_dump(), **change, key: wedges.length_m})
 
 
 def _wedge_length_m(values: WedgeValues, item: Measured) -> float:
@@ -296,20 +334,29 @@ def _wedge_length_m(values: WedgeValues, item: Measured) -> float:
     return float(failure(Plate(face.width_m, rake, depth, height), strength, item.point.speed_m_per_s)[2])
 
 
-def _compare(values: WedgeValues, item: Measured, engine: WedgeEngine, design: WedgeDesign) -> Compared:
-    got = _wedge_numbers(values, item, engine, design)
-    periods = [dominant_period_m([one]) for one in item.numbers]
+def _compare(
+    values: WedgeValues, item: Measured, engine: WedgeEngine, design: WedgeDesign, shortest_wave_m: float
+) -> Compared:
+    got = _wedge_numbers(values, item, engine, design, shortest_wave_m)
+
+    def both(name: str) -> tuple[Any, Any]:
+        return item.mean(name), np.mean([getattr(one, name) for one in got], axis=0)
+
+    def ratio(name: str) -> tuple[float, ...]:
+        particles, wedge = both(name)
+        return tuple((wedge / np.maximum(particles, 1e-9)).tolist())
+
+    draft, deviation = (tuple(map(float, both(name))) for name in ("draft_newton", "deviation_newton"))
+    upward = tuple(float(np.sum(part)) for part in both("mean_z_newton"))
     return Compared(
         point=item.point,
         used=item.used,
-        draft_newton=(float(item.mean("draft_newton")), got.draft_newton),
-        deviation_newton=(float(item.mean("deviation_newton")), got.deviation_newton),
-        period_m=(dominant_period_m(item.numbers), dominant_period_m([got])),
-        scatter=(
-            item.scatter("draft_newton"),
-            item.scatter("deviation_newton"),
-            float(np.ptp(periods) / 2.0 / np.mean(periods)),
-        ),
+        draft_newton=draft,  # type: ignore[arg-type]  # two each
+        upward_newton=upward,  # type: ignore[arg-type]
+        deviation_newton=deviation,  # type: ignore[arg-type]
+        variance_ratio=ratio("variance_of_means"),
+        power_ratio=ratio("octave_power"),
+        scatter=(item.scatter("draft_newton"), item.scatter("deviation_newton")),
         replicates=len(item.numbers),
     )
 
@@ -322,8 +369,10 @@ def _row(item: Compared) -> dict[str, Any]:
         "used_in_fit": item.used,
         "replicates": item.replicates,
         "draft_newton": [round(value, 1) for value in item.draft_newton],
+        "upward_newton": [round(value, 1) for value in item.upward_newton],
         "deviation_newton": [round(value, 1) for value in item.deviation_newton],
-        "period_m": [round(value, 5) for value in item.period_m],
+        "variance_ratio": [round(value, 3) for value in item.variance_ratio],
+        "power_ratio": [round(value, 3) for value in item.power_ratio],
         "scatter": [round(value, 4) for value in item.scatter],
     }
 

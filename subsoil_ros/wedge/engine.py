@@ -15,7 +15,7 @@ from ..scene.meshes import load_tool_mesh
 from ..scene.tool_faces import CuttingFace, WheelFace, cutting_faces, wheel_face
 from ..scene.wedge import WedgeValues, layer_values
 from .layers import mean_strength
-from .wedge import Plate, Strength, bearing_factors, failure
+from .wedge import Plate, Strength, bearing_factors, failure, parted
 from .wheel import SLOWEST_M_PER_S, grip_newton, rolling_resistance_newton, wheel_load_newton
 
 ROUND_OFF_RAD = 1e-9
@@ -214,7 +214,7 @@ class WedgeEngine:
             beta, force, length, rising = failure(plate, strength, speed)
             force *= part
         else:
-            beta, force, length, rising = _parted(plate, strength, part)
+            beta, force, length, rising = parted(plate, strength, part)
         up = (rising / 3.0 + 0.5 * (1.0 - rising)) * height / tall
         arm = (tip[0] + up * (top[0] - tip[0]), tip[1] + up * (top[1] - tip[1]))
         way = (moved[0] - moved[2] * arm[1], moved[1] + moved[2] * arm[0])
@@ -364,19 +364,6 @@ class WedgeEngine:
             InputError: always.
         """
         raise InputError("soil.model: 'wedge' has no particles, so there is no cloud of them")
-
-
-def _parted(plate: Plate, strength: Strength, whole: float) -> tuple[float, float, float, float]:
-    """As `failure`, of a shank in soil that the share has broken: it parts it, at the bearing pressure.
-
-    whole: part of its cohesion that the soil still has.
-    """
-    cohesive, frictional = bearing_factors(strength.friction)
-    middle = plate.depth - 0.5 * plate.height
-    weight = strength.unit_weight * middle * frictional
-    pressure = whole * strength.cohesion * cohesive + strength.surcharge * frictional + weight
-    force = pressure * plate.width * plate.height / math.sin(plate.rake + strength.tool_friction)
-    return 0.25 * math.pi - 0.5 * strength.friction, force, 0.0, weight / pressure
 
 
 def _on_plate(

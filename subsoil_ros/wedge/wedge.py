@@ -193,3 +193,16 @@ def failure(plate, soil, speed):
                 low = one
         force = min(force, _split_force(plate, soil, speed, 0.5 * (low + high)))
     return beta, force, length, rising
+
+
+def parted(plate: Plate, strength: Strength, whole: float) -> tuple[float, float, float, float]:
+    """As `failure`, of a shank that parts soil which the share has broken, at its bearing pressure.
+
+    whole: part of its cohesion that the soil still has.
+    """
+    cohesive, frictional = bearing_factors(strength.friction)
+    middle = plate.depth - 0.5 * plate.height
+    weight = strength.unit_weight * middle * frictional
+    pressure = whole * strength.cohesion * cohesive + strength.surcharge * frictional + weight
+    force = pressure * plate.width * plate.height / math.sin(plate.rake + strength.tool_friction)
+    return 0.25 * math.pi - 0.5 * strength.friction, force, 0.0, weight / pressure

@@ -57,7 +57,7 @@ def made_up(*blocks: tuple[np.ndarray, np.ndarray]) -> Frame:
     """A moment with these particles and no machine."""
     places, speeds = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
     zeros = np.zeros_like(speeds)
-    return Frame(0.0, places, speeds, zeros, zeros, np.full_like(speeds, 0.01), (), ())
+    return Frame(0.0, places, speeds, zeros, zeros, np.full_like(speeds, 0.01), zeros, (), ())
 
 
 def is_soil(pixel: np.ndarray) -> bool:
@@ -102,7 +102,7 @@ def test_particles_are_drawn_in_their_own_size(radius, resolved):
     """Diameter in pixels of one particle beside a small one, to two pixels."""
     places = np.array([[0.45, 0.05, -0.13], [0.1, 0.05, -0.13]], "f4")
     zeros, radii = np.zeros(2, "f4"), np.array([radius, 0.005], "f4")
-    frame = Frame(0.0, places, zeros + 0.1, zeros, zeros, radii, (), ())
+    frame = Frame(0.0, places, zeros + 0.1, zeros, zeros, radii, zeros, (), ())
     picture = Renderer(resolved, Style("speed", LIMITS, (640, 360))).draw(frame, "longitudinal").astype(int)
     metres = 1.06 * 0.72 / 360
     x = 0.3 + (np.arange(640) + 0.5 - 320) * metres
@@ -163,7 +163,7 @@ def test_tool_stands_at_its_pose(recorded, resolved):
     frames = Snapshots(recorded / "bag", resolved)
     frame = next(frames.read(frames.times_ns[-1:]))
     none = np.empty(0, "f4")
-    bare = Frame(frame.time_s, np.empty((0, 3), "f4"), none, none, none, none, frame.tools, ())
+    bare = Frame(frame.time_s, np.empty((0, 3), "f4"), none, none, none, none, none, frame.tools, ())
     picture = Renderer(resolved, Style("speed", LIMITS, SIZE)).draw(bare, "longitudinal").astype(int)
     high = 1.06 * 0.72
     metres = high / SIZE[1]

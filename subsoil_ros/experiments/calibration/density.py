@@ -4,10 +4,14 @@ from ...dem.beds.prepare import prepare_bed
 from ...dem.beds.report import report_bed
 from ...dem.engine import SoilEngine
 from ...loading.loader import ResolvedScene
+from ...scene.beds import TiledBed
 
 
 def bed_density_kg_per_m3(scene: ResolvedScene, threads: int = 1) -> float:
-    """Mass over the volume between walls, floor and mean top."""
+    """Mass over the volume between walls, floor and mean top; of a tiled bed, of which a window holds only a
+    part, by its solid fraction."""
     soil = scene.scene.particle_soil
     assert soil is not None
+    if isinstance(soil.bed, TiledBed):
+        return soil.bed.solid_fraction * soil.particles.density_kg_per_m3
     return float(report_bed(prepare_bed(scene, SoilEngine, threads), soil).density_kg_per_m3)

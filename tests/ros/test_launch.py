@@ -21,6 +21,7 @@ import pytest
 from subsoil_ros.api.read import read_run
 from subsoil_ros.cli.main import main
 from subsoil_ros.coupling.engines import MotionSource, build_motion_source
+from subsoil_ros.coupling.outside import Machine
 from subsoil_ros.errors import InputError, RunError
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.ros.process.plan import RunPlan
@@ -285,10 +286,10 @@ def test_it_says_at_once_that_it_compiles(
     """Before the first kernel that is compiled while the run is prepared: on the screen of the launch."""
     said_before: list[str] = []
 
-    def prepare(resolved: ResolvedScene) -> MotionSource:
+    def prepare(resolved: ResolvedScene, machine: Machine | None) -> MotionSource:
         numba.njit(lambda x: x + 1)(1)
         said_before.append(capsys.readouterr().err)
-        return build_motion_source(resolved)
+        return build_motion_source(resolved, machine)
 
     monkeypatch.setattr("subsoil_ros.api.opened_run.build_motion_source", prepare)
     start(scene=str(MACHINE), out=str(tmp_path / "out"))

@@ -111,7 +111,7 @@ def test_a_node_is_refused_where_it_could_not_load_ros(in_small_memory: Callable
 
 
 def test_nodes_started_by_hand_take_udp(in_small_memory: Callable, tmp_path: Path) -> None:
-    """Where two pages are free: each says so in one line, and the run reaches its end."""
+    """Where pages for three are free: each says so in one line, and the run reaches its end."""
     scene = tmp_path / "scene.yaml"
     scene.write_text(f"base: {SCENE.with_name('mechanism_only.yaml')}\nduration_s: 0.05\n")
     script = (
@@ -120,6 +120,6 @@ def test_nodes_started_by_hand_take_udp(in_small_memory: Callable, tmp_path: Pat
     )
     with run_domain() as domain:
         words = ("env", f"ROS_DOMAIN_ID={domain}", "sh", "-c", script, PROGRAMS, scene, tmp_path / "bag")
-        done = in_small_memory(8, *words)
+        done = in_small_memory(64, *words)  # each maps two pages of 4 KiB
     assert done.returncode == 0, done.stderr
     assert done.stderr.count("messages go by UDP") == 3

@@ -23,8 +23,12 @@ from ...errors import RunError
 from ..transport.shared_memory import sweep_shared_memory
 from .plan import Parameters, ros_arguments
 
+END_S = 10.0
+"""Time for the nodes to end by themselves once the run is over; then they are killed. The recorder waits for
+the disk (chosen: a busy one takes some seconds)."""
+
 GRACE_S = 4.5
-"""Time for the nodes to end by themselves once the run is over; then they are killed."""
+"""The same once the run has failed."""
 
 STARTUP_GRACE_S = 20.0
 """The same for nodes that may still be starting and have not read what they were asked."""
@@ -156,12 +160,12 @@ class Supervisor:
                     break
         finally:
             killed = self._kill_remaining()
-        status = status or requested or self._cause()
+        status = status or requested
         if status is None and killed:
             status = ExitStatus(
-                RunError.exit_status, f"{killed} did not end within {GRACE_S:g} s of the run and was killed"
+                RunError.exit_status, f"{killed} did not end within {END_S:g} s of the run and was killed"
             )
-        return status or ExitStatus()
+        return status or self._cause() or ExitStatus()
 
     def _read_events(self) -> None:
         for line in self._coupler.popen.stdout or ():
@@ -226,7 +230,7 @@ class Supervisor:
         now = time.monotonic()
         if self._coupler_end is None:
             self._coupler_end = now
-            self._deadline = now + GRACE_S
+            self._deadline = now + (END_S if status is None else GRACE_S)
         if status is None:
             return  # all went well: they have been told
         killed = (self._coupler.exit_status or 0) < 0

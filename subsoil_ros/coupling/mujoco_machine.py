@@ -107,7 +107,7 @@ class MujocoMachine:
         steps, rest = divmod(self._interval_ns, max(1, round(timestep_s * NANOSECONDS_PER_SECOND)))
         if rest or not steps:
             raise InputError(
-                f"MuJoCo model: option.timestep: given {timestep_s:g} s, needed is a whole part of "
+                f"MuJoCo model: option.timestep: given {timestep_s:g} s; it must be a whole part of "
                 f"coupling.communication_step_ns {self._interval_ns}"
             )
         return int(steps)

@@ -76,7 +76,7 @@ class _Outside:
         missing = [name for name in methods if not callable(getattr(participant, name, None))]
         if missing:
             raise InputError(
-                f"{word}: {type(participant).__name__} has no method {', '.join(missing)}; needed are "
+                f"{word}: {type(participant).__name__} has no method {', '.join(missing)}; it must have "
                 f"{', '.join(methods)} ({PAGE})"
             )
         self.keeps_state = all(
@@ -133,18 +133,18 @@ class _Outside:
         given, place = self._call(name, kind, *arguments), self._at(name, arguments)
         if not isinstance(given, Sequence) or len(given) != len(self._tools):
             found = f"{len(given)} records" if isinstance(given, Sequence) else f"a {type(given).__name__}"
-            raise kind(f"{place} gave {found}; needed is one for each tool: {', '.join(self._tools)}")
+            raise kind(f"{place} gave {found}; it must give one for each tool: {', '.join(self._tools)}")
         for record, (tool, model) in zip(given, self._tools.items(), strict=True):
             needed = answer(model)
             if type(record) is not needed:
                 raise kind(
-                    f"{place} gave a {type(record).__name__} for tool '{tool}'; needed is a {needed.__name__}"
+                    f"{place} gave a {type(record).__name__} for tool '{tool}'; give a {needed.__name__}"
                 )
             if record.tool != tool:
                 raise kind(f"{place} gave tool '{record.tool}' where '{tool}' is due, in scene order")
             wrong = next(_not_finite(record), None)
             if wrong is not None:
-                raise kind(f"{place} gave {wrong} for tool '{tool}'; needed are finite numbers")
+                raise kind(f"{place} gave {wrong} for tool '{tool}'; numbers must be finite")
         return tuple(given)
 
 
@@ -236,7 +236,7 @@ def refuse_unlike(
             raise _missing(resolved, word)
         if given is not None and not external:
             raise InputError(
-                f"{word}: given, but {resolved.path} has its own; needed is {_KEYS[word]} in it ({PAGE})"
+                f"{word}: given, but {resolved.path} has its own; write {_KEYS[word]} in it ({PAGE})"
             )
 
 
@@ -266,7 +266,7 @@ def effective_masses_kg(resolved: ResolvedScene, machine: Machine | None) -> Map
         or not all(isinstance(mass, float | int) and 0.0 < mass < math.inf for mass in given.values())
     ):
         raise InputError(
-            f"machine: effective_mass_kg is {given!r}; needed is one positive number [kg] for each tool: "
+            f"machine: effective_mass_kg is {given!r}; it must be one positive number [kg] for each tool: "
             f"{', '.join(tools)}"
         )
     return {name: float(given[name]) for name in tools}

@@ -15,7 +15,7 @@ from ..scene.meshes import load_tool_mesh
 from ..scene.tool_faces import CuttingFace, WheelFace, cutting_faces, wheel_face
 from ..scene.wedge import WedgeValues, layer_values
 from .layers import mean_strength
-from .wedge import Plate, Strength, bearing_factors, failure, parted
+from .wedge import Plate, Strength, bearing_pressure, failure, parted
 from .wheel import SLOWEST_M_PER_S, grip_newton, rolling_resistance_newton, wheel_load_newton
 
 ROUND_OFF_RAD = 1e-9
@@ -244,9 +244,7 @@ class WedgeEngine:
         tip: tuple[float, float], moved: tuple[float, float, float], felt: _Felt,
     ) -> None:  # fmt: skip
         """A blunt tip pushes soil aside: the soil's bearing pressure on its height, as much up as back."""
-        cohesive, frictional = bearing_factors(strength.friction)
-        pressure = strength.cohesion * cohesive
-        pressure += (strength.unit_weight * depth + strength.surcharge) * frictional
+        pressure, _ = bearing_pressure(strength, depth)
         into = moved[0] - moved[2] * tip[1] - (moved[1] + moved[2] * tip[0])
         if into > 0.0:
             force = mobilised * pressure * face.width_m * self._values.tip_m

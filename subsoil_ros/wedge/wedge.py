@@ -195,14 +195,22 @@ def failure(plate, soil, speed):
     return beta, force, length, rising
 
 
+def bearing_pressure(soil: Strength, depth: float, whole: float = 1.0) -> tuple[float, float]:
+    """(pressure [Pa], part of it by weight) at which soil gives way sideways, at `depth` [m].
+
+    whole: part of its cohesion that the soil still has.
+    """
+    cohesive, frictional = bearing_factors(soil.friction)
+    weight = soil.unit_weight * depth * frictional
+    pressure = whole * soil.cohesion * cohesive + soil.surcharge * frictional + weight
+    return pressure, weight / pressure if pressure > 0.0 else 0.0
+
+
 def parted(plate: Plate, strength: Strength, whole: float) -> tuple[float, float, float, float]:
     """As `failure`, of a shank that parts soil which the share has broken, at its bearing pressure.
 
     whole: part of its cohesion that the soil still has.
     """
-    cohesive, frictional = bearing_factors(strength.friction)
-    middle = plate.depth - 0.5 * plate.height
-    weight = strength.unit_weight * middle * frictional
-    pressure = whole * strength.cohesion * cohesive + strength.surcharge * frictional + weight
+    pressure, by_weight = bearing_pressure(strength, plate.depth - 0.5 * plate.height, whole)
     force = pressure * plate.width * plate.height / math.sin(plate.rake + strength.tool_friction)
-    return 0.25 * math.pi - 0.5 * strength.friction, force, 0.0, weight / pressure
+    return 0.25 * math.pi - 0.5 * strength.friction, force, 0.0, by_weight

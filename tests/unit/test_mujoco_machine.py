@@ -157,7 +157,7 @@ def test_two_runs_have_the_same_bits_and_so_has_a_resumed_one(tmp_path: Path) ->
             BLOCK.replace('name="foot"', 'name="toe"'),
             "no site 'foot' for the tool of that name; sites are toe",
         ),
-        (BLOCK.replace("0.0001", "0.00003"), "option.timestep: given 3e-05 s, needed is a whole part of"),
+        (BLOCK.replace("0.0001", "0.00003"), "option.timestep: given 3e-05 s; it must be a whole part of"),
         (BLOCK.replace("Euler", "RK4"), "option.integrator: given RK4"),
         (BLOCK.replace("<body", "<boddy"), "MuJoCo cannot read the model"),
     ],

@@ -117,15 +117,15 @@ def raises(motions: Any) -> Any:
 
 
 BAD: dict[str, tuple[Callable[[Any], Any], str]] = {
-    "two motions": (lambda m: [*m, *m], "gave 2 records; needed is one for each tool: foot"),
-    "no sequence": (lambda m: None, "gave a NoneType; needed is one for each tool"),
+    "two motions": (lambda m: [*m, *m], "gave 2 records; it must give one for each tool: foot"),
+    "no sequence": (lambda m: None, "gave a NoneType; it must give one for each tool"),
     "another name": (lambda m: [replace(m[0], tool="arm")], "gave tool 'arm' where 'foot' is due"),
     "not finite": (
         lambda m: [replace(m[0], z_m=math.nan)],
-        "gave z_m nan for tool 'foot'; needed are finite",
+        "gave z_m nan for tool 'foot'; numbers must be finite",
     ),
     "text": (lambda m: [replace(m[0], x_m="0")], "gave x_m '0' for tool 'foot'"),
-    "in space": (spatial, "gave a SpatialMotion for tool 'foot'; needed is a ToolMotion"),
+    "in space": (spatial, "gave a SpatialMotion for tool 'foot'; give a ToolMotion"),
     "an error": (raises, "raised ZeroDivisionError: by hand ("),
 }
 
@@ -206,7 +206,7 @@ SPEED = {"speed_x_m_per_s": {"kind": "constant", "value": 1.0}}
         (document(), {"machine": Block()}, "the soil comes from outside"),
         (document(), {**both(), "machine": object()}, "object has no method initial_motions, advance"),
         (document(), {**both(), "soil": Block()}, "soil: Block has no method start"),
-        ("mechanism_only", {"machine": Block()}, "mechanism_only.yaml has its own; needed is tools"),
+        ("mechanism_only", {"machine": Block()}, "mechanism_only.yaml has its own; write tools"),
         (moved(**SPEED), {}, "external: given with speed_x_m_per_s"),
     ],
 )

@@ -12,11 +12,9 @@ import pytest
 import trimesh
 import yaml
 
-from subsoil_ros.api.simulate import simulate
 from subsoil_ros.errors import PhysicsError
 from subsoil_ros.loading.loader import load_scene
-from subsoil_ros.loading.soil_file import read_soil_file
-from subsoil_ros.messages import ToolMotion, ToolWrenches
+from subsoil_ros.messages import ToolMotion
 from subsoil_ros.wedge.engine import WedgeEngine
 
 CONFIG = Path(__file__).parents[2] / "config"
@@ -380,25 +378,3 @@ def test_deeper_wedges_drop_less(engine):
             soil.advance(tick, at(x=1.0 + tick * STEP_M, z=z))
             normal.append(where.normal_newton[0])
         assert 1.0 - min(normal[50:]) / max(normal[50:]) == pytest.approx(drop, abs=0.03)
-
-
-def test_the_shipped_wedge_of_loam_draws_what_particles_do():
-    """field_tine, 0.20 m deep at 0.5 m/s: not fitted, but in the file's report with the particles' draft."""
-    file = CONFIG / "soils" / "loam_wedge.yaml"
-    scene = load_scene("field_tine", {"soil": {"model": "wedge", "file": str(file)}})
-    point = next(
-        point
-        for point in read_soil_file(file).report["points"]
-        if (point["depth_m"], point["speed_m_per_s"], point["tilt_rad"]) == (0.2, 0.5, 0.0)
-    )
-    assert not point["used_in_fit"]
-    drafts: list[float] = []
-
-    class Sink:
-        def write(self, record):
-            if isinstance(record, ToolWrenches) and record.tick >= 0:
-                drafts.append(-record.tools[0].force_x_newton)
-
-    simulate(scene, sink=Sink())
-    found = np.mean(drafts[len(drafts) // 4 :])
-    assert found == pytest.approx(point["draft_newton"][0], rel=0.1)  # 1.5 m: its own scatter is 4 %

@@ -1,9 +1,12 @@
 """Wedges that vary: their mean, their spectrum, and that a fit finds them again."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from subsoil_ros.api.simulate import simulate
 from subsoil_ros.experiments.calibration.fluctuation import (
     SAMPLE_M,
     Wedges,
@@ -13,6 +16,11 @@ from subsoil_ros.experiments.calibration.fluctuation import (
     variance_of_means,
     without_trend,
 )
+from subsoil_ros.loading.loader import load_scene
+from subsoil_ros.loading.soil_file import read_soil_file
+from subsoil_ros.messages import ToolWrenches
+
+CONFIG = Path(__file__).parents[2] / "config"
 
 
 def bearing(wedges: Wedges, travel_m: float) -> np.ndarray:
@@ -70,3 +78,25 @@ def test_wedges_that_are_known_are_found():
     assert cost < 1e-2
     assert_allclose([found.drop, found.length_variation, found.length_m], [0.5, 0.7, 0.6], rtol=0.15)
     assert found.variation == pytest.approx(0.15, abs=0.05)
+
+
+def test_the_shipped_wedge_of_loam_draws_what_particles_do():
+    """field_tine, 0.20 m deep at 0.5 m/s: not fitted, but in the file's report with the particles' draft."""
+    file = CONFIG / "soils" / "loam_wedge.yaml"
+    scene = load_scene("field_tine", {"soil": {"model": "wedge", "file": str(file)}})
+    point = next(
+        point
+        for point in read_soil_file(file).report["points"]
+        if (point["depth_m"], point["speed_m_per_s"], point["tilt_rad"]) == (0.2, 0.5, 0.0)
+    )
+    assert not point["used_in_fit"]
+    drafts: list[float] = []
+
+    class Sink:
+        def write(self, record):
+            if isinstance(record, ToolWrenches) and record.tick >= 0:
+                drafts.append(-record.tools[0].force_x_newton)
+
+    simulate(scene, sink=Sink())
+    found = np.mean(drafts[len(drafts) // 4 :])
+    assert found == pytest.approx(point["draft_newton"][0], rel=0.1)  # 1.5 m: its own scatter is 4 %

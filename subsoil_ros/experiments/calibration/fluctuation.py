@@ -23,13 +23,14 @@ MEAN_LENGTHS_M = (0.1, 0.3)
 """Travel over which means are taken whose variance is compared (chosen: a failure, and some)."""
 
 DEVIATES, QUADRATURE = 4.0, 201
-"""Standard deviations over which means over lengths are taken, and points (chosen: powers hold to 1 %)."""
+"""Standard deviations over which means over lengths are taken, and points (chosen: with WAVES, powers by
+octave are those of simulated wedges within 12 %, tests/verification/test_wedge_fluctuation.py)."""
 
 WAVES = 8
-"""Wave lengths an octave at which the spectrum is summed (chosen: narrower than the line of even wedges)."""
+"""Wave lengths an octave at which the spectrum is summed, 9 % apart (chosen)."""
 
 MODEL_ERROR = 0.3
-"""Part by which a power by octave may miss beside its statistical error (chosen: half of 1.5 squared)."""
+"""Of the logarithm of a power by octave, beside its statistical error (chosen: a factor of 1.35)."""
 
 SMALL_PART = 0.01
 """Of the variance, added to each octave's power, so that empty octaves do not count (chosen)."""

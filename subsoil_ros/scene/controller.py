@@ -28,7 +28,7 @@ class HoldHeight(StrictModel):
 
 
 class External(StrictModel):
-    """A node of somebody else sends the commands; `subsoil run` waits for it."""
+    """A node from outside sends the commands; `subsoil run` waits for it."""
 
     kind: Literal["external"]
 

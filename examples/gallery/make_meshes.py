@@ -112,4 +112,6 @@ if __name__ == "__main__":
     for make in MESHES:
         mesh = make()
         mesh.export(folder / f"{make.__name__}.stl")
-        print(f"{make.__name__}: {len(mesh.faces)} facets, watertight {mesh.is_watertight}, {mesh.volume * 1e6:.0f} cm3")
+        print(
+            f"{make.__name__}: {len(mesh.faces)} facets, watertight {mesh.is_watertight}, {mesh.volume * 1e6:.0f} cm3"
+        )

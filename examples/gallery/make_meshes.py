@@ -1,6 +1,6 @@
 """Write the tools of the gallery into meshes/: python examples/gallery/make_meshes.py
 
-x forward, y left, z up, in metres. Dimensions are those of ordinary implements, rounded; walls are 12 mm thick,
+x forward, y left, z up, in metres. Dimensions are those of ordinary implements; walls are 12 mm thick,
 about as thick as a particle, so that no particle passes through them.
 """
 
@@ -112,6 +112,4 @@ if __name__ == "__main__":
     for make in MESHES:
         mesh = make()
         mesh.export(folder / f"{make.__name__}.stl")
-        print(
-            f"{make.__name__}: {len(mesh.faces)} facets, watertight {mesh.is_watertight}, {mesh.volume * 1e6:.0f} cm3"
-        )
+        print(f"{make.__name__}: {len(mesh.faces)} facets, {mesh.volume * 1e6:.0f} cm3")

@@ -44,7 +44,7 @@ class Press:
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Smallest and largest damper of a stable exchange [N s/m] (docs/physics.md)."""
+        """Smallest and largest damper of a stable exchange [N s/m] (docs/coupling.md)."""
         coupling = Coupling(force=self.force)  # type: ignore[arg-type]
         age_s = force_age_ticks(coupling, self.soil_steps) * self.interval_s
         return age_s * self.stiffness, DAMPER_SHARE * self.mass / self.interval_s

@@ -20,9 +20,9 @@ SIZE_M = (0.36, 0.16, 0.1)
 TOOL_M = (0.02, 0.04, 0.06)  # 60 mm deep
 SPEED, DURATION = 0.5, 0.2  # m/s, s: from 0.06 to 0.16 m
 SAME = 0.05
-"""Another seed of a bed changes the draft by 3 to 4 % (docs/physics.md): equal drafts may differ so much."""
+"""Another seed changes the draft by 3 to 4 % (validation/soil_engine.md): equal drafts may differ so much."""
 DEFECT = 0.05
-"""Of the energy book: what soil.monitors.max_energy_defect is for (docs/physics.md)."""
+"""Of the energy book: what soil.monitors.max_energy_defect is for (docs/steps.md)."""
 
 
 def scene(

@@ -9,7 +9,7 @@ knows the velocities half a step before and after a state, v -+ h a / 2, and ove
 is 0 where they are equal and 1 where they are opposite (then v, as the state has it, is 0: at whole steps
 the motion hides). The same of the angular velocities; the larger counts. Forces change over many
 stable steps, so a healthy bed shows less than 0.02, whatever the speed of its tools, and one above its limit
-0.25 to 1 (docs/physics.md).
+0.25 to 1 (validation/soil_engine.md).
 """
 
 import logging

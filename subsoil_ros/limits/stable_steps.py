@@ -15,8 +15,8 @@ DENSE_COORDINATION = 10.4
 grid starts with 6, but where a tool compacts it, it comes near this, so the limits use it."""
 
 SAFETY = 0.6
-"""Part of the smallest limit that `time_step_s: auto` takes (measured, docs/physics.md: at rest the densest
-neighbourhoods of a dense random bed damp faster than its mean coordination says and leave 0.86 of the limit;
+"""Part of the smallest limit that `time_step_s: auto` takes (measured, validation/soil_engine.md: at rest the
+densest neighbourhoods of a dense random bed damp faster than its mean coordination, and leave 0.86 of it;
 the wedge that a share compacts, up to 16 damped contacts a particle, spins from 0.69 on, is calm at 0.63)."""
 
 DENSE_CALM = 0.41

@@ -1,6 +1,6 @@
 """A plain soil to hold the engine against: every pair looked at, dense histories, one particle after another.
 
-Written from docs/physics.md and shares no code with subsoil_ros.dem: no neighbour list, no sorting, no
+Written from docs/contact_laws.md and shares no code with subsoil_ros.dem: no neighbour list, no sorting, no
 slabs. Compiled only because all pairs of a few hundred particles over a thousand steps are 1e8 distances.
 """
 
@@ -19,8 +19,8 @@ TOTAL, REPULSIVE, ABSOLUTE = 0, 1, 2
 LINEAR, SOFTENING, TOTAL_SPRING, INCREMENTAL = 0, 1, 2, 3
 """Springs: linear, or Hertzian, stiffness growing with the root of the overlap. The tangential force of a
 Hertzian contact that softens shrinks with the stiffness, while one that stiffens keeps it (SOFTENING, as
-docs/physics.md says; its rolling torque likewise), or is stiffness times displacement (TOTAL_SPRING), or is
-kept (INCREMENTAL)."""
+docs/contact_laws.md says; its rolling torque likewise), or is stiffness times displacement (TOTAL_SPRING), or
+is kept (INCREMENTAL)."""
 
 
 class Law(NamedTuple):

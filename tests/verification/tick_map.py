@@ -1,4 +1,4 @@
-"""The exact map of one tick for a mass on a linear soil, with exchange and integrators of docs/physics.md.
+"""The exact map of one tick for a mass on a linear soil, with exchange and integrators of docs/coupling.md.
 
 Everything is linear, so the map of the whole state is a matrix, found column by column from unit states; its
 spectral radius says whether the exchange is stable. Written apart from the engines: only the weights of

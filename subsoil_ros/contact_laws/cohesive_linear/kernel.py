@@ -1,6 +1,6 @@
 """Kernels of the cohesive linear law: Yuan & Yu (2020) eq. 12-21 with eq. 17 corrected (continuity).
 
-What the paper leaves open is chosen in docs/physics.md: friction limit, damped zones.
+What the paper leaves open is chosen in docs/contact_laws.md: friction limit, damped zones.
 """
 
 import math

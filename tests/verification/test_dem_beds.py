@@ -117,7 +117,7 @@ def test_dense_bed_is_the_same_for_any_number_of_threads(soil, engine):
     ("dense_random", 32.0, True), ("dense_random", 22.0, False), ("grid", 32.0, False),
 ])  # fmt: skip
 def test_a_dense_bed_near_its_limit_is_warned_of(bed, step_us, warned):
-    """Before the machine of the paper it spins at 32 us and is calm at 22 (docs/accuracy.md)."""
+    """Before the paper's machine it spins at 32 us and is calm at 22 (yuan_yu_2020/accuracy.md)."""
     keys = {"kind": bed} if bed == "dense_random" else {"kind": bed, "spacing_m": "rest"}
     path = SCENES / "subsoiler_1s300_quick.yaml"
     changes = [f"soil.bed={json.dumps(keys)}", f"soil.time_step_s={step_us * 1e-6:.2e}"]

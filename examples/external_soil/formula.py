@@ -17,6 +17,9 @@ from subsoil_ros.messages import ToolMotion, ToolWrench, work_joule
 
 A_NEWTON_PER_M, C_NEWTON_S2_PER_M3 = 6000.0, 1600.0
 VARIATION, WAVELENGTH_M = 0.2, 0.12
+FULL_M_PER_S = 0.2
+"""Speed of the tip from which on the soil is fully pushed; without a rise the force would jump at rest."""
+
 TIP_M = (0.10, -0.45)
 """Of the tine, from its centre of mass in the reference pose."""
 
@@ -52,7 +55,8 @@ class Formula:
         depth = max(0.0, -(motion.z_m + z))
         speed = motion.velocity_x_m_per_s - motion.angular_velocity_rad_per_s * z
         strength = 1.0 + VARIATION * math.sin(2.0 * math.pi * (motion.x_m + x) / WAVELENGTH_M)
-        draft = depth * (A_NEWTON_PER_M + C_NEWTON_S2_PER_M3 * speed**2) * strength if speed > 0.0 else 0.0
+        pushed = min(1.0, max(0.0, speed / FULL_M_PER_S))
+        draft = pushed * strength * depth * (A_NEWTON_PER_M + C_NEWTON_S2_PER_M3 * speed**2)
         return ToolWrench(motion.tool, -draft, 0.0, 0.0, 0.0, -draft * z, 0.0, 0.0, int(draft > 0.0))
 
 

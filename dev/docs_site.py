@@ -1,7 +1,7 @@
 """Hooks of mkdocs: reports join the site, links work in both places, generated references, typeset formulas.
 
 In the repository a page names another by the path between their files. The site has the content of docs/ at
-its top, and the folders of reports beside it. A line `<!-- generated: NAME -->` of a page is replaced by what
+its top, and what ADDED names beside it. A line `<!-- generated: NAME -->` of a page is replaced by what
 GENERATED makes of the sources. Formulas in LaTeX become MathML, which browsers draw without a script.
 """
 
@@ -26,7 +26,7 @@ from subsoil_ros.cli.main import VERBS, parse
 
 MESSAGES = Path(__file__).parents[1] / "msg_defs"
 DOCS = "docs/"
-ADDED = ("reproduction/", "validation/", "benchmarks/")
+ADDED = ("benchmarks/", "examples/", "reproduction/", "validation/", "CHANGELOG.md", "CONTRIBUTING.md")
 SUFFIXES = {".md", ".png", ".gif"}
 _TARGET = re.compile(r"(?<=\]\()([^)#:\s]+)")
 _GENERATED = re.compile(r"^<!-- generated: ([a-z_]+) -->$", re.MULTILINE)
@@ -34,10 +34,10 @@ _FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1
 
 
 def on_files(files: Files, config: MkDocsConfig, **_: Any) -> Files:
-    """Add the pages and pictures of the reports."""
+    """Add the pages and pictures that are not in docs/."""
     root = Path(config.docs_dir).parent
-    for folder in ADDED:
-        for path in sorted((root / folder).rglob("*")):
+    for added in ADDED:
+        for path in sorted((root / added).rglob("*") if added.endswith("/") else [root / added]):
             if path.suffix in SUFFIXES:
                 name = path.relative_to(root).as_posix()
                 files.append(File.generated(config, name, abs_src_path=str(path)))

@@ -88,9 +88,9 @@ def rotor() -> trimesh.Trimesh:
     for k in range(6):
         side = 1.0 if k % 2 else -1.0
         y = 0.10 * (k % 3 - 1)
-        arm = trimesh.creation.box(bounds=[[-0.02, y - 0.006, 0.025], [0.02, y + 0.006, 0.20]])
-        low, high = sorted((y + 0.004 * side, y + 0.06 * side))
-        foot = trimesh.creation.box(bounds=[[-0.025, low, 0.188], [0.025, high, 0.20]])
+        arm = trimesh.creation.box(bounds=[[-0.02, y - 0.01, 0.025], [0.02, y + 0.01, 0.20]])
+        low, high = sorted((y, y + 0.045 * side))
+        foot = trimesh.creation.box(bounds=[[-0.025, low, 0.175], [0.025, high, 0.20]])
         turn = trimesh.transformations.rotation_matrix(k * math.pi / 3.0, (0.0, 1.0, 0.0))
         for part in (arm, foot):
             part.apply_transform(turn)

@@ -1,4 +1,4 @@
-"""Soil on a GPU: what it costs, kernel by kernel and scene by scene. Needs one (docs/gpu.md).
+"""Soil on a GPU: what it costs, kernel by kernel and scene by scene. Needs one (benchmarks/gpu.md).
 
     python -m benchmarks.gpu throughput [--counts 1e4 1e5 1e6 1e7 3e7] [--repeats 3]
     python -m benchmarks.gpu kernels [--count 1e6]

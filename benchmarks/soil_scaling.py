@@ -1,6 +1,7 @@
 """Soil tests of one soil made of particles of two sizes, with the law scaled and without: a table.
 
-python benchmarks/soil_scaling.py [SEEDS]   (default 3; half an hour on one core; docs/soil_tests.md shows it)
+python benchmarks/soil_scaling.py [SEEDS]   (default 3; half an hour on one core;
+reproduction/yuan_yu_2020/soil_tests.md shows it)
 """
 
 import argparse

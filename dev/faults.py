@@ -66,7 +66,7 @@ class Outcome:
 
     kind: str
     end_s: float  # from the fault to the end of the last process
-    silence_s: float  # of that, waited before somebody silent was taken for lost
+    silence_s: float  # of that, waited before a silent participant was taken for lost
     faults: tuple[str, ...]  # what was not as it should be
 
 
@@ -124,7 +124,7 @@ class Run:
         return sum(path.stat().st_size for path in self.out.glob("bag/*.mcap"))
 
     def start_other(self, *arguments: str) -> None:
-        """Somebody else in the same domain."""
+        """A foreign node in the same domain."""
         environment = psutil.Process(self.pids["coupler"]).environ()
         devnull = subprocess.DEVNULL
         self._others.append(

@@ -20,7 +20,7 @@ class Command(IntEnum):
     RUN = 0
     END = 1
     ABORT = 2
-    CHECKPOINT = 3  # everybody stands at the end of the tick named: write a checkpoint of it
+    CHECKPOINT = 3  # all participants stand at the end of the tick named: write a checkpoint of it
 
 
 class NodeState(IntEnum):

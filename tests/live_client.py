@@ -22,7 +22,7 @@ _DATA_HEAD = struct.Struct("<BIQ")  # opcode, subscription, log time
 
 @contextmanager
 def connected(port: int) -> Iterator[ClientConnection]:
-    """A connection, as soon as somebody serves."""
+    """A connection, as soon as there is a server."""
     deadline = time.monotonic() + LIMIT_S
     with ExitStack() as stack:
         while True:
@@ -32,7 +32,7 @@ def connected(port: int) -> Iterator[ClientConnection]:
                 connection = stack.enter_context(opening)
                 break
             except OSError:
-                assert time.monotonic() < deadline, f"nobody serves on port {port}"
+                assert time.monotonic() < deadline, f"no server on port {port}"
                 time.sleep(0.02)
         yield connection
 

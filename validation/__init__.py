@@ -1,5 +1,5 @@
-"""Cases at the ends of every parameter; docs/extremes.md, written before, says what each must end in.
+"""Cases at the ends of every parameter; validation/extremes.md, written before, says what each must end in.
 
-blades: closed forms of the draft of a blade (docs/wedge.md, Other theories); wide_blade: particles
+blades: closed forms of the draft of a blade (validation/blades.md); wide_blade: particles
 against them; narrow_blade: flat blades; materials: strength of the shipped soils.
 """

@@ -1,4 +1,4 @@
-"""Runs the cases of docs/extremes.md, the long ones too, and prints the table of results.
+"""Runs the cases of validation/extremes.md, the long ones too, and prints the table of results.
 
     python -m validation [KEY ...] [--fast] [--json FILE]
 

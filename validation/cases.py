@@ -26,7 +26,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Case:
-    """One row of docs/extremes.md."""
+    """One row of validation/extremes.md."""
 
     key: str
     endings: tuple[str, ...]  # that are allowed

@@ -5,7 +5,7 @@
 
 Runs share and blade of the 1S-300 on a path through a bed of the paper's soil (radius 20 mm with the law
 scaled unless said), draws the curves beside the formulas, and writes CSV, JSON and Markdown. The formulas
-are not fitted, and their strength is that of the bed's own shear tests (docs/soil_tests.md).
+are not fitted, and their strength is that of the bed's own shear tests (soil_tests.md).
 """
 
 import argparse

@@ -22,7 +22,7 @@ PAPER_GRID = (
     ShearStrength(37.9e3, math.radians(23.1), 1296.0, "grid, peak"),
     ShearStrength(21.6e3, math.radians(39.8), 1296.0, "grid, residual"),
 )
-"""Of the paper's soil on its grid (docs/soil_tests.md)."""
+"""Of the paper's soil on its grid (reproduction/yuan_yu_2020/soil_tests.md)."""
 
 TOOL_FRICTION_RAD = math.atan(0.5)
 """Table 3: particle on boundary, 0.5."""

@@ -26,7 +26,7 @@ WHEEL_CONTACT = {
     "damping_newton_s_per_m": 150.0,
     "friction": 0.5,
 }
-"""Measured on the paper's bed (docs/depth_wheel.md)."""
+"""Measured on the paper's bed (reproduction/yuan_yu_2020/depth_wheel.md)."""
 
 
 def shank_and_frame(scene: Scene) -> tuple[str, str]:

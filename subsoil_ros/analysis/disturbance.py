@@ -55,7 +55,7 @@ SPEED_CLOUDS = 5
 
 @dataclass(frozen=True)
 class SpeedZones:
-    """Mean speeds of the soil [m/s] about the tip, over some clouds of the window; NaN where nobody was."""
+    """Mean speeds of the soil [m/s] about the tip, over clouds of the window; NaN where no particle was."""
 
     tip: float
     blade: float  # over the tip, about the edge of the blade

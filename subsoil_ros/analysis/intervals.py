@@ -1,7 +1,7 @@
 """Confidence intervals over bed seeds: Student's t, on differences of the same seed where there are pairs.
 
 Source: Student, Biometrika 6 (1908) 1-25; any textbook, e.g. NIST/SEMATECH e-Handbook 1.3.5.2 and 1.3.5.3.
-Doubt: seeds are independent and their means near normal; with three seeds nobody can test that, and t(2) is
+Doubt: seeds are independent and their means near normal; three seeds cannot test that, and t(2) is
 wide (4.3 standard errors at 95 %), which is the price of three seeds.
 """
 

@@ -35,7 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "design",
         type=Path,
         metavar="FILE",
-        help="soil of a laboratory (.yaml, docs/soils.md) or its shipped name, or a design (docs/wedge.md)",
+        help="soil of a laboratory (.yaml, docs/soils.md) or its shipped name, or a design "
+        "(docs/calibrate.md)",
     )
     parser.add_argument(
         "--radius",

@@ -48,7 +48,7 @@ class SpeedController:
 
 
 def build_controller(resolved: ResolvedScene, resumed: Checkpoint | None = None) -> Controller | None:
-    """The scene's controller; None if it names none, or leaves it to somebody else's node.
+    """The scene's controller; None if it names none, or leaves it to a node from outside.
 
     resumed: where the run goes on: the last speed commanded is in the mechanism's part.
     """

@@ -1,7 +1,7 @@
 """Time integration and sums over particles.
 
 Velocity Verlet: half kick, drift, forces, half kick. Forces see the half-step velocity, which makes
-velocity-dependent forces first order in the step. Where nobody looks at the velocities between two steps,
+velocity-dependent forces first order in the step. Where the velocities are not read between two steps,
 both half kicks are made in one pass, one after the other, with the same bits. A sphere's inertia is a scalar,
 so its spin needs no frame of its own.
 """

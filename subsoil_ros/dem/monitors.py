@@ -151,7 +151,7 @@ class SoilMonitor:
         self._allowed, self.count = soil.max_lost_particles, count  # particles there were so far
         self._gone = np.empty(0, np.int64)  # identities
         self.first_lost: list[LostParticle] = []
-        # between two looks nobody may cross a particle unseen; a rebuild says that one moved by half a skin
+        # between two looks no tool may cross a particle unseen; a rebuild says that one moved by half a skin
         self._hurry_steps = soil.monitors.every_steps * soil.skin_m / (4.0 * self._radius)
         self._steps, self._suspicious, self._rebuild_step, self._hurried = 0, 0, 0, 0
         self._start_joule: float | None = None

@@ -59,7 +59,7 @@ class Particles:
         return len(self.mass) > 0
 
     def wrap(self, low_m: float, period_m: float) -> None:
-        """Put everybody into low <= y < low + period [m], and keep count."""
+        """Put every particle into low <= y < low + period [m], and keep count."""
         self.position[:, 1], turns = wrapped(self.position[:, 1], low_m, period_m)
         self.image += turns.astype(np.int32)
 

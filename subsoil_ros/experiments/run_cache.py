@@ -97,6 +97,6 @@ def keep_folder(cache: Path, scene_hash: str, made: Path, facts: Mapping[str, An
     try:
         os.rename(made, folder)
     except OSError:
-        if not folder.is_dir():  # else somebody has just kept the same scene: the same numbers
+        if not folder.is_dir():  # else another process has just kept the same scene: the same numbers
             raise
     return CachedRun(folder)

@@ -13,7 +13,7 @@ from .soil_at_work import speed_and_depth
 REACH_ASIDE = 0.5
 """Of the core beyond the tools' sides, over their depth: the block that a narrow tool breaks out widens by
 about its depth to each side at the surface, and so by half of it on the mean (569 cm2 are loosened by a share
-of 60 mm, 0.20 m deep: docs/field.md)."""
+of 60 mm, 0.20 m deep: validation/field.md)."""
 
 DIAMETERS_BELOW = 2.0
 """Of the core below the tools, in diameters of the coarsest (chosen: the share touches the core only)."""

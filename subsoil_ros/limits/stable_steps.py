@@ -21,8 +21,8 @@ the wedge that a share compacts, up to 16 damped contacts a particle, spins from
 
 DENSE_CALM = 0.41
 """Part of the limit set by dampers at which a dense random bed stayed calm before the paper's machine (22
-us); at 0.6 it spun and was stopped on three beds of three (docs/accuracy.md). Limits set by springs fall
-with the root of the coordination only."""
+us); at 0.6 it spun and was stopped on three beds of three
+(reproduction/yuan_yu_2020/accuracy.md). Limits set by springs fall with the root of the coordination only."""
 
 REDUCED_INTERVAL_NS = 1_000_000
 """Tick of a scene on the wedge model (chosen: its springs and wheels swing a hundred times slower)."""

@@ -1,4 +1,4 @@
-"""The scene in a bag, for who has only the bag: as run, with its meshes, under the hash it was run with."""
+"""The scene in a bag: as run, with its meshes, under the hash it was run with."""
 
 from pathlib import Path
 

@@ -82,7 +82,7 @@ class BagWriter:
 
         latched: messages by topic (description.latched_messages), written at the time of the first tick.
         live_port: where a live view serves; 0: there is none.
-        bundle: the scene, for who has only the bag.
+        bundle: the scene, so that the bag is complete alone.
 
         Raises:
             InputError: it exists or cannot be created, or the live view cannot serve.

@@ -2,7 +2,7 @@
 
 Whoever records only puts messages into boxes of bounded size, which never waits; a thread of this module
 takes them out many times a second and hands them to the server, which drops what a slow client does not
-take. So nobody who watches can hold a run or change it, and who is too slow misses messages.
+take. So a viewer can neither hold a run nor change it; one that is too slow misses messages.
 """
 
 import threading
@@ -56,7 +56,7 @@ class LiveView:
         asked = self._asked = set[str]()
 
         class _Newcomers(ServerListener):
-            """Notes which topics somebody new wants to see; the next delivery has the newest message."""
+            """Notes which topics a new viewer asks for; the next delivery has the newest message."""
 
             def on_subscribe(self, client: Any, channel: Any) -> None:
                 asked.add(channel.topic)

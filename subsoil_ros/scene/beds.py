@@ -11,11 +11,13 @@ Seed = Annotated[int, Field(ge=0)]
 
 
 class GridBed(StrictModel):
-    """Cubic grid, at rest when the spacing is `rest`, 2 r - rest overlap; seeded jitter of each centre."""
+    """Cubic grid. A random shift of each centre follows from the seed."""
 
     kind: Literal["grid"]
-    spacing_m: Annotated[Positive | Literal["rest"], Field(union_mode="left_to_right")]
-    jitter_m: NonNegative = 0.0
+    spacing_m: Annotated[Positive | Literal["rest"], Field(union_mode="left_to_right")] = Field(
+        description="between centres; rest: that of the law without load, 2 r - rest overlap."
+    )
+    jitter_m: NonNegative = Field(0.0, description="of each centre.")
     seed: Seed = 0
 
 
@@ -41,7 +43,7 @@ class TiledBed(StrictModel):
         None, description="edge of the tile, a cube; default: 40 mean radii, no wider than the bin."
     )
     floor: Literal["held", "plane"] = Field(
-        "held", description="held: soil below the depth, stuck where it is; plane: a wall."
+        "held", description="held: soil below the depth that does not move; plane: a wall."
     )
 
 

@@ -16,11 +16,11 @@ class Bin(StrictModel):
     With soil.window, the bin is the whole field, of which soil exists near the tools only.
     """
 
-    length_m: Positive
-    width_m: Positive
+    length_m: Positive = Field(description="along x, the direction of travel.")
+    width_m: Positive = Field(description="along y.")
     depth_m: Positive = Field(description="of the bed.")
     sides: Literal["walls", "periodic", "held"] = Field(
-        "walls", description="at y = +-width/2; held: with soil.window only."
+        "walls", description="at y = +-width/2; held: only with soil.window."
     )
 
     @property

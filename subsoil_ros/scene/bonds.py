@@ -16,10 +16,10 @@ class Bonds(StrictModel):
     """
 
     youngs_modulus_pa: Positive = Field(
-        description="normal stiffness of a bond: this over its length, times its section."
+        description="normal stiffness of a bond: modulus over its length, times its section."
     )
     stiffness_ratio: Positive = Field(2.5, description="normal over shear stiffness.")
-    tensile_strength_pa: Positive
+    tensile_strength_pa: Positive = Field(description="normal stress at which a bond breaks.")
     cohesion_pa: Positive = Field(description="shear strength without normal stress.")
     friction_angle_deg: Annotated[float, Field(ge=0.0, lt=90.0)] = Field(
         0.0, description="growth of the shear strength with pressure."

@@ -17,8 +17,8 @@ of its neighbours, carry the stress in the midst of it)."""
 
 
 class Coarse(StrictModel):
-    """Larger particles beyond the core. Sizes between the two grow by at most LARGEST_STEP from one to the
-    next; every size has the law of the soil, scaled to its radius."""
+    """Larger particles beyond the core. Sizes between the two grow by at most a factor of 1.5 from one to
+    the next; every size has the law of the soil, scaled to its radius."""
 
     times: float = Field(gt=1.0, allow_inf_nan=False, description="largest radii over those of the core.")
     beyond_m: Positive | None = Field(

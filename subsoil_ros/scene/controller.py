@@ -14,7 +14,7 @@ class DraftLimit(StrictModel):
     """
 
     kind: Literal["draft_limit"]
-    draft_limit_newton: Positive
+    draft_limit_newton: Positive = Field(description="needs mechanism.draft_driver.")
     gain_per_kg: Positive = Field(description="m/s2 per newton.")
 
 
@@ -23,12 +23,12 @@ class HoldHeight(StrictModel):
 
     kind: Literal["hold_height"]
     body: str
-    height_m: Finite
-    gain_per_s: Positive
+    height_m: Finite = Field(description="of the centre of mass.")
+    gain_per_s: Positive = Field(description="m/s per metre.")
 
 
 class External(StrictModel):
-    """A node of somebody else sends the commands; `subsoil run` waits for it."""
+    """A node of your own, named `controller`, sends a command for every control tick; the run waits."""
 
     kind: Literal["external"]
 
@@ -42,14 +42,12 @@ class Controller(StrictModel):
     The driver starts at the speed of its own law, a constant, and keeps it until the first command.
     """
 
-    driver: str
-    interval_ticks: int = Field(
-        ge=1, description="a multiple of record.series_ticks: a command answers a recorded state."
-    )
+    driver: str = Field(description="joint of kind driver; its own speed must be constant.")
+    interval_ticks: int = Field(ge=1, description="between two commands; a multiple of record.series_ticks.")
     lowest_speed: Finite = Field(description="m/s, or rad/s of an angle's driver.")
     highest_speed: Finite = Field(description="m/s, or rad/s of an angle's driver.")
     max_acceleration: Positive = Field(
-        description="m/s2, or rad/s2 of an angle's driver; a command that asks for more is refused."
+        description="m/s2, or rad/s2 of an angle's driver; a command that needs more ends the run."
     )
     law: ControlLaw
 

@@ -5,8 +5,8 @@ from pydantic import Field, model_validator
 from ..strict_model import NonNegative, Positive, StrictModel
 
 STICKS = (
-    "while it sticks. Given, friction is Coulomb's: a spring and damper up to the limit, sliding at the "
-    "limit beyond, no creep, and slip_speed is not used."
+    "left out: friction grows with the speed and creeps. Given: Coulomb's law, a spring and damper up to the "
+    "limit, then sliding at the limit, without creep; slip_speed is not used."
 )
 
 
@@ -22,14 +22,12 @@ def check_stick(part: StrictModel, stiffness: str, damping: str) -> None:
 class RotationFriction(StrictModel):
     """Moment (preload + coefficient * radius * force in the pin) * tanh(turning speed / slip speed)."""
 
-    preload_newton_m: NonNegative = 0.0
-    coefficient: NonNegative = 0.0
+    preload_newton_m: NonNegative = Field(0.0, description="limit without a force in the pin.")
+    coefficient: NonNegative = Field(0.0, description="of the force in the pin; needs radius_m.")
     radius_m: NonNegative = Field(0.0, description="of the pin.")
-    slip_speed_rad_per_s: Positive = Field(
-        0.01, description="chosen: friction reaches 76 % of its limit at this speed."
-    )
+    slip_speed_rad_per_s: Positive = Field(0.01, description="at which friction reaches 76 % of its limit.")
     stick_stiffness_newton_m_per_rad: Positive | None = Field(None, description=STICKS)
-    stick_damping_newton_m_s_per_rad: NonNegative = 0.0
+    stick_damping_newton_m_s_per_rad: NonNegative = Field(0.0, description="while it sticks.")
 
     @model_validator(mode="after")
     def _whole(self) -> "RotationFriction":
@@ -42,13 +40,11 @@ class RotationFriction(StrictModel):
 class TranslationFriction(StrictModel):
     """Force (preload + coefficient * force across the line) * tanh(sliding speed / slip speed)."""
 
-    preload_newton: NonNegative = 0.0
-    coefficient: NonNegative = 0.0
-    slip_speed_m_per_s: Positive = Field(
-        0.01, description="chosen: friction reaches 76 % of its limit at this speed."
-    )
+    preload_newton: NonNegative = Field(0.0, description="limit without a force across the line.")
+    coefficient: NonNegative = Field(0.0, description="of the force across the line.")
+    slip_speed_m_per_s: Positive = Field(0.01, description="at which friction reaches 76 % of its limit.")
     stick_stiffness_newton_per_m: Positive | None = Field(None, description=STICKS)
-    stick_damping_newton_s_per_m: NonNegative = 0.0
+    stick_damping_newton_s_per_m: NonNegative = Field(0.0, description="while it sticks.")
 
     @model_validator(mode="after")
     def _whole(self) -> "TranslationFriction":

@@ -23,9 +23,9 @@ else:
 class Layer(StrictModel):
     """A layer of the bed. What it does not give comes from `soil.particles` and `soil.law`."""
 
-    name: str = Field(min_length=1)
+    name: str = Field(min_length=1, description="different in every layer.")
     thickness_m: Positive | None = Field(
         None, description="the last layer, and only that one, goes on to the floor."
     )
-    density_kg_per_m3: Positive | None = None
-    law: LayerLaw | None = None
+    density_kg_per_m3: Positive | None = Field(None, description="of its particles.")
+    law: LayerLaw | None = Field(None, description="values that differ from soil.law; the kind is the same.")

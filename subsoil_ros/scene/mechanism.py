@@ -17,21 +17,21 @@ class Body(StrictModel):
 
     mass_kg: Positive
     inertia_kg_m2: Positive = Field(description="about the centre of mass.")
-    position_m: Point
-    angle_rad: Finite = 0.0
+    position_m: Point = Field(description="(x, z) of the centre of mass in the reference pose, world axes.")
+    angle_rad: Finite = Field(0.0, description="in the reference pose.")
     velocity_m_per_s: Point | None = Field(
         None,
-        description="Initial velocities are made consistent with the constraints. What is not given "
-        "follows from the rest: bodies move along with the drivers of x and z.",
+        description="at the start; made consistent with the constraints. Left out, it follows from those "
+        "given: bodies move along with the drivers of x and z.",
     )
-    angular_velocity_rad_per_s: Finite | None = None
+    angular_velocity_rad_per_s: Finite | None = Field(None, description="at the start, likewise.")
 
 
 class RotationStops(StrictModel):
-    """Ends of the turn of body_b against body_a, zero in the reference pose: one-sided spring-dampers."""
+    """Ends of the rotation of body_b against body_a, zero in the reference pose: one-sided spring-dampers."""
 
-    lower_rad: Finite | None = None
-    upper_rad: Finite | None = None
+    lower_rad: Finite | None = Field(None, description="left out: no lower stop.")
+    upper_rad: Finite | None = Field(None, description="left out: no upper stop.")
     stiffness_newton_m_per_rad: Positive
     damping_newton_m_s_per_rad: NonNegative = 0.0
 
@@ -42,10 +42,10 @@ class RotationStops(StrictModel):
 
 
 class TranslationStops(StrictModel):
-    """Ends of a travel or of a length: one-sided spring-dampers."""
+    """Ends of a translation or of a length: one-sided spring-dampers."""
 
-    lower_m: Finite | None = None
-    upper_m: Finite | None = None
+    lower_m: Finite | None = Field(None, description="left out: no lower stop.")
+    upper_m: Finite | None = Field(None, description="left out: no upper stop.")
     stiffness_newton_per_m: Positive
     damping_newton_s_per_m: NonNegative = 0.0
 
@@ -66,11 +66,13 @@ class Revolute(StrictModel):
     """Two bodies share a point."""
 
     kind: Literal["revolute"]
-    body_a: str
+    body_a: str = Field(description="a body, or `ground`.")
     body_b: str
-    point_m: Point = Field(description="used for both bodies unless point_b_m is given.")
+    point_m: Point = Field(
+        description="(x, z) of the pin in the reference pose; of body_a alone if point_b_m is given."
+    )
     point_b_m: Point | None = Field(
-        None, description="point of body_b in the given pose; bodies are moved until both points meet."
+        None, description="the pin on body_b in the reference pose; bodies are moved until both points meet."
     )
     friction: RotationFriction | None = None
     stops: RotationStops | None = None
@@ -80,13 +82,13 @@ class Prismatic(StrictModel):
     """body_b slides along a line fixed in body_a and does not turn against it."""
 
     kind: Literal["prismatic"]
-    body_a: str
+    body_a: str = Field(description="a body, or `ground`.")
     body_b: str
-    point_m: Point
+    point_m: Point = Field(description="of the line, in the reference pose.")
     axis: Point = Field(description="direction of the line in world axes, any length but zero.")
     friction: TranslationFriction | None = None
     stops: TranslationStops | None = Field(
-        None, description="of the travel along the axis, zero in the reference pose."
+        None, description="of the translation along the axis, zero in the reference pose."
     )
 
 
@@ -94,13 +96,13 @@ class PointOnLine(StrictModel):
     """A point of body_b slides along a line fixed in body_a; body_b is free to turn."""
 
     kind: Literal["point_on_line"]
-    body_a: str
+    body_a: str = Field(description="a body, or `ground`.")
     body_b: str
-    point_m: Point = Field(description="of body_b, and a point of the line.")
+    point_m: Point = Field(description="of body_b, and of the line in the reference pose.")
     axis: Point = Field(description="direction of the line in world axes, any length but zero.")
     friction: TranslationFriction | None = None
     stops: TranslationStops | None = Field(
-        None, description="of the travel along the axis, zero in the reference pose."
+        None, description="of the translation along the axis, zero in the reference pose."
     )
 
 
@@ -108,7 +110,7 @@ class Fixed(StrictModel):
     """body_b is welded to body_a."""
 
     kind: Literal["fixed"]
-    body_a: str
+    body_a: str = Field(description="a body, or `ground`.")
     body_b: str
     point_m: Point
 
@@ -116,15 +118,15 @@ class Fixed(StrictModel):
 class Driver(StrictModel):
     """Prescribes the speed of one coordinate of a body: x, z (m/s) or angle (rad/s).
 
-    Absolute: in world axes. With `relative_to`: the angle against that body, or the way of the centre of
-    mass along the x or z axis that is fixed in that body (and is the world's in the reference pose).
+    Absolute: in world axes. With `relative_to`: the angle against that body, or the translation of the
+    centre of mass along the x or z axis fixed in that body (those of the world in the reference pose).
     """
 
     kind: Literal["driver"]
     body: str
     coordinate: Literal["x", "z", "angle"]
     speed: Law = Field(description="m/s or rad/s; the coordinate starts from its initial value.")
-    relative_to: str | None = None
+    relative_to: str | None = Field(None, description="a body; left out: the world.")
 
 
 Joint = Annotated[Revolute | Prismatic | PointOnLine | Fixed | Driver, Field(discriminator="kind")]
@@ -165,8 +167,8 @@ class SpringDamper(StrictModel):
     """Spring and damper between two points; its force is positive in compression.
 
     force = stiffness (free_length - length) + preload - damping * rate; `table` takes the place of
-    stiffness. With `acts_in` it acts one way: as a rope (tension) or a bumper (compression). A locked one is
-    a rigid rod of the length it has in the reference pose, and counts as a constraint.
+    stiffness. A locked one is a constraint, with one freedom less; its force is what the rod carries, and is
+    reported under the same name, and as a joint too.
     """
 
     kind: Literal["spring_damper"]
@@ -176,12 +178,14 @@ class SpringDamper(StrictModel):
     point_b_m: Point
     stiffness_newton_per_m: NonNegative | None = None
     damping_newton_s_per_m: NonNegative = 0.0
-    free_length_m: NonNegative
+    free_length_m: NonNegative = Field(description="without force, but for preload_newton.")
     preload_newton: Finite = Field(0.0, description="at the free length.")
-    acts_in: Literal["both", "tension", "compression"] = "both"
-    table: ForceTable | None = None
+    acts_in: Literal["both", "tension", "compression"] = Field(
+        "both", description="tension: a rope; compression: a bumper."
+    )
+    table: ForceTable | None = Field(None, description="in place of the stiffness.")
     stops: TranslationStops | None = Field(None, description="of the length.")
-    locked: bool = False
+    locked: bool = Field(False, description="a rigid rod of the length in the reference pose.")
 
     @model_validator(mode="after")
     def _one_law(self) -> "SpringDamper":
@@ -206,9 +210,9 @@ class TorsionSpring(StrictModel):
     acts_in: Literal["both", "positive", "negative"] = Field(
         "both", description="sign of the moment on body_b."
     )
-    table: MomentTable | None = None
-    stops: RotationStops | None = None
-    locked: bool = False
+    table: MomentTable | None = Field(None, description="in place of the stiffness.")
+    stops: RotationStops | None = Field(None, description="of the angle.")
+    locked: bool = Field(False, description="body_b keeps its angle against body_a.")
 
     @model_validator(mode="after")
     def _one_law(self) -> "TorsionSpring":
@@ -228,19 +232,20 @@ def _check_spring(key: str, stiffness: float | None, acts_in: str, table: Strict
 class CoordinateSpring(StrictModel):
     """Spring and damper on one coordinate of a body against a time function.
 
-    force = stiffness (law(t) - q) + damping (d law/dt - dq/dt); with `acts_in` it acts one way, as a
-    chain that lowers an implement does: "pull_up" lets only positive force through.
+    force = stiffness (law(t) - q) + damping (d law/dt - dq/dt); q being the coordinate.
     """
 
     kind: Literal["coordinate_spring"]
     body: str
     coordinate: Literal["x", "z", "angle"]
-    target: Law = Field(description="m or rad.")
+    target: Law = Field(description="m, or rad of an angle.")
     stiffness_newton_per_m: NonNegative | None = Field(None, description="of x or z; needed there.")
     stiffness_newton_m_per_rad: NonNegative | None = Field(None, description="of an angle; needed there.")
     damping_newton_s_per_m: NonNegative | None = Field(None, description="of x or z; 0 if not given.")
     damping_newton_m_s_per_rad: NonNegative | None = Field(None, description="of an angle; 0 if not given.")
-    acts_in: Literal["both", "pull_up", "push_down"] = "both"
+    acts_in: Literal["both", "pull_up", "push_down"] = Field(
+        "both", description="pull_up: only positive force, as a chain that lowers an implement."
+    )
 
     @property
     def stiffness(self) -> float:
@@ -272,7 +277,7 @@ class PointLoad(StrictModel):
 
     kind: Literal["point_load"]
     body: str
-    point_m: Point
+    point_m: Point = Field(description="in the reference pose, world axes.")
     force_x_newton: Law | None = None
     force_z_newton: Law | None = None
     moment_newton_m: Law | None = None
@@ -284,17 +289,15 @@ class WheelContact(StrictModel):
     kind: Literal["wheel_contact"]
     body: str
     radius_m: Positive
-    ground_z_m: Finite = 0.0
+    ground_z_m: Finite = Field(0.0, description="height of the ground.")
     stiffness_newton_per_m: Positive
     damping_newton_s_per_m: NonNegative
-    friction: NonNegative
-    slip_speed_m_per_s: Positive = Field(
-        0.02, description="chosen: friction reaches 76 % of its limit at this slip."
-    )
+    friction: NonNegative = Field(description="coefficient of Coulomb friction.")
+    slip_speed_m_per_s: Positive = Field(0.02, description="at which friction reaches 76 % of its limit.")
     stick_stiffness_newton_per_m: Positive | None = Field(
-        None, description="of the rim along the ground: see joints."
+        None, description="of the rim along the ground; left out: friction creeps (see friction of joints)."
     )
-    stick_damping_newton_s_per_m: NonNegative = 0.0
+    stick_damping_newton_s_per_m: NonNegative = Field(0.0, description="while it sticks.")
 
     @model_validator(mode="after")
     def _sticks(self) -> "WheelContact":
@@ -310,14 +313,14 @@ Force = Annotated[
 class InitialState(StrictModel):
     """How the run starts from the reference pose.
 
-    The machine is moved by `translate_x_m`, the named coordinates (`BODY.x_m|z_m|angle_rad`) are
-    held at their values while the others are projected onto the constraints, and with
-    `static_equilibrium` the remaining freedoms go to rest under gravity, springs and wheel contact.
+    The machine is moved by `translate_x_m`. The named coordinates are held at their values while the
+    others are projected onto the constraints. With `static_equilibrium` the remaining freedoms go to
+    rest under gravity, springs and wheel contact.
     """
 
-    translate_x_m: Finite = 0.0
-    coordinates: dict[str, Finite] = {}
-    static_equilibrium: bool = False
+    translate_x_m: Finite = Field(0.0, description="of the whole machine.")
+    coordinates: dict[str, Finite] = Field({}, description="by BODY.x_m, BODY.z_m or BODY.angle_rad.")
+    static_equilibrium: bool = Field(False, description="then to rest.")
 
 
 class Mechanism(StrictModel):
@@ -332,8 +335,8 @@ class Mechanism(StrictModel):
     integrator_order: Literal[2, 3, 4] = Field(4, description="of Adams-Moulton.")
     tolerance: Positive | None = Field(
         1e-6,
-        description="error of velocities and positions in one step, over the motion: where it is larger, "
-        "a step of adams_moulton or runge_kutta_4 is taken in parts; null: fixed steps.",
+        description="relative error of velocities and positions in one step; where it is larger, a step of "
+        "adams_moulton or runge_kutta_4 is taken in parts; null: fixed steps.",
     )
 
     @model_validator(mode="after")

@@ -36,22 +36,28 @@ class Coupling(StrictModel):
         Annotated[int, Field(gt=0, le=LONGEST_S * NANOSECONDS_PER_SECOND)] | Auto | Literal["soil_step"]
     ) = Field(
         "auto",
-        description="auto: with soil.material the soil steps within 0.8 of what dampers outweigh; else one, "
-        "as soil_step.",
+        description="between two exchanges. auto: with particles one soil step, as soil_step; with "
+        "soil.material and a mechanism as many as keep to 0.8 of what dampers outweigh; without particles "
+        "1 ms.",
     )
-    mechanism_steps: int = Field(1, ge=1, le=1000, description="per exchange.")
-    force: Literal["tick_end", "tick_mean"] = "tick_end"
+    mechanism_steps: int = Field(1, ge=1, le=1000, description="steps of the mechanism per exchange.")
+    force: Literal["tick_end", "tick_mean"] = Field(
+        "tick_end",
+        description="held through the next tick: that of the soil's last step, or its mean.",
+    )
     grant_window: int = Field(8, ge=1, le=64, description="ticks the coupler grants ahead.")
-    residual_bound: Positive = Field(0.02, description="of the interface work, DESIGN.md.")
+    residual_bound: Positive = Field(
+        0.02, description="energy residual over the interface work, beyond which the run stops."
+    )
     residual_grace_joule: NonNegative = Field(
         1.0, description="the bound is not applied to less work than this."
     )
 
 
 class Record(StrictModel):
-    """What goes into the bag, and how often. Of the lockstep messages it has all."""
+    """What goes into the bag, and how often. The bag always has all lockstep messages."""
 
-    bag: bool = Field(True, description="false: nothing is recorded; no recorder, no bag, no series.")
+    bag: bool = Field(True, description="false: no recorder, bag or series; summary and checkpoints remain.")
     series_ticks: int = Field(20, ge=1, description="series, poses, wrenches, /tf every so many ticks.")
     cloud_hz: NonNegative = Field(10.0, description="soil clouds per simulated second; 0: none.")
     cloud_region: CloudRegion | None = Field(
@@ -66,21 +72,22 @@ class Record(StrictModel):
 
 
 class Report(StrictModel):
-    """What the summary and the figures speak of."""
+    """Parts of the machine that summary and figures refer to, and where metrics are taken."""
 
     shank: str | None = Field(None, description="body whose angle and height are shown.")
-    spring: str | None = Field(None, description="force element.")
+    spring: str | None = Field(None, description="force element whose load is shown.")
     tip_m: tuple[Finite, Finite] | None = Field(
         None, description="(x, z) of the share tip in the reference pose."
     )
     window_inside_m: NonNegative = Field(
-        0.3, description="metrics: tip this far inside both ends of the bin."
+        0.3, description="metrics are taken while the tip is this far inside both ends of the bin."
     )
     settle_s: NonNegative = Field(0.0, description="metrics start after this.")
     reference: str | None = Field(
-        None, description="reference file, or name of a shipped one: its values stand beside ours."
+        None,
+        description="reference file, or name of a shipped one, whose values a report shows too.",
     )
-    note: str = Field("", description="a warning that the summary must carry.")
+    note: str = Field("", description="a warning that is copied into the summary.")
 
 
 Allowance = Literal["unstable_time_step", "other_contact_law", "beyond_fitted_range"]
@@ -89,21 +96,23 @@ fitted to other particles than those of `soil.fitted_to`, work beyond 1.2 times 
 
 
 class Scene(StrictModel):
-    """A whole scene. No `soil`: no soil engine. No `mechanism`: tools follow their paths."""
+    """A scene needs `soil`, `mechanism`, or both."""
 
-    name: str = Field(min_length=1)
-    description: str = ""
-    duration_s: Annotated[float, Field(gt=0.0, le=LONGEST_S, allow_inf_nan=False), WithinReach]
-    gravity_m_per_s2: NonNegative = 9.81
+    name: str = Field(min_length=1, description="of the scene, in results.")
+    description: str = Field("", description="free text.")
+    duration_s: Annotated[float, Field(gt=0.0, le=LONGEST_S, allow_inf_nan=False), WithinReach] = Field(
+        description="simulated time."
+    )
+    gravity_m_per_s2: NonNegative = Field(9.81, description="downwards, along -z.")
     allow: tuple[Allowance, ...] = Field((), description="refusals that this scene overrides, for studies.")
-    soil: AnySoil | None = None
-    mechanism: Mechanism | None = None
-    tools: dict[str, Tool] = {}
-    controller: Controller | None = None
-    coupling: Coupling = Coupling()
-    record: Record = Record()
-    report: Report = Report()
-    stop_when: StopWhen | None = Field(None, description="ends the run once its mean is known.")
+    soil: AnySoil | None = Field(None, description="left out: no soil engine.")
+    mechanism: Mechanism | None = Field(None, description="left out: every tool follows its `path`.")
+    tools: dict[str, Tool] = Field({}, description="need `soil`.")
+    controller: Controller | None = Field(None, description="commands one driver during the run.")
+    coupling: Coupling = Field(Coupling(), description="of soil and mechanism.")
+    record: Record = Field(Record(), description="what the bag has, and how often.")
+    report: Report = Field(Report(), description="what summary and figures refer to.")
+    stop_when: StopWhen | None = Field(None, description="ends the run once its mean draft is known.")
 
     @property
     def particle_soil(self) -> Soil | None:

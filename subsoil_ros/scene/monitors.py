@@ -8,11 +8,16 @@ from ..strict_model import Fraction, Positive, StrictModel
 
 
 class Monitors(StrictModel):
-    """Looks at the soil every so many steps; null switches a bound off. dem.monitors says what each means."""
+    """Bounds that the soil is checked against every so many steps; null switches a bound off."""
 
-    every_steps: Annotated[int, Field(ge=1)] = Field(100, description="soil steps from look to look.")
-    max_velocity_reversal: Fraction | None = 0.2
-    max_pair_overlap_radii: Positive | None = Field(1.9, description="at tools: soil.max_tool_overlap_m.")
+    every_steps: Annotated[int, Field(ge=1)] = Field(100, description="soil steps between two checks.")
+    max_velocity_reversal: Fraction | None = Field(
+        0.2, description="1: every velocity reverses sign from one step to the next; the step is too large."
+    )
+    max_pair_overlap_radii: Positive | None = Field(
+        1.9, description="of two particles; at tools: soil.max_tool_overlap_m."
+    )
     max_energy_defect: Positive | None = Field(
-        None, description="over the energy exchanged; books every sink."
+        None,
+        description="of the energy book, over the energy exchanged; left out: no book.",
     )

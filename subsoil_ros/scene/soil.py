@@ -18,15 +18,16 @@ from .window import SoilWindow
 
 
 class Particles(StrictModel):
-    """Spheres, equal ones of `radius_m` or of several `sizes`; larger ones where `coarse` says."""
+    """Spheres: equal ones of `radius_m`, or of several `sizes`; `coarse` adds larger ones."""
 
-    radius_m: Positive | None = None
-    sizes: Sizes | None = None
-    density_kg_per_m3: Positive
+    radius_m: Positive | None = Field(None, description="of equal spheres; or give sizes.")
+    sizes: Sizes | None = Field(None, description="in place of radius_m; not for a grid.")
+    density_kg_per_m3: Positive = Field(description="of a particle.")
     reference_radius_m: Positive | None = Field(
-        None, description="radius the law was found for; it is scaled from there."
+        None,
+        description="radius at which the law was found; it is scaled from there.",
     )
-    coarse: Coarse | None = Field(None, description="away from the tools; null: the same everywhere.")
+    coarse: Coarse | None = Field(None, description="larger particles away from the tools; left out: none.")
 
     @model_validator(mode="after")
     def _one_form(self) -> "Particles":
@@ -85,34 +86,38 @@ Auto = Literal["auto"]
 
 
 class Soil(StrictModel):
-    """Everything the soil engine needs."""
+    """Soil of particles (discrete elements)."""
 
     model: Literal["dem"] = "dem"
     bin: Bin
     particles: Particles
     bed: Bed
-    law: SoilLaw
-    bonds: Bonds | None = Field(None, description="cement; null: none.")
-    time_step_s: Annotated[Positive | Auto, Field(union_mode="left_to_right")] = "auto"
+    law: SoilLaw = Field(description="contact law.")
+    bonds: Bonds | None = Field(None, description="cement that breaks for good; left out: none.")
+    time_step_s: Annotated[Positive | Auto, Field(union_mode="left_to_right")] = Field(
+        "auto", description="of the soil; auto: 0.6 of the stable limit. Above the limit it is refused."
+    )
     precision: Literal["float64", "mixed"] = Field(
         "float64", description="mixed: all but positions and boundaries in float32."
     )
     device: Literal["cpu", "gpu"] = Field("cpu", description="gpu: an NVIDIA one, with subsoil_ros[gpu].")
-    skin_m: Positive = 0.003
+    skin_m: Positive = Field(0.003, description="of the neighbour lists; results do not depend on it.")
     tool_stiffness_factor: Positive = Field(
         1.0, description="on the boundary's normal stiffness, at tools only."
     )
     max_tool_overlap_m: Positive | None = Field(
-        None, description="the run stops beyond it; default: two radii."
+        None, description="the run stops beyond it; default: two radii of the sphere of mean volume."
     )
     window: SoilWindow | None = Field(
-        None, description="soil exists near the tools only; null: in all the bin."
+        None, description="soil exists near the tools only; left out: in the whole bin."
     )
-    surface: SurfaceProfile | None = Field(None, description="trims the bed.")
-    layers: tuple[Layer, ...] | None = Field(None, min_length=2, description="from top to bottom.")
-    monitors: Monitors | None = Field(Monitors(), description="null: none.")
+    surface: SurfaceProfile | None = Field(None, description="height of the surface over x; trims the bed.")
+    layers: tuple[Layer, ...] | None = Field(
+        None, min_length=2, description="from top to bottom; by depth below z = 0."
+    )
+    monitors: Monitors | None = Field(Monitors(), description="the run stops beyond them; null: none.")
     max_lost_particles: Annotated[int, Field(ge=0)] | None = Field(
-        None, description="default: one in a thousand."
+        None, description="that left the bin; the run stops beyond it; default: one in a thousand."
     )
 
     @model_validator(mode="after")

@@ -14,7 +14,8 @@ class StopWhen(StrictModel):
     """The run ends when the interval of the mean of `metric` is narrow enough, or after `at_most_m`."""
 
     metric: StopMetric = Field(
-        "draft_newton", description="column of series.csv; with mechanism.draft_driver draft.share_newton."
+        "draft_newton",
+        description="column of series.csv; with mechanism.draft_driver draft.share_newton.",
     )
     relative_interval: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
         description="half-width of the interval, relative to the mean."

@@ -11,7 +11,7 @@ LARGEST_DEGREE = 7
 
 
 class ConstantLaw(StrictModel):
-    """value."""
+    """The same value at all times."""
 
     kind: Literal["constant"]
     value: Finite
@@ -60,7 +60,7 @@ class TableLaw(StrictModel):
 
 
 class HalfSineLaw(StrictModel):
-    """peak * sin(pi (t - start) / duration) while that is positive for the first time, else zero: a knock."""
+    """peak * sin(pi (t - start) / duration) until start + duration, zero outside: a knock."""
 
     kind: Literal["half_sine"]
     peak: Finite
@@ -74,7 +74,7 @@ class PolynomialLaw(StrictModel):
     kind: Literal["polynomial"]
     coefficients: tuple[Finite, ...] = Field(min_length=1, max_length=LARGEST_DEGREE + 1)
     start_s: NonNegative = 0.0
-    end_s: Positive | None = Field(None, description="None: it never ends.")
+    end_s: Positive | None = Field(None, description="left out: it never ends.")
 
     @model_validator(mode="after")
     def _ordered(self) -> "PolynomialLaw":

@@ -18,9 +18,9 @@ class MeshPart(StrictModel):
     mechanism (world axes), or in the path's frame for a tool without a body.
     """
 
-    mesh: str = Field(description="relative to the scene file.")
-    scale: Positive = 1.0
-    position_m: tuple[Finite, Finite, Finite] = (0.0, 0.0, 0.0)
+    mesh: str = Field(description="file, relative to the scene file.")
+    scale: Positive = Field(1.0, description="metres per file unit.")
+    position_m: tuple[Finite, Finite, Finite] = Field((0.0, 0.0, 0.0), description="of the mesh's origin.")
 
 
 LARGEST_TURN_RAD = math.pi - 1e-6
@@ -31,10 +31,10 @@ Coordinates = tuple[Finite, Finite, Finite]
 
 
 class FreeTurn(StrictModel):
-    """The soil's torque turns the tool about the axis; nothing else does, so it is balanced about it."""
+    """A tool that rolls freely: only the soil's torque turns it about the axis. It is balanced about it."""
 
     inertia_kg_m2: Positive = Field(description="moment of inertia about the axis.")
-    start_speed_rad_per_s: Finite = 0.0
+    start_speed_rad_per_s: Finite = Field(0.0, description="about the axis.")
 
 
 class Turn(StrictModel):
@@ -44,8 +44,8 @@ class Turn(StrictModel):
         (0.0, 0.0, 0.0), description="rotation vector at the start: axis in the world times angle."
     )
     axis: Coordinates | None = Field(None, description="in the tool's own axes, of any length.")
-    speed_rad_per_s: Law | None = None
-    free: FreeTurn | None = None
+    speed_rad_per_s: Law | None = Field(None, description="about the axis; or free.")
+    free: FreeTurn | None = Field(None, description="the soil's torque turns the tool about the axis.")
 
     @property
     def unit_axis(self) -> Coordinates:
@@ -69,10 +69,11 @@ class Turn(StrictModel):
 
 
 class Poses(StrictModel):
-    """Poses that a tool passes through, joined by splines with continuous accelerations."""
+    """Poses that a tool passes through, joined by cubic splines of position and rotation with continuous
+    accelerations."""
 
     times_s: tuple[Finite, ...] = Field(min_length=2, description="from 0 to duration_s at least.")
-    positions_m: tuple[Coordinates, ...]
+    positions_m: tuple[Coordinates, ...] = Field(description="(x, y, z); leave out the tool's lateral_m.")
     rotations_rad: tuple[Coordinates, ...] = Field(
         description="rotation vectors: axis in the world times angle, less than half a turn apart."
     )
@@ -107,15 +108,18 @@ class Path(StrictModel):
 
     start_x_m: Finite = 0.0
     start_z_m: Finite = 0.0
-    start_angle_rad: Finite = 0.0
-    speed_x_m_per_s: Law | None = None
-    speed_y_m_per_s: Law | None = None
-    speed_z_m_per_s: Law | None = None
-    angular_speed_rad_per_s: Law | None = None
-    turn: Turn | None = Field(None, description="in place of start_angle_rad and angular_speed_rad_per_s.")
-    poses: Poses | None = Field(None, description="in place of all the others.")
+    start_angle_rad: Finite = Field(0.0, description="in the plane of travel.")
+    speed_x_m_per_s: Law | None = Field(None, description="in the direction of travel.")
+    speed_y_m_per_s: Law | None = Field(None, description="to the left; the path is then in space.")
+    speed_z_m_per_s: Law | None = Field(None, description="upwards.")
+    angular_speed_rad_per_s: Law | None = Field(None, description="in the plane of travel.")
+    turn: Turn | None = Field(
+        None, description="in space; replaces start_angle_rad and angular_speed_rad_per_s."
+    )
+    poses: Poses | None = Field(None, description="in space; in place of all other keys.")
     external: bool = Field(
-        False, description="a machine from outside moves the tool from the start pose (docs/own_machine.md)."
+        False,
+        description="an external machine moves the tools of the scene from their start poses.",
     )
 
     @property
@@ -163,14 +167,15 @@ class Path(StrictModel):
 
 
 class Tool(StrictModel):
-    """What one body puts into the soil. `groups` names its mesh parts (share, blade, ...)."""
+    """Meshes that act on the soil; forces are recorded for each of its groups (share, blade, ...)."""
 
-    body: str | None = None
-    path: Path | None = None
-    lateral_m: Finite = Field(0.0, description="y of the body the tool belongs to.")
+    body: str | None = Field(None, description="of the mechanism, which carries the tool.")
+    path: Path | None = Field(None, description="of the tool, if there is no mechanism.")
+    lateral_m: Finite = Field(0.0, description="y of the tool's body, or of its path.")
     groups: dict[str, MeshPart] = Field(min_length=1)
     density_kg_per_m3: Positive | None = Field(
-        None, description="of the solid: `subsoil check` prints mass and inertia from it."
+        None,
+        description="of the solid; `subsoil check` prints mass and inertia of the meshes from it.",
     )
     role: Literal["tillage", "wheel"] = Field(
         "tillage", description="wheel: carries the machine, and counts apart in the split of the draft."

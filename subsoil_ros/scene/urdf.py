@@ -88,7 +88,7 @@ def _add_body(
 def _link(
     robot: ElementTree.Element, name: str, place_m: tuple[float, float, float], angle_rad: float
 ) -> ElementTree.Element:
-    """A link that floats on `world`; where it stands in the reference pose is for who has no /tf."""
+    """A link that floats on `world`; where it stands in the reference pose is for viewers without /tf."""
     link = ElementTree.SubElement(robot, "link", name=name)
     joint = ElementTree.SubElement(robot, "joint", name=f"{name}_floats", type="floating")
     ElementTree.SubElement(joint, "parent", link=WORLD)

@@ -26,7 +26,7 @@ class WheelSoil(StrictModel):
     recovered_fraction: Part01 = Field(
         0.0, description="of the work of compaction, given back behind the wheel."
     )
-    shear_deformation_m: Positive = Field(0.01, description="K.")
+    shear_deformation_m: Positive = Field(0.01, description="K, of the shear under the wheel.")
     damping_newton_s_per_m: NonNegative = 0.0
 
     @model_validator(mode="after")
@@ -37,18 +37,18 @@ class WheelSoil(StrictModel):
 
 
 class WedgeValues(StrictModel):
-    """Strength of the soil and how it fails. docs/wedge.md says what each number does."""
+    """Strength of the soil and how it fails (docs/wedge.md)."""
 
     theory: Literal["mckyes_ali", "perumpral"] = Field(
         "mckyes_ali",
         description="perumpral: the wedge's sides resist, shanks part broken soil; mckyes_ali: crescents.",
     )
     density_kg_per_m3: Positive
-    cohesion_pa: NonNegative
-    friction_angle_rad: FrictionAngle
-    adhesion_pa: NonNegative = Field(description="c_a, soil on tool.")
-    tool_friction_angle_rad: FrictionAngle = Field(description="delta.")
-    surcharge_pa: NonNegative = 0.0
+    cohesion_pa: NonNegative = Field(description="c, of the soil.")
+    friction_angle_rad: FrictionAngle = Field(description="phi, of the soil.")
+    adhesion_pa: NonNegative = Field(description="c_a, of soil on tool; at most the cohesion.")
+    tool_friction_angle_rad: FrictionAngle = Field(description="delta; at most friction_angle_rad.")
+    surcharge_pa: NonNegative = Field(0.0, description="on the surface.")
     speed_factor: NonNegative = Field(
         1.0, description="on the inertia of the soil that gives way; 1: as the theory has it."
     )
@@ -58,7 +58,7 @@ class WedgeValues(StrictModel):
     drop: Part01 = Field(0.3, description="part of the force lost when a wedge has failed.")
     drop_depth_m: Positive | None = Field(
         None,
-        description="depth where drop and variation hold; they go as one over the depth. None: everywhere.",
+        description="depth where drop and variation hold; they go as one over it. Left out: all depths.",
     )
     tip_m: NonNegative = Field(
         0.0,
@@ -82,7 +82,7 @@ class WedgeValues(StrictModel):
     shank_fraction: NonNegative = Field(
         1.0, description="of a lone shank's resistance, met in soil that the share has broken."
     )
-    wheels: WheelSoil | None = None
+    wheels: WheelSoil | None = Field(None, description="for tools of role wheel.")
 
     @model_validator(mode="after")
     def _strong(self) -> "WedgeValues":
@@ -120,7 +120,7 @@ class WedgeLayer(StrictModel):
 
 
 class WedgeSoil(StrictModel):
-    """Everything the wedge model engine needs; values stand here, or in a file of `subsoil calibrate`."""
+    """Soil without particles (docs/wedge.md): `values`, or a `file` of `subsoil calibrate`."""
 
     model: Literal["wedge"]
     bin: Bin = Field(description="soil lies in 0 <= x <= length.")

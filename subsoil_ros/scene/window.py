@@ -2,6 +2,8 @@
 
 import math
 
+from pydantic import Field
+
 from ..strict_model import Positive, StrictModel
 
 
@@ -12,8 +14,8 @@ class SoilWindow(StrictModel):
     distance of a cut as deep as the bed.
     """
 
-    ahead_m: Positive
-    behind_m: Positive
+    ahead_m: Positive = Field(description="at least the depth of the bed.")
+    behind_m: Positive = Field(description="at least the depth of the bed.")
 
 
 def rupture_distance_m(depth_m: float, friction_angle_deg: float) -> float:

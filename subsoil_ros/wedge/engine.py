@@ -356,7 +356,7 @@ class WedgeEngine:
         return SoilState(run_id, tick, end_time_ns, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
     def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:
-        """Nobody asks: the schedule of a scene without particles has no clouds.
+        """Not called: the schedule of a scene without particles has no clouds.
 
         Raises:
             InputError: always.

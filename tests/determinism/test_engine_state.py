@@ -75,7 +75,7 @@ def test_soil_goes_on(tmp_path: Path, kind: str) -> None:
 
 @pytest.mark.parametrize("kind", list(SOILS))
 def test_who_looks_at_a_soil_changes_nothing(tmp_path: Path, kind: str) -> None:
-    """Between two ticks a half kick may be owed: it is made when somebody looks, or with the next step.
+    """Between two ticks a half kick may be owed: it is made when the state is read, or with the next step.
 
     But for the books: a look adds them up, in an order of its own.
     """

@@ -214,7 +214,7 @@ class System:
 
     @property
     def complete(self) -> bool:
-        """Every tick done by everybody, and recorded."""
+        """Every tick done by every participant, and recorded."""
         return (
             self.coupler.finished
             and self.barrier.finished

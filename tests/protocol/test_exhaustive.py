@@ -1,4 +1,4 @@
-"""Every interleaving of small runs of the real state machines: no deadlock, no tick twice, nobody ahead.
+"""Every interleaving of small runs of the real state machines: no deadlock, no tick twice, none ahead.
 
 The recorder hears all at once here: the order in which it hears makes no
 difference to others but in the time of its acknowledgements, which may be late. A test of its own gives it
@@ -78,7 +78,7 @@ def explore(case: Case, plan: Plan, judge) -> int:
 
 
 def complete(system: System, plan: Plan) -> None:
-    """Every tick done once by everybody, and recorded."""
+    """Every tick done once by every participant, and recorded."""
     assert system.complete, system.coupler.missing()
     last = system.case.last_tick
     expected = dict.fromkeys(system.done, last)
@@ -94,7 +94,7 @@ def complete_or_named(system: System, plan: Plan) -> None:
 
 
 def aborted(system: System, plan: Plan) -> None:
-    """The record ends with the tick that the abort names, and nobody goes on."""
+    """The record ends with the tick that the abort names, and no participant goes on."""
     grant = system.coupler.abort_grant
     assert grant is not None
     assert system.done[RECORDER] == grant.tick == system.done[COUPLER]
@@ -124,7 +124,7 @@ CASES = [
 
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_every_order_of_messages_completes(case: Case) -> None:
-    """Whatever comes first: each tick exactly once by everybody."""
+    """Whatever comes first: each tick exactly once by every participant."""
     explore(case, Plan(), complete)
 
 
@@ -178,7 +178,7 @@ def test_a_paused_run_goes_no_further_than_its_steps(case: Case) -> None:
     ids=str,
 )
 def test_an_abort_at_any_moment_ends_the_run_for_all(case: Case, user: tuple[str, ...]) -> None:
-    """The record is cut where the abort says, and nobody advances after it has heard."""
+    """The record is cut where the abort says, and no participant advances after it has heard."""
     explore(case, Plan(user=user), aborted)
 
 

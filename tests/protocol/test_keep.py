@@ -40,7 +40,7 @@ def test_a_resumed_run_has_each_later_tick_once(seed: int, window: int) -> None:
 @pytest.mark.parametrize("seed", range(10))
 @pytest.mark.parametrize("held_at", [0, 7, 25])
 def test_held_back_all_stand_at_one_tick(seed: int, held_at: int) -> None:
-    """No more grants: everybody finishes what was granted, and the word to keep names that tick to all."""
+    """No more grants: all participants finish what was granted; the word to keep names that tick to all."""
     execution = Execution(seed, window=4)
     take = execution.coupler.take_finished
 

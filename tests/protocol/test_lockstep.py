@@ -280,7 +280,7 @@ def test_ungranted_answer_is_refused() -> None:
 
 
 def test_abort_stops_the_work_and_names_the_last_tick() -> None:
-    """After ABORT nobody advances; the record ends with the tick that the abort names."""
+    """After ABORT no participant advances; the record ends with the tick that the abort names."""
     execution = Execution(seed=3)
     execution.run()
     aborted = Execution(seed=3)

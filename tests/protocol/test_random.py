@@ -47,7 +47,7 @@ FAULTS = st.sampled_from(["", "lose", "repeat"])
 def test_a_run_completes_or_ends_in_a_named_fault(
     case: Case, fault: str, moment: int, pauses: bool, seed: int
 ) -> None:
-    """Each tick exactly once by everybody; or a fault that names a tick; or it says what it waits for."""
+    """Each tick exactly once by each participant; or a fault names a tick; or it says what it waits for."""
     chance = random.Random(seed)
     system, deliveries, struck, needless = System(case), 0, False, False
     while not system.fault:
@@ -116,7 +116,7 @@ def test_steps_are_refused_in_words() -> None:
 
 
 def test_a_controller_that_is_late_is_named() -> None:
-    """Its command does not come: everybody stands before that tick, and the coupler says whose turn it is."""
+    """Its command does not come: all stand before that tick, and the coupler says whose turn it is."""
     system = System(Case(ticks=9, window=8, control_ticks=4))
     while moving := [key for key in system.moving() if key != ("driver_command", MECHANISM)]:
         key = moving[0]

@@ -217,7 +217,7 @@ def test_a_killed_controller_ends_the_run(tmp_path: Path) -> None:
 
 
 def test_others_with_use_sim_time_follow_the_ticks(scene: ResolvedScene, tmp_path: Path) -> None:
-    """A node of somebody else with use_sim_time: its clock goes up tick by tick to the end of the run."""
+    """A foreign node with use_sim_time: its clock goes up tick by tick to the end of the run."""
     context = Context()
     rclpy.init(context=context)
     node = Node("follower", context=context, parameter_overrides=[Parameter("use_sim_time", value=True)])

@@ -1,4 +1,4 @@
-"""Who can hear a run: nobody beyond this machine unless the environment says so, and nobody unprotected."""
+"""Who can hear a run: no other machine unless the environment allows it, and none unprotected."""
 
 import subprocess
 import sys

@@ -69,7 +69,7 @@ def test_a_node_that_stands_still_ends_the_run(start_run: Callable) -> None:
 
 @pytest.mark.parametrize("mode", ["nodes", "direct"])
 def test_a_closed_terminal_fails_the_run_in_order(start_run: Callable, mode: str) -> None:
-    """SIGHUP: nobody asked for the end, so exit 3 with the cause; the bag is finished, no process is left."""
+    """SIGHUP: the end was not asked for: exit 3 with the cause; the bag is finished, no process is left."""
     before = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup the run would rightly go on
     run, pids = start_run(mode)
     signal.signal(signal.SIGHUP, before)

@@ -45,7 +45,7 @@ pytestmark = pytest.mark.ros
 
 
 def wrong_tick(message: ToolWrenchesMessage) -> None:
-    """A tick nobody has granted."""
+    """A tick that was not granted."""
     message.tick += 1000
 
 
@@ -76,7 +76,7 @@ def test_a_foreign_publisher_is_refused_by_name(
     spoil(message)
     status = status_with_foreign_publisher(resolved, tmp_path / "bag", listener, "tool_wrenches", message)
     assert status.code == 3
-    expected = "tool_wrenches: node '/somebody' on this machine publishes on it; in a run only soil may"
+    expected = "tool_wrenches: node '/stranger' on this machine publishes on it; in a run only soil may"
     assert expected in status.reason
     ticks = lockstep_ticks(tmp_path / "bag", resolved.timing.communication_step_ns)
     count = len(ticks["grant"])  # who finds him ends with what all had finished, or with what it had
@@ -128,7 +128,7 @@ def test_it_is_named_while_the_run_is_paused(
     thread.join(LIMIT_S)
     (status,) = statuses
     assert status.code == 3
-    expected = f"{topic}: node '/somebody' on this machine publishes on it; in a run only {owners}"
+    expected = f"{topic}: node '/stranger' on this machine publishes on it; in a run only {owners}"
     assert expected in status.reason
     assert status.reason.endswith(" may. Give every run a ROS_DOMAIN_ID of its own")
 
@@ -138,7 +138,7 @@ def test_a_listener_that_takes_nothing_holds_nobody_up(
     tmp_path: Path,
     listener: Node,  # noqa: F811
 ) -> None:
-    """Somebody subscribes to a lockstep topic and never looks: the run ends well, all is recorded."""
+    """A node subscribes to a lockstep topic and never reads: the run ends well, all is recorded."""
     listener.create_subscription(ToolWrenchesMessage, "tool_wrenches", print, LOCKSTEP_QOS)
     assert run_nodes(resolved, tmp_path / "bag", SpringSoil) == ExitStatus()
     ticks = lockstep_ticks(tmp_path / "bag", resolved.timing.communication_step_ns)

@@ -19,7 +19,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 
 def free_port() -> int:
-    """A port that nobody serves on."""
+    """A port without a server."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
@@ -27,7 +27,7 @@ def free_port() -> int:
 
 @pytest.fixture(scope="module")
 def without_live(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a run that nobody watches."""
+    """The folder of a run without a viewer."""
     run = Run(tmp_path_factory.mktemp("alone") / "out", "direct", DURATION_S)
     status, _, err = run.finish()
     assert status == 0, err

@@ -207,7 +207,7 @@ def test_invented_energy_ends_the_run_alike(resolved: ResolvedScene, tmp_path: P
 
 
 def test_an_engine_that_cannot_be_built_ends_the_run(resolved: ResolvedScene, tmp_path: Path) -> None:
-    """A fault before tick 0 reaches everybody; the bag is closed."""
+    """A fault before tick 0 reaches every node; the bag is closed."""
 
     def broken() -> SpringSoil:
         raise RunError("no bed")
@@ -266,7 +266,7 @@ class GatedSoil(SpringSoil):
 def status_with_foreign_publisher(
     resolved: ResolvedScene, bag: Path, listener: Node, topic: str, message: Any
 ) -> ExitStatus:
-    """How a run ends whose soil stands at tick 3 while somebody else publishes on a lockstep topic."""
+    """How a run ends whose soil stands at tick 3 while a foreign node publishes on a lockstep topic."""
     gate, at = threading.Event(), threading.Event()
     statuses: list[ExitStatus] = []
     runner = threading.Thread(
@@ -290,10 +290,10 @@ def status_with_foreign_publisher(
 
 @pytest.fixture
 def listener() -> Iterator[Node]:
-    """A node of somebody else in the same domain."""
+    """A foreign node in the same domain."""
     context = Context()
     rclpy.init(context=context)
-    node = Node("somebody", context=context)
+    node = Node("stranger", context=context)
     yield node
     node.destroy_node()
     rclpy.shutdown(context=context)
@@ -341,7 +341,7 @@ def test_others_follow_clock_and_poses_live(resolved: ResolvedScene, tmp_path: P
 def test_a_foreign_message_ends_the_run_by_name(
     resolved: ResolvedScene, tmp_path: Path, listener: Node
 ) -> None:
-    """Somebody publishes motions of another run on our topic: refused, named, exit 3."""
+    """A foreign node publishes motions of another run on our topic: refused, named, exit 3."""
     message = ToolMotionsMessage(run_id="other", tick=4)
     message.header.stamp.nanosec = 5 * resolved.timing.communication_step_ns
     status = status_with_foreign_publisher(resolved, tmp_path / "bag", listener, "tool_motions", message)

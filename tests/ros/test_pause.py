@@ -70,7 +70,7 @@ class User:
 
 @pytest.fixture
 def user(listener: Node) -> Iterator[User]:  # noqa: F811
-    """Somebody with the services of the coupler."""
+    """A client of the coupler's services."""
     user = User(listener)
     yield user
     user.close()

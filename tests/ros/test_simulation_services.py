@@ -37,7 +37,7 @@ STANDARD = dialect().standard
 
 
 class Client:
-    """Somebody who steers simulators."""
+    """A client that steers simulators."""
 
     def __init__(self, node: Node) -> None:
         self._node = node

@@ -109,7 +109,7 @@ def node_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callab
 
 
 def test_a_node_of_another_scene_is_refused(node_set: Callable[[int], NodeSet], tmp_path: Path) -> None:
-    """One node reads a scene with other content: named with both hashes, nobody goes on, exit 3."""
+    """One node reads a scene with other content: named with both hashes, no node goes on, exit 3."""
     nodes = node_set(100_000)
     (tmp_path / "other").mkdir()
     for name in NODES:
@@ -131,7 +131,7 @@ def test_a_node_of_another_version_is_refused(node_set: Callable[[int], NodeSet]
 
 
 def test_a_node_that_starts_after_the_refusal_hears_of_it(node_set: Callable[[int], NodeSet]) -> None:
-    """The coupler stays for a while to say so: nobody waits for a coupler that has gone."""
+    """The coupler stays for a while to say so: no node waits for a coupler that has ended."""
     nodes = node_set(100_000)
     for name in (SOIL, RECORDER, COUPLER):
         nodes.start(name, OTHER_VERSION if name == SOIL else PROGRAMS[name])

@@ -201,7 +201,7 @@ def test_wide_blades_are_the_plane_wedge(theory):
     [(37.9e3, 23.1, 1296.0, 9.0e3), (23.1e3, 43.0, 1735.0, 5.7e3)],
 )
 def test_perumpral_of_the_tested_beds(cohesion, friction, density, expected):
-    """A share of 60 mm at 25 degrees, 0.30 m deep, delta 23: beds with the strength of docs/soil_tests.md."""
+    """A share of 60 mm at 25 degrees, 0.30 m deep, delta 23: strength of yuan_yu_2020/soil_tests.md."""
     share = blade(25.0, 0.06)
     made = soil(friction, 23.0, cohesion, density)
     assert blades.perumpral(made, share).draft_newton == pytest.approx(expected, rel=WORKED)

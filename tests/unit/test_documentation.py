@@ -33,6 +33,8 @@ PAGES = [
     *sorted((ROOT / "docs").rglob("*.md")),
     *sorted((ROOT / "examples").glob("*/README.md")),
     *sorted((ROOT / "reproduction").glob("*/*.md")),
+    *sorted((ROOT / "benchmarks").glob("*.md")),
+    *sorted((ROOT / "validation").glob("*.md")),
 ]
 LANGUAGES = {"bash", "python", "yaml", "text", "json", "dockerfile"}
 _FENCE = re.compile(r"^ *```(.*)$")

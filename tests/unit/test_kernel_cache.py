@@ -128,7 +128,7 @@ def test_kernels_find_a_place_without_a_home(tmp_path):
 
 @pytest.mark.skipif(os.getuid() != 0, reason="only root can give a folder away")
 def test_kernels_of_others_are_not_run(tmp_path):
-    """A folder in the temporary folder that belongs to somebody else is not used: its kernels are code."""
+    """A folder in the temporary folder that belongs to another user is not used: its kernels are code."""
     foreign = tmp_path / f"cache-{os.getuid()}"
     foreign.mkdir()
     os.chown(foreign, 12345, 12345)

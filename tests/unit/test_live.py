@@ -25,7 +25,7 @@ CLOUDS = TopicInfo("/subsoil/soil/points", "sensor_msgs/msg/PointCloud2", "uint8
 
 
 def free_port() -> int:
-    """A port that nobody serves on."""
+    """A port without a server."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

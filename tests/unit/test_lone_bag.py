@@ -1,4 +1,4 @@
-"""Somebody who has only the bag: its scene is in it, report and pictures are made of it alone."""
+"""A bag without its run folder: its scene is in it, report and pictures are made from it alone."""
 
 import os
 import shutil
@@ -21,7 +21,7 @@ SCENES = Path(__file__).parents[2] / "config" / "scenes"
 
 @pytest.fixture
 def lone(machine_bag: Path, tmp_path: Path) -> Path:
-    """The .mcap file of a run, sent to somebody without the rest."""
+    """The .mcap file of a run, sent without the rest."""
     (path,) = machine_bag.glob("*.mcap")
     return Path(shutil.copy(path, tmp_path / "field.mcap"))
 

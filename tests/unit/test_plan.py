@@ -38,7 +38,7 @@ def plan(name: str, tmp_path: Path, *overrides: str, recorded: bool = True) -> R
 def test_only_what_a_scene_names_is_started(
     tmp_path: Path, name: str, overrides: tuple[str, ...], expected: list[str]
 ) -> None:
-    """No process for a part that is absent, none for a controller of somebody else."""
+    """No process for a part that is absent, none for a controller from outside."""
     assert [node.name for node in plan(name, tmp_path, *overrides).nodes()] == expected
 
 
@@ -53,7 +53,7 @@ def test_every_node_is_told_the_same_of_the_run(tmp_path: Path) -> None:
 
 
 def test_a_run_may_do_without_a_recorder(tmp_path: Path) -> None:
-    """Then nobody records, and everybody knows."""
+    """Then no node records, and every node is told so."""
     nodes = plan("mechanism_only", tmp_path, recorded=False).nodes()
     assert [node.name for node in nodes] == ["mechanism", "coupler"]
     assert all(node.parameters["recorded"] is False for node in nodes)

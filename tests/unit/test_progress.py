@@ -1,4 +1,4 @@
-"""What takes seconds says so on a terminal, and says nothing where nobody looks."""
+"""What takes seconds says so on a terminal, and prints nothing elsewhere."""
 
 import os
 import pty

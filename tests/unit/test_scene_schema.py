@@ -112,7 +112,7 @@ def test_descriptions_are_those_of_the_model():
     definitions = scene_schema()["$defs"]
     assert definitions["Bin"]["properties"]["depth_m"]["description"] == "of the bed. Unit: m."
     velocity = definitions["Body"]["properties"]["velocity_m_per_s"]["description"]
-    assert velocity.startswith("Initial velocities are made consistent with the constraints.")
+    assert velocity.startswith("at the start; made consistent with the constraints.")
     assert definitions["Bin"]["description"].startswith("Open box")
     assert issubclass(Scene, StrictModel)
     assert set(definitions["Scene"]["properties"]) == {*LOADER_KEYS, *Scene.model_fields}

@@ -78,7 +78,7 @@ def test_end_wall_start() -> None:
     assert bodies["wheel_left"].x_m - 0.20 > 0.0
     x, z = tip_m(resolved, bodies["shank"])
     assert x < -0.1
-    assert_allclose(z, -0.305 + 0.028, atol=0.002)  # the wheels will sink by 28 mm (docs/depth_wheel.md)
+    assert_allclose(z, -0.305 + 0.028, atol=0.002)  # they sink by 28 mm (yuan_yu_2020/depth_wheel.md)
     assert_allclose([body.velocity_x_m_per_s for body in bodies.values()], 0.0, atol=1e-12)
 
 

@@ -1,4 +1,4 @@
-"""subsoil sweep with real Dask workers: a table, cached runs, failures that stop nobody, a cluster."""
+"""subsoil sweep with real Dask workers: a table, cached runs, failures that stop no other run, a cluster."""
 
 import json
 import os

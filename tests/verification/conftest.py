@@ -10,7 +10,7 @@ import yaml
 import subsoil_ros.dem.engine
 from validation.laboratory import box_mesh
 
-if os.environ.get("SUBSOIL_TEST_DEVICE") == "gpu":  # engines of these tests on a GPU: docs/gpu.md
+if os.environ.get("SUBSOIL_TEST_DEVICE") == "gpu":  # engines of these tests on a GPU: benchmarks/gpu.md
     from subsoil_ros.dem.gpu.engine import GpuSoilEngine
 
     subsoil_ros.dem.engine.SoilEngine = GpuSoilEngine  # type: ignore[misc]

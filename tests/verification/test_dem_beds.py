@@ -62,7 +62,7 @@ def test_dense_bed_has_the_neighbours_of_random_close_packing(engine):
 
 
 def test_dense_bed_stands_still_under_the_full_law(engine):
-    """Friction, rolling and dampers switched on: nobody moves farther than the rest speed, 1 % of the
+    """Friction, rolling and dampers switched on: no particle moves farther than the rest speed, 1 % of the
     radius in a second, would carry it."""
     engine.start(())
     before = engine.positions_m()
@@ -117,7 +117,7 @@ def test_dense_bed_is_the_same_for_any_number_of_threads(soil, engine):
     ("dense_random", 32.0, True), ("dense_random", 22.0, False), ("grid", 32.0, False),
 ])  # fmt: skip
 def test_a_dense_bed_near_its_limit_is_warned_of(bed, step_us, warned):
-    """Before the machine of the paper it spins at 32 us and is calm at 22 (docs/accuracy.md)."""
+    """Before the paper's machine it spins at 32 us and is calm at 22 (yuan_yu_2020/accuracy.md)."""
     keys = {"kind": bed} if bed == "dense_random" else {"kind": bed, "spacing_m": "rest"}
     path = SCENES / "subsoiler_1s300_quick.yaml"
     changes = [f"soil.bed={json.dumps(keys)}", f"soil.time_step_s={step_us * 1e-6:.2e}"]
@@ -158,7 +158,7 @@ def test_stiff_contacts_settle_softly():
 
 def test_a_bed_of_stiff_contacts_stands_still():
     """Its relaxation ends before it is at rest without friction. With that of the run, which holds what is
-    out of balance, nobody moves farther in 20 ms than a thousandth of the radius (rms)."""
+    out of balance, no particle moves farther in 20 ms than a thousandth of the radius (rms)."""
     resolved = load_scene(DENSE_BED, ["soil.bin={length_m: 0.36, width_m: 0.36, depth_m: 0.24}"])
     soil = resolved.scene.particle_soil
     bed = prepare_dense(resolved, 0, SoilEngine, 1, ignore_progress)
@@ -197,7 +197,7 @@ def test_surface_profile_trims_a_grid(soil):
 
 
 def test_a_trimmed_grid_carries_the_weight_that_is_left(soil):
-    """Columns side by side differ by their weight only: nobody moves farther in 5 ms than what the weight
+    """Columns side by side differ by their weight only: none moves farther in 5 ms than what the weight
     of one layer presses one contact together, m g / K."""
     scene = dense(soil, bed={"kind": "grid", "spacing_m": "rest"}, surface=RAMP)
     motion = free_motion(scene, SoilEngine(scene).bed, SoilEngine, 1, 0.005)

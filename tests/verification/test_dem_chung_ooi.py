@@ -197,7 +197,7 @@ def two_spheres(soil, spin_1, spin_2):
 
 
 def test_7_two_spheres_with_opposite_spins(soil):
-    """Their surfaces roll on each other: no tangential force, so the spins stay and nobody is deflected."""
+    """Their surfaces roll on each other: no tangential force, so the spins stay and neither is deflected."""
     spin = np.array([0.175, 0.73, 2.0, 5.5, 22.9])
     velocity, after = two_spheres(soil, spin, -spin)
     assert_allclose(velocity[:, :, :2], 0.0, atol=1e-15)

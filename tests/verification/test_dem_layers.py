@@ -121,8 +121,8 @@ def both(soil):
 
 
 def test_a_dense_bed_of_sizes_and_layers_stands_still(both):
-    """Under the full law nobody moves farther than 1 % of a radius in a second would carry it; all walls are
-    touched; layers follow depth, but for what the relaxation moved; radii are those of the distribution."""
+    """Under the full law no particle moves farther than 1 % of a radius in a second would take it; all walls
+    are touched; layers follow depth, but for what the relaxation moved; radii follow the distribution."""
     scene, bed = both
     report = report_bed(bed, scene.scene.soil)
     assert max(gap.max_m for gap in report.wall_gaps.values()) < 0.0

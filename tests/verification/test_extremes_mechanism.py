@@ -1,4 +1,4 @@
-"""Machines at the extremes: the quick cases of docs/extremes.md end as it says."""
+"""Machines at the extremes: the quick cases of validation/extremes.md end as it says."""
 
 from pathlib import Path
 

@@ -109,7 +109,7 @@ def test_a_bad_command_is_refused_by_name(command: DriverCommand, kind: type[Run
 
 
 def test_a_scene_without_controller_takes_no_command() -> None:
-    """Nobody drives a machine that its scene does not give away."""
+    """A machine takes no commands unless its scene allows them."""
     with pytest.raises(ProtocolError, match="no controller"):
         engine_of({"kind": "constant", "value": 0.0}, None).command(DriverCommand("run", 0, "drive", 0.0))
 

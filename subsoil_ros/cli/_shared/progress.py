@@ -83,7 +83,7 @@ _REFRESHES_PER_S = 4
 
 
 def _bar(*columns: ProgressColumn) -> Progress:
-    """A bar that goes when its work is done, and is not there at all where nobody looks at a terminal."""
+    """A bar that goes when its work is done, and is not drawn where there is no terminal."""
     console = Console(stderr=True)
     return Progress(
         *columns,

@@ -49,7 +49,11 @@ class CohesiveLinearFeatures(NamedTuple):
 
 
 class CohesiveLinearValues(DampedValues):
-    """One row of table 3 of the paper."""
+    """One row of table 3 of the paper.
+
+    `restitution` replaces both dampings. Frictions are coefficients: rolling_friction mu_r limits the rolling
+    torque to mu_r R_eff F_n, twisting_friction that about the normal likewise.
+    """
 
     stiffness_newton_per_m: Positive = Field(description="K_X.")
     tangential_stiffness_newton_per_m: NonNegative = Field(description="K_Y, K_Z.")
@@ -69,6 +73,7 @@ class CohesiveLinearLaw(DampedLaw):
 
     `combining_rule` says how the two rows are read: `series`, those of a body, combined by eq. 15, 16 and 18
     (a pair of equal bodies has half of each value), or `none`, those of the pair, used as they stand.
+    `friction_normal` is the normal force that limits friction; the normal dashpot acts in `damped_zones`.
     """
 
     kind: Literal["cohesive_linear"]

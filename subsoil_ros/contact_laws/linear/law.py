@@ -24,7 +24,11 @@ class LinearNumbers(NamedTuple):
 
 
 class LinearValues(DampedValues):
-    """A spring and a dashpot, as they stand for the pair."""
+    """A spring and a dashpot, as they stand for the pair.
+
+    `restitution` replaces both dampings. Frictions are coefficients: rolling_friction mu_r limits the rolling
+    torque to mu_r R_eff F_n, twisting_friction that about the normal likewise.
+    """
 
     static_friction: NonNegative
     sliding_friction: NonNegative

@@ -129,7 +129,7 @@ class Coupler:
         self._waiting.discard(node_status.node)
 
     def next_grants(self) -> tuple[Grant, ...]:
-        """The grants that can be given now, each once; none before everybody is ready."""
+        """The grants that can be given now, each once; none before all are ready."""
         if not self.ready or self.abort_grant or self._holding:
             return ()
         first = self._granted + 1

@@ -81,7 +81,7 @@ OnProgress = Callable[[SettlingProgress], None]
 
 
 def ignore_progress(progress: SettlingProgress) -> None:
-    """Nobody looks."""
+    """No progress is shown."""
 
 
 class SettlingEngine(Protocol):

@@ -1,6 +1,6 @@
 """How fast a particle-step could be, from the bytes it moves and the operations it does.
 
-Counted in the sources of dem/pairs.py, contact.py and integration.py (docs/benchmarks.md shows the count);
+Counted in the sources of dem/pairs.py, contact.py and integration.py (benchmarks/README.md shows the count);
 whoever changes what a kernel reads, writes or computes counts anew.
 """
 

@@ -30,8 +30,8 @@ _HEADROOM = 0.25
 what is higher belongs to the uppermost cells."""
 
 _UNKNOWN_STEPS, _FEWEST_STEPS = 16, 4
-"""Soil steps that are launched before the host asks whether lists are still good: while nobody knows how long
-they last, and when they have lasted as long as the last ones (chosen: a step in vain costs some 10 us)."""
+"""Soil steps that are launched before the host asks whether lists are still good: while it is unknown how
+long they last, and when they have lasted as long as the last ones (a step in vain costs only some 10 us)."""
 
 
 class GpuSoilEngine(SoilEngine):

@@ -2,7 +2,8 @@
 
 INERTIAL_NUMBER = 3e-3
 """Of the shear: rate x diameter x sqrt(density / stress). By mu(I) of P. Jop et al., Nature
-441 (2006) 727-730, it raises the friction coefficient by 0.003; docs/soil_tests.md has a measured check."""
+441 (2006) 727-730, it raises the friction coefficient by 0.003; reproduction/yuan_yu_2020/soil_tests.md has a
+measured check."""
 
 SHEAR_DIAMETERS = (12.0, 8.0, 8.0)
 """Length, width and height of the specimen in largest diameters, usual and least (chosen: they leave a core

@@ -29,7 +29,7 @@ def connected(scheduler: str | None, workers: int) -> Iterator[tuple[Any, int]]:
     scheduler: its address; None: a cluster of `workers` processes on this machine, gone at the end.
 
     Raises:
-        InputError: nobody answers there, there is no worker, or one runs other engines than this process.
+        InputError: no scheduler answers there, it has no worker, or one runs other engines than this process.
     """
     import dask
     from distributed import Client

@@ -37,7 +37,7 @@ class ControllerNode(LockstepNode):
         self.listen(NodeStatus, self.follow_coupler_end, ())
 
     def on_poll(self) -> None:
-        """Says that it is ready once everybody is there."""
+        """Publish READY once every node is there."""
         if self.heartbeat.state is NodeState.STARTING and self.matched:
             self.say_ready()
 

@@ -62,18 +62,18 @@ NEAR = 0.5
 """Part of a bound at which diagnostics warn (chosen: half)."""
 
 END_WORD_S = 10.0
-"""Time for the word that the run is over to reach everybody."""
+"""Time for the word that the run is over to reach every node."""
 
 PROGRESS_S = 10.0
 """Wall time between two lines of the log about progress: six a minute, so a run of hours can be followed."""
 
 REST_S = 0.001
 REST_WINDOW = 4
-"""With grants for so many ticks ahead, nobody waits for the coupler while it rests: a quarter of them."""
+"""With grants for so many ticks ahead, no node waits for the coupler while it rests: a quarter of them."""
 
 
 class CouplerNode(LockstepNode):
-    """Lets nobody run ahead, waits for nobody for ever, and judges the interface energy."""
+    """Keep participants in step, wait for each only so long, and judge the interface energy."""
 
     def __init__(
         self,
@@ -228,7 +228,7 @@ class CouplerNode(LockstepNode):
         return True
 
     def on_fault(self, error: BaseException) -> None:
-        """Tells everybody the tick at which the record is cut, and why."""
+        """Publish to all nodes the tick at which the record is cut, and why."""
         self._grants.publish(self.bytes_of(self._coupler.abort(one_line(error))))
         self._control.refuse_waiting(f"the run has ended: {one_line(error)}")
 

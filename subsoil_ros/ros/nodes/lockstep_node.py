@@ -47,7 +47,7 @@ OWN_TIME = [Parameter("use_sim_time", value=False)]
 """These nodes make the simulated time: none follows /clock, whatever use_sim_time says to others."""
 
 LAST_WORD_S = 1.5
-"""Time given to a last message to arrive; it is used up if somebody is dead."""
+"""Time given to a last message to arrive; it is used up if a node is dead."""
 
 
 def say(text: str) -> None:
@@ -85,8 +85,8 @@ class LockstepNode(Node):
 
     rest_s = 0.0
     rest_ticks = 0
-    """Pause after every wake-up, the longer of both; for nodes that nobody waits for. Each wake-up finds cold
-    caches, pushes a thread that computes aside, and takes two thirds less if it is shared."""
+    """Pause after every wake-up, the longer of both; for nodes that no other waits for. Each wake-up finds
+    cold caches, pushes a thread that computes aside, and takes two thirds less if it is shared."""
 
     def __init__(self, name: str, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None) -> None:
         super().__init__(
@@ -123,7 +123,7 @@ class LockstepNode(Node):
         serve_requests(self, self.on_ended, POLL_S, over)
 
     def discount_wait(self) -> None:
-        """The time up to now was not taken by ticks: nobody asked for any."""
+        """The time up to now was not taken by ticks: none was asked for."""
         self._woken = self.heartbeat.tick, time.monotonic()
 
     def _pause_s(self) -> float:
@@ -131,7 +131,7 @@ class LockstepNode(Node):
         if tick > last_tick:
             self.tick_times_s.append((time.monotonic() - last) / (tick - last_tick))
             self.discount_wait()
-        # the least of some: one of them may hold a wait for somebody who keeps real time
+        # the least of some: one of them may hold a wait for a participant that keeps real time
         tick_s = min(list(self.tick_times_s)[-_RECENT:], default=0.0)
         return min(max(self.rest_s, self.rest_ticks * tick_s), LONGEST_REST_S)
 
@@ -266,7 +266,7 @@ class LockstepNode(Node):
         if isinstance(endpoint, Subscription):
             return set(names) if endpoint.get_publisher_count() < len(names) else set()
         listeners = self.get_subscriptions_info_by_topic(endpoint.topic_name)
-        # somebody else may listen too; who asks for kept messages is never matched
+        # a foreign node may listen too; one that asks for kept messages is never matched
         can_match = [
             item.node_name for item in listeners if item.qos_profile.durability == DurabilityPolicy.VOLATILE
         ]
@@ -335,7 +335,7 @@ class LockstepNode(Node):
                 return
             try:
                 handle(*arguments)
-            except Exception as error:  # a node's fault is everybody's: it is said, not swallowed
+            except Exception as error:  # a node's fault ends the run of all: it is reported, not swallowed
                 self.fail(error)
 
         return guarded

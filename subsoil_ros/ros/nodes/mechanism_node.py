@@ -79,7 +79,7 @@ class MechanismNode(LockstepNode):
         self._initial_wrenches: tuple[ToolWrench, ...] = ()
 
     def on_poll(self) -> None:
-        """Says that it is ready once it has what tick 0 needs and everybody listens."""
+        """Publish READY once it has what tick 0 needs and every node listens."""
         self._visualization.poll()
         if self.heartbeat.state is NodeState.STARTING and self._started and self.matched:
             self.say_ready(motions=self._initial_motions)

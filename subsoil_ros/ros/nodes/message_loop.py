@@ -32,7 +32,7 @@ def serve(
         poll: called every `poll_s`, also while messages come.
         ended: asked after every message and every poll; the loop ends when it is true.
         rest_s: asked for the pause after every wake-up, so that what comes meanwhile is taken in one go. For
-            nodes that nobody waits for: each wake-up takes a core from those that compute. There is no
+            nodes that no other node waits for: each wake-up takes a core from those that compute. There is no
             pause after a request.
     """
     served = [(item.handle, item.handle.pointer, item.msg_type, item.callback) for item in node.subscriptions]

@@ -138,7 +138,7 @@ class RecorderNode(LockstepNode):
             self.listen_raw(kind, partial(self._on_message, kind), (source,))
 
     def on_poll(self) -> None:
-        """Says that it is ready once everybody is there; ends an aborted record in time."""
+        """Publish READY once every node is there; end an aborted record in time."""
         if self.heartbeat.state is NodeState.STARTING and self.matched:
             self.say_ready()
         if self._abort is not None and time.monotonic() > self._cut_deadline:
@@ -151,7 +151,7 @@ class RecorderNode(LockstepNode):
         return Health(values={"recorded_tick": barrier.done_tick, "waits_for": barrier.missing()})
 
     def on_fault(self, error: BaseException) -> None:
-        """Leaves a readable bag, if the disk lets it; with all whole ticks if nobody is left to cut it."""
+        """Leave a readable bag, if the disk lets it; with all whole ticks if no coupler is left to cut it."""
         try:
             if self.heartbeat.lost or self.heartbeat.stop:
                 self._barrier.note_finished(self._barrier.last_tick)

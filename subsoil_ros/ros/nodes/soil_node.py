@@ -104,7 +104,7 @@ class SoilNode(LockstepNode):
         self.listen(NodeStatus, self._on_node_status, ())
 
     def on_poll(self) -> None:
-        """Starts paths, and says that it is ready once the soil has answered and everybody listens."""
+        """Start paths; publish READY once the soil has answered and every node listens."""
         if self._visualization is not None:
             self._visualization.poll()
         if self.heartbeat.state is not NodeState.STARTING:

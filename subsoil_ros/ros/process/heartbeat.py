@@ -184,13 +184,13 @@ class Heartbeat:
         )
 
     def outlast(self, limit_s: float) -> None:
-        """Goes on saying that the run has ended until everybody knows, or for `limit_s`."""
+        """Publish that the run has ended until every node has received it, or for `limit_s`."""
         deadline = time.monotonic() + limit_s
         while self.untold and self.stop is None and time.monotonic() < deadline:
             time.sleep(0.1)
 
     def at_close(self, destroy: Callable[[], None]) -> None:
-        """Has something destroyed that lives on the node, once nobody spins it."""
+        """Have an entity of the node destroyed once the node is not spun any more."""
         self._destroys.append(destroy)
 
     def close(self) -> None:

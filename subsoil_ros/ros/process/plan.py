@@ -44,7 +44,7 @@ class RunPlan:
     """What the nodes of a run are told.
 
     scene: the scene file as run; bag, checkpoints: folders to be made; resume: a checkpoint, or none.
-    supervised: whether somebody holds the standard input of every node (ros/process/supervisor.py).
+    supervised: whether a supervisor holds the standard input of every node (ros/process/supervisor.py).
     """
 
     resolved: ResolvedScene

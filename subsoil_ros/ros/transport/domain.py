@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ...errors import RunError
 
-_DOMAINS = range(1, 102)  # 0 is everybody's default; above 101 the ports are Linux' ephemeral ones
+_DOMAINS = range(1, 102)  # 0 is the default of ROS; above 101 the ports are Linux' ephemeral ones
 _PORT_BASE, _PORTS_PER_DOMAIN = 7400, 250  # of the RTPS specification
 _FIRST_PARTICIPANT_PORT = 10
 

@@ -20,7 +20,7 @@ LOCKSTEP_QOS = _reliable(LOCKSTEP_DEPTH)
 """Lockstep messages and the states recorded with them. The recorder is never further behind than
 ACK_LAG_TICKS, so nothing leaves the history before it has arrived.
 
-Volatile: nobody may join late, all endpoints are matched before tick 0. A history that is kept for
+Volatile: no endpoint may join late, all endpoints are matched before tick 0. A history that is kept for
 late-comers is always full, and Fast DDS then asks every reader for an acknowledgement with every message.
 """
 

@@ -1,7 +1,7 @@
 """Shared memory: what killed nodes left in it, and whether there is room for those to come.
 
 Fast DDS gives every participant segments and ports in /dev/shm (about 0.5 MB), and lock files that are
-held locked as long as somebody uses them. What a killed participant leaves stays (as of Fast DDS 2.14;
+held locked as long as a process uses them. What a killed participant leaves stays (as of Fast DDS 2.14;
 its own `fastdds shm clean` works by the same rule).
 """
 
@@ -19,7 +19,7 @@ from ...errors import InputError
 FOLDER = Path("/dev/shm")
 
 SETTLED_S = 2.0
-"""Files younger than this may belong to somebody who is about to lock them."""
+"""Files younger than this may belong to a process that is about to lock them."""
 
 PROCESS_BYTES = 2**20
 """Of shared memory for one process (measured: 0.65 MB, its segment and its ports)."""
@@ -74,7 +74,7 @@ def avoid_full_memory(process_count: int = MOST_NODES) -> str:
 
 
 def sweep_shared_memory() -> int:
-    """Removes segments and ports that nobody holds. Returns their number."""
+    """Removes segments and ports that no process holds. Returns their number."""
     matches = (_NAME.fullmatch(path.name) for path in FOLDER.glob("fastrtps_*"))
     return sum(_remove_unheld(name) for name in {match.group(1) for match in matches if match})
 

@@ -8,6 +8,7 @@ from numpy.testing import assert_array_equal
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.beds.field import HELD_LAYER
 from subsoil_ros.dem.beds.plot import plot_of
+from subsoil_ros.dem.beds.report import report_bed
 from subsoil_ros.dem.blocks import history_place, history_places
 from subsoil_ros.dem.engine import build_engine
 from subsoil_ros.dem.window import FieldEngine
@@ -91,6 +92,18 @@ def test_a_field_stands_as_its_block_does(soil, sides):
     first, history = engine.contact_histories()
     assert np.abs(history[:, :3]).max() > 0.0
     assert len(first) > 3 * p.count
+
+
+@pytest.mark.parametrize("sides", ["held", "periodic"])
+def test_report_is_of_the_soil_between_the_held_layers(soil, sides):
+    """Density, floor and voids of a window are those of its soil; it has no walls to be away from."""
+    scene = field(soil, sides=sides)
+    report = report_bed(build_engine(scene).bed, scene.scene.soil)
+    density = scene.scene.soil.bed.solid_fraction * 2500.0
+    assert report.density_kg_per_m3 == pytest.approx(density, rel=0.04)  # a thin bed: its surface counts
+    assert report.floor_m == pytest.approx(-0.1, abs=LARGEST)
+    assert report.max_void_radius_m < LARGEST
+    assert report.wall_gaps == {}
 
 
 def test_a_strip_is_laid_out_without_a_jolt(soil):

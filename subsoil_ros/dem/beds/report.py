@@ -86,16 +86,18 @@ class BedReport:
 
 
 def report_bed(bed: Bed, soil: Soil) -> BedReport:
-    """Looks at a bed as prepared, or at any state of it: replace `positions_m`."""
+    """Looks at a bed as prepared, or at any state of it: replace `positions_m`. Of a window, densities, voids
+    and surface are those between the layers that are held at its ends and sides, and it has no wall."""
     radius = soil.particles.mean_volume_radius_m
+    count, bonds = len(bed.positions_m), pairs_in_reach(bed, soil)
+    coordination = 2.0 * len(bonds.pair) / count
+    if soil.window is not None:
+        bed = _between_held(bed, radius)
     radii, masses = radii_of(bed, soil), masses_kg(bed, soil)
     top = top_surface_m(bed, radius)
     length, width = bed.upper_m[0] - bed.lower_m[0], bed.upper_m[1] - bed.lower_m[1]
     free = np.ones(len(masses), np.bool_) if bed.held is None else ~bed.held
     volume = length * width * (float(top.mean()) - bed.floor_m)
-    count = len(bed.positions_m)
-    bonds = pairs_in_reach(bed, soil)
-    coordination = 2.0 * len(bonds.pair) / count
     void, at = _largest_void(bed, radii, top, radius)
     return BedReport(
         particle_count=count,
@@ -108,12 +110,22 @@ def report_bed(bed: Bed, soil: Soil) -> BedReport:
         top_mean_m=float(top.mean()),
         top_spread_m=float(top.std()),
         floor_m=bed.floor_m,
-        wall_gaps=_wall_gaps(bed, radii, top, radius),
+        wall_gaps={} if soil.window is not None else _wall_gaps(bed, radii, top, radius),
         max_void_radius_m=void,
         max_void_at_m=at,
         kinetic_energy_joule=bed.kinetic_energy_joule,
         stable_step_s=step_limits(soil, max(coordination, 1.0))[0].limit_s,
     )
+
+
+def _between_held(bed: Bed, radius: float) -> Bed:
+    """The part of a window over which particles are free, a radius inside the outermost of them."""
+    assert bed.held is not None
+    free = bed.positions_m[~bed.held, :2]
+    low, high = free.min(axis=0) + radius, free.max(axis=0) - radius
+    inside = ((bed.positions_m[:, :2] > low) & (bed.positions_m[:, :2] < high)).all(axis=1)
+    part = bed.only(inside)
+    return dataclasses.replace(part, lower_m=(*low.tolist(), part.floor_m), upper_m=tuple(high.tolist()))
 
 
 def _density_inside(bed: Bed, masses: np.ndarray, radius: float, top_m: float) -> float:

@@ -53,8 +53,9 @@ BEHIND_M, FIRST_M, ROW_M, AHEAD_M = 0.05, 0.3, 0.005, 2.0
 the furrow and the heap beside it are whole); travel of a row; field beyond the pull (no window reaches its
 end)."""
 
-WIDTH_M, BED_M = 0.56, 0.12
-"""Of the field (chosen: three depths of soil beside the disc on each side, and one below it)."""
+WIDTH_M, BED_M, WINDOW_M = 0.56, 0.12, 0.4
+"""Of the field (chosen: three depths of soil beside the disc on each side, and one below it), and of the soil
+ahead of the disc (chosen: with half of it, soil moved up to the end of the window)."""
 
 LEAST_METRES = 1.0
 """Chosen: a stretch for the intervals of five times FIRST_M's depths."""
@@ -106,7 +107,12 @@ def disc_scene(
             "free": {"inertia_kg_m2": INERTIA_KG_M2, "start_speed_rad_per_s": rolling},
         },
     }
-    soil = {"material": "dry_sand", "bin": box, "window": {}, "particles": {"radius_m": radius_m}}
+    soil = {
+        "material": "dry_sand",
+        "bin": box,
+        "window": {"ahead_m": WINDOW_M},
+        "particles": {"radius_m": radius_m},
+    }
     return Laboratory(folder).resolve(
         {
             "name": "disc",

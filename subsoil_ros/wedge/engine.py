@@ -199,7 +199,8 @@ class WedgeEngine:
         cosine, sine = math.cos(turn), math.sin(turn)
         tip, top = ((cosine * x - sine * z, sine * x + cosine * z) for x, z in (face.tip_m, face.top_m))
         moved = felt.at(face, moved)
-        depth, tip_x = -(motion.z_m + tip[1]), motion.x_m + felt.ahead_m(tip)
+        ahead, below = felt.tip_m(tip)
+        depth, tip_x = -(motion.z_m + below), motion.x_m + ahead
         if depth <= 0.0 or not 0.0 < tip_x < self._length_m:
             memory.normal_newton[number] = 0.0
             return

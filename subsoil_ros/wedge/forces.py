@@ -35,9 +35,9 @@ class Felt:
         """What the middle of a plate's width has come by (x, z, phi), from what the body has."""
         return moved
 
-    def ahead_m(self, tip: Pair) -> float:
-        """How far along world x a point stands from the body's centre of mass."""
-        return tip[0]
+    def tip_m(self, tip: Pair) -> Pair:
+        """World x and z of a point from the body's centre of mass."""
+        return tip
 
     def aside_m(self, place: str, face: CuttingFace, arm: Pair, way: Pair) -> float:
         """How far the plate has come along its own edge."""
@@ -57,17 +57,14 @@ class Felt:
 
 @dataclass
 class FeltInSpace(Felt):
-    """The same in the axes of a tool in space: x level and across its edge, y along it, z up."""
+    """The same, x, y and z, in the axes of a tool in space: x level and across its edge, y along it, z up."""
 
     axes: LevelAxes = field(kw_only=True)
     way: Vector = field(kw_only=True)  # of the centre of mass in this tick
     turn: Vector = field(kw_only=True)  # rotation vector of this tick
     interval_s: float = field(kw_only=True)
-
-    def __post_init__(self) -> None:
-        self.vectors = [[0.0, 0.0, 0.0] for _ in self.groups]  # force of each group
-        self.torques = [0.0, 0.0, 0.0]
-        self.middle_m = 0.0  # y of the plate that acts
+    torques: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    middle_m: float = 0.0  # y of the plate that acts
 
     @classmethod
     def of(
@@ -78,7 +75,9 @@ class FeltInSpace(Felt):
         way = axes.of((x - then[0], y - then[1], z - then[2]))
         turn = axes.of(rotation_between(before[1], motion.quaternion))
         planar = ToolMotion(motion.tool, motion.x_m, motion.y_m, motion.z_m, axes.pitch_rad, 0.0, 0.0, 0.0)
-        felt = cls([[0.0, 0.0] for _ in range(groups)], axes=axes, way=way, turn=turn, interval_s=interval_s)
+        felt = cls(
+            [[0.0, 0.0, 0.0] for _ in range(groups)], axes=axes, way=way, turn=turn, interval_s=interval_s
+        )
         return felt, planar, (way[0], way[2], -turn[1])
 
     def add(self, group: int, force: Pair, arm: Pair, aside: float = 0.0) -> None:
@@ -86,7 +85,7 @@ class FeltInSpace(Felt):
         x, y, z = arm[0], self.middle_m, arm[1]
         whole = (force[0], aside, force[1])
         for place, part in enumerate(whole):
-            self.vectors[group][place] += part
+            self.groups[group][place] += part
         self.torques[0] += y * force[1] - z * aside
         self.torques[1] += z * force[0] - x * force[1]
         self.torques[2] += x * aside - y * force[0]
@@ -96,9 +95,10 @@ class FeltInSpace(Felt):
         self.middle_m = y = face.middle_m
         return moved[0] - self.turn[2] * y, moved[1] + self.turn[0] * y, moved[2]
 
-    def ahead_m(self, tip: Pair) -> float:
-        """How far along world x a point stands from the body's centre of mass."""
-        return self.axes.world((tip[0], self.middle_m, tip[1]))[0]
+    def tip_m(self, tip: Pair) -> Pair:
+        """World x and z of a point in the middle of a plate's width, from the body's centre of mass."""
+        x, _, z = self.axes.world((tip[0], self.middle_m, tip[1]))
+        return x, z
 
     def aside_m(self, place: str, face: CuttingFace, arm: Pair, way: Pair) -> float:
         """How far the plate has come along its own edge.
@@ -115,15 +115,15 @@ class FeltInSpace(Felt):
     def wrench(self, name: str, groups: Sequence[str], moved: tuple[float, float, float]) -> ToolWrench:
         """The sums as a wrench in world axes."""
         whole = (
-            sum(v[0] for v in self.vectors),
-            sum(v[1] for v in self.vectors),
-            sum(v[2] for v in self.vectors),
+            sum(v[0] for v in self.groups),
+            sum(v[1] for v in self.groups),
+            sum(v[2] for v in self.groups),
         )
         torque = (self.torques[0], self.torques[1], self.torques[2])
         work = dot(whole, self.way) + dot(torque, self.turn)
         parts = tuple(
             FacetGroupForce(group, *self.axes.world((x, y, z)))
-            for group, (x, y, z) in zip(groups, self.vectors, strict=True)
+            for group, (x, y, z) in zip(groups, self.groups, strict=True)
         )
         return ToolWrench(name, *self.axes.world(whole), *self.axes.world(torque), work, self.count, parts)
 

@@ -172,7 +172,8 @@ def test_a_world_turned_about_the_vertical_has_turned_forces(engine):
 def test_it_stays_in_the_friction_cone_and_gives_no_energy(engine, seed):
     """On closed paths in space: friction within N tan delta, against the sliding; work below the spring's."""
     random = np.random.default_rng(seed)
-    soil = engine(sharp(math.radians(55.0)), values={"adhesion_pa": 0.0, "drop": 0.4, "variation": 0.2})
+    mesh = sharp(math.radians(55.0)).apply_translation((0.05, 0.1 * seed, 0.0))  # beside its body
+    soil = engine(mesh, values={"adhesion_pa": 0.0, "drop": 0.4, "variation": 0.2})
     time = np.linspace(0.0, 2.0 * np.pi, 3000)
     shape = sum(
         random.normal(size=(6, 1)) * np.sin(k * time + random.uniform(0.0, 6.28, (6, 1))) for k in (1, 3, 7)

@@ -1,4 +1,10 @@
-"""Forces of the soil on the plates of one tool within a tick, in the plane of travel and with yaw."""
+"""Forces of the soil on the plates of one tool within a tick, in the plane of travel and with yaw.
+
+Yaw: docs/wedge.md, after S.A. Miedema, The Delft Sand, Clay & Rock Cutting Model (2019), section 3.6, the
+snow-plough effect. He lets the soil follow the blade along its edge as far as the friction of the failure
+plane allows; here soil that stands beside a plate of limited width blocks that, so iota is the largest
+possible.
+"""
 
 import math
 from collections.abc import Sequence

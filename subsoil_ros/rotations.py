@@ -4,6 +4,7 @@ A soil step needs a few of them per tool, each a microsecond; scipy's Rotation, 
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +78,45 @@ def placed_m(
 ) -> NDArray[np.float64]:
     """Points (n, 3) of a body in world axes."""
     return points_m @ np.reshape(matrix_of(quaternion), (3, 3)).T + position_m
+
+
+def dot(one: Vector, two: Vector) -> float:
+    """Scalar product."""
+    return one[0] * two[0] + one[1] * two[1] + one[2] * two[2]
+
+
+class LevelAxes(NamedTuple):
+    """Axes of a body of which the first is level: its y axis turned about, in world axes."""
+
+    forward: Vector  # level, across the body's y axis
+    left: Vector  # the body's y axis
+    up: Vector
+    pitch_rad: float  # planar angle of the body's x axis in the plane of forward and up
+    roll_rad: float  # of the y axis above the level
+
+    def of(self, vector: Vector) -> Vector:
+        """A vector of the world in these axes."""
+        return dot(self.forward, vector), dot(self.left, vector), dot(self.up, vector)
+
+    def world(self, vector: Vector) -> Vector:
+        """A vector of these axes in the world."""
+        x, y, z = vector
+        f, s, u = self.forward, self.left, self.up
+        return (
+            x * f[0] + y * s[0] + z * u[0],
+            x * f[1] + y * s[1] + z * u[1],
+            x * f[2] + y * s[2] + z * u[2],
+        )
+
+
+def level_axes(quaternion: Quaternion) -> LevelAxes:
+    """The level axes of a body, whose y axis does not stand upright."""
+    left, nose = turned(quaternion, (0.0, 1.0, 0.0)), turned(quaternion, (1.0, 0.0, 0.0))
+    level = math.hypot(left[0], left[1])
+    x, y = (left[1] / level, -left[0] / level) if level > 0.0 else (1.0, 0.0)
+    up = (y * left[2], -x * left[2], x * left[1] - y * left[0])
+    pitch = math.atan2(dot(up, nose), x * nose[0] + y * nose[1])
+    return LevelAxes((x, y, 0.0), left, up, pitch, math.atan2(left[2], level))
 
 
 def is_unit(quaternion: Quaternion) -> bool:

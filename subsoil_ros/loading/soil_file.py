@@ -9,10 +9,12 @@ from pydantic import Field, ValidationError
 
 from ..contact_laws.registry import contact_laws
 from ..errors import SceneError, SubsoilError
+from ..rotations import Vector, level_axes
 from ..scene.meshes import load_tool_mesh
 from ..scene.model import Scene
 from ..scene.soil import Soil
 from ..scene.tool_faces import CuttingFace, cutting_faces, wheel_face
+from ..scene.tools import Path as ToolPath
 from ..scene.wedge import SoilRange, WedgeSoil, WedgeValues
 from ..strict_model import StrictModel
 from ..yaml_document import dump_yaml, read_document
@@ -27,6 +29,22 @@ soil stays on the tool and is a part of it."""
 
 LARGEST_SUM_RAD = math.radians(170.0)
 """Of rake, friction and tool friction: the wedge's force is endless where these and beta come to 180."""
+
+
+LARGEST_YAW_RAD = math.radians(45.0)
+"""Between a plate's normal and its travel, seen from above (chosen: beyond it a plate moves more along its
+edge than across it, and the theory has no motion of the soil along the edge)."""
+
+LARGEST_ROLL_RAD = math.radians(5.0)
+"""Of the edge out of the level (chosen: the depth is taken at the middle of the edge; of a plate as wide as
+deep it differs by 9 % between its ends, of a force that goes as the depth squared by 0.1 %)."""
+
+LARGEST_SIDE = 0.1
+"""Width that a side sweeps over that of its plate (chosen: what soil a side pushes is left out, so it must
+be little beside the plate's)."""
+
+FACING_RAD = math.radians(1.0)
+"""How far the front of a mesh may look aside (chosen: round-off of a mesh; yaw is that of the motion)."""
 
 
 class SoilFile(StrictModel):
@@ -129,7 +147,9 @@ def check_wedge_soil(scene: Scene, directory: Path, fitted_to: Scene | None) -> 
                 )
             continue
         share = cutting_faces(mesh, place)[0]
-        turn = tool.path.start_angle_rad if tool.path is not None else 0.0
+        if tool.path is not None and tool.path.is_spatial:
+            _check_in_space(tool.path, cutting_faces(mesh.about_body(), place), place)
+        turn = _start_pitch(tool.path) if tool.path is not None else 0.0
         rake = share.rake_rad - turn
         refuse_rake(
             rake, found.values.friction_angle_rad, found.values.tool_friction_angle_rad, place, SceneError
@@ -154,6 +174,56 @@ def refuse_rake(
         )
 
 
+def refuse_yaw(
+    yaw_rad: float, roll_rad: float, face: CuttingFace, place: str, kind: type[SubsoilError]
+) -> None:
+    """Raises `kind` where theory does not cover how a plate's edge stands and moves."""
+    yaw, roll, swept = abs(yaw_rad), abs(roll_rad), face.side_part * math.tan(abs(yaw_rad))
+    if yaw > LARGEST_YAW_RAD + 1e-9:
+        found = f"travels at {math.degrees(yaw):.1f} degrees of yaw; the wedge theory covers up to "
+        found += f"{math.degrees(LARGEST_YAW_RAD):.0f}"
+    elif roll > LARGEST_ROLL_RAD:
+        found = (
+            f"has an edge {math.degrees(roll):.1f} degrees out of the level; the wedge theory covers up to "
+        )
+        found += f"{math.degrees(LARGEST_ROLL_RAD):.0f}"
+    elif swept > LARGEST_SIDE:
+        found = (
+            f"travels at {math.degrees(yaw):.1f} degrees of yaw, at which its side sweeps {swept:.2g} of its "
+        )
+        found += f"width; the wedge theory has plates without sides, up to {LARGEST_SIDE:g}"
+    else:
+        return
+    raise kind(f"{place}: {found}: turn the tool, make its sides shorter, or use soil.model: dem")
+
+
+def _start_pitch(path: ToolPath) -> float:
+    """Planar angle of a tool at the start of its path, in the plane across its edge."""
+    return level_axes(path.start_quaternion).pitch_rad if path.is_spatial else path.start_angle_rad
+
+
+def _check_in_space(path: ToolPath, faces: tuple[CuttingFace, ...], place: str) -> None:
+    """Raises SceneError for a tool whose start is known to be beyond the theory of yaw."""
+    for face in faces:
+        if abs(face.aside_rad) > FACING_RAD:
+            raise SceneError(
+                f"{place}: the front of its mesh looks {math.degrees(face.aside_rad):.1f} degrees aside; "
+                "give a mesh that faces +x, and its yaw by path.turn.start_rotation_rad"
+            )
+        axes = level_axes(path.start_quaternion)
+        ahead, aside, _ = axes.of(_start_way(path))
+        refuse_yaw(math.atan2(aside, abs(ahead)), axes.roll_rad, face, place, SceneError)
+
+
+def _start_way(path: ToolPath) -> Vector:
+    """Horizontal velocity of a constant speed; 0 where it is known in the run only."""
+    x, y = (
+        law.value if law is not None and law.kind == "constant" else 0.0
+        for law in (path.speed_x_m_per_s, path.speed_y_m_per_s)
+    )
+    return x, y, 0.0
+
+
 def _refuse_other_law(soil: WedgeSoil, fitted_to: Scene) -> None:
     particles = fitted_to.particle_soil
     if particles is None:
@@ -174,10 +244,10 @@ def _work(scene: Scene, name: str, share: CuttingFace, rake: float) -> list[tupl
     work = [("rake", "rake_rad", rake)]
     if tool.path is not None:
         path = tool.path
-        turn = path.start_angle_rad
+        turn = _start_pitch(path)
         tip = math.sin(turn) * share.tip_m[0] + math.cos(turn) * share.tip_m[1]
         if path.speed_z_m_per_s is None:
-            work.append(("depth", "depth_m", -(path.start_z_m + tip)))
+            work.append(("depth", "depth_m", -(path.start_m(0.0)[2] + tip)))
         law = path.speed_x_m_per_s
         if law is not None and law.kind == "constant":
             work.append(("speed", "speed_m_per_s", law.value))

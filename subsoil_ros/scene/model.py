@@ -220,10 +220,12 @@ def _check_spatial(scene: Scene) -> None:
                 f"tools.{name}.lateral_m: given {tool.lateral_m:g} with path.poses, which have a y of their "
                 "own; leave it out"
             )
-        if scene.wedge_soil is not None:
+        turned = tool.path.turn is not None and tool.path.turn.axis is not None
+        if scene.wedge_soil is not None and (turned or not tool.is_tillage):
+            found = "turn.axis: turns the tool" if turned else "role 'wheel' with a path in space"
             raise ValueError(
-                f"{where}: leaves the plane of travel, and soil.model 'wedge' has no theory for that; use "
-                "soil.model: dem, or leave out speed_y_m_per_s, turn and poses"
+                f"{where}: {found}, and soil.model 'wedge' has theory for plates with a level edge only; use "
+                "soil.model: dem, or leave it out"
             )
         if scene.particle_soil is not None and scene.particle_soil.device == "gpu":
             raise ValueError(

@@ -29,6 +29,14 @@ class CuttingFace:
     top_m: tuple[float, float]  # x, z of its highest point
     side_m2: float  # area of one side
     is_share: bool  # the lowest of its tool; the others stand in what it has broken
+    middle_m: float = 0.0  # y of the middle of its width
+    aside_rad: float = 0.0  # by how much its mean normal looks to +y
+
+    @property
+    def side_part(self) -> float:
+        """Mean length of its sides, along x, over its width."""
+        tall = self.top_m[1] - self.tip_m[1]
+        return self.side_m2 / (tall * self.width_m) if tall > 0.0 else math.inf
 
     @property
     def area_m2(self) -> float:
@@ -73,6 +81,8 @@ def cutting_faces(mesh: ToolMesh, place: str) -> tuple[CuttingFace, ...]:
                 top_m=(float(high[0]), float(high[2])),
                 side_m2=float(sides),
                 is_share=False,
+                middle_m=0.5 * float(points[:, 1].min() + points[:, 1].max()),
+                aside_rad=math.atan2(float(mean[1]), math.hypot(float(mean[0]), float(mean[2]))),
             )
         )
     if not found:

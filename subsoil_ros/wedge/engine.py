@@ -10,10 +10,11 @@ import numpy as np
 from ..errors import InputError, PhysicsError
 from ..loading.loader import ResolvedScene
 from ..loading.soil_file import RANGE_MARGIN, refuse_rake, soil_of
-from ..messages import FacetGroupForce, SoilCloud, SoilState, ToolMotion, ToolWrench
+from ..messages import SoilCloud, SoilState, SpatialMotion, ToolMotion, ToolWrench
 from ..scene.meshes import load_tool_mesh
 from ..scene.tool_faces import CuttingFace, WheelFace, cutting_faces, wheel_face
 from ..scene.wedge import WedgeValues, layer_values
+from .forces import Felt, FeltInSpace, across_part, on_plate, slip_m
 from .layers import mean_strength
 from .wedge import Plate, Strength, bearing_pressure, failure, parted
 from .wheel import SLOWEST_M_PER_S, grip_newton, rolling_resistance_newton, wheel_load_newton
@@ -21,6 +22,9 @@ from .wheel import SLOWEST_M_PER_S, grip_newton, rolling_resistance_newton, whee
 ROUND_OFF_RAD = 1e-9
 """A plate that leans forward by less counts as upright (chosen: above the round-off of a pose)."""
 
+
+ROUNDS = 6
+"""Of the rupture angle and the direction of sliding, each from the other (chosen: they agree to 1e-6)."""
 
 LARGEST_DROP = 0.95
 """Part of its force that a shallow wedge loses at most (chosen: what fails is still pushed)."""
@@ -42,6 +46,14 @@ class ToolMemory:
 
 
 @dataclass
+class MemoryInSpace(ToolMemory):
+    """The same of a tool in space; angle_rad is 0."""
+
+    y_m: float = 0.0
+    quaternion: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0, 1.0])
+
+
+@dataclass
 class ResistanceState:
     """The whole state of the soil: two engines with equal states go on alike."""
 
@@ -57,20 +69,7 @@ class _Tool:
     reference_angle_rad: float
     faces: tuple[CuttingFace, ...] = ()
     wheel: WheelFace | None = None
-
-
-@dataclass
-class _Felt:
-    """Sums of one tick."""
-
-    groups: list[list[float]]  # force x, z of each group
-    torque: float = 0.0  # about y
-    count: int = 0
-
-    def add(self, group: int, force: tuple[float, float], arm: tuple[float, float]) -> None:
-        self.groups[group][0] += force[0]
-        self.groups[group][1] += force[1]
-        self.torque += arm[1] * force[0] - arm[0] * force[1]
+    in_space: bool = False
 
 
 class WedgeEngine:
@@ -99,6 +98,8 @@ class WedgeEngine:
         mesh = load_tool_mesh(self._resolved.directory, scene, name)
         bodies = scene.mechanism.bodies if scene.mechanism else {}
         phi = bodies[tool.body].angle_rad if tool.body else 0.0
+        if tool.is_spatial:
+            return _Tool(name, mesh.groups, phi, faces=cutting_faces(mesh.about_body(), place), in_space=True)
         if tool.is_tillage:
             return _Tool(name, mesh.groups, phi, faces=cutting_faces(mesh, place))
         return _Tool(name, mesh.groups, phi, wheel=wheel_face(mesh, place))
@@ -120,10 +121,7 @@ class WedgeEngine:
     def start(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
         """Wrenches of the initial state: of wheels that stand in the soil; wedges form with travel."""
         self.memory = ResistanceState(
-            [
-                ToolMemory(m.x_m, m.z_m, m.angle_rad, [0.0] * len(tool.faces))
-                for tool, m in zip(self._tools, motions, strict=True)
-            ]
+            [_memory(tool, motion) for tool, motion in zip(self._tools, motions, strict=True)]
         )
         for index in range(len(self._tools)):
             self._next_wedge(index)
@@ -156,10 +154,9 @@ class WedgeEngine:
         """
         self.memory = ResistanceState(
             [
-                ToolMemory(
-                    **{f.name: arrays[f"tool.{tool.name}.{f.name}"].tolist() for f in fields(ToolMemory)}
-                )
+                kind(**{f.name: arrays[f"tool.{tool.name}.{f.name}"].tolist() for f in fields(kind)})
                 for tool in self._tools
+                for kind in (MemoryInSpace if tool.in_space else ToolMemory,)
             ]
         )
         for tool, memory in zip(self._tools, self.memory.tools, strict=True):
@@ -170,26 +167,40 @@ class WedgeEngine:
         wrenches = []
         for index, (tool, motion) in enumerate(zip(self._tools, motions, strict=True)):
             memory = self.memory.tools[index]
-            moved = (motion.x_m - memory.x_m, motion.z_m - memory.z_m, motion.angle_rad - memory.angle_rad)
-            felt = _Felt([[0.0, 0.0] for _ in tool.groups])
+            felt: Felt
+            if isinstance(memory, MemoryInSpace) and isinstance(motion, SpatialMotion):
+                a, b, c, d = memory.quaternion
+                before = (memory.x_m, memory.y_m, memory.z_m), (a, b, c, d)
+                memory.x_m, memory.y_m, memory.z_m = motion.position_m
+                memory.quaternion = list(motion.quaternion)
+                felt, motion, moved = FeltInSpace.of(len(tool.groups), before, motion, self._interval_s)
+            else:
+                moved = (
+                    motion.x_m - memory.x_m,
+                    motion.z_m - memory.z_m,
+                    motion.angle_rad - memory.angle_rad,
+                )
+                memory.x_m, memory.z_m, memory.angle_rad = motion.x_m, motion.z_m, motion.angle_rad
+                felt = Felt([[0.0, 0.0] for _ in tool.groups])
             if tool.wheel is not None:
                 self._roll(tool.wheel, memory, motion, moved, felt)
             for number, face in enumerate(tool.faces):
                 self._cut(where, index, number, face, motion, moved, felt)
-            memory.x_m, memory.z_m, memory.angle_rad = motion.x_m, motion.z_m, motion.angle_rad
-            wrenches.append(_wrench(tool, felt, moved))
+            wrenches.append(felt.wrench(tool.name, tool.groups, moved))
         return tuple(wrenches)
 
     def _cut(
         self, where: str, index: int, number: int, face: CuttingFace, motion: ToolMotion,
-        moved: tuple[float, float, float], felt: _Felt,
+        moved: tuple[float, float, float], felt: Felt,
     ) -> None:  # fmt: skip
         """Wedge and sides of one face, which stands at `motion` and has come by `moved` (x, z, phi)."""
         tool, memory = self._tools[index], self.memory.tools[index]
         turn = motion.angle_rad - tool.reference_angle_rad
         cosine, sine = math.cos(turn), math.sin(turn)
         tip, top = ((cosine * x - sine * z, sine * x + cosine * z) for x, z in (face.tip_m, face.top_m))
-        depth, tip_x = -(motion.z_m + tip[1]), motion.x_m + tip[0]
+        moved = felt.at(face, moved)
+        ahead, below = felt.tip_m(tip)
+        depth, tip_x = -(motion.z_m + below), motion.x_m + ahead
         if depth <= 0.0 or not 0.0 < tip_x < self._length_m:
             memory.normal_newton[number] = 0.0
             return
@@ -208,26 +219,29 @@ class WedgeEngine:
         speed = max(moved[0] - moved[2] * tip[1], 0.0) / self._interval_s
         if self._range is not None and face.is_share:
             self._refuse_beyond(where, tool.name, depth, speed)
-        part = 1.0 if face.is_share else self._values.shank_fraction
         plate = Plate(face.width_m, rake, depth, height)
-        if face.is_share or not strength.plane_sides:
-            beta, force, length, rising = failure(plate, strength, speed)
-            force *= part
-        else:
-            beta, force, length, rising = parted(plate, strength, part)
+        beta, force, length, rising = self._fails(face, plate, strength, speed)
         up = (rising / 3.0 + 0.5 * (1.0 - rising)) * height / tall
         arm = (tip[0] + up * (top[0] - tip[0]), tip[1] + up * (top[1] - tip[1]))
         way = (moved[0] - moved[2] * arm[1], moved[1] + moved[2] * arm[0])
-        normal = self._press(
-            index, number, face, rake, force, strength.tool_friction, length, way, self._scale(index, motion)
-        )
+        aside = felt.aside_m(f"{where}: tools.{tool.name}", face, arm, way)
+        delta = strength.tool_friction  # as it acts across the edge
+        if aside != 0.0:
+            for _ in range(ROUNDS):
+                across = across_part(slip_m(rake, beta, way), aside)
+                delta = math.atan(across * math.tan(strength.tool_friction))
+                weaker = strength._replace(tool_friction=delta, adhesion=across * strength.adhesion)
+                beta, force, length, _ = self._fails(face, plate, weaker, speed)
+        normal = self._press(index, number, face, rake, force, delta, length, way, self._scale(index, motion))
+        mobilised = normal / (force * math.cos(delta)) if force > 0.0 else 0.0
         if face.is_share and self._values.tip_m > 0.0 and force > 0.0:
-            self._bear_tip(
-                face, strength, depth, normal / (force * math.cos(strength.tool_friction)), tip, moved, felt
-            )
+            self._bear_tip(face, strength, depth, mobilised, tip, moved, felt)
+        part = 1.0 if face.is_share else self._values.shank_fraction
         adhesion = part * strength.adhesion * height * face.width_m / math.sin(rake)
-        felt.add(face.group, _on_plate(rake, beta, normal, force, adhesion, strength.tool_friction, way,
-                                       SLOWEST_M_PER_S * self._interval_s), arm)  # fmt: skip
+        strong = normal * math.tan(strength.tool_friction) + adhesion * min(mobilised, 1.0)
+        slip, slow = slip_m(rake, beta, way), SLOWEST_M_PER_S * self._interval_s
+        on_face, edge = on_plate(rake, normal, strong, way, slip, aside, slow)
+        felt.add(face.group, on_face, arm, edge)
         felt.count += normal > 0.0
         middle = depth - 0.5 * height
         pressure = (1.0 - math.sin(strength.friction)) * (strength.unit_weight * middle + strength.surcharge)
@@ -239,9 +253,19 @@ class WedgeEngine:
         scale = -side / (math.hypot(*slid) + SLOWEST_M_PER_S * self._interval_s)
         felt.add(face.group, (scale * slid[0], scale * slid[1]), centre)
 
+    def _fails(
+        self, face: CuttingFace, plate: Plate, strength: Strength, speed: float
+    ) -> tuple[float, float, float, float]:
+        """`failure` of a share, or of a shank in the soil that the share has broken."""
+        part = 1.0 if face.is_share else self._values.shank_fraction
+        if not face.is_share and strength.plane_sides:
+            return parted(plate, strength, part)
+        beta, force, length, rising = failure(plate, strength, speed)
+        return beta, force * part, length, rising
+
     def _bear_tip(
         self, face: CuttingFace, strength: Strength, depth: float, mobilised: float,
-        tip: tuple[float, float], moved: tuple[float, float, float], felt: _Felt,
+        tip: tuple[float, float], moved: tuple[float, float, float], felt: Felt,
     ) -> None:  # fmt: skip
         """A blunt tip pushes soil aside: the soil's bearing pressure on its height, as much up as back."""
         pressure, _ = bearing_pressure(strength, depth)
@@ -306,7 +330,7 @@ class WedgeEngine:
 
     def _roll(
         self, wheel: WheelFace, memory: ToolMemory, motion: ToolMotion, moved: tuple[float, float, float],
-        felt: _Felt,
+        felt: Felt,
     ) -> None:  # fmt: skip
         """Load, resistance and grip of one wheel."""
         sinkage = wheel.radius_m - motion.z_m
@@ -364,32 +388,10 @@ class WedgeEngine:
         raise InputError("soil.model: 'wedge' has no particles, so there is no cloud of them")
 
 
-def _on_plate(
-    rake: float, beta: float, normal: float, force: float, adhesion: float, delta: float,
-    way: tuple[float, float], slow_m: float,
-) -> tuple[float, float]:  # fmt: skip
-    """Force (x, z) of the soil on a plate: normal, friction and adhesion against the sliding of the wedge.
-
-    Pressed on, the wedge leaves along beta, and the plate slides under it by way.t - way.n cot(alpha + beta).
-    Never more than passive: what would help the tool along is left out.
-    """
-    n, t = (math.sin(rake), math.cos(rake)), (math.cos(rake), -math.sin(rake))
-    into, along = way[0] * n[0] + way[1] * n[1], way[0] * t[0] + way[1] * t[1]
-    slip = along - into / math.tan(rake + beta) if into > 0.0 else along
-    mobilised = normal / (force * math.cos(delta)) if force > 0.0 else 0.0
-    shear = (normal * math.tan(delta) + adhesion * min(mobilised, 1.0)) * slip / (abs(slip) + slow_m)
-    if into > 0.0 and normal * into + shear * along < 0.0:
-        shear = 0.0
-    return -normal * n[0] - shear * t[0], -normal * n[1] - shear * t[1]
-
-
-def _wrench(tool: _Tool, felt: _Felt, moved: tuple[float, float, float]) -> ToolWrench:
-    """The sums as a wrench; work is force times displacement in this tick, exactly."""
-    fx = sum(force[0] for force in felt.groups)
-    fz = sum(force[1] for force in felt.groups)
-    groups = tuple(
-        FacetGroupForce(name, force[0], 0.0, force[1])
-        for name, force in zip(tool.groups, felt.groups, strict=True)
-    )
-    work = fx * moved[0] + fz * moved[1] - felt.torque * moved[2]
-    return ToolWrench(tool.name, fx, 0.0, fz, 0.0, felt.torque, 0.0, work, felt.count, groups)
+def _memory(tool: _Tool, motion: ToolMotion) -> ToolMemory:
+    """Of a tool that begins to move from `motion`."""
+    x, y, z = motion.position_m
+    normal = [0.0] * len(tool.faces)
+    if tool.in_space:
+        return MemoryInSpace(x, z, 0.0, normal, y_m=y, quaternion=list(motion.quaternion))
+    return ToolMemory(x, z, motion.angle_rad, normal)

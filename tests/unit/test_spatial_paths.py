@@ -219,7 +219,7 @@ def test_a_path_in_space_that_cannot_be_is_refused(
 
 
 def test_soils_that_cannot_follow_refuse_paths_in_space(tmp_path: Path) -> None:
-    """The wedge model and the GPU take planar paths only; poses have a y of their own."""
+    """The GPU takes planar paths only, the wedge model no turned tools; poses have a y of their own."""
     with pytest.raises(SceneError, match=r"tools.tool.path: leaves the plane of travel.*gpu"):
         spun(tmp_path, {"turn": SPUN}, "soil.device=gpu")
     with pytest.raises(SceneError, match=r"tools.tool.lateral_m: given 0.1 with path.poses"):
@@ -232,5 +232,5 @@ def test_soils_that_cannot_follow_refuse_paths_in_space(tmp_path: Path) -> None:
             "tool_friction_angle_rad": 0.3,
         },
     }  # fmt: skip
-    with pytest.raises(SceneError, match=r"tools.tool.path: leaves the plane of travel.*wedge"):
+    with pytest.raises(SceneError, match=r"tools.tool.path: turn.axis: turns the tool.*wedge"):
         spun(tmp_path, {"turn": SPUN}, f"soil={json.dumps(wedge)}")

@@ -15,13 +15,13 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
-from dev.scene_keys import scene_keys
 from latex2mathml.converter import convert
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
+from dev.scene_keys import scene_keys
 from subsoil_ros.cli.main import VERBS, parse
 
 MESSAGES = Path(__file__).parents[1] / "msg_defs"

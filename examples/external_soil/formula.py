@@ -2,8 +2,8 @@
 
     python examples/external_soil/formula.py --out runs/external
 
-The mean follows the form of ASABE D497.7, draft per depth A + C v^2 (v in m/s here, A and C chosen for 0.15 m);
-strength varies by a fifth over a wavelength of 0.12 m, as soil that fails in blocks does.
+The mean has the form of ASABE D497.7, draft per depth A + C v^2 (v in m/s; A and C give some 1 kN at 0.15 m);
+strength varies by a fifth over 0.12 m of travel, as soil that fails in blocks does.
 """
 
 import argparse
@@ -33,7 +33,7 @@ class Formula:
         return [self._wrench(motions[0])]
 
     def advance(self, tick: int, motions: tuple[ToolMotion, ...]) -> list[ToolWrench]:
-        """Return the wrench over a tick. Its work is that of its force and torque on the motion in the tick."""
+        """Return the wrench over a tick; its work is that of force and torque on the motion in it."""
         before, after = self._last, motions[0]
         self._last = after
         one = self._wrench(after)
@@ -62,8 +62,8 @@ class Formula:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description="Pull a sprung tine through soil that is a formula.")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: none are kept)")
-    parser.add_argument("--duration", type=float, default=2.0, metavar="S", help="simulated seconds (default 2)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of results (default: none are kept)")
+    parser.add_argument("--duration", type=float, default=2.0, metavar="S", help="simulated seconds (2)")
     args = parser.parse_args(arguments)
     scene = Path(__file__).with_name("tine.yaml")
     run = subsoil.run(scene, args.out, overrides={"duration_s": args.duration}, soil=Formula())

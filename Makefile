@@ -78,7 +78,7 @@ wheels: setup  ## wheels of both packages into build/wheels
 	$(ros_prefix) $(pip) wheel --quiet --no-build-isolation --no-deps --wheel-dir build/wheels . ./msg_defs
 
 docs: setup  ## documentation as a site into build/site, strictly
-	NO_MKDOCS_2_WARNING=1 $(bin)/mkdocs build --strict
+	NO_MKDOCS_2_WARNING=1 $(bin)/python -m mkdocs build --strict
 
 test-kilted: setup  ## the same run under ROS 2 Jazzy and Kilted: the same bits? 5 min the first time
 	$(bin)/python dev/two_distributions.py build/kilted

@@ -23,8 +23,10 @@ from mkdocs.structure.pages import Page
 
 from dev.scene_keys import scene_keys
 from subsoil_ros.cli.main import VERBS, parse
+from subsoil_ros.yaml_document import parse_yaml
 
 MESSAGES = Path(__file__).parents[1] / "msg_defs"
+SCENES = Path(__file__).parents[1] / "config" / "scenes"
 DOCS = "docs/"
 ADDED = ("benchmarks/", "examples/", "reproduction/", "validation/", "CHANGELOG.md", "CONTRIBUTING.md")
 SUFFIXES = {".md", ".png", ".gif"}
@@ -65,7 +67,21 @@ def messages() -> str:
     return "\n\n".join(f"## {path.name}\n\n```text\n{path.read_text()}```" for path in paths)
 
 
-GENERATED = {"command_line": command_line, "messages": messages, "scene_keys": scene_keys}
+def shipped_scenes() -> str:
+    """Every scene of config/scenes with its description, as a table."""
+    rows = []
+    for path in sorted(SCENES.glob("*.yaml")):
+        description = parse_yaml(path.read_text(), path.name).get("description", "")
+        rows.append(f"| `{path.stem}` | {description} |")
+    return "\n".join(["| scene | |", "|---|---|", *rows])
+
+
+GENERATED = {
+    "command_line": command_line,
+    "messages": messages,
+    "scene_keys": scene_keys,
+    "shipped_scenes": shipped_scenes,
+}
 
 
 def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:

@@ -31,6 +31,9 @@ from .parameters import NodeSettings, ParameterKey, help_text, read_settings
 GRACE_S = 2.0
 """Time for a node that computes to come back and end in order; then the process ends itself."""
 
+CLOSE_S = 5.0
+"""Time to destroy the endpoints of a node, which takes tens of milliseconds; half of what a supervisor waits."""
+
 
 def watched_by(name: str, run: NodeRun) -> tuple[str, ...]:
     """Whose silence ends a node."""
@@ -87,7 +90,9 @@ def run_process(
         caught_signals(lambda number: heartbeat.request_stop(interrupted(number))),
         CompilationListener(node.get_logger().info) as kernels,
     ):
-        return _serve(name, partial(build, settings, run, heartbeat), settings, heartbeat, kernels)
+        exit_status = _serve(name, partial(build, settings, run, heartbeat), settings, heartbeat, kernels)
+    _leave(exit_status)
+    return exit_status
 
 
 def _serve(
@@ -108,10 +113,37 @@ def _serve(
         report_to_supervisor(exit_status=status.code, reason=status.reason)
     elif name == COUPLER and status.code:
         heartbeat.outlast(LATE_S)  # a node that starts later would wait for this one
+    leave_in_time(name, status.code, CLOSE_S)
     service.close()
     heartbeat.close()
     rclpy.shutdown()
     return status.code
+
+
+def leave_in_time(name: str, exit_status: int, limit_s: float) -> None:
+    """End this process with `exit_status` after `limit_s`, if it has not ended by then.
+
+    For a node whose work is done: its messages have arrived and its files are closed. A node was seen that did
+    not return from closing its DDS endpoints within ten seconds, after a run that was complete.
+    """
+
+    def leave() -> None:
+        say(
+            f"{name}: DDS did not close within {limit_s:g} s; the process ends without it, the run is complete"
+        )
+        _leave(exit_status)
+
+    timer = threading.Timer(limit_s, leave)
+    timer.daemon = True
+    timer.start()
+
+
+def _leave(exit_status: int) -> None:
+    """End the process now: libraries that have threads of their own may hang while they are unloaded."""
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(exit_status)
 
 
 def _obey(heartbeat: Heartbeat) -> None:

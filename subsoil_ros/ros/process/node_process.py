@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
-from typing import Any
+from typing import Any, NoReturn
 
 import rclpy
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
@@ -32,7 +32,7 @@ GRACE_S = 2.0
 """Time for a node that computes to come back and end in order; then the process ends itself."""
 
 CLOSE_S = 5.0
-"""Time to destroy the endpoints of a node, which takes tens of milliseconds; half of what a supervisor waits."""
+"""Time to destroy the endpoints of a node: it takes tens of milliseconds. A supervisor waits longer."""
 
 
 def watched_by(name: str, run: NodeRun) -> tuple[str, ...]:
@@ -92,7 +92,6 @@ def run_process(
     ):
         exit_status = _serve(name, partial(build, settings, run, heartbeat), settings, heartbeat, kernels)
     _leave(exit_status)
-    return exit_status
 
 
 def _serve(
@@ -123,14 +122,12 @@ def _serve(
 def leave_in_time(name: str, exit_status: int, limit_s: float) -> None:
     """End this process with `exit_status` after `limit_s`, if it has not ended by then.
 
-    For a node whose work is done: its messages have arrived and its files are closed. A node was seen that did
-    not return from closing its DDS endpoints within ten seconds, after a run that was complete.
+    For a node whose work is done: its messages have arrived and its files are closed. A node was seen that
+    had not closed its DDS endpoints ten seconds after the end of a complete run.
     """
 
     def leave() -> None:
-        say(
-            f"{name}: DDS did not close within {limit_s:g} s; the process ends without it, the run is complete"
-        )
+        say(f"{name}: DDS did not close within {limit_s:g} s; the node has done its work, and ends")
         _leave(exit_status)
 
     timer = threading.Timer(limit_s, leave)
@@ -138,7 +135,7 @@ def leave_in_time(name: str, exit_status: int, limit_s: float) -> None:
     timer.start()
 
 
-def _leave(exit_status: int) -> None:
+def _leave(exit_status: int) -> NoReturn:
     """End the process now: libraries that have threads of their own may hang while they are unloaded."""
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):

@@ -17,6 +17,4 @@ def test_a_node_that_does_not_close_ends_with_its_status() -> None:
         program = [sys.executable, "-c", HANGING.format(status=status)]
         done = subprocess.run(program, capture_output=True, text=True, timeout=60, check=False)
         assert done.returncode == status
-        assert done.stderr.startswith(
-            "mechanism: DDS did not close within 0.1 s; the process ends without it"
-        )
+        assert done.stderr.startswith("mechanism: DDS did not close within 0.1 s; ")

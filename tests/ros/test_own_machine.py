@@ -158,7 +158,8 @@ Block = Tired"""
     message = "machine: advance of tick 700 raised ValueError: tired (<string>, line 10)"
     assert message in " ".join(error.split())
     assert words["machine"] == f"3 {message}"
-    assert subsoil.read_run(started[0].out).series["time_s"].iloc[-1] == pytest.approx(0.07)
+    last = subsoil.read_run(started[0].out).series["time_s"].iloc[-1]
+    assert 0.068 - 1e-9 <= last <= 0.07 + 1e-9  # a row each 2 ms; the coupler is within the grant window
 
 
 def test_a_machine_elsewhere_is_refused_at_the_start(tmp_path: Path, started: list[Served]) -> None:

@@ -159,7 +159,7 @@ Block = Tired"""
     assert message in " ".join(error.split())
     assert words["machine"] == f"3 {message}"
     last = subsoil.read_run(started[0].out).series["time_s"].iloc[-1]
-    assert 0.068 - 1e-9 <= last <= 0.07 + 1e-9  # a row each 2 ms; the coupler is within the grant window
+    assert 0.065 < last < 0.0701  # the record is cut where all have finished, some ticks before the error
 
 
 def test_a_machine_elsewhere_is_refused_at_the_start(tmp_path: Path, started: list[Served]) -> None:

@@ -72,6 +72,9 @@ the end of the pull (no window reaches its end)."""
 LOOSE_PART = 0.5
 """A particle of the surface is loosened when it moved by so many radii."""
 
+MOVED_M = (0.010, 0.005, 0.002, 0.001, 0.0005)
+"""Motions beside that one, to see whether the width depends on it."""
+
 
 @dataclass(frozen=True)
 class Row:
@@ -91,6 +94,7 @@ class Row:
     half_widths: tuple[float, float] = (0.0, 0.0)  # of the 95 % intervals of draft and vertical force [N]
     critical_newton: float = math.nan  # Perumpral's draft at the critical strength
     nose_m: float = 0.0
+    widths_m: tuple[float, ...] = ()  # of the surface that moved by more than MOVED_M
 
     def deviations(self) -> dict[str, float]:
         """Of the draft from each theory, as a part of it."""
@@ -106,6 +110,7 @@ class Pull:
     loosened_m: float
     bin_width_m: float
     particles: int
+    widths_m: tuple[float, ...]  # of the surface that moved by more than MOVED_M
 
 
 def soil_of(material: Material, state: str = "") -> Soil:
@@ -182,10 +187,15 @@ def pulled(
     before, way = places.first_m, places.last_m - places.first_m
     passed = (before[:, 0] > FIRST * depth) & (before[:, 0] < (depths - BEHIND) * depth)
     top = passed & (before[:, 2] > -2.0 * radius_m)
-    sideways = np.abs(before[top & (np.linalg.norm(way, axis=1) > LOOSE_PART * radius_m), 1])
-    loosened = 2.0 * float(np.percentile(sideways, 99.0)) if len(sideways) else 0.0
+    moved = np.linalg.norm(way, axis=1)
+
+    def width_m(least_m: float) -> float:
+        sideways = np.abs(before[top & (moved > least_m), 1])
+        return 2.0 * float(np.percentile(sideways, 99.0)) if len(sideways) else 0.0
+
+    loosened, widths = width_m(LOOSE_PART * radius_m), tuple(width_m(least) for least in MOVED_M)
     draft, vertical = [(one.mean, one.mean_half_width) for one in known if one is not None]
-    return Pull(draft, vertical, loosened, wide, most)
+    return Pull(draft, vertical, loosened, wide, most, widths)
 
 
 def compare(args: argparse.Namespace) -> Iterator[Row]:
@@ -217,6 +227,7 @@ def compare(args: argparse.Namespace) -> Iterator[Row]:
                 found[0].bin_width_m, found[0].particles, draft[0], vertical[0],
                 float(np.mean([one.loosened_m for one in found])), theories, crescents_m(soil, blade),
                 (draft[1], vertical[1]), perumpral(critical, blade).draft_newton, nose,
+                tuple(np.mean([one.widths_m for one in found], axis=0).tolist()),
             )  # fmt: skip
 
 
@@ -327,6 +338,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for row in compare(args):
         rows.append(row)
         print(as_text(row), flush=True)
+    for row in rows:
+        moved = ", ".join(f"{1e3 * moved:g}" for moved in MOVED_M)
+        widths = ", ".join(f"{width:.2f}" for width in row.widths_m)
+        print(
+            f"rake {row.rake_deg:.0f}, {1e3 * row.width_m:.0f} mm wide, {1e3 * row.depth_m:.0f} mm deep: "
+            f"surface that moved by more than {moved} mm: {widths} m wide"
+        )
     for where, power, theory in exponents(rows):
         print(f"{where}: exponent {power:.2f}, " + ", ".join(f"{name} {n:.2f}" for name, n in theory.items()))
     for where, more, half, inertia in growth(rows):

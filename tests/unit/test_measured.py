@@ -67,7 +67,7 @@ def test_a_row_is_simulated_in_its_calibrated_soil(tmp_path, monkeypatch, capsys
         return loam.model_copy(update={"soil": soil})
 
     monkeypatch.setattr(measured, "calibrate", calibrate)
-    pull = Pull((650.0, 40.0), (120.0, 30.0), 0.3, 1.0, 1000)
+    pull = Pull((650.0, 40.0), (120.0, 30.0), 0.3, 1.0, 1000, (0.3, 0.3, 0.3))
     monkeypatch.setattr(measured, "pulled", lambda *rest: pull)
     path = table(tmp_path / "t.csv", ROW, [*ROW[:8], 0.2, *ROW[9:]])
     assert measured.main([str(path), "--out", str(tmp_path / "out")]) == 0

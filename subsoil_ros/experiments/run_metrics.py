@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import periodogram
 
-from ..analysis.smoothing import moving_mean
+from ..analysis.failure_cycles import SMOOTHED_S
+from ..analysis.smoothing import Columns, moving_mean
 from ..analysis.spectra import LEAST_ROWS, spectrum
 from ..yaml_document import read_document
 from .run_cache import CachedRun
@@ -32,11 +33,15 @@ class Metric:
     resolution: str | None = None  # key of what a run can tell of it
     absent_in_some: str = ""  # why not every run has it
     unit: str = ""
+    part_of: str = ""  # its error is a part of the reference's value of this one; its own may be near zero
 
 
 METRICS = (
     Metric("draft_mean_newton", "mean draft"),
     Metric("draft_peak_newton", "peak draft"),
+    Metric("draft_deviation_newton", "draft deviation"),
+    Metric("vertical_mean_newton", "vertical force over draft", part_of="draft_mean_newton"),
+    Metric("spring_deviation_newton", "spring force deviation"),
     Metric("spring_range_newton", "spring force range"),
     Metric("spring_detrended_std_newton", "spring force swing"),
     Metric(
@@ -67,15 +72,25 @@ def metrics_of(run: CachedRun) -> dict[str, float]:
         draft = series["draft_newton"]
         found["draft_mean_newton"] = float(np.mean(draft[rows]))
         found["draft_peak_newton"] = float(np.max(moving_mean(series, "draft_newton", MOVING_MEAN_S)[rows]))
+        found["draft_deviation_newton"] = deviation(series, "draft_newton", rows)
         found["draft_frequency_hz"] = dominant_frequency_hz(times[rows], draft[rows])
         found["frequency_resolution_hz"] = 1.0 / float(np.ptp(times[rows]))
     spring = spring_of(run)
     if spring is not None and (name := f"spring.{spring}.force_newton") in series:
         found["spring_range_newton"] = float(np.ptp(moving_mean(series, name, MOVING_MEAN_S)[rows]))
+        found["spring_deviation_newton"] = deviation(series, name, rows)
         found["spring_detrended_std_newton"] = swing(times[rows], series[name][rows])
+    if "share_newton" in (vertical := summary.get("loads", {}).get("vertical", {})):
+        found["vertical_mean_newton"] = float(vertical["share_newton"]["mean"])
     if "disturbance" in summary:
         found["disturbed_area_m2"] = float(summary["disturbance"]["area_m2"])
     return {name: value for name, value in found.items() if math.isfinite(value)}
+
+
+def deviation(series: Columns, name: str, rows: NDArray[np.bool_]) -> float:
+    """Standard deviation of a column's 20 ms mean about a straight line over rows (n,)."""
+    times, values = series["time_s"][rows], moving_mean(series, name, SMOOTHED_S)[rows]
+    return float(np.std(values - np.polyval(np.polyfit(times - times[0], values, 1), times - times[0])))
 
 
 def spring_of(run: CachedRun) -> str | None:

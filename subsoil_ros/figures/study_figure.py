@@ -1,4 +1,4 @@
-"""The figure of a study: error of every metric against wall time, a dot per preset."""
+"""The figure of a study: error of every metric against CPU time, a dot per preset."""
 
 import math
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ class Dot:
 
     number: int  # in the legend
     group: str  # factor
-    wall_s: float
+    cpu_s: float
     error: float
     half_width: float  # nan: not known
     resolved: bool
@@ -63,15 +63,15 @@ def _paint(axes: Axes, panel: Panel, colours: dict[str, str]) -> None:
         colour = colours[dot.group]
         half = 0.0 if math.isnan(dot.half_width) else dot.half_width
         axes.errorbar(
-            dot.wall_s, dot.error, half, fmt="o", ms=5, color=colour, capsize=2, lw=0.9,
+            dot.cpu_s, dot.error, half, fmt="o", ms=5, color=colour, capsize=2, lw=0.9,
             mfc=colour if dot.resolved else "white",
         )  # fmt: skip
         axes.annotate(
-            str(dot.number), (dot.wall_s, dot.error), xytext=(4, 3), textcoords="offset points", fontsize=7
+            str(dot.number), (dot.cpu_s, dot.error), xytext=(4, 3), textcoords="offset points", fontsize=7
         )
     axes.axhline(0.0, color="black", lw=0.6)
     axes.set_title(panel.title, fontsize=9)
     axes.set_ylabel(panel.unit, fontsize=8)
-    axes.set_xlabel("wall time of the ticks [s]", fontsize=8)
+    axes.set_xlabel("CPU time of the ticks [s]", fontsize=8)
     axes.tick_params(labelsize=8)
     axes.grid(alpha=0.3, which="both")

@@ -100,8 +100,8 @@ def _times(
     judged.wall_s = mean_interval([run.wall_s for run in runs.values()], confidence)
     judged.cpu_s = mean_interval([run.cpu_s for run in runs.values()], confidence)
     gains = difference_by_seed(
-        {seed: math.log(run.wall_s) for seed, run in reference.items()},
-        {seed: math.log(run.wall_s) for seed, run in runs.items()},
+        {seed: math.log(run.cpu_s) for seed, run in reference.items()},
+        {seed: math.log(run.cpu_s) for seed, run in runs.items()},
         confidence,
     )
     if gains.count:
@@ -122,14 +122,16 @@ def _errors(
     judged.values[metric.name] = mean_interval(list(values.values()), design.confidence)
     if not true or (metric.relative and not any(true.values())):
         return  # nothing to be relative to
-    compare = error_by_seed if metric.relative else difference_by_seed
+    compare = error_by_seed if metric.relative and not metric.part_of else difference_by_seed
     error = compare(values, true, design.confidence)
+    if metric.part_of:
+        error = error.scaled(1.0 / mean_interval([run.metrics[metric.part_of] for run in reference.values()]).mean)
     if error.count:
         judged.errors[metric.name] = _resolvable(error, metric, reference)
     scatter = float(pd.Series(true).std())  # nan with one
     for name in design.additional_references:
         other = list(_of(by_preset.get(name, {}), metric).values())
-        if not metric.relative or not any(other):
+        if not metric.relative or metric.part_of or not any(other):
             continue
         centre = sum(other) / len(other)
         judged.errors_against.setdefault(name, {})[metric.name] = error_against_one(
@@ -168,14 +170,14 @@ def _bound(judged: PresetResult, names: Sequence[str], seeds: int) -> float:
 
 
 def _mark_pareto(found: Sequence[PresetResult]) -> None:
-    """Marks every preset that no other beats in both wall time and bound."""
-    rated = [item for item in found if item.wall_s is not None and math.isfinite(item.bound)]
+    """Marks every preset that no other beats in both CPU time and bound."""
+    rated = [item for item in found if item.cpu_s is not None and math.isfinite(item.bound)]
     for item in rated:
-        assert item.wall_s is not None
+        assert item.cpu_s is not None
         item.pareto = not any(
-            other.wall_s is not None
-            and other.wall_s.mean <= item.wall_s.mean
+            other.cpu_s is not None
+            and other.cpu_s.mean <= item.cpu_s.mean
             and other.bound <= item.bound
-            and (other.wall_s.mean < item.wall_s.mean or other.bound < item.bound)
+            and (other.cpu_s.mean < item.cpu_s.mean or other.bound < item.bound)
             for other in rated
         )

@@ -52,17 +52,17 @@ def _interval(name: str, interval: Interval | None) -> dict[str, float]:
 
 
 def markdown(judged: Sequence[PresetResult], design: StudyDesign, measured: Sequence[Measurement]) -> str:
-    """The printed table: wall time, speed-up, and each error with its interval."""
+    """The printed table: CPU time, speed-up, and each error with its interval."""
     metrics = [metric for metric in METRICS if _told(judged, metric)]
-    heads = ["preset", "wall s", "times faster", *(_heading(metric) for metric in metrics), "Pareto"]
+    heads = ["preset", "CPU s", "times faster", *(_heading(metric) for metric in metrics), "Pareto"]
     lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for item in judged:
         name = item.name.replace("|", r"\|")
-        if item.wall_s is None:
+        if item.cpu_s is None:
             reason = item.failures[0].replace("|", "/") if item.failures else "no run"
             lines.append(f"| {name} | failed: {reason} |" + " |" * (len(heads) - 2))
             continue
-        cells = [name, _plus_minus(item.wall_s, "{:.3g}"), _faster(item)]
+        cells = [name, _plus_minus(item.cpu_s, "{:.3g}"), _faster(item)]
         cells += [_cell(item, metric) for metric in metrics]
         lines.append(f"| {' | '.join([*cells, 'yes' if item.pareto else ''])} |")
     return "\n".join([*lines, "", *_legend(judged, design), *_true_runs(design, measured), ""])
@@ -119,7 +119,7 @@ def _legend(judged: Sequence[PresetResult], design: StudyDesign) -> list[str]:
     lines = [
         f"Errors against `{REFERENCE}`, whose row has the values themselves; {len(design.seeds)} bed seeds. "
         f"+-: {percent} intervals, Student's t of the differences of equal seeds; (~): less than the scatter "
-        "of the seeds, so no difference that these runs resolve. Wall time: of the ticks alone, without "
+        "of the seeds, so no difference that these runs resolve. CPU time: of the ticks alone, without "
         "start-up and compilation. Pareto: no other run is both faster and nearer, by "
         f"{' and '.join(design.metrics)} at the far end of their intervals."
     ]
@@ -135,7 +135,7 @@ def _legend(judged: Sequence[PresetResult], design: StudyDesign) -> list[str]:
 def _true_runs(design: StudyDesign, measured: Sequence[Measurement]) -> list[str]:
     """The runs that count as true, one by one: those of the reference and of the additional references."""
     return [
-        f"- `{item.preset}`, seed {item.seed}, {item.wall_s:.4g} s: "
+        f"- `{item.preset}`, seed {item.seed}, {item.cpu_s:.4g} s: "
         + "; ".join(
             f"{metric.label} {item.metrics[metric.name]:.4g}"
             for metric in METRICS
@@ -212,7 +212,7 @@ def _intervals(errors: Mapping[str, Interval]) -> dict[str, dict[str, float]]:
 
 
 def draw(judged: Sequence[PresetResult], design: StudyDesign, scene: str, path: Path) -> Path:
-    """Errors against wall time, a panel per metric."""
+    """Errors against CPU time, a panel per metric."""
     panels = []
     for metric in METRICS:
         factor = 100.0 if metric.relative else 1.0
@@ -220,18 +220,18 @@ def draw(judged: Sequence[PresetResult], design: StudyDesign, scene: str, path: 
         unit = "error [%]" if metric.relative else "difference"
         dots = tuple(
             Dot(
-                number, _group(item), item.wall_s.mean, factor * error.mean, factor * error.half_width,
+                number, _group(item), item.cpu_s.mean, factor * error.mean, factor * error.half_width,
                 error.resolved,
             )
             for number, item in enumerate(judged)
-            if item.wall_s is not None and (error := item.errors.get(metric.name)) is not None
+            if item.cpu_s is not None and (error := item.errors.get(metric.name)) is not None
         )  # fmt: skip
         if not dots and _told(judged, metric):
             title, unit = f"{metric.label}; the reference run has none", f"[{metric.unit}]"
             dots = tuple(
-                Dot(number, _group(item), item.wall_s.mean, value.mean, value.half_width, resolved=True)
+                Dot(number, _group(item), item.cpu_s.mean, value.mean, value.half_width, resolved=True)
                 for number, item in enumerate(judged)
-                if item.wall_s is not None and (value := item.values.get(metric.name)) is not None
+                if item.cpu_s is not None and (value := item.values.get(metric.name)) is not None
             )
         if dots:
             panels.append(Panel(title, unit, dots))

@@ -19,6 +19,14 @@ DIAMETERS_BELOW = 2.0
 """Of the core below the tools, in diameters of the coarsest (chosen: the share touches the core only)."""
 
 
+def tillage_reach_m(scene: Scene, meshes: Mapping[str, ToolMesh]) -> tuple[float, float]:
+    """Half width and depth [m] that the tillage tools reach to; depth 0 where none is below the surface."""
+    cutting = [name for name, tool in scene.tools.items() if tool.is_tillage]
+    half_width = max((float(np.abs(meshes[name].vertices_m[:, 1]).max()) for name in cutting), default=0.0)
+    depth = max((speed_and_depth(scene, name, meshes[name])[1] for name in cutting), default=0.0)
+    return half_width, depth
+
+
 def core_m(scene: Scene, meshes: Mapping[str, ToolMesh]) -> dict[str, float]:
     """`beyond_m` and `below_m` of the scene's graded bed [m], those not given from its tillage tools.
 
@@ -29,9 +37,7 @@ def core_m(scene: Scene, meshes: Mapping[str, ToolMesh]) -> dict[str, float]:
     assert soil is not None
     coarse = soil.particles.coarse
     assert coarse is not None
-    cutting = [name for name, tool in scene.tools.items() if tool.is_tillage]
-    half_width = max((float(np.abs(meshes[name].vertices_m[:, 1]).max()) for name in cutting), default=0.0)
-    depth = max((speed_and_depth(scene, name, meshes[name])[1] for name in cutting), default=0.0)
+    half_width, depth = tillage_reach_m(scene, meshes)
     needs = {"beyond_m": half_width, "below_m": depth}
     larger = 2.0 * coarse.times * soil.particles.mean_volume_radius_m
     usual = {"beyond_m": half_width + REACH_ASIDE * depth, "below_m": depth + DIAMETERS_BELOW * larger}

@@ -24,6 +24,8 @@ from ..yaml_document import Document, dump_yaml, merge, plain_value, read_docume
 from .files import with_absolute_files
 from .keys import suggestion
 from .material import is_of, material_first, with_material, with_window
+from .material_presets import NAMES as MATERIAL_PRESETS
+from .material_presets import measured_presets, preset_changes
 from .overrides import CHOICES, Override, apply_override, overrides_of, parse_overrides
 from .presets import Preset, read_preset
 from .reference import Reference, read_reference
@@ -47,6 +49,7 @@ class ResolvedScene:
     presets: Mapping[str, Preset] = field(default_factory=dict)  # all that the scene file has
     reference: Reference | None = None  # what report.reference names
     material: Material | None = None  # what soil.material named; `document` has its particles instead
+    material_file: str | None = None  # the file it was read from
 
     def write(self, path: Path) -> None:
         """Write `document` as a scene file."""
@@ -69,15 +72,32 @@ def load_scene(
     """
     given = path if isinstance(path, dict) else None
     shown = "scene" if given is not None else str(path)
-    path = Path("scene") if isinstance(path, dict) else shipped_scene(Path(path))
+    found = (
+        Path("scene")
+        if isinstance(path, dict)
+        else shipped_scene(path if isinstance(path, Path) else Path(path))
+    )
     changes = overrides_of(overrides) if isinstance(overrides, Mapping) else parse_overrides(overrides)
-    document = _with_base(path, shown, (), given)
+    return _resolved(_with_base(found, shown, (), given), found, shown, changes)
+
+
+def _resolved(document: Document, path: Path, shown: str, changes: Sequence[Override]) -> ResolvedScene:
+    """The scene of a file, its base merged in already."""
     presets = {
         name: read_preset(content, f"{shown}: presets.{name}")
         for name, content in document.get("presets", {}).items()
     }
+    chosen = [c for c in changes if c.path == "preset"]
+    name = chosen[-1].value if chosen else document.get("preset")
+    plain = None
+    if name in MATERIAL_PRESETS and name not in presets:
+        own = {key: value for key, value in document.items() if key != "preset"}
+        plain = _resolved(own, path, shown, [c for c in changes if c.path != "preset"])
     document = _with_initial_condition(document, shown, [c for c in changes if c.path == "initial_condition"])
-    document = _with_preset(document, shown, [c for c in changes if c.path == "preset"])
+    if plain is not None and plain.material is not None:
+        presets = {**presets, **measured_presets(plain.material_file)}
+        document = _with_material_preset(document, name, plain, presets[name], shown)
+    document = _with_preset(document, shown, chosen)
     changes = [c for c in changes if c.path not in CHOICES]
     kept = {key: document.pop(key) for item in CHOICES.items() for key in item if key in document}
 
@@ -88,6 +108,7 @@ def load_scene(
 
     first, rest = material_first(document, changes)
     changed(first)
+    material_file = document["soil"].get("material") if isinstance(document.get("soil"), dict) else None
     document, material = with_material(document, shown)
     changed(rest)
     document = with_window(document, material, shown)
@@ -121,9 +142,10 @@ def load_scene(
         timing=timing,
         notes=notes,
         preset=kept.get("preset"),
-        presets=presets,
+        presets=presets or ({} if material is None else measured_presets(material_file)),
         reference=reference,
         material=material,
+        material_file=material_file if material is not None else None,
     )
 
 
@@ -224,6 +246,20 @@ def _with_preset(document: Document, shown: str, changes: Sequence[Override]) ->
     merged = merge(rest, presets[name].get("changes") or {}, f"{shown}: presets.{name}.changes")
     left = {key: value for key, value in presets[name].items() if key != "changes"}
     return {**merged, "preset": name, "presets": {name: left}}
+
+
+def _with_material_preset(
+    document: Document, name: str, plain: ResolvedScene, preset: Preset, shown: str
+) -> Document:
+    """The document with a preset of its material among its presets; `plain`: the scene without it."""
+    assert plain.material is not None
+    meshes = {tool: load_tool_mesh(plain.directory, plain.scene, tool) for tool in plain.scene.tools}
+    try:
+        changes = preset_changes(name, plain.scene, meshes, plain.material, plain.material_file)
+    except SceneError as error:
+        raise SceneError(f"{shown}: {error}") from error
+    measured = preset.model_dump(mode="json", exclude_none=True)
+    return {**document, "presets": {**document.get("presets", {}), name: measured | {"changes": changes}}}
 
 
 def _chosen(

@@ -125,7 +125,9 @@ def _errors(
     compare = error_by_seed if metric.relative and not metric.part_of else difference_by_seed
     error = compare(values, true, design.confidence)
     if metric.part_of:
-        error = error.scaled(1.0 / mean_interval([run.metrics[metric.part_of] for run in reference.values()]).mean)
+        error = error.scaled(
+            1.0 / mean_interval([run.metrics[metric.part_of] for run in reference.values()]).mean
+        )
     if error.count:
         judged.errors[metric.name] = _resolvable(error, metric, reference)
     scatter = float(pd.Series(true).std())  # nan with one

@@ -1,0 +1,101 @@
+"""Accuracy presets that every scene has whose soil is a material: rules for the size of particles and bed."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import SceneError
+from ..limits.core import tillage_reach_m
+from ..scene.material import Material
+from ..scene.meshes import ToolMesh
+from ..scene.model import Scene
+from ..yaml_document import Document, read_document
+from .presets import Preset, read_preset
+from .shipped import config_folder
+
+LEAST_ACROSS = 1.5
+"""Particle diameters across the narrowest tool, at least: a third of its width as radius, the largest size
+that has been compared with smaller ones (validation/trade.md)."""
+
+BELOW_TOOLS = 0.25
+"""Soil below the tools over their depth, in a bed cut to what the tools reach (validation/trade.md)."""
+
+
+class Rule(NamedTuple):
+    """How a preset chooses particles and bed."""
+
+    diameters_in_depth: float
+    cut: bool  # the bed reaches one depth beside the tools and BELOW_TOOLS of it below them, no farther
+
+
+RULES = {"fine": Rule(10.0, False), "standard": Rule(20.0 / 3.0, True), "coarse": Rule(5.0, True)}
+"""By preset. Ten diameters in the depth: drafts within 10 % of those with half the size
+(validation/blades.md)."""
+
+WEDGE = "real_time"
+"""The preset that takes the wedge model of the material in the place of its particles."""
+
+NAMES = (*RULES, WEDGE)
+
+
+def measured_presets(material_file: str | None) -> dict[str, Preset]:
+    """The presets of a material, with what a study measured of them in a shipped one; their changes depend
+    on the scene and are left out."""
+    path = _beside(material_file, "presets", "")
+    found = read_document(path, str(path)) if path is not None else {}
+    return {name: read_preset(found.get(name, {}), f"{path}: {name}") for name in NAMES}
+
+
+def preset_changes(
+    name: str, scene: Scene, meshes: Mapping[str, ToolMesh], material: Material, material_file: str | None
+) -> Document:
+    """The changes that a preset makes in a scene, which is given without the preset.
+
+    Raises:
+        SceneError: the preset needs a tool in the soil, or a wedge model that does not exist.
+    """
+    if name == WEDGE:
+        wedge = _beside(material_file, "soils", "_wedge")
+        if wedge is None:
+            raise SceneError(
+                f"preset {name}: no wedge model comes with material {material_file}; choose one of "
+                f"{', '.join(RULES)}, or calibrate one (docs/calibrate.md) and name its file in soil.file"
+            )
+        return {"soil": {"model": "wedge", "file": str(wedge)}}
+    rule, bed = RULES[name], scene.particle_soil
+    assert bed is not None
+    _, depth = tillage_reach_m(scene, meshes)
+    if depth <= 0.0:
+        raise SceneError(
+            f"preset {name}: takes the size of the particles from the depth of the tillage tools, and none "
+            "is below the surface; set soil.particles.radius_m instead"
+        )
+    width = min(
+        float(np.ptp(meshes[key].vertices_m[:, 1])) for key, tool in scene.tools.items() if tool.is_tillage
+    )
+    wanted = min(0.5 * depth / rule.diameters_in_depth, 0.5 * width / LEAST_ACROSS)
+    low, high = material.radii_m
+    changes: Document = {"particles": {"radius_m": min(max(_to(1e-4, wanted), low), high)}}
+    if rule.cut:
+        aside = max(float(np.abs(mesh.vertices_m[:, 1]).max()) for mesh in meshes.values()) + depth
+        changes["bin"] = {
+            "width_m": min(bed.bin.width_m, _to(1e-3, 2.0 * aside)),
+            "depth_m": min(bed.bin.depth_m, _to(1e-3, (1.0 + BELOW_TOOLS) * depth)),
+        }
+    return {"soil": changes}
+
+
+def _beside(material_file: str | None, folder: str, suffix: str) -> Path | None:
+    """The file of a shipped material in another folder of config/; None for other materials, and without."""
+    if material_file is None or Path(material_file).resolve().parent != config_folder() / "materials":
+        return None
+    path = config_folder() / folder / f"{Path(material_file).stem}{suffix}.yaml"
+    return path if path.is_file() else None
+
+
+def _to(step: float, value: float) -> float:
+    """The nearest multiple of a step, without the digits that binary fractions add."""
+    return round(math.floor(value / step + 0.5) * step, 6)

@@ -1,0 +1,107 @@
+"""Accuracy presets of scenes whose soil is a material: what they change, and where they are refused."""
+
+from pathlib import Path
+
+import pytest
+
+from subsoil_ros.errors import SceneError
+from subsoil_ros.loading.loader import ResolvedScene, load_scene
+from subsoil_ros.loading.material_presets import NAMES
+from subsoil_ros.loading.shipped import shipped_material
+
+
+def radius_mm(resolved: ResolvedScene) -> float:
+    """Mean radius of the particles."""
+    soil = resolved.scene.particle_soil
+    assert soil is not None
+    low, high = soil.particles.grades[0].bounds_m
+    return 500.0 * (low + high)
+
+
+@pytest.mark.parametrize(
+    ("scene", "preset", "radius", "width", "depth"),
+    [
+        # 0.20 m deep, share 0.06 m wide: 10, 20/3 and 5 diameters in the depth
+        ("field_tine", "fine", 10.0, 0.6, 0.30),
+        ("field_tine", "standard", 15.0, 0.46, 0.25),
+        ("field_tine", "coarse", 20.0, 0.46, 0.25),
+        # 0.30 m deep: 22.5 mm would be more than a third of the share; the wheels reach farther aside
+        ("field_1s300", "fine", 15.0, 1.2, 0.42),
+        ("field_1s300", "standard", 20.0, None, 0.375),
+    ],
+)
+def test_size_follows_from_depth_and_width_of_the_tools(scene, preset, radius, width, depth):
+    """Radius, and a bed cut to one depth beside the tools and a quarter of it below them."""
+    found = load_scene(scene, {"preset": preset})
+    assert radius_mm(found) == pytest.approx(radius)
+    box = found.scene.particle_soil.bin
+    assert box.depth_m == pytest.approx(depth)
+    assert width is None or box.width_m == pytest.approx(width)
+    assert found.preset == preset
+
+
+def test_depth_is_that_of_the_scene_as_changed():
+    """A tine 0.10 m deep: 5 mm fits ten diameters; the bed is not made wider or deeper than it was."""
+    found = load_scene("field_tine", {"preset": "fine", "tools.tine.path.start_z_m": 0.20})
+    assert radius_mm(found) == pytest.approx(5.0)
+    cut = load_scene("field_tine", {"preset": "coarse", "soil.bin.width_m": 0.4, "soil.bin.depth_m": 0.24})
+    assert (cut.scene.particle_soil.bin.width_m, cut.scene.particle_soil.bin.depth_m) == (0.4, 0.24)
+
+
+def test_a_key_that_is_set_wins():
+    """Overrides come after the preset."""
+    found = load_scene("field_tine", {"preset": "fine", "soil.particles.radius_m": 0.018})
+    assert radius_mm(found) == pytest.approx(18.0)
+
+
+def test_radius_stays_in_the_range_of_the_material():
+    """Ten diameters in 0.05 m would be 2.5 mm; the material begins at 5 mm."""
+    found = load_scene("field_tine", {"preset": "fine", "tools.tine.path.start_z_m": 0.25})
+    assert radius_mm(found) == pytest.approx(5.0)
+
+
+def test_real_time_is_the_wedge_model_of_the_material(tmp_path):
+    """Its file takes the place of the particles; refused are materials without one, among them loam under
+    other laws and a copy of the file, which may have been changed."""
+    found = load_scene("field_tine", {"preset": "real_time"})
+    assert found.scene.wedge_soil is not None
+    copy = tmp_path / "loam.yaml"
+    copy.write_bytes(shipped_material(Path("loam")).read_bytes())
+    for material in ("clay_loam", "loam_bonded", str(copy)):
+        with pytest.raises(SceneError, match=r"no wedge model comes with material .*; choose one of fine"):
+            load_scene("field_tine", {"preset": "real_time", "soil.material": material})
+        assert load_scene("field_tine", {"preset": "coarse", "soil.material": material}).preset == "coarse"
+
+
+def test_a_written_scene_is_the_same_scene(tmp_path):
+    """A run records its scene with the preset applied: it loads to the same hash, name and errors."""
+    found = load_scene("field_tine", {"preset": "standard"})
+    found.write(tmp_path / "scene.yaml")
+    again = load_scene(tmp_path / "scene.yaml")
+    assert again.scene_hash == found.scene_hash
+    assert again.preset == "standard"
+    assert again.presets["standard"] == found.presets["standard"]
+
+
+def test_presets_are_listed_without_a_choice():
+    """The scene as written has them all to choose from; a soil that is no material has none."""
+    assert tuple(load_scene("field_tine").presets) == NAMES
+    assert load_scene("tine").presets == {}
+    with pytest.raises(SceneError, match="no preset 'standard'; the scene has no 'presets'"):
+        load_scene("tine", {"preset": "standard"})
+
+
+def test_no_tool_in_the_soil():
+    """Without a depth there is no size to choose."""
+    with pytest.raises(SceneError, match=r"preset coarse: .*set soil.particles.radius_m instead"):
+        load_scene("field_tine", {"preset": "coarse", "tools.tine.path.start_z_m": 0.35})
+
+
+def test_a_preset_of_the_scene_itself_comes_first(tmp_path: Path):
+    """A scene may call its own preset `coarse`."""
+    path = tmp_path / "scene.yaml"
+    base = Path(load_scene("field_tine").path)
+    path.write_text(
+        f"base: {base}\nname: own\npresets: {{coarse: {{changes: {{soil: {{particles: {{radius_m: 0.018}}}}}}}}}}\n"
+    )
+    assert radius_mm(load_scene(path, {"preset": "coarse"})) == pytest.approx(18.0)

@@ -39,7 +39,7 @@ ros_prefix := AMENT_PREFIX_PATH=$(prefix) CMAKE_PREFIX_PATH=$(prefix)
 pip := $(bin)/python -m pip
 
 .DEFAULT_GOAL := setup
-.PHONY: setup run test test-quick test-full check format colcon wheels docs test-kilted bench clean help
+.PHONY: setup run test test-quick test-full check format colcon wheels docs docs-version test-kilted bench clean help
 
 setup:  ## make .venv: ROS 2 Jazzy, subsoil_msgs, subsoil_ros, kernels of run (again only when their files change)
 	@$(MAKE) --no-print-directory $(two_jobs) $(set_up)
@@ -80,6 +80,10 @@ wheels: setup  ## wheels of both packages into build/wheels
 docs: setup  ## documentation as a site into build/site, strictly
 	NO_MKDOCS_2_WARNING=1 $(bin)/python -m mkdocs build --strict
 
+docs-version: setup  ## documentation of this version beside those of others, on the branch gh-pages
+	PYTHONPATH=. NO_MKDOCS_2_WARNING=1 $(bin)/mike deploy --update-aliases \
+		$$(sed -n 's/^__version__ = "\([0-9]*\.[0-9]*\).*/\1/p' subsoil_ros/_version.py) latest
+
 test-kilted: setup  ## the same run under ROS 2 Jazzy and Kilted: the same bits? 5 min the first time
 	$(bin)/python dev/two_distributions.py build/kilted
 
@@ -95,7 +99,7 @@ clean:  ## remove .venv and all that was built; runs/ stays
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 help:  ## this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 $(prefix)/.set-up-packages: $(wildcard requirements/*.txt)
 	@test -n "$(PYTHON)" || { echo "No Python 3.10 to 3.13 with venv found. Install one (Debian: python3-venv)," \
@@ -118,7 +122,7 @@ $(prefix)/.set-up-messages: $(prefix)/.set-up-packages $(wildcard msg_defs/* msg
 # Editable: a change of Python sources needs no new set-up. Launch files, scenes and meshes are copied to share/.
 $(prefix)/.set-up-subsoil: $(prefix)/.set-up-messages setup.py setup.cfg package.xml \
 		$(wildcard resource/* scripts/* launch/*.launch.py config/*.json config/scenes/*.yaml config/templates/*.yaml \
-		config/meshes/*.stl config/soils/*.yaml config/calibration/*.yaml config/references/*.yaml config/studies/*.yaml config/foxglove/*.json)
+		config/meshes/*.stl config/soils/*.yaml config/calibration/*.yaml config/materials/*.yaml config/presets/*.yaml config/references/*.yaml config/studies/*.yaml config/foxglove/*.json)
 	$(pip) install --quiet --no-build-isolation --no-deps --force-reinstall --editable .
 	touch $@
 

@@ -38,6 +38,7 @@ setup(
         (f"{SHARE}/config/soils", files("config/soils/*.yaml")),
         (f"{SHARE}/config/materials", files("config/materials/*.yaml")),
         (f"{SHARE}/config/calibration", files("config/calibration/*.yaml")),
+        (f"{SHARE}/config/presets", files("config/presets/*.yaml")),
         (f"{SHARE}/config/references", files("config/references/*.yaml")),
         (f"{SHARE}/config/studies", files("config/studies/*.yaml")),
         (f"{SHARE}/config/foxglove", files("config/foxglove/*.json")),

@@ -80,8 +80,9 @@ def metrics_of(run: CachedRun) -> dict[str, float]:
         found["spring_range_newton"] = float(np.ptp(moving_mean(series, name, MOVING_MEAN_S)[rows]))
         found["spring_deviation_newton"] = deviation(series, name, rows)
         found["spring_detrended_std_newton"] = swing(times[rows], series[name][rows])
-    if "share_newton" in (vertical := summary.get("loads", {}).get("vertical", {})):
-        found["vertical_mean_newton"] = float(vertical["share_newton"]["mean"])
+    upward = [series[name][rows] for name in _upward_columns(run) if name in series]
+    if upward:
+        found["vertical_mean_newton"] = float(np.mean(np.sum(upward, axis=0)))
     if "disturbance" in summary:
         found["disturbed_area_m2"] = float(summary["disturbance"]["area_m2"])
     return {name: value for name, value in found.items() if math.isfinite(value)}
@@ -91,6 +92,13 @@ def deviation(series: Columns, name: str, rows: NDArray[np.bool_]) -> float:
     """Standard deviation of a column's 20 ms mean about a straight line over rows (n,)."""
     times, values = series["time_s"][rows], moving_mean(series, name, SMOOTHED_S)[rows]
     return float(np.std(values - np.polyval(np.polyfit(times - times[0], values, 1), times - times[0])))
+
+
+def _upward_columns(run: CachedRun) -> list[str]:
+    """Columns of the upward force of the soil on each tillage tool."""
+    path = run.folder / "scene.yaml"
+    tools: dict[str, dict[str, object]] = read_document(path, str(path)).get("tools") or {}
+    return [f"tool.{key}.force_z_newton" for key, tool in tools.items() if tool.get("role") != "wheel"]
 
 
 def spring_of(run: CachedRun) -> str | None:

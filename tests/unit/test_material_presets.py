@@ -101,7 +101,6 @@ def test_a_preset_of_the_scene_itself_comes_first(tmp_path: Path):
     """A scene may call its own preset `coarse`."""
     path = tmp_path / "scene.yaml"
     base = Path(load_scene("field_tine").path)
-    path.write_text(
-        f"base: {base}\nname: own\npresets: {{coarse: {{changes: {{soil: {{particles: {{radius_m: 0.018}}}}}}}}}}\n"
-    )
+    changes = "{soil: {particles: {radius_m: 0.018}}}"
+    path.write_text(f"base: {base}\nname: own\npresets: {{coarse: {{changes: {changes}}}}}\n")
     assert radius_mm(load_scene(path, {"preset": "coarse"})) == pytest.approx(18.0)

@@ -197,6 +197,24 @@ def test_swing_needs_rows() -> None:
     assert np.isnan(swing(short, np.sin(short)))
 
 
+def test_deviation_and_vertical_force_of_a_kept_run(tmp_path: Path) -> None:
+    """A slow sine on a trend: its amplitude over sqrt(2); the forces on tillage tools add, a wheel's not."""
+    times = np.arange(0.0, 4.0, 1e-3)
+    wave = 1000.0 + 300.0 * times + 100.0 * np.sqrt(2.0) * np.sin(4.0 * np.pi * times)
+    scene = "tools: {left: {}, right: {role: tillage}, wheel: {role: wheel}}\n"
+    (tmp_path / "scene.yaml").write_text(scene)
+    summary = {"window": {"start_s": 1.0, "end_s": 3.0}, "energy": {"residual_ratio": 0.0}}
+    (tmp_path / "summary.json").write_text(json.dumps(summary))
+    names = ["draft_newton", *(f"tool.{tool}.force_z_newton" for tool in ("left", "right", "wheel"))]
+    rows = "\n".join(f"{t:.6f},{f:.9f},{t:.6f},{-3 * t:.6f},50" for t, f in zip(times, wave, strict=True))
+    (tmp_path / "series.csv").write_text(f"time_s,{','.join(names)}\n{rows}\n")
+    metrics = metrics_of(CachedRun(tmp_path))
+    assert metrics["draft_deviation_newton"] == pytest.approx(
+        100.0, rel=0.03
+    )  # a line takes 2 % of four periods
+    assert metrics["vertical_mean_newton"] == pytest.approx(-4.0, rel=1e-3)
+
+
 def test_range_and_swing_of_a_kept_run(tmp_path: Path) -> None:
     """Of the spring that the scene reports, over the window of the summary."""
     times = np.arange(0.0, 3.0, 1e-3)

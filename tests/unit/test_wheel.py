@@ -18,7 +18,8 @@ SOURCES = [
 ]  # fmt: skip
 SHIPPED = (
     "scenes/*.yaml", "templates/*.yaml", "meshes/*.stl", "soils/*.yaml", "materials/*.yaml",
-    "calibration/*.yaml", "presets/*.yaml", "references/*.yaml", "studies/*.yaml", "foxglove/*.json", "*.json",
+    "calibration/*.yaml", "presets/*.yaml", "references/*.yaml", "studies/*.yaml", "foxglove/*.json",
+    "*.json",
 )  # fmt: skip
 
 

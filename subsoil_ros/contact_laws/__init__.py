@@ -1,3 +1,4 @@
-"""Laws of contact, one folder each: `law.py`, what a scene says and what follows from it, without numba, and
-`kernel.py`, what the engines compile. Laws of other packages are found by entry point (registry).
+"""Contact laws, one folder each: `law.py` has the keys of a scene and what follows from them, without numba,
+and `kernel.py` the functions that the engines compile. Laws of other packages are found by entry point
+(registry).
 """

@@ -1,4 +1,4 @@
-"""What every contact law has, and what two bodies in contact put on each other."""
+"""Base class of contact laws, and the values of two bodies in contact."""
 
 import functools
 import math
@@ -17,7 +17,7 @@ SINKS = ("normal_dashpot", "tangential_dashpot", "sliding", "rolling", "separati
 law may have more: ContactLaw.more_sinks."""
 
 SHARED_SINKS = len(SINKS)
-"""Of every law."""
+"""Number of sinks that every law has."""
 
 SPRINGS = 6
 """Numbers that are kept of every contact: tangential spring x, y, z [m], rolling spring x, y, z [rad], whose
@@ -25,18 +25,17 @@ part along the normal is the twisting spring; i against j. Seen from the other s
 law may keep more: ContactLaw.kept."""
 
 YES, NO = np.zeros((1, 1)), np.zeros(1)
-"""Values of Features."""
+"""Values in Features of what is present and of what is absent."""
 
 Values = TypeVar("Values", bound="PairValues")
 Law = TypeVar("Law", bound="ContactLaw")
 
 
 class Features(NamedTuple):
-    """What a contact contains, told to the compiler: an array of two dimensions says yes, of one no.
+    """Parts of a contact that are compiled: an array of one dimension means absent, of more present.
 
     Number of dimensions is part of numba's type, so the code of an absent feature is not compiled; values
-    matter in `periodic` only. (Tuples and literals would say it more plainly, but do not pass into parallel
-    loops.)
+    matter in `periodic` only. (Tuples and literals would be plainer, but do not pass into parallel loops.)
 
     A law with features of its own has a class with these and, after them, its own: ContactLaw.features.
     """
@@ -52,7 +51,7 @@ class Features(NamedTuple):
 
 @dataclass(frozen=True)
 class PairValues:
-    """One kind of pair, SI: what beds, limits and the numbers of the kernels are derived from."""
+    """Values of one kind of pair, SI, from which beds, limits and the numbers of the kernels are derived."""
 
     stiffness: float  # K_X [N/m]
     tangential_stiffness: float  # K_Y = K_Z [N/m]
@@ -92,7 +91,7 @@ class PairValues:
         return force_newton / self.stiffness
 
     def stiffened(self: Values, factor: float) -> Values:
-        """With the normal stiffness times `factor`; the restitution stays if the dampers follow from it."""
+        """Values at `factor` times the normal stiffness; a restitution stays if dampers follow from it."""
         dampers = math.sqrt(factor) if self.damping_of_restitution else 1.0
         return replace(
             self,
@@ -130,7 +129,7 @@ class PairValues:
 
 
 class ContactLaw(StrictModel):
-    """What a scene says under `soil.law`. A law is a subclass with a `kind` and rows of its own.
+    """Value of `soil.law` in a scene. A law is a subclass with a `kind` and rows of its own.
 
     Lengths and masses that the methods take are the reduced ones of a pair, r1 r2 / (r1 + r2) and
     m1 m2 / (m1 + m2), those of the particle at a boundary. `ratio`: the radius of the particles over the one
@@ -143,20 +142,20 @@ class ContactLaw(StrictModel):
         boundary: Any
 
     numbers: ClassVar[Any]
-    """Class of the numbers of a pair, a NamedTuple: it chooses the `kernel.py` beside its module.
+    """Class of the numbers of a pair, a NamedTuple: it selects the `kernel.py` beside its module.
 
-    No other law has a class of the same name: numba names what it compiles by it, and the linker of cached
-    kernels would take that of one law for that of the other."""
+    No other law may have a class of the same name: numba names compiled kernels by it, and the linker would
+    confuse the cached kernels of the two laws."""
 
     features: ClassVar[type] = Features
-    """Class of what the compiler is told."""
+    """Class of the features: Features, or one with further fields."""
 
     more_sinks: ClassVar[tuple[str, ...]] = ()
     """Energy sinks of its own; its kernel books them after SINKS."""
 
     kept: ClassVar[Mapping[str, int]] = {}
-    """Numbers kept of a contact beside the SPRINGS: name -> 1, or -1 where it changes its sign seen from the
-    other side. All begin with zero. No components of vectors: a field lays soil out turned about z."""
+    """Numbers kept of a contact beside the SPRINGS: name -> 1, or -1 if it changes its sign seen from the
+    other side. All start at zero. None may be part of a vector, as a field lays soil out turned about z."""
 
     linear_springs: ClassVar[bool] = False
     """Whether the normal force is that of linear springs, which the settling of dense beds rests on."""
@@ -184,7 +183,7 @@ class ContactLaw(StrictModel):
         raise NotImplementedError
 
     def own_features(self, values: Sequence[PairValues]) -> Mapping[str, bool]:
-        """Which of the law's own features are there, all of them by name; `values`: of all pairs."""
+        """Whether each of the law's own features is present, by name; `values`: of all pairs."""
         return {}
 
     def wave_limit(self, radius_m: float, density_kg_per_m3: float) -> tuple[str, float] | None:
@@ -199,7 +198,7 @@ class ContactLaw(StrictModel):
         return 0.0, 0.0
 
     def refused(self, change: Any) -> str:
-        """Why a layer cannot change this law so, from the name of the row on; empty: it can."""
+        """Reason why a layer cannot make this change, starting with the row's name; empty if it can."""
         return ""
 
     def changed_by(self: Law, change: Any) -> Law:
@@ -212,12 +211,12 @@ class ContactLaw(StrictModel):
 
 
 def one_of_kinds(models: Iterable[type[StrictModel]]) -> Any:
-    """Annotation of a value of one of these models, told apart by their `kind`."""
+    """Annotation of a value of one of these models, distinguished by their `kind`."""
     return Annotated[functools.reduce(operator.or_, models), Field(discriminator="kind")]
 
 
 def layer_law(law: type[ContactLaw]) -> type[StrictModel]:
-    """What a layer may change of a law: any value of its rows."""
+    """Model of the changes that a layer may make to a law: any value of its rows."""
 
     def changes(row: type[StrictModel]) -> type[StrictModel]:
         optional: dict[str, Any] = {

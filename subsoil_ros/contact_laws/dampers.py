@@ -16,7 +16,7 @@ a few periods too."""
 
 
 def restitution_at(damping_ratio: float) -> float:
-    """Of spring and dashpot over half a period: exp(-pi z / sqrt(1 - z^2)), 0 from z = 1 on; no cohesion."""
+    """Restitution of spring and dashpot, no cohesion: exp(-pi z / sqrt(1 - z^2)), 0 from z = 1 on."""
     if damping_ratio >= 1.0:
         return 0.0
     return math.exp(-math.pi * damping_ratio / math.sqrt(1.0 - damping_ratio**2))
@@ -65,7 +65,7 @@ class DampedLaw(ContactLaw):
         return self
 
     def refused(self, change: Any) -> str:
-        """A layer changes the form that the law has."""
+        """See ContactLaw; a layer must keep the form of the law, dampers or a restitution."""
         for row in ("particle", "boundary"):
             damped = getattr(self, row).restitution is None
             for key in (_RESTITUTION,) if damped else _DAMPERS:
@@ -76,7 +76,7 @@ class DampedLaw(ContactLaw):
 
 
 def smaller_restitution(one: DampedValues, other: DampedValues) -> float | None:
-    """Of a pair of two layers; None: they have dampers."""
+    """Restitution of a pair of two layers; None if they have dampers."""
     if one.restitution is None or other.restitution is None:
         return None
     return min(one.restitution, other.restitution)

@@ -1,7 +1,7 @@
 """1 / sqrt(x) by multiplications alone.
 
-Roots and quotients keep a core's one divider busy for longer than all else in a contact takes. A seed out of
-the number's bits (half the exponent, turned round) is right to 3.5 %, and each Newton step squares the
+Roots and quotients keep a core's one divider busy for longer than all else in a contact takes. A seed from
+the number's bits (half the exponent, negated) is right to 3.5 %, and each Newton step squares the
 error: 4e-2, 2e-3, 5e-6, 3e-11, 2e-21.
 """
 
@@ -28,7 +28,7 @@ def _seed(typing_context, x):
 
 
 def _newton_steps(x: float) -> int:
-    """Until the error is round-off."""
+    """Number of Newton steps until the error is round-off."""
     raise NotImplementedError("compiled code only")
 
 

@@ -70,5 +70,5 @@ def _fault(kind: str, law: object, taken: Set[str]) -> str:
     if missing := set(Features._fields) - set(getattr(law.features, "_fields", ())):
         return f"the class of its `features` has no '{min(missing)}'; it begins with the fields of Features"
     if twice := taken & _compiled_names(law):
-        return f"another law has a class '{min(twice)}' too, which numba cannot tell apart; rename it"
+        return f"another law has a class '{min(twice)}' too, and numba needs distinct names; rename it"
     return ""

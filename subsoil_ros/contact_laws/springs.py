@@ -1,4 +1,4 @@
-"""What the kernels of several laws share: tangential, rolling and twisting springs, each with a slider.
+"""Shared parts of the kernels of laws: tangential, rolling and twisting springs, each with a slider.
 
 A law that uses them has the numbers tangential_stiffness, tangential_damping, static_friction,
 sliding_friction, rolling_stiffness and rolling_arm, and twisting_arm if it has twisting friction.
@@ -14,7 +14,7 @@ from numba.extending import overload
 from .inverse_root import inverse_root
 
 law_kernel = partial(njit, forceinline=True, error_model="numpy", fastmath={"contract"})
-"""Decorator, called, of functions that a law's own ones call; numba keeps them with the engine's."""
+"""Decorator, called, of functions that those of a kernel.py call; numba caches them with the engine's."""
 
 _TINY = 1e-30
 """Keeps a quotient finite whose numerator is zero too; far below any force [N], also in float32."""
@@ -36,7 +36,7 @@ def _like(number, value):
 
 
 def twisting_arm(law):
-    """Torque limit of twisting friction over normal force [m]; zero of a law without this number."""
+    """Torque limit of twisting friction over normal force [m]; zero for a law without this number."""
     return getattr(law, "twisting_arm", 0.0)
 
 
@@ -65,9 +65,10 @@ def contact_with_springs(
 ):
     """Force and torque of a contact whose force on i along the normal is the vector `push` [N].
 
-    pressing [N]: normal force that friction is limited by. overlap_rate [m/s]: of the velocity along the
-    normal. grown, before: stiffness of the springs over the numbers of the law, now and a step ago; a
-    stiffer contact keeps its force, a softer one loses it, so no energy comes in. The rest: dem.contact.
+    pressing [N]: normal force that limits friction. overlap_rate [m/s]: velocity along the normal. grown,
+    before: stiffness of the springs over the numbers of the law, now and a step ago. A contact that becomes
+    stiffer keeps its force, one that becomes softer loses some, so no energy is created. The rest:
+    dem.contact.
 
     Returns force on i [N], torque of rolling and twisting friction on i [N m], shear, roll, and all sinks but
     the first.
@@ -79,8 +80,8 @@ def contact_with_springs(
     Twisting: spin along the normal, resisted as rolling is (S. Luding, Granular Matter 10 (2008) 235-246),
     with the stiffness of the rolling spring and a limit of its own; the part of `roll` along the normal.
 
-    Choices are values, not branches, and all numbers have the type of `step`: in a loop over pairs the
-    compiler makes vector instructions of it.
+    Choices are values, not branches, and all numbers have the type of `step`, so that a loop over pairs
+    compiles to vector instructions.
     """
     zero, half, one = like(step, 0.0), like(step, 0.5), like(step, 1.0)
     tiny, tiny_squared = like(step, _TINY), like(step, _TINY_SQUARED)

@@ -21,7 +21,7 @@ from ..scene.soil import Soil
 from .mixture import material_at
 
 LARGEST_COUNT = 100_000_000
-"""Particles of a bed (chosen: they take some 60 GB)."""
+"""Largest number of particles in a bed: so many take some 60 GB of memory."""
 
 
 @dataclass(frozen=True)
@@ -53,11 +53,11 @@ class Bed:
 
     @property
     def floor_m(self) -> float:
-        """Where the bed ends below: its plane, or the highest centre that is held [m]."""
+        """Lower end of the bed [m]: the plane of the floor, or the highest centre that is held."""
         return self.lower_m[2] if self.held is None else float(self.positions_m[self.held, 2].max())
 
     def only(self, kept: np.ndarray) -> "Bed":
-        """The bed without the particles where `kept` (n,) is false, or with those of these numbers."""
+        """The bed with only the particles `kept`: (n,) bool, or an array of their numbers."""
         return dataclasses.replace(
             self,
             positions_m=self.positions_m[kept],
@@ -109,7 +109,7 @@ def grid_shape(soil: Soil) -> tuple[int, int, int]:
 
 
 def refuse_too_many(count: int, soil: Soil) -> None:
-    """SceneError if a bed of `count` particles is more than a machine holds."""
+    """Raise SceneError if a bed of `count` particles is larger than LARGEST_COUNT."""
     if count > LARGEST_COUNT:
         raise SceneError(
             f"soil.bin: a bed of {soil.bin.length_m:g} x {soil.bin.width_m:g} x {soil.bin.depth_m:g} m would "
@@ -135,7 +135,7 @@ def prepare_grid(soil: Soil, gravity_m_per_s2: float) -> Bed:
     Where a surface profile takes layers away, those below carry that much less. Between periodic sides the
     bed is a whole number of spacings wide.
 
-    Layers of the soil go by the depth of the centre in the unloaded grid.
+    The depth of a particle's centre in the unloaded grid sets its layer of the soil.
     """
     materials = layer_soils(soil)
     boundary = pair_values(soil)[1]
@@ -152,11 +152,11 @@ def prepare_grid(soil: Soil, gravity_m_per_s2: float) -> Bed:
         return particle_values(first, second, 0.5 * radius, masses[0] * masses[1] / sum(masses))
 
     def weight_on(layer: int, layers: int) -> float:
-        """Of the layers up to number `layers` from this one on, this one included."""
+        """Weight of the grid layers layer <= k < layers, one particle each [N]."""
         return float(np.bincount(material[layer:layers], minlength=len(weights)) @ weights)
 
     def column(layers: int) -> np.ndarray:
-        """Heights over the floor of the layers that stand on each other."""
+        """Heights over the floor of the centres of `layers` layers on top of each other [m]."""
         steps_up = np.full(layers - 1, spacing)
         for k in range(layers - 1):
             pair = between(k, k + 1)
@@ -191,8 +191,8 @@ def prepare_grid(soil: Soil, gravity_m_per_s2: float) -> Bed:
 
 
 def _refuse_too_soft(soil: Soil, heights_m: np.ndarray) -> None:
-    """SceneError if the weight presses layers at `heights_m` (n,) so close that particles reach others than
-    their six neighbours: those of the layer after the next, or across a diagonal."""
+    """Raise SceneError if the weight presses layers at `heights_m` (n,) so close that particles reach others
+    than their six neighbours: those of the layer after the next, or across a diagonal."""
     reach = 2.0 * soil.particles.mean_volume_radius_m + pair_values(soil)[0].reach
     diagonal = float(np.sqrt(max(0.0, reach**2 - particle_spacing_m(soil) ** 2)))
     nearest = max(0.5 * reach, diagonal)
@@ -206,10 +206,10 @@ def _refuse_too_soft(soil: Soil, heights_m: np.ndarray) -> None:
 
 
 def refuse_outside(bed: Bed, planes: np.ndarray, position_m: np.ndarray) -> None:
-    """`position_m` (n, 3) must be inside the box of `bed`; it is open at the top and at periodic sides.
+    """Check that `position_m` (n, 3) is in the box of `bed`, open at the top and at periodic sides.
 
     Raises:
-        InputError: a centre is outside, or no number, or there is none at all.
+        InputError: a centre is outside or not a number, or no centre is given.
     """
     inside = (planes[:, 3] - position_m @ planes[:, :3].T >= 0.0).all(axis=1)  # not a number: outside
     if len(position_m) == 0 or not inside.all():

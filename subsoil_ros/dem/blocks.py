@@ -1,7 +1,7 @@
-"""Numbers of pairs in blocks: histories as they are kept, and scratch rows beside them.
+"""Layout of the numbers of pairs in memory: histories in blocks, and scratch rows beside them.
 
-A block holds BLOCK numbers of each component, one after the other, so that the compiler makes vector
-instructions of a law that runs along them.
+A block holds BLOCK numbers of each component, one after the other, so that a law that runs along
+them compiles to vector instructions.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ BLOCK = 512
 larger than the cache streams a fifth faster than with 128)."""
 
 _LINE_BYTES = 64
-"""A cache line, and the widest vector: one that starts on a line costs half of one that crosses two."""
+"""Bytes of a cache line and of the widest vector: a vector that crosses two lines costs twice as much."""
 
 ROW = BLOCK + 16
 """Length of a scratch row: whole lines, but no power of two, so that the rows do not compete for the same
@@ -24,8 +24,8 @@ lines of the cache."""
 
 
 def history_blocks(pairs: int, kind: type, components: int = SPRINGS) -> np.ndarray:
-    """Room for `components` numbers of each of `pairs` pairs, from the start of a cache line on; not set
-    but for what follows the last pair, zero. Component c of pair k stands at history_place(k) + c * BLOCK."""
+    """Array for `components` numbers of each of `pairs` pairs, starting on a cache line; uninitialised, but a
+    last block that is not full is zero. Component c of pair k stands at history_place(k) + c * BLOCK."""
     size = BLOCK * components
     count, spare = -(-pairs // BLOCK) * size, _LINE_BYTES // np.dtype(kind).itemsize
     numbers: np.ndarray = np.empty(count + spare, kind)
@@ -47,14 +47,14 @@ def history_place(pair, components=SPRINGS):
 
 
 def history_places(pair: np.ndarray, components: int) -> np.ndarray:
-    """(p, components) places of what a law keeps of pairs (p,), in blocks of history_blocks."""
+    """(p, components) places of the histories of pairs (p,) in an array of history_blocks."""
     first = pair // BLOCK * (BLOCK * components) + pair % BLOCK  # history_place
     return np.asarray(first[:, None] + BLOCK * np.arange(components))
 
 
 @inner_kernel(forceinline=True)
 def scratch_rows(count, kind):
-    """`count` rows of ROW numbers, one after the other from the start of a cache line on; not set."""
+    """`count` rows of ROW numbers, one after the other from the start of a cache line on; uninitialised."""
     spare = np.empty((count + 1) * ROW, kind)
     first = _first_on_line(spare)
     return spare[first : first + count * ROW]

@@ -1,7 +1,7 @@
 """How the inner kernels of the soil are compiled: cached on disk, IEEE division.
 
-Only other kernels call them. Without the wrappers for Python and C they compile a sixth faster; called from
-Python one ends the process.
+Only other kernels may call them: a call from Python ends the process. Without the wrappers for Python and C
+they compile a sixth faster.
 """
 
 from functools import partial
@@ -11,4 +11,4 @@ from numba import njit
 inner_kernel = partial(
     njit, cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True
 )
-"""Decorator, called with the options that a kernel has besides."""
+"""Decorator of inner kernels, called with further options of njit."""

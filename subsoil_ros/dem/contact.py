@@ -1,7 +1,7 @@
 """The contact of a scene's law: for particle-particle, particle-wall and particle-tool.
 
-What stands here passes on to the `kernel.py` of the law, which the type of its NamedTuple of numbers chooses:
-numba keeps such a call on disk and makes the same code of it as of a direct one.
+These functions call the `kernel.py` of the law, which the type of its NamedTuple of numbers selects. numba
+caches such a call on disk and compiles it to the same code as a direct one.
 """
 
 import functools
@@ -40,7 +40,7 @@ def law_features(soil: Soil, *, book: bool = False, periodic: np.ndarray = NO) -
 
 
 def soil_laws(soil: Soil) -> tuple[Any, Any, Any]:
-    """Numbers of particle-particle, particle-wall and particle-tool, equal spheres of one material."""
+    """Law's numbers for particle-particle, particle-wall and particle-tool; equal spheres of one material."""
     pair, boundary = pair_values(soil)
     radius = soil.particles.mean_volume_radius_m
     at_tool = boundary.stiffened(soil.tool_stiffness_factor)
@@ -52,7 +52,7 @@ def soil_laws(soil: Soil) -> tuple[Any, Any, Any]:
 
 
 def history_parity(law: ContactLaw) -> np.ndarray:
-    """(components,) of every number kept of a contact: 1, or -1 where it changes its sign seen from j."""
+    """(components,) 1 for each number kept of a contact, -1 if it changes its sign when seen from j."""
     return np.array([-1.0] * SPRINGS + [float(sign) for sign in law.kept.values()])
 
 
@@ -77,7 +77,7 @@ def contact(overlap, normal, velocity, spin, shear, roll, kept, step, law, featu
     contact, tangent vectors; with twisting friction, the twist is the part of roll along the normal. kept:
     the law's own numbers of this contact (ContactLaw.kept).
     Returns force on i [N], torque of rolling and twisting friction on i [N m], shear, roll, kept, sinks [J]
-    (SINKS order).
+    (in the order of ContactLaw.sinks).
     """
     return kernel_of(type(law), "contact")(
         overlap, normal, velocity, spin, shear, roll, kept, step, law, features
@@ -112,7 +112,7 @@ def _spring_energy(overlap, shear, roll, law):
 def reach(touch, law, features):
     """Distance of two centres, or of a centre and a wall, up to which they act on each other [m].
 
-    touch [m]: at which they touch.
+    touch [m]: the distance at which they touch.
     """
     return kernel_of(type(law), "reach")(touch, law, features)
 
@@ -133,7 +133,7 @@ def _at_size(law, radius, mass):
 
 
 def _made(name: str, arguments: str, result: str, **scope: object) -> Callable[..., Any]:
-    """A function with one expression: tuples of as many numbers as a law has need one for each law."""
+    """Compile a function of one expression: numba needs the length of a tuple, which each law has its own."""
     exec(f"def {name}({arguments}):\n    return {result}", scope)
     return scope[name]  # type: ignore[return-value]
 
@@ -165,7 +165,7 @@ def _kept_count(numbers: type) -> int:
 
 
 def components(law):
-    """How many numbers are kept of a contact."""
+    """Count of the numbers kept of a contact: springs, and the law's own."""
     return SPRINGS + _kept_count(type(law))
 
 

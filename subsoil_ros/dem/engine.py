@@ -34,26 +34,26 @@ from .tools.surface import ToolSurface, refuse_leap, surfaces
 from .walls import CHUNKS, carry_walls, near_walls, wall_planes
 
 _CELLS_PER_SLAB = 1
-"""Slab width in cells: wider than the reach, narrow enough to keep threads equally busy (chosen)."""
+"""Slab width in cells: one is as wide as the reach, and narrow slabs keep threads equally busy."""
 
 
 _STRAIN_OF_LISTS = 0.02
-"""Of an endless bed, over skin / radius: lists are built anew before it brings pairs a twentieth of the skin
-nearer."""
+"""Strain of an endless bed, over skin / radius, beyond which lists are rebuilt: by then pairs are nearer by
+less than a twentieth of the skin."""
 
 
 class _StepCalls(NamedTuple):
-    """Kernels of a step, with the arrays as they stand until lists are built anew."""
+    """Kernels of a step, bound to the arrays in use until the lists are rebuilt."""
 
     drift_and_contacts: Callable[[int, bool], int]
     kick: Callable[[], None]
 
 
 class SoilEngine(SoilReadings):
-    """Discrete elements in a bin, touched by tools. What can be read of them: dem.readings.
+    """Discrete elements in a bin, touched by tools. Readings: dem.readings.
 
     Results do not depend on `threads`. With `book`, or where the scene balances the energy, every energy sink
-    is booked (slower). `bed` stands for the one the scene describes.
+    is booked (slower). `bed` replaces the bed that the scene describes.
     """
 
     _moving: Particles  # as the kernels have them; read them as _particles
@@ -105,7 +105,7 @@ class SoilEngine(SoilReadings):
 
     @property
     def _particles(self) -> Particles:
-        """At the end of the last step, or as they stand within one."""
+        """Particles at the end of the last step or, within a step, in their present state."""
         if self._owes_kick:
             assert self._calls is not None
             use_threads(self._threads)
@@ -114,7 +114,7 @@ class SoilEngine(SoilReadings):
         return self._moving
 
     def _refuse_step_too_large(self) -> None:
-        """The scene's step was chosen for dense packing; a bed denser still needs a smaller one."""
+        """Raise SceneError if the bed has more contacts than DENSE_COORDINATION and needs a smaller step."""
         if self.coordination <= DENSE_COORDINATION:
             return
         limit = step_limits(self._soil, self.coordination)[0]
@@ -160,7 +160,7 @@ class SoilEngine(SoilReadings):
         return Domain(self._planes, self.bed, position, self._radius)
 
     def _keep(self, kept: np.ndarray) -> None:
-        """Only the particles where `kept` (n,) bool, without contact history."""
+        """Keep only the particles where `kept` (n,) bool is true, without contact history."""
         p = self._particles
         p.reorder(np.flatnonzero(kept))
         self._forget_contacts()
@@ -191,7 +191,7 @@ class SoilEngine(SoilReadings):
         remove any particle.
 
         Raises:
-            InputError: no particle, one outside the bin, or a number that is none.
+            InputError: no particle, one outside the bin, or rows that are missing or not finite.
         """
         position = np.array(position_m, dtype=np.float64).reshape(-1, 3)
         refuse_outside(self.bed, self._planes, position)
@@ -204,7 +204,7 @@ class SoilEngine(SoilReadings):
         self._take_over_particles()
 
     def _take_over_particles(self) -> None:
-        """Particles were given other arrays."""
+        """Use arrays of the particles that were replaced."""
         self._calls = None
 
     def damp(self, kept: float) -> None:
@@ -213,9 +213,9 @@ class SoilEngine(SoilReadings):
         self._particles.spin *= kept
 
     def resize(self, scale: float | np.ndarray) -> None:
-        """An endless bed `scale` times as large, or (3,) along x, y and z, about the origin. Particles move
-        with it, and so do the ends of the springs of their contacts. For the preparation and testing of beds,
-        in steps that are small against a skin."""
+        """Scale an endless bed by `scale`, or (3,) along x, y and z, about the origin. Particles and the ends
+        of their contacts' springs move with it. For the preparation and testing of beds, in steps that are
+        small against a skin."""
         scales = np.broadcast_to(np.asarray(scale, np.float64), 3)
         p = self._particles
         p.position *= scales
@@ -237,7 +237,7 @@ class SoilEngine(SoilReadings):
     def start(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
         """Wrenches of the initial state. Particles that the tools overlap are removed; no time advances.
 
-        A particle goes when its centre is inside a tool or so near that the contact would press.
+        A particle is removed if its centre is inside a tool or so near that the contact would press.
         """
         use_threads(self._threads)
         tools = surfaces(self._resolved, self.bed, motions)
@@ -271,7 +271,7 @@ class SoilEngine(SoilReadings):
             book[:] = 0.0  # contacts that begin pressed have yielded before
 
     def state_arrays(self) -> dict[str, np.ndarray]:
-        """All that later ticks depend on, and what their results count from; by name, not copied.
+        """Arrays, by name, that later ticks depend on, and from which their results count; not copied.
 
         Lists of neighbours are part of it: their order is the order of the sums of forces.
         """
@@ -300,10 +300,10 @@ class SoilEngine(SoilReadings):
         return bed_digest(self.bed, self._loaded_position)
 
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
-        """Goes on from such a state; it keeps the arrays. In place of `start`.
+        """Continue from arrays of `state_arrays`, without copying them; replaces `start`.
 
         Raises:
-            KeyError, ValueError: it is not one of this scene and bed.
+            KeyError, ValueError: the arrays are not of this scene and bed.
         """
         if not np.array_equal(arrays["bed"], self._bed_digest()):
             raise ValueError("the bed prepared here is not the one that the state began with")
@@ -331,6 +331,7 @@ class SoilEngine(SoilReadings):
         """Wrenches of `tick`, the tools moving from where they stand to `motions`.
 
         Raises:
+            ProtocolError: a planar tool was given a spatial motion, or the reverse.
             PhysicsError: a state that is not a number, a tool sunk too deep into a particle, or a bound of
                 soil.monitors passed.
         """
@@ -352,11 +353,11 @@ class SoilEngine(SoilReadings):
         return self._wrenches()
 
     def ends_with(self, tick: int) -> None:
-        """Take it that the run ends early with `tick`, which is advanced next: the soil is checked then."""
+        """Let the run end early with `tick`, which is advanced next: the soil is checked at its end."""
         self._last_tick = tick
 
     def _after_step(self, tick: int, step: int) -> None:
-        """Refuses a tool sunk too deep into a particle, and looks at the soil when it is time."""
+        """Raise PhysicsError if a tool overlaps a particle too far; run the monitors when they are due."""
         for tool in self._tools:
             if tool.max_overlap_m > self._overlap_bound:
                 raise PhysicsError(
@@ -371,7 +372,7 @@ class SoilEngine(SoilReadings):
             self._monitor.check(self._where(tick, step), tick, self)
 
     def _where(self, tick: int, step: int) -> str:
-        """Of an error, in words."""
+        """Tick and step of an error, for its message."""
         steps = self._resolved.timing.soil_steps
         return f"tick {tick}" if steps == 1 else f"tick {tick}, soil step {step} of {steps}"
 
@@ -420,7 +421,7 @@ class SoilEngine(SoilReadings):
         return any(tool.moved_m(motion) > allowed for tool, motion in zip(self._tools, motions, strict=True))
 
     def _bind(self, step: float) -> _StepCalls:
-        """Kernel calls for steps of this length [s]; whatever puts other arrays in place ends them."""
+        """Kernel calls for steps of this length [s], valid until an array is replaced."""
         p, pairs, walls, features = self._particles, self._pairs, self._walls, self._features
         motion, (mass, inertia) = (p.position, p.velocity, p.spin, p.force, p.torque), self._masses()
         bind = self._kernels.bind
@@ -461,14 +462,14 @@ class SoilEngine(SoilReadings):
         return near_walls(self._particles.position, self._planes, reach)
 
     def _reaches_m(self) -> tuple[float, float]:
-        """How far apart two centres act on each other at most, and a centre and a wall or tool."""
+        """Largest distances at which two centres, and a centre and a wall or tool, interact."""
         at_pairs, at_walls = self._reaches
         return 2.0 * self._radius + at_pairs, self._radius + at_walls
 
     def _rebuild(self, motions: tuple[ToolMotion, ...], came_from: np.ndarray | None = None) -> None:
         """Sort particles into cells, find pairs, walls and tool candidates, carry histories over.
 
-        came_from (n,): what numbers the particles had in the lists up to now, where others.
+        came_from (n,): numbers of the particles in the lists so far, if they were renumbered since.
         """
         p, skin = self._particles, self._soil.skin_m
         self._calls = None

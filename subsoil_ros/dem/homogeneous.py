@@ -1,4 +1,4 @@
-"""Strain and stress of soil that is the same all over: an endless bed."""
+"""Strain and stress of homogeneous soil: an endless bed."""
 
 import math
 
@@ -16,10 +16,10 @@ from .periodic import nearest_images
 
 @njit(cache=True, error_model="numpy")
 def stretch_springs(row_start, neighbour, position, history, strain, radius, law, mixture, features):
-    """Tangential and twisting springs of all contacts, after the bed was stretched by `strain` (3,) along x,
-    y and z.
+    """Updates the tangential and twisting springs of all contacts after a stretch of the bed by `strain` (3,)
+    along x, y and z.
 
-    Of a pair a vector l apart, particle i moves by -strain l against j. `law` is any one of its class.
+    In a pair a vector l apart, particle i moves by -strain l against j. Only the class of `law` is used.
     """
     for i in range(position.shape[0]):
         for k in range(row_start[i], row_start[i + 1]):
@@ -53,8 +53,8 @@ def stretch_springs(row_start, neighbour, position, history, strain, radius, law
 def pair_stress(row_start, neighbour, position, history, radius, law, mixture, features):
     """Sum over all pairs of force times distance (3, 3) [N m], compression positive, without dampers.
 
-    `law` is any one of its class. Over the volume it is the mean stress (Love; J. Christoffersen, M.M.
-    Mehrabadi, S. Nemat-Nasser, J. Appl. Mech. 48 (1981) 339-344).
+    Only the class of `law` is used. Divided by the volume it is the mean stress (Love; J. Christoffersen,
+    M.M. Mehrabadi, S. Nemat-Nasser, J. Appl. Mech. 48 (1981) 339-344).
     """
     total = np.zeros((3, 3))
     still = (0.0, 0.0, 0.0)

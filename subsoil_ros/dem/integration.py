@@ -15,7 +15,7 @@ from .per_particle import of_particle
 
 @inner_kernel(forceinline=True)
 def hold(i, force, torque):
-    """What acts on particle i is borne by what holds it."""
+    """Zeroes the force and the torque on particle i, which is held."""
     kind = force.dtype.type
     for a in range(3):
         force[i, a] = kind(0.0)

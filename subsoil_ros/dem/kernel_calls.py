@@ -13,8 +13,7 @@ _of_thread = threading.local()
 class KernelCalls:
     """Kernels that are always called with arguments of the same types.
 
-    A plain call looks at the type of each of some sixty numbers and arrays: 20 us where the particles have
-    driven all else out of the cache.
+    A plain call determines the types of some sixty numbers and arrays: 20 us if the particles fill the cache.
     """
 
     def __init__(self) -> None:
@@ -23,7 +22,7 @@ class KernelCalls:
     def bind(self, kernel: Any, *arguments: Any, varying: tuple[Any, ...] = ()) -> Callable[..., Any]:
         """`kernel` with these first arguments; a call gives the others, of the types of those in `varying`.
 
-        The types are those of the first time.
+        The first call for a kernel fixes the types.
         """
         if kernel not in self._compiled:
             types = tuple(numba.typeof(argument) for argument in (*arguments, *varying))
@@ -32,7 +31,7 @@ class KernelCalls:
 
 
 def use_threads(count: int) -> None:
-    """Kernels that this Python thread calls run on `count` threads (setting it anew takes 15 us)."""
+    """Let kernels that this Python thread calls run on `count` threads; setting a new number takes 15 us."""
     if getattr(_of_thread, "count", None) != count:
         numba.set_num_threads(count)
         _of_thread.count = count

@@ -1,4 +1,4 @@
-"""Spheres of several sizes and materials: what a pair of them takes instead of the common numbers.
+"""Spheres of several sizes and materials: the numbers of each pair, in place of common ones.
 
 Contacts of unequal spheres: the reduced radius R = r1 r2 / (r1 + r2) and mass m = m1 m2 / (m1 + m2) scale the
 numbers of the law, and both bodies reach to one point on the line of centres, the middle of overlap or gap.
@@ -50,7 +50,7 @@ def law_tables(soil: Soil, features: Features) -> tuple[np.ndarray, np.ndarray, 
 
 
 def reaches_m(soil: Soil) -> tuple[float, float]:
-    """Largest gap across which two particles act on each other, and particle and boundary."""
+    """Largest gaps across which two particles, and a particle and a boundary, interact."""
     layers = layer_soils(soil)
     boundaries = [pair_values(layer)[1] for layer in layers]
     if not any(value.adhesion > 0.0 for layer in layers for value in pair_values(layer)):
@@ -61,7 +61,7 @@ def reaches_m(soil: Soil) -> tuple[float, float]:
 
 @njit(cache=True, inline="always", error_model="numpy")
 def pair_of(i, j, radius, law, mixture, features):
-    """Radii [m] of particles i and j, and the law between them; `law` is any one of its class."""
+    """Radii [m] of particles i and j, and the law between them; only the class of `law` is used."""
     first, second = radius, radius
     if features.sizes.ndim == 2:
         first, second = mixture.radius[i], mixture.radius[j]

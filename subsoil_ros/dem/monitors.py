@@ -1,13 +1,13 @@
-"""A running soil is checked every so many steps, and stopped where its numbers are no longer physics.
+"""Checks of a running soil every so many steps; they stop a run whose numbers are no longer physics.
 
 A step that is too large does not blow up: friction caps the instability, the bed fluidises, and the draft
-falls unnoticed. What shows it is that velocities reverse sign from one step to the next. Velocity Verlet
-knows the velocities half a step before and after a state, v -+ h a / 2, and over all particles
+falls unnoticed. It shows in velocities that reverse sign from one step to the next. Velocity Verlet gives the
+velocities half a step before and after a state, v -+ h a / 2. Over all particles
 
     indicator = sum (h a / 2)^2 / (sum v^2 + sum (h a / 2)^2)
 
-is 0 where they are equal and 1 where they are opposite (then v, as the state has it, is 0: at whole steps
-the motion hides). The same of the angular velocities; the larger counts. Forces change over many
+is 0 if they are equal and 1 if they are opposite (v of the state is then 0: the motion is not visible at
+whole steps). It is computed from angular velocities too; the larger value counts. Forces change over many
 stable steps, so a healthy bed shows less than 0.02, whatever the speed of its tools, and one above its limit
 0.25 to 1 (validation/soil_engine.md).
 """
@@ -28,18 +28,18 @@ from .per_particle import PARTS, added_up, of_particle
 from .state import Particles
 
 CONFIRMING_STEPS = 10
-"""Steps in a row above the bound before the run stops (chosen): a few particles that reverse together, in
-a collision, alternate for a step or two."""
+"""Steps in a row, after the first one above the bound, that must exceed it too before the run stops: a few
+particles that reverse together in a collision alternate for a step or two."""
 
 CALM_M_PER_S = 1e-6
-"""Alternating motion slower than this (rms) is rounding (chosen: it moves nothing by a radius in an hour)."""
+"""Rms speed below which alternating motion counts as rounding: 3.6 mm in an hour."""
 
 ONE_IN = 1000
-"""Lost particles that are allowed where the scene gives no number: one in so many, and at least one (chosen:
-without them the draft is the same within a tenth of what another seed of the bed changes)."""
+"""One lost particle in so many, and at least one, is allowed if the scene gives no number: without them the
+draft changes by less than a tenth of what another seed of the bed changes."""
 
 NAMED = 3
-"""Lost particles that are named."""
+"""Number of lost particles, the first ones, that messages name."""
 
 _logger = logging.getLogger(__name__)
 
@@ -51,7 +51,7 @@ class MotionSums(NamedTuple):
     half_speed2: float
     spin2: float  # w.w [rad2/s2]
     half_spin2: float
-    place: float  # of coordinates [m]: shows a place that is no number
+    place: float  # sum of coordinates [m]: not finite if a place is not
 
     @property
     def velocity_reversal(self) -> float:
@@ -96,7 +96,7 @@ def half_step_sums(position, velocity, spin, force, torque, mass, inertia, step)
 
 @njit(cache=True, parallel=True, nogil=True)
 def outside(position, planes, radius, ceiling):
-    """(n,) bool: a centre a radius [m], one of all or (n,), behind a plane, or above `ceiling` [m].
+    """(n,) bool: centres more than a radius behind a plane, or above `ceiling` [m]; radius [m]: one, or (n,).
 
     A kernel, because the threads of numpy's matrix products stay awake and take a core from the next steps.
     """
@@ -118,20 +118,20 @@ class Domain:
         self._planes, self._radius = planes, radius_m
         sides = (bed.upper_m[0] - bed.lower_m[0], bed.upper_m[1] - bed.lower_m[1], -bed.lower_m[2])
         self.ceiling_m = float(position_m[:, 2].max()) + max(sides)
-        """As far above the bed as its longest side (chosen): nothing that a tool throws comes there."""
+        """Above the top of the bed by its longest side: soil that a tool throws does not rise so high."""
 
     def move_to(self, planes: np.ndarray) -> None:
-        """The walls are others."""
+        """Replace the planes of the walls."""
         self._planes = planes
 
     def outside(self, particles: Particles) -> np.ndarray:
-        """(n,) bool."""
+        """(n,) bool: particles outside the domain."""
         radius = particles.radius if particles.unequal else self._radius
         return outside(particles.position, self._planes, radius, self.ceiling_m)
 
 
 class Seen(Protocol):
-    """A soil that is checked: only what is asked for is brought together."""
+    """Interface of a soil that is checked; each method computes its value when called."""
 
     @property
     def particle_count(self) -> int: ...
@@ -143,7 +143,7 @@ class Seen(Protocol):
 
 
 class SoilMonitor:
-    """Looks at one soil and remembers who was lost."""
+    """Checks one soil and records which particles were lost."""
 
     def __init__(self, soil: Soil, domain: Domain, count: int) -> None:
         assert soil.monitors is not None
@@ -151,14 +151,14 @@ class SoilMonitor:
         self._allowed, self.count = soil.max_lost_particles, count  # particles there were so far
         self._gone = np.empty(0, np.int64)  # identities
         self.first_lost: list[LostParticle] = []
-        # between two looks no tool may cross a particle unseen; a rebuild says that one moved by half a skin
+        # no tool may cross a particle undetected between two checks; a rebuild means a motion by half a skin
         self._hurry_steps = soil.monitors.every_steps * soil.skin_m / (4.0 * self._radius)
         self._steps, self._suspicious, self._rebuild_step, self._hurried = 0, 0, 0, 0
         self._start_joule: float | None = None
         self._largest_kinetic = 0.0
 
     def state_arrays(self) -> dict[str, np.ndarray]:
-        """What a checkpoint keeps of it; not copied."""
+        """Arrays for a checkpoint; not copied."""
         start = np.nan if self._start_joule is None else self._start_joule
         return {
             "gone": self._gone,
@@ -171,7 +171,7 @@ class SoilMonitor:
         }
 
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
-        """Goes on from such a state."""
+        """Continue from arrays of `state_arrays`."""
         self._gone = arrays["gone"]
         self.first_lost = [
             LostParticle(identity, x, y, z, tick)
@@ -198,16 +198,16 @@ class SoilMonitor:
         return self._bounds.max_energy_defect is not None
 
     def begin(self, book: EnergyBook) -> None:
-        """From where the energy is balanced."""
+        """Balance the energy from this state on."""
         self._start_joule, self._largest_kinetic = book.total_joule, book.kinetic_joule
 
     def note_rebuild(self) -> None:
-        """Lists were rebuilt in the step that is counted next; soon after the last time, it is checked."""
+        """Note a rebuild of lists in the step counted next; if soon after the last one, it is checked."""
         self._hurried = int(self._steps - self._rebuild_step < self._hurry_steps)
         self._rebuild_step = self._steps
 
     def due(self, *, last: bool) -> bool:
-        """Counts one more step; whether it is one to check."""
+        """Count one more step, and return whether it is to be checked."""
         self._steps += 1
         hurried, self._hurried = self._hurried, 0
         return last or hurried > 0 or self._suspicious > 0 or self._steps % self._bounds.every_steps == 0
@@ -219,10 +219,10 @@ class SoilMonitor:
         return self._bounds.every_steps - self._steps % self._bounds.every_steps
 
     def check(self, where: str, tick: int, soil: Seen) -> None:
-        """Looks at the state at the end of a step, `where` in words.
+        """Check the state at the end of a step; `where` names the step in messages.
 
         Raises:
-            PhysicsError: a bound is passed, or a number is none.
+            PhysicsError: a bound is exceeded, or a value is not finite.
         """
         sums = soil.motion_sums()
         if not np.isfinite(sums).all():
@@ -317,10 +317,10 @@ def _all_finite(position, velocity, spin):
 
 
 def refuse_lost_numbers(where: str, particles: Particles) -> None:
-    """Names the first particle whose place, velocity or angular velocity is no number.
+    """Check that places, velocities and angular velocities are finite; name the first particle that fails.
 
     Raises:
-        PhysicsError: there is one.
+        PhysicsError: a particle fails.
     """
     p = particles
     if _all_finite(p.position, p.velocity, p.spin):

@@ -1,4 +1,4 @@
-"""Neighbour search: cells, half list, walls. Histories are carried over from the lists before."""
+"""Neighbour search: cells, half list, and histories carried over from the previous lists."""
 
 from typing import NamedTuple
 
@@ -63,11 +63,11 @@ _RUNS = 6
 """Runs of _forward_range."""
 
 _LANES = 8
-"""Candidates looked at together: a vector of float64."""
+"""Candidates tested together: one vector of float64."""
 
 _USUAL_PARTNERS = 16
-"""Partners per particle that there is room for until all are counted (chosen: equal spheres have 7, rarely
-13); where a part of the bed has more, they are sought again."""
+"""Partners per particle that the first search has room for: equal spheres have 7, rarely 13. Parts of the bed
+that have more are searched again."""
 
 
 @njit(cache=True, inline="always")
@@ -138,8 +138,8 @@ def _find_pairs(first_cell, last_cell, position, grid, cell_start, reach, smalle
     is room; `count` receives their number by particle. Returns the number of all, and the most candidates
     that a particle had.
 
-    The candidates of a cell are gathered once. Each is written and then kept or overwritten: no branch to
-    guess wrongly.
+    The candidates of a cell are gathered once. Each is written and then kept or overwritten, without a
+    branch that could be mispredicted.
     """
     room = 64
     index, places, excess = np.empty(room, np.int32), np.empty((4, room)), np.empty(room)
@@ -192,8 +192,7 @@ def _find_pairs(first_cell, last_cell, position, grid, cell_start, reach, smalle
 def half_list(position, grid, cell_start, reach, smaller):
     """Pairs i < j closer than `reach` [m] of particles sorted by cell: row_start (n + 1,), neighbour (p,).
 
-    smaller [m]: how much less the radius of each particle is than that of the largest, (n,); zero for all
-    where they are equal.
+    smaller [m]: the largest radius less that of each particle, (n,); zero for all if they are equal.
     """
     n = position.shape[0]
     first_cell = np.searchsorted(cell_start, np.arange(PARTS + 1) * n // PARTS)
@@ -239,7 +238,7 @@ def half_list(position, grid, cell_start, reach, smaller):
 def endless_list(
     bed: Bed, position: np.ndarray, reach: float, smaller: np.ndarray | float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What half_list gives, of an endless bed. Slower; for the preparation of beds."""
+    """The result of half_list, for an endless bed. Slower; for the preparation of beds."""
     low, size = np.array(bed.lower_m), np.array(bed.periods_m)
     inside = np.minimum(position - low, np.nextafter(size, 0.0))
     pair = cKDTree(inside, boxsize=size).query_pairs(reach, output_type="ndarray").astype(np.int32)
@@ -261,8 +260,7 @@ def slab_starts(cell_start: np.ndarray, grid: CellGrid, cells_per_slab: int) -> 
 
 @njit(cache=True, parallel=True)
 def carry_pairs(order, old_row, old_neighbour, old_history, row_start, neighbour, history, parity):
-    """Fills `history` with that of the pairs that were in the lists before the particles were put in `order`,
-    and zeros.
+    """Fills `history` from the lists before the particles were put in `order`, and with zeros for new pairs.
 
     A pair whose particles changed places sees its contact from the other side: component a becomes parity[a]
     (components,) times what it was.

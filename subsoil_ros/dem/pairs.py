@@ -97,9 +97,9 @@ def contact_of_pair(
 
     apart [m]: x_j - x_i; relative [m/s]: v_i - v_j of the centres; spins [rad/s], radii [m]; shear [m], roll
     [rad], kept: history.
-    Returns 1 if they are in reach, else 0, all the rest being zero then; force on i [N]; torques on i and on
-    j [N m]; shear, roll; sinks [J] (SINKS), where a separated pair loses its springs; those of the law
-    itself and kept, not yet zero then.
+    Returns 1 if they are in reach, else 0; force on i [N]; torques on i and on j [N m]; shear, roll; sinks
+    [J]; kept. Out of reach all are zero, except the sink `separation`, the energy of the lost springs, and
+    the law's own sinks and kept, which the caller multiplies by the first value.
     """
     zero, half, one = like(step, 0.0), like(step, 0.5), like(step, 1.0)
     touch = radius_i + radius_j
@@ -157,9 +157,9 @@ def contact_of_pair(
 
 @inner_kernel(fastmath={"contract"})
 def _compute(count, scratch, history, radius, step, common_law, features, book):
-    """Forces and torques of `count` pairs in the place of their states; new histories.
+    """Replaces the states of `count` pairs by their forces and torques, and updates their histories.
 
-    `scratch` and `history` are flat, so that the compiler knows how far apart their rows are.
+    `scratch` and `history` are flat, so that the distance of their rows is a constant of the compiled code.
     """
     law, radius_i, radius_j = common_law, radius, radius
     for b in range(count):
@@ -264,7 +264,7 @@ def pair_forces(
 ):  # fmt: skip
     """Adds the forces of all pairs. `book` (slabs, sinks) [J] gathers the sinks slab by slab.
 
-    radius [m] and law are those of all particles, unless `features` say that `mixture` has their own.
+    radius [m] and law are those of all particles, unless `features` has sizes or materials: see `mixture`.
     bonds: NoBonds or BondArrays.
     """
     slabs = slab_start.shape[0] - 1
@@ -303,7 +303,7 @@ def _rows_scan(first, last, row_start, neighbour, position, radius, law, mixture
 
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def contact_scan(row_start, neighbour, position, radius, law, mixture, features):
-    """Contacts in reach, and the largest overlap [m]. `law` is any one of its class."""
+    """Contacts in reach, and the largest overlap [m]. Only the class of `law` is used."""
     n = position.shape[0]
     contacts, largest = np.zeros(PARTS, np.int64), np.zeros(PARTS)
     for part in prange(PARTS):
@@ -329,7 +329,7 @@ def _rows_energy(first, last, row_start, neighbour, position, history, radius, l
 
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
 def pair_energy(row_start, neighbour, position, history, radius, law, mixture, features):
-    """Energy stored between particles: normal and springs [J]. `law` is any one of its class."""
+    """Energy stored between particles: normal and springs [J]. Only the class of `law` is used."""
     n = position.shape[0]
     energy = np.zeros(PARTS)
     for part in prange(PARTS):

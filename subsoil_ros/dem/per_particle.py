@@ -1,16 +1,16 @@
-"""Numbers that belong to each particle, or to all of them alike, in kernels that serve both."""
+"""Numbers of each particle, or one number for all, in kernels that take both."""
 
 import numpy as np
 from numba import njit, types
 from numba.extending import overload
 
 PARTS = 64
-"""Parts of the particles that threads take one by one; their sums are added in order, so that no sum
-depends on the number of threads (chosen: enough to share them evenly)."""
+"""Parts into which particles are split for threads: enough to share them evenly. The sums of parts are added
+in order, so that no sum depends on the number of threads."""
 
 
 def of_particle(value, i):
-    """Number i of an array; a number for all stands for itself. Told apart when a kernel is compiled."""
+    """Element i of an array, or `value` itself if it is one number for all; decided at compile time."""
     return value[i] if np.ndim(value) > 0 else value
 
 

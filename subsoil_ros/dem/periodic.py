@@ -18,7 +18,7 @@ SMALLEST_CELLS = 3
 
 
 TOOL_SKIN = 2.0
-"""Skin of the tool search over that of the pairs: tools are faster and their lists short (chosen)."""
+"""Skin of the tool search over that of pairs: tools are faster, and their short lists cost little."""
 
 
 @njit(cache=True, inline="always")
@@ -63,7 +63,7 @@ def refuse_narrow_period(bed: Bed, soil: Soil) -> None:
     """A period must hold SMALLEST_CELLS cells of the neighbour search.
 
     Raises:
-        SceneError: it does not; says the smallest width.
+        SceneError: it does not; the message has the smallest period.
     """
     if bed.period_m is None:
         return
@@ -82,7 +82,7 @@ def refuse_tool_at_seam(name: str, vertices_m: np.ndarray, bed: Bed, soil: Soil)
     would not feel it.
 
     A planar tool never moves in y, so what holds at the start holds during the run; one that moves in space
-    is looked at in every soil step.
+    is checked in every soil step.
 
     Args:
         vertices_m: (v, 3) of the tool, y as in the world.
@@ -111,7 +111,7 @@ HELD_LAYER = 2.0
 
 
 def refuse_tool_at_held_side(name: str, vertices_m: np.ndarray, soil: Soil) -> None:
-    """A tool must stay off soil that is held at the sides of a field: it would cut rock.
+    """A tool must stay off soil that is held at the sides of a field, which cannot give way.
 
     Args:
         vertices_m: (v, 3) of the tool, y as in the world.
@@ -143,6 +143,6 @@ def _sections(vertices_m: np.ndarray) -> set[tuple[float, float]]:
 
 
 def tool_search_reach_m(soil: Soil) -> float:
-    """How far from a tool its candidates are looked for at most: radius, reach of the law, skin."""
+    """Largest distance from a tool at which candidates are searched: radius, reach of the law, skin."""
     reach = max(pair_values(layer)[1].reach for layer in layer_soils(soil))
     return soil.particles.bounds_m[1] + reach + TOOL_SKIN * soil.skin_m

@@ -1,4 +1,4 @@
-"""What can be read of a soil between two soil steps: particles, contacts, energy, messages."""
+"""Readings of a soil between two soil steps: particles, contacts, energy, messages."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -62,7 +62,7 @@ class SoilReadings(ABC):
     @property
     @abstractmethod
     def _particles(self) -> Particles:
-        """At the end of the last step, or as they stand within one."""
+        """Particles at the end of the last step or, within a step, in their present state."""
 
     @property
     def particle_count(self) -> int:
@@ -105,7 +105,7 @@ class SoilReadings(ABC):
     def displacements_m(self) -> np.ndarray:
         """(n, 3) float64, world axes: from the place in the prepared bed, in its order. The disturbance.
 
-        It goes on growing where a particle passes from one periodic side to the other.
+        It does not jump when a particle passes from one periodic side to the other.
         """
         p = self._particles
         back = np.argsort(p.identity)
@@ -119,7 +119,7 @@ class SoilReadings(ABC):
         return self._loaded_position[identity]
 
     def contact_histories(self) -> tuple[np.ndarray, np.ndarray]:
-        """Listed pairs, (p, 2) places in the prepared bed, and what the law keeps of them (p, components)."""
+        """(p, 2) numbers in the prepared bed of the listed pairs, and (p, components) their histories."""
         rows, neighbour = self._pairs.row_start, self._pairs.neighbour
         identity = self._particles.identity
         first = np.repeat(np.arange(len(rows) - 1), np.diff(rows))
@@ -140,12 +140,12 @@ class SoilReadings(ABC):
 
     @property
     def wall_force_newton(self) -> np.ndarray:
-        """(3,) sum of what the walls put on the particles in the last soil step, world axes."""
+        """(3,) sum of the forces of the walls on the particles in the last soil step, world axes."""
         return self._wall_force.sum(axis=0)
 
     @property
     def momentum_kg_m_per_s(self) -> np.ndarray:
-        """(3,) of all particles, world axes."""
+        """(3,) momentum of all particles, world axes."""
         p = self._particles
         if p.unequal:
             return mass_sums(p.position, p.velocity, p.spin, p.mass, p.inertia)[2]
@@ -153,7 +153,7 @@ class SoilReadings(ABC):
 
     @property
     def lost_particles(self) -> tuple[LostParticle, ...]:
-        """The first that left the domain."""
+        """The first particles that left the domain, at most dem.monitors.NAMED."""
         return tuple(self._monitor.first_lost) if self._monitor is not None else ()
 
     @property
@@ -162,10 +162,10 @@ class SoilReadings(ABC):
         return self.motion_sums().velocity_reversal
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
-        """Monitors at the end of `tick`.
+        """SoilState at the end of `tick`.
 
-        The rms angular velocity is that half a step before and after: one that reverses at every step is zero
-        in between.
+        The rms angular velocity is taken half a step before and after: one that reverses at every step is
+        zero at whole steps.
         """
         n = self.particle_count
         contacts, largest = self._scan_contacts()
@@ -258,7 +258,7 @@ class SoilReadings(ABC):
         return Mixture(p.radius, p.mass, p.material, laws, len(self._density))
 
     def motion_sums(self) -> MotionSums:
-        """What the monitors judge motions by."""
+        """Sums over particles from which the monitors judge motion."""
         use_threads(self._threads)
         p = self._particles
         return MotionSums(
@@ -266,7 +266,7 @@ class SoilReadings(ABC):
         )
 
     def particles(self) -> Particles:
-        """As the kernels have them, sorted by cell; not copied."""
+        """Particles in the order of the kernels, sorted by cell; not copied."""
         return self._particles
 
     def max_overlap_m(self) -> float:
@@ -274,7 +274,7 @@ class SoilReadings(ABC):
         return self._scan_contacts()[1]
 
     def anyone_outside(self) -> bool:
-        """Whether a particle may have left the domain: a look at each says."""
+        """Whether a particle may have left the domain: always true here, so that each is checked."""
         return True
 
     def _scan_contacts(self) -> tuple[int, float]:

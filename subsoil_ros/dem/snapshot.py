@@ -1,4 +1,4 @@
-"""Records of arrays to named arrays and back, for checkpoints."""
+"""Conversion of dataclasses to named arrays and back, for checkpoints."""
 
 import hashlib
 import math

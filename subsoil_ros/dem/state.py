@@ -1,4 +1,4 @@
-"""What changes in the soil: particles and the histories of their contacts."""
+"""State of the soil: particles and the histories of their contacts."""
 
 from dataclasses import dataclass, fields
 
@@ -21,7 +21,7 @@ class Particles:
     spin: np.ndarray  # [rad/s]
     force: np.ndarray  # [N]
     torque: np.ndarray  # [N m]
-    built_position: np.ndarray  # [m] where the neighbour lists were built; float32 tells half a skin well
+    built_position: np.ndarray  # [m] where the neighbour lists were built; float32 resolves half a skin
     identity: np.ndarray  # (n,) int32: place in the bed as prepared
     image: np.ndarray  # (n,) int32: periods by which it was moved back into the box, in y
     held: np.ndarray  # (n,) bool: stays where it is, whatever acts on it
@@ -37,7 +37,7 @@ class Particles:
     ) -> "Particles":
         """Equal particles that do not move, at `position` (n, 3) [m]; `kind` is float64 or float32.
 
-        Those of `held` (n,) bool will not; without it, all may.
+        Particles of `held` (n,) bool never move; without it, all may.
         """
         zeros: np.ndarray = np.zeros(position.shape, kind)
         none, of_none = np.empty(0), np.empty(0, np.int64)
@@ -77,7 +77,7 @@ class Particles:
         self.built_position = self.position.astype(np.float32)
 
     def joined(self, others: "Particles") -> "Particles":
-        """These and, after them, `others`."""
+        """These particles, followed by `others`."""
         parts = {
             item.name: np.concatenate((getattr(self, item.name), getattr(others, item.name)))
             for item in fields(self)
@@ -118,8 +118,8 @@ class WallList:
 class ToolList:
     """Particles that may touch one tool, and which of its facets.
 
-    A contact is remembered by its normal, in the tool's frame, where shear and roll live too: they
-    turn with the tool and pass from facet to facet.
+    A contact is identified by its normal in the tool's frame. Shear and roll are kept in that frame too, so
+    they turn with the tool and pass from facet to facet.
     """
 
     particle: np.ndarray  # (c,) int64, increasing

@@ -1,7 +1,7 @@
 """A soil step up to the tools in one call.
 
-Called from Python one by one, the kernels' sixty arguments cost 50 us a step where the particles have driven
-all else out of the cache: 5 % of a step of 9,000.
+Called from Python one by one, the kernels' sixty arguments cost 50 us a step if the particles fill the cache:
+5 % of a step of 9,000 particles.
 """
 
 from numba import njit
@@ -13,7 +13,7 @@ from .walls import wall_forces
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def drift_and_contacts(motion, pairs, walls, kicks, contacts):
-    """kick_drift unless `kicks` is 0, then, if `contacts` says so, the forces of pairs and walls.
+    """kick_drift unless `kicks` is 0, then, if `contacts` is true, the forces of pairs and walls.
 
     `motion`, `pairs` and `walls` hold the arguments of kick_drift (all but the last), pair_forces and
     wall_forces. Returns the number of particles that have left the reach of their lists; if there are any,

@@ -1,6 +1,6 @@
 """Plane walls of the bin: x = 0, far x, right y, left y, floor. The top is open.
 
-Forces go as those of pairs do (dem.pairs): in blocks, gathered, computed along the rows, scattered.
+Forces are computed as those of pairs (dem.pairs): in blocks, gathered, along the rows, scattered.
 """
 
 import numpy as np
@@ -49,7 +49,7 @@ def wall_planes(
 def near_walls(position: np.ndarray, planes: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
     """Particles whose centre is closer than `reach` [m] to a wall, and that wall: both (w,) int64.
 
-    A pair each, by particle, then by wall.
+    One entry for each pair, sorted by particle, then by wall.
     """
     near = np.flatnonzero(_near(position, planes, reach))
     return near // len(planes), near % len(planes)
@@ -69,8 +69,8 @@ def _near(position, planes, reach):
 
 @njit(cache=True)
 def carry_walls(order, old_particle, old_wall, old_history, particle, wall, history, components):
-    """Fills `history` with that of the pairs that were in the list before the particles were put in `order`,
-    and zeros; `components` numbers of each."""
+    """Fills `history`, `components` numbers a pair, from the list before the particles were put in `order`,
+    and with zeros for new pairs."""
     for k in range(particle.shape[0]):
         i, to = order[particle[k]], history_place(k, components)
         for a in range(components):
@@ -108,8 +108,8 @@ def contact_at_wall(distance, normal, velocity, spin, radius, shear, roll, kept,
     """Contact of a particle whose centre is `distance` [m] from a wall, in reach or not.
 
     normal: unit vector towards the wall; velocity [m/s] of the centre; the rest as in dem.pairs.
-    Returns 1 if it is in reach, else 0, all the rest being zero then; force [N], torque [N m], shear, roll,
-    sinks [J], where a separated contact loses its springs, kept.
+    Returns 1 if it is in reach, else 0; force [N], torque [N m], shear, roll, sinks [J], kept; out of reach
+    as in dem.pairs.contact_of_pair.
     """
     zero, half, one = like(step, 0.0), like(step, 0.5), like(step, 1.0)
     farthest = reach(radius, law, features)
@@ -147,7 +147,7 @@ def contact_at_wall(distance, normal, velocity, spin, radius, shear, roll, kept,
 
 @inner_kernel(fastmath={"contract"})
 def _compute(count, scratch, history, common_radius, step, common_law, features, book):
-    """Forces and torques of `count` pairs in the place of their states; new histories."""
+    """Replaces the states of `count` pairs by their forces and torques, and updates their histories."""
     law, radius = common_law, common_radius
     for b in range(count):
         if features.sizes.ndim == 2 or features.materials.ndim == 2:

@@ -1,11 +1,11 @@
-"""A window of soil that goes with the tools through a field (scene.window).
+"""A window of soil that moves with the tools through a field (scene.window).
 
-At the beginning of a tick, where the tools stand says which strips there are to be (dem.beds.field). A strip
-is laid out ahead as it settled, with the histories of its contacts; what is behind the window is taken away.
-The outermost layer at an open end is held: ahead, where it was laid out; behind, where it came to lie. Soil
-that is no longer at an end is freed. At both ends of the field walls stand in its place.
+At the beginning of a tick, the positions of the tools determine which strips exist (dem.beds.field). Strips
+ahead are laid out as they settled, with the histories of their contacts; soil behind the window is removed.
+The outermost layer at an open end is held: ahead where it was laid out, behind where it came to lie. Soil
+that is no longer at an end is freed. At both ends of the field walls replace the held layer.
 
-Nothing that grows is kept: an identity says where its particle was laid out.
+No record grows with the distance travelled: the identity of a particle gives the place where it was laid out.
 """
 
 import dataclasses
@@ -32,7 +32,7 @@ _logger = logging.getLogger(__name__)
 
 
 class FieldEngine(SoilEngine):
-    """SoilEngine of a scene with soil.window; its bed is always that of the field's beginning."""
+    """SoilEngine of a scene with soil.window; it always starts from the bed at the beginning of the field."""
 
     def __init__(
         self, resolved: ResolvedScene, threads: int = 1, *, book: bool = False, bed: Bed | None = None
@@ -68,7 +68,7 @@ class FieldEngine(SoilEngine):
         return super().start(motions)
 
     def advance(self, tick: int, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
-        """See SoilEngine; before, the window follows the tools."""
+        """Move the window with the tools, then advance as SoilEngine does."""
         span = self._span_m(self._tools)
         if span is not None:
             rear, front = self._field.strips_about(*span)
@@ -79,7 +79,7 @@ class FieldEngine(SoilEngine):
         return super().advance(tick, motions)
 
     def place(self, *_: object, **__: object) -> None:
-        """Refused: what is in a field follows from its block."""
+        """Raise InputError: the particles of a field follow from its block."""
         raise InputError("place: a field is laid out from its block; leave soil.window out")
 
     def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:
@@ -113,7 +113,7 @@ class FieldEngine(SoilEngine):
         return self._field.laid_out_m(identity)
 
     def _near_walls(self, reach: float) -> tuple[np.ndarray, np.ndarray]:
-        """Held soil stands where the walls do and does not feel them."""
+        """Particles near walls, and these walls; without held particles, which stand where the walls do."""
         particle, wall = near_walls(self._particles.position, self._planes, reach)
         free = ~self._particles.held[particle]
         return particle[free], wall[free]
@@ -136,7 +136,7 @@ class FieldEngine(SoilEngine):
         self._with_history = end
 
     def _span_m(self, tools: tuple[ToolSurface, ...]) -> tuple[float, float] | None:
-        """Lowest and highest x of what of the tools is not far above the soil; None: nothing is."""
+        """Lowest and highest x [m] of the tools below z = soil.bin.depth_m; None if all are above."""
         spans = [tool.span_m(self._soil.bin.depth_m) for tool in tools]
         low = min((span[0] for span in spans), default=np.inf)
         high = max((span[1] for span in spans), default=-np.inf)
@@ -152,7 +152,7 @@ class FieldEngine(SoilEngine):
             )
 
     def _lay_out(self, rear: int, front: int) -> None:
-        """Begin with these strips."""
+        """Start with strips rear <= m < front."""
         self._rear, self._front, self._first = rear, front, rear
         self._put_walls()
         laid = self._field.strips(rear, front)
@@ -175,7 +175,7 @@ class FieldEngine(SoilEngine):
             self._monitor.count = last - first
 
     def _shift(self, rear: int, front: int) -> None:
-        """Strips rear <= m < front from now on. Only those laid out or freed change what acts on them."""
+        """Move the window to strips rear <= m < front. Forces change on particles laid out or freed only."""
         books = self._features.book.ndim == 2
         before = self.energy().total_joule if books else 0.0
         p, field = self._particles, self._field
@@ -204,10 +204,10 @@ class FieldEngine(SoilEngine):
             self._carried_joule += self.energy().total_joule - before
 
     def _warn_of_motion_ahead(self, p: Particles) -> None:
-        """Soil that the tools move must not come near the layer that is held ahead.
+        """Warn if soil that the tools move comes near the layer that is held ahead.
 
-        Moved is who is farther by a radius from where it was laid out, as in the disturbance; near is a
-        diameter, which no force of a contact passes.
+        A particle counts as moved if it is more than a radius from where it was laid out, as in the
+        disturbance, and as near within a diameter of the layer: contact forces reach less far.
         """
         if self._front == self._field.count or self._warned:
             return
@@ -230,8 +230,8 @@ class FieldEngine(SoilEngine):
         return found
 
     def _give_forces(self, fresh: np.ndarray) -> None:
-        """What acts on the particles of `fresh` (n,) as they stand; all others, and all springs, stay as they
-        are."""
+        """Compute the forces on the particles of `fresh` (n,) bool in their present state; all other forces,
+        and all springs, keep their values."""
         p = self._particles
         changed = [self._pairs.history, self._walls.history, self._pair_book, self._wall_book]
         if self._bonds is not None:

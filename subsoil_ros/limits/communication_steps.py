@@ -1,10 +1,10 @@
-"""How long soil and mechanism may go without exchange: bounds per tool.
+"""Bounds on the interval between exchanges of soil and mechanism, for each tool.
 
 A force held over an interval H acts like negative damping. On a soil spring k with damper c under a mass m,
 for k H^2 / m << 1, the exchange is stable where (age of the force) k <= c <= 2 m / H. The force that acts
 within a tick is H / 2 old on average; a mean over n soil steps adds (n - 1) / (2 n) H. n contacts share one
 law, k = n K and c = n C, so the lower bound on the damper does not depend on n.
-tests/verification/test_exchange_stability.py holds the bounds against the exact one-tick map.
+tests/verification/test_exchange_stability.py compares the bounds with the exact one-tick map.
 """
 
 from collections.abc import Mapping
@@ -22,17 +22,17 @@ from ..scene.tool_faces import cutting_faces
 from .stable_steps import Timing, derive_timing
 
 PRESSED_PART = 0.5
-"""Part of a tool's surface that presses on particles at once (chosen: the front half)."""
+"""Part of a tool's surface that presses on particles at once: the front half."""
 
 DAMPER_SHARE = 2.0
-"""c H / m up to which the exchange is stable without a spring. Of the mean of n > 1 steps it would be the
+"""c H / m up to which the exchange is stable without a spring. With the mean of n > 1 steps it would be the
 smaller of 2 n and 2 n / (n - 1), never below 2."""
 
 USED_PART = 0.8
-"""Part of the bounds that a derived interval takes: a fifth of the contact's damper is left (chosen)."""
+"""Part of the bounds that a derived interval takes, so that a fifth of the contact's damper is left."""
 
 REFERENCE_OVERLAP = 0.01
-"""Overlap over radius at which a Hertzian contact is taken for a linear one (chosen)."""
+"""Overlap over radius at which a Hertzian contact is taken as linear: 16 times as much halves the bounds."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class CouplingBound:
 
     tool: str
     undamped_s: float  # above: the contact's damper no longer outweighs the held force
-    unstable_s: float  # above: the damper's held force moves the tool by more than it should
+    unstable_s: float  # above: the held force of the dampers makes the exchange unstable
     effective_mass_kg: float
     contact_count: float
 
@@ -118,7 +118,7 @@ def _effective_mass_kg(body: Body, mesh: ToolMesh) -> float:
 
 
 def _effective_masses_kg(scene: Scene, meshes: dict[str, ToolMesh]) -> dict[str, float]:
-    """Of every tool that the soil moves: on a body, or rolling freely about the axis of its path."""
+    """Those of every tool that the soil moves: on a body, or rolling freely about the axis of its path."""
     found = {}
     for name, tool in scene.tools.items():
         if tool.body is not None and scene.mechanism is not None:
@@ -133,8 +133,8 @@ def _effective_masses_kg(scene: Scene, meshes: dict[str, ToolMesh]) -> dict[str,
 def _wedge_bounds(
     scene: Scene, modulus: float, meshes: dict[str, ToolMesh], masses: Mapping[str, float]
 ) -> tuple[CouplingBound, ...]:
-    """Of the springs before shares and shanks: their damper is k H, so it outweighs the held force at any
-    H, up to that of a damper alone, k H = 2 m / H."""
+    """Bounds from the springs before shares and shanks: their damper is k H, so it outweighs the held force
+    at any H, up to that of a damper alone, k H = 2 m / H."""
     found = []
     for name, mass in masses.items():
         if not scene.tools[name].is_tillage:

@@ -11,12 +11,12 @@ from ..scene.model import Scene
 from .soil_at_work import speed_and_depth
 
 REACH_ASIDE = 0.5
-"""Of the core beyond the tools' sides, over their depth: the block that a narrow tool breaks out widens by
-about its depth to each side at the surface, and so by half of it on the mean (569 cm2 are loosened by a share
+"""Width of core beyond the tools' sides, over their depth: the block that a narrow tool breaks out widens by
+about its depth to each side at the surface, and so by half of it on average (569 cm2 are loosened by a share
 of 60 mm, 0.20 m deep: validation/field.md)."""
 
 DIAMETERS_BELOW = 2.0
-"""Of the core below the tools, in diameters of the coarsest (chosen: the share touches the core only)."""
+"""Depth of the core below the tools, in the coarsest diameters, so that the share touches the core only."""
 
 
 def tillage_reach_m(scene: Scene, meshes: Mapping[str, ToolMesh]) -> tuple[float, float]:
@@ -53,6 +53,6 @@ def core_m(scene: Scene, meshes: Mapping[str, ToolMesh]) -> dict[str, float]:
         if found[key] < needed:
             raise SceneError(
                 f"soil.particles.coarse.{key}: {found[key]:g} m given, and the tillage tools reach to "
-                f"{needed:.4g} m; allowed is no less, without the key {usual[key]:.3g} m"
+                f"{needed:.4g} m; allowed is no less; without the key it is {usual[key]:.3g} m"
             )
     return found

@@ -21,13 +21,13 @@ WORKING_STRESS_PA, UPPER_STRESS_PA = 100e3, 300e3
 """Stress before a share: drafts of 1.2 kN (a loam at 0.2 m) and 3.6 kN on a front of 0.06 m by 0.2 m."""
 
 MAX_OVERLAP = 0.05
-"""Over the radius, under WORKING_STRESS_PA: beyond it springs, not friction, resist compaction."""
+"""Bound of overlap over radius at WORKING_STRESS_PA: beyond it springs, not friction, resist compaction."""
 
 SHEAR_BAND_DIAMETERS = 10.0
 """Width of a shear band. Source: K.H. Roscoe, Geotechnique 20 (1970) 129-170."""
 
 SOLID_FRACTION = 0.6
-"""Of the bed above the tip: random beds have 0.55 to 0.64, and its root counts."""
+"""Solid fraction of the bed above the tip: random beds have 0.55 to 0.64, and only its root matters."""
 
 QUASI_STATIC, COLLISIONAL = 1e-3, 0.1
 """Inertial numbers between which soil flows densely. Source: GDR MiDi, Eur. Phys. J. E 14 (2004) 341-365."""
@@ -69,7 +69,7 @@ def damping_ratio(soil: Soil) -> float:
 
 
 def inertial_number(speed_m_per_s: float, depth_m: float, gravity_m_per_s2: float) -> float:
-    """Of soil that a tool shears: rate d sqrt(rho / p) (GDR MiDi), d and rho of the particles, which cancel.
+    """Inertial number of soil that a tool shears, rate d sqrt(rho / p) (GDR MiDi); d and rho cancel.
 
     rate = speed / (10 d); p = 0.6 rho g depth, the weight on the tip: tool and cohesion press further, so
     this is an upper bound.
@@ -165,7 +165,7 @@ def speed_and_depth(scene: Scene, name: str, mesh: ToolMesh) -> tuple[float, flo
 
 
 def _speed_and_depth_in_space(path: Path, mesh: ToolMesh) -> tuple[float, float]:
-    """The same of a path in space; of given poses, at the fastest and the deepest of them."""
+    """The same for a path in space; for given poses, at the fastest and the deepest of them."""
     poses = path.poses
     if poses is None:
         lowest = placed_m(mesh.vertices_m, (0.0, 0.0, path.start_z_m), path.start_quaternion)[:, 2].min()

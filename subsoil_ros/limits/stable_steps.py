@@ -1,4 +1,4 @@
-"""What follows from a scene: stable soil steps and ticks."""
+"""Stable soil steps and ticks of a scene."""
 
 import math
 from collections.abc import Iterable
@@ -21,18 +21,18 @@ the wedge that a share compacts, up to 16 damped contacts a particle, spins from
 
 DENSE_CALM = 0.41
 """Part of the limit set by dampers at which a dense random bed stayed calm before the paper's machine (22
-us); at 0.6 it spun and was stopped on three beds of three
-(reproduction/yuan_yu_2020/accuracy.md). Limits set by springs fall with the root of the coordination only."""
+us); at 0.6 it spun and was stopped on three beds of three (reproduction/yuan_yu_2020/accuracy.md). Limits
+set by springs fall with the root of the coordination only."""
 
 REDUCED_INTERVAL_NS = 1_000_000
-"""Tick of a scene on the wedge model (chosen: its springs and wheels swing a hundred times slower)."""
+"""Tick of a scene on the wedge model: its springs and wheels swing a hundred times slower."""
 
 MECHANISM_INTERVAL_NS = 500_000
-"""Tick of a scene without soil (chosen: 1/250 of the fastest mode of the paper's machine, 8 Hz)."""
+"""Tick of a scene without soil: 1/250 of the period of the paper's machine's fastest mode, 8 Hz."""
 
 
 LARGEST_STEP_COUNT = 1_000_000
-"""Soil steps in a tick (chosen: a tick of 100,000 particles then takes a day)."""
+"""Largest number of soil steps in a tick: one of 100,000 particles then takes a day."""
 
 
 @dataclass(frozen=True)
@@ -90,8 +90,9 @@ def step_limits(soil: Soil, coordination: float = DENSE_COORDINATION) -> tuple[S
 def _particle_limits(soil: Soil, other: Soil, z: float, named: str) -> dict[str, StepLimit]:
     """Limits of the smallest particle of `soil` among particles of `other`, by kind of motion.
 
-    z of its own size find room on it, so of another z ((r1 + r2) / (2 r2))^2: cross-sections r2^2 on a sphere
-    of r1 + r2. With the dampers of such a pair, C ~ (2 r1 r2 / (r1 + r2))^2, that is the rate of like ones.
+    As z of its own size fit around it, z ((r1 + r2) / (2 r2))^2 of another size do: cross-sections r2^2 on a
+    sphere of r1 + r2. With the dampers of such a pair, C ~ (2 r1 r2 / (r1 + r2))^2, the rate is that of like
+    ones.
     """
     radius = soil.particles.bounds_m[0]
     own, others = soil.particles.mean_volume_radius_m, other.particles.mean_volume_radius_m
@@ -182,7 +183,7 @@ def _bond_limits(soil: Soil, z: float) -> dict[str, StepLimit]:
 
 
 def _beside(limit: StepLimit, others: Iterable[StepLimit]) -> StepLimit:
-    """A limit with what other springs or dampers, as it is set by them, add to it."""
+    """A limit set by springs or dampers, combined with those of others of the same kind beside them."""
     alike = [other for other in others if other.damped == limit.damped]
     if not alike:
         return limit
@@ -216,7 +217,7 @@ def _boundary_limits(soil: Soil, named: str) -> dict[str, StepLimit]:
 
 
 def _wave_limit(soil: Soil) -> StepLimit | None:
-    """Limit set by waves in the smallest particle of `soil`; None: the law's are springs and dampers."""
+    """Limit set by waves in the smallest particle of `soil`; None if springs and dampers set the limits."""
     found = soil.law.wave_limit(soil.particles.bounds_m[0], soil.particles.density_kg_per_m3)
     if found is None:
         return None
@@ -227,7 +228,7 @@ def _wave_limit(soil: Soil) -> StepLimit | None:
 
 
 def step_notes(scene: Scene, step_s: float) -> tuple[str, ...]:
-    """What a run must say of its soil step: a limit that is passed or near."""
+    """Notes of a run on its soil step: a limit that is exceeded or near."""
     soil, notes = scene.particle_soil, []
     assert soil is not None
     limits = step_limits(soil)

@@ -121,7 +121,7 @@ def at(*places):
     [
         ({"version": np.array(1)}, r"has version 1, readable is 3"),
         ({"law_hash": np.array("0" * 64)}, r"prepared under another law.*hash 000000000000"),
-        ({"format": np.array("a picture")}, r"damaged or no bed file.*does not say"),
+        ({"format": np.array("a picture")}, r"damaged or no bed file.*its format is not"),
         ({"positions_m": np.zeros((3, 2))}, r"damaged or no bed file.*shape"),
         ({"upper_m": np.zeros(2, np.float32)}, r"damaged or no bed file.*'upper_m'"),
         ({"upper_m": np.array([0.5, 0.05])}, r"is a bed of 0.5 x .* soil.bin is 0.12 x 0.1 x 0.1 m"),

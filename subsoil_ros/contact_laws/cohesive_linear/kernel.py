@@ -22,7 +22,7 @@ def _elastic(overlap, law, features):
 
 
 def contact(overlap, normal, velocity, spin, shear, roll, kept, step, law, features):
-    """dem.contact.contact."""
+    """See dem.contact.contact."""
     zero, one = like(overlap, 0.0), like(overlap, 1.0)
     nx, ny, nz = normal
     ux, uy, uz = velocity
@@ -46,7 +46,7 @@ def contact(overlap, normal, velocity, spin, shear, roll, kept, step, law, featu
 
 
 def normal_potential(overlap, kept, law, features):
-    """dem.contact.normal_potential."""
+    """See dem.contact.normal_potential."""
     energy = 0.0
     if features.cohesion.ndim == 2:
         near = min(max(law.reach + overlap, 0.0), law.reach)
@@ -58,18 +58,18 @@ def normal_potential(overlap, kept, law, features):
 
 
 def spring_energy(overlap, shear, roll, law):
-    """dem.contact.spring_energy."""
+    """See dem.contact.spring_energy."""
     return energy_of_springs(like(overlap, 1.0), shear, roll, law)
 
 
 def reach(touch, law, features):
-    """dem.contact.reach."""
+    """See dem.contact.reach."""
     return touch + law.reach if features.cohesion.ndim == 2 else touch
 
 
 def at_size(law, radius, mass):
-    """dem.contact.at_size: K_Y R^2 and mu R of rolling and twisting; dampers that follow from a restitution
-    with the root of the mass."""
+    """See dem.contact.at_size: K_Y R^2 and mu R of rolling and twisting; dampers that follow from a
+    restitution with the root of the mass."""
     damper = math.sqrt(mass) if law.of_restitution > 0.0 else like(mass, 1.0)
     return CohesiveLinearNumbers(
         law.stiffness, law.tangential_stiffness, damper * law.damping, damper * law.tangential_damping,

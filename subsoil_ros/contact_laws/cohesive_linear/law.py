@@ -95,9 +95,8 @@ class CohesiveLinearLaw(DampedLaw):
     def mixed_pair(
         self, other: "CohesiveLinearLaw", ratio: float, radius_m: float, mass_kg: float
     ) -> PairValues:
-        """Springs, dampers and adhesions of the two in series, a value that stands for a like pair being half
-        of a body's; rest overlap and reach the mean, each body bringing its half; the smaller friction and
-        restitution."""
+        """Springs, dampers and adhesions of the two in series, those of a like pair being half of a body's;
+        mean rest overlap and reach, as each body contributes half; the smaller friction and restitution."""
         found = self._with(other.particle, in_series=True)
         if self.combining_rule == "none":
             found = doubled(found)
@@ -137,7 +136,7 @@ class CohesiveLinearLaw(DampedLaw):
         )
 
     def own_features(self, values: Sequence[PairValues]) -> dict[str, bool]:
-        """Cohesion is left out where no pair has any."""
+        """See ContactLaw; cohesion is left out if no pair has any."""
         return {
             "cohesion": any(found.adhesion > 0.0 for found in values),
             "damp_all_zones": self.damped_zones == "all",

@@ -1,7 +1,7 @@
 """Kernels of the elasto-plastic adhesive law.
 
 With h = overlap^n and what is kept of a contact, plastic overlap p and ratio q of adhesive to unloading
-stiffness, the spring carries the larger of k2 (h - p^n) and -q k2 h. Where it is pressed more than ever, p
+stiffness, the spring carries the larger of k2 (h - p^n) and -q k2 h. When pressed further than before, p
 grows with the overlap and q follows from the attraction 3/2 pi dgamma a, a^2 = 2 R p, at most half of what k2
 could bear; on the branch -q k2 h the plastic overlap shrinks with h, and loading starts again from there.
 """
@@ -42,7 +42,7 @@ def _elastic(overlap, plastic, law):
 
 
 def contact(overlap, normal, velocity, spin, shear, roll, kept, step, law, features):
-    """dem.contact.contact."""
+    """See dem.contact.contact."""
     zero, half, one = like(overlap, 0.0), like(overlap, 0.5), like(overlap, 1.0)
     nx, ny, nz = normal
     ux, uy, uz = velocity
@@ -86,25 +86,25 @@ def contact(overlap, normal, velocity, spin, shear, roll, kept, step, law, featu
 
 
 def normal_potential(overlap, kept, law, features):
-    """dem.contact.normal_potential."""
+    """See dem.contact.normal_potential."""
     near = max(overlap, 0.0)
     attracted = near * (law.pull_off + 0.5 * law.cohesion_stiffness * near)
     return _elastic(near, kept[0], law) - attracted if overlap > 0.0 else 0.0
 
 
 def spring_energy(overlap, shear, roll, law):
-    """dem.contact.spring_energy."""
+    """See dem.contact.spring_energy."""
     return energy_of_springs(_rooted(max(overlap, like(overlap, 0.0)), law), shear, roll, law)
 
 
 def reach(touch, law, features):
-    """dem.contact.reach."""
+    """See dem.contact.reach."""
     return touch
 
 
 def at_size(law, radius, mass):
-    """dem.contact.at_size: stiffnesses with R, or with its root for exponent 3/2, dashpots with the root of
-    stiffness times mass, adhesion with the root of R, linear cohesion with R."""
+    """See dem.contact.at_size: stiffnesses with R, or with its root for exponent 3/2, dashpots with the root
+    of stiffness times mass, adhesion with the root of R, linear cohesion with R."""
     root = math.sqrt(radius)
     normal = root if law.hertzian > 0.0 else radius
     damper = math.sqrt(normal * mass)

@@ -35,7 +35,7 @@ class ElastoPlasticAdhesiveNumbers(NamedTuple):
     adhesion_root: float  # 3/2 pi dgamma sqrt(2 R) [N/m^0.5]: largest attraction over root of plastic overlap
     cohesion_stiffness: float  # 2 pi R times the energy density [N/m]
     pull_off: float  # [N]
-    friction_with_adhesion: float  # 1: what attracts presses too, 0: it does not
+    friction_with_adhesion: float  # 1: attraction adds to what limits friction, 0: it does not
     static_friction: float
     sliding_friction: float
     rolling_stiffness: float  # tangential one times R_eff^2
@@ -46,7 +46,7 @@ class ElastoPlasticAdhesiveNumbers(NamedTuple):
 
 @dataclass(frozen=True)
 class ElastoPlasticAdhesivePair(PairValues):
-    """Loading stiffness k1 and what follows after; units as ElastoPlasticAdhesiveNumbers."""
+    """Pair values with loading stiffness k1, and those of the law; units as ElastoPlasticAdhesiveNumbers."""
 
     exponent: float = 1.0
     contact_plasticity: float = 0.0  # lambda_p = 1 - k1 / k2
@@ -67,11 +67,11 @@ class ElastoPlasticAdhesivePair(PairValues):
 
     @property
     def max_stiffness(self) -> float:
-        """That of unloading: the stable step follows from it. No attraction is steeper."""
+        """That of unloading and of linear cohesion; it limits the step. No attraction is steeper."""
         return self.unloading_stiffness + self.cohesion_stiffness
 
     def loaded_m(self, force_newton: float) -> float:
-        """Overlap at which a contact that never was pressed more carries `force_newton` [m]."""
+        """Overlap at which a contact carries `force_newton` when it is first loaded [m]."""
         return float((force_newton / self.stiffness) ** (1.0 / self.exponent))
 
     def stiffened(self, factor: float) -> "ElastoPlasticAdhesivePair":
@@ -211,7 +211,7 @@ class ElastoPlasticAdhesiveLaw(ContactLaw):
         )
 
     def wave_limit(self, radius_m: float, density_kg_per_m3: float) -> tuple[str, float] | None:
-        """With exponent 3/2 that of the Rayleigh wave in spheres as stiff as they unload, of either row."""
+        """For exponent 3/2 part of the Rayleigh time at the unloading stiffness, the larger of both rows."""
         if self.exponent == 1.0:
             return None
         row = self.particle

@@ -7,7 +7,7 @@ from .law import HertzNumbers
 
 
 def contact(overlap, normal, velocity, spin, shear, roll, kept, step, law, features):
-    """dem.contact.contact."""
+    """See dem.contact.contact."""
     zero = like(overlap, 0.0)
     nx, ny, nz = normal
     ux, uy, uz = velocity
@@ -27,22 +27,22 @@ def contact(overlap, normal, velocity, spin, shear, roll, kept, step, law, featu
 
 
 def normal_potential(overlap, kept, law, features):
-    """dem.contact.normal_potential."""
+    """See dem.contact.normal_potential."""
     return 0.4 * law.stiffness * max(overlap, 0.0) ** 2.5
 
 
 def spring_energy(overlap, shear, roll, law):
-    """dem.contact.spring_energy."""
+    """See dem.contact.spring_energy."""
     return energy_of_springs(math.sqrt(max(overlap, like(overlap, 0.0))), shear, roll, law)
 
 
 def reach(touch, law, features):
-    """dem.contact.reach."""
+    """See dem.contact.reach."""
     return touch
 
 
 def at_size(law, radius, mass):
-    """dem.contact.at_size: stiffnesses with R^(1/2), dashpots with the root of stiffness times mass,
+    """See dem.contact.at_size: stiffnesses with R^(1/2), dashpots with the root of stiffness times mass,
     R^(1/4) m^(1/2); K_Y R^2 and mu R of rolling and twisting."""
     normal = math.sqrt(radius)
     damper = math.sqrt(normal * mass)

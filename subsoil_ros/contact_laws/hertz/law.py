@@ -35,7 +35,7 @@ class HertzPair(PairValues):
         return float((force_newton / self.stiffness) ** (2.0 / 3.0))
 
     def scaled(self, ratio: float) -> "HertzPair":
-        """Itself: moduli are given, and stiffnesses follow from them and the size."""
+        """These values: moduli are given, and stiffnesses follow from them and the size."""
         return self
 
     def linear_at(self, overlap_m: float) -> PairValues:
@@ -113,8 +113,8 @@ def rayleigh_time_s(youngs_modulus_pa: float, nu: float, radius_m: float, densit
 
 
 def springs_at(values: PairValues, stiffness: float, root: float) -> PairValues:
-    """Linear springs of a pair whose tangential stiffness goes with the root [m^0.5] of its overlap, dampers
-    with the root of that; `stiffness` [N/m] is the tangent along the normal."""
+    """Linear springs of a pair whose tangential stiffness is proportional to the root [m^0.5] of its overlap,
+    and dampers to the root of that; `stiffness` [N/m] is the tangent along the normal."""
     return PairValues(
         stiffness=stiffness,
         tangential_stiffness=values.tangential_stiffness * root,

@@ -7,7 +7,7 @@ from .law import LinearNumbers
 
 
 def contact(overlap, normal, velocity, spin, shear, roll, kept, step, law, features):
-    """dem.contact.contact."""
+    """See dem.contact.contact."""
     zero, one = like(overlap, 0.0), like(overlap, 1.0)
     nx, ny, nz = normal
     ux, uy, uz = velocity
@@ -25,24 +25,24 @@ def contact(overlap, normal, velocity, spin, shear, roll, kept, step, law, featu
 
 
 def normal_potential(overlap, kept, law, features):
-    """dem.contact.normal_potential."""
+    """See dem.contact.normal_potential."""
     loaded = max(overlap, 0.0)
     return 0.5 * law.stiffness * loaded * loaded
 
 
 def spring_energy(overlap, shear, roll, law):
-    """dem.contact.spring_energy."""
+    """See dem.contact.spring_energy."""
     return energy_of_springs(like(overlap, 1.0), shear, roll, law)
 
 
 def reach(touch, law, features):
-    """dem.contact.reach."""
+    """See dem.contact.reach."""
     return touch
 
 
 def at_size(law, radius, mass):
-    """dem.contact.at_size: K_t R^2 and mu R of rolling and twisting; dampers that follow from a restitution
-    with the root of the mass."""
+    """See dem.contact.at_size: K_t R^2 and mu R of rolling and twisting; dampers that follow from a
+    restitution with the root of the mass."""
     damper = math.sqrt(mass) if law.of_restitution > 0.0 else like(mass, 1.0)
     return LinearNumbers(
         law.stiffness, law.tangential_stiffness, damper * law.damping, damper * law.tangential_damping,

@@ -23,8 +23,8 @@ FORMAT = "subsoil_ros bed"
 VERSION = 3
 
 LARGEST_OVERLAP = 0.5
-"""A start whose particles overlap by more than this part of the smaller radius beyond rest is refused
-(chosen: such a pair would fly apart at several m/s under the paper's law)."""
+"""A start whose particles overlap by more than this part of the smaller radius beyond rest is refused: such a
+pair would fly apart at several m/s under the paper's law."""
 
 _ARRAYS = {
     "positions_m": (np.float64, 2),
@@ -41,7 +41,7 @@ CONTACTS = ("contact_pair", "contact_history")
 
 
 def law_hash(soil: Soil) -> str:
-    """What the particles of a bed are and how they touch: sha256 hex of law, particles and layers."""
+    """sha256 hex of law, particles and layers, which a scene must share with its bed file."""
     content = soil.model_dump(mode="json", include={"law", "particles", "layers"})
     if soil.particles.coarse is None:
         del content["particles"]["coarse"]  # beds of versions without the key stay readable
@@ -82,7 +82,7 @@ def write_bed(path: Path, bed: Bed, soil: Soil, contacts: tuple[np.ndarray, ...]
 
 
 def read_bed(path: Path, soil: Soil) -> Bed:
-    """The bed of a file that `write_bed` made, checked against the soil it is to stand for.
+    """The bed of a file that `write_bed` made, checked against the soil that it is read for.
 
     Raises:
         SceneError: file missing, damaged, of another kind, version or law; a bed that does not fit the
@@ -119,7 +119,7 @@ def read_bed(path: Path, soil: Soil) -> Bed:
 
 
 def _content(path: Path, where: str) -> dict[str, Any]:
-    """The arrays of a bed file, their types and shapes as written."""
+    """The arrays of a bed file, their format, version, types and shapes checked."""
     damaged = f"{where}: is damaged or no bed file; copy it again, or prepare the bed anew"
     try:
         with np.load(path, allow_pickle=False) as file:
@@ -137,7 +137,7 @@ def _content(path: Path, where: str) -> dict[str, Any]:
     except OSError as error:
         raise SceneError(f"{where}: cannot be read ({error.strerror or error}); give a bed file") from error
     if content.get("format", np.array("")).tolist() != FORMAT:
-        raise SceneError(f"{damaged} (it does not say '{FORMAT}')")
+        raise SceneError(f"{damaged} (its format is not '{FORMAT}')")
     version = content.get("version", np.array(None)).tolist()
     if version != VERSION:
         raise SceneError(f"{where}: has version {version}, readable is {VERSION}; prepare the bed anew")
@@ -154,7 +154,7 @@ def _content(path: Path, where: str) -> dict[str, Any]:
 
 
 def _refuse_wrong_bin(bed: Bed, soil: Soil, where: str) -> None:
-    """A fitted bed may be smaller or larger than its bin by one particle spacing, and by 2 %."""
+    """Raise SceneError if the bed differs from the bin by more than a particle spacing and 2 %."""
     low, high = bed.lower_m, bed.upper_m
     found = (high[0] - low[0], high[1] - low[1], -bed.floor_m)
     wanted = (soil.bin.length_m, soil.bin.width_m, soil.bin.depth_m)
@@ -181,7 +181,7 @@ def _refuse_wrong_particles(bed: Bed, soil: Soil, where: str) -> None:
             )
     if bed.held is not None and len(bed.held) != count:
         raise SceneError(
-            f"{where}: says of {len(bed.held)} particles whether they are held, and has {count}; "
+            f"{where}: has {len(bed.held)} values of 'held' for {count} particles, allowed is one each; "
             "prepare the bed anew"
         )
     inside = (x >= bed.lower_m).all(axis=1) & (x[:, :2] <= bed.upper_m).all(axis=1)  # not a number: outside

@@ -33,7 +33,7 @@ _OF_THE_RUN = {
 
 
 def cached_bed_path(resolved: ResolvedScene) -> Path:
-    """Where the bed of a scene is kept once it is prepared; of a field, its block."""
+    """Path in the cache of the bed of a scene, or of the block of its field."""
     soil = resolved.scene.particle_soil
     assert soil is not None
     described = soil.model_dump(mode="json", exclude=_OF_THE_RUN)
@@ -55,7 +55,7 @@ def cached_bed_path(resolved: ResolvedScene) -> Path:
 
 
 def cached_tile_path(soil: Soil, edge_m: float) -> Path:
-    """Where the tile of a tiled bed is kept; it serves all bins and laws."""
+    """Path in the cache of the tile of a tiled bed, which serves all bins and laws."""
     assert isinstance(soil.bed, TiledBed)
     content = {
         "particles": soil.particles.model_dump(mode="json", include={"radius_m", "sizes"}),
@@ -68,7 +68,7 @@ def cached_tile_path(soil: Soil, edge_m: float) -> Path:
 
 
 def load_cached(path: Path, soil: Soil) -> Bed | None:
-    """The bed kept at `path`; none if it is not there, or damaged."""
+    """The bed kept at `path`; None if it is missing or damaged."""
     if not path.is_file():
         return None
     try:
@@ -78,7 +78,7 @@ def load_cached(path: Path, soil: Soil) -> Bed | None:
 
 
 def load_contacts(path: Path) -> tuple[np.ndarray, ...] | None:
-    """The contacts kept with the bed at `path`; none if there are none, or it is damaged."""
+    """The contacts kept with the bed at `path`; None if they are missing or damaged."""
     try:
         with np.load(path, allow_pickle=False) as file:
             return tuple(file[name] for name in CONTACTS)

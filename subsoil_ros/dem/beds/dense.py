@@ -1,18 +1,18 @@
-"""Dense random bed: random close packing of smooth spheres, then bonded and relaxed (SOIL_FINDINGS.md).
+"""Dense random bed: random close packing of smooth spheres, then bonded and relaxed.
 
 1. Random points, overlaps pushed apart under strong damping.
 2. Settled under gravity without friction and adhesion, to random close packing.
-3. Adhesion on. Neighbours that do not touch now pull, and a bed between fixed walls would tear off them:
+3. Adhesion is added. Neighbours across a gap then attract each other, which would tear a bed off fixed walls:
    bed and walls are scaled together to the size of least energy.
 4. Cut to its depth, and relaxed under global damping, size and walls following, until it is at rest, or for
    RELAX_PERIODS.
 
-Sizes are drawn before step 1. Layers are told apart by depth after step 2, which has the common law and
-density; from step 3 on every layer has its own. Layers whose bonds shrink them differently share one width,
+Sizes are drawn before step 1. Depth sets the layers after step 2, which has the common law and density; from
+step 3 on every layer has its own. Layers whose bonds shrink them differently share one width,
 so one of them may be left under tension: the report shows gaps.
 
-No step has friction, so no tangential spring is wound up: its positions are the bed's whole state, and what
-normal forces alone do not hold yet, a part of the weight of stiff particles, the friction of the run does.
+No step has friction, so no tangential spring is loaded, and positions are the bed's whole state. In beds of
+stiff particles, normal forces alone do not carry the whole weight; friction in the run carries the rest.
 """
 
 import dataclasses
@@ -46,14 +46,14 @@ CLOSE_PACKING = 0.64
 a box filled for this value is filled too high, never too low."""
 
 UNEQUAL_PACKING = 0.74
-"""The same for spheres of several sizes, up to LARGEST_RATIO (chosen above what they pack to: small ones fill
-the gaps between large ones; too many are only cut off again)."""
+"""The same for spheres of several sizes, up to LARGEST_RATIO: above what they pack to, as small ones fill the
+gaps between large ones. Particles too many are cut off again."""
 
 POURED = 0.55
-"""Solid fraction of the random points before they settle (chosen: it falls by a seventh of its height)."""
+"""Solid fraction of the random points before they settle: the bed then falls by a seventh of its height."""
 
 PILOT_DIAMETERS = 12.0
-"""Edge of the small bed that tells how far a bonded bed shrinks, in rest distances."""
+"""Edge of the pilot bed, which shows how far a bonded bed shrinks, in rest distances."""
 
 SCALE_TOLERANCE = 2e-4
 """The size of the bed is found when it changes by less: 0.1 mm in 0.5 m."""
@@ -62,33 +62,35 @@ SCALE_BOUNDS = (0.8, 1.05)
 """The least energy is sought between these scales (0.98 for the paper's law)."""
 
 QUENCH_S, QUENCH_DAMPING = 0.05, 10.0
-"""How long overlaps are pushed apart, and the global damping meanwhile, over sqrt(K / m) (chosen)."""
+"""Time in which overlaps are pushed apart, and the global damping over sqrt(K / m): far above critical, so
+that no particle flies out of the top. Overlaps that are left vanish while the bed settles."""
 
 FALL_DAMPING = 4.0
 """Global damping while settling, over sqrt(g / depth): the bed falls at about a quarter of the speed of a
-free fall through its depth (chosen)."""
+free fall through its depth."""
 
 RELAX_DAMPING = 0.25
-"""Global damping while relaxing, over sqrt(K / m): near critical for waves some particles long (chosen)."""
+"""Global damping while relaxing, over sqrt(K / m): near critical for waves some particles long."""
 
 RESIZE_S, LARGEST_RESIZES = 0.03, 8
-"""Relaxation between two changes of size, and their largest number (chosen)."""
+"""Relaxation between two changes of size, and their largest number. A bed that does
+not meet SCALE_TOLERANCE by then keeps its size."""
 
 
 def settled_rest(radius_m: float) -> Rest:
-    """After settling: 5 % of the speed of a fall by one diameter; then only rattlers move (chosen)."""
+    """Rest after settling: 5 % of the speed of a fall by one diameter; then only rattlers move."""
     return Rest(0.05 * math.sqrt(4.0 * SETTLING_GRAVITY * radius_m), 1.5)
 
 
 RELAX_PERIODS = 260.0
 """Longest relaxation in periods of a contact, 2 pi sqrt(m / K). A bed of stiff contacts with little adhesion
 never comes to full rest without friction: its particles keep creeping, held back by the global damping alone.
-After so many periods a tenth of their weight is out of balance, which the friction of the run holds (chosen:
-2 s of the paper's law, whose beds come to rest long before)."""
+After so many periods a tenth of their weight is out of balance, which friction in the run holds. It is
+2 s under the paper's law, whose beds come to rest long before."""
 
 
 def relaxed_rest(radius_m: float, contact_rate_per_s: float) -> Rest:
-    """After relaxation: 1 % of the radius in a second (chosen)."""
+    """Rest after relaxation: 1 % of the radius in a second; a faster bed would settle in the run."""
     return Rest(0.01 * radius_m, RELAX_PERIODS * 2.0 * math.pi / contact_rate_per_s)
 
 

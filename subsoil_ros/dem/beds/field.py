@@ -5,7 +5,7 @@
    comes to rest once more. With the springs that its contacts then have, that is the block.
 2. Copies of the block, cut to the width of the scene, make the plot, one period of the field (plot).
 3. Strips of the field are cut by the place of the particles along x. A particle's identity is the number of
-   its period times the particles of the plot, plus its number in the plot: it says where it was laid out.
+   its period times the particles of the plot, plus its number in the plot; it gives the place of laying out.
 """
 
 import dataclasses
@@ -46,15 +46,15 @@ from .tiled import (
 )  # fmt: skip
 
 STRIPS_PER_BLOCK = 4
-"""Strips in the length of a block (chosen: on average the window is an eighth of a block longer than asked
-for, and lists are built anew for a shift more rarely than for the motion of particles)."""
+"""Strips in the length of a block: on average the window is an eighth of a block longer than the scene's, and
+lists are rebuilt for a shift more rarely than for the motion of particles."""
 
 HEADROOM = 4.0
-"""Free height over a block and below it, each over the largest radius: nothing reaches its image."""
+"""Free height over a block, and below it, over the largest radius: no particle reaches an image."""
 
 
 class Contacts(NamedTuple):
-    """What a law keeps of the contacts of a block."""
+    """Contacts of a block with their histories."""
 
     pair: np.ndarray  # (p, 2) int64, numbers of the particles; the first is the smaller
     history: np.ndarray  # (p, components), as the first of each sees its contact
@@ -79,7 +79,7 @@ class Strips(NamedTuple):
 def kept_block(
     resolved: ResolvedScene, engine_of: EngineOf, threads: int = 1, on_progress: OnProgress = ignore_progress
 ) -> Block:
-    """The block of a scene's field, from the cache where it is there.
+    """The block of a scene's field, from the cache if it is there.
 
     Raises:
         SceneError: the tile does not fit, changes its solid fraction under the law, or does not come to rest.
@@ -164,7 +164,7 @@ def _in_layers(bed: Bed, soil: Soil) -> Bed:
 
 
 def contacts_of(engine: SettlingEngine, soil: Soil, order: np.ndarray) -> Contacts:
-    """What an engine keeps of the contacts of particles that are then put in `order`."""
+    """Contacts of the particles of an engine, numbered as after they are put in `order`."""
     pair, history = engine.contact_histories()
     touching = (history != 0.0).any(axis=1)
     place = np.empty(len(order), np.int64)
@@ -178,7 +178,7 @@ def contacts_of(engine: SettlingEngine, soil: Soil, order: np.ndarray) -> Contac
 
 
 class Field:
-    """A field of a scene, `strip_m` after `strip_m` from x = 0 on. It keeps nothing of what was laid out."""
+    """A field of a scene, in strips of length `strip_m` from x = 0 on, without record of what it laid out."""
 
     def __init__(self, block: Block, soil: Soil) -> None:
         self._block, self._soil = block, soil
@@ -203,8 +203,8 @@ class Field:
         most = np.iinfo(np.int32).max // len(self._place) * self.period_m
         if self.count * self.strip_m > most:
             raise SceneError(
-                f"soil.bin.length_m: {soil.bin.length_m:g} m given; particles of this size can be told "
-                f"apart over {most:.0f} m at most; make the field shorter"
+                f"soil.bin.length_m: {soil.bin.length_m:g} m given; identities (int32) of particles of "
+                f"this size suffice for {most:.0f} m at most; make the field shorter"
             )
         first, second = block.contacts.pair.T
         self._key = first * len(block.bed.positions_m) + second
@@ -217,7 +217,7 @@ class Field:
         return HELD_LAYER * self._largest
 
     def box(self, rear: int, front: int) -> Bed:
-        """Walls about strips rear <= m < front, without particles. What is loose stays between them."""
+        """Walls about strips rear <= m < front, without particles. Loose particles stay between them."""
         lower = (rear * self.strip_m, -self._half_width, self._floor)
         return Bed(
             np.empty((0, 3)), lower, (front * self.strip_m, self._half_width), sides=self._soil.bin.bed_sides
@@ -249,7 +249,7 @@ class Field:
     def held(self, identity: np.ndarray, x_m: np.ndarray, rear: int, front: int) -> np.ndarray:
         """(n,) bool: particles that are held while strips rear <= m < front exist; `x_m` is where they are.
 
-        At the ends of the field it is walls that hold.
+        At the ends of the field, walls take the place of held particles.
         """
         found = self._held[identity % len(self._place)]
         if rear > 0:
@@ -259,7 +259,7 @@ class Field:
         return found
 
     def histories(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-        """(p, components) of the contacts of particles by identity, as laid out; zero where there is none."""
+        """(p, components) histories of contacts of particles by identity, as laid out; zero without one."""
         one, other = self._number[first % len(self._place)], self._number[second % len(self._place)]
         turned = one > other
         if len(self._key) == 0:  # a law without springs
@@ -297,5 +297,5 @@ class Field:
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
-        """All that is laid out follows from these: places in a period [m], radii [m], histories."""
+        """Arrays from which all strips follow: places in a period [m], radii [m], histories."""
         return self._place, self._radius, self._history

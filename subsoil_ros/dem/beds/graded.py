@@ -26,15 +26,15 @@ from .settling import SETTLING_GRAVITY, EngineOf, OnProgress, Rest, Settling
 from .tile import FRICTIONLESS, JAMMED_AT, PARTING_DAMPING, PARTING_S, under_springs
 
 PARTED_DIAMETERS = 2.0
-"""Distance from an interface, in diameters of the largest particle, within which particles are parted
-(chosen: those that overlap are within a half, and push two more ahead of them)."""
+"""Distance from an interface, in diameters of the largest particle, within which particles are parted: those
+that overlap are within a half, and push two more ahead of them."""
 
 SINKING_S = 0.3
-"""Longest time to sink back (chosen: ten times that of a fall by a radius, 30 ms)."""
+"""Longest time to sink back: ten times that of a fall by a radius, 30 ms."""
 
 SINKING_COMPACTS = 0.02
-"""By how much the solid fraction of the friction that is taken lies below the wanted one (measured over
-four slices about an interface: 0.599 in place of 0.600; with 0 it is 0.612, without sinking 0.588)."""
+"""Wanted solid fraction less that of the friction while sinking, because sinking compacts (measured over four
+slices about an interface: 0.599 in place of 0.600; with 0 it is 0.612, without sinking 0.588)."""
 
 LATTICE = 400
 """Points along y and z by which the areas of the sizes are found: to 1/400 of the width."""
@@ -71,8 +71,8 @@ def put_together(
     engine_of: EngineOf,
     on_progress: OnProgress,
 ) -> Bed:
-    """One bed of those of all sizes, which stand in one box with their surface at `top_m`; parted, not at
-    rest. `soil` is that of the box."""
+    """One bed from the beds of all sizes, which are in one box with their surface at `top_m`. Its particles
+    are parted, but not at rest. `soil` is that of the box."""
     parts = []
     for k, bed in enumerate(beds):
         x = bed.positions_m

@@ -1,7 +1,7 @@
-"""What a field is laid out from: a block that repeats itself along x and y; of a graded bed a whole period.
+"""Ground from which a field is laid out: a block periodic along x and y, or a whole period if it is graded.
 
-The sizes of a graded bed go by the distance from the path of the tools, and the copies of a block do not lie
-along it. So the plots of the blocks of all sizes are put together about the core (graded), and the whole
+The sizes of a graded bed depend on the distance from the path of the tools, and the copies of a block do not
+lie along it. So the plots of the blocks of all sizes are put together about the core (graded), and the whole
 period comes to rest between periodic ends, its sides held unless they are periodic too.
 """
 
@@ -36,7 +36,7 @@ from .tiled import RELAXING_S, damping_per_s, refuse_unfinished, settling_under
 def kept_ground(
     resolved: ResolvedScene, engine_of: EngineOf, threads: int = 1, on_progress: OnProgress = ignore_progress
 ) -> Block:
-    """What a scene's field is laid out from, from the cache where it is there.
+    """Ground of a scene's field, from the cache if it is there.
 
     Raises:
         SceneError: see field.kept_block.
@@ -56,7 +56,7 @@ def kept_ground(
 
 
 def _period(soil: Soil, edge_m: float) -> Soil:
-    """The soil in the box of a period that repeats itself; what is held aside has its headroom too."""
+    """The soil in the periodic box of one period of the field; held sides have headroom too."""
     aside = 0.0 if soil.bin.sides == "periodic" else 2.0 * headroom_m(soil)
     box = Bin(
         length_m=edge_m * blocks_of(soil.bin.sides),

@@ -1,4 +1,4 @@
-"""Which particles of a bed are in reach of each other, whatever their sizes and layers."""
+"""Pairs of particles of a bed in reach of each other, for any sizes and layers."""
 
 from typing import NamedTuple
 

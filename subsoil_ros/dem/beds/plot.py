@@ -27,11 +27,11 @@ class Plot(NamedTuple):
     blocks: float  # lengths of a block in the period
     place_m: np.ndarray  # (n, 3), 0 <= x < period_m
     number: np.ndarray  # (n,) of the particle in the block
-    turn: np.ndarray  # (2, 2), of x and y of vectors in the block to the field's
+    turn: np.ndarray  # (2, 2), rotation of x and y of vectors from the block to the field
 
     def turned(self, history: np.ndarray) -> np.ndarray:
-        """(p, components) what contacts of the block keep, in the field: springs turn, a law's own numbers do
-        not."""
+        """(p, components) histories of the block's contacts in the field: springs turn, a law's own numbers
+        do not."""
         found = history.copy()
         for x in range(0, SPRINGS, 3):
             found[:, x : x + 2] = history[:, x : x + 2] @ self.turn.T

@@ -1,4 +1,4 @@
-"""The bed a scene describes."""
+"""Preparation of the bed that a scene describes."""
 
 import math
 from pathlib import Path
@@ -30,11 +30,11 @@ from .tiled import prepare_tiled
 def prepare_bed(
     resolved: ResolvedScene, engine_of: EngineOf, threads: int = 1, on_progress: OnProgress = ignore_progress
 ) -> Bed:
-    """The bed of the scene's soil, of a field its first window; `engine_of` is the class SoilEngine, which
-    settles particles.
+    """The bed of the scene's soil, or the first window of its field; `engine_of` is the class SoilEngine,
+    which settles particles.
 
-    One that takes long to prepare is kept in the user's cache folder and taken from there the next time;
-    `on_progress` is told how its preparation goes.
+    A bed that takes long to prepare is kept in the user's cache folder and taken from there the next time;
+    `on_progress` receives the progress of its preparation.
 
     Raises:
         SceneError: a bin too small for a particle, particles that overlap too far, an unfit bed file.
@@ -76,7 +76,7 @@ def _refuse_tight_grid(soil: Soil) -> None:
     if given < smallest:
         raise SceneError(
             f"soil.bed.spacing_m: {given:g} m makes neighbours overlap so far that they would be shot apart; "
-            f"allowed is at least {smallest:.4g} m, 'rest' stands still"
+            f"allowed is at least {smallest:.4g} m; with 'rest' the bed stands still"
         )
     assert isinstance(soil.bed, GridBed)
     to_wall = soil.particles.mean_volume_radius_m - pair_values(soil)[1].rest_overlap
@@ -94,12 +94,12 @@ the bed (measured: 0.684 with 2,000 particles, 0.696 with 9,000)."""
 
 
 def check_start(resolved: ResolvedScene) -> int:
-    """Looks at what a run would start from without preparing it.
+    """Check what a run would start from, without preparing it.
 
-    Returns the number of particles before tools remove any: near enough for a dense random bed, else exact.
+    Returns the number of particles before tools remove any: estimated for random beds, else exact.
 
     Raises:
-        SceneError: whatever can be said to stop the preparation, and tools too near periodic sides.
+        SceneError: a fault that would stop the preparation, or a tool too near periodic or held sides.
     """
     soil = resolved.scene.particle_soil
     if soil is None:

@@ -1,4 +1,4 @@
-"""What a bed is like: density, bonds, surface, gaps at walls, voids, and whether it stands still."""
+"""Report of a bed: density, bonds, surface, gaps at walls, voids, and its motion when left alone."""
 
 import dataclasses
 import math
@@ -19,21 +19,21 @@ from .surface import top_surface_m
 from .tree import bed_tree, seen_from_corner
 
 INSIDE_DIAMETERS = 2.0
-"""Distance from walls, floor and top from which a bed is as in its midst (chosen: layers fade by then)."""
+"""Distance from walls, floor and top beyond which a bed counts as inside: layers at walls fade by then."""
 
 GAP_CELL = 4.0
-"""Edge of the cells a wall is looked at through, in radii: each holds some four particles of a dense layer,
-so its nearest one touches (chosen)."""
+"""Edge of the cells over which gaps at a wall are taken, in radii: each holds some four particles of a dense
+layer, of which the nearest touches."""
 
 VOID_REFINEMENTS = 5
 """Halvings of the lattice, one radius wide at first, about the largest voids: to r / 32."""
 
 VOID_NEIGHBOURS = 16
-"""Particles looked at about a point between unequal ones (chosen: a large one that is nearest with its
-surface is seldom behind so many small ones)."""
+"""Nearest centres among which the nearest surface is sought, between unequal particles: the large particle
+that it belongs to is seldom behind so many small ones."""
 
 VOID_CANDIDATES = 64
-"""Lattice points the search for the largest void goes on from (chosen)."""
+"""Lattice points that are refined to find the largest void; with few, one that the lattice misses is lost."""
 
 
 @dataclass(frozen=True)
@@ -86,8 +86,8 @@ class BedReport:
 
 
 def report_bed(bed: Bed, soil: Soil) -> BedReport:
-    """Looks at a bed as prepared, or at any state of it: replace `positions_m`. Of a window, densities, voids
-    and surface are those between the layers that are held at its ends and sides, and it has no wall."""
+    """Report of a bed as prepared, or in another state: replace `positions_m`. Of a window, densities, voids
+    and surface are those between the layers that are held at its ends and sides, and it has no walls."""
     radius = soil.particles.mean_volume_radius_m
     count, bonds = len(bed.positions_m), pairs_in_reach(bed, soil)
     coordination = 2.0 * len(bonds.pair) / count
@@ -129,7 +129,7 @@ def _between_held(bed: Bed, radius: float) -> Bed:
 
 
 def _density_inside(bed: Bed, masses: np.ndarray, radius: float, top_m: float) -> float:
-    """Mass over volume of the inner bed [kg/m3], weighted by sin^2 along each axis: a box would cut them."""
+    """Mass over volume of the inner bed [kg/m3], weighted by sin^2 along each axis: a box cuts particles."""
     away = 2.0 * INSIDE_DIAMETERS * radius
     low = np.array([*bed.lower_m[:2], bed.floor_m]) + away
     size = np.array([*bed.upper_m, top_m]) - away - low
@@ -155,8 +155,8 @@ def _radii(radii: np.ndarray) -> RadiusReport:
 def _layers(
     bed: Bed, soil: Soil, masses: np.ndarray, top: np.ndarray, area_m2: float
 ) -> tuple[LayerReport, ...]:
-    """What each layer of the soil holds, `top` and floor being the ends of the first and the last; of a
-    graded bed what each size does."""
+    """Report of each layer of the soil, the first ending at `top`, the last at the floor; of a graded bed, of
+    each size."""
     if soil.particles.coarse is not None:
         return _grades(bed, soil, masses, float(top.mean()))
     if soil.layers is None or bed.materials is None:
@@ -175,7 +175,7 @@ def _layers(
 
 
 def _grades(bed: Bed, soil: Soil, masses: np.ndarray, top_m: float) -> tuple[LayerReport, ...]:
-    """What each size of a graded bed holds, over the volume where it belongs."""
+    """Report of each size of a graded bed; densities are over the volume where it belongs."""
     (_, y_low, _), (x_high, y_high), low = bed.lower_m, bed.upper_m, bed.floor_m
     volume = (x_high - bed.lower_m[0]) * (y_high - y_low) * (top_m - low)
     parts = grade_parts(soil, (y_low, y_high), (-top_m, -low))
@@ -189,7 +189,7 @@ def _grades(bed: Bed, soil: Soil, masses: np.ndarray, top_m: float) -> tuple[Lay
 
 
 def _wall_gaps(bed: Bed, radii: np.ndarray, top: np.ndarray, radius: float) -> dict[str, WallGap]:
-    """Gaps at the walls, at the sides below the surface only."""
+    """Gaps at the walls; at side walls only below the surface."""
     planes = wall_planes(bed.lower_m, bed.upper_m, bed.sides)
     low = np.array(bed.lower_m)
     floor = bed.lower_m[2]
@@ -261,7 +261,7 @@ def _largest_void(
 
 @dataclass(frozen=True)
 class FreeMotion:
-    """What a bed does when it is left alone under the full law."""
+    """Motion of a bed that is left alone under the full law."""
 
     duration_s: float
     kinetic_energy_joule: float

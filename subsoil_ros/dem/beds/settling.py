@@ -1,8 +1,8 @@
-"""The soil engine under global damping: how particles find their places.
+"""The soil engine under global damping, which brings particles to rest.
 
 For beds that settle without friction the law is that of the scene with what resists sliding and turning
-taken out, and its adhesion too where asked. The damper of the contacts only shapes the way to rest: it is
-lowered to what lets the step be large.
+taken out, and its adhesion too where asked. The damper of the contacts affects only the way to rest, so it is
+lowered to allow a large step.
 """
 
 import dataclasses
@@ -34,40 +34,41 @@ SETTLING_GRAVITY = 9.81
 """[m/s2] while settling, also where the scene has none."""
 
 DAMPING_RATIO = 0.3
-"""Largest damping ratio of a contact while settling (chosen: the step grows five times, C = 2.6 N s/m)."""
+"""Largest damping ratio of a contact while settling: the step grows five times, with C = 2.6 N s/m."""
 
 COORDINATION = 12.0
-"""Contacts per particle that the step while settling is made for: no packing of equal spheres has more
+"""Contacts per particle for which the step while settling is stable: no packing of equal spheres has more
 touching neighbours (of unequal ones the large have more, but more mass still)."""
 
 STEP_SAFETY = 0.8
-"""Part of the stable step that is taken while settling (chosen)."""
+"""Part of the stable step that is taken while settling: the margin is small, as COORDINATION is a bound."""
 
 SETTLING_OVERLAP = 0.005
-"""Overlap over the radius of the lowest contacts under the weight of the bed that is enough while particles
-without adhesion find their places (chosen: half of the 1 % that calibrations allow in work). Contacts stiffer
-than that only shorten the step; they get their own stiffness back before the bed is bonded."""
+"""Overlap over the radius that the lowest contacts have under the weight of the bed while particles without
+adhesion settle: half of the 1 % that calibrations allow in work. Stiffer contacts only shorten the step; they
+get their own stiffness back before the bed is bonded."""
 
 STEPS_PER_DAMPING = 5
-"""Soil steps between two applications of the global damping (chosen)."""
+"""Soil steps between two applications of the global damping: each application is a pass over all
+particles. With more steps between them, velocities would fall in larger jumps."""
 
 TICKS_PER_LOOK = 20
-"""Applications of the global damping between two looks at the speed (chosen)."""
+"""Applications of the global damping between two looks at the speed: each look scans all contacts."""
 
 SKIN = 0.3
-"""Skin of the neighbour lists over the radius while settling (chosen; the scene's may differ from run to
-run, and the bed must not)."""
+"""Skin of the neighbour lists over the radius while settling; that of the scene may differ from run to run,
+and the bed must not."""
 
 
 class Rest(NamedTuple):
-    """What counts as rest, and how long it may take to come there."""
+    """Speed that counts as rest, and the longest time to reach it."""
 
     speed_m_per_s: float  # rms
     longest_s: float
 
 
 class SettlingProgress(NamedTuple):
-    """How far one phase of a preparation is."""
+    """Progress of one phase of a preparation."""
 
     phase: str
     simulated_s: float
@@ -77,15 +78,15 @@ class SettlingProgress(NamedTuple):
 
 
 OnProgress = Callable[[SettlingProgress], None]
-"""Told now and then how a preparation goes."""
+"""Called from time to time with the progress of a preparation."""
 
 
 def ignore_progress(progress: SettlingProgress) -> None:
-    """No progress is shown."""
+    """Show no progress."""
 
 
 class SettlingEngine(Protocol):
-    """What the preparation of beds needs of the soil engine."""
+    """Interface of the soil engine that the preparation of beds uses."""
 
     bed: Bed
 
@@ -119,13 +120,13 @@ def smooth_soil(soil: Soil, *, adhesive: bool) -> Soil:
 
 
 def of_the_preparation(soil: Soil) -> dict[str, Any]:
-    """Keys of a soil that are the preparation's own: a bed serves runs of every kind."""
+    """Values of keys of a soil that the preparation sets itself: a bed serves runs of every kind."""
     skin = SKIN * soil.particles.mean_volume_radius_m
     return {"skin_m": skin, "precision": "float64", "device": "cpu", "monitors": None, "bonds": None}
 
 
 def _smooth_law(soil: Soil, *, adhesive: bool) -> ContactLaw:
-    """The law of a soil, its own layers apart, as smooth_soil leaves it."""
+    """The law of a soil, without those of its layers, after smooth_soil."""
     without = _SLIDING if adhesive else (*_SLIDING, _ADHESION)
     pair, _ = pair_values(soil)
     softened = 1.0 if adhesive else min(1.0, settling_stiffness_newton_per_m(soil) / pair.stiffness)
@@ -199,7 +200,7 @@ class Settling:
         self.contact_rate_per_s = math.sqrt(pair.stiffness / particle_mass_kg(soil))
         """sqrt(K / m) of a pair, half way down."""
         self.interval_s = STEPS_PER_DAMPING * step_s
-        """Between two applications of the global damping."""
+        """Time between two applications of the global damping."""
         scene = resolved.scene.model_copy(
             update={"soil": soil, "mechanism": None, "tools": {}, "gravity_m_per_s2": gravity_m_per_s2}
         )

@@ -40,56 +40,56 @@ from .settling import (
 )  # fmt: skip
 
 USUAL_EDGE = 40.0
-"""Edge of a tile over the mean radius where the scene gives none: some 9,000 particles (chosen)."""
+"""Edge of a tile over the mean radius if the scene gives none: some 9,000 particles. Small tiles scatter."""
 
 START_BELOW = 0.06
-"""By how much the solid fraction of the points that are parted is below the wanted one (chosen: fewer need
-longer to press, more touch before their friction counts)."""
+"""Wanted solid fraction less that of the points that are parted: looser ones take longer to press, denser
+ones touch before their friction counts."""
 
 PRESSED_OVERLAP = 0.002
-"""Overlap over the mean radius of contacts that carry the pressure of a tile, p (2 r)^2 / (K r) (chosen: it
-changes the solid fraction by 0.3 %)."""
+"""Overlap over the mean radius of contacts that carry the pressure of a tile, p (2 r)^2 / (K r): it changes
+the solid fraction by 0.3 %."""
 
 _STIFFNESS, _DENSITY = 1e5, 2500.0
-"""Of contacts [N/m] and spheres [kg/m3]: of no effect, as pressure and damping go with them; they set the
-unit of time."""
+"""Stiffness of contacts [N/m] and density of spheres [kg/m3]. Pressure and damping scale with them, so they
+set the unit of time only."""
 
 INERTIAL_NUMBER = 1e-3
-"""Of the pressing, rate x diameter x sqrt(density / pressure): quasi-static below (GDR MiDi, Eur. Phys. J. E
-14 (2004) 341)."""
+"""Inertial number of the pressing, rate x diameter x sqrt(density / pressure): quasi-static below (GDR MiDi,
+Eur. Phys. J. E 14 (2004) 341)."""
 
 PARTING_S, PARTING_DAMPING = 30.0, 10.0
-"""Of step 1: its length in periods of a contact, and its global damping over sqrt(K / m) (chosen: no
-particle flies)."""
+"""Length of step 1 in periods of a contact, and its global damping over sqrt(K / m), far above critical: no
+particle flies."""
 
 PRESSING_DAMPING = 0.02
-"""Global damping while pressing over sqrt(K / m) (chosen: at five times that the frictionless tile carries a
-fifth of its pressure before it jams)."""
+"""Global damping while pressing over sqrt(K / m): at five times that the frictionless tile carries a fifth of
+its pressure before it jams."""
 
 PRESSURE_GAIN = 2.0
-"""Part of the missing pressure that the box would make up for between two looks if no contact slid (chosen:
-it comes near the pressure without swinging, as contacts do slide)."""
+"""Part of the missing pressure that the box would make up for between two looks if no contact slid. As
+contacts do slide, it reaches the pressure without swinging."""
 
 PRESSURE_TOLERANCE = 0.05
-"""A tile is pressed where its pressure is met to this part (chosen)."""
+"""A tile counts as pressed if its pressure is met to this part, and its overlaps nearly so."""
 
 REST_SPEED = 1e-4
-"""Rms speed of a tile at rest over r sqrt(K / m), a twentieth of what PRESSED_OVERLAP makes (chosen)."""
+"""Rms speed of a tile at rest over r sqrt(K / m), a twentieth of that of swinging by PRESSED_OVERLAP."""
 
 MARGIN = 1.05
-"""Of the smallest edge: a tile shrinks while it is pressed and under the law of a scene (chosen)."""
+"""Margin of the smallest edge: a tile shrinks while it is pressed and under the law of a scene."""
 
 TICKS_PER_LOOK = 10
-"""Applications of the global damping between two looks at the pressure (chosen)."""
+"""Applications of the global damping between two looks at the pressure: a look computes three energies."""
 
 LONGEST_LOOKS = 3000
-"""A tile that is not at rest by then is given up: five times what the slowest took (chosen)."""
+"""A tile that is not at rest after so many looks is given up: five times what the slowest took."""
 
 FRICTIONLESS = 1e-9
-"""Friction of no effect, with the compiled code of all others."""
+"""Friction without effect; not zero, so that the compiled code is that of other frictions."""
 
 ROLLING = 0.1
-"""Rolling friction of the pressing over its friction: without it no friction goes below 0.562 (measured)."""
+"""Rolling friction of the pressing over its friction: without it none gives less than 0.562 (measured)."""
 
 JAMMED_AT = (
     (0.530, 1.0), (0.545, 0.59), (0.562, 0.345), (0.571, 0.26), (0.600, 0.11), (0.617, 0.05), (0.630, 0.02),
@@ -99,10 +99,10 @@ JAMMED_AT = (
 within 15 %, 2,000 to 9,000 particles)."""
 
 FRACTION_TOLERANCE = 0.005
-"""Part of the wanted solid fraction that a tile may miss it by (chosen: a quarter of what density may)."""
+"""Part of the wanted solid fraction by which a tile may miss it: a quarter of tiled.LARGEST_CHANGE."""
 
 LONGEST_SEARCH = 6
-"""Tiles that are pressed at most to find the friction (chosen: two or three do)."""
+"""Tiles that are pressed at most to find the friction; two or three usually suffice."""
 
 
 class PressedTile(NamedTuple):
@@ -153,7 +153,7 @@ def pressed_tile(
 ) -> PressedTile:
     """A tile of about this edge [m] with the particles and the solid fraction of a scene's tiled bed.
 
-    Small tiles scatter: of LONGEST_SEARCH that miss the fraction, the nearest.
+    Small tiles scatter; if LONGEST_SEARCH of them miss the fraction, the nearest is returned.
     """
     soil = resolved.scene.particle_soil
     assert soil is not None
@@ -211,7 +211,7 @@ def _pressed(
 
 
 def _springs(friction: float, radius_m: float) -> LinearLaw:
-    """Tangential values are usual parts of the normal ones; the fraction is met whatever they are."""
+    """Law of the pressing. Tangential values are usual parts of normal ones; the fraction is met with any."""
     mass_kg = _DENSITY * 4.0 / 3.0 * math.pi * radius_m**3
     damping = 2.0 * DAMPING_RATIO * math.sqrt(0.5 * mass_kg * _STIFFNESS)
     values = {
@@ -245,7 +245,7 @@ def kept_as(soil: Soil, edge_m: float) -> Soil:
 
 
 def at_pressure(settling: Settling, bed: Bed, pressure_pa: float, on_progress: OnProgress) -> Bed:
-    """An endless bed shrunk or grown until it is at rest at this pressure, its contacts' springs with it.
+    """Resize an endless bed, and the springs of its contacts, until it is at rest at this pressure.
 
     Raises:
         SceneError: it does not come to rest.

@@ -34,18 +34,18 @@ from .surface import cut_to_depth, mean_above_profile_m
 from .tile import at_pressure, endless_soil, kept_as, pressed_tile, solid_fraction, tile_edge_m
 
 RESTS = 3
-"""Times that the bed comes to rest once it is cut, each time from places alone (chosen: when a run then
-starts without springs, its particles move by 0.2 % of their radius, a third of what they do after one)."""
+"""Times that the bed comes to rest once it is cut, each time from places alone: when a run then starts
+without springs, its particles move by 0.2 % of their radius, a third of what they do after one."""
 
 FILLING_FALL, RELAXING_S = 10.0, 0.6
-"""While the gaps at walls fill, soil may fall so many radii, and three times as far as its top sinks. Longest
-time of each rest (chosen: dry soil comes to rest in it, sticky soil long before)."""
+"""Fall in radii, besides three times the sinking of the top, that sets the longest time for the gaps at walls
+to fill; longest time of each rest [s]: dry soil comes to rest in it, sticky soil long before."""
 
 MOVING = 10.0
-"""A bed that moves so many times as fast as one at rest is refused (chosen)."""
+"""A bed that moves so many times as fast as one at rest, 10 % of a radius in a second, is refused."""
 
 LARGEST_CHANGE = 0.02
-"""Part of the solid fraction by which the law of a scene may change it: density is to be met so."""
+"""Part of the solid fraction by which the law of a scene may change it: the density is met to as much."""
 
 
 def prepare_tiled(resolved: ResolvedScene, engine_of: EngineOf, threads: int, on_progress: OnProgress) -> Bed:
@@ -108,7 +108,7 @@ def settling_under(
 
 
 def damping_per_s(soil: Soil, gravity_m_per_s2: float) -> float:
-    """Global damping on the way to rest: nothing falls its radius much slower than freely."""
+    """Global damping on the way to rest: a fall by a radius takes not much longer than a free one."""
     return math.sqrt((gravity_m_per_s2 or SETTLING_GRAVITY) / soil.particles.mean_volume_radius_m)
 
 
@@ -136,7 +136,7 @@ def tile_under_law(
 
 
 def kept_tile(resolved: ResolvedScene, edge_m: float, engine_of: EngineOf, on_progress: OnProgress) -> Bed:
-    """The pressed tile of about this edge [m] for a scene's tiled bed, from the cache where it is there."""
+    """The pressed tile of about this edge [m] for a scene's tiled bed, from the cache if it is there."""
     soil = resolved.scene.particle_soil
     assert soil is not None
     path, as_kept = cached_tile_path(soil, edge_m), kept_as(soil, edge_m)
@@ -154,7 +154,7 @@ def _top_at_zero(bed: Bed, soil: Soil) -> Bed:
 
 
 def refuse_unfinished(bed: Bed, soil: Soil, rest_m_per_s: float) -> None:
-    """A bed that sank after it was cut, or that moves MOVING times as fast as at rest."""
+    """Raise SceneError for a bed that sank after it was cut, or moves MOVING times as fast as at rest."""
     speed_m_per_s = MOVING * rest_m_per_s
     short = soil.bin.depth_m + bed.floor_m
     found = math.sqrt(2.0 * bed.kinetic_energy_joule / float(masses_kg(bed, soil).sum()))
@@ -178,7 +178,7 @@ def _refuse_other_fraction(found: float, soil: Soil) -> None:
 
 
 def _below_depth_m(soil: Soil) -> float:
-    """From the depth of the bed to the plane below it."""
+    """Distance from the depth of the bed to the plane below it."""
     assert isinstance(soil.bed, TiledBed)
     return (HELD_LAYER + 1.0) * soil.particles.bounds_m[1] if soil.bed.floor == "held" else 0.0
 

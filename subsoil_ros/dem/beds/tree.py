@@ -8,7 +8,7 @@ from ..periodic import wrapped
 
 
 def bed_tree(bed: Bed) -> cKDTree:
-    """Tree of the bed's particles; it is asked for points `seen_from_corner`."""
+    """Tree of the bed's particles; query it for points `seen_from_corner`."""
     periods = np.array(bed.periods_m)
     boxsize = np.where(np.isfinite(periods), periods, 0.0)
     return cKDTree(seen_from_corner(bed, bed.positions_m), boxsize=boxsize)

@@ -52,11 +52,11 @@ WET_BOUNDARY = WET_PARTICLE | {
 """Table 3 of the paper, with all of the law."""
 
 WET_STEP_S, WET_SKIN_M = 4.2e-5, 0.003
-"""Step that `auto` takes, and the skin by default."""
+"""Step, 0.78 of the stable limit, and the skin by default."""
 
 STIR_M_PER_S = 0.25
-"""Standard deviation of each component of the random velocities (chosen: the fastest particles move by
-half the skin in some 15 steps, as beside a tool at 0.5 m/s)."""
+"""Standard deviation of each component of the random velocities: the fastest particles move by half
+the skin in some 15 steps, as beside a tool at 0.5 m/s."""
 
 PLASTIC = {
     "youngs_modulus_pa": 9e5, "poisson_ratio": 0.3, "contact_plasticity": 0.75, "restitution": 0.3,
@@ -68,7 +68,7 @@ PLASTIC = {
 CEMENT = {
     "youngs_modulus_pa": 1e5, "tensile_strength_pa": 5e3, "cohesion_pa": 1e4, "damping_ratio": 0.0,
 }  # fmt: skip
-"""1.6 kN/m, so that the step of the bed without bonds does; few break."""
+"""Bonds of 1.6 kN/m: the step of the bed without bonds is small enough for them, and few break."""
 
 PLATE = "plate"
 PLATE_SIZE_M = (0.01, 0.06, 0.30)

@@ -1,4 +1,4 @@
-"""What this machine can do at best, one core: memory bandwidth and floating-point rate."""
+"""Upper bounds of this machine, one core: memory bandwidth and floating-point rate."""
 
 import time
 from collections.abc import Callable

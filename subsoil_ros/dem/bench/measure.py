@@ -60,7 +60,7 @@ def run_steps(engine: SoilEngine, case: Case, steps: int) -> None:
 
 
 def measure(case: Case, threads: int, repeats: int, bed: Bed | None = None) -> Throughput:
-    """Runs a case `repeats` times from its start, after a few steps that only compile."""
+    """Run a case `repeats` times from its start, after a few steps that only compile."""
     bed = bed or prepare_bed(case.resolved, SoilEngine, threads)
     run_steps(prepared_engine(case, bed, threads), case, 3)
     cpu_s, wall_s = [], []

@@ -1,4 +1,4 @@
-"""Where the time of a step goes: the engine's phases, clocked from outside while a case runs."""
+"""Time of a step by phase of the engine, clocked from outside while a case runs."""
 
 import time
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""How fast a particle-step could be, from the bytes it moves and the operations it does.
+"""Bounds on the speed of a particle-step, from the bytes it moves and the operations it does.
 
 Counted in the sources of dem/pairs.py, contact.py and integration.py (benchmarks/README.md shows the count);
 whoever changes what a kernel reads, writes or computes counts anew.
@@ -17,7 +17,7 @@ LISTED_PAIR_BYTES = {"float64": 100, "mixed": 52}
 """Neighbour 4, shear and roll read and written 96 or 48. The other particle's vectors are in a cache."""
 
 PAIR_FLOPS = 200
-"""Of every listed pair, in reach or not: geometry 38, normal 15, tangential 57, rolling 43, forces and
+"""Operations of a listed pair, in reach or not: geometry 38, normal 15, tangential 57, rolling 43, forces and
 torques on both 35, zero where it is out of reach 12. Root, quotient and maximum count as one each,
 also where a root is found by Newton steps."""
 

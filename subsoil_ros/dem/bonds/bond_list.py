@@ -1,4 +1,4 @@
-"""The bonds of a bed: made, kept beside the lists of neighbours, counted when they break."""
+"""The bonds of a bed, stored beside the lists of neighbours, and the count of those that broke."""
 
 import math
 from collections.abc import Mapping
@@ -26,9 +26,9 @@ class BondList:
         self._parity = PARITY[: kept_count(features)]
         self.state = self._blocks(0)
         self.book = np.zeros((0, len(SINKS)))  # (slabs, 2) since the lists were built
-        self.made = np.zeros(particles.count, np.int32)  # of each particle
-        self.broken = np.zeros(particles.count, np.int32)  # of them before the lists were built
-        self.broken_count = 0  # likewise, also of particles that went with a window
+        self.made = np.zeros(particles.count, np.int32)  # bonds of each particle
+        self.broken = np.zeros(particles.count, np.int32)  # broken ones of each, before the lists were built
+        self.broken_count = 0  # of all, also of particles that a window removed
         self.lost_joule = np.zeros(len(SINKS))  # flushed
         self.known = 0
         """Particles before this identity have their bonds."""
@@ -37,20 +37,20 @@ class BondList:
         return history_blocks(pairs, self._kind, len(self._parity))
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """All that later steps depend on, and the counts."""
+        """Arrays that later steps depend on, and the counts."""
         names = ("state", "book", "made", "broken", "lost_joule")
         counts = np.array((self.known, self.broken_count))
         return {name: getattr(self, name) for name in names} | {"counts": counts}
 
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
-        """Goes on from `arrays`."""
+        """Continue from `arrays`."""
         for name, array in arrays.items():
             if name != "counts":
                 setattr(self, name, array)
         self.known, self.broken_count = arrays["counts"].tolist()
 
     def kernel_arrays(self) -> BondArrays:
-        """For the kernels; as they are until lists are built anew."""
+        """Arrays for the kernels, valid until lists are rebuilt."""
         bonds, particles = self._bonds, self._soil.particles
         part, slope = 1.0 / bonds.stiffness_ratio, math.tan(math.radians(bonds.friction_angle_deg))
         mean = particles.mean_volume_radius_m
@@ -68,8 +68,8 @@ class BondList:
         return radius, 0.5 * (one - other), stiffness, damper
 
     def carry(self, order: np.ndarray, old: PairList, pairs: PairList) -> None:
-        """To the lists `pairs`, built after the particles were put in `order`. What broke is counted and
-        left out."""
+        """Carry bonds over to the lists `pairs`, built after the particles were put in `order`. Broken ones
+        are counted and left out."""
         self.flush()
         _, self.broken, self.broken_count = self._counted(old)
         state = self._blocks(len(pairs.neighbour))
@@ -87,7 +87,7 @@ class BondList:
         self.book = np.zeros((len(pairs.slab_start) - 1, len(SINKS)))
 
     def add(self, pairs: PairList, p: Particles, laid_out_m: np.ndarray) -> None:
-        """Bonds of particles that have none yet, between those that were laid out (n, 3) near enough."""
+        """Make the bonds of particles that are new, between those that were laid out (n, 3) near enough."""
         known, self.known = self.known, int(p.identity.max(initial=-1)) + 1
         first, second = _ends(pairs)
         place = np.flatnonzero(np.maximum(p.identity[first], p.identity[second]) >= known)
@@ -112,7 +112,7 @@ class BondList:
             np.add.at(self.made, end, 1)
 
     def flush(self) -> None:
-        """Book into `lost_joule`."""
+        """Add the book to `lost_joule` and clear it."""
         self.lost_joule += self.book.sum(axis=0)
         self.book[:] = 0.0
 
@@ -142,7 +142,7 @@ class BondList:
         return float(stored), total
 
     def stretch(self, pairs: PairList, position: np.ndarray, strain: np.ndarray) -> None:
-        """Slips and turns, after the bed was stretched by `strain` (3,)."""
+        """Update slips and turns after the bed was stretched by `strain` (3,)."""
         arrays = self.kernel_arrays()
         stretch_bonds(pairs.row_start, pairs.neighbour, position, arrays, strain, self._features)
 
@@ -153,5 +153,5 @@ def _ends(pairs: PairList) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _images(apart_m: np.ndarray, period_m: np.ndarray) -> np.ndarray:
-    """By how much places are nearer in the next period."""
+    """Whole periods in `apart_m`: less these, it leads to the nearest image."""
     return np.asarray(period_m * np.round(apart_m / period_m)).reshape(apart_m.shape)

@@ -31,18 +31,18 @@ STATE = ("length", *("slip",) * 3, *("turn",) * 3)
 slip [m] and turn [rad] of i against j."""
 
 SHAPE = ("radius", "longer", "stiffness", "damper")
-"""And of unlike particles: radius of the bond [m], half of what the radius of i is larger than that of j [m],
-normal stiffness [N/m], damper [N s/m]."""
+"""Further numbers of a pair of unlike particles: radius of the bond [m], half the radius of i less that of j
+[m], normal stiffness [N/m], damper [N s/m]."""
 
 PARITY = np.array([1.0] + [-1.0] * 6 + [1.0, -1.0, 1.0, 1.0])
-"""Of STATE and SHAPE: -1 for what changes its sign seen from the other side."""
+"""Factors of STATE and SHAPE when seen from the other side: -1 if the sign changes."""
 
 _RESULTS = 9
 """Scratch rows of a block: force on i, torque on i, on j."""
 
 
 class NoBonds(NamedTuple):
-    """Soil without bonds: no code is made for them."""
+    """Placeholder for soil without bonds: no code is compiled for them."""
 
     nothing: np.ndarray
 
@@ -56,11 +56,11 @@ class BondArrays(NamedTuple):
     state: np.ndarray  # STATE, and SHAPE of unlike particles, of the listed pairs, in blocks as histories
     book: np.ndarray  # (slabs, 2) [J] what dashpots took, and what broke
     shear_part: float  # shear over normal stiffness
-    shear_root: float  # its root: of the dampers
-    tension: float  # strength
-    cohesion: float
+    shear_root: float  # its root: the same ratio of the dampers
+    tension: float  # tensile strength [Pa]
+    cohesion: float  # [Pa]
     slope: float  # tangent of the friction angle
-    radius: float  # these three of equal particles
+    radius: float  # this and the next two: of equal particles
     stiffness: float
     damper: float
 
@@ -87,9 +87,9 @@ def bond_of_pair(apart, relative, spin_i, spin_j, shape, whole, slip, turn, step
     """Forces of one bond after a step with these velocities.
 
     apart [m]: x_j - x_i; relative [m/s]: v_i - v_j of the centres; spins [rad/s]; shape: length without
-    force, radius, half of what the radius of i is larger than that of j [m], stiffness [N/m], damper [N s/m].
-    Returns whether it is whole still; force on i [N]; torques on i and on j [N m]; slip, turn; stored energy
-    [J], before it is lost with a bond that breaks; loss of the dashpots [W].
+    force, radius, half the radius of i less that of j [m], stiffness [N/m], damper [N s/m].
+    Returns 1 if it is still whole, else 0; force on i [N]; torques on i and on j [N m]; slip, turn; stored
+    energy [J], before it is lost with a bond that breaks; loss of the dashpots [W].
     """
     quarter, half, one = like(step, 0.25), like(step, 0.5), like(step, 1.0)
     two, four, zero = like(step, 2.0), like(step, 4.0), like(step, 0.0)
@@ -193,8 +193,8 @@ def _shape_of(state, b, bonds, features):
 
 @inner_kernel(fastmath={"contract"})
 def _compute(count, scratch, results, state, step, bonds, features, book):
-    """Forces and torques of the bonds of `count` pairs, whose states are in the scratch rows, into those of
-    `results`; new states."""
+    """Writes forces and torques of the bonds of `count` pairs, whose states are in the scratch rows, into
+    those of `results`; updates the states of the bonds."""
     for b in range(count):
         length = state[b]
         whole = like(step, 1.0) if length > like(step, 0.0) else like(step, 0.0)
@@ -237,7 +237,7 @@ _here = {"forceinline": True, "error_model": "numpy"}
 
 
 def put_bonds(count, pair, scratch, results, slab, step, bonds, features):
-    """Forces of the bonds of the pairs of a block, from `pair` on, into `results`, rows of their own."""
+    """Writes the bond forces of the pairs of a block, from `pair` on, into `results`, rows of their own."""
     raise NotImplementedError("compiled code only")
 
 
@@ -256,7 +256,7 @@ def _put_bonds(count, pair, scratch, results, slab, step, bonds, features):
 
 
 def add_bonds(count, scratch, results, bonds):
-    """Adds what put_bonds has put to the results of the contacts."""
+    """Adds the results of put_bonds to those of the contacts."""
     raise NotImplementedError("compiled code only")
 
 
@@ -305,7 +305,7 @@ def bond_sums(row_start, neighbour, position, bonds, features):
 
 @njit(cache=True, error_model="numpy")
 def stretch_bonds(row_start, neighbour, position, bonds, strain, features):
-    """What dem.homogeneous.stretch_springs does to contacts."""
+    """Updates slips and turns as dem.homogeneous.stretch_springs does the springs of contacts."""
     state = bonds.state
     unlike = features.sizes.ndim == 2 or features.materials.ndim == 2
     kept = len(STATE) + len(SHAPE) if unlike else len(STATE)

@@ -31,7 +31,7 @@ class Rows:
             cuda.device_array(particles, np.int32),
             cuda.device_array(slices + 1, np.int64),
             cuda.device_array(room, np.int32),
-            cuda.to_device(np.zeros((SPRINGS, room), kind)),  # springs that a law has not stay zero
+            cuda.to_device(np.zeros((SPRINGS, room), kind)),  # springs that a law does not have stay zero
         )
 
     def taken(self, places: int) -> dict[str, np.ndarray]:
@@ -107,7 +107,7 @@ class ToolRows:
 
 
 class Tool:
-    """Surface of a tool, and room for what its candidates feel."""
+    """Surface of a tool, and arrays for the loads of its candidates."""
 
     def __init__(self, facets: Facets, groups: int, room: int) -> None:
         self.facets = Facets(*(cuda.to_device(array) for array in facets))
@@ -122,7 +122,7 @@ class Tool:
         self.make_room(room)
 
     def make_room(self, room: int) -> None:
-        """For so many candidates."""
+        """Allocate the arrays of the loads for `room` candidates."""
         self.group_force = cuda.device_array((self.groups, 3, room), np.float64)
         self.moment = cuda.device_array((3, room), np.float64)
         self.sums = cuda.device_array((7, room), np.float64)

@@ -12,7 +12,7 @@ _WALLS = len(WALLS)
 
 
 def _places(count: np.ndarray, slice_start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of every listed partner, row by row: the particle, and the place in the slices."""
+    """Particle and place in the slices of every listed partner, row by row."""
     row = np.repeat(np.arange(len(count)), count)
     before = np.cumsum(count, dtype=np.int64) - count
     number = np.arange(len(row)) - before[row]
@@ -74,7 +74,7 @@ def wall_pairs(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """particle, wall and history of dem.state.WallList, and the force of each pair (w, 3) [N].
 
-    Every particle near a wall is listed with all that are no periodic sides.
+    Every particle near a wall is listed with all walls, but not with periodic sides.
     """
     near, there = len(walls["particle"]), np.flatnonzero(np.isfinite(planes[:, 3]))
     particle, wall = np.repeat(walls["particle"], len(there)), np.tile(there, near)

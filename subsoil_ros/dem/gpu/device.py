@@ -17,16 +17,16 @@ SIMULATED = os.environ.get("NUMBA_ENABLE_CUDASIM") == "1"
 """Whether numba's simulator, which runs kernels as plain Python, stands for a GPU."""
 
 THREADS = 8 if SIMULATED else 128
-"""Threads of a block (chosen: four warps; the simulator starts a thread of the operating system for each)."""
+"""Threads of a block: four warps; the simulator starts a thread of the operating system for each."""
 
 WARP = 32
 
 
 def refuse_without_gpu() -> None:
-    """Looks for a GPU that can be used.
+    """Check that a GPU can be used.
 
     Raises:
-        InputError: there is none, or its libraries are missing; says what is missing.
+        InputError: there is none, or its libraries are missing; the message names what is missing.
     """
     if not SIMULATED:
         require("soil.device: 'gpu'", "cuda", "numba_cuda")
@@ -55,11 +55,11 @@ class Launches:
         self._launches: list[tuple[Any, int, int, tuple[Any, ...]]] = []
 
     def add(self, kernel: Any, grid: int, *arguments: Any, threads: int = THREADS) -> None:
-        """One more, on `grid` blocks."""
+        """Add a kernel, launched on `grid` blocks."""
         self._launches.append((kernel, grid, threads, arguments))
 
     def run(self) -> None:
-        """Launches all."""
+        """Launch all kernels."""
         if self._graph is not None:
             _checked(_driver().cuGraphLaunch(self._graph, _handle(self._stream)))
         elif self._warm and not SIMULATED:
@@ -84,9 +84,9 @@ class Launches:
 
 
 class Mirror:
-    """Some float64 on the device, and a copy of them here: what is exchanged every tick.
+    """Array of float64 on the device with a copy on the host, for numbers that are exchanged every tick.
 
-    Copies go through the driver: numba's own take several times as long for so little.
+    Copies go through the driver: those of numba take several times as long for so little.
     """
 
     def __init__(self, shape: tuple[int, ...], stream: Any) -> None:
@@ -99,7 +99,7 @@ class Mirror:
             self._places = there, self.here.ctypes.data, self.here.nbytes
 
     def send(self) -> None:
-        """Copies them there; `here` may be changed after the next `take` of any."""
+        """Copy `here` to the device; it may be changed after the next `take` of any Mirror."""
         if SIMULATED:
             self.there.copy_to_device(self.here)
         else:
@@ -107,7 +107,7 @@ class Mirror:
             _checked(_driver().cuMemcpyHtoDAsync(there, here, size, _handle(self._stream)))
 
     def take(self) -> np.ndarray:
-        """Waits for all that was launched and copies them here; they stay until the next time."""
+        """Wait for all launched kernels and copy the array to the host, where the next call overwrites it."""
         if SIMULATED:
             self.there.copy_to_host(self.here)
         else:
@@ -130,10 +130,10 @@ def _handle(stream: Any) -> Any:
 
 
 def _checked(result: tuple[Any, ...]) -> Any:
-    """What a call of the driver returned.
+    """Value that a call of the driver returned.
 
     Raises:
-        RuntimeError: it failed.
+        RuntimeError: the call failed.
     """
     if int(result[0]) != 0:
         raise RuntimeError(f"CUDA driver: {result[0]}")
@@ -146,7 +146,7 @@ def room_for(count: int) -> int:
 
 
 def on_device(array: np.ndarray) -> Any:
-    """A copy there; of an empty array, which kernels cannot take, one row long."""
+    """Copy of an array on the device; an empty one, which kernels cannot take, becomes one row long."""
     given = np.ascontiguousarray(array)
     if given.size == 0:
         given = np.zeros([max(length, 1) for length in given.shape], given.dtype)

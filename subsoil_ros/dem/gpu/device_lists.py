@@ -1,4 +1,4 @@
-"""Particles and lists of a soil on the GPU, and how lists are built anew.
+"""Particles and lists of a soil on the GPU, and the rebuilding of lists.
 
 Particles and lists exist twice: new ones are built from the old ones, and then serve the steps.
 """
@@ -35,12 +35,12 @@ from .lists import (
 from .scan import add_scan
 
 _PARTNERS = 20
-"""Partners per particle that there is room for at first (chosen: equal spheres list some 14)."""
+"""Partners per particle that there is room for at first: equal spheres list some 14."""
 
 
 @dataclass(frozen=True)
 class Numbers:
-    """What a soil is made of, apart from its particles. SI."""
+    """Values of a soil apart from its particles. SI."""
 
     features: Features
     precision: type  # float64 or float32, of all but positions and boundaries
@@ -87,7 +87,7 @@ class DeviceLists:
         n = self.count = particles.count
         self._unequal = particles.unequal
         kind = numbers.precision
-        # as many as stand near five sides of a cube, and near tools: both grow when they must
+        # as many as are near five sides of a cube; enlarged when needed, for walls and tools
         near = min(n, room_for(int(8 * n ** (2 / 3))))
         self._tools = [Tool(facets, groups, near) for facets, groups in tools]
         self._sides = [
@@ -135,7 +135,7 @@ class DeviceLists:
         )
 
     def _forget(self) -> None:
-        """No pair, wall or tool has been touched."""
+        """Empty all lists: no contact has a history."""
         side = self._side
         for array in (side.rows.count, side.walls.row, *(tool.row for tool in side.tools)):
             array.copy_to_device(np.zeros(array.shape, array.dtype), stream=self.stream)
@@ -145,7 +145,7 @@ class DeviceLists:
         return self._sides[self._at]
 
     def put_particles(self, particles: Particles) -> None:
-        """These instead, in their order."""
+        """Replace the particles by these, in their order."""
         for name, array in self._side.particles._asdict().items():
             given = getattr(particles, name)
             if len(given):
@@ -162,14 +162,14 @@ class DeviceLists:
         return particles.radius if self._unequal else self._numbers.radius_m
 
     def _run(self, name: str, fill: Callable[[Launches], None]) -> None:
-        """Launches what `fill` adds, which is the same until arrays are replaced."""
+        """Launch the kernels that `fill` adds: once for each name, until arrays are replaced."""
         side = self._side
         if name not in side.launches:
             fill(side.launches.setdefault(name, Launches(self.stream)))
         side.launches[name].run()
 
     def rebuild(self, poses: Sequence[tuple[float, ...]]) -> None:
-        """Sorts particles into cells and builds all lists anew, tools being at poses (tools, 4): x, z [m],
+        """Sort particles into cells and rebuild all lists, with tools at poses (tools, 4): x, z [m],
         cosine, sine."""
         for mirror, pose in zip(self._poses, poses, strict=True):
             mirror.here[:] = pose
@@ -204,7 +204,7 @@ class DeviceLists:
         )  # fmt: skip
 
     def _add_counting(self, launches: Launches, old: _Side, new: _Side) -> None:
-        """Of partners."""
+        """Add the kernels that count partners."""
         slices = len(self._width)
         launches.add(*self._partners(old, new, fill=False))
         launches.add(slice_widths, blocks(slices), new.rows.count, self._width)
@@ -212,7 +212,7 @@ class DeviceLists:
         launches.add(note_size, 1, self._sizes, 0, new.rows.slice_start, threads=1)
 
     def _add_filling(self, launches: Launches, old: _Side, new: _Side) -> None:
-        """Lists what there is room for, and notes for how much there should be."""
+        """Add the kernels that fill lists as far as there is room, and note the room needed."""
         n, p, numbers = self.count, new.particles, self._numbers
         launches.add(*self._partners(old, new, fill=True))
         walls, before = new.walls, old.walls
@@ -248,7 +248,7 @@ class DeviceLists:
         return sizes.tolist()
 
     def _make_room(self, new: _Side) -> bool:
-        """Whether a list was longer than its arrays, which then are larger now."""
+        """Enlarge arrays that are too short for their list; return whether any was."""
         places, near_walls, *of_tools = self.sizes()
         n, grown = self.count, False
         if places > len(new.rows.neighbour):
@@ -270,7 +270,7 @@ class DeviceLists:
         return grown
 
     def _forget_launches(self) -> None:
-        """Of arrays that are there no more."""
+        """Drop launches, which have arrays that were replaced."""
         for side in self._sides:
             side.launches.clear()
 

@@ -26,11 +26,11 @@ from .forces import TOOL_SUMS
 from .soil import DeviceSoil
 
 _HEADROOM = 0.25
-"""Height over the bed that has cells of its own, in heights of the bed (chosen: soil that a tool heaps up);
-what is higher belongs to the uppermost cells."""
+"""Height over the bed that has cells of its own, in heights of the bed: for soil that a tool heaps up. What
+is higher belongs to the uppermost cells."""
 
 _UNKNOWN_STEPS, _FEWEST_STEPS = 16, 4
-"""Soil steps that are launched before the host asks whether lists are still good: while it is unknown how
+"""Soil steps that are launched before the host checks whether lists are still valid: while it is unknown how
 long they last, and when they have lasted as long as the last ones (a step in vain costs only some 10 us)."""
 
 
@@ -38,7 +38,7 @@ class GpuSoilEngine(SoilEngine):
     """SoilEngine whose particles, lists, histories and tools are on a GPU.
 
     Two runs on one device give the same bits. Those of the CPU differ by round-off: forces are added up in
-    another order. Arrays come back only when they are asked for. An engine that raised PhysicsError is of no
+    another order. Arrays are copied to the host only when read. An engine that raised PhysicsError is of no
     further use: its particles may have gone on for some steps.
 
     Raises:
@@ -51,7 +51,7 @@ class GpuSoilEngine(SoilEngine):
         refuse_without_gpu()
         self._device: DeviceSoil | None = None
         self._here_is_old = False  # particles on the device have moved on from those here
-        self._there_is_old = True  # particles here have been put elsewhere
+        self._there_is_old = True  # particles here were replaced
         self._steps_done = 0  # on this device
         self._looked: np.ndarray | None = None  # sums over particles, until they move
         self._restored_slabs: np.ndarray | None = None  # of restored lists, until there are new ones
@@ -122,8 +122,8 @@ class GpuSoilEngine(SoilEngine):
         return CellGrid(x, y, z, reach, edge_y, nx, ny, nz, period)
 
     def _new_device(self) -> None:
-        """A soil on the device with the particles and tools that stand here, all lists to be built."""
-        self._device = None  # first gives back what it takes
+        """Put a soil with the particles and tools of the host on the device, its lists still to be built."""
+        self._device = None  # frees its memory first
         kind, skin = self._kind, self._soil.skin_m
         reach, wall_reach = self._reaches_m()
         reach += skin
@@ -178,7 +178,7 @@ class GpuSoilEngine(SoilEngine):
         return tuple(tool.kernel_motion(at) for tool, at in zip(self._tools, motions, strict=True))
 
     def _note_tools(self, felt: np.ndarray, motions: tuple[ToolMotion, ...]) -> None:
-        """`felt` (columns,): of all tools, by group, moment, sums."""
+        """Note the loads `felt` (columns,) of all tools: forces by group, moment, sums."""
         first = 0
         for tool, at in zip(self._tools, motions, strict=True):
             of_groups = 3 * len(tool.mesh.groups)
@@ -253,7 +253,7 @@ class GpuSoilEngine(SoilEngine):
     def _end_step(
         self, tick: int, s: int, felt: np.ndarray, at: tuple[ToolMotion, ...], *, rebuilt: bool
     ) -> None:
-        """What follows soil step s, counted from 0, on the CPU."""
+        """Finish soil step s, counted from 0, on the CPU."""
         steps = self._resolved.timing.soil_steps
         if s == steps - 1 and self._resolved.scene.coupling.force == "tick_end":
             self._keep_last_step_only()
@@ -270,7 +270,7 @@ class GpuSoilEngine(SoilEngine):
         return self._looked
 
     def motion_sums(self) -> MotionSums:
-        """What the monitors judge motions by."""
+        """Sums over particles from which the monitors judge motion."""
         return MotionSums(*self._look()[:5].tolist())
 
     def anyone_outside(self) -> bool:
@@ -298,7 +298,7 @@ class GpuSoilEngine(SoilEngine):
         return super().energy()
 
     def state_arrays(self) -> dict[str, np.ndarray]:
-        """See SoilEngine: arrays that a CPU goes on from, and a GPU."""
+        """See SoilEngine; a CPU and a GPU can continue from these arrays."""
         self._flush_books()
         self._fetch_boundaries()
         lists = self._soil_there.take_pairs()
@@ -311,7 +311,7 @@ class GpuSoilEngine(SoilEngine):
         return super().state_arrays()
 
     def _fetch_boundaries(self) -> None:
-        """Brings what touches walls and tools here, in the form of the CPU's lists."""
+        """Copy the contacts at walls and tools to the host, in the form of the CPU's lists."""
         particle, wall, history, force = wall_pairs(self._soil_there.take_walls(), self._planes)
         self._walls, self._wall_force = WallList(particle, wall, history), force
         for tool, near in zip(self._tools, self._soil_there.take_tools(), strict=True):

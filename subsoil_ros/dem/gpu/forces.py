@@ -63,7 +63,7 @@ def kick_owed(report, velocity, spin, force, torque, held, mass, inertia, step):
 
 @cuda.jit(cache=True)
 def kick_paid(report):
-    """No half kick is to come."""
+    """Clears OWES: no half kick is left to make."""
     report[OWES] = 0.0
 
 
@@ -94,7 +94,7 @@ def lists_are_new(report):
 
 
 def without_period(features: Features) -> Features:
-    """What kernels are compiled for: whether there is a period, not which."""
+    """Features that kernels are compiled for: whether there is a period, not its length."""
     return features._replace(periodic=YES if features.periodic.ndim == 2 else NO)
 
 
@@ -241,9 +241,9 @@ def wall_kernel(features: Features) -> Any:
 
 @_compiled_once
 def tool_kernel(features: Features) -> Any:
-    """Adds the forces of one tool, a thread for each candidate: dem.tools.tool_forces.
+    """Adds the forces of one tool, a thread for each candidate: dem.tools.forces.tool_forces.
 
-    What the candidate puts on the tool goes into group_force (groups, 3, rows), moment (3, rows) and sums
+    The load of each candidate on the tool goes into group_force (groups, 3, rows), moment (3, rows) and sums
     (7, rows).
     """
 
@@ -277,7 +277,7 @@ def tool_kernel(features: Features) -> Any:
 
 @cuda.jit(cache=True)
 def add_up_tool(report, sizes, k, group_force, moment, sums, first_result, per_step, slots):
-    """Column blockIdx.x of what a tool felt in the present step, into its place among the results."""
+    """Adds up column blockIdx.x of a tool's load in the present step, into its place among the results."""
     if report[FAR] == 1.0:
         return
     shared = cuda.shared.array(THREADS, float64)

@@ -83,7 +83,7 @@ def place(cell, rank, cell_start, order):
 
 @cuda.jit(cache=True)
 def sort_in_cells(cell_start, order):
-    """Within each cell by number: the order in which threads came to it is forgotten."""
+    """Sorts each cell by number, so that the order of threads has no effect."""
     c = cuda.grid(1)
     if c < cell_start.shape[0] - 1:
         first = cell_start[c]
@@ -287,5 +287,5 @@ def list_near_tool(
 
 @cuda.jit(cache=True)
 def note_size(sizes, k, before):
-    """Keeps the sum at the end of a scan."""
+    """Stores the sum at the end of a scan."""
     sizes[k] = before[before.shape[0] - 1]

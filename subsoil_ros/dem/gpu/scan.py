@@ -1,6 +1,6 @@
 """Prefix sums of integers, and sums of many numbers in an order that does not change.
 
-Our own, because CuPy and cuda.cccl do not run in numba's simulator, in which every change is tested.
+Written here because CuPy and cuda.cccl do not run in numba's simulator, in which every change is tested.
 """
 
 from typing import Any

@@ -1,4 +1,4 @@
-"""Soil steps on the GPU, and what is read of them."""
+"""Soil steps on the GPU, and readings of the soil."""
 
 from typing import Any
 
@@ -133,18 +133,18 @@ class DeviceSoil(DeviceLists):
         self._add_step_end(launches)
 
     def put_motions(self, motions: list[tuple[Any, ...]]) -> None:
-        """Of all tools at the ends of the tick's soil steps: (steps, tools) of tool_surface.Motion."""
+        """Send the motions at the ends of the tick's soil steps: (steps, tools) of tools.motion.Motion."""
         if self._tools:
             self._motions.here[: len(motions)] = motions
             self._motions.send()
 
     def first_forces(self) -> np.ndarray:
-        """Of a state at rest, without time: what the tools feel, (columns,)."""
+        """Compute the forces of the initial state, without time; return the loads of the tools (columns,)."""
         self._run("first", lambda launches: self._add_forces(launches, 0.0))
         return self.report()[1][0]
 
     def run_steps(self, count: int) -> None:
-        """So many soil steps, or fewer: see `report`."""
+        """Run `count` soil steps, or fewer if lists must be rebuilt: see `report`."""
         for _ in range(count):
             self._run("step", self._add_step)
 
@@ -157,7 +157,7 @@ class DeviceSoil(DeviceLists):
         self._run("forces", self._add_waiting_step_end)
 
     def report(self) -> tuple[dict[str, int], np.ndarray]:
-        """How far the steps came, and what the tools felt in each of the last ones: (soil steps, columns)."""
+        """State of the steps, and the loads of the tools in each of the last ones: (soil steps, columns)."""
         here = self._report.take()
         told = {"steps": int(here[STEP]), "halted": int(here[HALTED] or here[FAR]), "lost": int(here[LOST])}
         return told, here[REPORT:].reshape(self._slots, self._per_step)

@@ -3,7 +3,7 @@
 A contact belongs to a feature of the surface: a face, a convex edge or a vertex. A feature counts when
 it is the nearest one on every facet that shares it, so a flat or convex place gives one contact however
 finely it is meshed, a concave corner one per face. Surfaces are one-sided: a contact starts only from
-outside, and then holds its face even when the centre is pressed through it, so a particle cannot flip
+outside, and then stays on its face even when the centre is pressed through it, so a particle cannot flip
 to the far side of a thin share. Geometry and histories live in the tool's body frame.
 """
 
@@ -34,7 +34,8 @@ FOUND = 9
 the face), group, history slot or -1, normal of that slot, set where twisting friction needs it."""
 
 _SAME_NORMAL = 0.7
-"""Cosine up to which a contact continues the one before (chosen: 45 degrees)."""
+"""Least cosine between normals of a contact and the one it continues: its springs pass between facets that
+meet at less than 45 degrees."""
 
 
 @inner_kernel()
@@ -95,7 +96,7 @@ def _find_contacts(px, py, pz, facets, first, last, facet, reach, was_active, wa
         if distance < 0.0 and slot < 0:
             continue  # seen from behind: another face holds this particle
         same = False
-        for k in range(found):  # two facets of one plane, both sure that the foot is theirs
+        for k in range(found):  # two facets of one plane, both with the nearest point
             if (
                 nx * out[k, 0] + ny * out[k, 1] + nz * out[k, 2] > 1.0 - 1e-9
                 and abs(distance - out[k, 3]) < 1e-12
@@ -191,7 +192,7 @@ def row_forces(
     active, normal, shear, roll, common_radius, step, common_law, mixture, features,
     out, old_shear, old_roll, group_force, moment, sums,
 ):  # fmt: skip
-    """Forces of the tool on candidate `row`, and what it puts on the tool, added.
+    """Adds the forces of the tool on candidate `row`, and their reaction on the tool.
 
     out (CONTACTS, FOUND), old_shear (CONTACTS, 3) and old_roll, as long as `roll`, are room to work in.
     """

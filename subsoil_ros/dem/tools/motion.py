@@ -1,4 +1,4 @@
-"""A tool's motion as the kernels take it, and between two exchanges.
+"""A tool's motion in the form of the kernels, and between two exchanges.
 
 Kernels get a plain tuple: of PLANAR numbers for a tool that stays in the plane of travel, of more for one
 that moves in space. Its length is part of the type, so each kind has kernels of its own, and the planar ones
@@ -19,7 +19,7 @@ rotation matrix row by row, velocity [m/s] and angular velocity [rad/s]."""
 PLANAR = 8
 
 HALF_TURN_RAD = math.pi
-"""Poses tell shorter rotations apart only."""
+"""Rotation in one exchange from which on two poses no longer determine it."""
 
 
 def kernel_motion(motion: ToolMotion, reference_angle_rad: float) -> Motion:
@@ -152,7 +152,7 @@ def motion_within(start: ToolMotion, end: ToolMotion, interval_s: float, part: f
 
 
 def refuse_other_kind(where: str, before: ToolMotion, after: ToolMotion, interval_s: float) -> None:
-    """A tool stays in the plane or in space, and turns by less than half a turn in an exchange.
+    """Check that a tool stays planar or spatial, and turns by less than half a turn in an exchange.
 
     Raises:
         ProtocolError, PhysicsError: it does not.
@@ -169,6 +169,6 @@ def refuse_other_kind(where: str, before: ToolMotion, after: ToolMotion, interva
         if turned >= HALF_TURN_RAD:
             raise PhysicsError(
                 f"{where}: tool {after.tool} turns by {turned:.3g} rad in one exchange, {interval_s:.3g} s; "
-                f"poses tell less than {HALF_TURN_RAD:.3g} rad apart: turn it more slowly, or lower "
+                f"two poses determine only less than {HALF_TURN_RAD:.3g} rad: turn it more slowly, or lower "
                 "coupling.communication_step_ns"
             )

@@ -1,4 +1,4 @@
-"""One tool in the soil: its surface, its motion through a tick, its candidates and what it felt."""
+"""One tool in the soil: its surface, its motion through a tick, its candidates and its load."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -75,7 +75,7 @@ class ToolSurface:
         self.begin_tick()
 
     def begin_tick(self) -> None:
-        """Forget what was felt in the tick before."""
+        """Clear the load of the tick before."""
         self.felt = ToolLoad(np.zeros((len(self.mesh.groups), 3)), np.zeros(3))
 
     def kernel_motion(self, motion: ToolMotion) -> Motion:
@@ -100,7 +100,7 @@ class ToolSurface:
         self.searched_at(motion)
 
     def searched_at(self, motion: ToolMotion) -> None:
-        """Candidates were found with the tool there."""
+        """Note `motion` as that at which candidates were searched."""
         self._searched = motion
 
     def moved_m(self, motion: ToolMotion) -> float:
@@ -161,7 +161,7 @@ class ToolSurface:
         mixture: Mixture,
         features: Features,
     ) -> None:
-        """What add_forces works on until particles are sorted, or candidates searched, anew."""
+        """Bind the arrays of `forces`, until particles are sorted, or candidates searched, anew."""
         near = self.near
         self._tool_forces: Callable[[Motion], tuple[np.ndarray, np.ndarray, np.ndarray]] = self._kernels.bind(
             tool_forces, near.particle, near.facet_start, near.facet, self.facets,
@@ -173,7 +173,7 @@ class ToolSurface:
     def forces(self, motion: ToolMotion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Adds the forces on the particles of one soil step at whose end the tool stands at `motion`.
 
-        Returns what the tool feels: see tools.tool_forces.
+        Returns the load on the tool: see tools.forces.tool_forces.
         """
         return self._tool_forces(self.kernel_motion(motion))
 
@@ -207,7 +207,7 @@ class ToolSurface:
         )  # fmt: skip
 
     def state_arrays(self) -> dict[str, np.ndarray]:
-        """What a checkpoint keeps of it between two ticks; not copied."""
+        """Arrays for a checkpoint between two ticks; not copied."""
         return {
             **named("near", self.near),
             "last": motion_array(self.last),
@@ -217,7 +217,7 @@ class ToolSurface:
         }
 
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
-        """Goes on from such a state."""
+        """Continue from arrays of `state_arrays`."""
         self.near = from_named(ToolList, "near", arrays)
         self.last = motion_from(self.name, arrays["last"])
         self._searched = motion_from(self.name, arrays["searched"])
@@ -225,7 +225,7 @@ class ToolSurface:
         self.sinks_joule = arrays["sinks_joule"]
 
     def wrench(self) -> ToolWrench:
-        """What the tool felt since begin_tick, mean over the steps."""
+        """Load on the tool since begin_tick: force and moment as means over the steps, work as a sum."""
         share = 1.0 / max(self.felt.steps, 1)
         by_group = self.felt.group_force * share
         fx, fy, fz = by_group.sum(axis=0).tolist()
@@ -258,7 +258,7 @@ def surfaces(resolved: ResolvedScene, bed: Bed, motions: tuple[ToolMotion, ...])
 
 
 def refuse_leap(where: str, tool: ToolSurface, motion: ToolMotion, step_s: float, radius_m: float) -> None:
-    """A contact begins from outside, so a surface that moves by more than a radius may pass a centre unseen.
+    """Refuse a surface that moves by more than a radius in a step: it could pass a centre undetected.
 
     Raises:
         PhysicsError: always.

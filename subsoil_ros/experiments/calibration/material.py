@@ -240,8 +240,8 @@ class _Fit:
         )
 
     def _measured(self, at: NDArray[np.float64], tested: _Tested, slope: NDArray[np.float64]) -> Material:
-        """Results with intervals from the scatter of the seeds, converted for the fitted numbers with the last
-        slope of the search."""
+        """Results with intervals from the scatter of the seeds; the last slope of the search converts them to
+        those of the fitted numbers."""
         rows: dict[str, NDArray[np.float64]] = {
             "friction_angle_deg": tested.angle_deg,
             "cohesion_pa": tested.cohesion_pa,

@@ -2,8 +2,8 @@
 
 `python benchmarks/checkpoint.py [--folder DIR] [--repeats 5] [--json]`. Two rows: the grid at its start (3
 listed pairs per particle), and with a skin so wide that more pairs are listed (9) than in a dense random
-bed (6.5). Written is all that a run writes: parts, checksums, manifest, each brought to the disk; read is
-what going on from it takes beside building the engines.
+bed (6.5). The time of writing is that of all files of a run: parts, checksums, manifest, each synced to the
+disk; the time of reading is that of a resumed run, without building the engines.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""What lockstep costs a scene: wall time of the same ticks in direct mode and as separate nodes, by turns.
+"""Cost of lockstep for a scene: wall time of the same ticks in direct mode and as separate nodes, by turns.
 
     python benchmarks/coupled.py [SCENE] [--ticks N] [--threads N] [--rounds N] [--set key=value ...]
 

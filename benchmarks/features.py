@@ -1,13 +1,13 @@
-"""Cost of a scene, one feature after the other taken away: it must fall with each.
+"""Cost of a scene as its features are removed one after the other: it must fall with each.
 
     python -m benchmarks.features [--rounds N] [--json FILE]
 
 The first table is the soil alone: CPU time per particle and step of a plate dragged through beds of the same
-size. Each line has what the line above has, less one feature. The second is a whole run: CPU time per tick,
+size. Each line has the features of the line above, less one. The second is a whole run: CPU time per tick,
 direct, of the machine in a small bin with a controller, a bag and clouds, less one after the other, and then
 less the soil or less the mechanism (the same tool on a path). All variants of a table run by turns, so other
-load meets them alike; medians of the rounds, changes being those of the same round. Names the features whose
-fall the rounds do not resolve; ends with status 1 if a cost rises in every round.
+load affects them alike; medians of the rounds, changes being those of the same round. Prints the features
+whose fall the rounds do not resolve; ends with status 1 if a cost rises in every round.
 """
 
 import argparse

@@ -1,9 +1,9 @@
-"""What a field costs: wall time per metre, and its shifts.
+"""Cost of a field: wall time per metre, and CPU time of its shifts.
 
     python -m benchmarks.field [--scene field_tine] [--radii-mm 15 20 10] [--threads 2] [--out FILE.json]
 
-Metres: `subsoil run` as nodes and in direct mode, each twice; the longer run is LONGER_S longer, and what it
-takes more is divided by the travel of that time. Shifts: the engine in this process on one thread, CPU time
+Metres: `subsoil run` as nodes and in direct mode, each twice; one run is LONGER_S longer, and its extra time
+is divided by the travel of that time. Shifts: the engine in this process on one thread, CPU time
 within shifts of the window and without them, at the first radius. Blocks are prepared before.
 """
 

@@ -1,4 +1,4 @@
-"""How benchmarks drive a soil on a GPU: the engine, ticks of several steps, wall time."""
+"""Driver of a soil on a GPU for benchmarks: the engine, ticks of several steps, wall time."""
 
 import dataclasses
 import time

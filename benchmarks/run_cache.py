@@ -1,4 +1,4 @@
-"""Runs that a benchmark needs: each in a process of its own, once, kept as a sweep keeps them."""
+"""Runs of a benchmark: each is run once in a process of its own, and kept as a sweep keeps them."""
 
 import csv
 import json

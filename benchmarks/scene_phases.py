@@ -1,9 +1,9 @@
-"""A scene run directly, without recording: wall time, and what of it is contact, search, tool, integration.
+"""Wall time of a direct run without recording, and its parts: contact, search, tool, integration.
 
     python benchmarks/scene_phases.py SCENE [--threads N] [--set key=value ...]
 
-Prints one JSON object. The parts are of the wall time after the start; `mechanism` is the machine's own,
-`other` what lies between the kernels.
+Prints one JSON object. The parts are of the wall time after the start; `mechanism` is that of the machine,
+`other` that between the kernels.
 """
 
 import argparse

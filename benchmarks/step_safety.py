@@ -1,9 +1,9 @@
-"""How large a soil step may be where a tool has compacted the soil: a run goes on with other steps.
+"""Largest soil step where a tool has compacted the soil: a run is resumed with other steps.
 
     subsoil run config/scenes/subsoiler_1s300.yaml --mode direct --threads 2 --out RUN
     python benchmarks/step_safety.py RUN [--parts 0.8 0.7 0.6 0.4] [--simulated 0.06]
 
-It goes on from its newest checkpoint, with the tools at the speed they have there. Printed for six equal
+It resumes from the newest checkpoint, with the tools at the speed they have there. Printed for six equal
 parts of the time: the velocity reversal indicator (dem.monitors; 1: every velocity reverses sign from one
 step to the next), and the mean force of the first tool against x.
 """

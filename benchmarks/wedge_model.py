@@ -1,10 +1,10 @@
-"""How much cheaper the wedge model is: CPU time per simulated second beside particles, real time as nodes.
+"""Cost of the wedge model: CPU time per simulated second beside particles, and real-time factor as nodes.
 
     python benchmarks/wedge_model.py [--nodes SECONDS] [--particles TICKS]
 
-Both machine scenes run direct, with everything that is recorded; CPU time, so that other load does not
-count. The scene with particles runs for a few ticks, its step costs the same all along. As nodes (four
-processes over DDS, 1 ms exchange) wall time counts, and other load with it: look at the load beside it.
+Both machine scenes run in direct mode with their record. CPU time is measured, so that other load does not
+count. The scene with particles runs for a few ticks, since its step costs the same all along. As nodes (four
+processes over DDS, 1 ms exchange), wall time is measured, which other load raises: check the printed load.
 """
 
 import argparse
@@ -80,10 +80,10 @@ def main() -> None:
     """Runs both parts."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
-        "--nodes", type=float, default=4.0, metavar="SECONDS", help="simulated; 0: not at all"
+        "--nodes", type=float, default=4.0, metavar="SECONDS", help="simulated seconds as nodes; 0: none"
     )
     parser.add_argument(
-        "--particles", type=int, default=60, metavar="TICKS", help="of the scene with particles"
+        "--particles", type=int, default=60, metavar="TICKS", help="ticks of the scene with particles"
     )
     args = parser.parse_args()
     if args.particles > 0:

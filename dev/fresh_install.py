@@ -1,4 +1,4 @@
-"""The wheels in a fresh environment, away from the sources: does a new user's first run work?
+"""Test of the wheels in a fresh environment, away from the sources: the first run of a new user.
 
 `python dev/fresh_install.py FOLDER`. FOLDER, which must not exist, gets the wheels of subsoil_ros and
 subsoil_msgs, a virtual environment with them and everything else from the package registry at the versions

@@ -1,8 +1,8 @@
 """Shipped scenes, changed at random, loaded and checked: python -m dev.fuzz_scenes [--cases N] [--seed S]
 
 Each case changes one to three places of a scene file: other values, types and names, missing, misspelt and
-repeated keys, huge and tiny numbers. It must pass, or end in one message (InputError); nothing is prepared
-or run. Hypothesis makes the smallest scene that fails and prints it.
+repeated keys, huge and tiny numbers. It must pass, or end in one message (InputError); no bed is prepared and
+nothing is run. Hypothesis reduces a failing scene to the smallest one and prints it.
 """
 
 import argparse

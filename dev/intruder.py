@@ -1,7 +1,7 @@
 """A node that does not belong to a run: python -m dev.intruder KIND [RUN_ID]
 
 KIND: foreign_run, foreign_tick, foreign_nan, foreign_tools (publishes wrenches of another run, of a wrong
-tick, that are no numbers, or of too few tools), slow (listens to everything, and stands still).
+tick, with NaN, or of too few tools), slow (subscribes to all topics, but does not process them).
 """
 
 import math

@@ -1,7 +1,7 @@
-"""Proof by another maker's viewer that a bag shows something: rerun opens it and takes a picture.
+"""Check of a bag with an independent viewer: rerun opens it and takes a picture.
 
-rerun's own MCAP importer reads the bag; its layout says what to show: soil, tools and bodies in space, and
-curves of draft, spring force, share angle, height and energy residual out of the fields of our messages. The
+rerun's own MCAP importer reads the bag; its layout contains: soil, tools and bodies in space, and
+curves of draft, spring force, share angle, height and energy residual from the fields of our messages. The
 viewer runs without a screen, on Vulkan in software (lavapipe):
 
     apt install mesa-vulkan-drivers libvulkan1          # Debian, once
@@ -9,7 +9,7 @@ viewer runs without a screen, on Vulkan in software (lavapipe):
     python -m dev.rerun_picture runs/quick --out docs/pictures/rerun.png
 
 It fails unless every view of the picture has something in it: earth-coloured pixels where the soil is, pixels
-in the colour of the line in each of the plots, and no complaint of the viewer's.
+in the colour of the line in each of the plots, and no error message of the viewer.
 """
 
 import argparse

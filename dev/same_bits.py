@@ -1,9 +1,9 @@
-"""Do two checkouts compute the same bits? `python dev/same_bits.py BASE [--scenes ...] [--modes ...]`.
+"""Comparison of two checkouts, bit for bit: `python dev/same_bits.py BASE [--scenes ...] [--modes ...]`.
 
 BASE, a folder or a git revision, is compared with the checkout that this file is in. Both run short scenes in
 direct, composed and nodes mode. Compared are the state at the last checkpoint (type, shape and bytes of each
 array), every message of the bag (declared types and values), the columns of series.csv, the values of
-summary.json and the limits derived from the scene. same_bits_names.yaml pairs what has another name in BASE;
+summary.json and the limits derived from the scene. same_bits_names.yaml lists names that differ in BASE;
 a name that only one side has is a difference. Wall times, versions, paths and digests are left out.
 
 Nodes use the messages that are compiled into their environment: where msg_defs differs, make an environment

@@ -2,7 +2,7 @@
 
     python -m dev.scene_keys
 
-One section for each part of a scene, with a table: key, value, default, unit, description. The schema has
+One section for each part of a scene, with a table: key, value, default, unit, description. The schema takes
 defaults, limits and descriptions from the typed model (subsoil_ros/loading/schema.py).
 """
 

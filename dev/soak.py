@@ -2,7 +2,7 @@
 
 Each is a `subsoil run` of three shanks on a wedge model for 20 ms, and must end with status 0. Prints a line
 for each that does not, then the count. --shm-kib gives the runs a shared memory of that size (root is needed:
-a tmpfs in a mount namespace of its own), and says first how a process fares there that only loads rclpy.
+a tmpfs in a mount namespace of its own), and first prints the result of a process that only loads rclpy.
 With FASTDDS_BUILTIN_TRANSPORTS=DEFAULT in the environment Fast DDS uses it, whether it has room or not. Exit
 status: the number of runs that failed, 100 at most.
 """

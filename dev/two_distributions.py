@@ -1,4 +1,4 @@
-"""The same run under ROS 2 Jazzy (this environment) and Kilted (one made in FOLDER): the same bits?
+"""Comparison of a run under ROS 2 Jazzy (this environment) and Kilted (one made in FOLDER), bit for bit.
 
 `python dev/two_distributions.py FOLDER [--duration-s 0.02]`. FOLDER gets a virtual environment with
 Kilted's wheels from the package registry and everything else at the versions of requirements/lock.txt, and

@@ -2,8 +2,8 @@
 
 Two network namespaces joined by a veth pair stand for the hosts; each has its own processes and its own
 shared memory too, so nothing but the network joins them. The record must be, message for message, that of a
-run without ROS. Once with discovery over the subnet, once with nothing but the peer's address.
-Exit status 0: the same; 77: cannot be made here, and why; 1: not the same.
+run without ROS. The test runs once with discovery over the subnet, once with only the peer's address.
+Exit status 0: the same; 1: not the same; 77: not possible here, with a message why.
 """
 
 import argparse
@@ -130,7 +130,7 @@ def messages(bag: Path) -> list[tuple[str, int, bytes]]:
 def main() -> int:
     """Runs it both ways; with arguments it is one of the hosts."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("host", nargs="*", help="given by itself, to the two hosts that it starts")
+    parser.add_argument("host", nargs="*", help="internal: names one of the two hosts")
     host = parser.parse_args().host
     if host:
         scene, place, *names = host

@@ -79,7 +79,7 @@ def main() -> int:
     """Exit status."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tests", action="store_true", help="also the soils of tests/soils.py")
-    parser.add_argument("--part", choices=PARTS, help="only this, in this process")
+    parser.add_argument("--part", choices=PARTS, help="only this part, in this process")
     given = parser.parse_args()
     if given.part:
         PARTS[given.part]()

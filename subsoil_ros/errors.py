@@ -8,7 +8,7 @@ class SubsoilError(Exception):
 
 
 class InputError(SubsoilError):
-    """What the user gave cannot be used: says where, what was given, what is allowed, what to do."""
+    """Input that cannot be used. The message has the place, what was given, what is allowed, what to do."""
 
     exit_status = 2
 
@@ -26,7 +26,7 @@ class PhysicsError(RunError):
 
 
 class SingularMechanismError(RunError):
-    """The mechanism stands in a position where its motion is not determined."""
+    """The mechanism is in a singular position, in which its motion is not determined."""
 
 
 class ProtocolError(RunError):

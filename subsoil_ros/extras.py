@@ -26,7 +26,7 @@ EXTRA_OF = {
 def require(what: str, *modules: str) -> None:
     """Check that optional libraries are installed, without importing them.
 
-    what: needs them, for the message, as "drawing" or "--live"; modules: keys of EXTRA_OF.
+    what: the feature that needs them, for the message, as "drawing" or "--live"; modules: keys of EXTRA_OF.
 
     Raises:
         InputError: one is missing; names the extra to install.

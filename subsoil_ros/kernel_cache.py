@@ -1,4 +1,4 @@
-"""How numba compiles and runs kernels, that it says so, and where it keeps them: outside the package."""
+"""Set-up of numba: compilation of kernels, messages about it, and their cache outside the package."""
 
 import functools
 import os
@@ -15,21 +15,21 @@ from numba.core.caching import CacheImpl
 from .source_digest import PACKAGE, kernel_digest
 
 SPIN_COUNT = "3000"
-"""Turns that GNU's OpenMP waits awake, about 0.1 ms (measured, 0 to 30,000: with it two threads on 9,000
-particles take 0.6 of the time, and more turns gain nothing)."""
+"""Turns that a thread of GNU's OpenMP spins before it sleeps, about 0.1 ms. Measured from 0 to 30,000: with
+this many, two threads on 9,000 particles take 0.6 of the time; more turns gain nothing."""
 
 
 def kernel_cache_folder() -> Path:
-    """Where compiled kernels are kept: in NUMBA_CACHE_DIR, or the user's cache folder."""
+    """Folder of the compiled kernels: NUMBA_CACHE_DIR, or a folder in the user's cache."""
     given = os.environ.get("NUMBA_CACHE_DIR")
     return Path(given) if given else user_cache_folder() / "kernels"
 
 
 class KernelLocator:
-    """Tells numba where the kernels of one source file of this package are kept, and that they still hold.
+    """Cache locator of numba for the kernels of one source file of this package; detects outdated kernels.
 
-    numba itself looks at the time of that file only: with a changed contact law, the kernel that calls it
-    from another file would go on running as it was. Here the names of the kept files hold the digest of all
+    numba itself compares the time of that file only: after a change of a contact law, it would still load the
+    old kernel of another file that calls the law. Here the names of the kept files contain the digest of all
     that the file imports.
     """
 
@@ -39,24 +39,24 @@ class KernelLocator:
 
     @classmethod
     def from_function(cls, function: object, file: str) -> "KernelLocator | None":
-        """The locator of a kernel; None: it is not of this package."""
+        """Return the locator of a kernel; None if the kernel is not of this package."""
         source = Path(file)
         return cls(source) if source.is_relative_to(PACKAGE) else None
 
     def get_cache_path(self) -> str:
-        """The folder."""
+        """Return the folder."""
         return str(self._folder)
 
     def ensure_cache_path(self) -> None:
-        """Makes the folder."""
+        """Make the folder."""
         self._folder.mkdir(parents=True, exist_ok=True)
 
     def get_source_stamp(self) -> str:
-        """What kept kernels must have been compiled from."""
+        """Return the stamp of the sources that kept kernels must match."""
         return self._digest
 
     def get_disambiguator(self) -> str:
-        """What tells the files of equally named kernels apart."""
+        """Return a text that distinguishes the files of equally named kernels."""
         return self._digest
 
 
@@ -69,8 +69,8 @@ def soil_kernels_are_kept() -> bool:
 def user_cache_folder() -> Path:
     """This package's folder among the user's own caches.
 
-    Where that cannot be written to, one in the temporary folder; if that of an earlier run is not to be
-    trusted, a fresh one, which no later run finds again.
+    Where that cannot be written, a folder in the temporary folder. If an existing one there is not safe, a
+    new one, which later runs do not find.
     """
     given = os.environ.get("XDG_CACHE_HOME")
     place = Path(given) if given else Path(os.path.expanduser("~")) / ".cache"
@@ -88,7 +88,7 @@ def _folder_of_this_process() -> Path:
 
 
 def _is_ours(place: Path) -> bool:
-    """A folder, made if need be, that this user owns and can write to: kernels are code that is run."""
+    """Whether the folder, made if missing, is owned and writable by this user: kernels are executed."""
     try:
         place.mkdir(mode=0o700, parents=True, exist_ok=True)
         return place.stat().st_uid == os.getuid() and os.access(place, os.W_OK)
@@ -97,7 +97,7 @@ def _is_ours(place: Path) -> bool:
 
 
 def set_up_numba() -> None:
-    """How numba keeps, compiles and runs the kernels; what the user's NUMBA_ variables say, stands."""
+    """Set how numba keeps, compiles and runs kernels; NUMBA_ variables of the user take precedence."""
     given = os.environ
     if not given.get("NUMBA_CACHE_LOCATOR_CLASSES"):
         numba.config.CACHE_LOCATOR_CLASSES = ",".join(
@@ -115,20 +115,20 @@ def set_up_numba() -> None:
 
 
 def _features_of_this_core() -> str:
-    """All that it has, and its widest vectors: LLVM takes half of them by default, for older cores' sake."""
+    """All features of this processor, with its widest vectors; by default LLVM uses half of their width."""
     features = get_host_cpu_features()
     features["prefer-256-bit"] = False
     return str(features.flatten())
 
 
 class CompilationListener(event.Listener):
-    """Says before the first kernel is compiled that this happens, and in `done` how long it took.
+    """Announces the compilation of the first kernel, and in `done` reports how long it took.
 
-    Kernels that come from the cache on disk are not compiled and pass in silence; so does what is still
-    compiled after `done`, which is little. Use as context manager.
+    Nothing is printed for kernels loaded from the cache on disk, nor for the few that are compiled after
+    `done`. Use as context manager.
 
     Args:
-        say: takes each line.
+        say: called with each line.
     """
 
     def __init__(self, say: Callable[[str], None]) -> None:
@@ -138,7 +138,7 @@ class CompilationListener(event.Listener):
         self._told = False
 
     def on_start(self, event: object) -> None:
-        """A kernel, or one it calls, is compiled from here."""
+        """Handle the start of the compilation of a kernel, or of one that it calls."""
         if self._compiled == 0:
             self._say(f"compiling kernels, once: kept in {kernel_cache_folder()}")
         if self._depth == 0:
@@ -147,13 +147,13 @@ class CompilationListener(event.Listener):
         self._compiled += 1
 
     def on_end(self, event: object) -> None:
-        """To here."""
+        """Handle the end of that compilation."""
         self._depth -= 1
         if self._depth == 0:
             self._seconds += time.monotonic() - self._since
 
     def done(self) -> None:
-        """Says how long it took; once, and nothing if nothing was compiled."""
+        """Report the time of compilation, once; nothing if nothing was compiled."""
         if self._compiled and not self._told:
             self._told = True
             self._say(f"compiled {self._compiled} kernels in {self._seconds:.0f} s")

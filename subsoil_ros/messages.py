@@ -1,7 +1,7 @@
-"""What the parts of a run tell each other: one frozen record per message of subsoil_msgs.
+"""Records that the parts of a run exchange: one frozen record per message of subsoil_msgs.
 
-The direct run hands these objects over; the nodes copy their fields into ROS messages and back
-(ros/transport/convert.py), and so the ways of running cannot differ. Floats are float64. World axes
+The direct run passes these objects on; the nodes copy their fields into ROS messages and back
+(ros/transport/convert.py), so all modes exchange the same values. Floats are float64. World axes
 (x forward, y left, z up); planar angles (`angle_rad`) are counter-clockwise seen with x
 right and z up, rotations about -y. A wrench acts on the body, about its centre of mass.
 """
@@ -15,7 +15,7 @@ from .rotations import Quaternion, Vector, is_unit, planar_quaternion, rotation_
 
 
 class Command(IntEnum):
-    """What a Grant asks for. Values stand in Grant.msg."""
+    """Command of a Grant. Values as in Grant.msg."""
 
     RUN = 0
     END = 1
@@ -24,7 +24,7 @@ class Command(IntEnum):
 
 
 class NodeState(IntEnum):
-    """Where a node is in its life. Values stand in NodeStatus.msg."""
+    """State of a node. Values as in NodeStatus.msg."""
 
     STARTING = 0
     READY = 1
@@ -38,7 +38,7 @@ class NodeState(IntEnum):
 class ToolMotion:
     """Pose and twist of a tool's body at its centre of mass, at the end of a tick; in the plane of travel.
 
-    What moves in the plane only reads the angle; the quaternion is for others.
+    Readers of planar motion use the angle, readers of motion in space the quaternion.
     """
 
     tool: str
@@ -75,8 +75,8 @@ class ToolMotion:
 class SpatialMotion(ToolMotion):
     """Motion of a tool in six degrees of freedom.
 
-    `angle_rad` is NaN, in messages too: by it a reader tells the kinds apart, and what takes it for a planar
-    angle gets no number. `angular_velocity_rad_per_s` is minus the angular velocity about y.
+    `angle_rad` is NaN, in messages too: it distinguishes this kind from planar motion, and code that takes it
+    for a planar angle gets NaN. `angular_velocity_rad_per_s` is minus the angular velocity about y.
     """
 
     velocity_y_m_per_s: float
@@ -190,7 +190,7 @@ class ToolWrenches:
 
 @dataclass(frozen=True, slots=True)
 class LostParticle:
-    """A particle that left the domain: where it was seen first, world axes."""
+    """A particle that left the domain, and the position where this was first detected, world axes."""
 
     identity: int
     x_m: float
@@ -237,7 +237,7 @@ class BodyState:
 
 @dataclass(frozen=True, slots=True)
 class JointReaction:
-    """What a joint puts on its second body (body_b), at the joint point, world axes.
+    """Force and moment of a joint on its second body (body_b), at the joint point, world axes.
 
     For a driver it is the driver's force (or moment) on the driven body.
     """
@@ -251,7 +251,7 @@ class JointReaction:
 
 @dataclass(frozen=True, slots=True)
 class ForceState:
-    """What a force element measures and what it answers with; the units depend on its kind.
+    """Coordinate, rate and load of a force element; the units depend on its kind.
 
     In m, m/s and N: spring_damper (length, rate, axial force, compression positive), wheel_contact
     (penetration, rate, normal force), coordinate_spring on x or z, and JOINT.friction and JOINT.stops of a
@@ -282,8 +282,8 @@ class MechanismState:
     external_work_joule: float  # by the soil's wrenches and prescribed loads, since the start
     position_residual_m: float  # largest violation of a position constraint
     velocity_residual_m_per_s: float
-    energy_residual_joule: float  # energy that appeared since the start, by errors of the steps
-    part_count: int  # parts of steps, since the start, that mechanism.tolerance asked for
+    energy_residual_joule: float  # energy gained by integration errors since the start
+    part_count: int  # parts of steps since the start, taken to meet mechanism.tolerance
     bodies: tuple[BodyState, ...] = ()
     joints: tuple[JointReaction, ...] = ()
     forces: tuple[ForceState, ...] = ()
@@ -334,7 +334,7 @@ class TickAck:
 
 @dataclass(frozen=True, slots=True)
 class NodeStatus:
-    """Who a node is, what it runs and how it is; sent at the start and as heartbeat."""
+    """Identity, run and state of a node; sent at the start and as heartbeat."""
 
     run_id: str
     node: str
@@ -342,7 +342,7 @@ class NodeStatus:
     scene_hash: str  # resolved scene with mesh and bed bytes
     package_version: str
     message_hashes: tuple[str, ...]  # "Grant RIHS01_..." of every message of subsoil_msgs
-    capabilities: tuple[str, ...]  # parts of the protocol that not every node needs to have
+    capabilities: tuple[str, ...]  # optional parts of the protocol that the node supports
     process_id: int
     tick: int  # last tick this node has finished
     message: str = ""  # the fault, in one line

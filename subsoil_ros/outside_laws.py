@@ -28,7 +28,7 @@ def outside_laws() -> dict[str, EntryPoint]:
 def law_sources(kind: str) -> dict[str, Path]:
     """Python files of the package that law `kind` comes in, by their name in it; none if it cannot be found.
 
-    The whole package counts, whatever the law's kernels use of it.
+    All files of the package count, whether the law's kernels use them or not.
     """
     package = outside_laws()[kind].module.partition(".")[0]
     try:

@@ -13,8 +13,8 @@ Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
 UNIT_TOLERANCE = 1e-6
-"""How far the squared norm of a unit quaternion may be from 1: above the round-off of float32, in which other
-programs may compute, and too little to scale a tool visibly."""
+"""Tolerance of the squared norm of a unit quaternion: above the round-off of float32, in which other programs
+may compute, and too small to scale a tool noticeably."""
 
 
 def planar_quaternion(angle_rad: float) -> Quaternion:
@@ -64,7 +64,7 @@ def matrix_of(quaternion: Quaternion) -> tuple[float, ...]:
 
 
 def turned(quaternion: Quaternion, vector: Vector) -> Vector:
-    """A vector of the turned axes in world axes."""
+    """Vector in world axes, given in the turned axes."""
     m, (x, y, z) = matrix_of(quaternion), vector
     return (
         m[0] * x + m[1] * y + m[2] * z,
@@ -95,11 +95,11 @@ class LevelAxes(NamedTuple):
     roll_rad: float  # of the y axis above the level
 
     def of(self, vector: Vector) -> Vector:
-        """A vector of the world in these axes."""
+        """Vector in these axes, given in world axes."""
         return dot(self.forward, vector), dot(self.left, vector), dot(self.up, vector)
 
     def world(self, vector: Vector) -> Vector:
-        """A vector of these axes in the world."""
+        """Vector in world axes, given in these axes."""
         x, y, z = vector
         f, s, u = self.forward, self.left, self.up
         return (

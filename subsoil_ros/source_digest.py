@@ -1,6 +1,6 @@
-"""Digests of the package's sources: which compiled kernels, prepared beds and kept results still hold.
+"""Digests of the package's sources: they decide which kernels, beds and results in a cache are still valid.
 
-They are taken over the syntax trees without docstrings: a comment, a docstring, a line break outdate nothing.
+They are taken over the syntax trees without docstrings: comments, docstrings and line breaks do not count.
 """
 
 import ast
@@ -15,7 +15,7 @@ from .outside_laws import law_sources, outside_laws
 PACKAGE = Path(__file__).parent
 
 RESULT_LIBRARIES = ("numba", "numpy", "scipy")
-"""Their versions count as sources of a result."""
+"""Libraries whose versions are part of the digest of results."""
 
 WITHOUT_RESULTS = ("cli", "ros", "figures", "dem/bench")
 """Folders that no recorded number depends on."""

@@ -9,7 +9,7 @@ SMALLEST, LARGEST = 1e-30, 1e30
 
 
 def _within_reach(value: float) -> float:
-    """The value itself; ValueError for one that computing with it would take out of float64."""
+    """Return the value; raise ValueError where results computed from it could leave the range of float64."""
     if value != 0.0 and not SMALLEST <= abs(value) <= LARGEST:
         raise ValueError(
             f"given {value:g}; it must be 0 or a magnitude from {SMALLEST:g} to {LARGEST:g}; what is "

@@ -2,7 +2,7 @@
 
 NANOSECONDS_PER_SECOND = 1_000_000_000
 LONGEST_S = 2**31 - 1
-"""Of simulated time: stamps of messages count seconds in 32 bits."""
+"""Longest simulated time: stamps of messages count seconds in 32 bits."""
 
 INITIAL_TICK = -1
 """Tick of the initial state: its end time is 0."""
@@ -32,7 +32,7 @@ def tick_count(duration_s: float, communication_step_ns: int) -> int:
 def is_early_end(tick: int, check_ticks: int) -> bool:
     """Whether a run may end with `tick` before its last one; `check_ticks` 0: never.
 
-    The tick before it is a check tick, at whose end that is decided.
+    This is decided at the end of the tick before it, a check tick.
     """
     return check_ticks > 0 and tick > 0 and (tick + 1) % check_ticks == 0
 

@@ -1,4 +1,4 @@
-"""A scene as a plain YAML document: reading, merging, removing. Knows no keys of the scene itself."""
+"""A scene as a plain YAML document: reading, merging, removing; independent of the keys of a scene."""
 
 import difflib
 import math
@@ -22,7 +22,7 @@ _PLAIN = ("tag:yaml.org,2002:str", "tag:yaml.org,2002:merge")
 
 
 class _Composer(Composer):
-    """Refuses repeated keys, and keys that are not text."""
+    """Composer that refuses repeated keys, and keys that are not text."""
 
     def compose_mapping_node(self, anchor: str | None) -> MappingNode:
         node: MappingNode = super().compose_mapping_node(anchor)
@@ -41,14 +41,14 @@ class _Composer(Composer):
 
 
 class _Constructor(SafeConstructor):
-    """Reads dates as text."""
+    """Constructor that reads dates as text."""
 
 
 _Constructor.add_constructor("tag:yaml.org,2002:timestamp", SafeConstructor.construct_yaml_str)
 
 
 def _yaml() -> YAML:
-    """YAML 1.2."""
+    """Reader and writer of YAML 1.2."""
     yaml = YAML(typ="safe", pure=True)
     yaml.Composer, yaml.Constructor = _Composer, _Constructor
     yaml.default_flow_style = False
@@ -91,7 +91,7 @@ def parse_yaml(text: str | bytes, source: str) -> Any:
 
 
 def plain_value(value: object, source: str) -> object:
-    """A copy of a value as YAML would give it. Raises SceneError for what YAML cannot say, as parse_yaml."""
+    """Copy of a value as YAML would load it. Raises SceneError for what YAML cannot hold, as parse_yaml."""
     try:
         stream = StringIO()
         _yaml().dump(value, stream)

@@ -1,4 +1,4 @@
-"""S13 to S15: how many particles, how long, how fast."""
+"""S13 to S15: extremes of the number of particles, the duration and the speed."""
 
 import resource
 

@@ -3,7 +3,7 @@
     python -m validation.disc [--angles-deg 15 25 35 45 60 -45] [--tilts-deg 0 15 30] [--radius-mm 10]
         [--metres 1.5] [--processes 2]
 
-A disc as in examples/tilted_disc is drawn DEPTH_M deep through a field of dry_sand (a soil.window with
+A disc as in examples/tilted_disc is pulled DEPTH_M deep through a field of dry_sand (a soil.window with
 held sides) and turned by the soil. The disc angle is that between the disc and its travel, seen from above;
 positive, the soil pushes the disc to the left (+y). The tilt leans the face that pushes soil back from the
 upright; of a negative disc angle everything is the mirror image. Means are over the travel from FIRST_M on,
@@ -15,8 +15,8 @@ with 95 % intervals. Trends:
 - the disc angle of least draft: about 45 degrees for plough discs (E.D. Gordon, Agric. Eng. 22 (1941)
   205-208, as R.A. Kepner, R. Bainer, E.L. Barger, Principles of Farm Machinery, 3rd ed. 1978, report it), but
   a small one for a disc harrow (H.P. Harrison, Trans. ASAE 20 (1977) 836-838: largest draft at 35 degrees,
-  and per width of cut at 45). These discs are concave and the sources disagree, so the command names the
-  angle and judges nothing.
+  and per width of cut at 45). These discs are concave and the sources disagree, so the command prints
+  the angle without a verdict.
 
 Exit status 1 where a trend is contradicted.
 """

@@ -1,4 +1,4 @@
-"""A rigid tine pulled through a field of loam: whether it is one field, all along, at one cost per metre.
+"""A rigid tine pulled through a field of loam: soil and cost per metre must be the same along the field.
 
     python -m validation.field pull FILE.csv [--metres M] [--radius-mm R] [--seed N] [--speed V] [--sides S]
                                              [--width W] [--ends FACTOR] [--bin LENGTH]
@@ -15,9 +15,9 @@ time per metre and memory of the process, less the places kept for the section, 
 status 1 where one is not within TREND, CORRELATION, COST or MEMORY. A folder of `subsoil run` may stand for a
 file; cost is then left out.
 `echo` kicks the soil below a tool at rest, in the usual window and in one twice as long, and prints how far
-the two differ near the kick: what the nearer ends send back.
+the two differ near the kick: the waves that the nearer ends reflect.
 `coverage` cuts STRETCHES of each length from such pulls and counts how many 95 % intervals of a stretch's
-mean draft hold the mean of the whole pull: 90 to 98 % should; likewise of pulls that stop once they know it.
+mean draft hold the mean of the whole pull: 90 to 98 % should; likewise of pulls that stop at a known mean.
 """
 
 import argparse
@@ -329,7 +329,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m validation.field", description=main.__doc__)
     parser.add_argument("part", choices=["pull", "table", "coverage", "echo"])
     parser.add_argument("files", type=Path, nargs="*", metavar="FILE.csv")
-    parser.add_argument("--metres", type=float, nargs="+", help="to pull (12), or of stretches (3 5 10)")
+    parser.add_argument("--metres", type=float, nargs="+", help="to pull [m] (12), or of stretches (3 5 10)")
     for name, usual in (("radius-mm", 15.0), ("speed", SPEED_M_PER_S), ("width", 0.6), ("ends", 1.0)):
         parser.add_argument(f"--{name}", type=float, default=usual)
     parser.add_argument("--seed", type=int, default=1)

@@ -3,7 +3,7 @@
     python -m validation.four_bars [--json FILE]
 
 N windows of rods of 1 m and 1 kg, the upper left corner at 1 m/s: ten times in 10 s they lie flat, where N
-freedoms are added to the one that they have. The benchmark asks for 0.1 J, and for 1e-3 J of high precision.
+freedoms are added to the one that they have. The benchmark requires 0.1 J, and 1e-3 J for high precision.
 The table is Markdown; it is that of docs/decisions/0002-mechanism-integrator.md.
 """
 

@@ -5,7 +5,7 @@
     python -m validation.graded pull uniform.csv --coarse 0
     python -m validation.graded table uniform.csv graded.csv
 
-`bed` asks for a solid fraction within 2 % of the soil's in slices one coarse diameter thick across both
+`bed` requires a solid fraction within 2 % of the soil's in slices one coarse diameter thick across both
 interfaces, and prints how far the soil sinks by itself. `pull` drives the tine; then, of particles within
 two coarse diameters of an interface, how much farther the small ones moved out of the core than the large
 ones beside them, where the tine broke the soil and where it did not. `table` compares pulls over the same

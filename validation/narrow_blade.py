@@ -14,10 +14,10 @@ Exit status 1 where, of blades without a nose,
 - it grows with depth by an exponent further than EXPONENT from both of theirs;
 - the loosened surface is wider or narrower than Godwin and O'Dogherty's crescents by more than WIDTH_PART;
 - the vertical force has another sign than theirs;
-- it grows with speed by something else than the term of inertia, more than the interval tells.
+- its growth with speed differs from the term of inertia by more than the interval.
 
-Theory at the critical strength, where soil is that was sheared far, is printed beside: with McKyes and Ali it
-is reported only.
+Theory at the critical strength, that of soil after large shear, is printed beside it; like the formula of
+McKyes and Ali, it is reported only.
 """
 
 import argparse
@@ -52,10 +52,11 @@ ACCEPTED, EXPONENT, WIDTH_PART = 0.40, 0.25, 0.30
 Res. 48 (1998) 239-253)."""
 
 RELIEF_M = 0.03
-"""Thickness of the blade at its top; at its tip it is sharp, and nothing of it is below (chosen)."""
+"""Thickness of the blade at its top, more than a diameter of the default particles. At its tip it is sharp,
+and no part of it is below the tip."""
 
 FIRST, DEPTHS, BEHIND = 1.5, 6.0, 2.0
-"""Over the depth: travel from which on means count, the first crescent being whole (chosen), and up to which;
+"""Over the depth: travel from which on means count, when the first crescent is complete, and up to which;
 and how far behind the tip the surface has come to rest."""
 
 BEHIND_M, ROW_M, CLOUD_M = 0.03, 0.005, 0.1
@@ -63,7 +64,7 @@ BEHIND_M, ROW_M, CLOUD_M = 0.03, 0.005, 0.1
 looks at where particles are (less than a window)."""
 
 BELOW = 0.5
-"""Soil below the tip over its depth (chosen)."""
+"""Soil below the tip over its depth; with less, the floor is nearer to the tip."""
 
 ROOM, AHEAD_M = 1.4, 2.0
 """Width of the field over that of the crescents (wider ones than WIDTH_PART allows are seen); field beyond

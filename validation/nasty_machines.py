@@ -1,4 +1,4 @@
-"""M8 to M13: machines at the usual step that fixed steps get wrong, and machines that are given wrong."""
+"""M8 to M13: machines that fixed steps of the usual size compute wrongly, and machines with wrong input."""
 
 import copy
 import math

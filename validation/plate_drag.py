@@ -7,7 +7,7 @@
 The experiment of N. Gravish, P. Umbanhowar, D. Goldman, Phys. Rev. Lett. 105 (2010) 128301: an upright plate
 dragged through dry beads of 0.3 mm, 38 mm wide and 70 mm deep, 230 grains. Without cohesion, at low speed and
 for grains small against the plate, its depth d is the only length and (density) g d^2 the only force by
-width. Few particles make a noisy drag: on a plate of 8 by 4 grains each counts. So the plate here is a
+width. The drag of few particles is noisy: on a plate of 8 by 4 grains, each matters. So the plate here is a
 slice of an endless one, as wide as its field is periodic, and its top is level with the soil, so that what it
 heaps up flows over it and the drag is steady. Soil: dry_sand in a bed of each solid fraction.
 

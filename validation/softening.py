@@ -1,4 +1,4 @@
-"""Direct shear of soil whose particles attract each other, and of bonded soil: what strength is left.
+"""Direct shear of soil whose particles attract each other, and of bonded soil: the residual strength.
 
     python -m validation.softening [--soils loam loam_bonded] [--normal-kpa 5 10 20] [--json FILE]
 

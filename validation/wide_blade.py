@@ -41,7 +41,7 @@ DEPTH_M = 0.15
 
 BED: Document = {"length_m": 0.75, "width_m": 0.15, "depth_m": 0.25, "sides": "periodic"}
 SPEED_M_PER_S = 0.05
-"""Inertial number 0.007 at half the depth, in a band of ten diameters: slow enough (chosen)."""
+"""Inertial number 0.007 at half the depth, in a band of ten diameters: quasi-static."""
 
 FIRST_M, LAST_M = 0.05 * DEPTH_M, 0.2 * DEPTH_M
 """Of travel: from where the wedge slides."""
@@ -49,7 +49,7 @@ FIRST_M, LAST_M = 0.05 * DEPTH_M, 0.2 * DEPTH_M
 LARGEST_OVER_M = 0.002
 """Travel over which a draft is averaged before its largest is taken (chosen: a seventh of a diameter)."""
 
-THICKNESS_M = 0.02  # of the blade, more than a diameter: no particle comes behind it (chosen)
+THICKNESS_M = 0.02  # of the blade, more than a diameter: no particle comes behind it
 
 ACCEPTED = 0.15
 """Part by which the largest draft may differ from theory (asked of the soil)."""

@@ -3,8 +3,8 @@
     python -m benchmarks.peers.compare [--quick] [--json]
 
 Same positions and velocities, same law (`linear` of `subsoil bench soil`), same steps, one core. The codes
-take turns, so that a load on the machine meets all of them; medians are compared. The kinetic energy left at
-the end tells whether they computed the same.
+run by turns, so that other load affects all of them; medians are compared. The kinetic energy left at the end
+shows whether they computed the same.
 """
 
 import argparse
@@ -80,7 +80,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--json", action="store_true", help="print one JSON list instead of a table")
-    parser.add_argument("--quick", action="store_true", help="one short run each, to see that it works")
+    parser.add_argument("--quick", action="store_true", help="one short run each, as a check that it works")
     parser.add_argument("--repeats", type=int, default=5, metavar="N", help="runs of each code (default 5)")
     args = parser.parse_args()
     for peer in PEERS:

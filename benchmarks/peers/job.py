@@ -1,4 +1,4 @@
-"""One simulation as every code gets it, and what comes back."""
+"""Input of one simulation, the same for every code, and its result."""
 
 import os
 import re

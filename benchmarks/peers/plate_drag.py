@@ -2,8 +2,9 @@
 
     python -m benchmarks.peers.plate_drag [--seeds N] [--json]
 
-Both codes get the same particles, law, plate (an STL file) and step. Single particles part ways after some
-contacts, so only means are compared: that over the steady part of the path, and their scatter over seeds.
+Both codes get the same particles, law, plate (an STL file) and step. Trajectories of single particles diverge
+after some contacts, so only means over the steady part of the path are compared, with their scatter over
+seeds.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""The engine of this project, with the job of a peer."""
+"""The engine of this project, run with the job of the peers."""
 
 import dataclasses
 import time

@@ -1,6 +1,6 @@
 """Yade (Debian package `yade`): ViscElMat, linear springs and dashpot with tangential history and Coulomb.
 
-It runs without rolling friction, and so has less to do: its law has no rolling spring, and its torque
+It runs without rolling friction, and so computes less: its law has no rolling spring, and its torque
 against the spin is unstable at these steps. Run inside Yade's interpreter, this file steps one job.
 """
 

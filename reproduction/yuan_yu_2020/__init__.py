@@ -1,4 +1,4 @@
-"""What is only about one paper: Yuan & Yu (2020), a self-excited vibrating subsoiler."""
+"""Reproduction of one paper: Yuan & Yu (2020), a self-excited vibrating subsoiler."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The paper's printed results beside a run: window and rest, both readings, and what cannot hold.
+"""The paper's printed results beside a run: window and rest, both readings, and contradictions.
 
     python -m reproduction.yuan_yu_2020.compare RUN
 

@@ -1,8 +1,8 @@
 """The paper's printed results beside a run: one row each, inside and outside of the metrics window.
 
 Extremes and peak to peak are those of the 10 ms moving mean, cycle means the mean over the window; raw
-extremes stand beside. A row agrees if ours is within 25 % of the printed value (the project's target). What
-has a sign or a zero that the paper leaves open is given under both readings, and judged by neither.
+extremes stand beside. A row agrees if ours is within 25 % of the printed value (the project's target). Values
+whose sign or zero the paper leaves open are given under both readings, and not judged.
 """
 
 import itertools

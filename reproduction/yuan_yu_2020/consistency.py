@@ -1,8 +1,8 @@
-"""What of the paper's numbers cannot hold at once, by statics, inertia and energy of the scene's own levers.
+"""Contradictions between the paper's numbers, by statics, inertia and energy with the levers of the scene.
 
-A shank at rest has the moments of soil and spring in balance. One that the soil lets go at once swings at its
-own frequency, and its inertia then takes up to stiffness times half the range of the swing: half the printed
-range of the spring force, to which the declared stiffness was fitted.
+In a shank at rest, the moments of soil and spring balance. A shank that the soil suddenly releases oscillates
+at its natural frequency, and its inertia force is then up to stiffness times half the range of the swing:
+half the printed range of the spring force, to which the declared stiffness was fitted.
 """
 
 import math

@@ -2,7 +2,7 @@
 
     python -m reproduction.yuan_yu_2020.cycle [--out DIR] [--results DIR]
 
-Reads finished runs, starts none. Leaves in --results (results/cycle beside this file):
+Reads finished runs, starts none. Writes to --results (results/cycle beside this file):
 
 cases.csv       one row for each run: draft, swing, cycles, spectrum, residual, overlap
 cases.md        the same for reading; intervals are of 95 %
@@ -284,7 +284,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--out", type=Path, default=Path("runs/cycle"), help="where the runs are")
+    parser.add_argument("--out", type=Path, default=Path("runs/cycle"), help="folder of the runs")
     parser.add_argument("--results", type=Path, default=RESULTS / "cycle")
     args = parser.parse_args()
     runs, ten_metres = [], {}

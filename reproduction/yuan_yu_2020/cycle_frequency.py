@@ -1,7 +1,7 @@
-"""Is the swing of the sprung shank the linear response to the failures that the locked tool meets?
+"""Test whether the swing of the sprung shank is a linear response to the failures that the locked tool meets.
 
-The moment of the soil on the locked tool is passed through the linear shank, over time and over the travel
-of the tip, and the spring force compared with that of the sprung machine.
+The moment of the soil on the locked tool is applied to the linear shank, over time and over the travel of the
+tip, and the spring force is compared with that of the sprung machine.
 """
 
 import itertools

@@ -23,7 +23,7 @@ QUANTILES = (0.01, 0.99)
 
 BEGIN_M, LEAST_M = 0.5, 1e-6
 """Travel of the trolley from which on a run counts, the same in all cases: the tip three depths inside the
-field (chosen); and travel of the tip from row to row, at least, where values are laid over it."""
+field; and travel of the tip from row to row, at least, where values are laid over it."""
 
 SPRING, ANGLE = "spring.H9_spring.force_newton", "body.shank.angle_rad"
 

@@ -1,4 +1,4 @@
-"""Which spring saves draft, and does what it saves come from vibration?
+"""Study of springs that save draft, and of whether vibration causes the saving.
 
     python -m reproduction.yuan_yu_2020.design_study \
         [--stage springs depth angles exchange particles] [--out DIR]
@@ -8,12 +8,12 @@ On the wedge model (seconds a run), with `subsoil sweep` where it can, three see
 springs   stiffness, preload (as the spring's length without force) and damping, every combination, against
           the shank locked in its nominal place
 depth     depth and speed of the declared machine, against the same
-angles    the shank locked at other angles: what a share draws that does not move on its spring
+angles    the shank locked at other angles: the draft of a share that does not move on its spring
 exchange  the declared and the recommended spring with shorter and longer exchange, against the shank locked
-          at their own mean angles: what is saved counts only if it stays
-particles the same question of 5,600 particles of r = 25 mm (draft_saving.py), with shorter steps
-          and longer exchange; the spring so long that the share works upright: pushed back, it has the grid
-          go over into a denser state at some time, and beds differ by a third
+          at their own mean angles: a saving counts only if it persists
+particles the same comparison with 5,600 particles of r = 25 mm (draft_saving.py), with shorter steps
+          and longer exchange. The spring is so long that the share works upright: pushed back, it makes the
+          grid change into a denser state at some time, and beds differ by a third
 
 A spring also sets the angle at which the share works, and that alone changes the draft. design_study.png and
 springs_at_own_angle.csv therefore compare every spring with the locked shank at its own mean angle, seed by

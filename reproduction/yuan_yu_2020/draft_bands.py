@@ -4,8 +4,8 @@
         [--out DIR] [--radius M] [--threads N] [--set key=value ...]
 
 Runs share and blade of the 1S-300 on a path through a bed of the paper's soil (radius 20 mm with the law
-scaled unless said), draws the curves beside the formulas, and writes CSV, JSON and Markdown. The formulas
-are not fitted, and their strength is that of the bed's own shear tests (soil_tests.md).
+scaled by default), draws the curves beside the formulas, and writes CSV, JSON and Markdown. The formulas
+are not fitted; their strength is that of the bed's own shear tests (soil_tests.md).
 """
 
 import argparse
@@ -29,7 +29,7 @@ DEPTHS_M = (0.12, 0.18, 0.24, 0.30)
 SPEEDS_M_PER_S = (0.5, 1.0, 1.5)
 MIDDLE_DEPTH_M, MIDDLE_SPEED = 0.18, 0.5
 BIN_M = (1.6, 0.72, 0.4)
-"""Twelve shares wide (chosen)."""
+"""Twelve shares wide, as COARSE_BIN_M of fit_machine.py: bins half as wide add 20 % to the draft."""
 
 TIP_M = (0.12, -0.30)
 """Of the meshes."""

@@ -1,12 +1,12 @@
-"""How much draft a sprung shank saves: the control that the paper lacks.
+"""Draft saved by a sprung shank: the control that the paper lacks.
 
     python -m reproduction.yuan_yu_2020.draft_saving \
         [SCENE] [--out DIR] [--most-seeds N] [--threads N] [--set key=value ...]
 
 On each bed (seeds 0, 1, ... of the grid's jitter, or of a random bed) three machines run: sprung; locked at
 the nominal angle, that of the reference pose; and locked at the mean angle that the sprung one had on this
-bed. Only the last isolates vibration: its share stands as the sprung one does in the mean. Start, slot and
-bed are the same. Drafts are means over the metrics window; differences are taken bed by bed, with Student's
+bed. Only the last isolates vibration: its share has the mean angle of the sprung one. Start, slot and bed are
+the same. Drafts are means over the metrics window; differences are taken bed by bed, with Student's
 interval, until its half-width is below 2 % of the control's mean draft, or the seeds are used up: then the
 difference is not resolved.
 

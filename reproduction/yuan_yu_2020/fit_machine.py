@@ -6,12 +6,12 @@ statics   spring and its lever in closed form, held against their ranges; no run
 wedge     depth, damping and start on the wedge model; seconds a run
 coarse    depth, friction limit and start with larger particles and wheels on plain ground; minutes a run
 full      the best of the coarse stage in the paper's bin, bag, tables and figures kept; half an hour on
-          two cores: only when asked for by name
+          two cores: only if named by --stage
 
 Ranges and reasons: fit_ranges.yaml. A run scores how many of the printed values it holds
 within 25 %, and the root mean square of ln(ours / printed), sign changes counted as a factor of ten. Whole
-run and metrics window count alike: the paper does not say which of its ranges are which. Finished runs are
-kept.
+run and metrics window have equal weight: the paper does not state to which of them its ranges refer. Finished
+runs are kept.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Whether soil feeds the swing of the shank or damps it: a sine swings the shank, and the soil's work counts.
+"""Work of the soil on a shank driven by a sine: positive where soil excites the swing.
 
     python -m reproduction.yuan_yu_2020.forced_swing [SCENE] [--out DIR] [--frequencies-hz 1.5 3 4.5 7]
         [--amplitudes-rad 0.02 0.05] [--seeds 1] [--workers N] [--set KEY=VALUE ...]
@@ -9,9 +9,9 @@ hinge and the rate w of the swing, over whole periods after BEGIN_M of travel of
 
     power P = <(M - <M>) w>,   the soil as a damper C = -P / <w w>
 
-A swing grows by itself where the soil feeds it with more than the shank's own spring damps, C < -C_spring:
-self-excitation. Elsewhere what swings the shank is the failing of the soil: the shank is forced. Intervals
-are 95 %.
+A swing grows by itself where the soil delivers more power than the shank's own damper dissipates,
+C < -C_spring: self-excitation. Otherwise the failures of the soil force the shank to swing. Intervals are
+95 %.
 """
 
 import argparse

@@ -1,6 +1,7 @@
 """The same machine in another form: shank locked, set to another depth, on plain ground, in coarser soil.
 
-Each takes a resolved scene and gives the document of another, to be written as a scene file. Nothing is run.
+Each function takes a resolved scene and returns the document of another, to be written as a scene file.
+Nothing is run.
 """
 
 import copy

@@ -1,4 +1,4 @@
-"""What Yuan & Yu (2020) print of their run, section 4: the values of config/references/yuan_yu_2020.yaml."""
+"""Printed results of Yuan & Yu (2020), section 4: the values of config/references/yuan_yu_2020.yaml."""
 
 from subsoil_ros.loading.reference import read_reference
 

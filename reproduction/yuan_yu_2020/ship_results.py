@@ -1,11 +1,12 @@
-"""Puts the tables of a run into results/: how it compares with the paper, and where that comes from.
+"""Copies the tables of a run into results/: its comparison with the paper, and its provenance.
 
     python -m reproduction.yuan_yu_2020.ship_results RUN NAME --command "subsoil run ..." \
         [--figure NAME.png ...]
 
 RUN is a folder that `subsoil run` made and `compare` finished. Left in results/NAME: reproduction.csv, .md,
 provenance.json (command, commit, scene hash, window, wall time), and the figures that a page shows, with 256
-colours and at most 1200 pixels wide. Neither bag nor series: they are large, and the command makes them anew.
+colours and at most 1200 pixels wide. Bag and series are not copied: they are large, and the command makes
+them again.
 """
 
 import argparse
@@ -67,8 +68,8 @@ def main() -> None:
     )
     parser.add_argument("run", type=Path)
     parser.add_argument("name")
-    parser.add_argument("--command", required=True, help="that made the run, as text")
-    parser.add_argument("--figure", nargs="+", default=[], metavar="NAME.png", help="that a page shows")
+    parser.add_argument("--command", required=True, help="command that made the run, as text")
+    parser.add_argument("--figure", nargs="+", default=[], metavar="NAME.png", help="figures for pages")
     args = parser.parse_args()
     print(ship(args.run, args.name, args.command, args.figure))
 

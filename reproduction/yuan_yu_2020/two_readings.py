@@ -1,13 +1,13 @@
-"""Steady self-excited cycle, or entry, drift and end of the bin? The paper's ranges, read both ways.
+"""The paper's ranges under two readings: a steady self-excited cycle, or entry, drift and end of the bin.
 
     python -m reproduction.yuan_yu_2020.two_readings \
         [--out DIR] [--case NAME ...] [--coarse RADIUS_M] [--threads N] [--list]
 
 Runs the machine over a matrix of starts, depths, beds and friction limits, long enough for 6 s of steady
-work, and judges each case: is the draft steady (drift test), does it repeat itself and how slowly, how far do
-spring, angle and height range inside the window and outside, where is the draft negative. `--coarse 0.02`:
-particles of that radius in a narrow bin, wheels on plain ground; minutes a case. Without it every case takes
-days. Finished runs are kept.
+work, and judges each case: whether the draft is steady (drift test), whether it is periodic and with which
+period, the ranges of spring, angle and height inside the window and outside, and where the draft is negative.
+`--coarse 0.02`: particles of that radius in a narrow bin, wheels on plain ground; minutes a case. Without it
+every case takes days. Finished runs are kept.
 """
 
 import argparse
@@ -52,7 +52,7 @@ REGULAR = 0.5
 records of red noise with correlation times of 0.01 to 0.2 s had up to 0.5)."""
 
 RANGE_PART = 0.5
-"""Of a printed range that counts as being the paper's (chosen)."""
+"""Part of a printed range from which a swing counts as the paper's; a smaller one counts as quiet."""
 
 SPRING, ANGLE, HEIGHT = "spring.H9_spring.force_newton", "body.shank.angle_rad", "body.shank.z_m"
 

@@ -3,8 +3,8 @@
     weight = soil on shares + wheels + hitch + tethers + loads + inertia + rest
 
 hitch: joints and drivers between a body and the ground; tethers: springs there; loads: prescribed forces;
-inertia: minus the sum of mass times acceleration. The machine of a row moves under the soil's answer to the
-tick before, so rest is by how much the soil's force has changed over one tick; without soil it is round-off.
+inertia: minus the sum of mass times acceleration. The machine of a row moves under the soil's wrenches
+of the tick before, so rest is the change of the soil's force over one tick; without soil it is round-off.
 """
 
 from collections import defaultdict
@@ -31,7 +31,7 @@ Values = NDArray[np.float64]
 
 
 def vertical_parts(series: Series, resolved: ResolvedScene) -> dict[str, Values]:
-    """Parts by name, each (n,) [N]; empty without a mechanism: then a path holds the tools."""
+    """Return the parts by name, each (n,) [N]; empty without a mechanism: paths then hold the tools."""
     scene, mechanism = resolved.scene, resolved.scene.mechanism
     if mechanism is None:
         return {}
@@ -77,14 +77,14 @@ def _of_joint(series: Series, mechanism: Mechanism, name: str, joint: Joint) -> 
 def _of_force(
     series: Series, mechanism: Mechanism, name: str, force: Force, half_step_s: float
 ) -> tuple[str, Values] | None:
-    """The part that a force element belongs to, and its force; None if it is inside, or not vertical."""
+    """The part that a force element belongs to, and its force; None for internal or non-vertical forces."""
     if isinstance(force, WheelContact):
         return "wheels", series[f"wheel_contact.{name}.force_newton"]
     if isinstance(force, PointLoad):
         if force.force_z_newton is None:
             return None
         functions, _ = tabulate([force.force_z_newton])
-        # at a jump the value before it, as the state at the end of a step has it
+        # at a jump of a load the value before it, which is the one in the state at the end of a step
         times = [
             (float(time), time + (half_step_s if time == 0.0 else -half_step_s)) for time in series["time_s"]
         ]

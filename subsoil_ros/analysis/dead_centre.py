@@ -52,10 +52,10 @@ def shank_spring(scene: Scene) -> ShankSpring | None:
 
 
 def past_dead_centre_s(scene: Scene, columns: Mapping[str, NDArray[np.float64]]) -> float | None:
-    """When the shank had been pushed back so far that its spring pointed through the hinge; None if never.
+    """Time at which the shank passed the dead centre: its spring points through the hinge; None if never.
 
-    From there on the spring folds the shank up. columns: of a run's series, each (n,). None also where
-    shank_spring finds no such shank.
+    From there on the spring folds the shank up. Also None where shank_spring returns None. columns: of a
+    run's series, each (n,).
     """
     found = shank_spring(scene)
     if found is None or scene.mechanism is None:

@@ -1,10 +1,10 @@
 """How a passage of the tools left the soil: what moved, how far the surface rose, where it was fast.
 
 Particles keep their place in every cloud, so displacements are differences of two clouds: the first of the
-bag and the last. What counts is a slab across the bin that the tools have passed: from the metrics margin
-behind the start to the rear of the tools, or to the margin before the end. Moved is who is displaced by
-more than a radius. The loosened cross-section is the moved part of the slab times its section; the width at
-the surface is that of the columns of the uppermost layer of which half or more moved.
+bag and the last. They are evaluated in a slab across the bin that the tools have passed: from the metrics
+margin behind the start to the rear of the tools, or to the margin before the end. A particle has moved if it
+is displaced by more than a radius. The loosened cross-section is the moved part of the slab times its
+section; the width at the surface is that of the columns of the uppermost layer of which half or more moved.
 """
 
 from dataclasses import dataclass
@@ -30,27 +30,27 @@ from .window import Window, tip_path_m, window_span_s
 Values = NDArray[np.float64]
 
 LEAST_SLAB_DIAMETERS = 5.0
-"""A shorter slab says nothing (chosen: five particles along the way)."""
+"""Least length of the slab: five particles along the way; a shorter slab averages over too few."""
 
 ZONE_M = 0.1
-"""Steps ahead of and beside the tip in which speeds are compared (chosen: five particles of the paper)."""
+"""Length of a zone ahead of or beside the tip in which speeds are averaged: five particles of the paper."""
 
 ZONES = 4
 
 TIP_REACH_M = 0.08
-"""Soil this near to the tip is at the tip (chosen: share width and a particle)."""
+"""Distance from the tip up to which soil belongs to the zone of the tip: a share width and a particle."""
 
 LEAST_IN_ZONE = 5
 
 SLICE_DIAMETERS = 2.0
-"""Length of a slice of the slab (chosen: each holds hundreds of particles of a section)."""
+"""Length of a slice of the slab: each holds hundreds of particles."""
 
 SEEN_PART = 0.5
-"""Part of a window that tools may travel between two clouds (chosen: soil is then seen before it is within
-half the rupture distance of them, and again before it leaves)."""
+"""Part of a window that tools may travel between two clouds: soil is then recorded before it is within half
+the rupture distance of them, and again before it leaves."""
 
 SPEED_CLOUDS = 5
-"""Clouds of the window whose speeds are averaged, at most (chosen)."""
+"""Most clouds of the window whose speeds are averaged, spread evenly; more cost time to read."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class SpeedZones:
 
 @dataclass(frozen=True)
 class Disturbance:
-    """What one passage did to a slab of the bed. Lengths [m]."""
+    """Disturbance of a slab of the bed by one passage. Lengths [m]."""
 
     slab_m: tuple[float, float]  # along x
     particle_count: int  # in the slab at first
@@ -82,13 +82,13 @@ class Disturbance:
 
     @property
     def slices_m(self) -> Values:
-        """(slices,) where they are along x."""
+        """(slices,) x of the middle of each slice."""
         start, end = self.slab_m
         return start + (np.arange(len(self.slice_m2)) + 0.5) * (end - start) / len(self.slice_m2)
 
     @property
     def max_lift_m(self) -> float:
-        """Of a column."""
+        """Largest rise of the surface in one cell."""
         return float(np.nanmax(self.lift.height_m))
 
     @property
@@ -124,11 +124,11 @@ class Disturbance:
 def read_disturbance(
     bag: Path, resolved: ResolvedScene, series: Series, window: Window
 ) -> Disturbance | None:
-    """From a bag's clouds; None without particles, with fewer than two clouds or a region of them, or too
-    short a way.
+    """Disturbance from the clouds of a bag. None without particles, with fewer than two clouds, with a cloud
+    region, or where the slab is too short.
 
-    In a window, first and last are the clouds in which a particle is; None where they are so rare that soil
-    is not seen before the tools move it.
+    With a soil window, each particle is compared between the first and the last cloud that contain it; None
+    where clouds are too rare to contain the soil before the tools move it.
 
     Raises:
         InputError, RecordingError: as open_record.
@@ -185,7 +185,7 @@ def _seen_in_time(times_ns: list[int], series: Series, resolved: ResolvedScene, 
 
 
 class Places:
-    """Where the particles of some clouds were first and last, in one order."""
+    """First and last positions of the particles of several clouds, in one order."""
 
     def __init__(self) -> None:
         self.first_m, self.last_m = np.empty((0, 3)), np.empty((0, 3))
@@ -193,7 +193,7 @@ class Places:
         self._row_of = np.empty(0, np.int64)  # of an identity
 
     def see(self, cloud: SoilCloud) -> None:
-        """One more cloud."""
+        """Add a cloud; clouds come in order of time."""
         places = np.asarray(cloud.positions_m, np.float64)
         if cloud.identities is None:
             identity = np.arange(len(places))
@@ -221,9 +221,9 @@ def disturbance_between(
     period_m: float | None = None,
     radii_m: Values | None = None,
 ) -> Disturbance | None:
-    """Of particles (n, 3) [m] before and after, in the same order; None for an empty slab.
+    """Disturbance from particles (n, 3) [m] before and after, in the same order; None for an empty slab.
 
-    period_m: in y, of a bed without side walls: who left on one side came in on the other.
+    period_m: in y, of a bed without side walls: particles that leave on one side enter on the other.
     radii_m (n,): of a graded bed, where parts are those of the volume; without, all particles count alike.
     """
     within = (first_m[:, 0] >= slab_m[0]) & (first_m[:, 0] < slab_m[1])
@@ -290,7 +290,7 @@ def _surface_width_m(
 
 
 def write_section_csv(found: Disturbance, path: Path) -> None:
-    """One row for each slice of the slab: where it is along x, and the loosened cross-section there."""
+    """Write one row for each slice of the slab: its x and its loosened cross-section."""
     import pandas as pd
 
     columns = {"x_m": found.slices_m, "area_m2": found.slice_m2}
@@ -298,7 +298,7 @@ def write_section_csv(found: Disturbance, path: Path) -> None:
 
 
 def write_height_map_csv(lift: HeightGrid, path: Path) -> None:
-    """One row for each cell: its centre and how far its surface rose; empty where no soil is."""
+    """Write one row for each cell: its centre and the rise of its surface; empty where there is no soil."""
     import pandas as pd
 
     x, y = np.meshgrid(*lift.centres_m())
@@ -307,7 +307,7 @@ def write_height_map_csv(lift: HeightGrid, path: Path) -> None:
 
 
 def _period_m(soil: Soil, first_m: Values) -> float | None:
-    """Width of a bed without side walls, from its particles; the bin's is only near it."""
+    """Width of a bed without side walls, from its particles; the width of the bin only approximates it."""
     if soil.bin.sides != "periodic":
         return None
     gap = particle_spacing_m(soil) if isinstance(soil.bed, GridBed) else 0.0  # a random bed fills its width
@@ -315,7 +315,7 @@ def _period_m(soil: Soil, first_m: Values) -> float | None:
 
 
 def _rear_m(resolved: ResolvedScene, motions: ToolMotions) -> float:
-    """The rearmost point of the shares [m]; behind it the soil is passed."""
+    """The rearmost point of the shares [m]; the tools have passed the soil behind it."""
     ends = []
     for motion in motions.tools:
         if resolved.scene.tools[motion.tool].is_tillage:

@@ -18,15 +18,15 @@ from numpy.typing import NDArray
 from .intervals import Interval, mean_interval
 
 SMOOTHED_S = 0.020
-"""Length of the moving mean in which peaks are looked for (chosen: a seventh of the period of the paper's
-shank on its spring; single contacts come and go in less)."""
+"""Length of the moving mean in which peaks are searched: a seventh of the period of the paper's shank on its
+spring, and longer than a single contact lasts."""
 
 THRESHOLD = 1.0
-"""Prominence of a failure in standard deviations of the draft (chosen: ripples of a loading soil are a half
-and less; reproduction/yuan_yu_2020/cycle.md has 0.5 and 1.5 too)."""
+"""Prominence of a failure in standard deviations of the draft: ripples while the soil is loaded reach a half.
+reproduction/yuan_yu_2020/cycle.md also has the results at 0.5 and 1.5."""
 
 LEAST_CYCLES = 2
-"""Smallest number of cycles (chosen: fewer have no standard deviation)."""
+"""Smallest number of cycles: one cycle has no standard deviation."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class FailureCycles:
 
     @property
     def count(self) -> int:
-        """Cycles."""
+        """Number of cycles."""
         return len(self.travel_m)
 
     @property

@@ -19,7 +19,7 @@ EXPONENT = 5.0
 2012)."""
 
 REFERENCE_HZ = 1.0
-"""f: cycles per second of the equivalent range (chosen: the frequency that the paper prints)."""
+"""f: cycles per second of the equivalent range, the frequency that the paper prints."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class LoadCycles:
 
     @property
     def max_range_newton(self) -> float:
-        """0 without a cycle."""
+        """Largest range [N]; 0 without a cycle."""
         return float(self.range_newton.max(initial=0.0))
 
     def equivalent_range_newton(

@@ -1,8 +1,8 @@
 """Confidence intervals over bed seeds: Student's t, on differences of the same seed where there are pairs.
 
 Source: Student, Biometrika 6 (1908) 1-25; any textbook, e.g. NIST/SEMATECH e-Handbook 1.3.5.2 and 1.3.5.3.
-Doubt: seeds are independent and their means near normal; three seeds cannot test that, and t(2) is
-wide (4.3 standard errors at 95 %), which is the price of three seeds.
+Assumed: seeds are independent and their means near normal, which three seeds cannot test. With three seeds
+the interval is wide: t(2) is 4.3 standard errors at 95 %.
 """
 
 import math
@@ -18,7 +18,7 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class Interval:
-    """A mean and the half-width of the interval that holds it; nan where one value tells no scatter."""
+    """A mean and the half-width of its confidence interval; nan where a single value has no scatter."""
 
     mean: float
     half_width: float
@@ -36,11 +36,11 @@ class Interval:
 
     @property
     def resolved(self) -> bool:
-        """Whether it leaves out zero: the difference is more than the scatter of the seeds."""
+        """Whether the interval excludes zero: the difference is more than the scatter of the seeds."""
         return abs(self.mean) > self.half_width  # False where the half-width is not known
 
     def scaled(self, factor: float) -> "Interval":
-        """The interval of a multiple."""
+        """Interval of the mean times a factor."""
         return Interval(factor * self.mean, abs(factor) * self.half_width, self.count)
 
 
@@ -57,7 +57,7 @@ def mean_interval(values: Sequence[float], confidence: float = CONFIDENCE) -> In
 
 
 def t_quantile(freedoms: float, confidence: float = CONFIDENCE) -> float:
-    """How many standard errors a two-sided interval reaches; infinite without a degree of freedom."""
+    """Half-width of a two-sided interval in standard errors; infinite without a degree of freedom."""
     return float(stdtrit(freedoms, 0.5 + 0.5 * confidence)) if freedoms > 0.0 else math.inf
 
 

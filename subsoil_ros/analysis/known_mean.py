@@ -1,8 +1,8 @@
 """Runs that end once their mean is known: the rule of `stop_when`.
 
 The metric is averaged over bins of ticks. A check takes the interval of the bins' mean (stationarity.py) and
-ends the run where half-width <= relative_interval |mean| and no drift is seen. Looking often makes such an
-interval somewhat too narrow: the run ends at the first check that it passes.
+ends the run where half-width <= relative_interval |mean| and no drift is seen. Repeated checks make such an
+interval somewhat too narrow, because the run ends at the first check that passes.
 """
 
 import math
@@ -23,8 +23,8 @@ from .series import draft_of
 from .stationarity import stationarity
 
 BIN_S = 0.01
-"""Simulated time that one value is the mean of: short beside a failure cycle of soil, which takes some tenths
-of a second, and the values of the longest field stay few."""
+"""Simulated time of a bin: short against a failure cycle of soil, which takes some tenths of a second, and
+long enough that even the longest field has few bins."""
 
 UNKNOWN = "too short"
 """Verdict before a check has had enough bins."""
@@ -34,7 +34,7 @@ class KnownMean:
     """The rule of a scene's `stop_when`: coupling.stopping.StopRule.
 
     Args:
-        state: where a run goes on; None: from its first tick.
+        state: the rule's state in the checkpoint that the run resumes from; None: from the first tick.
     """
 
     def __init__(self, resolved: ResolvedScene, state: StopState | None = None) -> None:
@@ -105,7 +105,7 @@ class KnownMean:
         }
 
     def _tip_m(self, motions: tuple[ToolMotion, ...]) -> float:
-        """Forward position of the share tip [m]; of the tool's own point if the scene names no tip."""
+        """Forward position of the share tip [m]; of the tool's origin if the scene has no report.tip_m."""
         motion = next(motion for motion in motions if motion.tool == self._tip)
         if isinstance(motion, SpatialMotion):
             return motion.x_m + turned(motion.quaternion, (self._arm_m[0], 0.0, self._arm_m[1]))[0]

@@ -1,7 +1,7 @@
 """Loads over the metrics window: what carries the machine (carried.py), power, specific draft and energy.
 
-All from the columns of the series. Power is what the soil takes of each tool, -(F v + M w), and what the
-draft's driver gives.
+All values follow from the columns of the series. Power is what each tool delivers to the soil, -(F v + M w),
+and what the driver of the draft delivers.
 """
 
 from typing import Any
@@ -23,7 +23,7 @@ Values = NDArray[np.float64]
 
 
 def loads_of(series: Series, resolved: ResolvedScene, window: Window) -> dict[str, Any]:
-    """Of a run's window, as summary.json holds them, units in the names; what the scene lacks is absent."""
+    """Loads over the metrics window, as in summary.json, units in the names; those the scene has."""
     scene, rows = resolved.scene, window.rows
     groups = {"vertical": vertical_parts(series, resolved), "power": _power(series, scene)}
     metrics: dict[str, Any] = {
@@ -46,7 +46,7 @@ def _statistics(values: Values) -> dict[str, float]:
 
 
 def draft_work(series: Series, scene: Scene, rows: NDArray[np.bool_]) -> tuple[float, float] | None:
-    """Work of the draft [J] and way of its point [m] over rows (n,) that follow one another; None without."""
+    """Work of the draft [J] and travel of its point [m] over consecutive rows (n,); None without a draft."""
     speed = _driven_speed(series, scene)
     if speed is None or rows.sum() < 2:
         return None
@@ -59,13 +59,13 @@ def draft_work(series: Series, scene: Scene, rows: NDArray[np.bool_]) -> tuple[f
 
 
 def share_width_m(resolved: ResolvedScene) -> float | None:
-    """Width across travel of the share of the first tool that is one; None without soil or share."""
+    """Width across travel [m] of the share of the first tillage tool; None without soil or share."""
     for name, tool in resolved.scene.tools.items():
         if tool.is_tillage:
             mesh = load_tool_mesh(resolved.directory, resolved.scene, name)
             try:
                 return next(face.width_m for face in cutting_faces(mesh, f"tools.{name}") if face.is_share)
-            except SceneError:  # nothing of it looks forward
+            except SceneError:  # no facet faces forward
                 return None
     return None
 

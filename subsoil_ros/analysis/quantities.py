@@ -19,7 +19,7 @@ def _leaves(group: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
 
 
 def finite(group: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a summary with None in place of every number that is not finite: JSON has none of them."""
+    """Return a summary with None in place of every number that is not finite, which JSON cannot represent."""
     return {key: _finite(value) for key, value in group.items()}
 
 

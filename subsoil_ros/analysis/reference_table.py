@@ -43,7 +43,7 @@ class ReferenceRow:
         return "below" if self.ours < low else "above" if self.ours > high else "yes"
 
     def cells(self) -> list[str]:
-        """Texts in the order of HEADINGS."""
+        """Texts of the row, in the order of HEADINGS."""
         band = "" if self.given.band is None else " to ".join(f"{value:.4g}" for value in self.given.band)
         difference = "" if self.difference is None else f"{100.0 * self.difference:+.0f} %"
         return [

@@ -1,4 +1,4 @@
-"""Everything that is found out about a run's window beyond mean, least and largest."""
+"""Statistics of a run's metrics window beyond mean, least and largest."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,13 +23,13 @@ MOVING = "moving_10ms"
 """Key of the extremes of the moving mean over MOVING_S."""
 
 MOVING_S = 0.010
-"""Time of the moving mean whose extremes are compared: over the noise of single contacts (as measured with
-the prototypes, whose 10 ms peaks the first results give)."""
+"""Time of the moving mean whose extremes are compared: longer than the noise of single contacts (measured on
+the prototypes, whose first results also state 10 ms peaks)."""
 
 
 @dataclass(frozen=True)
 class RunStatistics:
-    """Of the metrics window of one run; quantities by the names of their columns."""
+    """Statistics of the metrics window of one run; quantities by the names of their columns."""
 
     loads: dict[str, Any]
     stationarity: dict[str, Stationarity]
@@ -78,7 +78,7 @@ class RunStatistics:
 
 
 def compared_columns(scene: Scene) -> tuple[str, ...]:
-    """Columns that every designer asks for: draft, spring, angle and height."""
+    """Columns that are compared between runs: draft, spring force, angle and height."""
     report = scene.report
     names = ["draft_newton"]
     if report.spring is not None:
@@ -89,7 +89,7 @@ def compared_columns(scene: Scene) -> tuple[str, ...]:
 
 
 def run_statistics(bag: Path, resolved: ResolvedScene, series: Series, window: Window) -> RunStatistics:
-    """Of a run's bag, series and window.
+    """Compute the statistics from a run's bag, series and window.
 
     Raises:
         InputError, RecordingError: as open_record.
@@ -164,7 +164,7 @@ def _span(extremes: tuple[float, float]) -> dict[str, float]:
 
 
 def _per_area(found: dict[str, Any], area_m2: float) -> dict[str, float]:
-    """Draft and energy over what was loosened."""
+    """Draft and energy divided by the loosened section."""
     if area_m2 <= 0.0:
         return {}
     per: dict[str, float] = {}

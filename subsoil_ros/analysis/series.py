@@ -53,7 +53,7 @@ _SOIL_COLUMNS = tuple(
     for item in fields(SoilState)
     if item.name not in ("run_id", "tick", "end_time_ns", "lost_particles")
 )
-# what is of one tick alone says little on its own, and wall time differs between equal runs
+# values of a single tick are of little use, and wall time differs between equal runs
 _COUPLING_COLUMNS = ("residual_joule", "absolute_work_joule", "residual_ratio")
 
 
@@ -82,9 +82,9 @@ class Series:
 def read_series(bag: Path, scene: Scene, on_time: Callable[[int], None] = lambda time_ns: None) -> Series:
     """The series of a bag that `scene` was recorded into; a run cut short has fewer rows.
 
-    That of a run that went on from another begins with what the other recorded.
+    The series of a resumed run begins with the record of the run that it resumes.
 
-    on_time: told the simulated time [ns] of every message as it is passed.
+    on_time: called with the simulated time [ns] of every message as it is read.
 
     Raises:
         InputError: there is no bag.
@@ -132,7 +132,7 @@ def read_series(bag: Path, scene: Scene, on_time: Callable[[int], None] = lambda
 
 
 def write_series_csv(series: Series, path: Path) -> None:
-    """Every column with the shortest digits that give back the same bits."""
+    """Write every column with the shortest digits that read back to the same bits."""
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")  # in half the time of pandas
         writer.writerow(series.columns)
@@ -143,7 +143,7 @@ def write_series_csv(series: Series, path: Path) -> None:
 
 
 def read_series_csv(path: Path) -> Series:
-    """The series that write_series_csv wrote, the same bits; run id and wall time are of summary.json beside.
+    """Read what write_series_csv wrote, bit for bit; run id and wall time come from summary.json beside it.
 
     Raises:
         InputError: as read_table_csv, or it has no column time_s.
@@ -211,7 +211,7 @@ def _row(scene: Scene, records: dict[type, Any]) -> Cells:
         yield from _mechanism(scene, state)
     yield from _tools(records[ToolMotions], wrenches)
     soil: SoilState | None = records.get(SoilState)
-    if soil is not None and scene.particle_soil is not None:  # a wedge model has nothing of it
+    if soil is not None and scene.particle_soil is not None:  # a wedge model has no such columns
         yield from ((f"soil.{name}", getattr(soil, name)) for name in _SOIL_COLUMNS)
     yield from ((f"coupling.{name}", getattr(report, name)) for name in _COUPLING_COLUMNS)
 
@@ -222,8 +222,8 @@ def draft_of(tools: Iterable[ToolWrench]) -> float:
 
 
 def _draft(scene: Scene, state: MechanismState | None, wrenches: ToolWrenches | None) -> Cells:
-    """Draft, and what the soil takes of it by kind of tool, and by shank where there are several: the pull
-    along +x, so minus the soil's force.
+    """Draft, and its parts by kind of tool, and by shank where there are several: the pull along +x, so minus
+    the soil's force.
     """
     tools = wrenches.tools if wrenches is not None else ()
     if state is not None and scene.mechanism is not None and scene.mechanism.draft_driver is not None:

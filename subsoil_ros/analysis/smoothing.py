@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from .series import Series
 
 Columns = Series | Mapping[str, NDArray[Any]]
-"""By name, each (n,), time_s among them."""
+"""Columns by name, each (n,), with time_s among them."""
 
 
 def running_mean(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
@@ -24,7 +24,7 @@ def running_mean(values: NDArray[np.float64], count: int) -> NDArray[np.float64]
 
 
 def moving_mean(columns: Columns, name: str, seconds: float) -> NDArray[np.float64]:
-    """Centred mean over a time [s] of a column (n,); the column itself where rows are farther apart."""
+    """Centred mean of a column (n,) over `seconds`; the column itself where rows are farther apart."""
     return running_mean(columns[name], max(1, round(seconds / step_s(columns, seconds))))
 
 

@@ -8,9 +8,9 @@ segments under the window w, D apart, the relative variance is
 and nu = 2 / V degrees of freedom; nu P / chi2 is the interval. What stands out does so against
 autoregressive processes of first order with the variance of the series (C. Torrence, G.P. Compo, Bull. Amer.
 Meteor. Soc. 79 (1998) 61-78, eq. 16), at 95 % for all frequencies together (Bonferroni). One has the lag-one
-correlation r of the series, as there. Where a slow wander carries quick noise, r tells of the noise, and the
-wander would pass for a peak; so another has the integrated correlation time of the series, tau steps: r =
-(2 tau - 1) / (2 tau + 1). The larger of the two densities counts.
+correlation r of the series, as there. Where quick noise rides on a slow drift, r describes the noise, and the
+drift would be taken for a peak. So the other has the integrated correlation time of the series, tau steps:
+r = (2 tau - 1) / (2 tau + 1). The larger of the two densities counts.
 """
 
 from dataclasses import dataclass
@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 from .stationarity import correlation_steps
 
 SEGMENTS = 4
-"""Lengths of a segment in the record (chosen: 7 half-overlapping ones; more would blur what is slow)."""
+"""Lengths of a segment in the record: 7 half-overlapping ones; more would resolve low frequencies worse."""
 
 LEAST_ROWS = 64
-"""Shorter records have no spectrum (chosen: 16 values a segment)."""
+"""Least length of a record that gets a spectrum: 16 values a segment."""
 
 SLOWEST = 2
-"""Row of the slowest frequency looked at: periods that a segment holds."""
+"""Row of the lowest frequency that is evaluated: the number of its periods in a segment."""
 
 CONFIDENCE = 0.95
 
@@ -45,13 +45,13 @@ class Spectrum:
     low: NDArray[np.float64]  # 95 % interval of the density
     high: NDArray[np.float64]
     noise: NDArray[np.float64]  # of red noise, the larger of two
-    level: NDArray[np.float64]  # what red noise passes in one record of twenty, anywhere
+    level: NDArray[np.float64]  # exceeded by red noise, at any frequency, in one record of twenty
     degrees_of_freedom: float
     resolution_hz: float
 
     @property
     def dominant(self) -> int:
-        """Row of the largest density, of frequencies that a segment holds twice."""
+        """Row of the largest density, among frequencies of which a segment has two periods or more."""
         return SLOWEST + int(np.argmax(self.density[SLOWEST:]))
 
     @property
@@ -66,7 +66,7 @@ class Spectrum:
 
     @property
     def verdict(self) -> str:
-        """What the dominant frequency does, in words."""
+        """Significance of the dominant frequency, in words."""
         if self.significant:
             return "stands out of red noise"
         if self.dominant == SLOWEST:
@@ -75,7 +75,7 @@ class Spectrum:
 
 
 def spectrum(step_s: float, values: NDArray[np.float64]) -> Spectrum | None:
-    """Of values (n,) every `step_s` [s]; None for a record that is too short or constant."""
+    """Estimate the spectrum of values (n,), `step_s` [s] apart; None for a short or constant record."""
     from scipy.signal import welch
     from scipy.special import gammaincinv
 
@@ -94,7 +94,7 @@ def spectrum(step_s: float, values: NDArray[np.float64]) -> Spectrum | None:
     nu = degrees_of_freedom(count, length)
 
     def quantile(p: float) -> float:
-        """Of the chi-square distribution over its mean."""
+        """Quantile of the chi-square distribution over its mean."""
         return 2.0 * float(gammaincinv(0.5 * nu, p)) / nu
 
     tail = 0.5 * (1.0 - CONFIDENCE)
@@ -129,7 +129,7 @@ def red_noise(frequency_hz: NDArray[np.float64], step_s: float, correlation: flo
 
 
 def degrees_of_freedom(count: int, length: int) -> float:
-    """Of Welch's estimate: `count` values in half-overlapping segments of `length` under Hann's window."""
+    """Degrees of freedom of Welch's estimate: `count` values, half-overlapping Hann segments of `length`."""
     hop = length - length // 2
     segments = 1 + (count - length) // hop
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)

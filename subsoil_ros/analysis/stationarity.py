@@ -1,8 +1,8 @@
 """Whether a stretch of a run is steady, and how well its mean is known.
 
-Neighbouring samples of a draft hang together, and those of one failure cycle balance each other: after a peak
-comes a fall. What counts for the mean is only what is slower than that. So its error comes from the slowest
-waves of the stretch (equal-weighted cosine estimator of E. Lazarus, D.J. Lewis, J.H. Stock, M.W. Watson,
+Neighbouring samples of a draft are correlated, and those of one failure cycle balance each other: after a
+peak comes a fall. Only slower fluctuations make the mean uncertain. So its error comes from the slowest waves
+of the stretch (equal-weighted cosine estimator of E. Lazarus, D.J. Lewis, J.H. Stock, M.W. Watson,
 J. Bus. Econ. Stat. 36 (2018) 541-559):
 
     c_k = sqrt(2 / n) sum_i x_i cos(pi k (i - 1/2) / n),   error^2 = sum_(k = 1..WAVES) c_k^2 / (WAVES n)
@@ -13,7 +13,7 @@ trend's own. How long the stretch is beside the integrated autocorrelation time
 
     tau = step (1/2 + sum_k rho_k),   summed up to the first lag M >= 5 tau / step
 
-(automatic window of N. Madras, A.D. Sokal, J. Stat. Phys. 50 (1988) 109-186) says whether it can be judged.
+(automatic window of N. Madras, A.D. Sokal, J. Stat. Phys. 50 (1988) 109-186) decides if it is judged.
 """
 
 import math
@@ -25,18 +25,18 @@ from numpy.typing import NDArray
 from .intervals import CONFIDENCE, t_quantile
 
 WAVES = 8
-"""Slowest waves of a stretch that its error comes from (chosen: 95 % intervals then hold the mean of a random
-process in 90 % of stretches ten correlation times long; the fastest is WAVES / 2 over the stretch, slower
-than failure cycles in any stretch of ten). `python -m validation.field coverage` measures it on drafts."""
+"""Number of slowest waves that the error comes from. With 8, 95 % intervals hold the mean of a random process
+in 90 % of stretches ten correlation times long, and the fastest wave, WAVES / 2 over the stretch, is slower
+than failure cycles in any stretch of ten. `python -m validation.field coverage` measures it on drafts."""
 
 WINDOW_FACTOR = 5.0
 """Lags per autocorrelation time that are summed: a bias of e^-5 (Madras and Sokal)."""
 
 LEAST_EFFECTIVE = 8.0
-"""A stretch that is shorter than so many times 2 tau judges no trend (chosen: as many as WAVES)."""
+"""Length of a stretch over 2 tau below which no trend is judged: as many independent samples as WAVES."""
 
 BLOCKS = 4
-"""Blocks whose means are shown (chosen: each still longer than a cycle of the paper in 4 s)."""
+"""Blocks whose means are shown: in a window of 4 s, each is longer than a cycle of the paper."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Stationarity:
     mean: float
     mean_error: float  # standard error
     correlation_s: float  # integrated autocorrelation time
-    effective_count: float  # independent samples that would know the mean as well
+    effective_count: float  # independent samples that would give the mean with the same error
     length_over_correlation: float  # over 2 tau about the trend, which the verdict rests on
     slope_per_s: float
     slope_half_width_per_s: float
@@ -57,11 +57,11 @@ class Stationarity:
 
     @property
     def mean_half_width(self) -> float:
-        """Of the interval of the mean."""
+        """Half-width of the 95 % interval of the mean."""
         return self.half_width()
 
     def half_width(self, confidence: float = CONFIDENCE) -> float:
-        """Of the interval of the mean, at another confidence."""
+        """Half-width of the interval of the mean, at another confidence."""
         return self.mean_error * t_quantile(WAVES, confidence)
 
     @property
@@ -71,7 +71,7 @@ class Stationarity:
 
     @property
     def drift_half_width(self) -> float:
-        """Of `drift`."""
+        """Half-width of the 95 % interval of `drift`."""
         return self.slope_half_width_per_s * self.length_s / abs(self.mean) if self.mean else math.inf
 
     @property
@@ -107,7 +107,7 @@ def _long_run_variance(about: NDArray[np.float64], first: int) -> float:
 
 
 def stationarity(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> Stationarity | None:
-    """Of values (n,) at even times (n,) [s]; None for fewer than 2 WAVES of them."""
+    """Judge values (n,) at evenly spaced times (n,) [s]; None for fewer than 2 WAVES values."""
     count = len(values)
     if count < 2 * WAVES:
         return None

@@ -28,13 +28,13 @@ from .window import metrics_window, window_span_s
 Summary = dict[str, Any]
 
 SCHEMA_VERSION = 2
-"""Of config/summary.schema.json; raised when a quantity moves or changes its meaning."""
+"""Version of config/summary.schema.json; raised when a quantity moves or changes its meaning."""
 
 RUN_FACTS = (
     "mode", "threads", "whole_wall_s", "versions", "failure", "resumed_from", "checkpoint", "state_sha256",
     "stop_when",
 )  # fmt: skip
-"""Keys of `run` that no bag holds, and that a later report takes over."""
+"""Keys of `run` that are not in a bag; a later report copies them from the earlier summary."""
 
 
 def summarize(
@@ -46,7 +46,7 @@ def summarize(
 ) -> Summary:
     """Metrics of a finished run, as summary.json holds them (config/summary.schema.json).
 
-    run_info: what only the one who ran it knows, taken over into `run`: keys of RUN_FACTS.
+    run_info: facts that are not in the bag, copied into `run`: keys of RUN_FACTS.
     series, statistics: of the bag, if they are known already.
 
     Raises:
@@ -107,7 +107,7 @@ def _ended_early(bag: Path, scene: Scene) -> bool:
 
 
 def summarize_unrecorded(resolved: ResolvedScene, run_info: Mapping[str, Any]) -> Summary:
-    """What is known of a run without a bag."""
+    """Summary of a run without a bag: what is known without its record."""
     run = {**run_info, "recorded": False, "complete": "failure" not in run_info}
     return finite({**_heading(resolved), "run": run})
 
@@ -132,7 +132,7 @@ def run_facts(summary: Mapping[str, Any]) -> Summary:
 
 
 def write_summary(summary: Summary, path: Path) -> None:
-    """summary.json; numbers with all their digits."""
+    """Write summary.json; numbers with all their digits."""
     path.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
@@ -194,7 +194,7 @@ def _bag_words(bag: Path) -> str:
 
 
 def _particles(series: Series, bag: Path, communication_step_ns: int) -> Summary:
-    """How many particles there are, and left the domain; the first row that counts one, and who they are."""
+    """Numbers of particles present and lost; the first row with a lost one, and their identities."""
     if "soil.lost_particle_count" not in series:
         return {"count": 0, "lost_count": 0, "first_lost_s": None, "first_lost": []}
     lost = series["soil.lost_particle_count"]
@@ -235,7 +235,7 @@ def _statistics(values: np.ndarray) -> Summary:
 
 
 def _lines(scene: Scene, summary: Summary) -> list[tuple[str, str, float, int]]:
-    """(label, column, scale, digits) of the table, without what the run does not have."""
+    """(label, column, scale, digits) of each row of the table whose column the run has."""
     shank, spring = scene.report.shank, scene.report.spring
     lines: list[tuple[str, str, float, int]] = [
         ("draft [N]", "draft_newton", 1.0, 1),
@@ -274,7 +274,7 @@ def _soil_words(summary: Summary) -> str:
 
 
 def _mechanism_lines(summary: Summary) -> list[str]:
-    """How far the machine's balance of energy is open, and how many parts of steps that took."""
+    """Residual of the machine's energy balance, and the number of parts of steps."""
     series = summary["series"]
     residual = series.get("mechanism.energy_residual_joule", {}).get("run", {})
     if residual.get("min") is None:
@@ -286,7 +286,7 @@ def _mechanism_lines(summary: Summary) -> list[str]:
 
 
 def summary_facts(summary: Summary) -> list[str]:
-    """What else is to be said of a run, line by line; a warning begins with WARNING or NOTE."""
+    """Notes on a run, line by line; a warning begins with WARNING or NOTE."""
     window, run, energy = summary["window"], summary["run"], summary["energy"]
     if window["whole_run"]:
         span = f"the whole run, because no row of it lies in the window ({window['rule']})"

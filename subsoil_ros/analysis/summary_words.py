@@ -1,4 +1,4 @@
-"""What of a summary's loads and statistics is printed, line by line."""
+"""Printed lines of a summary's loads and statistics."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -12,7 +12,7 @@ _CARRIERS = {
 
 
 def load_lines(summary: Summary) -> list[str]:
-    """Lines for what the run has; none for what it has not."""
+    """Lines of the quantities that the run has."""
     lines = [folded(summary), *load_words(summary).values()]
     return [line for line in lines if line]
 
@@ -32,7 +32,7 @@ def load_words(summary: Summary) -> dict[str, str]:
 
 
 def design_rows(summary: Summary, spring: str | None) -> list[tuple[str, str]]:
-    """What a designer asks of a run, heading and words, in the order asked; what the run lacks is absent.
+    """Results for a designer, heading and words; what the run does not have is absent.
 
     spring: name of the spring that the scene reports.
     """
@@ -53,7 +53,7 @@ def design_rows(summary: Summary, spring: str | None) -> list[tuple[str, str]]:
 
 
 def folded(summary: Summary) -> str:
-    """That the soil folded the shank back, and when; empty where it did not."""
+    """Line that the soil folded the shank back, with the time; empty where it did not."""
     passed = summary["loads"].get("past_dead_centre_s")
     if passed is None:
         return ""

@@ -1,4 +1,4 @@
-"""What software and machine a run was made with."""
+"""Software and machine that a run was made with."""
 
 import platform
 from importlib.metadata import PackageNotFoundError, version
@@ -7,11 +7,11 @@ from pathlib import Path
 from .._version import __version__
 
 PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "pydantic", "trimesh", "mcap", "rosbags", "ros-rclpy")
-"""Whose versions may change results, or how they are recorded."""
+"""Packages whose versions may change results, or how they are recorded."""
 
 
 def versions() -> dict[str, str]:
-    """Versions by name, system and processor among them; what is not installed is left out."""
+    """Versions by name, with system and processor; packages that are not installed are left out."""
     found = {"subsoil_ros": __version__, "python": platform.python_version()}
     for package in PACKAGES:
         try:
@@ -22,7 +22,7 @@ def versions() -> dict[str, str]:
 
 
 def processor_name() -> str:
-    """The model of this machine's processor; where the system does not tell it, its architecture."""
+    """Model of this machine's processor; its architecture where the system does not give the model."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

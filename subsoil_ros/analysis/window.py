@@ -1,4 +1,4 @@
-"""The part of a run that its metrics speak of: the tip well inside the bin, the wheels clear of its end."""
+"""The part of a run that metrics are taken over: the tip well inside the bin, the wheels clear of its end."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from ..scene.model import Scene
 from .series import Series
 
 WHEEL_CLEARANCE_M = 0.25
-"""Centres of wheels stay this far before the end of the bin (chosen: a wheel and the soil it pushes)."""
+"""Distance of the centres of wheels from the end of the bin: room for a wheel and the soil it pushes."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Window:
 
 
 def metrics_window(series: Series, scene: Scene) -> Window:
-    """The window of a run; a run too short for it counts whole, and says so."""
+    """The window of a run; the whole run, with `whole_run` set, where the rule leaves no row."""
     report = scene.report
     rules = []
     begun = series["time_s"] > 0.0  # the state before the first tick is no part of it
@@ -49,7 +49,7 @@ def metrics_window(series: Series, scene: Scene) -> Window:
 
 
 def tip_x_m(series: Series, scene: Scene) -> NDArray[np.float64] | None:
-    """Forward position of the share tip (n,) [m]; None if the scene names no tip, or no carrier of it."""
+    """Forward position of the share tip (n,) [m]; None without a tip, or a body or tool that carries it."""
     path = tip_path_m(series, scene)
     return None if path is None else path[0]
 

@@ -11,7 +11,7 @@ from ..loading.loader import ResolvedScene
 from ..scene.beds import DenseRandomBed, TiledBed
 
 BedProgress = Callable[[str], AbstractContextManager[OnProgress]]
-"""Shows that the bed of this description is prepared: gives what is told how it goes."""
+"""Shows that a bed of this description is being prepared; yields the callback of its progress."""
 
 
 def prepare_bed_first(resolved: ResolvedScene, threads: int, progress: BedProgress | None = None) -> None:

@@ -1,4 +1,4 @@
-"""Check a scene: what a run of it would be and cost, without running it."""
+"""Check a scene: size, limits and cost of a run, without running it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ LOCKSTEP_S_PER_TICK = 4.0e-4
 
 @dataclass(frozen=True)
 class Cost:
-    """What a run would take; rough."""
+    """Rough estimate of memory and wall time of a run."""
 
     memory_bytes: float  # of the process with the soil, or of the direct run
     process_bytes: float  # of every further process, where nodes are processes
@@ -45,7 +45,7 @@ class Cost:
 
 @dataclass(frozen=True)
 class CheckResult:
-    """What a run of a scene would be.
+    """Size, limits and cost of a run of a scene.
 
     Attributes:
         scene: the scene as it would run.
@@ -55,8 +55,8 @@ class CheckResult:
         coupling: longest communication interval [s] of every tool that a body carries.
         mechanism: topology, static equilibrium and modes; None without a mechanism.
         cost: memory and wall time.
-        notes: what a run says before it begins.
-        warnings: what may spoil the result.
+        notes: messages that a run prints before it begins.
+        warnings: conditions that may make the result wrong.
     """
 
     scene: ResolvedScene
@@ -148,7 +148,7 @@ def check(
 
 
 def start_count(resolved: ResolvedScene) -> int:
-    """Particles before tools remove any; 0 for a soil without. Raises SceneError as check_start does."""
+    """Particles before tools remove any; 0 in other soils. Raises SceneError as check_start does."""
     if resolved.scene.particle_soil is None:
         return 0
     from ..dem.beds.prepare import check_start
@@ -157,7 +157,7 @@ def start_count(resolved: ResolvedScene) -> int:
 
 
 def run_notes(resolved: ResolvedScene) -> tuple[str, ...]:
-    """What is to be said of a scene before it runs."""
+    """Notes on a scene that are printed before it runs."""
     if resolved.scene.particle_soil is None:
         return resolved.notes
     found = soil_at_work(resolved.scene, _meshes(resolved))

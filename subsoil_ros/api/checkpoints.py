@@ -1,4 +1,4 @@
-"""Checkpoints in the folder of a run: found, named, gone on from."""
+"""Checkpoints in the folder of a run: find them, name them, resume from them."""
 
 from pathlib import Path
 from typing import Any
@@ -48,7 +48,7 @@ def _last_time_ns(bag: Path) -> int:
 
 
 def note_resumption(checkpoint: Checkpoint, earlier: Path, resolved: ResolvedScene, out: Path) -> None:
-    """Leaves word in the new folder of where its run goes on."""
+    """Write into the new folder which checkpoint its run resumes from."""
     Resumption(
         str(earlier.resolve()),
         str(checkpoint.path),
@@ -59,7 +59,7 @@ def note_resumption(checkpoint: Checkpoint, earlier: Path, resolved: ResolvedSce
 
 
 def checkpoint_facts(out: Path, resumed: Checkpoint | None) -> dict[str, Any]:
-    """What a summary says of checkpoints, and of the state at the end of the run."""
+    """Entries of a summary about checkpoints and the state at the end of the run."""
     facts: dict[str, Any] = {}
     if resumed is not None:
         facts["resumed_from"] = {
@@ -83,7 +83,7 @@ def checkpoint_facts(out: Path, resumed: Checkpoint | None) -> dict[str, Any]:
 
 
 def name_checkpoint(failure: SubsoilError, out: Path, resumed: Checkpoint | None) -> None:
-    """Lets the message of a run that failed say where it can go on."""
+    """Add to the message of a failed run the checkpoint that it can resume from."""
     newest, directory = _newest(out), out
     if newest is None and resumed is not None:
         newest, directory = resumed, resumed.path.parent.parent

@@ -21,7 +21,7 @@ WARM_UP_TICKS = 3
 
 @dataclass(frozen=True)
 class RunResult:
-    """A run that has ended: series.csv and summary.json as bytes, and what it took.
+    """A run that has ended: series.csv and summary.json as bytes, and its times.
 
     facts: failure (None: there was none) and its exit_status; wall_s and cpu_s of the ticks but the first,
     scaled to all of them; whole_wall_s with start-up; threads, at_once, machine, version, code.
@@ -47,7 +47,7 @@ class _Stopwatch:
         self._on_tick(tick)
 
     def times(self) -> tuple[float | None, float | None]:
-        """(wall, CPU) of all ticks, as the mean of those after the first says; None with fewer than two."""
+        """(wall, CPU) of all ticks, from the mean of those after the first; None with fewer than two."""
         if self._count < 2:
             return None, None
         scale = self._count / (self._count - 1)
@@ -63,9 +63,9 @@ def execute(
     at_once: int = 1,
     warm_up: bool = False,
 ) -> RunResult:
-    """Runs a scene in direct mode. A run that fails gives its message, and the series up to there.
+    """Run a scene in direct mode. A failed run returns its message and the series up to the failure.
 
-    at_once: how many runs share this machine, for the record.
+    at_once: number of runs that share this machine, recorded only.
     warm_up: first run a few ticks of it, so that no kernel is loaded or compiled while the time is taken.
     """
     stopwatch = _Stopwatch(on_tick)
@@ -110,7 +110,7 @@ def execute(
 
 
 def code_digest() -> str:
-    """16 hex digits that stand for all that results depend on: others are not quite comparable."""
+    """16 hex digits of all code that results depend on: runs with other digits are not fully comparable."""
     return result_digest()[:16]
 
 

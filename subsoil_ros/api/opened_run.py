@@ -1,4 +1,4 @@
-"""A run that can begin: its scene checked, its bed prepared, its folder made."""
+"""A run that is ready to start: its scene checked, its bed prepared, its folder made."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 
 RUN_ID_DIGITS = 12
-"""Hexadecimal digits: enough that scenes do not share a name (48 bits), few enough to type."""
+"""Hexadecimal digits of a run id: enough that scenes do not share one (48 bits), few enough to type."""
 
 
 @dataclass(frozen=True)
 class OpenedRun:
-    """What a run needs to begin.
+    """All that a run needs to start.
 
     out: its folder, with scene.yaml in it; motion_source: the mechanism, the paths or the machine from
     outside, None if that joins over DDS; resumed: where it goes on; warnings: why newer checkpoints than that
@@ -43,7 +43,7 @@ class OpenedRun:
 
     @property
     def bag(self) -> Path:
-        """Folder of its bag, to be made."""
+        """Folder of its bag, which does not exist yet."""
         return self.out / "bag"
 
     @property
@@ -53,7 +53,7 @@ class OpenedRun:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is to be said of the scene before it runs."""
+        """Notes on the scene that are printed before it runs."""
         return run_notes(self.resolved)
 
 
@@ -74,7 +74,7 @@ def open_run(
         resume: folder of an earlier run of the scene, to go on from.
         shown: the scene as the user named it, for messages.
         machine, soil: from outside, in this process.
-        bed_progress: shows that a bed is prepared which takes long.
+        bed_progress: shows the preparation of a bed that takes long.
 
     Raises:
         InputError: the scene cannot be run, or the folder exists or cannot be made; nothing was written.

@@ -68,7 +68,7 @@ class Run:
 def read_run(folder: str | PathLike[str]) -> Run:
     """Read a run back.
 
-    series.csv and summary.json are taken where they are, and made from the bag where not. The meshes of a
+    series.csv and summary.json are read where they exist, and made from the bag otherwise. The meshes of a
     bag without its run are not kept on the disk: its scene can be read, but not run again.
 
     Args:
@@ -79,7 +79,7 @@ def read_run(folder: str | PathLike[str]) -> Run:
 
     Raises:
         InputError: there is no run, or a file in it is damaged.
-        RecordingError: its bag is needed, and was not closed or is damaged; the message says what mends it.
+        RecordingError: its bag is needed, and was not closed or is damaged; the message names the remedy.
     """
     path = Path(folder)
     if not path.exists():

@@ -1,4 +1,4 @@
-"""What was recorded of a run: its folder, or a bag without its run."""
+"""The record of a run: its folder, or a bag without its run."""
 
 import tempfile
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from ..recording.joined import mend_earlier
 class RecordedRun:
     """Bag and scene of a run.
 
-    directory: where results go; of a bag alone it may not be there yet. bag: folder or .mcap file.
+    directory: folder of the results; for a bag alone it may not exist yet. bag: folder or .mcap file.
     """
 
     directory: Path
@@ -37,7 +37,7 @@ class RecordedRun:
 
 @contextmanager
 def recorded_run(path: Path) -> Iterator[RecordedRun]:
-    """The run in the folder `path`, or of the bag `path`; files of its scene are there within the context.
+    """Context of the run in the folder `path`, or of the bag `path`; it keeps the files of the scene.
 
     Raises:
         InputError: there is neither, or the bag holds no scene.
@@ -59,7 +59,7 @@ def recorded_run(path: Path) -> Iterator[RecordedRun]:
 
 
 def _folder_of_run(path: Path) -> Path | None:
-    """The folder of a run at `path`; also if its bag, or the file in that, was named."""
+    """The folder of a run, given by itself, by its bag, or by the file in the bag."""
     for folder in (path, *path.resolve().parents[:2]):
         if (folder / "scene.yaml").is_file() and (folder == path or path.resolve() in _bags(folder)):
             return folder

@@ -17,10 +17,10 @@ from .checkpoints import checkpoint_facts
 from .opened_run import OpenedRun
 
 Reading = Callable[[Timing], AbstractContextManager[Callable[[int], None]]]
-"""Shows that a bag is read: gives what is called with the time [ns] of each message."""
+"""Shows that a bag is being read; yields a callback that takes the time [ns] of each message."""
 
 Working = Callable[[str], AbstractContextManager[object]]
-"""Shows that something goes on."""
+"""Shows that work of this name is in progress."""
 
 
 def write_results(
@@ -34,10 +34,10 @@ def write_results(
 ) -> Summary | None:
     """Write series.csv and summary.json into the folder `out` of a run, from its bag.
 
-    run_info: what no bag tells, see summary.RUN_FACTS.
+    run_info: facts that are not in the bag, see summary.RUN_FACTS.
 
     Returns:
-        The summary; None if the run failed before there was anything to show.
+        The summary; None if the run failed before anything was recorded.
 
     Raises:
         RecordingError: the bag of a run that did not fail cannot be read, or the results not be written.
@@ -78,7 +78,7 @@ def conclude(
     reading: Reading = lambda timing: nullcontext(lambda time_ns: None),
     working: Working = nullcontext,
 ) -> Summary | None:
-    """Write the results of an opened run as write_results does, with what its folder says of checkpoints.
+    """Write the results of an opened run as write_results does, with the checkpoints in its folder.
 
     facts: mode, threads, whole_wall_s.
     """

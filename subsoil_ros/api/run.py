@@ -39,8 +39,8 @@ def run(
 ) -> Run:
     """Run a scene without ROS, as `subsoil run --mode direct` does: the same files, the same bits.
 
-    Ctrl-C ends the run after the tick that is going on. From another thread than the main one, where no
-    signal arrives, raise KeyboardInterrupt in `progress`: it ends the run in the same way.
+    Ctrl-C ends the run after the current tick. In a thread other than the main one, where no signal arrives,
+    raise KeyboardInterrupt in `progress`: it ends the run in the same way.
 
     Args:
         scene: as load_scene takes it, or gives it.
@@ -76,14 +76,14 @@ def run(
         opened = open_run(resolved, place, threads, earlier, machine=machine, soil=soil)
         _run(opened, threads, progress, lasting=False)
         found = read_run(opened.out)
-        found.summary["run"].pop("checkpoint", None)  # it goes with the folder
+        found.summary["run"].pop("checkpoint", None)  # removed with the folder
         return replace(found, scene=resolved, folder=None)
 
 
 def _run(opened: OpenedRun, threads: int, progress: Progress | None, *, lasting: bool = True) -> None:
     """Run into the folder and write the results. Raises what the run raises.
 
-    lasting: the folder stays, so the message of a failure names its newest checkpoint.
+    lasting: the folder is kept, so the message of a failure names its newest checkpoint.
     """
     failure: SubsoilError | None = None
     stopped: list[int] = []  # signals
@@ -124,7 +124,7 @@ def _run(opened: OpenedRun, threads: int, progress: Progress | None, *, lasting:
 
 @contextmanager
 def _interrupts(stopped: list[int]) -> Iterator[None]:
-    """Within it Ctrl-C adds its signal to `stopped`; only the main thread may and need catch it."""
+    """Context in which Ctrl-C appends its signal to `stopped`; without effect outside of the main thread."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

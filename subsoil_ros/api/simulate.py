@@ -22,7 +22,7 @@ def needed_controller(resolved: ResolvedScene, resumed: Checkpoint | None = None
     """The scene's controller; None if it names none.
 
     Raises:
-        InputError: the controller is an external node, which only the modes with nodes can have.
+        InputError: the controller is an external node, which needs a mode with nodes.
     """
     controller = build_controller(resolved, resumed)
     if resolved.scene.controller is not None and controller is None:
@@ -56,13 +56,13 @@ def simulate(
         bag: folder of the bag, which must not exist; it is closed whatever happens. None: no bag.
         threads: of the soil engine; the results do not depend on it.
         on_tick: called with each tick that is done.
-        stop_signal: asked before each tick; the number of a signal ends the run there.
+        stop_signal: called before each tick; if it returns the number of a signal, the run ends there.
         checkpoints: folder of the checkpoints; None: none are written.
-        resumed: where to go on.
-        live_port: where the bag is shown while it is written; 0: nowhere.
-        motion_source, soil, controller: in the place of the scene's own.
+        resumed: the checkpoint to resume from.
+        live_port: port of the live view of the bag while it is written; 0: none.
+        motion_source, soil, controller: replace those of the scene.
         sink: takes the records where there is no bag.
-        on_check: called with what is known of the mean of stop_when, at each check and at the end.
+        on_check: called with the current mean of stop_when, at each check and at the end.
 
     Raises:
         InputError: as open_bag, or the scene needs an external controller.

@@ -55,7 +55,7 @@ def _info(path: Path, as_json: bool) -> int:
 
 @contextmanager
 def _bar(path: Path, text: str) -> Iterator[Callable[[int], None]]:
-    """A bar on a terminal while the bag at `path` is read; takes the bytes that are done."""
+    """Show a bar on a terminal while the bag at `path` is read; yields a callback for the bytes read."""
     from ..recording.bag_reader import mcap_path
 
     columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeRemainingColumn())

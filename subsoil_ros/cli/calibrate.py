@@ -23,10 +23,11 @@ if TYPE_CHECKING:
     from ..limits.stable_steps import Timing
 
 LARGEST_RADIUS_M = 0.1
-"""Of particles that soil is calibrated at: a subsoiler is 0.06 m wide (chosen)."""
+"""Largest radius for a calibration: such spheres are 0.2 m wide, the share of a subsoiler 0.06 m."""
 
 CORRELATED = 0.95
-"""Correlation of two fitted values beyond which the runs hardly tell them apart (chosen)."""
+"""Correlation of two fitted values above which a note is printed: the part of either's variance that
+the other does not explain is then below 10 %."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -1,4 +1,4 @@
-"""subsoil check SCENE: says what a run would be, and what is wrong with it, without running it."""
+"""subsoil check SCENE: prints size, limits and cost of a run, and any errors, without running it."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 
 RESOLVED_STEPS = 20
-"""Steps a period from which a mode counts as resolved (chosen: runge_kutta_4 then takes 0.03 % of the energy
-of an undamped swing in a period; with 2.3 to 3 it is stable, and damps the swing away)."""
+"""Steps a period from which a mode counts as resolved: runge_kutta_4 then dissipates 0.03 % of the energy of
+an undamped oscillation in a period. With 2.3 to 3 steps it is stable, but damps the oscillation out."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Validate the scene and print its tables. Raises SceneError for whatever would stop a run."""
+    """Validate the scene and print its tables. Raises SceneError for any error that would stop a run."""
     from ..api.check import check
     from ..loading.loader import load_scene
     from ._shared.preset_rows import accuracy_lines

@@ -1,4 +1,4 @@
-"""subsoil compare A B: runs over one another, and over what was measured."""
+"""subsoil compare A B: runs beside each other, and beside measured values."""
 
 import argparse
 import math

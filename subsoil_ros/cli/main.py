@@ -25,8 +25,8 @@ VERBS = {
     "schema": "write the JSON Schema of scene files, for editors",
     "urdf": "write the machine of a scene as URDF (each body floats on `world`; /tf moves it)",
 }
-"""What each verb does. Verbs are modules of this folder (a dash is an underscore there), each with
-add_arguments(parser) and run(args) -> exit status; to import all of them for a list would take seconds."""
+"""Description of each verb. Verbs are modules of this folder (a dash is an underscore there), each with
+add_arguments(parser) and run(args) -> exit status; importing all of them for a list would take seconds."""
 
 
 def _module(verb: str) -> ModuleType:
@@ -34,7 +34,7 @@ def _module(verb: str) -> ModuleType:
 
 
 def _parser(given: str | None) -> argparse.ArgumentParser:
-    """The parser; of a verb that was given with its arguments."""
+    """Return the parser; the verb in `given` gets its arguments."""
     parser = argparse.ArgumentParser(
         prog="subsoil",
         description="Soil-tool co-simulation: discrete-element soil and a machine in lockstep.",
@@ -49,12 +49,12 @@ def _parser(given: str | None) -> argparse.ArgumentParser:
 
 
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
-    """The words of a command line, read. Raises SystemExit as argparse does."""
+    """Parse a command line. Raises SystemExit as argparse does."""
     return _parser(arguments[0] if arguments else None).parse_args(arguments)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs one verb. Returns 0, 2 on bad input, 3 on a failed run, 128 + number for a signal."""
+    """Run one verb. Returns 0, 2 on bad input, 3 on a failed run, 128 + number for a signal."""
     args = parse(sys.argv[1:] if arguments is None else arguments)
     try:
         return _module(args.verb).run(args)

@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Make the folder, whole or not at all."""
+    """Make the folder; on an error, nothing is left of it."""
     folder: Path = args.name
     if not _NAME.fullmatch(folder.name):
         raise InputError(

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ..figures.snapshots import Snapshots
 
 SMALLEST_PIXELS, LARGEST_PIXELS = 64, 7680
-"""Of a side of a picture (chosen: a stamp; 8K, and what H.264 takes)."""
+"""Smallest and largest side of a picture: a thumbnail; 8K, within the limits of H.264."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -70,7 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Draw what was asked for.
+    """Draw the pictures, film or VTK files.
 
     Raises:
         InputError: folder or arguments cannot be used, or a library is missing; nothing was written.

@@ -103,7 +103,7 @@ def _write_tables(statistics: RunStatistics, directory: Path) -> None:
 
 
 def _known_facts(directory: Path) -> dict[str, Any]:
-    """What the run wrote down and no bag tells: in its summary, or, under ros2 launch, in its folder."""
+    """Facts that are not in the bag: from the run's summary, or, under ros2 launch, from its folder."""
     from ..analysis.summary import run_facts
     from ..api.checkpoints import checkpoint_facts
 

@@ -1,4 +1,4 @@
-"""subsoil schema: the JSON Schema of scene files, by which editors complete and check keys."""
+"""subsoil schema: the JSON Schema of scene files, with which editors complete and check keys."""
 
 import argparse
 import json

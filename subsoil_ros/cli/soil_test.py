@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ..loading.loader import ResolvedScene
 
 NORMAL_PA = (5e3, 10e3, 20e3)
-"""Normal stresses (chosen: from the weight of 0.3 m of soil to what the paper's soft particles bear)."""
+"""Normal stresses: from the weight of 0.3 m of soil to what the paper's soft particles can bear."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -137,7 +137,7 @@ def run(args: argparse.Namespace) -> int:
 
 @contextmanager
 def _new_folder(out: str | None) -> Iterator[Path]:
-    """A folder to write to, which gets the name `out` when all went well, and goes when it did not."""
+    """Context of a temporary folder, renamed to `out` on success and removed on an error."""
     if out is None:
         with tempfile.TemporaryDirectory() as folder:
             yield Path(folder)

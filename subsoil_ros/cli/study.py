@@ -1,4 +1,4 @@
-"""subsoil study SCENE: what accuracy costs, measured over several beds."""
+"""subsoil study SCENE: errors and times of a scene's presets, measured over several beds."""
 
 import argparse
 import sys

@@ -60,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_manner(parser: argparse.ArgumentParser, workers: int | None) -> None:
-    """Declare how runs are run, for this verb and `subsoil study`; workers: the default."""
+    """Declare the arguments of execution, for this verb and `subsoil study`; workers: the default."""
     parser.add_argument(
         "--scheduler", metavar="ADDRESS", help="of a Dask cluster, as tcp://host:8786 (default: this machine)"
     )
@@ -117,7 +117,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def parse_seeds(text: str | None) -> tuple[int, ...]:
-    """Reads "0,1,2". Raises InputError for anything else."""
+    """Parse "0,1,2". Raises InputError for other texts."""
     if text is None:
         return ()
     parts = [part.strip() for part in text.split(",")]

@@ -1,8 +1,8 @@
 """Finished runs, kept by the hash of their scene: calibrations, sweeps, studies and benchmarks share them.
 
 A cached run is a folder with scene.yaml, series.csv and summary.json as `subsoil run` leaves them, and
-run.json, which says how it went and what it took. A bag is there only on request: scene.yaml gives it again,
-bit for bit.
+run.json, which has its outcome and its times. A bag is kept only on request: a run of scene.yaml gives it
+again, bit for bit.
 """
 
 import json
@@ -21,18 +21,18 @@ from ..errors import InputError, RunError, SubsoilError
 from ..loading.loader import ResolvedScene
 
 NAME_DIGITS = 32
-"""Of the hash, in a folder's name."""
+"""Digits of the hash in the name of a folder."""
 
 
 @dataclass(frozen=True)
 class CachedRun:
-    """A run in its folder; what has failed is kept too, with its message."""
+    """A run in its folder; failed runs are kept too, with their message."""
 
     folder: Path
 
     @cached_property
     def facts(self) -> dict[str, Any]:
-        """What run.json says, see RunResult."""
+        """Content of run.json, see RunResult."""
         return _read_json(self.folder / "run.json")
 
     @cached_property
@@ -43,12 +43,12 @@ class CachedRun:
 
     @property
     def failure(self) -> str | None:
-        """Why it failed."""
+        """Message of the failure; None if the run did not fail."""
         message = self.facts["failure"]
         return None if message is None else str(message)
 
     def error(self, name: str) -> SubsoilError:
-        """The failure as it was raised: bad input, or a run that failed."""
+        """The failure as the exception that was raised: InputError or RunError."""
         kind = InputError if self.facts["exit_status"] == InputError.exit_status else RunError
         return kind(f"{name}: {self.failure}")
 
@@ -62,7 +62,7 @@ def _read_json(path: Path) -> dict[str, Any]:
 
 
 def run_folder(cache: Path, scene_hash: str) -> Path:
-    """Where the run of a scene is kept."""
+    """Folder in which the run of a scene is kept."""
     return cache / scene_hash[:NAME_DIGITS]
 
 
@@ -73,21 +73,21 @@ def find_run(cache: Path, scene_hash: str) -> CachedRun | None:
 
 
 def keep_run(cache: Path, scene: ResolvedScene, executed: RunResult) -> CachedRun:
-    """Keeps a run in place of an earlier one of the same scene; its folder appears in one piece."""
+    """Keep a run in place of an earlier one of the same scene; its folder appears in one piece."""
     cache.mkdir(parents=True, exist_ok=True)
     part = Path(tempfile.mkdtemp(prefix=".part-", dir=cache))
     try:
         scene.write(part / "scene.yaml")
         for name, content in executed.files.items():
             (part / name).write_bytes(content)
-        part.chmod(0o755)  # mkdtemp's are for the user alone
+        part.chmod(0o755)  # mkdtemp's folders are readable by the user alone
         return keep_folder(cache, scene.scene_hash, part, executed.facts)
     finally:
         shutil.rmtree(part, ignore_errors=True)
 
 
 def keep_folder(cache: Path, scene_hash: str, made: Path, facts: Mapping[str, Any]) -> CachedRun:
-    """Keeps a folder that `subsoil run` made on the disk of the cache, as keep_run does; it is moved.
+    """Keep a folder that `subsoil run` made on the disk of the cache, as keep_run does; it is moved.
 
     facts: as RunResult has them.
     """
@@ -97,6 +97,6 @@ def keep_folder(cache: Path, scene_hash: str, made: Path, facts: Mapping[str, An
     try:
         os.rename(made, folder)
     except OSError:
-        if not folder.is_dir():  # else another process has just kept the same scene: the same numbers
+        if not folder.is_dir():  # else another process has just kept the same run, with the same numbers
             raise
     return CachedRun(folder)

@@ -1,4 +1,4 @@
-"""Runs side by side, and beside what was measured in the field: curves, metrics, differences."""
+"""Runs side by side, and beside field measurements: curves, metrics, differences."""
 
 import difflib
 import json
@@ -19,7 +19,7 @@ from .plotting import CYCLE, new_figure, save_figure
 
 STATISTICS = ("mean", "min", "max")
 SMOOTHED_S = 0.05
-"""Curves are drawn as recorded, pale, and as means over this (as in the figures of a report)."""
+"""Curves are drawn pale as recorded, and as moving means over this time, as in the figures of a report."""
 
 _MEASURED = "#000000"
 
@@ -60,7 +60,7 @@ class Difference:
 
 
 def read_run(folder: Path, label: str) -> Source:
-    """A run's folder, of `subsoil run` or of a sweep.
+    """Read a run's folder, made by `subsoil run` or by a sweep.
 
     Raises:
         InputError: it is no such folder, or has no series.csv and summary.json yet.
@@ -84,7 +84,7 @@ def read_run(folder: Path, label: str) -> Source:
 
 
 def read_measured(path: Path, runs: Sequence[Source]) -> Source:
-    """A measured CSV: time_s in the run's own time, and columns named as those of the runs.
+    """Read a measured CSV: time_s in the time of the run, and columns named as those of the runs.
 
     Its metrics are over the span of the first run.
 
@@ -109,7 +109,7 @@ def read_measured(path: Path, runs: Sequence[Source]) -> Source:
 
 
 def labels_of(folders: Sequence[Path]) -> list[str]:
-    """Folder names, with as many of their parents as make them different."""
+    """Folder names, each with as many of its parents as make the names unique."""
     parts = [folder.resolve().parts for folder in folders]
     for count in range(1, max(map(len, parts)) + 1):
         labels = ["/".join(item[-count:]) for item in parts]
@@ -133,7 +133,7 @@ def usual_columns(folders: Sequence[Path], sources: Sequence[Source]) -> list[st
 
 
 def differences(sources: Sequence[Source], columns: Sequence[str]) -> list[Difference]:
-    """Mean, min and max of each column, and how far the curves are apart from the first, root mean square."""
+    """Mean, min and max of each column, and the root mean square difference from the first curve."""
     found = []
     for name in columns:
         statistics = [source.statistics(name) for source in sources]
@@ -146,7 +146,7 @@ def differences(sources: Sequence[Source], columns: Sequence[str]) -> list[Diffe
 
 
 def _rms_difference(first: Source, other: Source, name: str) -> float:
-    """Of two curves in the first's span, where both have times; linear between rows."""
+    """RMS difference of two curves in the span of the first, where both have times; linear between rows."""
     if name not in first.columns or name not in other.columns:
         return math.nan
     times, theirs = first.columns["time_s"], other.columns["time_s"]
@@ -159,7 +159,7 @@ def _rms_difference(first: Source, other: Source, name: str) -> float:
 
 
 def write_differences_csv(found: Sequence[Difference], sources: Sequence[Source], path: Path) -> None:
-    """A row per column and statistic: the value of each source, then difference and part of the first."""
+    """Write a row per column and statistic: values of the sources, then difference and part of the first."""
     import pandas as pd
 
     labels = [source.label for source in sources]
@@ -175,7 +175,7 @@ def write_differences_csv(found: Sequence[Difference], sources: Sequence[Source]
 
 
 def draw_overlay(sources: Sequence[Source], columns: Sequence[str], path: Path) -> Path:
-    """A panel per column, all sources in it; the metrics span of the first is shaded."""
+    """Draw a panel per column with all sources; the metrics span of the first is shaded."""
     figure = new_figure(9.0, 0.8 + 2.6 * len(columns))
     panels = figure.subplots(len(columns), 1, sharex=True, squeeze=False)[:, 0]
     for axes, name in zip(panels, columns, strict=True):

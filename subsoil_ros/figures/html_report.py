@@ -1,4 +1,4 @@
-"""A run as one web page that needs nothing else: warnings, results, interactive plots, replay, tables."""
+"""A run as one self-contained web page: warnings, results, interactive plots, replay, tables."""
 
 import base64
 import re
@@ -20,13 +20,13 @@ from .replay import replay
 from .snapshots import Snapshots
 
 LARGEST_LOG_LINES = 20
-"""Warnings of the nodes' logs that are shown; the rest is counted."""
+"""Number of warnings of the nodes' logs that are shown; the rest is counted."""
 
 LARGEST_BYTES = 24_000_000
-"""Of the page: mail servers take attachments of 25 MB."""
+"""Largest size of the page: mail servers accept attachments of 25 MB."""
 
 LARGEST_PICTURES_BYTES = 5_000_000
-"""Of the pictures in the page, in base64; those beyond it stay in their folder."""
+"""Largest size of the pictures in the page, in base64; the others stay in their folder."""
 
 CAPTIONS = {"soil_cut": "Cut through the soil along the mid-plane of the bin"}
 
@@ -35,7 +35,7 @@ _WARNING = re.compile(r"(?:WARNING|NOTE): ")
 
 
 def write_html(directory: Path, bag: Path, run: RunData, pictures: Sequence[Path]) -> Path:
-    """Writes report.html of the run in `directory`, the pictures inside it; returns its path.
+    """Write report.html of the run in `directory`, with the pictures inside; return its path.
 
     Raises:
         OSError: it cannot be written; an older one is left as it was.
@@ -101,7 +101,7 @@ def write_html(directory: Path, bag: Path, run: RunData, pictures: Sequence[Path
 
 
 def _figures(pictures: Sequence[Path]) -> tuple[list[dict[str, str]], int]:
-    """Caption and address of the first pictures that fit in the page, and how many do not."""
+    """Caption and data URI of the first pictures that fit in the page, and the number of the others."""
     found: list[dict[str, str]] = []
     room = LARGEST_PICTURES_BYTES
     for path in pictures:
@@ -115,7 +115,7 @@ def _figures(pictures: Sequence[Path]) -> tuple[list[dict[str, str]], int]:
 
 
 def _warnings(directory: Path, resolved: ResolvedScene, summary: Summary, facts: Sequence[str]) -> list[str]:
-    """All that a reader must know before he trusts the numbers."""
+    """Warnings that a reader needs to judge the numbers."""
     found = [_WARNING.sub("", line, count=1) for line in facts if _WARNING.match(line)]
     found += [line for line in (folded(summary),) if line]
     found += [note.removeprefix("warning: ") for note in resolved.notes]

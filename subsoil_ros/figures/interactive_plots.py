@@ -20,10 +20,11 @@ from .over_time import reference_levels
 from .plotting import COLOURS
 
 LARGEST_SERIES_BYTES = 5e6
-"""Of all columns in the page. With plotly.js (4.8 MB) and pictures (5 MB) it leaves the replay 9 MB of 24."""
+"""Size of all columns in the page. With plotly.js (4.8 MB) and pictures (5 MB), 9 of 24 MB are left for the
+replay."""
 
 NUMBER_BYTES = 4.0 * 4.0 / 3.0
-"""Of a float32 in base64."""
+"""Size of a float32 in base64."""
 
 RESULTS, COLUMNS = "Results", "Columns of series.csv over time"
 
@@ -33,7 +34,7 @@ _WINDOW = "#faf5e9"
 
 @dataclass(frozen=True)
 class RunData:
-    """What the plots of a run are drawn from."""
+    """Data that the plots of a run are drawn from."""
 
     resolved: ResolvedScene
     series: Series
@@ -42,7 +43,7 @@ class RunData:
 
     @property
     def every(self) -> int:
-        """The plots hold one row of series.csv in so many."""
+        """Step between the rows of series.csv that the plots contain."""
         numbers = len(self.series) * len(self.series.columns)
         return math.ceil(numbers * NUMBER_BYTES / LARGEST_SERIES_BYTES)
 
@@ -72,7 +73,7 @@ def _results(run: RunData, compared: Sequence[str]) -> Iterator[tuple[str, go.Fi
 
 
 def _words(run: RunData, name: str) -> str:
-    """Name of a compared column as a designer calls it."""
+    """Readable name of a compared column."""
     report = run.resolved.scene.report
     return {
         f"spring.{report.spring}.force_newton": "Spring force",

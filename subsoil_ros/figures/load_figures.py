@@ -14,7 +14,7 @@ _CYCLE_BINS = 24
 
 
 def draw_load_figures(statistics: RunStatistics, title: str, directory: Path) -> list[Path]:
-    """Draws what the statistics hold into `directory`; returns the paths."""
+    """Draw the figures of the statistics that the run has into `directory`; return the paths."""
     directory.mkdir(parents=True, exist_ok=True)
     paths = []
     if statistics.spectra:

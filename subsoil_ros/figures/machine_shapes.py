@@ -1,4 +1,4 @@
-"""The machine in world axes at one moment, as surfaces and lines: what pictures and VTK files show of it."""
+"""The machine in world axes at one moment, as surfaces and lines for pictures and VTK files."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,14 +14,14 @@ from ..scene.meshes import ToolMesh, load_tool_mesh
 from .snapshots import Frame
 
 RIM_CORNERS = 48
-"""Of the circle that stands for a wheel without a mesh (chosen)."""
+"""Corners of the circle that is drawn for a wheel without a mesh; only its appearance depends on it."""
 
 Segments = NDArray[np.float64]  # (2 n, 3) [m]: pairs of ends
 
 
 @dataclass(frozen=True)
 class Surface:
-    """A tool's mesh where it stands."""
+    """A tool's mesh at its pose."""
 
     tool: str
     vertices_m: NDArray[np.float64]  # (n, 3)
@@ -29,10 +29,10 @@ class Surface:
 
 
 class Shapes:
-    """The tools and bodies of a scene; gives them posed."""
+    """The tools and bodies of a scene, placed at the poses of a moment."""
 
     def __init__(self, resolved: ResolvedScene) -> None:
-        """Loads the meshes of all tools."""
+        """Load the meshes of all tools."""
         self._resolved, self._scene = resolved, resolved.scene
         self._meshes: dict[str, ToolMesh] = {
             name: load_tool_mesh(resolved.directory, resolved.scene, name) for name in resolved.scene.tools
@@ -48,7 +48,7 @@ class Shapes:
         return found
 
     def skeleton(self, frame: Frame) -> Segments:
-        """Lines from the centre of mass of each body to where joints and forces hold it."""
+        """Lines from the centre of mass of each body to the points of its joints and forces."""
         pairs = [
             end
             for body in frame.bodies
@@ -112,12 +112,12 @@ class Shapes:
 
 
 def _body_points(mechanism: Mechanism) -> dict[str, list[tuple[float, float]]]:
-    """Points of each body, in the reference pose, that joints and springs hold it by."""
+    """Points of each body, in the reference pose, at which joints and springs act."""
     found: dict[str, list[tuple[float, float]]] = {name: [] for name in mechanism.bodies}
     places: list[tuple[str, tuple[float, float]]] = []
     for joint in mechanism.joints.values():
         if isinstance(joint, Driver) or joint.kind in ("prismatic", "point_on_line"):
-            continue  # a driver has no place, and a line is held along its whole length
+            continue  # a driver has no point, and a line acts along its whole length
         places.append((joint.body_a, joint.point_m))
         places.append((joint.body_b, getattr(joint, "point_b_m", None) or joint.point_m))
     for force in mechanism.forces.values():

@@ -24,7 +24,7 @@ _SMOOTHED_S = 0.05  # over the noise of single contacts and well below a cycle
 def draw_figures(
     bag: Path, resolved: ResolvedScene, directory: Path, series: Series | None = None
 ) -> list[Path]:
-    """Draws every figure the run has something for into `directory`; returns their paths.
+    """Draw the figures that the run has data for into `directory`; return their paths.
 
     series: of the bag, if it has been read already.
 
@@ -112,7 +112,7 @@ def _paint_draft(axes: Axes, series: Series, resolved: ResolvedScene) -> bool:
     axes.plot(
         times, _smooth(series, "draft_newton"), color=COLOURS["main"], lw=1.8, label=f"draft, {smoothed}"
     )
-    if scene.mechanism is not None:  # otherwise the tools are all there is of it
+    if scene.mechanism is not None:  # without a mechanism the draft is that of the tools alone
         for part, label in (("share", "soil on share and shank"), ("wheels", "soil on wheels")):
             if (name := f"draft.{part}_newton") in series:
                 axes.plot(
@@ -189,7 +189,7 @@ def _draw_reference(
 def reference_levels(
     reference: Reference, column: str, shown: NDArray[np.float64], scale: float = 1.0, zero: float = 0.0
 ) -> list[float]:
-    """What a reference gives of a column, least, mean and largest; a range about the middle of ours.
+    """Least, mean and largest value of a column in a reference; a range is placed about the middle of ours.
 
     shown: the curve (n,), scale * (column - zero).
     """

@@ -19,20 +19,20 @@ from .snapshots import Frame, Snapshots
 from .soil_cut import SPEED_SCALE_M_PER_S
 
 DISPLACEMENT_SCALE_DIAMETERS = 5.0
-"""Upper end of the colours of displacement (chosen: soil that a tool has carried along)."""
+"""Upper end of the colours of displacement: that of soil which a tool has carried along."""
 
-_HEADROOM_M = 0.45  # shown above the bed (chosen: shank and wheels)
-_TUBE_M = 0.012  # radius of the lines of the machine (chosen)
-_FAR_M = 20.0  # of a camera without perspective from what it looks at
+_HEADROOM_M = 0.45  # height shown above the bed, with shank and wheels
+_TUBE_M = 0.012  # radius of the lines of the machine, for appearance only
+_FAR_M = 20.0  # distance of a camera without perspective from its focal point
 _COLOURS = {"tool": "#9aa0a6", "body": "#3c4043", "spring": "#c55a11", "bin": "#806040"}
 _MARGIN = 1.06
 _RADIUS = "radius_m"
-_SMALLEST_FONT = 6  # points (chosen: what can still be read)
+_SMALLEST_FONT = 6  # points, still readable
 
 
 @dataclass(frozen=True)
 class Style:
-    """How moments are shown."""
+    """Colours, limits and size of pictures."""
 
     colour: str  # "speed" [m/s], "displacement" [m] or "broken", part of the bonds
     limits: tuple[float, float]  # of the colours
@@ -40,7 +40,7 @@ class Style:
 
 
 def default_limits(resolved: ResolvedScene, colour: str) -> tuple[float, float]:
-    """The paper's scale for speed [m/s]; some diameters for displacement [m]; all for broken bonds."""
+    """Colour limits: the paper's for speed [m/s]; some diameters for displacement [m]; 0 to 1 for bonds."""
     soil = resolved.scene.particle_soil
     if colour == "broken":
         return 0.0, 1.0
@@ -53,7 +53,7 @@ class Renderer:
     """Draws the moments of one run."""
 
     def __init__(self, resolved: ResolvedScene, style: Style) -> None:
-        """Loads the meshes; opens no window."""
+        """Load the meshes; no window is opened."""
         self._resolved, self._style = resolved, style
         self._shapes = Shapes(resolved)
 
@@ -115,14 +115,14 @@ class Renderer:
         actor.mapper.SetScaleArray(_RADIUS)
 
     def _font_size(self, points: int) -> int:
-        """Of a text that has so many points in a picture of 1280 x 720."""
+        """Font size of a text that has `points` in a picture of 1280 x 720."""
         width, height = self._style.size
         return max(_SMALLEST_FONT, round(points * min(width / 1280.0, height / 720.0)))
 
     def _cut(
         self, frame: Frame, surfaces: Sequence[Surface], view: str
     ) -> tuple[NDArray[np.bool_], Callable[[Surface], bool]]:
-        """Which particles stay (n,), and which tools stand wholly in what was cut away."""
+        """Particles that are shown (n,), and tools that lie entirely in the part that is cut away."""
         x, y = frame.positions_m[:, 0], frame.positions_m[:, 1]
         if view in ("longitudinal", "corner"):
             return y >= 0.0, lambda surface: bool((surface.vertices_m[:, 1] < 0.0).all())
@@ -144,7 +144,7 @@ class Renderer:
         return 0.5 * (x0 + x1)
 
     def _bounds(self, frame: Frame) -> tuple[float, float, float, float, float, float]:
-        """What is shown at least, x, y, z from and to: the soil there is, or without soil the machine."""
+        """Bounds of the view, x, y, z from and to: those of the soil, or without soil of the machine."""
         scene = self._resolved.scene
         if scene.soil is not None:
             size = scene.soil.bin
@@ -192,7 +192,7 @@ def save_pictures(
     frames: Snapshots, renderer: Renderer, times_ns: Sequence[int], views: Sequence[str], folder: Path,
     done: Callable[[], None],
 ) -> list[Path]:  # fmt: skip
-    """Writes VIEW_TIME.png of every moment and view; returns their paths. `done` is called after each."""
+    """Write VIEW_TIME.png of every moment and view; return their paths. `done` is called after each."""
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
     for frame in frames.read(times_ns):
@@ -213,13 +213,13 @@ def save_film(
     rate_hz: float | None,
     done: Callable[[], None],
 ) -> float:
-    """Writes the moments at `times_ns` as MP4 (H.264) or GIF, by the ending of `path`; returns pictures per
+    """Write the moments at `times_ns` as MP4 (H.264) or GIF, by the ending of `path`; return pictures per
     second.
 
     rate_hz: None: as many as moments per simulated second, so that the film runs in real time.
 
     Raises:
-        InputError: the ending is of no film.
+        InputError: the ending of the path is not .mp4 or .gif.
     """
     rate = rate_hz or _natural_rate_hz(times_ns)
     part = path.with_name(f".{path.name}.part{path.suffix}")
@@ -239,7 +239,7 @@ def _natural_rate_hz(times_ns: Sequence[int]) -> float:
 
 @contextmanager
 def _film_writer(path: Path, rate_hz: float) -> Iterator[Callable[[NDArray[np.uint8]], None]]:
-    """Gives what takes the pictures; leaves no file behind where something goes wrong."""
+    """Context of a writer of pictures; an unfinished file is removed on an error."""
     if path.suffix == ".mp4":
         options: dict[str, Any] = {
             "format": "FFMPEG",

@@ -18,7 +18,7 @@ from .snapshots import Frame, Snapshots
 from .soil_cut import SPEED_SCALE_M_PER_S
 
 LARGEST_MOMENTS = 80
-"""Of a replay: at 10 a second it lasts 8 s, which is enough to follow a tool through a bin."""
+"""Most moments of a replay: at 10 a second it lasts 8 s, enough to follow a tool through a bin."""
 
 MOMENT_S = 0.1
 """Shortest time for which a moment is shown: a browser needs about as long to draw 10,000 particles."""
@@ -37,9 +37,9 @@ _SCATTER = 2654435761  # 2^32 over the golden ratio: multiples of it spread even
 
 
 def replay(snapshots: Snapshots, resolved: ResolvedScene, room_bytes: float) -> tuple[go.Figure, str]:
-    """Figure of a run's moments in about `room_bytes` of JSON at most, and in words what is left out.
+    """Figure of a run's moments in about `room_bytes` of JSON at most, and a text about what is left out.
 
-    Reads the moments one by one; memory is bounded by what is shown of them.
+    Moments are read one by one; memory is bounded by the part that is shown.
 
     Raises:
         RecordingError: the bag is damaged, or has no moment with all tools.
@@ -74,12 +74,12 @@ def replay(snapshots: Snapshots, resolved: ResolvedScene, room_bytes: float) -> 
 
 
 def _whole(snapshots: Snapshots, times_ns: Sequence[int], resolved: ResolvedScene) -> Iterator[Frame]:
-    """Moments with all tools; of a run that was killed the last can lack them."""
+    """Moments that have all tools; the last of a killed run may be without them."""
     return (frame for frame in snapshots.read(times_ns) if len(frame.tools) == len(resolved.scene.tools))
 
 
 def _follows(resolved: ResolvedScene) -> bool:
-    """Whether soil exists about the tools only, and the view goes with it."""
+    """Whether the view moves with the tools, because soil exists only near them."""
     soil = resolved.scene.particle_soil
     return soil is not None and soil.window is not None
 
@@ -194,7 +194,7 @@ def _animated(moments: Sequence[tuple[float, list[Any]]], step_s: float) -> go.F
 
 
 def _moving(trace: Any) -> dict[str, Any]:
-    """What of a trace changes from moment to moment."""
+    """The part of a trace that changes from moment to moment."""
     found = {"type": trace.type, "x": trace.x, "y": trace.y, "z": trace.z}
     if _is_soil(trace):
         found["marker"] = {"color": trace.marker.color, "size": trace.marker.size}

@@ -12,7 +12,7 @@ from ..analysis.intervals import mean_interval
 from .plotting import CYCLE, new_figure, save_figure
 
 LINES = 6
-"""More values of a second key than this are drawn as one mean (chosen: more lines are not told apart)."""
+"""Most lines in a panel, so that they stay distinct; more values of a second key are drawn as one mean."""
 
 
 def draw_response(
@@ -20,8 +20,8 @@ def draw_response(
 ) -> Path | None:
     """Draws `columns` over each of `keys`; every run is a dot, the line is their mean.
 
-    With two keys, one line per value of the other. Bars are 95 % intervals over the seeds, where dots of one
-    place differ by nothing else. Returns None if there is nothing to draw.
+    With two keys, one line per value of the other. Bars are 95 % intervals over the seeds, where dots at one
+    place differ only by the seed. Returns None if there is nothing to draw.
 
     table: a row per run, with `seed`, the keys and the columns.
     """
@@ -66,7 +66,7 @@ def _panel(axes: Axes, table: pd.DataFrame, key: str, name: str, other: str | No
 
 
 def _places(axes: Axes, values: pd.Series) -> dict[Any, float]:
-    """Where each value stands on the x axis: numbers as they are, words one after the other."""
+    """Positions of values on the x axis: numbers as they are, words one after the other."""
     if pd.api.types.is_numeric_dtype(values):
         return {value: float(value) for value in values.unique()}
     words = sorted(values.unique())

@@ -1,4 +1,4 @@
-"""Moments of a run as a picture shows them: particles, tools and bodies at one time, read from its bag."""
+"""Moments of a run for pictures: particles, tools and bodies at one time, read from its bag."""
 
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
@@ -15,7 +15,7 @@ from ..recording.bag_reader import BagReader
 from ..recording.joined import JoinedBags, open_record
 
 RATE_HZ = 25.0
-"""Moments per simulated second of a run without soil clouds (chosen: a film's)."""
+"""Moments per simulated second of a run without soil clouds: the rate of a film."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Snapshots:
     """The moments of a run, read one by one: memory is bounded by one of them."""
 
     def __init__(self, bag: Path, resolved: ResolvedScene) -> None:
-        """Looks at the times of a bag.
+        """Read the times of a bag.
 
         Raises:
             InputError: there is no bag.
@@ -57,7 +57,7 @@ class Snapshots:
         return min(self.times_ns, key=lambda time_ns: abs(time_ns - time_s * 1e9))
 
     def read(self, times_ns: Sequence[int]) -> Iterator[Frame]:
-        """The moments at `times_ns`, in order of time."""
+        """Yield the moments at `times_ns`, in order of time."""
         wanted = sorted(set(times_ns))
         tools, states, state_at = self._machine(wanted)
         for time_ns, cloud, displacements in self._clouds(wanted):
@@ -74,7 +74,7 @@ class Snapshots:
             )
 
     def _radii_m(self, cloud: SoilCloud) -> NDArray[np.float32]:
-        """Of the cloud; where it has none, the mean of all."""
+        """Radii of the cloud; the mean radius of all particles where it has none."""
         if cloud.radii_m is not None:
             return np.asarray(cloud.radii_m, dtype=np.float32)
         soil = self._resolved.scene.particle_soil
@@ -134,13 +134,13 @@ def _broken_parts(cloud: SoilCloud) -> NDArray[np.float32]:
 
 
 def _identities(cloud: SoilCloud) -> NDArray[np.uint64]:
-    """Of the cloud; where particles do not come and go, their places in the list."""
+    """Identities of the cloud; in a fixed set of particles, their places in the list."""
     count = len(np.asarray(cloud.positions_m))
     return np.asarray(range(count) if cloud.identities is None else cloud.identities, np.uint64)
 
 
 def _times_ns(reader: BagReader | JoinedBags, kind: type) -> list[int]:
-    """Times of all records of a kind [ns]; decodes none."""
+    """Times of all records of a kind [ns], without decoding them."""
     found: list[int] = []
 
     def passed(time_ns: int) -> bool:
@@ -153,7 +153,7 @@ def _times_ns(reader: BagReader | JoinedBags, kind: type) -> list[int]:
 
 
 def _thinned(times_ns: list[int]) -> list[int]:
-    """Every so manieth time, RATE_HZ of them per second, and the last."""
+    """Every n-th time, such that RATE_HZ of them are left per second, and the last."""
     if len(times_ns) < 2:
         return times_ns
     every = max(1, round(1e9 / RATE_HZ / (times_ns[1] - times_ns[0])))

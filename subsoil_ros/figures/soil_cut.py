@@ -23,7 +23,7 @@ from .plotting import new_figure, save_figure
 
 PANELS = 3
 SPEED_SCALE_M_PER_S = (0.0, 0.2)  # the paper's
-_HEADROOM_M = 0.15  # shown above the bed (chosen)
+_HEADROOM_M = 0.15  # height shown above the bed, for appearance only
 _WIDTH_INCH, _HEIGHT_INCH = 7.6, 2.7  # of a panel, at most
 _BIN = "#806040"
 _HALO = [withStroke(linewidth=3.0, foreground="white")]  # lines stay visible on dark particles
@@ -31,7 +31,7 @@ _TOOL_EDGE, _TOOL_FILL = "#202020", "#d9d9d9"
 
 
 def draw_soil_cut(bag: Path, resolved: ResolvedScene, path: Path, span_s: tuple[float, float]) -> Path | None:
-    """Draws the cut at the clouds nearest to start, middle and end of `span_s` [s]; None without clouds."""
+    """Draw the cut at the clouds nearest to start, middle and end of `span_s` [s]; None without clouds."""
     soil = resolved.scene.particle_soil
     if soil is None:
         return None
@@ -52,7 +52,7 @@ def draw_soil_cut(bag: Path, resolved: ResolvedScene, path: Path, span_s: tuple[
 def nearest_times_ns(times_ns: list[int], span_s: tuple[float, float]) -> list[int]:
     """The times nearest to start, middle and end of a span, ascending.
 
-    Where these are fewer than three, three spread over all times; each once.
+    If these are fewer than three, three times spread over all; each once.
     """
     if not times_ns:
         return []
@@ -142,10 +142,10 @@ def _draw_particles(axes: Axes, cloud: SoilCloud, radii_m: NDArray[Any]) -> Elli
 
 
 def _draw_tool(axes: Axes, mesh: ToolMesh, motion: ToolMotion, reference_angle_rad: float) -> str:
-    """Draws the tool's cut with the mid-plane, or its outline if it stands beside; says which."""
+    """Draw the tool's cut with the mid-plane, or its outline if it lies beside; return which."""
     vertices = posed_vertices_m(mesh, motion, reference_angle_rad)
     surface = trimesh.Trimesh(vertices, mesh.facets, process=False)
-    # a hair beside y = 0: facets of a symmetric mesh may lie in the plane itself
+    # slightly beside y = 0: facets of a symmetric mesh may lie in the plane itself
     plane_y = 1e-6 * float(np.ptp(vertices[:, 1]))
     cut = trimesh.intersections.mesh_plane(surface, (0.0, 1.0, 0.0), (0.0, plane_y, 0.0))
     if len(cut):

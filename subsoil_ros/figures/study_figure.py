@@ -34,10 +34,10 @@ class Panel:
 def draw_study(
     panels: Sequence[Panel], names: Sequence[str], pareto: Sequence[int], title: str, path: Path
 ) -> Path:
-    """Draws the panels, and beside them the names of the presets by number.
+    """Draw the panels, and beside them the names of the presets by number.
 
     Filled: the difference is more than the scatter of the seeds; hollow: it is not. pareto: numbers of the
-    presets that none beats in both time and error, in bold.
+    presets for which no other has less time and less error, in bold.
     """
     columns = 2
     rows = math.ceil(len(panels) / columns)

@@ -1,4 +1,4 @@
-"""The moments of a run as VTK files for ParaView: NAME_0000.vtp and on; NAME.vtp.series has their times."""
+"""The moments of a run as VTK files for ParaView: NAME_0000.vtp etc.; NAME.vtp.series has their times."""
 
 import json
 import shutil
@@ -17,7 +17,7 @@ from .snapshots import Frame, Snapshots
 def write_vtk_series(
     resolved: ResolvedScene, frames: Snapshots, folder: Path, done: Callable[[], None]
 ) -> list[Path]:
-    """Writes soil, tools and machine into a new `folder`, which appears when all is in it.
+    """Write soil, tools and machine into a new `folder`, which appears once it is complete.
 
     soil: points with speed_m_per_s, displacement_m, broken_part and radius_m; tools: their surfaces, with the
     index of the tool in the scene; machine: lines to joints and springs. Returns the .vtp.series files.

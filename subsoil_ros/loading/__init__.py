@@ -1,1 +1,1 @@
-"""From a scene file to a resolved scene: presets, overrides, limits, messages about what is wrong."""
+"""From a scene file to a resolved scene: presets, overrides, limits, error messages."""

@@ -1,4 +1,4 @@
-"""Where a scene document names files: meshes, a saved bed, a soil or material file, a reference file."""
+"""File names in a scene document: meshes, a saved bed, a soil or material file, a reference file."""
 
 import copy
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from .shipped import shipped_material, shipped_reference
 
 
 def map_files(document: Document, change: Callable[[str], str]) -> Document:
-    """A copy of a document, or of a fragment of one, with every file name changed."""
+    """Return a copy of a document, or of a fragment of one, with `change` applied to every file name."""
     copied = copy.deepcopy(document)
     soil = copied.get("soil")
     for key in ("file", "fitted_to", "material"):
@@ -32,9 +32,9 @@ def _change(holder: Any, key: str, change: Callable[[str], str]) -> None:
 
 
 def with_absolute_files(document: Document, directory: Path) -> Document:
-    """A copy with files by absolute path, seen from the folder the document was written in.
+    """Return a copy with absolute file paths; relative ones start at the folder of the document.
 
-    A bare name that is no file there may be that of a shipped reference or material.
+    A bare name without a file there may be the name of a shipped reference or material.
     """
 
     def absolute(name: str) -> str:

@@ -1,4 +1,4 @@
-"""What keys a document may have at a place, found from the typed model; for errors and overrides."""
+"""Keys that a document may have at a place, from the typed model; for errors and overrides."""
 
 import difflib
 import types
@@ -33,7 +33,7 @@ def kinds(annotation: Any, key: str = "kind") -> list[str]:
 
 
 def model_at(annotation: Any, value: object) -> type[BaseModel] | None:
-    """The model that a value of this annotation is read by; None if it is no model, or unknown."""
+    """The model that reads a value of this annotation; None if it is not a model, or unknown."""
     models = [m for m in members(annotation) if is_model(m)]
     if len(models) == 1:
         return models[0]
@@ -74,14 +74,14 @@ def annotation_at(root: Any, document: object, path: Iterable[object]) -> Any:
 
 
 def value_in(value: object, key: object) -> object:
-    """What stands in a mapping, or at a place of a list; None where there is nothing."""
+    """Value at a key of a mapping, or at a place of a list; None if missing."""
     if isinstance(value, list) and str(key).isdigit() and int(str(key)) < len(value):
         return value[int(str(key))]
     return value.get(key) if isinstance(value, dict) else None
 
 
 def value_at(value: object, path: Iterable[object]) -> object:
-    """What stands at a path; None where there is nothing."""
+    """Value at a path; None if missing."""
     for key in path:
         value = value_in(value, key)
     return value

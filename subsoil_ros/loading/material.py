@@ -1,4 +1,4 @@
-"""Material files: `soil.material` in a scene stands for the particles that make a soil of a laboratory."""
+"""Material files: `soil.material` in a scene stands for particles calibrated to a soil of a laboratory."""
 
 import math
 from collections.abc import Sequence
@@ -16,16 +16,16 @@ from .shipped import material_names
 from .validation_errors import validated
 
 _BROUGHT = ("law", "bonds", "particles.sizes", "particles.density_kg_per_m3", "particles.reference_radius_m")
-"""Keys of `soil` that a scene with a material has not."""
+"""Keys of `soil` that the material gives; a scene with a material must not have them."""
 
 
 def read_laboratory_soil(path: Path) -> LaboratorySoil:
-    """Raises SceneError for a file that is missing or describes no soil."""
+    """Read a laboratory's soil. Raises SceneError for a file that is missing or describes no soil."""
     return validated(LaboratorySoil, read_document(path, str(path)), str(path))
 
 
 def read_material(path: Path, place: str) -> Material:
-    """Raises SceneError for a file that is missing, no material, or of another version."""
+    """Read a material. Raises SceneError for a file that is missing, no material, or of another version."""
     if not path.is_file() and not path.suffix:
         raise SceneError(
             f"{place}: no file, and no soil that is shipped: {suggestion(path.name, material_names())}"
@@ -41,15 +41,15 @@ def read_material(path: Path, place: str) -> Material:
 
 
 def write_material(path: Path, material: Material) -> None:
-    """Writes a file that read_material gives back equal."""
+    """Write a file from which read_material returns an equal material."""
     path.write_text(dump_yaml(material.model_dump(mode="json", exclude_none=True)), encoding="utf-8")
 
 
 def material_first(
     document: Document, changes: Sequence[Override]
 ) -> tuple[Sequence[Override], Sequence[Override]]:
-    """The overrides that choose a material and its radius, before it is looked up, and those that then
-    change what it brought; all of them are the second where no material is named."""
+    """Split overrides: those that choose a material and its radius come first, before it is read; the others
+    change what it gave. Without a material, all are in the second part."""
     choose = ("soil", "soil.material", "soil.particles", "soil.particles.radius_m")
     soils = [document.get("soil"), *(change.value for change in changes if change.path == "soil")]
     named = any(isinstance(soil, dict) and "material" in soil for soil in soils)
@@ -60,7 +60,7 @@ def material_first(
 
 
 def with_material(document: Document, shown: str) -> tuple[Document, Material | None]:
-    """A scene's document with the particles of its material in the place of `soil.material`.
+    """Return a scene's document with the particles of its material in place of `soil.material`.
 
     Raises:
         SceneError: no such file, no radius or one that it does not cover, or keys that the material gives.
@@ -96,7 +96,7 @@ def with_material(document: Document, shown: str) -> tuple[Document, Material | 
 
 
 def with_window(document: Document, material: Material | None, shown: str) -> Document:
-    """A scene's document whose `soil.window` is as long as the soil of its material asks for.
+    """Return a scene's document with the lengths of `soil.window` from its material, where it gives none.
 
     Raises:
         SceneError: it is given shorter than the rupture distance.
@@ -122,14 +122,14 @@ def with_window(document: Document, material: Material | None, shown: str) -> Do
 
 
 def is_of(soil: Soil, material: Material) -> bool:
-    """Whether a validated soil is still that of its material: nothing of it was changed by the scene."""
+    """Whether a validated soil is still that of its material: the scene has changed no part of it."""
     low, high = soil.particles.grades[0].bounds_m
     section = material.section(0.5 * (low + high)) | {"bin": soil.bin.model_dump(exclude={"sides"})}
     return _fixed_part(soil) == _fixed_part(Soil.model_validate(section))
 
 
 def _fixed_part(soil: Soil) -> Document:
-    """What a scene may not change of a material's soil; radii to a nanometre."""
+    """The part of a material's soil that a scene may not change; radii rounded to a nanometre."""
     content = soil.model_dump(
         include={"law", "bonds", "particles", "bed", "layers"},
         exclude={"bed": {"seed", "tile_m", "floor"}, "particles": {"sizes": {"seed"}, "coarse": True}},

@@ -26,12 +26,12 @@ class Override:
 
     @property
     def source(self) -> str:
-        """How the override is called in errors."""
+        """Name of the override in errors."""
         return f"{self.given_by} {self.path}"
 
 
 def parse_overrides(texts: Sequence[str]) -> list[Override]:
-    """Parse "a.b.c=value" texts, the value as YAML. Raises SceneError for one that is no such text."""
+    """Parse "a.b.c=value" texts, the value as YAML. Raises SceneError for a text of another form."""
     found = []
     for text in texts:
         path, equals, value = text.partition("=")
@@ -45,7 +45,7 @@ def parse_overrides(texts: Sequence[str]) -> list[Override]:
 
 
 def overrides_of(changes: Mapping[str, object]) -> list[Override]:
-    """Overrides from values by dotted path. Raises SceneError for a path or a value that is none."""
+    """Overrides from values by dotted path. Raises SceneError for an invalid path or value."""
     found = []
     for path, value in changes.items():
         if not isinstance(path, str) or not all(path.split(".")):

@@ -1,4 +1,4 @@
-"""A scene as it travels, to a worker or in a bag: its text and its files by content, no paths of a sender."""
+"""A scene to send to a worker or store in a bag: its text and the content of its files, without paths."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +14,7 @@ SCENE_FILE = "scene.yaml"
 
 @dataclass(frozen=True)
 class SceneBundle:
-    """Scene and files; unpacked, they have the same hash."""
+    """Scene and files; the unpacked scene has the same hash."""
 
     text: str  # YAML; files by name in `files`
     files: dict[str, bytes]
@@ -24,9 +24,9 @@ class SceneBundle:
 def pack(scene: ResolvedScene, with_bed: bool = True) -> SceneBundle:
     """A resolved scene as a bundle.
 
-    with_bed: without it a saved bed is an empty file: the scene can be shown, but not run again.
+    with_bed: if false, a saved bed becomes an empty file: the scene can be shown, but not run again.
 
-    Raises SceneError where one of its files has gone since it was loaded.
+    Raises SceneError where one of its files was removed after it was loaded.
     """
     files: dict[str, bytes] = {}
     names: dict[str, str] = {}  # by absolute path
@@ -50,7 +50,7 @@ def pack(scene: ResolvedScene, with_bed: bool = True) -> SceneBundle:
 
 
 def unpack(bundle: SceneBundle, folder: Path) -> ResolvedScene:
-    """The scene of a bundle, its files in `folder`. Raises SceneError if it is another."""
+    """The scene of a bundle, its files in `folder`. Raises SceneError if its hash differs."""
     scene = _written(bundle, folder)
     if scene.scene_hash != bundle.scene_hash:
         raise SceneError(
@@ -63,7 +63,7 @@ def unpack(bundle: SceneBundle, folder: Path) -> ResolvedScene:
 def unpack_to_show(bundle: SceneBundle, folder: Path) -> ResolvedScene:
     """The scene of a bundle, its files in `folder`, under the hash that it was run with.
 
-    It may lack its bed, or come from another version. Raises SceneError if it cannot be read any more.
+    It may be without its bed, or from another version. Raises SceneError if this version cannot read it.
     """
     return replace(_written(bundle, folder), scene_hash=bundle.scene_hash)
 

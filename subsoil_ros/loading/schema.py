@@ -16,7 +16,7 @@ from .overrides import LOADER_KEYS
 Schema = dict[str, Any]
 
 DIALECT = "http://json-schema.org/draft-07/schema#"
-"""The newest dialect that all editors' YAML servers know."""
+"""The newest dialect that the YAML servers of all editors support."""
 
 PARTIAL = "Partial"
 """Prefix of the definitions in which every key may be left out."""
@@ -122,7 +122,7 @@ def _loader_keys() -> Schema:
 
 
 class _SchemaWithUnits(GenerateJsonSchema):
-    """Adds its unit to the description of a field, and gives no titles that repeat the key."""
+    """Generator that adds the unit to the description of a field, and omits titles that repeat the key."""
 
     def field_title_should_be_set(self, schema: Any) -> bool:
         return False
@@ -166,7 +166,7 @@ def _or_null(schema: Schema) -> Schema:
 
 
 def _as_draft_7(schema: Any) -> Any:
-    """Places of a fixed list under the name that draft 7 has for them; no keys that are OpenAPI's."""
+    """Rename the items of fixed lists as in draft 7, and remove keys of OpenAPI."""
     if isinstance(schema, list):
         return [_as_draft_7(item) for item in schema]
     if not isinstance(schema, dict):

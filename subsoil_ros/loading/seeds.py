@@ -1,4 +1,4 @@
-"""Which key of a scene makes its bed another one."""
+"""The key of a scene that changes its random bed."""
 
 from ..errors import InputError
 from ..scene.beds import Bed, DenseRandomBed, GridBed, TiledBed
@@ -8,12 +8,12 @@ from .loader import ResolvedScene
 
 
 def is_random(bed: Bed) -> bool:
-    """Whether another seed makes it another bed."""
+    """Whether the bed depends on a seed."""
     return isinstance(bed, (DenseRandomBed, TiledBed)) or (isinstance(bed, GridBed) and bed.jitter_m > 0.0)
 
 
 def seed_key(scene: ResolvedScene) -> str:
-    """The key of the seed that makes a bed another one.
+    """Return the key of the seed of the bed.
 
     Raises:
         InputError: nothing in the scene's soil is random, so that seeds would change nothing.

@@ -26,22 +26,22 @@ def config_folder() -> Path:
 
 
 def shipped_scene(path: Path) -> Path:
-    """`path` itself; a bare name of a shipped scene where no such file is there: that scene."""
+    """Return `path`, or the shipped scene of that name if `path` is a bare name without a file."""
     return _shipped(path, "scenes")
 
 
 def shipped_reference(path: Path) -> Path:
-    """The same of the reference files."""
+    """As shipped_scene, for reference files."""
     return _shipped(path, "references")
 
 
 def shipped_material(path: Path) -> Path:
-    """The same of the material files."""
+    """As shipped_scene, for material files."""
     return _shipped(path, "materials")
 
 
 def shipped_soil(path: Path) -> Path:
-    """The same of the soils of laboratories."""
+    """As shipped_scene, for soils of laboratories."""
     return _shipped(path, "soils")
 
 

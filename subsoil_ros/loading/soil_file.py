@@ -1,4 +1,4 @@
-"""Soil files: values of a wedge model, what they were fitted to, and in which range."""
+"""Soil files: values of a wedge model, the soil they were fitted to, and the range of the fit."""
 
 import hashlib
 import math
@@ -21,34 +21,35 @@ from ..yaml_document import dump_yaml, read_document
 from .validation_errors import validated
 
 RANGE_MARGIN = 1.2
-"""How far beyond its range a soil file is taken, with a warning (chosen: the law bends slowly)."""
+"""Factor beyond its range up to which a soil file is accepted, with a warning: forces change slowly there."""
 
 RAKES_RAD = (math.radians(15.0), 0.5 * math.pi)
-"""Rakes that the wedge theory covers: the charts of McKyes (1985) begin near 15 degrees; behind the upright
-soil stays on the tool and is a part of it."""
+"""Rakes that the wedge theory covers: the charts of McKyes (1985) begin near 15 degrees; on a face that leans
+forward beyond the vertical, soil stays on the tool and acts as a part of it."""
 
 LARGEST_SUM_RAD = math.radians(170.0)
-"""Of rake, friction and tool friction: the wedge's force is endless where these and beta come to 180."""
+"""Largest sum of rake, friction and tool friction: the wedge's force tends to infinity as these and beta add
+up to 180 degrees."""
 
 
 LARGEST_YAW_RAD = math.radians(45.0)
-"""Between a plate's normal and its travel, seen from above (chosen: beyond it a plate moves more along its
-edge than across it, and the theory has no motion of the soil along the edge)."""
+"""Largest angle between a plate's normal and its travel, seen from above: beyond it a plate moves more along
+its edge than across it, and the theory has no motion of the soil along the edge."""
 
 LARGEST_ROLL_RAD = math.radians(5.0)
-"""Of the edge out of the level (chosen: the depth is taken at the middle of the edge; of a plate as wide as
-deep it differs by 9 % between its ends, of a force that goes as the depth squared by 0.1 %)."""
+"""Largest tilt of the edge out of the level. The depth is taken at the middle of the edge: for a plate as
+wide as deep, it differs by 9 % between the ends, and a force that grows as the depth squared by 0.1 %."""
 
 LARGEST_SIDE = 0.1
-"""Width that a side sweeps over that of its plate (chosen: what soil a side pushes is left out, so it must
-be little beside the plate's)."""
+"""Largest width that a side sweeps over that of its plate: the soil that a side pushes is neglected, so it
+must be little against the plate's."""
 
 FACING_RAD = math.radians(1.0)
-"""How far the front of a mesh may look aside (chosen: round-off of a mesh; yaw is that of the motion)."""
+"""Largest angle by which a mesh's front faces sideways: round-off of a mesh; yaw comes from the motion."""
 
 
 class SoilFile(StrictModel):
-    """What `subsoil calibrate` writes and `soil.file` names."""
+    """Content of a soil file: `subsoil calibrate` writes it and `soil.file` names it."""
 
     model: Literal["wedge"]
     fitted_law: dict[str, Any]  # particles, bed and law that the runs had, as law_of gives it
@@ -59,14 +60,14 @@ class SoilFile(StrictModel):
 
 
 class FoundSoil(StrictModel):
-    """The values a scene's soil has, wherever they stand."""
+    """Values of a scene's soil, from the scene or from its file."""
 
     values: WedgeValues
     fitted_range: SoilRange | None  # None: the values are the scene's own
 
 
 def read_soil_file(path: Path, place: str = "soil.file") -> SoilFile:
-    """Raises SceneError for a file that is missing, no YAML, or no soil file."""
+    """Read a soil file. Raises SceneError for a file that is missing, no YAML, or no soil file."""
     shown = f"{place}: {path}"
     document = read_document(path, shown)
     if document.get("model") != "wedge":
@@ -78,7 +79,7 @@ def read_soil_file(path: Path, place: str = "soil.file") -> SoilFile:
 
 
 def write_soil_file(path: Path, soil: SoilFile) -> None:
-    """Writes a soil file that read_soil_file gives back equal."""
+    """Write a soil file from which read_soil_file returns an equal one."""
     path.write_text(dump_yaml(soil.model_dump(mode="json")), encoding="utf-8")
 
 
@@ -92,7 +93,7 @@ def soil_of(soil: WedgeSoil) -> FoundSoil:
 
 
 def law_of(soil: Soil) -> dict[str, Any]:
-    """What makes a particle soil the soil it is: spheres, packing and law; not bin, steps or seed."""
+    """The properties that identify a particle soil: spheres, packing and law; not bin, steps or seed."""
     content = soil.model_dump(mode="json", include={"particles", "bed", "law", "layers"}, exclude_none=True)
     content["bed"].pop("seed", None)
     if "file" in content["bed"]:
@@ -101,7 +102,7 @@ def law_of(soil: Soil) -> dict[str, Any]:
 
 
 def _with_defaults(fitted: dict[str, Any]) -> dict[str, Any]:
-    """`fitted_law` with the keys that its contact law has got since; as it is if the law refuses it."""
+    """`fitted_law` with defaults for keys added to its law since; unchanged if the law refuses it."""
     try:
         law = contact_laws()[fitted["law"]["kind"]].model_validate(fitted["law"])
     except (KeyError, ValidationError):
@@ -121,7 +122,7 @@ def _differences(one: Any, two: Any, path: str = "") -> list[str]:
 
 
 def check_wedge_soil(scene: Scene, directory: Path, fitted_to: Scene | None) -> tuple[str, ...]:
-    """Looks at a scene on a wedge model; returns what a run must say of it.
+    """Check a scene on a wedge model; return the notes that a run prints.
 
     fitted_to: the scene that `soil.fitted_to` names.
 
@@ -163,7 +164,7 @@ def check_wedge_soil(scene: Scene, directory: Path, fitted_to: Scene | None) -> 
 def refuse_rake(
     rake_rad: float, friction_rad: float, tool_friction_rad: float, place: str, kind: type[SubsoilError]
 ) -> None:
-    """Raises `kind` where the wedge theory does not cover a rake."""
+    """Raise `kind` where the wedge theory does not cover a rake."""
     low, high = RAKES_RAD
     high = min(high, LARGEST_SUM_RAD - friction_rad - tool_friction_rad)
     if not low - 1e-9 <= rake_rad <= high + 1e-9:
@@ -177,7 +178,7 @@ def refuse_rake(
 def refuse_yaw(
     yaw_rad: float, roll_rad: float, face: CuttingFace, place: str, kind: type[SubsoilError]
 ) -> None:
-    """Raises `kind` where theory does not cover how a plate's edge stands and moves."""
+    """Raise `kind` where the theory does not cover yaw, tilt or sides of a plate."""
     yaw, roll, swept = abs(yaw_rad), abs(roll_rad), face.side_part * math.tan(abs(yaw_rad))
     if yaw > LARGEST_YAW_RAD + 1e-9:
         found = f"travels at {math.degrees(yaw):.1f} degrees of yaw; the wedge theory covers up to "
@@ -203,7 +204,7 @@ def _start_pitch(path: ToolPath) -> float:
 
 
 def _check_in_space(path: ToolPath, faces: tuple[CuttingFace, ...], place: str) -> None:
-    """Raises SceneError for a tool whose start is known to be beyond the theory of yaw."""
+    """Raise SceneError for a tool whose start is beyond the theory of yaw, as far as the scene shows it."""
     for face in faces:
         if abs(face.aside_rad) > FACING_RAD:
             raise SceneError(
@@ -216,7 +217,7 @@ def _check_in_space(path: ToolPath, faces: tuple[CuttingFace, ...], place: str) 
 
 
 def _start_way(path: ToolPath) -> Vector:
-    """Horizontal velocity of a constant speed; 0 where it is known in the run only."""
+    """Horizontal velocity if the speed is constant; 0 where only the run gives it."""
     x, y = (
         law.value if law is not None and law.kind == "constant" else 0.0
         for law in (path.speed_x_m_per_s, path.speed_y_m_per_s)
@@ -239,7 +240,7 @@ def _refuse_other_law(soil: WedgeSoil, fitted_to: Scene) -> None:
 
 
 def _work(scene: Scene, name: str, share: CuttingFace, rake: float) -> list[tuple[str, str, float]]:
-    """(what, key of SoilRange, value) of what a tool is set to do: on a path, or in the reference pose."""
+    """(name, key of SoilRange, value) of what a tool is to do: on a path, or in the reference pose."""
     tool = scene.tools[name]
     work = [("rake", "rake_rad", rake)]
     if tool.path is not None:

@@ -1,4 +1,4 @@
-"""Validates documents; errors are lines that say where, what was given, what is allowed, what to do."""
+"""Validation of documents; error lines have the place, what was given, what is allowed, what to do."""
 
 import json
 import re
@@ -16,7 +16,7 @@ from .keys import annotation_at, kinds, known_keys, suggestion, value_at
 from .overrides import LOADER_KEYS, Override
 
 SHOWN_COUNT = 8
-"""More errors than these are only counted."""
+"""Number of errors that are shown; the others are only counted."""
 
 Model = TypeVar("Model")
 
@@ -48,7 +48,7 @@ _SUBPATH = re.compile(r"^([A-Za-z_][\w.\[\]]*): ")
 def validated(
     annotation: type[Model], document: Document, shown: str, overrides: Sequence[Override] = ()
 ) -> Model:
-    """The document as an instance of `annotation`, a model or a union of models.
+    """Return the document as an instance of `annotation`, a model or a union of models.
 
     Raises:
         SceneError: one line per wrong place. `shown` names the document there, `overrides` are in it already.
@@ -105,7 +105,7 @@ def _origin(path: str, overrides: Sequence[Override]) -> str:
 def _message(
     place: tuple[str, ...], found: list[ErrorDetails], root: Any, document: Document
 ) -> tuple[str, str]:
-    """Where, and what is wrong there."""
+    """Place of an error, and its message."""
     path = ".".join(place)
     first = found[0]
     given = _given(first["input"])
@@ -143,7 +143,7 @@ def _message(
 
 
 def _hint(given: object, allowed: Sequence[str]) -> str:
-    """What follows a message where a text comes near an allowed one."""
+    """Suggestion for a text that is close to an allowed one."""
     words = suggestion(given, allowed) if isinstance(given, str) else ""
     return f"; {words}" if words.startswith("did") else ""
 

@@ -1,4 +1,4 @@
-"""Which part of the soil the recorded clouds hold, and how exactly."""
+"""Region and resolution of the recorded clouds."""
 
 import math
 
@@ -7,7 +7,7 @@ from pydantic import model_validator
 from ..strict_model import Finite, StrictModel
 
 SPEED_BITS = 8
-"""Significant bits that are left of the speeds of a rounded cloud: to 0.2 % (chosen: colours show less)."""
+"""Significant bits of the speeds of a rounded cloud: to 0.2 %, finer than the colours of a picture show."""
 
 Span = tuple[Finite, Finite]
 
@@ -37,8 +37,8 @@ class CloudRegion(StrictModel):
 
 
 def position_step_m(resolution_m: float) -> float:
-    """The power of two not above it that positions are rounded to [m]: low bits of float32 are then zero.
+    """Step of rounded positions [m], the largest power of two up to the resolution: low bits are then zero.
 
-    Below a nanometre there is nothing left to round.
+    A resolution below a nanometre counts as a nanometre.
     """
     return 2.0 ** math.floor(math.log2(max(resolution_m, 1e-9)))

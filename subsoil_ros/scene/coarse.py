@@ -8,12 +8,12 @@ from pydantic import Field
 from ..strict_model import Positive, StrictModel
 
 LARGEST_STEP = 1.5
-"""Of the radii of neighbouring sizes (chosen: three spheres that touch let one pass whose radius is
-2 / sqrt(3) - 1 = 0.155 of theirs, so that none trickles through)."""
+"""Largest ratio of the radii of neighbouring sizes. Three spheres that touch let one pass whose radius is
+2 / sqrt(3) - 1 = 0.155 of theirs, so no particle falls through the gaps of the next size."""
 
 SHELL_DIAMETERS = 4.0
-"""Thickness of a size between core and coarsest over its mean diameter (chosen: its own particles, not those
-of its neighbours, carry the stress in the midst of it)."""
+"""Thickness of a size between core and coarsest over its mean diameter: thick enough that in its middle its
+own particles, not those of its neighbours, carry the stress."""
 
 
 class Coarse(StrictModel):

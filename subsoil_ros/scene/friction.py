@@ -11,7 +11,7 @@ STICKS = (
 
 
 def check_stick(part: StrictModel, stiffness: str, damping: str) -> None:
-    """Refuses a damping of sticking without its stiffness; the arguments are the units in the keys."""
+    """Refuse stick damping without stick stiffness; the arguments are the units in the keys."""
     if (
         getattr(part, f"stick_damping_{damping}") > 0.0
         and getattr(part, f"stick_stiffness_{stiffness}") is None

@@ -1,4 +1,4 @@
-"""Layers of depth: what differs from layer to layer."""
+"""Layers of depth and the values that differ between them."""
 
 from typing import TYPE_CHECKING, Any
 

@@ -9,14 +9,15 @@ from ..strict_model import NonNegative, Positive, StrictModel
 from .sizes import UniformSizes, mean_power
 
 VERSION = 1
-"""Of material files."""
+"""Version of the format of material files."""
 
 RADIUS_SPREAD = 0.15
-"""Half of the range of radii over their mean: spheres that are not equal do not crystallise."""
+"""Half of the range of radii over their mean: unequal spheres do not crystallise."""
 
 SIMILAR = 2.0
-"""A material is taken at radii from 1 / SIMILAR to SIMILAR times the calibrated one: it stays the same soil
-by similarity, but a tool sees its grain. Source: C.J. Coetzee, Powder Technol. 310 (2017) 104-142."""
+"""A material is accepted at radii from 1 / SIMILAR to SIMILAR times the calibrated one: by similarity it
+stays the same soil, but a tool's forces depend on the size of its particles. Source: C.J. Coetzee,
+Powder Technol. 310 (2017) 104-142."""
 
 
 class LaboratorySoil(StrictModel):
@@ -67,7 +68,7 @@ class Material(StrictModel):
 
     @property
     def radii_m(self) -> tuple[float, float]:
-        """Least and largest mean radius that the material is taken at."""
+        """Least and largest mean radius at which the material is accepted."""
         return self.radius_m / SIMILAR, self.radius_m * SIMILAR
 
     def section(self, radius_m: float) -> dict[str, Any]:

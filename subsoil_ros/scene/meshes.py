@@ -12,11 +12,11 @@ from .model import Scene
 from .tools import MeshPart
 
 LARGEST_SIZE_M = 20.0
-"""A larger mesh is taken to be in millimetres (chosen: no tool for a soil bin is as large)."""
+"""Largest size of a mesh: no tool for a soil bin is larger, so such a file is probably in millimetres."""
 
 SMALLEST_HEIGHT = 1e-6
-"""A facet lower than this part of the mesh's size is degenerate (chosen: ten times the round-off of
-the float32 of an STL file)."""
+"""Height of a facet over the mesh's size below which it is degenerate: ten times the round-off of the float32
+of an STL file."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class ToolMesh:
     lateral_m: float = 0.0  # y of the body
 
     def about_body(self) -> "ToolMesh":
-        """The same with y from the body, as a tool that moves in space needs it."""
+        """The mesh with y measured from the body, as needed for a tool that moves in space."""
         return replace(self, vertices_m=self.vertices_m - (0.0, self.lateral_m, 0.0), lateral_m=0.0)
 
 

@@ -17,7 +17,7 @@ from .wedge import ExternalSoil, WedgeSoil
 
 
 def _soil_model(soil: Any) -> Any:
-    """Which model of soil is described: discrete elements unless it says otherwise."""
+    """Name of the soil model of a description; `dem` if it has no `model`."""
     return soil.get("model", "dem") if isinstance(soil, dict) else getattr(soil, "model", "dem")
 
 

@@ -1,4 +1,4 @@
-"""Bounds that a running soil is held against, so that lost physics stops a run and is no result."""
+"""Bounds that the soil is checked against, so that a run with invalid physics stops without a result."""
 
 from typing import Annotated
 

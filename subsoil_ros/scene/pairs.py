@@ -1,4 +1,4 @@
-"""Pair laws of a scene: what two bodies in contact put on each other."""
+"""Pair laws of a scene: the forces between two bodies in contact."""
 
 import math
 
@@ -20,7 +20,7 @@ def layer_soils(soil: Soil) -> tuple[Soil, ...]:
     """The soil of every layer as one without layers, from top to bottom; of a graded bed that of every size,
     from the core outwards; of others the soil itself.
 
-    What a layer does not give is that of `soil.particles` and `soil.law`.
+    Values that a layer does not give are those of `soil.particles` and `soil.law`.
     """
     if soil.particles.coarse is not None:
         return tuple(soil.model_copy(update={"particles": grade}) for grade in soil.particles.grades)
@@ -48,7 +48,7 @@ def size_ratio(soil: Soil) -> float:
 def pair_values(soil: Soil) -> tuple[PairValues, PairValues]:
     """Laws of the pairs particle-particle and particle-boundary, two spheres of mean volume.
 
-    Of a soil with layers, those of `soil.law`: ask for each of `layer_soils`.
+    For a soil with layers, the laws of `soil.law`; those of the layers come from `layer_soils`.
     """
     radius, mass = soil.particles.mean_volume_radius_m, particle_mass_kg(soil)
     return (

@@ -10,12 +10,12 @@ from ..strict_model import Positive, StrictModel
 from .beds import Seed
 
 LARGEST_RATIO = 4.0
-"""Of the largest radius to the smallest (chosen). Cells are sized by the largest: at 4 one may hold some
-eighty of the smallest, and the damper's limit on the step, that of the smallest, is 1/64 of that of the
-largest. Wider soils are better modelled by the coarse part of their sizes."""
+"""Limit of the largest radius over the smallest. Cells are sized by the largest: at 4, a cell can hold some
+eighty of the smallest, and the damper's limit on the step, set by the smallest, is 1/64 of that of the
+largest. For wider distributions, leave out the fine part."""
 
 _PARTS = 4096
-"""Equal parts of a distribution over which its moments are summed."""
+"""Number of equal parts of a distribution over which its moments are summed."""
 
 
 def refuse_wide(smallest_m: float, max_m: float, key: str) -> None:

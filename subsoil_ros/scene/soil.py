@@ -132,7 +132,7 @@ class Soil(StrictModel):
 
     @model_validator(mode="after")
     def _windowed_field(self) -> "Soil":
-        """A window needs a tiled bed over a held floor; only there sides are held."""
+        """Check that a window has a tiled bed over a held floor, and held sides a window."""
         if self.window is None:
             if self.bin.sides == "held":
                 raise ValueError("bin.sides: 'held' needs soil.window; use 'walls' or 'periodic', or add it")
@@ -156,7 +156,7 @@ class Soil(StrictModel):
 
     @model_validator(mode="after")
     def _graded(self) -> "Soil":
-        """A graded bed is tiled, has no layers, and something of it is coarse."""
+        """Check that a graded bed is tiled, has no layers, and reaches beyond its core."""
         coarse = self.particles.coarse
         if coarse is None:
             return self
@@ -181,7 +181,7 @@ class Soil(StrictModel):
 
     @model_validator(mode="after")
     def _bonds_within_lists(self) -> "Soil":
-        """Bonded particles stay in the lists of neighbours until their bond breaks."""
+        """Check that bonded particles stay in the neighbour lists until their bond breaks."""
         if self.bonds is None:
             return self
         if self.device != "cpu":
@@ -206,7 +206,7 @@ class Soil(StrictModel):
 
     @model_validator(mode="after")
     def _layers_fill_the_bin(self) -> "Soil":
-        """Names differ, every layer but the last is thicker than a particle and ends above the floor."""
+        """Check that names differ, and that layers but the last are thick enough and end above the floor."""
         above, seen = 0.0, set()
         for k, layer in enumerate(self.layers or ()):
             last = k == len(self.layers or ()) - 1
@@ -243,7 +243,7 @@ class Soil(StrictModel):
 
     @model_validator(mode="after")
     def _rest_overlaps(self) -> "Soil":
-        """Below the smallest radius (the limits of the step rest on it); equal in all layers of a grid."""
+        """Check that rest overlaps are below the smallest radius, and equal in all layers of a grid."""
         rows = [("law", *self.law.rest_overlaps_m())]
         for k, layer in enumerate(self.layers or ()):
             if layer.law is not None and layer.law.kind == self.law.kind:

@@ -1,4 +1,4 @@
-"""What the wedge model sees of a tool: cutting faces, sides, wheels; from its mesh."""
+"""Geometry of a tool for the wedge model, from its mesh: cutting faces, sides, wheels."""
 
 import math
 from dataclasses import dataclass
@@ -9,13 +9,13 @@ from ..errors import SceneError
 from .meshes import ToolMesh
 
 FORWARD = 1e-3
-"""A facet cuts if the x part of its normal is above this (chosen: round-off of an STL file)."""
+"""A facet cuts if the x part of its normal is above this, the round-off of an STL file."""
 
 SIDEWAYS = 0.9
-"""A facet is a side if the y part of its normal is above this (chosen: within 26 degrees)."""
+"""A facet is a side if the y part of its normal is above this: within 26 degrees of the y axis."""
 
 ROUNDNESS = 0.02
-"""How far the rim of a wheel may depart from a circle, relative (chosen: 20 segments and more pass)."""
+"""Largest relative deviation of a wheel's rim from a circle: polygons of 20 and more segments pass."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class CuttingFace:
 
     @property
     def area_m2(self) -> float:
-        """Of the plate."""
+        """Area of the plate."""
         return self.width_m * math.hypot(self.top_m[0] - self.tip_m[0], self.top_m[1] - self.tip_m[1])
 
 

@@ -10,7 +10,7 @@ from .meshes import ToolMesh
 
 @dataclass(frozen=True)
 class ToolMass:
-    """Of the solid inside the meshes, groups that overlap counted twice; in the frame of the tool's body."""
+    """Mass of the solid inside the meshes, in the frame of the tool's body; overlaps count twice."""
 
     mass_kg: float
     centre_m: tuple[float, float, float]  # from the body's typed centre of mass

@@ -24,7 +24,7 @@ class MeshPart(StrictModel):
 
 
 LARGEST_TURN_RAD = math.pi - 1e-6
-"""From one pose to the next: a half turn but for round-off, which has no direction."""
+"""Largest rotation from one pose to the next: less than a half turn, which has no direction."""
 
 Coordinates = tuple[Finite, Finite, Finite]
 """x, y and z in world axes, or in those of a tool."""
@@ -193,7 +193,7 @@ class Tool(StrictModel):
 
     @property
     def inertia_kg_m2(self) -> float | None:
-        """About the axis of its path, where the soil turns it freely; else None."""
+        """Moment of inertia about the axis of its path if the soil turns it freely; else None."""
         turn = self.path.turn if self.path is not None else None
         return turn.free.inertia_kg_m2 if turn is not None and turn.free is not None else None
 

@@ -16,10 +16,10 @@ from .tools import Tool
 WORLD = "world"
 
 ROD_RADIUS_M = 0.012
-"""Of the rods from a body's centre of mass to its joints (chosen: thinner than any tool)."""
+"""Radius of the rods from a body's centre of mass to its joints: thinner than the tools."""
 
 WHEEL_WIDTH_M = 0.1
-"""Of a wheel that has no mesh (as config/meshes/wheel.stl)."""
+"""Width of a wheel that has no mesh, as of config/meshes/wheel.stl."""
 
 _PACKAGE = "subsoil_ros"
 _SOURCES = Path(__file__).parents[2]
@@ -30,8 +30,8 @@ _NEAR_M = 1e-3  # a rod shorter than this is left out
 def robot_description(scene: Scene) -> str:
     """The URDF of a scene's bodies, or of its tools on paths, with visual meshes and inertials.
 
-    The scene knows the moment of inertia about y alone; the other two are given the same value, which makes
-    the tensor a possible one.
+    A scene has the moment of inertia about y alone; the other two get the same value, with which the tensor
+    is physically possible.
     """
     robot = ElementTree.Element("robot", name=scene.name)
     for name, rgba in _COLOURS.items():
@@ -50,7 +50,7 @@ def robot_description(scene: Scene) -> str:
 
 
 def mesh_uri(path: Path) -> str:
-    """Where others find a mesh: package:// for what this package ships, file:// for all else."""
+    """URI of a mesh: package:// for meshes of this package, file:// for others."""
     parts = path.parts
     for end in range(len(parts) - 1, 1, -1):
         if parts[end - 2 : end] == ("share", _PACKAGE):
@@ -88,7 +88,7 @@ def _add_body(
 def _link(
     robot: ElementTree.Element, name: str, place_m: tuple[float, float, float], angle_rad: float
 ) -> ElementTree.Element:
-    """A link that floats on `world`; where it stands in the reference pose is for viewers without /tf."""
+    """Add a link that floats on `world`, placed in its reference pose for viewers without /tf."""
     link = ElementTree.SubElement(robot, "link", name=name)
     joint = ElementTree.SubElement(robot, "joint", name=f"{name}_floats", type="floating")
     ElementTree.SubElement(joint, "parent", link=WORLD)
@@ -100,7 +100,7 @@ def _link(
 def _add_meshes(
     link: ElementTree.Element, tool: Tool, centre_m: tuple[float, float], angle_rad: float
 ) -> None:
-    """The meshes of a tool; in the reference pose they have the world's axes, so they turn back by phi."""
+    """Add the meshes of a tool, turned back by phi: in the reference pose they have the world's axes."""
     for group, part in tool.groups.items():
         x, y, z = part.position_m
         x, z = in_body(angle_rad, x - centre_m[0], z - centre_m[1])
@@ -110,7 +110,7 @@ def _add_meshes(
 
 
 def _add_rod(link: ElementTree.Element, name: str, end: tuple[float, float]) -> None:
-    """A rod from the origin to `end` (x, z) [m]; a cylinder's axis is z."""
+    """Add a rod from the origin to `end` (x, z) [m]; a cylinder's axis is z."""
     length = math.hypot(*end)
     if length < _NEAR_M:
         return
@@ -122,7 +122,7 @@ def _add_rod(link: ElementTree.Element, name: str, end: tuple[float, float]) -> 
 def _visual(
     link: ElementTree.Element, name: str, xyz: Sequence[float], rpy: Sequence[float], material: str
 ) -> ElementTree.Element:
-    """A new visual of a link; gives its geometry, to be filled."""
+    """Add a visual to a link; return its empty geometry."""
     visual = ElementTree.SubElement(link, "visual", name=name)
     _origin(visual, xyz, rpy)
     geometry = ElementTree.SubElement(visual, "geometry")
@@ -140,7 +140,7 @@ def _origin(parent: ElementTree.Element, xyz: Sequence[float], rpy: Sequence[flo
 
 
 def _points(mechanism: Mechanism, body: str) -> list[tuple[float, float]]:
-    """Where joints and springs hold a body, in the reference pose, each once [m]."""
+    """Points at which joints and springs act on a body, in the reference pose, each once [m]."""
     found: dict[tuple[float, float], None] = {}
     for joint in mechanism.joints.values():
         for point in _joint_points(joint, body):

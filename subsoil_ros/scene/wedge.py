@@ -9,7 +9,7 @@ from ..strict_model import NonNegative, Positive, StrictModel, WithinReach
 from .bin import Bin
 
 LARGEST_FRICTION_ANGLE_RAD = math.radians(55.0)
-"""No soil has more (chosen: beyond it the wedge of a raked blade soon has no solution)."""
+"""Largest friction angle: no soil has more, and beyond it the wedge of a raked blade has no solution."""
 
 FrictionAngle = Annotated[
     float, Field(ge=0.0, le=LARGEST_FRICTION_ANGLE_RAD, allow_inf_nan=False), WithinReach

@@ -33,14 +33,14 @@ def add_overrides(parser: argparse.ArgumentParser) -> None:
 
 
 def positive_count(text: str) -> int:
-    """A whole number from 1 on, for argparse."""
+    """Parse a whole number of 1 or more, for argparse."""
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"'{text}' is no whole number of 1 or more")
     return int(text)
 
 
 def write_out(text: str, out: Path | None) -> None:
-    """Writes what a verb made to the file of its `--out`, or to standard output.
+    """Write the output of a verb to the file of its `--out`, or to standard output.
 
     Raises:
         InputError: the file cannot be written.

@@ -1,4 +1,4 @@
-"""Progress of a bed that is prepared, on standard error."""
+"""Progress of the preparation of a bed, on standard error."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def bed_progress(what: str) -> Iterator[OnProgress]:
-    """Gives what to tell how the preparation of a bed goes."""
+    """Show the preparation of a bed; yields the callback of its progress."""
     console = Console(stderr=True)
     start = time.monotonic()
     if console.is_terminal:

@@ -1,4 +1,4 @@
-"""The part of `subsoil check` that prepares a bed and prints what it is like."""
+"""The part of `subsoil check` that prepares a bed and prints its properties."""
 
 import math
 import time
@@ -20,7 +20,7 @@ from .progress import working
 from .tables import table
 
 LEFT_ALONE_S = 0.02
-"""How long the bed runs without tools: waves cross some 0.3 m of it (chosen)."""
+"""Time that the bed runs without tools: long enough for waves to cross some 0.3 m of it."""
 
 
 def print_bed(console: Console, resolved: ResolvedScene, threads: int, out: Path | None) -> None:

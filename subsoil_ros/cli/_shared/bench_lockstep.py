@@ -28,7 +28,7 @@ from .tables import table
 
 TICKS, QUICK_TICKS = 12_000, 2500
 WARM_UP_TICKS = 1500
-"""Left out at the start; also topics' histories (ros/transport/qos.py) are full from then on."""
+"""Ticks left out at the start; after them the histories of topics (ros/transport/qos.py) are full too."""
 
 STAMPS_FILE = "stamps_ns.bin"  # as ros/nodes/idle.py names it, which cannot be imported without ROS
 _INTERVAL_NS = 50_000
@@ -37,15 +37,15 @@ _SERIES_TICKS = 20  # as the paper's scene has it
 
 @dataclass(frozen=True)
 class NodeCost:
-    """What one node's process used per exchange."""
+    """Resources of one node's process per exchange."""
 
     cpu_us: float
-    switches: float  # times that one of its threads went to sleep or was put aside
+    switches: float  # context switches of its threads
 
 
 @dataclass(frozen=True)
 class ExchangeCost:
-    """Of serial exchanges between processes whose engines compute nothing."""
+    """Cost of serial exchanges between processes whose engines compute nothing."""
 
     processes: int
     exchanges: int
@@ -118,14 +118,14 @@ def exchange_cost(ticks: int, *, recorded: bool) -> ExchangeCost:
 
 
 class _Meter:
-    """Reads the use of processes as a run goes on, and gives it per tick."""
+    """Samples the resources that processes use during a run, and returns them per tick."""
 
     def __init__(self, processes: list[NodeProcess]) -> None:
         self._pids = {process.name: process.popen.pid for process in processes}
         self._samples: list[tuple[int, dict[str, tuple[float, dict[int, int]]]]] = []
 
     def note(self, tick: int) -> None:
-        """Takes a sample, the run having come to `tick`."""
+        """Take a sample when the run has reached `tick`."""
         if tick < WARM_UP_TICKS:
             return
         try:
@@ -135,7 +135,7 @@ class _Meter:
         self._samples.append((tick, used))
 
     def per_tick(self) -> dict[str, NodeCost]:
-        """What each process used per tick between the first sample and the last."""
+        """Return the resources of each process per tick between the first sample and the last."""
         if len(self._samples) < 2:
             return {}
         (first_tick, first), (last_tick, last) = self._samples[0], self._samples[-1]
@@ -149,18 +149,18 @@ class _Meter:
 
 
 def _cpu_s(process_id: int) -> float:
-    """CPU time of a process, threads that have ended included; psutil knows it to 10 ms only."""
+    """CPU time of a process, with threads that have ended; psutil resolves it to 10 ms only."""
     return time.clock_gettime((~process_id << 3) | 2)  # as clock_getcpuclockid(3) makes it; 2: CPU time
 
 
 def _switches(process_id: int) -> dict[int, int]:
-    """Context switches of each thread of a process, by thread number, which psutil takes like a process."""
+    """Context switches of each thread of a process, by thread number, which psutil takes as a process id."""
     threads = psutil.Process(process_id).threads()
     return {thread.id: sum(psutil.Process(thread.id).num_ctx_switches()) for thread in threads}
 
 
 def write_scene(folder: Path, ticks: int) -> Path:
-    """A scene of the right shape: nothing of its physics is used."""
+    """Write a scene with the right numbers of bodies and tools; its physics is not used."""
     import trimesh
 
     trimesh.creation.box((0.1, 0.1, 0.1)).export(folder / "tool.stl")
@@ -185,7 +185,7 @@ def write_scene(folder: Path, ticks: int) -> Path:
     }
     path = folder / "scene.yaml"
     path.write_text(dump_yaml(document), encoding="utf-8")
-    load_scene(path)  # an error is to be seen here, not in the nodes' logs
+    load_scene(path)  # so that an error is raised here, not in the nodes' logs
     return path
 
 

@@ -18,8 +18,8 @@ LIMIT_S = 120.0
 def helics_cost(steps: int, warm_up: int) -> dict[str, float] | None:
     """Median wall and CPU time of one step [us]; None where HELICS is not installed.
 
-    Both federates publish, ask for the next time and read what the other one published: the exchange of
-    HELICS' own examples. A step is granted when both have asked, so each sees the other's last step.
+    Both federates publish, request the next time and read what the other one published: the exchange of
+    HELICS' own examples. A step is granted when both have requested it, so each reads the other's last step.
     """
     if importlib.util.find_spec("helics") is None:
         return None
@@ -81,7 +81,7 @@ def _federate(name: str, other: str, port: int, steps: int, warm_up: int) -> dic
 
 
 def main() -> int:
-    """Runs the broker or one federate; a federate prints its times."""
+    """Run the broker or one federate; a federate prints its times."""
     role, port, steps, warm_up = sys.argv[1], *(int(word) for word in sys.argv[2:])
     if role == "broker":
         _broker(port)

@@ -1,4 +1,4 @@
-"""The port of a live view: chosen before anything starts, so that every mode of a run has the same one."""
+"""The port of a live view: fixed before anything starts, so that every mode of a run uses the same one."""
 
 import argparse
 import socket
@@ -7,7 +7,7 @@ from ...errors import InputError
 from ...extras import require
 
 DEFAULT_PORT = 8765
-"""What Foxglove offers when it is asked to open a connection."""
+"""Default port of Foxglove's dialog for a connection."""
 
 
 def add_live(parser: argparse.ArgumentParser) -> None:
@@ -23,10 +23,10 @@ def add_live(parser: argparse.ArgumentParser) -> None:
 
 
 def live_port(wanted: str | None) -> int:
-    """A port that is free now; 0 if no live view is wanted.
+    """Return a port that is free now; 0 without a live view.
 
     Raises:
-        InputError: it is no port, or cannot be had, or foxglove-sdk is not installed.
+        InputError: the value is no port, the port is in use, or foxglove-sdk is not installed.
     """
     if wanted is None:
         return 0
@@ -48,7 +48,7 @@ def live_port(wanted: str | None) -> int:
 
 
 def say_where(port: int) -> None:
-    """Prints the address of the live view, if there is one."""
+    """Print the address of the live view, if there is one."""
     if port:
         from ...recording.live import HOST
 

@@ -1,7 +1,6 @@
-"""What precedes a run and may take a minute, announced: kernels to compile.
+"""Messages about work before a run that may take a minute: the compilation of kernels.
 
-Everything goes to standard error. A terminal sees one line that changes; a log gets a line before and one
-after.
+All messages go to standard error: on a terminal one changing line, in a log one line before and one after.
 """
 
 import sys
@@ -16,12 +15,12 @@ if TYPE_CHECKING:
 
 
 def say(line: str) -> None:
-    """One line on standard error."""
+    """Print one line on standard error."""
     print(line, file=sys.stderr, flush=True)
 
 
 def say_opened(opened: "OpenedRun") -> None:
-    """What is to be said of a run before it begins: warnings on standard error, notes on standard output."""
+    """Print warnings on standard error and notes on standard output before a run begins."""
     for warning in opened.warnings:
         say(f"warning: {warning}")
     for note in opened.notes:
@@ -35,7 +34,7 @@ class KernelAnnouncer(CompilationListener):
         super().__init__(say)
 
     def before(self, on_tick: Callable[[int], None]) -> Callable[[int], None]:
-        """`on_tick`, told first what the tick was waiting for."""
+        """Return `on_tick`, preceded at the first tick by the report of the compilation."""
 
         def told(tick: int) -> None:
             self.done()
@@ -45,9 +44,9 @@ class KernelAnnouncer(CompilationListener):
 
 
 def announce_kernels_of_nodes(on_tick: Callable[[int], None]) -> Callable[[int], None]:
-    """Where the soil's kernels are not kept yet: says what the other processes do before their first tick.
+    """Announce that the nodes compile their kernels, if the kernels are not in the cache yet.
 
-    Returns `on_tick`, which then says at the first tick how long it took.
+    Returns `on_tick`, which then reports at the first tick how long that took.
     """
     if soil_kernels_are_kept():
         return on_tick

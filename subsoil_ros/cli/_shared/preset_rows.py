@@ -1,4 +1,4 @@
-"""The part of `subsoil check` that says what an accuracy preset costs and how far it is off."""
+"""The part of `subsoil check` that prints the cost and the error of accuracy presets."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -11,7 +11,7 @@ from .tables import table
 
 
 def accuracy_lines(resolved: ResolvedScene, overrides: Sequence[str]) -> Iterator[RenderableType]:
-    """What a study measured of the chosen preset, or of all of them, or that there is nothing measured."""
+    """Lines of what a study measured of the chosen preset, or of all; a line if nothing was measured."""
     name, duration = resolved.preset, resolved.scene.duration_s
     if name is None:
         if resolved.presets:
@@ -42,14 +42,14 @@ def accuracy_lines(resolved: ResolvedScene, overrides: Sequence[str]) -> Iterato
 
 
 def _changed(overrides: Sequence[str]) -> Iterator[str]:
-    """A note where this is not the scene that was measured."""
+    """Note that overrides change the scene that was measured."""
     changed = [text for text in overrides if text.partition("=")[0].strip() != "preset"]
     if changed:
         yield f"note: measured without {', '.join(f'--set {text}' for text in changed)}"
 
 
 def _all_presets(known: Mapping[str, Expected], duration_s: float) -> Iterator[Table]:
-    """One row each, with the time they take, and again for each further reference."""
+    """Yield a table with a row for each preset and its wall time, then one for each further reference."""
     walls = {name: f"{_wall_s(item, duration_s)} s" for name, item in known.items()}
     errors = {name: item.errors for name, item in known.items()}
     yield _one_row_each(

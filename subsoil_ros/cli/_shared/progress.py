@@ -1,4 +1,4 @@
-"""Progress on standard error: of a run (simulated time, speed, time left), and of what else takes seconds."""
+"""Progress on standard error: of a run (simulated time, speed, time left), and of other work of seconds."""
 
 from __future__ import annotations
 
@@ -76,14 +76,14 @@ class RunProgress:
 
 
 _SHOWN_PARTS = 200
-"""A bar that reads a bag moves at most so often: there may be millions of messages."""
+"""Most updates of the bar while a bag is read: there may be millions of messages."""
 
 _REFRESHES_PER_S = 4
-"""Few (chosen): a benchmark is measured beside it, in rounds much shorter than its period."""
+"""Refreshes of a bar per second: few, because a bar must not disturb the benchmark that it is shown for."""
 
 
 def _bar(*columns: ProgressColumn) -> Progress:
-    """A bar that goes when its work is done, and is not drawn where there is no terminal."""
+    """Return a bar that is removed when its work is done, and not drawn without a terminal."""
     console = Console(stderr=True)
     return Progress(
         *columns,
@@ -96,7 +96,7 @@ def _bar(*columns: ProgressColumn) -> Progress:
 
 @contextmanager
 def working(what: str) -> Iterator[None]:
-    """Says that `what` is going on, and since when; for work that does not say how far it is."""
+    """Show that `what` is in progress, and for how long; for work of unknown length."""
     with _bar(SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()) as progress:
         progress.add_task(what, total=None)
         yield
@@ -104,7 +104,7 @@ def working(what: str) -> Iterator[None]:
 
 @contextmanager
 def counted(what: str, count: int) -> Iterator[Callable[[], None]]:
-    """A bar over `count` things; gives what to call after each."""
+    """Show a bar over `count` items; yields a callback to call after each."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with _bar(*columns) as progress:
         task = progress.add_task(what, total=count)
@@ -113,7 +113,7 @@ def counted(what: str, count: int) -> Iterator[Callable[[], None]]:
 
 @contextmanager
 def reading_bag(timing: Timing) -> Iterator[Callable[[int], None]]:
-    """A bar over the time of a bag that is read; gives what to call with each message's time [ns]."""
+    """Show a bar over the time of a bag; yields a callback that takes each message's time [ns]."""
     end_ns = timing.tick_count * timing.communication_step_ns
     shown_ns = 0
     with _bar(TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn()) as progress:

@@ -1,4 +1,4 @@
-"""What `subsoil run` does, in each of its modes. Apart from its arguments: this needs all libraries."""
+"""The work of `subsoil run` in each mode; separate from its arguments, because it imports all libraries."""
 
 import argparse
 import os
@@ -31,7 +31,7 @@ from .progress import RunProgress, reading_bag, working
 
 
 def simulate(args: argparse.Namespace) -> int:
-    """Runs the scene as the arguments of `subsoil run` say. Raises as run.run does."""
+    """Run the scene with the arguments of `subsoil run`. Raises as run.run does."""
     kernels = KernelAnnouncer()
     with kernels:
         return _run(args, kernels)
@@ -81,7 +81,7 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
     except SubsoilError as error:
         failure = error
     if failure is not None and failure.exit_status == InputError.exit_status and not bar.started:
-        shutil.rmtree(out)  # bad input that showed only when the bed was there: nothing ran
+        shutil.rmtree(out)  # bad input detected only with the prepared bed: nothing ran
         raise failure
     facts = {"mode": args.mode, "threads": args.threads, "whole_wall_s": time.monotonic() - start}
     facts |= {"stop_when": found} if found else {}
@@ -98,7 +98,7 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
 
 
 def _refuse_direct(args: argparse.Namespace, resolved: ResolvedScene) -> None:
-    """InputError if the run needs what only nodes can do."""
+    """Raise InputError if the run needs nodes."""
     if args.namespace:
         raise InputError("--namespace: a direct run has no nodes; use --mode nodes or composed")
     if args.paused:
@@ -108,7 +108,7 @@ def _refuse_direct(args: argparse.Namespace, resolved: ResolvedScene) -> None:
 
 
 def _say_where_nodes_are(plan: RunPlan, domain: int, namespace: str) -> None:
-    """Prints where other programs find the nodes, and what must come from outside."""
+    """Print where other programs find the nodes, and which nodes must be started by the user."""
     place = f", namespace {namespace}" if namespace else ""
     say(f"nodes in ROS_DOMAIN_ID={domain}{place}")
     for node, key in nodes_from_outside(plan.resolved.scene).items():
@@ -143,7 +143,7 @@ def _run_composed(
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         _avoid_full_memory(1)
-        from ...ros.process.composed import run_composed, scene_builds  # the other modes need no ROS here
+        from ...ros.process.composed import run_composed, scene_builds  # not for other modes: needs ROS
         from ...ros.process.heartbeat import NodeRun
 
         node_run = NodeRun(opened.run_id, opened.resolved, opened.checkpoints, opened.resumed)

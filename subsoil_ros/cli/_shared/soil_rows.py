@@ -18,7 +18,7 @@ from ...scene.window import SoilWindow, rupture_distance_m
 
 
 def material_rows(material: Material) -> Iterable[tuple[str, str]]:
-    """What a laboratory says of the soil, and what its particles make, with 95 % intervals."""
+    """Rows of the laboratory's values and those of the particles, with 95 % intervals."""
     asked = material.soil.model_dump()
     yield "soil", material.soil.name
     for key, found in material.measured.items():
@@ -28,7 +28,7 @@ def material_rows(material: Material) -> Iterable[tuple[str, str]]:
 
 
 def wedge_rows(resolved: ResolvedScene, soil: WedgeSoil) -> Iterable[tuple[str, str]]:
-    """Values of a wedge model, and what it sees of each tool."""
+    """Rows of the values of a wedge model, and of each tool's face or wheel."""
     found = soil_of(soil)
     values = found.values
     phi, delta = math.degrees(values.friction_angle_rad), math.degrees(values.tool_friction_angle_rad)

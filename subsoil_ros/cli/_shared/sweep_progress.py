@@ -1,4 +1,4 @@
-"""Progress of many runs: one bar for all of them and one for each that is going on."""
+"""Progress of many runs: one bar for all of them and one for each that is running."""
 
 from rich.console import Console
 from rich.markup import escape
@@ -21,18 +21,18 @@ class SweepProgress:
         self._title = title
         self._all: TaskID | None = None
         self._tasks: dict[str, TaskID] = {}
-        self._ended: set[str] = set()  # words of a run may come after its end
+        self._ended: set[str] = set()  # progress of a run may arrive after its end
         self._done = self._count = 0
 
     def begin(self, kept: int, count: int) -> None:
-        """`kept` of `count` runs are there already."""
+        """Start: `kept` of `count` runs are in the cache already."""
         self._done, self._count = kept, count
         self._say(f"{self._title}: {count} runs, {kept} of them kept from before")
         if self._bars is not None:
             self._all = self._bars.add_task(self._title, total=count, completed=kept)
 
     def went_on(self, name: str, part: float) -> None:
-        """A run has done this part of its ticks."""
+        """Update: a run has done this part of its ticks."""
         if self._bars is None or name in self._ended:
             return
         if name not in self._tasks:
@@ -40,7 +40,7 @@ class SweepProgress:
         self._bars.update(self._tasks[name], completed=round(100.0 * part))
 
     def ended(self, name: str, failure: str | None) -> None:
-        """A run is kept."""
+        """End of a run: its result is kept."""
         self._done += 1
         self._ended.add(name)
         if self._bars is not None and self._all is not None:
@@ -53,7 +53,7 @@ class SweepProgress:
             self._say(f"done: {name}; {self._done} of {self._count}")
 
     def _say(self, line: str) -> None:
-        """A line above the bars."""
+        """Print a line above the bars."""
         if self._bars is not None:
             self._bars.console.print(line, markup=False, highlight=False, soft_wrap=True)
         else:

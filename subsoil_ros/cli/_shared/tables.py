@@ -1,4 +1,4 @@
-"""How the verbs print tables."""
+"""Tables that the verbs print."""
 
 from collections.abc import Iterable
 
@@ -6,7 +6,7 @@ from rich.table import Column, Table
 
 
 def table(title: str, headings: Iterable[str] = (), words: int = 1) -> Table:
-    """A table without lines, to which rows are added.
+    """Return a table without lines, to which rows are added.
 
     headings: of its columns; without any it has rows alone. words: how many of its first columns hold words,
     which stand to the left; the others hold numbers.

@@ -8,8 +8,8 @@ from ...scene.beds import TiledBed
 
 
 def bed_density_kg_per_m3(scene: ResolvedScene, threads: int = 1) -> float:
-    """Mass over the volume between walls, floor and mean top; of a tiled bed, of which a window holds only a
-    part, by its solid fraction."""
+    """Mass over the volume between walls, floor and mean top. For a tiled bed, of which a window has only a
+    part, it follows from the solid fraction."""
     soil = scene.scene.particle_soil
     assert soil is not None
     if isinstance(soil.bed, TiledBed):

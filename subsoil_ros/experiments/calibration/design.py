@@ -1,4 +1,4 @@
-"""What a calibration is to do: scenes to run and numbers to find, read from a design file."""
+"""Design of a calibration, read from a file: scenes to run and numbers to find."""
 
 import math
 from pathlib import Path
@@ -17,7 +17,7 @@ from ...strict_model import Finite, Fraction, NonNegative, Positive, StrictModel
 from ...yaml_document import read_document
 
 GOLDEN = ((math.sqrt(5.0) - 1.0) / 2.0, 0.7548776662466927)
-"""Multiples of these fill a square evenly: shifts of the tool against a regular bed."""
+"""Factors of the shifts of the tool against a regular bed: their multiples modulo 1 fill a square evenly."""
 
 
 class Point(StrictModel):
@@ -30,7 +30,7 @@ class Point(StrictModel):
 
     @property
     def name(self) -> str:
-        """For tables and progress."""
+        """Name for tables and progress."""
         tilt = f", turned {math.degrees(self.tilt_rad):.0f} deg" if self.tilt_rad else ""
         return f"{self.depth_m:g} m deep, {self.speed_m_per_s:g} m/s{tilt}"
 
@@ -46,11 +46,11 @@ class WedgeDesign(StrictModel):
     theory: Literal["mckyes_ali", "perumpral"] = "mckyes_ali"
     fit: Annotated[tuple[Point, ...], Field(min_length=3)]
     check: tuple[Point, ...] = ()
-    wheels: WheelSoil | None = None  # taken over into the soil file
+    wheels: WheelSoil | None = None  # copied into the soil file
 
 
 class Parameter(StrictModel):
-    """A number of the scene to find, within bounds; the scene's own value is the start."""
+    """A number of the scene to fit, within bounds; the scene's own value is the start."""
 
     key: str  # dotted path, as in --set
     lowest: Finite
@@ -80,7 +80,7 @@ class DraftTarget(StrictModel):
 
 
 class ReposeTarget(StrictModel):
-    """Angle of the heap that is left when the wall of a column is taken away."""
+    """Angle of the heap that is left after the wall of a column is removed."""
 
     kind: Literal["angle_of_repose"]
     angle_rad: Positive
@@ -92,7 +92,7 @@ Target = Annotated[StrengthTarget | DraftTarget | ReposeTarget, Field(discrimina
 
 
 class LawDesign(StrictModel):
-    """Numbers of a law of particles, and the tests that they are to meet."""
+    """Numbers of a law of particles, and the targets of the tests."""
 
     model: Literal["dem"]
     scene: str
@@ -107,7 +107,7 @@ Design = WedgeDesign | LawDesign
 
 
 def read_design(path: Path) -> Design:
-    """Raises InputError for a file that is missing or is no design."""
+    """Read a design file. Raises InputError for a file that is missing or is no design."""
     kind: Any = Annotated[Design, Field(discriminator="model")]
     design: Design = validated(kind, read_document(path, str(path)), str(path))
     return design
@@ -128,9 +128,9 @@ def tip_of(scene: ResolvedScene) -> tuple[str, tuple[float, float]]:
 def point_overrides(
     scene: ResolvedScene, design: WedgeDesign, point: Point, replicate: int
 ) -> tuple[str, ...]:
-    """What lays a point over the scene.
+    """Overrides that make a scene of a point.
 
-    Replicates take the next seed of a random bed; on a regular one the tool stands elsewhere in it.
+    Replicates have the next seed of a random bed; in a regular one, another position of the tool.
     """
     name, (x, z) = tip_of(scene)
     cosine, sine = math.cos(point.tilt_rad), math.sin(point.tilt_rad)
@@ -172,7 +172,7 @@ def base_scene(design_path: Path, design: Design) -> ResolvedScene:
 
 
 def fitted_law(scene: ResolvedScene) -> dict[str, object]:
-    """What the soil file says that it was fitted to."""
+    """Law that the soil file records as the one it was fitted to."""
     soil = scene.scene.particle_soil
     assert soil is not None
     return law_of(soil)

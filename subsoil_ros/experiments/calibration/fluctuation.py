@@ -1,4 +1,4 @@
-"""How a draft fluctuates along the travel, and the wedges that fluctuate like it."""
+"""Fluctuation of a draft along the travel, and a fit of wedges to it."""
 
 import math
 from collections.abc import Sequence
@@ -14,30 +14,30 @@ from ...wedge.engine import LARGEST_DROP
 Values = NDArray[np.float64]
 
 SAMPLE_M = 1e-3
-"""Travel between samples of a spectrum (chosen: a twentieth of a particle's diameter)."""
+"""Travel between samples of a spectrum: a twentieth of a particle's diameter of 20 mm."""
 
 RESOLVED_WAVES = 4.0
-"""Waves longer than the window over this are drift: too few to tell (chosen)."""
+"""Least number of waves in the window: longer waves count as drift, as too few fit in to estimate a power."""
 
 MEAN_LENGTHS_M = (0.1, 0.3)
-"""Travel over which means are taken whose variance is compared (chosen: a failure, and some)."""
+"""Travel of the means whose variance is compared: about that of one failure, and of several."""
 
 DEVIATES, QUADRATURE = 4.0, 201
-"""Standard deviations over which means over lengths are taken, and points (chosen: with WAVES, powers by
-octave are those of simulated wedges within 12 %, tests/verification/test_wedge_fluctuation.py)."""
+"""Range in standard deviations, and points, of the quadrature over lengths. With these and WAVES, powers by
+octave are those of simulated wedges within 12 % (tests/verification/test_wedge_fluctuation.py)."""
 
 WAVES = 8
-"""Wave lengths an octave at which the spectrum is summed, 9 % apart (chosen)."""
+"""Wavelengths an octave at which the spectrum is summed, 9 % apart; for their accuracy see DEVIATES."""
 
 MODEL_ERROR = 0.3
-"""Of the logarithm of a power by octave, beside its statistical error (chosen: a factor of 1.35)."""
+"""Error of the model in the logarithm of a power, added to the statistical one: a factor of 1.35."""
 
 SMALL_PART = 0.01
-"""Of the variance, added to each octave's power, so that empty octaves do not count (chosen)."""
+"""Part of the variance that is added to each octave's power: octaves with less then have little weight."""
 
 
 class Wedges(NamedTuple):
-    """What varies from wedge to wedge."""
+    """Parameters of wedges that vary."""
 
     drop: float  # part of the force lost at failure
     variation: float  # of the strength, relative
@@ -46,13 +46,13 @@ class Wedges(NamedTuple):
 
 
 def octave_edges_m(shortest_m: float, window_m: float) -> Values:
-    """Edges (n + 1,) of the octaves of wave lengths from the shortest on that a window resolves."""
+    """Edges (n + 1,) of the octaves of wavelength that a window resolves, from the shortest on."""
     count = int(math.log2(window_m / RESOLVED_WAVES / shortest_m) + 1e-9)
     return np.asarray(shortest_m * 2.0 ** np.arange(max(count, 1) + 1), np.float64)
 
 
 def without_trend(sampled: Values) -> Values:
-    """Samples (n,) about their straight line."""
+    """Samples (n,) less their linear trend."""
     at = np.arange(len(sampled))
     return sampled - np.polyval(np.polyfit(at, sampled, 1), at)
 
@@ -71,14 +71,14 @@ def octave_power(about: Values, shortest_m: float) -> Values:
 
 
 def variance_of_means(about: Values, length_m: float) -> float:
-    """Of means over `length_m` of samples (n,) SAMPLE_M apart, at every place."""
+    """Variance of the moving mean over `length_m` of samples (n,) SAMPLE_M apart."""
     count = min(round(length_m / SAMPLE_M), len(about))
     sums = np.cumsum(np.concatenate([[0.0], about]))
     return float(np.var((sums[count:] - sums[:-count]) / count))
 
 
 def bearing_power(wedges: Wedges, shortest_m: float, window_m: float) -> Values:
-    """Power by octave (octaves,) of what the soil bears along its travel, over its mean squared.
+    """Power by octave (octaves,) of the soil's resistance along the travel, over the square of its mean.
 
     A wedge of strength S and length L bears g(u) = S (1 - drop (1 - u / L)) at 0 <= u < L of its travel; S
     and L are lognormal of mean 1 and length_m, independent from wedge to wedge, as in the engine.
@@ -117,7 +117,7 @@ def fit_wedges(
     shortest_m: float,
     window_m: float,
 ) -> tuple[Wedges, float]:
-    """Wedges that fluctuate like the draft at several points, by least squares; and the cost.
+    """Fit wedges to the draft's fluctuation at several points by least squares; return them and the cost.
 
     Args:
         relative_power: of the draft over its mean, by octave, (octaves,) for each point.

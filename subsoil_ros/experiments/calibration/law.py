@@ -33,11 +33,11 @@ class LawFit:
     found: NDArray[np.float64]
     tolerance: NDArray[np.float64]  # relative
     run_count: int
-    finished: bool  # False: max_runs came first
+    finished: bool  # False: ended by max_runs
 
 
 class _Enough(Exception):
-    """max_runs evaluations were made."""
+    """Raised when max_runs evaluations have been made."""
 
 
 def fit_law(
@@ -121,7 +121,7 @@ def _wanted(targets: tuple[Target, ...]) -> tuple[tuple[str, ...], NDArray[np.fl
 
 
 def _number(scene: ResolvedScene, key: str) -> float:
-    """The scene's own value, its defaults filled in. Raises InputError for a key that is no number."""
+    """The scene's own value or default. Raises InputError for a key that is no number."""
     value: Any = scene.scene.model_dump()
     for part in key.split("."):
         value = value.get(part) if isinstance(value, dict) else None
@@ -166,7 +166,7 @@ def _run(
 
 
 def write_law(path: Path, fit: LawFit) -> None:
-    """A scene laid over the start, with the fitted numbers; the report stands beside it as .json."""
+    """Write a scene with the start as its base and the fitted numbers, and a report beside it as .json."""
     document: dict[str, Any] = {
         "base": str(fit.scene.path.resolve()),
         "name": f"{fit.scene.scene.name}_calibrated",

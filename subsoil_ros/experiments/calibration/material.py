@@ -1,7 +1,7 @@
 """Particles fitted to a laboratory's soil, by element tests.
 
-Two numbers are sought: friction of the particles, for the friction angle, and one that makes cohesion, which
-depends on the law (particles). Everything else follows from a rule: stiffness from the overlap at work or
+Two numbers are sought: friction of the particles, for the friction angle, and one for the cohesion, which
+depends on the law (particles.py). Everything else follows from a rule: stiffness from the overlap at work or
 from the confined modulus, dampers from a restitution, density from the bulk density, the friction on metal
 from that of the laboratory.
 """
@@ -42,28 +42,28 @@ from ..sweep.cluster import connected
 from .particles import FORMS, REST_OVERLAP, Wanted
 
 SEEDS = (101, 102, 103, 104)
-"""Of the cells that are fitted to; scenes have others unless they ask for these."""
+"""Seeds of the cells of the fit; scenes have other seeds unless they set these."""
 
 FRICTIONS = (0.02, 1.2)
 """Least and largest friction of particles: beyond the largest, spheres roll and the angle hardly grows."""
 
 START_FRICTION, ANGLE_DEG, PER_FRICTION_DEG = 0.32, 32.0, 35.0
-"""A friction, the angle that it makes, and the angle's growth with it: where the search begins (measured)."""
+"""Start of the search, measured: a friction, its friction angle, and the angle's growth with friction."""
 
 PER_FRICTION = 1.2
-"""Part by which cohesion grows with friction: likewise."""
+"""Relative growth of cohesion with friction, likewise measured."""
 
 COHESION_OVER_TENSION = 0.55
-"""Cohesion over the tensile strength, likewise."""
+"""Cohesion over tensile strength, likewise measured."""
 
 TOLERANCE = (0.3, 0.02, 50.0)
-"""The search ends with the angle met to so many degrees and the cohesion to such a part or pressure [Pa]."""
+"""The search ends when the angle is met to so many degrees and the cohesion to this part or pressure [Pa]."""
 
 MODULUS_TOLERANCE, LONGEST_STIFFENING = 0.05, 4
-"""Part by which the confined modulus may be missed, and how often the stiffness is changed for it at most."""
+"""Relative tolerance of the confined modulus, and most changes of the stiffness to meet it."""
 
 LONGEST_SEARCH = 12
-"""Sets that are tested at most (chosen: five to eight do)."""
+"""Most sets that are tested: five to eight usually suffice."""
 
 Say = Callable[[str], None]
 
@@ -83,13 +83,13 @@ class _Tested(NamedTuple):
 def calibrate(
     soil: LaboratorySoil, radius_m: float, workers: int, say: Say, law: str = "cohesive_linear"
 ) -> Material:
-    """Particles of mean radius `radius_m` that make a laboratory's soil, tests on `workers` processes.
+    """Fit particles of mean radius `radius_m` to a laboratory's soil, with tests on `workers` processes.
 
     law: one of FORMS.
 
     Raises:
-        InputError: the friction angle or the confined modulus is out of reach, says what can be reached; or
-            bonds for a soil without cohesion.
+        InputError: the friction angle or the confined modulus cannot be reached (the message has the possible
+            range); or bonds for a soil without cohesion.
     """
     if law == "bonded" and soil.cohesion_pa == 0.0:
         raise InputError(
@@ -110,7 +110,7 @@ class _Fit:
         self._sets = 0
 
     def material(self) -> Material:
-        """The fit."""
+        """Return the fitted material."""
         soil = self._soil
         per_unit = COHESION_OVER_TENSION * self._form.tension_per_unit(self._wanted(0.0))
         slope = np.array(((PER_FRICTION_DEG, 0.0), (PER_FRICTION * soil.cohesion_pa, per_unit)))
@@ -146,7 +146,7 @@ class _Fit:
             before, at, moved = tested, to, to - at
             tested = self._tested(at)
             error = tested.mean() - before.mean() - slope @ moved
-            scaled = moved / np.array((0.1, max(at[1], 1e-9) * 0.2)) ** 2  # both numbers count alike
+            scaled = moved / np.array((0.1, max(at[1], 1e-9) * 0.2)) ** 2  # both numbers have equal weight
             slope = slope + np.outer(error, scaled) / float(moved @ scaled)
         return at, slope, tested
 
@@ -198,7 +198,7 @@ class _Fit:
         )
 
     def _stiffened(self, at: NDArray[np.float64]) -> bool:
-        """Whether the stiffness had to be changed for the wanted modulus, which goes with it.
+        """Adjust the stiffness to the wanted confined modulus; return whether it changed.
 
         Raises:
             InputError: overlaps would be larger than the rules of stiffness allow.
@@ -228,7 +228,7 @@ class _Fit:
         return max(at_work, pressed)
 
     def _stiffness(self, second: float) -> float:
-        """Of a pair [N/m]."""
+        """Stiffness of a pair [N/m]."""
         return max(self._given_stiffness, self._least_stiffness(second))
 
     def _refuse_angle(self, second: float) -> NoReturn:
@@ -240,8 +240,8 @@ class _Fit:
         )
 
     def _measured(self, at: NDArray[np.float64], tested: _Tested, slope: NDArray[np.float64]) -> Material:
-        """Intervals are from the scatter of the seeds; those of the fitted numbers through the slope that the
-        search ended with."""
+        """Results with intervals from the scatter of the seeds; the last slope of the search converts them to
+        those of the fitted numbers."""
         rows: dict[str, NDArray[np.float64]] = {
             "friction_angle_deg": tested.angle_deg,
             "cohesion_pa": tested.cohesion_pa,
@@ -281,12 +281,12 @@ def _pressed(document: Document) -> None:
 
 
 def _strength(document: Document) -> tuple[float, float, float]:
-    """Friction angle [deg], cohesion [Pa] and density [kg/m3] at the peak."""
+    """Friction angle [deg] and cohesion [Pa] at the peak, and density [kg/m3] at the start of the tests."""
     return _series(document, PEAK_STRAIN, to_peak=True)
 
 
 def _critical(document: Document) -> tuple[float, float, float]:
-    """Those of the critical state."""
+    """Friction angle [deg] and cohesion [Pa] in the critical state, and density [kg/m3] at the start."""
     return _series(document, CRITICAL_STRAIN, to_peak=False)
 
 

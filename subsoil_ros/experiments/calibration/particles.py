@@ -1,6 +1,6 @@
-"""How the particles of a calibration are made under each law, from two numbers that are sought.
+"""Particles of a calibration under each law, from the two numbers that are sought.
 
-Friction is one of them; the other makes cohesion. All else follows from a rule.
+One is the friction; the other gives the cohesion. All else follows from a rule.
 """
 
 import math
@@ -14,36 +14,37 @@ from ..soil_tests.element import NEIGHBOURS
 from ..soil_tests.runs import rumpf_pa
 
 ROLLING_FRICTION = 0.1
-"""Stands for the shape of grains (chosen: small against the friction, so that one number is left to fit)."""
+"""Stands for the shape of grains: small against the friction, so that one number is left to fit."""
 
 RESTITUTION = 0.6
-"""Of two particles without attraction (chosen: dampers that draft does not notice, and no rattling)."""
+"""Restitution of two particles without attraction: dampers too weak to change the draft, and no rattling."""
 
 TANGENTIAL_STIFFNESS = 0.8
-"""Over the normal one: a usual part."""
+"""Tangential over normal stiffness: a usual ratio."""
 
 REST_OVERLAP = 0.01
-"""Largest overlap over the radius that attraction alone presses two particles to (chosen: stronger ones would
-shrink the bed by more than its density may)."""
+"""Largest overlap over the radius by attraction alone: a larger one would shrink the bed by more than the
+tolerance of its density."""
 
 REACH = 0.05
-"""Distance over the radius at which attraction ends (chosen: a bond breaks before the particle is sheared
-by)."""
+"""Distance over the radius at which attraction ends: short enough that a pair separates before the particles
+are sheared past each other."""
 
 PLASTICITY, POISSON_RATIO = 0.75, 0.3
-"""Of spheres that yield (chosen: they unload four times as stiffly as they load, so half of the speed of an
-impact is left; a usual ratio)."""
+"""Plasticity and Poisson's ratio of spheres that yield: they unload four times as stiffly as they load, so
+half of the speed of an impact is left; the Poisson's ratio is a usual one."""
 
 BOND_STIFFNESS = 0.4
-"""Of a bond over that of a contact (chosen: it carries a part of the load before it breaks, and the step
-becomes hardly shorter)."""
+"""Stiffness of a bond over that of a contact: large enough to carry a part of the load before it breaks, and
+small enough to shorten the step hardly at all."""
 
 SHEAR_OVER_TENSION, CEMENT_ANGLE_DEG = 2.0, 30.0
-"""Strengths of the cement (chosen: usual of parallel bonds; tension and bending break it first)."""
+"""Cohesion over tensile strength, and friction angle, of the cement: usual for parallel bonds. With these,
+tension and bending break it first."""
 
 
 class Wanted(NamedTuple):
-    """What particles are made for."""
+    """Properties that the particles of a calibration must have."""
 
     soil: LaboratorySoil
     radius_m: float  # mean
@@ -52,7 +53,7 @@ class Wanted(NamedTuple):
 
     @property
     def mean_radius_m(self) -> float:
-        """Of the sphere of mean volume."""
+        """Radius of the sphere of mean volume."""
         return mean_volume_radius_m(self.radius_m)
 
     @property
@@ -124,7 +125,7 @@ def _yielding(wanted: Wanted, friction: float, pull_off_newton: float) -> Docume
 
 
 def _bonded(wanted: Wanted, friction: float, tensile_strength_pa: float) -> Document:
-    """Bonds carry all of the cohesion; where they broke the soil is dry."""
+    """Bonds carry all of the cohesion; where they are broken, the soil has none."""
     dry = _attracted(wanted, friction, 0.0)
     if tensile_strength_pa == 0.0:
         return dry
@@ -141,7 +142,7 @@ def _bonded(wanted: Wanted, friction: float, tensile_strength_pa: float) -> Docu
 class Form(NamedTuple):
     """Particles under one law."""
 
-    fitted: str  # the number that makes cohesion, 0 without
+    fitted: str  # name of the number that gives the cohesion; 0: none
     sections: Callable[[Wanted, float, float], Document]  # of a scene's soil, from friction and that number
     tension_per_unit: Callable[[Wanted], float]  # by Rumpf [Pa over its unit]
     presses: bool  # attraction presses particles at rest

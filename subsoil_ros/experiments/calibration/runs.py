@@ -1,4 +1,4 @@
-"""Runs that a calibration needs: each once, kept by the hash of its scene, and what is read off them."""
+"""Runs of a calibration: each is run once and kept by the hash of its scene; and their evaluation."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -21,12 +21,12 @@ from ..run_cache import find_run, keep_run
 from .fluctuation import MEAN_LENGTHS_M, SAMPLE_M, octave_power, variance_of_means, without_trend
 
 RunProgress = Callable[[str, Timing], AbstractContextManager[Callable[[int], None]]]
-"""Told the name and time of each run, gives what is called with every tick."""
+"""Shows a run, given its name and timing; yields a callback that takes every tick."""
 
 
 @dataclass(frozen=True)
 class Pull:
-    """A tool drawn along; arrays (n,) per tick, or (n, groups). Forces of the soil on the tool."""
+    """Record of a tool drawn through soil; arrays (n,) per tick, or (n, groups). Forces act on the tool."""
 
     x_m: NDArray[np.float64]
     force_x_newton: NDArray[np.float64]
@@ -36,7 +36,7 @@ class Pull:
 
 @dataclass(frozen=True)
 class PullNumbers:
-    """What is read off a pull over its window."""
+    """Means and fluctuation of a pull over its window."""
 
     mean_x_newton: NDArray[np.float64]  # (groups,)
     mean_z_newton: NDArray[np.float64]
@@ -47,7 +47,7 @@ class PullNumbers:
 
 
 class _Sink:
-    """Takes the records of a run with one tool."""
+    """Sink of the records of a run with one tool."""
 
     def __init__(self) -> None:
         self.x_m: list[float] = []
@@ -71,7 +71,7 @@ def pull(
     on_tick: Callable[[int], None] = lambda tick: None,
     threads: int = 1,
 ) -> Pull:
-    """Runs a scene with one tool on a path; soil: in the place of the scene's own."""
+    """Run a scene with one tool on a path; soil: replaces that of the scene."""
     sink = _Sink()
     simulate(scene, threads=threads, soil=soil, sink=sink, on_tick=on_tick)
     forces = np.array(sink.forces)
@@ -81,8 +81,8 @@ def pull(
 def kept_pull(scene: ResolvedScene, folder: Path, name: str, threads: int, progress: RunProgress) -> Pull:
     """The pull of a scene whose series has every tick, from `folder` where it has been run before.
 
-    A run is kept when it is whole, so a calibration that was stopped goes on with the next run; one that
-    failed is tried again.
+    A run is kept once it is complete, so a stopped calibration continues with the next run; a failed run is
+    repeated.
 
     Raises:
         RunError, InputError: the run failed; its message names the point.

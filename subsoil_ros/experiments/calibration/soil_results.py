@@ -16,13 +16,13 @@ from .design import DraftTarget, ReposeTarget, StrengthTarget, tip_of
 from .runs import RunProgress, kept_pull, numbers
 
 LOOSE = 1.075
-"""Distance of the column's spheres over their diameter: they fall into place (chosen)."""
+"""Distance of the column's spheres over their diameter: none overlap after random shifts of 0.1 radii."""
 
 FALLS = 7.0
-"""Duration of a collapse in times of free fall from the column's height (chosen: a heap then rests)."""
+"""Duration of a collapse in times of free fall from the column's height: the heap is then at rest."""
 
 SLOPE_PART = (0.15, 0.85)
-"""Part of the heap's height over which its slope is a line: foot and wall bend it."""
+"""Part of the heap's height that the line of its slope is fitted to: foot and wall bend the slope."""
 
 
 def strength_results(

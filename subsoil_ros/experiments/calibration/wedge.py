@@ -34,28 +34,28 @@ FITTED: Bounds = {
 """Start and bounds. friction_part is tan(delta) over tan(phi), adhesion_part c_a over c: both at most 1."""
 
 FITTED_TOO: Bounds = {"rate_s_per_m": (0.05, 0.0, 1.0), "tip_m": (0.01, 0.0, 0.1)}
-"""Of the theory of Perumpral, Grisso and Desai. Its adhesion is 0, as of a material's particles on metal."""
+"""Further values fitted with theory perumpral. Its adhesion is 0, as of a material's particles on metal."""
 
 STARTS = (0.1, 0.35, 0.6)
-"""Friction angles [rad] that the fit starts from; the best end is taken."""
+"""Friction angles [rad] that the fit starts from; the best result is used."""
 
 WEIGHT = 0.03
-"""Part of the draft that a mean force may miss by at cost one (chosen: as beds scatter, 3 to 4 %)."""
+"""Error of a mean force over the draft that has cost one: the scatter of beds is 3 to 4 %."""
 
 UPWARD_WEIGHT = 3.0
-"""How much more a mean vertical force may miss by (chosen: the draft is what is asked for)."""
+"""Factor by which vertical forces have less weight, because the draft matters most to users of the model."""
 
 STEADY_TICKS = 200
-"""Ticks until the forces of a steady pull stand, at most (chosen: each brings them nearer by some half)."""
+"""Most ticks until the forces of a steady pull are constant; each tick about halves their error."""
 
 SEEDS = (0, 1, 2, 3)
-"""Of the wedge model beside each point (chosen: its powers are then known better than those of one run)."""
+"""Seeds of the wedge model at each point: its powers then have less scatter than those of one run."""
 
 WEDGE_STEP_M = 1e-3
-"""Travel in a tick of the wedge model (chosen: a tenth of the shortest wave that is compared)."""
+"""Travel in a tick of the wedge model: a tenth of the shortest wave that is compared."""
 
 ROUNDS = 2
-"""Means and fluctuation are fitted in turn: the drop lowers the mean."""
+"""Rounds in which means and fluctuation are fitted in turn, because the drop lowers the mean."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Measured:
     used: bool  # in the fit
 
     def mean(self, name: str) -> Any:
-        """Of a number over the replicates."""
+        """Mean of a number over the replicates."""
         return np.mean([getattr(item, name) for item in self.numbers], axis=0)
 
     def scatter(self, name: str) -> float:
@@ -108,7 +108,7 @@ class WedgeFit:
 def measure(
     scene: ResolvedScene, design: WedgeDesign, folder: Path, threads: int, progress: RunProgress
 ) -> list[Measured]:
-    """Runs what has not been run yet. Raises RunError as kept_pull does."""
+    """Run the points that are not in the cache, and evaluate all. Raises RunError as kept_pull does."""
     found = []
     name, _ = tip_of(scene)
     shortest = _shortest_wave_m(scene)
@@ -136,7 +136,7 @@ def measure(
 
 
 def _shortest_wave_m(scene: ResolvedScene) -> float:
-    """A radius: shorter waves are of single contacts."""
+    """Shortest wavelength that is compared, a radius: shorter waves are of single contacts."""
     soil = scene.scene.particle_soil
     assert soil is not None
     return soil.particles.mean_volume_radius_m
@@ -163,7 +163,7 @@ def _tip_x_m(scene: ResolvedScene, point: Point) -> float:
 def fit_wedge(
     scene: ResolvedScene, design: WedgeDesign, density_kg_per_m3: float, measured: list[Measured]
 ) -> WedgeFit:
-    """Fits strength to the mean forces of each group, and what varies from wedge to wedge to the fluctuation.
+    """Fit strength to the mean forces of each group, and the variation of wedges to the fluctuation.
 
     Strength by least squares over share and shank along x and z; standard errors from the Jacobian, scaled by
     the residuals' own size.
@@ -205,14 +205,14 @@ def fit_wedge(
 
 
 def searched_by(theory: str) -> Bounds:
-    """Start, lower and upper bound of each number that a fit of this theory looks for."""
+    """Start, lower and upper bound of each number that is fitted with this theory."""
     if theory == "perumpral":
         return {name: bounds for name, bounds in FITTED.items() if name != "adhesion_part"} | FITTED_TOO
     return FITTED
 
 
 def _at_bound(end: Any, searched: Bounds) -> list[bool]:
-    """Which values stand at a bound, to 1e-3 of their scale."""
+    """Which values are at a bound, to 1e-3 of their scale."""
     return [
         value - low < 1e-3 * start or high - value < 1e-3 * start
         for value, (start, low, high) in zip(end.x, searched.values(), strict=True)
@@ -266,7 +266,7 @@ def steady(engine: WedgeEngine, item: Measured) -> tuple[NDArray[np.float64], ND
 
     engine.start(at(start))
     memory = engine.memory.tools[0]
-    memory.normal_newton = (10.0 * np.abs(item.mean("mean_x_newton"))).tolist()  # more than it bears
+    memory.normal_newton = (10.0 * np.abs(item.mean("mean_x_newton"))).tolist()  # above its strength
     for tick in range(STEADY_TICKS):
         memory.phase, memory.strength, before = 0.5, 1.0, memory.normal_newton.copy()
         groups = engine.advance(tick, at(start + (tick + 1) * step))[0].groups
@@ -281,7 +281,7 @@ def steady(engine: WedgeEngine, item: Measured) -> tuple[NDArray[np.float64], ND
 def _wedge_numbers(
     values: WedgeValues, item: Measured, engine: WedgeEngine, design: WedgeDesign, shortest_wave_m: float
 ) -> list[PullNumbers]:
-    """Of the wedge model on the same path, one for each of SEEDS."""
+    """Evaluate the wedge model on the same path, once for each of SEEDS."""
     found = engine.with_values(values)
     return [
         numbers(pull(item.scene, found.with_seed(seed)), item.tip_x_m, design.window_m, shortest_wave_m)
@@ -294,8 +294,8 @@ def _fit_fluctuation(
 ) -> WedgeValues:
     """drop, variations and the length of a wedge, by the power of the draft by octave of wave length.
 
-    The length is one of travel, or over the length of the theory's wedge; drop and variation are the same at
-    every depth, or go as one over it. Of these four what meets the powers best.
+    The length is a travel, or a multiple of the length of the theory's wedge; drop and variation are the same
+    at every depth, or inversely proportional to it. Of these four variants, the best fit is returned.
     """
     powers = [item.mean("octave_power") / item.mean("draft_newton") ** 2 for item in used]
     window_m = design.window_m[1] - design.window_m[0]

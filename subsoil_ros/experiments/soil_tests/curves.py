@@ -1,4 +1,4 @@
-"""What a virtual soil test measured."""
+"""Results of a virtual soil test."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from .specimen import Size, Specimen
 
 RESIDUAL_PART = 0.15
-"""Last part of the travel, over which the residual stress is the mean (chosen)."""
+"""Last part of the travel, over which the residual stress is averaged; `residual_dilatancy` near 0 shows that
+the soil has reached its critical state there."""
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """Element tests: strength and stiffness of a soil in a cell that repeats itself along x, y and z.
 
-The cell is an endless bed (dem.beds.tile). It has no walls, no lid and no cut, so stress and strain are the
-same all over it, and what it tells is a property of the soil alone. It is strained along its axes; a servo
-holds the stress of axes that have one given. There is no gravity.
+The cell is an endless bed (dem.beds.tile). It has no walls, no lid and no cut, so stress and strain are
+uniform, and results are properties of the soil alone. It is strained along its axes; a servo holds the stress
+of axes that have a given one. There is no gravity.
 """
 
 import math
@@ -27,43 +27,44 @@ from .curves import RESIDUAL_PART
 from .runs import rumpf_pa
 
 CELL_DIAMETERS = 12.0
-"""Edge of the cell over the largest diameter (chosen: two seeds then differ by 3 % in strength)."""
+"""Edge of the cell over the largest diameter: two seeds then differ by 3 % in strength."""
 
 INERTIAL_NUMBER = 1e-3
-"""Of the strain: quasi-static (GDR MiDi, Eur. Phys. J. E 14 (2004) 341)."""
+"""Inertial number of the straining: quasi-static (GDR MiDi, Eur. Phys. J. E 14 (2004) 341)."""
 
 LEAST_PA = (2.5e3, 5e3, 10e3)
 """Least stresses of a series: on the plane of failure 4 to 40 kPa, as before a tool at 0.1 to 0.4 m."""
 
 PEAK_STRAIN, CRITICAL_STRAIN = 0.15, 0.30
-"""Strains within which the peak is found, and by whose end the soil flows at constant volume (chosen)."""
+"""Largest strain of a test for the peak, and the strain of a test up to the critical state. A test for the
+peak that ends without one, or a volume that still changes at the end, shows that they are too small."""
 
 PAST_PEAK, LOOKS_FOR_PEAK = 0.03, 100
-"""Strain without a higher peak after which a test for the peak ends, and how often that is looked at
-(chosen)."""
+"""Strain without a higher peak after which a test for the peak ends, and looks from check to check: a check
+only costs time."""
 
 SMOOTHED_STRAIN = 0.005
-"""Over which a stress is averaged (chosen)."""
+"""Strain over which a stress is averaged; a longer mean would lower the peak."""
 
 LATERAL_PA = 500.0
-"""Pressure at which a cell begins that is pulled (chosen: small against any tension worth a test)."""
+"""Pressure at the start of a tension test: small against any tension worth a test."""
 
 HELD, HELD_LOOKS, LONGEST_HOLD = 0.02, 100, 5000
 """A test begins when the mean stress along each axis over so many looks is within this part of its pressure,
 at the latest after the longest hold."""
 
 NEIGHBOURS = 6.5
-"""Contacts of a particle, for an estimate of the attraction."""
+"""Contacts of a particle, assumed for an estimate of the attraction."""
 
 RELEASE_LOOKS = 500
-"""Over which a preload is taken away (chosen: slower than stress waves cross a cell)."""
+"""Looks over which a preload is removed: slower than stress waves cross a cell."""
 
 GAIN, FOLLOWED = 0.3, 0.1
-"""Of the servo: parts of a missing stress, over K / d, that the next strain and the mean strain rate make up
-for (chosen: stresses are held to 2 %)."""
+"""Gains of the servo: parts of a missing stress, over K / d, that the next strain and the mean strain rate
+correct. With these, stresses are held to 2 %."""
 
 FASTEST = 5.0
-"""Strain rate of the servo over that of the test, at most (chosen)."""
+"""Largest strain rate of the servo over that of the test; a larger one would be less quasi-static."""
 
 
 class Cell(NamedTuple):
@@ -81,7 +82,7 @@ class PlaneStrain(NamedTuple):
     greatest_pa: NDArray[np.float64]
     least_pa: NDArray[np.float64]
     volume_strain: NDArray[np.float64]  # growth of the volume over that at the start
-    held_pa: float  # what the least stress was to be
+    held_pa: float  # nominal least stress
     density_kg_per_m3: float  # at the start
 
     def smoothed(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -101,7 +102,7 @@ class PlaneStrain(NamedTuple):
         return float(least[at]), float(greatest[at])
 
     def peak_strain(self) -> float:
-        """Where it is, at the end of what is averaged."""
+        """Strain at the peak, at the end of the averaged interval."""
         least, greatest = self.smoothed()
         return float(self.strain[int(np.argmax(greatest / least)) + len(self.strain) - len(least)])
 
@@ -112,12 +113,12 @@ class PlaneStrain(NamedTuple):
 
     @property
     def held_to(self) -> float:
-        """Largest part by which the smoothed least stress misses what it was to be."""
+        """Largest relative deviation of the smoothed least stress from the nominal one."""
         return float(np.abs(self.smoothed()[0] / self.held_pa - 1.0).max())
 
 
 class Strength(NamedTuple):
-    """Of a Mohr-Coulomb soil."""
+    """Strength of a Mohr-Coulomb soil."""
 
     cohesion_pa: float
     friction_angle_deg: float
@@ -131,7 +132,7 @@ def fit_strength(least_pa: Sequence[float], greatest_pa: Sequence[float]) -> Str
 
 
 def prepare_cell(resolved: ResolvedScene, threads: int = 1, edge_m: float | None = None) -> Cell:
-    """A cell with the particles of a scene whose bed is tiled; edge_m: CELL_DIAMETERS unless given."""
+    """Prepare a cell with the particles of a scene whose bed is tiled; edge_m: CELL_DIAMETERS by default."""
     soil = resolved.scene.particle_soil
     assert soil is not None
     edge = edge_m or CELL_DIAMETERS * 2.0 * soil.particles.bounds_m[1]
@@ -161,7 +162,7 @@ class _Strained:
         assert isinstance(engine, SoilEngine)
         self.engine = engine
         engine.start(())
-        self._stress_pa = np.diagonal(engine.stress_pa())  # where the last look ended
+        self._stress_pa = np.diagonal(engine.stress_pa())  # at the end of the last look
         self._tick = 0
         self._drift = np.zeros(3)
         pair, diameter = pair_values(soil)[0], 2.0 * soil.particles.mean_volume_radius_m
@@ -177,7 +178,7 @@ class _Strained:
         self._hold(pressure_pa)
 
     def _hold(self, pressure_pa: float) -> None:
-        """Until the springs along the contacts, which a bed at rest comes without, have their forces.
+        """Hold a pressure until the tangential springs, absent in a bed at rest, have their forces.
 
         Raises:
             RunError: the pressure is not reached.
@@ -195,8 +196,8 @@ class _Strained:
         )
 
     def advance(self, rates_per_s: Sequence[float], held_pa: Sequence[float | None]) -> NDArray[np.float64]:
-        """(3,) stresses along the axes after some steps at these strain rates, extension positive; an axis
-        with a stress in `held_pa` has the rate that holds it."""
+        """Strain the cell for some steps; return (3,) stresses along the axes. Rates are positive in
+        extension; an axis with a stress in `held_pa` gets the rate that holds it."""
         rates = np.array(rates_per_s)
         for axis, held in enumerate(held_pa):
             if held is not None:
@@ -224,8 +225,8 @@ class _Strained:
 def plane_strain(
     cell: Cell, least_pa: float, end_strain: float = PEAK_STRAIN, *, to_peak: bool = True
 ) -> PlaneStrain:
-    """Compressed along z until it is shorter by a part `end_strain` of its height, or, `to_peak`, by
-    PAST_PEAK more than at the peak."""
+    """Compress a cell along z by a part `end_strain` of its height; with `to_peak` only until its strain is
+    PAST_PEAK beyond the peak."""
     element = _Strained(cell, least_pa)
     height, volume = element.engine.bed.periods_m[2], element.volume_m3
     density = element.density_kg_per_m3

@@ -1,7 +1,7 @@
 """Virtual soil tests: direct shear and sliding on metal at several normal stresses, and tension; without ROS.
 
 Every stress is a force over the section of the specimen that is left: (length - shear displacement) x width.
-A plate is longer than the specimen, so over it nothing is lost.
+A plate is longer than the specimen, so over it the section stays whole.
 """
 
 import math
@@ -25,42 +25,41 @@ from .shear_box import GLUE, ShearBox, ShearLoading, TensionLoading, shear_machi
 from .specimen import TOUCH_M, Size, Specimen, box_around, prepare_specimen, write_scene
 
 BAND_DIAMETERS = 6.0
-"""Height over which the rate of shear is counted (chosen: about that of the band that shears)."""
+"""Height that the shear rate refers to: about that of the shear band."""
 
 GAP_DIAMETERS = {True: 1.75, False: 0.75}
-"""Gap between the frames. Glued: no particle is glued to both when they have come nearer under the load; not
-glued: none slips out, as some do from a gap of one diameter (chosen)."""
+"""Gap between the frames by whether the box is glued. Glued: wide enough that no particle is glued to both
+after the load has brought them nearer. Not glued: none slips out, as some do from a gap of one diameter."""
 
 PASS_DIAMETERS = 0.1
-"""How far frames without glue may pass each other (chosen: where they did by 0.24, a dry soil read a third
-too strong)."""
+"""Largest overlap of frames without glue in height: at 0.24, the strength of a dry soil was a third too
+high."""
 
 LID_PART = 0.5
-"""Mass of upper frame and lid over that of the soil in it (chosen: less than a load, yet not too light)."""
+"""Mass of upper frame and lid over that of the soil in it: less than a load, yet not too light."""
 
 WAVES_OF_LOADING = 20.0
-"""Duration of the loading in travel times of a sound wave through the height (chosen: quasi-static)."""
+"""Duration of the loading in travel times of a sound wave through the height: quasi-static."""
 
 GRACE_STRAIN = 0.25
-"""The interface account is judged after the work of the load over this strain: glue snaps on at the start
-(chosen: a few per cent of the work of shear)."""
+"""The energy residual is checked from the work of the load over this strain on, because glue attaches
+suddenly at the start. That work is a few per cent of the work of shear."""
 
 SMOOTHED_ROWS = 5
-"""Of the series: over the noise of single contacts."""
+"""Rows of the moving mean of a series: longer than the noise of single contacts."""
 
 PLATE_DIAMETERS = 2.0
-"""Travel over a plate in largest diameters (chosen: all contacts slide after a tenth of it)."""
+"""Travel over a plate in largest diameters: all contacts slide after a tenth of it."""
 
 SEATING_PA = 20e3
-"""Under which the column of a tiled bed is pressed before tension: its top is rough, and a lid that only
-touches it holds some particles alone (chosen: the largest usual normal stress)."""
+"""Pressure on the column of a tiled bed before tension, the largest default normal stress: its top is rough,
+and a lid that only touches it would hold only some particles."""
 
 CAP_DIAMETERS = 2.0
-"""Thickness of the cemented ends of such a column in largest diameters (chosen: six of ten are left to
-break)."""
+"""Thickness of the cemented ends of such a column in largest diameters: six of ten are left to break."""
 
 TENSION_DIAMETERS = 2.0
-"""Travel in tension: bonds end after delta_c + delta_B, a tenth of this (chosen)."""
+"""Travel in tension in largest diameters: ten times delta_c + delta_B, after which attraction ends."""
 
 
 def rumpf_pa(bonds: float, attraction_newton: float, distance_m: float) -> float:
@@ -73,8 +72,8 @@ def rumpf_pa(bonds: float, attraction_newton: float, distance_m: float) -> float
 
 
 def rumpf_strength_pa(specimen: Specimen) -> float:
-    """That of a specimen, with the distance at rest and all neighbours in reach: an upper bound for bonds
-    that all break at once; friction of bonds across the pull is not in it."""
+    """Tensile strength of a specimen by Rumpf, with the distance at rest and all neighbours in reach: an
+    upper bound, as if all bonds broke at once; friction of bonds across the pull is neglected."""
     pair, _ = pair_values(specimen.soil)
     distance = 2.0 * specimen.soil.particles.mean_volume_radius_m - pair.rest_overlap
     return rumpf_pa(specimen.solid_fraction * specimen.coordination, pair.peak_attraction, distance)
@@ -201,10 +200,10 @@ def _sheared(
 
 
 def needs_glue(specimen: Specimen, normal_pa: float) -> bool:
-    """Whether a soil would slide out of a plain box as a block under this or a larger normal stress.
+    """Whether a soil would slide out of a plain box as a block under this normal stress.
 
-    One whose tension, by Rumpf, is above the stress. One that is weaker is pressed to the walls by the load,
-    and needs no gap as wide as glue does.
+    So does soil whose tensile strength, by Rumpf, is above the stress. Weaker soil is pressed to the walls by
+    the load, and needs no gap as wide as glue does.
     """
     return rumpf_strength_pa(specimen) > normal_pa
 
@@ -212,7 +211,7 @@ def needs_glue(specimen: Specimen, normal_pa: float) -> bool:
 def _refuse_closed_gap(
     specimen: Specimen, normal_pa: float, gap_m: float, settled_m: float, *, glued: bool
 ) -> None:
-    """A particle held by both frames makes a soil stronger than it is."""
+    """Raise InputError where both frames hold the same particles, which makes a soil appear too strong."""
     _, boundary = pair_values(specimen.soil)
     radius = 0.5 * specimen.diameter_m
     reach = 2.0 * (radius + boundary.reach) if glued else -2.0 * PASS_DIAMETERS * radius
@@ -265,7 +264,7 @@ def _lid_damping_newton_s_per_m(
     """Twice what keeps a lid on the contacts of the section stable against a force held for a tick H.
 
     A contact of stiffness k needs k H / 2 (limits/communication_steps.py), of which its own damper gives a
-    part; the glue pulls without a damper. One contact stands on each square of a diameter.
+    part; the glue pulls without a damper. One contact is assumed on each square of a diameter.
     """
     soil = specimen.soil
     pair, _ = pair_values(soil)
@@ -289,8 +288,8 @@ def run_tension(
 ) -> TensionCurve:
     """A tension test along z: the two halves of the box are drawn apart, so the soil breaks between them.
 
-    The walls grip over each half; a specimen higher than wide is needed, or it is drawn out of one
-    half: look at `break_height`. That of a tiled bed, whose faces are cut, is gripped by its ends, which are
+    The walls grip over each half; the specimen must be higher than wide, or it is drawn out of one half,
+    which `break_height` shows. That of a tiled bed, whose faces are cut, is gripped by its ends, which are
     cemented. The tension is that where it breaks, without the weight of the soil above. `folder` takes the
     scene.
     """

@@ -17,22 +17,22 @@ from ...ticks import INITIAL_TICK
 from .specimen import Specimen
 
 RunProgress = Callable[[str, Timing], AbstractContextManager[Callable[[int], None]]]
-"""Told the name and time of each run, gives what is called with every tick."""
+"""Shows a run, given its name and timing; yields a callback that takes every tick."""
 
 
 @dataclass
 class Series:
-    """Takes the records of a run; one row per series tick."""
+    """Sink of the records of a run; one row per series tick."""
 
     times_s: list[float] = field(default_factory=list)
     rows: list[dict[str, float]] = field(default_factory=list)
     _last: dict[type, Any] = field(default_factory=dict)
 
     def write(self, record: Any) -> None:
-        """Takes one record."""
+        """Add one record."""
         self._last[type(record)] = record
         if not isinstance(record, SoilState) or record.tick == INITIAL_TICK:
-            return  # a SoilState is the last of a tick that is needed here
+            return  # a SoilState is the last record of a tick that is used here
         motions = {motion.tool: motion for motion in self._last[ToolMotions].tools}
         wrenches = {wrench.tool: wrench for wrench in self._last[ToolWrenches].tools}
         machine: MechanismState = self._last[MechanismState]
@@ -60,7 +60,7 @@ def run_box(
     threads: int,
     watched: AbstractContextManager[Callable[[int], None]],
 ) -> tuple[Series, NDArray[np.float64]]:
-    """The series of a test, and (n, 3) [m] where its particles ended."""
+    """Run a test; return its series and the final positions (n, 3) [m] of its particles."""
     soil = build_engine(resolved, threads)
     series = Series()
     with watched as on_tick:

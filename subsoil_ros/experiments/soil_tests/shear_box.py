@@ -18,12 +18,12 @@ from ...scene.soil import Soil
 from ...yaml_document import Document
 
 GLUE = 10.0
-"""Largest attraction of the box over that of a pair of particles (chosen: the soil breaks, not the grip)."""
+"""Largest attraction of the box over that of a pair of particles: the soil breaks, not the grip."""
 
 
 FOLLOWER = 4.0
-"""Mass of what the lid's damper ends at over that of the lid (chosen: it stays behind the quick motion of a
-lid on its contacts, and catches up with a slow one within some milliseconds)."""
+"""Mass of the follower at the other end of the lid's damper over that of the lid: it stays behind the quick
+motion of a lid on its contacts, and catches up with a slow one within some milliseconds."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class ShearBox:
 
     @property
     def area_m2(self) -> float:
-        """Of the specimen's section."""
+        """Area of the specimen's section."""
         return self.length_m * self.width_m
 
     @property
@@ -71,18 +71,18 @@ class ShearBox:
         return 1.0 if self.over_plate else 0.5
 
     def section_m2(self, displacement_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Of the plane of shear after a shear displacement; over a plate, which is longer, all of it."""
+        """Area of the plane of shear after a shear displacement; over a plate, which is longer, all of it."""
         lost = 0.0 if self.over_plate else 1.0
         return (self.length_m - lost * displacement_m) * self.width_m
 
     @property
     def frame_height_m(self) -> float:
-        """Of each frame: the lower one reaches down past the floor, the upper one up past the lid."""
+        """Height of each frame: the lower one reaches down past the floor, the upper one up past the lid."""
         return 0.5 * (self.height_m - self.gap_m) + self.wall_m
 
     @property
     def centre_m(self) -> tuple[float, float]:
-        """Of the specimen, x and y."""
+        """Centre of the specimen, x and y."""
         return 0.5 * (self.lower_m[0] + self.upper_m[0]), 0.5 * (self.lower_m[1] + self.upper_m[1])
 
 
@@ -121,7 +121,7 @@ def write_meshes(box: ShearBox, folder: Path) -> None:
 
 
 def _places(box: ShearBox) -> dict[str, list[float]]:
-    """Where the two meshes stand: x, y, z [m] of each copy, y against its body."""
+    """Positions of the copies of the two meshes: x, y, z [m], y relative to the body."""
     x = box.centre_m[0]  # y: of the body, which stands in the middle
     heights = {
         "floor": box.lower_m[2] - box.wall_m,
@@ -143,7 +143,7 @@ def _tool(box: ShearBox, body: str, frame: str | None, plate: str | None) -> Doc
 
 
 def _body(box: ShearBox, mass_kg: float, z_m: float) -> Document:
-    """A body that never turns, at rest: its inertia is without influence."""
+    """A body at rest that never turns: its inertia has no effect."""
     return {
         "mass_kg": mass_kg,
         "inertia_kg_m2": mass_kg * box.length_m**2,
@@ -154,19 +154,19 @@ def _body(box: ShearBox, mass_kg: float, z_m: float) -> Document:
 
 @dataclass(frozen=True)
 class ShearLoading:
-    """What is done to the specimen in direct shear."""
+    """Loading of the specimen in direct shear."""
 
     normal_pa: float  # held on the section that is left
     load_newton: float  # on the lid before it moves, its weight included
     lid_mass_kg: float
     lid_damping_newton_s_per_m: float  # of its motion along z
-    load_s: float  # the load grows for so long, and then rests as long
+    load_s: float  # duration of the rise of the load, and again of its rest
     speed_m_per_s: float
     travel_m: float
 
     @property
     def start_s(self) -> float:
-        """When the upper frame begins to move."""
+        """Time at which the upper frame begins to move."""
         return 2.0 * self.load_s
 
     @property
@@ -181,8 +181,8 @@ def shear_machine(box: ShearBox, loading: ShearLoading, gravity_m_per_s2: float)
     The lid is one body with the upper frame, which is free to rise and sink: so what the walls put on the
     soil along z does not change the load on the plane of shear (R. A. Jewell, Geotechnique 39 (1989)
     309-322, has the load pad fixed to the upper half for this). The load falls with the section, so that the
-    normal stress stays. The lid's damper ends at a weightless follower that is free along z: it takes what
-    is quick out of the lid's motion, and bears nothing where the lid rises steadily.
+    normal stress stays. The lid's damper ends at a weightless follower that is free along z: it damps quick
+    motion of the lid, and bears nothing while the lid rises steadily.
     """
     start, x = loading.start_s, box.centre_m[0]
     rise = 0.05 * loading.travel_m / loading.speed_m_per_s
@@ -254,9 +254,9 @@ def shear_machine(box: ShearBox, loading: ShearLoading, gravity_m_per_s2: float)
 
 @dataclass(frozen=True)
 class TensionLoading:
-    """What is done to the specimen in tension."""
+    """Loading of the specimen in tension."""
 
-    rest_s: float  # before it is pulled: the glue snaps on
+    rest_s: float  # rest before the pull, in which the glue attaches
     speed_m_per_s: float
     travel_m: float
 
@@ -315,7 +315,7 @@ def gripping_law(soil: Soil) -> Document:
 def cemented_layers(soil: Soil, floor_m: float, cap_m: float) -> list[Document]:
     """`layers` of a scene under the gripping law: one at the lid, one at the floor, the soil between them.
 
-    A bed says itself which particle is of which layer; thicknesses are only checked.
+    The bed assigns the particles to layers; thicknesses are only checked.
     """
     pair = pair_values(soil)[0].scaled(1.0 / size_ratio(soil))
     row = {"cohesive_stiffness_newton_per_m": GLUE * pair.adhesion}

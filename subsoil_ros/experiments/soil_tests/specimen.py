@@ -29,26 +29,27 @@ Size = tuple[float, float, float]
 """Length, width and height [m]."""
 
 TOUCH_M = 1e-6
-"""The box stands off the outermost particles by this, so that the start removes none (over the round-off of
-the float32 of an STL file)."""
+"""Gap between the box and the outermost particles, so that the start removes none: above the round-off of the
+float32 of an STL file."""
 
 CORE_DIAMETERS = 1.5
-"""Distance from the faces, in largest diameters, within which a wall orders or loosens particles (chosen)."""
+"""Distance from the faces, in largest diameters, within which a wall orders or loosens particles. A larger
+one needs larger specimens, a smaller one biases the density."""
 
 POINTS_LOG2 = 18
-"""Points of a Sobol sequence that measure the cells of the core: the density is right to 0.1 % (against exact
-Voronoi cells of equal spheres, in the tests)."""
+"""Points of a Sobol sequence, as power of 2, that measure the cells of the core: the density is right to
+0.1 % (against exact Voronoi cells of equal spheres, in the tests)."""
 
 CELL_NEIGHBOURS = 16
-"""Nearest centres among which the owner of a point is looked for (chosen: the cell of a large sphere reaches
-past small ones, but not past so many)."""
+"""Nearest centres among which the cell of a point is searched: the cell of a large sphere reaches past small
+ones, but not past so many."""
 
 DENSITY_TOLERANCE, LONGEST_SEARCH = 0.01, 3
-"""Part that the density of a tiled specimen's core may miss, and beds that are prepared at most to meet it:
-dry soil fills what the walls of so small a box cut open, and its core is looser than the tile."""
+"""Tolerance of the density of a tiled specimen's core, and most beds prepared to meet it: dry soil fills the
+gaps that the walls of so small a box cut open, and its core is then looser than the tile."""
 
 SAMPLES = 400
-"""Rows of the series of one test (chosen)."""
+"""Rows of the series of one test; moving means are over SMOOTHED_ROWS (runs.py) of them."""
 
 
 @dataclass(frozen=True)
@@ -69,12 +70,12 @@ class Specimen:
 
     @property
     def mass_kg(self) -> float:
-        """Of all particles."""
+        """Mass of all particles."""
         return float(masses_kg(self.bed, self.soil).sum())
 
     @property
     def diameter_m(self) -> float:
-        """Of the largest particle: the unit of what a particle must have room in."""
+        """Diameter of the largest particle, the unit of lengths of specimen and box."""
         return 2.0 * self.soil.particles.bounds_m[1]
 
 
@@ -174,7 +175,7 @@ def box_around(specimen: Specimen, room_m: float, gap_m: float | None) -> tuple[
     """The box, and the bed in a bin whose walls stand `room_m` beyond the outside of the box.
 
     gap_m: between the frames; None: over a plate. The upper frame then reaches half a diameter through the
-    plate, which it does not feel, so that nothing slips out below it.
+    plate, without contact to it, so that no particle slips out below it.
     """
     rest = pair_values(specimen.soil)[1].rest_overlap - TOUCH_M
     wall, radii = room_m, radii_of(specimen.bed, specimen.soil)[:, None]
@@ -205,7 +206,7 @@ def write_scene(
     glued: bool = True,
     cap_m: float = 0.0,
 ) -> ResolvedScene:
-    """Writes a test as a scene with its meshes and bed into `folder`, and loads it.
+    """Write a test as a scene with its meshes and bed into `folder`, and load it.
 
     machine: keys `mechanism`, `tools`, and more of a scene. glued: the box grips the soil. cap_m: this much
     of the soil at the lid and at the floor is cemented, layers of GLUE times the adhesion.

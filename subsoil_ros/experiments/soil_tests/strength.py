@@ -1,4 +1,4 @@
-"""What soil tests say: the line of Mohr and Coulomb and the numbers beside it, as JSON and CSV."""
+"""Results of soil tests as JSON and CSV: the Mohr-Coulomb line and further numbers."""
 
 import json
 import math
@@ -132,7 +132,7 @@ def shear_rows(curves: Sequence[ShearCurve]) -> list[dict[str, float]]:
 
 
 def strength_warnings(tests: SoilTests) -> list[str]:
-    """What makes a result doubtful: normal stresses that were not held."""
+    """Warnings about normal stresses that were not held."""
     return [
         f"{name} at {curve.nominal_pa:g} Pa: normal stress held to {100.0 * curve.normal_error:.2g} % "
         f"({100.0 * NORMAL_TOLERANCE:g} % allowed); the fit takes the stress that was met; give a "
@@ -144,9 +144,9 @@ def strength_warnings(tests: SoilTests) -> list[str]:
 
 
 def write_results(tests: SoilTests, facts: dict[str, Any], folder: Path) -> None:
-    """Writes soil_test.json, shear.csv, plate.csv and tension.csv into `folder`.
+    """Write soil_test.json, shear.csv, plate.csv and tension.csv into `folder`.
 
-    facts: what else the JSON file is to say (scene, its hash).
+    facts: further entries of the JSON file (scene, its hash).
     """
     import pandas as pd
 

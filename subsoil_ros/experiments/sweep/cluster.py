@@ -1,4 +1,4 @@
-"""Where the runs of a sweep go: workers of this machine, or a Dask cluster by its address."""
+"""Workers for the runs of a sweep: on this machine, or of a Dask cluster by its address."""
 
 import logging
 import os
@@ -14,7 +14,8 @@ from ...errors import InputError
 from .worker import ignore_interrupts
 
 PATIENCE_S = 20.0
-"""Wall time for a scheduler to answer, and to have a worker (chosen)."""
+"""Longest wall time to wait for an answer of the scheduler and for its first worker; a wrong address is
+reported after this time."""
 
 
 def local_worker_count(threads: int) -> int:
@@ -35,7 +36,7 @@ def connected(scheduler: str | None, workers: int) -> Iterator[tuple[Any, int]]:
     from distributed import Client
 
     settings = {
-        "distributed.scheduler.allowed-failures": 0,  # a worker that dies has its run's failure to tell
+        "distributed.scheduler.allowed-failures": 0,  # a run whose worker dies fails at once
         "distributed.comm.timeouts.connect": f"{PATIENCE_S}s",
     }
     with dask.config.set(settings):
@@ -78,7 +79,7 @@ def _local_cluster(workers: int) -> Iterator[Any]:
 
 
 def _look_over(client: Any, scheduler: str) -> None:
-    """Raises InputError where a run would have no worker, or one with other engines."""
+    """Raise InputError if the cluster has no worker, or one with other engines."""
     try:
         client.wait_for_workers(1, timeout=PATIENCE_S)
     except TimeoutError as error:

@@ -1,4 +1,4 @@
-"""Runs the jobs of a sweep or a study, each once, and keeps what they gave."""
+"""Runs the jobs of a sweep or a study, each once, and keeps their results."""
 
 import uuid
 from collections.abc import Callable, Iterator, Sequence
@@ -17,36 +17,36 @@ from .worker import PROGRESS, run_bundle
 
 
 class Watcher(Protocol):
-    """Is told how the runs go."""
+    """Receiver of the progress of runs."""
 
     def begin(self, kept: int, count: int) -> None:
-        """`kept` of `count` runs are there already."""
+        """Start: `kept` of `count` runs are in the cache already."""
         ...
 
     def went_on(self, name: str, part: float) -> None:
-        """A run has done this part of its ticks."""
+        """Update: a run has done this part of its ticks."""
         ...
 
     def ended(self, name: str, failure: str | None) -> None:
-        """A run is kept."""
+        """End of a run: its result is kept."""
         ...
 
 
 @dataclass(frozen=True)
 class ExecutionOptions:
-    """How jobs are run."""
+    """Options of the execution of jobs."""
 
     scheduler: str | None = None  # address of a Dask cluster; None: this machine
-    workers: int | None = None  # at once on this machine; None: as many as it has cores for
+    workers: int | None = None  # runs at once on this machine; None: as many as its cores allow
     threads: int = 1  # of the soil engine
     retry_failed: bool = False
-    timed: bool = False  # times are wanted: warm up before each run, take no kept one with more company
+    timed: bool = False  # for timings: warm up first, use no kept run that had more company
 
 
 def run_jobs(jobs: Sequence[Job], cache: Path, manner: ExecutionOptions, watcher: Watcher) -> list[CachedRun]:
-    """The cached run of every job, in their order. A run that fails is kept with its message, the rest go on.
+    """Return the cached run of every job, in order. A failed run is kept with its message; the others go on.
 
-    Ended early, by Ctrl-C say, all that was finished is kept, and the next call goes on from there.
+    If the call is interrupted, by Ctrl-C say, finished runs are kept, and the next call continues from there.
 
     Raises:
         InputError: as connected.
@@ -77,7 +77,7 @@ def _is_missing(kept: CachedRun | None, manner: ExecutionOptions) -> bool:
 
 
 def _run_missing(missing: dict[str, Job], cache: Path, manner: ExecutionOptions, watcher: Watcher) -> None:
-    """As many at once as there are workers: what waits on a worker that dies would count as dead with it."""
+    """Run as many at once as there are workers: a run queued on a worker would fail if that worker died."""
     from distributed import as_completed
 
     workers = min(manner.workers or local_worker_count(manner.threads), len(missing))
@@ -111,7 +111,7 @@ def _names(missing: dict[str, Job]) -> dict[str, str]:
 
 
 def _executed(future: Any, manner: ExecutionOptions, at_once: int) -> RunResult:
-    """What a future gave; an error that no run catches, as of a worker that was killed, is a failed run."""
+    """Result of a future; an error outside of the run, such as a killed worker, becomes a failed run."""
     if future.cancelled():
         raise RunError("the Dask scheduler has gone; what was finished is kept, the same call goes on")
     error = future.exception()
@@ -139,7 +139,7 @@ def _executed(future: Any, manner: ExecutionOptions, at_once: int) -> RunResult:
 
 @contextmanager
 def _told(client: Any, went_on: Callable[[str, float], None]) -> Iterator[None]:
-    """Within it `went_on` hears what the workers say of their runs."""
+    """Context in which `went_on` is called with the progress that the workers report."""
     client.subscribe_topic(PROGRESS, lambda event: went_on(event[1]["name"], event[1]["part"]))
     try:
         yield

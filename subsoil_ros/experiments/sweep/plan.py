@@ -1,4 +1,4 @@
-"""What a sweep runs: combinations of values of scene keys, each with every bed seed."""
+"""Runs of a sweep: combinations of values of scene keys, each with every bed seed."""
 
 import itertools
 import json
@@ -12,7 +12,7 @@ from ...loading.seeds import seed_key
 from ...yaml_document import parse_yaml
 
 LARGEST_COUNT = 100_000
-"""More runs than this are a slip of the pen (chosen)."""
+"""Most runs of a sweep; more are refused as a probable typing error, before memory is used for their list."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Point:
 
     @property
     def label(self) -> str:
-        """For progress and messages."""
+        """Label for progress and messages."""
         words = [self.name] if self.name else []
         words += [f"{key.rpartition('.')[2]}={as_text(value)}" for key, value in self.values.items()]
         words += [] if self.seed is None else [f"seed {self.seed}"]
@@ -42,12 +42,12 @@ class Point:
 
 
 def as_text(value: Any) -> str:
-    """A value as it is written on the command line, and as it stands in tables."""
+    """Text of a value, as on the command line and in tables."""
     return value if isinstance(value, str) else json.dumps(value)
 
 
 def parse_variations(texts: Sequence[str], flag: str) -> tuple[Variation, ...]:
-    """Reads "a.b.c=1,2,3" texts; the values are YAML, so {kind: constant, value: 0.5} is one of them.
+    """Parse "a.b.c=1,2,3" texts; the values are YAML, so {kind: constant, value: 0.5} is one of them.
 
     Raises:
         InputError: no key, no value, or a key given twice.

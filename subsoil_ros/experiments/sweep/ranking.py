@@ -1,4 +1,4 @@
-"""Which point of a sweep saves draft, by how much more than the beds scatter, and what its spring bears."""
+"""Ranking of the points of a sweep by draft: saving beside the scatter of beds, and load of the spring."""
 
 import math
 from collections.abc import Sequence
@@ -11,10 +11,10 @@ from ...analysis.intervals import Interval, difference_by_seed, error_by_seed, m
 from .plan import Point
 
 DRAFT = "series.draft_newton.mean"
-"""Path of what points are ranked by."""
+"""Path of the quantity by which points are ranked."""
 
 FATIGUE_WORDS = ("equivalent_range", "fatigue", "rainflow")
-"""In the names of a summary's columns that speak of a spring's load cycles; the first found is judged by."""
+"""Words in the names of columns about a spring's load cycles; the first column found is used."""
 
 CONTROL = "control"
 """Name of the runs that a saving is counted from."""
@@ -33,15 +33,15 @@ class Ranked:
 
     @property
     def level_with_best(self) -> bool:
-        """Whether the seeds do not tell it from the best."""
+        """Whether the seeds cannot resolve its difference from the best."""
         return not self.behind_best.resolved
 
 
 def control_point(point: Point, control: Sequence[str]) -> Point:
-    """The run that a point's saving is counted from: the point with the control's values.
+    """Control of a point, from which its saving is counted: the point with the control's values.
 
-    What the point varies in the same part of the scene is left as the scene has it: the stiffness of a spring
-    that is locked says nothing.
+    Values that the point varies in the same part of the scene are left as in the scene: the stiffness of a
+    locked spring has no effect.
     """
     parts = tuple(f"{text.partition('=')[0].strip().rpartition('.')[0]}." for text in control)
     values = {key: value for key, value in point.values.items() if not key.startswith(parts)}
@@ -89,9 +89,9 @@ def rank(
 
 
 def recommended(ranked: Sequence[Ranked]) -> Ranked | None:
-    """Of those that the seeds do not tell from the best, the one whose spring has the least fatigue load.
+    """Of the points whose difference from the best is not resolved, the one with the least fatigue load.
 
-    Without a saving that is more than the scatter there is none to recommend, nor without several seeds.
+    None with a single seed, or if there is a control and the saving of the best is not resolved.
     """
     level = [item for item in ranked if item.level_with_best and not math.isnan(item.behind_best.half_width)]
     if not level or (level[0].saving is not None and not level[0].saving.resolved):
@@ -126,7 +126,7 @@ def _rows(runs: pd.DataFrame, point: Point) -> pd.DataFrame:
 
 
 def point_key(point: Point) -> str:
-    """What names a point whatever its seed."""
+    """Key of a point, independent of its seed."""
     return repr((point.name, sorted((key, repr(value)) for key, value in point.values.items())))
 
 

@@ -22,7 +22,7 @@ RUNS = "runs"
 
 @dataclass(frozen=True)
 class Sweep:
-    """What to run."""
+    """Definition of a sweep."""
 
     scene: str
     overrides: tuple[str, ...]  # in every run
@@ -37,7 +37,7 @@ class Sweep:
         return [item.key for item in (*self.varied, *self.paired)]
 
     def points(self) -> tuple[Point, ...]:
-        """Its combinations, without seeds and controls."""
+        """Combinations of values, without seeds and controls."""
         return combinations(self.varied, self.paired)
 
     def jobs(self) -> tuple[Job, ...]:
@@ -48,7 +48,7 @@ class Sweep:
         return jobs_of(self.scene, self.overrides, tuple(unique.values()), self.seeds)
 
     def document(self) -> dict[str, object]:
-        """What was asked for, for the folder."""
+        """The request as a document, for the folder."""
         return {
             "scene": str(Path(self.scene).resolve()),
             "set": list(self.overrides),
@@ -61,18 +61,18 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a sweep left in its folder."""
+    """Results of a sweep in its folder."""
 
     table: pd.DataFrame
     ranked: list[Ranked]
     best: Ranked | None
     failed: list[tuple[str, str]]  # label and message
     paths: list[Path]
-    engines: int  # how many states of the engines the cached runs are of
+    engines: int  # number of versions of the engines that made the cached runs
 
 
 def open_folder(out: Path, request: str) -> None:
-    """The folder of a sweep or a study: new, empty, or one that was begun before.
+    """Make or open the folder of a sweep or a study: new, empty, or begun before.
 
     Raises:
         InputError: it holds something else, or cannot be made.
@@ -92,9 +92,9 @@ def open_folder(out: Path, request: str) -> None:
 def run_sweep(
     sweep: Sweep, out: Path, manner: ExecutionOptions, watcher: Watcher, shown: Sequence[str] = ()
 ) -> Outcome:
-    """Runs what has not been run, then writes sweep.csv, sweep.parquet, ranking.csv and response.png.
+    """Run the missing runs, then write sweep.csv, sweep.parquet, ranking.csv and response.png.
 
-    shown: columns of the figure; draft and spring force unless given.
+    shown: columns of the figure; draft and spring force by default.
 
     Raises:
         InputError: a wrong key, value or folder (nothing was run), or no cluster.

@@ -16,7 +16,7 @@ RUN_COLUMNS = ("run", "name", "seed", "failure", "wall_s", "cpu_s", "threads", "
 
 
 def table_of(jobs: Sequence[Job], runs: Sequence[CachedRun]) -> pd.DataFrame:
-    """A row per job: its run's folder, the varied keys, how it went, then every number of its summary.
+    """A row per job: its run's folder, the varied keys, its outcome, then every number of its summary.
 
     seed is -1 where a job has none of its own, failure empty where there was none.
     """
@@ -58,7 +58,7 @@ def _all_numbers(jobs: Sequence[Job], key: str) -> bool:
 
 
 def write_table(table: pd.DataFrame, stem: Path) -> tuple[Path, Path]:
-    """STEM.csv and STEM.parquet, each in one piece; numbers of the CSV give back the same bits."""
+    """Write STEM.csv and STEM.parquet, each in one piece; numbers of the CSV read back to the same bits."""
     paths = stem.with_suffix(".csv"), stem.with_suffix(".parquet")
     write_whole(paths[0], lambda part: table.to_csv(part, index=False))
     write_whole(paths[1], lambda part: table.to_parquet(part, engine="pyarrow", index=False))
@@ -66,7 +66,7 @@ def write_table(table: pd.DataFrame, stem: Path) -> tuple[Path, Path]:
 
 
 def write_whole(path: Path, write: Callable[[Path], Any]) -> None:
-    """Has a file written beside `path`, then puts it in its place."""
+    """Write a file beside `path`, then move it to `path`."""
     part = path.with_name(f".{path.name}.part")
     write(part)
     os.replace(part, path)

@@ -1,4 +1,4 @@
-"""What a Dask worker does: one run, in its own process."""
+"""Work of a Dask worker: one run, in its own process."""
 
 import signal
 import tempfile
@@ -12,11 +12,11 @@ PROGRESS = "subsoil-progress"
 """Dask's topic for (name of the run, part of it that is done)."""
 
 TELL_EVERY_S = 0.5
-"""Wall time between two words of progress (chosen)."""
+"""Wall time between two messages of progress: frequent enough for a bar, with little traffic."""
 
 
 def run_bundle(name: str, bundle: SceneBundle, threads: int, at_once: int, warm_up: bool) -> RunResult:
-    """Runs a scene that came as a bundle. Raises SceneError if it is not the one that was sent."""
+    """Run a scene received as a bundle. Raises SceneError if its hash is not that of the scene sent."""
     from distributed import get_worker
 
     worker = get_worker()
@@ -36,5 +36,5 @@ def run_bundle(name: str, bundle: SceneBundle, threads: int, at_once: int, warm_
 
 
 def ignore_interrupts() -> None:
-    """Ctrl-C in a terminal goes to all processes; the one that started the sweep ends the workers itself."""
+    """Ignore Ctrl-C, which a terminal sends to all processes; the process of the sweep ends its workers."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)

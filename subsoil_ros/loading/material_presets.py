@@ -38,6 +38,10 @@ RULES = {"fine": Rule(10.0, False), "standard": Rule(20.0 / 3.0, True), "coarse"
 WEDGE = "real_time"
 """The preset that takes the wedge model of the material in the place of its particles."""
 
+WEDGE_GRACE_JOULE = 50.0
+"""Work before the exchange's residual is bounded: where the tool of a machine first meets a wedge, it is
+4 % of the first 10 J and 0.3 % of the work over 6 m (field_swing)."""
+
 NAMES = (*RULES, WEDGE)
 
 
@@ -64,7 +68,9 @@ def preset_changes(
                 f"preset {name}: no wedge model comes with material {material_file}; choose one of "
                 f"{', '.join(RULES)}, or calibrate one (docs/calibrate.md) and name its file in soil.file"
             )
-        return {"soil": {"model": "wedge", "file": str(wedge)}}
+        soil: Document = {"soil": {"model": "wedge", "file": str(wedge)}}
+        grace = {"coupling": {"residual_grace_joule": WEDGE_GRACE_JOULE}}
+        return soil if scene.mechanism is None else soil | grace
     rule, bed = RULES[name], scene.particle_soil
     assert bed is not None
     _, depth = tillage_reach_m(scene, meshes)

@@ -119,7 +119,7 @@ def _close(machine: Machine, held: dict[int, float], q: np.ndarray) -> np.ndarra
         gaps[name] = max(gaps.get(name, 0.0), float(gap))
     open_parts = [f"{name} by {gap:.3g} m" for name, gap in gaps.items() if gap > 0.01 * phi.max()]
     raise SceneError(
-        f"mechanism: the bodies cannot be assembled: in the nearest pose stay open {', '.join(open_parts)} "
+        f"mechanism: the bodies cannot be assembled: the nearest pose is open in {', '.join(open_parts)} "
         f"(angles times the machine's size of {machine.model.size:.3g} m). Correct the joint points, the "
         "bodies' positions and angles, or initial.coordinates, so that all meet in one pose."
     )

@@ -79,8 +79,8 @@ def refuse_jumps(mechanism: Mechanism, step_s: float) -> None:
             if span_s < step_s and change != 0.0:
                 raise SceneError(
                     f"mechanism.joints.{name}.speed: changes by {change:.3g} within {span_s:.3g} s, less "
-                    f"than a step of {step_s:.3g} s: a jump; no force makes one; give it a step or more, or "
-                    "raise coupling.mechanism_steps"
+                    f"than a step of {step_s:.3g} s: a jump, which needs an infinite force; give it a step "
+                    "or more, or raise coupling.mechanism_steps"
                 )
 
 

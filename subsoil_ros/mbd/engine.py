@@ -266,7 +266,7 @@ class MechanismEngine:
             )
         if status == JAMMED:
             return PhysicsError(
-                f"{where}: the friction of the joints does not settle: it asks for more reaction than it "
+                f"{where}: the friction of the joints does not converge: it needs larger reactions than it "
                 "leaves (the machine jams). Lower the coefficients, or give a preload instead."
             )
         if status == NOT_SOLVED:

@@ -95,7 +95,7 @@ def _say_unstable(closure: Closure, stiffness: np.ndarray, pull: _Pull, root: np
         body = closure.machine.bodies[int(moves.max(axis=1).argmax())]
         warnings.warn(
             f"mechanism.initial.static_equilibrium: the pose is an unstable equilibrium: body '{body}' "
-            "leaves it at the least push. Give the bodies a pose from which they come to rest below.",
+            "leaves it at any disturbance. Give the bodies a pose from which they come to rest below.",
             UnstableEquilibriumWarning,
             stacklevel=4,
         )

@@ -62,7 +62,7 @@ def fill(builder: Builder, name: str, force: SpringDamper) -> None:
         length = math.dist(force.point_a_m, force.point_b_m)
         if length == 0.0:
             raise SceneError(
-                f"mechanism.forces.{name}.locked: its two points are one in the reference pose, and a "
+                f"mechanism.forces.{name}.locked: its two points coincide in the reference pose, and a "
                 "rod needs a length; use a revolute joint there"
             )
         builder.lock(name, row, LOCKED_SPRING, ROD, length)
@@ -70,7 +70,7 @@ def fill(builder: Builder, name: str, force: SpringDamper) -> None:
     pushes = force.free_length_m > 0.0 or force.preload_newton != 0.0 or force.table or force.stops
     if pushes and force.point_a_m == force.point_b_m:
         raise SceneError(
-            f"mechanism.forces.{name}: its two points are one in the reference pose, where its force has no "
+            f"mechanism.forces.{name}: its two points coincide in the reference pose, where its force has no "
             "direction; move one, or give free_length_m: 0 and neither preload, table nor stops"
         )
     row["kinked"] = bool(pushes)

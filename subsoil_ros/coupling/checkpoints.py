@@ -136,7 +136,7 @@ class CheckpointWriter:
         """Write the part of an engine that has finished `tick`.
 
         Raises:
-            RecordingError: the disk refuses.
+            RecordingError: the disk cannot be written.
         """
         write_part(self.directory, tick, part, engine.state_arrays())
 
@@ -148,7 +148,7 @@ class CheckpointWriter:
         """Make the checkpoint of a tick valid, once its parts are on the disk.
 
         Raises:
-            RecordingError: the disk refuses.
+            RecordingError: the disk cannot be written.
         """
         self._sync_record()
         facts = {

@@ -152,7 +152,7 @@ class OutsideMachine(_Outside):
     """The motion source of a scene whose machine is another program.
 
     Raises:
-        InputError: the object lacks a method, or keeps no state where the scene asks for checkpoints.
+        InputError: the object lacks a method, or keeps no state although the scene has checkpoints.
     """
 
     def __init__(self, resolved: ResolvedScene, machine: Machine | None) -> None:

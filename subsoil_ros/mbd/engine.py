@@ -128,7 +128,7 @@ class MechanismEngine:
         Raises:
             ProtocolError: not the next tick, or a wrench of an unknown tool.
             PhysicsError: a wrench or an acceleration that is not finite, or contradicting constraints.
-            SingularMechanismError: the motion is not determined any more, or cannot go on.
+            SingularMechanismError: the motion is not determined any more, or cannot continue.
         """
         if tick != self._tick + 1:
             raise ProtocolError(
@@ -252,7 +252,7 @@ class MechanismEngine:
         if status == NOT_CLOSED:
             return SingularMechanismError(
                 f"{where}: the joints cannot be closed any more; nearest to a singular position are "
-                f"{joints}. The drivers ask for a position out of reach, or the motion is too fast for the "
+                f"{joints}. The drivers require a position out of reach, or the motion is too fast for the "
                 "step: change the drivers' time functions, or raise coupling.mechanism_steps."
             )
         if status == CONTRADICTION:

@@ -89,12 +89,12 @@ def check_node_status(own: NodeStatus, other: NodeStatus, needed: Mapping[str, s
             there = any(text.startswith(f"{CONTACT_LAW} {kind} ") for text in other.capabilities)
             found = "has other sources of" if there else "does not have"
             raise ProtocolError(
-                f"node_status: {node} {found} contact law '{kind}', which the scene asks for ({key}); "
+                f"node_status: {node} {found} contact law '{kind}', which the scene needs ({key}); "
                 "install the package that the law comes in, in the same version, for all nodes"
             )
         if capability not in other.capabilities:
             raise ProtocolError(
-                f"node_status: {node} cannot do '{capability}', which the scene asks for ({key}); use a node "
+                f"node_status: {node} cannot do '{capability}', which the scene needs ({key}); use a node "
                 "that can, or change the scene"
             )
 

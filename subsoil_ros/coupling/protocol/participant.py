@@ -76,7 +76,7 @@ class Participant:
             return
         if self._ended and grant.tick > self.last_tick:
             raise ProtocolError(
-                f"grant: tick {grant.tick} came, but the run ends with tick {self.last_tick}, as END said"
+                f"grant: tick {grant.tick} came, but the run ends with tick {self.last_tick}, by its END"
             )
         self._grants.accept(grant.run_id, grant.tick)
         end = grant.command is Command.END

@@ -180,7 +180,7 @@ def build(
 
     Raises:
         SceneError: the scene has no mechanism, or it cannot be assembled.
-        InputError: the checkpoint to go on from does not fit.
+        InputError: the checkpoint to continue from does not fit.
     """
     engine = build_mechanism(run.resolved)
     if engine is None:

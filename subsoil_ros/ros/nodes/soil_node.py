@@ -231,7 +231,7 @@ def build(
 
     Raises:
         SceneError: the scene has no soil.
-        InputError: the checkpoint to go on from does not fit.
+        InputError: the checkpoint to continue from does not fit.
     """
     engine = build_soil(run.resolved, settings.threads)
     if engine is None:

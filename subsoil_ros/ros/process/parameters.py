@@ -83,7 +83,7 @@ PARAMETERS: Mapping[str, ParameterKey] = {
     ),
     "resume": ParameterKey(
         "",
-        "checkpoint to go on from, the same for all nodes; empty: from tick 0",
+        "checkpoint to continue from, the same for all nodes; empty: start at tick 0",
         "path of a checkpoint of this scene, or empty",
     ),
     "live": ParameterKey(
@@ -112,7 +112,7 @@ def read_settings(node: Node, name: str, more: Mapping[str, ParameterKey] | None
     """
     if node.get_name() != f"{name}_process":
         raise InputError(
-            f"the node was renamed to '{node.get_name()}'; nodes of a run know each other by "
+            f"the node was renamed to '{node.get_name()}'; nodes of a run are identified by "
             "their names, so use a namespace (-r __ns:=/NAME) instead"
         )
     keys = {**PARAMETERS, **(more or {})}
@@ -149,7 +149,7 @@ def help_text(name: str, more: Mapping[str, ParameterKey] | None = None) -> str:
     lines = [
         f"usage: {name}_node --ros-args -p scene:=FILE [-p NAME:=VALUE]... [-r __ns:=/NAMESPACE]",
         "",
-        f"The node '{name}' of a run; docs/ros.md says how its nodes are started. Parameters, read-only:",
+        f"The node '{name}' of a run; docs/ros.md describes how to start it. Parameters, read-only:",
     ]
     for key, found in {**PARAMETERS, **(more or {})}.items():
         default = str(found.default).lower() if isinstance(found.default, bool) else repr(found.default)

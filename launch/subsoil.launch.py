@@ -1,4 +1,4 @@
-"""Starts a run under ros2 launch: the processes of `subsoil run`, from the same plan (ros/process/plan.py).
+"""Launch file of a run: the processes of `subsoil run`, from the same plan (ros/process/plan.py).
 
 ros2 launch subsoil_ros subsoil.launch.py scene:=my_scene.yaml namespace:=left
 """
@@ -28,27 +28,28 @@ from subsoil_ros.ros.process.plan import RunPlan, checked_namespace, remappings
 from subsoil_ros.ros.transport.shared_memory import avoid_full_memory
 
 PATIENCE_S = 15.0
-"""Time for the other nodes after one has failed (chosen: more than a coupler waits for a silent one)."""
+"""Time for the other nodes to end after one has failed: longer than the 10 s after which a silent node counts
+as dead (STALL_S of heartbeat.py)."""
 
 DEFAULT_SCENE = "config/scenes/subsoiler_1s300_wedge.yaml"
 
 ARGUMENTS = {
-    "scene": (None, "scene file (.yaml); the machine on the wedge model without it"),
-    "out": ("", "folder for the results; must not exist. runs/<time> without it"),
+    "scene": (None, "scene file (.yaml); default: the machine on the wedge model"),
+    "out": ("", "folder for the results, which must not exist; empty: runs/<time>"),
     "mode": ("nodes", "nodes: one process per node; composed: all in one process; direct: no ROS"),
     "recording": ("true", "whether the run has a recorder, which writes the bag"),
-    "namespace": ("", "of all nodes and topics, /clock and /tf too, so that several runs share a domain"),
-    "use_sim_time": ("false", "for other nodes of this launch: those of the run make the time"),
-    "threads": ("1", "of the soil engine; results do not depend on it"),
-    "paused": ("false", "stand before the first tick until a service lets it go"),
-    "resume": ("", "folder of an earlier run of the scene: go on from its newest checkpoint"),
-    "live": ("", "port of a live view for Foxglove, 0: any that is free; empty: none"),
+    "namespace": ("", "of all nodes and topics, also /clock and /tf, so that runs can share a domain"),
+    "use_sim_time": ("false", "for other nodes of this launch; the nodes of the run ignore it"),
+    "threads": ("1", "threads of the soil engine; results do not depend on it"),
+    "paused": ("false", "wait before the first tick until the service resume or step is called"),
+    "resume": ("", "folder of an earlier run of the scene, to continue from its newest checkpoint"),
+    "live": ("", "port of a live view for Foxglove; 0: any free port; empty: none"),
     "overrides": ("", 'changes of the scene, as "soil.bed.seed=3 duration_s=1.0"'),
 }
 
 
 def generate_launch_description() -> LaunchDescription:
-    """The arguments, and what they ask for."""
+    """Return the arguments, and the function that starts the processes."""
     share = Path(get_package_share_directory("subsoil_ros"))
     declared = [
         DeclareLaunchArgument(
@@ -66,7 +67,7 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-    """The processes of the run."""
+    """Return the actions that start the processes of the run."""
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     scene, threads = given["scene"], whole_number("threads", given["threads"])
     recording, paused = flag("recording", given["recording"]), flag("paused", given["paused"])
@@ -84,7 +85,7 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         command += ["--live", given["live"]] if given["live"] else []
         command += [word for change in overrides for word in ("--set", change)]
         return [ExecuteProcess(cmd=command, output="screen", on_exit=Ending(1))]
-    notice = avoid_full_memory()  # for the nodes too: they get this process's environment
+    notice = avoid_full_memory()  # for the nodes too: they inherit the environment
     live = live_port(given["live"] or None)
     resume = Path(given["resume"]) if given["resume"] else None
     resolved = load_scene(scene, overrides)
@@ -115,10 +116,10 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
 
 
 class Ending:
-    """Called as each process of the run ends: after a failure the launch ends, with a failing status.
+    """Handler for the end of each process of the run: after a failure the launch ends with status 1.
 
-    First the others have time to find out who died, to say so and to close the bag. An error raised here is
-    what makes launch shut the rest down and end with status 1.
+    First the other nodes have time to report the failed node and to close the bag. The error raised here
+    makes launch shut down the remaining processes and end with status 1.
     """
 
     def __init__(self, count: int) -> None:
@@ -126,7 +127,7 @@ class Ending:
         self._first = ""
 
     def __call__(self, event: ProcessExited, context: LaunchContext) -> TimerAction | None:
-        """What follows from the end of one process: nothing, or a time limit for the others."""
+        """Return the action after the end of a process: None, or a time limit for the others."""
         self._left -= 1
         begun = not self._first and event.returncode != 0
         if begun:
@@ -138,19 +139,19 @@ class Ending:
         return TimerAction(period=PATIENCE_S, actions=[OpaqueFunction(function=self.fail)])
 
     def fail(self, context: LaunchContext) -> None:
-        """Ends the launch."""
+        """End the launch. Raises RunError with the first failure."""
         raise RunError(f"the run failed: {self._first}")
 
 
 def flag(name: str, text: str) -> bool:
-    """A launch argument that is true or false."""
+    """Value of a launch argument that is true or false."""
     if text.lower() not in ("true", "false"):
         raise InputError(f"{name}: given '{text}', allowed are true and false")
     return text.lower() == "true"
 
 
 def whole_number(name: str, text: str) -> int:
-    """A launch argument that counts, from 1."""
+    """Value of a launch argument that is a whole number from 1."""
     if not text.isdecimal() or int(text) < 1:
         raise InputError(f"{name}: given '{text}'; it must be a whole number from 1")
     return int(text)

@@ -169,7 +169,7 @@ def spring_of_no_direction(laboratory: Laboratory) -> Outcome:
         "point_b_m": [0.0, 0.0], "stiffness_newton_per_m": 100.0, "free_length_m": 0.3,
     }  # fmt: skip
     machine = {"bodies": {"block": body(0.0, 0.0)}, "forces": {"spring": spring}}
-    return refused(lambda: laboratory.machine(machine, USUAL_NS), "forces.spring: its two points are one")
+    return refused(lambda: laboratory.machine(machine, USUAL_NS), "forces.spring: its two points coincide")
 
 
 @CASES.add("M11", RIGHT)

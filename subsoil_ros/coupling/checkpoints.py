@@ -1,7 +1,7 @@
-"""What a run keeps so that it can go on later: the state of the exchange, and who writes which part.
+"""Checkpoints of a run: the state of the exchange, and the parts that its processes write.
 
-A checkpoint of tick k is the state at its end: of motion source and soil as their engines hold it, and of the
-coupling: the last motions and wrenches, which tick k+1 begins with, and the interface account.
+A checkpoint of tick k has the states at its end: those of the engines of motion source and soil, and that of
+the coupling: the last motions and wrenches, which tick k+1 begins with, and the interface account.
 """
 
 import math
@@ -31,18 +31,18 @@ from .schedule import schedule_of
 from .stopping import StopState
 
 PATHS = "paths"
-"""Part of the tools' paths in a scene without mechanism."""
+"""Name of the part of the tools' paths in a scene without mechanism."""
 
 COUPLING = "coupling"
 
 
 def mover_part(scene: Scene) -> str:
-    """Name of the part of whoever moves the tools."""
+    """Name of the part of the motion source."""
     return MECHANISM if scene.moved_by_participant else PATHS
 
 
 def part_names(scene: Scene) -> tuple[str, ...]:
-    """Parts of a checkpoint of the scene, beside the coupling's."""
+    """Names of the parts of a checkpoint of the scene, without that of the coupling."""
     return (mover_part(scene), SOIL) if scene.soil is not None else (mover_part(scene),)
 
 
@@ -58,7 +58,7 @@ class CouplingState:
     stopping: StopState | None = None  # of a scene with stop_when
 
     def document(self) -> dict[str, Any]:
-        """As JSON, which gives back the same bits of every number; without the wall time."""
+        """The state as JSON, from which every number is read back bit for bit; without the wall time."""
         document = {
             "motions": [asdict(motion) for motion in self.motions],
             "wrenches": [asdict(wrench) for wrench in self.wrenches],
@@ -92,7 +92,7 @@ def _wrench(document: Mapping[str, Any]) -> ToolWrench:
 
 
 def restore_engine(engine: Resumable, checkpoint: Checkpoint, part: str) -> None:
-    """Puts an engine, just built, into the state of a checkpoint.
+    """Restore the state of a checkpoint in an engine that was just built.
 
     Raises:
         InputError: the part is damaged, or does not fit the engine.
@@ -107,8 +107,8 @@ class CheckpointWriter:
     """Writes the checkpoints of one run, or one process's parts of them.
 
     Args:
-        directory: of the checkpoints of the run.
-        sync_record: brings the record to the disk, which a checkpoint stands at the end of.
+        directory: folder of the checkpoints of the run.
+        sync_record: writes the record to the disk, up to the tick of a checkpoint, before that is valid.
     """
 
     def __init__(
@@ -125,30 +125,30 @@ class CheckpointWriter:
         self._names = part_names(resolved.scene)
 
     def ends_with(self, tick: int) -> None:
-        """Take it that the run ends with `tick`: no checkpoint is due there."""
+        """Make `tick` the last one of the run: no checkpoint is due there."""
         self._schedule = self._schedule.ends_with(tick)
 
     def due(self, tick: int) -> bool:
-        """Whether the scene asks for a checkpoint of `tick`."""
+        """Whether the scene has a checkpoint at the end of `tick`."""
         return self._schedule.checkpoint_due(tick)
 
     def keep(self, tick: int, part: str, engine: Resumable) -> None:
-        """Writes the part of an engine that stands at the end of `tick`.
+        """Write the part of an engine that has finished `tick`.
 
         Raises:
-            RecordingError: the disk refuses.
+            RecordingError: the disk cannot be written.
         """
         write_part(self.directory, tick, part, engine.state_arrays())
 
     def all_kept(self, tick: int) -> bool:
-        """Whether every part of the checkpoint of `tick` is there."""
+        """Whether every part of the checkpoint of `tick` is written."""
         return has_parts(self.directory, tick, self._names)
 
     def commit(self, state: CouplingState) -> None:
-        """Makes the checkpoint of a tick valid, its parts being on the disk.
+        """Make the checkpoint of a tick valid, once its parts are on the disk.
 
         Raises:
-            RecordingError: the disk refuses.
+            RecordingError: the disk cannot be written.
         """
         self._sync_record()
         facts = {
@@ -161,9 +161,9 @@ class CheckpointWriter:
         self.last_tick = state.tick
 
     def note_end(self, tick: int, part: str, engine: Resumable) -> None:
-        """Notes the digest of an engine's state at the end of the run."""
+        """Write the digest of an engine's state at the end of the run."""
         note_end(self.directory, tick, part, state_sha256(engine.state_arrays()))
 
     def note_coupling_end(self, state: CouplingState) -> None:
-        """Notes the digest of the exchange's state at the end of the run."""
+        """Write the digest of the exchange's state at the end of the run."""
         note_end(self.directory, state.tick, COUPLING, document_sha256(state.document()))

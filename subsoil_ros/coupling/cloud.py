@@ -1,4 +1,4 @@
-"""The soil's cloud as it is recorded: a region of it, rounded so that it packs, if the scene asks for it."""
+"""The soil's cloud as it is recorded: whole or a region, and rounded for compression, as the scene sets."""
 
 from typing import Any
 
@@ -10,13 +10,13 @@ from ..scene.cloud import SPEED_BITS, position_step_m
 from ..scene.model import Record
 
 MORE = ("identities", "broken_parts", "radii_m", "materials")
-"""What a cloud may have of each particle beside place and speed."""
+"""Optional fields of a cloud, beside position and speed of each particle."""
 
 _SIGNIFICANT_BITS = 24  # of a float32
 
 
 def recorded_cloud(cloud: SoilCloud, record: Record) -> SoilCloud:
-    """The part of `cloud` that the scene records; `cloud` itself if it asks for all of it as it is."""
+    """The part of `cloud` that the scene records; `cloud` itself without region and resolution."""
     if record.cloud_region is None and record.cloud_resolution_m == 0.0:
         return cloud
     positions = np.asarray(cloud.positions_m, dtype=np.float32)
@@ -42,7 +42,7 @@ def _rounded(values: NDArray[np.float32], step: float) -> NDArray[np.float32]:
 
 
 def _shortened(values: NDArray[np.float32], bits: int) -> NDArray[np.float32]:
-    """The nearest float32 with so many significant bits; of numbers that are not negative."""
+    """The nearest float32 with `bits` significant bits; `values` must not be negative."""
     dropped = _SIGNIFICANT_BITS - bits
     words: NDArray[Any] = values.view(np.uint32) + np.uint32(1 << (dropped - 1))  # carries into the exponent
     return (words & np.uint32(0xFFFFFFFF ^ ((1 << dropped) - 1))).view(np.float32)

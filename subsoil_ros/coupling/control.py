@@ -1,4 +1,4 @@
-"""Controllers: from the state of the machine to the speed of a driver."""
+"""Controllers: they compute the speed of a driver from the state of the machine."""
 
 from typing import Protocol
 
@@ -12,7 +12,7 @@ from .protocol import MECHANISM
 
 
 class Controller(Protocol):
-    """Answers a state with a speed. Its results may depend on nothing but the states it was shown."""
+    """Computes a speed from a state. Its results may depend only on the states that it has received."""
 
     def command(self, tick: int, state: MechanismState) -> DriverCommand:
         """The command of `tick`; the state is that at the end of the tick before."""
@@ -23,13 +23,13 @@ class SpeedController:
     """A law of the scene, within the controller's limits of speed and acceleration."""
 
     def __init__(self, keys: ControllerKeys, speed: float, interval_s: float) -> None:
-        """speed: of the driver at the start [m/s, rad/s]; interval_s: of the commands."""
+        """speed: that of the driver at the start [m/s, rad/s]; interval_s: time between commands."""
         self._keys = keys
         self._speed = speed
         self._interval_s = interval_s
 
     def command(self, tick: int, state: MechanismState) -> DriverCommand:
-        """The speed that the law asks for, as far as it can be reached by the end of the interval."""
+        """The speed that the law gives, as far as it can be reached by the end of the interval."""
         keys = self._keys
         change = keys.max_acceleration * self._interval_s
         requested = min(max(self._requested_speed(state), self._speed - change), self._speed + change)
@@ -48,9 +48,9 @@ class SpeedController:
 
 
 def build_controller(resolved: ResolvedScene, resumed: Checkpoint | None = None) -> Controller | None:
-    """The scene's controller; None if it names none, or leaves it to a node from outside.
+    """The scene's controller; None if it names none, or an external one.
 
-    resumed: where the run goes on: the last speed commanded is in the mechanism's part.
+    resumed: checkpoint to continue from; the last commanded speed is in the mechanism's part.
     """
     scene = resolved.scene
     if scene.controller is None or scene.mechanism is None or isinstance(scene.controller.law, External):

@@ -1,4 +1,4 @@
-"""A run without ROS: the engines called one after the other. The oracle of the other two ways."""
+"""A run without ROS: the engines called one after the other. The reference for the other two modes."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -21,10 +21,10 @@ from .stopping import OnCheck, StopRule
 
 
 class RecordSink(Protocol):
-    """Takes the records of a run, tick by tick."""
+    """Receives the records of a run, tick by tick."""
 
     def write(self, record: Any) -> None:
-        """Takes one record."""
+        """Write one record."""
         ...
 
 
@@ -42,22 +42,22 @@ def run_direct(
     stop_rule: StopRule | None = None,
     on_check: OnCheck = lambda result: None,
 ) -> None:
-    """Runs a scene from tick 0, or from where another run stood, to its last tick, writing every record.
+    """Run a scene from tick 0, or from a checkpoint, to its last tick, writing every record.
 
     Args:
         motion_source: the mechanism of the scene, or the paths of its tools.
-        sink: takes the record; None: nothing is recorded.
+        sink: receives the record; None: nothing is recorded.
         on_tick: called after each tick is written.
-        controller: of the scene, if it names one.
-        stop_signal: asked before each tick; a signal's number other than 0 ends the run there.
+        controller: the one of the scene, if it has one.
+        stop_signal: called before each tick; a signal's number other than 0 ends the run there.
         checkpoint_writer: writes checkpoints, when they are due and on a signal; None: there are none.
-        resumed: where to go on.
-        stop_rule: of a scene with stop_when, in the state of `resumed`.
-        on_check: called with what the rule found, at each check and at the end.
+        resumed: checkpoint to continue from; None: start at tick 0.
+        stop_rule: rule of a scene with stop_when, in the state of `resumed`.
+        on_check: called with the result of the rule, at each check and at the end.
 
     Raises:
         InputError: the scene has stop_when, and no rule is given.
-        InterruptedRunError: stop_signal asked for it.
+        InterruptedRunError: stop_signal returned a signal.
         RunError: an engine or the interface account failed. Every finished tick is written.
     """
     communication_step_ns = resolved.timing.communication_step_ns
@@ -78,7 +78,7 @@ def run_direct(
         raise InputError(f"{resolved.path}: has stop_when, and this run has no rule; give stop_rule")
 
     def keep() -> None:
-        """Writes the checkpoint of `state`, if there is not yet one of it."""
+        """Write the checkpoint of `state`, unless it is written already."""
         if checkpoint_writer is None or state.tick in (first_tick - 1, checkpoint_writer.last_tick):
             return
         checkpoint_writer.keep(state.tick, part, motion_source)
@@ -87,7 +87,7 @@ def run_direct(
         checkpoint_writer.commit(state)
 
     def end_with(tick: int) -> None:
-        """Makes `tick`, the next one, the last."""
+        """Make `tick`, the next one, the last."""
         nonlocal schedule
         schedule = schedule.ends_with(tick)
         if checkpoint_writer is not None:
@@ -151,7 +151,7 @@ def run_direct(
 
 
 def _forget(record: Any) -> None:
-    """In the place of a sink where nothing is recorded."""
+    """Do nothing: replaces a sink where nothing is recorded."""
 
 
 def _initial_records(
@@ -161,7 +161,7 @@ def _initial_records(
     soil: Soil | None,
     communication_step_ns: int,
 ) -> Iterator[Any]:
-    """What is recorded of the state before tick 0."""
+    """Records of the state before tick 0."""
     yield ToolMotions(run_id, INITIAL_TICK, 0, state.motions)
     if soil is not None:
         yield ToolWrenches(run_id, INITIAL_TICK, 0, state.wrenches)
@@ -175,7 +175,7 @@ def _initial_records(
 def _first_state(
     motion_source: MotionSource, soil: Soil | None, part: str, resumed: Checkpoint | None
 ) -> CouplingState:
-    """The exchange before the first tick: the initial one, or that of a checkpoint, engines put into it."""
+    """The exchange before the first tick: the initial one, or a checkpoint restored in the engines."""
     if resumed is not None:
         restore_engine(motion_source, resumed, part)
         if soil is not None:

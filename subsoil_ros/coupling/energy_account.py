@@ -1,8 +1,8 @@
 """Energy account of the interface between soil and mechanism.
 
-The mechanism holds the wrench of tick k-1 while it moves through tick k, the soil works against it
-with the force of its own steps. Both works would be equal in an exchange without delay; their
-difference is energy that the exchange invents or loses.
+The mechanism moves through tick k under the wrench of tick k-1; the soil works against it with the forces of
+its own steps. Both works would be equal in an exchange without delay; their difference is energy that the
+exchange creates or loses.
 """
 
 from dataclasses import dataclass
@@ -54,14 +54,14 @@ class InterfaceWork:
 
 
 class InterfaceAccount:
-    """Adds up the interface work tick by tick, and judges it.
+    """Sums the interface work tick by tick, and checks the residual.
 
     Args:
-        motions: of the tools before tick 0, in scene order.
-        wrenches: the soil's answer to them; empty without soil.
-        bound: largest residual, as a part of the absolute work; None: not judged.
+        motions: those of the tools before tick 0, in scene order.
+        wrenches: the soil's wrenches for them; empty without soil.
+        bound: largest residual, as a part of the absolute work; None: no check.
         grace_joule: absolute work below which the bound is not applied.
-        work: the account so far, of a run that goes on.
+        work: the account so far, in a resumed run.
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class InterfaceAccount:
         self.work = work or InterfaceWork()
 
     def add(self, motions: tuple[ToolMotion, ...], wrenches: tuple[ToolWrench, ...]) -> InterfaceWork:
-        """Takes a finished tick: motions at its end and the soil's answer. Returns the account."""
+        """Add a finished tick, its motions and wrenches; return the account."""
         held = soil = absolute = 0.0
         for wrench, before, after in zip(self._wrenches, self._motions, motions, strict=True):
             held += held_work_joule(wrench, before, after)
@@ -101,7 +101,7 @@ class InterfaceAccount:
         return judged and self.work.residual_ratio > part * (self._bound or 0.0)
 
     def check(self, tick: int) -> None:
-        """Judges the account after `tick`.
+        """Check the account after `tick`.
 
         Raises:
             PhysicsError: the residual is above its bound, or a number is not finite.
@@ -131,9 +131,9 @@ def account_of(
     wrenches: tuple[ToolWrench, ...],
     work: InterfaceWork | None = None,
 ) -> InterfaceAccount:
-    """The interface account of a scene, from the initial exchange, or from where an earlier run stood.
+    """The interface account of a scene, from the initial exchange, or from a checkpoint.
 
-    The bound holds where the force moves something: not for tools on prescribed paths.
+    The bound applies where forces change the motion: not to tools on prescribed paths.
     """
     coupling = scene.coupling
     free = any(tool.inertia_kg_m2 is not None for tool in scene.tools.values())

@@ -1,4 +1,4 @@
-"""The engines of a scene: who moves the tools, who answers."""
+"""The engines of a scene: the motion source, which moves the tools, and the soil."""
 
 from collections.abc import Mapping
 from typing import Any, Protocol
@@ -11,17 +11,17 @@ from .outside import Machine, OutsideMachine, OutsideSoil, OutsideSoilEngine
 
 
 class Resumable(Protocol):
-    """Hands out its state between two ticks, and takes it back."""
+    """An engine whose state can be read between two ticks, and restored."""
 
     def state_arrays(self) -> dict[str, NDArray[Any]]:
         """All that later ticks depend on, by name; not copied, so to be used before the next tick."""
         ...
 
     def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Goes on from such a state, which it may keep: in place of the start, in an engine just built.
+        """Restore such a state, in place of the start, in an engine just built. It may keep the arrays.
 
         Raises:
-            KeyError, ValueError: it is no state of this scene.
+            KeyError, ValueError: the state is of another scene.
         """
         ...
 
@@ -42,7 +42,7 @@ class Mechanism(MotionSource, Protocol):
     """A motion source with a state of its own to record, and perhaps a driver that a controller commands."""
 
     def initial_state(self, run_id: str, wrenches: tuple[ToolWrench, ...]) -> MechanismState:
-        """The state before the first tick, under the soil's first answer; it changes nothing."""
+        """The state before the first tick, under the soil's first wrenches; the engine does not change."""
         ...
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> MechanismState:
@@ -50,12 +50,12 @@ class Mechanism(MotionSource, Protocol):
         ...
 
     def command(self, command: DriverCommand) -> None:
-        """Takes a controller's command for the tick that is advanced next."""
+        """Apply a controller's command from the start of the next tick on."""
         ...
 
 
 class Soil(Resumable, Protocol):
-    """Answers motions with wrenches."""
+    """Computes the wrenches on the tools from their motions."""
 
     def start(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
         """Wrenches of the initial state; no time advances."""
@@ -66,7 +66,7 @@ class Soil(Resumable, Protocol):
         ...
 
     def ends_with(self, tick: int) -> None:
-        """Take it that the run ends early with `tick`, which is advanced next."""
+        """Make `tick`, the next one, the last of a run that ends early."""
         ...
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
@@ -79,7 +79,7 @@ class Soil(Resumable, Protocol):
 
 
 def build_mechanism(resolved: ResolvedScene) -> Mechanism | None:
-    """The scene's mechanism, assembled; None if it names none. Only the engine that is named is imported."""
+    """The scene's mechanism, assembled; None if it has none. Only the engine in use is imported."""
     if resolved.scene.mechanism is None:
         return None
     from ..mbd.engine import MechanismEngine
@@ -106,7 +106,7 @@ def build_motion_source(resolved: ResolvedScene, machine: Machine | None = None)
 
 
 def build_soil(resolved: ResolvedScene, threads: int, soil: OutsideSoil | None = None) -> Soil | None:
-    """The scene's soil, or that from outside; None if it names none. Only what is named is imported.
+    """The scene's soil, or that from outside; None if it has none. Only the model in use is imported.
 
     Raises:
         InputError: as build_motion_source.

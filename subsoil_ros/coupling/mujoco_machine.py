@@ -30,8 +30,8 @@ class MujocoMachine:
         scene: with path.external: true.
         mjcf: file of the model, or its text. Its timestep must divide the communication step; its integrator
             may not be RK4, which cannot take forces at a point that moves.
-        control: sets what the model takes from outside; it must depend on its arguments alone, or a
-            resumed run differs from a whole one.
+        control: sets the inputs of the model; it must depend on its arguments alone, or a resumed run
+            differs from a whole one.
 
     Raises:
         InputError: MuJoCo is missing, the model cannot be read, or does not fit the scene.
@@ -65,7 +65,7 @@ class MujocoMachine:
         }
 
     def initial_motions(self) -> tuple[ToolMotion, ...]:
-        """At the first keyframe of the model, or its reference pose where it has none."""
+        """Motions at the first keyframe of the model, or at its reference pose if it has none."""
         return tuple(self._motion(*tool) for tool in self._tools)
 
     def advance(self, tick: int, wrenches: tuple[ToolWrench, ...]) -> tuple[ToolMotion, ...]:
@@ -91,14 +91,14 @@ class MujocoMachine:
         return tuple(self._motion(*tool) for tool in self._tools)
 
     def state_arrays(self) -> dict[str, NDArray[np.float64]]:
-        """What MuJoCo calls the integration state."""
+        """The integration state, as MuJoCo calls it."""
         kind = self._mujoco.mjtState.mjSTATE_INTEGRATION
         state = np.empty(self._mujoco.mj_stateSize(self.model, kind))
         self._mujoco.mj_getState(self.model, self.data, state, kind)
         return {"state": state}
 
     def restore(self, arrays: Mapping[str, NDArray[np.float64]]) -> None:
-        """Goes on from such a state."""
+        """Restore a state that `state_arrays` returned."""
         kind = self._mujoco.mjtState.mjSTATE_INTEGRATION
         self._mujoco.mj_setState(self.model, self.data, np.ascontiguousarray(arrays["state"]), kind)
         self._place()
@@ -120,7 +120,7 @@ class MujocoMachine:
         return int(site)
 
     def _place(self) -> None:
-        """Compute the poses of the present state: a step leaves those of its start."""
+        """Compute the poses of the present state; after a step, MuJoCo has those of its start."""
         self._mujoco.mj_kinematics(self.model, self.data)
         self._mujoco.mj_comPos(self.model, self.data)
 
@@ -150,8 +150,8 @@ class MujocoMachine:
         return ToolMotion(name, x, y, z, angle, float(velocity[0]), float(velocity[2]), -float(spin[1]))
 
     def _effective_mass_kg(self, site: int, mesh: Any) -> float:
-        """Without equality constraints, which only add to it, at the vertex farthest from the body's centre
-        of mass, in the direction that moves most easily."""
+        """Effective mass at the vertex farthest from the body's centre of mass, in the direction that moves
+        most easily; without equality constraints, which only add to it."""
         model, data, mujoco = self.model, self.data, self._mujoco
         body = model.site_bodyid[site]
         points = data.site_xpos[site] + mesh.vertices_m @ data.site_xmat[site].reshape(3, 3).T

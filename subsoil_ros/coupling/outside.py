@@ -26,10 +26,10 @@ PAGE = "docs/own_machine.md"
 class Machine(Protocol):
     """An external machine: moves the tools of a scene with `path.external: true`.
 
-    It may have three more members. `state_arrays()` gives all that later ticks depend on as arrays by name,
-    and `restore(arrays)` goes on from such a state: without them `record.checkpoint_s` must be 0, and no run
-    is resumed. `effective_mass_kg`, a mapping by tool, is what an impact at the tool's edge has to
-    accelerate: without it `check` gives no bound on the communication step.
+    It may have three more members. `state_arrays()` returns all that later ticks depend on as arrays by name,
+    and `restore(arrays)` restores such a state: without them `record.checkpoint_s` must be 0, and no run can
+    be resumed. `effective_mass_kg`, a mapping by tool, is the mass that an impact at the tool's edge
+    accelerates: without it `check` gives no bound on the communication step.
     """
 
     def initial_motions(self) -> Sequence[ToolMotion]:
@@ -64,7 +64,7 @@ class OutsideSoil(Protocol):
 
 
 class _Outside:
-    """An object of another program: its calls, checked."""
+    """Calls the methods of another program's object, and checks the results."""
 
     def __init__(
         self, resolved: ResolvedScene, word: str, participant: Any, methods: tuple[str, ...]
@@ -89,14 +89,14 @@ class _Outside:
             )
 
     def state_arrays(self) -> dict[str, NDArray[Any]]:
-        """All that later ticks depend on; nothing of an object that keeps no state."""
+        """All that later ticks depend on; empty for an object that keeps no state."""
         return dict(self._call("state_arrays", RunError)) if self.keeps_state else {}
 
     def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Goes on from such a state.
+        """Restore a state that `state_arrays` returned.
 
         Raises:
-            InputError: the object has none, or refuses this one.
+            InputError: the object cannot restore states, or raises an error for this one.
         """
         if not self.keeps_state:
             raise InputError(
@@ -106,11 +106,11 @@ class _Outside:
         self._call("restore", InputError, arrays)
 
     def _call(self, name: str, kind: type[InputError] | type[RunError], *arguments: Any) -> Any:
-        """What the method gives. Raises `kind` with the place where the object raised anything."""
+        """Result of a method. Raises `kind`, with the place in the code, if the method raises any error."""
         method: Callable[..., Any] = getattr(self._participant, name)
         try:
             return method(*arguments)
-        except Exception as error:  # another program's: whatever it is ends the run as any fault
+        except Exception as error:  # of another program: any error ends the run
             last = traceback.extract_tb(error.__traceback__)[-1]
             text = " ".join(str(error).split())
             raise kind(
@@ -129,7 +129,7 @@ class _Outside:
         answer: Callable[[Tool], type[Answer]],
         *arguments: Any,
     ) -> tuple[Answer, ...]:
-        """The records that a method gives: one a tool, of the right kind, finite. Raises `kind` if not."""
+        """Records that a method returns: one a tool, of the right kind, finite. Raises `kind` if not."""
         given, place = self._call(name, kind, *arguments), self._at(name, arguments)
         if not isinstance(given, Sequence) or len(given) != len(self._tools):
             found = f"{len(given)} records" if isinstance(given, Sequence) else f"a {type(given).__name__}"
@@ -152,7 +152,7 @@ class OutsideMachine(_Outside):
     """The motion source of a scene whose machine is another program.
 
     Raises:
-        InputError: the object lacks a method, or keeps no state where the scene asks for checkpoints.
+        InputError: the object lacks a method, or keeps no state although the scene has checkpoints.
     """
 
     def __init__(self, resolved: ResolvedScene, machine: Machine | None) -> None:
@@ -205,11 +205,11 @@ class OutsideSoilEngine(_Outside):
         """Do nothing: an external soil does not depend on where the run ends."""
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
-        """Zeros: what the soil is made of is not known."""
+        """Zeros: an external soil has no monitors."""
         return SoilState(run_id, tick, end_time_ns, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
     def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:
-        """Not asked for: the schedule of a scene without particles has no clouds.
+        """Not called: the schedule of a scene without particles has no clouds.
 
         Raises:
             InputError: always.
@@ -220,9 +220,9 @@ class OutsideSoilEngine(_Outside):
 def refuse_unlike(
     resolved: ResolvedScene, machine: Machine | None, soil: OutsideSoil | None, *, alone: bool = True
 ) -> None:
-    """Check that what is given is what the scene takes from outside.
+    """Check that the machine or soil given is one that the scene has as external.
 
-    alone: the run has no other participants, so what the scene takes must be given.
+    alone: no other program joins the run, so every external participant must be given.
 
     Raises:
         InputError: a participant is missing, or is given to a scene that has its own.
@@ -251,7 +251,7 @@ def _missing(resolved: ResolvedScene, word: str) -> InputError:
 
 
 def effective_masses_kg(resolved: ResolvedScene, machine: Machine | None) -> Mapping[str, float] | None:
-    """The effective mass [kg] of each tool, as the machine gives it; None if it does not.
+    """The effective mass [kg] of each tool, as the machine gives it; None if it has no such member.
 
     Raises:
         InputError: not one positive number for each tool.
@@ -281,7 +281,7 @@ def _wrench_kind(tool: Tool) -> type[ToolWrench]:
 
 
 def _not_finite(record: Any) -> Any:
-    """Each field of a record that is no finite number where one is due, in words."""
+    """Yield, in words, each field of a record that must be a finite number and is not."""
     for item in fields(record):
         value = getattr(record, item.name)
         if item.name == "groups":

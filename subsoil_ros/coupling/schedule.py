@@ -1,4 +1,4 @@
-"""Which ticks record what: the one answer for the direct run, the nodes and the recorder."""
+"""Schedule of the records by tick, used by the direct run, the nodes and the recorder alike."""
 
 from dataclasses import dataclass, replace
 
@@ -7,8 +7,8 @@ from ..scene.model import Scene
 from ..ticks import NANOSECONDS_PER_SECOND, every_ticks, is_control_tick, is_early_end
 
 CHECK_S = 0.1
-"""Simulated time between checks of `stop_when`, the nearest multiple of the series interval: short beside the
-seconds that a mean takes to be known, and long beside the time that a check costs."""
+"""Simulated time between checks of `stop_when`, the nearest multiple of the series interval: short
+compared with the seconds that a mean needs to settle, and long compared with the cost of a check."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Schedule:
         return replace(self, tick_count=tick + 1)
 
     def check_due(self, tick: int) -> bool:
-        """Whether it is decided at the end of `tick` if the next tick is the last one."""
+        """Whether `tick` is a check tick: at its end it is decided if the next tick is the last one."""
         return tick < self.last_tick and is_early_end(tick + 1, self.check_ticks)
 
     def control_due(self, tick: int) -> bool:
@@ -52,14 +52,14 @@ class Schedule:
         return (tick + 1) % self.cloud_ticks == 0 or tick == self.last_tick
 
     def checkpoint_due(self, tick: int) -> bool:
-        """Whether the state at the end of `tick` is kept; never that at the end of the run."""
+        """Whether a checkpoint is written at the end of `tick`; never at the end of the run."""
         if self.checkpoint_ticks == 0 or tick == self.last_tick:
             return False
         return (tick + 1) % self.checkpoint_ticks == 0
 
 
 def schedule_of(scene: Scene, timing: Timing) -> Schedule:
-    """The schedule a scene asks for; clouds and checkpoints at the nearest multiple of the tick."""
+    """Return the schedule of a scene; clouds and checkpoints at the nearest multiple of the tick."""
     cloud_ticks = 0
     if scene.particle_soil is not None:
         cloud_ticks = every_ticks(scene.record.cloud_hz, timing.communication_step_ns)

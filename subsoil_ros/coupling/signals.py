@@ -1,4 +1,4 @@
-"""Signals that end a run in order: Ctrl-C, a polite kill, the terminal's end."""
+"""Signals that end a run in order: SIGINT (Ctrl-C), SIGTERM, SIGHUP (the terminal was closed)."""
 
 import os
 import signal
@@ -10,10 +10,10 @@ STANDARD_STREAMS = (0, 1, 2)
 
 @contextmanager
 def caught_signals(handle: Callable[[int], None]) -> Iterator[None]:
-    """Within it SIGINT, SIGTERM and SIGHUP go to `handle`, the last one unless it is ignored (nohup).
+    """Pass SIGINT, SIGTERM and SIGHUP to `handle`, the last one unless it is ignored (nohup).
 
-    When the terminal is gone, what is written to it goes nowhere instead of failing: a run still has to be
-    brought to its end.
+    After SIGHUP, output to the terminal is discarded instead of raising errors, so that the run can still end
+    in order.
     """
     of_terminal = [stream for stream in STANDARD_STREAMS if os.isatty(stream)]
 

@@ -1,4 +1,4 @@
-"""Who decides at check ticks whether a run ends early."""
+"""Interface of the rule that decides at check ticks whether a run ends early."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Any, Protocol
 from ..messages import ToolMotion, ToolWrench
 
 OnCheck = Callable[[Mapping[str, Any]], None]
-"""Called with what a check found, as `run.stop_when` of summary.json holds it."""
+"""Called with the result of a check, in the form of `run.stop_when` of summary.json."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,18 +30,18 @@ class StopState:
 
 
 class StopRule(Protocol):
-    """Follows the exchange of every tick, and says at check ticks whether the run ends."""
+    """Observes the exchange of every tick, and decides at check ticks whether the run ends."""
 
     state: StopState
 
     def add(self, tick: int, motions: tuple[ToolMotion, ...], wrenches: tuple[ToolWrench, ...]) -> None:
-        """Take the exchange of `tick`."""
+        """Add the exchange of `tick`."""
         ...
 
     def check(self) -> bool:
-        """Whether the run ends with the next tick; judges what was added."""
+        """Decide from the ticks added whether the run ends with the next tick."""
         ...
 
     def result(self) -> dict[str, Any]:
-        """What is known of the mean, as `run.stop_when` of summary.json holds it."""
+        """Present result for the mean, in the form of `run.stop_when` of summary.json."""
         ...

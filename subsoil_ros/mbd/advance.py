@@ -1,7 +1,7 @@
 """One tick: steps, their parts up to breakpoints of time functions and switches of forces, supervision.
 
-A step sees every force in one mode (forces/evaluation.py). Where its end lies in another, the instant of the
-first switch is found, the step is taken to there, and the rest begins anew without history.
+Within a step every force stays in one mode (forces/evaluation.py). If one is in another mode at its end,
+the instant of the first switch is located, the step ends there, and the rest begins without history.
 """
 
 import numpy as np
@@ -43,10 +43,10 @@ from .tables import (
 )
 
 PATIENCE = 4
-"""Iterations of the position Newton after which the partition is chosen anew (DESIGN.md)."""
+"""Iterations of the position Newton after which the partition, nearly singular, is chosen anew."""
 
 WORSENING = 10.0
-"""Growth of the condition of Phi_u at which the partition is chosen anew (DESIGN.md)."""
+"""Growth of the condition of Phi_u at which the partition, nearly singular, is chosen anew."""
 
 BREAKPOINT_MARGIN = 1e-6
 """A breakpoint this part of a step away from the end of a step counts as being there."""
@@ -58,14 +58,14 @@ MOST_SWITCHES = 30
 """After so many switches in one step the rest of it is taken without looking for more."""
 
 CONTRADICTION_GAP = 1e-8
-"""Constraints left out as redundant may open by this part of the machine's size."""
+"""Gap of constraints left out as redundant, over the machine's size, above which they contradict others."""
 
 
 @inner_kernel
 def _take_start(model, state, work, time, select):
-    """The acceleration evaluated again at the state; history is shifted by what has changed.
+    """Take the accelerations in `work` as those of the state, and shift history by their change.
 
-    The shifted accelerations lead through other velocities in the past, and powers are those at these.
+    Shifted accelerations imply other velocities in the past; past powers are computed at these.
     """
     for k in range(state.counters[PAST_COUNT]):
         changed = False
@@ -88,7 +88,7 @@ def _take_start(model, state, work, time, select):
 
 @inner_kernel
 def _refresh(model, state, work, time, select):
-    """The acceleration at the state itself, evaluated again; answers the status."""
+    """Evaluate the accelerations at the state again; return the status."""
     copy(work.q, state.q)
     copy(work.v, state.v)
     if state.counters[NEAR_COUNT] > 0:
@@ -111,10 +111,10 @@ def _method(model, state, whole):
 
 @inner_kernel
 def _try(model, state, work, start, span, select, method, near, strict):
-    """One step from the state, its end into `work`: (status, most position iterations of a stage).
+    """Take one step from the state, its end into `work`: (status, most position iterations of a stage).
 
-    `near`: as next to a singular pose (singular_poses.py). `strict`: a stage that comes next to one ends the
-    step with DOUBTFUL.
+    `near`: by the equations next to a singular pose (singular_poses.py). `strict`: a stage that comes next to
+    one ends the step with DOUBTFUL.
     """
     if method == GENERALIZED_ALPHA:
         return step_generalized_alpha(model, state, work, start, span, select)
@@ -146,7 +146,7 @@ def _try(model, state, work, start, span, select, method, near, strict):
 
 @inner_kernel
 def _book(model, state, work, step, method):
-    """Work of this step, by the formula that gave the velocities; that of constant wrenches exactly."""
+    """Add the work of this step, by the formula of its velocities; the work of constant wrenches is exact."""
     for i in range(state.powers.shape[0]):
         if method == ADAMS_MOULTON:
             mean = multistep_power(model, state, work, i)
@@ -161,7 +161,7 @@ def _book(model, state, work, step, method):
 
 @inner_kernel
 def _accept(state, work, method):
-    """The state being tried becomes the state; the old accelerations become history."""
+    """Make the end of the step, in `work`, the state; the old accelerations become history."""
     if method == GENERALIZED_ALPHA:
         keep_auxiliary(state, work)
     else:
@@ -180,14 +180,14 @@ def _accept(state, work, method):
 
 @inner_kernel
 def _restart(state):
-    """Forget history; the next steps are Runge-Kutta until there is enough of it."""
+    """Discard history; the next steps are Runge-Kutta until there is enough of it."""
     state.counters[PAST_COUNT] = 0
     state.counters[RESTART_COUNT] += 1
 
 
 @inner_kernel
 def _change_modes(model, state, work, time, select):
-    """The modes in `work` become the state's; what a one-way spring stored as it let go is dissipated."""
+    """Copy the modes in `work` to the state; energy left in a spring that lets go counts as dissipated."""
     evaluate_turns(state.q, work.turns)
     before = report_forces(model, state, time, select, state.q, work.turns, state.v, work.report)
     move_anchors(model, state, state.q, work.turns, state.v, work.modes, False)
@@ -216,11 +216,10 @@ def _breakpoint_at(model, time):
 
 @inner_kernel
 def _reach(model, state, work, start, span, select, method):
-    """One step as _try takes it, wherever it leads: (status, position iterations, whether next to a singular
-    pose).
+    """Take one step, next to a singular pose too: (status, position iterations, whether next to such a pose).
 
-    Where it comes near one by its partition, another helps; where the pose itself is near, its joints are
-    not asked for more than they hold.
+    If only the partition is nearly singular, another one is chosen. If the pose itself is, the step is taken
+    with constraints that yield (singular_poses.py).
     """
     if method == GENERALIZED_ALPHA:
         status, iterations = _try(model, state, work, start, span, select, method, False, False)
@@ -244,8 +243,8 @@ def _reach(model, state, work, start, span, select, method):
 def _take_part(model, state, work, start, span, select, locating, judged):
     """One step of at most `span`, to the first switch of a force if there is one.
 
-    Answers (status, span taken, most position iterations of a stage, whether a force has switched, its error
-    over the tolerance). INACCURATE: it is `judged`, its error is above the tolerance, and nothing was taken.
+    Returns (status, span taken, most position iterations of a stage, whether a force has switched, its error
+    over the tolerance). INACCURATE: the step is `judged` and its error too large; the state is unchanged.
     """
     whole = span > (1.0 - BREAKPOINT_MARGIN) * model.step
     method = _method(model, state, whole)
@@ -290,7 +289,7 @@ def _take_part(model, state, work, start, span, select, locating, judged):
 
 @inner_kernel
 def _supervise(model, state, work, time, select, iterations):
-    """After a part of a step: watch the constraints left out, choose the partition anew if due."""
+    """Check the constraints left out after a part of a step, and choose the partition anew if due."""
     if state.counters[NEAR_COUNT] > 0:
         return OK
     if state.rows.shape[0] < work.residual.shape[0]:
@@ -309,10 +308,10 @@ def _supervise(model, state, work, time, select, iterations):
 
 @inner_kernel
 def _take_step(model, state, work, start, end, fresh):
-    """From `start` to `end`, one step later, part by part; answers the status.
+    """Advance by one step, from `start` to `end`, part by part; return the status.
 
-    A part whose error is above the tolerance is halved, as often as its error says, and is doubled again
-    where SPARE of the tolerance is enough.
+    A part whose error is above the tolerance is halved, as often as halvings_for gives. Parts are doubled
+    again where their error is below SPARE of the tolerance.
     """
     time, switches, halvings, inside = start, 0, 0, False
     while time < end:
@@ -362,7 +361,7 @@ def _take_step(model, state, work, start, end, fresh):
 
 @kernel
 def advance_tick(model, state, work, start, steps):
-    """One tick of `steps` steps from the time `start` [s], the wrench in the state held constant.
+    """Advance one tick of `steps` steps from the time `start` [s], the wrench in the state held constant.
 
     A step with breakpoints inside is taken part by part, each of them a restart. No steps: only
     the acceleration at `start` is evaluated.

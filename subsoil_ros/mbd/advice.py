@@ -1,4 +1,4 @@
-"""What would help a machine that cannot be followed: only what has been tried on it."""
+"""Advice for a machine whose motion the steps cannot follow: only settings that were tried on it."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ USUAL_TOLERANCE: float = Mechanism.model_fields["tolerance"].default
 
 
 def copied(state: State) -> State:
-    """A state of its own."""
+    """Return a copy of a state, arrays included."""
     return State(*(array.copy() for array in state))
 
 
@@ -27,5 +27,5 @@ def passes(model: Model, state: State, start: float, steps: int) -> bool:
 
 
 def in_parts(model: Model) -> Model:
-    """The same machine by steps in parts, as scenes have it that give nothing else."""
+    """Return the model with steps in parts: the integrator and tolerance that a scene has by default."""
     return model._replace(integrator=ADAMS_MOULTON, tolerance=USUAL_TOLERANCE)

@@ -22,15 +22,15 @@ CONTRADICTION = 1e-9
 
 
 LARGEST_GAP = 0.1
-"""Gap of a joint in the pose that the scene gives, over the machine's size, beyond which the data are taken
-to be wrong (chosen: rounded coordinates and small adjustments pass)."""
+"""Gap of a joint in the pose that the scene gives, over the machine's size, beyond which the scene is
+refused. Rounded coordinates and small adjustments pass; a larger gap is more likely an error of input."""
 
 LEAST_GAP = 1e-9
 """Likewise, below which it is round-off."""
 
 
 MISSED_VELOCITY = 1e-6
-"""Part of the largest velocity that the scene gives, or of 1, by which one may be missed in silence."""
+"""Part of the largest velocity that the scene gives, or of 1, above which a missed one causes a warning."""
 
 
 class MovedBodiesWarning(UserWarning):
@@ -38,7 +38,7 @@ class MovedBodiesWarning(UserWarning):
 
 
 class RedundantConstraintsWarning(UserWarning):
-    """Constraints say the same thing twice: motion is determined, some joint reactions are not."""
+    """Some constraints repeat others: motion is determined, some joint reactions are not."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def _drivers_from(machine: Machine, q: np.ndarray) -> Machine:
 
 
 def _close(machine: Machine, held: dict[int, float], q: np.ndarray) -> np.ndarray:
-    """`q` on the constraints; driven coordinates stay where they are if that is possible."""
+    """Return `q` closed onto the constraints; driven coordinates keep their values if possible."""
     closed, success = Closure(machine, held=held).close(q)
     if success:
         return closed
@@ -119,14 +119,14 @@ def _close(machine: Machine, held: dict[int, float], q: np.ndarray) -> np.ndarra
         gaps[name] = max(gaps.get(name, 0.0), float(gap))
     open_parts = [f"{name} by {gap:.3g} m" for name, gap in gaps.items() if gap > 0.01 * phi.max()]
     raise SceneError(
-        f"mechanism: the bodies cannot be assembled: in the nearest pose stay open {', '.join(open_parts)} "
+        f"mechanism: the bodies cannot be assembled: the nearest pose is open in {', '.join(open_parts)} "
         f"(angles times the machine's size of {machine.model.size:.3g} m). Correct the joint points, the "
         "bodies' positions and angles, or initial.coordinates, so that all meet in one pose."
     )
 
 
 def _moved(machine: Machine, q: np.ndarray, held: dict[int, float]) -> str:
-    """What had to be done for joints whose two points differ in the given pose; `q`: the closed pose.
+    """Describe how bodies were moved onto joints whose two points differ; `q`: the closed pose.
 
     Raises:
         SceneError: a gap is beyond LARGEST_GAP.
@@ -162,7 +162,7 @@ def _null_rows(matrix: np.ndarray) -> tuple[int, np.ndarray]:
 
 
 def _joints_of(machine: Machine, vectors: np.ndarray, part: float) -> tuple[str, ...]:
-    """Joints with entries above `part` of the largest in vectors (m, any) over the rows."""
+    """Joints whose rows have entries above `part` of the largest in `vectors` (m, any)."""
     strength = np.abs(vectors).max(axis=1)
     found = {int(machine.row_joint[i]) for i in np.flatnonzero(strength > part * strength.max())}
     return tuple(machine.joints[i] for i in sorted(found))
@@ -194,7 +194,7 @@ def _count(machine: Machine, q: np.ndarray) -> tuple[int, tuple[str, ...]]:
 
 
 def _refuse_unknown_pressure(machine: Machine, redundant: tuple[str, ...]) -> None:
-    """SceneError where friction follows a reaction that is not unique."""
+    """Raise SceneError if friction depends on a reaction that is not unique."""
     for force in machine.model.forces:
         if force["kind"] in FRICTIONS and force["friction"] > 0.0:
             name = machine.joints[force["joint"]]
@@ -224,7 +224,7 @@ def _neighbour_rank(machine: Machine, q: np.ndarray) -> int:
 
 
 def _refuse_contradiction(machine: Machine, matrix: np.ndarray, right: np.ndarray, what: str) -> None:
-    """SceneError if no solution x of matrix x = right exists."""
+    """Raise SceneError if matrix x = right has no solution x."""
     _, null = _null_rows(matrix)
     surplus = null @ (null.T @ right)
     if np.abs(surplus).max(initial=0.0) > CONTRADICTION * max(1.0, np.abs(right).max(initial=0.0)):
@@ -238,8 +238,8 @@ def _refuse_contradiction(machine: Machine, matrix: np.ndarray, right: np.ndarra
 def _velocities(machine: Machine, mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
     """Velocities (n + 3,) at t = 0.
 
-    Those given in the scene are met as far as constraints and drivers allow. The others follow with the
-    least kinetic energy against moving along with the drivers of x and z.
+    Those given in the scene are met as far as constraints and drivers allow. The others have the least
+    kinetic energy relative to a motion along with the drivers of x and z.
     """
     model = machine.model
     matrix = Closure(machine).jacobian(q)
@@ -265,7 +265,7 @@ def _velocities(machine: Machine, mechanism: Mechanism, q: np.ndarray) -> np.nda
 
 
 def _say_missed(machine: Machine, missed: np.ndarray, wanted: np.ndarray, given: np.ndarray) -> None:
-    """A warning where joints and drivers forbid a velocity of the scene; arrays (n,) [m/s, rad/s]."""
+    """Warn where joints and drivers forbid a velocity of the scene; arrays (n,) [m/s, rad/s]."""
     off = np.where(given, np.abs(missed), 0.0)
     if off.max(initial=0.0) > MISSED_VELOCITY * max(1.0, np.abs(wanted).max(initial=0.0)):
         k = int(np.argmax(off))

@@ -10,7 +10,7 @@ from .assembly import assemble
 from .tables import make_state, make_workspace
 
 ROUNDS = 5
-"""The best of so many measurements counts: load on the machine only adds time."""
+"""Number of measurements, of which the shortest counts: other load on the computer only adds time."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ def us_per_step(mechanism: Mechanism, step_s: float, steps: int) -> float:
 def least_us_per_step(
     mechanisms: tuple[Mechanism, ...], step_s: float, steps: int, rounds: int
 ) -> tuple[float, ...]:
-    """The same of several machines, by turns: what else the computer does falls on all of them."""
+    """The same of several machines, measured in turns, so that other load falls on all of them."""
     started = []
     for mechanism in mechanisms:
         start = assemble(mechanism, 9.81, step_s)
@@ -58,7 +58,7 @@ class MachineCost:
 
 
 def machine_cost() -> MachineCost:
-    """Steps with the estimate of their error, and without, by turns."""
+    """Measure steps with the estimate of their error and without it, in turns."""
     machines = [{**SEVEN_BODIES, **more} for more in ({}, {"tolerance": None})]
     mechanisms = tuple(Mechanism.model_validate(machine) for machine in machines)
     return MachineCost(*least_us_per_step(mechanisms, 5e-4, 2000, 4 * ROUNDS))

@@ -1,8 +1,8 @@
 """How kernels of the mechanism are compiled: cached on disk, IEEE division, no fast-math.
 
-Without numba's reference counts (`_nrt`): two thirds of the time went into counting, a locked instruction for
-every array of model, state and workspace at every call. So a kernel makes no array, and copies one with
-linear.copy.
+Kernels have no reference counts (`_nrt=False`): counting, a locked instruction for every array of model,
+state and workspace at every call, took two thirds of the time. So a kernel allocates no array, and copies
+one with linear.copy.
 """
 
 from numba import njit

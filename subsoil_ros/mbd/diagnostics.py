@@ -1,4 +1,4 @@
-"""What is reported of a machine: body states, joint reactions, forces, the energy book."""
+"""Reports of a machine: body states, joint reactions, forces, energies."""
 
 import numpy as np
 
@@ -42,7 +42,7 @@ def multipliers(machine: Machine, state: State, time: float, select: float) -> n
 def reactions_at(
     machine: Machine, q: np.ndarray, row_multipliers: np.ndarray, redundant: tuple[str, ...]
 ) -> tuple[JointReaction, ...]:
-    """What every joint puts on its body_b: -Phi_q^T lambda, seen at the joint point."""
+    """Force and moment of every joint on its body_b, about the joint point: -Phi_q^T lambda."""
     turns = turns_of(q)
     reactions = []
     for name, joint in zip(machine.joints, machine.model.joints, strict=True):
@@ -52,7 +52,7 @@ def reactions_at(
 
 
 def locked_forces(model: Model, row_multipliers: np.ndarray, report: np.ndarray) -> None:
-    """The forces of locked springs, those of their constraints, into `report` (forces, 3)."""
+    """Write the forces of locked springs, which are those of their constraints, into `report` (forces, 3)."""
     for values, force in zip(report, model.forces, strict=True):
         if force["kind"] in (LOCKED_SPRING, LOCKED_TORSION):
             values[2] = -row_multipliers[model.joints["row"][force["joint"]]]
@@ -66,7 +66,7 @@ def mechanism_state(
     stamp: tuple[str, int, int],
     select: float,
 ) -> MechanismState:
-    """Everything about the machine at the time of `stamp` = (run id, tick, end time [ns]).
+    """State of the whole machine at the time of `stamp` = (run id, tick, end time [ns]).
 
     select: a time [s] that chooses the segments of time functions at a breakpoint.
     """

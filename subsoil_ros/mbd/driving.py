@@ -1,4 +1,4 @@
-"""Drivers: none jumps in speed; the speed of one that takes commands goes linearly from one to the next."""
+"""Speeds of drivers: without jumps; between two commands of a controller they change linearly."""
 
 import math
 from collections.abc import Iterator
@@ -14,12 +14,12 @@ from ..scene.time_functions import HalfSineLaw, Law, PolynomialLaw, RampLaw, Sin
 from .time_functions import FunctionTable
 
 ROUND_OFF = 1e-9
-"""A command may ask for this part more than the largest acceleration: its speed was rounded."""
+"""Part by which a command may exceed the largest acceleration, because speeds are rounded."""
 
 
 @dataclass(frozen=True)
 class Ramp:
-    """The motion of a commanded driver since its last command. Units of an angle's driver are rad, rad/s."""
+    """Motion of a commanded driver since its last command. For an angle the units are rad, rad/s, rad/s2."""
 
     start_s: float
     speed: float  # at start_s [m/s]
@@ -36,9 +36,9 @@ class Ramp:
 def next_ramp(
     ramp: Ramp, command: DriverCommand, controller: Controller, start_s: float, interval_s: float
 ) -> Ramp:
-    """The motion that a command asks for, from start_s [s] on.
+    """Return the motion that follows from a command, from start_s [s] on.
 
-    interval_s: of the controller's commands.
+    interval_s: time between two commands of the controller.
 
     Raises:
         ProtocolError: the command is for another driver.
@@ -71,7 +71,7 @@ def next_ramp(
 
 
 def refuse_jumps(mechanism: Mechanism, step_s: float) -> None:
-    """SceneError if the speed of a driver changes within less than a step: no step sees its acceleration."""
+    """Raise SceneError if a driver's speed changes within less than a step: no step has its acceleration."""
     for name, joint in mechanism.joints.items():
         if not isinstance(joint, Driver):
             continue
@@ -79,8 +79,8 @@ def refuse_jumps(mechanism: Mechanism, step_s: float) -> None:
             if span_s < step_s and change != 0.0:
                 raise SceneError(
                     f"mechanism.joints.{name}.speed: changes by {change:.3g} within {span_s:.3g} s, less "
-                    f"than a step of {step_s:.3g} s: a jump; no force makes one; give it a step or more, or "
-                    "raise coupling.mechanism_steps"
+                    f"than a step of {step_s:.3g} s: a jump, which needs an infinite force; give it a step "
+                    "or more, or raise coupling.mechanism_steps"
                 )
 
 
@@ -104,7 +104,7 @@ def _changes(function: Law) -> Iterator[tuple[float, float]]:
 
 
 def write_ramp(functions: FunctionTable, function: int, ramp: Ramp) -> None:
-    """Makes a ramp the time function of a driver, in place; it has one segment: a constant of the scene."""
+    """Write a ramp over a driver's time function, whose one segment is the constant speed of the scene."""
     segment = functions.segments[functions.first[functions.chains[function]]]
     segment["reference"] = ramp.start_s
     segment["degree"] = 1

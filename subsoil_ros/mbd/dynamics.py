@@ -23,13 +23,13 @@ from .tables import (
 from .time_functions import function_value
 
 LAST_FRICTION = 60
-"""Joint friction depends on the reactions and they on it: iterated, at most so often."""
+"""Most iterations of joint friction, which depends on the reactions, which depend on it."""
 
 FRICTION_SETTLED = 1e-12
-"""... until the reactions change by no more than this part of the largest of them."""
+"""These iterations end when no reaction changes by more than this part of the largest of them."""
 
 YIELDING_TURNS = 3
-"""Where constraints yield, the multipliers are improved so often."""
+"""Number of improvements of the multipliers where constraints yield."""
 
 LARGEST = 1e300
 """An acceleration above this counts as not finite."""
@@ -39,7 +39,7 @@ LARGEST = 1e300
 def _eliminate(model, state, work):
     """Phi_u^-1 gamma into `right`, B = -Phi_u^-1 Phi_v (eq. 10), the LU of Mhat (eq. 11, with M diagonal).
 
-    Answers whether Mhat is regular.
+    Returns whether Mhat is regular.
     """
     rank, freedom = state.rows.shape[0], state.independent.shape[0]
     lower, upper = state.band[0], state.band[1]
@@ -99,7 +99,7 @@ def _solve_reduced(model, state, work, a):
 
 @inner_kernel
 def _pressure_settled(model, state, work):
-    """Whether the reactions that friction depends on are those it was computed from."""
+    """Whether the reactions agree with those that friction was computed from."""
     largest, change = 0.0, 0.0
     for row in range(state.multipliers.shape[0]):
         largest = max(largest, abs(state.multipliers[row]))
@@ -154,7 +154,7 @@ def accelerate(model, state, work, time, select, yielding):
 def complete(model, state, work, time, select, closing):
     """Close positions and velocities of the guess in `work` (if `closing`), then accelerate.
 
-    Answers (status, iterations of the position Newton).
+    Returns (status, iterations of the position Newton).
     """
     iterations = 0
     if closing:

@@ -1,4 +1,4 @@
-"""The mechanism's own balance of energy: what it stores and has lost, less the work that came in, stays."""
+"""Energy balance of the mechanism: stored and dissipated energy less the work done on it is constant."""
 
 from .compiled import inner_kernel
 from .forces.evaluation import report_forces
@@ -16,15 +16,15 @@ from .tables import (
 )
 
 LARGEST_RESIDUAL = 1e-2
-"""Part of the largest energy turned over by which the balance may fail (chosen: a hundredth, below what
-designers ask of a mean draft). Turned over is at least what a machine has at SLOWEST."""
+"""Largest residual of the balance, as a part of the largest energy turned over; a mean draft needs no better.
+At least the kinetic energy of a machine at the speed SLOWEST counts as turned over."""
 
 
 @inner_kernel
 def keep_balance(model, state, work, time, select):
-    """Brings State.balance up to the time [s]; whether it closes. At the start it takes the energy there.
+    """Update State.balance at the time [s]; return whether it closes. The first call stores the energy there.
 
-    generalized_alpha damps fast modes, so there energy may vanish.
+    generalized_alpha damps fast modes, so energy may vanish with it.
     """
     evaluate_turns(state.q, work.turns)
     stored = report_forces(model, state, time, select, state.q, work.turns, state.v, work.report)

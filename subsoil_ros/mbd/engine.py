@@ -47,10 +47,12 @@ if TYPE_CHECKING:
 
 
 FINER = 16
-"""Steps so many times finer are tried where Newton's method fails (chosen)."""
+"""Factor by which steps are refined for a trial where Newton's method fails. A larger one would advise runs
+that take as many times longer."""
 
 NEARLY_SINGULAR = 0.1
-"""Pivots of the joints below this part of the best ones seen are named as a cause (chosen)."""
+"""Ratio of the smallest pivot to the best one seen below which a singular pose is named as the cause of a
+failed step. Only the kind and the words of the error depend on it."""
 
 
 class MechanismEngine:
@@ -126,7 +128,7 @@ class MechanismEngine:
         Raises:
             ProtocolError: not the next tick, or a wrench of an unknown tool.
             PhysicsError: a wrench or an acceleration that is not finite, or contradicting constraints.
-            SingularMechanismError: the motion is not determined any more, or cannot go on.
+            SingularMechanismError: the motion is not determined any more, or cannot continue.
         """
         if tick != self._tick + 1:
             raise ProtocolError(
@@ -143,13 +145,13 @@ class MechanismEngine:
         return self._motions()
 
     def command(self, command: DriverCommand) -> None:
-        """Takes a controller's command for the tick to be advanced next.
+        """Apply a controller's command from the start of the next tick on.
 
-        The driver's speed reaches that of the command at the end of the control interval, linearly.
+        The driver's speed changes linearly and reaches the commanded one at the end of the control interval.
 
         Raises:
-            ProtocolError: nothing is to be commanded, or not now, or another driver.
-            PhysicsError: a speed that is no number, or beyond the controller's limits, or a jump.
+            ProtocolError: the scene has no controller, or the command is for another tick or driver.
+            PhysicsError: the speed is not finite, beyond the controller's limits, or a jump.
         """
         if self._controller is None or self.ramp is None:
             raise ProtocolError(f"driver_command: tick {command.tick} came, but the scene has no controller")
@@ -170,7 +172,7 @@ class MechanismEngine:
         write_ramp(self._machine.model.functions, self._commanded_function, ramp)
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> MechanismState:
-        """The whole machine as it stands now, stamped with what the caller says."""
+        """State of the whole machine now, with the stamp that the caller gives."""
         time = end_time_ns * 1e-9
         behind = -0.5 if self._tick > INITIAL_TICK else 0.5
         return mechanism_state(
@@ -193,10 +195,10 @@ class MechanismEngine:
         return {**self._state._asdict(), "tick": np.array(self._tick), **ramp}
 
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
-        """Goes on from such a state.
+        """Restore a state that `state_arrays` returned.
 
         Raises:
-            KeyError, ValueError: it is not one of this machine.
+            KeyError, ValueError: the state is of another machine.
         """
         for name, array in self._state._asdict().items():
             if array.shape != arrays[name].shape:
@@ -250,7 +252,7 @@ class MechanismEngine:
         if status == NOT_CLOSED:
             return SingularMechanismError(
                 f"{where}: the joints cannot be closed any more; nearest to a singular position are "
-                f"{joints}. The drivers ask for a position out of reach, or the motion is too fast for the "
+                f"{joints}. The drivers require a position out of reach, or the motion is too fast for the "
                 "step: change the drivers' time functions, or raise coupling.mechanism_steps."
             )
         if status == CONTRADICTION:
@@ -264,7 +266,7 @@ class MechanismEngine:
             )
         if status == JAMMED:
             return PhysicsError(
-                f"{where}: the friction of the joints does not settle: it asks for more reaction than it "
+                f"{where}: the friction of the joints does not converge: it needs larger reactions than it "
                 "leaves (the machine jams). Lower the coefficients, or give a preload instead."
             )
         if status == NOT_SOLVED:
@@ -280,7 +282,7 @@ class MechanismEngine:
         )
 
     def _what_solves(self, time: float) -> str:
-        """What gets generalized_alpha, or the machine, over the tick that failed; empty if nothing does."""
+        """Settings with which the tick that failed is solved, in words; empty if no tried ones do."""
         model = self._machine.model
         finer = model._replace(step=model.step / FINER)
         if passes(finer, self._before, time, FINER * self._steps):
@@ -293,7 +295,7 @@ class MechanismEngine:
         return ""
 
     def _inexact(self, status: int, time: float, joints: str) -> RunError:
-        """The error for steps that do not follow the motion; near a singular pose that is the cause."""
+        """The error for steps that do not follow the motion; a singular pose nearby is named as the cause."""
         model = self._machine.model
         residual, turned = self._state.balance[RESIDUAL], self._state.balance[LARGEST]
         if status == INACCURATE:

@@ -13,30 +13,30 @@ from .projection import RANK_TOLERANCE, Closure, scaled_mass
 from .tables import Model
 
 RESIDUAL = 1e-10
-"""At rest the free part of the forces is below this part of all forces."""
+"""Largest force along the freedoms at rest, as a part of all forces."""
 
 SOFTEST = 1e-8
-"""Part of the largest stiffness that every freedom is given in a step, so that none is divided by zero."""
+"""Part of the largest stiffness that is added to every freedom in a step, which avoids division by zero."""
 
 LARGEST_MOVE = 0.1
 """A step moves no coordinate by more than this part of the machine's size."""
 
 LAST_ITERATION = 400
 FARTHEST = 100.0
-"""A machine that sinks by this many of its sizes has nothing under it."""
+"""Way, in sizes of the machine, after which it is taken to sink without end."""
 
 
 UNSTABLE = 1e-8
-"""Part of the largest stiffness over mass, or of gravity over the machine's size, by which one is negative
-where the equilibrium is called unstable (chosen: above the error of differences, 1e-10)."""
+"""Size of a negative stiffness over mass, as a part of the largest one or of gravity over the machine's size,
+from which on the equilibrium is unstable: above the error of differences, 1e-10."""
 
 
 class UnstableEquilibriumWarning(UserWarning):
-    """The pose of rest is one that the machine leaves at the least push."""
+    """The equilibrium pose is unstable: the machine leaves it at the smallest disturbance."""
 
 
 class _Pull(NamedTuple):
-    """What moves the machine at a pose, in coordinates weighted by the square roots of the masses."""
+    """Forces on the machine at a pose, in coordinates weighted by the square roots of the masses."""
 
     along: np.ndarray  # (f,) forces along the freedoms
     basis: np.ndarray  # (n, f) orthonormal, the freedoms
@@ -51,9 +51,9 @@ class _Pull(NamedTuple):
 def settle(closure: Closure, q: np.ndarray) -> np.ndarray:
     """The equilibrium pose (n + 3,) reached from `q` under gravity, springs and wheel contact.
 
-    Newton's method on the potential energy along the freedoms, with the magnitude of every stiffness so
-    that it always goes down, and a radius it trusts; a freedom without force or stiffness (the spin of
-    a wheel) stays as it is.
+    Newton's method on the potential energy along the freedoms. It uses the magnitude of every stiffness, so
+    that the energy falls, and a trust radius. A freedom without force or stiffness (the spin of a wheel)
+    stays as it is.
 
     Raises:
         SceneError: there is no equilibrium below this pose.
@@ -95,7 +95,7 @@ def _say_unstable(closure: Closure, stiffness: np.ndarray, pull: _Pull, root: np
         body = closure.machine.bodies[int(moves.max(axis=1).argmax())]
         warnings.warn(
             f"mechanism.initial.static_equilibrium: the pose is an unstable equilibrium: body '{body}' "
-            "leaves it at the least push. Give the bodies a pose from which they come to rest below.",
+            "leaves it at any disturbance. Give the bodies a pose from which they come to rest below.",
             UnstableEquilibriumWarning,
             stacklevel=4,
         )
@@ -107,8 +107,8 @@ def _newton_move(pull: _Pull, stiffness: np.ndarray, negligible: float, size: fl
     least = pull.free / size
     firm = np.abs(values) + SOFTEST * max(float(np.abs(values).max()), least)
     along = vectors.T @ pull.along
-    # Differences are good to some 1e-10 of the largest stiffness, and so much of the whole pull seems to act
-    # along every freedom: it would turn a wheel that nothing turns.
+    # Differences have errors of about 1e-10 of the largest stiffness. As much of the whole pull appears along
+    # every freedom, and would turn a wheel on which no torque acts.
     noise = max(negligible, SOFTEST * pull.free)
     idle = (np.abs(values) < SOFTEST * firm.max()) & (np.abs(along) < noise)
     return pull.basis @ (vectors @ np.where(idle, 0.0, along / firm))

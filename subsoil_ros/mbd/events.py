@@ -1,11 +1,11 @@
-"""Finding the instant inside a step at which a force leaves its mode (forces/evaluation.py)."""
+"""Location of the instant inside a step at which a force leaves its mode (forces/evaluation.py)."""
 
 from .compiled import inner_kernel
 from .forces.evaluation import evaluate_modes
 from .geometry import evaluate_turns
 
 NEAREST = 1e-12
-"""The instant is bracketed to this part of the step."""
+"""Width of the bracket around the instant at its end, as a part of the step."""
 
 
 @inner_kernel
@@ -41,8 +41,8 @@ def _interpolate(state, work, span, part):
 def locate_switch(model, state, work, start, span, select):
     """The part of the step, from 0 to 1, at which the first force leaves its mode.
 
-    The step ends in `work` with other modes than the state's; `modes` of `work` become those right after
-    the switch.
+    `work` holds the end of a step whose modes differ from those of the state; its `modes` become those right
+    after the switch.
     """
     before, after = 0.0, 1.0
     while after - before > NEAREST:

@@ -1,4 +1,4 @@
-"""Frames of bodies in the reference pose: takes points and vectors of the world into them."""
+"""Frames of bodies in the reference pose, and the conversion of world points and vectors into them."""
 
 import math
 from collections.abc import Sequence

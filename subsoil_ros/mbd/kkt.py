@@ -1,9 +1,9 @@
 """The equations of motion as a whole, M q'' + Phi_q^T lambda = F and Phi_q q'' = gamma (paper eq. 6, 8).
 
-For machines with many freedoms: eliminating the dependent coordinates leaves a full matrix of the freedoms,
-whose cost grows with their cube, while this one is a narrow band (sparsity.py). For all others next to
-singular poses (singular_poses.py). Coordinates are scaled by the roots of their masses and rows to length
-one, so that light and heavy bodies weigh the same in the pivoting.
+Used for machines with many freedoms: eliminating the dependent coordinates leaves a full matrix of the
+freedoms, whose cost grows with their cube, while this matrix is a narrow band (sparsity.py). Also used for
+all machines next to singular poses (singular_poses.py). Coordinates are scaled by the roots of their masses
+and rows to length one, so that light and heavy bodies count alike in the pivoting.
 """
 
 import math
@@ -16,7 +16,7 @@ from .linear import lu_factor, lu_solve
 def factor_whole(model, state, work, yielding):
     """LU of the whole matrix from the Jacobian in `work`; False if singular. Rows left out get lambda = 0.
 
-    `yielding` stands, negative, on the diagonal of the rows: 0, or YIELDING of singular_poses.py.
+    `yielding`: 0, or YIELDING of singular_poses.py; the diagonal of the rows is its negative.
     """
     shape, matrix = model.sparsity, work.whole
     size, band, coordinates = matrix.shape[0], model.sparsity.band, model.mass.shape[0]
@@ -50,7 +50,7 @@ def factor_whole(model, state, work, yielding):
 def solve_whole(model, state, work, a, yielding):
     """From `force`, `gamma`: accelerations [m/s^2, rad/s^2] into `a`, multipliers [N, N m] to the state.
 
-    With `yielding`, the multipliers found before are those that the constraints yield from.
+    With `yielding` above 0, a call improves the multipliers in the state, as one iteration.
     """
     shape, right, coordinates = model.sparsity, work.whole_right, model.mass.shape[0]
     for c in range(coordinates):

@@ -15,8 +15,8 @@ def lu_factor(columns, pivots, lower, upper):
     """LU of a square band matrix A in place, rows exchanged for the largest pivot; False if singular.
 
     columns[j, i] = A[i, j], so that a column is contiguous. A is zero outside of `lower` diagonals below the
-    main one and `upper` above it (size - 1 each: a full matrix); `lower` more above are filled in. The
-    factor L stays in the order in which its columns were made, as in LAPACK's dgbtrf, and so in the band.
+    main one and `upper` above it (size - 1 each: a full matrix); `lower` more above are filled in. As in
+    LAPACK's dgbtrf, later row exchanges are not applied to earlier columns of L, so that L stays in the band.
     """
     size = columns.shape[0]
     reach = 0
@@ -95,7 +95,7 @@ def lu_solve_transposed(columns, pivots, lower, upper, right):
 
 @inner_kernel
 def inverse_norm(columns, pivots, lower, upper, trial, signs):
-    """Estimate of the 1-norm of A^-1 (Hager's method, two rounds); `trial`, `signs` (size,) are memory.
+    """Estimate of the 1-norm of A^-1 (Hager's method, two rounds); `trial`, `signs` (size,) are workspace.
 
     Source: Hager (1984), Condition estimates, SIAM J. Sci. Stat. Comput. 5(2).
     """

@@ -1,4 +1,4 @@
-"""The machine linearised about a pose: natural frequencies, damping, and what moves in every mode."""
+"""The machine linearised about a pose: natural frequencies, damping, and the shape of every mode."""
 
 import math
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from .geometry import turns_of
 from .projection import RANK_TOLERANCE, Closure, scaled_mass
 
 RIGID = 1e-5
-"""An eigenvalue below this part of the largest (or of 1 rad/s) belongs to a motion that nothing holds."""
+"""An eigenvalue below this part of the largest (or of 1 rad/s) belongs to a motion without stiffness."""
 
 NAMED_PART = 0.3
 """Coordinates with this part of the largest displacement are named in a mode."""
@@ -35,7 +35,7 @@ class Linearised:
 
 @dataclass(frozen=True)
 class Mode:
-    """One way of moving freely: exp(eigenvalue t)."""
+    """One mode of free motion, which changes as exp(eigenvalue t)."""
 
     eigenvalue: complex  # [1/s], of non-negative imaginary part
     shape: np.ndarray  # (n,) complex128: scaled coordinates [m], the largest is 1
@@ -57,10 +57,10 @@ class Mode:
 
 
 def linearise(machine: Machine, q: np.ndarray, *, engaged: bool = False) -> Linearised:
-    """About the pose `q` (n + 3,) at rest, at t = 0; with `engaged` all one-sided forces act.
+    """Linearise about the pose `q` (n + 3,) at rest, at t = 0; with `engaged` all one-sided forces act.
 
     Stiffness: K = N^T d(Phi_q^T lambda - F)/dq N by central differences, multipliers held, so that it has
-    the part that comes from the turning of loaded joints. N: what the constraints leave free.
+    the rotation of loaded joints. The columns of N are the motions that the constraints allow.
     """
     model, closure = machine.model, Closure(machine)
     count, still = len(model.mass), np.zeros_like(q)
@@ -105,7 +105,7 @@ def _forces(machine: Machine, held: Held, q: np.ndarray, v: np.ndarray) -> np.nd
 
 
 def _engaged(machine: Machine, held: Held) -> np.ndarray:
-    """Modes of the forces in which every one-sided one acts and every table is at its steepest."""
+    """Modes in which every one-sided force acts and every table is on its steepest segment."""
     model, modes = machine.model, held.modes.copy()
     for i, force in enumerate(model.forces):
         if force["kind"] == WHEEL_CONTACT:
@@ -116,7 +116,7 @@ def _engaged(machine: Machine, held: Held) -> np.ndarray:
 
 
 def modes_of(machine: Machine, system: Linearised) -> tuple[Mode, ...]:
-    """All modes, slowest first; of a pair of complex eigenvalues one."""
+    """All modes, slowest first; one for each pair of complex eigenvalues."""
     freedom = len(system.mass)
     if freedom == 0:
         return ()

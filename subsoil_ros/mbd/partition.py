@@ -1,6 +1,6 @@
 """Generalized coordinate partitioning: independent and dependent coordinates (paper eq. 9, 10).
 
-All of it works in scaled coordinates (tables.py), so that pivots, residuals and condition compare.
+Coordinates are scaled (tables.py), so that pivots, residuals and condition are comparable.
 """
 
 from .compiled import inner_kernel
@@ -10,25 +10,25 @@ from .linear import copy, inverse_norm, lu_factor, lu_solve, pivot_fully, pivot_
 from .tables import DOUBTFUL, NOT_CLOSED, OK, PARTITION_COUNT, SINGULAR
 
 CLOSURE = 1e-14
-"""Positions are closed to this part of the machine's size. 1e-12 would do for the constraints themselves, but
-next to a singular position what is left open is divided by small pivots."""
+"""Largest residual of closed positions, as a part of the machine's size. 1e-12 would be enough for the
+constraints alone, but next to a singular position the residual is divided by small pivots."""
 
 ROUND_OFF = 2e-15
-"""... or to this part of the largest coordinate, where a machine stands far from the origin."""
+"""The same as a part of the largest coordinate, which counts where a machine is far from the origin."""
 
 STALE_ITERATIONS = 2
 """Position iterations that use the factors of the last evaluation before new ones are made."""
 
 LAST_ITERATION = 25
-"""The position Newton gives up here: the machine cannot reach this position."""
+"""Most iterations of the position Newton; without convergence the machine cannot reach the position."""
 
 SMALLEST_PIVOT = 1e-7
-"""A full-pivot elimination whose last pivot is this part of its first: a singular position."""
+"""Ratio of the last pivot of a full-pivot elimination to its first below which the position is singular."""
 
 
 NEAR = 3e-2
-"""Pivots below this part of the best ones seen: near to a singular position (chosen: round-off over the
-square of it is 1e-13)."""
+"""Ratio of the smallest pivot to the best one seen below which a position is near to a singular one.
+Round-off over its square, the error of velocities there, is 1e-13."""
 
 
 @inner_kernel
@@ -67,7 +67,7 @@ def factor_dependent(model, state, work, q):
 
 @inner_kernel
 def _adopt(model, state, work):
-    """The first rows and columns that full pivoting took become the partition, in the order of the band."""
+    """Make the first rows and columns that full pivoting took the partition, in the order of the band."""
     rank, shape = state.rows.shape[0], model.sparsity
     for i in range(state.row_place.shape[0]):
         state.row_place[work.row_order[i]] = i - rank  # negative: taken
@@ -128,7 +128,7 @@ def choose_partition(model, state, work, q):
 def close_positions(model, state, work, time, select, q):
     """Move the dependent coordinates of `q` onto the constraints by Newton's method.
 
-    The first iterations use the factors in `work`; it leaves those of the closed pose. Answers
+    The first iterations use the factors in `work`, which at the end are those of the closed pose. Returns
     (status, iterations).
     """
     reach = 0.0

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class PathEngine:
-    """Moves tools without a mechanism. Nothing pushes them back, but those that roll freely are turned."""
+    """Moves tools along given paths. Forces do not change a path; they only turn tools that roll freely."""
 
     def __init__(self, scene: Scene, timing: "Timing") -> None:
         self._interval_ns = timing.communication_step_ns
@@ -33,7 +33,7 @@ class PathEngine:
         return self._motions()
 
     def advance(self, tick: int, wrenches: tuple[ToolWrench, ...] = ()) -> tuple[ToolMotion, ...]:
-        """Poses and twists at the end of `tick`; the wrenches, held through it, turn what rolls freely.
+        """Poses and twists at the end of `tick`; the wrenches, held through it, turn tools that roll freely.
 
         Raises:
             ProtocolError: not the next tick.
@@ -48,12 +48,12 @@ class PathEngine:
         return self._motions()
 
     def state_arrays(self) -> dict[str, np.ndarray]:
-        """The tick, as paths are functions of time; angle and speed of what rolls freely."""
+        """Return the tick, as paths are functions of time, and angle and speed of tools that roll freely."""
         free = {f"turned.{path.name}": path.turned for path in self._paths if isinstance(path, FreePath)}
         return {"tick": np.array(self._tick), **free}
 
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
-        """Goes on from such a state."""
+        """Restore a state that `state_arrays` returned."""
         self._tick = int(arrays["tick"])
         for path in self._paths:
             if isinstance(path, FreePath):

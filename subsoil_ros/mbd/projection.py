@@ -1,4 +1,4 @@
-"""Bringing a guessed pose onto the constraints with the least motion, each part weighted by its inertia."""
+"""Projection of a guessed pose onto the constraints by the least motion, each part weighted by inertia."""
 
 from dataclasses import dataclass, field
 
@@ -10,7 +10,7 @@ from .joints.constraints import evaluate_jacobian, evaluate_residual
 from .joints.table import DRIVER
 
 TOLERANCE = 1e-13
-"""Positions are closed to this part of the machine's size, or to what round-off allows."""
+"""Largest residual of closed positions, as a part of the machine's size, if round-off allows it."""
 
 RANK_TOLERANCE = 1e-9
 """Singular values of the scaled Jacobian below this part of the largest count as zero."""
@@ -33,7 +33,7 @@ class Closure:
         return np.ones(len(kinds), dtype=bool) if self.drivers else kinds < DRIVER
 
     def names(self) -> list[str]:
-        """What every row belongs to."""
+        """Scene keys of the joints and coordinates that the rows belong to, one a row."""
         machine = self.machine
         names = [f"joints.{machine.joints[j]}" for j in machine.row_joint[self._rows()]]
         units = ("x_m", "z_m", "angle_rad")
@@ -58,7 +58,7 @@ class Closure:
         return np.concatenate([matrix[self._rows()], held])[:, : len(model.mass)]
 
     def tolerance(self, q: np.ndarray) -> float:
-        """Residual [m] that counts as closed."""
+        """Largest residual [m] of a closed pose."""
         return max(TOLERANCE * self.machine.model.size, 2e-15 * float(np.abs(q).max()))
 
     def close(self, q: np.ndarray) -> tuple[np.ndarray, bool]:

@@ -1,12 +1,12 @@
-"""Crossing a singular pose (a dead centre, a flat parallelogram), where the joints say too little.
+"""Crossing a singular pose (a dead centre, a flat parallelogram): joints do not determine the motion there.
 
-With s the smallest pivot of the constraints, what dependent coordinates follow from independent ones is wrong
-there by round-off / s, velocities by round-off / s^2: a step that ends next to such a pose can leave it on
-another branch of the motion, with any energy. So near it no coordinate depends on another: positions and
-velocities are brought onto the constraints by the change of least inertia, which is at right angles to the
-motion that the constraints allow, so that errors of the joints touch the energy only by their square. And the
-constraints yield: a direction that they hold by less than the root of YIELDING is left to the integration.
-Source: the augmented Lagrangian of Bayo, Garcia de Jalon and Serna 1988, a step of which this is.
+With s the smallest pivot of the constraints, dependent coordinates have errors of round-off / s there, and
+their velocities of round-off / s^2: a step that ends next to such a pose can leave it on another branch of
+the motion, with any energy. So near it no coordinate depends on another. Positions and velocities are brought
+onto the constraints by the change of least inertia, which is orthogonal to the motion that the constraints
+allow, so that errors of the joints change the energy only by their square. And the constraints yield: a
+direction that they hold by less than the root of YIELDING is left to the integration.
+Source: Bayo, Garcia de Jalon and Serna 1988; the change is one step of their augmented Lagrangian.
 """
 
 from .compiled import inner_kernel
@@ -20,20 +20,22 @@ from .tables import NEAR_COUNT, NOT_CLOSED, SINGULAR
 
 YIELDING = 1e-7
 """Square of the singular value (rows of length one, coordinates by the roots of their masses) below which
-the constraints do not hold a direction (chosen: errors of the joints grow by its inverse root, 3,000, and
-a machine that misses a singular pose by 1e-3 is still led by its joints, to 1e-4 of a step)."""
+the constraints do not hold a direction. Errors of the joints grow by its inverse root, 3,000; a machine that
+misses a singular pose by 1e-3 is still led by its joints, to 1e-4 of a step."""
 
 CLOSING_COUNT = 4
-"""Corrections of position, and of velocity: what is held by s is held to (YIELDING / s^2)^4."""
+"""Corrections of position, and of velocity: a direction held by s is closed to (YIELDING / s^2)^4."""
 
 OPEN = 1e-8
-"""Constraints may be open next to a singular pose by this part of the machine's size (chosen)."""
+"""Largest gap of constraints next to a singular pose, as a part of the machine's size: the one that redundant
+constraints may have elsewhere (CONTRADICTION_GAP of advance.py)."""
 
 NOT_JUDGED = 1.0 / 30.0
-"""Below this part of NEAR, where the errors of the joints are above those of a step, no step is judged."""
+"""Part of NEAR below which a step is not judged: errors of the joints are above that of the step there."""
 
 MOST_NEAR = 1000
-"""A machine that has not left the pose after so many steps stays in it (chosen)."""
+"""Steps in a row so near to the pose that they are not judged, after which the machine is taken to stay in it
+and the run ends. With a larger number such runs only end later."""
 
 
 @inner_kernel
@@ -44,7 +46,7 @@ def is_near(state, work):
 
 @inner_kernel
 def count_near(model, state, work):
-    """Counts the steps in a row that ended next to a singular pose; the end of this one is in `work`.
+    """Count the steps in a row that ended next to a singular pose; the end of this one is in `work`.
 
     0: the next step needs no care; above 1: steps whose error is not judged.
     """
@@ -58,7 +60,7 @@ def count_near(model, state, work):
 
 @inner_kernel
 def _least_change(model, state, work, change):
-    """The change of coordinates of least inertia whose constraints change by `gamma`, into `change`."""
+    """Compute the `change` of coordinates of least inertia that changes the constraints by `gamma`."""
     shape, right, coordinates = model.sparsity, work.whole_right, model.mass.shape[0]
     for c in range(coordinates):
         right[shape.place[c]] = 0.0
@@ -85,7 +87,7 @@ def _prepare(model, state, work, time, select):
 
 @inner_kernel
 def complete_near(model, state, work, time, select, closing):
-    """Close positions and velocities of the guess in `work` (if `closing`), then accelerate; the status."""
+    """Close positions and velocities in `work` (if `closing`), then accelerate; return the status."""
     regular, gap = _prepare(model, state, work, time, select)
     if closing:
         for _ in range(CLOSING_COUNT):

@@ -1,8 +1,8 @@
-"""Which entries of Phi_q can differ from zero; an order of coordinates and constraints with a narrow band.
+"""Entries of Phi_q that can differ from zero, and an order of coordinates and constraints with a narrow band.
 
 The order is the reverse Cuthill-McKee order of the graph whose nodes are bodies and joints (George & Liu
-1981, Computer Solution of Large Sparse Positive Definite Systems). A chain gets a band of a few diagonals
-however long it is, and its equations are solved at a cost proportional to its length.
+1981, Computer Solution of Large Sparse Positive Definite Systems). A chain of any length has a band of a few
+diagonals, and its equations are solved at a cost proportional to its length.
 """
 
 import numpy as np
@@ -48,7 +48,7 @@ def sparsity_of(joints: np.ndarray, body_count: int) -> Sparsity:
 
 
 def _graph_order(joints: np.ndarray, body_count: int) -> list[int]:
-    """Bodies, and joints numbered after them, in reverse Cuthill-McKee order; the ground joins nothing."""
+    """Bodies, and joints numbered after them, in reverse Cuthill-McKee order; the ground is no node."""
     count = body_count + len(joints)
     edges = {
         (int(joint[key]), body_count + i) for i, joint in enumerate(joints) for key in ("body_a", "body_b")

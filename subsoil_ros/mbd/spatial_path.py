@@ -15,7 +15,7 @@ from .time_functions import NO_FUNCTION, function_integral, function_value, tabu
 
 
 class Speeds:
-    """Time functions of speeds, of which None is zero, with their integrals."""
+    """Time functions of speeds, with their integrals; None stands for zero."""
 
     def __init__(self, *laws: Law | None) -> None:
         given = [law for law in laws if law is not None]
@@ -24,7 +24,7 @@ class Speeds:
         self._indices = [NO_FUNCTION if law is None else next(places) for law in laws]
 
     def at(self, time: float) -> tuple[list[float], list[float]]:
-        """Ways since 0, and speeds, at `time` [s]."""
+        """Distances covered since time 0, and speeds, at `time` [s]."""
         way = [function_integral(self._functions, function, time, time) for function in self._indices]
         return way, [function_value(self._functions, function, time, time) for function in self._indices]
 
@@ -59,7 +59,7 @@ class TurnedPath:
 
 
 class FreePath(TurnedPath):
-    """The same of a tool that rolls freely about the axis: I d2(angle)/dt2 = torque about the axis."""
+    """Path of a tool that rolls freely about the axis: I d2(angle)/dt2 = torque about the axis."""
 
     def __init__(self, name: str, lateral_m: float, path: Path) -> None:
         super().__init__(name, lateral_m, path)

@@ -1,7 +1,7 @@
 """Largest stable step of the explicit integrators, from the modes of a machine.
 
 A method is applied to one mode y'' = -(w^2) y - 2 zeta w y' exactly as advance.py applies it to a machine;
-the spectral radius of its one-step map tells by how much it makes the mode grow.
+the spectral radius of its one-step map is the growth of the mode in one step.
 """
 
 import math
@@ -16,15 +16,16 @@ from .modes import Mode, linearise, modes_of
 from .tables import ADAMS_MOULTON, GENERALIZED_ALPHA, Model, make_state
 
 LARGEST_GROWTH = 1.0 + 5e-8
-"""A mode that decays or keeps its size may not grow by more than this in one step: 1 % of its energy in 1e5
-steps (chosen). Where the radius reaches 1.01, an undamped spring has a million times its energy by then."""
+"""Largest growth in one step of a mode that should decay or keep its size: 1 % of its energy in 1e5 steps.
+With a growth of 1.01, an undamped spring would have a million times its energy after 700 steps."""
 
 TRIED_STEPS = 10
-"""So many steps of the machine are tried before they are advised (chosen)."""
+"""Number of steps in parts that are tried before they are advised. More would also find later failures, which
+the run itself reports."""
 
 RESOLVED = 0.125
-"""A mode that turns by less in a step, fifty steps a period, is not judged (chosen): what growth is left,
-4e-6 a step of order 3, is the error of the method."""
+"""Angle [rad] that a mode turns by in a step below which it is not judged: fifty steps a period. The growth
+that is left, 4e-6 a step of order 3, is the error of the method."""
 
 
 def growth_per_step(model: Model, eigenvalue: complex, step: float) -> float:
@@ -57,7 +58,7 @@ def _multistep_growth(weights: np.ndarray, z: complex) -> float:
             *[now, *past][: order - 1],
         ]
     if stiffness == 0.0:
-        matrix = matrix[1:, 1:]  # the place of a creeping mode neither grows nor matters
+        matrix = matrix[1:, 1:]  # the coordinate of a creeping mode has no effect on its growth
     return float(np.abs(np.linalg.eigvals(matrix)).max())
 
 
@@ -85,9 +86,9 @@ def stable_step(model: Model, mode: Mode) -> float:
 
 
 def refuse_unstable_step(start: Start, interval_s: float) -> None:
-    """SceneError if the step is above the bound for a mode of the start, with all one-sided forces acting.
+    """Raise SceneError if the step is above the bound for a mode of the start, all one-sided forces acting.
 
-    A tolerance keeps steps below the bound by itself (step_error.py).
+    With a tolerance no check is needed: it keeps steps below the bound (step_error.py).
     """
     machine, model = start.machine, start.machine.model
     if model.integrator == GENERALIZED_ALPHA or len(model.forces) == 0 or math.isfinite(model.tolerance):
@@ -111,7 +112,7 @@ def refuse_unstable_step(start: Start, interval_s: float) -> None:
 
 
 def _or_in_parts(start: Start) -> str:
-    """The other way, if the first steps go by it."""
+    """The advice to use a tolerance, if the first steps succeed with it; else empty."""
     model = start.machine.model
     state = make_state(
         len(model.mass), len(model.row_scale), start.rank, len(model.forces), model.weights.shape[1]

@@ -1,4 +1,4 @@
-"""What a machine does before it moves: its pose of rest, the forces in it, its modes."""
+"""Statics of a machine: its pose of rest, the forces in it, its modes."""
 
 import warnings
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class Rest:
 
 @dataclass(frozen=True)
 class Survey:
-    """All that is known of a machine without running it."""
+    """Results for a machine that need no run."""
 
     topology: Topology
     rest: Rest | None

@@ -1,10 +1,10 @@
-"""Error of one step, estimated in it, and the parts that a step is taken in where the error is too large.
+"""Estimate of the error of one step, and the number of halvings where it is too large.
 
 Adams-Moulton: predictor and corrector are of one order, so their difference, times the constant of the
 corrector over the sum of both, is the error of the corrector (Milne's device; Hairer, Norsett and Wanner
-1993, III.1). Runge-Kutta: the slopes of stage 4 and of the end of the step are of one instant; with the
-latter in place of the former the weights are those of a method of order 3, so span / 6 times their difference
-is an error that the step itself, of order 4, stays below.
+1993, III.1). Runge-Kutta: the slopes of stage 4 and of the end of the step belong to one instant; with the
+latter in place of the former the weights are those of a method of order 3. So span / 6 times their difference
+is an upper estimate of the error of the step itself, which is of order 4.
 """
 
 import math
@@ -14,18 +14,19 @@ from .linear import copy
 from .tables import ADAMS_MOULTON, GENERALIZED_ALPHA
 
 MOST_HALVINGS = 16
-"""A step is taken in up to 2^16 parts (chosen: 8 ns of 500 us, where round-off begins to tell)."""
+"""A step is taken in up to 2^16 parts: 8 ns of 500 us, where round-off begins to count."""
 
 SPARE = 1.0 / 64.0
-"""Below this part of the tolerance the next part is twice as long; its error grows sixteenfold."""
+"""Part of the tolerance below which the next part is twice as long; its error grows sixteenfold."""
 
 SLOWEST = 1e-3
-"""Sizes of the machine per second: a machine that moves slower is judged as if it moved so fast (chosen)."""
+"""Speed, in sizes of the machine per second, that every body is taken to move at least with when an error is
+judged: a machine at rest does not need endless accuracy."""
 
 
 @inner_kernel
 def keep_guess(state, work, method):
-    """Keeps what the end of the step is to be compared with: the predictor, or the slope of stage 4."""
+    """Keep the values that the end of the step is compared with: the predictor, or the slope of stage 4."""
     copy(work.guess[0], work.v)
     if method == ADAMS_MOULTON:
         copy(work.guess[1], work.q)
@@ -37,8 +38,8 @@ def keep_guess(state, work, method):
 def step_error(model, state, work, span, method):
     """Error of the step that ends in `work`, over the machine's motion; 0 where it is not estimated.
 
-    Both are roots of sums of mass times velocity squared: of the error of the velocities, and of that of the
-    positions over the span; of the velocities themselves, and of span times the accelerations.
+    Both are roots of sums of mass times velocity squared. The error has the errors of the velocities, and of
+    the positions over the span; the motion has the velocities, and span times the accelerations.
     """
     if method == GENERALIZED_ALPHA:
         return 0.0
@@ -61,7 +62,7 @@ def step_error(model, state, work, span, method):
 
 @inner_kernel
 def halvings_for(excess):
-    """How often to halve a step whose error is `excess` times the tolerance; it falls with the power 4."""
+    """Number of halvings of a step whose error, of order 4, is `excess` times the tolerance."""
     count = 1
     while excess > 16.0 and count < MOST_HALVINGS:
         excess /= 16.0

@@ -18,7 +18,7 @@ BY_DRIVERS, DISSIPATED, BY_LOADS, BY_WRENCHES = 0, 1, 2, 3
 # Entries of State.counters.
 PAST_COUNT, PARTITION_COUNT, RESTART_COUNT, EVENT_COUNT = 0, 1, 2, 3
 NEAR_COUNT = 4  # steps in a row that ended next to a singular pose, see singular_poses.py
-PART_COUNT = 5  # parts of steps that the error of a whole step asked for (step_error.py)
+PART_COUNT = 5  # parts of steps whose error was too large as a whole (step_error.py)
 
 # Entries of State.balance.
 AT_START, LARGEST, RESIDUAL = 0, 1, 2
@@ -26,9 +26,9 @@ AT_START, LARGEST, RESIDUAL = 0, 1, 2
 ADAMS_MOULTON, RUNGE_KUTTA_4, GENERALIZED_ALPHA = 0, 1, 2
 
 MANY_FREEDOMS = 8
-"""With more freedoms the equations of motion are solved as a whole (kkt.py); measured on chains."""
+"""With more freedoms the equations of motion are solved as a whole (kkt.py), which is faster on chains."""
 
-# What a kernel answers.
+# Status that a kernel returns.
 OK, NOT_CLOSED, SINGULAR, CONTRADICTION, NOT_FINITE, JAMMED, NOT_SOLVED = 0, 1, 2, 3, 4, 5, 6
 DOUBTFUL = 7  # too near to a singular pose; never leaves advance.py
 INACCURATE = 8  # the error of a step is above the tolerance, however small the step
@@ -69,7 +69,7 @@ class Model(NamedTuple):
 
 
 class State(NamedTuple):
-    """Everything that changes, and nothing that follows from it: what a checkpoint holds."""
+    """Everything that changes and does not follow from the rest; a checkpoint contains it."""
 
     q: np.ndarray  # (n + 3,) float64 [m, m, rad]
     v: np.ndarray  # (n + 3,) float64 [m/s, m/s, rad/s]

@@ -1,8 +1,8 @@
 """Time functions as tables a kernel can read: value, rate and integral, all in closed form.
 
-A time function is a sum of chains; a chain is a row of segments, each a polynomial plus a sine. Which segment
-holds is chosen by a time of its own, so that a step ending exactly at a breakpoint uses the segment before,
-and the next step the segment after.
+A time function is a sum of chains; a chain is a row of segments, each a polynomial plus a sine. A separate
+argument, the time `select`, chooses the segment, so that a step ending exactly at a breakpoint uses the
+segment before, and the next step the segment after.
 """
 
 import itertools
@@ -58,7 +58,7 @@ class FunctionList:
         self.functions: list[Law] = []
 
     def add(self, function: Law | None) -> int:
-        """Its index; NO_FUNCTION for none."""
+        """Add a function and return its index; NO_FUNCTION for None."""
         if function is None:
             return NO_FUNCTION
         self.functions.append(function)
@@ -66,7 +66,7 @@ class FunctionList:
 
 
 def tabulate(functions: Sequence[Law]) -> tuple[FunctionTable, np.ndarray]:
-    """Their tables, and the times t >= 0 [s] at which the slope of any of them jumps, increasing."""
+    """Return the tables of functions, and the times t >= 0 [s], increasing, at which a slope jumps."""
     terms = [list(function.terms) if isinstance(function, SumLaw) else [function] for function in functions]
     chains = [_segments(term) for group in terms for term in group]
     first = np.cumsum([0, *(len(chain) for chain in chains)], dtype=np.int64)

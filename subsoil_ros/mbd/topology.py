@@ -1,4 +1,4 @@
-"""What the constraints of a machine leave free."""
+"""Numbers of constraints and freedoms of a machine."""
 
 from dataclasses import dataclass
 

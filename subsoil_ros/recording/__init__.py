@@ -1,1 +1,1 @@
-"""Bags: records to and from messages, MCAP writer, reader and recovery. Knows no rclpy."""
+"""Bags: records to and from messages, MCAP writer, reader and recovery. Imports no rclpy."""

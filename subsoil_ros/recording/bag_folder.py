@@ -1,7 +1,7 @@
-"""A rosbag2 bag folder with one MCAP file: the format, without knowledge of what is recorded.
+"""A rosbag2 bag folder with one MCAP file: the format, independent of the messages recorded.
 
-The `mcap` writer is used rather than rosbags' because that one has fixed chunks of 1 MiB, no sequence
-numbers and no checksums. rosbags, rosbag2 and mcap's own readers read the result.
+The `mcap` writer is used because that of rosbags has fixed chunks of 1 MiB, no sequence numbers and no
+checksums. rosbags, rosbag2 and mcap's own readers read the result.
 """
 
 import os
@@ -22,7 +22,7 @@ NOTES = "subsoil_ros"
 """Name of the metadata record with the notes."""
 
 MEDIA_TYPES = {".yaml": "application/yaml", ".stl": "model/stl"}
-"""Of attachments, by the ending of their name (RFC 9512; IANA)."""
+"""Media types of attachments, by the ending of their name (RFC 9512; IANA)."""
 
 _ROSBAG2_VERSION = 9
 _SCHEMA_ENCODING = "ros2msg"
@@ -30,7 +30,7 @@ _SCHEMA_ENCODING = "ros2msg"
 
 @dataclass(frozen=True)
 class TopicInfo:
-    """What a bag says about a topic."""
+    """Description of a topic in a bag."""
 
     name: str
     message_type: str  # "geometry_msgs/msg/Pose"
@@ -47,10 +47,10 @@ class _Channel:
 
 
 class BagFolder:
-    """Writes metadata.yaml and one .mcap; every chunk goes to the disk as soon as it is full.
+    """Writes metadata.yaml and one .mcap; every chunk is written to the disk as soon as it is full.
 
     Raises (all methods):
-        RecordingError: the disk refuses.
+        RecordingError: the disk cannot be written.
     """
 
     def __init__(
@@ -60,13 +60,13 @@ class BagFolder:
         notes: Mapping[str, str] | None = None,
         attachments: Mapping[str, bytes] | None = None,
     ) -> None:
-        """Creates the folder, and in it `file_name` (default: as rosbag2 names it, FOLDER_0.mcap).
+        """Create the folder, and in it `file_name` (default: as rosbag2 names it, FOLDER_0.mcap).
 
-        `notes` say something about the whole bag: in the file's metadata from the start, and in
-        metadata.yaml as custom_data. `attachments` are files by name, before the first message too.
+        `notes` describe the whole bag; they are in the file's metadata, before the first message, and in
+        metadata.yaml as custom_data. `attachments` are files by name, also before the first message.
 
         Raises:
-            InputError: it exists, or cannot be created.
+            InputError: the folder exists, or cannot be created.
         """
         self.directory = directory
         self.path = directory / (file_name or f"{directory.name}_0.mcap")
@@ -102,7 +102,7 @@ class BagFolder:
         return topic in self._channels
 
     def add_topic(self, info: TopicInfo) -> None:
-        """Declares a topic; before its first message."""
+        """Declare a topic, before its first message."""
         schema_id = self._schema_ids.get(info.message_type)
         if schema_id is None:
             schema_id = self._writer.register_schema(
@@ -118,7 +118,7 @@ class BagFolder:
         self._channels[info.name] = _Channel(info, number)
 
     def write(self, topic: str, time_ns: int, data: bytes) -> None:
-        """One CDR message, logged and published at a simulated time; sequence counts from 0."""
+        """Write a CDR message, logged and published at a simulated time; sequence counts from 0."""
         channel = self._channels[topic]
         try:
             self._writer.add_message(channel.number, time_ns, data, time_ns, channel.message_count)
@@ -136,7 +136,7 @@ class BagFolder:
             self._times_ns[0] = time_ns
 
     def sync(self) -> None:
-        """Ends the chunk and brings all that was written to the disk."""
+        """End the chunk, and write everything to the disk."""
         try:
             self._writer.flush()
             os.fsync(self._stream.fileno())

@@ -1,4 +1,4 @@
-"""What a bag holds: topics with counts, rates and sizes, types, chunks, and the run it is of."""
+"""Contents of a bag: topics with counts, rates and sizes, types, chunks, and the run that it records."""
 
 import struct
 from collections.abc import Callable, Iterator
@@ -25,11 +25,11 @@ _GRANTS = bag_topic(TOPIC_OF[Grant])
 
 @dataclass
 class TopicFacts:
-    """What is in a bag of one topic; sizes before compression."""
+    """Contents of one topic of a bag; sizes before compression."""
 
     name: str
     message_type: str
-    type_hash: str  # RIHS01; empty if the bag does not say
+    type_hash: str  # RIHS01; empty if the bag has none
     message_count: int = 0
     size_bytes: int = 0
     start_ns: int = 0
@@ -42,7 +42,7 @@ class TopicFacts:
         return (self.message_count - 1) * 1e9 / span_ns if span_ns > 0 else 0.0
 
     def count(self, time_ns: int, size_bytes: int) -> None:
-        """Adds a message."""
+        """Add a message."""
         if self.message_count == 0:
             self.start_ns = self.end_ns = time_ns
         self.start_ns, self.end_ns = min(self.start_ns, time_ns), max(self.end_ns, time_ns)
@@ -52,7 +52,7 @@ class TopicFacts:
 
 @dataclass(frozen=True)
 class BagFacts:
-    """What is in a bag."""
+    """Contents of a bag."""
 
     path: Path
     file_bytes: int
@@ -63,9 +63,9 @@ class BagFacts:
     chunk_bytes: int  # of all chunks, before compression
     packed_bytes: int  # of all chunks, in the file
     topics: tuple[TopicFacts, ...]
-    notes: dict[str, str]  # what the writer said is thinned
+    notes: dict[str, str]  # what is recorded, and what is thinned
     attachments: dict[str, int]  # sizes of the files in it, by name
-    run_id: str  # empty: the bag is of no run
+    run_id: str  # empty: the bag records no run
     complete: bool  # the run came to its end
 
     @property
@@ -83,7 +83,7 @@ class BagFacts:
 
 
 def describe(path: Path, on_progress: Callable[[int], None] = lambda done_bytes: None) -> BagFacts:
-    """Reads through the bag at `path`: bag folder, its .mcap file, or the folder of a run.
+    """Read through the bag at `path`: bag folder, its .mcap file, or the folder of a run.
 
     on_progress: called now and then with the bytes that have been read.
 

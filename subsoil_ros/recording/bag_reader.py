@@ -1,4 +1,4 @@
-"""Records back out of a bag, one at a time."""
+"""Reader of a bag: its records, one at a time."""
 
 import struct
 from collections.abc import Callable, Iterator
@@ -18,7 +18,7 @@ from .topics import RECORD_OF, TOPIC_OF, bag_topic
 from .types import deserialize, deserializer
 
 BROKEN = (McapError, struct.error, zstandard.ZstdError, ValueError)
-"""What the readers of MCAP, its strings and its chunks meet where a file is cut or overwritten."""
+"""Errors of the readers of MCAP, its strings and its chunks where a file is cut off or overwritten."""
 
 _KIND_OF_BAG_TOPIC = {bag_topic(topic): kind for topic, kind in RECORD_OF.items()}
 
@@ -41,7 +41,7 @@ def mcap_path(path: Path) -> Path:
 
 
 def damaged(path: Path, why: object) -> RecordingError:
-    """The error that names the cure of a bag that was not closed or is damaged."""
+    """Return the error for a bag that was not closed or is damaged; it names the command that recovers it."""
     return RecordingError(
         f"{path}: the bag was not closed or is damaged ({why}); mend it with `subsoil bag recover {path}`"
     )
@@ -76,8 +76,8 @@ class BagReader:
     def records(self, *kinds: type, at: Callable[[int], bool] | None = None) -> Iterator[Any]:
         """Records of `kinds` in order of simulated time, decoded one by one.
 
-        `at` says from a record's time [ns] whether it is wanted; what is not is not decoded. Clouds are
-        given by `clouds`.
+        `at` returns from a record's time [ns] whether to decode it; the others are skipped. Clouds are read
+        by `clouds`.
 
         Raises:
             RecordingError: the bag is damaged.

@@ -1,4 +1,4 @@
-"""The scene in a bag: as run, with its meshes, under the hash it was run with."""
+"""The scene in a bag: as run, with its meshes, under the hash of the run."""
 
 from pathlib import Path
 
@@ -19,17 +19,17 @@ def scene_attachments(bundle: SceneBundle | None) -> dict[str, bytes]:
 
 
 def scene_notes(bundle: SceneBundle | None) -> dict[str, str]:
-    """What stands in a bag's metadata about its scene."""
+    """Notes on the scene in a bag's metadata."""
     return {} if bundle is None else {_HASH: bundle.scene_hash}
 
 
 def read_scene(bag: Path, folder: Path) -> ResolvedScene:
-    """The scene that a bag was recorded from; its files are written into `folder`, which must be there.
+    """The scene that a bag was recorded from; its files are written into `folder`, which must exist.
 
     A saved bed is not in a bag: a scene that has one can be shown, but not run again.
 
     Raises:
-        InputError: there is no bag, or no scene is in it.
+        InputError: there is no bag, or it contains no scene.
         SceneError: this version cannot read the scene.
         RecordingError: the bag was not closed, or is damaged.
     """
@@ -45,8 +45,8 @@ def read_scene(bag: Path, folder: Path) -> ResolvedScene:
         raise damaged(path, error) from error
     if SCENE_FILE not in files or _HASH not in notes:
         raise InputError(
-            f"{path}: no scene is in it, as `subsoil run` leaves one in its bags; name the folder of its "
-            "run, which has a scene.yaml"
+            f"{path}: it contains no scene, as bags of `subsoil run` do; name the folder of its run, "
+            "which has a scene.yaml"
         )
     text = files.pop(SCENE_FILE).decode(errors="replace")
     plain = {name: data for name, data in files.items() if Path(name).name == name}  # none beside `folder`

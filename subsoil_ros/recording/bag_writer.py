@@ -48,7 +48,7 @@ _NEEDED_FOR_VISUALIZATION = {TOPIC_OF[kind] for kind in (ToolMotions, ToolWrench
 _NEWEST_ONLY = {CLOCK, HEIGHT_MAP, *RECORD_OF} - {
     TOPIC_OF[kind] for kind in (MechanismState, SoilState, CouplingReport)
 }
-"""What comes with every tick, and clouds: a live view shows the newest of those that came meanwhile."""
+"""Topics of every tick, and clouds: a live view shows only the newest message since its last delivery."""
 
 _CLOUD = TOPIC_OF[SoilCloud]
 
@@ -61,7 +61,7 @@ class _Held(NamedTuple):
 
 
 class BagWriter:
-    """Writes a run's bag tick by tick, and derives the standard messages.
+    """Writes the bag of a run tick by tick, and derives the standard messages.
 
     Ticks come in ascending order, the records of one tick in any order: a tick is written when the next
     one begins. In the bag they have the order of recording/topics.py, a cloud followed by the height map, on
@@ -78,7 +78,7 @@ class BagWriter:
         live_port: int = 0,
         bundle: SceneBundle | None = None,
     ) -> None:
-        """Creates `directory` with the bag in it.
+        """Create `directory` with the bag in it.
 
         latched: messages by topic (description.latched_messages), written at the time of the first tick.
         live_port: where a live view serves; 0: there is none.
@@ -86,7 +86,7 @@ class BagWriter:
 
         Raises:
             InputError: it exists or cannot be created, or the live view cannot serve.
-            RecordingError: subsoil_msgs is not there.
+            RecordingError: the definitions of subsoil_msgs are not found.
         """
         self._scene = scene
         self._communication_step_ns = timing.communication_step_ns
@@ -110,10 +110,10 @@ class BagWriter:
             raise
 
     def write(self, record: Any) -> None:
-        """Takes any record of messages.py.
+        """Write any record of messages.py.
 
         Raises:
-            RecordingError: there is no message for it, or the disk refuses.
+            RecordingError: there is no message for it, or the disk cannot be written.
             ProtocolError: its tick is over.
         """
         message = to_message(record, self._communication_step_ns)
@@ -122,11 +122,11 @@ class BagWriter:
         self._hold(record.tick, _Held(_RANK[topic], topic, serialize(message), kept))
 
     def write_raw(self, topic: str, tick: int, cdr: bytes) -> None:
-        """Takes the CDR bytes of a message on one of the topics of records (topics.TOPIC_OF).
+        """Write the CDR bytes of a message on one of the topics of records (topics.TOPIC_OF).
 
         Raises:
-            ProtocolError: the topic carries no record (what is derived is not taken), or its tick is over.
-            RecordingError: the disk refuses.
+            ProtocolError: the topic carries no record (derived topics do not), or its tick is over.
+            RecordingError: the disk cannot be written.
         """
         rank = _RANK.get(topic)
         if rank is None:
@@ -134,10 +134,10 @@ class BagWriter:
         self._hold(tick, _Held(rank, topic, cdr, None))
 
     def sync(self) -> None:
-        """Brings all that was taken to the disk; the tick that was taken last is complete.
+        """Write everything received so far to the disk; the last tick received must be complete.
 
         Raises:
-            RecordingError: the disk refuses.
+            RecordingError: the disk cannot be written.
         """
         held, self._held = self._held, []
         if held:
@@ -240,7 +240,7 @@ class BagWriter:
 
 
 def _notes(scene: Scene, timing: Timing) -> dict[str, str]:
-    """What a reader cannot see from the messages: what is recorded of every tick, and what is thinned."""
+    """Notes on what the messages do not show: records of every tick, and thinned records."""
     record = scene.record
     cloud_ticks = 0
     if scene.particle_soil is not None:
@@ -264,13 +264,13 @@ def _notes(scene: Scene, timing: Timing) -> dict[str, str]:
 
 
 def open_bag(directory: Path, resolved: ResolvedScene, live_port: int = 0) -> BagWriter:
-    """The writer of a run's bag, which also describes the machine and holds the scene.
+    """Return the writer of a run's bag, which also contains the machine's description and the scene.
 
     live_port: where a live view serves; 0: there is none.
 
     Raises:
         InputError: the folder exists or cannot be created, or the live view cannot serve.
-        RecordingError: subsoil_msgs is not there.
+        RecordingError: the definitions of subsoil_msgs are not found.
     """
     latched = latched_messages(resolved)
     bundle = pack(resolved, with_bed=False)

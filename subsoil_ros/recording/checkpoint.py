@@ -1,9 +1,9 @@
 """Checkpoints on the disk: a folder each, its parts as .npz files, valid once its manifest is there.
 
-Whoever holds a part of a run's state writes it by itself (`write_part`), with a note of its size, time and
-checksum beside it. One process then writes the manifest (`commit`), which names all parts with their
-checksums. Every file is written under another name, brought to the disk, and renamed: killed at any
-moment, a run leaves either the whole checkpoint or none, and the one before stays.
+Each process writes its part of a run's state (`write_part`), with a note of size, time and checksum beside
+it. One process then writes the manifest (`commit`), which names all parts with their checksums. Every file
+is written under another name, flushed to the disk, and renamed. So a run that is killed at any moment leaves
+either the whole checkpoint or none, and the one before remains.
 """
 
 import hashlib
@@ -25,17 +25,17 @@ from .._version import __version__
 from ..errors import InputError, RecordingError
 
 FORMAT = 2
-"""Counts up when older checkpoints cannot be read any more."""
+"""Version of the format, increased when older checkpoints cannot be read any more."""
 
 KEPT = 2
-"""The newest that are kept: one, and the one before in case it is damaged."""
+"""Number of checkpoints kept: the newest, and the one before in case it is damaged."""
 
 MANIFEST = "manifest.json"
 _END = "end"
 _PREFIX = "tick_"
 
 Arrays = Mapping[str, NDArray[Any]]
-"""A state, by name."""
+"""A state: arrays by name."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Checkpoint:
     """A checkpoint whose manifest and parts have been verified."""
 
     path: Path
-    tick: int  # the state is that at its end
+    tick: int  # the state is that at the end of it
     time_s: float  # simulated, at the end of `tick`
     run_id: str
     coupling: dict[str, Any]  # the coupling's part, as it was committed
@@ -51,14 +51,14 @@ class Checkpoint:
 
     @property
     def size_bytes(self) -> int:
-        """Of all parts."""
+        """Size of all parts [bytes]."""
         return sum(part["bytes"] for part in self.parts.values())
 
     def read_part(self, name: str) -> dict[str, NDArray[Any]]:
-        """The arrays of a part, writable.
+        """Read the arrays of a part; they are writable.
 
         Raises:
-            InputError: it has no such part, or the part is damaged.
+            InputError: there is no such part, or it is damaged.
         """
         if name not in self.parts:
             raise InputError(f"{self.path}: has no part '{name}', only {', '.join(self.parts)}")
@@ -80,10 +80,10 @@ def document_sha256(document: Mapping[str, Any]) -> str:
 
 
 def write_part(directory: Path, tick: int, name: str, arrays: Arrays) -> None:
-    """Writes one part of the checkpoint of `tick`; it stays without effect until it is committed.
+    """Write one part of the checkpoint of `tick`; it has no effect until it is committed.
 
     Raises:
-        RecordingError: the disk refuses.
+        RecordingError: the disk cannot be written.
     """
     start = time.monotonic()
     folder = _folder(directory, tick)
@@ -111,13 +111,13 @@ def has_parts(directory: Path, tick: int, names: Sequence[str]) -> bool:
 
 
 def commit(directory: Path, tick: int, names: Sequence[str], facts: Mapping[str, Any]) -> Path:
-    """Makes the checkpoint of `tick` valid, all its parts being on the disk, and drops the third newest.
+    """Make the checkpoint of `tick` valid, once its parts are on the disk; remove all but the newest KEPT.
 
     Args:
-        facts: what else the manifest says: time_s, run_id, scene_hash, coupling.
+        facts: other contents of the manifest: time_s, run_id, scene_hash, coupling.
 
     Raises:
-        RecordingError: the disk refuses, or a part is missing.
+        RecordingError: the disk cannot be written, or a part is missing.
     """
     folder = _folder(directory, tick)
     try:
@@ -133,10 +133,10 @@ def commit(directory: Path, tick: int, names: Sequence[str], facts: Mapping[str,
 
 
 def note_end(directory: Path, tick: int, name: str, sha256: str) -> None:
-    """Notes the digest of a part's state at the end of the run, where no checkpoint is needed.
+    """Write the digest of a part's state at the end of the run, where no checkpoint is needed.
 
     Raises:
-        RecordingError: the disk refuses.
+        RecordingError: the disk cannot be written.
     """
     path = directory / _END / f"{name}.json"
     try:
@@ -147,7 +147,7 @@ def note_end(directory: Path, tick: int, name: str, sha256: str) -> None:
 
 
 def end_digests(directory: Path) -> dict[str, str]:
-    """What `note_end` noted, by name of the part."""
+    """Read the digests that `note_end` has written, by name of the part."""
     return {
         path.stem: json.loads(path.read_text(encoding="utf-8"))["sha256"]
         for path in sorted((directory / _END).glob("*.json"))
@@ -160,11 +160,11 @@ def newest_valid(
     """The newest checkpoint in `directory` that can be used, and why newer ones cannot, one line each.
 
     Args:
-        scene_hash: of the scene that is to go on; None: whichever.
-        last_tick: the last in the record that belongs to it; None: not asked.
+        scene_hash: hash that the scene must have; None: any.
+        last_tick: last tick of the record, beyond which no checkpoint is used; None: no limit.
 
     Raises:
-        InputError: there is none; says why for each.
+        InputError: there is none; the message has the reason for each.
     """
     refusals: list[str] = []
     for folder in reversed(_committed(directory)):
@@ -181,7 +181,7 @@ def newest_valid(
 
 
 def read_checkpoint(folder: Path, scene_hash: str | None = None) -> Checkpoint:
-    """A checkpoint, its manifest and the checksums of all parts verified.
+    """Read a checkpoint, and verify its manifest and the checksums of all parts.
 
     Raises:
         InputError: it is damaged, of another format, version or scene.
@@ -239,7 +239,7 @@ def _verified(folder: Path, part: Mapping[str, Any]) -> bytes:
 
 
 class _Hashing:
-    """A stream that only goes forward; its digest is that of the bytes in the file."""
+    """A stream without seek; its digest is that of the bytes in the file."""
 
     def __init__(self, file: BinaryIO | None) -> None:
         self.digest = hashlib.sha256()
@@ -250,11 +250,11 @@ class _Hashing:
         return len(data) if self._file is None else self._file.write(data)
 
     def flush(self) -> None:
-        """Nothing is held back here."""
+        """Do nothing: writes are not buffered here."""
 
 
 def _write_arrays(stream: _Hashing, arrays: Arrays) -> None:
-    """As numpy.savez does, but in the order of the names: equal states are equal bytes."""
+    """Write as numpy.savez does, but in the order of the names, so that equal states give equal bytes."""
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:  # type: ignore[call-overload]
         for name in sorted(arrays):
             with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as member:
@@ -279,7 +279,7 @@ def _sync_folder(folder: Path) -> None:
 
 
 def _drop_old(directory: Path) -> None:
-    """Removes what is older than the newest KEPT; the manifest first, so that no remains look valid."""
+    """Remove checkpoints older than the newest KEPT; the manifest first, so that no remains look valid."""
     oldest_kept = _committed(directory)[-KEPT:][0]
     for folder in sorted(directory.glob(f"{_PREFIX}*")):
         if folder < oldest_kept:
@@ -292,6 +292,6 @@ def _drop_old(directory: Path) -> None:
 
 def _refused(path: Path, error: OSError) -> RecordingError:
     return RecordingError(
-        f"{path}: the checkpoint cannot be written ({error.strerror}). Make room, or go without: "
+        f"{path}: the checkpoint cannot be written ({error.strerror}). Make room, or set "
         "record.checkpoint_s: 0"
     )

@@ -1,6 +1,6 @@
-"""Records of subsoil_ros.messages to messages of rosbags' classes (recording/types.py) and back.
+"""Conversion of records of messages.py to messages of rosbags' classes (recording/types.py), and back.
 
-Nodes publish the bytes of these messages too, so the ways of running cannot differ. float64 values are only
+Nodes publish the bytes of these messages too, so the modes of a run cannot differ. float64 values are only
 copied.
 """
 
@@ -48,16 +48,16 @@ _MORE = {
     "radius": "radii_m",
     "material": "materials",
 }
-"""Fields of a point cloud that are there where they are needed, and of SoilCloud."""
+"""Optional fields of a point cloud, and the corresponding ones of SoilCloud."""
 
 _WHOLE = ("identity", "material")
-"""Those that are uint32."""
+"""The fields that are uint32."""
 
 _LATER = {
     "broken_bond_count": 0,
     "energy_residual_joule": math.nan,
     "part_count": 0,
-}  # what messages of older bags lack
+}  # values of fields that messages of older bags lack
 _FLOAT32, _UINT32 = 7, 6  # sensor_msgs/PointField
 
 _PARTS: dict[type, dict[str, type]] = {
@@ -68,7 +68,7 @@ _PARTS: dict[type, dict[str, type]] = {
     NodeStatus: {"initial_motions": ToolMotion, "initial_wrenches": ToolWrench},
 }
 _TEXTS: dict[type, tuple[str, ...]] = {NodeStatus: ("message_hashes", "capabilities")}
-"""Fields that are tuples of texts; a message has them as a list."""
+"""Fields that are tuples of strings; a message has them as a list."""
 
 _ENUMS: dict[tuple[type, str], type] = {(Grant, "command"): Command, (NodeStatus, "state"): NodeState}
 _TOP_LEVEL = (
@@ -79,7 +79,7 @@ _RECORD_OF_NAME = {PACKAGE + kind.__name__: kind for kind in _TOP_LEVEL}
 
 
 def _plain_names(kind: type) -> tuple[str, ...]:
-    """Fields that a message takes over unchanged."""
+    """Fields that a message copies unchanged."""
     apart = {
         "end_time_ns",
         *_PARTS.get(kind, {}),
@@ -211,9 +211,9 @@ _PART_TO_MESSAGE: dict[type, Callable[[Any], Any]] = {
 
 
 def point_cloud(cloud: SoilCloud) -> Any:
-    """sensor_msgs/PointCloud2 of the particles: x, y, z [m] and speed [m/s], float32, little-endian; where
-    particles come and go, their identity, uint32; where they are bonded, the part of the bonds that broke; of
-    several sizes, their radius [m]; of layers or a graded bed, their material, uint32."""
+    """sensor_msgs/PointCloud2 of the particles: x, y, z [m] and speed [m/s], float32, little-endian. With a
+    window also their identity, uint32; with bonds, the part of the bonds that broke; with several sizes,
+    their radius [m]; with layers or a graded bed, their material, uint32."""
     positions = np.asarray(cloud.positions_m)
     more: dict[str, Any] = {name: getattr(cloud, key) for name, key in _MORE.items()}
     names = (*POINT_FIELDS, *(name for name, values in more.items() if values is not None))
@@ -229,7 +229,7 @@ def points_message(time_ns: int, points: NDArray[Any], names: Sequence[str], *, 
     """sensor_msgs/PointCloud2 of points (rows, columns, fields) with named fields, little-endian: float32,
     and uint32 of _WHOLE.
 
-    is_dense: no number of it is NaN.
+    is_dense: no value is NaN.
     """
     rows, columns, _ = points.shape
     return message_class("sensor_msgs/msg/PointCloud2")(

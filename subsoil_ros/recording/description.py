@@ -1,6 +1,6 @@
-"""What does not change in a run and is said once, latched: URDF of the machine, surfaces of its tools.
+"""Latched messages, published once a run: URDF of the machine, surfaces of its tools.
 
-Markers carry their triangles, so whoever has only the bag sees the tools; the URDF names mesh files.
+Markers contain their triangles, so the tools can be shown from the bag alone; the URDF names mesh files.
 """
 
 from typing import Any
@@ -20,7 +20,7 @@ _TRIANGLE_LIST = 11  # visualization_msgs/Marker
 
 
 def latched_messages(resolved: ResolvedScene) -> dict[str, Any]:
-    """The message of each latched topic of a scene; of tool markers only where there are tools.
+    """The message of each latched topic of a scene; tool markers only if it has tools.
 
     Raises:
         SceneError: a mesh cannot be read.

@@ -1,4 +1,4 @@
-"""Height of the soil's surface over the bin, from the places of its particles."""
+"""Height of the soil's surface over the bin, from the positions of its particles."""
 
 import math
 from dataclasses import dataclass
@@ -12,7 +12,8 @@ from ..scene.soil import Soil
 from .conversion import points_message
 
 CELL_DIAMETERS = 1.0
-"""Size of a cell in particle diameters: every column of a settled bed then holds particles (chosen)."""
+"""Size of a cell in particle diameters: every column of a settled bed then has particles. Smaller
+cells may be empty, larger ones smooth the surface."""
 
 FIELDS = ("x", "y", "z", "lift")
 
@@ -51,7 +52,7 @@ def height_grid(
 
 
 def soil_span_m(positions_m: NDArray[Any], soil: Soil) -> tuple[float, float]:
-    """Where soil is along x [m]: the bin; of a window, whole cells about its particles (n, 3)."""
+    """Extent of the soil along x [m]: the bin or, with a window, whole cells around the particles (n, 3)."""
     if soil.window is None or len(positions_m) == 0:
         return 0.0, soil.bin.length_m
     cell = CELL_DIAMETERS * 2.0 * soil.particles.mean_volume_radius_m
@@ -63,7 +64,7 @@ def height_map(cloud: SoilCloud, soil: Soil) -> Any:
     """sensor_msgs/PointCloud2 in rows and columns: centre and height of every cell, and its lift, float32.
 
     lift [m] is the height over the surface that the scene describes (z = 0, or its profile), NaN where no
-    particle is. Depends on nothing but the cloud, so a run that goes on from a checkpoint writes the same.
+    particle is. It depends only on the cloud and the soil, so a resumed run writes the same map.
     """
     half, positions = 0.5 * soil.bin.width_m, np.asarray(cloud.positions_m, np.float64)
     low, high = soil_span_m(positions, soil)

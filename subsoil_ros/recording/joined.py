@@ -1,4 +1,4 @@
-"""Runs that went on from one another: each folder names the one before, and their bags read as one."""
+"""Resumed runs: each folder names that of the run before, and their bags are read as one."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -16,7 +16,7 @@ _FILE = "resumed_from.json"
 
 @dataclass(frozen=True)
 class Resumption:
-    """Where a run went on; stands in its folder from the start."""
+    """Point at which a run was resumed; its file is in the folder from the start."""
 
     directory: str  # of the earlier run, absolute
     checkpoint: str  # folder of the checkpoint in it
@@ -25,15 +25,15 @@ class Resumption:
     run_id: str  # of the earlier run
 
     def write(self, directory: Path) -> None:
-        """Leaves it in the folder of the run that goes on."""
+        """Write it into the folder of the resumed run."""
         (directory / _FILE).write_text(json.dumps(asdict(self), indent=1) + "\n", encoding="utf-8")
 
 
 def read_resumption(directory: Path) -> Resumption | None:
-    """What the run in `directory` went on from; None if it began at tick 0.
+    """Read where the run in `directory` was resumed; None if it began at tick 0.
 
     Raises:
-        InputError: the file that says it is damaged.
+        InputError: the file is damaged.
     """
     path = directory / _FILE
     try:
@@ -47,10 +47,10 @@ def read_resumption(directory: Path) -> Resumption | None:
 
 
 class JoinedBags:
-    """Several bags read as one: of each but the last what is not after its end."""
+    """Several bags read as one, each but the last up to the time at which the next one continues."""
 
     def __init__(self, pieces: list[tuple[BagReader, int | None]]) -> None:
-        """Takes the bags in order, each with the last time [ns] that counts; None: all of it."""
+        """pieces: the bags in order, each with the last time [ns] that counts; None: all of it."""
         self.path = pieces[-1][0].path
         self._pieces = pieces
 
@@ -90,7 +90,7 @@ def earlier_runs(directory: Path) -> list[tuple[Path, Resumption]]:
     """Folders of the runs before the one in `directory`, latest first, and where each was left.
 
     Raises:
-        InputError: one of them is not there any more.
+        InputError: one of them does not exist any more.
     """
     found: list[tuple[Path, Resumption]] = []
     while (resumption := read_resumption(directory)) is not None:
@@ -106,7 +106,7 @@ def earlier_runs(directory: Path) -> list[tuple[Path, Resumption]]:
 
 
 def open_record(bag: Path) -> BagReader | JoinedBags:
-    """The bag of a run; of one that went on from another, with the bags of those before it.
+    """Open the bag of a run; of a resumed one, together with the bags of the runs before it.
 
     Raises:
         InputError: there is no bag, or an earlier run is missing.
@@ -122,7 +122,7 @@ def open_record(bag: Path) -> BagReader | JoinedBags:
 
 
 def mend_earlier(directory: Path) -> None:
-    """Mends the bags of earlier runs whose writers were killed."""
+    """Recover the bags of earlier runs whose writers were killed."""
     for folder, _ in earlier_runs(directory):
         try:
             BagReader(folder / "bag")

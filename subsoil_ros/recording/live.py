@@ -1,8 +1,8 @@
-"""Live view of a run: what goes into the bag goes to Foxglove too, over foxglove-sdk's WebSocket server.
+"""Live view of a run: the messages of the bag go to Foxglove too, over foxglove-sdk's WebSocket server.
 
-Whoever records only puts messages into boxes of bounded size, which never waits; a thread of this module
-takes them out many times a second and hands them to the server, which drops what a slow client does not
-take. So a viewer can neither hold a run nor change it; one that is too slow misses messages.
+The recorder puts messages into queues of bounded size, which never blocks. A thread of this module passes
+them to the server many times a second; the server drops messages that a slow client does not take. So a
+viewer can neither delay nor change a run; one that is too slow misses messages.
 """
 
 import threading
@@ -16,19 +16,20 @@ from ..extras import require
 from .bag_folder import TopicInfo
 
 HOST = "127.0.0.1"
-"""Who watches from elsewhere comes through a tunnel: there is no password."""
+"""Only this machine can connect, because there is no password; from others use a tunnel."""
 
 PERIOD_S = 0.02
-"""Between two deliveries (chosen: no screen shows more)."""
+"""Time between two deliveries: 50 a second, about the rate at which screens are redrawn."""
 
 SERIES_DEPTH = 200
-"""Messages of a series topic that one delivery takes (chosen: 10,000 a second, more than runs make)."""
+"""Messages of a series topic that one delivery takes: 10,000 a second, more than runs write."""
 
 _LAST_DELIVERY_S = 5.0
 """Time for the delivery in progress when the view is closed."""
 
 _LAST_SENDING_S = 0.3
-"""Time for the server to send what it was handed last: when it stops, it drops the rest (chosen)."""
+"""Time for the server to send the last messages; it drops the rest when it stops. Every run with a live view
+ends later by this time."""
 
 _Message = tuple[int, bytes]  # simulated time [ns], CDR
 
@@ -44,7 +45,7 @@ class LiveView:
     """A server on this machine that shows topics while they are written. Close it with the run."""
 
     def __init__(self, port: int, name: str) -> None:
-        """Serves on `port`.
+        """Serve on `port`.
 
         Raises:
             InputError: foxglove-sdk is not installed, or the port is taken.
@@ -56,7 +57,7 @@ class LiveView:
         asked = self._asked = set[str]()
 
         class _Newcomers(ServerListener):
-            """Notes which topics a new viewer asks for; the next delivery has the newest message."""
+            """Records topics to which a viewer subscribes; the next delivery has their newest message."""
 
             def on_subscribe(self, client: Any, channel: Any) -> None:
                 asked.add(channel.topic)
@@ -85,11 +86,11 @@ class LiveView:
 
     @property
     def port(self) -> int:
-        """Where it serves."""
+        """Port of the server."""
         return int(self._server.port)
 
     def add_topic(self, info: TopicInfo, depth: int) -> None:
-        """Offers a topic; before its first message.
+        """Offer a topic, before its first message.
 
         depth: messages that wait for a delivery; when there are more, the oldest are dropped.
         """
@@ -102,14 +103,14 @@ class LiveView:
         self._topics[info.name] = _Topic(channel, deque(maxlen=depth))
 
     def write(self, topic: str, time_ns: int, data: bytes) -> None:
-        """Takes a message; returns at once. Of a topic that is not offered: is ignored."""
+        """Queue a message and return at once; one of a topic that is not offered is ignored."""
         known = self._topics.get(topic)
         if known is not None:  # a view never fails a run
             known.box.append((time_ns, data))
             self._time_ns = time_ns
 
     def close(self) -> None:
-        """Delivers what waits and stops serving. Idempotent."""
+        """Deliver the queued messages and stop the server. Idempotent."""
         if self._over.is_set():
             return
         self._over.set()

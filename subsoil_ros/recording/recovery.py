@@ -1,4 +1,4 @@
-"""Mends a bag whose writer was killed: every whole chunk is read in sequence and written anew."""
+"""Recovery of a bag whose writer was killed: every whole chunk is read in sequence and written anew."""
 
 import shutil
 from collections.abc import Callable, Iterator
@@ -16,23 +16,23 @@ from .bag_reader import BROKEN, mcap_path
 
 @dataclass(frozen=True)
 class Recovery:
-    """What was mended."""
+    """Result of a recovery."""
 
-    path: Path  # the mended .mcap file
-    damaged_path: Path | None  # where the damaged one was moved to; None: nothing had to be mended
+    path: Path  # the recovered .mcap file
+    damaged_path: Path | None  # where the damaged one was moved to; None: the bag was whole
     message_count: int
     end_time_ns: int
 
 
 def recover(path: Path, on_progress: Callable[[int], None] = lambda done_bytes: None) -> Recovery:
-    """Mends the bag at `path` (bag folder, .mcap file or folder of a run) in its place.
+    """Recover the bag at `path` (bag folder, .mcap file or folder of a run) in its place.
 
     The damaged file is kept as NAME.damaged. A bag that is whole is left as it is. The messages of the
-    chunk that was being written are lost. `on_progress` is called now and then with the bytes that were read.
+    chunk that was being written are lost. `on_progress` is called now and then with the bytes read so far.
 
     Raises:
         InputError: there is no bag, or an earlier recovery's remains are in the way.
-        RecordingError: not a single message can be read.
+        RecordingError: no message can be read.
     """
     source = mcap_path(path)
     whole = _is_whole(source) and (source.parent / "metadata.yaml").is_file()
@@ -89,7 +89,7 @@ def _recover(
 
 
 def _beginning(path: Path) -> tuple[dict[str, str], dict[str, bytes]]:
-    """What the writer noted about the bag, and its attachments; they stand before the first message."""
+    """Notes and attachments of the bag, which stand before the first message."""
     notes: dict[str, str] = {}
     attachments: dict[str, bytes] = {}
     for record in _readable(path):

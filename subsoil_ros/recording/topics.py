@@ -18,7 +18,7 @@ from ..scene.model import Scene
 from .conversion import message_type
 
 BAG_NAMESPACE = "/subsoil"
-"""Topics stand below it in every bag, whatever namespace the nodes ran in."""
+"""Namespace of the topics in every bag, independent of that of the nodes."""
 
 LOCKSTEP_DEPTH = 1000
 """History depth of the lockstep topics: more than any grant window."""
@@ -46,7 +46,7 @@ LATCHED: dict[str, str] = {
     ROBOT_DESCRIPTION: "std_msgs/msg/String",
     TOOL_MARKERS: "visualization_msgs/msg/MarkerArray",
 }
-"""Said once, before the first tick, and kept for who comes later: topic -> message type."""
+"""Topics published once, before the first tick, and kept for late joiners: topic -> message type."""
 
 HEIGHT_MAP = "soil/height_map"
 """Relative topic of the surface's height, one for each cloud (height_map.py)."""
@@ -63,7 +63,7 @@ def wrench_topic(tool: str) -> str:
 
 
 def derived_topics(scene: Scene) -> dict[str, str]:
-    """What BagWriter derives: topic -> message type; poses and wrenches are relative, the others absolute."""
+    """Topics that BagWriter derives: topic -> message type. Poses and wrenches are relative, others not."""
     topics = {CLOCK: "rosgraph_msgs/msg/Clock", TRANSFORMS: "tf2_msgs/msg/TFMessage"}
     for tool in scene.tools:
         topics[pose_topic(tool)] = "geometry_msgs/msg/PoseStamped"

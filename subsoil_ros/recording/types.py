@@ -1,4 +1,4 @@
-"""Message types without ROS: rosbags' store of Jazzy types with subsoil_msgs added from its .msg texts."""
+"""Message types without ROS: rosbags' store of Jazzy types, with subsoil_msgs added from its .msg files."""
 
 import os
 import sys
@@ -33,7 +33,7 @@ def message_folder() -> Path:
     """Folder of the .msg files of subsoil_msgs: of the installed package, else of the source checkout.
 
     Raises:
-        RecordingError: neither is there.
+        RecordingError: neither exists.
     """
     folders = _search_path()
     for folder in folders:
@@ -53,7 +53,7 @@ def _texts() -> dict[str, str]:
 
 @cache
 def typestore() -> Typestore:
-    """Jazzy's types and those of subsoil_msgs."""
+    """The types of Jazzy and those of subsoil_msgs."""
     store = get_typestore(Stores.ROS2_JAZZY)
     for name, text in _texts().items():
         store.register(get_types_from_msg(text, name))
@@ -95,8 +95,8 @@ def serialize(message: Any) -> bytes:
 
 @cache
 def deserializer(name: str, schema: str) -> Callable[[bytes], Any]:
-    """What reads messages of type `name` from CDR bytes, as a bag defines it by `schema`, a ros2msg text:
-    another version may have had other fields."""
+    """Return the function that reads messages of type `name` from CDR bytes, by the definition in a bag:
+    `schema`, a ros2msg text, since other versions may have other fields."""
     if schema == schema_text(name):
         return lambda data: deserialize(data, name)
     store = get_typestore(Stores.ROS2_JAZZY)

@@ -20,19 +20,19 @@ from .wedge import Plate, Strength, bearing_pressure, failure, parted
 from .wheel import SLOWEST_M_PER_S, grip_newton, rolling_resistance_newton, wheel_load_newton
 
 ROUND_OFF_RAD = 1e-9
-"""A plate that leans forward by less counts as upright (chosen: above the round-off of a pose)."""
+"""Angle by which a plate must lean forward not to count as upright: above the round-off of a pose."""
 
 
 ROUNDS = 6
-"""Of the rupture angle and the direction of sliding, each from the other (chosen: they agree to 1e-6)."""
+"""Iterations of the rupture angle and the direction of sliding, each from the other; they agree to 1e-6."""
 
 LARGEST_DROP = 0.95
-"""Part of its force that a shallow wedge loses at most (chosen: what fails is still pushed)."""
+"""Largest part of its force that a shallow wedge loses; the soil that has failed is still pushed."""
 
 
 @dataclass
 class ToolMemory:
-    """What the soil remembers of one tool."""
+    """State of the soil at one tool."""
 
     x_m: float
     z_m: float
@@ -47,7 +47,7 @@ class ToolMemory:
 
 @dataclass
 class MemoryInSpace(ToolMemory):
-    """The same of a tool in space; angle_rad is 0."""
+    """State of the soil at a tool in space; angle_rad is 0."""
 
     y_m: float = 0.0
     quaternion: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0, 1.0])
@@ -55,14 +55,14 @@ class MemoryInSpace(ToolMemory):
 
 @dataclass
 class ResistanceState:
-    """The whole state of the soil: two engines with equal states go on alike."""
+    """The whole state of the soil: engines with equal states give equal results from then on."""
 
     tools: list[ToolMemory] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
 class _Tool:
-    """What does not change of a tool."""
+    """Properties of a tool that do not change in a run."""
 
     name: str
     groups: tuple[str, ...]
@@ -89,7 +89,7 @@ class WedgeEngine:
         self._gravity = resolved.scene.gravity_m_per_s2
         self._tools = tuple(self._tool(name) for name in resolved.scene.tools)
         self.memory = ResistanceState()
-        # loads the kernel: at the first cut that would be a pause of 0.2 s in a run that keeps real time
+        # loads the kernel, which at the first cut would stop a run in real time for 0.2 s
         failure(Plate(1.0, 1.0, 0.1, 0.1), mean_strength(self._layers, 0.1, 0.1, self._gravity), 0.0)
 
     def _tool(self, name: str) -> _Tool:
@@ -136,7 +136,7 @@ class WedgeEngine:
         return self._answer(f"tick {tick}", motions)
 
     def ends_with(self, tick: int) -> None:
-        """Take it that the run ends early with `tick`; nothing depends on it."""
+        """Do nothing: the soil does not depend on where the run ends."""
 
     def state_arrays(self) -> dict[str, np.ndarray]:
         """All that later ticks depend on, by name: the memory of each tool."""
@@ -147,10 +147,10 @@ class WedgeEngine:
         }
 
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
-        """Goes on from such a state. In place of `start`.
+        """Restore a state that `state_arrays` returned, in place of `start`.
 
         Raises:
-            KeyError, ValueError: it is not one of this scene.
+            KeyError, ValueError: the state is of another scene.
         """
         self.memory = ResistanceState(
             [
@@ -193,7 +193,7 @@ class WedgeEngine:
         self, where: str, index: int, number: int, face: CuttingFace, motion: ToolMotion,
         moved: tuple[float, float, float], felt: Felt,
     ) -> None:  # fmt: skip
-        """Wedge and sides of one face, which stands at `motion` and has come by `moved` (x, z, phi)."""
+        """Add wedge and sides of one face at `motion`, after the displacement `moved` (x, z, phi)."""
         tool, memory = self._tools[index], self.memory.tools[index]
         turn = motion.angle_rad - tool.reference_angle_rad
         cosine, sine = math.cos(turn), math.sin(turn)
@@ -215,7 +215,7 @@ class WedgeEngine:
         else:
             rake = min(rake, 0.5 * math.pi)  # a shank that leans back is taken as upright
         if rake < 0.5 * math.pi - ROUND_OFF_RAD:
-            height = min(height, tip_x * math.tan(rake))  # what has come through the end of the bin
+            height = min(height, tip_x * math.tan(rake))  # the part inside the bin
         speed = max(moved[0] - moved[2] * tip[1], 0.0) / self._interval_s
         if self._range is not None and face.is_share:
             self._refuse_beyond(where, tool.name, depth, speed)
@@ -267,7 +267,7 @@ class WedgeEngine:
         self, face: CuttingFace, strength: Strength, depth: float, mobilised: float,
         tip: tuple[float, float], moved: tuple[float, float, float], felt: Felt,
     ) -> None:  # fmt: skip
-        """A blunt tip pushes soil aside: the soil's bearing pressure on its height, as much up as back."""
+        """Add the force on a blunt tip: the soil's bearing pressure on its height, as much up as back."""
         pressure, _ = bearing_pressure(strength, depth)
         into = moved[0] - moved[2] * tip[1] - (moved[1] + moved[2] * tip[0])
         if into > 0.0:
@@ -279,11 +279,11 @@ class WedgeEngine:
         self, index: int, number: int, face: CuttingFace, rake: float, force: float, delta: float,
         length: float, way: tuple[float, float], scale: float,
     ) -> float:  # fmt: skip
-        """Normal force [N] on a plate after it went `way` (x, z): a spring up to what the wedge bears.
+        """Normal force [N] on a plate after the displacement `way` (x, z): a spring up to the wedge's limit.
 
-        The wedge bears (1 - drop) P when it begins and P when it fails; only travel beyond the spring's
-        brings it nearer to that, and the faster the more force (rate). The damper makes up for the force held
-        over a tick (coupling, k H / 2). scale: of drop and variation, by the depth.
+        The limit is (1 - drop) P when a wedge begins and P when it fails. Only travel beyond the spring's
+        brings the wedge nearer to failure, and its speed raises the limit (rate). A damper makes up for the
+        force that is held over a tick (coupling, k H / 2). scale: factor of drop and variation, by the depth.
         """
         memory, values = self.memory.tools[index], self._values
         whole = force * math.cos(delta)
@@ -309,7 +309,7 @@ class WedgeEngine:
         return normal
 
     def _scale(self, index: int, motion: ToolMotion) -> float:
-        """How much of drop and variation acts on a tool at its depth: deeper wedges fail in more blocks."""
+        """Factor of drop and variation at a tool's depth, as deeper wedges fail in more blocks."""
         reference, tool = self._values.drop_depth_m, self._tools[index]
         if reference is None:
             return 1.0
@@ -319,7 +319,7 @@ class WedgeEngine:
         return min(reference / depth, most) if depth > 0.0 else most
 
     def _next_wedge(self, index: int) -> None:
-        """Strength and length of the wedge that forms now: lognormal of mean 1, by seed, tool and number."""
+        """Draw strength and length of the next wedge: lognormal of mean 1, by seed, tool and number."""
         memory, values = self.memory.tools[index], self._values
         length = values.variation if values.length_variation is None else values.length_variation
         if values.variation == 0.0 and length == 0.0:
@@ -332,7 +332,7 @@ class WedgeEngine:
         self, wheel: WheelFace, memory: ToolMemory, motion: ToolMotion, moved: tuple[float, float, float],
         felt: Felt,
     ) -> None:  # fmt: skip
-        """Load, resistance and grip of one wheel."""
+        """Add load, resistance and grip of one wheel."""
         sinkage = wheel.radius_m - motion.z_m
         soil = self._values.wheels
         if soil is None or sinkage <= 0.0 or not 0.0 < motion.x_m < self._length_m:
@@ -389,7 +389,7 @@ class WedgeEngine:
 
 
 def _memory(tool: _Tool, motion: ToolMotion) -> ToolMemory:
-    """Of a tool that begins to move from `motion`."""
+    """State of the soil at a tool that begins to move from `motion`."""
     x, y, z = motion.position_m
     normal = [0.0] * len(tool.faces)
     if tool.in_space:

@@ -1,9 +1,8 @@
 """Forces of the soil on the plates of one tool within a tick, in the plane of travel and with yaw.
 
 Yaw: docs/wedge.md, after S.A. Miedema, The Delft Sand, Clay & Rock Cutting Model (2019), section 3.6, the
-snow-plough effect. He lets the soil follow the blade along its edge as far as the friction of the failure
-plane allows; here soil that stands beside a plate of limited width blocks that, so iota is the largest
-possible.
+snow-plough effect. There the soil follows the blade along its edge as far as the friction of the failure
+plane allows. Here the soil beside a plate of limited width prevents that, so iota is the largest possible.
 """
 
 import math
@@ -17,15 +16,15 @@ from ..rotations import LevelAxes, Quaternion, Vector, dot, level_axes, rotation
 from ..scene.tool_faces import CuttingFace
 
 DRIFT_M_PER_S = 0.01
-"""A tool that moves along its edge by less is not refused (chosen: a machine at rest sways that slowly)."""
+"""Speed of a plate below which its yaw is not checked: a machine at rest sways that slowly."""
 
 Pair = tuple[float, float]
-"""x and z."""
+"""Components along x and z."""
 
 
 @dataclass
 class Felt:
-    """Sums of one tick, of a tool in the plane of travel."""
+    """Sums of the forces in one tick on a tool in the plane of travel."""
 
     groups: list[list[float]]  # force x, z of each group
     torque: float = 0.0  # about y
@@ -38,7 +37,7 @@ class Felt:
         self.torque += arm[1] * force[0] - arm[0] * force[1]
 
     def at(self, face: CuttingFace, moved: tuple[float, float, float]) -> tuple[float, float, float]:
-        """What the middle of a plate's width has come by (x, z, phi), from what the body has."""
+        """Displacement of the middle of a plate's width (x, z, phi), from that of the body."""
         return moved
 
     def tip_m(self, tip: Pair) -> Pair:
@@ -46,7 +45,7 @@ class Felt:
         return tip
 
     def aside_m(self, place: str, face: CuttingFace, arm: Pair, way: Pair) -> float:
-        """How far the plate has come along its own edge."""
+        """Displacement of the plate along its own edge."""
         return 0.0
 
     def wrench(self, name: str, groups: Sequence[str], moved: tuple[float, float, float]) -> ToolWrench:
@@ -63,7 +62,7 @@ class Felt:
 
 @dataclass
 class FeltInSpace(Felt):
-    """The same, x, y and z, in the axes of a tool in space: x level and across its edge, y along it, z up."""
+    """Sums in the axes of a tool in space: x level and across its edge, y along it, z up."""
 
     axes: LevelAxes = field(kw_only=True)
     way: Vector = field(kw_only=True)  # of the centre of mass in this tick
@@ -76,7 +75,7 @@ class FeltInSpace(Felt):
     def of(
         cls, groups: int, before: tuple[Vector, Quaternion], motion: SpatialMotion, interval_s: float
     ) -> tuple["FeltInSpace", ToolMotion, tuple[float, float, float]]:
-        """With the motion in the plane across the edge: pose, and what it has come by (x, z, phi)."""
+        """Return the sums, and the motion in the plane across the edge: pose and displacement (x, z, phi)."""
         axes, (x, y, z), then = level_axes(motion.quaternion), motion.position_m, before[0]
         way = axes.of((x - then[0], y - then[1], z - then[2]))
         turn = axes.of(rotation_between(before[1], motion.quaternion))
@@ -97,7 +96,7 @@ class FeltInSpace(Felt):
         self.torques[2] += x * aside - y * force[0]
 
     def at(self, face: CuttingFace, moved: tuple[float, float, float]) -> tuple[float, float, float]:
-        """What the middle of a plate's width has come by (x, z, phi), from what the body has."""
+        """Displacement of the middle of a plate's width (x, z, phi), from that of the body."""
         self.middle_m = y = face.middle_m
         return moved[0] - self.turn[2] * y, moved[1] + self.turn[0] * y, moved[2]
 
@@ -107,10 +106,10 @@ class FeltInSpace(Felt):
         return x, z
 
     def aside_m(self, place: str, face: CuttingFace, arm: Pair, way: Pair) -> float:
-        """How far the plate has come along its own edge.
+        """Displacement of the plate along its own edge.
 
         Raises:
-            PhysicsError: more than theory covers.
+            PhysicsError: the yaw is larger than the theory covers.
         """
         aside = self.way[1] + self.turn[2] * arm[0] - self.turn[0] * arm[1]
         fast = math.hypot(aside, way[0]) > DRIFT_M_PER_S * self.interval_s
@@ -135,7 +134,7 @@ class FeltInSpace(Felt):
 
 
 def slip_m(rake: float, beta: float, way: Pair) -> float:
-    """How far a plate slides under its wedge, up the face: pressed on, way.t - way.n cot(alpha + beta)."""
+    """Sliding of a plate under its wedge, up the face; where it presses: way.t - way.n cot(alpha + beta)."""
     n, t = (math.sin(rake), math.cos(rake)), (math.cos(rake), -math.sin(rake))
     into, along = way[0] * n[0] + way[1] * n[1], way[0] * t[0] + way[1] * t[1]
     return along - into / math.tan(rake + beta) if into > 0.0 else along
@@ -152,8 +151,8 @@ def on_plate(
 ) -> tuple[Pair, float]:
     """Force of the soil on a plate (x, z), and along its edge: normal, and `strong` against the sliding.
 
-    Sliding is `slip` up the face and `aside` along the edge. Never more than passive: what would help the
-    tool along is left out.
+    Sliding is `slip` up the face and `aside` along the edge. The soil is passive: a force that would do work
+    on the tool is left out.
     """
     n, t = (math.sin(rake), math.cos(rake)), (math.cos(rake), -math.sin(rake))
     into, along = way[0] * n[0] + way[1] * n[1], way[0] * t[0] + way[1] * t[1]

@@ -7,14 +7,14 @@ from ..scene.wedge import WedgeValues
 from .wedge import Strength
 
 Layers = Sequence[tuple[float, WedgeValues]]
-"""(depth of the lower edge [m], values) from the top; the last edge is endless."""
+"""(depth of the lower edge [m], values) from the top; the last edge is at infinite depth."""
 
 
 def mean_strength(layers: Layers, depth_m: float, height_m: float, gravity: float) -> Strength:
-    """What resists a plate of height `height_m` above its tip at `depth_m`.
+    """Mean strength of the soil at a plate of height `height_m` above its tip at `depth_m`.
 
-    The rupture surface is plane, so it crosses equal heights in equal parts: cohesion and tan(phi) are their
-    means over the depth. The wedge widens upward with the height above the tip, so the unit weight is
+    The rupture surface is plane, so equal heights have equal parts of it: cohesion and tan(phi) are means
+    over the depth. The wedge widens upward with the height above the tip, so the unit weight is
     weighted by that. Adhesion and friction of the tool are means over the plate.
     """
     first = layers[0][1]

@@ -14,23 +14,23 @@ from typing import NamedTuple
 from numba import njit
 
 SMALLEST_BETA = math.radians(1.0)
-"""Rupture angles from here on are looked at (chosen: the least force lies far above)."""
+"""Smallest rupture angle of the search; that of the least force is far larger."""
 
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 SCANNED = 18
-"""Intervals of beta, about 5 degrees each, that are looked at first."""
+"""Number of intervals of beta, about 5 degrees each, in the scan before the golden section search."""
 
 SEARCH_STEPS = 16
-"""Golden section leaves 0.618^16 = 5e-4 of two intervals, 8e-5 rad; the force errs by the square of that."""
+"""Steps of the search: 0.618^16 = 5e-4 of two intervals are left, 8e-5 rad. The force errs by its square."""
 
 
 CRITICAL_STEPS = 16
-"""Golden section for the critical depth, to 5e-4 of the plate."""
+"""Steps of the golden section search for the critical depth, to 5e-4 of the plate."""
 
 
 class Strength(NamedTuple):
-    """What resists, mean over the depths it is mobilised in. SI."""
+    """Strength of the soil, as means over the depths where it is mobilised. SI units."""
 
     unit_weight: float  # gamma [N/m3]
     density: float  # [kg/m3]
@@ -44,7 +44,7 @@ class Strength(NamedTuple):
 
 
 class Plate(NamedTuple):
-    """A plate in the soil. A buried one makes the wedge of one that goes on to the surface."""
+    """A plate in the soil. The wedge of a buried plate is that of a plate that reaches the surface."""
 
     width: float  # w [m]
     rake: float  # alpha [rad]
@@ -93,8 +93,8 @@ def wedge_force(plate, soil, speed, beta):
 def least_wedge(plate, soil, speed):
     """(beta, P) of the wedge that fails first: the least P over beta.
 
-    beta + phi + alpha + delta stays below pi, where P would be endless. In front of a narrow plate of low
-    rake, P may have a second minimum at the upright plane, without crescents; so a scan comes first.
+    beta + phi + alpha + delta stays below pi, where P would be infinite. In front of a narrow plate of low
+    rake, P may have a second minimum at the upright plane, without crescents; so a scan precedes the search.
     """
     first = SMALLEST_BETA
     last = min(math.pi - plate.rake - soil.tool_friction - soil.friction - 1e-6, 0.5 * math.pi)
@@ -118,7 +118,7 @@ def least_wedge(plate, soil, speed):
             at_two = wedge_force(plate, soil, speed, two)
     beta = 0.5 * (low + high)
     force = wedge_force(plate, soil, speed, beta)
-    # towards the upright plane crescents shrink as a root: steep, so its end is looked at by itself
+    # near the upright plane crescents shrink as a root, so steeply that the search can miss its end
     upright = wedge_force(plate, soil, speed, last)
     return (last, upright) if upright < force else (beta, force)
 
@@ -136,11 +136,11 @@ def bearing_factors(friction: float) -> tuple[float, float]:
 
 @njit(cache=True, error_model="numpy")
 def lateral_pressure(soil, depth, speed):
-    """Mean pressure [Pa] on a narrow face whose soil flows around it instead of up, at `depth` [m].
+    """Mean pressure [Pa] at `depth` [m] on a narrow face around which the soil flows, instead of up.
 
     c N_c + K_0 (gamma z + q) N_q with N_q = K_p exp(2 pi tan phi), K_p = (1 + sin phi) / (1 - sin phi),
     N_c = (N_q - 1) / tan phi (2 pi + 2 without friction), K_0 = 1 - sin phi (Godwin and Spoor 1977). Speed
-    adds the momentum of the soil that is pushed aside, rho v^2 (chosen: their theory has none).
+    adds the momentum of the soil that is pushed aside, rho v^2, which is not in their theory.
     """
     tangent, sine = math.tan(soil.friction), math.sin(soil.friction)
     n_q = (1.0 + sine) / (1.0 - sine) * math.exp(2.0 * math.pi * tangent)
@@ -170,8 +170,8 @@ def failure(plate, soil, speed):
     """(beta, P [N], length r [m], part of P that grows with depth) of the failure that comes first.
 
     A wedge from the tip; or soil that flows around the plate below a critical depth, with a wedge from there
-    (the critical depth of least P, Godwin and Spoor); or around all of a buried plate. The least of these,
-    so P is continuous. beta and r are those of the wedge from the tip in any case.
+    (the critical depth of least P, Godwin and Spoor); or around all of a buried plate. P is the least of
+    these, so it is continuous. beta and r are always those of the wedge from the tip.
     """
     if plate.depth <= 0.0 or plate.height <= 0.0 or plate.width <= 0.0:
         return 0.25 * math.pi, 0.0, 0.0, 0.0
@@ -207,7 +207,7 @@ def bearing_pressure(soil: Strength, depth: float, whole: float = 1.0) -> tuple[
 
 
 def parted(plate: Plate, strength: Strength, whole: float) -> tuple[float, float, float, float]:
-    """As `failure`, of a shank that parts soil which the share has broken, at its bearing pressure.
+    """Return as `failure` does, for a shank that parts broken soil at its bearing pressure.
 
     whole: part of its cohesion that the soil still has.
     """

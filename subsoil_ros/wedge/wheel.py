@@ -10,13 +10,13 @@ from ..scene.tool_faces import WheelFace
 from ..scene.wedge import WedgeValues, WheelSoil
 
 SLOWEST_M_PER_S = 1e-3
-"""Below this speed resistance and slip go to zero with the speed (chosen: a standing wheel is not pushed)."""
+"""Speed below which resistance and slip go to zero with it, so that no force pushes a standing wheel."""
 
 
 def wheel_load_newton(wheel: WheelFace, soil: WheelSoil, sinkage_m: float) -> float:
     """W = b k sqrt(D) z^(n + 1/2) (3 - n) / 3, with k = k_c / b + k_phi (Bekker; Wong eq. 2.78).
 
-    From the pressure p = k z^n on the front of the rim, whose arc is taken as a parabola.
+    It follows from the pressure p = k z^n on the front of the rim, whose arc is taken as a parabola.
     """
     n = soil.exponent
     k = soil.cohesive_modulus / wheel.width_m + soil.frictional_modulus

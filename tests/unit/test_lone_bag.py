@@ -103,7 +103,7 @@ def test_a_bag_without_scene_is_refused(bag: Path, capsys: Captured) -> None:
         assert main([verb, str(bag)]) == 2
         err = capsys.readouterr().err
         assert len(err.strip().splitlines()) == 1
-        assert "no scene is in it" in err
+        assert "contains no scene" in err
         assert "name the folder of its run" in err
     assert sorted(bag.parent.iterdir()) == before
 

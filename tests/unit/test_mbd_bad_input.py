@@ -84,7 +84,7 @@ CASES: dict[str, tuple[str, Any, list[str]]] = {
             "stiffness_newton_per_m": 10.0,
             "free_length_m": 0.1,
         },
-        ["mechanism.forces.spring", "two points are one", "free_length_m: 0"],
+        ["mechanism.forces.spring", "two points coincide", "free_length_m: 0"],
     ),
     "the name of a joint's friction": (
         "forces",

@@ -1,8 +1,8 @@
 """Lockstep as state machines without IO: no ROS, no clock, no threads.
 
-The coupler grants ticks ahead within a window, motion and soil answer each other tick by tick, a controller
-commands a driver at every so many ticks, and the recorder acknowledges what it has written. Whatever the
-interleaving, each tick happens exactly once: a message that is missing, repeated, foreign or malformed is a
+The coupler grants ticks ahead within a window, motion and soil exchange messages tick by tick, a controller
+commands a driver at control ticks, and the recorder acknowledges ticks that it has written. In any order of
+messages each tick happens exactly once: a message that is missing, repeated, foreign or malformed is a
 ProtocolError. The last tick is granted with END. ABORT names the last tick of the record. A paused run stands
 at the end of a tick, until it is resumed or steps.
 """

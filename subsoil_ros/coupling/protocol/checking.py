@@ -1,15 +1,15 @@
-"""Check ticks: at the end of each it is decided whether the run ends with the tick after it."""
+"""Check ticks, at whose end it is decided whether the run ends with the next tick."""
 
 from ...errors import ProtocolError
 from ...ticks import is_early_end
 
 
 class Checks:
-    """How far ticks may be granted: not beyond a check tick before its decision.
+    """Limit of the grants: no tick beyond a check tick is granted before its decision.
 
     Args:
-        check_ticks: every so many ticks a run may end early, and the tick before is a check tick; 0: never.
-        first_tick: the tick before it may be a check tick, too.
+        check_ticks: interval of the ticks with which a run may end early, each after a check tick; 0: none.
+        first_tick: first tick of the run; the tick before it may be a check tick, too.
     """
 
     def __init__(self, check_ticks: int, first_tick: int) -> None:
@@ -20,10 +20,10 @@ class Checks:
         self._pending = end_tick - 1
 
     def decide(self, tick: int) -> None:
-        """Take it that the decision of check tick `tick` is made.
+        """Note that the decision of check tick `tick` is made.
 
         Raises:
-            ProtocolError: another check tick is to be decided.
+            ProtocolError: another check tick, or none, is to be decided.
         """
         if not self._check_ticks or tick != self._pending:
             awaited = f"tick {self._pending}" if self._check_ticks else "no tick"
@@ -31,7 +31,7 @@ class Checks:
         self._pending += self._check_ticks
 
     def limit(self, tick: int) -> int:
-        """The last tick that may be granted, where nothing else forbids `tick`."""
+        """The last tick up to `tick` that may be granted."""
         return min(tick, self._pending) if self._check_ticks else tick
 
 

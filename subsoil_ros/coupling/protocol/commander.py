@@ -1,4 +1,4 @@
-"""The controller's side: from states at series ticks to one command per control tick."""
+"""The controller's side: one command per control tick, from the states at series ticks."""
 
 from ...messages import Command, Grant, MechanismState
 from ...ticks import INITIAL_TICK, is_control_tick
@@ -6,13 +6,13 @@ from .streams import Stream
 
 
 class Commander:
-    """Takes the mechanism's states, each once and in order; says which of them calls for a command.
+    """Accepts the mechanism's states, each once and in order, and returns the ticks that need a command.
 
     Args:
-        series_ticks: a state comes every so many ticks, and at the last tick.
-        control_ticks: a multiple of it: the command of tick k answers the state at the end of tick k - 1.
-        first_tick: later than 0 where the run goes on from another. If a command is due there, the state
-            before it comes first. That of INITIAL_TICK calls for nothing.
+        series_ticks: interval of the states, in ticks; the last tick has one, too.
+        control_ticks: a multiple of it; the command of tick k follows from the state after tick k - 1.
+        first_tick: later than 0 in a resumed run. If a command is due there, the state before it comes first.
+            The state of INITIAL_TICK needs no command.
     """
 
     def __init__(
@@ -29,7 +29,7 @@ class Commander:
         self._states = Stream("mechanism_state", run_id, tick_count, first, series_ticks)
 
     def accept_state(self, state: MechanismState) -> int | None:
-        """Takes a state; the tick that is to be commanded now, None if it is none.
+        """Accept a state; return the tick that needs a command now, or None.
 
         Raises:
             ProtocolError: it is of another run, or not of the expected tick.
@@ -43,7 +43,7 @@ class Commander:
         return tick if is_control_tick(tick, self._control_ticks) and tick <= self._last_tick else None
 
     def accept_grant(self, grant: Grant) -> None:
-        """Takes a grant; only an abort matters."""
+        """Accept a grant; only an abort has an effect."""
         if grant.command is Command.ABORT and grant.run_id == self._run_id:
             self.abort = self.abort or grant
 

@@ -1,4 +1,4 @@
-"""The coupler's side: grants ticks, follows their completion, ends the run."""
+"""The coupler's side: grants ticks, tracks their completion, ends the run."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -34,17 +34,17 @@ class FinishedTick:
 
 
 class Coupler:
-    """Grants ticks, follows their completion, ends the run.
+    """Grants ticks, tracks their completion, ends the run.
 
     Args:
-        names: of the participants that must be ready before tick 0.
+        names: names of the participants that must be ready before tick 0.
         soil: whether wrenches are part of a tick.
-        first_tick: later than 0 where the run goes on from another.
-        control_ticks: a controller's command is part of a tick every so many; 0: of none.
-        needed: by node, what it must be able to do (handshake.needed_capabilities).
+        first_tick: later than 0 in a resumed run.
+        control_ticks: interval of the ticks that have a controller's command; 0: none has.
+        needed: capabilities that each node must have (handshake.needed_capabilities).
         paused: no tick is granted before `resume` or `step`.
-        check_ticks: the run may end early every so many ticks (checking.Checks); 0: never. Nothing is granted
-            beyond a check tick before `decide`.
+        check_ticks: interval of the ticks with which the run may end early (checking.Checks); 0: none. No
+            tick beyond a check tick is granted before `decide`.
     """
 
     def __init__(
@@ -98,11 +98,11 @@ class Coupler:
         return self.acknowledged_tick >= self.last_tick == self.done_tick
 
     def accept_node_status(self, node_status: NodeStatus) -> None:
-        """Takes the status of a participant.
+        """Accept the status of a participant.
 
         Raises:
             RunError, InputError: the participant reports a fault.
-            ProtocolError: it is of another run, or does not fit (handshake), or there are two of its name.
+            ProtocolError: it is of another run, does not match (handshake), or two nodes have its name.
         """
         if node_status.node not in self._names:
             return
@@ -141,7 +141,7 @@ class Coupler:
         )
 
     def decide(self, tick: int, *, ends: bool) -> None:
-        """Go on after check tick `tick`, which is done, or end the run with the tick after it.
+        """Continue after check tick `tick`, which is done, or end the run with the tick after it.
 
         Raises:
             ProtocolError: it is not done, or its decision is not due.
@@ -154,7 +154,7 @@ class Coupler:
 
     @property
     def paused(self) -> bool:
-        """Whether no more ticks are granted than those of the pause or of steps."""
+        """Whether the run is paused: only ticks granted before the pause, or asked for as steps, are done."""
         return self._pacing.paused
 
     @property
@@ -164,15 +164,15 @@ class Coupler:
         return self.ready and hold is not None and hold <= self.done_tick and hold < self.last_tick
 
     def pause(self) -> int:
-        """Grants no more ticks; answers the tick at whose end the run will stand."""
+        """Grant no more ticks; return the tick at whose end the run will stand."""
         return self._pacing.pause(self._granted)
 
     def resume(self) -> None:
-        """Grants as before the pause; nothing if the run is not paused."""
+        """Grant ticks as before the pause; no effect if the run is not paused."""
         self._pacing.resume()
 
     def step(self, count: int) -> int:
-        """Lets a paused run do `count` ticks more; answers the last of them.
+        """Grant `count` more ticks to a paused run; return the last of them.
 
         Raises:
             ProtocolError: the run is not paused, has no tick left, or count is below 1.
@@ -180,22 +180,22 @@ class Coupler:
         return self._pacing.step(count, self.last_tick)
 
     def accept_motions(self, motions: ToolMotions) -> None:
-        """Takes the motions of a tick."""
+        """Accept the motions of a tick."""
         self._refuse_ungranted("tool_motions", motions.tick)
         self._motions.add(motions)
 
     def accept_wrenches(self, wrenches: ToolWrenches) -> None:
-        """Takes the wrenches of a tick."""
+        """Accept the wrenches of a tick."""
         self._refuse_ungranted("tool_wrenches", wrenches.tick)
         self._wrenches.add(wrenches)
 
     def accept_command(self, command: DriverCommand) -> None:
-        """Takes the command of a control tick, which may come as soon as the tick before it is done."""
+        """Accept the command of a control tick, which may come as soon as the tick before it is done."""
         self._commands.add(command)
         self._refuse_ungranted("driver_command", command.tick, ahead=1)
 
     def accept_ack(self, ack: TickAck) -> None:
-        """Takes the recorder's word that everything up to a tick is written."""
+        """Accept the recorder's acknowledgement that everything up to a tick is written."""
         self._acks.refuse_foreign(ack.run_id, ack.tick)
         self._refuse_ungranted("tick_ack", ack.tick)
         if ack.tick <= self.acknowledged_tick:
@@ -203,7 +203,7 @@ class Coupler:
         self.acknowledged_tick = ack.tick
 
     def take_finished(self) -> FinishedTick | None:
-        """The next tick that all have finished, once, in order; None while something is missing."""
+        """The next tick that all have finished, once, in order; None while a message is missing."""
         if not self._motions or (self._soil and not self._wrenches):
             return None
         if is_control_tick(self.done_tick + 1, self._control_ticks):
@@ -216,20 +216,20 @@ class Coupler:
         return FinishedTick(motions.tick, motions.tools, wrenches)
 
     def abort(self, reason: str) -> Grant:
-        """Ends the run at the last finished tick; the first reason stands."""
+        """End the run at the last finished tick; the first reason is kept."""
         if self.abort_grant is None:
             self.abort_grant = Grant(self._own.run_id, self.done_tick, Command.ABORT, reason)
         return self.abort_grant
 
     def hold(self) -> None:
-        """Gives no more grants."""
+        """Stop granting ticks."""
         self._holding = True
 
     def keep(self) -> Grant | None:
-        """The word to write a checkpoint, once all that was granted is done; None before.
+        """The CHECKPOINT grant, once all granted ticks are done; None before.
 
         Raises:
-            ProtocolError: grants are not held back.
+            ProtocolError: `hold` was not called before.
         """
         if not self._holding:
             raise ProtocolError("grant: CHECKPOINT while ticks are being granted")
@@ -238,7 +238,7 @@ class Coupler:
         return Grant(self._own.run_id, self.done_tick, Command.CHECKPOINT)
 
     def missing(self) -> str:
-        """What the run waits for, in words."""
+        """Message that the run waits for, in words."""
         if self._waiting:
             return f"ready from {', '.join(sorted(self._waiting))}"
         tick = self.done_tick + 1

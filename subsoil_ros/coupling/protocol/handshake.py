@@ -1,4 +1,4 @@
-"""What the nodes of a run must have in common, and what the scene needs of each: said in NodeStatus."""
+"""Handshake by NodeStatus: properties common to all nodes of a run, and capabilities that the scene needs."""
 
 from collections.abc import Iterable, Mapping
 
@@ -10,20 +10,20 @@ from ...source_digest import law_digests
 from .names import MECHANISM, RECORDER, SOIL
 
 TICK_MEAN = "tick_mean"
-"""coupling.force: tick_mean."""
+"""Capability: coupling.force: tick_mean."""
 
 DRIVER_COMMAND = "driver_command"
-"""Takes the commands of a controller."""
+"""Capability: accepts the commands of a controller."""
 
 EARLY_END = "early_end"
-"""Takes END before the last tick of the scene."""
+"""Capability: accepts END before the last tick of the scene."""
 
 CONTACT_LAW = "contact_law"
-"""Has a contact law of another package: "contact_law KIND DIGEST", digest of its sources."""
+"""Capability: a contact law of another package, "contact_law KIND DIGEST" with the digest of its sources."""
 
 
 def _outside_law(kind: str) -> str | None:
-    """The capability of a law's kind as it is installed here; None: it is none of another package."""
+    """The capability of a law's kind as installed here; None if it is a law of this package."""
     digest = law_digests().get(kind)
     return None if digest is None else f"{CONTACT_LAW} {kind} {digest[:16]}"
 
@@ -35,11 +35,11 @@ CAPABILITIES: Mapping[str, tuple[str, ...]] = {
     SOIL: (TICK_MEAN, EARLY_END, *_LAWS),
     RECORDER: (DRIVER_COMMAND, EARLY_END),
 }
-"""Of the nodes of this package."""
+"""Capabilities of the nodes of this package."""
 
 
 def needed_capabilities(scene: Scene) -> dict[str, dict[str, str]]:
-    """By node: what it must be able to do for the scene, and the scene key that asks for it."""
+    """For each node: the capabilities that the scene needs, with the scene key that needs them."""
     needed: dict[str, dict[str, str]] = {}
 
     def add(capability: str, key: str, *nodes: str) -> None:
@@ -58,10 +58,10 @@ def needed_capabilities(scene: Scene) -> dict[str, dict[str, str]]:
 
 
 def check_node_status(own: NodeStatus, other: NodeStatus, needed: Mapping[str, str]) -> None:
-    """Compares a node's word with the coupler's own.
+    """Compare a node's status with the coupler's own.
 
     Args:
-        needed: capability -> scene key that asks for it, of this node.
+        needed: capability of this node -> scene key that needs it.
 
     Raises:
         ProtocolError: another scene, version or message definition, or a capability that is missing.
@@ -89,12 +89,12 @@ def check_node_status(own: NodeStatus, other: NodeStatus, needed: Mapping[str, s
             there = any(text.startswith(f"{CONTACT_LAW} {kind} ") for text in other.capabilities)
             found = "has other sources of" if there else "does not have"
             raise ProtocolError(
-                f"node_status: {node} {found} contact law '{kind}', which the scene asks for ({key}); "
+                f"node_status: {node} {found} contact law '{kind}', which the scene needs ({key}); "
                 "install the package that the law comes in, in the same version, for all nodes"
             )
         if capability not in other.capabilities:
             raise ProtocolError(
-                f"node_status: {node} cannot do '{capability}', which the scene asks for ({key}); use a node "
+                f"node_status: {node} cannot do '{capability}', which the scene needs ({key}); use a node "
                 "that can, or change the scene"
             )
 

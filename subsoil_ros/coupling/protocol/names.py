@@ -1,4 +1,4 @@
-"""Names of the nodes of a run, and how far the recorder may be behind."""
+"""Names of the nodes of a run, and the largest lag of the recorder."""
 
 from ...scene.controller import External
 from ...scene.model import Scene
@@ -10,14 +10,14 @@ RECORDER = "recorder"
 CONTROLLER = "controller"
 
 ACK_LAG_TICKS = 256
-"""Ticks that the recorder may be behind the grants."""
+"""Largest number of ticks that the recorder may be behind the grants."""
 
 ACK_EVERY_TICKS = 16
-"""The recorder acknowledges at least so often; below ACK_LAG_TICKS, or the run would stand still."""
+"""Largest number of ticks between acknowledgements; below ACK_LAG_TICKS, or the run would stand still."""
 
 
 def participants(scene: Scene) -> tuple[str, ...]:
-    """Nodes a run of the scene needs beside the coupler."""
+    """Nodes that a run of the scene needs beside the coupler."""
     parts = ((MECHANISM, scene.moved_by_participant), (SOIL, scene.soil is not None))
     names = [name for name, there in parts if there]
     if scene.controller is not None:
@@ -28,7 +28,7 @@ def participants(scene: Scene) -> tuple[str, ...]:
 
 
 def nodes_from_outside(scene: Scene) -> dict[str, str]:
-    """Nodes of a run that other programs bring, with the scene key that says so."""
+    """Nodes of a run that other programs provide, with the scene key that makes them external."""
     found = {}
     if scene.external_machine:
         found[MECHANISM] = "tools.*.path.external: true"

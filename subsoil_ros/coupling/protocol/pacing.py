@@ -1,4 +1,4 @@
-"""Pause, resume and single steps: how far the coupler may grant."""
+"""Pause, resume and single steps: the limit that they set for grants."""
 
 from dataclasses import dataclass
 
@@ -9,27 +9,27 @@ from ...errors import ProtocolError
 class Pacing:
     """The last tick that may be granted while the run is paused; None while it is not.
 
-    Ticks that are granted when the pause comes are still done: the run then stands at the end of a tick.
+    Ticks granted before the pause are still done: the run then stands at the end of a tick.
     """
 
     hold_tick: int | None = None
 
     @property
     def paused(self) -> bool:
-        """Whether the run stands, or will when the ticks granted are done."""
+        """Whether the run stands, or will stand when the granted ticks are done."""
         return self.hold_tick is not None
 
     def pause(self, granted: int) -> int:
-        """No more ticks than those granted. Answers the tick at whose end the run stands."""
+        """Stop after the granted ticks; return the tick at whose end the run stands."""
         self.hold_tick = granted
         return granted
 
     def resume(self) -> None:
-        """Ticks are granted as ever."""
+        """End the pause."""
         self.hold_tick = None
 
     def step(self, count: int, last_tick: int) -> int:
-        """So many ticks more, then stand again. Answers the last of them.
+        """Allow `count` more ticks, then stand again; return the last of them.
 
         Raises:
             ProtocolError: the run is not paused, has no tick left, or count is below 1.
@@ -44,5 +44,5 @@ class Pacing:
         return self.hold_tick
 
     def limit(self, tick: int) -> int:
-        """The last tick that may be granted, where nothing else than a pause forbids `tick`."""
+        """The last tick up to `tick` that may be granted."""
         return tick if self.hold_tick is None else min(tick, self.hold_tick)

@@ -1,4 +1,4 @@
-"""Motion or soil: takes messages in any interleaving, hands out each tick once, in order."""
+"""Motion or soil: accepts messages in any interleaving, and returns each tick once, in order."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -11,7 +11,7 @@ from .streams import AnswerStream, CommandStream, Stream
 
 
 class Needs(Enum):
-    """What a participant needs to advance tick k, beside the grant of it."""
+    """Message that a participant needs to advance tick k, beside its grant."""
 
     NOTHING = "nothing"  # a mechanism without soil, a soil that moves its tools itself
     WRENCHES = "wrenches of tick k-1"
@@ -20,7 +20,7 @@ class Needs(Enum):
 
 @dataclass(frozen=True)
 class Work:
-    """A tick that can be advanced now, and what it needs."""
+    """A tick that can be advanced now, with the messages it needs."""
 
     tick: int
     motions: tuple[ToolMotion, ...] = ()
@@ -29,12 +29,13 @@ class Work:
 
 
 class Participant:
-    """Motion or soil: takes messages in any interleaving, hands out each tick once, in order.
+    """Motion or soil: accepts messages in any interleaving, and returns each tick once, in order.
 
     Args:
-        control_ticks: a command is needed every so many ticks; 0: never.
-        first_tick: later than 0 where the run goes on from another.
-        check_ticks: END may come early every so many ticks (ticks.is_early_end); 0: with the last tick only.
+        control_ticks: interval of the ticks that need a command; 0: none does.
+        first_tick: later than 0 in a resumed run.
+        check_ticks: interval of the ticks with which END may come early (ticks.is_early_end); 0: with the
+            last tick only.
     """
 
     def __init__(
@@ -64,18 +65,18 @@ class Participant:
         self._ended = False
 
     def start(self, wrenches: tuple[ToolWrench, ...]) -> None:
-        """Takes the wrenches before the first tick; only Needs.WRENCHES has to have them."""
+        """Accept the wrenches before the first tick; only Needs.WRENCHES uses them."""
         self._initial_wrenches = wrenches
 
     def accept_grant(self, grant: Grant) -> None:
-        """Takes a grant. ABORT may come at any time, and nothing is handed out after it."""
+        """Accept a grant. ABORT may come at any time; no tick is returned after it."""
         if grant.command is Command.ABORT:
             self._grants.refuse_foreign(grant.run_id, grant.tick)
             self.abort = self.abort or grant
             return
         if self._ended and grant.tick > self.last_tick:
             raise ProtocolError(
-                f"grant: tick {grant.tick} came, but the run ends with tick {self.last_tick}, as END said"
+                f"grant: tick {grant.tick} came, but the run ends with tick {self.last_tick}, by its END"
             )
         self._grants.accept(grant.run_id, grant.tick)
         end = grant.command is Command.END
@@ -92,10 +93,10 @@ class Participant:
             self.last_tick, self._ended = grant.tick, True
 
     def accept_keep(self, grant: Grant) -> None:
-        """Takes it that the state at the end of a tick is to be kept now.
+        """Handle CHECKPOINT: verify that this participant has finished exactly that tick.
 
         Raises:
-            ProtocolError: this side does not stand there.
+            ProtocolError: it has not, or a later tick is granted.
         """
         self._grants.refuse_foreign(grant.run_id, grant.tick)
         if self._at_work or grant.tick != self.done_tick or self._grants.next_tick != grant.tick + 1:
@@ -105,21 +106,21 @@ class Participant:
             )
 
     def accept_motions(self, motions: ToolMotions) -> None:
-        """Takes the motions of a tick."""
+        """Accept the motions of a tick."""
         self._motions.add(motions)
 
     def accept_wrenches(self, wrenches: ToolWrenches) -> None:
-        """Takes the wrenches of a tick."""
+        """Accept the wrenches of a tick."""
         self._wrenches.add(wrenches)
 
     def accept_command(self, command: DriverCommand) -> None:
-        """Takes the command of a control tick."""
+        """Accept the command of a control tick."""
         self._commands.add(command)
 
     def next_work(self) -> Work | None:
-        """The next tick with what it needs, once; None while something is missing.
+        """The next tick with the messages it needs, once; None while one is missing.
 
-        The tick is to be advanced and `finish`ed before the next is handed out.
+        The caller advances the tick and calls `finish` before the next call.
         """
         tick = self.done_tick + 1
         if self._at_work or self.abort or tick >= self._grants.next_tick or tick > self.last_tick:
@@ -142,7 +143,7 @@ class Participant:
         return Work(tick, motions, wrenches, self._commands.take() if controlled else None)
 
     def finish(self, tick: int) -> None:
-        """Says that the tick handed out is advanced."""
+        """Note that the tick returned last is advanced."""
         if not self._at_work or tick != self.done_tick + 1:
             raise ProtocolError(f"tick {tick} is finished where tick {self.done_tick + 1} is at work")
         self._at_work = False

@@ -1,4 +1,4 @@
-"""The recorder's side: collects what is due at a tick, and hands out whole ticks in order."""
+"""The recorder's side: collects the messages of each tick, and returns whole ticks in order."""
 
 from collections.abc import Callable
 from typing import Generic, TypeVar
@@ -12,19 +12,18 @@ Payload = TypeVar("Payload")
 
 
 class RecordBarrier(Generic[Payload]):
-    """The recorder's side: collects what is due at a tick, and hands out whole ticks in order.
+    """The recorder's side: collects the messages of each tick, and returns whole ticks in order.
 
-    An abort names the last tick that the coupler has finished, and others may be ahead of it. So a tick is
-    handed out only when it is certain that no abort will name an earlier one.
+    An abort names the last tick that the coupler has finished; other nodes may be ahead of it. So a tick is
+    returned only when no abort can name an earlier one any more.
 
     Args:
         due: names of the messages due at a tick, in the order in which they are recorded.
-        grant_window: a grant of tick k says that the coupler has finished tick k - grant_window.
-        first_tick: later than 0 where the run goes on from another.
-        check_ticks: the run may end early every so many ticks (ticks.is_early_end); 0: never.
-        due_at_end: as `due`, if the run ends with the tick; the same as `due` if not given. The grant is
-            among them.
-        initial: names of the messages of INITIAL_TICK, the state before tick 0; none where the run goes on.
+        grant_window: a grant of tick k means that the coupler has finished tick k - grant_window.
+        first_tick: later than 0 in a resumed run.
+        check_ticks: interval of the ticks with which the run may end early (ticks.is_early_end); 0: none.
+        due_at_end: as `due`, if the run ends with the tick; default: `due`. The grant is among them.
+        initial: names of the messages of INITIAL_TICK, the state before tick 0; empty in a resumed run.
     """
 
     def __init__(
@@ -52,7 +51,7 @@ class RecordBarrier(Generic[Payload]):
         self._kept: dict[int, dict[str, Payload]] = {}
 
     def add(self, name: str, tick: int, payload: Payload) -> None:
-        """Keeps a message.
+        """Keep a message.
 
         Raises:
             ProtocolError: it is repeated, or not due at its tick.
@@ -70,7 +69,7 @@ class RecordBarrier(Generic[Payload]):
         kept[name] = payload
 
     def end(self, tick: int) -> None:
-        """Take it that END came with `tick`.
+        """Handle END, which came with `tick`.
 
         Raises:
             ProtocolError: the run may not end there.
@@ -81,22 +80,22 @@ class RecordBarrier(Generic[Payload]):
         self.cut_tick = min(self.cut_tick, tick)
 
     def note_grant(self, tick: int) -> None:
-        """Takes it that `tick` is granted."""
+        """Note that `tick` is granted."""
         self._granted = True
         self.note_finished(tick - self._window)
 
     def note_finished(self, tick: int) -> None:
-        """Takes it that the coupler has finished `tick`, or will never name one again."""
+        """Note that the coupler has finished `tick`: no abort names an earlier one from now on."""
         self._certain = max(tick, self._certain)
 
     def cut(self, tick: int) -> None:
-        """Ends the record with `tick`, the one that an abort names; a run that never began has none."""
+        """End the record with `tick`, which an abort names; if the run never began, at once."""
         began = self._granted or tick > INITIAL_TICK
         self.cut_tick = min(tick if began else self.done_tick, self.cut_tick)
         self.note_finished(tick)
 
     def take_tick(self) -> tuple[int, list[tuple[str, Payload]]] | None:
-        """The next tick of which everything is here, in recording order; None while some is missing."""
+        """The next complete tick, its messages in recording order; None while one is missing."""
         tick = self.done_tick + 1
         kept = self._kept.get(tick, {})
         due = self._due(tick)
@@ -110,7 +109,7 @@ class RecordBarrier(Generic[Payload]):
         return tick, [(name, kept[name]) for name in due]
 
     def next_ack(self, *, at_once: bool = False) -> int | None:
-        """The tick to acknowledge now, if it is time to or `at_once`; the last is so in any case."""
+        """The tick to acknowledge now: after ACK_EVERY_TICKS, at the end, or `at_once`; else None."""
         at_once = at_once or self.done_tick == self.last_tick
         if self.done_tick < self._acknowledged + ACK_EVERY_TICKS and not at_once:
             return None
@@ -125,13 +124,13 @@ class RecordBarrier(Generic[Payload]):
         return self.done_tick >= self.cut_tick
 
     def missing(self) -> str:
-        """What the next tick waits for, in words."""
+        """Messages that the next tick waits for, in words."""
         tick = self.done_tick + 1
         kept = self._kept.get(tick, {})
         return f"tick {tick}: {', '.join(name for name in self._due(tick) if name not in kept)}"
 
     def _due(self, tick: int) -> tuple[str, ...]:
-        """What is due at `tick`, as far as it is known whether the run ends with it."""
+        """Names of the messages due at `tick`; those of a last tick only once its END has come."""
         if tick == INITIAL_TICK:
             return self._initial
         return (self._due_at_end if tick == self.last_tick else self._due_before_end)(tick)

@@ -23,7 +23,7 @@ class Stream:
         self._tick_count = tick_count
 
     def accept(self, run_id: str, tick: int) -> None:
-        """Takes the next message.
+        """Accept the next message.
 
         Raises:
             ProtocolError: it is of another run, or not of the expected tick.
@@ -53,11 +53,11 @@ class Stream:
 
 def refuse_other_tools(name: str, tick: int, given: tuple[str, ...], tools: tuple[str, ...]) -> None:
     if given != tools:
-        raise ProtocolError(f"{name}: tick {tick} speaks of tools {list(given)}, the scene has {list(tools)}")
+        raise ProtocolError(f"{name}: tick {tick} has tools {list(given)}, the scene has {list(tools)}")
 
 
 class AnswerStream(Stream, Generic[Answer]):
-    """Motions or wrenches, kept until they are taken in order."""
+    """Motions or wrenches, kept until `take` returns them in order."""
 
     def __init__(
         self, name: str, run_id: str, tick_count: int, tools: tuple[str, ...], first: int = 0
@@ -67,7 +67,7 @@ class AnswerStream(Stream, Generic[Answer]):
         self._kept: deque[Answer] = deque()
 
     def add(self, answer: Answer) -> None:
-        """Keeps the next answer; ProtocolError if it is not the next, or not of these tools."""
+        """Keep the next message. Raises ProtocolError if it is not the next, or has other tools."""
         self.accept(answer.run_id, answer.tick)
         refuse_other_tools(self._name, answer.tick, tuple(t.tool for t in answer.tools), self._tools)
         self._kept.append(answer)
@@ -76,7 +76,7 @@ class AnswerStream(Stream, Generic[Answer]):
         return len(self._kept)
 
     def take(self) -> Answer:
-        """The oldest answer kept."""
+        """Remove and return the oldest message kept."""
         return self._kept.popleft()
 
 
@@ -91,16 +91,16 @@ class CommandStream(Stream):
         self._kept: deque[DriverCommand] = deque()
 
     def add(self, command: DriverCommand) -> None:
-        """Keeps the next command; ProtocolError if it is not the next."""
+        """Keep the next command. Raises ProtocolError if it is not the next."""
         if not self._controlled:
             raise ProtocolError(f"driver_command: tick {command.tick} came, but the scene has no controller")
         self.accept(command.run_id, command.tick)
         self._kept.append(command)
 
     def has(self, tick: int) -> bool:
-        """Whether the command of `tick` is here."""
+        """Whether the command of `tick` has come."""
         return bool(self._kept) and self._kept[0].tick == tick
 
     def take(self) -> DriverCommand:
-        """The oldest command kept."""
+        """Remove and return the oldest command kept."""
         return self._kept.popleft()

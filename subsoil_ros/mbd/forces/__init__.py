@@ -1,4 +1,4 @@
-"""Force elements: one module per kind, with its law, its modes, what is reported of it, and its table row.
+"""Force elements: one module per kind, with its law, its modes, its report, and its table row.
 
 A new kind needs
 - an entry in scene/mechanism.py: a class with a `kind` of its own, in the union `Force`;
@@ -46,7 +46,7 @@ FILL_OF_SCENE: dict[type, Callable[[Builder, str, Any], None]] = {
 
 
 def tabulate_forces(mechanism: Mechanism, poses: ReferencePoses, functions: FunctionList) -> ForceTables:
-    """Tables of all forces, in the order of the scene, then friction and stops in the order of joints.
+    """Return the tables of all forces in scene order, then of friction and stops in the order of the joints.
 
     Raises:
         SceneError: a locked spring without length.

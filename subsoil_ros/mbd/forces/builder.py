@@ -1,4 +1,4 @@
-"""Collects the rows of a machine's force table, and the joints that stand for locked springs."""
+"""Builder of a machine's force table, and of the joints that replace locked springs."""
 
 import math
 from collections.abc import Iterable
@@ -16,7 +16,7 @@ from .table import FORCE
 
 @dataclass(frozen=True)
 class ForceTables:
-    """Forces of a machine, and the joints that stand for its locked springs."""
+    """Forces of a machine, and the joints that replace its locked springs."""
 
     names: tuple[str, ...]  # of the scene, then JOINT.friction and JOINT.stops
     rows: np.ndarray  # (forces,) FORCE
@@ -26,7 +26,7 @@ class ForceTables:
 
 
 class Builder:
-    """What the modules of this package fill in."""
+    """Collects the rows that the modules of this package add."""
 
     def __init__(self, mechanism: Mechanism, poses: ReferencePoses, functions: FunctionList) -> None:
         self.poses, self.functions, self.joint_names = poses, functions, list(mechanism.joints)
@@ -37,7 +37,7 @@ class Builder:
         self._locks: list[np.ndarray] = []
 
     def row(self, name: str, kind: int) -> np.ndarray:
-        """A new row (1,) FORCE without stops and time functions."""
+        """Add a row (1,) FORCE without stops and time functions, and return it."""
         row = np.zeros(1, dtype=FORCE)
         row["kind"], row["functions"], row["body_a"] = kind, NO_FUNCTION, len(self.poses.names) - 1
         row["lower"], row["upper"], row["slip_speed"] = -math.inf, math.inf, 1.0
@@ -62,7 +62,7 @@ class Builder:
         return row
 
     def lock(self, name: str, row: np.ndarray, kind: int, joint_kind: int, offset: float) -> None:
-        """A joint in the place of a spring."""
+        """Add a joint that replaces a spring."""
         row["kind"], row["joint"] = kind, len(self.joint_names) + len(self._locks)
         joint = np.zeros(1, dtype=JOINT)
         for key in ("body_a", "body_b", "point_a", "point_b"):
@@ -72,7 +72,7 @@ class Builder:
         self._lock_names.append(name if name not in self.joint_names else f"{name}_locked")
 
     def tables(self) -> ForceTables:
-        """All that has been collected."""
+        """Return the tables of all rows added."""
         return ForceTables(
             names=tuple(self._names),
             rows=_stack(self._rows, FORCE),

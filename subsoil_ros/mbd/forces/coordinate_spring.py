@@ -20,7 +20,7 @@ def _stretch(model, force, time, select, q, v):
 
 @inner_kernel
 def add(model, force, mode, time, select, q, v, total, powers):
-    """Its force; a moving target works on the machine like a driver and is booked there."""
+    """Add its force; the work of a moving target counts as work of drivers."""
     stretch, rate, target_rate = _stretch(model, force, time, select, q, v)
     push, elastic, _ = spring_push(model, force, mode, stretch, rate)
     total[force.coordinate] += push
@@ -30,7 +30,7 @@ def add(model, force, mode, time, select, q, v, total, powers):
 
 @inner_kernel
 def mode_at(model, force, time, select, q, v):
-    """Its mode."""
+    """Return its mode."""
     if force.acts_in == 0:
         return 0
     stretch, rate, _ = _stretch(model, force, time, select, q, v)
@@ -46,7 +46,7 @@ def report(model, force, mode, time, select, q, v):
 
 
 def fill(builder: Builder, name: str, force: CoordinateSpring) -> None:
-    """Its row of the table."""
+    """Add its row to the table."""
     row, body = builder.row(name, COORDINATE_SPRING), builder.poses.index(force.body)
     row["body_b"], row["coordinate"] = body, 3 * body + COORDINATE_INDEX[force.coordinate]
     row["functions"][0, 0] = builder.functions.add(force.target)

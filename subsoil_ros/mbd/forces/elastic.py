@@ -1,7 +1,8 @@
-"""What springs share: the elastic part with its damper, the stops, and the modes of both.
+"""Parts common to springs: the elastic part with its damper, the stops, and the modes of both.
 
-mode = stop + STOPS * segment. Stop 0 free, 1 pressed at the lower end, 2 there but cut at zero force, 3 and
-4 the same at the upper end; segment 0 or 1 (off, on) with `acts_in`, or the segment of the table.
+mode = stop + STOPS * segment. Stop 0: free; 1: pressed at the lower end; 2: there, but with its force, which
+would pull, set to zero; 3 and 4: the same at the upper end. Segment: 0 or 1 (off, on) with `acts_in`, or the
+segment of the table.
 """
 
 import math
@@ -13,7 +14,7 @@ from ..compiled import inner_kernel
 from .builder import Builder
 
 STOPS = 5
-"""States of a spring's stops."""
+"""Number of states of a spring's stops."""
 
 
 @inner_kernel
@@ -29,7 +30,7 @@ def _segment(model, force, stretch):
 def spring_push(model, force, mode, stretch, rate):
     """Push, its elastic part and the energy stored, `stretch` growing at `rate`; without the stops.
 
-    A one-way spring stores energy while it acts, and its elastic part alone acts that way.
+    A one-way spring stores energy only while it acts and its elastic part has the sign of its direction.
     """
     if force.curve_count > 0:
         row = force.curve + mode // STOPS
@@ -94,12 +95,12 @@ def spring_mode(model, force, stretch, rate, value, value_rate):
 
 @inner_kernel
 def has_modes(force):
-    """Whether a spring with stops can be in more than one."""
+    """Whether a spring with stops has more than one mode."""
     return force.acts_in != 0 or force.curve_count > 0 or force.lower > -np.inf or force.upper < np.inf
 
 
 def engaged_mode(force: np.void, curves: np.ndarray, mode: int) -> int:
-    """The one in which a stop and a one-way spring act, and a table is at its steepest."""
+    """Return the mode in which a stop and a one-way spring act, and a table is on its steepest segment."""
     segment, count = mode // STOPS, int(force["curve_count"])
     if count > 0:
         curve = curves[force["curve"] : force["curve"] + count]
@@ -118,7 +119,7 @@ def fill_elastic(
     rest: float,
     table: tuple[tuple[float, ...], tuple[float, ...]] | None,
 ) -> None:
-    """Elastic part; the preload of a linear spring is a longer free length."""
+    """Fill in the elastic part; the preload of a linear spring becomes a longer free length."""
     row["stiffness"], row["preload"], row["length"] = stiffness or 0.0, preload, rest
     if table is not None:
         row["curve"], row["curve_count"] = len(builder.curves), len(table[0])
@@ -139,7 +140,7 @@ def _with_energy(places: tuple[float, ...], forces: tuple[float, ...]) -> list[t
 
 
 def fill_stops(row: np.ndarray, stops: TranslationStops | RotationStops | None) -> None:
-    """Stops of a spring or of a joint."""
+    """Fill in the stops of a spring or of a joint."""
     if stops is None:
         return
     if isinstance(stops, TranslationStops):

@@ -1,9 +1,9 @@
-"""Forces of the machine: their sum, the modes they are in, and what is reported of them.
+"""Forces of the machine: their sum, their modes, and their reports.
 
 A mode is a smooth part of an element's law: slack or taut, a segment of a table, a stop touched or not, a
-wheel off or on the ground. Within a step it is held, so that a step sees a smooth force; where the state
-leaves its mode, the integrator finds the instant (events.py). `held` is whatever has `modes`, `multipliers`
-and `anchors`: the State, or Held.
+wheel off or on the ground. It is held within a step, where the force is therefore smooth; where the state
+leaves the mode, the integrator locates the instant (events.py). `held` is a State or a Held: it has `modes`,
+`multipliers` and `anchors`.
 """
 
 from typing import NamedTuple
@@ -31,7 +31,7 @@ from .table import (
 
 
 class Held(NamedTuple):
-    """What forces depend on beside position and velocity."""
+    """Quantities that forces depend on beside position and velocity."""
 
     modes: np.ndarray  # (forces,) int64
     multipliers: np.ndarray  # (m,) float64 [N or N m]
@@ -42,7 +42,7 @@ class Held(NamedTuple):
 def _measure(force, mode, q, turns, v):
     """Length, angle or translation, its rate, and the direction of a force along it with its two arms.
 
-    Answers (value, rate, ux, uz, ax, az, bx, bz); for an angle the direction is zero.
+    Returns (value, rate, ux, uz, ax, az, bx, bz); for an angle the direction is zero.
     """
     if force.kind == TORSION_SPRING or force.kind == ROTATION_FRICTION or force.kind == LOCKED_TORSION:
         return torsion_spring.measure(force, q, v)
@@ -53,7 +53,7 @@ def _measure(force, mode, q, turns, v):
 
 @inner_kernel
 def _add_between(model, held, i, q, turns, v, total, powers):
-    """A spring, stop or friction between two bodies."""
+    """Add a spring, stop or friction between two bodies."""
     force = model.forces[i]
     mode = held.modes[i]
     value, rate, ux, uz, ax, az, bx, bz = _measure(force, mode, q, turns, v)
@@ -97,7 +97,7 @@ def evaluate_forces(model, held, time, select, q, turns, v, total, powers):
 
 @kernel
 def evaluate_modes(model, held, time, select, q, turns, v, modes):
-    """The mode that every force is in at this state, after those in `held`, into `modes` (forces,)."""
+    """Write the mode of every force at this state, which follows that in `held`, into `modes` (forces,)."""
     for i in range(model.forces.shape[0]):
         force, before = model.forces[i], held.modes[i]
         modes[i] = 0
@@ -120,7 +120,7 @@ def evaluate_modes(model, held, time, select, q, turns, v, modes):
 
 @kernel
 def move_anchors(model, held, q, turns, v, modes, first):
-    """Brings the anchors in `held` from its modes to `modes`; the `first` ones are unstrained."""
+    """Change the anchors in `held` from its modes to `modes`; with `first` they become unstrained."""
     for i in range(model.forces.shape[0]):
         force, before, after = model.forces[i], held.modes[i], modes[i]
         if force.stick_stiffness == 0.0 or (before == after and not first):
@@ -137,9 +137,9 @@ def move_anchors(model, held, q, turns, v, modes, first):
 
 @kernel
 def report_forces(model, held, time, select, q, turns, v, report):
-    """Length, rate [m, m/s] (or rad) and force of every element into `report` (forces, 3).
+    """Write length, rate [m, m/s] (or rad) and force of every element into `report` (forces, 3).
 
-    Answers the energy stored in springs, stops and wheel contacts [J]. Of a locked spring the force is left
+    Returns the energy stored in springs, stops and wheel contacts [J]. The force of a locked spring is left
     at zero: it is that of its constraint.
     """
     total = 0.0
@@ -164,7 +164,7 @@ def report_forces(model, held, time, select, q, turns, v, report):
 
 
 def held_at(model: Model, time: float, select: float, q: np.ndarray, v: np.ndarray) -> Held:
-    """The modes at a state; multipliers zero, what sticks unstrained."""
+    """Return the modes at a state, with multipliers of zero and unstrained sticking friction."""
     count, turns = len(model.forces), turns_of(q)
     held = Held(np.zeros(count, dtype=np.int64), np.zeros(len(model.row_scale)), np.zeros(count))
     move_anchors(model, held, q, turns, v, held.modes, True)

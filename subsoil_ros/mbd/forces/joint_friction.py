@@ -1,7 +1,7 @@
 """Friction of a joint against its rotation or translation: (preload + mu R N) tanh(rate / slip speed).
 
-N is the whole reaction in a pin of radius R, and that across the line (R = 1) on a line. With a stick
-stiffness: sticking.py.
+N is the whole reaction in a pin of radius R; on a line, the reaction across it, with R = 1. Friction with a
+stick stiffness: sticking.py.
 """
 
 import math
@@ -16,13 +16,13 @@ from .table import FRICTIONS, ROTATION_FRICTION, TRANSLATION_FRICTION
 
 @inner_kernel
 def is_friction(force):
-    """Whether it is of this kind."""
+    """Whether a force is the friction of a joint."""
     return force.kind in FRICTIONS
 
 
 @inner_kernel
 def joint_pressure(model, force, multipliers):
-    """Force that presses in the joint [N]."""
+    """Normal force in the joint [N]."""
     row = model.joints[force.joint].row
     if force.kind == ROTATION_FRICTION:
         return math.sqrt(multipliers[row] ** 2 + multipliers[row + 1] ** 2)
@@ -31,7 +31,7 @@ def joint_pressure(model, force, multipliers):
 
 @inner_kernel
 def friction_limit(model, force, multipliers):
-    """What friction can hold."""
+    """Largest force or moment of the friction."""
     limit = force.preload
     if force.friction > 0.0:
         limit += force.friction * force.length * joint_pressure(model, force, multipliers)
@@ -48,7 +48,7 @@ def friction_push(model, force, mode, anchor, multipliers, value, rate):
 
 
 def fill(builder: Builder, name: str, joint: Revolute | Prismatic | PointOnLine) -> None:
-    """Its row of the table, if the joint has any."""
+    """Add its row to the table, if the joint has friction."""
     friction = joint.friction
     if friction is None:
         return

@@ -20,7 +20,7 @@ def measure_translation(force, q, turns, v):
 
 
 def fill(builder: Builder, name: str, joint: Revolute | Prismatic | PointOnLine) -> None:
-    """Their row of the table, if the joint has any."""
+    """Add their row to the table, if the joint has stops."""
     if joint.stops is not None:
         kind = TORSION_SPRING if isinstance(joint, Revolute) else TRANSLATION_STOPS
         fill_stops(builder.row_at_joint(f"{name}.stops", kind, joint), joint.stops)

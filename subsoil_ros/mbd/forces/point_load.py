@@ -11,7 +11,7 @@ from .table import POINT_LOAD
 
 @inner_kernel
 def add(model, force, time, select, turns, v, total, powers):
-    """Its force and moment."""
+    """Add its force and moment."""
     body = 3 * force.body_b
     fx = function_value(model.functions, force.functions[0], time, select)
     fz = function_value(model.functions, force.functions[1], time, select)
@@ -24,7 +24,7 @@ def add(model, force, time, select, turns, v, total, powers):
 
 
 def fill(builder: Builder, name: str, force: PointLoad) -> None:
-    """Its row of the table."""
+    """Add its row to the table."""
     row = builder.row(name, POINT_LOAD)
     row["body_b"] = builder.poses.index(force.body)
     row["point_b"] = builder.poses.point(force.body, force.point_m)

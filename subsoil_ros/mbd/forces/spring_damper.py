@@ -1,8 +1,8 @@
 """Spring and damper between two points: push = k (L_0 - L) + F_0 - c L' along them (elastic.py).
 
-Where one point passes through the other the push turns about within no time: a kink, with a mode on either
-side. Within a step of it, the direction is that of the relative velocity, less or plus, so that the law of a
-mode goes on smoothly beyond, to a length below zero.
+Where one point passes through the other, the push reverses at once: a kink, with a mode on either side.
+Within a step of it, the direction is minus or plus that of the relative velocity, so that the law of a mode
+continues smoothly beyond, to a length below zero.
 """
 
 import math
@@ -17,11 +17,11 @@ from .elastic import fill_elastic, fill_stops
 from .table import LOCKED_SPRING, SPRING_DAMPER
 
 BEFORE, BEYOND = 2**40, 2**41
-"""Added to the mode of a spring that is about to pass through its anchor, or just has."""
+"""Numbers added to the mode of a spring that is about to pass through its anchor, or just has."""
 
 MISSED = 1e-9
-"""Points that would miss each other by less than this part of the machine's size meet (chosen: the push on
-one that passes at 1 m/s and 1 nm turns within 1 ns, less than parts of steps follow)."""
+"""Distance, over the machine's size, below which points that pass count as meeting. The push on one that
+passes at 1 m/s and 1 nm reverses within 1 ns, which parts of steps cannot follow."""
 
 
 @inner_kernel
@@ -42,7 +42,7 @@ def measure(force, mode, q, turns, v):
 
 @inner_kernel
 def passing(model, force, q, turns, v):
-    """What the nearness of the anchor adds to the mode: 0 farther away than a step goes, or past it."""
+    """Return BEFORE or BEYOND next to the anchor; 0 if it is farther away than a step, or is missed."""
     if force.kinked == 0:
         return 0
     dx, dz, ax, az, bx, bz = difference(force, q, turns)
@@ -54,7 +54,7 @@ def passing(model, force, q, turns, v):
 
 
 def fill(builder: Builder, name: str, force: SpringDamper) -> None:
-    """Its row of the table, and a rod if it is locked."""
+    """Add its row to the table, and a rod if it is locked."""
     row, poses = builder.row_between(name, SPRING_DAMPER, force), builder.poses
     row["point_a"] = poses.point(force.body_a, force.point_a_m)
     row["point_b"] = poses.point(force.body_b, force.point_b_m)
@@ -62,7 +62,7 @@ def fill(builder: Builder, name: str, force: SpringDamper) -> None:
         length = math.dist(force.point_a_m, force.point_b_m)
         if length == 0.0:
             raise SceneError(
-                f"mechanism.forces.{name}.locked: its two points are one in the reference pose, and a "
+                f"mechanism.forces.{name}.locked: its two points coincide in the reference pose, and a "
                 "rod needs a length; use a revolute joint there"
             )
         builder.lock(name, row, LOCKED_SPRING, ROD, length)
@@ -70,7 +70,7 @@ def fill(builder: Builder, name: str, force: SpringDamper) -> None:
     pushes = force.free_length_m > 0.0 or force.preload_newton != 0.0 or force.table or force.stops
     if pushes and force.point_a_m == force.point_b_m:
         raise SceneError(
-            f"mechanism.forces.{name}: its two points are one in the reference pose, where its force has no "
+            f"mechanism.forces.{name}: its two points coincide in the reference pose, where its force has no "
             "direction; move one, or give free_length_m: 0 and neither preload, table nor stops"
         )
     row["kinked"] = bool(pushes)

@@ -1,8 +1,8 @@
 """Coulomb friction with sticking: a spring and damper up to the limit, sliding at the limit beyond.
 
 The spring is unstrained at the anchor, which follows the sliding. Modes: it sticks; it slides, forward
-(rate > 0) or backward; or it gives, forward or backward: the limit falls below what the spring holds, though
-it does not slide that way. Source: the Coulomb slider with a spring before it of Cundall and Strack 1979.
+(rate > 0) or backward; or it gives, forward or backward: the limit falls below the force of the spring,
+although the contact does not slide that way. Source: Cundall and Strack 1979, Coulomb slider behind a spring.
 """
 
 from ..compiled import inner_kernel
@@ -10,7 +10,7 @@ from ..compiled import inner_kernel
 STICKS, FORWARD, BACKWARD, GIVES_FORWARD, GIVES_BACKWARD = 0, 1, 2, 3, 4
 
 HELD = 1.0 - 1e-9
-"""What comes to rest is held by this part of the limit: safely below it in spite of round-off."""
+"""Part of the limit that holds a contact as it comes to rest: below the limit in spite of round-off."""
 
 
 @inner_kernel
@@ -39,7 +39,7 @@ def stick_mode(force, mode, anchor, limit, value, rate):
 
 @inner_kernel
 def stick_anchor(force, before, after, anchor, limit, value):
-    """The anchor once the mode has changed: what comes to rest goes on with the force it slid with."""
+    """Return the anchor after a change of mode; a contact that comes to rest keeps its force of sliding."""
     if after != STICKS or before not in (FORWARD, BACKWARD):
         return anchor
     strain = HELD * limit / force.stick_stiffness

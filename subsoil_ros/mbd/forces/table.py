@@ -4,7 +4,7 @@ import numpy as np
 
 SPRING_DAMPER, COORDINATE_SPRING, POINT_LOAD, WHEEL_CONTACT, TORSION_SPRING = 0, 1, 2, 3, 4
 TRANSLATION_STOPS, ROTATION_FRICTION, TRANSLATION_FRICTION = 5, 6, 7  # of joints
-LOCKED_SPRING, LOCKED_TORSION = 8, 9  # joints stand in their place
+LOCKED_SPRING, LOCKED_TORSION = 8, 9  # joints replace them
 """Stops of a revolute joint are a TORSION_SPRING without a spring."""
 
 FRICTIONS = (ROTATION_FRICTION, TRANSLATION_FRICTION)
@@ -17,7 +17,7 @@ FORCE = np.dtype(
         ("coordinate", np.int64),  # coordinate spring: index into q
         ("functions", np.int64, 3),  # coordinate spring: target; point load: x, z, moment
         ("acts_in", np.int64),  # spring: 0 both, 1 only positive, -1 only negative force
-        ("kinked", np.int64),  # spring_damper: 1 if its push turns about where it passes through its anchor
+        ("kinked", np.int64),  # spring_damper: 1 if its push reverses where it passes through its anchor
         ("joint", np.int64),  # friction: the joint whose reaction presses; locked: the joint in its place
         ("curve", np.int64),  # first row of its table in Model.curves
         ("curve_count", np.int64),  # rows of its table, 0 without

@@ -19,7 +19,7 @@ def measure(force, q, v):
 
 
 def fill(builder: Builder, name: str, force: TorsionSpring) -> None:
-    """Its row of the table, and a rotation lock if it is locked."""
+    """Add its row to the table, and a rotation lock if it is locked."""
     row = builder.row_between(name, TORSION_SPRING, force)
     if force.locked:
         builder.lock(name, row, LOCKED_TORSION, ROTATION_LOCK, float(row["origin"][0]))

@@ -1,6 +1,6 @@
 """A wheel on level ground, p in it: N = max(0, k p - c z') up, and -mu N tanh(w / w_s) along x at the rim.
 
-w = x' + R phi' is the slip. Modes: 0 off the ground, 1 pressed, 2 in the ground but cut at zero force; with a
+w = x' + R phi' is the slip. Modes: 0 off the ground, 1 pressed, 2 in the ground, force set to zero; with a
 stick stiffness also CONTACTS times that of sticking.py, whose value is x + R phi.
 """
 
@@ -16,12 +16,12 @@ from .table import WHEEL_CONTACT
 PRESSED = 1
 
 CONTACTS = 3
-"""States of a wheel against the ground."""
+"""Number of states of a wheel against the ground."""
 
 
 @inner_kernel
 def rolled(force, q):
-    """What friction holds: the way of the rim along the ground [m]; its rate is the slip."""
+    """Way of the rim along the ground [m], which sticking friction holds; its rate is the slip."""
     body = 3 * force.body_b
     return q[body] + force.length * q[body + 2]
 
@@ -52,7 +52,7 @@ def _contact(force, mode, anchor, q, v):
 
 @inner_kernel
 def add(force, mode, anchor, q, v, total, powers):
-    """Its forces; friction acts at the rolling radius."""
+    """Add its forces; friction acts at the rolling radius."""
     normal, elastic, friction, held, _, _, rate, slip = _contact(force, mode, anchor, q, v)
     body = 3 * force.body_b
     total[body] += friction
@@ -63,7 +63,7 @@ def add(force, mode, anchor, q, v, total, powers):
 
 @inner_kernel
 def mode_at(force, before, anchor, q, v):
-    """The mode after `before`; a wheel that lands sticks or slides anew."""
+    """Return the mode after `before`; a wheel that lands sticks or slides anew."""
     normal, _, _, _, _, penetration, _, slip = _contact(force, PRESSED, anchor, q, v)
     if penetration <= 0.0:
         return 0
@@ -79,7 +79,7 @@ def mode_at(force, before, anchor, q, v):
 
 @inner_kernel
 def anchor_at(force, before, after, anchor, q, v):
-    """The anchor of its friction once the mode has changed."""
+    """Return the anchor of its friction after a change of mode."""
     if after % CONTACTS != PRESSED:
         return anchor
     if before % CONTACTS != PRESSED:
@@ -97,7 +97,7 @@ def report(force, mode, anchor, q, v):
 
 
 def fill(builder: Builder, name: str, force: WheelContact) -> None:
-    """Its row of the table."""
+    """Add its row to the table."""
     row = builder.row(name, WHEEL_CONTACT)
     row["body_b"] = builder.poses.index(force.body)
     row["stiffness"], row["damping"] = force.stiffness_newton_per_m, force.damping_newton_s_per_m

@@ -1,10 +1,10 @@
 """Adams-Moulton predictor-corrector (PECE) on a history of accelerations.
 
-One polynomial through the accelerations gives both updates: its integral the velocities (the
-Adams formulas), its double integral the positions. History is therefore accelerations only, and when
-the wrench from outside changes they are shifted by what that changes now: the past becomes the one that
-the new wrench would have led through. The sum of the weights being one, a body takes wrench times
-interval to round-off, whatever came before.
+One polynomial through the accelerations gives both updates: its integral the velocities (the Adams formulas),
+its double integral the positions. So history consists of accelerations only. When the wrench from outside
+changes, they are shifted by the change of the present acceleration: the past becomes the one that the new
+wrench would have caused. As the sum of the weights is one, the momentum of a body changes by wrench times
+interval to round-off, whatever the history.
 """
 
 import numpy as np

@@ -2,7 +2,7 @@
 
 Source: Chung & Hulbert (1993), J. Appl. Mech. 60(2); the auxiliary acceleration p as in Arnold & Bruels
 (2007), Multibody Syst. Dyn. 18(2): (1 - am) p1 + am p0 = (1 - af) a1 + af a0. Here the unknowns are the
-accelerations of the independent coordinates, so nothing is left of the index of the constraints.
+accelerations of the independent coordinates, so the equations are free of constraints.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from ..linear import copy, lu_factor, lu_solve
 from ..tables import NOT_SOLVED, OK, PAST_COUNT, SINGULAR
 
 DAMPING_RADIUS = 0.8
-"""Spectral radius at infinite frequency (chosen: 1 damps nothing, 0 kills fast modes in one step)."""
+"""Spectral radius at infinite frequency. 1 would damp nothing, 0 would remove fast modes in one step."""
 
 ALPHA_M = (2.0 * DAMPING_RADIUS - 1.0) / (DAMPING_RADIUS + 1.0)
 ALPHA_F = DAMPING_RADIUS / (DAMPING_RADIUS + 1.0)
@@ -22,17 +22,17 @@ BETA = 0.25 * (GAMMA + 0.5) ** 2
 
 LAST_ITERATION = 30
 SOLVED = 1e-12
-"""A correction below this part of the accelerations ends Newton's method."""
+"""Size of a correction, as a part of the accelerations, that ends Newton's method."""
 
 STALLED = 1e-9
-"""So does one of more than half the last, below this part of the accelerations or of 1 m/s2: near rest,
-forces that cancel leave their round-off. So does one that moves no place by more than its own."""
+"""The same for a correction of more than half the last one, as a part of the accelerations or of 1 m/s2: near
+rest, forces that cancel leave their round-off. It may also move places by no more than PLACE_ROUND_OFF."""
 
 PLACE_ROUND_OFF = 16.0 * np.finfo(np.float64).eps
-"""Of places and lengths, as a part of the machine's reach (chosen: some operations lie between them)."""
+"""Round-off of places, as a part of the machine's reach: several operations, each of which rounds."""
 
 DIFFERENCE = 1e-5
-"""Accelerations are moved by this part of the largest for the differences of the Jacobian."""
+"""Change of an acceleration, as a part of the largest, in the differences of the Jacobian."""
 
 
 @inner_kernel
@@ -47,7 +47,7 @@ def _guess(state, work, step):
 
 @inner_kernel
 def _defect(state, work, i):
-    """By how much coordinate `i` misses (1 - am) p1 + am p0 = (1 - af) a1 + af a0."""
+    """Defect of coordinate `i` in (1 - am) p1 + am p0 = (1 - af) a1 + af a0."""
     old = state.past_a[0, i] if state.counters[PAST_COUNT] > 0 else state.a[i]
     sought = (1.0 - ALPHA_F) * work.a[i] + ALPHA_F * state.a[i]
     return (1.0 - ALPHA_M) * work.unknown[i] + ALPHA_M * old - sought
@@ -61,9 +61,9 @@ def _evaluate(model, state, work, time, select, step):
 
 @inner_kernel
 def step_generalized_alpha(model, state, work, start, step, select):
-    """One step into `work`, the auxiliary accelerations into `unknown`; (status, position iterations).
+    """Take one step into `work`, the auxiliary accelerations into `unknown`: (status, position iterations).
 
-    Newton's method; the Jacobian by differences, once a step.
+    By Newton's method, with a Jacobian by differences once a step.
     """
     time, freedom = start + step, state.independent.shape[0]
     copy(work.unknown, state.a)
@@ -112,7 +112,7 @@ def step_generalized_alpha(model, state, work, start, step, select):
 
 @inner_kernel
 def keep_auxiliary(state, work):
-    """The auxiliary accelerations of all coordinates into history, before the step is accepted."""
+    """Write the auxiliary accelerations of all coordinates into history, before the step is accepted."""
     for i in range(state.wrench.shape[0]):
         old = state.past_a[0, i] if state.counters[PAST_COUNT] > 0 else state.a[i]
         sought = (1.0 - ALPHA_F) * work.a[i] + ALPHA_F * state.a[i]

@@ -30,16 +30,16 @@ from .table import (
 
 
 class JointKind(Protocol):
-    """What a module answers beside its kernels and `fill`; `joint` is its row of the table."""
+    """Functions of a module beside its kernels and `fill`; `joint` is a row of the table."""
 
     def columns(self, joint: np.void) -> list[list[int]]:
-        """Coordinates that each of its rows depends on."""
+        """Return the coordinates that each of its rows depends on."""
 
     def angle_rows(self, joint: np.void) -> tuple[bool, ...]:
-        """For each of its rows whether it is in radians; the others are in metres."""
+        """Return for each of its rows whether it is in radians; the others are in metres."""
 
     def reaction(self, joint: np.void, q: np.ndarray, turns: np.ndarray, pushes: np.ndarray) -> Reaction:
-        """On body_b; `pushes` is what every row of it puts on its own residual [N, N m]."""
+        """Return the reaction on body_b; `pushes` is the force of every row along its residual [N, N m]."""
 
 
 KINDS: dict[int, JointKind] = {

@@ -1,6 +1,6 @@
 """Constraints Phi(q, t) = 0, their Jacobian and right-hand sides (paper eq. 3-5), over all joints.
 
-Everything leaves scaled by the rows' scale; the Jacobian also by the columns' scale.
+All results are scaled by the rows' scale; the Jacobian also by the columns' scale.
 """
 
 from ..compiled import kernel
@@ -11,7 +11,7 @@ from .table import DRIVER, FIXED, POINT_ON_LINE, PRISMATIC, REVOLUTE, ROD, ROTAT
 
 @kernel
 def evaluate_residual(model, time, select, q, turns, residual):
-    """Phi(q, t) into `residual` (m,) [m]; answers the largest magnitude."""
+    """Write Phi(q, t) into `residual` (m,) [m]; return the largest magnitude."""
     for i in range(model.joints.shape[0]):
         joint = model.joints[i]
         if joint.kind == REVOLUTE:
@@ -39,7 +39,7 @@ def evaluate_residual(model, time, select, q, turns, residual):
 
 @kernel
 def evaluate_jacobian(model, q, turns, jacobian):
-    """Phi_q into `jacobian` (m, n + 3), scaled; it must be zero where no joint has an entry."""
+    """Write Phi_q into `jacobian` (m, n + 3), which must be zero where no joint has an entry."""
     for i in range(model.joints.shape[0]):
         joint = model.joints[i]
         if joint.kind == REVOLUTE:
@@ -64,7 +64,7 @@ def evaluate_jacobian(model, q, turns, jacobian):
 
 @kernel
 def evaluate_speed(model, time, select, speed):
-    """-Phi_t into `speed` (m,): what Phi_q q' must be."""
+    """Write -Phi_t, which Phi_q q' must be equal to, into `speed` (m,)."""
     speed[:] = 0.0
     for i in range(model.joints.shape[0]):
         joint = model.joints[i]
@@ -74,7 +74,7 @@ def evaluate_speed(model, time, select, speed):
 
 @kernel
 def evaluate_gamma(model, time, select, q, turns, v, gamma):
-    """gamma = Phi_q q'' into `gamma` (m,): velocity terms, and the driver's acceleration."""
+    """Write Phi_q q'' into `gamma` (m,): velocity terms, and the accelerations of drivers."""
     gamma[:] = 0.0
     for i in range(model.joints.shape[0]):
         joint = model.joints[i]

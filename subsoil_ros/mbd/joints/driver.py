@@ -39,7 +39,7 @@ def residual(model, joint, time, select, q, turns, residual):
 
 @part_of_kernel
 def jacobian(joint, q, turns, jacobian):
-    """Of the coordinate."""
+    """Jacobian of the coordinate."""
     if joint.kind == DRIVER:
         jacobian[joint.row, joint.coordinate] = 1.0
     elif joint.coordinate < 2:
@@ -70,12 +70,12 @@ def columns(joint: np.void) -> list[list[int]]:
 
 
 def angle_rows(joint: np.void) -> tuple[bool, ...]:
-    """An angle, or a length."""
+    """Whether the coordinate is an angle."""
     return (int(joint["coordinate"]) % 3 == 2,)
 
 
 def fill(row: np.void, joint: Driver, poses: ReferencePoses, functions: FunctionList) -> None:
-    """Its row of the table. It starts from the reference pose; assembly.py moves it."""
+    """Fill in its row of the table. It starts from the reference pose; assembly.py moves it."""
     row["body_a"] = poses.index(joint.relative_to or GROUND)
     row["body_b"] = poses.index(joint.body)
     row["function"] = functions.add(joint.speed)

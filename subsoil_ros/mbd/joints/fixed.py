@@ -19,7 +19,7 @@ from .rows import (
 )
 from .table import FIXED
 
-gamma = points_gamma  # that of the angle is zero
+gamma = points_gamma  # gamma of the angle is zero
 
 
 @part_of_kernel
@@ -31,7 +31,7 @@ def residual(joint, q, turns, residual):
 
 @part_of_kernel
 def jacobian(joint, q, turns, jacobian):
-    """Of d and the angle."""
+    """Jacobian of d and the angle."""
     points_jacobian(joint, q, turns, jacobian)
     angle_jacobian(joint, joint.row + 2, jacobian)
 
@@ -47,7 +47,7 @@ def angle_rows(joint: np.void) -> tuple[bool, ...]:
 
 
 def fill(row: np.void, joint: Fixed, poses: ReferencePoses, functions: FunctionList) -> None:
-    """Its row of the table."""
+    """Fill in its row of the table."""
     fill_pair(row, joint, poses)
     row["kind"] = FIXED
     row["point_a"] = poses.point(joint.body_a, joint.point_m)

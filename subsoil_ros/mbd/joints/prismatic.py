@@ -19,7 +19,7 @@ from .rows import (
 )
 from .table import PRISMATIC
 
-gamma = line_gamma  # that of the angle is zero
+gamma = line_gamma  # gamma of the angle is zero
 
 
 @part_of_kernel
@@ -31,7 +31,7 @@ def residual(joint, q, turns, residual):
 
 @part_of_kernel
 def jacobian(joint, q, turns, jacobian):
-    """Of n . d and the angle."""
+    """Jacobian of n . d and the angle."""
     line_jacobian(joint, q, turns, jacobian)
     angle_jacobian(joint, joint.row + 1, jacobian)
 
@@ -47,7 +47,7 @@ def angle_rows(joint: np.void) -> tuple[bool, ...]:
 
 
 def fill(row: np.void, joint: Prismatic, poses: ReferencePoses, functions: FunctionList) -> None:
-    """Its row of the table."""
+    """Fill in its row of the table."""
     point_on_line.fill(row, joint, poses, functions)
     row["kind"] = PRISMATIC
 

@@ -18,7 +18,7 @@ def angle_rows(joint: np.void) -> tuple[bool, ...]:
 
 
 def fill(row: np.void, joint: Revolute, poses: ReferencePoses, functions: FunctionList) -> None:
-    """Its row of the table."""
+    """Fill in its row of the table."""
     fill_pair(row, joint, poses)
     row["kind"] = REVOLUTE
     row["point_a"] = poses.point(joint.body_a, joint.point_m)

@@ -1,4 +1,4 @@
-"""The length of d stays: a locked spring_damper (forces/spring_damper.py makes its row)."""
+"""The length of d is constant: a locked spring_damper (forces/spring_damper.py adds its row)."""
 
 import math
 
@@ -20,7 +20,7 @@ def residual(joint, q, turns, residual):
 
 @part_of_kernel
 def jacobian(joint, q, turns, jacobian):
-    """Of |d|: along e = d / |d|, whose turning does not count."""
+    """Jacobian of |d|: along e = d / |d|, whose rotation has no effect."""
     dx, dz, ax, az, bx, bz = difference(joint, q, turns)
     length = math.sqrt(dx * dx + dz * dz)
     along_jacobian(joint, dx / length, dz / length, 0.0, ax, az, bx, bz, jacobian)

@@ -1,4 +1,4 @@
-"""phi_b - phi_a = offset: a locked torsion_spring (forces/torsion_spring.py makes its row)."""
+"""phi_b - phi_a = offset: a locked torsion_spring (forces/torsion_spring.py adds its row)."""
 
 import numpy as np
 

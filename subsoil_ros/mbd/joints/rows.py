@@ -1,4 +1,4 @@
-"""Rows of Phi that joints are made of: two points in one place, a point on a line, an angle.
+"""Rows of Phi that joints consist of: two coincident points, a point on a line, an angle.
 
 Each has its value, its entries of the Jacobian, and gamma = Phi_q q'' without the terms of a driver; all
 unscaled, d = p_b - p_a (geometry.py). Sources: docs/mechanism.md.
@@ -27,7 +27,7 @@ class Pair(Protocol):
 
 
 def fill_pair(row: np.void, part: Pair, poses: ReferencePoses) -> None:
-    """The bodies of a joint, and the angle between them in the reference pose."""
+    """Fill in the bodies of a joint, and the angle between them in the reference pose."""
     row["body_a"], row["body_b"] = poses.index(part.body_a), poses.index(part.body_b)
     row["offset"] = poses.angle(part.body_b) - poses.angle(part.body_a)
 
@@ -50,7 +50,7 @@ def points_residual(joint, q, turns, residual):
 
 @part_of_kernel
 def points_jacobian(joint, q, turns, jacobian):
-    """Of d."""
+    """Jacobian of d."""
     row, a, b = joint.row, 3 * joint.body_a, 3 * joint.body_b
     _, _, ax, az, bx, bz = difference(joint, q, turns)
     jacobian[row, b], jacobian[row + 1, b + 1] = 1.0, 1.0
@@ -61,7 +61,7 @@ def points_jacobian(joint, q, turns, jacobian):
 
 @part_of_kernel
 def points_gamma(joint, q, turns, v, gamma):
-    """Of d."""
+    """gamma of d."""
     _, _, ax, az, bx, bz = difference(joint, q, turns)
     gamma[joint.row], gamma[joint.row + 1] = _centripetal(joint, v, ax, az, bx, bz)
 
@@ -91,7 +91,7 @@ def line_residual(joint, q, turns, residual):
 
 @part_of_kernel
 def along_jacobian(joint, nx, nz, swing, ax, az, bx, bz, jacobian):
-    """Of the part of d along (nx, nz), a unit vector whose own turning with body a gives `swing`."""
+    """Jacobian of the part of d along unit vector (nx, nz); `swing` is the term of its turning with a."""
     row, a, b = joint.row, 3 * joint.body_a, 3 * joint.body_b
     jacobian[row, b], jacobian[row, b + 1] = nx, nz
     jacobian[row, a], jacobian[row, a + 1] = -nx, -nz
@@ -101,7 +101,7 @@ def along_jacobian(joint, nx, nz, swing, ax, az, bx, bz, jacobian):
 
 @part_of_kernel
 def line_jacobian(joint, q, turns, jacobian):
-    """Of n . d."""
+    """Jacobian of n . d."""
     dx, dz, ax, az, bx, bz = difference(joint, q, turns)
     nx, nz = turned(turns, joint.body_a, joint.normal)
     along_jacobian(joint, nx, nz, nx * dz - nz * dx, ax, az, bx, bz, jacobian)
@@ -109,7 +109,7 @@ def line_jacobian(joint, q, turns, jacobian):
 
 @part_of_kernel
 def along_rates(joint, nx, nz, v, ax, az, bx, bz):
-    """Along (nx, nz) the centripetal part of -d'', and across it d'."""
+    """Return the centripetal part of -d'' along (nx, nz), and d' across it."""
     cx, cz = _centripetal(joint, v, ax, az, bx, bz)
     ux, uz = relative_velocity(joint, v, ax, az, bx, bz)
     return nx * cx + nz * cz, nx * uz - nz * ux
@@ -117,7 +117,7 @@ def along_rates(joint, nx, nz, v, ax, az, bx, bz):
 
 @part_of_kernel
 def line_gamma(joint, q, turns, v, gamma):
-    """Added to what a driver has put there: (n . d)'' = n . d'' + 2 wa (k x n) . d' - wa^2 n . d + ..."""
+    """Add gamma of n . d to that of a driver: (n . d)'' = n . d'' + 2 wa (k x n) . d' - wa^2 n . d + ..."""
     dx, dz, ax, az, bx, bz = difference(joint, q, turns)
     nx, nz = turned(turns, joint.body_a, joint.normal)
     wa = v[3 * joint.body_a + 2]
@@ -133,7 +133,7 @@ def line_columns(joint: np.void) -> list[list[int]]:
 
 
 def line_reaction(joint: np.void, turns: np.ndarray, push: float) -> Reaction:
-    """Of a push along n."""
+    """Reaction of a push along n."""
     (c, s), (x, z) = turns[joint["body_a"]], joint["normal"]
     return push * (c * x - s * z), push * (s * x + c * z), 0.0
 
@@ -149,7 +149,7 @@ def angle_residual(joint, row, q, residual):
 
 @part_of_kernel
 def angle_jacobian(joint, row, jacobian):
-    """Of phi_b - phi_a."""
+    """Jacobian of phi_b - phi_a."""
     jacobian[row, 3 * joint.body_b + 2], jacobian[row, 3 * joint.body_a + 2] = 1.0, -1.0
 
 

@@ -12,7 +12,7 @@ REVOLUTE, PRISMATIC, FIXED, POINT_ON_LINE, ROD, ROTATION_LOCK, DRIVER, RELATIVE_
     6,
     7,
 )
-"""Drivers come last: kind >= DRIVER. Rods and rotation locks stand for locked springs."""
+"""Drivers come last: kind >= DRIVER. Rods and rotation locks replace locked springs."""
 
 JOINT = np.dtype(
     [

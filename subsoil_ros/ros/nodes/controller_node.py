@@ -1,4 +1,4 @@
-"""A controller as a node: answers the mechanism's state at every control tick with a DriverCommand."""
+"""A controller as a node: publishes a DriverCommand for every control tick, from the mechanism's state."""
 
 from rclpy.context import Context
 
@@ -13,12 +13,12 @@ from .lockstep_node import LockstepNode
 
 
 class ControllerNode(LockstepNode):
-    """Takes part in the lockstep: the run waits for each of its commands, and for no other."""
+    """The controller in the lockstep: the run waits for each of its commands, and for nothing else of it."""
 
     def __init__(
         self, controller: Controller, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
     ) -> None:
-        """Raises SceneError if the scene has no controller."""
+        """Create the node. Raises SceneError if the scene has no controller."""
         super().__init__(CONTROLLER, run, heartbeat, context)
         scene, timing = run.resolved.scene, run.resolved.timing
         if scene.controller is None:

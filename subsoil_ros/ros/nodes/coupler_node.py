@@ -53,27 +53,27 @@ from ..transport.qos import VISUALIZATION_QOS
 from .lockstep_node import LockstepNode, one_line
 
 DEADLINE_S = 60.0
-"""A tick may take this long in any case; kernels that a later tick needs may have to be compiled."""
+"""Smallest time limit of a tick: kernels that a later tick needs may have to be compiled."""
 
 DEADLINE_MEDIANS = 50.0
-"""A tick may take so many times the median of the last ones."""
+"""Time limit of a tick over the median of the last ticks, where that is longer."""
 
 NEAR = 0.5
-"""Part of a bound at which diagnostics warn (chosen: half)."""
+"""Part of a bound at which diagnostics warn: early enough to act before the run ends or waits at it."""
 
 END_WORD_S = 10.0
-"""Time for the word that the run is over to reach every node."""
+"""Time for the status ENDED of the coupler to reach every node."""
 
 PROGRESS_S = 10.0
 """Wall time between two lines of the log about progress: six a minute, so a run of hours can be followed."""
 
 REST_S = 0.001
 REST_WINDOW = 4
-"""With grants for so many ticks ahead, no node waits for the coupler while it rests: a quarter of them."""
+"""The coupler pauses for the grant window over this number, a quarter of it: no node waits for a grant."""
 
 
 class CouplerNode(LockstepNode):
-    """Keep participants in step, wait for each only so long, and judge the interface energy."""
+    """Keeps participants in step, limits the time of a tick, and checks the interface energy."""
 
     def __init__(
         self,
@@ -135,10 +135,10 @@ class CouplerNode(LockstepNode):
         self._steps = StepsAction(heartbeat, self._control)
 
     def on_poll(self) -> None:
-        """Starts the run when all are ready; finds out what is late.
+        """Start the run when all are ready; check the time limit of the tick.
 
         Raises:
-            RunError: a tick or the start-up takes longer than it may.
+            RunError: a tick or the start-up exceeds its time limit.
         """
         self._steps.poll()
         now = time.monotonic()
@@ -157,11 +157,11 @@ class CouplerNode(LockstepNode):
             raise RunError(f"no {self._coupler.missing()} within {allowed_s:.0f} s")
 
     def on_ended(self) -> None:
-        """Ends goals of the action that come too late."""
+        """End goals of the action that come after the end of the run."""
         self._steps.poll()
 
     def waits_for(self) -> str:
-        """The nodes that are not ready."""
+        """The nodes that are not ready, in words."""
         return self._coupler.missing() if not self._coupler.ready else super().waits_for()
 
     def _log_progress(self, now: float) -> None:
@@ -171,7 +171,7 @@ class CouplerNode(LockstepNode):
             self.get_logger().info(f"tick {tick} of {last}, {100.0 * tick / max(last, 1):.0f} %")
 
     def health(self) -> Health:
-        """The interface account, how long ticks take, how far the recorder is behind."""
+        """The interface account, the time that a tick takes, the lag of the recorder."""
         coupler, account = self._coupler, self._account
         if account is None:
             return Health(message=f"waits for {coupler.missing()}")
@@ -193,16 +193,16 @@ class CouplerNode(LockstepNode):
         return Health(Level.OK, "paused" if coupler.paused else "running", values)
 
     def on_stop(self, stop: ExitStatus) -> None:
-        """A run that is interrupted writes a checkpoint first, if that is soon done.
+        """Write a checkpoint of an interrupted run, within KEEP_S, then end it.
 
         Raises:
-            RunError: it is written, or cannot be.
+            RunError: the checkpoint is written, or cannot be.
         """
         if self._is_kept_before(stop):
             raise stop.error()
 
     def _is_kept_before(self, stop: ExitStatus) -> bool:
-        """Whether there is nothing more to wait for; goes one step nearer to it."""
+        """Take the next step towards a checkpoint; return whether nothing is left to wait for."""
         checkpoint_writer, now = self._checkpoint_writer, time.monotonic()
         if (
             checkpoint_writer is None
@@ -228,7 +228,7 @@ class CouplerNode(LockstepNode):
         return True
 
     def on_fault(self, error: BaseException) -> None:
-        """Publish to all nodes the tick at which the record is cut, and why."""
+        """Publish to all nodes the tick at which the record is cut, and the reason."""
         self._grants.publish(self.bytes_of(self._coupler.abort(one_line(error))))
         self._control.refuse_waiting(f"the run has ended: {one_line(error)}")
 
@@ -255,7 +255,7 @@ class CouplerNode(LockstepNode):
         )
         self._last_advance = now
         self._wall.start(before.wall_time_s if before is not None else 0.0)
-        if self._schedule.check_due(coupler.done_tick):  # the run goes on from a check tick
+        if self._schedule.check_due(coupler.done_tick):  # the run is resumed at a check tick
             self._decide(coupler.done_tick)
         if resumed is None:
             self._report(INITIAL_TICK, self._account.work, 0.0)
@@ -268,7 +268,7 @@ class CouplerNode(LockstepNode):
         self._reports.publish(self.bytes_of(report))
 
     def _decide(self, tick: int) -> None:
-        """Goes on after a check tick, or ends the run with the next tick."""
+        """Continue after a check tick, or end the run with the next tick."""
         rule = self._stop_rule
         assert rule is not None  # of a scene with check ticks
         self._on_check(rule.result())
@@ -279,7 +279,7 @@ class CouplerNode(LockstepNode):
                 self._checkpoint_writer.ends_with(tick + 1)
 
     def _on_pacing(self) -> None:
-        """A pause, its end, or steps were asked for."""
+        """Handle a request for a pause, its end, or steps."""
         self._last_advance = time.monotonic()
         self.discount_wait()
         if self._account is not None:
@@ -289,7 +289,7 @@ class CouplerNode(LockstepNode):
 
     def _say_pacing(self) -> None:
         window = self.run.resolved.scene.coupling.grant_window
-        self.rest_ticks = 0 if self._coupler.paused else window // REST_WINDOW  # steps are waited for
+        self.rest_ticks = 0 if self._coupler.paused else window // REST_WINDOW  # the caller of steps waits
         state = NodeState.PAUSED if self._coupler.paused else NodeState.RUNNING
         if self.heartbeat.state is not state:
             self.heartbeat.say(state)
@@ -360,7 +360,7 @@ class CouplerNode(LockstepNode):
             self._checkpoint_writer.note_coupling_end(self._last)
 
     def _commit_recorded(self) -> None:
-        """A checkpoint stands at the end of a record that is on the disk; without a record, at once."""
+        """Commit checkpoints whose record is on the disk; without a recorder, at once."""
         recorded = self._coupler.acknowledged_tick
         while self._checkpoint_writer is not None and self._to_commit and self._to_commit[0].tick <= recorded:
             self._checkpoint_writer.commit(self._to_commit.popleft())
@@ -377,7 +377,7 @@ class CouplerNode(LockstepNode):
 def build(
     settings: NodeSettings, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
 ) -> CouplerNode:
-    """The node; under a supervisor it reports its progress there."""
+    """Build the node; under a supervisor it reports its progress to it."""
     if not settings.supervised:
         return CouplerNode(run, heartbeat, context, paused=settings.paused)
     return CouplerNode(

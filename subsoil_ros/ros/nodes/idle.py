@@ -1,4 +1,4 @@
-"""Mechanism and soil that compute nothing: what is left of a run is the cost of its exchanges."""
+"""Mechanism and soil that compute nothing, to measure the cost of the exchanges of a run."""
 
 import sys
 import time
@@ -30,24 +30,24 @@ from .mechanism_node import MechanismNode
 from .soil_node import SoilNode
 
 STAMPS_FILE = "stamps_ns.bin"
-"""Beside the scene: when each tick began, int64 in the machine's order, monotonic."""
+"""File beside the scene: start of each tick on the monotonic clock [ns], int64 in native byte order."""
 
 _STEP_M = 1e-5
 
 
 class _Stateless:
-    """Nothing to keep in a checkpoint."""
+    """An engine without state."""
 
     def state_arrays(self) -> dict[str, np.ndarray]:
-        """None."""
+        """Return no arrays."""
         return {}
 
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
-        """Nothing to do."""
+        """Do nothing."""
 
 
 class IdleMechanism(_Stateless):
-    """Moves every tool forward at constant speed, and notes when it was asked to."""
+    """Moves every tool forward at constant speed, and keeps the times at which ticks begin."""
 
     def __init__(self, resolved: ResolvedScene, stamps: Path) -> None:
         scene = resolved.scene
@@ -58,55 +58,55 @@ class IdleMechanism(_Stateless):
         self._stamps_ns = array("q")
 
     def initial_motions(self) -> tuple[ToolMotion, ...]:
-        """At the origin."""
+        """Motions at the origin."""
         return self._motions(0.0)
 
     def advance(self, tick: int, wrenches: tuple[ToolWrench, ...]) -> tuple[ToolMotion, ...]:
-        """One step further; after the last one the times are written."""
+        """Motions one step further; writes the times after the last tick."""
         self._stamps_ns.append(time.monotonic_ns())
         if tick == self._last_tick:
             self._stamps_file.write_bytes(self._stamps_ns.tobytes())
         return self._motions((tick + 1) * _STEP_M)
 
     def initial_state(self, run_id: str, wrenches: tuple[ToolWrench, ...]) -> MechanismState:
-        """All zero."""
+        """A state of zeros."""
         return self.state(run_id, INITIAL_TICK, 0)
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> MechanismState:
-        """All zero."""
+        """A state of zeros."""
         bodies = tuple(BodyState(name, *[0.0] * 9) for name in self._bodies)
         zeros = [0.0] * sum(item.type is float for item in fields(MechanismState))
         return MechanismState(run_id, tick, end_time_ns, *zeros, part_count=0, bodies=bodies)  # type: ignore[arg-type, misc]
 
     def command(self, command: DriverCommand) -> None:
-        """Not heard."""
+        """Ignore the command."""
 
     def _motions(self, x_m: float) -> tuple[ToolMotion, ...]:
         return tuple(ToolMotion(name, x_m, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0) for name in self._tools)
 
 
 class IdleSoil(_Stateless):
-    """Answers with no force, on two facet groups of every tool."""
+    """Returns wrenches of zero, with two facet groups for every tool."""
 
     _GROUPS = (FacetGroupForce("share", 0.0, 0.0, 0.0), FacetGroupForce("blade", 0.0, 0.0, 0.0))
 
     def start(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
-        """No force."""
+        """Wrenches of zero."""
         return self._wrenches(motions)
 
     def advance(self, tick: int, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
-        """No force."""
+        """Wrenches of zero."""
         return self._wrenches(motions)
 
     def ends_with(self, tick: int) -> None:
-        """Nothing depends on it."""
+        """Do nothing: no result depends on the last tick."""
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
-        """All zero."""
+        """A state of zeros."""
         return SoilState(run_id, tick, end_time_ns, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
     def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:
-        """Nothing to see."""
+        """A cloud without particles."""
         return SoilCloud(tick, end_time_ns, [], [])
 
     def _wrenches(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:

@@ -1,4 +1,4 @@
-"""What the nodes of a run have in common: their readiness, their end, and that no error is lost."""
+"""Base class of the nodes of a run: readiness, end, and handling of errors."""
 
 import os
 import sys
@@ -31,33 +31,34 @@ from ..transport.qos import qos_of
 from .message_loop import serve, serve_requests
 
 POLL_S = 0.1
-"""How often a node checks what no message brings: matched endpoints, stop requests, silence."""
+"""Interval of checks that no message triggers: matched endpoints, stop requests, silence."""
 
 LONGEST_REST_S = 0.05
 """Longest time that a stop request can wait while the node sleeps."""
 
 WAITING_S = 1.0
-"""A node that starts logs what it waits for so often at most, if that has changed: nodes that are started
-together find each other in about that time, and log little."""
+"""Shortest time between two lines of the log on what a starting node waits for. Nodes that are started
+together find each other in about that time, and so log little."""
 
 _MEASURED, _RECENT = 101, 4
-"""Wake-ups whose tick times are kept, and those of them that the rest follows (chosen)."""
+"""Number of wake-ups whose tick times are kept, odd, so that the median is one of them; and number of the
+last ones whose least sets the pause: one alone may include a wait, more follow a change of speed later."""
 
 OWN_TIME = [Parameter("use_sim_time", value=False)]
-"""These nodes make the simulated time: none follows /clock, whatever use_sim_time says to others."""
+"""The nodes of a run ignore use_sim_time: the coupler publishes /clock, and none of them reads it."""
 
 LAST_WORD_S = 1.5
-"""Time given to a last message to arrive; it is used up if a node is dead."""
+"""Time limit for a last message to arrive; it passes in full if a receiver is dead."""
 
 
 def say(text: str) -> None:
-    """Write a line to standard error, where there may be no room left, or no reader."""
+    """Write a line to standard error; ignore errors of a full disk or a closed pipe."""
     with suppress(OSError):
         os.write(sys.stderr.fileno(), (text + "\n").encode())  # past the buffer, which would fail at the exit
 
 
 def say_trace(error: BaseException) -> None:
-    """Write where an error arose to standard error, unless it is one that this package foresees."""
+    """Write the traceback of an error to standard error, unless the error is one of this package."""
     if not isinstance(error, SubsoilError):
         say("".join(traceback.format_exception(error)).rstrip())
 
@@ -79,14 +80,14 @@ def one_line(error: BaseException) -> str:
 class LockstepNode(Node):
     """A node of a run. Subclasses add topics, `on_poll` and `on_coupler_end`.
 
-    Everything runs in the one thread that calls `spin`. An error in a callback is the node's fault: it is
-    said in a NodeStatus, and the node ends with the error's exit status.
+    Everything runs in the one thread that calls `spin`. An error in a callback is the node's fault: the node
+    publishes it in a NodeStatus, and ends with the error's exit status.
     """
 
     rest_s = 0.0
     rest_ticks = 0
-    """Pause after every wake-up, the longer of both; for nodes that no other waits for. Each wake-up finds
-    cold caches, pushes a thread that computes aside, and takes two thirds less if it is shared."""
+    """Pause after every wake-up, the longer of both, of nodes that no other waits for. Each wake-up has cold
+    caches and interrupts a computing thread; messages that share one cost two thirds less."""
 
     def __init__(self, name: str, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None) -> None:
         super().__init__(
@@ -103,18 +104,18 @@ class LockstepNode(Node):
         self._writers: dict[type, Callable[[Any], bytes]] = {}
         self._partners: list[tuple[Publisher | Subscription, tuple[str, ...]]] = []
         self._diagnostics = Diagnostics(self, run.run_id, self._communication_step_ns)
-        self._waited_for = ""  # what was logged last
+        self._waited_for = ""  # logged last
         self._next_waiting = time.monotonic() + WAITING_S
         self._woken = run.first_tick, time.monotonic()  # the last tick at the last wake-up, and when
         self.tick_times_s: deque[float] = deque(maxlen=_MEASURED)
-        """Of the last wake-ups, the mean time of a tick between one and the next."""
+        """Mean times of a tick between two wake-ups, of the last _MEASURED wake-ups."""
 
     def spin(self) -> None:
-        """Serves until the node ends."""
+        """Serve the node until it ends."""
         serve(self, self._guarded(self._poll), POLL_S, self.ended.is_set, self._pause_s)
 
     def serve_ended(self, over: Callable[[], bool]) -> None:
-        """Answer requests that come after the end of the run, until `over`; another run is not disturbed."""
+        """Answer requests that come after the end of the run, until `over`, without endpoints of the run."""
         for endpoint, _ in self._partners:
             if isinstance(endpoint, Publisher):
                 self.destroy_publisher(endpoint)
@@ -123,7 +124,7 @@ class LockstepNode(Node):
         serve_requests(self, self.on_ended, POLL_S, over)
 
     def discount_wait(self) -> None:
-        """The time up to now was not taken by ticks: none was asked for."""
+        """Exclude the time up to now from the tick times: no tick was granted."""
         self._woken = self.heartbeat.tick, time.monotonic()
 
     def _pause_s(self) -> float:
@@ -131,20 +132,20 @@ class LockstepNode(Node):
         if tick > last_tick:
             self.tick_times_s.append((time.monotonic() - last) / (tick - last_tick))
             self.discount_wait()
-        # the least of some: one of them may hold a wait for a participant that keeps real time
+        # the least of some, as one may include a wait for a participant that runs in real time
         tick_s = min(list(self.tick_times_s)[-_RECENT:], default=0.0)
         return min(max(self.rest_s, self.rest_ticks * tick_s), LONGEST_REST_S)
 
     def listen(self, kind: type, handle: Callable[[Any], None], partners: tuple[str, ...]) -> None:
-        """Hands records of `kind`, from the nodes named, to `handle`."""
+        """Subscribe to records of `kind` from the `partners`, and pass them to `handle`."""
 
         read = reader(kind, self._communication_step_ns)
         self.listen_raw(kind, lambda cdr: handle(read(cdr)), partners)
 
     def listen_raw(self, kind: type, handle: Callable[[bytes], None], partners: tuple[str, ...]) -> None:
-        """Hands the CDR bytes of records of `kind`, from the nodes named, to `handle`.
+        """Subscribe to records of `kind` from the `partners`, and pass their CDR bytes to `handle`.
 
-        What does not come from them, or comes after a loss, is a fault before anybody sees it.
+        A message of another publisher, or one after a lost message, is a fault and is not passed on.
         """
         topic = TOPIC_OF[kind]
         due = 1
@@ -162,7 +163,7 @@ class LockstepNode(Node):
                 due += 1
                 handle(cdr)
             except ProtocolError:
-                self._refuse_foreign_publishers(subscription, partners)  # they explain it
+                self._refuse_foreign_publishers(subscription, partners)  # raises an error that names them
                 raise
 
         subscription = self.create_subscription(
@@ -171,7 +172,7 @@ class LockstepNode(Node):
         self._partners.append((subscription, partners))
 
     def publisher(self, kind: type, partners: tuple[str, ...]) -> Publisher:
-        """A publisher of records of `kind` that the nodes named must be listening to before tick 0."""
+        """Create a publisher of records of `kind`; tick 0 waits until the `partners` have subscribed."""
         publisher = self.create_publisher(class_of(kind), TOPIC_OF[kind], qos_of(kind))
         if RECORDER not in self.run.participants:
             partners = tuple(name for name in partners if name != RECORDER)
@@ -180,7 +181,7 @@ class LockstepNode(Node):
         return publisher
 
     def bytes_of(self, record: Any) -> bytes:
-        """The message of a record of a kind that the node publishes, ready to be published."""
+        """Serialized message of a record, of a kind that the node publishes."""
         return self._writers[type(record)](record)
 
     @property
@@ -189,38 +190,38 @@ class LockstepNode(Node):
         return not any(self._missing(endpoint, names) for endpoint, names in self._partners)
 
     def on_poll(self) -> None:
-        """Looks after what no message brings."""
+        """Check states that no message reports; called every POLL_S."""
 
     def on_ended(self) -> None:
-        """Looks after what no message brings once the run has ended."""
+        """The same once the run has ended."""
 
     def waits_for(self) -> str:
-        """What a node that starts waits for, in words; empty: nothing that it knows of."""
+        """Nodes that a starting node waits for, in words; empty: none."""
         missing = set().union(*(self._missing(endpoint, names) for endpoint, names in self._partners))
         return f"node {', '.join(sorted(missing))}" if missing else ""
 
     def say_ready(self, motions: tuple[ToolMotion, ...] = (), wrenches: tuple[ToolWrench, ...] = ()) -> None:
-        """Says that the first tick can be granted, with what the others need for it."""
+        """Publish READY: the first tick can be granted; with the initial exchange that other nodes need."""
         self.heartbeat.say(NodeState.READY, motions=motions, wrenches=wrenches)
         self.get_logger().info(f"ready for run '{self.run.run_id}'; waits for the first grant of {COUPLER}")
 
     def health(self) -> Health:
-        """What diagnostics say of the node beside its rate."""
+        """Values that diagnostics publish beside the rate of ticks."""
         return Health()
 
     def on_stop(self, stop: ExitStatus) -> None:
         """Handles a stop request; called at every poll.
 
         Raises:
-            RunError: it ends now.
+            RunError: the node ends now.
         """
         raise stop.error()
 
     def on_fault(self, error: BaseException) -> None:
-        """Does what must be done before the node's fault is said."""
+        """Act on an error before the node publishes its fault."""
 
     def fail(self, error: BaseException) -> None:
-        """Ends the node with a fault that the others hear of."""
+        """End the node with a fault, and publish it to the other nodes."""
         if self.ended.is_set():
             return
         reason = one_line(error)
@@ -245,7 +246,7 @@ class LockstepNode(Node):
         self.finish(RunError.exit_status, f"run aborted at tick {grant.tick}: {grant.reason}")
 
     def note_tick(self, tick: int, last: bool) -> None:
-        """Lets the heartbeat say how far the node is."""
+        """Update tick and state that the heartbeat publishes."""
         self.heartbeat.tick = tick
         if tick == self.run.first_tick and not last:
             self.heartbeat.say(NodeState.RUNNING)
@@ -253,7 +254,7 @@ class LockstepNode(Node):
             self.heartbeat.say(NodeState.ENDED)
 
     def follow_coupler_end(self, node_status: NodeStatus) -> None:
-        """Ends the node, its work being done, when the coupler says that the run is over."""
+        """End the node, whose work is done, when the coupler has published ENDED."""
         if (
             node_status.node == COUPLER
             and node_status.state is NodeState.ENDED
@@ -266,7 +267,7 @@ class LockstepNode(Node):
         if isinstance(endpoint, Subscription):
             return set(names) if endpoint.get_publisher_count() < len(names) else set()
         listeners = self.get_subscriptions_info_by_topic(endpoint.topic_name)
-        # a foreign node may listen too; one that asks for kept messages is never matched
+        # a foreign node may listen too; one with durability transient_local is never matched
         can_match = [
             item.node_name for item in listeners if item.qos_profile.durability == DurabilityPolicy.VOLATILE
         ]
@@ -325,7 +326,7 @@ class LockstepNode(Node):
             )
 
     def _guarded(self, handle: Callable[..., None], *, after_end: bool = False) -> Callable[..., None]:
-        """A callback whose errors are the node's fault.
+        """Wrap a callback so that its errors become the node's fault.
 
         after_end: also called once the run has ended.
         """

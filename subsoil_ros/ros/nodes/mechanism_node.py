@@ -1,4 +1,4 @@
-"""The mechanism as a node: advances each granted tick with the soil's last answer."""
+"""The mechanism as a node: advances each granted tick under the soil's last wrenches."""
 
 import time
 
@@ -30,7 +30,7 @@ from .visualization_publisher import VisualizationPublisher
 
 
 class MechanismNode(LockstepNode):
-    """Answers every grant with the motions of its tick; owns no clock and no physics.
+    """Publishes the motions of every granted tick; has no clock and no physics of its own.
 
     The engine is the scene's mechanism, or a machine from outside, which has no state to publish.
     """
@@ -79,13 +79,13 @@ class MechanismNode(LockstepNode):
         self._initial_wrenches: tuple[ToolWrench, ...] = ()
 
     def on_poll(self) -> None:
-        """Publish READY once it has what tick 0 needs and every node listens."""
+        """Publish READY once the messages that tick 0 needs are here and every node listens."""
         self._visualization.poll()
         if self.heartbeat.state is NodeState.STARTING and self._started and self.matched:
             self.say_ready(motions=self._initial_motions)
 
     def health(self) -> Health:
-        """How well the constraints hold, from the last state published."""
+        """Residuals of the constraints, from the last state published."""
         values: dict[str, str | float | int] = {"engine_s": self._engine_s}
         if self._state is not None:
             names = ("position_residual_m", "velocity_residual_m_per_s", "draft_newton")
@@ -119,7 +119,7 @@ class MechanismNode(LockstepNode):
         if grant.tick == 0 and self._mechanism is not None:
             self._publish(self._mechanism.initial_state(self.run.run_id, self._initial_wrenches))
         elif grant.tick == self.run.first_tick and self._schedule.control_due(grant.tick):
-            self._publish_state(grant.tick - 1)  # the run goes on here, and its controller has not seen it
+            self._publish_state(grant.tick - 1)  # a resumed run, whose controller has not received it
         self._work()
 
     def _on_wrenches(self, wrenches: ToolWrenches) -> None:
@@ -140,7 +140,7 @@ class MechanismNode(LockstepNode):
             motions = self._engine.advance(tick, work.wrenches)
             self._engine_s += time.perf_counter() - begin
             if self._checkpoint_writer is not None and self._checkpoint_writer.due(tick):
-                self._keep(tick)  # before the answer: who has it knows that the part is there
+                self._keep(tick)  # before the motions, which imply that the part is written
             moved = ToolMotions(self.run.run_id, tick, end_ns, motions)
             self._motions.publish(self.bytes_of(moved))
             if self._schedule.series_due(tick):
@@ -163,7 +163,7 @@ class MechanismNode(LockstepNode):
         return state
 
     def _end_with(self, tick: int) -> None:
-        """Ends early: what is due at the last tick is due at `tick`."""
+        """End early: messages due at the last tick are due at `tick`."""
         self._schedule = self._schedule.ends_with(tick)
         if self._checkpoint_writer is not None:
             self._checkpoint_writer.ends_with(tick)
@@ -180,7 +180,7 @@ def build(
 
     Raises:
         SceneError: the scene has no mechanism, or it cannot be assembled.
-        InputError: the checkpoint to go on from does not fit.
+        InputError: the checkpoint to continue from does not fit.
     """
     engine = build_mechanism(run.resolved)
     if engine is None:

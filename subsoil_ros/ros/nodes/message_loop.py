@@ -1,4 +1,4 @@
-"""Waits for messages of one node and hands them on, in the order of its subscriptions.
+"""Loop that waits for messages of one node and calls its callbacks, in the order of its subscriptions.
 
 rclpy's executors spend more time on a message than the transport does: per exchange between four
 processes the single-threaded one takes twice as long as this loop, which waits and takes as
@@ -14,7 +14,7 @@ from rclpy.node import Node
 from rclpy.service import Service
 
 BURST = 64
-"""Messages or requests taken from one subscription or service before the others have their turn."""
+"""Most messages or requests taken from one subscription or service before the next one is served."""
 
 
 def serve(
@@ -24,16 +24,16 @@ def serve(
     ended: Callable[[], bool],
     rest_s: Callable[[], float] = lambda: 0.0,
 ) -> None:
-    """Serves the subscriptions, raw ones all, and services of `node` in this thread; no executor may have it.
+    """Serve the subscriptions, all raw, and services of `node` in this thread; it must be in no executor.
 
-    A service's callback gets the request and the header that its answer is sent to: it may answer later.
+    A service's callback receives the request and the header for its response, which it may send later.
 
     Args:
         poll: called every `poll_s`, also while messages come.
-        ended: asked after every message and every poll; the loop ends when it is true.
-        rest_s: asked for the pause after every wake-up, so that what comes meanwhile is taken in one go. For
-            nodes that no other node waits for: each wake-up takes a core from those that compute. There is no
-            pause after a request.
+        ended: called after every message and every poll; the loop ends when it returns True.
+        rest_s: returns the pause after a wake-up, in which messages are collected to be taken together.
+            For nodes that no other node waits for: each wake-up takes a core from those that compute. After
+            a request there is no pause.
     """
     served = [(item.handle, item.handle.pointer, item.msg_type, item.callback) for item in node.subscriptions]
     services = list(node.services)
@@ -67,7 +67,7 @@ def serve(
 
 
 def serve_requests(node: Node, poll: Callable[[], None], poll_s: float, over: Callable[[], bool]) -> None:
-    """Serves the services of `node` alone, until `over`, and what has come by then.
+    """Serve only the services of `node`, until `over`, with all requests that have come by then.
 
     Args:
         poll: called every `poll_s`.
@@ -86,7 +86,7 @@ def serve_requests(node: Node, poll: Callable[[], None], poll_s: float, over: Ca
 
 
 def _answer(services: Sequence[Service], ready: Collection[int], ended: Callable[[], bool]) -> bool:
-    """Hands on the requests that have come; gives whether there were any. None is taken once `ended`."""
+    """Pass on the requests that have come; return whether there were any. None is taken once `ended`."""
     asked = False
     for service in services:
         if service.handle.pointer not in ready:

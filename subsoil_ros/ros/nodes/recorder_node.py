@@ -1,4 +1,4 @@
-"""The recorder as a node: writes every message of every tick, and says so to the coupler."""
+"""The recorder as a node: writes every message of every tick, and acknowledges ticks to the coupler."""
 
 import struct
 import time
@@ -44,7 +44,7 @@ _LOCKSTEP = (Grant, DriverCommand, ToolMotions, ToolWrenches)
 
 
 def _topics(scene: Scene) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Topics of what is exchanged every tick, but grants, and of the states, both in recording order."""
+    """Topics of the exchange of every tick, without grants, and topics of the states, in recording order."""
     soil, mechanism = scene.soil is not None, scene.mechanism is not None
     exchanged = (ToolMotions, *((ToolWrenches,) if soil else ()))
     states = (*((MechanismState,) if mechanism else ()), *((SoilState,) if soil else ()), CouplingReport)
@@ -52,7 +52,7 @@ def _topics(scene: Scene) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def due_topics(resolved: ResolvedScene, *, at_end: bool = False) -> Callable[[int], tuple[str, ...]]:
-    """The function that says which topics a tick of the scene records, in recording order.
+    """Return the function that gives the topics recorded for a tick of the scene, in recording order.
 
     at_end: if the run ends with that tick.
     """
@@ -95,7 +95,7 @@ def run_id_of(cdr: bytes) -> str:
 
 
 class RecorderNode(LockstepNode):
-    """Takes part in the barrier: what it acknowledges is written, and nothing else is lost."""
+    """The recorder in the lockstep: it acknowledges ticks once they are written."""
 
     rest_s = 0.004
     rest_ticks = 4
@@ -119,7 +119,7 @@ class RecorderNode(LockstepNode):
         self._motion_source = MECHANISM if scene.moved_by_participant else SOIL
         self._initial_from = {self._motion_source} | ({SOIL} if scene.soil is not None else set())
         self._abort: Grant | None = None
-        self._keep_tick = INITIAL_TICK  # a checkpoint is wanted of it, beside those that are due
+        self._keep_tick = INITIAL_TICK  # CHECKPOINT was granted for it, beside the ticks that are due
         self._cut_deadline = 0.0
         self._acks = self.publisher(TickAck, (COUPLER,))
         self.listen(NodeStatus, self._on_node_status, ())
@@ -142,16 +142,16 @@ class RecorderNode(LockstepNode):
         if self.heartbeat.state is NodeState.STARTING and self.matched:
             self.say_ready()
         if self._abort is not None and time.monotonic() > self._cut_deadline:
-            self.get_logger().warning(f"the record is cut early; not here: {self._barrier.missing()}")
+            self.get_logger().warning(f"the record is cut early; missing is {self._barrier.missing()}")
             self._end_aborted(self._abort)
 
     def health(self) -> Health:
-        """How far the record is on the disk, and what it waits for."""
+        """The last tick recorded, and the messages that the next one waits for."""
         barrier = self._barrier
         return Health(values={"recorded_tick": barrier.done_tick, "waits_for": barrier.missing()})
 
     def on_fault(self, error: BaseException) -> None:
-        """Leave a readable bag, if the disk lets it; with all whole ticks if no coupler is left to cut it."""
+        """Close the bag, so that it can be read; with all whole ticks if no coupler is left to cut it."""
         try:
             if self.heartbeat.lost or self.heartbeat.stop:
                 self._barrier.note_finished(self._barrier.last_tick)
@@ -161,7 +161,7 @@ class RecorderNode(LockstepNode):
             self.get_logger().error(f"the bag could not be closed: {second}")
 
     def _on_node_status(self, node_status: NodeStatus) -> None:
-        """Keeps the first exchange, which nodes say as they are ready: no topic carries it."""
+        """Record the initial exchange, which nodes publish with READY and on no other topic."""
         self.follow_coupler_end(node_status)
         name, run_id = node_status.node, self.run.run_id
         if node_status.state is not NodeState.READY or name not in self._initial_from:
@@ -195,7 +195,7 @@ class RecorderNode(LockstepNode):
             if self._barrier.done_tick == grant.tick:
                 self._sync_and_acknowledge()
             else:
-                self._keep_tick = grant.tick  # something of it is still on the way
+                self._keep_tick = grant.tick  # some of its messages have not come yet
             return
         if grant.command is Command.END:
             self._refuse_foreign(Grant, grant.run_id, grant.tick)
@@ -212,7 +212,7 @@ class RecorderNode(LockstepNode):
                 f"{self._communication_step_ns} ns"
             )
         if kind is MechanismState and self.run.resumed is not None and tick - 1 < self.run.first_tick:
-            return  # of the run that this one goes on from, for the controller
+            return  # of the earlier run, published for the controller
         if kind in _LOCKSTEP:
             self._refuse_foreign(kind, run_id_of(cdr), tick - 1)
         self._barrier.add(TOPIC_OF[kind], tick - 1, cdr)
@@ -237,7 +237,7 @@ class RecorderNode(LockstepNode):
                 self._writer.write_raw(topic, tick, cdr)
             last = tick == barrier.last_tick
             if last:
-                self._writer.close()  # the last acknowledgement says that the bag is finished
+                self._writer.close()  # the last acknowledgement means that the bag is finished
             self.note_tick(tick, last)
             if tick == INITIAL_TICK:
                 continue
@@ -249,7 +249,7 @@ class RecorderNode(LockstepNode):
             self._end_aborted(self._abort)
 
     def _sync_and_acknowledge(self) -> None:
-        """A checkpoint stands at the end of a record that is on the disk."""
+        """Write the record to the disk, as a checkpoint needs it, and acknowledge it."""
         self._writer.sync()
         self._acknowledge(self._barrier.next_ack(at_once=True))
 

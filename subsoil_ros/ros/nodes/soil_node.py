@@ -1,4 +1,4 @@
-"""The soil as a node: answers the motions of each tick with the wrenches on the tools."""
+"""The soil as a node: publishes the wrenches on the tools for the motions of each tick."""
 
 import time
 from dataclasses import fields
@@ -44,7 +44,7 @@ _MONITORS = tuple(
 
 
 class SoilNode(LockstepNode):
-    """Answers every motion with the wrench of its tick; owns no clock and no physics.
+    """Publishes the wrenches of every tick; has no clock and no physics of its own.
 
     In a scene without mechanism it also hosts the prescribed paths (`motion_source`) and publishes
     the motions.
@@ -104,7 +104,7 @@ class SoilNode(LockstepNode):
         self.listen(NodeStatus, self._on_node_status, ())
 
     def on_poll(self) -> None:
-        """Start paths; publish READY once the soil has answered and every node listens."""
+        """Start paths; publish READY once the initial wrenches are computed and every node listens."""
         if self._visualization is not None:
             self._visualization.poll()
         if self.heartbeat.state is not NodeState.STARTING:
@@ -116,7 +116,7 @@ class SoilNode(LockstepNode):
             self.say_ready(motions, self._last_wrenches)
 
     def health(self) -> Health:
-        """What the monitors of the last state published say; of a wedge model there is none."""
+        """Monitors of the last state published; a wedge model has none."""
         values: dict[str, str | float | int] = {"engine_s": self._engine_s}
         state = self._state
         if state is None or self.run.resolved.scene.particle_soil is None:
@@ -174,7 +174,7 @@ class SoilNode(LockstepNode):
             wrenches = self._last_wrenches = self._engine.advance(tick, motions)
             self._engine_s += time.perf_counter() - begin
             if self._checkpoint_writer is not None and self._checkpoint_writer.due(tick):
-                self._keep(tick)  # before the answer: who has it knows that the part is there
+                self._keep(tick)  # before the wrenches, which imply that the part is written
             self._wrenches.publish(self.bytes_of(ToolWrenches(self.run.run_id, tick, end_ns, wrenches)))
             if self._schedule.series_due(tick):
                 self._publish_state(tick)
@@ -194,12 +194,12 @@ class SoilNode(LockstepNode):
         self._states.publish(self.bytes_of(self._state))
 
     def _parts(self) -> list[tuple[str, Resumable]]:
-        """What a checkpoint has from this node."""
+        """Parts of a checkpoint that this node writes, with their engines."""
         paths = [] if self._motion_source is None else [(PATHS, self._motion_source)]
         return [(SOIL, self._engine), *paths]
 
     def _end_with(self, tick: int) -> None:
-        """Ends early: what is due at the last tick is due at `tick`."""
+        """End early: messages due at the last tick are due at `tick`."""
         self._schedule = self._schedule.ends_with(tick)
         if self._checkpoint_writer is not None:
             self._checkpoint_writer.ends_with(tick)
@@ -231,7 +231,7 @@ def build(
 
     Raises:
         SceneError: the scene has no soil.
-        InputError: the checkpoint to go on from does not fit.
+        InputError: the checkpoint to continue from does not fit.
     """
     engine = build_soil(run.resolved, settings.threads)
     if engine is None:

@@ -18,7 +18,7 @@ from ..transport.qos import LATCHED_QOS, VISUALIZATION_QOS
 
 @dataclass
 class _Latched:
-    """A message that is published once and kept, and who has heard it."""
+    """A message that is published once and kept, with the numbers of its listeners."""
 
     publisher: Publisher
     cdr: bytes
@@ -27,7 +27,7 @@ class _Latched:
 
 
 class VisualizationPublisher:
-    """Publishes for whoever moves the tools; the bytes are those of the bag. Nothing in a run waits for it.
+    """Publishes for visualization, beside the motion source, the bytes of the bag. No node waits for them.
 
     /tf is published where tf2_msgs is installed, the other topics always. /robot_description stands in the
     node's namespace.
@@ -51,7 +51,7 @@ class VisualizationPublisher:
     def poll(self) -> None:
         """Publishes the description and the tools again for new listeners whose durability is volatile.
 
-        A display of RViz has that by default; what was published before it came does not reach it.
+        Displays of RViz have that by default, and do not receive messages published before they subscribe.
         """
         for latched in self._latched:
             count = latched.publisher.get_subscription_count()
@@ -65,7 +65,7 @@ class VisualizationPublisher:
             latched.volatile = volatile
 
     def move(self, state: MechanismState | None, motions: ToolMotions | None, time_ns: int) -> None:
-        """Publishes where the bodies are, or, of a scene without mechanism, the tools."""
+        """Publish the poses of the bodies or, in a scene without mechanism, of the tools."""
         if self._transforms is not None:
             message = transforms(self._scene, state, motions, time_ns)
             self._transforms.publish(serialize(message))

@@ -21,7 +21,7 @@ from .parameters import NodeSettings
 from .plan import ros_arguments
 
 Build = Callable[[NodeRun, Heartbeat, Context], LockstepNode]
-"""Makes a node with its engine."""
+"""Builds a node with its engine."""
 
 
 def scene_builds(
@@ -33,7 +33,7 @@ def scene_builds(
     live: int = 0,
     on_check: OnCheck = lambda result: None,
 ) -> dict[str, Build]:
-    """How the nodes of a scene are made, by name; those that other programs bring are not among them.
+    """Return the functions that build the nodes of a scene, by name, without nodes of other programs.
 
     live: port of the recorder's live view; 0: there is none.
     """
@@ -54,12 +54,12 @@ def scene_builds(
 def run_composed(
     run: NodeRun, builds: Mapping[str, Build], stop_signal: Callable[[], int], namespace: str = ""
 ) -> ExitStatus:
-    """Runs the nodes until the run ends.
+    """Run the nodes until the run ends.
 
     Args:
-        builds: of every node that the scene needs, and of the coupler.
-        stop_signal: asked several times a second; a signal's number other than 0 ends the run.
-        namespace: of all nodes (plan.checked_namespace).
+        builds: functions that build the nodes that the scene needs, and the coupler.
+        stop_signal: called several times a second; a signal's number other than 0 ends the run.
+        namespace: namespace of all nodes (plan.checked_namespace).
     """
     context = Context()
     words = [*ros_arguments({}, namespace), "--disable-stdout-logs"]  # the console is that of `subsoil run`

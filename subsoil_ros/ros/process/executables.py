@@ -1,4 +1,4 @@
-"""Programs of the nodes: each looks for room in shared memory before it imports a module that loads rclpy."""
+"""Programs of the nodes: each checks the room in shared memory before it imports rclpy."""
 
 import sys
 from functools import partial

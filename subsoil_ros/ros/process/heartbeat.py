@@ -1,4 +1,4 @@
-"""Heartbeat of a node, and its watch over the others, in a thread of its own.
+"""Heartbeat of a node, and supervision of the other nodes, in a thread of its own.
 
 The thread runs while an engine computes: compiled kernels release the GIL.
 """
@@ -33,27 +33,28 @@ from ..transport.qos import NODE_STATUS_QOS
 
 HEARTBEAT_S = 0.4
 SILENCE_S = 2.5
-"""Silence after which a node that was heard before is taken for dead, if its process was here and is gone."""
+"""Silence after which a node counts as dead, if its process was on this machine and has ended."""
 
 STALL_S = 10.0
-"""The same if its process lives, or is on another machine: it may be short of processor time, compile, or be
+"""The same if its process lives, or is on another machine: it may lack processor time, compile, or be
 stopped."""
 
 STARTUP_S = 300.0
-"""Time for all nodes to be heard and ready: engines may have to be compiled."""
+"""Time limit until all nodes are ready: engines may have to be compiled."""
 
 LATE_S = 30.0
-"""A coupler that refuses a run stays so long to tell nodes that are still being started (chosen)."""
+"""Longest time that a failed coupler publishes its fault for nodes that are still starting. A node that
+starts later waits for STARTUP_S; a longer time would delay the end of the coupler's process."""
 
 
 @dataclass(frozen=True)
 class NodeRun:
-    """What all nodes of a run share."""
+    """Properties common to all nodes of a run."""
 
     run_id: str
     resolved: ResolvedScene
     checkpoints: Path | None = None  # folder for them; None: none are written
-    resumed: Checkpoint | None = None  # where to go on; None: from tick 0
+    resumed: Checkpoint | None = None  # to continue from; None: start at tick 0
     recorded: bool = True  # whether there is a recorder
 
     @property
@@ -68,13 +69,13 @@ class NodeRun:
         return self.resumed.tick + 1 if self.resumed is not None else 0
 
     def checkpoint_writer(self) -> CheckpointWriter | None:
-        """Writes a node's part of the checkpoints; None: there are none."""
+        """Create the writer of a node's part of the checkpoints; None: there are none."""
         if self.checkpoints is None:
             return None
         return CheckpointWriter(self.checkpoints, self.resolved, self.run_id)
 
     def node_status(self, node: str) -> NodeStatus:
-        """The first word of a node."""
+        """The first status of a node."""
         return NodeStatus(
             self.run_id,
             node,
@@ -89,12 +90,12 @@ class NodeRun:
 
 
 class Heartbeat:
-    """Says how the node is, and knows which of the watched nodes fell silent.
+    """Publishes the status of a node, and detects which of the watched nodes are silent.
 
     Args:
-        node: an ROS node of its own, spun here and nowhere else.
-        name: of the node it speaks for.
-        watched: names of the nodes to listen to.
+        node: a ROS node used only here, and spun here.
+        name: name of the node whose status is published.
+        watched: names of the nodes whose status is received.
     """
 
     def __init__(self, node: Node, name: str, run: NodeRun, watched: tuple[str, ...]) -> None:
@@ -109,7 +110,7 @@ class Heartbeat:
         self._heard: dict[str, float] = {}
         self._process_ids: dict[str, int] = {}
         self._was_here: dict[str, bool] = {}  # whether that process was on this machine when first heard of
-        self._ended: dict[str, tuple[float, str]] = {}  # when a node said that it ends, and why
+        self._ended: dict[str, tuple[float, str]] = {}  # when a node published its end, and why
         self._lost = ""
         self._said = threading.Lock()
         node_status_class = class_of(NodeStatus)
@@ -126,7 +127,7 @@ class Heartbeat:
         self._thread = threading.Thread(target=self._spin, name=f"{name}_heartbeat", daemon=True)
 
     def start(self) -> None:
-        """Begins to speak and to listen."""
+        """Begin to publish and to receive."""
         self._publish()
         self._thread.start()
 
@@ -138,7 +139,7 @@ class Heartbeat:
         wrenches: tuple[ToolWrench, ...] = (),
         exit_status: int = 0,
     ) -> None:
-        """Changes what the heartbeat says, and says it at once."""
+        """Change the status of the node, and publish it at once."""
         self._node_status = replace(
             self._node_status,
             state=state,
@@ -156,26 +157,26 @@ class Heartbeat:
 
     @property
     def state(self) -> NodeState:
-        """What was said last."""
+        """The state published last."""
         return self._node_status.state
 
     @property
     def lost(self) -> str:
-        """Which watched node is silent, in words; empty while all are heard."""
+        """The watched node that is silent or a coupler that has ended, in words; empty if there is none."""
         return self._lost
 
     def request_stop(self, stop: ExitStatus) -> None:
-        """Requests the node to end; the first request counts. From any thread, or a signal handler."""
+        """Request the node to end; the first request counts. For any thread or signal handler."""
         if self.stop is None:
             self.stop = stop
 
     def flush(self, timeout_s: float) -> None:
-        """Waits until the last word has arrived."""
+        """Wait until the last status has arrived."""
         self._publisher.wait_for_all_acked(Duration(seconds=timeout_s))
 
     @property
     def untold(self) -> tuple[str, ...]:
-        """Watched nodes that have neither said that they end nor fallen silent."""
+        """Watched nodes that have neither published their end nor are silent."""
         now = time.monotonic()
         return tuple(
             name
@@ -184,17 +185,17 @@ class Heartbeat:
         )
 
     def outlast(self, limit_s: float) -> None:
-        """Publish that the run has ended until every node has received it, or for `limit_s`."""
+        """Keep publishing until every watched node has ended or is silent, at most for `limit_s`."""
         deadline = time.monotonic() + limit_s
         while self.untold and self.stop is None and time.monotonic() < deadline:
             time.sleep(0.1)
 
     def at_close(self, destroy: Callable[[], None]) -> None:
-        """Have an entity of the node destroyed once the node is not spun any more."""
+        """Register a function that destroys an entity of the node once it is not spun any more."""
         self._destroys.append(destroy)
 
     def close(self) -> None:
-        """Falls silent."""
+        """Stop publishing and destroy the node."""
         self._closing.set()
         self._thread.join()
         for destroy in self._destroys:
@@ -228,7 +229,7 @@ class Heartbeat:
     def _on_timer(self) -> None:
         self._publish()
         now = time.monotonic()
-        if now - self._checked > 0.5 * SILENCE_S:  # this process itself stood still: others may be well
+        if now - self._checked > 0.5 * SILENCE_S:  # this process itself was stopped: the others may run
             self._heard = dict.fromkeys(self._heard, now)
         self._checked = now
         for name in self._watched:
@@ -237,7 +238,7 @@ class Heartbeat:
             ended = self._ended.get(name)
             if ended is not None:
                 since, reason = ended
-                if name == COUPLER and now - since > SILENCE_S:  # without it nothing more can come
+                if name == COUPLER and now - since > SILENCE_S:  # without it no grant can come
                     self._lost = f"{name} has ended" + (f": {reason}" if reason else "")
                 continue
             heard = self._heard.get(name)

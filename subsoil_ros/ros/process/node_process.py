@@ -29,34 +29,34 @@ from .node_thread import Service
 from .parameters import NodeSettings, ParameterKey, help_text, read_settings
 
 GRACE_S = 2.0
-"""Time for a node that computes to come back and end in order; then the process ends itself."""
+"""Time for a computing engine to return, so that the node ends in order; then the process ends itself."""
 
 CLOSE_S = 5.0
 """Time to destroy the endpoints of a node: it takes tens of milliseconds. A supervisor waits longer."""
 
 
 def watched_by(name: str, run: NodeRun) -> tuple[str, ...]:
-    """Whose silence ends a node."""
+    """Names of the nodes whose silence ends a node."""
     return run.participants if name == COUPLER else (COUPLER,)
 
 
 def report_to_supervisor(**event: Any) -> None:
     """Writes an event to standard output, one JSON object per line."""
-    with suppress(BrokenPipeError):  # the supervisor is gone, and standard input says so too
+    with suppress(BrokenPipeError):  # the supervisor is gone, and standard input is closed too
         os.write(sys.stdout.fileno(), (json.dumps(event) + "\n").encode())
 
 
 def run_process(
     name: str, build: Callable[..., LockstepNode], parameters: Mapping[str, ParameterKey] | None = None
 ) -> int:
-    """Runs one node until the run ends. Returns the exit status.
+    """Run one node until the run ends. Returns the exit status.
 
     Args:
-        build: makes the node from its NodeSettings, NodeRun and Heartbeat.
-        parameters: of this node beside those of every node; `build` finds them on `heartbeat.node`.
+        build: builds the node from its NodeSettings, NodeRun and Heartbeat.
+        parameters: of this node, beside those of every node; `build` reads them on `heartbeat.node`.
     """
     if name in (COUPLER, RECORDER) and hasattr(os, "SCHED_BATCH"):
-        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))  # waking, they push no engine aside
+        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))  # waking nodes interrupt no engine
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     try:
         words = remove_ros_args(sys.argv)[1:]
@@ -75,7 +75,7 @@ def run_process(
             say(f"{name}: {notice}")
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
         node = Node(f"{name}_process", parameter_overrides=OWN_TIME)
-    except RuntimeError as error:  # rcl's are such; security asked for, say, and not to be had
+    except RuntimeError as error:  # of rcl, as when security is set and not available
         say(f"{name}: no ROS node can be made: {' '.join(str(error).split())}")
         bad_input = isinstance(error, _rclpy.RCLInvalidROSArgsError | _rclpy.UnknownROSArgsError)
         return InputError.exit_status if bad_input else RunError.exit_status
@@ -122,8 +122,8 @@ def _serve(
 def leave_in_time(name: str, exit_status: int, limit_s: float) -> None:
     """End this process with `exit_status` after `limit_s`, if it has not ended by then.
 
-    For a node whose work is done: its messages have arrived and its files are closed. A node was seen that
-    had not closed its DDS endpoints ten seconds after the end of a complete run.
+    For a node whose work is done: its messages have arrived and its files are closed. A node has been
+    observed that had not closed its DDS endpoints ten seconds after the end of a complete run.
     """
 
     def leave() -> None:
@@ -144,7 +144,7 @@ def _leave(exit_status: int) -> NoReturn:
 
 
 def _obey(heartbeat: Heartbeat) -> None:
-    """Reads stop requests from standard input; its end means that the supervisor is gone."""
+    """Read stop requests from standard input; its end means that the supervisor has ended."""
     for line in sys.stdin:
         event = json.loads(line)
         heartbeat.request_stop(ExitStatus(event["exit_status"], event["stop"]))
@@ -152,7 +152,7 @@ def _obey(heartbeat: Heartbeat) -> None:
 
 
 def _wait(service: Service, heartbeat: Heartbeat, kernels: CompilationListener) -> None:
-    """Waits for the end of the run; a service that does not come back from its engine is left behind."""
+    """Wait for the end of the run; end the process if the engine of a stopped service does not return."""
     while not service.ended.wait(0.2) and heartbeat.stop is None and not heartbeat.lost:
         if heartbeat.state is not NodeState.STARTING:
             kernels.done()

@@ -12,9 +12,9 @@ from .heartbeat import Heartbeat
 
 
 class Service(threading.Thread):
-    """Builds the node and spins it. One thread for both: engines may keep settings by thread.
+    """Builds the node and spins it, both in this thread: engines may keep settings by thread.
 
-    When the run has ended, the node answers requests until `close`: who asks it then would wait for ever.
+    When the run has ended, the node answers requests until `close`: late callers would wait for ever.
     """
 
     def __init__(self, name: str, build: Callable[[], LockstepNode], heartbeat: Heartbeat) -> None:
@@ -27,10 +27,10 @@ class Service(threading.Thread):
         self._closing = threading.Event()
 
     def run(self) -> None:
-        """Ends with `status` set."""
+        """Build and spin the node; at the end `status` is set."""
         try:
             node = self._build()
-        except Exception as error:  # said to all, as any fault of a node
+        except Exception as error:  # published, like any fault of a node
             say_trace(error)
             self.status = ExitStatus(getattr(error, "exit_status", RunError.exit_status), one_line(error))
             log_end(self._heartbeat.node.get_logger(), self.status)
@@ -39,7 +39,7 @@ class Service(threading.Thread):
             self.ended.set()
             return
         gc.collect()
-        gc.freeze()  # what the node is made of stays; collections pass it by
+        gc.freeze()  # the objects of the node stay; garbage collections skip them
         node.spin()
         self.status = node.status
         self.ended.set()
@@ -47,6 +47,6 @@ class Service(threading.Thread):
         node.destroy_node()
 
     def close(self) -> None:
-        """Waits until the node is gone."""
+        """Wait until the node is destroyed."""
         self._closing.set()
         self.join()

@@ -1,4 +1,4 @@
-"""Parameters of a node's process: what it takes, how they are declared and read, what --help prints."""
+"""Parameters of a node's process: their keys, declaration, reading, and help text."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -35,10 +35,10 @@ class NodeSettings:
     live: int = 0
 
     def node_run(self, resolved: ResolvedScene) -> NodeRun:
-        """What all nodes of the run share.
+        """Properties common to all nodes of the run.
 
         Raises:
-            InputError: the checkpoint to go on from cannot be used.
+            InputError: the checkpoint to continue from cannot be used.
         """
         return NodeRun(
             self.run_id,
@@ -51,7 +51,7 @@ class NodeSettings:
 
 @dataclass(frozen=True)
 class ParameterKey:
-    """One parameter: its default, its description, what is allowed in words, the range of a number."""
+    """One parameter: default, description, allowed values in words, range of a number."""
 
     default: str | bool | int | float
     description: str
@@ -62,7 +62,7 @@ class ParameterKey:
 _TEXT = "text; a number in quotes is one too: run_id:=\"'7'\""
 _FLAG = "true or false"
 LARGEST_THREAD_COUNT = 1024
-"""Of the parameter's range (chosen: more than any machine has)."""
+"""Upper end of the parameter's range: more than any machine has."""
 
 PARAMETERS: Mapping[str, ParameterKey] = {
     "scene": ParameterKey("", "scene file, the same for all nodes", "path of a scene file (.yaml)"),
@@ -83,7 +83,7 @@ PARAMETERS: Mapping[str, ParameterKey] = {
     ),
     "resume": ParameterKey(
         "",
-        "checkpoint to go on from, the same for all nodes; empty: from tick 0",
+        "checkpoint to continue from, the same for all nodes; empty: start at tick 0",
         "path of a checkpoint of this scene, or empty",
     ),
     "live": ParameterKey(
@@ -98,21 +98,21 @@ PARAMETERS: Mapping[str, ParameterKey] = {
     "recorded": ParameterKey(True, "whether the run has a recorder, the same for all nodes", _FLAG),
     "supervised": ParameterKey(False, "end when standard input ends, read stop requests from it", _FLAG),
 }
-"""Of every node's process."""
+"""Parameters of every node's process."""
 
 
 def read_settings(node: Node, name: str, more: Mapping[str, ParameterKey] | None = None) -> NodeSettings:
     """Declare the parameters on `node`, the process of the protocol's node `name`, and read them.
 
     Args:
-        more: parameters that this node takes beside PARAMETERS.
+        more: parameters of this node beside PARAMETERS.
 
     Raises:
-        InputError: no scene is given, a parameter is unknown or not what it may be, or the node was renamed.
+        InputError: no scene is given, a parameter is unknown or not allowed, or the node was renamed.
     """
     if node.get_name() != f"{name}_process":
         raise InputError(
-            f"the node was renamed to '{node.get_name()}'; nodes of a run know each other by "
+            f"the node was renamed to '{node.get_name()}'; nodes of a run are identified by "
             "their names, so use a namespace (-r __ns:=/NAME) instead"
         )
     keys = {**PARAMETERS, **(more or {})}
@@ -145,11 +145,11 @@ def _declare(node: Node, name: str, key: ParameterKey) -> Any:
 
 
 def help_text(name: str, more: Mapping[str, ParameterKey] | None = None) -> str:
-    """What --help of the node `name` prints."""
+    """Help text of the node `name`."""
     lines = [
         f"usage: {name}_node --ros-args -p scene:=FILE [-p NAME:=VALUE]... [-r __ns:=/NAMESPACE]",
         "",
-        f"The node '{name}' of a run; docs/ros.md says how its nodes are started. Parameters, read-only:",
+        f"The node '{name}' of a run; docs/ros.md describes how to start it. Parameters, read-only:",
     ]
     for key, found in {**PARAMETERS, **(more or {})}.items():
         default = str(found.default).lower() if isinstance(found.default, bool) else repr(found.default)

@@ -1,6 +1,6 @@
 """The processes of a run: which nodes, with which parameters and remappings.
 
-`subsoil run` and launch/subsoil.launch.py both start what stands here. No ROS is imported.
+`subsoil run` and launch/subsoil.launch.py both start these processes. No ROS is imported.
 """
 
 import json
@@ -41,9 +41,9 @@ class NodeStart:
 
 @dataclass(frozen=True)
 class RunPlan:
-    """What the nodes of a run are told.
+    """Settings of the nodes of a run.
 
-    scene: the scene file as run; bag, checkpoints: folders to be made; resume: a checkpoint, or none.
+    scene: the scene file as run; bag, checkpoints: folders to create; resume: a checkpoint, or none.
     supervised: whether a supervisor holds the standard input of every node (ros/process/supervisor.py).
     """
 
@@ -85,7 +85,7 @@ class RunPlan:
         )
 
     def nodes(self) -> tuple[NodeStart, ...]:
-        """The nodes to start, the coupler last; other programs bring the rest (nodes_from_outside)."""
+        """The nodes to start, the coupler last; other programs provide the rest (nodes_from_outside)."""
         common: Parameters = {
             "scene": str(self.scene.resolve()),
             "run_id": self.run_id,
@@ -110,10 +110,10 @@ def remappings(namespace: str) -> tuple[tuple[str, str], ...]:
 
 
 def checked_namespace(text: str) -> str:
-    """A namespace as ROS wants it, with its leading slash; empty for the root.
+    """Return a namespace in the form of ROS, with its leading slash; empty for the root.
 
     Raises:
-        InputError: it is none.
+        InputError: the text is no namespace.
     """
     if text in ("", "/"):
         return ""

@@ -56,8 +56,8 @@ def serve(
         overrides: as in load_scene.
         run_id: name of the run; unless given the one that `subsoil run` and the launch file use.
         checkpoints: folder of the checkpoints, the same for all nodes: OUT/checkpoints of `subsoil run`.
-        resume: checkpoint to go on from, the same for all nodes.
-        namespace: of all nodes.
+        resume: checkpoint to continue from, the same for all nodes.
+        namespace: namespace of all nodes.
 
     Raises:
         InputError: the object or an argument cannot be used.
@@ -107,7 +107,7 @@ def _serve(run: NodeRun, engine: OutsideMachine | OutsideSoilEngine, namespace: 
             service.start()
             while not service.ended.wait(0.2) and heartbeat.stop is None and not heartbeat.lost:
                 pass
-            if not service.ended.wait(GRACE_S + LAST_WORD_S + KEEP_S):  # the object does not come back
+            if not service.ended.wait(GRACE_S + LAST_WORD_S + KEEP_S):  # a method has not returned
                 return heartbeat.stop or ExitStatus(RunError.exit_status, heartbeat.lost)
         if service.status.code:
             heartbeat.outlast(LATE_S)  # a coupler that starts later would wait for this node
@@ -121,7 +121,7 @@ def _serve(run: NodeRun, engine: OutsideMachine | OutsideSoilEngine, namespace: 
 def _node(
     engine: OutsideMachine | OutsideSoilEngine, run: NodeRun, heartbeat: Heartbeat, context: Context
 ) -> LockstepNode:
-    """The node, its engine in the state of the checkpoint to go on from."""
+    """Build the node, with its engine in the state of the checkpoint to continue from."""
     name = MECHANISM if isinstance(engine, OutsideMachine) else SOIL
     if run.resumed is not None:
         restore_engine(engine, run.resumed, name)

@@ -1,4 +1,4 @@
-"""Starts one process per node, watches them, and leaves none behind."""
+"""Supervisor of a run: starts one process per node, watches them, and ends all of them."""
 
 import json
 import os
@@ -25,19 +25,19 @@ from .plan import Parameters, ros_arguments
 
 END_S = 10.0
 """Time for the nodes to end by themselves once the run is over; then they are killed. The recorder waits for
-the disk (chosen: a busy one takes some seconds)."""
+the disk, which takes some seconds if it is busy."""
 
 GRACE_S = 4.5
 """The same once the run has failed."""
 
 STARTUP_GRACE_S = 20.0
-"""The same for nodes that may still be starting and have not read what they were asked."""
+"""The same for nodes that may still be starting and have not read the stop request."""
 
 CUT_PATIENCE_S = 2.5
 """Time for the recorder to complete the tick at which the coupler cut the record."""
 
 VERDICT_S = 2.0
-"""Time for the coupler to say why the run failed, after a node ended with an error."""
+"""Time for the coupler to report why the run failed, after a node ended with an error."""
 
 _POLL_S = 0.05
 
@@ -67,7 +67,7 @@ class NodeProcess:
             return False
 
     def send_stop(self, status: ExitStatus) -> None:
-        """Asks the node to end."""
+        """Send a stop request to the node."""
         self._send(json.dumps({"stop": status.reason, "exit_status": status.code}) + "\n")
 
     def _send(self, line: str) -> None:
@@ -109,9 +109,9 @@ def start_node(
 
 
 class Supervisor:
-    """Follows the processes of one run to its end.
+    """Supervises the processes of one run to its end.
 
-    The nodes hold the other end of a pipe: should this process be killed, they notice and end.
+    Each node reads a pipe from this process: if this process is killed, the pipe closes and the nodes end.
     """
 
     def __init__(
@@ -128,17 +128,17 @@ class Supervisor:
         self._verdict: ExitStatus | None = None
         self._failed: tuple[float, NodeProcess] | None = None
         self._progressed = False
-        self._deadline = float("inf")  # then whoever is left is killed
+        self._deadline = float("inf")  # then the remaining processes are killed
         self._coupler_end: float | None = None
         self._asked: set[str] = set()  # nodes asked to end after the coupler
         self._reader = threading.Thread(target=self._read_events, daemon=True)
         self._reader.start()
 
     def follow(self, stop_signal: Callable[[], int]) -> ExitStatus:
-        """Waits for the end of the run. On return no process is left.
+        """Wait for the end of the run. On return no process is left.
 
         Args:
-            stop_signal: asked many times a second; a signal's number other than 0 ends the run.
+            stop_signal: called many times a second; a signal's number other than 0 ends the run.
         """
         status: ExitStatus | None = None
         requested: ExitStatus | None = None
@@ -172,10 +172,10 @@ class Supervisor:
             try:
                 self._events.put(json.loads(line))
             except json.JSONDecodeError:
-                continue  # a library's word on standard output
+                continue  # a line of a library on standard output
 
     def _take_events(self) -> None:
-        """Waits a little for events of the coupler, and takes all there are."""
+        """Wait _POLL_S for events of the coupler, and handle all that have come."""
         timeout_s = _POLL_S
         while True:
             try:
@@ -194,7 +194,7 @@ class Supervisor:
     def _cause(self) -> ExitStatus | None:
         """Why the run ended, as soon as it is known; None while it goes on, or if all went well."""
         if self._coupler.exit_status is not None:
-            self._reader.join()  # its last word is on the way
+            self._reader.join()  # its last events may still come
             self._take_events()
         for process in self._processes:
             status = process.exit_status
@@ -218,7 +218,7 @@ class Supervisor:
         return ExitStatus(process.exit_status or RunError.exit_status, process.last_words())
 
     def _end_coupler(self, status: ExitStatus) -> None:
-        """Asks the coupler to abort the run, which closes the bag in order."""
+        """Request the coupler to abort the run, so that the bag is closed in order."""
         self._coupler.send_stop(status)
         grace_s = GRACE_S if self._progressed else STARTUP_GRACE_S
         if status.code > SIGNAL_STATUS:
@@ -226,13 +226,13 @@ class Supervisor:
         self._deadline = min(self._deadline, time.monotonic() + grace_s)
 
     def _end_others(self, status: ExitStatus | None) -> None:
-        """Asks the others to end after the coupler; a recorder that heard of an abort may follow it first."""
+        """Request the others to end after the coupler; a recorder may first complete an aborted record."""
         now = time.monotonic()
         if self._coupler_end is None:
             self._coupler_end = now
             self._deadline = now + (END_S if status is None else GRACE_S)
         if status is None:
-            return  # all went well: they have been told
+            return  # success: the coupler has published the end
         killed = (self._coupler.exit_status or 0) < 0
         for process in self._processes:
             patience_s = CUT_PATIENCE_S if process.name == RECORDER and not killed else 0.0
@@ -241,13 +241,13 @@ class Supervisor:
                 process.send_stop(status)
 
     def _kill_who_stands_still(self) -> None:
-        """Ends at once who cannot end by himself."""
+        """Kill stopped processes, which cannot end by themselves."""
         for process in self._processes:
             if process.stands_still:
                 process.popen.kill()
 
     def _kill_remaining(self) -> str:
-        """Names of the nodes that had to be killed."""
+        """Kill the nodes that are left; return their names."""
         stuck = [process for process in self._processes if process.exit_status is None]
         for process in stuck:
             process.popen.kill()

@@ -1,1 +1,1 @@
-"""What others may ask of a running simulation, and how it says how it does."""
+"""Services, action and diagnostics of a running simulation."""

@@ -1,6 +1,6 @@
-"""How a node does, as diagnostic tools read it: /diagnostics, about once a second of wall time.
+"""Health of a node for diagnostic tools: /diagnostics, about once a second of wall time.
 
-Only what the node has at hand is said, in its own thread: no engine is asked, nothing in a run waits for it.
+A node publishes values that it already has, in its own thread: no engine computes any, no node waits for it.
 """
 
 import time
@@ -31,7 +31,7 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class Health:
-    """What a node says of itself; units stand in the names of the values."""
+    """Health of a node; units stand in the names of the values."""
 
     level: Level = Level.OK
     message: str = ""
@@ -50,11 +50,11 @@ class Diagnostics:
         self._last_tick: int | None = None  # None: nothing is done yet
 
     def due(self) -> bool:
-        """Whether it is time to say something."""
+        """Whether a message is due."""
         return time.monotonic() - self._last_s >= PERIOD_S
 
     def publish(self, health: Health, tick: int) -> None:
-        """Says how the node does after `tick`, the last one that it has finished."""
+        """Publish the health of the node after `tick`, the last one that it has finished."""
         now = time.monotonic()
         rate_hz = 0.0
         if self._last_tick is not None and now > self._last_s:

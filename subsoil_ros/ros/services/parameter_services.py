@@ -1,7 +1,7 @@
 """The parameter services of a node, served by the node of its process.
 
-While an engine computes, a node takes no request; the node of its process, spun in a thread of its own, does.
-`ros2 param` asks every node that it finds, so the services must be there under both names.
+While an engine computes, a node answers no request; the node of its process, spun in another thread, does.
+`ros2 param` calls the services of every node that it finds, so they must exist under both names.
 """
 
 from typing import Any
@@ -14,8 +14,8 @@ class ParameterServices:
     """Serves list, get, describe and the others of rclpy under another node's name.
 
     Args:
-        node: holds the parameters, and is spun.
-        name: of the other node, in the same namespace.
+        node: has the parameters, and is spun.
+        name: name of the other node, in the same namespace.
     """
 
     def __init__(self, node: Node, name: str) -> None:
@@ -24,7 +24,7 @@ class ParameterServices:
 
 
 class _Named:
-    """A node that gives another name as its own."""
+    """A node under another name."""
 
     def __init__(self, node: Node, name: str) -> None:
         self._node, self._name = node, name

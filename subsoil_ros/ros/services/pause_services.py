@@ -1,6 +1,6 @@
 """Pause, resume and step as services of the coupler: ~/pause, ~/resume (std_srvs/Trigger), ~/step.
 
-The short way; simulation_services.py has the operations of simulation_interfaces.
+These are the short forms; simulation_services.py has the operations of simulation_interfaces.
 """
 
 from collections.abc import Callable
@@ -15,12 +15,12 @@ from .run_control import Answer, Result, RunControl
 
 
 class PauseServices:
-    """Serves a coupler.
+    """Pause services of a coupler.
 
-    Services are taken by message_loop.serve, which calls with the request and what the answer is sent to.
+    message_loop.serve calls their callbacks with the request and the header for the response.
 
     Args:
-        guarded: makes a callback whose errors are the node's fault.
+        guarded: wraps a callback so that its errors become the node's fault.
     """
 
     def __init__(

@@ -1,21 +1,21 @@
-"""The wall time of a run, without the time that it stands paused."""
+"""The wall time of a run, without pauses."""
 
 import time
 
 
 class RunClock:
-    """Counts wall time from `start` on [s]; 0 before."""
+    """Measures wall time from `start` on [s]; 0 before."""
 
     def __init__(self) -> None:
         self._start = time.monotonic()
-        self._stopped: float | None = self._start  # since when it does not count; None: it does
+        self._stopped: float | None = self._start  # start of the present pause; None: the clock runs
 
     def start(self, before_s: float = 0.0) -> None:
-        """Counts from now on, after `before_s` of a run that goes on."""
+        """Start the clock at `before_s`, the time of earlier runs in a resumed one."""
         self._start, self._stopped = time.monotonic() - before_s, None
 
     def stand(self, standing: bool) -> None:
-        """Stops while the run stands."""
+        """Stop the clock while the run stands."""
         now = time.monotonic()
         if self._stopped is not None:
             self._start += now - self._stopped
@@ -23,6 +23,6 @@ class RunClock:
 
     @property
     def elapsed_s(self) -> float:
-        """The time so far."""
+        """The wall time so far."""
         now = time.monotonic() if self._stopped is None else self._stopped
         return now - self._start

@@ -1,4 +1,4 @@
-"""Pause, resume, steps and the end of a run, as its services and its action ask for them."""
+"""Pause, resume, steps and the end of a run, as requested by its services and its action."""
 
 from collections.abc import Callable
 from enum import IntEnum
@@ -33,11 +33,11 @@ class Result(IntEnum):
 
 
 Answer = Callable[[Result, str], None]
-"""Called once, now or later: how it went, and why not, in one line."""
+"""Called once, now or later, with the result and the reason of a failure in one line."""
 
 
 class RunControl:
-    """Steers a coupler, in the coupler's thread. A pause and steps are answered when the run stands.
+    """Controls a coupler, in the coupler's thread. A pause and steps are answered when the run stands.
 
     Args:
         changed: called when ticks may be granted again, or when the run begins to pause.
@@ -50,8 +50,8 @@ class RunControl:
         self._coupler = coupler
         self._changed = changed
         self._end = end
-        self._ended = ""  # why nothing more can be asked for
-        self._waiting: list[tuple[int, Answer]] = []  # tick to be done, whom to answer
+        self._ended = ""  # reason why no request can be served any more
+        self._waiting: list[tuple[int, Answer]] = []  # tick to be done, and its answer
 
     @property
     def done_tick(self) -> int:
@@ -60,7 +60,7 @@ class RunControl:
 
     @property
     def state(self) -> RunState:
-        """Stopped until every node is ready."""
+        """The state of the run; STOPPED until every node is ready."""
         if self._ended:
             return RunState.QUITTING
         if self._coupler.paused:
@@ -68,14 +68,14 @@ class RunControl:
         return RunState.PLAYING if self._coupler.ready else RunState.STOPPED
 
     def pause(self, answer: Answer) -> None:
-        """Stands at the end of the ticks that are granted."""
+        """Pause at the end of the granted ticks."""
         if self._refused(answer):
             return
         self._wait_for(self._coupler.pause(), answer)
         self.note_done()
 
     def resume(self, answer: Answer) -> None:
-        """Goes on."""
+        """End the pause."""
         if self._refused(answer):
             return
         playing = not self._coupler.paused
@@ -84,7 +84,7 @@ class RunControl:
         self._changed()
 
     def step(self, count: int, answer: Answer) -> int | None:
-        """Lets a paused run do `count` ticks more; gives the last of them, None if it is refused."""
+        """Let a paused run do `count` more ticks; return the last of them, None if it is refused."""
         if self._refused(answer):
             return None
         try:
@@ -97,7 +97,7 @@ class RunControl:
         return tick
 
     def set_state(self, wanted: int, answer: Answer) -> None:
-        """Goes to a state of RunState, as far as a run can."""
+        """Change to a state of RunState; a run cannot change to STOPPED."""
         if self._refused(answer):
             return
         if wanted == RunState.PLAYING:
@@ -117,7 +117,7 @@ class RunControl:
             answer(Result.OPERATION_FAILED, f"state: given {wanted}, allowed are {known}")
 
     def note_done(self) -> None:
-        """Answers whoever waited for ticks that are done now."""
+        """Answer the requests whose ticks are done now."""
         done = self._coupler.done_tick
         waiting, self._waiting = self._waiting, []
         for tick, answer in waiting:
@@ -127,14 +127,14 @@ class RunControl:
                 answer(Result.OK, "")
 
     def refuse_waiting(self, reason: str) -> None:
-        """Answers whoever waits that the run has ended."""
+        """Answer all waiting requests with the reason why the run has ended."""
         self._ended = reason
         waiting, self._waiting = self._waiting, []
         for _, answer in waiting:
             answer(Result.OPERATION_FAILED, reason)
 
     def _refused(self, answer: Answer) -> bool:
-        """Answers that the run has ended, if it has."""
+        """Answer that the run has ended, if it has; return whether it has."""
         if self._ended:
             answer(Result.OPERATION_FAILED, self._ended)
         return bool(self._ended)

@@ -1,6 +1,6 @@
-"""The services and the action of simulation_interfaces, for tools that steer any simulator with them.
+"""The services and the action of simulation_interfaces, for tools that control any simulator with them.
 
-Where that package is installed they have its types, otherwise those of subsoil_msgs, with the same names and
+Their types are of that package where it is installed, otherwise of subsoil_msgs, with the same names and
 operations: get_simulator_features, get_simulation_state, set_simulation_state, step_simulation,
 reset_simulation and the action simulate_steps, in the namespace of the run.
 """
@@ -43,19 +43,19 @@ class Dialect:
     standard: bool  # simulation_interfaces: a result and a state are messages of their own
 
     def service(self, name: str) -> Any:
-        """A service type."""
+        """Return a service type."""
         return getattr(import_module(f"{self.package}.srv"), name)
 
     def action(self) -> Any:
-        """The action type SimulateSteps."""
+        """Return the action type SimulateSteps."""
         return import_module(f"{self.package}.action").SimulateSteps
 
     def wanted_state(self, request: Any) -> int:
-        """The state that a SetSimulationState asks for."""
+        """Return the state that a SetSimulationState requests."""
         return request.state.state if self.standard else request.state
 
     def fill_result(self, response: Any, result: Result, reason: str) -> Any:
-        """Says how it went."""
+        """Write result and reason into a response, and return it."""
         if self.standard:
             response.result.result, response.result.error_message = int(result), reason
         else:
@@ -63,14 +63,14 @@ class Dialect:
         return response
 
     def fill_state(self, response: Any, state: int, tick: int) -> None:
-        """Says what the run does."""
+        """Write the state of the run into a response."""
         if self.standard:
             response.state.state = state
         else:
             response.state, response.tick = state, tick
 
     def fill_features(self, response: Any) -> None:
-        """Says what the simulator can do."""
+        """Write the features of the simulator into a response."""
         if self.standard:
             kind = type(response.features)
             response.features.features = [getattr(kind, name) for name in FEATURES]
@@ -80,7 +80,7 @@ class Dialect:
 
 
 def dialect() -> Dialect:
-    """simulation_interfaces where it is installed."""
+    """Return simulation_interfaces if it is installed, else subsoil_msgs."""
     try:
         import_module("simulation_interfaces.srv")
     except ImportError:
@@ -89,10 +89,10 @@ def dialect() -> Dialect:
 
 
 class SimulationServices:
-    """Serves a coupler in its own thread (message_loop.serve).
+    """Services of a coupler, in its own thread (message_loop.serve).
 
     Args:
-        guarded: makes a callback whose errors are the node's fault.
+        guarded: wraps a callback so that its errors become the node's fault.
     """
 
     def __init__(self, node: Node, control: RunControl, guarded: Guarded) -> None:
@@ -141,7 +141,7 @@ def _send(service: Service, header: Any, response: Any) -> None:
 
 
 class _Goal:
-    """An accepted goal: how many ticks it does, and the last of them, once it has begun."""
+    """An accepted goal: its number of ticks, and the last of them, once it has begun."""
 
     def __init__(self, handle: Any) -> None:
         self.handle = handle
@@ -153,8 +153,8 @@ class _Goal:
 class StepsAction:
     """The action simulate_steps of a coupler.
 
-    Goals come in the thread of the heartbeat; all else happens in the coupler's, ten times a second (`poll`)
-    and when the ticks are done, so no thread waits.
+    Goals arrive in the thread of the heartbeat. They are handled in the coupler's, ten times a second
+    (`poll`) and when their ticks are done, so no thread waits.
     """
 
     def __init__(self, heartbeat: Heartbeat, control: RunControl) -> None:
@@ -167,14 +167,14 @@ class StepsAction:
             heartbeat.node,
             self._kind,
             "simulate_steps",
-            execute_callback=lambda handle: self._kind.Result(),  # every goal brings its own
+            execute_callback=lambda handle: self._kind.Result(),  # replaced by that of the goal
             handle_accepted_callback=self._accepted.put,
             cancel_callback=lambda goal: CancelResponse.ACCEPT,
         )
         heartbeat.at_close(server.destroy)
 
     def poll(self) -> None:
-        """Begins goals, says how far they are, ends those that are cancelled."""
+        """Begin goals, publish their feedback, end those that are cancelled."""
         while not self._accepted.empty():
             self._begin(_Goal(self._accepted.get()))
         for goal in self._goals:
@@ -193,7 +193,7 @@ class StepsAction:
             goal.tick_count = min(asked, goal.last_tick - done)  # the run may end before
 
     def _done(self, goal: _Goal, result: Result, reason: str) -> None:
-        """The ticks are done, or never will be."""
+        """Finish a goal whose ticks are done, or can no longer be done."""
         if goal.finished:
             return  # cancelled
         goal.finished = True

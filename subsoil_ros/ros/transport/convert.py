@@ -1,7 +1,7 @@
 """Records of messages.py to serialized messages and back; float64 values are only copied.
 
-Nodes publish and take CDR bytes, made by the same serializer as in the direct run: the bags of all
-modes hold the same bytes, and it takes a third of the time of rclpy's own conversion.
+Nodes publish and receive CDR bytes of the serializer that the direct run uses: the bags of all modes contain
+the same bytes. This takes a third of the time of rclpy's own conversion.
 """
 
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from .tick_codec import TICKED, TickCodec
 
 @cache
 def rclpy_class(name: str) -> Any:
-    """rclpy's class of a message type, "subsoil_msgs/msg/Grant": what a topic is declared with."""
+    """rclpy's class of a message type, "subsoil_msgs/msg/Grant", for the declaration of a topic."""
     package, _, short = name.partition("/msg/")
     return getattr(import_module(f"{package}.msg"), short)
 
@@ -27,7 +27,7 @@ def class_of(kind: type) -> Any:
 
 
 def writer(kind: type, communication_step_ns: int) -> Callable[[Any], bytes]:
-    """The function that gives the CDR bytes of records of `kind`."""
+    """Return the function that converts records of `kind` to CDR bytes."""
     if kind in TICKED:
         return TickCodec(kind, communication_step_ns).encode
     return lambda record: to_bytes(record, communication_step_ns)
@@ -39,7 +39,7 @@ def to_bytes(record: Any, communication_step_ns: int) -> bytes:
 
 
 def reader(kind: type, communication_step_ns: int) -> Callable[[bytes], Any]:
-    """The function that gives the record of `kind` in CDR bytes."""
+    """Return the function that converts CDR bytes to records of `kind`."""
     if kind in TICKED:
         return TickCodec(kind, communication_step_ns).decode
     name = message_type(kind)

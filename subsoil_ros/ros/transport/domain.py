@@ -17,7 +17,7 @@ _FIRST_PARTICIPANT_PORT = 10
 
 @contextmanager
 def run_domain() -> Iterator[int]:
-    """The domain for one run: the environment's ROS_DOMAIN_ID, or a free one, held as long as it is used.
+    """The domain for one run: the environment's ROS_DOMAIN_ID, or a free one, locked while it is used.
 
     Raises:
         RunError: no domain is free, or ROS_DOMAIN_ID is no number.

@@ -1,4 +1,4 @@
-"""Who publishes on a topic: node and machine, as DDS tells it."""
+"""Publishers of a topic: node and machine, as reported by DDS."""
 
 import os
 import time
@@ -8,13 +8,14 @@ from rclpy.node import Node
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 NAME_TRIES, NAME_WAIT_S = 10, 0.1
-"""Looks for the name of a node whose publisher was found: names come later, a second is ample."""
+"""Number of queries for the name of a node whose publisher was found, and time between them: names come
+later, within a second."""
 
 _UNKNOWN = "_NODE_NAME_UNKNOWN_"
-"""What rmw calls a node that it has not heard of yet."""
+"""Name that rmw gives to a node that it has not discovered yet."""
 
 _FAST_DDS = bytes((1, 15))
-"""First bytes of its identifiers. After them come two of the machine and two of the process."""
+"""First bytes of identifiers of Fast DDS. After them come two of the machine and two of the process."""
 
 _PARAMETER_EVENTS = "/parameter_events"
 """A topic on which every node publishes."""
@@ -23,11 +24,11 @@ _PARAMETER_EVENTS = "/parameter_events"
 def foreign_publishers(node: Node, topic: str, is_ours: Callable[[str], bool], matched: int) -> str:
     """Name the publishers of `topic` that are not of the run, each with its machine; empty: there are none.
 
-    Of two nodes with one name it is not known which one is of the run: both are named.
+    Of two nodes with one name, either may be of the run: both are named.
 
     Args:
-        node: one of the run.
-        topic: its name in full.
+        node: a node of the run.
+        topic: full name of the topic.
         is_ours: whether a node of this name, in the namespace of `node`, may publish on the topic.
         matched: number of publishers that a subscription has found; their names come a little later.
     """
@@ -58,7 +59,7 @@ def _identifier(item: TopicEndpointInfo) -> bytes:
 
 
 def _own_machine(node: Node) -> bytes:
-    """What Fast DDS calls this machine; empty: not known."""
+    """Identifier of this machine in Fast DDS; empty: not known."""
     process = (os.getpid() & 0xFFFF).to_bytes(2, "little")
     for item in node.get_publishers_info_by_topic(_PARAMETER_EVENTS):
         identifier = _identifier(item)
@@ -68,7 +69,7 @@ def _own_machine(node: Node) -> bytes:
 
 
 def _place(item: TopicEndpointInfo, own_machine: bytes) -> str:
-    """Where a publisher is, if its DDS and ours tell it."""
+    """Machine of a publisher, in words; empty if its DDS or ours does not report it."""
     identifier = _identifier(item)
     if not own_machine or identifier[:2] != _FAST_DDS:
         return ""

@@ -20,23 +20,23 @@ LOCKSTEP_QOS = _reliable(LOCKSTEP_DEPTH)
 """Lockstep messages and the states recorded with them. The recorder is never further behind than
 ACK_LAG_TICKS, so nothing leaves the history before it has arrived.
 
-Volatile: no endpoint may join late, all endpoints are matched before tick 0. A history that is kept for
-late-comers is always full, and Fast DDS then asks every reader for an acknowledgement with every message.
+Volatile: no endpoint joins late, as all are matched before tick 0. A history for late joiners is always full,
+and Fast DDS then requests an acknowledgement of every reader with every message.
 """
 
 NODE_STATUS_QOS = _reliable(50, DurabilityPolicy.TRANSIENT_LOCAL)
-"""One queue takes the words of all nodes, so it must hold several of each."""
+"""One queue receives the status of all nodes, so it must hold several of each."""
 
 CLOUD_QOS = _reliable(ACK_LAG_TICKS + 1)
 """Volatile: a cloud is freed as soon as its readers have it. Deep enough for one cloud per tick."""
 
 VISUALIZATION_QOS = _reliable(10)
-"""Poses, wrenches, /tf and /clock: live, for whoever listens; the bag derives its own."""
+"""Poses, wrenches, /tf and /clock: live, for any listener; the recorder derives its own for the bag."""
 
 LATCHED_QOS = _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)
-"""What is said once and kept for who comes later: the machine's description, its tools."""
+"""Messages published once and kept for late joiners: the machine's description, its tools."""
 
 
 def qos_of(kind: type) -> QoSProfile:
-    """The quality of service for records of `kind`, to publish and to listen."""
+    """The quality of service for records of `kind`, for publishers and subscriptions."""
     return {NodeStatus: NODE_STATUS_QOS, SoilCloud: CLOUD_QOS}.get(kind, LOCKSTEP_QOS)

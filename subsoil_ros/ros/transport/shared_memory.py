@@ -1,7 +1,7 @@
-"""Shared memory: what killed nodes left in it, and whether there is room for those to come.
+"""Shared memory: remains of killed nodes, and room for the nodes of a run.
 
 Fast DDS gives every participant segments and ports in /dev/shm (about 0.5 MB), and lock files that are
-held locked as long as a process uses them. What a killed participant leaves stays (as of Fast DDS 2.14;
+held locked as long as a process uses them. The files of a killed participant remain (as of Fast DDS 2.14;
 its own `fastdds shm clean` works by the same rule).
 """
 
@@ -22,10 +22,10 @@ SETTLED_S = 2.0
 """Files younger than this may belong to a process that is about to lock them."""
 
 PROCESS_BYTES = 2**20
-"""Of shared memory for one process (measured: 0.65 MB, its segment and its ports)."""
+"""Shared memory for one process; measured were 0.65 MB, for its segment and its ports."""
 
 MOST_NODES = 5
-"""Of a run, each a process."""
+"""Largest number of nodes of a run, each a process."""
 
 LOADED_BYTES = 2 * mmap.PAGESIZE
 """The tracing library of ROS (LTTng) maps two pages as a process loads rclpy, without reserving memory: where
@@ -39,17 +39,17 @@ _NAME = re.compile(r"(fastrtps_(?:[0-9a-f]{16}|port\d+))(?:_[es]l)?")
 
 
 def free_bytes() -> int:
-    """Room in shared memory."""
+    """Free bytes in shared memory."""
     return shutil.disk_usage(FOLDER).free
 
 
 def avoid_full_memory(process_count: int = MOST_NODES) -> str:
-    """Have this process, and those that it starts, use UDP if shared memory has no room for so many.
+    """Make this process, and those it starts, use UDP if shared memory has no room for `process_count` ones.
 
     Nothing is changed where the user has chosen how messages travel.
 
     Returns:
-        What is to be said of it, in one line; empty if there is room.
+        A notice about it, in one line; empty if there is room.
 
     Raises:
         InputError: there is not even room to load ROS.

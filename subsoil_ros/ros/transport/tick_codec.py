@@ -1,8 +1,8 @@
-"""CDR of the messages of every tick at the speed of a lockstep exchange.
+"""Fast CDR codec for the messages of every tick.
 
 Within a run these messages differ in their numbers alone: names, lengths and padding stay. The first
-message of each shape goes through the general serializer; its bytes without the numbers are kept, and
-from then on numbers are put into them, or read, in one call. The bytes are those of the general serializer.
+message of each shape is converted by the general serializer; its bytes without the numbers are kept, and
+from then on numbers are written into them, or read, in one call. The bytes are the same.
 """
 
 import math
@@ -31,9 +31,9 @@ Names = tuple[tuple[str, tuple[str, ...]], ...]
 """(tool, its groups) of every tool."""
 
 TICKED = (Grant, TickAck, ToolMotions, ToolWrenches)
-"""The kinds of record that the codec knows."""
+"""The kinds of record that the codec converts."""
 
-_ENCAPSULATION_BYTES = 4  # before what CDR aligns to
+_ENCAPSULATION_BYTES = 4  # before the bytes that CDR aligns
 _FRAME = "world"
 _ORDER: Literal["little"] = "little"
 _COMMANDS = tuple(Command)
@@ -43,7 +43,7 @@ _SPATIAL = ((0, 3), (3, 7), (7, 10), (10, 13))
 
 @dataclass(frozen=True)
 class _Shape:
-    """What messages of one shape have in common."""
+    """Properties common to messages of one shape."""
 
     numbers: struct.Struct  # all numbers in their places, zeros elsewhere
     constant: int  # all else in its place, zeros where numbers are; bytes as one integer
@@ -65,7 +65,7 @@ class _Shape:
 
 
 class _Walk:
-    """Walks through a message as CDR lays it out, and notes its numbers."""
+    """Walks through a message in the layout of CDR, and records the places of its numbers."""
 
     def __init__(self) -> None:
         self.offset = _ENCAPSULATION_BYTES
@@ -73,7 +73,7 @@ class _Walk:
         self._mask = b""
 
     def numbers(self, codes: str, size: int) -> None:
-        """Numbers side by side, the first of `size` bytes."""
+        """Add adjacent numbers, the first of `size` bytes."""
         self._align(size)
         self._constant_up_to_here()
         self._codes += codes
@@ -81,17 +81,17 @@ class _Walk:
         self._mask = self._mask.ljust(self.offset, b"\0")
 
     def length(self) -> None:
-        """The length of a sequence."""
+        """Add the length of a sequence."""
         self._align(4)
         self.offset += 4
 
     def text(self, value: str) -> None:
-        """A string with its closing zero."""
+        """Add a string with its closing zero."""
         self.length()
         self.offset += len(value.encode()) + 1
 
     def layout(self) -> tuple[struct.Struct, bytes]:
-        """All numbers in their places, and the mask of all that is between and behind them."""
+        """Return the numbers in their places, and the mask of the bytes between and after them."""
         self._constant_up_to_here()
         return struct.Struct(self._codes), self._mask
 
@@ -210,7 +210,7 @@ class TickCodec:
         return shape.bytes_of(self._numbers_of(record))
 
     def decode(self, cdr: bytes) -> Any:
-        """The record in CDR bytes; of whatever shape, but only the last one's again is quick."""
+        """The record in CDR bytes of any shape; fast if the shape is that of the last message."""
         shape = self._shape
         numbers = shape.numbers_of(cdr) if shape is not None else None
         if shape is None or numbers is None:

@@ -25,7 +25,7 @@ from .files import with_absolute_files
 from .keys import suggestion
 from .material import is_of, material_first, with_material, with_window
 from .material_presets import NAMES as MATERIAL_PRESETS
-from .material_presets import measured_presets, preset_changes
+from .material_presets import applies_to_particles, measured_presets, preset_changes
 from .overrides import CHOICES, Override, apply_override, overrides_of, parse_overrides
 from .presets import Preset, read_preset
 from .reference import Reference, read_reference
@@ -92,7 +92,7 @@ def _resolved(document: Document, path: Path, shown: str, changes: Sequence[Over
     plain = None
     if name in MATERIAL_PRESETS and name not in presets:
         own = {key: value for key, value in document.items() if key != "preset"}
-        plain = _resolved(own, path, shown, [c for c in changes if c.path != "preset"])
+        plain = _resolved(own, path, shown, [c for c in changes if applies_to_particles(c.path, name)])
     document = _with_initial_condition(document, shown, [c for c in changes if c.path == "initial_condition"])
     if plain is not None and plain.material is not None:
         presets = {**presets, **measured_presets(plain.material_file)}

@@ -73,6 +73,14 @@ def test_real_time_is_the_wedge_model_of_the_material(tmp_path):
         assert load_scene("field_tine", {"preset": "coarse", "soil.material": material}).preset == "coarse"
 
 
+def test_keys_of_the_wedge_model_can_be_set():
+    """Beside the preset `soil` is the wedge model; those of the particles are unknown to it."""
+    found = load_scene("field_tine", {"preset": "real_time", "soil.seed": 3})
+    assert found.scene.wedge_soil.seed == 3
+    with pytest.raises(SceneError, match=r"soil\.bed"):
+        load_scene("field_tine", {"preset": "real_time", "soil.bed.seed": 3})
+
+
 def test_a_written_scene_is_the_same_scene(tmp_path):
     """A run records its scene with the preset applied: it loads to the same hash, name and errors."""
     found = load_scene("field_tine", {"preset": "standard"})

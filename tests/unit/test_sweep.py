@@ -65,6 +65,10 @@ def test_table_has_every_run(done: Path) -> None:
     assert set(zip(parquet[DEPTH], parquet["allow"], parquet["seed"], strict=True)) == {
         (depth, beyond, seed) for depth in (0.10, 0.14) for beyond in (BEYOND, "[]") for seed in (0, 1)
     }
+    whole = table["failure"].isna()
+    means = table.loc[whole, ["metrics.draft_mean_newton", "series.draft_newton.mean"]].to_numpy()
+    np.testing.assert_allclose(means[:, 0], means[:, 1], rtol=1e-12)
+    assert table.loc[~whole, "metrics.draft_mean_newton"].isna().all()
     for name in ("series.draft_newton.mean", "series.draft_newton.run.max", "wall_s", DEPTH):
         pd.testing.assert_series_equal(table[name], parquet[name], check_exact=True)
 

@@ -9,6 +9,7 @@ import pandas as pd
 
 from ...analysis.quantities import flattened
 from ..run_cache import CachedRun
+from ..run_metrics import metrics_of
 from .plan import Job, as_text
 
 RUN_COLUMNS = ("run", "name", "seed", "failure", "wall_s", "cpu_s", "threads", "at_once", "machine", "code")
@@ -44,8 +45,9 @@ def table_of(jobs: Sequence[Job], runs: Sequence[CachedRun]) -> pd.DataFrame:
 
 
 def numbers_of(run: CachedRun) -> dict[str, float | int]:
-    """Every number of a run's summary, by its dotted path."""
-    return {
+    """Every number of a run's summary, by its dotted path; of a complete run its metrics (run_metrics.py)."""
+    metrics = {} if run.failure else metrics_of(run)
+    return {f"metrics.{name}": value for name, value in metrics.items()} | {
         name: value
         for name, value in flattened(run.summary).items()
         if isinstance(value, int | float) and not isinstance(value, bool)

@@ -23,7 +23,7 @@ class Expected(StrictModel):
     errors_against: dict[str, dict[str, ErrorInterval]] = {}  # of other references, by their names
     confidence: Fraction  # of the intervals
     notes: list[str] = []  # what no error says
-    wall_s_per_simulated_s: Positive
+    wall_s_per_simulated_s: Positive | None = None  # None where another scene was measured
     machine: str  # that took this time
     source: str  # table, command and version
 

@@ -20,7 +20,8 @@ def accuracy_lines(resolved: ResolvedScene, overrides: Sequence[str]) -> Iterato
         known = {key: item.expected for key, item in resolved.presets.items() if item.expected is not None}
         if known:
             yield from _all_presets(known, duration)
-            yield from (f"{key}: {note}" for key, item in known.items() for note in item.notes)
+            for note in dict.fromkeys(note for item in known.values() for note in item.notes):
+                yield f"{', '.join(key for key, item in known.items() if note in item.notes)}: {note}"
             yield from _changed(overrides)
         return
     expected = resolved.presets[name].expected
@@ -34,10 +35,12 @@ def accuracy_lines(resolved: ResolvedScene, overrides: Sequence[str]) -> Iterato
     for other, errors in expected.errors_against.items():
         yield _one_preset(f"against {other}", errors, expected)
     yield from expected.notes
-    yield (
-        f"expected wall time: {_wall_s(expected, duration)} s for {duration:g} s, without start-up, on "
-        f"{expected.machine}; source: {expected.source}"
-    )
+    if expected.wall_s_per_simulated_s is not None:
+        yield (
+            f"expected wall time: {expected.wall_s_per_simulated_s * duration:.3g} s for {duration:g} s, "
+            f"without start-up, on {expected.machine}"
+        )
+    yield f"source: {expected.source}"
     yield from _changed(overrides)
 
 
@@ -50,11 +53,13 @@ def _changed(overrides: Sequence[str]) -> Iterator[str]:
 
 def _all_presets(known: Mapping[str, Expected], duration_s: float) -> Iterator[Table]:
     """Yield a table with a row for each preset and its wall time, then one for each further reference."""
-    walls = {name: f"{_wall_s(item, duration_s)} s" for name, item in known.items()}
+    walls = {
+        name: "" if (wall_s := item.wall_s_per_simulated_s) is None else f"{wall_s * duration_s:.3g} s"
+        for name, item in known.items()
+    }
+    times = {f"wall time for {duration_s:g} s": walls} if any(walls.values()) else {}
     errors = {name: item.errors for name, item in known.items()}
-    yield _one_row_each(
-        "expected error in %, with its interval", errors, {f"wall time for {duration_s:g} s": walls}
-    )
+    yield _one_row_each("expected error in %, with its interval", errors, times)
     for other in dict.fromkeys(other for item in known.values() for other in item.errors_against):
         against = {name: item.errors_against.get(other, {}) for name, item in known.items()}
         yield _one_row_each(f"against {other}, in %", against, {})
@@ -87,7 +92,3 @@ def _mean_and_interval(error: ErrorInterval) -> str:
 
 def _interval(error: ErrorInterval) -> str:
     return f"{100.0 * error.low:+.3g} to {100.0 * error.high:+.3g} %"
-
-
-def _wall_s(expected: Expected, duration_s: float) -> str:
-    return f"{expected.wall_s_per_simulated_s * duration_s:.3g}"

@@ -72,13 +72,9 @@ def load_scene(
     """
     given = path if isinstance(path, dict) else None
     shown = "scene" if given is not None else str(path)
-    found = (
-        Path("scene")
-        if isinstance(path, dict)
-        else shipped_scene(path if isinstance(path, Path) else Path(path))
-    )
+    file = Path("scene") if isinstance(path, dict) else shipped_scene(Path(path))
     changes = overrides_of(overrides) if isinstance(overrides, Mapping) else parse_overrides(overrides)
-    return _resolved(_with_base(found, shown, (), given), found, shown, changes)
+    return _resolved(_with_base(file, shown, (), given), file, shown, changes)
 
 
 def _resolved(document: Document, path: Path, shown: str, changes: Sequence[Override]) -> ResolvedScene:
@@ -90,13 +86,13 @@ def _resolved(document: Document, path: Path, shown: str, changes: Sequence[Over
     chosen = [c for c in changes if c.path == "preset"]
     name = chosen[-1].value if chosen else document.get("preset")
     plain = None
-    if name in MATERIAL_PRESETS and name not in presets:
+    if isinstance(name, str) and name in MATERIAL_PRESETS and name not in presets:
         own = {key: value for key, value in document.items() if key != "preset"}
         plain = _resolved(own, path, shown, [c for c in changes if applies_to_particles(c.path, name)])
     document = _with_initial_condition(document, shown, [c for c in changes if c.path == "initial_condition"])
     if plain is not None and plain.material is not None:
         presets = {**presets, **measured_presets(plain.material_file)}
-        document = _with_material_preset(document, name, plain, presets[name], shown)
+        document = _with_material_preset(document, str(name), plain, presets, shown)
     document = _with_preset(document, shown, chosen)
     changes = [c for c in changes if c.path not in CHOICES]
     kept = {key: document.pop(key) for item in CHOICES.items() for key in item if key in document}
@@ -249,7 +245,7 @@ def _with_preset(document: Document, shown: str, changes: Sequence[Override]) ->
 
 
 def _with_material_preset(
-    document: Document, name: str, plain: ResolvedScene, preset: Preset, shown: str
+    document: Document, name: str, plain: ResolvedScene, presets: Mapping[str, Preset], shown: str
 ) -> Document:
     """The document with a preset of its material among its presets; `plain`: the scene without it."""
     assert plain.material is not None
@@ -258,7 +254,7 @@ def _with_material_preset(
         changes = preset_changes(name, plain.scene, meshes, plain.material, plain.material_file)
     except SceneError as error:
         raise SceneError(f"{shown}: {error}") from error
-    measured = preset.model_dump(mode="json", exclude_none=True)
+    measured = presets[name].model_dump(mode="json", exclude_none=True)
     return {**document, "presets": {**document.get("presets", {}), name: measured | {"changes": changes}}}
 
 

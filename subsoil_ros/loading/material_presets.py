@@ -32,19 +32,19 @@ class Rule(NamedTuple):
 
 
 RULES = {"fine": Rule(10.0, False), "standard": Rule(20.0 / 3.0, True), "coarse": Rule(5.0, True)}
-"""By preset. Ten diameters in the depth: drafts within 10 % of those with half the size
+"""By preset. Ten diameters in the depth: drafts within 10 % of those at two thirds of the radius
 (validation/blades.md)."""
 
 SKIN = 0.3
-"""Skin of the neighbour lists over the radius: a tenth less time than with 3 mm at r = 20 mm. Results do not
-depend on it."""
+"""Skin of the neighbour lists divided by the radius: at r = 20 mm it takes a tenth less time than 3 mm. Results
+do not depend on it."""
 
 WEDGE = "real_time"
 """The preset that takes the wedge model of the material in the place of its particles."""
 
 WEDGE_GRACE_JOULE = 300.0
-"""Work before the exchange's residual is bounded, some 0.2 m of travel: where the tool of a machine meets its
-first wedge, the residual is 4 % of the first 10 J; it is 0.3 % of the work over 6 m (field_swing)."""
+"""Work before the bound of the exchange's residual applies, some 0.2 m of travel: where the tool of a machine
+meets its first wedge, the residual is 4 % of the first 10 J; it is 0.3 % of the work over 6 m (field_swing)."""
 
 NAMES = (*RULES, WEDGE)
 
@@ -76,7 +76,8 @@ def preset_changes(
         if wedge is None:
             raise SceneError(
                 f"preset {name}: no wedge model comes with material {material_file}; choose one of "
-                f"{', '.join(RULES)}, or calibrate one (docs/calibrate.md) and name its file in soil.file"
+                f"{', '.join(RULES)}, or calibrate one (docs/calibrate.md) and give soil.model: wedge with its "
+                "soil.file"
             )
         soil: Document = {"soil": {"model": "wedge", "file": str(wedge)}}
         grace = {"coupling": {"residual_grace_joule": WEDGE_GRACE_JOULE}}
@@ -86,8 +87,8 @@ def preset_changes(
     _, depth = tillage_reach_m(scene, meshes)
     if depth <= 0.0:
         raise SceneError(
-            f"preset {name}: takes the size of the particles from the depth of the tillage tools, and none "
-            "is below the surface; set soil.particles.radius_m instead"
+            f"preset {name}: its particles follow from the depth of the tillage tools, and none is below the "
+            "surface at the start; set soil.particles.radius_m instead"
         )
     width = min(
         float(np.ptp(meshes[key].vertices_m[:, 1])) for key, tool in scene.tools.items() if tool.is_tillage

@@ -36,15 +36,15 @@ RULES = {"fine": Rule(10.0, False), "standard": Rule(20.0 / 3.0, True), "coarse"
 (validation/blades.md)."""
 
 SKIN = 0.3
-"""Skin of the neighbour lists divided by the radius: at r = 20 mm it takes a tenth less time than 3 mm. Results
-do not depend on it."""
+"""Skin of the neighbour lists divided by the radius: at r = 20 mm it takes a tenth less time than 3 mm.
+Results do not depend on it."""
 
 WEDGE = "real_time"
 """The preset that takes the wedge model of the material in the place of its particles."""
 
 WEDGE_GRACE_JOULE = 300.0
-"""Work before the bound of the exchange's residual applies, some 0.2 m of travel: where the tool of a machine
-meets its first wedge, the residual is 4 % of the first 10 J; it is 0.3 % of the work over 6 m (field_swing)."""
+"""Work before the bound of the exchange's residual applies, some 0.2 m of travel: where the tool of a
+machine meets its first wedge, the residual is 4 % of the first 10 J; over 6 m it is 0.3 % of the work."""
 
 NAMES = (*RULES, WEDGE)
 
@@ -76,8 +76,8 @@ def preset_changes(
         if wedge is None:
             raise SceneError(
                 f"preset {name}: no wedge model comes with material {material_file}; choose one of "
-                f"{', '.join(RULES)}, or calibrate one (docs/calibrate.md) and give soil.model: wedge with its "
-                "soil.file"
+                f"{', '.join(RULES)}, or calibrate one (docs/calibrate.md) and give soil.model: wedge "
+                "with its soil.file"
             )
         soil: Document = {"soil": {"model": "wedge", "file": str(wedge)}}
         grace = {"coupling": {"residual_grace_joule": WEDGE_GRACE_JOULE}}

@@ -15,10 +15,20 @@ from typing import Any
 
 from subsoil_ros.errors import SubsoilError
 
-from . import beds, coupling, laws, mechanism, nasty_machines, plastic_and_bonded, steps, tools
+from . import (
+    beds,
+    coupling,
+    laws,
+    mechanism,
+    nasty_machines,
+    plastic_and_bonded,
+    steps,
+    tools,
+    windows,
+)
 from .cases import Case, WrongEndError
 
-PARTS = (steps, laws, tools, beds, plastic_and_bonded, mechanism, nasty_machines, coupling)
+PARTS = (steps, laws, tools, beds, plastic_and_bonded, windows, mechanism, nasty_machines, coupling)
 
 
 def measure(case: Case) -> dict[str, Any]:

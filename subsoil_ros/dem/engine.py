@@ -340,6 +340,7 @@ class SoilEngine(SoilReadings):
         starts = tuple(tool.last for tool in self._tools)
         for start, end in zip(starts, motions, strict=True):
             refuse_other_kind(f"tick {tick}", start, end, self._resolved.timing.communication_step_s)
+        self._prepare_tick(tick, motions)
         self._begin_tick()
         for s in range(1, steps + 1):
             if s == steps and self._resolved.scene.coupling.force == "tick_end":
@@ -352,6 +353,9 @@ class SoilEngine(SoilReadings):
             self._after_step(tick, s)
         return self._wrenches()
 
+    def _prepare_tick(self, tick: int, motions: tuple[ToolMotion, ...]) -> None:
+        """Hook before the steps of a tick at whose end the tools are at `motions`; does nothing here."""
+
     def ends_with(self, tick: int) -> None:
         """Let the run end early with `tick`, which is advanced next: the soil is checked at its end."""
         self._last_tick = tick
@@ -363,13 +367,16 @@ class SoilEngine(SoilReadings):
                 raise PhysicsError(
                     f"{self._where(tick, step)}: tool {tool.name} overlaps a particle by "
                     f"{tool.max_overlap_m:.3g} m, allowed is soil.max_tool_overlap_m "
-                    f"{self._overlap_bound:.3g} m; raise soil.tool_stiffness_factor, or make the tool slower "
-                    "or thicker"
+                    f"{self._overlap_bound:.3g} m; {self._remedy_of_overlap(tool)}"
                 )
         timing = self._resolved.timing
         last = step == timing.soil_steps and tick == self._last_tick
         if self._monitor is not None and self._monitor.due(last=last):
             self._monitor.check(self._where(tick, step), tick, self)
+
+    def _remedy_of_overlap(self, tool: ToolSurface) -> str:
+        """End of the message that stops a run at an overlap of this tool."""
+        return "raise soil.tool_stiffness_factor, or make the tool slower or thicker"
 
     def _where(self, tick: int, step: int) -> str:
         """Tick and step of an error, for its message."""

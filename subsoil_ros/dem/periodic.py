@@ -4,6 +4,8 @@ Positions are put back into the box when the neighbour lists are built, and each
 periods it was moved by. In between it may be outside by half a skin; pairs always take the nearest image.
 """
 
+import math
+
 import numpy as np
 from numba import njit
 
@@ -59,6 +61,11 @@ def wrapped(y_m: np.ndarray, low_m: float, period_m: float) -> tuple[np.ndarray,
     return np.where(above, low_m, inside), turns.astype(np.int64) + above
 
 
+def up_to_mm(length_m: float) -> float:
+    """`length_m` rounded up to whole millimetres, so that a limit in a message suffices as it is printed."""
+    return math.ceil(1e3 * length_m - 1e-6) / 1e3  # a millionth of a millimetre is round-off
+
+
 def refuse_narrow_period(bed: Bed, soil: Soil) -> None:
     """A period must hold SMALLEST_CELLS cells of the neighbour search.
 
@@ -72,7 +79,7 @@ def refuse_narrow_period(bed: Bed, soil: Soil) -> None:
     if bed.period_m < smallest:
         raise SceneError(
             f"soil.bin.width_m: {soil.bin.width_m:g} m gives a bed with a period of {bed.period_m:.4g} m, "
-            f"sides: periodic needs at least {smallest:.4g} m, {SMALLEST_CELLS} times the reach of a "
+            f"sides: periodic needs at least {up_to_mm(smallest):g} m, {SMALLEST_CELLS} times the reach of a "
             "particle with soil.skin_m; make the bin wider"
         )
 
@@ -125,10 +132,11 @@ def refuse_tool_at_held_side(name: str, vertices_m: np.ndarray, soil: Soil) -> N
     free = 0.5 * soil.bin.width_m - (HELD_LAYER + 2.0) * largest
     outermost = float(np.abs(vertices_m[:, 1]).max())
     if outermost > free:
+        room = f"allowed is up to {free:.4g} m" if free > 0.0 else "no width is left for tools"
         raise SceneError(
-            f"tools.{name}: reaches to y = {outermost:.4g} m; with soil.bin.sides held, allowed is up to "
-            f"{free:.4g} m, a particle before the soil that is held: make soil.bin.width_m at least "
-            f"{soil.bin.width_m + 2.0 * (outermost - free):.4g} m, or its sides periodic"
+            f"tools.{name}: reaches to y = {outermost:.4g} m; with soil.bin.sides held, {room}, a particle "
+            "before the soil that is held: make soil.bin.width_m at least "
+            f"{up_to_mm(soil.bin.width_m + 2.0 * (outermost - free)):g} m, or its sides periodic"
         )
 
 

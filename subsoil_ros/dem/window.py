@@ -1,9 +1,10 @@
 """A window of soil that moves with the tools through a field (scene.window).
 
-At the beginning of a tick, the positions of the tools determine which strips exist (dem.beds.field). Strips
-ahead are laid out as they settled, with the histories of their contacts; soil behind the window is removed.
-The outermost layer at an open end is held: ahead where it was laid out, behind where it came to lie. Soil
-that is no longer at an end is freed. At both ends of the field walls replace the held layer.
+At the beginning of a tick, the positions of the tools then and at its end determine which strips exist
+(dem.beds.field). Strips ahead are laid out as they settled, with the histories of their contacts; soil
+behind the window is removed. The outermost layer at an open end is held: ahead where it was laid out, behind
+where it came to lie. Soil that is no longer at an end is freed. At both ends of the field walls replace the
+held layer.
 
 No record grows with the distance travelled: the identity of a particle gives the place where it was laid out.
 """
@@ -67,16 +68,26 @@ class FieldEngine(SoilEngine):
             self._lay_out(*self._field.strips_about(*span))
         return super().start(motions)
 
-    def advance(self, tick: int, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
-        """Move the window with the tools, then advance as SoilEngine does."""
-        span = self._span_m(self._tools)
+    def _prepare_tick(self, tick: int, motions: tuple[ToolMotion, ...]) -> None:
+        """Move the window to where it covers the way of the tools through the tick."""
+        span = self._span_m(self._tools, motions)
         if span is not None:
             rear, front = self._field.strips_about(*span)
             rear, front = max(rear, self._rear), max(front, self._front)
             self._refuse_return(tick, span[0])
             if (rear, front) != (self._rear, self._front):
                 self._shift(rear, front)
-        return super().advance(tick, motions)
+
+    def _remedy_of_overlap(self, tool: ToolSurface) -> str:
+        """See SoilEngine; at an end of the field soil is caught between the tool and the wall."""
+        low, high = tool.span_m(self._soil.bin.depth_m)
+        for end in (0.0, self._field.count * self._field.strip_m):
+            if low - 2.0 * self._radius < end < high + 2.0 * self._radius:
+                return (
+                    f"it presses soil against the wall at the end of the field, x = {end:.4g} m: make "
+                    "soil.bin.length_m larger, or let the run end before"
+                )
+        return super()._remedy_of_overlap(tool)
 
     def place(self, *_: object, **__: object) -> None:
         """Raise InputError: the particles of a field follow from its block."""
@@ -135,9 +146,14 @@ class FieldEngine(SoilEngine):
         pairs.history[places] = self._field.histories(first[new], second[new])
         self._with_history = end
 
-    def _span_m(self, tools: tuple[ToolSurface, ...]) -> tuple[float, float] | None:
-        """Lowest and highest x [m] of the tools below z = soil.bin.depth_m; None if all are above."""
-        spans = [tool.span_m(self._soil.bin.depth_m) for tool in tools]
+    def _span_m(
+        self, tools: tuple[ToolSurface, ...], motions: tuple[ToolMotion, ...] = ()
+    ) -> tuple[float, float] | None:
+        """Lowest and highest x [m] of the tools where they are and, if given, at `motions`, below
+        z = soil.bin.depth_m; None if all are above."""
+        depth = self._soil.bin.depth_m
+        spans = [tool.span_m(depth) for tool in tools]
+        spans += [tool.span_m(depth, motion) for tool, motion in zip(tools, motions, strict=False)]
         low = min((span[0] for span in spans), default=np.inf)
         high = max((span[1] for span in spans), default=-np.inf)
         return (low, high) if low <= high else None

@@ -32,7 +32,7 @@ class Coarse(StrictModel):
     @property
     def factors(self) -> tuple[float, ...]:
         """Radii of each size over those of the core, from the core outwards."""
-        steps = math.ceil(math.log(self.times) / math.log(LARGEST_STEP) - 1e-9)
+        steps = max(1, math.ceil(math.log(self.times) / math.log(LARGEST_STEP) - 1e-9))
         return tuple(self.times ** (k / steps) for k in range(steps + 1))
 
     def ends_m(self, radius_m: float) -> np.ndarray:

@@ -140,6 +140,36 @@ def test_a_strip_is_laid_out_without_a_jolt(soil):
     assert engine.energy().kinetic_joule - book.kinetic_joule < 1e-4 * drafts_work
 
 
+def test_the_window_covers_the_way_of_a_tool_through_a_long_tick(soil):
+    """In each tick soil stands as far ahead of where the tool ends, and as far behind of where it begins, as
+    the scene asks for."""
+    scene = field(soil)
+    tick_s = 0.05
+    scene = soil.resolve(scene.document | {"coupling": {"communication_step_ns": 50_000_000}})
+    engine = FieldEngine(scene)
+    engine.start((ToolMotion("tool", 0.3, 0.0, -0.03, 0.0, SPEED, 0.0, 0.0),))
+    for tick in range(2):
+        begin, end = (0.3 + SPEED * tick_s * (tick + k) for k in (0, 1))
+        engine.advance(tick, (ToolMotion("tool", end, 0.0, -0.03, 0.0, SPEED, 0.0, 0.0),))
+        rear, front = (strip * engine._field.strip_m for strip in window_of(engine))
+        assert front >= end + 0.5 * 0.03 + 0.12 - 1e-9
+        assert rear <= begin - 0.5 * 0.03 - 0.1 + 1e-9
+
+
+def test_the_width_that_a_refusal_names_suffices(soil):
+    """Rounded up to whole millimetres; where held sides leave nothing, the message says so."""
+    from subsoil_ros.dem.beds.prepare import check_start
+
+    def narrow(width_m):
+        box = {"length_m": 0.6, "width_m": width_m, "depth_m": 0.1, "sides": "held"}
+        scene = field(soil, bin=box, bed={"kind": "tiled"})
+        return soil.scene(soil=scene.document["soil"], tools=one_tool(soil.box(0.03, 0.0333, 0.08)))
+
+    with pytest.raises(SceneError, match=r"no width is left for tools.* at least 0.126 m"):
+        check_start(narrow(0.085))
+    check_start(narrow(0.126))
+
+
 def test_a_window_that_jumps_lays_out_what_is_in_it(soil):
     """Tools that were lifted come down beyond the window: nothing is laid out behind it."""
     engine = FieldEngine(field(soil))

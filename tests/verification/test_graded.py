@@ -73,7 +73,9 @@ def solid_fraction(position, radius, low, high, points=150_000):
     return float((distance < radius[nearest]).any(axis=1).mean())
 
 
-@pytest.mark.parametrize(("times", "count"), [(1.2, 2), (1.5, 2), (1.51, 3), (2.25, 3), (2.9, 4)])
+@pytest.mark.parametrize(
+    ("times", "count"), [(1.0 + 1e-12, 2), (1.2, 2), (1.5, 2), (1.51, 3), (2.25, 3), (2.9, 4)]
+)
 def test_neighbouring_sizes_are_at_most_one_and_a_half_apart(times, count):
     """From the core to the coarsest; sizes between have room for four of their diameters."""
     coarse = Coarse(times=times, beyond_m=0.1, below_m=0.2)

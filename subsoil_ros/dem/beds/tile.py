@@ -25,7 +25,7 @@ from ...scene.pairs import layer_soils, pair_values
 from ...scene.sizes import sampled_radii_m
 from ...scene.soil import Soil
 from ..bed import Bed
-from ..periodic import SMALLEST_CELLS
+from ..periodic import SMALLEST_CELLS, up_to_mm
 from .in_reach import radii_of
 from .settling import (
     DAMPING_RATIO,
@@ -132,14 +132,15 @@ def tile_edge_m(soil: Soil) -> float:
     given, largest = soil.bed.tile_m, min(length, width)
     if given is not None and not smallest <= given <= largest:
         raise SceneError(
-            f"soil.bed.tile_m: {given:g} m given; allowed is at least {smallest:.3g} m, {SMALLEST_CELLS} "
-            f"times the reach of a particle, and at most {largest:g} m, the smaller of soil.bin.length_m and "
-            "soil.bin.width_m"
+            f"soil.bed.tile_m: {given:g} m given; allowed is at least {up_to_mm(smallest):g} m, "
+            f"{SMALLEST_CELLS} times the reach of a particle, and at most {largest:g} m, the smaller of "
+            "soil.bin.length_m and soil.bin.width_m"
         )
     if largest < smallest:
         raise SceneError(
-            f"soil.bin: {length:g} x {width:g} m is narrower than the smallest tile, {smallest:.3g} m, "
-            f"{SMALLEST_CELLS} times the reach of a particle; make the bin wider or the particles smaller"
+            f"soil.bin: {length:g} x {width:g} m is narrower than the smallest tile, "
+            f"{up_to_mm(smallest):g} m, {SMALLEST_CELLS} times the reach of a particle; make the bin wider "
+            "or the particles smaller"
         )
     edge = given or max(smallest, min(USUAL_EDGE * radius, largest))
     if soil.bin.sides != "periodic":

@@ -137,13 +137,15 @@ class ToolSurface:
         hit = inside_or_near(position, candidates, pose, self.facets.corner, clearance_m)
         return candidates[hit]
 
-    def span_m(self, below_m: float) -> tuple[float, float]:
-        """Lowest and highest x of its surface below this height [m]; inf and -inf where it is above."""
+    def span_m(self, below_m: float, motion: ToolMotion | None = None) -> tuple[float, float]:
+        """Lowest and highest x of its surface at `motion`, by default where it is, below this height [m]; inf
+        and -inf where it is above."""
+        motion = motion or self.last
         if self.spatial:
-            at, height = self.world_m(self.last)[self._edges][:, :, [0, 2]].T  # (2, edges)
+            at, height = self.world_m(motion)[self._edges][:, :, [0, 2]].T  # (2, edges)
             height = height - below_m
         else:
-            x, z, cosine, sine = self.kernel_motion(self.last)[:4]
+            x, z, cosine, sine = self.kernel_motion(motion)[:4]
             local_x, local_z = self.mesh.vertices_m[self._edges][:, :, [0, 2]].T  # (2, edges)
             at = x + cosine * local_x - sine * local_z
             height = z + sine * local_x + cosine * local_z - below_m

@@ -13,7 +13,7 @@ from subsoil_ros.api.execution import execute
 from subsoil_ros.cli.main import main
 from subsoil_ros.errors import InputError, RunError
 from subsoil_ros.experiments.run_cache import CachedRun, find_run, keep_run
-from subsoil_ros.experiments.run_metrics import dominant_frequency_hz, metrics_of, swing
+from subsoil_ros.experiments.run_metrics import dominant_frequency_hz, half_widths_of, metrics_of, swing
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 
 SCENES = Path(__file__).parents[2] / "config" / "scenes"
@@ -213,6 +213,20 @@ def test_deviation_and_vertical_force_of_a_kept_run(tmp_path: Path) -> None:
         100.0, rel=0.03
     )  # a line takes 2 % of four periods
     assert metrics["vertical_mean_newton"] == pytest.approx(-4.0, rel=1e-3)
+
+
+def test_half_widths_are_those_of_the_record(tmp_path: Path) -> None:
+    """Of a real run the mean's as in its summary, the deviation's as large a part of it; one tool's force."""
+    found = scene()
+    kept = keep_run(tmp_path, found, execute(found))
+    widths, metrics = half_widths_of(kept), metrics_of(kept)
+    draft = kept.summary["series"]["draft_newton"]["stationarity"]
+    assert widths["draft_mean_newton"] == draft["mean_half_width"]
+    assert widths["draft_deviation_newton"] / metrics["draft_deviation_newton"] == pytest.approx(
+        draft["deviation_half_width"] / draft["deviation"]
+    )
+    vertical = kept.summary["series"]["tool.tine.force_z_newton"]["stationarity"]
+    assert widths["vertical_mean_newton"] == vertical["mean_half_width"]
 
 
 def test_range_and_swing_of_a_kept_run(tmp_path: Path) -> None:

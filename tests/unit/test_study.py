@@ -187,6 +187,26 @@ def test_a_force_near_zero_is_judged_by_the_draft() -> None:
     assert (error.mean, error.half_width) == pytest.approx((0.03, 0.0), abs=1e-12)
 
 
+def test_intervals_of_records() -> None:
+    """Means of 1000 +- 30 and 40 N on two seeds, and 1100 +- 33 N on one: +10 % with both widths in it."""
+    widths = {("reference", 0): 30.0, ("reference", 1): 40.0, ("step: large", 0): 33.0}
+    drafts = {"reference": 1000.0, "step: large": 1100.0}
+    measured = [
+        Measurement(
+            preset, seed, 1.0, 1.0, {"draft_mean_newton": drafts[preset]}, {"draft_mean_newton": width}
+        )
+        for (preset, seed), width in widths.items()
+    ]
+    found = {item.name: item for item in judge(design(intervals="records"), measured, {})}
+    assert found["reference"].values["draft_mean_newton"].half_width == pytest.approx(25.0)
+    error = found["step: large"].errors["draft_mean_newton"]
+    assert error.mean == pytest.approx(0.1)
+    assert error.half_width == pytest.approx(math.hypot(33.0, 1.1 * 25.0) / 1000.0)
+    assert found["step: large"].verdict("draft_mean_newton") == "resolved"
+    with pytest.raises(ValueError, match=r"with intervals: records it is 0\.95"):
+        design(intervals="records", confidence=0.9)
+
+
 def test_one_seed_says_so() -> None:
     """Numbers without intervals, and no word of a difference."""
     alone = design(seeds=[0])

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -34,6 +34,7 @@ class StudyDesign(StrictModel):
     reference: Overrides = ()  # the run that all others are measured against
     seeds: Seeds
     confidence: Fraction = 0.95
+    intervals: Literal["seeds", "records"] = "seeds"  # of the scatter over the seeds, or of each run's record
     factors: dict[str, dict[str, Overrides]]  # factor, value, its changes of the reference
     one_at_a_time: tuple[str, ...] | None = (
         None  # factors whose values also run alone (default: every factor)
@@ -60,6 +61,10 @@ class StudyDesign(StrictModel):
                         f"presets.{name}.{factor}: no value '{value}'; "
                         f"{suggestion(value, self.factors[factor])}"
                     )
+        if self.intervals == "records" and self.confidence != 0.95:
+            raise ValueError(
+                f"confidence: {self.confidence:g} given; with intervals: records it is 0.95, as in records"
+            )
         names = [metric.name for metric in METRICS]
         for name in self.metrics:
             if name not in names:

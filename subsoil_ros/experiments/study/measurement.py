@@ -26,6 +26,7 @@ class Measurement:
     wall_s: float
     cpu_s: float
     metrics: dict[str, float]
+    half_widths: dict[str, float] = field(default_factory=dict)  # of 95 %, by the run's own record
 
 
 @dataclass
@@ -119,6 +120,8 @@ def _errors(
     values, true = _of(runs, metric), _of(reference, metric)
     if not values:
         return
+    if design.intervals == "records" and _errors_by_record(judged, metric, runs, reference):
+        return
     judged.values[metric.name] = mean_interval(list(values.values()), design.confidence)
     if not true or (metric.relative and not any(true.values())):
         return  # nothing to be relative to
@@ -139,6 +142,37 @@ def _errors(
         judged.errors_against.setdefault(name, {})[metric.name] = error_against_one(
             list(values.values()), centre, scatter / math.sqrt(len(other)), len(true), design.confidence
         )
+
+
+def _errors_by_record(
+    judged: PresetResult, metric: Metric, runs: dict[int, Measurement], reference: dict[int, Measurement]
+) -> bool:
+    """Value and error of a metric with the intervals of the runs' own records; False where one has none.
+
+    Runs are independent, also on the same seed. Of the ratio x / y - 1 the half-width is
+    sqrt(w_x^2 + (x / y)^2 w_y^2) / |y|, that of the mean of n runs sqrt(sum of w^2) / n.
+    """
+    value, true = _mean_by_record(runs, metric.name), _mean_by_record(reference, metric.name)
+    unit = _mean_by_record(reference, metric.part_of) if metric.part_of else true
+    if value is None or true is None or unit is None or not metric.relative or not unit.mean:
+        return False
+    judged.values[metric.name] = value
+    if judged.name == REFERENCE:
+        judged.errors[metric.name] = Interval(0.0, 0.0, true.count)
+        return True
+    ratio = 1.0 if metric.part_of else value.mean / true.mean
+    width = math.hypot(value.half_width, ratio * true.half_width) / abs(unit.mean)
+    judged.errors[metric.name] = Interval((value.mean - true.mean) / abs(unit.mean), width, value.count)
+    return True
+
+
+def _mean_by_record(runs: dict[int, Measurement], name: str) -> Interval | None:
+    found = [(run.metrics[name], run.half_widths.get(name)) for run in runs.values() if name in run.metrics]
+    widths = [width for _, width in found if width is not None]
+    if not found or len(widths) < len(found):
+        return None
+    mean = sum(value for value, _ in found) / len(found)
+    return Interval(mean, math.hypot(*widths) / len(found), len(found))
 
 
 def _resolvable(error: Interval, metric: Metric, reference: dict[int, Measurement]) -> Interval:

@@ -116,9 +116,12 @@ def _faster(item: PresetResult) -> str:
 
 def _legend(judged: Sequence[PresetResult], design: StudyDesign) -> list[str]:
     percent = f"{100.0 * design.confidence:g} %"
+    whose = "Student's t of the differences of equal seeds"
+    if design.intervals == "records":
+        whose = f"of the runs' own records where they have one, else {whose}"
     lines = [
         f"Errors against `{REFERENCE}`, whose row has the values themselves; {len(design.seeds)} bed seeds. "
-        f"+-: {percent} intervals, Student's t of the differences of equal seeds; (~): less than the scatter "
+        f"+-: {percent} intervals, {whose}; (~): less than the scatter "
         "of the seeds, so no difference that these runs resolve. CPU time: of the ticks alone, without "
         "start-up and compilation. Pareto: no other run is both faster and nearer, by "
         f"{' and '.join(design.metrics)} at the far end of their intervals."

@@ -9,7 +9,7 @@ import pandas as pd
 from ...errors import RunError
 from ...yaml_document import dump_yaml
 from ..run_cache import CachedRun
-from ..run_metrics import metrics_of
+from ..run_metrics import half_widths_of, metrics_of
 from ..sweep.engine import ExecutionOptions, Watcher, run_jobs
 from ..sweep.plan import Job, Point, jobs_of
 from ..sweep.sweep import RUNS, open_folder
@@ -93,7 +93,11 @@ def _measured(jobs: Sequence[Job], runs: Sequence[CachedRun]) -> list[Measuremen
     for job, run in zip(jobs, runs, strict=True):
         wall_s, cpu_s = run.facts["wall_s"], run.facts["cpu_s"]
         if run.failure is None and wall_s and cpu_s is not None and job.point.seed is not None:
-            found.append(Measurement(job.point.name, job.point.seed, wall_s, cpu_s, metrics_of(run)))
+            found.append(
+                Measurement(
+                    job.point.name, job.point.seed, wall_s, cpu_s, metrics_of(run), half_widths_of(run)
+                )
+            )
     return found
 
 

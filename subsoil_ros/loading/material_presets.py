@@ -1,9 +1,7 @@
-"""Accuracy presets that every scene has whose soil is a material: rules for the size of particles and bed."""
+"""Accuracy presets that every scene has whose soil is a material: rules for the size of its particles."""
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,24 +18,9 @@ LEAST_ACROSS = 1.5
 """Particle diameters across the narrowest tool, at least: a third of its width as radius, the largest size
 that has been compared with smaller ones (validation/trade.md)."""
 
-BELOW_TOOLS = 0.25
-"""Soil below the tools over their depth, in a bed cut to what the tools reach (validation/trade.md)."""
-
-
-class Rule(NamedTuple):
-    """How a preset chooses particles and bed."""
-
-    diameters_in_depth: float
-    cut: bool  # the bed reaches one depth beside the tools and BELOW_TOOLS of it below them, no farther
-
-
-RULES = {"fine": Rule(10.0, False), "standard": Rule(20.0 / 3.0, True), "coarse": Rule(5.0, True)}
-"""By preset. Ten diameters in the depth: drafts within 10 % of those at two thirds of the radius
-(validation/blades.md)."""
-
-SKIN = 0.3
-"""Skin of the neighbour lists divided by the radius: at r = 20 mm it takes a tenth less time than 3 mm.
-Results do not depend on it."""
+IN_DEPTH = {"fine": 10.0, "standard": 20.0 / 3.0, "coarse": 5.0}
+"""Particle diameters in the depth of the tools, by preset. With ten, drafts are within 10 % of those at two
+thirds of the radius (validation/blades.md); the others: validation/trade.md."""
 
 WEDGE = "real_time"
 """The preset that takes the wedge model of the material in the place of its particles."""
@@ -46,7 +29,7 @@ WEDGE_GRACE_JOULE = 300.0
 """Work before the bound of the exchange's residual applies, some 0.2 m of travel: where the tool of a
 machine meets its first wedge, the residual is 4 % of the first 10 J; over 6 m it is 0.3 % of the work."""
 
-NAMES = (*RULES, WEDGE)
+NAMES = (*IN_DEPTH, WEDGE)
 
 
 def applies_to_particles(key: str, preset: str) -> bool:
@@ -76,14 +59,12 @@ def preset_changes(
         if wedge is None:
             raise SceneError(
                 f"preset {name}: no wedge model comes with material {material_file}; choose one of "
-                f"{', '.join(RULES)}, or calibrate one (docs/calibrate.md) and give soil.model: wedge "
+                f"{', '.join(IN_DEPTH)}, or calibrate one (docs/calibrate.md) and give soil.model: wedge "
                 "with its soil.file"
             )
         soil: Document = {"soil": {"model": "wedge", "file": str(wedge)}}
         grace = {"coupling": {"residual_grace_joule": WEDGE_GRACE_JOULE}}
         return soil if scene.mechanism is None else soil | grace
-    rule, bed = RULES[name], scene.particle_soil
-    assert bed is not None
     _, depth = tillage_reach_m(scene, meshes)
     if depth <= 0.0:
         raise SceneError(
@@ -93,17 +74,9 @@ def preset_changes(
     width = min(
         float(np.ptp(meshes[key].vertices_m[:, 1])) for key, tool in scene.tools.items() if tool.is_tillage
     )
-    wanted = min(0.5 * depth / rule.diameters_in_depth, 0.5 * width / LEAST_ACROSS)
+    wanted = 0.5 * min(depth / IN_DEPTH[name], width / LEAST_ACROSS)
     low, high = material.radii_m
-    radius = min(max(_to(1e-4, wanted), low), high)
-    changes: Document = {"particles": {"radius_m": radius}, "skin_m": _to(1e-5, SKIN * radius)}
-    if rule.cut:
-        aside = max(float(np.abs(mesh.vertices_m[:, 1]).max()) for mesh in meshes.values()) + depth
-        changes["bin"] = {
-            "width_m": min(bed.bin.width_m, _to(1e-3, 2.0 * aside)),
-            "depth_m": min(bed.bin.depth_m, _to(1e-3, (1.0 + BELOW_TOOLS) * depth)),
-        }
-    return {"soil": changes}
+    return {"soil": {"particles": {"radius_m": min(max(round(wanted, 4), low), high)}}}
 
 
 def _beside(material_file: str | None, folder: str, suffix: str) -> Path | None:
@@ -112,8 +85,3 @@ def _beside(material_file: str | None, folder: str, suffix: str) -> Path | None:
         return None
     path = config_folder() / folder / f"{Path(material_file).stem}{suffix}.yaml"
     return path if path.is_file() else None
-
-
-def _to(step: float, value: float) -> float:
-    """The nearest multiple of a step, without the digits that binary fractions add."""
-    return round(math.floor(value / step + 0.5) * step, 6)

@@ -196,11 +196,12 @@ def _notes(item: PresetResult, reference: PresetResult) -> dict[str, list[str]]:
 
 def _scatter(item: PresetResult) -> dict[str, Interval]:
     """Relative intervals of a preset's own means."""
-    return {
-        name: Interval(0.0, value.half_width / abs(value.mean), value.count)
-        for name, value in item.values.items()
-        if value.mean
-    }
+    found = {}
+    for metric in METRICS:
+        value, unit = item.values.get(metric.name), item.values.get(metric.part_of or metric.name)
+        if value is not None and unit is not None and unit.mean:
+            found[metric.name] = Interval(0.0, value.half_width / abs(unit.mean), value.count)
+    return found
 
 
 def _intervals(errors: Mapping[str, Interval]) -> dict[str, dict[str, float]]:

@@ -1,6 +1,7 @@
 """The numbers that accuracy is judged by, read off a cached run."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,27 +89,27 @@ def metrics_of(run: CachedRun) -> dict[str, float]:
     return {name: value for name, value in found.items() if math.isfinite(value)}
 
 
-def half_widths_of(run: CachedRun) -> dict[str, float]:
-    """Half-widths of the 95 % intervals that a run's own record gives, of the metrics that have one.
+def half_widths_of(run: CachedRun, metrics: Mapping[str, float]) -> dict[str, float]:
+    """Half-widths of the 95 % intervals that a run's own record gives, of its metrics that have one.
 
     Of means and deviations those of analysis/stationarity.py; a deviation's is scaled to the 20 ms mean. The
     vertical force has one where a single tool works the soil.
     """
-    summary, metrics = run.summary, metrics_of(run)
+    summary = run.summary
     columns = {"draft": "draft_newton", "spring": f"spring.{spring_of(run)}.force_newton"}
     records = {key: summary["series"].get(name, {}).get("stationarity") for key, name in columns.items()}
     found = {}
     if records["draft"] is not None:
         found["draft_mean_newton"] = records["draft"]["mean_half_width"]
     for key, record in records.items():
-        if record is not None and (name := f"{key}_deviation_newton") in metrics:
+        if record is not None and record["deviation"] and (name := f"{key}_deviation_newton") in metrics:
             found[name] = record["deviation_half_width"] * metrics[name] / record["deviation"]
     upward = _upward_columns(run)
     vertical = summary["series"].get(upward[0], {}).get("stationarity") if len(upward) == 1 else None
     if vertical is not None:
         found["vertical_mean_newton"] = vertical["mean_half_width"]
     if "disturbance" in summary:
-        found["disturbed_area_m2"] = summary["disturbance"]["area_half_width_m2"]
+        found["disturbed_area_m2"] = summary["disturbance"].get("area_half_width_m2")
     return {name: float(value) for name, value in found.items() if value is not None and math.isfinite(value)}
 
 

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from subsoil_ros.errors import SceneError
@@ -108,3 +109,22 @@ def test_a_preset_of_the_scene_itself_comes_first(tmp_path: Path):
     changes = "{soil: {particles: {radius_m: 0.018}}}"
     path.write_text(f"base: {base}\nname: own\npresets: {{coarse: {{changes: {changes}}}}}\n")
     assert radius_mm(load_scene(path, {"preset": "coarse"})) == pytest.approx(18.0)
+
+
+@pytest.mark.parametrize(
+    ("preset", "row"),
+    [("fine", "reference"), ("standard", "standard"), ("coarse", "coarse"), ("real_time", "real_time")],
+)
+def test_quoted_errors_are_those_of_the_study(preset, row):
+    """config/presets/loam.yaml against the shipped table; of `fine` the interval of its own means."""
+    root = Path(__file__).parents[2]
+    table = pd.read_csv(root / "docs/results/studies/field_tine.csv").set_index("preset").loc[row]
+    expected = load_scene("field_tine").presets[preset].expected
+    assert expected is not None
+    assert expected.errors
+    for name, error in expected.errors.items():
+        unit = table["draft_mean_newton" if name.startswith("vertical") else name]
+        half = (table[f"{name}_high"] - table[name]) / abs(unit)
+        ends = [table[f"{name}_error{end}"] for end in ("", "_low", "_high")]
+        found = [0.0, -half, half] if preset == "fine" else ends
+        assert [error.mean, error.low, error.high] == pytest.approx(found, abs=6e-5), name

@@ -219,7 +219,8 @@ def test_half_widths_are_those_of_the_record(tmp_path: Path) -> None:
     """Of a real run the mean's as in its summary, the deviation's as large a part of it; one tool's force."""
     found = scene()
     kept = keep_run(tmp_path, found, execute(found))
-    widths, metrics = half_widths_of(kept), metrics_of(kept)
+    metrics = metrics_of(kept)
+    widths = half_widths_of(kept, metrics)
     draft = kept.summary["series"]["draft_newton"]["stationarity"]
     assert widths["draft_mean_newton"] == draft["mean_half_width"]
     assert widths["draft_deviation_newton"] / metrics["draft_deviation_newton"] == pytest.approx(

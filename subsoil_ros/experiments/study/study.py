@@ -68,7 +68,7 @@ def run_study(
     write_whole(out / REQUEST, lambda part: part.write_text(dump_yaml(request), encoding="utf-8"))
     runs = run_jobs(jobs, out / RUNS, manner, watcher)
     failed = [(job.point.label, run.failure) for job, run in zip(jobs, runs, strict=True) if run.failure]
-    measured = _measured(jobs, runs)
+    measured = _measured(jobs, runs, by_record=design.intervals == "records")
     judged = judge(design, measured, _failures(jobs, runs))
     write_table(table_of(jobs, runs), out / "runs")
     if judged[0].wall_s is None:
@@ -88,16 +88,14 @@ def run_study(
     return StudyOutcome(text, failed, [*paths, out / "runs.csv", out / "runs.parquet"])
 
 
-def _measured(jobs: Sequence[Job], runs: Sequence[CachedRun]) -> list[Measurement]:
+def _measured(jobs: Sequence[Job], runs: Sequence[CachedRun], *, by_record: bool) -> list[Measurement]:
     found = []
     for job, run in zip(jobs, runs, strict=True):
         wall_s, cpu_s = run.facts["wall_s"], run.facts["cpu_s"]
         if run.failure is None and wall_s and cpu_s is not None and job.point.seed is not None:
-            found.append(
-                Measurement(
-                    job.point.name, job.point.seed, wall_s, cpu_s, metrics_of(run), half_widths_of(run)
-                )
-            )
+            metrics = metrics_of(run)
+            widths = half_widths_of(run, metrics) if by_record else {}
+            found.append(Measurement(job.point.name, job.point.seed, wall_s, cpu_s, metrics, widths))
     return found
 
 

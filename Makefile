@@ -41,7 +41,7 @@ pip := $(bin)/python -m pip
 .DEFAULT_GOAL := setup
 .PHONY: setup run test test-quick test-full check format colcon wheels docs docs-version test-kilted bench clean help
 
-setup:  ## make .venv: ROS 2 Jazzy, subsoil_msgs, subsoil_ros, kernels of run (again only when their files change)
+setup:  ## make .venv: ROS 2 Jazzy, subsoil_msgs, subsoil_ros, first kernels (again only when their files change)
 	@$(MAKE) --no-print-directory $(two_jobs) $(set_up)
 
 run: setup  ## simulate SCENE (field_swing_brittle) into OUT (runs/<time>), then report; RUN_FLAGS go to subsoil run
@@ -128,7 +128,7 @@ $(prefix)/.set-up-subsoil: $(prefix)/.set-up-messages setup.py setup.cfg package
 
 # Looks at the sources only when they change; what is in the user's cache already is not compiled again. Beside the
 # messages, but after them where older ones are installed: it records a run.
-$(prefix)/.set-up-kernels: $(prefix)/.set-up-packages $(wildcard $(prefix)/.set-up-messages) dev/warm_kernels.py $(shell find subsoil_ros/dem subsoil_ros/mbd \
-		subsoil_ros/wedge -name '*.py')
+$(prefix)/.set-up-kernels: $(prefix)/.set-up-packages $(wildcard $(prefix)/.set-up-messages) dev/warm_kernels.py \
+		$(shell find subsoil_ros/dem -name '*.py')
 	$(bin)/python -m dev.warm_kernels
 	touch $@

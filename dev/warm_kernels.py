@@ -1,9 +1,10 @@
-"""Compile the kernels of `make run` before it, in two processes; with --tests those of the tests' soils too.
+"""Compile the kernels of a first run before it, in two processes; with --tests also those that tests need.
 
-Run from the sources: python -m dev.warm_kernels. One process runs that scene's soil in a small field, with
-its tool on a path: preparation of its block, and the run. The other runs the machine of that scene on a
-wedge model. Compiled kernels stay in the user's cache under a digest of their sources, so a second call
-compiles nothing.
+Run from the sources: python -m dev.warm_kernels. One process runs the soil of `make run` in a small field, with
+its tool on a path: preparation of its block, and the run. The other starts the scene `tine`. With --tests, the
+machine of `make run` on a wedge model and the soils of tests/soils.py follow; in `make run` its machine compiles
+while the soil prepares the bed. Compiled kernels stay in the user's cache under a digest of their sources, so a
+second call compiles nothing.
 """
 
 import argparse
@@ -39,8 +40,13 @@ MACHINE = {
 
 
 def soil() -> None:
-    """Kernels of the particles."""
+    """Kernels of a field and of the preparation of its bed."""
     run(SCENE, overrides=SOIL)
+
+
+def tine() -> None:
+    """Kernels of the first scene of the tutorial."""
+    run("tine", overrides=SHORT)
 
 
 def machine() -> None:
@@ -61,7 +67,7 @@ def soils_of_tests(part: int) -> Callable[[], None]:
 
 
 PARTS: Mapping[str, Callable[[], None]] = {
-    "soil": soil, "machine": machine, "tests-0": soils_of_tests(0), "tests-1": soils_of_tests(1),
+    "soil": soil, "tine": tine, "machine": machine, "tests-0": soils_of_tests(0), "tests-1": soils_of_tests(1),
 }  # fmt: skip
 
 
@@ -78,15 +84,15 @@ def side_by_side(*parts: str) -> int:
 def main() -> int:
     """Exit status."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--tests", action="store_true", help="also the soils of tests/soils.py")
+    parser.add_argument("--tests", action="store_true", help="also the machine, and the soils of tests/soils.py")
     parser.add_argument("--part", choices=PARTS, help="only this part, in this process")
     given = parser.parse_args()
     if given.part:
         PARTS[given.part]()
         return 0
-    status = side_by_side("soil", "machine")
+    status = side_by_side("soil", "tine")
     if given.tests and status == 0:
-        status = side_by_side("tests-0", "tests-1")
+        status = side_by_side("machine", "tests-0", "tests-1")
     return abs(status)
 
 

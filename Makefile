@@ -34,7 +34,7 @@ export HOME := $(prefix)/home
 endif
 
 # Kernels are compiled beside the messages, also where make was not told how many jobs it may have.
-two_jobs = $(if $(findstring jobserver,$(MAKEFLAGS)),,-j2)
+jobs = $(if $(findstring jobserver,$(MAKEFLAGS)),,-j3)
 ros_prefix := AMENT_PREFIX_PATH=$(prefix) CMAKE_PREFIX_PATH=$(prefix)
 pip := $(bin)/python -m pip
 
@@ -42,9 +42,10 @@ pip := $(bin)/python -m pip
 .PHONY: setup run test test-quick test-full check format colcon wheels docs docs-version test-kilted bench clean help
 
 setup:  ## make .venv: ROS 2 Jazzy, subsoil_msgs, subsoil_ros, first kernels (again only when their files change)
-	@$(MAKE) --no-print-directory $(two_jobs) $(set_up)
+	@$(MAKE) --no-print-directory $(jobs) $(set_up)
 
-run: setup  ## simulate SCENE (field_swing_brittle) into OUT (runs/<time>), then report; RUN_FLAGS go to subsoil run
+run:  ## simulate SCENE (field_swing_brittle) into OUT (runs/<time>), then report; RUN_FLAGS go to subsoil run
+	@$(MAKE) --no-print-directory $(jobs) $(set_up) $(prefix)/.set-up-machine
 	$(bin)/subsoil run $(SCENE) --out $(out) $(RUN_FLAGS)
 	$(bin)/subsoil report $(out)
 
@@ -131,4 +132,9 @@ $(prefix)/.set-up-subsoil: $(prefix)/.set-up-messages setup.py setup.cfg package
 $(prefix)/.set-up-kernels: $(prefix)/.set-up-packages $(wildcard $(prefix)/.set-up-messages) dev/warm_kernels.py \
 		$(shell find subsoil_ros/dem -name '*.py')
 	$(bin)/python -m dev.warm_kernels
+	touch $@
+
+$(prefix)/.set-up-machine: $(prefix)/.set-up-packages $(wildcard $(prefix)/.set-up-messages) dev/warm_kernels.py \
+		$(shell find subsoil_ros/mbd -name '*.py')
+	$(bin)/python -m dev.warm_kernels --part machine
 	touch $@

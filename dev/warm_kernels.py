@@ -1,9 +1,9 @@
 """Compile the kernels of a first run before it, in two processes; with --tests also those that tests need.
 
 Run from the sources: python -m dev.warm_kernels. One process runs the soil of `make run` in a small field, with
-its tool on a path: preparation of its block, and the run. The other starts the scene `tine`. With --tests, the
-machine of `make run` on a wedge model and the soils of tests/soils.py follow; in `make run` its machine compiles
-while the soil prepares the bed. Compiled kernels stay in the user's cache under a digest of their sources, so a
+its tool on a path: preparation of its block, and the run. The other starts the scene `tine`. `make run`
+also compiles its machine, on a wedge model (--part machine). With --tests, the machine and the soils of
+tests/soils.py follow. Compiled kernels stay in the user's cache under a digest of their sources, so a
 second call compiles nothing.
 """
 

@@ -18,6 +18,7 @@ from subsoil_ros.errors import SubsoilError
 from . import (
     beds,
     coupling,
+    graded_limits,
     laws,
     mechanism,
     nasty_machines,
@@ -28,7 +29,18 @@ from . import (
 )
 from .cases import Case, WrongEndError
 
-PARTS = (steps, laws, tools, beds, plastic_and_bonded, windows, mechanism, nasty_machines, coupling)
+PARTS = (
+    steps,
+    laws,
+    tools,
+    beds,
+    plastic_and_bonded,
+    windows,
+    graded_limits,
+    mechanism,
+    nasty_machines,
+    coupling,
+)
 
 
 def measure(case: Case) -> dict[str, Any]:

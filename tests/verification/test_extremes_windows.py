@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from validation import windows
+from validation import graded_limits, windows
 from validation.cases import Case
 
-CASES = [case for case in windows.CASES if not case.long]
+CASES = [case for part in (windows, graded_limits) for case in part.CASES if not case.long]
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.key} {case.title}")

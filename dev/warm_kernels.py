@@ -1,10 +1,10 @@
 """Compile the kernels of a first run before it, in two processes; with --tests also those that tests need.
 
-Run from the sources: python -m dev.warm_kernels. One process runs the soil of `make run` in a small field, with
-its tool on a path: preparation of its block, and the run. The other starts the scene `tine`. `make run`
+Run from the sources: python -m dev.warm_kernels. One process runs the soil of `make run` in a small field,
+with its tool on a path: preparation of its block, and the run. The other starts the scene `tine`. `make run`
 also compiles its machine, on a wedge model (--part machine). With --tests, the machine and the soils of
-tests/soils.py follow. Compiled kernels stay in the user's cache under a digest of their sources, so a
-second call compiles nothing.
+tests/soils.py follow. Compiled kernels stay in the user's cache under a digest of their sources, so a second
+call compiles nothing.
 """
 
 import argparse
@@ -67,7 +67,8 @@ def soils_of_tests(part: int) -> Callable[[], None]:
 
 
 PARTS: Mapping[str, Callable[[], None]] = {
-    "soil": soil, "tine": tine, "machine": machine, "tests-0": soils_of_tests(0), "tests-1": soils_of_tests(1),
+    "soil": soil, "tine": tine, "machine": machine,
+    "tests-0": soils_of_tests(0), "tests-1": soils_of_tests(1),
 }  # fmt: skip
 
 
@@ -84,7 +85,7 @@ def side_by_side(*parts: str) -> int:
 def main() -> int:
     """Exit status."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--tests", action="store_true", help="also the machine, and the soils of tests/soils.py")
+    parser.add_argument("--tests", action="store_true", help="also the machine and the soils of the tests")
     parser.add_argument("--part", choices=PARTS, help="only this part, in this process")
     given = parser.parse_args()
     if given.part:

@@ -31,7 +31,7 @@ machine meets its first wedge, the residual is 4 % of the first 10 J; over 6 m i
 
 WEDGE_ON_A_PATH_NS = 2_000_000
 """Communication step of tools on paths, which feel no force: over 6 m at 0.5 to 2 m/s the mean draft is
-within 1.1 % and the deviation within 4 % of those at 0.5 ms (validation/wedge.md)."""
+within 0.3 % and the deviation within 6 % of those at 0.5 ms (validation/wedge.md)."""
 
 NAMES = (*IN_DEPTH, WEDGE)
 

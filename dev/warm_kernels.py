@@ -1,10 +1,10 @@
-"""Compile the kernels of a first run before it, in two processes; with --tests also those that tests need.
+"""Compile the kernels that a first run needs, before that run.
 
-Run from the sources: python -m dev.warm_kernels. One process runs the soil of `make run` in a small field,
-with its tool on a path: preparation of its block, and the run. The other starts the scene `tine`. `make run`
-also compiles its machine, on a wedge model (--part machine). With --tests, the machine and the soils of
-tests/soils.py follow. Compiled kernels stay in the user's cache under a digest of their sources, so a second
-call compiles nothing.
+Run from the sources: python -m dev.warm_kernels. Of two processes, one runs the soil of `make run` in a small
+field, with its tool on a path: preparation of its block, and the run. The other starts the scene `tine`.
+`make run` also compiles its machine, on a wedge model (--part machine). With --tests, the machine and the
+soils of tests/soils.py follow. Compiled kernels stay in the user's cache under a digest of their sources, so
+a second call compiles nothing.
 """
 
 import argparse

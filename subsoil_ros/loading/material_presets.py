@@ -30,8 +30,11 @@ WEDGE_GRACE_JOULE = 300.0
 machine meets its first wedge, the residual is 4 % of the first 10 J; over 6 m it is 0.3 % of the work."""
 
 WEDGE_ON_A_PATH_NS = 2_000_000
-"""Communication step of tools on paths, which feel no force: over 6 m at 0.5 to 2 m/s the mean draft is
-within 0.3 % and the deviation within 6 % of those at 0.5 ms (validation/wedge.md)."""
+"""Communication step of tools on paths, whose motion no force changes: over 6 m at 0.5 to 2 m/s the mean
+draft is within 0.1 % and the deviation within 6 % of those at 0.5 ms (validation/wedge.md)."""
+
+WEDGE_SERIES_TICKS = 5
+"""Then a row of the series is 10 ms, as with 0.5 ms and the default of `record.series_ticks`."""
 
 NAMES = (*IN_DEPTH, WEDGE)
 
@@ -66,12 +69,11 @@ def preset_changes(
                 f"{', '.join(IN_DEPTH)}, or calibrate one (docs/calibrate.md) and give soil.model: wedge "
                 "with its soil.file"
             )
-        coupling: Document = (
-            {"communication_step_ns": WEDGE_ON_A_PATH_NS}
-            if scene.mechanism is None
-            else {"residual_grace_joule": WEDGE_GRACE_JOULE}
-        )
-        return {"soil": {"model": "wedge", "file": str(wedge)}, "coupling": coupling}
+        changes: Document = {"soil": {"model": "wedge", "file": str(wedge)}}
+        if scene.mechanism is not None:
+            return changes | {"coupling": {"residual_grace_joule": WEDGE_GRACE_JOULE}}
+        ticks = {"communication_step_ns": WEDGE_ON_A_PATH_NS}
+        return changes | {"coupling": ticks, "record": {"series_ticks": WEDGE_SERIES_TICKS}}
     _, depth = tillage_reach_m(scene, meshes)
     if depth <= 0.0:
         raise SceneError(

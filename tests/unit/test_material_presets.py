@@ -63,6 +63,7 @@ def test_real_time_is_the_wedge_model_of_the_material(tmp_path):
     found = load_scene("field_tine", {"preset": "real_time"})
     assert found.scene.wedge_soil is not None
     assert found.timing.communication_step_ns == 2_000_000  # of a tool on a path
+    assert found.scene.record.series_ticks == 5  # rows of 10 ms, as with the particles
     assert load_scene("field_swing", {"preset": "real_time"}).timing.communication_step_ns == 1_000_000
     copy = tmp_path / "loam.yaml"
     copy.write_bytes(shipped_material(Path("loam")).read_bytes())

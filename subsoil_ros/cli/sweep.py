@@ -51,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="COLUMN",
-        help="columns of the table that the figure shows",
+        help="a column of the table that figure and ranking show; may be repeated",
     )
     add_manner(parser, workers=None)
     parser.add_argument(

@@ -11,6 +11,9 @@ from matplotlib.axes import Axes
 from ..analysis.intervals import mean_interval
 from .plotting import CYCLE, new_figure, save_figure
 
+WIDE = 10.0
+"""Ratio of the largest to the least value of a key from which its axis is logarithmic."""
+
 LINES = 6
 """Most lines in a panel, so that they stay distinct; more values of a second key are drawn as one mean."""
 
@@ -40,6 +43,8 @@ def draw_response(
             axes.set_xlabel(key if i == len(columns) - 1 else "", fontsize=8)
             axes.tick_params(labelsize=8)
             axes.grid(alpha=0.3)
+            if _is_wide(table[key]):
+                axes.set_xscale("log")
             if other is not None and i == 0:
                 axes.legend(title=other.rpartition(".")[2], fontsize=7, title_fontsize=7, frameon=False)
     return save_figure(figure, path)
@@ -63,6 +68,12 @@ def _panel(axes: Axes, table: pd.DataFrame, key: str, name: str, other: str | No
         axes.plot(places_x, mean, "-", color=colour, lw=1.4, label=f"{value}")
         if bars and np.isfinite(half).any():
             axes.errorbar(places_x, mean, np.nan_to_num(half), fmt="none", ecolor=colour, capsize=3, lw=1.0)
+
+
+def _is_wide(values: pd.Series) -> bool:
+    return bool(
+        pd.api.types.is_numeric_dtype(values) and values.min() > 0 and values.max() >= WIDE * values.min()
+    )
 
 
 def _places(axes: Axes, values: pd.Series) -> dict[Any, float]:

@@ -25,7 +25,7 @@ from .files import with_absolute_files
 from .keys import suggestion
 from .material import is_of, material_first, with_material, with_window
 from .material_presets import NAMES as MATERIAL_PRESETS
-from .material_presets import applies_to_particles, measured_presets, preset_changes
+from .material_presets import applies_to_particles, is_spent, measured_presets, preset_changes
 from .overrides import CHOICES, Override, apply_override, overrides_of, parse_overrides
 from .presets import Preset, read_preset
 from .reference import Reference, read_reference
@@ -94,7 +94,7 @@ def _resolved(document: Document, path: Path, shown: str, changes: Sequence[Over
         presets = {**presets, **measured_presets(plain.material_file)}
         document = _with_material_preset(document, str(name), plain, presets, shown)
     document = _with_preset(document, shown, chosen)
-    changes = [c for c in changes if c.path not in CHOICES]
+    changes = [c for c in changes if c.path not in CHOICES and not (plain and is_spent(c.path, str(name)))]
     kept = {key: document.pop(key) for item in CHOICES.items() for key in item if key in document}
 
     def changed(changes: Sequence[Override]) -> None:

@@ -45,6 +45,11 @@ def applies_to_particles(key: str, preset: str) -> bool:
     return key != "preset" and (preset != WEDGE or not key.startswith("soil.") or key == "soil.material")
 
 
+def is_spent(key: str, preset: str) -> bool:
+    """Whether the preset has used an override up: the file of the wedge preset is that of the material."""
+    return preset == WEDGE and key == "soil.material"
+
+
 def measured_presets(material_file: str | None) -> dict[str, Preset]:
     """The presets of a material, with what a study measured of them in a shipped one; their changes depend
     on the scene and are left out."""

@@ -282,8 +282,9 @@ class WedgeEngine:
         """Normal force [N] on a plate after the displacement `way` (x, z): a spring up to the wedge's limit.
 
         The limit is (1 - drop) P when a wedge begins and P when it fails. Only travel beyond the spring's
-        brings the wedge nearer to failure, and its speed raises the limit (rate). A damper makes up for the
-        force that is held over a tick (coupling, k H / 2). scale: factor of drop and variation, by the depth.
+        brings the wedge nearer to failure, and its speed raises the limit in proportion (rate). A damper
+        makes up for the force that is held over a tick (coupling, k H / 2). scale: factor of drop and
+        variation, by the depth.
         """
         memory, values = self.memory.tools[index], self._values
         whole = force * math.cos(delta)
@@ -291,9 +292,7 @@ class WedgeEngine:
         stiffness = values.bed_modulus_newton_per_m3 * face.area_m2
         into = way[0] * math.sin(rake) + way[1] * math.cos(rake)
         trial = memory.normal_newton[number] + stiffness * into
-        slow = (
-            values.rate_s_per_m * whole / self._interval_s
-        )  # force per travel beyond the spring's in a tick
+        slow = values.rate_s_per_m * bears / self._interval_s  # per travel beyond the spring's
         beyond = max(trial - bears, 0.0) / (stiffness + slow)
         bears += slow * beyond
         memory.normal_newton[number] = min(max(trial, 0.0), bears)

@@ -67,7 +67,9 @@ def test_real_time_is_the_wedge_model_of_the_material(tmp_path):
     assert load_scene("field_swing", {"preset": "real_time"}).timing.communication_step_ns == 1_000_000
     copy = tmp_path / "loam.yaml"
     copy.write_bytes(shipped_material(Path("loam")).read_bytes())
-    for material in ("clay_loam", "loam_bonded", str(copy)):
+    bonded = load_scene("field_tine", {"preset": "real_time", "soil.material": "loam_bonded"})
+    assert Path(bonded.scene.wedge_soil.file).name == "loam_bonded_wedge.yaml"
+    for material in ("clay_loam", "loam_plastic", str(copy)):
         with pytest.raises(SceneError, match=r"no wedge model comes with material .*; choose one of fine"):
             load_scene("field_tine", {"preset": "real_time", "soil.material": material})
         assert load_scene("field_tine", {"preset": "coarse", "soil.material": material}).preset == "coarse"

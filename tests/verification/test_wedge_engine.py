@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import trimesh
 import yaml
+from numpy.testing import assert_allclose
 
 from subsoil_ros.errors import PhysicsError
 from subsoil_ros.loading.loader import load_scene
@@ -116,6 +117,19 @@ def test_a_failing_wedge_bears_more_the_faster_it_is_pushed(engine):
     drawn(faster, forward(400))
     (slow,), (quick,) = plain.memory.tools[0].normal_newton, faster.memory.tools[0].normal_newton
     assert quick / slow == pytest.approx(1.0 + rate * speed * math.sin(math.radians(25.0)), rel=1e-6)
+
+
+def test_speed_raises_the_least_force_of_a_wedge_as_much_as_its_peak(engine):
+    """The limit of every phase is multiplied, so the force fluctuates by the same part at every speed."""
+    values = {"adhesion_pa": 0.0, "tool_friction_angle_rad": 0.0, "speed_factor": 0.0, "variation": 0.0}
+    values |= {"drop": 0.5, "period_m": 0.2}
+    ranges = []
+    for rate in (0.0, 1.0):
+        soil = engine(values | {"rate_s_per_m": rate})
+        forces = -np.array([w.force_x_newton for w in drawn(soil, forward(1000))][200:])
+        ranges.append((forces.min(), forces.max()))
+    raised = 1.0 + STEP_M / 1e-3 * math.sin(math.radians(25.0))
+    assert_allclose(ranges[1], raised * np.array(ranges[0]), rtol=0.02)
 
 
 def test_length_and_strength_vary_each_by_their_own(engine):

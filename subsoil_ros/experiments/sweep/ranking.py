@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import pandas as pd
@@ -30,6 +30,7 @@ class Ranked:
     behind_best: Interval  # draft above that of the best, same seeds
     load: dict[str, float]  # spring range and fatigue columns, means over the seeds
     failures: int
+    shown: dict[str, Interval] = field(default_factory=dict)  # columns that were asked for
 
     @property
     def level_with_best(self) -> bool:
@@ -54,10 +55,12 @@ def rank(
     control: Sequence[str],
     spring: str | None,
     confidence: float,
+    shown: Sequence[str] = (),
 ) -> list[Ranked]:
     """Points by mean draft, least first; points without a draft are left out.
 
     runs: rows of the sweep, those of the controls among them, with columns of table_of.
+    shown: further columns, whose means are told.
     """
     found = []
     for point in points:
@@ -73,7 +76,8 @@ def rank(
         name = f"series.spring.{spring}.force_newton"
         if f"{name}.max" in done:
             load[f"{name}.range"] = float((done[f"{name}.max"] - done[f"{name}.min"]).mean())
-        found.append((point, drafts, saving, load, len(rows) - len(done)))
+        told = {name: mean_interval(done[name].dropna().tolist(), confidence) for name in shown}
+        found.append((point, drafts, saving, load, len(rows) - len(done), told))
     found.sort(key=lambda item: sum(item[1].values()) / len(item[1]))
     return [
         Ranked(
@@ -83,8 +87,9 @@ def rank(
             difference_by_seed(drafts, found[0][1], confidence),
             load,
             failures,
+            told,
         )
-        for point, drafts, saving, load, failures in found
+        for point, drafts, saving, load, failures, told in found
     ]
 
 
@@ -116,6 +121,8 @@ def ranking_table(ranked: Sequence[Ranked], best: Ranked | None) -> pd.DataFrame
         if item.saving is not None:
             row |= {"saving": item.saving.mean, "saving_half_width": item.saving.half_width}
         row |= {"level_with_best": item.level_with_best, "recommended": item is best, **item.load}
+        for name, interval in item.shown.items():
+            row |= {name: interval.mean, f"{name}_half_width": interval.half_width}
         rows.append(row)
     return pd.DataFrame(rows)
 

@@ -36,6 +36,11 @@ class Sweep:
         """Varied keys, in the order they were given."""
         return [item.key for item in (*self.varied, *self.paired)]
 
+    @property
+    def axes(self) -> list[str]:
+        """Keys to draw over: of those whose values go together the first."""
+        return [item.key for item in (*self.varied, *self.paired[:1])]
+
     def points(self) -> tuple[Point, ...]:
         """Combinations of values, without seeds and controls."""
         return combinations(self.varied, self.paired)
@@ -94,7 +99,7 @@ def run_sweep(
 ) -> Outcome:
     """Run the missing runs, then write sweep.csv, sweep.parquet, ranking.csv and response.png.
 
-    shown: columns of the figure; draft and spring force by default.
+    shown: columns of the figure, and of the ranking beside its own; draft and spring force by default.
 
     Raises:
         InputError: a wrong key, value or folder (nothing was run), or no cluster.
@@ -106,7 +111,8 @@ def run_sweep(
     table = table_of(jobs, runs)
     table.insert(1, "point", [point_key(job.point) for job in jobs])
     spring = jobs[0].scene.scene.report.spring
-    ranked = rank(sweep.points(), table, sweep.control, spring, CONFIDENCE)
+    _refuse_unknown(shown, table)
+    ranked = rank(sweep.points(), table, sweep.control, spring, CONFIDENCE, shown)
     proven = not sweep.control or (bool(ranked) and ranked[0].saving is not None)
     best = recommended(ranked) if len(ranked) > 1 and proven else None
     table = table.drop(columns="point")
@@ -115,9 +121,8 @@ def run_sweep(
         paths.append(out / "ranking.csv")
         write_whole(paths[-1], lambda part: ranking_table(ranked, best).to_csv(part, index=False))
     columns = list(shown) or _usual_columns(table, spring)
-    _refuse_unknown(columns, table)
     done = table[(table["failure"] == "") & (table["name"] == "")]
-    figure = draw_response(done, sweep.keys, columns, out / "response.png")
+    figure = draw_response(done, sweep.axes, columns, out / "response.png")
     return Outcome(
         table, ranked, best, _failed(jobs, runs), [*paths, *([figure] if figure else [])],
         len({run.facts["code"] for run in runs}),

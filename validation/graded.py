@@ -26,6 +26,7 @@ from subsoil_ros.dem.beds.ground import kept_ground
 from subsoil_ros.dem.engine import SoilEngine, build_engine
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import ToolMotion
+from subsoil_ros.yaml_document import Document
 
 from . import field
 
@@ -44,12 +45,10 @@ ALONE_S = 1.0
 """How long the soil is left alone to sink by itself."""
 
 
-def scene_of(radius_mm: float, times: float) -> ResolvedScene:
-    """The field of the tine, graded where `times` is not 0."""
-    changes: dict[str, object] = {"soil.particles.radius_m": 1e-3 * radius_mm}
-    if times:
-        changes["soil.particles.coarse"] = {"times": times}
-    return load_scene(field.SCENE, changes)
+def scene_of(radius_mm: float, coarse: Document | None, seed: int = 1) -> ResolvedScene:
+    """The field of the tine, graded where `coarse` is given."""
+    changes: Document = {"soil.particles.radius_m": 1e-3 * radius_mm, "soil.bed.seed": seed}
+    return load_scene(field.SCENE, changes | ({"soil.particles.coarse": coarse} if coarse else {}))
 
 
 def fraction(places: np.ndarray, radii: np.ndarray, low: tuple[float, ...], high: tuple[float, ...]) -> float:
@@ -59,9 +58,8 @@ def fraction(places: np.ndarray, radii: np.ndarray, low: tuple[float, ...], high
     return float((distance < radii[nearest]).any(axis=1).mean())
 
 
-def bed(radius_mm: float, times: float) -> int:
-    """Prints what the bed is like before a tool comes; 1 where a slice is not as dense as asked."""
-    scene = scene_of(radius_mm, times)
+def bed(scene: ResolvedScene, radius_mm: float) -> int:
+    """Prints what a graded bed is like before a tool comes; 1 where a slice is not as dense as asked."""
     soil = scene.scene.particle_soil
     assert soil is not None
     coarse = soil.particles.coarse
@@ -70,7 +68,7 @@ def bed(radius_mm: float, times: float) -> int:
     assert coarse.below_m is not None
     laid = Field(kept_ground(scene, SoilEngine), soil)
     places, radii, _ = laid.arrays
-    thick, end = 2e-3 * radius_mm * times, laid.period_m
+    thick, end = 2e-3 * radius_mm * coarse.times, laid.period_m
     good = True
     print("| slice | from the interface m | solid fraction |")
     print("|---|---|---|")
@@ -170,20 +168,23 @@ def main() -> int:
     parser.add_argument("files", type=Path, nargs="*", metavar="FILE.csv")
     parser.add_argument("--radius-mm", type=float, default=RADIUS_MM)
     parser.add_argument("--coarse", type=float, default=TIMES, metavar="TIMES", help="0: of one size")
+    parser.add_argument("--beyond-m", type=float, help="half width of the core")
+    parser.add_argument("--below-m", type=float, help="depth of the core")
+    parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--metres", type=float, default=6.0)
     args = parser.parse_args()
+    core = {"times": args.coarse, "beyond_m": args.beyond_m, "below_m": args.below_m}
+    args.coarse = {key: value for key, value in core.items() if value is not None} if args.coarse else None
     if args.part == "bed":
-        return bed(args.radius_mm, args.coarse)
+        return bed(scene_of(args.radius_mm, args.coarse, args.seed), args.radius_mm)
     if args.part == "table":
         table(args.files)
         return 0
     args.metres, metres = [args.metres], args.metres
-    vars(args).update(
-        speed=field.SPEED_M_PER_S, width=0.6, ends=1.0, seed=1, threads=1, sides="held", bin=None
-    )
+    vars(args).update(speed=field.SPEED_M_PER_S, width=0.6, ends=1.0, threads=1, sides="held", bin=None)
     places = field.pull(args)
     if args.coarse:
-        migration(places, scene_of(args.radius_mm, args.coarse), metres - field.REAR_M)
+        migration(places, scene_of(args.radius_mm, args.coarse, args.seed), metres - field.REAR_M)
     return 0
 
 

@@ -18,6 +18,12 @@ def _leaves(group: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
             yield f"{prefix}{key}", value
 
 
+def short_name(path: str) -> str:
+    """Return the last word of a dotted path; where that is `value`, the one before."""
+    words = path.split(".")
+    return words[-2] if words[-1] == "value" and len(words) > 1 else words[-1]
+
+
 def finite(group: Mapping[str, Any]) -> dict[str, Any]:
     """Return a summary with None in place of every number that is not finite, which JSON cannot represent."""
     return {key: _finite(value) for key, value in group.items()}

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.table import Table
 
+from ..analysis.quantities import short_name
 from ..errors import InputError, RunError
 from ..extras import require
 from ._shared.arguments import add_overrides, positive_count
@@ -149,7 +150,7 @@ def _print(outcome: "Outcome", keys: list[str]) -> None:
 def _ranking(ranked: "list[Ranked]", best: "Ranked | None", keys: list[str]) -> Table:
     table = Table(title="least mean draft first", title_justify="left", title_style="bold", box=None)
     for key in keys:
-        table.add_column(key.rpartition(".")[2], overflow="fold")
+        table.add_column(short_name(key), overflow="fold")
     table.add_column("mean draft N", justify="right")
     savings = any(item.saving is not None for item in ranked)
     if savings:

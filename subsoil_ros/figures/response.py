@@ -9,6 +9,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from ..analysis.intervals import mean_interval
+from ..analysis.quantities import short_name
 from .plotting import CYCLE, new_figure, save_figure
 
 WIDE = 10.0
@@ -46,7 +47,7 @@ def draw_response(
             if _is_wide(table[key]):
                 axes.set_xscale("log")
             if other is not None and i == 0:
-                axes.legend(title=other.rpartition(".")[2], fontsize=7, title_fontsize=7, frameon=False)
+                axes.legend(title=short_name(other), fontsize=7, title_fontsize=7, frameon=False)
     return save_figure(figure, path)
 
 

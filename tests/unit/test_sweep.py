@@ -1,6 +1,7 @@
 """subsoil sweep with real Dask workers: a table, cached runs, failures that stop no other run, a cluster."""
 
 import json
+import math
 import os
 import shutil
 import signal
@@ -18,8 +19,16 @@ import pytest
 from subsoil_ros.analysis.intervals import Interval
 from subsoil_ros.api.execution import execute
 from subsoil_ros.cli.main import main
-from subsoil_ros.experiments.sweep.plan import Point
-from subsoil_ros.experiments.sweep.ranking import Ranked, control_point, point_key, rank, recommended
+from subsoil_ros.experiments.sweep.plan import Point, Variation
+from subsoil_ros.experiments.sweep.ranking import (
+    Ranked,
+    control_point,
+    point_key,
+    rank,
+    ranking_table,
+    recommended,
+)
+from subsoil_ros.experiments.sweep.sweep import Sweep
 from subsoil_ros.loading.loader import load_scene
 
 Captured = pytest.CaptureFixture[str]
@@ -303,9 +312,23 @@ def test_ranking_is_by_draft_and_savings_are_paired() -> None:
     assert [item.level_with_best for item in ranked] == [True, True, False, False]
 
 
+def test_columns_that_are_shown_stand_in_the_ranking() -> None:
+    """Mean and half-width over the seeds; of keys whose values go together the first is drawn over."""
+    table, points = made_up((1e5, 905.0, 800.0), (2e5, 900.0, 500.0))
+    table["spring.largest"] = [2000.0, 2100.0, 2200.0] * 3
+    ranked = rank(points, table, [], None, 0.95, ["spring.largest"])
+    row = ranking_table(ranked, None).iloc[0]
+    assert row["spring.largest"] == pytest.approx(2100.0)
+    assert row["spring.largest_half_width"] == pytest.approx(4.303 * 100.0 / math.sqrt(3.0), rel=1e-3)
+    depth, *springs = (Variation(key, (1, 2)) for key in ("depth", "stiffness", "damping"))
+    assert Sweep("scene.yaml", (), (depth,), tuple(springs)).axes == ["depth", "stiffness"]
+
+
 def test_nothing_is_recommended_without_proof() -> None:
-    """Neither a saving within the scatter, nor one that a single seed shows."""
+    """Neither a saving within the scatter, nor a resolved cost, nor one that a single seed shows."""
     table, points = made_up((1e5, 1000.1, 1.0), (2e5, 1010.0, 1.0))
+    assert recommended(rank(points, table, ["spring.locked=true"], None, 0.95)) is None
+    table, points = made_up((1e5, 1100.0, 1.0), (2e5, 1150.0, 1.0))
     assert recommended(rank(points, table, ["spring.locked=true"], None, 0.95)) is None
     table, points = made_up((1e5, 900.0, 1.0), (2e5, 950.0, 1.0))
     assert recommended(rank(points, table[table["seed"] == 0], ["spring.locked=true"], None, 0.95)) is None

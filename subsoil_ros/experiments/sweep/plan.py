@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from ...analysis.quantities import short_name
 from ...errors import InputError
 from ...loading.loader import ResolvedScene, load_scene
 from ...loading.seeds import seed_key
@@ -36,7 +37,7 @@ class Point:
     def label(self) -> str:
         """Label for progress and messages."""
         words = [self.name] if self.name else []
-        words += [f"{key.rpartition('.')[2]}={as_text(value)}" for key, value in self.values.items()]
+        words += [f"{short_name(key)}={as_text(value)}" for key, value in self.values.items()]
         words += [] if self.seed is None else [f"seed {self.seed}"]
         return ", ".join(words) or "as written"
 

@@ -96,10 +96,10 @@ def rank(
 def recommended(ranked: Sequence[Ranked]) -> Ranked | None:
     """Of the points whose difference from the best is not resolved, the one with the least fatigue load.
 
-    None with a single seed, or if there is a control and the saving of the best is not resolved.
+    None with a single seed, or if there is a control and no saving of the best is resolved.
     """
     level = [item for item in ranked if item.level_with_best and not math.isnan(item.behind_best.half_width)]
-    if not level or (level[0].saving is not None and not level[0].saving.resolved):
+    if not level or (level[0].saving is not None and not level[0].saving.low > 0.0):
         return None
     column = next((name for word in FATIGUE_WORDS for name in level[0].load if word in name), None)
     if column is None:

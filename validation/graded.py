@@ -6,10 +6,10 @@
     python -m validation.graded table uniform.csv graded.csv
 
 `bed` requires a solid fraction within 2 % of the soil's in slices one coarse diameter thick across both
-interfaces, and prints how far the soil sinks by itself. `pull` drives the tine; then, of particles within
-two coarse diameters of an interface, how much farther the small ones moved out of the core than the large
-ones beside them, where the tine broke the soil and where it did not. `table` compares pulls over the same
-travel with the first one, whose core is the same packing.
+interfaces, and prints contacts a particle around the tool and how far the soil sinks by itself. `pull`
+drives the tine; then, of particles within two coarse diameters of an interface, how much farther the small
+ones moved out of the core than the large ones beside them, where the tine broke the soil and where it did
+not. `table` compares pulls over the same travel with the first one, whose core is the same packing.
 """
 
 import argparse
@@ -58,16 +58,34 @@ def fraction(places: np.ndarray, radii: np.ndarray, low: tuple[float, ...], high
     return float((distance < radii[nearest]).any(axis=1).mean())
 
 
+def touching(places: np.ndarray, radii: np.ndarray, low: tuple[float, ...], high: tuple[float, ...]) -> float:
+    """Mean number of spheres that those in a box touch."""
+    inside = np.flatnonzero(((places > low) & (places < high)).all(axis=1))
+    near = cKDTree(places).query_ball_point(places[inside], radii[inside] + radii.max())
+    counts = [
+        (np.linalg.norm(places[others] - places[one], axis=1) < radii[others] + radii[one]).sum() - 1
+        for one, others in zip(inside, map(np.asarray, near), strict=True)
+    ]
+    return float(np.mean(counts))
+
+
 def bed(scene: ResolvedScene, radius_mm: float) -> int:
-    """Prints what a graded bed is like before a tool comes; 1 where a slice is not as dense as asked."""
+    """Prints what a bed is like before a tool comes; 1 where a slice is not as dense as asked."""
     soil = scene.scene.particle_soil
     assert soil is not None
     coarse = soil.particles.coarse
-    assert coarse is not None
-    assert coarse.beyond_m is not None
-    assert coarse.below_m is not None
     laid = Field(kept_ground(scene, SoilEngine), soil)
     places, radii, _ = laid.arrays
+    middle = (0.1, -0.09, -0.22), (laid.period_m - 0.1, 0.09, -0.03)
+    print(
+        "around the tool (0.18 m wide, 0.03 to 0.22 m deep): "
+        f"solid fraction {fraction(places, radii, *middle):.4f}, "
+        f"{touching(places, radii, *middle):.2f} contacts a particle"
+    )
+    if coarse is None:
+        return 0
+    assert coarse.beyond_m is not None
+    assert coarse.below_m is not None
     thick, end = 2e-3 * radius_mm * coarse.times, laid.period_m
     good = True
     print("| slice | from the interface m | solid fraction |")

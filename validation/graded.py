@@ -70,7 +70,7 @@ def touching(places: np.ndarray, radii: np.ndarray, low: tuple[float, ...], high
 
 
 def bed(scene: ResolvedScene, radius_mm: float) -> int:
-    """Prints what a bed is like before a tool comes; 1 where a slice is not as dense as asked."""
+    """Print what a bed is like before a tool comes; return 1 where a slice is not as dense as asked."""
     soil = scene.scene.particle_soil
     assert soil is not None
     coarse = soil.particles.coarse
@@ -186,9 +186,9 @@ def main() -> int:
     parser.add_argument("files", type=Path, nargs="*", metavar="FILE.csv")
     parser.add_argument("--radius-mm", type=float, default=RADIUS_MM)
     parser.add_argument("--coarse", type=float, default=TIMES, metavar="TIMES", help="0: of one size")
-    parser.add_argument("--beyond-m", type=float, help="half width of the core")
-    parser.add_argument("--below-m", type=float, help="depth of the core")
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--beyond-m", type=float, help="half width of the core (default: as in a scene)")
+    parser.add_argument("--below-m", type=float, help="depth of the core (default: as in a scene)")
+    parser.add_argument("--seed", type=int, default=1, help="of the bed")
     parser.add_argument("--metres", type=float, default=6.0)
     args = parser.parse_args()
     core = {"times": args.coarse, "beyond_m": args.beyond_m, "below_m": args.below_m}

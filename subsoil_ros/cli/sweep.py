@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="COLUMN",
-        help="a column of the table that figure and ranking show; may be repeated",
+        help="a column of sweep.csv to draw and to add to ranking.csv; may be repeated",
     )
     add_manner(parser, workers=None)
     parser.add_argument(

@@ -46,7 +46,7 @@ def applies_to_particles(key: str, preset: str) -> bool:
 
 
 def is_spent(key: str, preset: str) -> bool:
-    """Whether the preset has used an override up: the file of the wedge preset is that of the material."""
+    """Whether the preset has applied an override: `soil.material` selects the file of the wedge preset."""
     return preset == WEDGE and key == "soil.material"
 
 

@@ -77,7 +77,7 @@ class WedgeValues(StrictModel):
         None, description="that of the length, where it is another: lognormal, so it may be above 1."
     )
     rate_s_per_m: NonNegative = Field(
-        0.0, description="part of its limit that a failing wedge bears more per m/s."
+        0.0, description="relative rise of a failing wedge's limit for each m/s."
     )
     shank_fraction: NonNegative = Field(
         1.0, description="of a lone shank's resistance, met in soil that the share has broken."

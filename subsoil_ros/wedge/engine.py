@@ -292,7 +292,7 @@ class WedgeEngine:
         stiffness = values.bed_modulus_newton_per_m3 * face.area_m2
         into = way[0] * math.sin(rake) + way[1] * math.cos(rake)
         trial = memory.normal_newton[number] + stiffness * into
-        slow = values.rate_s_per_m * bears / self._interval_s  # per travel beyond the spring's
+        slow = values.rate_s_per_m * bears / self._interval_s  # [N/m], rise of the limit
         beyond = max(trial - bears, 0.0) / (stiffness + slow)
         bears += slow * beyond
         memory.normal_newton[number] = min(max(trial, 0.0), bears)

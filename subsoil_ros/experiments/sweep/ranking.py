@@ -60,7 +60,7 @@ def rank(
     """Points by mean draft, least first; points without a draft are left out.
 
     runs: rows of the sweep, those of the controls among them, with columns of table_of.
-    shown: further columns, whose means are told.
+    shown: further columns, given as mean with interval.
     """
     found = []
     for point in points:
@@ -96,7 +96,7 @@ def rank(
 def recommended(ranked: Sequence[Ranked]) -> Ranked | None:
     """Of the points whose difference from the best is not resolved, the one with the least fatigue load.
 
-    None with a single seed, or if there is a control and no saving of the best is resolved.
+    None with a single seed, or if there is a control and the best is not resolved to save draft.
     """
     level = [item for item in ranked if item.level_with_best and not math.isnan(item.behind_best.half_width)]
     if not level or (level[0].saving is not None and not level[0].saving.low > 0.0):

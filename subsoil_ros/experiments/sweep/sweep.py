@@ -38,7 +38,7 @@ class Sweep:
 
     @property
     def axes(self) -> list[str]:
-        """Keys to draw over: of those whose values go together the first."""
+        """Keys of the figure's x axes: the varied ones and the first of the paired ones."""
         return [item.key for item in (*self.varied, *self.paired[:1])]
 
     def points(self) -> tuple[Point, ...]:
@@ -99,7 +99,7 @@ def run_sweep(
 ) -> Outcome:
     """Run the missing runs, then write sweep.csv, sweep.parquet, ranking.csv and response.png.
 
-    shown: columns of the figure, and of the ranking beside its own; draft and spring force by default.
+    shown: columns to draw and to add to the ranking; by default draft and spring force are drawn.
 
     Raises:
         InputError: a wrong key, value or folder (nothing was run), or no cluster.

@@ -38,6 +38,10 @@ DENSE = 0.02
 POINTS = 400_000
 """Random points in a slice: its fraction is then known to 0.13 % (one standard deviation of counting)."""
 
+ABOUT_M = (0.09, 0.22, 0.03)
+"""Half width, greatest and least depth of the soil around the tool (chosen: three shares wide, down to 20 mm
+below the tip, without the uneven surface)."""
+
 SLICE_M = 0.25
 """Length of the pieces of the travel whose means count as independent (chosen: half a window)."""
 
@@ -76,9 +80,10 @@ def bed(scene: ResolvedScene, radius_mm: float) -> int:
     coarse = soil.particles.coarse
     laid = Field(kept_ground(scene, SoilEngine), soil)
     places, radii, _ = laid.arrays
-    middle = (0.1, -0.09, -0.22), (laid.period_m - 0.1, 0.09, -0.03)
+    aside, deep, shallow = ABOUT_M
+    middle = (0.1, -aside, -deep), (laid.period_m - 0.1, aside, -shallow)
     print(
-        "around the tool (0.18 m wide, 0.03 to 0.22 m deep): "
+        f"around the tool ({2.0 * aside:g} m wide, {shallow:g} to {deep:g} m deep): "
         f"solid fraction {fraction(places, radii, *middle):.4f}, "
         f"{touching(places, radii, *middle):.2f} contacts a particle"
     )

@@ -41,7 +41,12 @@ from .ship_results import ship_picture
 THRESHOLDS = (0.5, 1.0, 1.5)
 """Prominence of a failure in standard deviations."""
 
-LOCKED = {"loam": "locked", "brittle loam": "brittle locked"}
+LOCKED = {
+    "loam": "locked",
+    "brittle loam": "brittle locked",
+    "loose sandy loam": "loose sandy loam locked",
+    "dense sandy loam": "dense sandy loam locked",
+}
 """Soils that both machines were drawn through, sprung and with the shank held: their cases."""
 
 PAIRED_M = 10.5

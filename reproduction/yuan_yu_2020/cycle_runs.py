@@ -187,7 +187,10 @@ def cases() -> Iterator[Case]:
     yield Case("r = 10 mm", _radius(0.010), duration_s=0.7 * SHORT_S)
     yield Case("wheels on the bed", _wheels_on_the_bed(), duration_s=0.7 * SHORT_S)
     for name, changes in (("loose sandy loam", loose), ("dense sandy loam", dense)):
-        yield Case(name, changes, 2, duration_s=MIDDLE_S)
+        for seed in (2, 3):
+            yield Case(name, changes, seed, duration_s=MIDDLE_S)
+        for seed in (1, 2, 3):
+            yield Case(f"{name} locked", {}, seed, name, MIDDLE_S)
     yield Case("plastic loam", {"soil": {"material": "loam_plastic"}})
     yield from _brittle_cases()
 

@@ -85,7 +85,7 @@ def _random_points(soil: Soil, size_m: tuple[float, float, float], above_m: floa
         cells = np.flatnonzero(belongs == k)
         sphere = 4.0 / 3.0 * np.pi * grade.mean_volume_radius_m**3
         count = round(wanted * float(np.prod(size)) * len(cells) / LATTICE**2 / sphere)
-        y, depth = section[rng.choice(cells, count) if count else cells].T
+        y, depth = (section[rng.choice(cells, count)] if len(cells) else section[:0]).T
         x, aside, deeper = rng.uniform(-0.5, 0.5, (3, count))
         y, depth = y + aside * size[1] / LATTICE, depth + deeper * size[2] / LATTICE
         places.append(np.column_stack(((x + 0.5) * size[0], y, -above_m - depth)))

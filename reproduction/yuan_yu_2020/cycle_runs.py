@@ -190,7 +190,7 @@ def cases() -> Iterator[Case]:
         for seed in (2, 3):
             yield Case(name, changes, seed, duration_s=MIDDLE_S)
         for seed in (1, 2, 3):
-            yield Case(f"{name} locked", {}, seed, name, MIDDLE_S)
+            yield Case(f"{name} locked", changes, seed, name, MIDDLE_S)
     yield Case("plastic loam", {"soil": {"material": "loam_plastic"}})
     yield from _brittle_cases()
 

@@ -238,9 +238,12 @@ def _springs(friction: float, radius_m: float) -> LinearLaw:
     return LinearLaw.model_validate({"kind": "linear", "particle": values, "boundary": values})
 
 
-def endless_soil(soil: Soil, length_m: float, width_m: float, depth_m: float) -> Soil:
-    """The soil of a scene as a box that repeats itself."""
-    box = Bin(length_m=length_m, width_m=width_m, depth_m=depth_m).model_copy(update={"sides": "endless"})
+def endless_soil(
+    soil: Soil, length_m: float, width_m: float | None = None, depth_m: float | None = None
+) -> Soil:
+    """The soil of a scene as a box that repeats itself, a cube unless width and depth are given."""
+    box = Bin(length_m=length_m, width_m=width_m or length_m, depth_m=depth_m or length_m)
+    box = box.model_copy(update={"sides": "endless"})
     changes = {"bin": box, "layers": None, "surface": None, "window": None} | of_the_preparation(soil)
     return soil.model_copy(update=changes)
 
@@ -257,7 +260,7 @@ def under_springs(soil: Soil, friction: float) -> Soil:
 
 def kept_as(soil: Soil, edge_m: float) -> Soil:
     """The soil that a tile is kept in the cache for: any with these particles."""
-    return endless_soil(under_springs(soil, 0.0), edge_m, edge_m, edge_m)
+    return endless_soil(under_springs(soil, 0.0), edge_m)
 
 
 def at_pressure(settling: Settling, bed: Bed, pressure_pa: float, on_progress: OnProgress) -> Bed:

@@ -177,7 +177,10 @@ def cases() -> Iterator[Case]:
         "coupling": {"communication_step_ns": 2 * round(STEP_S * 1e9)},
         "record": {"series_ticks": 10},
     }
-    yield Case("exchange of two steps", exchange | {"soil": {"time_step_s": STEP_S}})
+    exchange |= {"soil": {"time_step_s": STEP_S}}
+    yield Case("exchange of two steps", exchange)
+    for seed in (2, 3):
+        yield Case("exchange of two steps", exchange, seed, duration_s=MIDDLE_S)
     for factor in (0.3, 3.0, 10.0, 30.0):
         yield Case(f"spring times {factor:g}", _spring(factor))
     for speed in (0.25, 1.0, 2.0):

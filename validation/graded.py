@@ -1,6 +1,6 @@
 """Graded beds (soil.particles.coarse) against uniform ones, in the loam of field_tine.yaml.
 
-    python -m validation.graded bed                        # solid fraction, settlement, particles: a minute
+    python -m validation.graded bed                        # solid fraction, contacts, settlement
     python -m validation.graded pull graded.csv            # 6 m; and migration of small particles
     python -m validation.graded pull uniform.csv --coarse 0
     python -m validation.graded table uniform.csv graded.csv
@@ -9,7 +9,8 @@
 interfaces, and prints contacts a particle around the tool and how far the soil sinks by itself. `pull`
 drives the tine; then, of particles within two coarse diameters of an interface, how much farther the small
 ones moved out of the core than the large ones beside them, where the tine broke the soil and where it did
-not. `table` compares pulls over the same travel with the first one, whose core is the same packing.
+not. `table` compares pulls over the same travel with the first one. The ground of a graded bed takes some ten
+minutes to prepare, once.
 """
 
 import argparse

@@ -40,6 +40,7 @@ BIN_M = (0.4, 0.36, 0.12)
 CORE = {"beyond_m": 0.08, "below_m": 0.07}
 COARSE: Document = {"times": 1.5, **CORE}
 RATIO = 4.0
+LOOSE = 1.0 / 200.0
 LARGEST_TIMES = RATIO * SMALLEST / LARGEST
 
 
@@ -88,8 +89,9 @@ def hardly_graded(laboratory: Laboratory) -> Outcome:
     return right(f"{len(plain.positions_m)} particles, graded {100.0 * off:+.2f} %")
 
 
-def calm(resolved: ResolvedScene, part: float = CALM_MOVE) -> str:
-    """Of the bed 19 particles in 20 move by less than `part` of a radius in MOVE_S when it is left alone."""
+def calm(resolved: ResolvedScene, part: float = CALM_MOVE, loose: float = 0.0) -> str:
+    """Of the bed 19 particles in 20 move by less than `part` of a radius in MOVE_S when it is left alone, and
+    all but a part of them, `loose`, by less than a radius."""
     alone = resolved.scene.model_copy(update={"tools": {}})
     engine = SoilEngine(dataclasses.replace(resolved, scene=alone))
     engine.start(())
@@ -97,7 +99,11 @@ def calm(resolved: ResolvedScene, part: float = CALM_MOVE) -> str:
     advance(engine, round(MOVE_S / resolved.timing.communication_step_s))
     moved = np.linalg.norm(engine.positions_m() - begun, axis=1) / RADIUS
     most, largest = float(np.quantile(moved, 0.95)), float(moved.max())
-    must(most < part and largest < 1.0, f"19 in 20 move by less than {most} r, all by less than {largest} r")
+    fell = int((moved >= 1.0).sum())
+    must(
+        most < part and fell <= loose * len(moved),
+        f"19 in 20 of {len(moved)} move by less than {most} r, {fell} by more than a radius, up to {largest} r",
+    )
     return f"{most:.2g} r (19 in 20), {largest:.2g} r (all)"
 
 
@@ -166,7 +172,8 @@ def graded_at_the_limit(laboratory: Laboratory) -> Outcome:
 def weighed(laboratory: Laboratory, gravity: float) -> str:
     """A graded bed on a plane floor under this gravity [m/s2]."""
     resolved = graded(laboratory, size_m=(0.3, 0.36, 0.12), floor="plane", gravity=gravity)
-    found = calm(resolved, CALM_MOVE * max(1.0, gravity / GRAVITY))
+    heavy = gravity > GRAVITY
+    found = calm(resolved, CALM_MOVE * (gravity / GRAVITY if heavy else 1.0), LOOSE if heavy else 0.0)
     engine = SoilEngine(resolved)
     engine.start(above(0.15))
     coarse = soil_of(resolved).particles.coarse

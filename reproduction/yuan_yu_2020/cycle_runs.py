@@ -84,6 +84,15 @@ def _step(part: int) -> Document:
     return {"soil": {"time_step_s": round(STEP_S / part, 9)}, "record": {"series_ticks": 20 * part}}
 
 
+def _exchange(steps: int) -> Document:
+    """The machine and the soil exchange once in so many steps, rows as far apart as before."""
+    return {
+        "coupling": {"communication_step_ns": steps * round(STEP_S * 1e9)},
+        "record": {"series_ticks": 20 // steps},
+        "soil": {"time_step_s": STEP_S},
+    }
+
+
 def _declared(force: str) -> Document:
     """A force of the scene."""
     found: Document = load_scene(SCENE).document["mechanism"]["forces"][force]
@@ -173,14 +182,11 @@ def cases() -> Iterator[Case]:
     yield Case("r = 20 mm", _radius(0.020))
     yield Case("stiffness times 4", _law(4.0, 2.0))
     yield Case("dampers over 3", _law(damping=1.0 / 3.0))
-    exchange: Document = {
-        "coupling": {"communication_step_ns": 2 * round(STEP_S * 1e9)},
-        "record": {"series_ticks": 10},
-    }
-    exchange |= {"soil": {"time_step_s": STEP_S}}
-    yield Case("exchange of two steps", exchange)
+    yield Case("exchange of two steps", _exchange(2))
     for seed in (2, 3):
-        yield Case("exchange of two steps", exchange, seed, duration_s=MIDDLE_S)
+        yield Case("exchange of two steps", _exchange(2), seed, duration_s=MIDDLE_S)
+    for seed, duration_s in ((1, LONG_S), (2, MIDDLE_S), (3, MIDDLE_S)):
+        yield Case("exchange of four steps", _exchange(4), seed, duration_s=duration_s)
     for factor in (0.3, 3.0, 10.0, 30.0):
         yield Case(f"spring times {factor:g}", _spring(factor))
     for speed in (0.25, 1.0, 2.0):

@@ -137,8 +137,9 @@ def test_two_sizes_exchange_momentum_and_energy(soil):
 
 
 def test_a_graded_bin_is_filled_and_at_rest(soil):
-    """Of a size 99 % are where it belongs, within a radius of the largest (soil sinks by some millimetres
-    into the gaps at the walls); the count is that of the check; left alone it stands as other beds do."""
+    """Of the large size 99 % are where it belongs, within a radius of the largest, so that none is at a tool;
+    of the small one within a diameter (points are parted, and soil fills the gaps at the walls). The count is
+    that of the check; left alone it stands as other beds do."""
     scene = graded(soil)
     found = scene.scene.particle_soil
     bed = prepare_bed(scene, SoilEngine)
@@ -146,7 +147,7 @@ def test_a_graded_bin_is_filled_and_at_rest(soil):
     assert [layer.particle_count for layer in report.layers] == np.bincount(bed.materials).tolist()
     assert np.bincount(bed.materials).min() > 300
     away = found.particles.coarse.distance_m(bed.positions_m[:, 1], -bed.positions_m[:, 2])
-    assert np.quantile(away[bed.materials == 0], 0.99) < LARGEST
+    assert np.quantile(away[bed.materials == 0], 0.99) < 2.0 * LARGEST
     assert np.quantile(away[bed.materials == 1], 0.01) > -LARGEST
     assert (bed.radii_m[bed.materials == 1] >= 1.5 * SIZES["min_radius_m"]).all()
     assert_allclose(check_start(scene), len(bed.positions_m), rtol=0.15)

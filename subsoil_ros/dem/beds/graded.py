@@ -1,49 +1,27 @@
-"""Graded beds: beds of several sizes put together about a core (scene.coarse).
+"""Graded beds: beds of several sizes about a core (scene.coarse), pressed together as a tile is (tile).
 
-1. Every size is prepared alone, at the solid fraction of the scene, in the same box.
-2. Of each, the particles are taken whose centres lie where their size belongs. The solid fraction is then met
-   on both sides of an interface, but particles of two beds overlap there.
-3. These are parted without friction and weight, all that is far from an interface being held. Spheres without
-   friction jam at a solid fraction of 0.64, so looser ones find places without overlap, in part above the
-   surface. From there they sink back in their weight, with a friction that leaves them near the fraction.
-
-It then comes to rest under the law of the scene, as other beds do (tiled, ground).
+Random points of every size, where it belongs, are parted and pressed as one box that repeats itself. So its
+interfaces are as dense, and have as many contacts, as the soil on both sides.
 """
 
 import dataclasses
-import math
-from collections.abc import Sequence
 
 import numpy as np
 
-from ...limits.stable_steps import SAFETY, step_limits
 from ...loading.loader import ResolvedScene
 from ...scene.beds import TiledBed
+from ...scene.sizes import sampled_radii_m
 from ...scene.soil import Soil
 from ..bed import Bed
-from .dense import relaxed_rest
-from .settling import SETTLING_GRAVITY, EngineOf, OnProgress, Rest, Settling
-from .tile import FRICTIONLESS, JAMMED_AT, PARTING_DAMPING, PARTING_S, under_springs
-
-PARTED_DIAMETERS = 2.0
-"""Distance from an interface, in diameters of the largest particle, within which particles are parted: those
-that overlap are within a half, and push two more ahead of them."""
-
-SINKING_S = 0.3
-"""Longest time to sink back: ten times that of a fall by a radius, 30 ms."""
-
-SINKING_COMPACTS = 0.02
-"""Wanted solid fraction less that of the friction while sinking, because sinking compacts (measured over four
-slices about an interface: 0.599 in place of 0.600; with 0 it is 0.612, without sinking 0.588)."""
+from .settling import EngineOf, OnProgress
+from .tile import START_BELOW, Pressing, pressed, tile_edge_m
 
 LATTICE = 400
 """Points along y and z by which the areas of the sizes are found: to 1/400 of the width."""
 
-
-def of_grade(resolved: ResolvedScene, soil: Soil, edge_m: float) -> ResolvedScene:
-    """The scene with the soil of one size, in tiles of this edge."""
-    alone = soil.model_copy(update={"bed": soil.bed.model_copy(update={"tile_m": edge_m})})
-    return dataclasses.replace(resolved, scene=resolved.scene.model_copy(update={"soil": alone}))
+SHRINKS = 1.01
+"""Length of a box before it is pressed over the least afterwards: pressing and law may change its solid
+fraction by 0.5 and 2 % (tile.FRACTION_TOLERANCE, tiled.LARGEST_CHANGE)."""
 
 
 def grades_at(soil: Soil, y_m: np.ndarray, depth_m: np.ndarray) -> np.ndarray:
@@ -54,66 +32,77 @@ def grades_at(soil: Soil, y_m: np.ndarray, depth_m: np.ndarray) -> np.ndarray:
     return np.searchsorted(ends, coarse.distance_m(y_m, depth_m), side="right").astype(np.int64)
 
 
-def grade_parts(soil: Soil, across_m: tuple[float, float], deep_m: tuple[float, float]) -> np.ndarray:
-    """(sizes,) part of the section from y to y and depth to depth where each size belongs."""
+def _lattice(
+    soil: Soil, across_m: tuple[float, float], deep_m: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points of a section, (LATTICE^2, 2) y and depth [m], and the size that belongs at each."""
     middles = (np.arange(LATTICE) + 0.5) / LATTICE
     (y, depth), (y_end, depth_end) = zip(across_m, deep_m, strict=True)
     places = np.meshgrid(y + (y_end - y) * middles, depth + (depth_end - depth) * middles)
-    belongs = grades_at(soil, places[0].ravel(), places[1].ravel())
+    section = np.column_stack([along.ravel() for along in places])
+    return section, grades_at(soil, *section.T)
+
+
+def grade_parts(soil: Soil, across_m: tuple[float, float], deep_m: tuple[float, float]) -> np.ndarray:
+    """(sizes,) part of the section from y to y and depth to depth where each size belongs."""
+    _, belongs = _lattice(soil, across_m, deep_m)
     return np.bincount(belongs, minlength=len(soil.particles.grades)) / LATTICE**2
 
 
-def put_together(
+def pressed_graded(
     resolved: ResolvedScene,
-    soil: Soil,
-    beds: Sequence[Bed],
-    top_m: float,
+    size_m: tuple[float, float, float],
+    above_m: float,
     engine_of: EngineOf,
+    threads: int,
     on_progress: OnProgress,
 ) -> Bed:
-    """One bed from the beds of all sizes, which are in one box with their surface at `top_m`. Its particles
-    are parted, but not at rest. `soil` is that of the box."""
-    parts = []
-    for k, bed in enumerate(beds):
-        x = bed.positions_m
-        parts.append(bed.only(grades_at(soil, x[:, 1], top_m - x[:, 2]) == k))
-    counts = [len(part.positions_m) for part in parts]
-    none_held = any(part.held is None for part in parts)
-    whole = dataclasses.replace(
-        parts[0],
-        positions_m=np.concatenate([part.positions_m for part in parts]),
-        radii_m=np.concatenate([part.radii_m for part in parts]),
-        materials=np.repeat(np.arange(len(parts)), counts),
-        held=None if none_held else np.concatenate([part.held for part in parts]),
-    )
-    return _parted(resolved, soil, whole, top_m, engine_of, on_progress)
+    """Endless graded bed, pressed, at least of this size along x, y and z; the surface of the soil is
+    `above_m` below its top.
+
+    The friction of the pressing is searched on a piece as long as a tile.
+    """
+    soil = resolved.scene.particle_soil
+    assert soil is not None
+
+    def pressing(length_m: float) -> Pressing:
+        points = _random_points(soil, (length_m, *size_m[1:]), above_m)
+        return Pressing(resolved, soil, points, engine_of, threads, on_progress)
+
+    short = min(size_m[0], tile_edge_m(soil))
+    found = pressed(pressing(short))
+    return (found if short == size_m[0] else pressing(size_m[0]).at(found.friction)).bed
 
 
-def _parted(
-    resolved: ResolvedScene, soil: Soil, bed: Bed, top_m: float, engine_of: EngineOf, on_progress: OnProgress
-) -> Bed:
-    coarse, x = soil.particles.coarse, bed.positions_m
-    assert coarse is not None
-    radius = soil.particles.mean_volume_radius_m
-    from_core = coarse.distance_m(x[:, 1], top_m - x[:, 2])
-    from_ends = np.abs(from_core[:, None] - coarse.ends_m(radius)).min(axis=1)
-    far = from_ends > PARTED_DIAMETERS * 2.0 * soil.particles.bounds_m[1]
-
-    def settling(friction: float, gravity_m_per_s2: float) -> Settling:
-        springs = under_springs(soil, friction)
-        return Settling(
-            resolved, engine_of, 1, soil=springs, step_s=SAFETY * step_limits(springs)[0].limit_s,
-            gravity_m_per_s2=gravity_m_per_s2, on_progress=on_progress,
-        )  # fmt: skip
-
-    parting = settling(FRICTIONLESS, 0.0)
-    rate = parting.contact_rate_per_s
-    apart = Rest(0.0, PARTING_S * 2.0 * math.pi / rate)
-    some = parting.run(dataclasses.replace(bed, held=far), apart, PARTING_DAMPING * rate, "parting")
-    some = dataclasses.replace(some, held=far if bed.held is None else far | bed.held)
+def _random_points(soil: Soil, size_m: tuple[float, float, float], above_m: float) -> Bed:
     assert isinstance(soil.bed, TiledBed)
-    looser = soil.bed.solid_fraction - SINKING_COMPACTS
-    sinking = settling(float(np.interp(looser, *np.array(JAMMED_AT).T)), SETTLING_GRAVITY)
-    rest = Rest(relaxed_rest(radius, rate).speed_m_per_s, SINKING_S)
-    some = sinking.run(some, rest, math.sqrt(SETTLING_GRAVITY / radius), "sinking")
-    return dataclasses.replace(some, held=bed.held)
+    wanted, rng = soil.bed.solid_fraction, np.random.default_rng(soil.bed.seed)
+    size = SHRINKS * np.array(size_m)
+    section, belongs = _lattice(soil, (-0.5 * size[1], 0.5 * size[1]), (-above_m, size[2] - above_m))
+    places, radii = [], []
+    for k, grade in enumerate(soil.particles.grades):
+        assert grade.sizes is not None
+        cells = np.flatnonzero(belongs == k)
+        sphere = 4.0 / 3.0 * np.pi * grade.mean_volume_radius_m**3
+        count = round(wanted * float(np.prod(size)) * len(cells) / LATTICE**2 / sphere)
+        y, depth = (section[rng.choice(cells, count)] if len(cells) else section[:0]).T
+        x, aside, deeper = rng.uniform(-0.5, 0.5, (3, count))
+        y, depth = y + aside * size[1] / LATTICE, depth + deeper * size[2] / LATTICE
+        places.append(np.column_stack(((x + 0.5) * size[0], y, -above_m - depth)))
+        radii.append(sampled_radii_m(grade.sizes, count))
+    looser = (wanted / (wanted - START_BELOW)) ** (1.0 / 3.0)
+    length, width, height = (looser * size).tolist()
+    return Bed(
+        looser * np.concatenate(places),
+        (0.0, -0.5 * width, -height),
+        (length, 0.5 * width),
+        radii_m=np.concatenate(radii),
+        materials=np.repeat(np.arange(len(radii)), list(map(len, radii))),
+        sides="endless",
+    )
+
+
+def boxed(bed: Bed) -> Bed:
+    """An endless bed with every particle in its box."""
+    low, periods = np.array(bed.lower_m), np.array(bed.periods_m)
+    return dataclasses.replace(bed, positions_m=low + (bed.positions_m - low) % periods)

@@ -1,8 +1,8 @@
 """Ground from which a field is laid out: a block periodic along x and y, or a whole period if it is graded.
 
 The sizes of a graded bed depend on the distance from the path of the tools, and the copies of a block do not
-lie along it. So the plots of the blocks of all sizes are put together about the core (graded), and the whole
-period comes to rest between periodic ends, its sides held unless they are periodic too.
+lie along it. So a whole period is pressed (graded), cut to the section of the field, and comes to rest
+between periodic ends, its sides held unless they are periodic too.
 """
 
 import dataclasses
@@ -11,15 +11,13 @@ import numpy as np
 
 from ...loading.loader import ResolvedScene
 from ...scene.bin import Bin
-from ...scene.pairs import layer_soils
 from ...scene.soil import Soil
-from ..bed import Bed, scaled
+from ..bed import Bed
 from ..periodic import HELD_LAYER
 from .cache import cached_bed_path, keep, load_cached, load_contacts
 from .dense import relaxed_rest
 from .field import Block, Contacts, contacts_of, headroom_m, kept_block
-from .graded import of_grade, put_together
-from .plot import blocks_of, plot_of
+from .plot import blocks_of
 from .settling import (
     EngineOf,
     OnProgress,
@@ -28,9 +26,15 @@ from .settling import (
     ignore_progress,
     of_the_preparation,
 )  # fmt: skip
-from .surface import top_surface_m
+from .surface import cut_to_depth, top_surface_m
 from .tile import tile_edge_m
-from .tiled import RELAXING_S, damping_per_s, refuse_unfinished, settling_under
+from .tiled import (
+    RELAXING_S,
+    damping_per_s,
+    graded_under_law,
+    refuse_unfinished,
+    settling_under,
+)  # fmt: skip
 
 
 def kept_ground(
@@ -74,12 +78,7 @@ def _prepared(
     threads: int,
     on_progress: OnProgress,
 ) -> Block:
-    plots: list[Bed] = []
-    for alone in layer_soils(soil):
-        block = kept_block(of_grade(resolved, alone, edge_m), engine_of, threads, on_progress)
-        plots.append(_plot(block.bed, alone, soil, plots[0].periods_m[0] if plots else None))
-    period = _period(soil, edge_m)
-    bed = put_together(resolved, period, plots, -headroom_m(soil), engine_of, on_progress)
+    bed, period = _laid(resolved, soil, edge_m, engine_of, threads, on_progress), _period(soil, edge_m)
     gravity = resolved.scene.gravity_m_per_s2
     settling = settling_under(resolved, engine_of, threads, period, gravity, on_progress)
     radius = soil.particles.mean_volume_radius_m
@@ -95,24 +94,33 @@ def _prepared(
     return Block(bed.only(order), contacts_of(engine, soil, order))
 
 
-def _plot(block: Bed, alone: Soil, soil: Soil, period_m: float | None) -> Bed:
-    """A period of the field of one size, as long as that of the first, in the box of all."""
-    blocks = blocks_of(soil.bin.sides)
-    along = 1.0 if period_m is None else period_m / (blocks * block.periods_m[0])
-    block = scaled(block, np.array((along, along, 1.0)))
-    plot = plot_of(block, soil.bin.width_m, soil.bin.sides)
-    room = headroom_m(soil)
-    half = plot.half_width_m + (0.0 if soil.bin.sides == "periodic" else room)
-    assert block.radii_m is not None
-    assert block.held is not None
-    return Bed(
-        plot.place_m + np.array((0.0, 0.0, headroom_m(alone) - room)),
-        (0.0, -half, -soil.bin.depth_m - HELD_LAYER * soil.particles.bounds_m[1] - 2.0 * room),
-        (plot.period_m, half),
-        radii_m=block.radii_m[plot.number],
-        sides="endless",
-        held=block.held[plot.number],
-    )
+def _laid(
+    resolved: ResolvedScene,
+    soil: Soil,
+    edge_m: float,
+    engine_of: EngineOf,
+    threads: int,
+    on_progress: OnProgress,
+) -> Bed:
+    """A period of the field from the held layer to the surface, cut at its sides."""
+    largest, room = soil.particles.bounds_m[1], headroom_m(soil)
+    above, below = 2.0 * largest, HELD_LAYER * largest
+    size = edge_m * blocks_of(soil.bin.sides), soil.bin.width_m, above + soil.bin.depth_m + below
+    whole = graded_under_law(resolved, size, above, engine_of, threads, on_progress)
+    bed = cut_to_depth(whole, soil.particles.mean_volume_radius_m, -whole.lower_m[2] - above)
+    place = bed.positions_m + np.array((0.0, 0.0, above - room))
+    periodic = soil.bin.sides == "periodic"
+    half = 0.5 * bed.periods_m[1] if periodic else 0.5 * soil.bin.width_m
+    lowest = -room - soil.bin.depth_m - below
+    kept = (place[:, 2] >= lowest) & (np.abs(place[:, 1]) <= half)
+    aside = half if periodic else half + room
+    return dataclasses.replace(
+        bed,
+        positions_m=place,
+        lower_m=(0.0, -aside, lowest - room),
+        upper_m=(bed.upper_m[0], aside),
+        held=place[:, 2] < -room - soil.bin.depth_m,
+    ).only(kept)
 
 
 def _stuck(bed: Bed, soil: Soil) -> Bed:

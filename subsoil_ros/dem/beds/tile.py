@@ -152,19 +152,67 @@ def tile_edge_m(soil: Soil) -> float:
 def pressed_tile(
     resolved: ResolvedScene, edge_m: float, engine_of: EngineOf, on_progress: OnProgress
 ) -> PressedTile:
-    """A tile of about this edge [m] with the particles and the solid fraction of a scene's tiled bed.
-
-    Small tiles scatter; if LONGEST_SEARCH of them miss the fraction, the nearest is returned.
-    """
+    """A tile of about this edge [m] with the particles and the solid fraction of a scene's tiled bed."""
     soil = resolved.scene.particle_soil
     assert soil is not None
     assert isinstance(soil.bed, TiledBed)
+    particles, wanted = soil.particles, soil.bed.solid_fraction
+    radius = particles.mean_volume_radius_m
+    count = round(wanted * edge_m**3 / (4.0 / 3.0 * math.pi * radius**3))
+    radii = np.full(count, radius) if particles.sizes is None else sampled_radii_m(particles.sizes, count)
+    volume = float((4.0 / 3.0 * np.pi * radii**3).sum())
+    edge = (volume / (wanted - START_BELOW)) ** (1.0 / 3.0)
+    corner = np.array((0.0, -0.5 * edge, -edge))
+    points = np.random.default_rng(soil.bed.seed).uniform(size=(count, 3)) * edge + corner
+    bed = Bed(points, (0.0, -0.5 * edge, -edge), (edge, 0.5 * edge), radii_m=radii, sides="endless")
+    return pressed(Pressing(resolved, soil, bed, engine_of, 1, on_progress))
+
+
+class Pressing:
+    """Random points in an endless box, parted, before they are pressed."""
+
+    def __init__(
+        self,
+        resolved: ResolvedScene,
+        soil: Soil,
+        points: Bed,
+        engine_of: EngineOf,
+        threads: int,
+        on_progress: OnProgress,
+    ) -> None:
+        self.soil, self._on_progress = soil, on_progress
+        self._of = resolved, engine_of, threads
+        parting = self._settling(points, FRICTIONLESS)
+        rate = parting.contact_rate_per_s
+        rest = Rest(0.0, PARTING_S * 2.0 * math.pi / rate)
+        self._parted = parting.run(points, rest, PARTING_DAMPING * rate, "parting")
+
+    def _settling(self, bed: Bed, mu: float) -> Settling:
+        springs = endless_soil(under_springs(self.soil, mu), *bed.periods_m)
+        return Settling(
+            *self._of, soil=springs, step_s=SAFETY * step_limits(springs)[0].limit_s,
+            gravity_m_per_s2=0.0, on_progress=self._on_progress,
+        )  # fmt: skip
+
+    def at(self, friction: float) -> PressedTile:
+        """The box pressed together with this friction."""
+        pressure_pa = PRESSED_OVERLAP * _STIFFNESS / (4.0 * self.soil.particles.mean_volume_radius_m)
+        settling = self._settling(self._parted, friction)
+        bed = at_pressure(settling, self._parted, pressure_pa, self._on_progress)
+        return PressedTile(bed, solid_fraction(bed, self.soil), friction)
+
+
+def pressed(pressing: Pressing) -> PressedTile:
+    """The box pressed with the friction that gives the solid fraction of its tiled bed.
+
+    Small boxes scatter; if LONGEST_SEARCH of them miss the fraction, the nearest is returned.
+    """
+    assert isinstance(pressing.soil.bed, TiledBed)
     fractions, frictions = np.array(JAMMED_AT).T
-    wanted = aim = soil.bed.solid_fraction
+    wanted = aim = pressing.soil.bed.solid_fraction
     tried: dict[float, PressedTile] = {}  # by what the table was asked for
     while len(tried) < LONGEST_SEARCH and aim not in tried:
-        friction = float(np.interp(aim, fractions, frictions))
-        tried[aim] = tile = _pressed(resolved, soil, edge_m, friction, engine_of, on_progress)
+        tried[aim] = tile = pressing.at(float(np.interp(aim, fractions, frictions)))
         if abs(tile.solid_fraction - wanted) <= FRACTION_TOLERANCE * wanted:
             return tile
         found = {at: one.solid_fraction for at, one in tried.items()}
@@ -176,39 +224,6 @@ def pressed_tile(
             part = (wanted - found[looser]) / (found[denser] - found[looser])
             aim = looser + part * (denser - looser)
     return min(tried.values(), key=lambda tile: abs(tile.solid_fraction - wanted))
-
-
-def _pressed(
-    resolved: ResolvedScene,
-    soil: Soil,
-    edge_m: float,
-    friction: float,
-    engine_of: EngineOf,
-    on_progress: OnProgress,
-) -> PressedTile:
-    assert isinstance(soil.bed, TiledBed)
-    particles, wanted = soil.particles, soil.bed.solid_fraction
-    radius = particles.mean_volume_radius_m
-    count = round(wanted * edge_m**3 / (4.0 / 3.0 * math.pi * radius**3))
-    radii = np.full(count, radius) if particles.sizes is None else sampled_radii_m(particles.sizes, count)
-    volume = float((4.0 / 3.0 * np.pi * radii**3).sum())
-    edge = (volume / (wanted - START_BELOW)) ** (1.0 / 3.0)
-    corner = np.array((0.0, -0.5 * edge, -edge))
-    points = np.random.default_rng(soil.bed.seed).uniform(size=(count, 3)) * edge + corner
-    bed = Bed(points, (0.0, -0.5 * edge, -edge), (edge, 0.5 * edge), radii_m=radii, sides="endless")
-
-    def settling(mu: float) -> Settling:
-        springs = endless_soil(under_springs(soil, mu), edge)
-        return Settling(
-            resolved, engine_of, 1, soil=springs, step_s=SAFETY * step_limits(springs)[0].limit_s,
-            gravity_m_per_s2=0.0, on_progress=on_progress,
-        )  # fmt: skip
-
-    parting, pressing = settling(FRICTIONLESS), settling(friction)
-    longest = PARTING_S * 2.0 * math.pi / parting.contact_rate_per_s
-    bed = parting.run(bed, Rest(0.0, longest), PARTING_DAMPING * parting.contact_rate_per_s, "parting")
-    bed = at_pressure(pressing, bed, PRESSED_OVERLAP * _STIFFNESS / (4.0 * radius), on_progress)
-    return PressedTile(bed, solid_fraction(bed, soil), friction)
 
 
 def _springs(friction: float, radius_m: float) -> LinearLaw:
@@ -223,9 +238,12 @@ def _springs(friction: float, radius_m: float) -> LinearLaw:
     return LinearLaw.model_validate({"kind": "linear", "particle": values, "boundary": values})
 
 
-def endless_soil(soil: Soil, edge_m: float) -> Soil:
-    """The soil of a scene as a cube that repeats itself."""
-    box = Bin(length_m=edge_m, width_m=edge_m, depth_m=edge_m).model_copy(update={"sides": "endless"})
+def endless_soil(
+    soil: Soil, length_m: float, width_m: float | None = None, depth_m: float | None = None
+) -> Soil:
+    """The soil of a scene as a box that repeats itself, a cube unless width and depth are given."""
+    box = Bin(length_m=length_m, width_m=width_m or length_m, depth_m=depth_m or length_m)
+    box = box.model_copy(update={"sides": "endless"})
     changes = {"bin": box, "layers": None, "surface": None, "window": None} | of_the_preparation(soil)
     return soil.model_copy(update=changes)
 

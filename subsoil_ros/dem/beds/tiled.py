@@ -21,21 +21,22 @@ from ...loading.loader import ResolvedScene
 from ...scene.beds import TiledBed
 from ...scene.pairs import layer_soils
 from ...scene.soil import Soil
-from ..bed import Bed, scaled
+from ..bed import Bed
 from ..mixture import material_at
 from ..periodic import HELD_LAYER
 from .cache import cached_tile_path, keep, load_cached
 from .dense import relaxed_rest
-from .graded import of_grade, put_together
+from .graded import boxed, pressed_graded
 from .in_reach import radii_of
 from .report import masses_kg
 from .settling import SETTLING_GRAVITY, EngineOf, OnProgress, Rest, Settling, of_the_preparation
 from .surface import cut_to_depth, mean_above_profile_m
 from .tile import at_pressure, endless_soil, kept_as, pressed_tile, solid_fraction, tile_edge_m
 
-RESTS = 3
+RESTS, GRADED_RESTS = 3, 6
 """Times that the bed comes to rest once it is cut, each time from places alone: when a run then starts
-without springs, its particles move by 0.2 % of their radius, a third of what they do after one."""
+without springs, its particles move by 0.2 % of their radius, a third of what they do after one. A graded
+bed, rougher at its surface, needs twice as many to be as calm."""
 
 FILLING_FALL, RELAXING_S = 10.0, 0.6
 """Fall in radii, besides three times the sinking of the top, that sets the longest time for the gaps at walls
@@ -73,7 +74,7 @@ def prepare_tiled(resolved: ResolvedScene, engine_of: EngineOf, threads: int, on
     bed = _top_at_zero(cut_to_depth(bed, radius, soil.bin.depth_m + _below_depth_m(soil), soil.surface), soil)
     if soil.layers is not None:
         bed = dataclasses.replace(bed, materials=material_at(soil, -bed.positions_m[:, 2]))
-    for _ in range(RESTS):
+    for _ in range(RESTS if soil.particles.coarse is None else GRADED_RESTS):
         bed = last.run(bed, Rest(speed, RELAXING_S), damping, "relaxing")
     bed = _top_at_zero(bed, soil)
     refuse_unfinished(bed, soil, speed)
@@ -83,17 +84,34 @@ def prepare_tiled(resolved: ResolvedScene, engine_of: EngineOf, threads: int, on
 def _tiles_laid_out(
     resolved: ResolvedScene, soil: Soil, engine_of: EngineOf, threads: int, on_progress: OnProgress
 ) -> Bed:
-    """The tile of a scene laid out to its bin; of a graded bed those of all sizes, put together."""
+    """The tile of a scene laid out to its bin; a graded bed is one tile as large as the bin."""
     edge = tile_edge_m(soil)
     if soil.particles.coarse is None:
         return laid_out(tile_under_law(resolved, edge, engine_of, threads, on_progress), soil)
-    tiles = [
-        tile_under_law(of_grade(resolved, alone, edge), edge, engine_of, threads, on_progress)
-        for alone in layer_soils(soil)
-    ]
-    period = tiles[0].periods_m[0]
-    beds = [laid_out(scaled(tile, period / tile.periods_m[0]), soil) for tile in tiles]
-    return put_together(resolved, soil, beds, 0.0, engine_of, on_progress)
+    above = _above_m(soil)
+    size = soil.bin.length_m, soil.bin.width_m, above + soil.bin.depth_m + _below_depth_m(soil)
+    bed = graded_under_law(resolved, size, above, engine_of, threads, on_progress)
+    whole = dataclasses.replace(bed, positions_m=bed.positions_m + np.array((0.0, 0.0, above)))
+    return _cut_at_walls(whole, soil, bed.periods_m[1] if soil.bin.sides == "periodic" else soil.bin.width_m)
+
+
+def graded_under_law(
+    resolved: ResolvedScene,
+    size_m: tuple[float, float, float],
+    above_m: float,
+    engine_of: EngineOf,
+    threads: int,
+    on_progress: OnProgress,
+) -> Bed:
+    """A graded bed at least of this size along x, y and z, as pressed_graded, under the law of its scene.
+
+    Raises:
+        SceneError: this law changes its solid fraction.
+    """
+    soil = resolved.scene.particle_soil
+    assert soil is not None
+    bed = pressed_graded(resolved, size_m, above_m, engine_of, threads, on_progress)
+    return boxed(_under_law(resolved, soil, size_m, bed, engine_of, threads, on_progress))
 
 
 def settling_under(
@@ -122,17 +140,32 @@ def tile_under_law(
     """
     soil = resolved.scene.particle_soil
     assert soil is not None
-    assert isinstance(soil.bed, TiledBed)
-    tile = kept_tile(resolved, edge_m, engine_of, on_progress)
-    bulk = soil.bed.solid_fraction * soil.particles.density_kg_per_m3
+    tile, size = kept_tile(resolved, edge_m, engine_of, on_progress), (edge_m, edge_m, edge_m)
+    layers = dict.fromkeys((soil.model_copy(update={"layers": None}), *layer_soils(soil)))
+    found = [_under_law(resolved, layer, size, tile, engine_of, threads, on_progress) for layer in layers]
+    return found[0]
+
+
+def _under_law(
+    resolved: ResolvedScene,
+    soil: Soil,
+    size_m: tuple[float, float, float],
+    bed: Bed,
+    engine_of: EngineOf,
+    threads: int,
+    on_progress: OnProgress,
+) -> Bed:
+    """An endless bed of about this size at rest under the law of a soil, at the pressure half way down."""
+    whole = resolved.scene.particle_soil
+    assert whole is not None
+    assert isinstance(whole.bed, TiledBed)
+    bulk = whole.bed.solid_fraction * whole.particles.density_kg_per_m3
     gravity = resolved.scene.gravity_m_per_s2 or SETTLING_GRAVITY
-    pressure = 0.5 * bulk * gravity * soil.bin.depth_m
-    tiles = []
-    for layer in dict.fromkeys((soil.model_copy(update={"layers": None}), *layer_soils(soil))):
-        alone = settling_under(resolved, engine_of, threads, endless_soil(layer, edge_m), 0.0, on_progress)
-        tiles.append(at_pressure(alone, tile, pressure, on_progress))
-        _refuse_other_fraction(solid_fraction(tiles[-1], soil), soil)
-    return tiles[0]
+    pressure = 0.5 * bulk * gravity * whole.bin.depth_m
+    settling = settling_under(resolved, engine_of, threads, endless_soil(soil, *size_m), 0.0, on_progress)
+    found = at_pressure(settling, bed, pressure, on_progress)
+    _refuse_other_fraction(solid_fraction(found, soil), soil)
+    return found
 
 
 def kept_tile(resolved: ResolvedScene, edge_m: float, engine_of: EngineOf, on_progress: OnProgress) -> Bed:
@@ -190,37 +223,46 @@ def _sinking_m(soil: Soil) -> float:
     return box.depth_m * largest * (1.0 / box.length_m + across)
 
 
+def _above_m(soil: Soil) -> float:
+    """How far tiles reach above z = 0 [m]."""
+    return 2.0 * soil.particles.bounds_m[1] + _sinking_m(soil)
+
+
 def laid_out(tile: Bed, soil: Soil) -> Bed:
     """The tile repeated over the bin, from the plane below to some particles above z = 0, cut at the walls.
 
-    At a wall, particles stay that do not reach through it; periodic sides are a whole number of tiles apart.
+    Periodic sides are a whole number of tiles apart.
     """
-    assert isinstance(soil.bed, TiledBed)
-    edge, radii, largest = tile.periods_m[0], radii_of(tile, soil), soil.particles.bounds_m[1]
-    length, periodic = soil.bin.length_m, soil.bin.sides == "periodic"
-    tiles = round(soil.bin.width_m / edge)
+    edge, radii = tile.periods_m[0], radii_of(tile, soil)
+    tiles, periodic = round(soil.bin.width_m / edge), soil.bin.sides == "periodic"
     width = edge * tiles if periodic else soil.bin.width_m
-    floor = -soil.bin.depth_m - _below_depth_m(soil)
-    above = 2.0 * largest + _sinking_m(soil)
+    above = _above_m(soil)
     corner = np.array((0.0, -0.5 * width, above))
-    size = np.array((length, width, above - floor))
+    size = np.array((soil.bin.length_m, width, above + soil.bin.depth_m + _below_depth_m(soil)))
     copies = [np.arange(math.ceil(along / edge)) for along in size]
     if periodic:
         copies[1] = np.arange(tiles)  # one more would come to lie on the first
     inside = tile.positions_m - np.array(tile.lower_m) - (0.0, 0.0, edge)  # z from -edge to 0
     shift = np.array([(i, j, -k) for i, j, k in itertools.product(*copies)]) * edge + corner
     places = (inside[None] + shift[:, None]).reshape(-1, 3)
-    radius = np.tile(radii, len(shift))
+    whole = dataclasses.replace(tile, positions_m=places, radii_m=np.tile(radii, len(shift)))
+    return _cut_at_walls(whole, soil, width)
+
+
+def _cut_at_walls(bed: Bed, soil: Soil, width_m: float) -> Bed:
+    """The bed without the particles that reach through a wall or the plane below; held below the depth."""
+    assert isinstance(soil.bed, TiledBed)
+    places, radius, length = bed.positions_m, radii_of(bed, soil), soil.bin.length_m
+    floor = -soil.bin.depth_m - _below_depth_m(soil)
     kept = (places[:, 0] >= radius) & (places[:, 0] <= length - radius) & (places[:, 2] >= floor + radius)
-    if not periodic:
-        kept &= np.abs(places[:, 1]) <= 0.5 * width - radius
-    places, radius = places[kept], radius[kept]
-    held = places[:, 2] < -soil.bin.depth_m if soil.bed.floor == "held" else None
-    return Bed(
-        places,
-        (0.0, -0.5 * width, floor),
-        (length, 0.5 * width),
+    if soil.bin.sides != "periodic":
+        kept &= np.abs(places[:, 1]) <= 0.5 * width_m - radius
+    return dataclasses.replace(
+        bed,
         radii_m=None if soil.particles.sizes is None else radius,
+        lower_m=(0.0, -0.5 * width_m, floor),
+        upper_m=(length, 0.5 * width_m),
         sides=soil.bin.bed_sides,
-        held=held,
-    )
+        held=places[:, 2] < -soil.bin.depth_m if soil.bed.floor == "held" else None,
+        kinetic_energy_joule=0.0,
+    ).only(kept)

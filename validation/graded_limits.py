@@ -102,7 +102,7 @@ def calm(resolved: ResolvedScene, part: float = CALM_MOVE, loose: float = 0.0) -
     fell = int((moved >= 1.0).sum())
     must(
         most < part and fell <= loose * len(moved),
-        f"19 in 20 of {len(moved)} move by less than {most} r, {fell} by more than a radius, up to {largest} r",
+        f"19 in 20 of {len(moved)} move by less than {most} r, {fell} by more than r, up to {largest} r",
     )
     return f"{most:.2g} r (19 in 20), {largest:.2g} r (all)"
 

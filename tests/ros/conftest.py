@@ -60,11 +60,13 @@ class Run:
         _wait_until(is_recording, f"{self.out}/bag")
 
     def node_pids(self) -> dict[str, int]:
-        """Process ids of the nodes, by name; none once the run has ended."""
+        """Process ids of the nodes that run, by name; none once the run has ended."""
         pids: dict[str, int] = {}
         if not is_alive(self.process.pid):
             return pids
         for child in psutil.Process(self.process.pid).children():
+            if not is_alive(child.pid):
+                continue
             module = next(word for word in child.cmdline() if word.startswith("subsoil_ros.ros.nodes."))
             pids[module.rpartition(".")[2].removesuffix("_node")] = child.pid
         return pids

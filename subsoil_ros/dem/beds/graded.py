@@ -1,7 +1,7 @@
 """Graded beds: beds of several sizes about a core (scene.coarse), pressed together as a tile is (tile).
 
-Random points of every size, where it belongs, are parted and pressed as one box that repeats itself. So its
-interfaces are as dense, and have as many contacts, as the soil on both sides.
+Random points of every size, where it belongs, are pushed apart and pressed as one box that repeats itself. So
+its interfaces are at most 3 % denser than the soil on both sides.
 """
 
 import dataclasses
@@ -17,11 +17,11 @@ from .settling import EngineOf, OnProgress
 from .tile import START_BELOW, Pressing, pressed, tile_edge_m
 
 LATTICE = 400
-"""Points along y and z by which the areas of the sizes are found: to 1/400 of the width."""
+"""Cells along y and z of the section, each of the size that belongs in its middle."""
 
 SHRINKS = 1.01
-"""Length of a box before it is pressed over the least afterwards: pressing and law may change its solid
-fraction by 0.5 and 2 % (tile.FRACTION_TOLERANCE, tiled.LARGEST_CHANGE)."""
+"""Edges of a box at the wanted solid fraction over the least that must remain: pressing and law may raise
+the fraction by 0.5 and 2 % (tile.FRACTION_TOLERANCE, tiled.LARGEST_CHANGE)."""
 
 
 def grades_at(soil: Soil, y_m: np.ndarray, depth_m: np.ndarray) -> np.ndarray:
@@ -103,6 +103,6 @@ def _random_points(soil: Soil, size_m: tuple[float, float, float], above_m: floa
 
 
 def boxed(bed: Bed) -> Bed:
-    """An endless bed with every particle in its box."""
+    """The endless bed, particles moved into its box by whole periods."""
     low, periods = np.array(bed.lower_m), np.array(bed.periods_m)
     return dataclasses.replace(bed, positions_m=low + (bed.positions_m - low) % periods)

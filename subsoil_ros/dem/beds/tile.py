@@ -169,7 +169,7 @@ def pressed_tile(
 
 
 class Pressing:
-    """Random points in an endless box, parted, before they are pressed."""
+    """Random points in an endless box, pushed apart, before they are pressed."""
 
     def __init__(
         self,
@@ -205,12 +205,12 @@ class Pressing:
 def pressed(pressing: Pressing) -> PressedTile:
     """The box pressed with the friction that gives the solid fraction of its tiled bed.
 
-    Small boxes scatter; if LONGEST_SEARCH of them miss the fraction, the nearest is returned.
+    The fraction of small boxes scatters; if LONGEST_SEARCH of them miss it, the nearest is returned.
     """
     assert isinstance(pressing.soil.bed, TiledBed)
     fractions, frictions = np.array(JAMMED_AT).T
     wanted = aim = pressing.soil.bed.solid_fraction
-    tried: dict[float, PressedTile] = {}  # by what the table was asked for
+    tried: dict[float, PressedTile] = {}  # by the fraction looked up in the table
     while len(tried) < LONGEST_SEARCH and aim not in tried:
         tried[aim] = tile = pressing.at(float(np.interp(aim, fractions, frictions)))
         if abs(tile.solid_fraction - wanted) <= FRACTION_TOLERANCE * wanted:

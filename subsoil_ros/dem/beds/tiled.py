@@ -36,8 +36,8 @@ from .tile import at_pressure, endless_soil, kept_as, pressed_tile, solid_fracti
 RESTS, GRADED_RESTS = 3, 6
 """Times that the bed comes to rest once it is cut, each time from places alone: when a run then starts
 without springs, its particles move by 0.2 % of their radius, a third of what they do after one. A graded
-bed, rougher at its surface, needs twice as many to be as calm. A bed that would be refused, as when a loose
-particle falls at the end of the last, gets up to as many again."""
+bed, rougher at its surface, needs twice as many to be as calm. One that then moves too fast (MOVING), as when
+a loose particle falls, rests up to as many times again."""
 
 FILLING_FALL, RELAXING_S = 10.0, 0.6
 """Fall in radii, besides three times the sinking of the top, that sets the longest time for the gaps at walls
@@ -88,7 +88,7 @@ def prepare_tiled(resolved: ResolvedScene, engine_of: EngineOf, threads: int, on
 def _tiles_laid_out(
     resolved: ResolvedScene, soil: Soil, engine_of: EngineOf, threads: int, on_progress: OnProgress
 ) -> Bed:
-    """The tile of a scene laid out to its bin; a graded bed is one tile as large as the bin."""
+    """The tile of a scene laid out to its bin; a graded bed is pressed in one piece."""
     edge = tile_edge_m(soil)
     if soil.particles.coarse is None:
         return laid_out(tile_under_law(resolved, edge, engine_of, threads, on_progress), soil)

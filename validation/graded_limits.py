@@ -41,6 +41,7 @@ CORE = {"beyond_m": 0.08, "below_m": 0.07}
 COARSE: Document = {"times": 1.5, **CORE}
 RATIO = 4.0
 LOOSE = 1.0 / 200.0
+PARTING_M = 0.04
 LARGEST_TIMES = RATIO * SMALLEST / LARGEST
 
 
@@ -160,7 +161,7 @@ def graded_at_the_limit(laboratory: Laboratory) -> Outcome:
         step_ns = round(1e9 * part * limit)
         resolved = graded(laboratory, time_step_s=1e-9 * step_ns, tick_ns=step_ns)
         engine = started(SoilEngine(resolved, book=True), 0.1, 1.0)
-        drags.append(driven(engine, 1e-9 * step_ns, 0.1, 0.1, 1.0))
+        drags.append(driven(engine, 1e-9 * step_ns, PARTING_M, 0.1, 1.0))
     found = same_draft(*drags)
     over_ns = round(1.01e9 * limit)
     outcome = refused(

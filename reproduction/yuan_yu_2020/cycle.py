@@ -9,7 +9,7 @@ cases.md        the same for reading; intervals are of 95 %
 phases.md       when spring, angle, height and the soil's own force follow the draft
 thresholds.csv  travel between failures by the prominence that counts as one
 frequency.csv   sprung shank against the locked one's record passed through the linear shank
-saving.json     locked less sprung draft, field by field, for each soil
+saving.json     locked less sprung draft, field by field, for each soil with two fields or more
 cycle.png       draft over two metres, its spectra over time and travel, travel between failures
 """
 
@@ -322,8 +322,9 @@ def main() -> None:
             continue
         sprung, locked = ([ten_metres[name, seed] for seed in seeds] for name in (soil, held))
         rows += [{"soil": soil, **row} for row in frequency_rows(sprung, locked)]
-        saving = paired_difference(*([run.draft_mean_newton for run in both] for both in (sprung, locked)))
-        savings[soil] = {"seeds": seeds, **asdict(saving)}
+        if len(seeds) > 1:
+            drafts = ([run.draft_mean_newton for run in both] for both in (sprung, locked))
+            savings[soil] = {"seeds": seeds, **asdict(paired_difference(*drafts))}
     columns = dict.fromkeys(key for row in rows for key in row)
     write_rows(args.results / "frequency.csv", [columns | row for row in rows])
     text = json.dumps(savings, indent=1)

@@ -178,6 +178,25 @@ Block = Raised"""
     assert not started[0].out.exists()
 
 
+def test_a_program_that_comes_late_hears_of_the_end(tmp_path: Path, started: list[Served]) -> None:
+    """The machine has refused before the soil is there: it does not wait for a coupler that has ended."""
+    before = """
+import time
+class Wrong(Block):
+    def __init__(self):
+        super().__init__()
+        self._state[0] = 0.1
+class Late(SpringField):
+    def __init__(self):
+        time.sleep(6.0)
+        super().__init__()
+Block, SpringField = Wrong, Late"""
+    started.append(Served(tmp_path, before))
+    status, error, words = started[0].finish()
+    assert status == 2, error
+    assert "initial_motions puts tool 'foot' 0.1 m" in words["soil"], words
+
+
 def test_what_serve_needs(tmp_path: Path) -> None:
     """Refused before any node is made."""
     with pytest.raises(InputError, match=r"serve: give a machine or a soil"):

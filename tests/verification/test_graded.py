@@ -15,7 +15,7 @@ from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.beds.graded import grades_at
 from subsoil_ros.dem.beds.ground import kept_ground
 from subsoil_ros.dem.beds.prepare import check_start, prepare_bed
-from subsoil_ros.dem.beds.report import free_motion, report_bed
+from subsoil_ros.dem.beds.report import report_bed
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.dem.mixture import law_tables
 from subsoil_ros.dem.window import FieldEngine
@@ -26,7 +26,7 @@ from subsoil_ros.messages import ToolMotion
 from subsoil_ros.recording.conversion import cloud_from_message, point_cloud
 from subsoil_ros.scene.coarse import Coarse
 from tests.soils import BOOKED, LINEAR
-from tests.verification.conftest import one_tool
+from tests.verification.conftest import most_move_m, one_tool
 
 SIZES = {"kind": "uniform", "min_radius_m": 0.0085, "max_radius_m": 0.0115}
 COARSE = {"times": 1.5, "beyond_m": 0.08, "below_m": 0.07}
@@ -152,8 +152,7 @@ def test_a_graded_bin_is_filled_and_at_rest(soil):
     assert (bed.radii_m[bed.materials == 1] >= 1.5 * SIZES["min_radius_m"]).all()
     assert_allclose(check_start(scene), len(bed.positions_m), rtol=0.15)
     assert_allclose(report.layers[0].density_kg_per_m3, 0.60 * DENSITY, rtol=0.05)
-    motion = free_motion(scene, bed, SoilEngine, 1, 0.05)
-    assert motion.rms_move_m < 0.005 * 0.01
+    assert most_move_m(SoilEngine(scene, bed=bed), scene, 0.05) < 0.005 * 0.01
 
 
 def test_the_ground_of_a_field_is_dense_across_its_interfaces(soil):

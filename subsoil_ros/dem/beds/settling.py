@@ -55,16 +55,21 @@ particles. With more steps between them, velocities would fall in larger jumps."
 TICKS_PER_LOOK = 20
 """Applications of the global damping between two looks at the speed: each look scans all contacts."""
 
+PATIENCE = 3
+"""Times that a bed which still moves too fast settles for as long again: a particle that falls between its
+neighbours, which raises the speed of a few hundred at once, has come to rest by then."""
+
 SKIN = 0.3
 """Skin of the neighbour lists over the radius while settling; that of the scene may differ from run to run,
 and the bed must not."""
 
 
 class Rest(NamedTuple):
-    """Speed that counts as rest, and the longest time to reach it."""
+    """Speed that counts as rest, the longest time to reach it, and the speed that then is still too fast."""
 
     speed_m_per_s: float  # rms
     longest_s: float
+    moving_m_per_s: float = math.inf  # rms
 
 
 class SettlingProgress(NamedTuple):
@@ -222,21 +227,29 @@ class Settling:
         return bed_of(self.settled(bed, rest, damping_per_s, phase), bed)
 
     def settled(self, bed: Bed, rest: Rest, damping_per_s: float, phase: str) -> SettlingEngine:
-        """The engine with this bed at rest, or after the longest time it is given."""
+        """The engine with this bed at rest, or after the longest time it is given; if it then moves too fast,
+        as when a loose particle falls, it goes on for as long again, PATIENCE times at most."""
         engine = self.engine(bed)
         engine.start(())
         kept = math.exp(-damping_per_s * self.interval_s)
-        for tick in range(math.ceil(rest.longest_s / self.interval_s)):
+        longest = math.ceil(rest.longest_s / self.interval_s)
+        for tick in range((1 + PATIENCE) * longest):
+            if tick > 0 and tick % longest == 0 and self._speed_m_per_s(engine) <= rest.moving_m_per_s:
+                break
             engine.advance(tick, ())
             engine.damp(kept)
             if tick % TICKS_PER_LOOK == TICKS_PER_LOOK - 1:
-                speed = engine.state("", 0, 0).rms_speed_m_per_s
+                speed = self._speed_m_per_s(engine)
                 self._on_progress(
                     SettlingProgress(phase, tick * self.interval_s, rest.longest_s, speed, rest.speed_m_per_s)
                 )
                 if speed < rest.speed_m_per_s:
                     break
         return engine
+
+    @staticmethod
+    def _speed_m_per_s(engine: SettlingEngine) -> float:
+        return engine.state("", 0, 0).rms_speed_m_per_s
 
 
 def bed_of(engine: SettlingEngine, bed: Bed) -> Bed:

@@ -6,7 +6,7 @@ The thread runs while an engine computes: compiled kernels release the GIL.
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -102,7 +102,7 @@ class Heartbeat:
         self.tick = INITIAL_TICK  # last tick the node has finished, for the next heartbeat
         self.stop: ExitStatus | None = None  # a stop request
         self._node = node
-        self._run = run
+        self.run = run
         self._node_status = run.node_status(name)
         self._watched = watched
         now = time.monotonic()
@@ -184,10 +184,14 @@ class Heartbeat:
             if name not in self._ended and now - self._heard.get(name, now) <= SILENCE_S
         )
 
-    def outlast(self, limit_s: float) -> None:
-        """Keep publishing until every watched node has ended or is silent, at most for `limit_s`."""
+    def outlast(self, limit_s: float, names: Collection[str] | None = None) -> None:
+        """Keep publishing until the watched nodes, or those of `names`, have ended or are silent.
+
+        limit_s: at most for so long.
+        """
         deadline = time.monotonic() + limit_s
-        while self.untold and self.stop is None and time.monotonic() < deadline:
+        waited = set(self._watched if names is None else names)
+        while waited & set(self.untold) and self.stop is None and time.monotonic() < deadline:
             time.sleep(0.1)
 
     def at_close(self, destroy: Callable[[], None]) -> None:
@@ -213,12 +217,12 @@ class Heartbeat:
         with self._said:
             self._node_status = replace(self._node_status, tick=self.tick)
             self._publisher.publish(
-                to_bytes(self._node_status, self._run.resolved.timing.communication_step_ns)
+                to_bytes(self._node_status, self.run.resolved.timing.communication_step_ns)
             )
 
     def _on_node_status(self, cdr: bytes) -> None:
         node_status = self._read(cdr)
-        if node_status.run_id == self._run.run_id and node_status.node in self._watched:
+        if node_status.run_id == self.run.run_id and node_status.node in self._watched:
             self._heard[node_status.node] = time.monotonic()
             if self._process_ids.get(node_status.node) != node_status.process_id:
                 self._process_ids[node_status.node] = node_status.process_id

@@ -16,7 +16,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from ...coupling.exit_status import KEEP_S, SIGNAL_STATUS, ExitStatus, interrupted
-from ...coupling.protocol import COUPLER, RECORDER
+from ...coupling.protocol import COUPLER, RECORDER, nodes_from_outside
 from ...coupling.signals import caught_signals
 from ...errors import InputError, RunError
 from ...kernel_cache import CompilationListener
@@ -27,6 +27,7 @@ from ..transport.shared_memory import avoid_full_memory
 from .heartbeat import LATE_S, Heartbeat, NodeRun
 from .node_thread import Service
 from .parameters import NodeSettings, ParameterKey, help_text, read_settings
+from .supervisor import STARTUP_GRACE_S
 
 GRACE_S = 2.0
 """Time for a computing engine to return, so that the node ends in order; then the process ends itself."""
@@ -110,8 +111,11 @@ def _serve(
     status = service.status
     if settings.supervised and name == COUPLER:
         report_to_supervisor(exit_status=status.code, reason=status.reason)
-    elif name == COUPLER and status.code:
-        heartbeat.outlast(LATE_S)  # a node that starts later would wait for this one
+    if name == COUPLER and status.code:  # a node that starts later would wait for this one
+        if settings.supervised:  # the supervisor tells those it has started
+            heartbeat.outlast(STARTUP_GRACE_S - CLOSE_S, nodes_from_outside(heartbeat.run.resolved.scene))
+        else:
+            heartbeat.outlast(LATE_S)
     leave_in_time(name, status.code, CLOSE_S)
     service.close()
     heartbeat.close()

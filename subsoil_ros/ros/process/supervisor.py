@@ -218,8 +218,9 @@ class Supervisor:
         return ExitStatus(process.exit_status or RunError.exit_status, process.last_words())
 
     def _end_coupler(self, status: ExitStatus) -> None:
-        """Request the coupler to abort the run, so that the bag is closed in order."""
-        self._coupler.send_stop(status)
+        """Request the coupler to abort the run, so that the bag is closed in order; unless it has itself."""
+        if self._verdict is None:
+            self._coupler.send_stop(status)
         grace_s = GRACE_S if self._progressed else STARTUP_GRACE_S
         if status.code > SIGNAL_STATUS:
             grace_s += KEEP_S

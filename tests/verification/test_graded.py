@@ -152,7 +152,7 @@ def test_a_graded_bin_is_filled_and_at_rest(soil):
     assert (bed.radii_m[bed.materials == 1] >= 1.5 * SIZES["min_radius_m"]).all()
     assert_allclose(check_start(scene), len(bed.positions_m), rtol=0.15)
     assert_allclose(report.layers[0].density_kg_per_m3, 0.60 * DENSITY, rtol=0.05)
-    assert most_move_m(SoilEngine(scene, bed=bed), scene, 0.05) < 0.005 * 0.01
+    assert most_move_m(scene, bed, 0.05) < 0.005 * 0.01
 
 
 def test_the_ground_of_a_field_is_dense_across_its_interfaces(soil):

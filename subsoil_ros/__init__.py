@@ -54,6 +54,10 @@ def __getattr__(name: str) -> object:
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
     from importlib import import_module
 
+    if name == "serve":
+        from .extras import require_ros
+
+        require_ros("subsoil_ros.serve", "give the machine or the soil to run()")
     return getattr(import_module(f".{_MODULES[name]}", __name__), name)
 
 

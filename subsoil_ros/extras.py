@@ -38,3 +38,18 @@ def require(what: str, *modules: str) -> None:
             f"{what} needs {', '.join(missing)}, which a plain installation leaves out; "
             f"install by: pip install 'subsoil_ros[{extras}]'"
         )
+
+
+def require_ros(what: str, otherwise: str) -> None:
+    """Check that rclpy and subsoil_msgs are installed, without importing them.
+
+    what: the feature that needs them, for the message, as "--mode nodes"; otherwise: what needs none.
+
+    Raises:
+        InputError: one is missing.
+    """
+    if find_spec("rclpy") is None or find_spec("subsoil_msgs") is None:
+        raise InputError(
+            f"{what}: needs ROS 2 with rclpy and subsoil_msgs, which are not installed here; install them as "
+            f"docs/install.md says, or {otherwise}"
+        )

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
+import subsoil_ros
 from subsoil_ros.cli.main import main
+from subsoil_ros.errors import InputError
 from subsoil_ros.extras import EXTRA_OF
 
 ROOT = Path(__file__).parents[2]
@@ -70,3 +72,5 @@ def test_nodes_without_ros_are_refused(monkeypatch, capsys, tmp_path):
     assert main(["run", "tine", "--out", str(tmp_path / "out")]) == 2
     assert "give --mode direct" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+    with pytest.raises(InputError, match=r"serve: needs ROS 2 .* or give the machine or the soil to run"):
+        _ = subsoil_ros.serve

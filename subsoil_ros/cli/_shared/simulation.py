@@ -5,7 +5,6 @@ import os
 import shutil
 import time
 from collections.abc import Callable, Mapping
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from ...coupling.protocol import COUPLER, nodes_from_outside
 from ...coupling.signals import caught_signals
 from ...coupling.stopping import OnCheck
 from ...errors import InputError, SubsoilError
+from ...extras import require_ros
 from ...loading.loader import ResolvedScene, load_scene
 from ...ros.process.plan import RunPlan, checked_namespace
 from ...ros.process.supervisor import Supervisor, node_program, start_node
@@ -42,11 +42,8 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
     namespace = checked_namespace(args.namespace)
     if args.mode == "direct":
         _refuse_direct(args, resolved)
-    elif find_spec("rclpy") is None or find_spec("subsoil_msgs") is None:
-        raise InputError(
-            f"--mode {args.mode}: needs ROS 2 with rclpy and subsoil_msgs, which are not installed here; "
-            "install them as docs/install.md says, or give --mode direct"
-        )
+    else:
+        require_ros(f"--mode {args.mode}", "give --mode direct")
     live = live_port(args.live)
     if live and not resolved.scene.record.bag:
         raise InputError("--live: shows what is recorded, and record.bag is false; add --set record.bag=true")

@@ -36,8 +36,8 @@ LAW = linear(
 ALIKE_M = 0.02
 """Travel over which motions in two windows are alike; later chance decides which particle jams."""
 ALIKE, HELD_FRONT = 0.02, 0.1
-"""Parts by which the force may differ by then: in a window FAR times as long, and in one of the rupture
-distance, whose front still holds soil that would move."""
+"""Largest relative difference of the force: ALIKE for a window FAR times the rupture distance, HELD_FRONT for
+the rupture distance itself, where soil would still move at the held front."""
 FAR = 1.5
 STEP_S, TICK_NS = 5e-5, 200_000
 TICK_S = 1e-9 * TICK_NS
@@ -51,10 +51,10 @@ MOVE_S = 0.05
 CALM_M_PER_S = 1e-3
 """Of soil about a tool that has come to rest, as in S9c and S11a."""
 LOOSE = 1.0 / 200.0
-"""Part of the particles that may fall or get lost: four times as many as were seen."""
-BESIDE = round(2.0 * sum(TOOL_M[:2]) * 0.07 / (2.0 * RADIUS) ** 2)
-"""Particles beside the tool, a layer over the sides of what is in the soil: so many may fall into the gaps
-left by those that the tool takes the place of."""
+"""Part of the particles that may fall at ten times the weight: four times as many as were seen."""
+BESIDE = int(2.0 * sum(TOOL_M[:2]) * 0.07 / (2.0 * RADIUS) ** 2)
+"""Number of particles in one layer on the sides of the buried part of the tool. Only these can fall into gaps
+where the tool removed particles."""
 WALL = "presses soil against the wall at the end of the field|have left the domain"
 
 
@@ -176,10 +176,9 @@ def longer_than_the_field(laboratory: Laboratory) -> Outcome:
         window_m = (ends_m, ends_m)
         engine = started(field(laboratory, size_m=(0.8, 0.2, 0.1), window_m=window_m), 0.25, 1.0)
         begun = strips_of(engine)
-        moved = driven(engine, TICK_S, 0.2, 0.25, 1.0)
+        moved = driven(engine, TICK_S, 0.1, 0.25, 1.0)
         shifted = strips_of(engine) != begun
         must(shifted == (ends_m < FIELD_M[0]), f"window {ends_m} m: {begun}, then {strips_of(engine)}")
-        must(lost(engine) <= LOOSE * engine.particle_count, f"window {ends_m} m: {lost(engine)} lost")
         must(moved.defect < DEFECT, f"window {ends_m} m: defect {moved.defect}")
         firsts.append(float(np.mean(moved.forces_newton[: round(ALIKE_M / TICK_S)])))
     usual, far, whole = firsts
@@ -199,9 +198,11 @@ def standing_in_a_field(laboratory: Laboratory) -> Outcome:
     driven(engine, TICK_S, 0.4, 0.5, 0.0)
     must(strips_of(engine) == begun, f"window {begun}, then {strips_of(engine)}")
     work = engine.energy().tool_work_joule
-    moved = np.linalg.norm(engine.displacements_m(), axis=1) / RADIUS
+    particles = engine.particles()
+    free = ~particles.held[np.argsort(particles.identity)]
+    moved = np.linalg.norm(engine.displacements_m()[free], axis=1) / RADIUS
     fell, largest = int((moved >= 1.0).sum()), float(moved.max())
-    speed = float(np.quantile(np.linalg.norm(engine.velocities_m_per_s(), axis=1), 0.9))
+    speed = float(np.quantile(np.linalg.norm(engine.velocities_m_per_s()[free], axis=1), 0.9))
     must(work == 0.0, f"work {work} J")
     must(speed < CALM_M_PER_S, f"9 in 10 are slower than {speed} m/s")
     must(fell <= BESIDE, f"{fell} of {len(moved)} moved by more than r, up to {largest} r")
@@ -301,7 +302,7 @@ def out_through_the_end(laboratory: Laboratory) -> Outcome:
     return Outcome(
         left.ending,
         f"edge: {-min(inside.forces_newton):.0f} N at most before the wall, defect {inside.defect:.2g}; "
-        f"{left.ending} at it: {left.found.split(':')[-1].strip()}; "
+        f"{left.ending} at it: {left.found.split(': ', 1)[-1]}; "
         f"flat bar stopped: {flat.found.split(':')[1].strip()}",
     )
 

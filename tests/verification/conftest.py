@@ -107,10 +107,11 @@ def one() -> object:
 
 
 def most_move_m(scene: ResolvedScene, bed: Bed, duration_s: float) -> float:
-    """How far 9 in 10 particles of a bed that is left alone move at most [m]; a loose one may roll."""
+    """How far 9 in 10 free particles of a bed that is left alone move at most [m]; loose ones may roll."""
     alone = scene.scene.model_copy(update={"mechanism": None, "tools": {}})
     engine = SoilEngine(dataclasses.replace(scene, scene=alone), bed=bed)
     engine.start(())
     for tick in range(round(duration_s / scene.timing.communication_step_s)):
         engine.advance(tick, ())
-    return float(np.quantile(np.linalg.norm(engine.positions_m() - bed.positions_m, axis=1), 0.9))
+    free = np.ones(len(bed.positions_m), np.bool_) if bed.held is None else ~bed.held
+    return float(np.quantile(np.linalg.norm((engine.positions_m() - bed.positions_m)[free], axis=1), 0.9))

@@ -1,6 +1,8 @@
 """Tiled beds: a tile that repeats itself, pressed to a solid fraction, laid out and brought to rest."""
 
 import dataclasses
+import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.beds import cache
 from subsoil_ros.dem.beds.prepare import check_start, prepare_bed
 from subsoil_ros.dem.beds.report import report_bed
-from subsoil_ros.dem.beds.settling import ignore_progress
+from subsoil_ros.dem.beds.settling import PATIENCE, Rest, Settling, ignore_progress
 from subsoil_ros.dem.beds.tile import PRESSED_OVERLAP, pressed_tile, solid_fraction, tile_edge_m
 from subsoil_ros.dem.beds.tiled import laid_out
 from subsoil_ros.dem.engine import SoilEngine
@@ -152,6 +154,40 @@ def test_a_tiled_bed_stands_still_and_holds_its_floor(soil):
         engine.advance(tick, ())
     assert_array_equal(engine.positions_m()[bed.held], bed.positions_m[bed.held])
     assert (engine.velocities_m_per_s()[bed.held] == 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("moving_joule", "rests"), [(math.inf, 1), (3.5, 1), (2.5, 2), (1.5, 3), (0.0, 1 + PATIENCE)]
+)
+def test_a_bed_that_still_moves_settles_on(soil, moving_joule, rests):
+    """An engine whose energy falls by 1 J in each longest time, from 4 J, and which never is at rest."""
+    ticks = 0
+
+    class Falling:
+        """Only the energy counts."""
+
+        def __init__(self, *_, **__) -> None:
+            pass
+
+        def start(self, motions) -> None:
+            pass
+
+        def advance(self, tick, motions) -> None:
+            nonlocal ticks
+            ticks = tick + 1
+
+        def damp(self, kept) -> None:
+            pass
+
+        def state(self, run_id, tick, end_time_ns):
+            energy = 4.0 - ticks * settling.interval_s / longest_s
+            return SimpleNamespace(kinetic_energy_joule=energy, rms_speed_m_per_s=1.0)
+
+    scene = tiled(soil)
+    settling = Settling(scene, Falling, 1, soil=scene.scene.particle_soil, step_s=1e-5, gravity_m_per_s2=9.81)
+    longest_s = 40 * settling.interval_s
+    settling.settled(None, Rest(1e-3, longest_s, moving_joule), 1.0, "relaxing")
+    assert ticks == 40 * rests
 
 
 def test_what_is_held_bears_any_force(soil):

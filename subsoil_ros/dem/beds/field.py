@@ -38,9 +38,9 @@ from .settling import (
 from .surface import cut_to_depth, mean_above_profile_m, profile_m
 from .tile import tile_edge_m
 from .tiled import (
-    MOVING,
     RELAXING_S,
     damping_per_s,
+    or_on,
     refuse_unfinished,
     settling_under,
     tile_under_law,
@@ -118,15 +118,14 @@ def _prepared(
     endless = _endless(soil, edge_m)
     settling = settling_under(resolved, engine_of, 1, endless, gravity, on_progress)
     radius = soil.particles.mean_volume_radius_m
-    speed = relaxed_rest(radius, settling.contact_rate_per_s).speed_m_per_s
-    rest = Rest(speed, RELAXING_S)
+    rest = Rest(relaxed_rest(radius, settling.contact_rate_per_s).speed_m_per_s, RELAXING_S)
     damping = damping_per_s(soil, gravity)
     over_lower = soil.bin.depth_m + (HELD_LAYER + HEADROOM) * soil.particles.bounds_m[1]
     bed = settling.run(_in_layers(_stacked(tile, soil), soil), rest, damping, "relaxing")
     bed = _in_layers(_level(cut_to_depth(bed, radius, over_lower), soil), soil)
-    engine = settling.settled(bed, rest._replace(moving_m_per_s=MOVING * speed), damping, "relaxing")
+    engine = settling.settled(bed, or_on(rest, bed, endless), damping, "relaxing")
     bed = _level(bed_of(engine, bed), soil)
-    refuse_unfinished(bed, endless, speed)
+    refuse_unfinished(bed, endless, rest.speed_m_per_s)
     order = np.argsort(bed.positions_m[:, 0], kind="stable")
     return Block(bed.only(order), contacts_of(engine, soil, order))
 

@@ -29,10 +29,10 @@ from .settling import (
 from .surface import cut_to_depth, top_surface_m
 from .tile import tile_edge_m
 from .tiled import (
-    MOVING,
     RELAXING_S,
     damping_per_s,
     graded_under_law,
+    or_on,
     refuse_unfinished,
     settling_under,
 )  # fmt: skip
@@ -83,15 +83,14 @@ def _prepared(
     gravity = resolved.scene.gravity_m_per_s2
     settling = settling_under(resolved, engine_of, threads, period, gravity, on_progress)
     radius = soil.particles.mean_volume_radius_m
-    speed = relaxed_rest(radius, settling.contact_rate_per_s).speed_m_per_s
-    rest = Rest(speed, RELAXING_S)
+    rest = Rest(relaxed_rest(radius, settling.contact_rate_per_s).speed_m_per_s, RELAXING_S)
     damping = damping_per_s(soil, gravity)
     moved = settling.run(_stuck(bed, soil), rest, damping, "relaxing")
     bed = dataclasses.replace(moved, held=bed.held).only(_inside(moved, soil))
     stuck = _stuck(bed, soil)
-    engine = settling.settled(stuck, rest._replace(moving_m_per_s=MOVING * speed), damping, "relaxing")
+    engine = settling.settled(stuck, or_on(rest, stuck, period), damping, "relaxing")
     bed = _level(dataclasses.replace(bed_of(engine, stuck), held=bed.held), soil)
-    refuse_unfinished(bed, period, speed)
+    refuse_unfinished(bed, period, rest.speed_m_per_s)
     order = np.argsort(bed.positions_m[:, 0], kind="stable")
     return Block(bed.only(order), contacts_of(engine, soil, order))
 

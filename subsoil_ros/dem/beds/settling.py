@@ -56,8 +56,8 @@ TICKS_PER_LOOK = 20
 """Applications of the global damping between two looks at the speed: each look scans all contacts."""
 
 PATIENCE = 3
-"""Times that a bed which still moves too fast settles for as long again: a particle that falls between its
-neighbours, which raises the speed of a few hundred at once, has come to rest by then."""
+"""Largest number of times that a bed which still moves too fast settles for `longest_s` again. In a bed of a
+few hundred particles one that falls raises the energy so far; it comes to rest in that time."""
 
 SKIN = 0.3
 """Skin of the neighbour lists over the radius while settling; that of the scene may differ from run to run,
@@ -65,11 +65,11 @@ and the bed must not."""
 
 
 class Rest(NamedTuple):
-    """Speed that counts as rest, the longest time to reach it, and the speed that then is still too fast."""
+    """Speed that counts as rest, longest time to reach it, and energy above which that time is repeated."""
 
     speed_m_per_s: float  # rms
     longest_s: float
-    moving_m_per_s: float = math.inf  # rms
+    moving_joule: float = math.inf  # kinetic
 
 
 class SettlingProgress(NamedTuple):
@@ -227,29 +227,26 @@ class Settling:
         return bed_of(self.settled(bed, rest, damping_per_s, phase), bed)
 
     def settled(self, bed: Bed, rest: Rest, damping_per_s: float, phase: str) -> SettlingEngine:
-        """The engine with this bed at rest, or after the longest time it is given; if it then moves too fast,
-        as when a loose particle falls, it goes on for as long again, PATIENCE times at most."""
+        """The engine with this bed at rest, or after the longest time it is given; a bed that then has more
+        energy than `rest.moving_joule` goes on for as long again, PATIENCE times at most."""
         engine = self.engine(bed)
         engine.start(())
         kept = math.exp(-damping_per_s * self.interval_s)
         longest = math.ceil(rest.longest_s / self.interval_s)
         for tick in range((1 + PATIENCE) * longest):
-            if tick > 0 and tick % longest == 0 and self._speed_m_per_s(engine) <= rest.moving_m_per_s:
+            again, begun = divmod(tick, longest)
+            if again and not begun and engine.state("", 0, 0).kinetic_energy_joule <= rest.moving_joule:
                 break
             engine.advance(tick, ())
             engine.damp(kept)
             if tick % TICKS_PER_LOOK == TICKS_PER_LOOK - 1:
-                speed = self._speed_m_per_s(engine)
+                speed, limit_s = engine.state("", 0, 0).rms_speed_m_per_s, (1 + again) * rest.longest_s
                 self._on_progress(
-                    SettlingProgress(phase, tick * self.interval_s, rest.longest_s, speed, rest.speed_m_per_s)
+                    SettlingProgress(phase, tick * self.interval_s, limit_s, speed, rest.speed_m_per_s)
                 )
                 if speed < rest.speed_m_per_s:
                     break
         return engine
-
-    @staticmethod
-    def _speed_m_per_s(engine: SettlingEngine) -> float:
-        return engine.state("", 0, 0).rms_speed_m_per_s
 
 
 def bed_of(engine: SettlingEngine, bed: Bed) -> Bed:

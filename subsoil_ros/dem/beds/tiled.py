@@ -41,7 +41,8 @@ a loose particle falls, rests up to as many times again."""
 
 FILLING_FALL, RELAXING_S = 10.0, 0.6
 """Fall in radii, besides three times the sinking of the top, that sets the longest time for the gaps at walls
-to fill; longest time of each rest [s]: dry soil comes to rest in it, sticky soil long before."""
+to fill; longest time of each rest [s], of a field up to PATIENCE times more: dry soil comes to rest in it,
+sticky soil long before."""
 
 MOVING = 10.0
 """A bed that moves so many times as fast as one at rest, 10 % of a radius in a second, is refused."""
@@ -192,6 +193,12 @@ def _top_at_zero(bed: Bed, soil: Soil) -> Bed:
 
 def _rms_m_per_s(bed: Bed, soil: Soil) -> float:
     return math.sqrt(2.0 * bed.kinetic_energy_joule / float(masses_kg(bed, soil).sum()))
+
+
+def or_on(rest: Rest, bed: Bed, soil: Soil) -> Rest:
+    """The rest of a bed, repeated while it moves faster than refuse_unfinished allows."""
+    moving_m_per_s = MOVING * rest.speed_m_per_s
+    return rest._replace(moving_joule=0.5 * float(masses_kg(bed, soil).sum()) * moving_m_per_s**2)
 
 
 def refuse_unfinished(bed: Bed, soil: Soil, rest_m_per_s: float) -> None:

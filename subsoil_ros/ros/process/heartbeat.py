@@ -185,9 +185,9 @@ class Heartbeat:
         )
 
     def outlast(self, limit_s: float, names: Collection[str] | None = None) -> None:
-        """Keep publishing until the watched nodes, or those of `names`, have ended or are silent.
+        """Keep publishing until the watched nodes (only those in `names`, if given) have ended or are silent.
 
-        limit_s: at most for so long.
+        limit_s: longest time to wait.
         """
         deadline = time.monotonic() + limit_s
         waited = set(self._watched if names is None else names)

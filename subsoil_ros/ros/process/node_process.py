@@ -22,6 +22,7 @@ from ...errors import InputError, RunError
 from ...kernel_cache import CompilationListener
 from ...loading.loader import load_scene
 from ...messages import NodeState
+from ...ticks import INITIAL_TICK
 from ..nodes.lockstep_node import LAST_WORD_S, OWN_TIME, LockstepNode, log_end, one_line, say
 from ..transport.shared_memory import avoid_full_memory
 from .heartbeat import LATE_S, Heartbeat, NodeRun
@@ -112,10 +113,10 @@ def _serve(
     if settings.supervised and name == COUPLER:
         report_to_supervisor(exit_status=status.code, reason=status.reason)
     if name == COUPLER and status.code:  # a node that starts later would wait for this one
-        if settings.supervised:  # the supervisor tells those it has started
-            heartbeat.outlast(STARTUP_GRACE_S - CLOSE_S, nodes_from_outside(heartbeat.run.resolved.scene))
-        else:
+        if not settings.supervised:
             heartbeat.outlast(LATE_S)
+        elif heartbeat.tick == INITIAL_TICK:  # the supervisor stops the nodes that it started, no others
+            heartbeat.outlast(STARTUP_GRACE_S - CLOSE_S, nodes_from_outside(heartbeat.run.resolved.scene))
     leave_in_time(name, status.code, CLOSE_S)
     service.close()
     heartbeat.close()

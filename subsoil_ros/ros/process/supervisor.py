@@ -145,9 +145,12 @@ class Supervisor:
         try:
             while any(process.exit_status is None for process in self._processes):
                 self._take_events()
-                if requested is None and status is None and stop_signal():
+                if requested is None and stop_signal():
                     requested = interrupted(stop_signal())
-                    self._end_coupler(requested)
+                    if status is None:
+                        self._end_coupler(requested)
+                    else:
+                        self._coupler.send_stop(requested)  # wait for no late program
                 if status is None:
                     status = self._cause()
                     if status is not None:
@@ -218,7 +221,8 @@ class Supervisor:
         return ExitStatus(process.exit_status or RunError.exit_status, process.last_words())
 
     def _end_coupler(self, status: ExitStatus) -> None:
-        """Request the coupler to abort the run, so that the bag is closed in order; unless it has itself."""
+        """Request the coupler to abort the run so that the bag is closed in order, unless it has already
+        reported how the run ended."""
         if self._verdict is None:
             self._coupler.send_stop(status)
         grace_s = GRACE_S if self._progressed else STARTUP_GRACE_S

@@ -38,7 +38,7 @@ ALIKE_M = 0.02
 ALIKE, HELD_FRONT = 0.02, 0.1
 """Largest relative difference of the force: ALIKE for a window FAR times the rupture distance, HELD_FRONT for
 the rupture distance itself, where soil would still move at the held front."""
-FAR = 1.5
+FAR = 1.5  # the rupture distance of a friction angle of 48 degrees, beyond any dry soil's
 STEP_S, TICK_NS = 5e-5, 200_000
 TICK_S = 1e-9 * TICK_NS
 
@@ -52,10 +52,11 @@ CALM_M_PER_S = 1e-3
 """Of soil about a tool that has come to rest, as in S9c and S11a."""
 LOOSE = 1.0 / 200.0
 """Part of the particles that may fall at ten times the weight: four times as many as were seen."""
-BESIDE = int(2.0 * sum(TOOL_M[:2]) * 0.07 / (2.0 * RADIUS) ** 2)
+BESIDE = int(2.0 * sum(TOOL_M[:2]) * (0.5 * TOOL_M[2] - TOOL_Z_M) / (2.0 * RADIUS) ** 2)
 """Number of particles in one layer on the sides of the buried part of the tool. Only these can fall into gaps
 where the tool removed particles."""
 WALL = "presses soil against the wall at the end of the field|have left the domain"
+"""How a run that presses soil against the end of a field is stopped."""
 
 
 def scene(

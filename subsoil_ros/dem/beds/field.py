@@ -40,10 +40,10 @@ from .tile import tile_edge_m
 from .tiled import (
     RELAXING_S,
     damping_per_s,
-    or_on,
     refuse_unfinished,
     settling_under,
     tile_under_law,
+    with_patience,
 )  # fmt: skip
 
 STRIPS_PER_BLOCK = 4
@@ -123,7 +123,7 @@ def _prepared(
     over_lower = soil.bin.depth_m + (HELD_LAYER + HEADROOM) * soil.particles.bounds_m[1]
     bed = settling.run(_in_layers(_stacked(tile, soil), soil), rest, damping, "relaxing")
     bed = _in_layers(_level(cut_to_depth(bed, radius, over_lower), soil), soil)
-    engine = settling.settled(bed, or_on(rest, bed, endless), damping, "relaxing")
+    engine = settling.settled(bed, with_patience(rest, bed, endless), damping, "relaxing")
     bed = _level(bed_of(engine, bed), soil)
     refuse_unfinished(bed, endless, rest.speed_m_per_s)
     order = np.argsort(bed.positions_m[:, 0], kind="stable")

@@ -32,9 +32,9 @@ from .tiled import (
     RELAXING_S,
     damping_per_s,
     graded_under_law,
-    or_on,
     refuse_unfinished,
     settling_under,
+    with_patience,
 )  # fmt: skip
 
 
@@ -88,7 +88,7 @@ def _prepared(
     moved = settling.run(_stuck(bed, soil), rest, damping, "relaxing")
     bed = dataclasses.replace(moved, held=bed.held).only(_inside(moved, soil))
     stuck = _stuck(bed, soil)
-    engine = settling.settled(stuck, or_on(rest, stuck, period), damping, "relaxing")
+    engine = settling.settled(stuck, with_patience(rest, stuck, period), damping, "relaxing")
     bed = _level(dataclasses.replace(bed_of(engine, stuck), held=bed.held), soil)
     refuse_unfinished(bed, period, rest.speed_m_per_s)
     order = np.argsort(bed.positions_m[:, 0], kind="stable")

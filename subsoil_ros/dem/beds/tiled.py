@@ -195,7 +195,7 @@ def _rms_m_per_s(bed: Bed, soil: Soil) -> float:
     return math.sqrt(2.0 * bed.kinetic_energy_joule / float(masses_kg(bed, soil).sum()))
 
 
-def or_on(rest: Rest, bed: Bed, soil: Soil) -> Rest:
+def with_patience(rest: Rest, bed: Bed, soil: Soil) -> Rest:
     """The rest of a bed, repeated while it moves faster than refuse_unfinished allows."""
     moving_m_per_s = MOVING * rest.speed_m_per_s
     return rest._replace(moving_joule=0.5 * float(masses_kg(bed, soil).sum()) * moving_m_per_s**2)

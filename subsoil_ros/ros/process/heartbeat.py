@@ -44,7 +44,8 @@ STARTUP_S = 300.0
 
 LATE_S = 30.0
 """Longest time that a failed coupler publishes its fault for nodes that are still starting. A node that
-starts later waits for STARTUP_S; a longer time would delay the end of the coupler's process."""
+starts later waits for STARTUP_S; a longer time would delay the end of the coupler's process, which under a
+supervisor waits less."""
 
 
 @dataclass(frozen=True)

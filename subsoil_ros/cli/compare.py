@@ -97,9 +97,13 @@ def _refuse_unknown(columns: Sequence[str], sources: "Sequence[Source]") -> None
 
 
 def _print(found: "list[Difference]", sources: "list[Source]", out: Path) -> None:
+    from ..figures.comparison import APART, SHARED, shared_span_s
+
     console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
     low, high = sources[0].span_s
     title = f"runs over their metrics windows; {sources[0].label}: {low:.4g} to {high:.4g} s"
+    begin, end = shared_span_s(sources)
+    title += f"; shared: {begin:.4g} to {end:.4g} s" if begin < end else "; no shared times"
     table = Table(title=title)
     table.title_justify, table.box = "left", None
     table.add_column("quantity", overflow="fold")
@@ -109,13 +113,17 @@ def _print(found: "list[Difference]", sources: "list[Source]", out: Path) -> Non
     for source in sources[1:]:
         table.add_column(f"{source.label} - first", justify="right", overflow="fold")
     for item in found:
-        rms = item.statistic == "rms_difference"
+        rms = item.statistic == APART
         cells = ["" if rms and not k else _number(value) for k, value in enumerate(item.values)]
         for place in range(1, len(sources)):
             difference, part = item.against_first(place)
-            cells.append("" if rms else f"{_number(difference)} ({_percent(part)})")
+            change = f"{_number(difference)} ({_percent(part)})"
+            if item.half_widths:
+                width = item.half_widths[place]
+                change = f"{_number(difference)} +- {width:.4g} ({_percent(part, item.part(width))})"
+            cells.append("" if rms else change)
         name = item.column if item.statistic == "mean" else ""
-        table.add_row(name, "rms apart" if rms else item.statistic, *cells)
+        table.add_row(name, SHARED.get(item.statistic, "rms apart" if rms else item.statistic), *cells)
     console.print(table)
     for path in ("comparison.csv", "comparison.png"):
         console.print(f"written: {out / path}", soft_wrap=True, markup=False)
@@ -125,5 +133,6 @@ def _number(value: float) -> str:
     return "-" if math.isnan(value) else f"{value:.5g}"
 
 
-def _percent(part: float) -> str:
-    return "-" if math.isnan(part) else f"{100.0 * part:+.1f} %"
+def _percent(part: float, half_width: float | None = None) -> str:
+    width = "" if half_width is None else f" +- {100.0 * half_width:.1f}"
+    return "-" if math.isnan(part) else f"{100.0 * part:+.1f}{width} %"

@@ -13,11 +13,17 @@ from numpy.typing import NDArray
 
 from ..analysis.series import read_table_csv
 from ..analysis.smoothing import moving_mean
+from ..analysis.stationarity import stationarity
 from ..errors import InputError
 from ..yaml_document import read_document
 from .plotting import CYCLE, new_figure, save_figure
 
+APART = "rms_difference"
 STATISTICS = ("mean", "min", "max")
+SHARED = {"shared_mean": "mean, shared times", "shared_deviation": "deviation, shared times"}
+"""Over the times that all have in their spans: mean at the times of the first, standard deviation about the
+trend; and how they are printed."""
+
 SMOOTHED_S = 0.05
 """Curves are drawn pale as recorded, and as moving means over this time, as in the figures of a report."""
 
@@ -32,6 +38,17 @@ class Source:
     columns: dict[str, NDArray[Any]]
     span_s: tuple[float, float]
     measured: bool = False
+
+    def at(self, name: str, times_s: NDArray[Any]) -> NDArray[Any]:
+        """A column at times (n,) [s], linear between rows; nan without the column."""
+        if name not in self.columns:
+            return np.full(len(times_s), math.nan)
+        return np.interp(times_s, self.columns["time_s"], self.columns[name])
+
+    def rows_in(self, span_s: tuple[float, float]) -> NDArray[Any]:
+        """Times of its own rows in a span [s]."""
+        times = self.columns["time_s"]
+        return times[(times >= span_s[0]) & (times <= span_s[1])]
 
     def statistics(self, name: str) -> dict[str, float] | None:
         """Mean, least and largest of a column in the span; None without the column or a row there."""
@@ -50,13 +67,18 @@ class Difference:
     """One statistic of one column, of every source; against the first source that has it."""
 
     column: str
-    statistic: str  # mean, min, max, or rms_difference of the curves
+    statistic: str  # of STATISTICS or SHARED, or APART
     values: tuple[float, ...]  # one per source; nan where it has none
+    half_widths: tuple[float, ...] = ()  # of SHARED: 95 % intervals of the differences, one per source
 
     def against_first(self, place: int) -> tuple[float, float]:
         """(difference, part of the first) of the source at `place`."""
         difference = self.values[place] - self.values[0]
-        return difference, difference / abs(self.values[0]) if self.values[0] else math.nan
+        return difference, self.part(difference)
+
+    def part(self, difference: float) -> float:
+        """Of the first source's value."""
+        return difference / abs(self.values[0]) if self.values[0] else math.nan
 
 
 def read_run(folder: Path, label: str) -> Source:
@@ -133,16 +155,51 @@ def usual_columns(folders: Sequence[Path], sources: Sequence[Source]) -> list[st
 
 
 def differences(sources: Sequence[Source], columns: Sequence[str]) -> list[Difference]:
-    """Mean, min and max of each column, and the root mean square difference from the first curve."""
+    """Statistics of each column, and the root mean square difference from the first curve."""
     found = []
     for name in columns:
         statistics = [source.statistics(name) for source in sources]
         for statistic in STATISTICS:
             values = tuple(math.nan if item is None else item[statistic] for item in statistics)
             found.append(Difference(name, statistic, values))
+        found += _at_shared_times(sources, name)
         apart = tuple(_rms_difference(sources[0], source, name) for source in sources)
-        found.append(Difference(name, "rms_difference", apart))
+        found.append(Difference(name, APART, apart))
     return found
+
+
+def shared_span_s(sources: Sequence[Source]) -> tuple[float, float]:
+    """Times in the spans and rows of all; where there are none, the second is not larger."""
+    lows = [max(source.span_s[0], source.columns["time_s"][0]) for source in sources]
+    highs = [min(source.span_s[1], source.columns["time_s"][-1]) for source in sources]
+    return max(lows), min(highs)
+
+
+def _at_shared_times(sources: Sequence[Source], name: str) -> list[Difference]:
+    """Mean and deviation, with intervals of their differences from the first.
+
+    That of the mean is of the difference of the curves, in which what they share cancels. That of the
+    deviation takes the two runs as independent.
+    """
+    span_s = shared_span_s(sources)
+    rows = [source.rows_in(span_s) for source in sources]
+    curves = [source.at(name, rows[0]) for source in sources]
+    means = [_steady(rows[0], curve)[0] for curve in curves]
+    of_means = [_steady(rows[0], curve - curves[0])[1] for curve in curves]
+    own = [_steady(times, source.at(name, times)) for source, times in zip(sources, rows, strict=True)]
+    of_deviations = [math.hypot(item[3], own[0][3]) for item in own]
+    return [
+        Difference(name, "shared_mean", tuple(means), tuple(of_means)),
+        Difference(name, "shared_deviation", tuple(item[2] for item in own), tuple(of_deviations)),
+    ]
+
+
+def _steady(times_s: NDArray[Any], values: NDArray[Any]) -> tuple[float, float, float, float]:
+    """Mean, deviation about the trend, each with the half-width of its 95 % interval (stationarity.py)."""
+    found = stationarity(times_s, values) if np.isfinite(values).all() else None
+    if found is None:
+        return (math.nan,) * 4
+    return found.mean, found.mean_half_width, found.deviation, found.deviation_half_width
 
 
 def _rms_difference(first: Source, other: Source, name: str) -> float:
@@ -159,16 +216,19 @@ def _rms_difference(first: Source, other: Source, name: str) -> float:
 
 
 def write_differences_csv(found: Sequence[Difference], sources: Sequence[Source], path: Path) -> None:
-    """Write a row per column and statistic: values of the sources, then difference and part of the first."""
+    """Write a row per column and statistic: values of the sources, then difference from the first, its
+    half-width of 95 %, and the difference as a part of the first."""
     import pandas as pd
 
     labels = [source.label for source in sources]
-    heads = [f"{kind} {label}" for label in labels[1:] for kind in ("difference", "part")]
+    heads = [f"{kind} {label}" for label in labels[1:] for kind in ("difference", "half-width", "part")]
     rows = []
     for item in found:
         row: list[Any] = [item.column, item.statistic, *item.values]
         for place in range(1, len(sources)):
-            row += item.against_first(place) if item.statistic in STATISTICS else (math.nan, math.nan)
+            width = item.half_widths[place] if item.half_widths else math.nan
+            difference, part = item.against_first(place)
+            row += (difference, width, part) if item.statistic != APART else (math.nan,) * 3
         rows.append(row)
     table = pd.DataFrame(rows, columns=["column", "statistic", *labels, *heads])
     table.to_csv(path, index=False, na_rep="nan")

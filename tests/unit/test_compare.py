@@ -12,7 +12,7 @@ from subsoil_ros.analysis.series import read_series_csv
 from subsoil_ros.api.execution import execute
 from subsoil_ros.cli.main import main
 from subsoil_ros.experiments.run_cache import keep_run
-from subsoil_ros.figures.comparison import Source, differences, labels_of
+from subsoil_ros.figures.comparison import Source, differences, labels_of, shared_span_s
 from subsoil_ros.loading.loader import load_scene
 
 Captured = pytest.CaptureFixture[str]
@@ -87,6 +87,37 @@ def test_curves_of_other_times_are_compared_where_both_are() -> None:
     assert found["mean"] == pytest.approx((1.25, 5.2 / 3.0))
     alone = differences([one, Source("three", {"time_s": two.columns["time_s"]}, (0.0, 1.5))], ["x_m"])
     assert all(np.isnan(item.values[1]) for item in alone)
+
+
+def test_waves_that_runs_share_leave_their_difference_known() -> None:
+    """The same slow wave in both, 5 more in the second with noise of 1 N: 5 within Student's interval of the
+    noise, whatever the wave; only times in both spans count."""
+    times = np.arange(1000) * 0.01
+    noise = np.random.default_rng(1).normal(size=1000)
+    wave = 100.0 * np.sin(0.9 * times)
+    one = Source("one", {"time_s": times, "x_m": wave}, (0.0, 8.0))
+    two = Source("two", {"time_s": times[50:], "x_m": (wave + 5.0 + noise)[50:]}, (0.0, 20.0))
+    found = {item.statistic: item for item in differences([one, two], ["x_m"])}
+    mean = found["shared_mean"]
+    assert shared_span_s([one, two]) == (0.5, 8.0)
+    assert mean.values[0] == pytest.approx(wave[50:801].mean(), rel=1e-12)
+    assert mean.half_widths[0] == 0.0
+    assert mean.half_widths[1] == pytest.approx(2.31 / np.sqrt(751), rel=0.6)  # t of 8 waves, noise of 1
+    assert abs(mean.against_first(1)[0] - 5.0) < mean.half_widths[1]
+    assert found["shared_deviation"].values[0] == pytest.approx(
+        np.std(wave[50:801] - np.polyval(np.polyfit(times[50:801], wave[50:801], 1), times[50:801]))
+    )
+
+
+def test_runs_without_shared_times_have_no_shared_mean() -> None:
+    """All else is told."""
+    one, two = (
+        Source(name, {"time_s": np.arange(9.0), "x_m": np.arange(9.0)}, span)
+        for name, span in (("one", (0.0, 3.0)), ("two", (5.0, 8.0)))
+    )
+    found = {item.statistic: item.values for item in differences([one, two], ["x_m"])}
+    assert found["mean"] == (1.5, 6.5)
+    assert np.isnan([*found["shared_mean"], *found["shared_deviation"]]).all()
 
 
 def test_labels_are_as_short_as_they_can_be() -> None:

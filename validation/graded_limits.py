@@ -72,7 +72,7 @@ def limit_s(resolved: ResolvedScene) -> float:
     return step_limits(soil_of(resolved))[0].limit_s
 
 
-@CASES.add("G1", RIGHT)
+@CASES.add("G1", RIGHT, long=True)
 def hardly_graded(laboratory: Laboratory) -> Outcome:
     """`times` 1.0001 and the next number above 1."""
     uniform = graded(laboratory, None)
@@ -134,7 +134,7 @@ def as_wide_as_allowed(laboratory: Laboratory) -> Outcome:
     return right(f"{', '.join(map(str, counts))} particles; moves by {calm(resolved)} in {MOVE_S:g} s")
 
 
-@CASES.add("G3", RIGHT)
+@CASES.add("G3", RIGHT, long=True)
 def core_larger_than_the_bed(laboratory: Laboratory) -> Outcome:
     """Core larger than the bin, and core that leaves 1 mm of it."""
     _, width, depth = BIN_M

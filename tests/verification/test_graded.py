@@ -155,6 +155,7 @@ def test_a_graded_bin_is_filled_and_at_rest(soil):
     assert most_move_m(scene, bed, 0.05) < 0.005 * 0.01
 
 
+@pytest.mark.full
 def test_the_ground_of_a_field_is_dense_across_its_interfaces(soil):
     """Solid fraction beside the core and below it: within 2 % of what is asked for over four slices about an
     interface, two on either side, and within 4 % in each. Slices are 20 mm thick, some two particles."""

@@ -3,11 +3,14 @@
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from subsoil_ros.kernel_cache import kernel_cache_folder
 
 from ..determinism.test_modes import without_wall_time
 
@@ -89,6 +92,8 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: hysteretic\nVersion: 1.0\n")
     (metadata / "entry_points.txt").write_text(f"[subsoil_ros.contact_laws]\nhysteretic = {entry}\n")
     (folder / "scene.yaml").write_text(SCENE)
+    if kernel_cache_folder().is_dir():  # kernels without the law need not be compiled again
+        shutil.copytree(kernel_cache_folder(), folder / "kernels")
     return folder
 
 

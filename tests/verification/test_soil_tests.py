@@ -127,7 +127,9 @@ def test_a_specimen_of_a_tiled_bed(tiled) -> None:
     assert_array_equal(bed.radii_m, radii)
 
 
-@pytest.mark.parametrize("rolling", [NEGLIGIBLE, 10.0], ids=["rolls", "rolls not"])
+@pytest.mark.parametrize(
+    "rolling", [NEGLIGIBLE, pytest.param(10.0, marks=pytest.mark.full)], ids=["rolls", "rolls not"]
+)
 def test_friction_on_metal(tiled, rolling: float) -> None:
     """Dry spheres: the stress is at most the friction of the plate, and it where they cannot roll; c_a = 0.
 
@@ -295,6 +297,7 @@ def test_tension_of_a_lattice(lattice) -> None:
     assert abs(curve.tension_pa[-1]) < 0.02 * strength
 
 
+@pytest.mark.full
 def test_tension_of_a_tiled_bed(soil, tmp_path: Path) -> None:
     """Its faces hold few particles, so its ends are cemented: it breaks between them, near Rumpf's strength.
 

@@ -118,9 +118,9 @@ def _print(found: "list[Difference]", sources: "list[Source]", out: Path) -> Non
         for place in range(1, len(sources)):
             difference, part = item.against_first(place)
             change = f"{_number(difference)} ({_percent(part)})"
-            if item.half_widths:
-                width = item.half_widths[place]
-                change = f"{_number(difference)} +- {width:.4g} ({_percent(part, item.part(width))})"
+            if item.half_widths and not math.isnan(difference):
+                width, of_part = item.half_widths[place], item.part_half_widths[place]
+                change = f"{_number(difference)} +- {width:.4g} ({_percent(part, of_part)})"
             cells.append("" if rms else change)
         name = item.column if item.statistic == "mean" else ""
         table.add_row(name, SHARED.get(item.statistic, "rms apart" if rms else item.statistic), *cells)

@@ -40,10 +40,12 @@ class Source:
     measured: bool = False
 
     def at(self, name: str, times_s: NDArray[Any]) -> NDArray[Any]:
-        """A column at times (n,) [s], linear between rows; nan without the column."""
-        if name not in self.columns:
+        """A column at times (n,) [s], linear between rows with a value; nan without the column."""
+        values = self.columns.get(name, np.array([]))
+        rows = np.flatnonzero(np.isfinite(values))
+        if not len(rows):
             return np.full(len(times_s), math.nan)
-        return np.interp(times_s, self.columns["time_s"], self.columns[name])
+        return np.interp(times_s, self.columns["time_s"][rows], values[rows])
 
     def rows_in(self, span_s: tuple[float, float]) -> NDArray[Any]:
         """Times of its own rows in a span [s]."""
@@ -64,21 +66,18 @@ class Source:
 
 @dataclass(frozen=True)
 class Difference:
-    """One statistic of one column, of every source; against the first source that has it."""
+    """One statistic of one column, of every source; against the first source."""
 
     column: str
     statistic: str  # of STATISTICS or SHARED, or APART
     values: tuple[float, ...]  # one per source; nan where it has none
-    half_widths: tuple[float, ...] = ()  # of SHARED: 95 % intervals of the differences, one per source
+    half_widths: tuple[float, ...] = ()  # of SHARED, one per source: 95 % of the difference from the first
+    part_half_widths: tuple[float, ...] = ()  # of the difference as a part of the first, itself uncertain
 
     def against_first(self, place: int) -> tuple[float, float]:
         """(difference, part of the first) of the source at `place`."""
         difference = self.values[place] - self.values[0]
-        return difference, self.part(difference)
-
-    def part(self, difference: float) -> float:
-        """Of the first source's value."""
-        return difference / abs(self.values[0]) if self.values[0] else math.nan
+        return difference, difference / abs(self.values[0]) if self.values[0] else math.nan
 
 
 def read_run(folder: Path, label: str) -> Source:
@@ -176,22 +175,31 @@ def shared_span_s(sources: Sequence[Source]) -> tuple[float, float]:
 
 
 def _at_shared_times(sources: Sequence[Source], name: str) -> list[Difference]:
-    """Mean and deviation, with intervals of their differences from the first.
+    """Mean and deviation, with intervals of their differences from the first; of 2 WAVES rows or more.
 
     That of the mean is of the difference of the curves, in which what they share cancels. That of the
-    deviation takes the two runs as independent.
+    deviation takes the two runs as independent. For y / x - 1 the first is scaled by y / x.
     """
     span_s = shared_span_s(sources)
     rows = [source.rows_in(span_s) for source in sources]
     curves = [source.at(name, rows[0]) for source in sources]
-    means = [_steady(rows[0], curve)[0] for curve in curves]
-    of_means = [_steady(rows[0], curve - curves[0])[1] for curve in curves]
+    means = tuple(_steady(rows[0], curve)[0] for curve in curves)
     own = [_steady(times, source.at(name, times)) for source, times in zip(sources, rows, strict=True)]
-    of_deviations = [math.hypot(item[3], own[0][3]) for item in own]
-    return [
-        Difference(name, "shared_mean", tuple(means), tuple(of_means)),
-        Difference(name, "shared_deviation", tuple(item[2] for item in own), tuple(of_deviations)),
-    ]
+    deviations = tuple(item[2] for item in own)
+
+    def of_mean(place: int, ratio: float) -> float:
+        return _steady(rows[0], curves[place] - ratio * curves[0])[1]
+
+    def of_deviation(place: int, ratio: float) -> float:
+        return math.hypot(own[place][3], ratio * own[0][3])
+
+    found = []
+    for statistic, values, width in zip(SHARED, (means, deviations), (of_mean, of_deviation), strict=True):
+        ratios = [value / values[0] if values[0] else math.nan for value in values]
+        plain = tuple(width(place, 1.0) for place in range(len(sources)))
+        parts = tuple(width(place, ratio) / abs(values[0] or math.nan) for place, ratio in enumerate(ratios))
+        found.append(Difference(name, statistic, values, plain, parts))
+    return found
 
 
 def _steady(times_s: NDArray[Any], values: NDArray[Any]) -> tuple[float, float, float, float]:
@@ -216,19 +224,24 @@ def _rms_difference(first: Source, other: Source, name: str) -> float:
 
 
 def write_differences_csv(found: Sequence[Difference], sources: Sequence[Source], path: Path) -> None:
-    """Write a row per column and statistic: values of the sources, then difference from the first, its
-    half-width of 95 %, and the difference as a part of the first."""
+    """Write a row per column and statistic: values of the sources, then difference from the first and the
+    difference as a part of the first, each with its half-width of 95 %."""
     import pandas as pd
 
     labels = [source.label for source in sources]
-    heads = [f"{kind} {label}" for label in labels[1:] for kind in ("difference", "half-width", "part")]
+    heads = [
+        f"{kind} {label}"
+        for label in labels[1:]
+        for kind in ("difference", "half-width", "part", "part half-width")
+    ]
     rows = []
     for item in found:
         row: list[Any] = [item.column, item.statistic, *item.values]
         for place in range(1, len(sources)):
             width = item.half_widths[place] if item.half_widths else math.nan
+            of_part = item.part_half_widths[place] if item.part_half_widths else math.nan
             difference, part = item.against_first(place)
-            row += (difference, width, part) if item.statistic != APART else (math.nan,) * 3
+            row += (difference, width, part, of_part) if item.statistic != APART else (math.nan,) * 4
         rows.append(row)
     table = pd.DataFrame(rows, columns=["column", "statistic", *labels, *heads])
     table.to_csv(path, index=False, na_rep="nan")

@@ -25,7 +25,12 @@ from .files import with_absolute_files
 from .keys import suggestion
 from .material import is_of, material_first, with_material, with_window
 from .material_presets import NAMES as MATERIAL_PRESETS
-from .material_presets import applies_to_particles, is_spent, measured_presets, preset_changes
+from .material_presets import (
+    applies_to_particles,
+    is_spent,
+    measured_presets,
+    preset_changes,
+)
 from .overrides import CHOICES, Override, apply_override, overrides_of, parse_overrides
 from .presets import Preset, read_preset
 from .reference import Reference, read_reference
@@ -91,8 +96,9 @@ def _resolved(document: Document, path: Path, shown: str, changes: Sequence[Over
         plain = _resolved(own, path, shown, [c for c in changes if applies_to_particles(c.path, name)])
     document = _with_initial_condition(document, shown, [c for c in changes if c.path == "initial_condition"])
     if plain is not None and plain.material is not None:
-        presets = {**presets, **measured_presets(plain.material_file)}
-        document = _with_material_preset(document, str(name), plain, presets, shown)
+        presets = {**presets, **measured_presets(plain.material_file, plain.scene)}
+        sized = any(c.path.startswith("soil.particles") for c in changes)
+        document = _with_material_preset(document, str(name), plain, presets, shown, sized=sized)
     document = _with_preset(document, shown, chosen)
     changes = [c for c in changes if c.path not in CHOICES and not (plain and is_spent(c.path, str(name)))]
     kept = {key: document.pop(key) for item in CHOICES.items() for key in item if key in document}
@@ -138,7 +144,7 @@ def _resolved(document: Document, path: Path, shown: str, changes: Sequence[Over
         timing=timing,
         notes=notes,
         preset=kept.get("preset"),
-        presets=presets or ({} if material is None else measured_presets(material_file)),
+        presets=presets or ({} if material is None else measured_presets(material_file, scene)),
         reference=reference,
         material=material,
         material_file=material_file if material is not None else None,
@@ -245,13 +251,19 @@ def _with_preset(document: Document, shown: str, changes: Sequence[Override]) ->
 
 
 def _with_material_preset(
-    document: Document, name: str, plain: ResolvedScene, presets: Mapping[str, Preset], shown: str
+    document: Document,
+    name: str,
+    plain: ResolvedScene,
+    presets: Mapping[str, Preset],
+    shown: str,
+    *,
+    sized: bool,
 ) -> Document:
     """The document with a preset of its material among its presets; `plain`: the scene without it."""
     assert plain.material is not None
     meshes = {tool: load_tool_mesh(plain.directory, plain.scene, tool) for tool in plain.scene.tools}
     try:
-        changes = preset_changes(name, plain.scene, meshes, plain.material, plain.material_file)
+        changes = preset_changes(name, plain.scene, meshes, plain.material, plain.material_file, sized=sized)
     except SceneError as error:
         raise SceneError(f"{shown}: {error}") from error
     measured = presets[name].model_dump(mode="json", exclude_none=True)

@@ -22,6 +22,19 @@ IN_DEPTH = {"fine": 10.0, "standard": 20.0 / 3.0, "coarse": 5.0}
 """Particle diameters in the depth of the tools, by preset. With ten, drafts are within 10 % of those at two
 thirds of the radius (validation/blades.md); the others: validation/trade.md."""
 
+DIAMETERS_DEEPER = 1.0
+"""Extra depth in particle diameters: in loam the draft is that of a tool deeper by this much
+(validation/trade.md)."""
+
+LOWERED = ("standard", "coarse")
+"""Presets that lower the surface."""
+
+LEVEL = (
+    "measured under a lowered surface; here it is not lowered, as a wheel rolls on the particles, and the "
+    "mean draft is higher"
+)
+"""Note to the errors of a scene with a wheel."""
+
 WEDGE = "real_time"
 """The preset that takes the wedge model of the material in the place of its particles."""
 
@@ -50,18 +63,30 @@ def is_spent(key: str, preset: str) -> bool:
     return preset == WEDGE and key == "soil.material"
 
 
-def measured_presets(material_file: str | None) -> dict[str, Preset]:
+def measured_presets(material_file: str | None, scene: Scene) -> dict[str, Preset]:
     """The presets of a material, with what a study measured of them in a shipped one; their changes depend
     on the scene and are left out."""
     path = _beside(material_file, "presets", "")
-    found = read_document(path, str(path)) if path is not None else {}
-    return {name: read_preset(found.get(name, {}), f"{path}: {name}") for name in NAMES}
+    document = read_document(path, str(path)) if path is not None else {}
+    found = {name: read_preset(document.get(name, {}), f"{path}: {name}") for name in NAMES}
+    for name in LOWERED if has_wheel(scene) else ():
+        expected = found[name].expected
+        if expected is not None:
+            expected.notes.append(LEVEL)
+    return found
 
 
 def preset_changes(
-    name: str, scene: Scene, meshes: Mapping[str, ToolMesh], material: Material, material_file: str | None
+    name: str,
+    scene: Scene,
+    meshes: Mapping[str, ToolMesh],
+    material: Material,
+    material_file: str | None,
+    sized: bool = False,
 ) -> Document:
     """The changes that a preset makes in a scene, which is given without the preset.
+
+    sized: an override gives the particles of the scene; the surface then follows from their size.
 
     Raises:
         SceneError: the preset needs a tool in the soil, or a wedge model that does not exist.
@@ -88,9 +113,27 @@ def preset_changes(
     width = min(
         float(np.ptp(meshes[key].vertices_m[:, 1])) for key, tool in scene.tools.items() if tool.is_tillage
     )
-    wanted = 0.5 * min(depth / IN_DEPTH[name], width / LEAST_ACROSS)
-    low, high = material.radii_m
-    return {"soil": {"particles": {"radius_m": min(max(round(wanted, 4), low), high)}}}
+
+    def radius_of(preset: str) -> float:
+        wanted = 0.5 * min(depth / IN_DEPTH[preset], width / LEAST_ACROSS)
+        low, high = material.radii_m
+        return min(max(round(wanted, 4), low), high)
+
+    soil = scene.particle_soil
+    assert soil is not None  # a material has particles
+    particles: Document = {"particles": {"radius_m": radius_of(name)}}
+    radius = 0.5 * sum(soil.particles.grades[0].bounds_m) if sized else radius_of(name)
+    lower = round(2.0 * DIAMETERS_DEEPER * max(0.0, radius - radius_of("fine")), 4)
+    if lower == 0.0 or has_wheel(scene):  # the wheel would sink with the surface
+        return {"soil": particles}
+    x_m, z_m = ((0.0,), (0.0,)) if soil.surface is None else (soil.surface.x_m, soil.surface.z_m)
+    surface = {"x_m": list(x_m), "z_m": [round(z - lower, 6) for z in z_m]}
+    return {"soil": particles | {"surface": surface}}
+
+
+def has_wheel(scene: Scene) -> bool:
+    """Whether a wheel rolls on the particles."""
+    return not all(tool.is_tillage for tool in scene.tools.values())
 
 
 def _beside(material_file: str | None, folder: str, suffix: str) -> Path | None:

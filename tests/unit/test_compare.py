@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from subsoil_ros.analysis.series import read_series_csv
+from subsoil_ros.analysis.stationarity import stationarity
 from subsoil_ros.api.execution import execute
 from subsoil_ros.cli.main import main
 from subsoil_ros.experiments.run_cache import keep_run
@@ -104,13 +105,17 @@ def test_waves_that_runs_share_leave_their_difference_known() -> None:
     assert mean.half_widths[0] == 0.0
     assert mean.half_widths[1] == pytest.approx(2.31 / np.sqrt(751), rel=0.6)  # t of 8 waves, noise of 1
     assert abs(mean.against_first(1)[0] - 5.0) < mean.half_widths[1]
+    assert mean.part_half_widths[0] == 0.0
+    ratio = mean.values[1] / mean.values[0]
+    found_part = stationarity(times[50:801], (wave + 5.0 + noise)[50:801] - ratio * wave[50:801])
+    assert mean.part_half_widths[1] == pytest.approx(found_part.mean_half_width / abs(mean.values[0]))
     assert found["shared_deviation"].values[0] == pytest.approx(
         np.std(wave[50:801] - np.polyval(np.polyfit(times[50:801], wave[50:801], 1), times[50:801]))
     )
 
 
 def test_runs_without_shared_times_have_no_shared_mean() -> None:
-    """All else is told."""
+    """The other statistics are still reported."""
     one, two = (
         Source(name, {"time_s": np.arange(9.0), "x_m": np.arange(9.0)}, span)
         for name, span in (("one", (0.0, 3.0)), ("two", (5.0, 8.0)))
@@ -118,6 +123,16 @@ def test_runs_without_shared_times_have_no_shared_mean() -> None:
     found = {item.statistic: item.values for item in differences([one, two], ["x_m"])}
     assert found["mean"] == (1.5, 6.5)
     assert np.isnan([*found["shared_mean"], *found["shared_deviation"]]).all()
+
+
+def test_missing_values_are_left_out_of_shared_times() -> None:
+    """A nan in a measured column: the curve is linear over the gap."""
+    times = np.arange(100.0)
+    holes = np.where(times % 7 == 3, np.nan, times)
+    one = Source("one", {"time_s": times, "x_m": times}, (0.0, 99.0))
+    two = Source("two", {"time_s": times, "x_m": holes + 1.0}, (0.0, 99.0), measured=True)
+    found = {item.statistic: item for item in differences([one, two], ["x_m"])}
+    assert found["shared_mean"].against_first(1)[0] == pytest.approx(1.0)
 
 
 def test_labels_are_as_short_as_they_can_be() -> None:

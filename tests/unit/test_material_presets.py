@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+import yaml
 
 from subsoil_ros.errors import SceneError
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
@@ -37,6 +38,47 @@ def test_size_follows_from_depth_and_width_of_the_tools(scene, preset, radius):
     assert radius_mm(found) == pytest.approx(radius)
     assert found.scene.particle_soil.bin == written.scene.particle_soil.bin
     assert found.preset == preset
+
+
+@pytest.mark.parametrize(("preset", "lower_mm"), [("fine", 0.0), ("standard", 10.0), ("coarse", 20.0)])
+def test_larger_particles_lie_lower_by_the_difference_of_diameters(preset, lower_mm, tmp_path):
+    """Depth of the tool and diameter together are those of `fine`; a surface given in the scene is moved as a
+    whole."""
+    found = load_scene("field_tine", {"preset": preset}).scene.particle_soil
+    heights = (0.0,) if found.surface is None else found.surface.z_m
+    assert heights == pytest.approx([-1e-3 * lower_mm])
+    file = tmp_path / "scene.yaml"
+    ridge = {"surface": {"x_m": [0.0, 1.0], "z_m": [0.0, -0.01]}}
+    file.write_text(
+        yaml.safe_dump({"base": str(load_scene("field_tine").path), "name": "own", "soil": ridge})
+    )
+    found = load_scene(file, {"preset": preset}).scene.particle_soil
+    assert found.surface.x_m == (0.0, 1.0)
+    assert found.surface.z_m == pytest.approx([-1e-3 * lower_mm, -0.01 - 1e-3 * lower_mm])
+
+
+def test_the_surface_follows_a_radius_that_is_set():
+    """14 mm is 4 mm more than `fine` has; with 9 mm the surface stays."""
+    for radius, heights in ((0.014, (-0.008,)), (0.009, None)):
+        found = load_scene("field_tine", {"preset": "coarse", "soil.particles.radius_m": radius})
+        surface = found.scene.particle_soil.surface
+        assert (None if surface is None else surface.z_m) == heights
+
+
+def test_a_wheel_keeps_its_ground(tmp_path):
+    """With a lower surface it would sink, and the machine with it."""
+    base = load_scene("field_tine")
+    tine = base.scene.tools["tine"]
+    path = {"start_x_m": -0.17, "start_z_m": 0.30, "speed_x_m_per_s": {"kind": "constant", "value": 0.5}}
+    wheel = {"role": "wheel", "path": path, "groups": {"rim": {"mesh": tine.groups["share"].mesh}}}
+    file = tmp_path / "scene.yaml"
+    file.write_text(yaml.safe_dump({"base": str(base.path), "name": "own", "tools": {"wheel": wheel}}))
+    found = load_scene(file, {"preset": "coarse"})
+    assert radius_mm(found) == pytest.approx(20.0)
+    assert found.scene.particle_soil.surface is None
+    expected = found.presets["coarse"].expected
+    assert expected is not None
+    assert "it is not lowered" in expected.notes[-1]
 
 
 def test_depth_is_that_of_the_scene_as_changed():

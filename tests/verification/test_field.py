@@ -1,6 +1,8 @@
 """Soil in a window that goes with a tool through a field: the packing of one block, its contacts, what enters
 and leaves, and the same bits on two threads and after a restart on either side of a shift."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
@@ -9,6 +11,7 @@ from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.beds.field import HELD_LAYER
 from subsoil_ros.dem.beds.plot import plot_of
 from subsoil_ros.dem.beds.report import report_bed
+from subsoil_ros.dem.beds.surface import top_surface_m
 from subsoil_ros.dem.blocks import history_place, history_places
 from subsoil_ros.dem.engine import build_engine
 from subsoil_ros.dem.window import FieldEngine
@@ -469,3 +472,17 @@ def test_bonded_soil_has_the_same_bits_on_threads_and_after_a_restart(soil):
     assert len(broken) == p.count
     book = first.energy()
     assert book.sinks_joule["bond_breakage"] > 0.0
+
+
+def test_a_surface_is_cut_at_its_height(soil):
+    """Mean top 20 mm lower than that of the level field, to a fifth of a radius."""
+    tops = []
+    for height in (0.0, -0.02):
+        engine = FieldEngine(field(soil, surface={"x_m": [0.0], "z_m": [height]}))
+        engine.start(above(0.5))
+        p = engine.particles()
+        bed = dataclasses.replace(engine.bed, positions_m=np.array(p.position), radii_m=np.array(p.radius))
+        top = top_surface_m(bed, 0.01)
+        tops.append(float(top[top > -0.06].mean()))  # where there is soil
+    assert tops[0] == pytest.approx(0.0, abs=1e-3)
+    assert tops[1] - tops[0] == pytest.approx(-0.02, abs=2e-3)

@@ -130,14 +130,16 @@ def _window(resolved: ResolvedScene, soil: Soil, window: SoilWindow) -> str:
 
 
 def _random_bed(soil: Soil) -> str:
+    heights = () if soil.surface is None else sorted({min(soil.surface.z_m), max(soil.surface.z_m)})
+    surface = "" if not heights else f", surface at z = {' to '.join(f'{z:g}' for z in heights)} m"
     if not isinstance(soil.bed, TiledBed):
-        return "dense random"
+        return f"dense random{surface}"
     from ...dem.beds.tile import tile_edge_m
 
     density = soil.bed.solid_fraction * soil.particles.density_kg_per_m3
     return (
         f"tiled, solid fraction {soil.bed.solid_fraction:g} ({density:.0f} kg/m3), "
-        f"tiles of {tile_edge_m(soil):.3g} m"
+        f"tiles of {tile_edge_m(soil):.3g} m{surface}"
     )
 
 

@@ -41,6 +41,7 @@ def cached_bed_path(resolved: ResolvedScene) -> Path:
         described["edge_m"] = tile_edge_m(soil)
         if soil.particles.coarse is None:
             described["bin"] = soil.bin.depth_m
+            del described["surface"]  # cut from the field
         else:
             del described["bin"]["length_m"]
     content = {

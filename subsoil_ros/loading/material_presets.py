@@ -124,7 +124,7 @@ def preset_changes(
     particles: Document = {"particles": {"radius_m": radius_of(name)}}
     radius = 0.5 * sum(soil.particles.grades[0].bounds_m) if sized else radius_of(name)
     lower = round(2.0 * DIAMETERS_DEEPER * max(0.0, radius - radius_of("fine")), 4)
-    if lower == 0.0 or has_wheel(scene):  # the wheel would sink with the surface
+    if name not in LOWERED or lower == 0.0 or has_wheel(scene):  # the wheel would sink with the surface
         return {"soil": particles}
     x_m, z_m = ((0.0,), (0.0,)) if soil.surface is None else (soil.surface.x_m, soil.surface.z_m)
     surface = {"x_m": list(x_m), "z_m": [round(z - lower, 6) for z in z_m]}

@@ -58,9 +58,13 @@ def test_larger_particles_lie_lower_by_the_difference_of_diameters(preset, lower
 
 
 def test_the_surface_follows_a_radius_that_is_set():
-    """14 mm is 4 mm more than `fine` has; with 9 mm the surface stays."""
-    for radius, heights in ((0.014, (-0.008,)), (0.009, None)):
-        found = load_scene("field_tine", {"preset": "coarse", "soil.particles.radius_m": radius})
+    """14 mm is 4 mm more than `fine` has; with 9 mm the surface stays, and that of `fine` always does."""
+    for preset, radius, heights in (
+        ("coarse", 0.014, (-0.008,)),
+        ("coarse", 0.009, None),
+        ("fine", 0.014, None),
+    ):
+        found = load_scene("field_tine", {"preset": preset, "soil.particles.radius_m": radius})
         surface = found.scene.particle_soil.surface
         assert (None if surface is None else surface.z_m) == heights
 

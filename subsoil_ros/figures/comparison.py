@@ -219,7 +219,7 @@ def _rms_difference(first: Source, other: Source, name: str) -> float:
     rows = (times >= low) & (times <= high)
     if not rows.any():
         return math.nan
-    apart = np.interp(times[rows], theirs, other.columns[name]) - first.columns[name][rows]
+    apart = other.at(name, times[rows]) - first.at(name, times[rows])
     return float(np.sqrt(np.mean(apart**2)))
 
 

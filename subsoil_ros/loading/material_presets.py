@@ -82,7 +82,8 @@ def preset_changes(
     meshes: Mapping[str, ToolMesh],
     material: Material,
     material_file: str | None,
-    sized: bool = False,
+    *,
+    sized: bool,
 ) -> Document:
     """The changes that a preset makes in a scene, which is given without the preset.
 

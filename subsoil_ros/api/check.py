@@ -30,8 +30,8 @@ PARTICLE_STEPS_PER_S = 6.0e6
 """One core, float64, all features of the law `cohesive_linear` (measured: 7.2e6 on a free core)."""
 
 LOCKSTEP_S_PER_TICK = {False: 4.0e-4, True: 2.5e-3}
-"""Exchange of one tick between processes, wall time (rough); True: with particles, which leave the caches cold
-(measured on two cores: 1.7 and 3.1 ms, benchmarks/README.md)."""
+"""Exchange of one tick between processes, wall time (rough); True: with particles, which evict the nodes from
+the caches (measured on two cores: 1.7 and 3.1 ms, benchmarks/README.md)."""
 
 
 @dataclass(frozen=True)

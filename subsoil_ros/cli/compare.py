@@ -125,6 +125,14 @@ def _print(found: "list[Difference]", sources: "list[Source]", out: Path) -> Non
         name = item.column if item.statistic == "mean" else ""
         table.add_row(name, SHARED.get(item.statistic, "rms apart" if rms else item.statistic), *cells)
     console.print(table)
+    for source in sources:
+        if source.window_empty:
+            console.print(
+                f"WARNING: {source.label}: no row lies in its metrics window, so its mean, min and max are "
+                "of the whole run, with the tool's entry; run it longer",
+                soft_wrap=True,
+                markup=False,
+            )
     for path in ("comparison.csv", "comparison.png"):
         console.print(f"written: {out / path}", soft_wrap=True, markup=False)
 

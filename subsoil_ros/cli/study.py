@@ -44,9 +44,10 @@ def run(args: argparse.Namespace) -> int:
     from ..experiments.study.design import design_of, read_design
     from ..experiments.study.study import run_study
     from ..experiments.sweep.engine import ExecutionOptions
+    from ..loading.shipped import shipped_scene
     from ._shared.sweep_progress import SweepProgress
 
-    design = read_design(args.design or design_of(Path(args.scene)))
+    design = read_design(args.design or design_of(shipped_scene(Path(args.scene))))
     console = Console(width=None if sys.stdout.isatty() else 200, highlight=False)
     if args.list:
         _list(args, design, console)

@@ -138,6 +138,12 @@ def _print(outcome: "Outcome", keys: list[str]) -> None:
         console.print(
             f"{len(outcome.failed)} of {len(outcome.table)} runs failed; --retry-failed runs them again"
         )
+    if outcome.empty_windows:
+        console.print(
+            f"WARNING: {outcome.empty_windows} of {len(outcome.table)} runs have no row in their metrics "
+            "window, so their means are of the whole run, with the tool's entry; run them longer",
+            soft_wrap=True,
+        )
     if outcome.engines > 1:
         console.print(
             f"warning: the cached runs are of {outcome.engines} states of the engines (column code); remove "
@@ -183,6 +189,8 @@ def _advice(outcome: "Outcome") -> str:
     if outcome.best is not None:
         return "+-: 95 % intervals over the seeds (Student's t; savings on pairs of the same seed)"
     first = outcome.ranked[0]
+    if outcome.empty_windows:
+        return "nothing is recommended: runs are too short for their metrics window"
     if first.draft_newton.count < 2:
         return "one bed seed: the beds' scatter is not known, so nothing is recommended; add --seeds 0,1,2"
     if first.saving is not None:

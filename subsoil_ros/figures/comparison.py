@@ -38,19 +38,22 @@ class Source:
     columns: dict[str, NDArray[Any]]
     span_s: tuple[float, float]
     measured: bool = False
+    window_empty: bool = False  # a run without a row in its metrics window: the span is the whole run
 
     def at(self, name: str, times_s: NDArray[Any]) -> NDArray[Any]:
-        """A column at times (n,) [s], linear between rows with a value; nan without the column."""
-        values = self.columns.get(name, np.array([]))
-        rows = np.flatnonzero(np.isfinite(values))
-        if not len(rows):
+        """A column at times (n,) [s], linear between rows with a value; nan before the first and after the
+        last of them, and without the column."""
+        known = self.known_s(name)
+        if not len(known):
             return np.full(len(times_s), math.nan)
-        return np.interp(times_s, self.columns["time_s"][rows], values[rows])
+        values = self.columns[name]
+        return np.interp(times_s, known, values[np.isfinite(values)], left=math.nan, right=math.nan)
 
-    def rows_in(self, span_s: tuple[float, float]) -> NDArray[Any]:
-        """Times of its own rows in a span [s]."""
-        times = self.columns["time_s"]
-        return times[(times >= span_s[0]) & (times <= span_s[1])]
+    def known_s(self, name: str) -> NDArray[Any]:
+        """Times [s] of the rows in which a column has a value; none without the column."""
+        if name not in self.columns:
+            return np.array([])
+        return np.asarray(self.columns["time_s"][np.isfinite(self.columns[name])])
 
     def statistics(self, name: str) -> dict[str, float] | None:
         """Mean, least and largest of a column in the span; None without the column or a row there."""
@@ -101,7 +104,7 @@ def read_run(folder: Path, label: str) -> Source:
         raise InputError(
             f"{folder / 'summary.json'}: is no summary of a run; `subsoil report {folder}` makes it anew"
         ) from error
-    return Source(label, columns, span_s)
+    return Source(label, columns, span_s, window_empty=window.get("whole_run") is True)
 
 
 def read_measured(path: Path, runs: Sequence[Source]) -> Source:
@@ -115,8 +118,8 @@ def read_measured(path: Path, runs: Sequence[Source]) -> Source:
     columns = read_table_csv(path)
     if "time_s" not in columns:
         raise InputError(f"{path}: has no column 'time_s' (seconds, from the start of the run)")
-    if np.any(np.diff(columns["time_s"]) <= 0.0):
-        raise InputError(f"{path}: time_s does not grow from row to row; sort it, and leave no time twice")
+    if not np.all(np.diff(columns["time_s"]) > 0.0) or not np.isfinite(columns["time_s"]).all():
+        raise InputError(f"{path}: time_s does not grow from row to row; sort it, and give each row one time")
     known = list(dict.fromkeys(name for run in runs for name in run.columns if name != "time_s"))
     shared = [name for name in columns if name in known]
     if not shared:
@@ -167,25 +170,31 @@ def differences(sources: Sequence[Source], columns: Sequence[str]) -> list[Diffe
     return found
 
 
-def shared_span_s(sources: Sequence[Source]) -> tuple[float, float]:
-    """Times in the spans and rows of all; where there are none, the second is not larger."""
-    lows = [max(source.span_s[0], source.columns["time_s"][0]) for source in sources]
-    highs = [min(source.span_s[1], source.columns["time_s"][-1]) for source in sources]
-    return max(lows), min(highs)
+def shared_span_s(sources: Sequence[Source], name: str = "time_s") -> tuple[float, float]:
+    """Times in the spans of all that have a column, between their rows with a value; where there are none,
+    the second is not larger."""
+    known = [(source.span_s, source.known_s(name)) for source in sources]
+    lows = [max(span[0], times[0]) for span, times in known if len(times)]
+    highs = [min(span[1], times[-1]) for span, times in known if len(times)]
+    return max(lows, default=0.0), min(highs, default=0.0)
 
 
 def _at_shared_times(sources: Sequence[Source], name: str) -> list[Difference]:
-    """Mean and deviation, with intervals of their differences from the first; of 2 WAVES rows or more.
+    """Mean and deviation, with intervals of their differences from the first; of 2 WAVES rows or more each.
 
     That of the mean is of the difference of the curves, in which what they share cancels. That of the
     deviation takes the two runs as independent. For y / x - 1 the first is scaled by y / x.
     """
-    span_s = shared_span_s(sources)
-    rows = [source.rows_in(span_s) for source in sources]
+    low, high = shared_span_s(sources, name)
+    known = [source.known_s(name) for source in sources]
+    rows = [times[(times >= low) & (times <= high)] for times in known]
     curves = [source.at(name, rows[0]) for source in sources]
-    means = tuple(_steady(rows[0], curve)[0] for curve in curves)
     own = [_steady(times, source.at(name, times)) for source, times in zip(sources, rows, strict=True)]
     deviations = tuple(item[2] for item in own)
+    means = tuple(
+        math.nan if math.isnan(item[0]) else _steady(rows[0], curve)[0]
+        for item, curve in zip(own, curves, strict=True)
+    )
 
     def of_mean(place: int, ratio: float) -> float:
         return _steady(rows[0], curves[place] - ratio * curves[0])[1]
@@ -214,13 +223,11 @@ def _rms_difference(first: Source, other: Source, name: str) -> float:
     """RMS difference of two curves in the span of the first, where both have times; linear between rows."""
     if name not in first.columns or name not in other.columns:
         return math.nan
-    times, theirs = first.columns["time_s"], other.columns["time_s"]
-    low, high = max(first.span_s[0], theirs[0]), min(first.span_s[1], theirs[-1])
-    rows = (times >= low) & (times <= high)
-    if not rows.any():
-        return math.nan
-    apart = other.at(name, times[rows]) - first.at(name, times[rows])
-    return float(np.sqrt(np.mean(apart**2)))
+    times = first.known_s(name)
+    times = times[(times >= first.span_s[0]) & (times <= first.span_s[1])]
+    apart = other.at(name, times) - first.at(name, times)
+    apart = apart[np.isfinite(apart)]
+    return float(np.sqrt(np.mean(apart**2))) if len(apart) else math.nan
 
 
 def write_differences_csv(found: Sequence[Difference], sources: Sequence[Source], path: Path) -> None:

@@ -27,6 +27,7 @@ from .material import is_of, material_first, with_material, with_window
 from .material_presets import NAMES as MATERIAL_PRESETS
 from .material_presets import (
     applies_to_particles,
+    gives_size,
     is_spent,
     measured_presets,
     preset_changes,
@@ -95,9 +96,16 @@ def _resolved(document: Document, path: Path, shown: str, changes: Sequence[Over
         own = {key: value for key, value in document.items() if key != "preset"}
         plain = _resolved(own, path, shown, [c for c in changes if applies_to_particles(c.path, name)])
     document = _with_initial_condition(document, shown, [c for c in changes if c.path == "initial_condition"])
+    if plain is not None and plain.material is None:
+        where = chosen[-1].source if chosen else f"{shown}: preset"
+        raise SceneError(
+            f"{where}: '{name}' is for a soil.material as it was calibrated, and this scene has none, or "
+            "another law, density or solid fraction than that of its material; leave the preset out, and set "
+            "soil.particles.radius_m"
+        )
     if plain is not None and plain.material is not None:
         presets = {**presets, **measured_presets(plain.material_file, plain.scene)}
-        sized = any(c.path.startswith("soil.particles") for c in changes)
+        sized = any(map(gives_size, changes))
         document = _with_material_preset(document, str(name), plain, presets, shown, sized=sized)
     document = _with_preset(document, shown, chosen)
     changes = [c for c in changes if c.path not in CHOICES and not (plain and is_spent(c.path, str(name)))]
@@ -274,7 +282,10 @@ def _chosen(
     document: Document, shown: str, changes: Sequence[Override], key: str, section: str
 ) -> str | None:
     """The name that `key` gives, in the file or by --set, of a fragment in `section`."""
-    named = document.get(section, {})
+    named = dict(document.get(section, {}))
+    soil = document.get("soil")
+    if key == "preset" and isinstance(soil, dict) and soil.get("material"):
+        named |= dict.fromkeys(MATERIAL_PRESETS)  # to name them; one of them that fits is in the section
     name = changes[-1].value if changes else document.get(key)
     where = changes[-1].source if changes else f"{shown}: {key}"
     if name is None:

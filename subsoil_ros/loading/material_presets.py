@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import SceneError
-from ..limits.core import tillage_reach_m
+from ..limits.soil_at_work import speed_and_depth
 from ..scene.material import Material
 from ..scene.meshes import ToolMesh
 from ..scene.model import Scene
 from ..yaml_document import Document, read_document
+from .overrides import Override
 from .presets import Preset, read_preset
 from .shipped import config_folder
 
@@ -35,6 +36,12 @@ LEVEL = (
 )
 """Note to the errors of a scene with a wheel."""
 
+WALLED = (
+    "measured in a field with held sides; here walls are near the tool and the bed is looser beside them, so "
+    "the errors differ"
+)
+"""Note to the errors of a scene whose bin has walls."""
+
 WEDGE = "real_time"
 """The preset that takes the wedge model of the material in the place of its particles."""
 
@@ -54,8 +61,21 @@ NAMES = (*IN_DEPTH, WEDGE)
 
 def applies_to_particles(key: str, preset: str) -> bool:
     """Whether an override changes the scene that a preset is derived from: keys of the soil that are set
-    beside the wedge preset are those of the wedge model."""
-    return key != "preset" and (preset != WEDGE or not key.startswith("soil.") or key == "soil.material")
+    beside the wedge preset are those of the wedge model, and a step is for the particles of the preset."""
+    if key in ("preset", "soil.time_step_s"):
+        return False
+    return preset != WEDGE or not key.startswith("soil.") or key == "soil.material"
+
+
+def gives_size(override: Override) -> bool:
+    """Whether an override gives the size of the particles, by whatever path."""
+    keys = override.path.split(".")
+    value: object = override.value
+    for key in reversed(keys):
+        value = {key: value}
+    for key in ("soil", "particles"):
+        value = value.get(key) if isinstance(value, dict) else None
+    return isinstance(value, dict) and not value.keys().isdisjoint(("radius_m", "sizes"))
 
 
 def is_spent(key: str, preset: str) -> bool:
@@ -73,6 +93,11 @@ def measured_presets(material_file: str | None, scene: Scene) -> dict[str, Prese
         expected = found[name].expected
         if expected is not None:
             expected.notes.append(LEVEL)
+    soil = scene.particle_soil
+    if soil is not None and soil.bin.sides == "walls":
+        for preset in found.values():
+            if preset.expected is not None:
+                preset.expected.notes.append(WALLED)
     return found
 
 
@@ -92,6 +117,8 @@ def preset_changes(
     Raises:
         SceneError: the preset needs a tool in the soil, or a wedge model that does not exist.
     """
+    soil = scene.particle_soil
+    assert soil is not None  # a material has particles
     if name == WEDGE:
         wedge = _beside(material_file, "soils", "_wedge")
         if wedge is None:
@@ -100,28 +127,29 @@ def preset_changes(
                 f"{', '.join(IN_DEPTH)}, or calibrate one (docs/calibrate.md) and give soil.model: wedge "
                 "with its soil.file"
             )
+        if soil.surface is not None and any(soil.surface.z_m):
+            raise SceneError(
+                f"preset {name}: the wedge model has its surface at z = 0, the scene has soil.surface; leave "
+                f"it out and raise the tools, or choose one of {', '.join(IN_DEPTH)}"
+            )
         changes: Document = {"soil": {"model": "wedge", "file": str(wedge)}}
         if scene.mechanism is not None:
             return changes | {"coupling": {"residual_grace_joule": WEDGE_GRACE_JOULE}}
         ticks = {"communication_step_ns": WEDGE_ON_A_PATH_NS}
         return changes | {"coupling": ticks, "record": {"series_ticks": WEDGE_SERIES_TICKS}}
-    _, depth = tillage_reach_m(scene, meshes)
+    depth = max((_depth_m(scene, key, meshes[key]) for key in _tillage(scene)), default=0.0)
     if depth <= 0.0:
         raise SceneError(
             f"preset {name}: its particles follow from the depth of the tillage tools, and none is below the "
             "surface at the start; set soil.particles.radius_m instead"
         )
-    width = min(
-        float(np.ptp(meshes[key].vertices_m[:, 1])) for key, tool in scene.tools.items() if tool.is_tillage
-    )
+    width = min(float(np.ptp(meshes[key].vertices_m[:, 1])) for key in _tillage(scene))
 
     def radius_of(preset: str) -> float:
         wanted = 0.5 * min(depth / IN_DEPTH[preset], width / LEAST_ACROSS)
         low, high = material.radii_m
         return min(max(round(wanted, 4), low), high)
 
-    soil = scene.particle_soil
-    assert soil is not None  # a material has particles
     particles: Document = {"particles": {"radius_m": radius_of(name)}}
     radius = 0.5 * sum(soil.particles.grades[0].bounds_m) if sized else radius_of(name)
     lower = round(2.0 * DIAMETERS_DEEPER * max(0.0, radius - radius_of("fine")), 4)
@@ -134,7 +162,23 @@ def preset_changes(
 
 def has_wheel(scene: Scene) -> bool:
     """Whether a wheel rolls on the particles."""
-    return not all(tool.is_tillage for tool in scene.tools.values())
+    return len(_tillage(scene)) < len(scene.tools)
+
+
+def _tillage(scene: Scene) -> list[str]:
+    """Names of the tools that cut."""
+    return [name for name, tool in scene.tools.items() if tool.is_tillage]
+
+
+def _depth_m(scene: Scene, name: str, mesh: ToolMesh) -> float:
+    """Depth of a tool at the start below the surface that is there."""
+    tool, soil = scene.tools[name], scene.particle_soil
+    depth = speed_and_depth(scene, name, mesh)[1]
+    if soil is None or soil.surface is None:
+        return depth
+    bodies = scene.mechanism.bodies if scene.mechanism is not None else {}
+    x = tool.path.start_x_m if tool.path is not None else bodies[tool.body or ""].position_m[0]
+    return depth + float(np.interp(x, soil.surface.x_m, soil.surface.z_m))
 
 
 def _beside(material_file: str | None, folder: str, suffix: str) -> Path | None:

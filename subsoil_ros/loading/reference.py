@@ -9,6 +9,7 @@ from ..errors import SceneError
 from ..strict_model import Finite, Positive, StrictModel
 from ..yaml_document import read_document
 from .keys import suggestion
+from .schema import unit_of
 
 
 class ReferenceValue(StrictModel):
@@ -51,6 +52,17 @@ class Reference(StrictModel):
     source: str = ""  # where all of it is published, or was measured
     notes: tuple[str, ...] = ()  # printed below the table
     values: dict[str, ReferenceValue] = Field(min_length=1)  # by dotted path in summary.json
+
+    @model_validator(mode="after")
+    def _units(self) -> "Reference":
+        for quantity, given in self.values.items():
+            unit = next((found for part in quantity.split(".")[::-1] if (found := unit_of(part))), given.unit)
+            if given.unit != unit:
+                raise ValueError(
+                    f"values.{quantity}.unit: {given.unit} given, and the run has this quantity in {unit}; "
+                    f"give unit: {unit}, with value and band in it"
+                )
+        return self
 
 
 def read_reference(path: Path, place: str = "report.reference") -> Reference:

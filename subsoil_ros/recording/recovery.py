@@ -13,6 +13,9 @@ from ..yaml_document import parse_yaml
 from .bag_folder import NOTES, BagFolder, TopicInfo
 from .bag_reader import BROKEN, mcap_path
 
+METADATA = "metadata.yaml"
+"""Description of a bag, beside its file."""
+
 
 @dataclass(frozen=True)
 class Recovery:
@@ -27,7 +30,8 @@ class Recovery:
 def recover(path: Path, on_progress: Callable[[int], None] = lambda done_bytes: None) -> Recovery:
     """Recover the bag at `path` (bag folder, .mcap file or folder of a run) in its place.
 
-    The damaged file is kept as NAME.damaged. A bag that is whole is left as it is. The messages of the
+    The damaged file is kept as NAME.damaged. A bag that is whole is left as it is; a folder without
+    metadata.yaml is not, a whole file given by itself is. The messages of the
     chunk that was being written are lost. `on_progress` is called now and then with the bytes read so far.
 
     Raises:
@@ -35,7 +39,7 @@ def recover(path: Path, on_progress: Callable[[int], None] = lambda done_bytes: 
         RecordingError: no message can be read.
     """
     source = mcap_path(path)
-    whole = _is_whole(source) and (source.parent / "metadata.yaml").is_file()
+    whole = _is_whole(source) and (path.is_file() or _describes(source.parent / METADATA, source))
     kept = source.with_name(source.name + ".damaged")
     fresh = source.parent / (source.parent.name + ".mended")
     if not whole:
@@ -83,9 +87,18 @@ def _recover(
         raise RecordingError(f"{source}: not one whole chunk is in it; there is nothing to recover")
     source.rename(kept)
     folder.path.rename(source)
-    (fresh / "metadata.yaml").replace(directory / "metadata.yaml")
+    described = directory / METADATA
+    if described.exists() and not _describes(described, source):
+        (fresh / METADATA).unlink()  # the folder's is of another bag
+    else:
+        (fresh / METADATA).replace(described)
     fresh.rmdir()
     return Recovery(source, kept, count, end_ns)
+
+
+def _describes(metadata: Path, source: Path) -> bool:
+    """Whether a metadata.yaml is there, and of the bag in this file."""
+    return metadata.is_file() and source.name in metadata.read_text(encoding="utf-8", errors="replace")
 
 
 def _beginning(path: Path) -> tuple[dict[str, str], dict[str, bytes]]:

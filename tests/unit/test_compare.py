@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 from pathlib import Path
 
 import matplotlib.image
@@ -135,6 +136,32 @@ def test_missing_values_are_left_out_of_shared_times() -> None:
     assert found["shared_mean"].against_first(1)[0] == pytest.approx(1.0)
 
 
+def test_values_end_where_they_are_known() -> None:
+    """A measured column that ends early, and one of two rows: nothing is continued past the last value."""
+    times = np.arange(100.0)
+    ends = np.where(times <= 40.0, times + 1.0, np.nan)
+    one = Source("one", {"time_s": times, "x_m": times}, (0.0, 99.0))
+    two = Source("two", {"time_s": times, "x_m": ends}, (0.0, 99.0), measured=True)
+    found = {item.statistic: item for item in differences([one, two], ["x_m"])}
+    assert found["rms_difference"].values[1] == pytest.approx(1.0)
+    assert found["shared_mean"].values == pytest.approx((20.0, 21.0))
+    few = Source("few", {"time_s": np.array([10.0, 60.0]), "x_m": np.array([11.0, 61.0])}, (0.0, 99.0))
+    found = {item.statistic: item for item in differences([one, few], ["x_m"])}
+    assert found["rms_difference"].values[1] == pytest.approx(1.0)
+    assert np.isnan(found["shared_mean"].values[1])
+
+
+def test_a_run_that_ends_in_the_entry_is_said_to(runs: list[Path], tmp_path: Path, capsys: Captured) -> None:
+    """No row in its metrics window: a warning, as run and report give one."""
+    short = tmp_path / "short"
+    shutil.copytree(runs[1], short)
+    summary = json.loads((short / "summary.json").read_text())
+    summary["window"]["whole_run"] = True
+    (short / "summary.json").write_text(json.dumps(summary))
+    assert main(["compare", str(runs[0]), str(short), "--out", str(tmp_path / "out")]) == 0
+    assert "WARNING: short: no row lies in its metrics window" in capsys.readouterr().out
+
+
 def test_labels_are_as_short_as_they_can_be() -> None:
     """Folder names, with parents where they are equal."""
     assert labels_of([Path("/a/x"), Path("/a/y")]) == ["x", "y"]
@@ -150,6 +177,7 @@ def test_labels_are_as_short_as_they_can_be() -> None:
         (["{run}", "--measured", "{tmp}/none.csv"], "none.csv: cannot be read"),
         (["{run}", "--measured", "{tmp}/other.csv"], "no column is one of the runs'"),
         (["{run}", "--measured", "{tmp}/back.csv"], "time_s does not grow"),
+        (["{run}", "--measured", "{tmp}/timeless.csv"], "time_s does not grow"),
         (["{run}", "{other}", "--show", "draft_newtn"], "did you mean 'draft_newton'"),
     ],
 )
@@ -159,6 +187,7 @@ def test_bad_input(
     """Exit status 2, one message, nothing written."""
     (tmp_path / "other.csv").write_text("time_s,draft_kn\n0,1\n1,2\n")
     (tmp_path / "back.csv").write_text("time_s,draft_newton\n1,1\n0,2\n")
+    (tmp_path / "timeless.csv").write_text("time_s,draft_newton\nnan,1\n0.2,2\n")
     filled = [item.format(run=runs[0], other=runs[1], tmp=tmp_path) for item in arguments]
     assert main(["compare", *filled, "--out", str(tmp_path / "out")]) == 2
     assert words in capsys.readouterr().err

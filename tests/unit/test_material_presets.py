@@ -69,6 +69,55 @@ def test_the_surface_follows_a_radius_that_is_set():
         assert (None if surface is None else surface.z_m) == heights
 
 
+def test_only_what_gives_a_size_counts_as_one():
+    """A graded bed keeps the size of the preset, and its surface; a size counts by whatever key it comes."""
+    graded = load_scene("field_tine", {"preset": "coarse", "soil.particles.coarse.times": 1.5})
+    assert graded.scene.particle_soil.surface.z_m == (-0.02,)
+    found = load_scene("field_tine", {"preset": "coarse", "soil": {"particles": {"radius_m": 0.015}}})
+    assert found.scene.particle_soil.surface.z_m == (-0.01,)
+
+
+def test_depth_is_below_the_surface_of_the_scene():
+    """A tine 0.20 m below z = 0 is 0.14 m deep under a surface at -0.06 m; the wedge model has none such."""
+    low = {"soil.surface": {"x_m": [0.0], "z_m": [-0.06]}}
+    assert radius_mm(load_scene("field_tine", {"preset": "fine", **low})) == pytest.approx(7.0)
+    document = {
+        "base": str(load_scene("field_tine").path),
+        "name": "low",
+        "soil": {"surface": low["soil.surface"]},
+    }
+    with pytest.raises(SceneError, match=r"preset real_time: the wedge model has its surface at z = 0"):
+        load_scene(document, {"preset": "real_time"})
+
+
+def test_a_step_is_one_for_the_particles_of_the_preset():
+    """0.12 ms is too long for the particles of the scene as written, of 12.5 mm, and not for 20 mm."""
+    step = {"soil.time_step_s": 1.2e-4, "coupling.communication_step_ns": 480_000}
+    with pytest.raises(SceneError, match="above the stable limit"):
+        load_scene("field_tine", step)
+    assert radius_mm(load_scene("field_tine", {"preset": "coarse", **step})) == pytest.approx(20.0)
+
+
+def test_walls_are_said_to_change_the_errors():
+    """They were measured in a field with held sides."""
+    walls = {"soil.bin.sides": "walls", "soil.window": None, "soil.bin.length_m": 2.0}
+    for changes, expected in (({}, False), (walls, True)):
+        found = load_scene("field_tine", changes).presets["coarse"].expected
+        assert any("walls are near" in note for note in found.notes) == expected
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"preset": "nonsense"}, r"no preset 'nonsense'; .*fine"),
+        ({"preset": "coarse", "soil.bed.solid_fraction": 0.58}, "another law, density or solid fraction"),
+    ],
+)
+def test_a_preset_that_does_not_fit_says_why(changes, words):
+    with pytest.raises(SceneError, match=words):
+        load_scene("field_tine", changes)
+
+
 def test_a_wheel_keeps_its_ground(tmp_path):
     """With a lower surface it would sink, and the machine with it."""
     base = load_scene("field_tine")
@@ -143,7 +192,7 @@ def test_presets_are_listed_without_a_choice():
     """The scene as written has them all to choose from; a soil that is no material has none."""
     assert tuple(load_scene("field_tine").presets) == NAMES
     assert load_scene("tine").presets == {}
-    with pytest.raises(SceneError, match="no preset 'standard'; the scene has no 'presets'"):
+    with pytest.raises(SceneError, match=r"'standard' is for a soil\.material .*, and this scene has none"):
         load_scene("tine", {"preset": "standard"})
 
 

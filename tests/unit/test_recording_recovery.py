@@ -47,6 +47,24 @@ def test_a_truncated_bag_is_mended(tmp_path):
     assert recover(tmp_path / "bag").damaged_path is None
 
 
+def test_only_the_file_named_is_touched(tmp_path):
+    """A whole file by itself is left alone; a stranger's metadata.yaml stays where another file is mended."""
+    writer = BagWriter(tmp_path / "bag", SCENE, Timing(INTERVAL_NS, 1500, 1, 1))
+    write_long_bag(writer, 1500)
+    writer.close()
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    path = next((tmp_path / "bag").glob("*.mcap")).rename(folder / "alone.mcap")
+    before = path.read_bytes()
+    assert recover(path).damaged_path is None
+    assert path.read_bytes() == before
+    (folder / "metadata.yaml").write_text("of another bag\n")
+    path.write_bytes(before[:-1])
+    assert recover(path).damaged_path is not None
+    assert (folder / "metadata.yaml").read_text() == "of another bag\n"
+    assert {item.name for item in folder.iterdir()} == {"alone.mcap", "alone.mcap.damaged", "metadata.yaml"}
+
+
 WRITING = """
 import sys
 from pathlib import Path

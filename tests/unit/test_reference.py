@@ -60,6 +60,7 @@ def test_shipped_references_load(path):
         ("value: 900.0, ", "", r"power\.draft_watt\.mean: needs a 'value', or a band"),
         ("value: -200.0", "value: 0.0", "'tolerance' is a part of a 'value' that is not 0"),
         ("tolerance: 0.1", "tolerance: -0.1", "greater than 0"),
+        ("unit: N,", "unit: kN,", r"draft_newton\.mean\.unit: kN given, and the run has this quantity in N"),
         ("value: 900.0, unit: W", "value: 900.0", r"power\.draft_watt\.mean\.unit: is missing"),
         ("value: 900.0", "value: '900'", r"draft_watt\.mean\.value: .*valid number"),
         ("name: Field of 12 May\n", "", "name: is missing"),

@@ -237,11 +237,25 @@ def _busy(nanny: psutil.Process) -> list[psutil.Process]:
     return found
 
 
+def test_runs_that_end_in_the_entry_are_not_ranked_as_steady(tmp_path: Path, capsys: Captured) -> None:
+    """No row in the metrics window: said, and nothing recommended. A wrong --show keeps the table."""
+    out = tmp_path / "out"
+    short = ["--vary", "soil.seed=1,2", "--set", "duration_s=0.05", "--set", "report.window_inside_m=0.2"]
+    assert main(sweep(out, *short, "--show", "series.nothing.mean")) == 2
+    assert "sweep.csv, which names the columns, is written" in capsys.readouterr().err
+    assert len(pd.read_csv(out / "sweep.csv")) == 2
+    assert main(sweep(out, *short)) == 0
+    printed = capsys.readouterr().out
+    assert "WARNING: 2 of 2 runs have no row in their metrics window" in printed.replace("\n", " ")
+    assert "nothing is recommended: runs are too short" in printed
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
         ([], "--vary: is missing"),
         (["--vary", "soil.sed=1,2"], "did you mean 'seed'"),
+        (["--vary", "soil.seed=1,2", "--seeds", "3,4"], "--seeds: soil.seed is varied too"),
         (["--vary", "soil.seed=1,2", "--seeds", "0,x"], "--seeds 0,x: must be different whole numbers"),
         (["--vary", "soil.seed=1,2", "--scheduler", "tcp://127.0.0.1:9"], "no Dask scheduler answers there"),
         (["--vary", "soil.seed=1,2", "--workers", "0"], "'0' is no whole number"),

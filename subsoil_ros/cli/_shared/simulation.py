@@ -86,7 +86,7 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
         name_checkpoint(failure, out, opened.resumed)
     summary = conclude(opened, facts, failure, reading=reading_bag, working=working)
     if summary is not None and resolved.scene.record.bag:
-        print_summary(summary, resolved.scene, out)
+        print_summary(summary, resolved.scene, out, reference=resolved.reference)
     elif summary is not None:
         print(f"nothing is recorded (record.bag: false); {out / 'summary.json'} says how the run ended")
     if failure is not None:

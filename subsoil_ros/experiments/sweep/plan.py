@@ -124,6 +124,8 @@ def jobs_of(
             jobs.append(Job(point, load_scene(path, changes)))
             continue
         key = seed_key(load_scene(path, changes))
+        if key in point.values:
+            raise InputError(f"--seeds: {key} is varied too; keep --seeds or the variation, not both")
         for seed in seeds:
             seeded = Point(point.values, seed, point.name, point.overrides)
             jobs.append(Job(seeded, load_scene(path, [*changes, f"{key}={seed}"])))

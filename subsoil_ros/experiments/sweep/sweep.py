@@ -74,6 +74,7 @@ class Outcome:
     failed: list[tuple[str, str]]  # label and message
     paths: list[Path]
     engines: int  # number of versions of the engines that made the cached runs
+    empty_windows: int  # runs without a row in their metrics window: their means are of the whole run
 
 
 def open_folder(out: Path, request: str) -> None:
@@ -102,7 +103,8 @@ def run_sweep(
     shown: columns to draw and to add to the ranking; by default draft and spring force are drawn.
 
     Raises:
-        InputError: a wrong key, value or folder (nothing was run), or no cluster.
+        InputError: a wrong key, value or folder (nothing was run), no cluster, or a column in `shown` that no
+            run has (sweep.csv is written).
     """
     jobs = sweep.jobs()
     open_folder(out, REQUEST)
@@ -111,12 +113,13 @@ def run_sweep(
     table = table_of(jobs, runs)
     table.insert(1, "point", [point_key(job.point) for job in jobs])
     spring = jobs[0].scene.scene.report.spring
+    empty = sum(_window_is_empty(run) for run in runs)
+    paths = [*write_table(table.drop(columns="point"), out / "sweep")]
     _refuse_unknown(shown, table)
     ranked = rank(sweep.points(), table, sweep.control, spring, CONFIDENCE, shown)
     proven = not sweep.control or (bool(ranked) and ranked[0].saving is not None)
-    best = recommended(ranked) if len(ranked) > 1 and proven else None
+    best = recommended(ranked) if len(ranked) > 1 and proven and not empty else None
     table = table.drop(columns="point")
-    paths = [*write_table(table, out / "sweep")]
     if ranked:
         paths.append(out / "ranking.csv")
         write_whole(paths[-1], lambda part: ranking_table(ranked, best).to_csv(part, index=False))
@@ -125,8 +128,12 @@ def run_sweep(
     figure = draw_response(done, sweep.axes, columns, out / "response.png")
     return Outcome(
         table, ranked, best, _failed(jobs, runs), [*paths, *([figure] if figure else [])],
-        len({run.facts["code"] for run in runs}),
+        len({run.facts["code"] for run in runs}), empty,
     )  # fmt: skip
+
+
+def _window_is_empty(run: CachedRun) -> bool:
+    return run.failure is None and run.summary.get("window", {}).get("whole_run") is True
 
 
 def _usual_columns(table: pd.DataFrame, spring: str | None) -> list[str]:
@@ -145,8 +152,11 @@ def _refuse_unknown(columns: Sequence[str], table: pd.DataFrame) -> None:
         import difflib
 
         near = difflib.get_close_matches(unknown[0], [str(name) for name in table.columns], n=3)
-        hint = f"; near it are {', '.join(near)}" if near else "; sweep.csv names them all"
-        raise InputError(f"--show {unknown[0]}: no such column{hint}")
+        hint = f"; near it are {', '.join(near)}" if near else ""
+        raise InputError(
+            f"--show {unknown[0]}: no such column{hint}. All runs are kept and sweep.csv, which names the "
+            "columns, is written; the same command with another --show ranks them"
+        )
 
 
 def _failed(jobs: Sequence[Job], runs: Sequence[CachedRun]) -> list[tuple[str, str]]:

@@ -102,8 +102,9 @@ def _print(found: "list[Difference]", sources: "list[Source]", out: Path) -> Non
     console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
     low, high = sources[0].span_s
     title = f"runs over their metrics windows; {sources[0].label}: {low:.4g} to {high:.4g} s"
-    begin, end = shared_span_s(sources)
-    title += f"; shared: {begin:.4g} to {end:.4g} s" if begin < end else "; no shared times"
+    shared = {item.column: _span(shared_span_s(sources, item.column)) for item in found}
+    one = set(shared.values())
+    title += f"; {one.pop()}" if len(one) == 1 else "; shared times by column: below"
     table = Table(title=title)
     table.title_justify, table.box = "left", None
     table.add_column("quantity", overflow="fold")
@@ -125,16 +126,24 @@ def _print(found: "list[Difference]", sources: "list[Source]", out: Path) -> Non
         name = item.column if item.statistic == "mean" else ""
         table.add_row(name, SHARED.get(item.statistic, "rms apart" if rms else item.statistic), *cells)
     console.print(table)
+    if one:
+        for name, words in shared.items():
+            console.print(f"{name}: {words}", soft_wrap=True, markup=False)
     for source in sources:
         if source.window_empty:
             console.print(
                 f"WARNING: {source.label}: no row lies in its metrics window, so its mean, min and max are "
-                "of the whole run, with the tool's entry; run it longer",
+                "of the whole run (the rule of the window: its summary.json)",
                 soft_wrap=True,
                 markup=False,
             )
     for path in ("comparison.csv", "comparison.png"):
         console.print(f"written: {out / path}", soft_wrap=True, markup=False)
+
+
+def _span(span_s: tuple[float, float]) -> str:
+    begin, end = span_s
+    return f"shared: {begin:.4g} to {end:.4g} s" if begin < end else "no shared times"
 
 
 def _number(value: float) -> str:

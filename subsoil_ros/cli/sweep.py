@@ -141,7 +141,7 @@ def _print(outcome: "Outcome", keys: list[str]) -> None:
     if outcome.empty_windows:
         console.print(
             f"WARNING: {outcome.empty_windows} of {len(outcome.table)} runs have no row in their metrics "
-            "window, so their means are of the whole run, with the tool's entry; run them longer",
+            "window, so their means are of the whole run (the rule of the window: their summary.json)",
             soft_wrap=True,
         )
     if outcome.engines > 1:
@@ -190,7 +190,7 @@ def _advice(outcome: "Outcome") -> str:
         return "+-: 95 % intervals over the seeds (Student's t; savings on pairs of the same seed)"
     first = outcome.ranked[0]
     if outcome.empty_windows:
-        return "nothing is recommended: runs are too short for their metrics window"
+        return "nothing is recommended: runs have no row in their metrics window"
     if first.draft_newton.count < 2:
         return "one bed seed: the beds' scatter is not known, so nothing is recommended; add --seeds 0,1,2"
     if first.saving is not None:

@@ -188,16 +188,17 @@ def _at_shared_times(sources: Sequence[Source], name: str) -> list[Difference]:
     low, high = shared_span_s(sources, name)
     known = [source.known_s(name) for source in sources]
     rows = [times[(times >= low) & (times <= high)] for times in known]
-    curves = [source.at(name, rows[0]) for source in sources]
+    common = next((times for times in rows if len(times)), rows[0])
+    curves = [source.at(name, common) for source in sources]
     own = [_steady(times, source.at(name, times)) for source, times in zip(sources, rows, strict=True)]
     deviations = tuple(item[2] for item in own)
     means = tuple(
-        math.nan if math.isnan(item[0]) else _steady(rows[0], curve)[0]
+        math.nan if math.isnan(item[0]) else _steady(common, curve)[0]
         for item, curve in zip(own, curves, strict=True)
     )
 
     def of_mean(place: int, ratio: float) -> float:
-        return _steady(rows[0], curves[place] - ratio * curves[0])[1]
+        return _steady(common, curves[place] - ratio * curves[0])[1]
 
     def of_deviation(place: int, ratio: float) -> float:
         return math.hypot(own[place][3], ratio * own[0][3])

@@ -100,7 +100,7 @@ def _resolved(document: Document, path: Path, shown: str, changes: Sequence[Over
         where = chosen[-1].source if chosen else f"{shown}: preset"
         raise SceneError(
             f"{where}: '{name}' is for a soil.material as it was calibrated, and this scene has none, or "
-            "another law, density or solid fraction than that of its material; leave the preset out, and set "
+            "another law, density, bed, layers or bonds than its material; leave the preset out, and set "
             "soil.particles.radius_m"
         )
     if plain is not None and plain.material is not None:

@@ -1,5 +1,6 @@
 """Accuracy presets that every scene has whose soil is a material: rules for the size of its particles."""
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -37,8 +38,8 @@ LEVEL = (
 """Note to the errors of a scene with a wheel."""
 
 WALLED = (
-    "measured in a field with held sides; here walls are near the tool and the bed is looser beside them, so "
-    "the errors differ"
+    "measured in a field with held sides; in a bin with walls drafts differ, the more the nearer the walls "
+    "are, as the bed is looser beside them"
 )
 """Note to the errors of a scene whose bin has walls."""
 
@@ -59,10 +60,14 @@ WEDGE_SERIES_TICKS = 5
 NAMES = (*IN_DEPTH, WEDGE)
 
 
+OF_THE_RESULT = ("preset", "soil.time_step_s", "coupling.communication_step_ns", "allow")
+"""Overrides that are meant for the scene with its preset, and may not fit the one without it."""
+
+
 def applies_to_particles(key: str, preset: str) -> bool:
     """Whether an override changes the scene that a preset is derived from: keys of the soil that are set
-    beside the wedge preset are those of the wedge model, and a step is for the particles of the preset."""
-    if key in ("preset", "soil.time_step_s"):
+    beside the wedge preset are those of the wedge model."""
+    if key in OF_THE_RESULT:
         return False
     return preset != WEDGE or not key.startswith("soil.") or key == "soil.material"
 
@@ -75,7 +80,10 @@ def gives_size(override: Override) -> bool:
         value = {key: value}
     for key in ("soil", "particles"):
         value = value.get(key) if isinstance(value, dict) else None
-    return isinstance(value, dict) and not value.keys().isdisjoint(("radius_m", "sizes"))
+    if not isinstance(value, dict):
+        return False
+    sizes = value.get("sizes")
+    return "radius_m" in value or (isinstance(sizes, dict) and bool(sizes.keys() - {"seed"}))
 
 
 def is_spent(key: str, preset: str) -> bool:
@@ -129,8 +137,8 @@ def preset_changes(
             )
         if soil.surface is not None and any(soil.surface.z_m):
             raise SceneError(
-                f"preset {name}: the wedge model has its surface at z = 0, the scene has soil.surface; leave "
-                f"it out and raise the tools, or choose one of {', '.join(IN_DEPTH)}"
+                f"preset {name}: the wedge model has its surface at z = 0, the scene has soil.surface; "
+                f"remove it from the scene and raise the tools, or choose one of {', '.join(IN_DEPTH)}"
             )
         changes: Document = {"soil": {"model": "wedge", "file": str(wedge)}}
         if scene.mechanism is not None:
@@ -171,14 +179,23 @@ def _tillage(scene: Scene) -> list[str]:
 
 
 def _depth_m(scene: Scene, name: str, mesh: ToolMesh) -> float:
-    """Depth of a tool at the start below the surface that is there."""
+    """Depth of a tool's lowest vertex below the surface where it starts; for a path in space the place of
+    the tool's origin counts, and for given poses the deepest of them."""
     tool, soil = scene.tools[name], scene.particle_soil
     depth = speed_and_depth(scene, name, mesh)[1]
     if soil is None or soil.surface is None:
         return depth
-    bodies = scene.mechanism.bodies if scene.mechanism is not None else {}
-    x = tool.path.start_x_m if tool.path is not None else bodies[tool.body or ""].position_m[0]
-    return depth + float(np.interp(x, soil.surface.x_m, soil.surface.z_m))
+    turn, ahead = 0.0, 0.0
+    if tool.path is None:
+        assert scene.mechanism is not None
+        begin = scene.mechanism.bodies[tool.body or ""].position_m[0]
+    else:
+        begin, turn = tool.path.start_m(0.0)[0], tool.path.start_angle_rad
+    if not tool.is_spatial:
+        x, z = mesh.vertices_m[:, [0, 2]].T
+        lowest = np.argmin(math.sin(turn) * x + math.cos(turn) * z)
+        ahead = math.cos(turn) * x[lowest] - math.sin(turn) * z[lowest]
+    return depth + float(np.interp(begin + ahead, soil.surface.x_m, soil.surface.z_m))
 
 
 def _beside(material_file: str | None, folder: str, suffix: str) -> Path | None:

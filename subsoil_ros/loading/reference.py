@@ -11,6 +11,9 @@ from ..yaml_document import read_document
 from .keys import suggestion
 from .schema import unit_of
 
+LIKE_THEIR_COLUMN = ("mean", "min", "max", "range", "std")
+"""Statistics of a column of the series that have its unit, which is in its name."""
+
 
 class ReferenceValue(StrictModel):
     """One quantity of the reference, in the unit that the quantity has in summary.json."""
@@ -56,7 +59,10 @@ class Reference(StrictModel):
     @model_validator(mode="after")
     def _units(self) -> "Reference":
         for quantity, given in self.values.items():
-            unit = next((found for part in quantity.split(".")[::-1] if (found := unit_of(part))), given.unit)
+            start, *path, statistic = quantity.split(".")
+            if start != "series" or statistic not in LIKE_THEIR_COLUMN:
+                continue
+            unit = next((found for part in reversed(path) if (found := unit_of(part))), given.unit)
             if given.unit != unit:
                 raise ValueError(
                     f"values.{quantity}.unit: {given.unit} given, and the run has this quantity in {unit}; "
@@ -76,8 +82,8 @@ def read_reference(path: Path, place: str = "report.reference") -> Reference:
         return Reference.model_validate_json(json.dumps(document), strict=True)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        where = ".".join(map(str, first["loc"]))
-        raise SceneError(f"{place}: {path}: {where}: {_words(first['type'], first)}") from error
+        words = [".".join(map(str, first["loc"])), _words(first["type"], first)]
+        raise SceneError(f"{place}: {path}: {': '.join(filter(None, words))}") from error
 
 
 def _words(kind: str, details: object) -> str:

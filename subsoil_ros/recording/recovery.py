@@ -4,6 +4,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
@@ -30,20 +31,22 @@ class Recovery:
 def recover(path: Path, on_progress: Callable[[int], None] = lambda done_bytes: None) -> Recovery:
     """Recover the bag at `path` (bag folder, .mcap file or folder of a run) in its place.
 
-    The damaged file is kept as NAME.damaged. A bag that is whole is left as it is; a folder without
-    metadata.yaml is not, a whole file given by itself is. The messages of the
-    chunk that was being written are lost. `on_progress` is called now and then with the bytes read so far.
+    The damaged file is kept as NAME.damaged. A bag that is whole is left as it is: a file, or a folder with
+    metadata.yaml. Where that describes no file there, it is kept as metadata.yaml.damaged. The messages of
+    the chunk that was being written are lost. `on_progress` is called now and then with the bytes read so
+    far.
 
     Raises:
         InputError: there is no bag, or an earlier recovery's remains are in the way.
         RecordingError: no message can be read.
     """
     source = mcap_path(path)
-    whole = _is_whole(source) and (path.is_file() or _describes(source.parent / METADATA, source))
+    described = source.parent / METADATA
+    whole = _is_whole(source) and (path.is_file() or described.is_file())
     kept = source.with_name(source.name + ".damaged")
     fresh = source.parent / (source.parent.name + ".mended")
     if not whole:
-        for obstacle in (kept, fresh):
+        for obstacle in (kept, fresh, described.with_name(METADATA + ".damaged")):
             if obstacle.exists():
                 raise InputError(f"{obstacle}: is left from an earlier recovery; move it away first")
     try:
@@ -88,17 +91,25 @@ def _recover(
     source.rename(kept)
     folder.path.rename(source)
     described = directory / METADATA
-    if described.exists() and not _describes(described, source):
+    files = _files_of(described) if described.exists() else [source.name]
+    if source.name not in files and any((directory / name).is_file() for name in files):
         (fresh / METADATA).unlink()  # the folder's is of another bag
     else:
+        if source.name not in files:
+            described.rename(described.with_name(METADATA + ".damaged"))
         (fresh / METADATA).replace(described)
     fresh.rmdir()
     return Recovery(source, kept, count, end_ns)
 
 
-def _describes(metadata: Path, source: Path) -> bool:
-    """Whether a metadata.yaml is there, and of the bag in this file."""
-    return metadata.is_file() and source.name in metadata.read_text(encoding="utf-8", errors="replace")
+def _files_of(metadata: Path) -> list[str]:
+    """Names of the files of a bag that a metadata.yaml describes; none if it is damaged, or no such file."""
+    try:
+        text = metadata.read_text(encoding="utf-8")
+        found: Any = parse_yaml(text, str(metadata))
+        return [str(name) for name in found["rosbag2_bagfile_information"]["relative_file_paths"]]
+    except (UnicodeDecodeError, InputError, KeyError, TypeError):
+        return []
 
 
 def _beginning(path: Path) -> tuple[dict[str, str], dict[str, bytes]]:

@@ -73,6 +73,8 @@ def test_only_what_gives_a_size_counts_as_one():
     """A graded bed keeps the size of the preset, and its surface; a size counts by whatever key it comes."""
     graded = load_scene("field_tine", {"preset": "coarse", "soil.particles.coarse.times": 1.5})
     assert graded.scene.particle_soil.surface.z_m == (-0.02,)
+    other = load_scene("field_tine", {"preset": "coarse", "soil.particles.sizes.seed": 3})
+    assert other.scene.particle_soil.surface.z_m == (-0.02,)
     found = load_scene("field_tine", {"preset": "coarse", "soil": {"particles": {"radius_m": 0.015}}})
     assert found.scene.particle_soil.surface.z_m == (-0.01,)
 
@@ -81,6 +83,8 @@ def test_depth_is_below_the_surface_of_the_scene():
     """A tine 0.20 m below z = 0 is 0.14 m deep under a surface at -0.06 m; the wedge model has none such."""
     low = {"soil.surface": {"x_m": [0.0], "z_m": [-0.06]}}
     assert radius_mm(load_scene("field_tine", {"preset": "fine", **low})) == pytest.approx(7.0)
+    slope = {"soil.surface": {"x_m": [-0.05, 0.0], "z_m": [-0.06, 0.0]}}  # the tip begins at x = -0.05 m
+    assert radius_mm(load_scene("field_tine", {"preset": "fine", **slope})) == pytest.approx(7.0)
     document = {
         "base": str(load_scene("field_tine").path),
         "name": "low",
@@ -96,6 +100,8 @@ def test_a_step_is_one_for_the_particles_of_the_preset():
     with pytest.raises(SceneError, match="above the stable limit"):
         load_scene("field_tine", step)
     assert radius_mm(load_scene("field_tine", {"preset": "coarse", **step})) == pytest.approx(20.0)
+    beyond = step | {"soil.time_step_s": 2.4e-4, "allow": ["unstable_time_step"]}
+    assert radius_mm(load_scene("field_tine", {"preset": "coarse", **beyond})) == pytest.approx(20.0)
 
 
 def test_walls_are_said_to_change_the_errors():
@@ -103,14 +109,14 @@ def test_walls_are_said_to_change_the_errors():
     walls = {"soil.bin.sides": "walls", "soil.window": None, "soil.bin.length_m": 2.0}
     for changes, expected in (({}, False), (walls, True)):
         found = load_scene("field_tine", changes).presets["coarse"].expected
-        assert any("walls are near" in note for note in found.notes) == expected
+        assert any("in a bin with walls" in note for note in found.notes) == expected
 
 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
         ({"preset": "nonsense"}, r"no preset 'nonsense'; .*fine"),
-        ({"preset": "coarse", "soil.bed.solid_fraction": 0.58}, "another law, density or solid fraction"),
+        ({"preset": "coarse", "soil.bed.solid_fraction": 0.58}, "another law, density, bed, layers or bonds"),
     ],
 )
 def test_a_preset_that_does_not_fit_says_why(changes, words):

@@ -58,11 +58,30 @@ def test_only_the_file_named_is_touched(tmp_path):
     before = path.read_bytes()
     assert recover(path).damaged_path is None
     assert path.read_bytes() == before
-    (folder / "metadata.yaml").write_text("of another bag\n")
+    stranger = "rosbag2_bagfile_information: {relative_file_paths: [other.mcap]}\n"
+    (folder / "metadata.yaml").write_text(stranger)
+    (folder / "other.mcap").write_bytes(b"")
     path.write_bytes(before[:-1])
     assert recover(path).damaged_path is not None
-    assert (folder / "metadata.yaml").read_text() == "of another bag\n"
-    assert {item.name for item in folder.iterdir()} == {"alone.mcap", "alone.mcap.damaged", "metadata.yaml"}
+    assert (folder / "metadata.yaml").read_text() == stranger
+    files = {"alone.mcap", "alone.mcap.damaged", "other.mcap", "metadata.yaml"}
+    assert {item.name for item in folder.iterdir()} == files
+
+
+def test_a_damaged_description_is_replaced_and_kept(tmp_path):
+    """metadata.yaml of a bag whose file has another name, or cut off: the mended bag has its own."""
+    writer = BagWriter(tmp_path / "bag", SCENE, Timing(INTERVAL_NS, 1500, 1, 1))
+    write_long_bag(writer, 1500)
+    writer.close()
+    bag = tmp_path / "bag"
+    path = next(bag.glob("*.mcap")).rename(bag / "renamed.mcap")
+    assert recover(bag).damaged_path is None  # a whole bag is left alone
+    path.write_bytes(path.read_bytes()[:-1])
+    described = (bag / "metadata.yaml").read_text()
+    recover(bag)
+    assert (bag / "metadata.yaml.damaged").read_text() == described
+    with AnyReader([bag]) as reader:
+        assert reader.message_count > 0
 
 
 WRITING = """

@@ -75,6 +75,17 @@ def test_wrong_files_are_refused(old, new, wanted, tmp_path):
     assert str(raised.value).startswith(f"report.reference: {tmp_path / 'field.yaml'}: ")
 
 
+def test_units_are_those_of_columns_only(tmp_path):
+    """A statistic with a unit of its own, and quantities outside the series, have the unit that is given."""
+    lines = (
+        "loads.specific.energy_joule_per_m: {value: 1850.0, unit: J/m}",
+        'series.draft_newton.stationarity.drift: {value: 0.0, unit: "1"}',
+        "series.body.shank.angle_rad.run.moving_10ms.range: {value: 0.1, unit: rad}",
+    )
+    text = "name: units\nvalues:\n" + "".join(f"  {line}\n" for line in lines)
+    assert [item.unit for item in reference(text, tmp_path).values.values()] == ["J/m", "1", "rad"]
+
+
 def test_missing_file_is_named():
     """With the scene, the key and the path that was looked for."""
     with pytest.raises(SceneError, match=r"report\.reference: .*nothing_there\.yaml: no such"):

@@ -115,7 +115,8 @@ def run_sweep(
     spring = jobs[0].scene.scene.report.spring
     empty = sum(_window_is_empty(run) for run in runs)
     paths = [*write_table(table.drop(columns="point"), out / "sweep")]
-    _refuse_unknown(shown, table)
+    if any(run.failure is None for run in runs):
+        _refuse_unknown(shown, table)
     ranked = rank(sweep.points(), table, sweep.control, spring, CONFIDENCE, shown)
     proven = not sweep.control or (bool(ranked) and ranked[0].saving is not None)
     best = recommended(ranked) if len(ranked) > 1 and proven and not empty else None

@@ -29,9 +29,9 @@ BYTES_OF_PROCESS = 250e6
 PARTICLE_STEPS_PER_S = 6.0e6
 """One core, float64, all features of the law `cohesive_linear` (measured: 7.2e6 on a free core)."""
 
-LOCKSTEP_S_PER_TICK = {False: 4.0e-4, True: 2.5e-3}
-"""Exchange of one tick between processes, wall time (rough); True: with particles, which evict the nodes from
-the caches (measured on two cores: 1.7 and 3.1 ms, benchmarks/README.md)."""
+LOCKSTEP_S_PER_TICK, WITH_PARTICLES_S_PER_TICK = 4.0e-4, 2.5e-3
+"""Exchange of one tick between processes, wall time (rough), without and with particles, which evict the
+nodes from the caches (measured on two cores: 1.7 and 3.1 ms, benchmarks/README.md)."""
 
 
 @dataclass(frozen=True)
@@ -130,6 +130,7 @@ def check(
     except SceneError as error:
         raise SceneError(f"{resolved.path}: {error}") from error
     soil, timing = model.particle_soil, resolved.timing
+    exchange_s = LOCKSTEP_S_PER_TICK if soil is None else WITH_PARTICLES_S_PER_TICK
     return CheckResult(
         scene=resolved,
         particles=particles,
@@ -141,7 +142,7 @@ def check(
             memory_bytes=BYTES_OF_PROCESS + particles * BYTES_PER_PARTICLE,
             process_bytes=BYTES_OF_PROCESS,
             soil_wall_s=particles * timing.soil_steps * timing.tick_count / PARTICLE_STEPS_PER_S,
-            exchange_wall_s=timing.tick_count * LOCKSTEP_S_PER_TICK[soil is not None],
+            exchange_wall_s=timing.tick_count * exchange_s,
         ),
         notes=(*run_notes(resolved), *_unbounded(model, masses)),
         warnings=tuple(_warnings(resolved, bounds)),

@@ -103,8 +103,8 @@ def _print(found: "list[Difference]", sources: "list[Source]", out: Path) -> Non
     low, high = sources[0].span_s
     title = f"runs over their metrics windows; {sources[0].label}: {low:.4g} to {high:.4g} s"
     shared = {item.column: _span(shared_span_s(sources, item.column)) for item in found}
-    one = set(shared.values())
-    title += f"; {one.pop()}" if len(one) == 1 else "; shared times by column: below"
+    alike = len(set(shared.values())) == 1
+    title += f"; {next(iter(shared.values()))}" if alike else "; shared times by column: below"
     table = Table(title=title)
     table.title_justify, table.box = "left", None
     table.add_column("quantity", overflow="fold")
@@ -126,7 +126,7 @@ def _print(found: "list[Difference]", sources: "list[Source]", out: Path) -> Non
         name = item.column if item.statistic == "mean" else ""
         table.add_row(name, SHARED.get(item.statistic, "rms apart" if rms else item.statistic), *cells)
     console.print(table)
-    if one:
+    if not alike:
         for name, words in shared.items():
             console.print(f"{name}: {words}", soft_wrap=True, markup=False)
     for source in sources:

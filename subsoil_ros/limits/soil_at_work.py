@@ -146,13 +146,11 @@ def speed_and_depth(scene: Scene, name: str, mesh: ToolMesh) -> tuple[float, flo
     """Largest speed along x of the path, or of body, drivers of x and controller [m/s]; depth of the lowest
     vertex where the path starts, or in the reference pose, or at the deepest of given poses [m]."""
     tool, mechanism, controller = scene.tools[name], scene.mechanism, scene.controller
-    x, z = mesh.vertices_m[:, [0, 2]].T
     if tool.path is not None and tool.path.is_spatial:
         return _speed_and_depth_in_space(tool.path, mesh.about_body())
+    depth = -lowest_m(scene, name, mesh)[1]
     if tool.path is not None:
-        turn = tool.path.start_angle_rad
-        lowest = tool.path.start_z_m + (math.sin(turn) * x + math.cos(turn) * z).min()
-        return _largest(tool.path.speed_x_m_per_s), -float(lowest)
+        return _largest(tool.path.speed_x_m_per_s), depth
     assert mechanism is not None
     body = mechanism.bodies[tool.body or ""]
     speeds = [abs((body.velocity_m_per_s or (0.0, 0.0))[0])]
@@ -161,7 +159,21 @@ def speed_and_depth(scene: Scene, name: str, mesh: ToolMesh) -> tuple[float, flo
             speeds.append(_largest(joint.speed))
             if controller is not None and controller.driver == key:
                 speeds.append(controller.highest_speed)
-    return max(speeds), -float(body.position_m[1] + z.min())
+    return max(speeds), depth
+
+
+def lowest_m(scene: Scene, name: str, mesh: ToolMesh) -> tuple[float, float]:
+    """Place (x, z) [m] of a planar tool's lowest vertex where its path starts, or in the reference pose."""
+    tool, turn = scene.tools[name], 0.0
+    if tool.path is not None:
+        begin, turn = (tool.path.start_x_m, tool.path.start_z_m), tool.path.start_angle_rad
+    else:
+        assert scene.mechanism is not None
+        begin = scene.mechanism.bodies[tool.body or ""].position_m
+    x, z = mesh.vertices_m[:, [0, 2]].T
+    heights = math.sin(turn) * x + math.cos(turn) * z
+    k = int(np.argmin(heights))
+    return float(begin[0] + math.cos(turn) * x[k] - math.sin(turn) * z[k]), float(begin[1] + heights[k])
 
 
 def _speed_and_depth_in_space(path: Path, mesh: ToolMesh) -> tuple[float, float]:

@@ -1,13 +1,12 @@
 """Accuracy presets that every scene has whose soil is a material: rules for the size of its particles."""
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import SceneError
-from ..limits.soil_at_work import speed_and_depth
+from ..limits.soil_at_work import lowest_m, speed_and_depth
 from ..scene.material import Material
 from ..scene.meshes import ToolMesh
 from ..scene.model import Scene
@@ -185,17 +184,9 @@ def _depth_m(scene: Scene, name: str, mesh: ToolMesh) -> float:
     depth = speed_and_depth(scene, name, mesh)[1]
     if soil is None or soil.surface is None:
         return depth
-    turn, ahead = 0.0, 0.0
-    if tool.path is None:
-        assert scene.mechanism is not None
-        begin = scene.mechanism.bodies[tool.body or ""].position_m[0]
-    else:
-        begin, turn = tool.path.start_m(0.0)[0], tool.path.start_angle_rad
-    if not tool.is_spatial:
-        x, z = mesh.vertices_m[:, [0, 2]].T
-        lowest = np.argmin(math.sin(turn) * x + math.cos(turn) * z)
-        ahead = math.cos(turn) * x[lowest] - math.sin(turn) * z[lowest]
-    return depth + float(np.interp(begin + ahead, soil.surface.x_m, soil.surface.z_m))
+    path = tool.path
+    x = path.start_m(0.0)[0] if path is not None and path.is_spatial else lowest_m(scene, name, mesh)[0]
+    return depth + float(np.interp(x, soil.surface.x_m, soil.surface.z_m))
 
 
 def _beside(material_file: str | None, folder: str, suffix: str) -> Path | None:

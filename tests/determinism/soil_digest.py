@@ -13,7 +13,7 @@ from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.messages import ToolMotion
 
-STEPS, EVERY = 10_000, 50
+STEPS, EVERY = 4_000, 50
 
 
 def tool(time_s: float) -> tuple[ToolMotion, ...]:

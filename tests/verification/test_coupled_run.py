@@ -12,12 +12,17 @@ SCENE = Path(__file__).parents[2] / "config" / "scenes" / "subsoiler_1s300_quick
 
 
 def test_the_machine_comes_through_its_bin(tmp_path):
-    """The quick scene with particles of twice the radius and a law scaled to them, to its end at 2 s.
+    """The quick scene with particles of twice the radius and a law scaled to them, in a bin of 0.6 m.
 
     No monitor stops it, no particle is lost, the soil resists, and the exchange invents no energy.
     """
-    changes = ("particles.radius_m=0.02", "particles.reference_radius_m=0.01", "bed.spacing_m=rest")
-    settings = [word for change in changes for word in ("--set", f"soil.{change}")]
+    larger = (
+        "soil.particles.radius_m=0.02",
+        "soil.particles.reference_radius_m=0.01",
+        "soil.bed.spacing_m=rest",
+    )
+    changes = (*larger, "soil.bin.length_m=0.6", "duration_s=1.2")
+    settings = [word for change in changes for word in ("--set", change)]
     command = [sys.executable, "-m", "subsoil_ros.cli.main", "run", str(SCENE), "--mode", "direct"]
     done = subprocess.run(
         [*command, "--out", str(tmp_path / "run"), *settings],

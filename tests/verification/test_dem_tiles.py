@@ -14,8 +14,8 @@ from subsoil_ros.dem.beds import cache
 from subsoil_ros.dem.beds.prepare import check_start, prepare_bed
 from subsoil_ros.dem.beds.report import report_bed
 from subsoil_ros.dem.beds.settling import PATIENCE, Rest, Settling, ignore_progress
-from subsoil_ros.dem.beds.tile import PRESSED_OVERLAP, pressed_tile, solid_fraction, tile_edge_m
-from subsoil_ros.dem.beds.tiled import laid_out
+from subsoil_ros.dem.beds.tile import PRESSED_OVERLAP, solid_fraction, tile_edge_m
+from subsoil_ros.dem.beds.tiled import kept_tile, laid_out
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.dem.periodic import HELD_LAYER
 from subsoil_ros.errors import SceneError
@@ -27,6 +27,7 @@ DENSITY = 2500.0
 SIZES = {"kind": "uniform", "min_radius_m": 0.0085, "max_radius_m": 0.0115}
 SMALLEST, LARGEST = SIZES["min_radius_m"], SIZES["max_radius_m"]
 BIN = {"length_m": 0.3, "width_m": 0.2, "depth_m": 0.12}
+WIDE = {"length_m": 0.5, "width_m": 0.45, "depth_m": 0.16}
 
 
 def tiled(maker, *, box=None, **bed):
@@ -41,8 +42,8 @@ def tiled(maker, *, box=None, **bed):
 
 
 def tile_of(scene):
-    """The pressed tile of a scene's bed."""
-    return pressed_tile(scene, tile_edge_m(scene.scene.particle_soil), SoilEngine, ignore_progress)
+    """The pressed tile of a scene's bed, pressed once for all tests."""
+    return kept_tile(scene, tile_edge_m(scene.scene.particle_soil), SoilEngine, ignore_progress)
 
 
 def repeated(tile, times):
@@ -63,16 +64,15 @@ def test_a_tile_has_the_fraction_that_is_asked_for(soil, wanted):
     """Within 1 %: half of what bulk density may differ by; the more friction while pressing, the looser."""
     scene = tiled(soil, solid_fraction=wanted)
     tile = tile_of(scene)
-    assert_allclose(tile.solid_fraction, wanted, rtol=0.01)
-    assert_allclose(solid_fraction(tile.bed, scene.scene.particle_soil), tile.solid_fraction)
-    assert tile.bed.sides == "endless"
+    assert_allclose(solid_fraction(tile, scene.scene.particle_soil), wanted, rtol=0.01)
+    assert tile.sides == "endless"
 
 
 def test_a_tile_carries_its_pressure_on_all_faces(soil):
     """Virial theorem: the stress of the normal forces of overlapping spheres, seen across the periods, is
     PRESSED_OVERLAP K / (4 r) along each axis, to the pressing's tolerance and what 500 scatter."""
     scene = tiled(soil)
-    bed = tile_of(scene).bed
+    bed = tile_of(scene)
     x, period = bed.positions_m - np.array(bed.lower_m), np.array(bed.periods_m)
     first, second = np.array(sorted(cKDTree(x, boxsize=period).query_pairs(2.0 * LARGEST))).T
     apart = x[second] - x[first]
@@ -91,7 +91,7 @@ def test_a_tile_carries_its_pressure_on_all_faces(soil):
 def test_forces_in_a_repeated_tile_are_those_of_the_tile(soil):
     """Eight tiles in a box of twice the edge: no force knows where a tile ends, to round-off."""
     scene = tiled(soil)
-    bed = tile_of(scene).bed
+    bed = tile_of(scene)
     alone, among = SoilEngine(scene, bed=bed), SoilEngine(scene, bed=repeated(bed, 2))
     for engine in (alone, among):
         engine.start(())
@@ -119,13 +119,13 @@ def test_an_endless_box_of_two_spheres_changes_size_as_its_energy_says(soil):
 
 def test_a_tiled_bed_fills_its_bin_at_its_density(soil):
     """Mean top at z = 0, density over depth that of the tile within 2 %, walls not passed, a held floor."""
-    scene = tiled(soil, tile_m=0.25, box={"length_m": 0.5, "width_m": 0.45, "depth_m": 0.22})
+    scene = tiled(soil, box=WIDE)
     found = scene.scene.particle_soil
     bed = prepare_bed(scene, SoilEngine, 2)
     report = report_bed(bed, found)
     assert_allclose(report.top_mean_m, 0.0, atol=1e-12)
     assert_allclose(report.density_inside_kg_per_m3, 0.60 * DENSITY, rtol=0.02)
-    assert bed.positions_m[bed.held, 2].max() < -0.22 + 0.001
+    assert bed.positions_m[bed.held, 2].max() < -WIDE["depth_m"] + 0.001
     assert np.ptp(bed.positions_m[bed.held, 2]) > (HELD_LAYER - 0.5) * LARGEST
     assert_allclose(check_start(scene), len(bed.positions_m), rtol=0.15)
 
@@ -133,7 +133,7 @@ def test_a_tiled_bed_fills_its_bin_at_its_density(soil):
 def test_nothing_lines_up_at_the_floor(soil):
     """Centres over the held floor, in slices of a quarter of a diameter: none has half as many again as the
     mean (random packings settled on a plane have nearly twice as many in their first layers)."""
-    scene = tiled(soil, box={"length_m": 0.5, "width_m": 0.45, "depth_m": 0.16})
+    scene = tiled(soil, box=WIDE)
     bed = prepare_bed(scene, SoilEngine, 2)
     x, y, z = bed.positions_m[~bed.held].T
     inner = (np.abs(x - 0.25) < 0.19) & (np.abs(y) < 0.165)
@@ -236,21 +236,22 @@ def test_no_tile_lies_on_another(soil, tiles):
 
 def test_a_tile_serves_every_bin_and_law(soil, monkeypatch, tmp_path):
     """The second bed presses no tile; another seed gives another bed, threads give the same."""
-    monkeypatch.setattr(cache, "user_cache_folder", lambda: tmp_path)
     phases = []
 
     def note(progress):
         phases.append(progress.phase)
 
-    first = prepare_bed(tiled(soil, seed=7), SoilEngine, 1, note)
-    assert {"parting", "pressing", "filling", "relaxing"} == set(phases)
-    longest = phases.count("pressing")
-    phases.clear()
-    again = prepare_bed(tiled(soil, seed=7, box={"depth_m": 0.1}), SoilEngine, 2, note)
+    with monkeypatch.context() as patch:
+        patch.setattr(cache, "user_cache_folder", lambda: tmp_path)
+        first = prepare_bed(tiled(soil, seed=7), SoilEngine, 1, note)
+        assert {"parting", "pressing", "filling", "relaxing"} == set(phases)
+        longest = phases.count("pressing")
+        phases.clear()
+        again = prepare_bed(tiled(soil, seed=7, box={"depth_m": 0.1}), SoilEngine, 2, note)
     assert "parting" not in phases
     assert phases.count("pressing") < longest  # under its own law only
     assert len(again.positions_m) < len(first.positions_m)
-    other = prepare_bed(tiled(soil, seed=1), SoilEngine)
+    other = prepare_bed(tiled(soil), SoilEngine)
     assert other.positions_m.shape != first.positions_m.shape or not np.allclose(
         other.positions_m, first.positions_m
     )

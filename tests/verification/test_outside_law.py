@@ -16,19 +16,6 @@ from ..determinism.test_modes import without_wall_time
 
 PAGE = Path(__file__).parents[2] / "docs" / "extending.md"
 SCENE = """
-name: two_spheres
-duration_s: 0.01
-gravity_m_per_s2: 0.0
-soil:
-  bin: {length_m: 0.2, width_m: 0.2, depth_m: 0.2}
-  particles: {radius_m: 0.01, density_kg_per_m3: 2000.0}
-  bed: {kind: grid, spacing_m: 0.0201}
-  law:
-    kind: hysteretic
-    particle: {stiffness_newton_per_m: 10000.0, unloading_stiffness_newton_per_m: 40000.0}
-    boundary: {stiffness_newton_per_m: 10000.0, unloading_stiffness_newton_per_m: 40000.0}
-"""
-TINE = """
 name: tine
 duration_s: 0.03
 soil:
@@ -58,15 +45,17 @@ import numpy as np
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.dem.step import drift_and_contacts
 from subsoil_ros.loading.loader import load_scene
+from subsoil_ros.messages import ToolMotion
 resolved = load_scene(sys.argv[1])
 engine = SoilEngine(resolved)
+away = (ToolMotion("tine", -1.0, 0.0, 0.2, 0.0, 0.0, 0.0, 0.0),)
 found = {"restitution": []}
 for speed in (0.5, 2.0):
     # the second stands before the first in the list once they are sorted
     engine.place([[0.112, 0.0, -0.1], [0.088, 0.0, -0.1]], [[-speed, 0.0, 0.0], [speed, 0.0, 0.0]])
-    engine.start(())
+    engine.start(away)
     for tick in range(int(0.02 / speed / resolved.timing.communication_step_s)):
-        engine.advance(tick, ())
+        engine.advance(tick, away)
     x, v = engine.positions_m()[:, 0], engine.velocities_m_per_s()[:, 0]
     found["restitution"].append(abs(float(v[0] - v[1])) / (2.0 * speed))
     found["apart"] = abs(float(x[0] - x[1]))
@@ -153,11 +142,9 @@ def test_a_scene_may_name_an_installed_law(installed: Path) -> None:
 @pytest.mark.slow
 def test_nodes_and_a_direct_run_have_the_same_bits(installed: Path, tmp_path: Path) -> None:
     """A tool in soil: the series and every message, to the byte; the node processes find the law too."""
-    scene = tmp_path / "tine.yaml"
-    scene.write_text(TINE)
     one, other = tmp_path / "direct", tmp_path / "nodes"
     for out in (one, other):
-        arguments = ("run", str(scene), "--mode", out.name, "--out", str(out))
+        arguments = ("run", str(installed / "scene.yaml"), "--mode", out.name, "--out", str(out))
         done = python(installed, "-m", "subsoil_ros.cli.main", *arguments)
         assert done.returncode == 0, done.stderr
     head, *_, last = (one / "series.csv").read_text().splitlines()

@@ -15,7 +15,7 @@ import tempfile
 from collections.abc import Callable, Mapping
 
 from subsoil_ros import run
-from subsoil_ros.kernel_cache import kernel_cache_folder
+from subsoil_ros.cache_folders import kernel_cache_folder
 from subsoil_ros.loading.shipped import config_folder
 
 CONFIG = config_folder()

@@ -1,8 +1,6 @@
 """Set-up of numba: compilation of kernels, messages about it, and their cache outside the package."""
 
-import functools
 import os
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -12,17 +10,12 @@ from llvmlite.binding import get_host_cpu_features
 from numba.core import event
 from numba.core.caching import CacheImpl
 
+from .cache_folders import kernel_cache_folder
 from .source_digest import PACKAGE, kernel_digest
 
 SPIN_COUNT = "3000"
 """Turns that a thread of GNU's OpenMP spins before it sleeps, about 0.1 ms. Measured from 0 to 30,000: with
 this many, two threads on 9,000 particles take 0.6 of the time; more turns gain nothing."""
-
-
-def kernel_cache_folder() -> Path:
-    """Folder of the compiled kernels: NUMBA_CACHE_DIR, or a folder in the user's cache."""
-    given = os.environ.get("NUMBA_CACHE_DIR")
-    return Path(given) if given else user_cache_folder() / "kernels"
 
 
 class KernelLocator:
@@ -64,36 +57,6 @@ def soil_kernels_are_kept() -> bool:
     """Whether a soil step, as its sources are now, has been compiled before."""
     digest = kernel_digest(PACKAGE / "dem" / "step.py")[:16]
     return any((kernel_cache_folder() / "dem").glob(f"step.*-{digest}.*.nbc"))
-
-
-def user_cache_folder() -> Path:
-    """This package's folder among the user's own caches.
-
-    Where that cannot be written, a folder in the temporary folder. If an existing one there is not safe, a
-    new one, which later runs do not find.
-    """
-    given = os.environ.get("XDG_CACHE_HOME")
-    place = Path(given) if given else Path(os.path.expanduser("~")) / ".cache"
-    if _is_ours(place / "subsoil_ros"):
-        return place / "subsoil_ros"
-    shared = Path(tempfile.gettempdir()) / f"cache-{os.getuid()}"
-    if _is_ours(shared):
-        return shared
-    return _folder_of_this_process()
-
-
-@functools.cache
-def _folder_of_this_process() -> Path:
-    return Path(tempfile.mkdtemp(prefix="cache-"))
-
-
-def _is_ours(place: Path) -> bool:
-    """Whether the folder, made if missing, is owned and writable by this user: kernels are executed."""
-    try:
-        place.mkdir(mode=0o700, parents=True, exist_ok=True)
-        return place.stat().st_uid == os.getuid() and os.access(place, os.W_OK)
-    except OSError:
-        return False
 
 
 def set_up_numba() -> None:

@@ -1,15 +1,23 @@
 """Digests of the package's sources: they decide which kernels, beds and results in a cache are still valid.
 
 They are taken over the syntax trees without docstrings: comments, docstrings and line breaks do not count.
+Parsing them all would take every process a second, so what is taken from a file is kept beside the kernels.
 """
 
 import ast
+import atexit
+import contextlib
 import functools
 import hashlib
+import json
+import os
+import sys
 from collections.abc import Iterable
 from importlib.metadata import version
 from pathlib import Path
+from typing import NamedTuple
 
+from .cache_folders import kernel_cache_folder
 from .outside_laws import law_sources, outside_laws
 
 PACKAGE = Path(__file__).parent
@@ -23,6 +31,18 @@ WITHOUT_RESULTS = ("cli", "ros", "figures", "dem/bench")
 
 LAWS = "contact_laws"
 """Folder of the contact laws, whose kernels those of the engines call."""
+
+KEPT_AS = f"sources-{sys.version_info.major}.{sys.version_info.minor}.json"
+"""File of what was taken from sources; syntax trees differ between versions of Python."""
+
+
+class Source(NamedTuple):
+    """What is taken from a Python file."""
+
+    stamp: list[int]  # that the file on disk must still have
+    digest: str  # sha256 hex of its syntax tree without docstrings
+    classes: list[str]
+    imported: list[str]  # files that it may import from: `from .a import b`, a.py, or b.py in a folder a
 
 
 def kernel_digest(source: Path, package: Path = PACKAGE) -> str:
@@ -44,7 +64,7 @@ def kernel_digest(source: Path, package: Path = PACKAGE) -> str:
         new = {path for path in imported if path.is_relative_to(engine)} - found
         found |= new
         waiting.extend(new)
-    types = sorted(f"{file.relative_to(engine)} {_classes(file)}" for file in engine.rglob("*.py"))
+    types = sorted(f"{file.relative_to(engine)} {source_of(file).classes}" for file in engine.rglob("*.py"))
     outside = law_digests() if laws in found else {}
     return hashlib.sha256(f"{tree_digest(found, package)} {types} {outside}".encode()).hexdigest()
 
@@ -66,7 +86,7 @@ def law_digests() -> dict[str, str]:
     for kind in outside_laws():
         digest = hashlib.sha256(repr(outside_laws()[kind].value).encode())
         for name, file in sorted(law_sources(kind).items()):
-            digest.update(f"{name}\0{_dump(file)}\0".encode())
+            digest.update(f"{name}\0{source_of(file).digest}\0".encode())
         digests[kind] = digest.hexdigest()
     return digests
 
@@ -76,28 +96,63 @@ def tree_digest(sources: Iterable[Path], package: Path = PACKAGE) -> str:
     files = {file for source in sources for file in (source.rglob("*.py") if source.is_dir() else (source,))}
     digest = hashlib.sha256()
     for name, file in sorted((file.relative_to(package).as_posix(), file) for file in files):
-        digest.update(f"{name}\0{_dump(file)}\0".encode())
+        digest.update(f"{name}\0{source_of(file).digest}\0".encode())
     return digest.hexdigest()
 
 
 @functools.cache
-def _tree(file: Path) -> ast.Module:
-    return ast.parse(file.read_bytes())
+def source_of(file: Path) -> Source:
+    """What is taken from a file, as it was when this process first asked."""
+    stat = file.stat()
+    stamp = [stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino]
+    known = _kept().get(str(file))
+    if known is not None and known.stamp == stamp:
+        return known
+    found = _fresh[str(file)] = _read(file, stamp)
+    return found
+
+
+_fresh: dict[str, Source] = {}
+"""What this process read itself."""
 
 
 @functools.cache
-def _dump(file: Path) -> str:
-    """The syntax tree as text, without the strings that stand as statements: docstrings."""
-    tree = _tree(file)
+def _kept() -> dict[str, Source]:
+    atexit.register(_keep)
+    try:
+        kept = json.loads((kernel_cache_folder() / KEPT_AS).read_text())
+        return {file: Source(*values) for file, values in kept.items()}
+    except (OSError, ValueError, TypeError, AttributeError):
+        return {}  # missing or damaged: all is read anew
+
+
+def _keep() -> None:
+    """Add what this process read; of two that end at once, the last one's is kept."""
+    if not _fresh:
+        return
+    found = {file: source for file, source in (_kept() | _fresh).items() if os.path.exists(file)}
+    path = kernel_cache_folder() / KEPT_AS
+    part = path.with_name(f"{KEPT_AS}.{os.getpid()}")
+    with contextlib.suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(json.dumps(found))
+        part.replace(path)
+
+
+def _read(file: Path, stamp: list[int]) -> Source:
+    tree = ast.parse(file.read_bytes())
+    classes = [node.name for node in tree.body if isinstance(node, ast.ClassDef)]
+    imported = set()
     for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            place = file.parents[node.level - 1].joinpath(*(node.module.split(".") if node.module else ()))
+            for module in (place, *(place / alias.name for alias in node.names)):
+                imported |= {str(module.with_suffix(".py")), str(module / "__init__.py")}
         body = getattr(node, "body", None)
         if isinstance(body, list):
             node.body = [statement for statement in body if not _is_docstring(statement)]  # type: ignore[attr-defined]
-    return ast.dump(tree)
-
-
-def _classes(file: Path) -> list[str]:
-    return [node.name for node in _tree(file).body if isinstance(node, ast.ClassDef)]
+    digest = hashlib.sha256(ast.dump(tree).encode()).hexdigest()
+    return Source(stamp, digest, classes, sorted(imported))
 
 
 def _is_docstring(statement: ast.stmt) -> bool:
@@ -106,12 +161,7 @@ def _is_docstring(statement: ast.stmt) -> bool:
     return isinstance(statement.value.value, str)
 
 
-def _imported(file: Path) -> set[Path]:
-    """Files of the package that `file` imports: `from .a import b` may mean a.py, or b.py in a folder a."""
-    found = set()
-    for node in ast.walk(_tree(file)):
-        if isinstance(node, ast.ImportFrom) and node.level:
-            place = file.parents[node.level - 1].joinpath(*(node.module.split(".") if node.module else ()))
-            for module in (place, *(place / alias.name for alias in node.names)):
-                found.add(module.with_suffix(".py") if not module.is_dir() else module / "__init__.py")
-    return {path for path in found if path.is_file()}
+@functools.cache
+def _imported(file: Path) -> frozenset[Path]:
+    """Files of the package that `file` imports."""
+    return frozenset(path for path in map(Path, source_of(file).imported) if path.is_file())

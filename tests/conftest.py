@@ -15,9 +15,7 @@ from subsoil_ros.mbd.benchmark import SEVEN_BODIES
 from subsoil_ros.mbd.engine import MechanismEngine
 from subsoil_ros.scene.model import Scene
 
-os.environ["GOMP_SPINCOUNT"] = (
-    "0"  # tests share the cores: a thread that spins while it waits takes another's
-)
+os.environ["GOMP_SPINCOUNT"] = "0"  # workers share the cores: what spins while it waits takes another's
 
 pytest_plugins = ["tests.compile_times"]
 

@@ -82,11 +82,11 @@ def run(args: argparse.Namespace) -> int:
         InputError: design, scene or file cannot be used; nothing was written.
         RunError: a run failed; finished runs are kept.
     """
+    from ..cache_folders import user_cache_folder
     from ..experiments.calibration.density import bed_density_kg_per_m3
     from ..experiments.calibration.design import LawDesign, base_scene, read_design
     from ..experiments.calibration.law import fit_law, write_law
     from ..experiments.calibration.wedge import FITTED, fit_wedge, measure
-    from ..kernel_cache import user_cache_folder
     from ..loading.shipped import shipped_soil
     from ..loading.soil_file import write_soil_file
     from ..yaml_document import read_document

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-from subsoil_ros.source_digest import PACKAGE, _dump, _tree, kernel_digest, result_digest
+from subsoil_ros.source_digest import PACKAGE, _imported, kernel_digest, result_digest, source_of
 
 
 @pytest.fixture(scope="module")
@@ -30,8 +30,8 @@ def digests_after(package, place, change):
     before = file.read_text()
     file.write_text(change(before))
     try:
-        _tree.cache_clear()
-        _dump.cache_clear()
+        source_of.cache_clear()
+        _imported.cache_clear()
         step, advance = package / "dem/step.py", package / "mbd/advance.py"
         return kernel_digest(step, package), kernel_digest(advance, package), result_digest(package)
     finally:

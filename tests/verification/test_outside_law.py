@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from subsoil_ros.kernel_cache import kernel_cache_folder
+from subsoil_ros.cache_folders import kernel_cache_folder
 
 from ..determinism.test_modes import without_wall_time
 

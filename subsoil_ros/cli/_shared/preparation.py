@@ -8,7 +8,8 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from ...kernel_cache import CompilationListener, kernel_cache_folder, soil_kernels_are_kept
+from ...cache_folders import kernel_cache_folder
+from ...kernel_cache import CompilationListener, soil_kernels_are_kept
 
 if TYPE_CHECKING:
     from ...api.opened_run import OpenedRun

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ...cache_folders import user_cache_folder
 from ...errors import SceneError
-from ...kernel_cache import user_cache_folder
 from ...loading.loader import ResolvedScene
 from ...scene.beds import TiledBed
 from ...scene.soil import Soil

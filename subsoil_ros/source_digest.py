@@ -105,15 +105,17 @@ def source_of(file: Path) -> Source:
     """What is taken from a file, as it was when this process first asked."""
     stat = file.stat()
     stamp = [stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino]
-    known = _kept().get(str(file))
+    kept = _kept()
+    known = kept.get(str(file))
     if known is not None and known.stamp == stamp:
         return known
-    found = _fresh[str(file)] = _read(file, stamp)
+    found = kept[str(file)] = _read(file, stamp)
+    _unsaved.add(str(file))
     return found
 
 
-_fresh: dict[str, Source] = {}
-"""What this process read itself."""
+_unsaved: set[str] = set()
+"""Files that this process read itself."""
 
 
 @functools.cache
@@ -128,9 +130,9 @@ def _kept() -> dict[str, Source]:
 
 def _keep() -> None:
     """Add what this process read; of two that end at once, the last one's is kept."""
-    if not _fresh:
+    if not _unsaved:
         return
-    found = {file: source for file, source in (_kept() | _fresh).items() if os.path.exists(file)}
+    found = {file: source for file, source in _kept().items() if os.path.exists(file)}
     path = kernel_cache_folder() / KEPT_AS
     part = path.with_name(f"{KEPT_AS}.{os.getpid()}")
     with contextlib.suppress(OSError):

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-from subsoil_ros.source_digest import PACKAGE, _imported, kernel_digest, result_digest, source_of
+from subsoil_ros.source_digest import KEPT_AS, PACKAGE, _imported, kernel_digest, result_digest, source_of
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +71,44 @@ def test_a_comment_outdates_nothing(package):
         == as_it_is
     )
     assert digests_after(package, "cli/run.py", lambda text: text + "\nCHANGED = 1\n") == as_it_is
+
+
+def test_sources_are_read_again_only_when_they_changed(package, tmp_path):
+    """By the next process; a change that keeps size and time of a file counts, and a damaged record is
+    written anew."""
+    show = (
+        "import ast, sys; from pathlib import Path; from subsoil_ros import source_digest as sources\n"
+        "parse, read = ast.parse, []; ast.parse = lambda text: read.append(text) or parse(text)\n"
+        "package = Path(sys.argv[1])\n"
+        "print(sources.kernel_digest(package / 'dem' / 'step.py', package), len(read))"
+    )
+    file, record = package / "dem" / "contact.py", tmp_path / KEPT_AS
+    text, times = file.read_text(), file.stat()
+
+    def digest_and_reads():
+        done = subprocess.run(
+            [sys.executable, "-c", show, str(package)], env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
+            capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        digest, read = done.stdout.split()
+        return digest, int(read)
+
+    first, all_read = digest_and_reads()
+    assert all_read > 50
+    assert digest_and_reads() == (first, 0)
+    other = text.replace("stride", "strode")
+    assert other != text
+    file.write_text(other)
+    os.utime(file, ns=(times.st_atime_ns, times.st_mtime_ns))
+    try:
+        changed, read = digest_and_reads()
+        assert changed != first
+        assert read == 1
+    finally:
+        file.write_text(text)
+    record.write_text("{")
+    assert digest_and_reads() == (first, all_read)
+    assert digest_and_reads() == (first, 0)
 
 
 def test_kernels_take_nothing_from_outside_their_folder():

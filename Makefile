@@ -49,17 +49,17 @@ run:  ## simulate SCENE (field_swing_brittle) into OUT (runs/<time>), then repor
 	$(bin)/subsoil run $(SCENE) --out $(out) $(RUN_FLAGS)
 	$(bin)/subsoil report $(out)
 
-test: setup  ## all tests but long studies, files on three workers (some wait for others)
+test: setup  ## all tests but long studies, files on two workers
 	$(bin)/python -m dev.warm_kernels --tests
-	$(bin)/python -m pytest -n 3 --dist loadfile -m "not full" $(PYTEST_FLAGS)
+	$(bin)/python -m pytest -n 2 --dist loadfile -m "not full" $(PYTEST_FLAGS)
 
 test-quick: setup  ## some of every folder: 3 minutes once kernels are compiled
 	$(bin)/python -m dev.warm_kernels --tests
-	$(bin)/python -m pytest -n 3 --dist loadfile -m quick $(PYTEST_FLAGS)
+	$(bin)/python -m pytest -n 2 --dist loadfile -m quick $(PYTEST_FLAGS)
 
 test-full: setup  ## all tests, long studies among them
 	$(bin)/python -m dev.warm_kernels --tests
-	$(bin)/python -m pytest -n 3 --dist loadfile $(PYTEST_FLAGS)
+	$(bin)/python -m pytest -n 2 --dist loadfile $(PYTEST_FLAGS)
 
 check: setup  ## style, types, layers
 	$(bin)/ruff check .

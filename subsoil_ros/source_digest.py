@@ -12,6 +12,7 @@ import hashlib
 import json
 import os
 import sys
+import time
 from collections.abc import Iterable
 from importlib.metadata import version
 from pathlib import Path
@@ -34,6 +35,11 @@ LAWS = "contact_laws"
 
 KEPT_AS = f"sources-{sys.version_info.major}.{sys.version_info.minor}.json"
 """File of what was taken from sources; syntax trees differ between versions of Python."""
+
+
+SETTLED_NS = 1_000_000_000
+"""A file that changed later than this before it is read is not kept: it may change once more without another
+time stamp (file systems count some milliseconds)."""
 
 
 class Source(NamedTuple):
@@ -109,8 +115,10 @@ def source_of(file: Path) -> Source:
     known = kept.get(str(file))
     if known is not None and known.stamp == stamp:
         return known
-    found = kept[str(file)] = _read(file, stamp)
-    _unsaved.add(str(file))
+    found = _read(file, stamp)
+    if time.time_ns() - stat.st_ctime_ns > SETTLED_NS:
+        kept[str(file)] = found
+        _unsaved.add(str(file))
     return found
 
 

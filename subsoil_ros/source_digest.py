@@ -1,7 +1,7 @@
 """Digests of the package's sources: they decide which kernels, beds and results in a cache are still valid.
 
 They are taken over the syntax trees without docstrings: comments, docstrings and line breaks do not count.
-Parsing them all would take every process a second, so what is taken from a file is kept beside the kernels.
+Parsing them all would take every process seconds, so what is taken from a file is kept beside the kernels.
 """
 
 import ast
@@ -36,10 +36,9 @@ LAWS = "contact_laws"
 KEPT_AS = f"sources-{sys.version_info.major}.{sys.version_info.minor}.json"
 """File of what was taken from sources; syntax trees differ between versions of Python."""
 
-
 SETTLED_NS = 1_000_000_000
-"""A file that changed later than this before it is read is not kept: it may change once more without another
-time stamp (file systems count some milliseconds)."""
+"""What is read from a file within this time after its last change is not kept: file systems count time in
+steps of some milliseconds, so another change could leave the same stamp."""
 
 
 class Source(NamedTuple):

@@ -235,7 +235,7 @@ def test_no_tile_lies_on_another(soil, tiles):
 
 
 def test_a_tile_serves_every_bin_and_law(soil, monkeypatch, tmp_path):
-    """The second bed presses no tile; another seed gives another bed, threads give the same."""
+    """The second bed presses no tile; another seed gives another bed."""
     phases = []
 
     def note(progress):

@@ -95,7 +95,7 @@ def fired(laboratory: Laboratory, law: Document, speed: float = 100.0) -> SoilEn
     place = np.vstack([bed, [0.06, 0.0, 0.03]])
     velocity = np.zeros_like(place)
     velocity[-1, 2] = -speed
-    return placed(resolved, place.tolist(), velocity.tolist(), book=True)
+    return placed(resolved, place.tolist(), velocity.tolist())
 
 
 def flown(engine: SoilEngine) -> str:

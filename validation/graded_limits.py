@@ -96,7 +96,7 @@ def calm(resolved: ResolvedScene, part: float = CALM_MOVE, loose: float = 0.0) -
     """Of the bed 19 particles in 20 move by less than `part` of a radius in MOVE_S when it is left alone, and
     all but a part of them, `loose`, by less than a radius."""
     alone = resolved.scene.model_copy(update={"tools": {}})
-    engine = SoilEngine(dataclasses.replace(resolved, scene=alone))
+    engine = SoilEngine(dataclasses.replace(resolved, scene=alone), book=True)
     engine.start(())
     begun = engine.positions_m()
     advance(engine, round(MOVE_S / resolved.timing.communication_step_s))
@@ -177,7 +177,7 @@ def weighed(laboratory: Laboratory, gravity: float) -> str:
     resolved = graded(laboratory, size_m=(0.3, 0.36, 0.12), floor="plane", gravity=gravity)
     heavy = gravity > GRAVITY
     found = calm(resolved, CALM_MOVE * (gravity / GRAVITY if heavy else 1.0), LOOSE if heavy else 0.0)
-    engine = SoilEngine(resolved)
+    engine = SoilEngine(resolved, book=True)
     engine.start(above(0.15))
     coarse = soil_of(resolved).particles.coarse
     assert coarse is not None
@@ -199,7 +199,7 @@ def weighed(laboratory: Laboratory, gravity: float) -> str:
     return f"{gravity:g} m/s2: moves by {found}, carried {carried:.4g} of {weight:.4g} N"
 
 
-@CASES.add("G5", RIGHT)
+@CASES.add("G5", RIGHT, long=True)
 def graded_without_and_with_much_gravity(laboratory: Laboratory) -> Outcome:
     """Graded bed under gravity of 0 and 100 m/s2."""
     return right(f"{weighed(laboratory, 0.0)}; {weighed(laboratory, 100.0)}")

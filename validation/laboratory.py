@@ -19,6 +19,9 @@ from subsoil_ros.messages import ToolMotion
 RADIUS, DENSITY, GRAVITY = 0.01, 1800.0, 9.81
 MASS = DENSITY * 4.0 / 3.0 * math.pi * RADIUS**3
 
+NEGLIGIBLE = 1e-20
+"""In the place of 0 where nothing depends on it: code of the law that is compiled for other cases too."""
+
 Document = dict[str, Any]
 
 
@@ -30,9 +33,9 @@ def wet(**values: float) -> Document:
 def linear(stiffness: float, **values: float) -> Document:
     """Springs and dashpots, the same at boundaries: smooth and undamped but for `values`."""
     row = {
-        "stiffness_newton_per_m": stiffness, "tangential_stiffness_newton_per_m": 0.0,
+        "stiffness_newton_per_m": stiffness, "tangential_stiffness_newton_per_m": NEGLIGIBLE,
         "damping_newton_s_per_m": 0.0, "tangential_damping_newton_s_per_m": 0.0,
-        "static_friction": 0.0, "sliding_friction": 0.0, **values,
+        "static_friction": 0.0, "sliding_friction": 0.0, "rolling_friction": NEGLIGIBLE, **values,
     }  # fmt: skip
     return {"kind": "linear", "particle": row, "boundary": row}
 
@@ -121,10 +124,9 @@ def placed(
     resolved: ResolvedScene,
     position_m: Sequence[Sequence[float]],
     velocity_m_per_s: Sequence[Sequence[float]],
-    book: bool = False,
 ) -> SoilEngine:
-    """An engine with these particles in the place of the bed, started."""
-    engine = SoilEngine(resolved, book=book)
+    """An engine with these particles in the place of the bed, and an energy book, started."""
+    engine = SoilEngine(resolved, book=True)
     engine.place(position_m, velocity_m_per_s)  # type: ignore[arg-type]
     engine.start(())
     return engine

@@ -10,7 +10,19 @@ from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.loading.loader import ResolvedScene
 
 from .cases import REFUSED, RIGHT, Cases, Outcome, must, refused, right
-from .laboratory import GRAVITY, MASS, RADIUS, Document, Laboratory, advance, drag, linear, placed, wet
+from .laboratory import (
+    GRAVITY,
+    MASS,
+    NEGLIGIBLE,
+    RADIUS,
+    Document,
+    Laboratory,
+    advance,
+    drag,
+    linear,
+    placed,
+    wet,
+)
 from .steps import DEFECT, SAME
 
 CASES = Cases()
@@ -158,7 +170,7 @@ def thrown_apart(laboratory: Laboratory) -> Outcome:
     for times in (0.0, 95.0, 1e3, 1e5):
         peak = times * MASS * GRAVITY  # of a pair, half of a body's
         law = wet(
-            cohesive_stiffness_newton_per_m=2.0 * peak / reach, damping_newton_s_per_m=0.0,
+            cohesive_stiffness_newton_per_m=max(2.0 * peak / reach, NEGLIGIBLE), damping_newton_s_per_m=0.0,
             tangential_damping_newton_s_per_m=0.0,
         )  # fmt: skip
         escape = math.sqrt(peak * (rest + reach) / (0.5 * MASS))

@@ -5,7 +5,7 @@ import numpy as np
 from subsoil_ros.dem.engine import SoilEngine
 
 from .cases import REFUSED, RIGHT, STOPPED, Cases, Outcome, must, refused, right, right_or_stopped, stopped
-from .laboratory import RADIUS, Drag, Laboratory, advance, drag, tool_at, wet
+from .laboratory import NEGLIGIBLE, RADIUS, Drag, Laboratory, advance, drag, tool_at, wet
 from .steps import DEFECT, SAME
 
 CASES = Cases()
@@ -135,7 +135,7 @@ def larger_than_the_bed(laboratory: Laboratory) -> Outcome:
 
 def pressed(laboratory: Laboratory, mesh: str, top_m: float) -> tuple[float, int]:
     """Force [N] and contacts of a sphere 0.1 mm into repulsion on a tool whose highest point is `top_m`."""
-    law = wet(cohesive_stiffness_newton_per_m=0.0, rolling_friction=1e-20)
+    law = wet(cohesive_stiffness_newton_per_m=NEGLIGIBLE, rolling_friction=NEGLIGIBLE)
     resolved = laboratory.soil(law, (0.2, 0.2, 0.2), gravity=0.0, tool=mesh)
     engine = SoilEngine(resolved)
     z = -0.1

@@ -12,7 +12,7 @@ from dev.fuzz_scenes import passes, scene_texts
 from subsoil_ros import check
 from subsoil_ros.errors import SceneError
 
-CASES = 250
+CASES = 100
 
 
 def test_a_changed_scene_passes_or_is_refused(tmp_path: Path) -> None:

@@ -14,6 +14,9 @@ from examples.gallery.make_meshes import MESHES
 PAGE = (FOLDER / "README.md").read_text()
 SHORT = {"duration_s": 0.004, "soil.particles.radius_m": 0.02, "record.cloud_hz": None}
 
+LONG = ("disc_gang", "mouldboard", "swing", "three_shanks")
+"""Whose beds take half a minute or more to prepare."""
+
 
 def test_every_scene_is_on_the_page():
     """At least twenty examples; each scene has a picture or film of its own, and three sentences or so."""
@@ -37,8 +40,16 @@ def test_meshes_are_those_of_the_script(make):
     np.testing.assert_allclose(stored.bounds, made.bounds, atol=1e-6)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", scenes())
+def test_scene_is_whole(name):
+    """The command `check` finds no fault."""
+    assert subsoil.check(FOLDER / f"{name}.yaml", SHORT)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.full if name in LONG else ()) for name in scenes()]
+)
 def test_scene_runs(name):
     """With larger particles and for a short time, every scene runs to its end."""
     run = subsoil.run(FOLDER / f"{name}.yaml", overrides=SHORT)

@@ -39,6 +39,12 @@ def digests_after(package, place, change):
         file.write_text(before)
 
 
+@pytest.fixture(scope="module")
+def as_it_is(package):
+    """Digests of the copy, unchanged."""
+    return digests_after(package, "dem/contact.py", str)
+
+
 @pytest.mark.parametrize(
     ("place", "kernels"),
     [
@@ -56,17 +62,15 @@ def digests_after(package, place, change):
         ("wedge/wedge.py", "none"),
     ],
 )
-def test_a_changed_source_outdates_its_kernels_and_all_results(package, place, kernels):
+def test_a_changed_source_outdates_its_kernels_and_all_results(package, as_it_is, place, kernels):
     """Bed preparation, combining rules and the exchange are no kernels: results know of them all the same."""
-    as_it_is = digests_after(package, place, str)
     changed = digests_after(package, place, lambda text: text + "\nCHANGED = 1\n")
     expected = (kernels == "soil", kernels == "mechanism", True)
     assert tuple(new != old for new, old in zip(changed, as_it_is, strict=True)) == expected
 
 
-def test_a_comment_outdates_nothing(package):
+def test_a_comment_outdates_nothing(package, as_it_is):
     """Nor does a docstring, nor what no result depends on."""
-    as_it_is = digests_after(package, "dem/contact.py", str)
     assert (
         digests_after(package, "dem/contact.py", lambda text: "# why\n" + text + '\n"""Said."""\n')
         == as_it_is

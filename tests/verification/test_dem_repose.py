@@ -12,6 +12,8 @@ import math
 import numpy as np
 import pytest
 
+from ..soils import NEGLIGIBLE
+
 RADIUS = 0.01
 COLUMN = (8, 4, 14)
 """Spheres along x, y, z."""
@@ -36,8 +38,9 @@ def heap_angle_deg(soil, friction, rolling, adhesion):
     row = {
         "stiffness_newton_per_m": 5e3, "tangential_stiffness_newton_per_m": 4e3,
         "damping_newton_s_per_m": 1.7, "tangential_damping_newton_s_per_m": 1.5,
-        "cohesive_stiffness_newton_per_m": adhesion * weight / 5e-4,
-        "static_friction": friction, "sliding_friction": friction, "rolling_friction": rolling,
+        "cohesive_stiffness_newton_per_m": max(adhesion * weight / 5e-4, NEGLIGIBLE),
+        "static_friction": friction, "sliding_friction": friction,
+        "rolling_friction": max(rolling, NEGLIGIBLE),
         "equilibrium_overlap_m": 5e-4, "cohesion_range_m": 5e-4,
     }  # fmt: skip
     engine = soil.engine(

@@ -10,6 +10,7 @@ from subsoil_ros.contact_laws.base import YES, Features
 from subsoil_ros.contact_laws.linear.law import LinearNumbers
 from subsoil_ros.dem.pairs import contact_of_pair
 
+from ..soils import NEGLIGIBLE
 from .impacts import laboratory, linear
 from .test_dem_sizes import INERTIA as INERTIAS
 from .test_dem_sizes import LARGE, LINEAR, REDUCED_RADIUS, SMALL, TANGENTIAL, run, two_spheres
@@ -37,7 +38,7 @@ def twisting(law, friction):
 
 def spinning(soil, at, one, surface, friction, spin, rolling, step_ns):
     """A sphere that rests on the floor or on a facet and spins about the vertical, started."""
-    law = twisting(linear(K_N, K_T, 0.0, 0.0, 0.5, rolling), friction)
+    law = twisting(linear(K_N, K_T, 0.0, 0.0, 0.5, rolling or NEGLIGIBLE), friction)
     overlap, before, motions, tools = MASS * GRAVITY / K_N, (), (), {}
     if surface == "facets":  # from outside into the sphere, which a tool may not overlap at the start
         before, motions = at(0.06, -0.02 - overlap - 1e-9, 0.0), at(0.06, -0.02, 0.0)

@@ -14,13 +14,13 @@ Columns = Series | Mapping[str, NDArray[Any]]
 
 def running_mean(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     """Centred mean over `count` (made odd) values, over fewer at the ends, nan left out; (n,) -> (n,)."""
-    import pandas as pd
-
     half = min(count // 2, (len(values) - 1) // 2)
     if half < 1:
         return values
-    means = pd.Series(values).rolling(2 * half + 1, min_periods=1, center=True).mean()
-    return np.asarray(means, np.float64)
+    known, window = ~np.isnan(values), np.ones(2 * half + 1)
+    total = np.convolve(np.where(known, values, 0.0), window, "same")
+    number = np.convolve(known, window, "same")
+    return np.divide(total, number, out=np.full(len(values), np.nan), where=number > 0.0)
 
 
 def moving_mean(columns: Columns, name: str, seconds: float) -> NDArray[np.float64]:

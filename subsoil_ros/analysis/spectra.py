@@ -76,12 +76,12 @@ class Spectrum:
 
 def spectrum(step_s: float, values: NDArray[np.float64]) -> Spectrum | None:
     """Estimate the spectrum of values (n,), `step_s` [s] apart; None for a short or constant record."""
-    from scipy.signal import welch
-    from scipy.special import gammaincinv
-
     count = len(values)
     if count < LEAST_ROWS:
         return None
+    from scipy.signal import welch  # takes half a second to import
+    from scipy.special import gammaincinv
+
     place = np.arange(count)
     about = values - np.polyval(np.polyfit(place, values, 1), place)
     variance = float(about.var())

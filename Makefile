@@ -37,6 +37,9 @@ endif
 jobs = $(if $(findstring jobserver,$(MAKEFLAGS)),,-j3)
 ros_prefix := AMENT_PREFIX_PATH=$(prefix) CMAKE_PREFIX_PATH=$(prefix)
 pip := $(bin)/python -m pip
+# A worker for each core, 2 to 4: many tests start several processes.
+pytest := $(bin)/python -m pytest -n $(shell n=$$(nproc 2>/dev/null || echo 2); test $$n -ge 2 || n=2; \
+	test $$n -le 4 || n=4; echo $$n) --dist loadfile
 
 .DEFAULT_GOAL := setup
 .PHONY: setup run test test-quick test-full check format colcon wheels docs docs-version test-kilted bench clean help
@@ -49,17 +52,17 @@ run:  ## simulate SCENE (field_swing_brittle) into OUT (runs/<time>), then repor
 	$(bin)/subsoil run $(SCENE) --out $(out) $(RUN_FLAGS)
 	$(bin)/subsoil report $(out)
 
-test: setup  ## all tests but long studies, files on two workers
+test: setup  ## all tests but long studies, files on 2 to 4 workers
 	$(bin)/python -m dev.warm_kernels --tests
-	$(bin)/python -m pytest -n 2 --dist loadfile -m "not full" $(PYTEST_FLAGS)
+	$(pytest) -m "not full" $(PYTEST_FLAGS)
 
 test-quick: setup  ## some of every folder: 3 minutes once kernels are compiled
 	$(bin)/python -m dev.warm_kernels --tests
-	$(bin)/python -m pytest -n 2 --dist loadfile -m quick $(PYTEST_FLAGS)
+	$(pytest) -m quick $(PYTEST_FLAGS)
 
 test-full: setup  ## all tests, long studies among them
 	$(bin)/python -m dev.warm_kernels --tests
-	$(bin)/python -m pytest -n 2 --dist loadfile $(PYTEST_FLAGS)
+	$(pytest) $(PYTEST_FLAGS)
 
 check: setup  ## style, types, layers
 	$(bin)/ruff check .

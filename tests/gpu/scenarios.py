@@ -148,7 +148,9 @@ def build(engine_of: EngineOf, folder: Path, scenario: dict[str, Any]) -> Any:
     path = folder / "scene.yaml"
     path.write_text(yaml.safe_dump(document(folder, scenario), sort_keys=False))
     bed = given_bed() if scenario.get("unequal") else crossing_bed() if scenario.get("crossing") else None
-    return engine_of(load_scene(path), bed=bed, book=scenario["law"] != "cohesive_linear")
+    resolved = load_scene(path)
+    book = scenario["law"] != "cohesive_linear" or resolved.scene.particle_soil.precision == "mixed"
+    return engine_of(resolved, bed=bed, book=book)
 
 
 def start(engine: Any, scenario: dict[str, Any]) -> None:

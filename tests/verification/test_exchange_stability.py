@@ -14,6 +14,7 @@ from subsoil_ros.mbd.engine import MechanismEngine
 from subsoil_ros.messages import ToolWrenches
 from subsoil_ros.scene.model import Coupling
 
+from ..soils import NEGLIGIBLE
 from .tick_map import Exchange
 
 
@@ -103,8 +104,8 @@ def scene_of(soil, case: Exchange, ticks: int):
     """A block of 1 kg on a rail, pressed on one sphere so heavy that it stays where it is."""
     row = {
         "stiffness_newton_per_m": case.stiffness, "damping_newton_s_per_m": case.damping,
-        "tangential_stiffness_newton_per_m": 0.0, "tangential_damping_newton_s_per_m": 0.0,
-        "static_friction": 0.0, "sliding_friction": 0.0,
+        "tangential_stiffness_newton_per_m": NEGLIGIBLE, "tangential_damping_newton_s_per_m": 0.0,
+        "static_friction": 0.0, "sliding_friction": 0.0, "rolling_friction": NEGLIGIBLE,
     }  # fmt: skip
     rest = {"kind": "constant", "value": PLACE}
     own = {

@@ -154,7 +154,7 @@ def core_larger_than_the_bed(laboratory: Laboratory) -> Outcome:
     return right(f"{int((~bed.held).sum())} free particles, {100.0 * off:+.2f} %; moves by {calm(resolved)}")
 
 
-@CASES.add("G4", RIGHT)
+@CASES.add("G4", RIGHT, long=True)
 def graded_at_the_limit(laboratory: Laboratory) -> Outcome:
     """Dragged tool in a graded bed at 0.9 and 0.45 of the limit of the step; 1.01 of it."""
     limit = limit_s(graded(laboratory))

@@ -111,7 +111,7 @@ def test_the_example_runs(tmp_path: Path) -> None:
     assert (out / "draft_control.png").read_bytes()[1:4] == b"PNG"
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_example_runs_in_particles(tmp_path: Path) -> None:
     """The other scene, 0.1 s of it in a small bin: the share stands in soil, commanded all the same."""
     out = tmp_path / "out"

@@ -41,7 +41,9 @@ def assert_readable(out: Path, cut: bool = False) -> int:
     return count
 
 
-@pytest.mark.parametrize("victim", ["mechanism", "soil", "recorder", "coupler"])
+@pytest.mark.parametrize(
+    "victim", ["soil", "recorder", "coupler", pytest.param("mechanism", marks=pytest.mark.full)]
+)
 def test_a_node_that_dies_ends_the_run(start_run: Callable, victim: str) -> None:
     """kill -9 of a node: exit 3, one message that names it, no process left, bag readable."""
     run, pids = start_run()
@@ -82,8 +84,13 @@ def test_a_closed_terminal_fails_the_run_in_order(start_run: Callable, mode: str
     assert_readable(run.out)
 
 
-@pytest.mark.parametrize("mode", ["nodes", "composed", "direct"])
-@pytest.mark.parametrize(("number", "expected"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    ("number", "expected", "mode"),
+    [
+        (signal.SIGINT, 130, "nodes"), (signal.SIGINT, 130, "composed"), (signal.SIGINT, 130, "direct"),
+        (signal.SIGTERM, 143, "nodes"),
+    ],
+)  # fmt: skip
 def test_an_interrupted_run_leaves_a_finished_bag(
     start_run: Callable, mode: str, number: signal.Signals, expected: int
 ) -> None:

@@ -138,6 +138,7 @@ def bonds(bed, soil):
     return near - 1
 
 
+@pytest.mark.full
 def test_a_dense_bed_is_as_dense_at_its_sides_as_inside(soil):
     """Bonds per particle in the outer thirds and in the middle one: equal within four standard errors.
 

@@ -87,6 +87,7 @@ def test_beyond_its_limit_twist_slows_at_a_constant_rate(soil, at, one, surface,
     assert_allclose(start.kinetic_joule - end.kinetic_joule, lost, rtol=1e-9 if surface == "floor" else 1e-7)
 
 
+@pytest.mark.full
 def test_torques_of_unequal_spheres_are_opposite_and_have_the_reduced_radius(soil):
     """-K_t R^2 times the angle on one, the same with the other sign on the other."""
     x = [(0.1, 0, -0.15), (0.1 + SMALL + LARGE - 1e-4, 0, -0.15)]

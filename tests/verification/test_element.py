@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
 from subsoil_ros.dem.bed import Bed, scaled
@@ -162,6 +163,7 @@ def test_confined_modulus():
     assert 0.4 * affine < found < affine
 
 
+@pytest.mark.full
 def test_a_preload_strengthens_what_yields_and_sticks() -> None:
     """After 80 kPa the unconfined strength is a multiple of that after 5 kPa; without attraction there
     is next to none."""

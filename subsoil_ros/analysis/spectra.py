@@ -79,7 +79,7 @@ def spectrum(step_s: float, values: NDArray[np.float64]) -> Spectrum | None:
     count = len(values)
     if count < LEAST_ROWS:
         return None
-    from scipy.signal import welch  # takes half a second to import
+    from scipy.signal import welch  # slow to import; short records need none of it
     from scipy.special import gammaincinv
 
     place = np.arange(count)

@@ -10,9 +10,7 @@ from typing import Any
 
 from subsoil_ros.dem.bench.cases import WET_BOUNDARY as BOUNDARY
 from subsoil_ros.dem.bench.cases import WET_PARTICLE as PARTICLE
-
-NEGLIGIBLE = 1e-20
-"""A stiffness or friction whose code is compiled and that has no effect: far below round-off of others."""
+from validation.laboratory import NEGLIGIBLE as NEGLIGIBLE
 
 WET = {"kind": "cohesive_linear", "particle": PARTICLE, "boundary": BOUNDARY}
 DRY = {

@@ -20,7 +20,8 @@ RADIUS, DENSITY, GRAVITY = 0.01, 1800.0, 9.81
 MASS = DENSITY * 4.0 / 3.0 * math.pi * RADIUS**3
 
 NEGLIGIBLE = 1e-20
-"""In the place of 0 where nothing depends on it: code of the law that is compiled for other cases too."""
+"""A stiffness [N/m] or friction whose code is compiled and that has no effect: far below round-off of others.
+In place of 0, so that cases share compiled kernels."""
 
 Document = dict[str, Any]
 

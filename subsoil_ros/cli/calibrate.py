@@ -187,7 +187,8 @@ def _print(fit: WedgeFit, out: Path) -> None:
         confidence = "at its bound" if error is None else f"+- {1.96 * error:.2g}"
         fitted.add_row(name, f"{shown[name]:.4g}", confidence)
     length = "period_m" if values.period_m else "period_factor"
-    for name in ("drop", "variation", "length_variation", length):
+    fitted.add_row("failure", values.failure, "by matching the fluctuation")
+    for name in ("block_depth_m", "drop", "length_variation", length):
         fitted.add_row(name, f"{shown[name]:.4g}", "by matching the fluctuation")
     console.print(fitted)
     names = fit.names

@@ -55,10 +55,14 @@ class WedgeValues(StrictModel):
     bed_modulus_newton_per_m3: Positive = Field(
         2.0e7, description="pressure over displacement while a wedge forms."
     )
-    drop: Part01 = Field(0.3, description="part of the force lost when a wedge has failed.")
-    drop_depth_m: Positive | None = Field(
+    failure: Literal["sudden", "gradual"] = Field(
+        "sudden",
+        description="sudden: force is lost at once and rises with travel; gradual: it falls as it rises.",
+    )
+    drop: Part01 = Field(0.3, description="part of its force that a wedge, or a block of it, loses.")
+    block_depth_m: Annotated[float, Field(ge=0.01), WithinReach] | None = Field(
         None,
-        description="depth where drop and variation hold; they go as one over it. Left out: all depths.",
+        description="depth up to which a wedge is one block; deeper: (depth / this)^2. Left out: always one.",
     )
     tip_m: NonNegative = Field(
         0.0,
@@ -77,7 +81,7 @@ class WedgeValues(StrictModel):
         None, description="that of the length, where it is another: lognormal, so it may be above 1."
     )
     rate_s_per_m: NonNegative = Field(
-        0.0, description="relative rise of a failing wedge's limit for each m/s."
+        0.0, description="relative rise of what blocks bear for each m/s of the plate along its normal."
     )
     shank_fraction: NonNegative = Field(
         1.0, description="of a lone shank's resistance, met in soil that the share has broken."

@@ -16,7 +16,7 @@ from ..scene.tool_faces import CuttingFace, WheelFace, cutting_faces, wheel_face
 from ..scene.wedge import WedgeValues, layer_values
 from .forces import Felt, FeltInSpace, across_part, on_plate, slip_m
 from .layers import mean_strength
-from .wedge import Plate, Strength, bearing_pressure, failure, parted
+from .wedge import Failure, Plate, Strength, bearing_pressure, failure, parted
 from .wheel import SLOWEST_M_PER_S, grip_newton, rolling_resistance_newton, wheel_load_newton
 
 ROUND_OFF_RAD = 1e-9
@@ -26,8 +26,26 @@ ROUND_OFF_RAD = 1e-9
 ROUNDS = 6
 """Iterations of the rupture angle and the direction of sliding, each from the other; they agree to 1e-6."""
 
-LARGEST_DROP = 0.95
-"""Largest part of its force that a shallow wedge loses; the soil that has failed is still pushed."""
+
+def bearing(phase: float, drop: float, gradual: bool) -> float:
+    """Part of its strength that a block bears at a phase of its cycle, 0 to 1; it fails at 1."""
+    return 1.0 - drop * (4.0 * phase * (1.0 - phase) if gradual else 1.0 - phase)
+
+
+def mean_bearing(drop: float, gradual: bool) -> float:
+    """`bearing` on average over the cycle."""
+    return 1.0 - drop * (2.0 / 3.0 if gradual else 0.5)
+
+
+def block_number(depth_m: float, size_m: float | None) -> float:
+    """Blocks in a wedge of this depth. They have one size, so their number goes as the depth squared; up to
+    the depth `size_m`, or without one, there is one."""
+    return 1.0 if size_m is None else max(depth_m / size_m, 1.0) ** 2
+
+
+def block_sizes(blocks: float) -> list[float]:
+    """Part of the wedge that each block is; the last one may be a fraction of a block."""
+    return [min(blocks - number, 1.0) / blocks for number in range(math.ceil(blocks))]
 
 
 @dataclass
@@ -38,10 +56,11 @@ class ToolMemory:
     z_m: float
     angle_rad: float
     normal_newton: list[float]  # elastic normal force on each face
-    phase: float = 0.0  # of the failure cycle, 0 to 1
-    failed_count: int = 0  # wedges that have failed
-    strength: float = 1.0  # of this wedge over the mean
-    length: float = 1.0  # of this wedge over the mean
+    # Of each block; as many as the deepest wedge so far had:
+    phase: list[float] = field(default_factory=list)  # of the failure cycle, 0 to 1
+    failed_count: list[int] = field(default_factory=list)  # how often it has failed
+    strength: list[float] = field(default_factory=list)  # over the mean, until it fails
+    length: list[float] = field(default_factory=list)  # over the mean, until it fails
     shear_m: float = 0.0  # of the soil at the end of a wheel's contact
 
 
@@ -104,6 +123,11 @@ class WedgeEngine:
             return _Tool(name, mesh.groups, phi, faces=cutting_faces(mesh, place))
         return _Tool(name, mesh.groups, phi, wheel=wheel_face(mesh, place))
 
+    @property
+    def values(self) -> WedgeValues:
+        """Values of the soil."""
+        return self._values
+
     def with_values(self, values: WedgeValues) -> "WedgeEngine":
         """The same engine at rest in a soil of other values; cheap, for fits."""
         other = copy.copy(self)
@@ -123,8 +147,6 @@ class WedgeEngine:
         self.memory = ResistanceState(
             [_memory(tool, motion) for tool, motion in zip(self._tools, motions, strict=True)]
         )
-        for index in range(len(self._tools)):
-            self._next_wedge(index)
         return self._answer("start", motions)
 
     def advance(self, tick: int, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
@@ -184,14 +206,15 @@ class WedgeEngine:
                 felt = Felt([[0.0, 0.0] for _ in tool.groups])
             if tool.wheel is not None:
                 self._roll(tool.wheel, memory, motion, moved, felt)
+            sizes = self._block_sizes(index, motion) if tool.faces else []
             for number, face in enumerate(tool.faces):
-                self._cut(where, index, number, face, motion, moved, felt)
+                self._cut(where, index, number, face, motion, moved, felt, sizes)
             wrenches.append(felt.wrench(tool.name, tool.groups, moved))
         return tuple(wrenches)
 
     def _cut(
         self, where: str, index: int, number: int, face: CuttingFace, motion: ToolMotion,
-        moved: tuple[float, float, float], felt: Felt,
+        moved: tuple[float, float, float], felt: Felt, sizes: list[float],
     ) -> None:  # fmt: skip
         """Add wedge and sides of one face at `motion`, after the displacement `moved` (x, z, phi)."""
         tool, memory = self._tools[index], self.memory.tools[index]
@@ -220,26 +243,26 @@ class WedgeEngine:
         if self._range is not None and face.is_share:
             self._refuse_beyond(where, tool.name, depth, speed)
         plate = Plate(face.width_m, rake, depth, height)
-        beta, force, length, rising = self._fails(face, plate, strength, speed)
-        up = (rising / 3.0 + 0.5 * (1.0 - rising)) * height / tall
+        failed = self._fails(face, plate, strength, speed)
+        up = (failed.by_weight / 3.0 + 0.5 * (1.0 - failed.by_weight)) * height / tall
         arm = (tip[0] + up * (top[0] - tip[0]), tip[1] + up * (top[1] - tip[1]))
         way = (moved[0] - moved[2] * arm[1], moved[1] + moved[2] * arm[0])
         aside = felt.aside_m(f"{where}: tools.{tool.name}", face, arm, way)
         delta = strength.tool_friction  # as it acts across the edge
         if aside != 0.0:
             for _ in range(ROUNDS):
-                across = across_part(slip_m(rake, beta, way), aside)
+                across = across_part(slip_m(rake, failed.beta, way), aside)
                 delta = math.atan(across * math.tan(strength.tool_friction))
                 weaker = strength._replace(tool_friction=delta, adhesion=across * strength.adhesion)
-                beta, force, length, _ = self._fails(face, plate, weaker, speed)
-        normal = self._press(index, number, face, rake, force, delta, length, way, self._scale(index, motion))
-        mobilised = normal / (force * math.cos(delta)) if force > 0.0 else 0.0
-        if face.is_share and self._values.tip_m > 0.0 and force > 0.0:
+                failed = self._fails(face, plate, weaker, speed)
+        normal = self._press(index, number, face, rake, failed, delta, way, sizes)
+        mobilised = normal / (failed.force * math.cos(delta)) if failed.force > 0.0 else 0.0
+        if face.is_share and self._values.tip_m > 0.0 and failed.force > 0.0:
             self._bear_tip(face, strength, depth, mobilised, tip, moved, felt)
         part = 1.0 if face.is_share else self._values.shank_fraction
         adhesion = part * strength.adhesion * height * face.width_m / math.sin(rake)
         strong = normal * math.tan(strength.tool_friction) + adhesion * min(mobilised, 1.0)
-        slip, slow = slip_m(rake, beta, way), SLOWEST_M_PER_S * self._interval_s
+        slip, slow = slip_m(rake, failed.beta, way), SLOWEST_M_PER_S * self._interval_s
         on_face, edge = on_plate(rake, normal, strong, way, slip, aside, slow)
         felt.add(face.group, on_face, arm, edge)
         felt.count += normal > 0.0
@@ -253,15 +276,13 @@ class WedgeEngine:
         scale = -side / (math.hypot(*slid) + SLOWEST_M_PER_S * self._interval_s)
         felt.add(face.group, (scale * slid[0], scale * slid[1]), centre)
 
-    def _fails(
-        self, face: CuttingFace, plate: Plate, strength: Strength, speed: float
-    ) -> tuple[float, float, float, float]:
+    def _fails(self, face: CuttingFace, plate: Plate, strength: Strength, speed: float) -> Failure:
         """`failure` of a share, or of a shank in the soil that the share has broken."""
         part = 1.0 if face.is_share else self._values.shank_fraction
         if not face.is_share and strength.plane_sides:
             return parted(plate, strength, part)
-        beta, force, length, rising = failure(plate, strength, speed)
-        return beta, force * part, length, rising
+        failed: Failure = failure(plate, strength, speed)
+        return failed._replace(force=failed.force * part)
 
     def _bear_tip(
         self, face: CuttingFace, strength: Strength, depth: float, mobilised: float,
@@ -276,56 +297,70 @@ class WedgeEngine:
             felt.add(face.group, (-force, force), tip)
 
     def _press(
-        self, index: int, number: int, face: CuttingFace, rake: float, force: float, delta: float,
-        length: float, way: tuple[float, float], scale: float,
+        self, index: int, number: int, face: CuttingFace, rake: float, failed: Failure, delta: float,
+        way: tuple[float, float], sizes: list[float],
     ) -> float:  # fmt: skip
         """Normal force [N] on a plate after the displacement `way` (x, z): a spring up to the wedge's limit.
 
-        The limit is (1 - drop) P when a wedge begins and P when it fails. Only travel beyond the spring's
-        brings the wedge nearer to failure, and its speed raises the limit in proportion (rate). A damper
-        makes up for the force that is held over a tick (coupling, k H / 2). scale: factor of drop and
-        variation, by the depth.
+        The limit is the inertia of P and what the blocks bear of the rest (bearing). Only travel beyond the
+        spring's brings blocks nearer to failure, and its speed raises what they bear in proportion (rate). A
+        damper makes up for the force that is held over a tick (coupling, k H / 2).
         """
         memory, values = self.memory.tools[index], self._values
-        whole = force * math.cos(delta)
-        bears = whole * memory.strength**scale * (1.0 - scale * values.drop * (1.0 - memory.phase))
+        whole = failed.force * math.cos(delta)
+        gradual = values.failure == "gradual"
+        part = 0.0
+        for size, strength, phase in zip(sizes, memory.strength, memory.phase, strict=False):
+            part += size * strength * bearing(phase, values.drop, gradual)
+        breaks = whole * (1.0 - failed.by_inertia) * part
+        bears = breaks + whole * failed.by_inertia
         stiffness = values.bed_modulus_newton_per_m3 * face.area_m2
         into = way[0] * math.sin(rake) + way[1] * math.cos(rake)
         trial = memory.normal_newton[number] + stiffness * into
-        slow = values.rate_s_per_m * bears / self._interval_s  # [N/m], rise of the limit
+        slow = values.rate_s_per_m * breaks / self._interval_s  # [N/m], rise of the limit
         beyond = max(trial - bears, 0.0) / (stiffness + slow)
         bears += slow * beyond
         memory.normal_newton[number] = min(max(trial, 0.0), bears)
         normal = min(max(memory.normal_newton[number] + stiffness * into, 0.0), bears)
-        if face.is_share and beyond > 0.0 and into > 0.0 and length > 0.0:
+        if face.is_share and beyond > 0.0 and into > 0.0 and failed.length > 0.0:
             slid = min(beyond, into) / math.sin(rake)
-            period = values.period_m or values.period_factor * length
-            memory.phase += slid / (period * memory.length)
-            while memory.phase >= 1.0:
-                memory.phase -= 1.0
-                memory.failed_count += 1
-                self._next_wedge(index)
+            period = values.period_m or values.period_factor * failed.length
+            for block, length in enumerate(memory.length):
+                memory.phase[block] += slid / (period * length)
+                while memory.phase[block] >= 1.0:
+                    memory.phase[block] -= 1.0
+                    memory.failed_count[block] += 1
+                    self._draw(index, block)
         return normal
 
-    def _scale(self, index: int, motion: ToolMotion) -> float:
-        """Factor of drop and variation at a tool's depth, as deeper wedges fail in more blocks."""
-        reference, tool = self._values.drop_depth_m, self._tools[index]
-        if reference is None:
-            return 1.0
+    def _block_sizes(self, index: int, motion: ToolMotion) -> list[float]:
+        """Part of a tool's wedge that each block is; blocks that it did not have yet are added."""
+        tool, memory = self._tools[index], self.memory.tools[index]
         turn, (x, z) = motion.angle_rad - tool.reference_angle_rad, tool.faces[0].tip_m
         depth = -(motion.z_m + math.sin(turn) * x + math.cos(turn) * z)
-        most = LARGEST_DROP / max(self._values.drop, 1e-3)
-        return min(reference / depth, most) if depth > 0.0 else most
+        sizes = block_sizes(block_number(depth, self._values.block_depth_m))
+        for block in range(len(memory.phase), len(sizes)):
+            somewhere = np.random.default_rng([self._seed, index, 0, block, 1])
+            least = 0.5 if self._values.failure == "gradual" else 0.0
+            memory.phase.append(float(somewhere.random()) if block > 0 else least)
+            memory.failed_count.append(0)
+            memory.strength.append(1.0)
+            memory.length.append(1.0)
+            self._draw(index, block)
+        return sizes
 
-    def _next_wedge(self, index: int) -> None:
-        """Draw strength and length of the next wedge: lognormal of mean 1, by seed, tool and number."""
+    def _draw(self, index: int, block: int) -> None:
+        """Strength and length of a block until it fails: lognormal of mean 1, by seed, tool, count, block."""
         memory, values = self.memory.tools[index], self._values
         length = values.variation if values.length_variation is None else values.length_variation
         if values.variation == 0.0 and length == 0.0:
             return
-        random = np.random.default_rng([self._seed, index, memory.failed_count])
+        random = np.random.default_rng(
+            [self._seed, index, memory.failed_count[block], *[block] * (block > 0)]
+        )
         sigma = np.array([math.sqrt(math.log1p(part * part)) for part in (values.variation, length)])
-        memory.strength, memory.length = np.exp(sigma * random.standard_normal(2) - 0.5 * sigma**2).tolist()
+        drawn = np.exp(sigma * random.standard_normal(2) - 0.5 * sigma**2).tolist()
+        memory.strength[block], memory.length[block] = drawn
 
     def _roll(
         self, wheel: WheelFace, memory: ToolMemory, motion: ToolMotion, moved: tuple[float, float, float],

@@ -43,6 +43,16 @@ class Strength(NamedTuple):
     plane_sides: bool = False  # the wedge's own sides resist (Perumpral); False: crescents (McKyes and Ali)
 
 
+class Failure(NamedTuple):
+    """How the soil in front of a plate fails."""
+
+    beta: float  # rupture angle [rad]
+    force: float  # P on the plate, at delta to its normal [N]
+    length: float  # r of the wedge along the surface [m]; 0 without a wedge
+    by_weight: float  # part of P that grows with depth
+    by_inertia: float = 0.0  # part of P that accelerates the soil
+
+
 class Plate(NamedTuple):
     """A plate in the soil. The wedge of a buried plate is that of a plate that reaches the surface."""
 
@@ -151,48 +161,55 @@ def lateral_pressure(soil, depth, speed):
 
 @njit(cache=True, error_model="numpy")
 def _around_force(plate, soil, speed, top):
-    """P [N] of soil that flows around the part of the plate below the depth `top` [m]."""
+    """P [N] of soil that flows around the part of the plate below the depth `top` [m]; its inertia [N]."""
     below = plate.depth - top
     pressure = lateral_pressure(soil, top + 0.5 * below, speed)  # on the upright section
-    return pressure * plate.width * below / math.sin(plate.rake + soil.tool_friction)
+    lean = math.sin(plate.rake + soil.tool_friction)
+    inertia = soil.speed_factor * soil.density * speed * speed
+    return pressure * plate.width * below / lean, inertia * plate.width * below / lean
 
 
 @njit(cache=True, error_model="numpy")
 def _split_force(plate, soil, speed, critical):
-    """P [N] where the wedge starts at the depth `critical` [m] and the soil flows around the plate below."""
-    below = plate.depth - critical
-    upper = Plate(plate.width, plate.rake, critical, plate.height - below)
-    return _around_force(plate, soil, speed, critical) + least_wedge(upper, soil, speed)[1]
+    """P [N] where the wedge starts at the depth `critical` [m] and the soil flows around the plate below, and
+    its inertia [N]."""
+    upper = Plate(plate.width, plate.rake, critical, plate.height - (plate.depth - critical))
+    beta, above = least_wedge(upper, soil, speed)
+    below, inertia = _around_force(plate, soil, speed, critical)
+    return above + below, inertia + wedge_terms(upper, soil, beta)[5] * speed * speed
 
 
 @njit(cache=True, error_model="numpy")
 def failure(plate, soil, speed):
-    """(beta, P [N], length r [m], part of P that grows with depth) of the failure that comes first.
+    """The Failure that comes first.
 
     A wedge from the tip; or soil that flows around the plate below a critical depth, with a wedge from there
     (the critical depth of least P, Godwin and Spoor); or around all of a buried plate. P is the least of
     these, so it is continuous. beta and r are always those of the wedge from the tip.
     """
     if plate.depth <= 0.0 or plate.height <= 0.0 or plate.width <= 0.0:
-        return 0.25 * math.pi, 0.0, 0.0, 0.0
+        return Failure(0.25 * math.pi, 0.0, 0.0, 0.0, 0.0)
     beta, force = least_wedge(plate, soil, speed)
-    length, weight, _, _, _, _ = wedge_terms(plate, soil, beta)
-    rising = weight / force if force > 0.0 else 0.0
+    length, weight, _, _, _, inertia = wedge_terms(plate, soil, beta)
+    inertia *= speed * speed
+    by_weight = weight / force if force > 0.0 else 0.0
     # where flow just below the tip costs more than the wedge loses, it does so all the way up
-    partly = _split_force(plate, soil, speed, plate.depth - 0.02 * plate.height) < force
-    around = _around_force(plate, soil, speed, plate.depth - plate.height)
+    partly = _split_force(plate, soil, speed, plate.depth - 0.02 * plate.height)[0] < force
+    around, pushed = _around_force(plate, soil, speed, plate.depth - plate.height)
     if around < force:
-        force, rising = around, 0.0
+        force, by_weight, inertia = around, 0.0, pushed
     if partly:
         low, high = plate.depth - plate.height, plate.depth
         for _ in range(CRITICAL_STEPS):
             one, two = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
-            if _split_force(plate, soil, speed, one) < _split_force(plate, soil, speed, two):
+            if _split_force(plate, soil, speed, one)[0] < _split_force(plate, soil, speed, two)[0]:
                 high = two
             else:
                 low = one
-        force = min(force, _split_force(plate, soil, speed, 0.5 * (low + high)))
-    return beta, force, length, rising
+        split, pushed = _split_force(plate, soil, speed, 0.5 * (low + high))
+        if split < force:
+            force, inertia = split, pushed
+    return Failure(beta, force, length, by_weight, inertia / force if force > 0.0 else 0.0)
 
 
 def bearing_pressure(soil: Strength, depth: float, whole: float = 1.0) -> tuple[float, float]:
@@ -206,11 +223,11 @@ def bearing_pressure(soil: Strength, depth: float, whole: float = 1.0) -> tuple[
     return pressure, weight / pressure if pressure > 0.0 else 0.0
 
 
-def parted(plate: Plate, strength: Strength, whole: float) -> tuple[float, float, float, float]:
-    """Return as `failure` does, for a shank that parts broken soil at its bearing pressure.
+def parted(plate: Plate, strength: Strength, whole: float) -> Failure:
+    """Failure in front of a shank that parts broken soil at its bearing pressure.
 
     whole: part of its cohesion that the soil still has.
     """
     pressure, by_weight = bearing_pressure(strength, plate.depth - 0.5 * plate.height, whole)
     force = pressure * plate.width * plate.height / math.sin(plate.rake + strength.tool_friction)
-    return 0.25 * math.pi - 0.5 * strength.friction, force, 0.0, by_weight
+    return Failure(0.25 * math.pi - 0.5 * strength.friction, force, 0.0, by_weight)

@@ -24,11 +24,13 @@ from subsoil_ros.experiments.calibration.design import (
     tip_of,
 )
 from subsoil_ros.experiments.calibration.fluctuation import octave_edges_m
-from subsoil_ros.experiments.calibration.runs import Pull, numbers
+from subsoil_ros.experiments.calibration.runs import Pull, numbers, pull
 from subsoil_ros.experiments.calibration.soil_results import slope_rad
+from subsoil_ros.experiments.calibration.wedge import Measured, steady
 from subsoil_ros.experiments.run_cache import keep_run
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.loading.soil_file import read_soil_file
+from subsoil_ros.wedge.engine import WedgeEngine
 
 Captured = pytest.CaptureFixture[str]
 SCENES = Path(__file__).parents[2] / "config" / "scenes"
@@ -40,9 +42,12 @@ KNOWN = {
     "tool_friction_angle_rad": 0.25,
     "shank_fraction": 0.4,
     "speed_factor": 1.2,
-    "drop": 0.2,
-    "variation": 0.0577,
-    "period_m": 0.03,
+    "failure": "gradual",
+    "drop": 0.6,
+    "block_depth_m": 0.15,
+    "variation": 0.0,
+    "length_variation": 0.5,
+    "period_m": 0.06,
 }
 POINTS = [(0.10, 1.0, 0.0), (0.20, 1.0, 0.0), (0.20, 3.0, 0.0), (0.15, 2.0, -0.2)]
 
@@ -67,9 +72,9 @@ def design(tmp_path: Path) -> Path:
             "scene": str(SCENES / "tine.yaml"),
             "overrides": [
                 "coupling.communication_step_ns=1000000",
-                "soil.bin={length_m: 0.9, width_m: 0.25, depth_m: 0.27}",
+                "soil.bin={length_m: 3.4, width_m: 0.25, depth_m: 0.27}",
             ],
-            "window_m": [0.2, 0.7],
+            "window_m": [0.2, 3.2],
             "fit": points,
             "check": [{"depth_m": 0.18, "speed_m_per_s": 2.0}],
         },
@@ -91,9 +96,11 @@ def test_values_that_are_known_are_found(design: Path, tmp_path: Path, capsys: C
     assert "running" not in capsys.readouterr().err
     soil_file = read_soil_file(out)
     # bed and soil differ in density by 3 %, and the springs' lag and drop shift the means by about 2 %
-    for name in ("cohesion_pa", "friction_angle_rad", "tool_friction_angle_rad"):
+    for name in ("cohesion_pa", "friction_angle_rad", "tool_friction_angle_rad", "shank_fraction"):
         assert getattr(soil_file.values, name) == pytest.approx(KNOWN[name], rel=0.1)
-    assert soil_file.values.shank_fraction == pytest.approx(0.4, rel=0.1)
+    assert soil_file.values.failure == "gradual"
+    for name in ("drop", "block_depth_m", "length_variation", "period_m"):
+        assert getattr(soil_file.values, name) == pytest.approx(KNOWN[name], rel=0.2)
     assert soil_file.fitted_range.depth_m == (0.10, 0.20)
     assert soil_file.fitted_range.rake_rad == pytest.approx((math.radians(25.0), math.radians(25.0) + 0.2))
     for row in soil_file.report["points"]:
@@ -101,12 +108,28 @@ def test_values_that_are_known_are_found(design: Path, tmp_path: Path, capsys: C
         assert model == pytest.approx(draft, rel=0.05)
         deviation, model = row["deviation_newton"]
         assert model == pytest.approx(deviation, rel=0.25)
-        assert row["power_ratio"][1] == pytest.approx(
+        assert row["power_ratio"][2] == pytest.approx(
             1.0, rel=0.5
-        )  # of the waves of 20 to 40 mm, the cycle's
+        )  # of the waves of 40 to 80 mm, the cycle's
     # the file runs in a scene whose particles it was fitted to
     use = {"model": "wedge", "file": str(out), "fitted_to": str(SCENES / "tine.yaml")}
     load_scene(write(tmp_path / "use.yaml", {"base": str(SCENES / "tine.yaml"), "soil": use, "tools": FAST}))
+
+
+def test_steady_forces_are_those_of_a_long_pull(design: Path) -> None:
+    """Share and shank, x and z, over a pull of 3 m whose blocks fail gradually and evenly."""
+    found = read_design(design)
+    assert isinstance(found, WedgeDesign)
+    point = found.fit[1]
+    soil = KNOWN | {"drop": 0.9, "length_variation": 0.0, "block_depth_m": 0.5}
+    scene = base_scene(design, found)
+    wedge = "soil={model: wedge, values: " + json.dumps(soil) + "}"
+    resolved = load_scene(scene.path, (*point_overrides(scene, found, point, 0), wedge))
+    tip_x = tip_of(scene)[1][0]
+    item = numbers(pull(resolved), tip_x, (0.2, 3.2), 0.01)
+    x, z = steady(WedgeEngine(resolved), Measured(point, resolved, tip_x, [item], True))
+    assert_allclose(x, item.mean_x_newton, rtol=0.03)  # a tick is a sixtieth of the cycle
+    assert_allclose(z, item.mean_z_newton, rtol=0.03)  # a tick is a sixtieth of the cycle
 
 
 def test_numbers_of_a_known_wave() -> None:

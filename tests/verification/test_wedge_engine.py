@@ -28,6 +28,10 @@ VALUES = {
     "variation": 0.0,
     "drop": 0.0,
 }
+BLOCKS = {
+    "failure": "gradual", "drop": 0.95, "block_depth_m": 0.05, "length_variation": 0.5, "period_m": 0.03,
+    "rate_s_per_m": 0.5,
+}  # fmt: skip
 STEP_M = 5e-4
 """Per tick: 0.5 m/s at the default tick of 1 ms."""
 
@@ -141,7 +145,7 @@ def test_length_and_strength_vary_each_by_their_own(engine):
     assert len(peaks) > 10
     assert np.std(forces[peaks]) < 0.03 * forces[peaks].mean()
     assert np.std(np.diff(peaks)) > 0.4 * np.diff(peaks).mean()
-    assert soil.memory.tools[0].strength == 1.0
+    assert soil.memory.tools[0].strength == [1.0]
 
 
 def test_rising_soil_lifts_an_upright_blade(engine):
@@ -176,11 +180,12 @@ def test_turning_the_nose_down_raises_the_rake(engine):
     assert wrench.force_z_newton / wrench.force_x_newton < flat.force_z_newton / flat.force_x_newton
 
 
+@pytest.mark.parametrize("values", [{"drop": 0.4, "variation": 0.2}, BLOCKS])
 @pytest.mark.parametrize("seed", range(4))
-def test_soil_never_gives_energy(engine, seed):
+def test_soil_never_gives_energy(engine, seed, values):
     """Over closed paths of any kind, turning ones too, the soil's work is never positive."""
     random = np.random.default_rng(seed)
-    soil = engine({"drop": 0.4, "variation": 0.2}, share="both")
+    soil = engine(values, share="both")
     time = np.linspace(0.0, 2.0 * np.pi, 1500)
     shape = sum(
         random.normal(size=(3, 1)) * np.sin(k * time + random.uniform(0.0, 6.28, (3, 1))) for k in (1, 3, 7)
@@ -312,14 +317,13 @@ def test_share_that_turns_out_of_the_theory_stops_the_run(engine):
         drawn(soil, [(0.5, 0.1, 0.0), (0.5, 0.1, 0.2)])
 
 
-def test_state_is_all_there_is(engine):
+@pytest.mark.parametrize("values", [{"drop": 0.3, "variation": 0.2, "period_factor": 0.03}, BLOCKS])
+def test_state_is_all_there_is(engine, values):
     """An engine that takes over another's memory goes on alike, bit for bit."""
-    values = {"drop": 0.3, "variation": 0.2, "period_factor": 0.03}
     one, two = engine(values, share="both"), engine(values, share="both")
-    poses = forward(600)
+    poses = [(x, z + 0.05 * math.sin(0.02 * k), phi) for k, (x, z, phi) in enumerate(forward(600))]
     drawn(one, poses[:300])
-    two.start(at(*poses[0]))
-    two.memory = copy.deepcopy(one.memory)
+    two.restore({name: np.array(array) for name, array in one.state_arrays().items()})
     for tick, pose in enumerate(poses[300:]):
         assert one.advance(tick, at(*pose)) == two.advance(tick, at(*pose))
 
@@ -381,14 +385,38 @@ def test_a_shank_parts_broken_soil_at_its_bearing_pressure(engine):
     assert forces[0] == pytest.approx(1300.0 * 9.81 * 0.5 * height * n_q * front_m2, rel=0.02)
 
 
-def test_deeper_wedges_drop_less(engine):
-    """Drop and variation go as one over the depth of the tip, at most to LARGEST_DROP."""
-    values = {"drop": 0.3, "drop_depth_m": 0.1, "period_m": 0.02, "adhesion_pa": 0.0}
-    for z, drop in ((0.1, 0.15), (0.2, 0.3), (0.28, 0.95)):  # tip 0.2, 0.1 and 0.02 m deep
-        soil = engine(values)
+def test_gradual_failure_falls_as_it_rises(engine):
+    """Along a parabola from P to (1 - drop) P and back: mean 1 - 2 drop / 3, rising on half of the travel."""
+    values = {"speed_factor": 0.0, "variation": 0.0, "length_variation": 0.5, "period_m": 0.05}
+    found = []
+    for change in ({"drop": 0.0}, {"drop": 0.6, "failure": "gradual"}):
+        soil = engine(values | change, bin={"length_m": 6.0, "width_m": 0.5, "depth_m": 0.5})
+        drawn(soil, forward(1000))
+        normal = []
+        for tick in range(6000):
+            soil.advance(tick, at(x=1.0 + tick * STEP_M))
+            normal.append(soil.memory.tools[0].normal_newton[0])
+        found.append(np.array(normal))
+    over = found[1] / found[0]
+    assert_allclose([over.mean(), over.min(), over.max()], [0.6, 0.4, 1.0], rtol=0.02)
+    assert (np.diff(over) > 0.0).mean() == pytest.approx(0.5, abs=0.04)
+
+
+def test_deeper_wedges_fail_in_more_blocks(engine):
+    """Blocks of one size: at twice the depth four, so half the deviation; up to block_depth_m one."""
+    values = {
+        "drop": 0.4, "block_depth_m": 0.1, "period_m": 0.02, "adhesion_pa": 0.0,
+        "variation": 0.0, "length_variation": 0.5,
+    }  # fmt: skip
+    found = []
+    for z in (0.11, 0.21, 0.25):  # tip 0.19, 0.09 and 0.05 m deep
+        soil = engine(values, bin={"length_m": 6.0, "width_m": 0.5, "depth_m": 0.5})
         drawn(soil, forward(1000, z=z))
-        normal, where = [], soil.memory.tools[0]
-        for tick in range(200):
+        normal, memory = [], soil.memory.tools[0]
+        for tick in range(6000):
             soil.advance(tick, at(x=1.0 + tick * STEP_M, z=z))
-            normal.append(where.normal_newton[0])
-        assert 1.0 - min(normal[50:]) / max(normal[50:]) == pytest.approx(drop, abs=0.03)
+            normal.append(memory.normal_newton[0])
+        found.append((len(memory.phase), np.std(normal) / np.mean(normal)))
+    assert [count for count, _ in found] == [4, 1, 1]
+    single = 0.4 / np.sqrt(12.0) / (1.0 - 0.5 * 0.4)
+    assert_allclose([deviation for _, deviation in found], [0.5 * single, single, single], rtol=0.1)

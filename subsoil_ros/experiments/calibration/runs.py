@@ -18,7 +18,14 @@ from ...loading.loader import ResolvedScene
 from ...messages import ToolMotions, ToolWrenches
 from ...ticks import INITIAL_TICK
 from ..run_cache import find_run, keep_run
-from .fluctuation import MEAN_LENGTHS_M, SAMPLE_M, octave_power, variance_of_means, without_trend
+from .fluctuation import (
+    MEAN_LENGTHS_M,
+    SAMPLE_M,
+    ends_over_deviation,
+    octave_power,
+    variance_of_means,
+    without_trend,
+)
 
 RunProgress = Callable[[str, Timing], AbstractContextManager[Callable[[int], None]]]
 """Shows a run, given its name and timing; yields a callback that takes every tick."""
@@ -42,6 +49,7 @@ class PullNumbers:
     mean_z_newton: NDArray[np.float64]
     draft_newton: float
     deviation_newton: float  # standard deviation of the draft about its trend
+    ends_over_deviation: NDArray[np.float64]  # (2,) of the draft about its trend
     octave_power: NDArray[np.float64]  # [N2] of the draft about its trend, of waves between octave_edges_m
     variance_of_means: NDArray[np.float64]  # [N2] of the draft about its trend, over each of MEAN_LENGTHS_M
 
@@ -119,6 +127,7 @@ def numbers(
         mean_z_newton=found.force_z_newton[rows].mean(axis=0),
         draft_newton=float(draft.mean()),
         deviation_newton=float(about.std()),
+        ends_over_deviation=ends_over_deviation(about),
         octave_power=octave_power(about, shortest_wave_m),
         variance_of_means=np.array([variance_of_means(about, length) for length in MEAN_LENGTHS_M]),
     )

@@ -17,8 +17,10 @@ from ...scene.meshes import load_tool_mesh
 from ...scene.tool_faces import cutting_faces
 from ...scene.wedge import SoilRange, WedgeValues
 from ...wedge.engine import WedgeEngine
+from ...wedge.layers import mean_strength
+from ...wedge.wedge import Failure, Plate, failure
 from .design import Point, WedgeDesign, fitted_law, point_overrides, tip_of
-from .fluctuation import fit_wedges
+from .fluctuation import Fluctuation, fit_wedges
 from .runs import PullNumbers, RunProgress, kept_pull, numbers, pull
 
 Bounds = dict[str, tuple[float, float, float]]
@@ -89,6 +91,7 @@ class Compared:
     deviation_newton: tuple[float, float]
     variance_ratio: tuple[float, ...]  # wedge over particles, of means over each of MEAN_LENGTHS_M
     power_ratio: tuple[float, ...]  # wedge over particles, by octave of wave length
+    ends_ratio: tuple[float, ...]  # wedge over particles, of ends_over_deviation
     scatter: tuple[float, float]  # of draft and deviation between replicates, relative
     replicates: int
 
@@ -256,7 +259,7 @@ def _fit_means(
 
 
 def steady(engine: WedgeEngine, item: Measured) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Mean forces (groups,) along x and z of a steady pull: springs full, half way through the cycle."""
+    """Mean forces (groups,) along x and z of a steady pull: springs full, blocks held at their mean."""
     tool, path = next((name, tool.path) for name, tool in item.scene.scene.tools.items() if tool.path)
     step = item.point.speed_m_per_s * item.scene.timing.communication_step_s
     start = 0.5 * item.scene.scene.soil.bin.length_m - item.tip_x_m  # type: ignore[union-attr]
@@ -267,8 +270,10 @@ def steady(engine: WedgeEngine, item: Measured) -> tuple[NDArray[np.float64], ND
     engine.start(at(start))
     memory = engine.memory.tools[0]
     memory.normal_newton = (10.0 * np.abs(item.mean("mean_x_newton"))).tolist()  # above its strength
+    phase = 0.5 + 0.5 / math.sqrt(3.0) if engine.values.failure == "gradual" else 0.5  # of mean_bearing
     for tick in range(STEADY_TICKS):
-        memory.phase, memory.strength, before = 0.5, 1.0, memory.normal_newton.copy()
+        count, before = len(memory.phase), memory.normal_newton.copy()
+        memory.phase, memory.strength, memory.length = [phase] * count, [1.0] * count, [math.inf] * count
         groups = engine.advance(tick, at(start + (tick + 1) * step))[0].groups
         if np.allclose(memory.normal_newton, before, rtol=1e-6, atol=0.0):
             break
@@ -292,46 +297,66 @@ def _wedge_numbers(
 def _fit_fluctuation(
     values: WedgeValues, used: list[Measured], design: WedgeDesign, shortest_wave_m: float
 ) -> WedgeValues:
-    """drop, variations and the length of a wedge, by the power of the draft by octave of wave length.
+    """failure, drop, block_depth_m and the lengths of a wedge, by the power of the draft by octave of wave
+    length and by the ends of its range.
 
-    The length is a travel, or a multiple of the length of the theory's wedge; drop and variation are the same
-    at every depth, or inversely proportional to it. Of these four variants, the best fit is returned.
+    Failure is sudden or gradual; the mean length is a travel, or a multiple of the length of the theory's
+    wedge. Of these four variants, the best fit is returned.
     """
-    powers = [item.mean("octave_power") / item.mean("draft_newton") ** 2 for item in used]
+    failures = [_failure(values, item) for item in used]
     window_m = design.window_m[1] - design.window_m[0]
-    depths = np.array([item.point.depth_m for item in used])
-    reference = float(np.exp(np.mean(np.log(depths))))
-    lengths = {
-        "period_m": np.ones(len(used)),
-        "period_factor": np.array([_wedge_length_m(values, item) for item in used]),
-    }
-    parts = {None: np.ones(len(used)), reference: reference / depths}
-    found = [
-        (key, depth, *fit_wedges(powers, scale, part, shortest_wave_m, window_m))
-        for key, scale in lengths.items()
-        for depth, part in parts.items()
+    pulls = [
+        Fluctuation(
+            depth_m=item.point.depth_m,
+            power=item.mean("octave_power") / item.mean("draft_newton") ** 2,
+            ends_over_deviation=item.mean("ends_over_deviation"),
+            inertia=_inertia(values, item, failed),
+            replicates=len(item.numbers),
+        )
+        for item, failed in zip(used, failures, strict=True)
     ]
-    key, depth, wedges, _ = min(found, key=lambda item: item[3])
+    lengths = {
+        "period_m": [1.0] * len(used),
+        "period_factor": [failed.length for failed in failures],
+    }
+    found = [
+        (key, *fit_wedges(pulls, gradual, scale, shortest_wave_m, window_m))
+        for key, scale in lengths.items()
+        for gradual in (False, True)
+    ]
+    key, wedges, size, _ = min(found, key=lambda item: item[3])
     change = {
+        "failure": "gradual" if wedges.gradual else "sudden",
         "drop": wedges.drop,
-        "drop_depth_m": depth,
-        "variation": wedges.variation,
+        "block_depth_m": size,
+        "variation": 0.0,
         "length_variation": wedges.length_variation,
         "period_m": None,
     }
     return WedgeValues.model_validate({**values.model_dump(), **change, key: wedges.length_m})
 
 
-def _wedge_length_m(values: WedgeValues, item: Measured) -> float:
-    from ...wedge.layers import mean_strength
-    from ...wedge.wedge import Plate, failure
-
+def _failure(values: WedgeValues, item: Measured) -> Failure:
+    """Failure in front of the share of a pull."""
     name = next(iter(item.scene.scene.tools))
     face = cutting_faces(load_tool_mesh(item.scene.directory, item.scene.scene, name), name)[0]
     depth, rake = item.point.depth_m, face.rake_rad - item.point.tilt_rad
     height = min(depth, math.dist(face.tip_m, face.top_m) * math.sin(rake))
     strength = mean_strength(((math.inf, values),), depth, height, item.scene.scene.gravity_m_per_s2)
-    return float(failure(Plate(face.width_m, rake, depth, height), strength, item.point.speed_m_per_s)[2])
+    failed: Failure = failure(Plate(face.width_m, rake, depth, height), strength, item.point.speed_m_per_s)
+    return failed
+
+
+def _inertia(values: WedgeValues, item: Measured, failed: Failure) -> float:
+    """Inertia of the soil in front of a tool, over what its blocks bear together just before they fail."""
+    name = next(iter(item.scene.scene.tools))
+    face = cutting_faces(load_tool_mesh(item.scene.directory, item.scene.scene, name), name)[0]
+    into = item.point.speed_m_per_s * math.sin(face.rake_rad - item.point.tilt_rad)
+    of_share = failed.by_inertia / ((1.0 - failed.by_inertia) * (1.0 + values.rate_s_per_m * into))
+    if values.theory == "mckyes_ali":
+        return of_share
+    drafts = item.mean("mean_x_newton")  # shanks have no inertia, and fluctuate
+    return float(of_share * drafts[face.group] / drafts.sum())
 
 
 def _compare(
@@ -356,6 +381,7 @@ def _compare(
         deviation_newton=deviation,  # type: ignore[arg-type]
         variance_ratio=ratio("variance_of_means"),
         power_ratio=ratio("octave_power"),
+        ends_ratio=ratio("ends_over_deviation"),
         scatter=(item.scatter("draft_newton"), item.scatter("deviation_newton")),
         replicates=len(item.numbers),
     )
@@ -373,6 +399,7 @@ def _row(item: Compared) -> dict[str, Any]:
         "deviation_newton": [round(value, 1) for value in item.deviation_newton],
         "variance_ratio": [round(value, 3) for value in item.variance_ratio],
         "power_ratio": [round(value, 3) for value in item.power_ratio],
+        "ends_ratio": [round(value, 3) for value in item.ends_ratio],
         "scatter": [round(value, 4) for value in item.scatter],
     }
 

@@ -14,6 +14,7 @@ from ..messages import SoilCloud, SoilState, SpatialMotion, ToolMotion, ToolWren
 from ..scene.meshes import load_tool_mesh
 from ..scene.tool_faces import CuttingFace, WheelFace, cutting_faces, wheel_face
 from ..scene.wedge import WedgeValues, layer_values
+from .blocks import bearing, block_number, block_sizes
 from .forces import Felt, FeltInSpace, across_part, on_plate, slip_m
 from .layers import mean_strength
 from .wedge import Failure, Plate, Strength, bearing_pressure, failure, parted
@@ -22,30 +23,8 @@ from .wheel import SLOWEST_M_PER_S, grip_newton, rolling_resistance_newton, whee
 ROUND_OFF_RAD = 1e-9
 """Angle by which a plate must lean forward not to count as upright: above the round-off of a pose."""
 
-
 ROUNDS = 6
 """Iterations of the rupture angle and the direction of sliding, each from the other; they agree to 1e-6."""
-
-
-def bearing(phase: float, drop: float, gradual: bool) -> float:
-    """Part of its strength that a block bears at a phase of its cycle, 0 to 1; it fails at 1."""
-    return 1.0 - drop * (4.0 * phase * (1.0 - phase) if gradual else 1.0 - phase)
-
-
-def mean_bearing(drop: float, gradual: bool) -> float:
-    """`bearing` on average over the cycle."""
-    return 1.0 - drop * (2.0 / 3.0 if gradual else 0.5)
-
-
-def block_number(depth_m: float, size_m: float | None) -> float:
-    """Blocks in a wedge of this depth. They have one size, so their number goes as the depth squared; up to
-    the depth `size_m`, or without one, there is one."""
-    return 1.0 if size_m is None else max(depth_m / size_m, 1.0) ** 2
-
-
-def block_sizes(blocks: float) -> list[float]:
-    """Part of the wedge that each block is; the last one may be a fraction of a block."""
-    return [min(blocks - number, 1.0) / blocks for number in range(math.ceil(blocks))]
 
 
 @dataclass

@@ -14,7 +14,7 @@ from ...loading.loader import ResolvedScene, load_scene
 from ...loading.soil_file import SoilFile
 from ...messages import ToolMotion
 from ...scene.meshes import load_tool_mesh
-from ...scene.tool_faces import cutting_faces
+from ...scene.tool_faces import CuttingFace, cutting_faces
 from ...scene.wedge import SoilRange, WedgeValues
 from ...wedge.engine import WedgeEngine
 from ...wedge.layers import mean_strength
@@ -336,10 +336,14 @@ def _fit_fluctuation(
     return WedgeValues.model_validate({**values.model_dump(), **change, key: wedges.length_m})
 
 
+def _share(item: Measured) -> CuttingFace:
+    name = next(iter(item.scene.scene.tools))
+    return cutting_faces(load_tool_mesh(item.scene.directory, item.scene.scene, name), name)[0]
+
+
 def _failure(values: WedgeValues, item: Measured) -> Failure:
     """Failure in front of the share of a pull."""
-    name = next(iter(item.scene.scene.tools))
-    face = cutting_faces(load_tool_mesh(item.scene.directory, item.scene.scene, name), name)[0]
+    face = _share(item)
     depth, rake = item.point.depth_m, face.rake_rad - item.point.tilt_rad
     height = min(depth, math.dist(face.tip_m, face.top_m) * math.sin(rake))
     strength = mean_strength(((math.inf, values),), depth, height, item.scene.scene.gravity_m_per_s2)
@@ -349,8 +353,7 @@ def _failure(values: WedgeValues, item: Measured) -> Failure:
 
 def _inertia(values: WedgeValues, item: Measured, failed: Failure) -> float:
     """Inertia of the soil in front of a tool, over what its blocks bear together just before they fail."""
-    name = next(iter(item.scene.scene.tools))
-    face = cutting_faces(load_tool_mesh(item.scene.directory, item.scene.scene, name), name)[0]
+    face = _share(item)
     into = item.point.speed_m_per_s * math.sin(face.rake_rad - item.point.tilt_rad)
     of_share = failed.by_inertia / ((1.0 - failed.by_inertia) * (1.0 + values.rate_s_per_m * into))
     if values.theory == "mckyes_ali":

@@ -33,6 +33,7 @@ from subsoil_ros.analysis.series import Series, read_series_csv
 from subsoil_ros.analysis.stationarity import stationarity
 from subsoil_ros.analysis.window import tip_path_m
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
+from subsoil_ros.loading.seeds import seed_key
 from subsoil_ros.scene.model import Scene
 
 from . import SCENES
@@ -156,13 +157,15 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--set", dest="overrides", action="append", default=[], metavar="KEY=VALUE")
     args = parser.parse_args()
-    if shank_spring(load_scene(args.scene, args.overrides).scene) is None:
+    asked = load_scene(args.scene, args.overrides)
+    if shank_spring(asked.scene) is None:
         parser.error(
             f"{args.scene}: report.shank, report.spring and report.tip_m must name a shank on a spring"
         )
+    key = seed_key(asked)
 
     def free(seed: int) -> tuple[ResolvedScene, Summary]:
-        overrides = [*args.overrides, f"soil.bed.seed={seed}"]
+        overrides = [*args.overrides, f"{key}={seed}"]
         return load_scene(args.scene, overrides), kept_run(args.scene, args.out / "runs", overrides)
 
     def forced(case: tuple[int, float, float]) -> Swing:

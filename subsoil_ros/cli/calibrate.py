@@ -86,7 +86,8 @@ def run(args: argparse.Namespace) -> int:
     from ..experiments.calibration.density import bed_density_kg_per_m3
     from ..experiments.calibration.design import LawDesign, base_scene, read_design
     from ..experiments.calibration.law import fit_law, write_law
-    from ..experiments.calibration.wedge import FITTED, fit_wedge, measure
+    from ..experiments.calibration.measured import measure
+    from ..experiments.calibration.wedge import FITTED, fit_wedge
     from ..loading.shipped import shipped_soil
     from ..loading.soil_file import write_soil_file
     from ..yaml_document import read_document

@@ -24,9 +24,10 @@ from subsoil_ros.experiments.calibration.design import (
     tip_of,
 )
 from subsoil_ros.experiments.calibration.fluctuation import octave_edges_m
+from subsoil_ros.experiments.calibration.measured import Measured
 from subsoil_ros.experiments.calibration.runs import Pull, numbers, pull
 from subsoil_ros.experiments.calibration.soil_results import slope_rad
-from subsoil_ros.experiments.calibration.wedge import Measured, steady
+from subsoil_ros.experiments.calibration.wedge import steady
 from subsoil_ros.experiments.run_cache import keep_run
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.loading.soil_file import read_soil_file

@@ -49,7 +49,8 @@ from .laboratory import Laboratory
 Values = NDArray[np.float64]
 
 SOIL, THICK = "dry_sand", 0.1
-"""Thickness of the plate over its depth (chosen: more than a particle, so that none passes through)."""
+"""Thickness of the plate over its depth (chosen: a radius or more, several times the largest overlap, so
+that no particle passes through)."""
 
 GRAINS_WIDE = 10.0
 """Period of the field over the mean diameter (chosen: it averages over so many grains)."""

@@ -78,7 +78,11 @@ class NodeSet:
 
     def wait(self) -> dict[str, int]:
         """Exit status of every node."""
-        return {name: process.wait(LIMIT_S) for name, process in self.processes.items()}
+        try:
+            return {name: process.wait(LIMIT_S) for name, process in self.processes.items()}
+        except subprocess.TimeoutExpired:
+            still = [name for name, process in self.processes.items() if process.poll() is None]
+            raise AssertionError(f"still running: {still}; {self.words()}") from None
 
     def words(self) -> dict[str, str]:
         """What every node said last."""

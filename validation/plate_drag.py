@@ -1,7 +1,7 @@
 """Drag of a plate through dry sand, by the density of the bed: its waves, and the band in which soil fails.
 
     python -m validation.plate_drag drag DIR [--fractions 0.57 0.6 0.63] [--depths-mm 140] [--radii-mm 5]
-        [--froude 0.1] [--seed 1] [--processes 2]
+        [--froude 0.1] [--grains-wide 10] [--ends 3] [--seed 1] [--processes 2] [--threads 1]
     python -m validation.plate_drag table DIR
 
 The experiment of N. Gravish, P. Umbanhowar, D. Goldman, Phys. Rev. Lett. 105 (2010) 128301: an upright plate
@@ -27,6 +27,7 @@ import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -52,11 +53,8 @@ SOIL, THICK = "dry_sand", 0.1
 """Thickness of the plate over its depth (chosen: a radius or more, several times the largest overlap, so
 that no particle passes through)."""
 
-GRAINS_WIDE = 10.0
-"""Period of the field over the mean diameter (chosen: it averages over so many grains)."""
-
-BELOW, ENDS = 0.6, 3.0
-"""Over the depth: soil below the plate, and lengths of the window (chosen: the soil fails some 2 d ahead)."""
+BELOW = 0.6
+"""Soil below the plate over the depth (chosen)."""
 
 FIRST, DEPTHS = 2.0, 12.0
 """Over the depth: travel from which on it counts, and up to which."""
@@ -84,6 +82,8 @@ class Run(NamedTuple):
     depth_m: float
     radius_m: float
     froude: float  # speed over sqrt(g d)
+    grains_wide: float  # period of the field over the mean diameter: it averages over so many grains
+    ends: float  # lengths of the window ahead and behind over the depth; the soil fails some 2 d ahead
     seed: int
 
     @property
@@ -94,20 +94,21 @@ class Run(NamedTuple):
     @property
     def width_m(self) -> float:
         """Of the slice."""
-        return round(2.0 * GRAINS_WIDE * self.radius_m, 4)
+        return round(2.0 * self.grains_wide * self.radius_m, 4)
 
     @property
     def name(self) -> str:
         """Of its files."""
-        words = (f"{1e2 * self.fraction:g}", f"{1e3 * self.depth_m:g}mm", f"r{1e3 * self.radius_m:g}")
-        return "_".join((*words, f"f{self.froude:g}", f"s{self.seed}"))
+        place = f"{1e2 * self.fraction:g}_{1e3 * self.depth_m:g}mm_r{1e3 * self.radius_m:g}_f{self.froude:g}"
+        return f"{place}_w{self.grains_wide:g}_e{self.ends:g}_s{self.seed}"
 
 
 def read_name(name: str) -> Run:
     """The run of a file."""
-    fraction, depth, radius, froude, seed = name.split("_")
+    fraction, depth, radius, *others, seed = name.split("_")
+    froude, wide, ends = (float(word[1:]) for word in others)
     return Run(
-        1e-2 * float(fraction), 1e-3 * float(depth[:-2]), 1e-3 * float(radius[1:]), float(froude[1:]),
+        1e-2 * float(fraction), 1e-3 * float(depth[:-2]), 1e-3 * float(radius[1:]), froude, wide, ends,
         int(seed[1:]),
     )  # fmt: skip
 
@@ -162,24 +163,24 @@ def plate_mesh(folder: Path, run: Run) -> str:
     return str(path)
 
 
-def drag(run: Run, directory: Path) -> str:
+def drag(run: Run, directory: Path, threads: int) -> str:
     """Pulls a plate and writes its table; returns its name."""
-    depth, begin = run.depth_m, 0.02 * run.depth_m
+    depth, begin, ends = run.depth_m, 0.02 * run.depth_m, run.ends * run.depth_m
     box = {
-        "length_m": round((DEPTHS + ENDS + 1.0) * depth, 3),
+        "length_m": round((DEPTHS + 1.0) * depth + ends, 3),
         "width_m": run.width_m,
         "depth_m": round((1.0 + BELOW) * depth, 3),
         "sides": "periodic",
     }
     soil = {
-        "material": SOIL, "bin": box, "window": {"ahead_m": ENDS * depth, "behind_m": ENDS * depth},
+        "material": SOIL, "bin": box, "window": {"ahead_m": ends, "behind_m": ends},
         "particles": {"radius_m": run.radius_m}, "bed": {"seed": run.seed, "solid_fraction": run.fraction},
     }  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
         tools = {"plate": {"path": {}, "groups": {"plate": {"mesh": plate_mesh(Path(folder), run)}}}}
         document = {"name": "plate", "duration_s": 1.0, "tools": tools, "soil": soil}
         scene = Laboratory(Path(folder)).resolve(document)
-        engine = build_engine(scene)
+        engine = build_engine(scene, threads)
         step = run.speed_m_per_s * scene.timing.communication_step_s
 
         def at(tick: int) -> tuple[ToolMotion, ...]:
@@ -275,8 +276,8 @@ def as_text(one: Judged) -> str:
     """A row of the table."""
     run = one.run
     cells = [
-        f"{run.fraction:.2f} | {1e3 * run.depth_m:g} | {1e3 * run.radius_m:g} | {run.froude:g}",
-        str(run.seed),
+        f"{run.fraction:.2f} | {1e3 * run.depth_m:g} | {1e3 * run.radius_m:g}",
+        f"{run.froude:g} | {run.grains_wide:g} | {run.ends:g} | {run.seed}",
         f"{one.drag:.2f} +- {one.drag_half_width:.2f} | {one.deviation:.1%}",
         ", ".join(f"{1e2 * part:.1f}" for part in one.octaves),
         f"{one.strongest:.2f}{'' if one.stands_out else ' (noise)'}",
@@ -288,7 +289,7 @@ def as_text(one: Judged) -> str:
 
 
 HEADS = (
-    "fraction", "d mm", "r mm", "Froude", "seed", "drag", "deviation", "by octave %",
+    "fraction", "d mm", "r mm", "Froude", "wide", "ends", "seed", "drag", "deviation", "by octave %",
     "strongest", "between failures", "scatter", "band deg", "band width",
 )  # fmt: skip
 
@@ -298,7 +299,9 @@ def runs_of(args: argparse.Namespace) -> Iterator[Run]:
     for fraction in args.fractions:
         for depth in args.depths_mm:
             for radius in args.radii_mm:
-                yield Run(fraction, 1e-3 * depth, 1e-3 * radius, args.froude, args.seed)
+                yield Run(
+                    fraction, 1e-3 * depth, 1e-3 * radius, args.froude, args.grains_wide, args.ends, args.seed
+                )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -310,14 +313,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--depths-mm", nargs="+", type=float, default=[140.0])
     parser.add_argument("--radii-mm", nargs="+", type=float, default=[5.0])
     parser.add_argument("--froude", type=float, default=0.1)
+    parser.add_argument("--grains-wide", type=float, default=10.0)
+    parser.add_argument("--ends", type=float, default=3.0)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--threads", type=int, default=1)
     args = parser.parse_args(arguments)
     if args.part == "drag":
         args.directory.mkdir(parents=True, exist_ok=True)
         asked = [run for run in runs_of(args) if not (args.directory / f"{run.name}.csv").is_file()]
         with ProcessPoolExecutor(args.processes) as pool:
-            for name in pool.map(drag, asked, [args.directory] * len(asked)):
+            for name in pool.map(partial(drag, directory=args.directory, threads=args.threads), asked):
                 print(name, flush=True)
         return 0
     tables = sorted(args.directory.glob("*.csv"))

@@ -7,7 +7,7 @@ import pytest
 
 from validation.plate_drag import Look, Run, band, falls_to, judged, read_name
 
-RUN = Run(0.63, 0.14, 0.005, 0.2, 1)
+RUN = Run(0.63, 0.14, 0.005, 0.2, 10.0, 3.0, 1)
 
 
 def test_name():

@@ -216,8 +216,10 @@ def test_a_coupler_that_has_ended_refuses_requests(node_set: Callable[[int], Nod
 def test_the_terminal_of_the_coupler_closes(node_set: Callable[[int], NodeSet]) -> None:
     """SIGHUP of the coupler ends the run for all, with a finished bag and the cause in every node's words."""
     nodes = node_set(100_000)
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup the run would rightly go on
     for name in NODES:
         nodes.start(name, PROGRAMS[name])
+    signal.signal(signal.SIGHUP, before)
     nodes.wait_until_recording()
     nodes.processes[COUPLER].send_signal(signal.SIGHUP)
     assert nodes.wait() == dict.fromkeys(NODES, 3), nodes.words()

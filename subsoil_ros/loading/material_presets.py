@@ -49,12 +49,15 @@ WEDGE_GRACE_JOULE = 300.0
 """Work before the bound of the exchange's residual applies, some 0.2 m of travel: where the tool of a
 machine meets its first wedge, the residual is 4 % of the first 10 J; over 6 m it is 0.3 % of the work."""
 
-WEDGE_ON_A_PATH_NS = 2_000_000
-"""Communication step of tools on paths, whose motion no force changes: over 6 m at 0.5, 1 and 2 m/s the mean
-draft is within 0.7 % of that at 0.5 ms, the deviation 2, 3 and 12 % smaller (validation/wedge.md)."""
+WEDGE_ROW_NS = 10_000_000
+"""Row of the series of tools on paths, as with 0.5 ms and the default of `record.series_ticks`."""
 
-WEDGE_SERIES_TICKS = 5
-"""Then a row of the series is 10 ms, as with 0.5 ms and the default of `record.series_ticks`."""
+WEDGE_TRAVEL_M = 0.005
+"""Furthest travel in a communication step of tools on paths, whose motion no force changes: the mean draft is
+1 % higher than at 0.5 ms, the deviation 7 to 9 % smaller (validation/wedge.md)."""
+
+WEDGE_TICKS = (1, 2, 4, 5, 8, 10, 16, 20, 25, 32, 40, 50)
+"""Communication steps of whole nanoseconds in such a row, of which the least that will do is taken."""
 
 NAMES = (*IN_DEPTH, WEDGE)
 
@@ -142,8 +145,11 @@ def preset_changes(
         changes: Document = {"soil": {"model": "wedge", "file": str(wedge)}}
         if scene.mechanism is not None:
             return changes | {"coupling": {"residual_grace_joule": WEDGE_GRACE_JOULE}}
-        ticks = {"communication_step_ns": WEDGE_ON_A_PATH_NS}
-        return changes | {"coupling": ticks, "record": {"series_ticks": WEDGE_SERIES_TICKS}}
+        fastest = max((speed_and_depth(scene, key, meshes[key])[0] for key in _tillage(scene)), default=0.0)
+        travel_m = 1e-9 * WEDGE_ROW_NS * (fastest or 1.0)  # 0: not known
+        ticks = next((n for n in WEDGE_TICKS if travel_m <= n * WEDGE_TRAVEL_M), WEDGE_TICKS[-1])
+        step = {"communication_step_ns": WEDGE_ROW_NS // ticks}
+        return changes | {"coupling": step, "record": {"series_ticks": ticks}}
     depth = max((_depth_m(scene, key, meshes[key]) for key in _tillage(scene)), default=0.0)
     if depth <= 0.0:
         raise SceneError(

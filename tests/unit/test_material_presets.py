@@ -163,8 +163,6 @@ def test_real_time_is_the_wedge_model_of_the_material(tmp_path):
     other laws and a copy of the file, which may have been changed."""
     found = load_scene("field_tine", {"preset": "real_time"})
     assert found.scene.wedge_soil is not None
-    assert found.timing.communication_step_ns == 2_000_000  # of a tool on a path
-    assert found.scene.record.series_ticks == 5  # rows of 10 ms, as with the particles
     assert load_scene("field_swing", {"preset": "real_time"}).timing.communication_step_ns == 1_000_000
     copy = tmp_path / "loam.yaml"
     copy.write_bytes(shipped_material(Path("loam")).read_bytes())
@@ -174,6 +172,17 @@ def test_real_time_is_the_wedge_model_of_the_material(tmp_path):
         with pytest.raises(SceneError, match=r"no wedge model comes with material .*; choose one of fine"):
             load_scene("field_tine", {"preset": "real_time", "soil.material": material})
         assert load_scene("field_tine", {"preset": "coarse", "soil.material": material}).preset == "coarse"
+
+
+def test_the_step_of_real_time_follows_from_the_speed_of_a_path():
+    """5 mm of travel at most, of rows of 10 ms as with the particles; a sine counts as 1 m/s."""
+    speed_law = "tools.tine.path.speed_x_m_per_s"
+    for speed, step_ns, ticks in ((0.5, 10_000_000, 1), (0.6, 5_000_000, 2), (4.0, 1_250_000, 8)):
+        sped = load_scene("field_tine", {"preset": "real_time", f"{speed_law}.value": speed})
+        assert sped.timing.communication_step_ns == step_ns
+        assert sped.scene.record.series_ticks == ticks
+    sine = {"preset": "real_time", speed_law: {"kind": "sine", "amplitude": 0.1, "frequency_hz": 1.0}}
+    assert load_scene("field_tine", sine).timing.communication_step_ns == 5_000_000
 
 
 def test_keys_of_the_wedge_model_can_be_set():

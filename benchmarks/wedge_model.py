@@ -1,15 +1,17 @@
 """Cost of the wedge model: CPU time per simulated second beside particles, and real-time factor as nodes.
 
-    python benchmarks/wedge_model.py [--nodes SECONDS] [--particles TICKS]
+    python benchmarks/wedge_model.py [--nodes SECONDS] [--particles TICKS] [--pairs N]
 
 Both machine scenes run in direct mode with their record. CPU time is measured, so that other load does not
-count. The scene with particles runs for a few ticks, since its step costs the same all along. As nodes (four
+count. The scene with particles runs for a few ticks, since its step costs the same all along. Pairs of the
+presets `fine` and `real_time` of field_tine run by turns, as CPU times scatter by half. As nodes (four
 processes over DDS, 1 ms exchange), wall time is measured, which other load raises: check the printed load.
 """
 
 import argparse
 import os
 import resource
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -24,6 +26,7 @@ from subsoil_ros.messages import CouplingReport
 from subsoil_ros.recording.bag_reader import BagReader
 
 SCENES = Path(__file__).parents[1] / "config" / "scenes"
+FINE_S, WEDGE_S, WEDGE_RUNS = 0.6, 12.8, 7  # simulated, of a pair: the shorter runs count by their median
 
 
 def cpu_s_per_simulated_s(resolved: ResolvedScene) -> float:
@@ -42,6 +45,20 @@ def compare(name: str, particles: str, wedge: str, ticks: int, *overrides: str) 
     one = cpu_s_per_simulated_s(load_scene(SCENES / particles, [f"duration_s={duration!r}"]))
     two = cpu_s_per_simulated_s(load_scene(SCENES / wedge, overrides))
     print(f"{name}: {one:.1f} s with particles, {two:.3f} s with the wedge model, {one / two:.0f} times")
+
+
+def presets(pairs: int) -> None:
+    """Prints CPU times of `fine` and `real_time`, and how many times faster the second is."""
+    fine = load_scene("field_tine", ["preset=fine", f"duration_s={FINE_S}"])
+    wedge = load_scene("field_tine", ["preset=real_time", f"duration_s={WEDGE_S}"])
+    cpu_s_per_simulated_s(wedge)  # loads kernels and files
+    ratios = []
+    for _ in range(pairs):
+        one = cpu_s_per_simulated_s(fine)
+        two = statistics.median(cpu_s_per_simulated_s(wedge) for _ in range(WEDGE_RUNS))
+        ratios.append(one / two)
+        print(f"field_tine: {one:.1f} s with fine, {two:.3f} s with real_time, {ratios[-1]:.0f} times")
+    print(f"times faster: {statistics.median(ratios):.0f}, {min(ratios):.0f} to {max(ratios):.0f}")
 
 
 def run_nodes(seconds: float, out: Path) -> float:
@@ -85,6 +102,7 @@ def main() -> None:
     parser.add_argument(
         "--particles", type=int, default=60, metavar="TICKS", help="ticks of the scene with particles"
     )
+    parser.add_argument("--pairs", type=int, default=5, help="pairs of fine and real_time; 0: none")
     args = parser.parse_args()
     if args.particles > 0:
         compare(
@@ -94,6 +112,8 @@ def main() -> None:
             args.particles,
             "duration_s=2.0",
         )
+    if args.pairs > 0:
+        presets(args.pairs)
     if args.nodes > 0.0:
         real_time(args.nodes)
 

@@ -1,7 +1,7 @@
 """Drag of a plate through dry sand, by the density of the bed: its waves, and the band in which soil fails.
 
     python -m validation.plate_drag drag DIR [--fractions 0.57 0.6 0.63] [--depths-mm 140] [--radii-mm 5]
-        [--froude 0.1] [--grains-wide 10] [--ends 3] [--seed 1] [--processes 2] [--threads 1]
+        [--froude 0.1] [--grains-wide 10] [--ends 5] [--seed 1] [--processes 2] [--threads 1]
     python -m validation.plate_drag table DIR
 
 The experiment of N. Gravish, P. Umbanhowar, D. Goldman, Phys. Rev. Lett. 105 (2010) 128301: an upright plate
@@ -83,7 +83,7 @@ class Run(NamedTuple):
     radius_m: float
     froude: float  # speed over sqrt(g d)
     grains_wide: float  # period of the field over the mean diameter: it averages over so many grains
-    ends: float  # lengths of the window ahead and behind over the depth; the soil fails some 2 d ahead
+    ends: float  # lengths of the window ahead and behind over the depth; 3 is too short (reproduction/yuan_yu_2020/cycle.md)
     seed: int
 
     @property
@@ -289,7 +289,7 @@ def as_text(one: Judged) -> str:
 
 
 HEADS = (
-    "fraction", "d mm", "r mm", "Froude", "wide", "ends", "seed", "drag", "deviation", "by octave %",
+    "fraction", "d mm", "r mm", "Froude", "grains wide", "held at d", "seed", "drag", "deviation", "by octave %",
     "strongest", "between failures", "scatter", "band deg", "band width",
 )  # fmt: skip
 
@@ -314,7 +314,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--radii-mm", nargs="+", type=float, default=[5.0])
     parser.add_argument("--froude", type=float, default=0.1)
     parser.add_argument("--grains-wide", type=float, default=10.0)
-    parser.add_argument("--ends", type=float, default=3.0)
+    parser.add_argument("--ends", type=float, default=5.0)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--threads", type=int, default=1)

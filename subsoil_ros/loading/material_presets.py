@@ -54,7 +54,7 @@ WEDGE_ROW_NS = 10_000_000
 
 WEDGE_TRAVEL_M = 0.005
 """Furthest travel in a communication step of tools on paths, whose motion no force changes: the mean draft is
-1 % higher than at 0.5 ms, the deviation 7 to 9 % smaller (validation/wedge.md)."""
+1 % higher than at 0.5 ms, its deviation some 7 % smaller (validation/wedge.md)."""
 
 WEDGE_TICKS = (1, 2, 4, 5, 8, 10, 16, 20, 25, 32, 40, 50)
 """Communication steps of whole nanoseconds in such a row, of which the least that will do is taken."""

@@ -83,7 +83,7 @@ class Run(NamedTuple):
     radius_m: float
     froude: float  # speed over sqrt(g d)
     grains_wide: float  # period of the field over the mean diameter: it averages over so many grains
-    ends: float  # lengths of the window ahead and behind over the depth; 3 is too short (reproduction/yuan_yu_2020/cycle.md)
+    ends: float  # lengths of the window ahead and behind over the depth; 3 is too short
     seed: int
 
     @property
@@ -289,8 +289,8 @@ def as_text(one: Judged) -> str:
 
 
 HEADS = (
-    "fraction", "d mm", "r mm", "Froude", "grains wide", "held at d", "seed", "drag", "deviation", "by octave %",
-    "strongest", "between failures", "scatter", "band deg", "band width",
+    "fraction", "d mm", "r mm", "Froude", "grains wide", "held at d", "seed", "drag", "deviation",
+    "by octave %", "strongest", "between failures", "scatter", "band deg", "band width",
 )  # fmt: skip
 
 

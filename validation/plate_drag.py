@@ -313,11 +313,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--depths-mm", nargs="+", type=float, default=[140.0])
     parser.add_argument("--radii-mm", nargs="+", type=float, default=[5.0])
     parser.add_argument("--froude", type=float, default=0.1)
-    parser.add_argument("--grains-wide", type=float, default=10.0)
-    parser.add_argument("--ends", type=float, default=5.0)
+    parser.add_argument("--grains-wide", type=float, default=10.0, help="period of the field, in diameters")
+    parser.add_argument("--ends", type=float, default=5.0, help="held layers ahead and behind, in depths")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--threads", type=int, default=1, help="of each process")
     args = parser.parse_args(arguments)
     if args.part == "drag":
         args.directory.mkdir(parents=True, exist_ok=True)
@@ -326,7 +326,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             for name in pool.map(partial(drag, directory=args.directory, threads=args.threads), asked):
                 print(name, flush=True)
         return 0
-    tables = sorted(args.directory.glob("*.csv"))
+    tables = sorted(args.directory.glob("*_e*_s*.csv"))
     if not tables:
         parser.error(f"{args.directory}: holds no table; give the DIR of a finished `drag`")
     print("| " + " | ".join(HEADS) + " |\n" + "|---" * len(HEADS) + "|")

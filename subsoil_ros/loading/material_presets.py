@@ -56,6 +56,10 @@ WEDGE_TRAVEL_M = 0.005
 """Furthest travel in a communication step of tools on paths, whose motion no force changes: the mean draft is
 1 % higher than at 0.5 ms, its deviation some 7 % smaller (validation/wedge.md)."""
 
+WEDGE_FASTEST_M_PER_S = 4.0
+"""Speed where the law of a path does not tell its largest: the highest that wedge models were fitted to
+(validation/wedge.md)."""
+
 WEDGE_TICKS = (1, 2, 4, 5, 8, 10, 16, 20, 25, 32, 40, 50)
 """Communication steps of whole nanoseconds in such a row, of which the least that will do is taken."""
 
@@ -146,7 +150,7 @@ def preset_changes(
         if scene.mechanism is not None:
             return changes | {"coupling": {"residual_grace_joule": WEDGE_GRACE_JOULE}}
         fastest = max((speed_and_depth(scene, key, meshes[key])[0] for key in _tillage(scene)), default=0.0)
-        travel_m = 1e-9 * WEDGE_ROW_NS * (fastest or 1.0)  # 0: not known
+        travel_m = 1e-9 * WEDGE_ROW_NS * (fastest or WEDGE_FASTEST_M_PER_S)
         ticks = next((n for n in WEDGE_TICKS if travel_m <= n * WEDGE_TRAVEL_M), WEDGE_TICKS[-1])
         step = {"communication_step_ns": WEDGE_ROW_NS // ticks}
         return changes | {"coupling": step, "record": {"series_ticks": ticks}}

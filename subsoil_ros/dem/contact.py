@@ -33,7 +33,7 @@ def law_features(soil: Soil, *, book: bool = False, periodic: np.ndarray = NO) -
         twisting=given(any(v.twisting_friction * v.tangential_stiffness > 0.0 for v in values)),
         book=given(book),
         sizes=given(soil.particles.sizes is not None),
-        materials=given(soil.of_materials),
+        materials=given(soil.layers is not None),
         periodic=periodic,
         **own,
     )

@@ -147,14 +147,8 @@ def _spheres(soil: Soil) -> str:
     sizes, (smallest, largest) = soil.particles.sizes, soil.particles.bounds_m
     if sizes is None:
         return f"of radius {largest * 1e3:g} mm"
-    mean_mm, coarse = mean_power(sizes, 1) * 1e3, soil.particles.coarse
-    told = f"of radius {smallest * 1e3:g} to {largest * 1e3:g} mm ({sizes.kind}, mean {mean_mm:.3g} mm"
-    if coarse is None or coarse.beyond_m is None:
-        return f"{told})"
-    return (
-        f"{told} in a core {2.0 * coarse.beyond_m:g} m wide and {coarse.below_m:g} m deep, "
-        f"{coarse.times * mean_mm:.3g} mm away from it)"
-    )
+    mean_mm = mean_power(sizes, 1) * 1e3
+    return f"of radius {smallest * 1e3:g} to {largest * 1e3:g} mm ({sizes.kind}, mean {mean_mm:.3g} mm)"
 
 
 def _layer_rows(soil: Soil) -> Iterable[tuple[str, str]]:

@@ -58,9 +58,6 @@ def wedge_rows(resolved: ResolvedScene, soil: WedgeSoil) -> Iterable[tuple[str, 
         "failure",
         (f"drop {values.drop:.3g}, period {period}, variation {values.variation:.3g}, seed {soil.seed}"),
     )
-    for layer in soil.layers or ():
-        edge = "downward" if layer.thickness_m is None else f"{layer.thickness_m:g} m"
-        yield f"layer {layer.name}", edge
     for name, tool in resolved.scene.tools.items():
         mesh = load_tool_mesh(resolved.directory, resolved.scene, name)
         if not tool.is_tillage:

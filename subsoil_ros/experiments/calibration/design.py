@@ -95,6 +95,7 @@ def point_overrides(
         *design.overrides,
         *changes,
         f"duration_s={round(travel / point.speed_m_per_s, 3)!r}",
+        "stop_when=null",
         f"{path}.start_x_m={design.start_tip_x_m - tip_x + shift[0]!r}",
         f"{path}.start_z_m={-point.depth_m - tip_z!r}",
         f"{path}.start_angle_rad={point.tilt_rad!r}",

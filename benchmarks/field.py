@@ -36,7 +36,7 @@ def wall_s(scene: Path, radius_mm: float, mode: str, threads: int, duration_s: f
         changes = {"duration_s": duration_s, "soil.particles.radius_m": 1e-3 * radius_mm}
         sets = [part for key, value in changes.items() for part in ("--set", f"{key}={value:g}")]
         command = [sys.executable, "-m", "subsoil_ros.cli.main", "run", str(scene), "--out", str(out)]
-        command += ["--mode", mode, "--threads", str(threads), *sets]
+        command += ["--mode", mode, "--threads", str(threads), "--set", "stop_when=null", *sets]
         subprocess.run(command, check=True, capture_output=True)
         return float(json.loads((out / "summary.json").read_text())["run"]["wall_s"])
 

@@ -54,11 +54,11 @@ run:  ## simulate SCENE (field_swing_brittle) into OUT (runs/<time>), then repor
 
 test: setup  ## all tests but long studies, files on 2 to 4 workers
 	$(bin)/python -m dev.warm_kernels --tests
-	$(pytest) -m "not full" $(PYTEST_FLAGS)
+	$(pytest) -m "not full" --costs build/test_costs.json $(PYTEST_FLAGS)
 
-test-quick: setup  ## some of every folder: 3 minutes once kernels are compiled
+test-quick: setup  ## tests/unit: no process, no kernel but the shared ones
 	$(bin)/python -m dev.warm_kernels --tests
-	$(pytest) -m quick $(PYTEST_FLAGS)
+	$(pytest) tests/unit -m "not full" $(PYTEST_FLAGS)
 
 test-full: setup  ## all tests, long studies among them
 	$(bin)/python -m dev.warm_kernels --tests
@@ -69,6 +69,7 @@ check: setup  ## style, types, layers
 	$(bin)/ruff format --check .
 	$(bin)/python -m mypy
 	$(bin)/lint-imports
+	$(bin)/python -m tests.costs build/test_costs.json
 
 format: setup  ## put the sources in the style that check wants
 	$(bin)/ruff check --fix .

@@ -65,7 +65,7 @@ KERNEL_TESTS: dict[str, tuple[str, ...]] = {
         "mbd/joints": "mbd_joints mbd_minimal mbd_motion mbd_crank mbd_benchmarks mbd_orders",
         "wedge": "wedge_formulas wedge_engine wedge_yaw wedge_fluctuation",
     }.items()
-} | {"subsoil_ros/dem/gpu": ("tests/gpu/test_gpu_engine.py",)}
+} | {"subsoil_ros/dem/gpu": ("tests/physics/gpu/test_gpu_engine.py",)}
 """Tests of the kernels in a file or folder of the package, the most telling first."""
 
 

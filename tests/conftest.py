@@ -1,4 +1,4 @@
-"""Machines for the tests of the mechanism engine, the bag of a real run, which tests are quick."""
+"""Machines for the tests of the mechanism engine, and the bag of a real run."""
 
 import copy
 import fcntl
@@ -17,21 +17,7 @@ from validation.machines import SEVEN_BODIES
 
 os.environ["GOMP_SPINCOUNT"] = "0"  # workers share the cores: what spins while it waits takes another's
 
-pytest_plugins = ["tests.compile_times"]
-
-QUICK = (
-    "lint", "protocol", "unit",
-    "ros/test_nodes.py", "ros/test_simulation_services.py", "ros/test_tick_codec.py",
-    "verification/test_dem_bonds.py", "verification/test_dem_precision.py", "verification/test_mbd_joints.py",
-    "verification/test_wedge_formulas.py",
-)  # fmt: skip
-"""Folders and files whose tests are `make test-quick`: some of every package folder (test_quick.py)."""
-
-NOT_QUICK = (
-    "unit/test_documentation.py", "unit/test_fuzzed_scenes.py", "unit/test_kernel_cache.py",
-    "unit/test_sweep.py",
-)  # fmt: skip
-"""Of these folders, what takes longer."""
+pytest_plugins = ["tests.costs"]
 
 VALUES = {
     "stiffness_newton_per_m": 1e4,
@@ -51,19 +37,6 @@ SOIL = {
     "bed": {"kind": "grid", "spacing_m": 0.018},
     "law": {"kind": "cohesive_linear", "particle": VALUES, "boundary": VALUES},
 }
-
-
-def is_quick(path: Path) -> bool:
-    """Whether a test file is one of `make test-quick`."""
-    place = path.relative_to(Path(__file__).parent).as_posix()
-    return place not in NOT_QUICK and place.startswith(tuple(QUICK))
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Marks the quick tests."""
-    for item in items:
-        if is_quick(item.path) and not any(item.iter_markers("slow")) and not any(item.iter_markers("full")):
-            item.add_marker("quick")
 
 
 def _engine(
@@ -122,8 +95,7 @@ def made_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path],
 def machine_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The bag of 10 ms of the machine in a small bin of soil, made by `subsoil run`."""
     from subsoil_ros.cli.main import main
-
-    from .ros.conftest import run_arguments
+    from tests.system.conftest import run_arguments
 
     def make(folder: Path) -> None:
         assert main(run_arguments(folder / "out", "direct", 0.01)) == 0

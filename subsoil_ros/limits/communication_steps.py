@@ -4,7 +4,7 @@ A force held over an interval H acts like negative damping. On a soil spring k w
 for k H^2 / m << 1, the exchange is stable where (age of the force) k <= c <= 2 m / H. The force that acts
 within a tick is H / 2 old on average; a mean over n soil steps adds (n - 1) / (2 n) H. n contacts share one
 law, k = n K and c = n C, so the lower bound on the damper does not depend on n.
-tests/verification/test_exchange_stability.py compares the bounds with the exact one-tick map.
+tests/physics/test_exchange_stability.py compares the bounds with the exact one-tick map.
 """
 
 from collections.abc import Mapping

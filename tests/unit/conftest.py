@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from .recording_samples import write_bag
+from tests.unit.recording.recording_samples import write_bag
 
 
 @pytest.fixture

@@ -26,7 +26,7 @@ MEAN_LENGTHS_M = (0.1, 0.3)
 
 DEVIATES, QUADRATURE = 4.0, 201
 """Range in standard deviations, and points, of the quadrature over lengths. With these and WAVES, powers by
-octave are those of simulated wedges within 9 % (tests/verification/test_wedge_fluctuation.py)."""
+octave are those of simulated wedges within 9 % (tests/physics/test_wedge_fluctuation.py)."""
 
 QUANTILES = (0.01, 0.99)
 """Parts of the travel on which the draft is below the ends of its range: peaks count for what they load."""

@@ -6,7 +6,7 @@ A new kind needs
 - a module here: kernels `add` (onto the generalised forces and powers), `report`, and `mode_at` if its law
   has kinks; or, between two bodies, `measure` alone, with the law of elastic.py; and `fill`;
 - a line in FILL_OF_SCENE below, and in the three kernels of evaluation.py;
-- a row in docs/mechanism.md and a test in closed form (tests/verification/test_mbd_forces.py).
+- a row in docs/mechanism.md and a test in closed form (tests/physics/test_mbd_forces.py).
 """
 
 from collections.abc import Callable

@@ -6,7 +6,7 @@ A new kind needs
 - a module here: kernels `residual`, `jacobian` and `gamma` (made of rows.py where that fits), functions
   `columns`, `angle_rows`, `fill` and `reaction` (see JointKind);
 - its lines in KINDS and MODULE_OF_SCENE below, and in the four kernels of constraints.py;
-- a row in docs/mechanism.md and a test in closed form (tests/verification/test_mbd_joints.py).
+- a row in docs/mechanism.md and a test in closed form (tests/physics/test_mbd_joints.py).
 """
 
 from types import ModuleType

@@ -1,0 +1,261 @@
+"""Small soils that both engines run: `python tests/physics/gpu/scenarios.py FOLDER` runs all on the GPU or in
+numba's simulator, and writes what came out to FOLDER; with NUMBA_ENABLE_CUDASIM=1 give NUMBA_DISABLE_JIT=1 too.
+"""
+
+import dataclasses
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+import yaml
+
+from subsoil_ros.dem.bed import Bed
+from subsoil_ros.errors import PhysicsError
+from subsoil_ros.loading.loader import load_scene
+from subsoil_ros.messages import ToolMotion
+
+ROW = {
+    "stiffness_newton_per_m": 1e4, "tangential_stiffness_newton_per_m": 8e3,
+    "damping_newton_s_per_m": 10.0, "tangential_damping_newton_s_per_m": 5.0,
+    "static_friction": 0.5, "sliding_friction": 0.4, "rolling_friction": 0.3,
+}  # fmt: skip
+WET = {
+    **ROW,
+    "cohesive_stiffness_newton_per_m": 7e3,
+    "equilibrium_overlap_m": 0.002,
+    "cohesion_range_m": 0.002,
+}
+HERTZ = {
+    "youngs_modulus_pa": 2e6, "poisson_ratio": 0.3, "restitution": 0.5,
+    "static_friction": 0.5, "sliding_friction": 0.4, "rolling_friction": 0.2,
+}  # fmt: skip
+LAWS = {"cohesive_linear": WET, "linear": ROW, "hertz_mindlin": HERTZ}
+TICKS, STEPS = 2, 4
+SPEED_M_PER_S = 5.0  # the tool leaves a list of 0.1 mm every second step
+SIZE_M = (0.08, 0.06, 0.06)
+SKIN_M = 0.0005
+WIDE_M = (0.1, 0.12, 0.04)  # three cells of the search fit between periodic sides
+
+SCENARIOS: dict[str, dict[str, Any]] = {
+    "linear": {"law": "linear", "stirred": True, "crossing": True, "soil": {"skin_m": SKIN_M}},
+    "hertz": {"law": "hertz_mindlin", "stirred": True, "bed": {"kind": "grid", "spacing_m": 0.0199}},
+    "cohesive linear with a tool": {"law": "cohesive_linear", "tool": True, "soil": {"skin_m": 1e-4}},
+    "cohesive linear in mixed precision": {
+        "law": "cohesive_linear", "tool": True, "soil": {"precision": "mixed", "skin_m": 1e-4}
+    },
+    "sizes, layers, periodic sides": {"law": "cohesive_linear", "stirred": True, "unequal": True},
+    "lost particle": {"law": "linear", "stirred": True, "thrown": True},
+}  # fmt: skip
+
+RESUMED = ("cohesive linear with a tool", "sizes, layers, periodic sides")
+"""Those that go on from the other engine's checkpoint: all kinds of lists are in them."""
+
+EngineOf = Callable[..., Any]
+
+
+def document(folder: Path, scenario: dict[str, Any]) -> dict[str, Any]:
+    """The scene of a scenario; its mesh goes into `folder`."""
+    row, unequal = LAWS[scenario["law"]], scenario.get("unequal", False)
+    size = WIDE_M if unequal else SIZE_M
+    names = ("length_m", "width_m", "depth_m")
+    particles: dict[str, Any] = {"radius_m": 0.01, "density_kg_per_m3": 1800.0}
+    soil: dict[str, Any] = {
+        "bin": dict(zip(names, size, strict=True)) | ({"sides": "periodic"} if unequal else {}),
+        "particles": particles,
+        "bed": scenario.get("bed", {"kind": "grid", "spacing_m": 0.0185, "jitter_m": 0.0003}),
+        "law": {"kind": scenario["law"], "particle": row, "boundary": row},
+        "time_step_s": 2e-5,
+        "monitors": {"every_steps": 4},
+    }
+    if unequal:
+        soil["particles"] = {"density_kg_per_m3": 1800.0} | {
+            "sizes": {
+                "kind": "listed", "radii_m": [0.008, 0.01], "shares": [1.0, 1.0], "shares_are": "number"
+            }
+        }  # fmt: skip
+        soil["bed"] = {"kind": "dense_random"}  # named, never prepared: the bed is given
+        firmer = {"stiffness_newton_per_m": 2e4}
+        lower = {"kind": scenario["law"], "particle": firmer}
+        soil["layers"] = [
+            {"name": "top", "thickness_m": 0.02},
+            {"name": "pan", "density_kg_per_m3": 2000.0, "law": lower},
+        ]
+    if scenario.get("thrown"):
+        soil["max_lost_particles"] = 0
+    soil.update(scenario.get("soil", {}))
+    scene: dict[str, Any] = {
+        "name": "gpu",
+        "duration_s": 1.0,
+        "allow": ["unstable_time_step"],
+        "coupling": {"communication_step_ns": 20_000 * STEPS},
+        "soil": soil,
+    }
+    if scenario.get("tool"):
+        share = trimesh.creation.box((0.02, 0.04, 0.06))
+        share.export(folder / "share.stl")
+        trimesh.creation.icosphere(1, 0.012).apply_translation((0.0, 0.0, -0.05)).export(folder / "tip.stl")
+        groups = {"share": {"mesh": "share.stl"}, "tip": {"mesh": "tip.stl"}}
+        scene["tools"] = {"tool": {"path": {}, "groups": groups}}
+    return scene
+
+
+def given_bed() -> Bed:
+    """Spheres of two sizes in two layers between periodic sides, some held, at any places."""
+    random = np.random.default_rng(3)
+    axes = [np.arange(0.01, length - 0.005, 0.0185) for length in WIDE_M]
+    axes[1] = WIDE_M[1] * (np.arange(6) / 6 - 0.5)
+    places = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+    places[:, 2] -= WIDE_M[2]
+    places += random.uniform(-5e-4, 5e-4, places.shape)
+    radii = np.where(random.random(len(places)) < 0.5, 0.008, 0.01)
+    return Bed(
+        places,
+        (0.0, -0.5 * WIDE_M[1], -WIDE_M[2]),
+        (WIDE_M[0], 0.5 * WIDE_M[1]),
+        radii_m=radii,
+        materials=(places[:, 2] < -0.02).astype(np.int64),
+        sides="periodic",
+        held=random.random(len(places)) < 0.2,
+    )
+
+
+def crossing_bed() -> Bed:
+    """Touching spheres on the borders of the search's cells: they cross, and partners change order."""
+    random = np.random.default_rng(5)
+    axes = 0.02 * np.arange(1, 4) + SKIN_M * np.arange(1, 4), 0.0195 * np.arange(-1, 2), 0.0195 * np.arange(3)
+    places = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+    places[:, 2] += 0.01 - SIZE_M[2]
+    places += random.uniform(-2e-4, 2e-4, places.shape)
+    return Bed(places, (0.0, -0.5 * SIZE_M[1], -SIZE_M[2]), (SIZE_M[0], 0.5 * SIZE_M[1]))
+
+
+def motions(scenario: dict[str, Any], tick: int) -> tuple[ToolMotion, ...]:
+    """The tool at the end of `tick`: it drives and turns."""
+    if not scenario.get("tool"):
+        return ()
+    t = 2e-5 * STEPS * (tick + 1)
+    x = 0.03 + SPEED_M_PER_S * t
+    return (ToolMotion("tool", x, 0.0, 0.0, 2.0 * t, SPEED_M_PER_S, 0.0, 2.0),)
+
+
+def build(engine_of: EngineOf, folder: Path, scenario: dict[str, Any]) -> Any:
+    """The engine before its start."""
+    path = folder / "scene.yaml"
+    path.write_text(yaml.safe_dump(document(folder, scenario), sort_keys=False))
+    bed = given_bed() if scenario.get("unequal") else crossing_bed() if scenario.get("crossing") else None
+    resolved = load_scene(path)
+    book = scenario["law"] != "cohesive_linear" or resolved.scene.particle_soil.precision == "mixed"
+    return engine_of(resolved, bed=bed, book=book)
+
+
+def start(engine: Any, scenario: dict[str, Any]) -> None:
+    """Puts it at its first state."""
+    if scenario.get("stirred"):
+        n = len(engine.bed.positions_m)
+        random = np.random.default_rng(1)
+        speed = 6.0 if scenario.get("crossing") else 0.4
+        velocity, spin = random.normal(0.0, speed, (n, 3)), random.normal(0.0, 20.0, (n, 3))
+        if scenario.get("thrown"):
+            velocity[n // 2] = 0.0, 0.0, 3000.0
+        engine.place(engine.bed.positions_m, velocity, spin, engine.bed.radii_m)
+    engine.start(motions(scenario, -1))
+
+
+def _numbers(record: Any) -> Iterator[float]:
+    """Every number of a message, those of its groups too."""
+    for field in dataclasses.fields(record):
+        value = getattr(record, field.name)
+        if isinstance(value, tuple):
+            for part in value:
+                yield from _numbers(part)
+        elif not isinstance(value, str):
+            yield value
+
+
+def run(engine: Any, scenario: dict[str, Any], first: int, ticks: int) -> dict[str, np.ndarray]:
+    """What such an engine says after so many ticks, and all its numbers."""
+    wrenches, error = [], ""
+    for tick in range(first, first + ticks):
+        try:
+            answers = engine.advance(tick, motions(scenario, tick))
+        except PhysicsError as refusal:
+            error = str(refusal)
+            break
+        wrenches += [list(_numbers(answer)) for answer in answers]
+    state = engine.state("", 0, 0)
+    energy = engine.energy()
+    books = [energy.kinetic_joule, energy.gravity_joule, energy.stored_joule, energy.tool_work_joule]
+    return {
+        "error": np.array(error),
+        "wrenches": np.array(wrenches, np.float64),
+        "positions": engine.positions_m(),
+        "displacements": engine.displacements_m(),
+        "velocities": engine.velocities_m_per_s(),
+        "spins": engine.angular_velocities_rad_per_s(),
+        "forces": engine.forces_newton(),
+        "energy": np.array([*books, *energy.sinks_joule.values()]),
+        "momentum": engine.momentum_kg_m_per_s,
+        "wall force": engine.wall_force_newton,
+        "overlaps": np.array([state.max_overlap_m, state.max_tool_overlap_m]),
+        "rms": np.array(
+            [state.rms_speed_m_per_s, state.rms_angular_velocity_rad_per_s, state.kinetic_energy_joule]
+        ),
+        "counts": np.array(
+            [state.particle_count, state.contact_count, state.rebuild_count, engine.listed_pair_count]
+        ),
+    }
+
+
+def results(engine_of: EngineOf, name: str) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """What a scenario gives after TICKS, and a checkpoint half way."""
+    scenario = SCENARIOS[name]
+    with tempfile.TemporaryDirectory() as folder:
+        engine = build(engine_of, Path(folder), scenario)
+        start(engine, scenario)
+        half = run(engine, scenario, 0, TICKS // 2)
+        kept = {key: np.array(array) for key, array in engine.state_arrays().items()}
+        whole = run(engine, scenario, TICKS // 2, TICKS - TICKS // 2) if not half["error"] else half
+        return whole, kept
+
+
+def resumed(engine_of: EngineOf, name: str, kept: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """What the second half gives from a checkpoint."""
+    scenario = SCENARIOS[name]
+    with tempfile.TemporaryDirectory() as folder:
+        engine = build(engine_of, Path(folder), scenario)
+        engine.restore(kept)
+        return run(engine, scenario, TICKS // 2, TICKS - TICKS // 2)
+
+
+def main(folder: Path) -> None:
+    """Everything that needs a GPU; FOLDER holds checkpoints of the CPU, by scenario."""
+    from subsoil_ros.dem.gpu.device import SIMULATED
+    from subsoil_ros.dem.gpu.engine import GpuSoilEngine
+
+    if SIMULATED:  # numba's seed of the inverse root works on bits, which plain Python has not
+        import subsoil_ros.contact_laws.springs
+        import subsoil_ros.dem.pairs
+
+        def inverse_root(x: Any) -> Any:
+            return type(x)(1.0) / np.sqrt(x)
+
+        subsoil_ros.contact_laws.springs.inverse_root = subsoil_ros.dem.pairs.inverse_root = inverse_root
+    for number, name in enumerate(SCENARIOS):
+        whole, kept = results(GpuSoilEngine, name)
+        np.savez(folder / f"gpu_{number}.npz", **whole)
+        np.savez(folder / f"gpu_kept_{number}.npz", **kept)
+        of_cpu = folder / f"cpu_kept_{number}.npz"
+        if name in RESUMED:
+            with np.load(of_cpu) as arrays:
+                taken = resumed(GpuSoilEngine, name, dict(arrays))
+            np.savez(folder / f"gpu_resumed_{number}.npz", **taken)
+    again, _ = results(GpuSoilEngine, "cohesive linear with a tool")
+    np.savez(folder / "gpu_again.npz", **again)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

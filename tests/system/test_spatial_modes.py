@@ -1,0 +1,50 @@
+"""A disc in six degrees of freedom that rolls freely, run in every way in fresh processes: the same bits."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.system.conftest import Run
+from tests.system.test_modes import without_wall_time
+
+SCENE = Path(__file__).parents[2] / "examples" / "tilted_disc" / "disc.yaml"
+CHANGES = (
+    "soil.bin.length_m=0.3",
+    "soil.bin.width_m=0.3",
+    "tools.disc.path.start_x_m=0.07",
+    "record.series_ticks=5",
+    "record.cloud_hz=200",
+    "coupling.communication_step_ns=160000",
+    "coupling.force=tick_mean",
+)
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Result folders, by mode."""
+    folders = {}
+    changes = [item for change in CHANGES for item in ("--set", change)]
+    for mode in ("direct", "composed", "nodes"):
+        run = Run(tmp_path_factory.mktemp(mode) / "out", mode, 0.02, *changes, scene=SCENE)
+        status, _, err = run.finish()
+        assert status == 0, err
+        folders[mode] = run.out
+    return folders
+
+
+def test_the_disc_turns_in_the_soil(results: dict[str, Path]) -> None:
+    """The comparison is not one of zeros."""
+    head, *_, last = (results["direct"] / "series.csv").read_text().splitlines()
+    row = dict(zip(head.split(","), map(float, last.split(",")), strict=True))
+    assert abs(row["tool.disc.force_y_newton"]) > 1.0
+    assert all(abs(row[f"tool.disc.angular_velocity_{axis}_rad_per_s"]) > 1e-3 for axis in "xyz")
+    assert "tool.disc.angle_rad" not in row
+
+
+@pytest.mark.parametrize("mode", ["composed", "nodes"])
+def test_series_and_bags_are_equal(results: dict[str, Path], mode: str) -> None:
+    """series.csv byte for byte, the bag message for message."""
+    assert (results[mode] / "series.csv").read_bytes() == (results["direct"] / "series.csv").read_bytes()
+    assert without_wall_time(results[mode]) == without_wall_time(results["direct"])

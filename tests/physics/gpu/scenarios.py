@@ -1,5 +1,6 @@
 """Small soils that both engines run: `python tests/physics/gpu/scenarios.py FOLDER` runs all on the GPU or in
-numba's simulator, and writes what came out to FOLDER; with NUMBA_ENABLE_CUDASIM=1 give NUMBA_DISABLE_JIT=1 too.
+numba's simulator, and writes what came out to FOLDER; with NUMBA_ENABLE_CUDASIM=1 give NUMBA_DISABLE_JIT=1
+too.
 """
 
 import dataclasses

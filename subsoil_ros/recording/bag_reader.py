@@ -99,9 +99,7 @@ class BagReader:
             kind = _KIND_OF_BAG_TOPIC[topic]
             yield from_message(kind, deserializer(message_type(kind), schema)(data))
 
-    def clouds(
-        self, communication_step_ns: int, at: At | None = None
-    ) -> Iterator[SoilCloud]:
+    def clouds(self, communication_step_ns: int, at: At | None = None) -> Iterator[SoilCloud]:
         """Soil clouds in order of simulated time; positions (n, 3) [m], speeds (n,) [m/s], float32."""
         for _, _, data, _ in self._raw([bag_topic(TOPIC_OF[SoilCloud])], at):
             yield cloud_from_message(deserialize(data, message_type(SoilCloud)), communication_step_ns)
@@ -141,7 +139,8 @@ class BagReader:
         numbers = {number for number, channel in self._summary.channels.items() if channel.topic in topics}
         waiting: list[tuple[int, int, int, int, bytes]] = []  # chunks may overlap in time
         for chunk in sorted(
-            self._summary.chunk_indexes, key=lambda chunk: (chunk.message_start_time, chunk.chunk_start_offset)
+            self._summary.chunk_indexes,
+            key=lambda chunk: (chunk.message_start_time, chunk.chunk_start_offset),
         ):
             while waiting and waiting[0][0] < chunk.message_start_time:
                 time_ns, _, _, number, data = heappop(waiting)

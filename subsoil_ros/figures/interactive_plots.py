@@ -141,15 +141,15 @@ def _over_time(run: RunData, name: str, compared: bool = False) -> Figure:
     window = metrics_window(series, run.resolved.scene)
     start, end = window_span_s(series, window)
     shapes, notes = figure["layout"]["shapes"], figure["layout"]["annotations"]
-    window_shape = {"type": "rect", "x0": start, "x1": end, "y0": 0, "y1": 1, "yref": "y domain"}
+    window_shape = {"type": "rect", "x0": start, "x1": end, "y0": 0, "y1": 1, "xref": "x", "yref": "y domain"}
     shapes.append({**window_shape, "fillcolor": _WINDOW, "line": {"width": 0}, "layer": "below"})
     if (mean := found["mean"]) is not None:
         dashed = {"dash": "dash", "width": 1}
         shapes.append({"type": "line", "x0": start, "x1": end, "y0": mean, "y1": mean, "line": dashed})
     if compared and run.resolved.reference is not None:
-        across = {"type": "line", "x0": 0, "x1": 1, "xref": "x domain"}
+        across = {"type": "line", "x0": 0, "x1": 1, "xref": "x domain", "yref": "y"}
         label = {"text": escape(run.resolved.reference.name), "font": {"size": 10}, "showarrow": False}
-        label |= {"x": 1, "xref": "x domain", "xanchor": "right", "yanchor": "bottom"}
+        label |= {"x": 1, "xref": "x domain", "yref": "y", "xanchor": "right", "yanchor": "bottom"}
         for level in reference_levels(run.resolved.reference, name, series[name]):
             dotted = {"dash": "dot", "color": COLOURS["reference"]}
             shapes.append({**across, "y0": level, "y1": level, "line": dotted})

@@ -97,11 +97,11 @@ test-kilted: setup  ## the same run under ROS 2 Jazzy and Kilted: the same bits?
 	$(bin)/python dev/two_distributions.py build/kilted
 
 bench: setup  ## cost of engines and lockstep, beside the peers that are installed; tens of minutes
-	$(bin)/subsoil bench soil
+	$(bin)/python -m benchmarks.soil
 	$(bin)/python -m benchmarks.peers.compare
 	$(bin)/python -m benchmarks.peers.plate_drag
-	$(bin)/subsoil bench mechanism
-	$(bin)/subsoil bench lockstep
+	$(bin)/python -m benchmarks.mechanism
+	$(bin)/python -m benchmarks.lockstep
 
 clean:  ## remove .venv and all that was built; runs/ stays
 	rm -rf $(VENV) build install log *.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis

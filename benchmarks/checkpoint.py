@@ -12,6 +12,7 @@ import statistics
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 from subsoil_ros.coupling.checkpoints import CheckpointWriter, CouplingState, restore_engine
 from subsoil_ros.coupling.energy_account import InterfaceWork
@@ -44,7 +45,7 @@ def main() -> int:
     return 0
 
 
-def measure(name: str, overrides: tuple[str, ...], place: Path, repeats: int) -> dict[str, object]:
+def measure(name: str, overrides: tuple[str, ...], place: Path, repeats: int) -> dict[str, Any]:
     """Writes and reads the same state `repeats` times."""
     resolved = load_scene(SCENE, overrides)
     motion_source, soil = build_motion_source(resolved), build_soil(resolved, 1)

@@ -26,10 +26,10 @@ import trimesh
 import yaml
 
 from subsoil_ros.api.simulate import simulate
-from subsoil_ros.dem.bench.cases import WET_BOUNDARY, WET_PARTICLE
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import ToolMotion
+from validation.laboratory import WET_BOUNDARY, WET_PARTICLE
 
 SCENES = Path(__file__).parents[1] / "config" / "scenes"
 STEPS, TICKS, WARM_UP_TICKS = 150, 500, 20

@@ -39,13 +39,13 @@ import numpy as np
 from benchmarks.gpu_drive import STEPS_PER_TICK, Drive, gpu_engine, periodic, ticks_of
 from benchmarks.peers.lammps_gpu import peer
 from benchmarks.run_cache import write_rows
+from benchmarks.soil_cases import DENSE, Case, cohesive_case
 from subsoil_ros.analysis.intervals import mean_interval
 from subsoil_ros.api.execution import execute, machine_name
 from subsoil_ros.coupling.engines import build_mechanism
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.beds.dense import prepare_dense
 from subsoil_ros.dem.beds.settling import ignore_progress
-from subsoil_ros.dem.bench.cases import DENSE, Case, cohesive_case
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.kernel_cache import set_up_numba
 from subsoil_ros.loading.loader import ResolvedScene, load_scene

@@ -3,7 +3,7 @@
 import dataclasses
 import time
 
-from subsoil_ros.dem.bench.cases import Case
+from benchmarks.soil_cases import Case
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.limits.stable_steps import Timing
 

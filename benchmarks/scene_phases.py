@@ -9,13 +9,86 @@ Prints one JSON object. The parts are of the wall time after the start; `mechani
 import argparse
 import json
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
 
 from subsoil_ros.api.beds import prepare_bed_first
 from subsoil_ros.cli._shared.bed_preparation import bed_progress
 from subsoil_ros.cli._shared.preparation import KernelAnnouncer
 from subsoil_ros.coupling.engines import build_motion_source, build_soil
-from subsoil_ros.dem.bench.phases import clocked
+from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.integration import kick_drift
+from subsoil_ros.dem.kernel_calls import KernelCalls
+from subsoil_ros.dem.pairs import pair_forces
+from subsoil_ros.dem.step import drift_and_contacts
+from subsoil_ros.dem.tools.surface import ToolSurface
+from subsoil_ros.dem.walls import wall_forces
 from subsoil_ros.loading.loader import load_scene
+
+_KERNELS = {
+    "pair_forces": "contact",
+    "wall_forces": "contact",
+    "kick_drift": "integration",
+    "kick": "integration",
+}
+_METHODS: dict[str, tuple[Any, str]] = {
+    "search": (SoilEngine, "_rebuild"),
+    "tool": (ToolSurface, "forces"),
+}
+_BIND = (KernelCalls, "bind")
+PHASES = (*dict.fromkeys(_KERNELS.values()), *_METHODS)
+"""Kernels by name and methods, none of which calls another. `search` is that of pairs, walls and tools."""
+
+
+@contextmanager
+def clocked(clock: Callable[[], float] = time.process_time) -> Iterator[dict[str, float]]:
+    """Seconds by phase that engines spend while the context lasts."""
+    spent = dict.fromkeys(PHASES, 0.0)
+    plain = [(owner, name, getattr(owner, name)) for owner, name in (*_METHODS.values(), _BIND)]
+    bind = KernelCalls.bind
+
+    def timed_bind(calls: KernelCalls, kernel: Any, *arguments: Any, **more: Any) -> Callable[..., Any]:
+        if kernel is drift_and_contacts:
+            return taken_apart(calls, *arguments)
+        call, phase = bind(calls, kernel, *arguments, **more), _KERNELS.get(kernel.__name__)
+        return call if phase is None else _timed(call, phase, spent, clock)
+
+    def taken_apart(calls: KernelCalls, motion: Any, pairs: Any, walls: Any) -> Callable[[int, bool], int]:
+        """drift_and_contacts with a clock around each of its kernels."""
+        drift = timed_bind(calls, kick_drift, *motion, varying=(1,))
+        contacts = timed_bind(calls, pair_forces, *pairs), timed_bind(calls, wall_forces, *walls)
+
+        def step(kicks: int, with_contacts: bool) -> int:
+            far: int = drift(kicks) if kicks > 0 else 0
+            if with_contacts and far == 0:
+                for forces in contacts:
+                    forces()
+            return far
+
+        return step
+
+    for phase, (owner, name) in _METHODS.items():
+        setattr(owner, name, _timed(getattr(owner, name), phase, spent, clock))
+    setattr(*_BIND, timed_bind)
+    try:
+        yield spent
+    finally:
+        for owner, name, function in plain:
+            setattr(owner, name, function)
+
+
+def _timed(
+    function: Callable[..., Any], phase: str, spent: dict[str, float], clock: Callable[[], float]
+) -> Callable[..., Any]:
+    def timed(*args: Any, **kwargs: Any) -> Any:
+        start = clock()
+        try:
+            return function(*args, **kwargs)
+        finally:
+            spent[phase] += clock() - start
+
+    return timed
 
 
 def main() -> None:

@@ -24,15 +24,18 @@ def first_step(scene: str, started: float) -> None:
     def lap(stage: str) -> None:
         stages.append((stage, time.process_time(), time.monotonic() - started))
 
-    from subsoil_ros.cli._shared import simulation
+    from subsoil_ros.cli._shared import simulation  # noqa: F401 (part of the start)
     from subsoil_ros.coupling.engines import build_motion_source, build_soil
+    from subsoil_ros.loading.loader import load_scene
 
     lap("imports")
-    resolved = simulation.load_scene(scene)
+    resolved = load_scene(scene)
     lap("scene")
     motion_source = build_motion_source(resolved)
     lap("mechanism")
     soil = build_soil(resolved, 1)
+    if soil is None:
+        raise SystemExit(f"{scene}: has no soil, so it has no first soil step")
     wrenches = soil.start(motion_source.initial_motions())
     lap("bed")
     soil.advance(0, motion_source.advance(0, wrenches))

@@ -62,7 +62,10 @@ def main() -> None:
     checkpoint, _ = newest_valid(args.run / "checkpoints")
     state: Mapping[str, np.ndarray] = checkpoint.read_part(SOIL)
     motions = CouplingState.of(checkpoint).motions
-    limit = step_limits(load_scene(args.run / "scene.yaml").scene.particle_soil)[0]
+    particle_soil = load_scene(args.run / "scene.yaml").scene.particle_soil
+    if particle_soil is None:
+        raise SystemExit(f"{args.run}: has no particles, so its soil has no limit of the step")
+    limit = step_limits(particle_soil)[0]
     print(f"{limit.limit_s * 1e6:.1f} us: {limit.cause}; from t = {checkpoint.time_s:.3f} s")
     for part in args.parts:
         step = f"{part * limit.limit_s:.3e}"

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from subsoil_ros.limits.stable_steps import Timing
-from subsoil_ros.mbd.benchmark import SEVEN_BODIES
 from subsoil_ros.mbd.engine import MechanismEngine
 from subsoil_ros.scene.model import Scene
+from validation.machines import SEVEN_BODIES
 
 os.environ["GOMP_SPINCOUNT"] = "0"  # workers share the cores: what spins while it waits takes another's
 

@@ -8,9 +8,9 @@ without a book, with which a tiled bed is.
 import copy
 from typing import Any
 
-from subsoil_ros.dem.bench.cases import WET_BOUNDARY as BOUNDARY
-from subsoil_ros.dem.bench.cases import WET_PARTICLE as PARTICLE
 from validation.laboratory import NEGLIGIBLE as NEGLIGIBLE
+from validation.laboratory import WET_BOUNDARY as BOUNDARY
+from validation.laboratory import WET_PARTICLE as PARTICLE
 
 WET = {"kind": "cohesive_linear", "particle": PARTICLE, "boundary": BOUNDARY}
 DRY = {

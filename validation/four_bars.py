@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from .laboratory import Document, Laboratory
-from .mechanism import pin, stored
+from .machines import pin
+from .mechanism import stored
 
 DURATION_NS = 10_000_000_000
 HIGH_PRECISION_JOULE = 1e-3

@@ -10,7 +10,6 @@ from typing import Any
 import trimesh
 import yaml
 
-from subsoil_ros.dem.bench.cases import WET_BOUNDARY, WET_PARTICLE
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.mbd.engine import MechanismEngine
@@ -24,6 +23,25 @@ NEGLIGIBLE = 1e-20
 In place of 0, so that cases share compiled kernels."""
 
 Document = dict[str, Any]
+
+WET_PARTICLE = {
+    "stiffness_newton_per_m": 10_000.0,
+    "tangential_stiffness_newton_per_m": 8_000.0,
+    "damping_newton_s_per_m": 20.0,
+    "tangential_damping_newton_s_per_m": 20.0,
+    "cohesive_stiffness_newton_per_m": 7_000.0,
+    "static_friction": 0.5,
+    "sliding_friction": 0.5,
+    "rolling_friction": 0.3,
+    "equilibrium_overlap_m": 0.002,
+    "cohesion_range_m": 0.002,
+}
+WET_BOUNDARY = WET_PARTICLE | {
+    "stiffness_newton_per_m": 16_000.0,
+    "tangential_stiffness_newton_per_m": 12_000.0,
+    "cohesive_stiffness_newton_per_m": 3_000.0,
+}
+"""Table 3 of the paper, with all parts of the law `cohesive_linear`."""
 
 
 def wet(**values: float) -> Document:

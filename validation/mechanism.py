@@ -8,36 +8,15 @@ import numpy as np
 from scipy.optimize import brentq
 
 from subsoil_ros.errors import PhysicsError, SceneError
-from subsoil_ros.mbd.benchmark import SEVEN_BODIES
 from subsoil_ros.mbd.engine import MechanismEngine
 from subsoil_ros.mbd.tables import PART_COUNT
 from subsoil_ros.messages import DriverCommand, MechanismState
 
 from .cases import REFUSED, RIGHT, STOPPED, Cases, Outcome, must, refused, right, stopped
 from .laboratory import GRAVITY, Document, Laboratory
+from .machines import SEVEN_BODIES, body, motor, pin, rail
 
 CASES = Cases()
-
-
-def body(x: float, z: float, mass: float = 1.0, inertia: float = 0.1, **rest: object) -> Document:
-    """A body."""
-    return {"mass_kg": mass, "inertia_kg_m2": inertia, "position_m": [x, z], **rest}
-
-
-def pin(body_a: str, body_b: str, x: float, z: float, **rest: object) -> Document:
-    """A revolute joint."""
-    return {"kind": "revolute", "body_a": body_a, "body_b": body_b, "point_m": [x, z], **rest}
-
-
-def rail(name: str, x: float, z: float, axis: tuple[float, float] = (1.0, 0.0)) -> Document:
-    """A prismatic joint to the ground."""
-    return {"kind": "prismatic", "body_a": "ground", "body_b": name, "point_m": [x, z], "axis": list(axis)}
-
-
-def motor(name: str, speed: float) -> Document:
-    """A driver of an angle."""
-    law = {"kind": "constant", "value": speed}
-    return {"kind": "driver", "body": name, "coordinate": "angle", "speed": law}
 
 
 def after(engine: MechanismEngine, ticks: int, communication_step_ns: int, first: int = 0) -> MechanismState:

@@ -9,14 +9,14 @@ from scipy.special import ellipj, ellipk
 
 from subsoil_ros.errors import PhysicsError
 from subsoil_ros.mbd.assembly import MovedBodiesWarning
-from subsoil_ros.mbd.benchmark import SEVEN_BODIES
 from subsoil_ros.mbd.equilibrium import UnstableEquilibriumWarning
 from subsoil_ros.mbd.tables import PART_COUNT
 
 from .cases import REFUSED, RIGHT, STOPPED, Cases, Outcome, must, refused, right, right_or_stopped, stopped
 from .four_bars import HIGH_PRECISION_JOULE, energy_drift
 from .laboratory import GRAVITY, Document, Laboratory
-from .mechanism import after, body, book, pin, rail, stored
+from .machines import SEVEN_BODIES, body, pin, rail
+from .mechanism import after, book, stored
 from .squeezer import REFERENCE, REFERENCE_RATES, relative, squeezer
 
 CASES = Cases()

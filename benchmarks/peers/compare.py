@@ -2,7 +2,7 @@
 
     python -m benchmarks.peers.compare [--quick] [--json]
 
-Same positions and velocities, same law (`linear` of `subsoil bench soil`), same steps, one core. The codes
+Same positions and velocities, same law (`linear` of `benchmarks.soil`), same steps, one core. The codes
 run by turns, so that other load affects all of them; medians are compared. The kinetic energy left at the end
 shows whether they computed the same.
 """
@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.soil_cases import Case, stirred_velocities, throughput_cases
+from benchmarks.throughput import bed_hash
 from subsoil_ros.api.beds import prepare_bed_first
 from subsoil_ros.cli._shared.bed_preparation import bed_progress
 from subsoil_ros.cli._shared.preparation import KernelAnnouncer
 from subsoil_ros.dem.beds.prepare import prepare_bed
-from subsoil_ros.dem.bench.cases import Case, stirred_velocities, throughput_cases
-from subsoil_ros.dem.bench.measure import bed_hash
 from subsoil_ros.dem.engine import SoilEngine
 
 from . import lammps_granular, liggghts, subsoil, yade_viscoelastic

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from subsoil_ros.dem.bench.cases import DENSITY_KG_PER_M3, LINEAR, LINEAR_SKIN_M, LINEAR_STEP_S, RADIUS_M
+from benchmarks.soil_cases import DENSITY_KG_PER_M3, LINEAR, LINEAR_SKIN_M, LINEAR_STEP_S, RADIUS_M
 
 
 @dataclass(frozen=True)

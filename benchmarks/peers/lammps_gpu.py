@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.gpu_drive import STEPS_PER_TICK, Drive, gpu_engine, periodic, ticks_of
-from subsoil_ros.dem.bench.cases import RADIUS_M, linear_case, stirred_velocities
+from benchmarks.soil_cases import RADIUS_M, linear_case, stirred_velocities
 
 DECK = Path(__file__).parent / "gran_hooke.in"
 

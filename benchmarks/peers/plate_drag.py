@@ -18,12 +18,12 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from benchmarks.soil_cases import DENSE, linear_case
 from subsoil_ros.api.beds import prepare_bed_first
 from subsoil_ros.cli._shared.bed_preparation import bed_progress
 from subsoil_ros.cli._shared.preparation import KernelAnnouncer
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.beds.prepare import prepare_bed
-from subsoil_ros.dem.bench.cases import DENSE, linear_case
 from subsoil_ros.dem.engine import SoilEngine
 
 from . import liggghts, subsoil

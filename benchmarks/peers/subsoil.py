@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.soil_cases import linear_case
 from subsoil_ros.dem.bed import Bed
-from subsoil_ros.dem.bench.cases import linear_case
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.limits.stable_steps import Timing
 from subsoil_ros.loading.loader import ResolvedScene

@@ -20,7 +20,6 @@ VERBS = {
     "soil-test": "test the soil of a scene: direct shear, sliding on metal, tension, density",
     "calibrate": "fit a wedge model to runs with particles, or a law of particles to soil tests",
     "bag": "describe a bag, or mend one whose writer was killed",
-    "bench": "measure the cost of an engine, or of the lockstep between the nodes",
     "new": "write a commented scene to start from, with its meshes",
     "schema": "write the JSON Schema of scene files, for editors",
     "urdf": "write the machine of a scene as URDF (each body floats on `world`; /tf moves it)",

@@ -20,9 +20,6 @@ ROOT = Path(__file__).parents[2]
 ROSDEP_NAMES = {"yaml": "PyYAML"}
 """Names in rosdep keys, python3-NAME, that are not those of the Python package."""
 
-NOT_REQUIRED = {"exudyn", "grainlearning", "helics"}
-"""Modules of other simulators, imported only where they are installed."""
-
 BROUGHT = {"llvmlite", "pydantic_core"}
 """Modules on which a required package is built: numba, pydantic."""
 
@@ -113,7 +110,7 @@ def imported_modules() -> set[str]:
 def test_every_import_is_declared():
     """A module that is imported is required, or in an extra that extras.py knows, or of ROS."""
     distributions = packages_distributions()
-    undeclared = imported_modules() - sys.stdlib_module_names - set(EXEC_DEPENDS) - NOT_REQUIRED - BROUGHT
+    undeclared = imported_modules() - sys.stdlib_module_names - set(EXEC_DEPENDS) - BROUGHT
     for module in undeclared - EXTRA_OF.keys():
         names = {canonicalize_name(name) for name in distributions.get(module, ())}
         assert names & PLAIN.keys(), f"{module} is imported, and setup.cfg does not name its package"

@@ -16,7 +16,7 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 from subsoil_msgs.srv import Step
 
-from subsoil_ros.cli._shared.bench_lockstep import write_scene
+from benchmarks.lockstep import IDLE, write_scene
 from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.ros.process.supervisor import node_program
@@ -30,8 +30,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 LIMIT_S = 90.0
 NODES = (MECHANISM, SOIL, RECORDER, COUPLER)
 PROGRAMS: dict[str, tuple[str, ...]] = {
-    MECHANISM: ("-m", "subsoil_ros.ros.nodes.idle", MECHANISM),
-    SOIL: ("-m", "subsoil_ros.ros.nodes.idle", SOIL),
+    **IDLE,
     RECORDER: node_program(RECORDER),
     COUPLER: node_program(COUPLER),
 }
@@ -39,7 +38,7 @@ OTHER_VERSION = (
     "-c",
     "import sys, subsoil_ros._version as of; of.__version__ = '0.0';"
     "sys.argv = ['idle', 'soil', *sys.argv[1:]];"
-    "from subsoil_ros.ros.nodes.idle import main; raise SystemExit(main())",
+    "from benchmarks.idle import main; raise SystemExit(main())",
 )
 
 

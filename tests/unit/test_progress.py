@@ -50,7 +50,7 @@ def assert_shown(words: tuple[str, ...], *steps: str) -> None:
 
 @pytest.mark.slow
 def test_bars_of_a_run_and_what_follows(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """Each step of run, report, compare and bench in its turn; nothing of it in a pipe."""
+    """Each step of run, report and compare in its turn; nothing of it in a pipe."""
     assert main(["new", str(tmp_path / "scene"), "--template", "wedge"]) == 0
     out, scene = tmp_path / "out", tmp_path / "scene/scene.yaml"
     run = ["run", str(scene), "--mode", "direct", "--set", "duration_s=0.05"]
@@ -62,7 +62,6 @@ def test_bars_of_a_run_and_what_follows(tmp_path: Path, capfd: pytest.CaptureFix
             "reading the series",
             "drawing the curves",
         ),
-        ("bench", "mechanism", "--largest", "1"): ("measuring the machine", "measuring chains"),
     }
     for words, steps in expected.items():
         assert_shown(words, *steps)

@@ -8,9 +8,9 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 from subsoil_ros.errors import PhysicsError
-from subsoil_ros.mbd.benchmark import SEVEN_BODIES
 from subsoil_ros.mbd.energy_balance import LARGEST_RESIDUAL
 from subsoil_ros.mbd.tables import EVENT_COUNT, LARGEST, PART_COUNT, RESIDUAL
+from validation.machines import SEVEN_BODIES
 
 from .small_machines import MASS, book
 

@@ -79,7 +79,7 @@ _SHOWN_PARTS = 200
 """Most updates of the bar while a bag is read: there may be millions of messages."""
 
 _REFRESHES_PER_S = 4
-"""Refreshes of a bar per second: few, because a bar must not disturb the benchmark that it is shown for."""
+"""Refreshes of a bar per second: few, because drawing takes CPU time from the work."""
 
 
 def _bar(*columns: ProgressColumn) -> Progress:

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from ..bed import Bed
-from ..beds.prepare import prepare_bed
-from ..engine import SoilEngine
-from .cases import Case, stirred_velocities
+from benchmarks.scene_phases import clocked
+from benchmarks.soil_cases import Case, stirred_velocities
+from subsoil_ros.dem.bed import Bed
+from subsoil_ros.dem.beds.prepare import prepare_bed
+from subsoil_ros.dem.engine import SoilEngine
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,17 @@ def measure(case: Case, threads: int, repeats: int, bed: Bed | None = None) -> T
         particle_steps_per_wall_s=work / statistics.median(wall_s),
         bytes_per_particle=array_bytes(engine) / state.particle_count,
     )
+
+
+def phase_parts(case: Case, bed: Bed) -> dict[str, float]:
+    """Part of the CPU time of the case's steps in each phase, and in `other`; one thread, sum 1."""
+    engine = prepared_engine(case, bed, 1)
+    with clocked() as spent:
+        start = time.process_time()
+        run_steps(engine, case, case.steps)
+        whole = time.process_time() - start
+    parts = {phase: seconds / whole for phase, seconds in spent.items()}
+    return {**parts, "other": 1.0 - sum(parts.values())}
 
 
 def array_bytes(root: object) -> int:

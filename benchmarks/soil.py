@@ -1,4 +1,7 @@
-"""The part of `subsoil bench` that measures the soil engine."""
+"""Throughput of the soil engine, its phases, threads and size, memory, and what bounds it.
+
+python -m benchmarks.soil [--quick] [--large] [--json]
+"""
 
 import argparse
 import dataclasses
@@ -7,30 +10,36 @@ import os
 import resource
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
-from ...api.beds import prepare_bed_first
-from ...dem.bed import Bed
-from ...dem.beds.prepare import prepare_bed
-from ...dem.bench.cases import Case, scaling_cases, throughput_cases
-from ...dem.bench.machine import flops_per_s, triad_bytes_per_s
-from ...dem.bench.measure import Throughput, measure
-from ...dem.bench.phases import phase_parts
-from ...dem.bench.roofline import roofline
-from ...dem.engine import SoilEngine
-from .bed_preparation import bed_progress
-from .preparation import KernelAnnouncer, say
-from .tables import table
+from benchmarks.roofline import flops_per_s, roofline, triad_bytes_per_s
+from benchmarks.soil_cases import Case, scaling_cases, throughput_cases
+from benchmarks.throughput import Throughput, measure, phase_parts
+from subsoil_ros.api.beds import prepare_bed_first
+from subsoil_ros.cli._shared.bed_preparation import bed_progress
+from subsoil_ros.cli._shared.preparation import KernelAnnouncer, say
+from subsoil_ros.cli._shared.tables import table
+from subsoil_ros.dem.bed import Bed
+from subsoil_ros.dem.beds.prepare import prepare_bed
+from subsoil_ros.dem.engine import SoilEngine
 
 SCALING_COUNTS, LARGEST_COUNT = (10_000, 100_000), 1_000_000
 
 
-def run(args: argparse.Namespace) -> int:
-    """Measure and print."""
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measures and prints tables, or JSON."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
+    parser.add_argument("--quick", action="store_true", help="only beds of about 9,000 particles")
+    parser.add_argument("--large", action="store_true", help="up to 1,000,000 particles")
+    args = parser.parse_args(arguments)
     repeats = 3 if args.quick else 5
     with tempfile.TemporaryDirectory() as place, KernelAnnouncer():
         folder = Path(place)
@@ -61,7 +70,6 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps(result))
     else:
         _print(result, lines, threads, scaling)
-    return 0
 
 
 def _bed(case: Case) -> Bed:
@@ -151,3 +159,7 @@ def _speeds(title: str, lines: list[Throughput]) -> Table:
             f"{line.bytes_per_particle:.0f}",
         )
     return speeds
+
+
+if __name__ == "__main__":
+    main()

@@ -1,4 +1,7 @@
-"""The part of `subsoil bench` that measures the exchange between the nodes."""
+"""Cost of the exchange between nodes whose engines compute nothing, also beside HELICS.
+
+python -m benchmarks.lockstep [--quick] [--json]
+"""
 
 import argparse
 import itertools
@@ -8,29 +11,34 @@ import sys
 import tempfile
 import time
 from array import array
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import psutil
+import trimesh
 from rich.console import Console
 
-from ...coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
-from ...dem.bench.cases import DENSITY_KG_PER_M3, LINEAR, RADIUS_M
-from ...loading.loader import load_scene
-from ...mbd.benchmark import SEVEN_BODIES
-from ...ros.process.plan import Parameters
-from ...ros.process.supervisor import NodeProcess, Supervisor, node_program, start_node
-from ...ros.transport.domain import run_domain
-from ...yaml_document import dump_yaml
-from .helics_peer import helics_cost
-from .progress import working
-from .tables import table
+from benchmarks.idle import STAMPS_FILE
+from benchmarks.peers.helics_exchange import helics_cost
+from benchmarks.soil_cases import DENSITY_KG_PER_M3, LINEAR, RADIUS_M
+from subsoil_ros.cli._shared.preparation import say
+from subsoil_ros.cli._shared.tables import table
+from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
+from subsoil_ros.loading.loader import load_scene
+from subsoil_ros.ros.process.plan import Parameters
+from subsoil_ros.ros.process.supervisor import NodeProcess, Supervisor, node_program, start_node
+from subsoil_ros.ros.transport.domain import run_domain
+from subsoil_ros.yaml_document import dump_yaml
+from validation.machines import SEVEN_BODIES
 
 TICKS, QUICK_TICKS = 12_000, 2500
 WARM_UP_TICKS = 1500
 """Ticks left out at the start; after them the histories of topics (ros/transport/qos.py) are full too."""
 
-STAMPS_FILE = "stamps_ns.bin"  # as ros/nodes/idle.py names it, which cannot be imported without ROS
+IDLE = {name: ("-m", "benchmarks.idle", name) for name in (MECHANISM, SOIL)}
+"""Python programs of the nodes that compute nothing."""
+
 _INTERVAL_NS = 50_000
 _SERIES_TICKS = 20  # as the paper's scene has it
 
@@ -57,21 +65,26 @@ class ExchangeCost:
     nodes: dict[str, NodeCost]
 
 
-def run(args: argparse.Namespace) -> int:
-    """Measure and print."""
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measures and prints a table, or JSON."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
+    parser.add_argument("--quick", action="store_true", help="few ticks")
+    args = parser.parse_args(arguments)
     ticks = QUICK_TICKS if args.quick else TICKS
-    with working(f"exchanging {ticks} times without and with a recorder"):
-        peer = helics_cost(ticks, WARM_UP_TICKS)  # before and after: the same load on the machine
-        three = exchange_cost(ticks, recorded=False)
-        four = exchange_cost(ticks, recorded=True)
-        again = helics_cost(ticks, WARM_UP_TICKS) if peer is not None else None
+    say(f"exchanging {ticks} times without and with a recorder")
+    peer = helics_cost(ticks, WARM_UP_TICKS)  # before and after: the same load on the machine
+    three = exchange_cost(ticks, recorded=False)
+    four = exchange_cost(ticks, recorded=True)
+    again = helics_cost(ticks, WARM_UP_TICKS) if peer is not None else None
     if peer is not None and again is not None:
         peer = min(peer, again, key=lambda cost: cost["wall_us_median"])
     if args.json:
         print(json.dumps({"lockstep": asdict(three), "lockstep_recorded": asdict(four), "helics": peer}))
     else:
         _print(three, four, peer)
-    return 0
 
 
 def exchange_cost(ticks: int, *, recorded: bool) -> ExchangeCost:
@@ -86,12 +99,11 @@ def exchange_cost(ticks: int, *, recorded: bool) -> ExchangeCost:
             "supervised": True,
         }
         own: dict[str, Parameters] = {RECORDER: {"bag": str(folder / "bag")}}
-        idle = {name: ("-m", "subsoil_ros.ros.nodes.idle", name) for name in (MECHANISM, SOIL)}
         names = (MECHANISM, SOIL, *((RECORDER,) if recorded else ()), COUPLER)
         processes = [
             start_node(
                 name,
-                idle.get(name, node_program(name)),
+                IDLE.get(name, node_program(name)),
                 folder / f"{name}.log",
                 {**parameters, **own.get(name, {})},
                 domain,
@@ -161,8 +173,6 @@ def _switches(process_id: int) -> dict[int, int]:
 
 def write_scene(folder: Path, ticks: int) -> Path:
     """Write a scene with the right numbers of bodies and tools; its physics is not used."""
-    import trimesh
-
     trimesh.creation.box((0.1, 0.1, 0.1)).export(folder / "tool.stl")
     forces = {name: part for name, part in SEVEN_BODIES["forces"].items() if part["kind"] != "wheel_contact"}
     mesh = {"mesh": str(folder / "tool.stl")}
@@ -211,3 +221,7 @@ def _print(three: ExchangeCost, four: ExchangeCost, peer: dict[str, float] | Non
             f"{peer['cpu_us_per_exchange']:.0f}",
         )
     console.print(costs)
+
+
+if __name__ == "__main__":
+    main()

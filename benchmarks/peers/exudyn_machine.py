@@ -3,7 +3,7 @@
 import time
 from typing import Any
 
-from .benchmark import SEVEN_BODIES
+from validation.machines import SEVEN_BODIES
 
 STEPS = 4000
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from rclpy.context import Context
 
-from ...coupling.protocol import MECHANISM, SOIL
-from ...loading.loader import ResolvedScene
-from ...messages import (
+from subsoil_ros.coupling.protocol import MECHANISM, SOIL
+from subsoil_ros.loading.loader import ResolvedScene
+from subsoil_ros.messages import (
     BodyState,
     DriverCommand,
     FacetGroupForce,
@@ -22,12 +22,12 @@ from ...messages import (
     ToolMotion,
     ToolWrench,
 )
-from ...ticks import INITIAL_TICK
-from ..process.heartbeat import Heartbeat, NodeRun
-from ..process.node_process import run_process
-from ..process.parameters import NodeSettings
-from .mechanism_node import MechanismNode
-from .soil_node import SoilNode
+from subsoil_ros.ros.nodes.mechanism_node import MechanismNode
+from subsoil_ros.ros.nodes.soil_node import SoilNode
+from subsoil_ros.ros.process.heartbeat import Heartbeat, NodeRun
+from subsoil_ros.ros.process.node_process import run_process
+from subsoil_ros.ros.process.parameters import NodeSettings
+from subsoil_ros.ticks import INITIAL_TICK
 
 STAMPS_FILE = "stamps_ns.bin"
 """File beside the scene: start of each tick on the monotonic clock [ns], int64 in native byte order."""

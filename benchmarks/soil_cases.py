@@ -11,11 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import trimesh
 
-from ...limits.stable_steps import Timing
-from ...loading.loader import ResolvedScene
-from ...messages import ToolMotion
-from ...scene.model import Scene
+from subsoil_ros.limits.stable_steps import Timing
+from subsoil_ros.loading.loader import ResolvedScene
+from subsoil_ros.messages import ToolMotion
+from subsoil_ros.scene.model import Scene
+from validation.laboratory import WET_BOUNDARY, WET_PARTICLE
 
 RADIUS_M, DENSITY_KG_PER_M3 = 0.010, 1800.0
 
@@ -31,25 +33,6 @@ LINEAR = {
 """Dry soil as other codes can have it: hooke/stiffness, tangential history, Coulomb, epsd2 rolling."""
 
 LINEAR_STEP_S, LINEAR_SKIN_M = 1e-4, 0.002
-
-WET_PARTICLE = {
-    "stiffness_newton_per_m": 10_000.0,
-    "tangential_stiffness_newton_per_m": 8_000.0,
-    "damping_newton_s_per_m": 20.0,
-    "tangential_damping_newton_s_per_m": 20.0,
-    "cohesive_stiffness_newton_per_m": 7_000.0,
-    "static_friction": 0.5,
-    "sliding_friction": 0.5,
-    "rolling_friction": 0.3,
-    "equilibrium_overlap_m": 0.002,
-    "cohesion_range_m": 0.002,
-}
-WET_BOUNDARY = WET_PARTICLE | {
-    "stiffness_newton_per_m": 16_000.0,
-    "tangential_stiffness_newton_per_m": 12_000.0,
-    "cohesive_stiffness_newton_per_m": 3_000.0,
-}
-"""Table 3 of the paper, with all of the law."""
 
 WET_STEP_S, WET_SKIN_M = 4.2e-5, 0.003
 """Step, 0.78 of the stable limit, and the skin by default."""
@@ -143,8 +126,6 @@ def plastic_case(steps: int, name: str, folder: Path) -> Case:
 
 
 def _with_plate(document: dict[str, Any], steps: int, name: str, folder: Path) -> Case:
-    import trimesh
-
     trimesh.creation.box(PLATE_SIZE_M).export(folder / "plate.stl")
     document["tools"] = {PLATE: {"path": {}, "groups": {"plate": {"mesh": "plate.stl"}}}}
     return Case(name, _resolved(document, WET_STEP_S, folder), steps, stirred=False)
@@ -191,14 +172,7 @@ def throughput_cases(folder: Path, *, quick: bool) -> list[Case]:
         linear_case(DENSE, (0.60, 0.30, 0.345), 1000, "linear, dense random 9,000"),
         cohesive_case(GRID, (0.55, 0.27, 0.364), 1000, "cohesive linear, grid 9,000", folder),
         cohesive_case(DENSE, (0.50, 0.25, 0.32), 1000, "cohesive linear, dense random 9,000", folder),
-        cohesive_case(
-            DENSE,
-            (0.50, 0.25, 0.32),
-            1000,
-            "the same, bonded",
-            folder,
-            bonds=CEMENT,
-        ),
+        cohesive_case(DENSE, (0.50, 0.25, 0.32), 1000, "the same, bonded", folder, bonds=CEMENT),
         plastic_case(1000, "elasto-plastic adhesive, grid 9,000", folder),
     ]
     if not quick:

@@ -2,17 +2,13 @@
 
 import struct
 from collections.abc import Callable, Iterator
-from heapq import heappop, heappush
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import zstandard
-from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
-from mcap.opcode import Opcode
 from mcap.reader import make_reader
-from mcap.records import Chunk, ChunkIndex, Statistics
-from mcap.stream_reader import get_chunk_data_stream
+from mcap.records import Statistics
 from mcap.summary import Summary
 
 from ..errors import InputError, RecordingError
@@ -23,14 +19,6 @@ from .types import deserialize, deserializer
 
 BROKEN = (McapError, struct.error, zstandard.ZstdError, ValueError)
 """Errors of the readers of MCAP, its strings and its chunks where a file is cut off or overwritten."""
-
-At = Callable[[int], bool]
-"""Returns from the time of a message [ns] whether it is read."""
-
-_RECORD = struct.Struct("<BQ")  # before every record: opcode, length of the rest
-_INDEX = struct.Struct("<HI")  # of a message index: channel, length of the rest
-_ENTRY = struct.Struct("<QQ")  # of a message index: time, place in the chunk
-_MESSAGE = struct.Struct("<HIQQ")  # before the bytes of a message: channel, sequence, times
 
 _KIND_OF_BAG_TOPIC = {bag_topic(topic): kind for topic, kind in RECORD_OF.items()}
 
@@ -85,7 +73,7 @@ class BagReader:
         """Simulated time of the last message [ns]."""
         return self._statistics.message_end_time
 
-    def records(self, *kinds: type, at: At | None = None) -> Iterator[Any]:
+    def records(self, *kinds: type, at: Callable[[int], bool] | None = None) -> Iterator[Any]:
         """Records of `kinds` in order of simulated time, decoded one by one.
 
         `at` returns from a record's time [ns] whether to decode it; the others are skipped. Clouds are read
@@ -94,86 +82,30 @@ class BagReader:
         Raises:
             RecordingError: the bag is damaged.
         """
-        topics = [bag_topic(TOPIC_OF[kind]) for kind in kinds]
-        for topic, _, data, schema in self._raw(topics, at):
-            kind = _KIND_OF_BAG_TOPIC[topic]
-            yield from_message(kind, deserializer(message_type(kind), schema)(data))
+        for topic, time_ns, data, schema in self._raw([bag_topic(TOPIC_OF[kind]) for kind in kinds]):
+            if at is None or at(time_ns):
+                kind = _KIND_OF_BAG_TOPIC[topic]
+                yield from_message(kind, deserializer(message_type(kind), schema)(data))
 
-    def clouds(self, communication_step_ns: int, at: At | None = None) -> Iterator[SoilCloud]:
+    def clouds(
+        self, communication_step_ns: int, at: Callable[[int], bool] | None = None
+    ) -> Iterator[SoilCloud]:
         """Soil clouds in order of simulated time; positions (n, 3) [m], speeds (n,) [m/s], float32."""
-        for _, _, data, _ in self._raw([bag_topic(TOPIC_OF[SoilCloud])], at):
-            yield cloud_from_message(deserialize(data, message_type(SoilCloud)), communication_step_ns)
+        for _, time_ns, data, _ in self._raw([bag_topic(TOPIC_OF[SoilCloud])]):
+            if at is None or at(time_ns):
+                yield cloud_from_message(deserialize(data, message_type(SoilCloud)), communication_step_ns)
 
     def cloud_times_ns(self) -> list[int]:
         """Simulated times of the soil clouds [ns]; decodes none."""
-        times: list[int] = []
+        return [time_ns for _, time_ns, _, _ in self._raw([bag_topic(TOPIC_OF[SoilCloud])])]
 
-        def passed(time_ns: int) -> bool:
-            times.append(time_ns)
-            return False
-
-        for _ in self._raw([bag_topic(TOPIC_OF[SoilCloud])], passed):
-            pass
-        return sorted(times)
-
-    def _raw(self, topics: list[str], at: At | None) -> Iterator[tuple[str, int, bytes, str]]:
-        """Topic, time [ns], bytes and definition of messages, in order of time."""
+    def _raw(self, topics: list[str]) -> Iterator[tuple[str, int, bytes, str]]:
+        """Topic, time [ns], bytes and definition of every message."""
         schemas = {key: schema.data.decode() for key, schema in self._summary.schemas.items()}
-        chunks = self._summary.chunk_indexes
-        indexed = chunks and all(chunk.message_index_offsets for chunk in chunks)
         try:
             with self.path.open("rb") as stream:
-                if not indexed:  # of another writer
-                    for _, channel, message in make_reader(stream, validate_crcs=True).iter_messages(topics):
-                        if at is None or at(message.log_time):
-                            yield channel.topic, message.log_time, message.data, schemas[channel.schema_id]
-                    return
-                for number, time_ns, data in self._wanted(stream, topics, at):
-                    channel = self._summary.channels[number]
-                    yield channel.topic, time_ns, data, schemas[channel.schema_id]
+                reader = make_reader(stream, validate_crcs=True)
+                for _, channel, message in reader.iter_messages(topics):
+                    yield channel.topic, message.log_time, message.data, schemas[channel.schema_id]
         except BROKEN as error:
             raise damaged(self.path, error) from error
-
-    def _wanted(self, stream: BinaryIO, topics: list[str], at: At | None) -> Iterator[tuple[int, int, bytes]]:
-        """Channel, time [ns] and bytes of messages, in order of time. Only chunks that hold one are read."""
-        numbers = {number for number, channel in self._summary.channels.items() if channel.topic in topics}
-        waiting: list[tuple[int, int, int, int, bytes]] = []  # chunks may overlap in time
-        for chunk in sorted(
-            self._summary.chunk_indexes,
-            key=lambda chunk: (chunk.message_start_time, chunk.chunk_start_offset),
-        ):
-            while waiting and waiting[0][0] < chunk.message_start_time:
-                time_ns, _, _, number, data = heappop(waiting)
-                yield number, time_ns, data
-            places = [
-                (time_ns, place, number)
-                for number in numbers & set(chunk.message_index_offsets)
-                for time_ns, place in _entries(stream, chunk.message_index_offsets[number])
-                if at is None or at(time_ns)
-            ]
-            content = _content(stream, chunk) if places else b""
-            for time_ns, place, number in places:
-                _, length = _RECORD.unpack_from(content, place)
-                start = place + _RECORD.size
-                data = content[start + _MESSAGE.size : start + length]
-                heappush(waiting, (time_ns, chunk.chunk_start_offset, place, number, data))
-        while waiting:
-            time_ns, _, _, number, data = heappop(waiting)
-            yield number, time_ns, data
-
-
-def _entries(stream: BinaryIO, start: int) -> Iterator[tuple[int, int]]:
-    """Times [ns] and places in their chunk of the messages in the index at `start` of a file."""
-    stream.seek(start)
-    opcode, _ = _RECORD.unpack(stream.read(_RECORD.size))
-    if opcode != Opcode.MESSAGE_INDEX:
-        raise ValueError(f"no message index at byte {start}")
-    _, length = _INDEX.unpack(stream.read(_INDEX.size))
-    return _ENTRY.iter_unpack(stream.read(length))
-
-
-def _content(stream: BinaryIO, chunk: ChunkIndex) -> bytes:
-    """Records of a chunk."""
-    stream.seek(chunk.chunk_start_offset + _RECORD.size)
-    records, length = get_chunk_data_stream(Chunk.read(ReadDataStream(stream)), validate_crc=True)
-    return bytes(records.read(length))

@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 
 from ..errors import SceneError
 from .model import Scene
-from .stl import Surface, read_stl
 from .tools import MeshPart
 
 LARGEST_SIZE_M = 20.0
@@ -55,9 +55,9 @@ def load_tool_mesh(directory: Path, scene: Scene, tool_name: str) -> ToolMesh:
     vertex_count = 0
     for index, (group, part) in enumerate(tool.groups.items()):
         mesh = _checked(directory, part, f"tools.{tool_name}.groups.{group}")
-        vertices.append(mesh.vertices * part.scale + part.position_m - origin)
-        facets.append(mesh.facets + vertex_count)
-        facet_group.append(np.full(len(mesh.facets), index))
+        vertices.append(np.asarray(mesh.vertices) * part.scale + part.position_m - origin)
+        facets.append(np.asarray(mesh.faces) + vertex_count)
+        facet_group.append(np.full(len(mesh.faces), index))
         vertex_count += len(mesh.vertices)
     return ToolMesh(
         vertices_m=np.ascontiguousarray(np.concatenate(vertices), dtype=np.float64),
@@ -68,11 +68,13 @@ def load_tool_mesh(directory: Path, scene: Scene, tool_name: str) -> ToolMesh:
     )
 
 
-def _checked(directory: Path, part: MeshPart, place: str) -> Surface:
+def _checked(directory: Path, part: MeshPart, place: str) -> trimesh.Trimesh:
     """The mesh of one group, equal vertices merged, in file units."""
     path = directory / part.mesh
     where = f"{place}.mesh: {path}"
     mesh = _read(path, where)
+    if not np.isfinite(mesh.vertices).all():
+        raise SceneError(f"{where}: has coordinates that are not finite; export it again")
     size = float(np.max(np.ptp(mesh.vertices, axis=0)))
     if size * part.scale > LARGEST_SIZE_M:
         raise SceneError(
@@ -80,32 +82,43 @@ def _checked(directory: Path, part: MeshPart, place: str) -> Surface:
             f"millimetres needs 'scale: 0.001' (given {part.scale:g})"
         )
     edges = np.linalg.norm(mesh.triangles - np.roll(mesh.triangles, 1, axis=1), axis=2)
-    flat = mesh.twice_areas <= SMALLEST_HEIGHT * size * edges.max(axis=1)
+    flat = 2.0 * mesh.area_faces <= SMALLEST_HEIGHT * size * edges.max(axis=1)
     if flat.any():
         raise SceneError(
             f"{where}: facet {int(np.argmax(flat))} and {int(flat.sum()) - 1} others have no area; "
             "remove degenerate facets before exporting"
         )
-    if not mesh.is_closed:
+    if not mesh.is_watertight:
+        open_count = len(trimesh.grouping.group_rows(mesh.edges_sorted, require_count=1))
         raise SceneError(
-            f"{where}: is not watertight ({mesh.open_edge_count} open edges of {mesh.edge_count}); "
+            f"{where}: is not watertight ({open_count} open edges of {len(mesh.edges_unique)}); "
             "a tool needs a closed surface: mend the mesh, each edge shared by exactly two facets"
         )
-    volumes = mesh.piece_volumes()
-    if not mesh.turns_one_way or (volumes <= 0.0).any():
+    inward = not mesh.is_winding_consistent or (_volumes(mesh) <= 0.0).any()
+    if inward:
         raise SceneError(
-            f"{where}: facets point inward (volume {volumes.sum() * part.scale**3:.3g} m3); normals must "
+            f"{where}: facets point inward (volume {mesh.volume * part.scale**3:.3g} m3); normals must "
             "point outward: turn the winding of the facets round, for example by trimesh's fix_normals()"
         )
     return mesh
 
 
-def _read(path: Path, where: str) -> Surface:
+def _read(path: Path, where: str) -> trimesh.Trimesh:
     if path.suffix.lower() != ".stl":
         raise SceneError(f"{where}: given a '{path.suffix}' file, allowed are .stl files")
     try:
-        return read_stl(path.read_bytes())
-    except OSError as error:
-        raise SceneError(f"{where}: cannot be read as STL: {error.strerror}") from error
-    except ValueError as error:
-        raise SceneError(f"{where}: {error}") from error
+        with path.open("rb") as stream:
+            mesh = trimesh.load_mesh(stream, file_type="stl", process=True)
+    except Exception as error:  # trimesh raises whatever its parsers meet
+        raise SceneError(f"{where}: cannot be read as STL: {' '.join(str(error).split())}") from error
+    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
+        raise SceneError(f"{where}: holds no facets; it is empty or no STL file")
+    return mesh
+
+
+def _volumes(mesh: trimesh.Trimesh) -> NDArray[np.float64]:
+    """Signed volume of each connected piece [file units^3], (pieces,)."""
+    piece = trimesh.graph.connected_component_labels(mesh.face_adjacency, node_count=len(mesh.faces))
+    corners = mesh.triangles - mesh.vertices.mean(axis=0)
+    sixfold = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
+    return np.bincount(piece, weights=sixfold) / 6.0

@@ -102,7 +102,7 @@ docs-version: setup-docs  ## documentation of this version beside those of other
 		$$(sed -n 's/^__version__ = "\([0-9]*\.[0-9]*\).*/\1/p' subsoil_ros/_version.py) latest
 
 test-kilted: setup  ## the same run under ROS 2 Jazzy and Kilted: the same bits? 5 min the first time
-	$(bin)/python dev/two_distributions.py build/kilted
+	$(bin)/python -m dev.two_distributions build/kilted
 
 bench: setup-test  ## cost of engines and lockstep, beside the peers that are installed; tens of minutes
 	$(bin)/subsoil bench soil

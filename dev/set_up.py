@@ -11,6 +11,7 @@ for; where uv cannot be had, or fails, pip does.
 """
 
 import ast
+import fcntl
 import hashlib
 import os
 import platform
@@ -63,7 +64,7 @@ def attempt(command: list[str | Path], environment: Mapping[str, str] | None = N
 
 def telling_line(output: str) -> str:
     """The line of a failed command's output that says most: of a full disk, else of the last error."""
-    lines = [line.strip(" \t│╰─▶├×") for line in output.splitlines() if line.strip()]
+    lines = [line.strip(" \t│╰─▶├\N{MULTIPLICATION SIGN}") for line in output.splitlines() if line.strip()]
     for pattern in (r"No space left", r"fatal error:|\bcaused by:|connect|resolve host", r"error\b", ""):
         found = [line for line in lines if re.search(pattern, line, re.IGNORECASE)]
         if found:
@@ -76,7 +77,7 @@ def settings_of_pip(listing: str) -> dict[str, str]:
     found = re.findall(r"^(global|install|:env:)\.([\w-]+)=(.+)$", listing, re.MULTILINE)
     order = ("global", "install", ":env:")
     by_weight = sorted(found, key=lambda item: order.index(item[0]))
-    return {name.replace("default-timeout", "timeout"): ast.literal_eval(value) for _, name, value in by_weight}
+    return {name.removeprefix("default-"): ast.literal_eval(value) for _, name, value in by_weight}
 
 
 def as_uv(settings: Mapping[str, str]) -> tuple[list[str], dict[str, str]]:
@@ -90,11 +91,17 @@ def as_uv(settings: Mapping[str, str]) -> tuple[list[str], dict[str, str]]:
 
 
 def install(python: Path, *lists: Path, lock: Path = LOCK) -> None:
-    """Lists of requirements into the environment of `python`, at the versions of `lock`.
+    """Lists of requirements into the environment of `python`, at the versions of `lock`, one call at a time.
 
     Raises:
         StepFailedError: neither uv nor pip could install them.
     """
+    with (python.parents[1] / "set-up.lock").open("w") as turn:
+        fcntl.flock(turn, fcntl.LOCK_EX)
+        _install(python, lists, lock)
+
+
+def _install(python: Path, lists: tuple[Path, ...], lock: Path) -> None:
     pip = [python, "-m", "pip", "--disable-pip-version-check"]
     wanted = [word for path in lists for word in ("-r", path)] + ["-c", lock]
     uv = python.with_name("uv")
@@ -202,15 +209,16 @@ def advice(step: str, said: str) -> str:
     """What to do about a failed step."""
     if "No space left" in said:
         return (
-            "Make room: the environment takes 1.2 GB (2.6 GB with tests), the folder of the home's caches as "
-            "much again, /tmp 0.1 GB. Or name other folders: make VENV=FOLDER, XDG_CACHE_HOME, TMPDIR."
+            "Make room: docs/install.md has the size of the environment; caches in the home take as much. "
+            "Or name other folders: make VENV=FOLDER; XDG_CACHE_HOME for caches, TMPDIR for temporary files."
         )
-    if step in ("environment", "packages") or "registry" in said:
+    if step in ("environment", "packages"):
         return (
-            "Check that the package registry answers (pip download numpy). pip's settings count for uv as well: "
-            "pip config set global.index-url URL names a mirror."
+            "Check that the package registry answers (pip download numpy). pip config set global.index-url URL "
+            "names a mirror, for uv as well."
         )
-    return "Read the line above. The whole output: .venv/bin/python -m pip install -v ./msg_defs."
+    whole = {"kernels": "-m dev.warm_kernels", "messages": "-m pip wheel -v --no-build-isolation ./msg_defs"}
+    return f"The whole output: {sys.executable} {whole.get(step, '-m pip install -v -e .')}."
 
 
 if __name__ == "__main__":

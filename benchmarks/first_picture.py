@@ -1,4 +1,4 @@
-"""Wall and CPU time of each step from a clone to the first picture, with cold caches; size of the environment.
+"""Wall and CPU time of each step from a clone to the first picture, cold caches; size of the environment.
 
 python benchmarks/first_picture.py FOLDER [--python PATH]
 

@@ -214,8 +214,8 @@ def advice(step: str, said: str) -> str:
         )
     if step in ("environment", "packages"):
         return (
-            "Check that the package registry answers (pip download numpy). pip config set global.index-url URL "
-            "names a mirror, for uv as well."
+            "Check that the package registry answers (pip download numpy). A mirror: pip config set "
+            "global.index-url URL, for uv as well."
         )
     whole = {"kernels": "-m dev.warm_kernels", "messages": "-m pip wheel -v --no-build-isolation ./msg_defs"}
     return f"The whole output: {sys.executable} {whole.get(step, '-m pip install -v -e .')}."

@@ -63,7 +63,10 @@ def attempt(command: list[str | Path], environment: Mapping[str, str] | None = N
 
 
 def telling_line(output: str) -> str:
-    """The line of a failed command's output that says most: of a full disk, else of the last error."""
+    """What a failed command's output says: no registry, a full disk, else the last error."""
+    broken = re.search(r"connection broken by '?(\w+)(?:.*(\[Errno -?\d+\] [\w ]+))?", output)
+    if broken and "No space left" not in output:
+        return f"the registry does not answer ({broken[2] or broken[1]})"
     lines = [line.strip(" \t│╰─▶├\N{MULTIPLICATION SIGN}") for line in output.splitlines() if line.strip()]
     for pattern in (r"No space left", r"fatal error:|\bcaused by:|connect|resolve host", r"error\b", ""):
         found = [line for line in lines if re.search(pattern, line, re.IGNORECASE)]

@@ -29,7 +29,7 @@ def test_uv_looks_where_pip_would():
     ("output", "said"),
     [
         (
-            f"{BROKEN}'NewConnectionError('<x>: Failed: [Errno 111] Connection refused')': /uv/\nERROR: no uv",
+            f"{BROKEN}'NewConnectionError('<x>: [Errno 111] Connection refused')': /uv/\nERROR: no uv",
             "the registry does not answer ([Errno 111] Connection refused)",
         ),
         (

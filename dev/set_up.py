@@ -125,7 +125,8 @@ def _install(python: Path, lists: tuple[Path, ...], lock: Path) -> None:
 
 def environment(prefix: Path) -> None:
     """Make a virtual environment, with what a run and its report need."""
-    attempt([sys.executable, "-m", "venv", "--clear", prefix])
+    attempt([sys.executable, "-m", "venv", "--clear", "--without-pip", prefix])
+    attempt([prefix / "bin" / "python", "-m", "ensurepip", "--default-pip"])  # venv would hide its errors
     (prefix / "home").mkdir()
     install(prefix / "bin" / "python", LISTS / "run.txt")
 

@@ -109,13 +109,8 @@ docs-version: setup-docs  ## documentation of this version beside those of other
 test-kilted: setup  ## the same run under ROS 2 Jazzy and Kilted: the same bits? 5 min the first time
 	$(bin)/python -m dev.two_distributions build/kilted
 
-<<<<<<< HEAD
-bench: setup  ## cost of engines and lockstep, beside the peers that are installed; tens of minutes
-	$(bin)/python -m benchmarks.soil
-=======
 bench: setup-test  ## cost of engines and lockstep, beside the peers that are installed; tens of minutes
-	$(bin)/subsoil bench soil
->>>>>>> setup
+	$(bin)/python -m benchmarks.soil
 	$(bin)/python -m benchmarks.peers.compare
 	$(bin)/python -m benchmarks.peers.plate_drag
 	$(bin)/python -m benchmarks.mechanism

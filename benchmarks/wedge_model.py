@@ -49,8 +49,8 @@ def compare(name: str, particles: str, wedge: str, ticks: int, *overrides: str) 
 
 def presets(pairs: int) -> None:
     """Prints CPU times of `fine` and `real_time`, and how many times faster the second is."""
-    fine = load_scene("field_tine", ["preset=fine", f"duration_s={FINE_S}"])
-    wedge = load_scene("field_tine", ["preset=real_time", f"duration_s={WEDGE_S}"])
+    fine = load_scene("field_tine", ["preset=fine", "stop_when=null", f"duration_s={FINE_S}"])
+    wedge = load_scene("field_tine", ["preset=real_time", "stop_when=null", f"duration_s={WEDGE_S}"])
     cpu_s_per_simulated_s(wedge)  # loads kernels and files
     ratios = []
     for _ in range(pairs):

@@ -42,7 +42,6 @@ SCENES: dict[str, dict[str, float]] = {
     "tine_hardpan": {"duration_s": 0.03, "tools.tine.path.start_x_m": -0.08},
     "subsoiler_1s300_quick": {"duration_s": 0.1, "mechanism.initial.translate_x_m": -0.1},
     "depth_wheel": {"duration_s": 0.05},
-    "direct_shear": {"duration_s": 0.06},
     "mechanism_only": {"duration_s": 0.7},
     "three_shanks_resistance": {"duration_s": 0.4},
     "subsoiler_1s300_draft_limit": {

@@ -358,8 +358,7 @@ class SoilCloud:
     identities (n,) uint32, unique for ever, where particles come and go (soil.window); else None.
     broken_parts (n,) float32: part of each particle's bonds that broke (soil.bonds); else None.
     radii_m (n,) float32, where particles have several sizes; else None.
-    materials (n,) uint32: number of the layer, or of the size of a graded bed from the core outwards; else
-    None.
+    materials (n,) uint32: number of the layer, with layers; else None.
     """
 
     tick: int

@@ -18,7 +18,6 @@ from subsoil_ros.errors import SubsoilError
 from . import (
     beds,
     coupling,
-    graded_limits,
     laws,
     mechanism,
     nasty_machines,
@@ -36,7 +35,6 @@ PARTS = (
     beds,
     plastic_and_bonded,
     windows,
-    graded_limits,
     mechanism,
     nasty_machines,
     coupling,

@@ -85,8 +85,6 @@ def pull(args: argparse.Namespace) -> Places:
     box = {"length_m": length, "width_m": args.width, "depth_m": depth, "sides": args.sides}
     changes = {"soil.bin": box, "soil.window": {}, "soil.particles.radius_m": 1e-3 * args.radius_mm}
     changes["soil.bed.seed"] = args.seed
-    if args.coarse:
-        changes["soil.particles.coarse"] = args.coarse
     if args.bin:
         changes |= {"soil.window": None, "soil.bin": box | {"sides": "walls"}}
     scene = load_scene(SCENE, changes)
@@ -127,8 +125,7 @@ def pull(args: argparse.Namespace) -> Places:
                 places.see(engine.cloud(tick, 0))
     radius = scene.scene.particle_soil.particles.mean_volume_radius_m
     slab = (START_M, (metres - LEAVE_M if args.bin else metres) - REAR_M)
-    radii = places.radius_m if args.coarse else None
-    loosened = disturbance_between(places.first_m, places.last_m, slab, radius, radii_m=radii)
+    loosened = disturbance_between(places.first_m, places.last_m, slab, radius)
     if loosened is not None:
         write_section_csv(loosened, section_of(file))
     lost = engine.state("", 0, 0).lost_particle_count
@@ -337,7 +334,6 @@ def main() -> int:
     parser.add_argument("--sides", choices=["held", "periodic", "walls"], default="held")
     parser.add_argument("--bin", type=float, metavar="LENGTH")
     args = parser.parse_args()
-    args.coarse = None  # particles away from the tine: validation/graded.py
     if args.part == "coverage":
         print("| pull | stretch m | intervals that hold the mean | half-width | scatter of means |")
         print("|---" * 5 + "|")

@@ -45,13 +45,8 @@ TICK_S = 1e-9 * TICK_NS
 FIELD_M = (1.2, 0.3, 0.1)
 TOOL_M = (0.03, 0.04, 0.08)
 TOOL_Z_M = -0.03  # 70 mm deep
-CALM_MOVE = 0.005
-"""Part of a radius by which 19 in 20 particles of a bed may move in MOVE_S; loose ones roll."""
-MOVE_S = 0.05
 CALM_M_PER_S = 1e-3
 """Of soil about a tool that has come to rest, as in S9c and S11a."""
-LOOSE = 1.0 / 200.0
-"""Part of the particles that may fall at ten times the weight: four times as many as were seen."""
 BESIDE = int(2.0 * sum(TOOL_M[:2]) * (0.5 * TOOL_M[2] - TOOL_Z_M) / (2.0 * RADIUS) ** 2)
 """Number of particles in one layer on the sides of the buried part of the tool. Only these can fall into gaps
 where the tool removed particles."""
@@ -66,7 +61,6 @@ def scene(
     tick_ns: int = TICK_NS,
     gravity: float = GRAVITY,
     sides: str = "walls",
-    coarse: Document | None = None,
     mesh: str | None = None,
     **soil: Any,
 ) -> ResolvedScene:
@@ -82,7 +76,7 @@ def scene(
         "tools": {"tool": {"path": {}, "groups": {"all": {"mesh": mesh}}}},
         "soil": {
             "bin": {"length_m": length, "width_m": width, "depth_m": depth, "sides": sides},
-            "particles": particles if coarse is None else particles | {"coarse": coarse},
+            "particles": particles,
             "law": LAW,
             "time_step_s": STEP_S,
             **soil,

@@ -2,33 +2,24 @@
 
 share.stl and shank.stl (the blade) stand in the reference pose of the machine: x forward, y left, z up,
 origin on the soil surface under the hinge H8. wheel.stl stands around its own centre, its axle along y.
-The frames and plates are those of the split boxes of direct_shear.yaml and tension.yaml: centred in x and y,
-undersides at z = 0.
 Metres. The paper prints no drawing of the tools, so every length here is chosen; where prototypes or a
 derived value led to it, that stands beside it. Particles have a radius of 10 mm, so nothing but the
 cutting edges is thinner than 20 mm.
 """
 
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import cos, pi, radians, sin, tan
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from subsoil_ros.experiments.soil_tests.shear_box import ShearBox, frame_mesh, plate_mesh
-
 Vertices = NDArray[np.float64]  # (n, 3) [m]
 Facets = NDArray[np.int64]  # (m, 3), counter-clockwise seen from outside
 
 RESOLUTION_M = 1e-7
 """Coordinates are rounded to this, so that the last bits of a sine do not show in the files."""
-
-# Specimens stand in the middle of their bins and are 12 x 8 x 6 and 8 x 8 x 10 particle diameters large;
-# walls and plates reach past the bin, so that at the start all soil outside is in them and removed (chosen).
-SHEAR_BOX = ShearBox((0.10, -0.08, -0.13), (0.34, 0.08, -0.01), wall_m=0.12, gap_m=0.035)
-TENSION_BOX = ShearBox((0.10, -0.08, -0.21), (0.26, 0.08, -0.01), wall_m=0.12, gap_m=0.035)
 
 _STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
@@ -151,27 +142,12 @@ def stl_bytes(vertices: Vertices, facets: Facets) -> bytes:
 
 
 def write_meshes(folder: Path) -> None:
-    """Write share.stl, shank.stl, wheel.stl and the parts of the split boxes into `folder`."""
+    """Write share.stl, shank.stl and wheel.stl into `folder`."""
     meshes = {
         "share.stl": share(Share()),
         "shank.stl": blade(Blade(), Share()),
         "wheel.stl": wheel(Wheel()),
     }
-    for name, box in (("shear", SHEAR_BOX), ("tension", TENSION_BOX)):
-        # The cutter takes the soil out of the gap around the specimen. It stands 4 mm off, out of reach of
-        # particles that the frames leave (8 mm off their faces, reach 12 mm): it touches none when it goes.
-        around = replace(
-            box,
-            lower_m=(box.lower_m[0] - 0.004, box.lower_m[1] - 0.004, box.lower_m[2]),
-            upper_m=(box.upper_m[0] + 0.004, box.upper_m[1] + 0.004, box.upper_m[2]),
-        )
-        parts = {
-            "frame": frame_mesh(box, box.frame_height_m),
-            "plate": plate_mesh(box),
-            "cutter": frame_mesh(around, box.gap_m),
-        }
-        for part, mesh in parts.items():
-            meshes[f"{name}_{part}.stl"] = (np.asarray(mesh.vertices), np.asarray(mesh.faces))
     for name, mesh in meshes.items():
         (folder / name).write_bytes(stl_bytes(*mesh))
 

@@ -171,8 +171,7 @@ def read_disturbance(
         return None
     first, last = places.first_m, places.last_m
     speeds = _speed_zones([clouds[time] for time in sorted(looked)], series, resolved)
-    radii = None if soil.particles.coarse is None else places.radius_m
-    return disturbance_between(first, last, slab, radius, speeds, _period_m(soil, first), radii)
+    return disturbance_between(first, last, slab, radius, speeds, _period_m(soil, first))
 
 
 def _seen_in_time(times_ns: list[int], series: Series, resolved: ResolvedScene, window: SoilWindow) -> bool:
@@ -189,7 +188,6 @@ class Places:
 
     def __init__(self) -> None:
         self.first_m, self.last_m = np.empty((0, 3)), np.empty((0, 3))
-        self.radius_m = np.empty(0)  # nan where the clouds have none
         self._row_of = np.empty(0, np.int64)  # of an identity
 
     def see(self, cloud: SoilCloud) -> None:
@@ -207,8 +205,6 @@ class Places:
             self._row_of[identity[new]] = len(self.first_m) + np.arange(new.sum())
             self.first_m = np.concatenate((self.first_m, places[new]))
             self.last_m = np.concatenate((self.last_m, places[new]))
-            radii = np.full(len(places), np.nan) if cloud.radii_m is None else np.asarray(cloud.radii_m)
-            self.radius_m = np.concatenate((self.radius_m, radii[new]))
         self.last_m[self._row_of[identity]] = places
 
 
@@ -219,12 +215,10 @@ def disturbance_between(
     radius_m: float,
     speeds: SpeedZones | None = None,
     period_m: float | None = None,
-    radii_m: Values | None = None,
 ) -> Disturbance | None:
     """Disturbance from particles (n, 3) [m] before and after, in the same order; None for an empty slab.
 
     period_m: in y, of a bed without side walls: particles that leave on one side enter on the other.
-    radii_m (n,): of a graded bed, where parts are those of the volume; without, all particles count alike.
     """
     within = (first_m[:, 0] >= slab_m[0]) & (first_m[:, 0] < slab_m[1])
     if not within.any():
@@ -234,7 +228,6 @@ def disturbance_between(
     if period_m is not None:
         way[:, 1] -= period_m * np.round(way[:, 1] / period_m)
     moved = np.linalg.norm(way, axis=1) > radius_m
-    counts = np.ones(len(way)) if radii_m is None else radii_m[within] ** 3
     cell = CELL_DIAMETERS * 2.0 * radius_m
     low, high = before.min(axis=0) - radius_m, before.max(axis=0) + radius_m
     shape = np.maximum(1, np.round((high[1:] - low[1:]) / cell).astype(int))
@@ -242,15 +235,15 @@ def disturbance_between(
     place = np.minimum(((before[:, 1:] - low[1:]) / step).astype(int), shape - 1)
     count = np.zeros(shape[::-1])
     hits = np.zeros(shape[::-1])
-    np.add.at(count, (place[:, 1], place[:, 0]), counts)
-    np.add.at(hits, (place[:, 1], place[:, 0]), counts * moved)
+    np.add.at(count, (place[:, 1], place[:, 0]), 1.0)
+    np.add.at(hits, (place[:, 1], place[:, 0]), moved)
     part = np.divide(hits, count, out=np.full(count.shape, np.nan), where=count > 0.0)
     section = float((high[1] - low[1]) * (high[2] - low[2]))
-    moved_fraction = float(counts[moved].sum() / counts.sum())
+    moved_fraction = float(moved.mean())
     slices = max(1, int((slab_m[1] - slab_m[0]) / (SLICE_DIAMETERS * 2.0 * radius_m)))
     place_x = ((before[:, 0] - slab_m[0]) / (slab_m[1] - slab_m[0]) * slices).astype(int)
-    of_slice = np.bincount(np.minimum(place_x, slices - 1), weights=counts, minlength=slices)
-    moved_of = np.bincount(np.minimum(place_x, slices - 1), weights=counts * moved, minlength=slices)
+    of_slice = np.bincount(np.minimum(place_x, slices - 1), minlength=slices)
+    moved_of = np.bincount(np.minimum(place_x, slices - 1), weights=moved, minlength=slices)
     # whole cells about the middle: one that hangs over a wall would compare single particles
     half = 0.5 * cell * max(1, int((high[1] - low[1]) / cell + 1e-9))
     middle = 0.5 * float(low[1] + high[1])

@@ -1,5 +1,4 @@
-"""subsoil calibrate FILE: fits particles to a laboratory's soil, a wedge model to runs, or a law to soil
-tests."""
+"""subsoil calibrate FILE: fits particles to a laboratory's soil, or a wedge model to runs."""
 
 from __future__ import annotations
 
@@ -18,7 +17,6 @@ from ..extras import require
 from ._shared.tables import table
 
 if TYPE_CHECKING:
-    from ..experiments.calibration.law import LawFit
     from ..experiments.calibration.wedge import WedgeFit
     from ..limits.stable_steps import Timing
 
@@ -57,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         required=True,
         type=Path,
         metavar="FILE",
-        help="material (soil), soil file (wedge) or scene fragment (dem) to write; must not exist",
+        help="material (soil) or soil file (wedge) to write; must not exist",
     )
     parser.add_argument(
         "--runs",
@@ -84,8 +82,7 @@ def run(args: argparse.Namespace) -> int:
     """
     from ..cache_folders import user_cache_folder
     from ..experiments.calibration.density import bed_density_kg_per_m3
-    from ..experiments.calibration.design import LawDesign, base_scene, read_design
-    from ..experiments.calibration.law import fit_law, write_law
+    from ..experiments.calibration.design import base_scene, read_design
     from ..experiments.calibration.measured import measure
     from ..experiments.calibration.wedge import FITTED, fit_wedge
     from ..loading.shipped import shipped_soil
@@ -112,12 +109,6 @@ def run(args: argparse.Namespace) -> int:
     design = read_design(args.design)
     folder = args.runs or user_cache_folder() / "calibration"
     scene = base_scene(args.design, design)
-    if isinstance(design, LawDesign):
-        with KernelAnnouncer():
-            found = fit_law(scene, design, folder, args.threads, _progress, say)
-        write_law(args.out, found)
-        _print_law(found, args.out)
-        return 0
     with KernelAnnouncer():
         measured = measure(scene, design, folder, args.threads, _progress)
         with working("preparing the bed"):
@@ -221,20 +212,3 @@ def _print(fit: WedgeFit, out: Path) -> None:
         f"residuals: {fit.chi_squared:.3g} of (3 % of the draft)^2 per freedom, {fit.freedoms} freedoms; "
         f"written to {out}"
     )
-
-
-def _print_law(fit: LawFit, out: Path) -> None:
-    console = Console(width=None if sys.stdout.isatty() else 140)
-    fitted = table("fitted values", ("key", "value", "95 % confidence"), words=3)
-    for key, value, error in zip(fit.keys, fit.values.tolist(), fit.errors.tolist(), strict=True):
-        fitted.add_row(key, f"{value:.4g}", "unknown" if math.isnan(error) else f"+- {1.96 * error:.2g}")
-    console.print(fitted)
-    results = table("tests", ("result", "wanted", "found", "off"))
-    for name, wanted, found in zip(fit.names, fit.wanted.tolist(), fit.found.tolist(), strict=True):
-        results.add_row(name, f"{wanted:.4g}", f"{found:.4g}", f"{100.0 * (found / wanted - 1.0):+.1f} %")
-    console.print(results)
-    if not fit.finished:
-        console.print(
-            f"stopped after {fit.run_count} sets of parameters (max_runs); this is the best of them"
-        )
-    console.print(f"{fit.run_count} sets tested; written to {out} and {out.with_suffix('.json')}")

@@ -13,16 +13,15 @@ from pydantic import Field, create_model
 from ..strict_model import StrictModel
 
 SINKS = ("normal_dashpot", "tangential_dashpot", "sliding", "rolling", "separation")
-"""Energy sinks that every contact books, in this order, joule. `rolling`: of rolling and twisting friction. A
-law may have more: ContactLaw.more_sinks."""
+"""Energy sinks that every contact books, in this order, joule. A law may have more:
+ContactLaw.more_sinks."""
 
 SHARED_SINKS = len(SINKS)
 """Number of sinks that every law has."""
 
 SPRINGS = 6
-"""Numbers that are kept of every contact: tangential spring x, y, z [m], rolling spring x, y, z [rad], whose
-part along the normal is the twisting spring; i against j. Seen from the other side they change their sign. A
-law may keep more: ContactLaw.kept."""
+"""Numbers that are kept of every contact: tangential spring x, y, z [m], rolling spring x, y, z [rad]; i
+against j. Seen from the other side they change their sign. A law may keep more: ContactLaw.kept."""
 
 YES, NO = np.zeros((1, 1)), np.zeros(1)
 """Values in Features of what is present and of what is absent."""
@@ -46,7 +45,6 @@ class Features(NamedTuple):
     sizes: np.ndarray = NO  # radii differ: dem.mixture
     materials: np.ndarray = NO  # laws or densities differ: dem.mixture
     periodic: np.ndarray = NO  # sides: (1, 1) period in y; (1, 1, 3) along x, y and z [m]
-    twisting: np.ndarray = NO
 
 
 @dataclass(frozen=True)
@@ -63,7 +61,6 @@ class PairValues:
     adhesion: float = 0.0  # K_B [N/m]
     rest_overlap: float = 0.0  # delta_c [m]
     reach: float = 0.0  # delta_B [m]
-    twisting_friction: float = 0.0
     damping_of_restitution: bool = False  # dampers ~ sqrt(K m)
 
     @property
@@ -265,6 +262,4 @@ def with_weaker_friction(values: Values, one: Any, other: Any) -> Values:
         static_friction=min(one.static_friction, other.static_friction),
         sliding_friction=min(one.sliding_friction, other.sliding_friction),
         rolling_friction=min(one.rolling_friction, other.rolling_friction),
-        # rows of outside laws need not have it
-        twisting_friction=min(getattr(row, "twisting_friction", 0.0) for row in (one, other)),
     )

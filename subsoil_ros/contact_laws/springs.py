@@ -1,7 +1,7 @@
-"""Shared parts of the kernels of laws: tangential, rolling and twisting springs, each with a slider.
+"""Shared parts of the kernels of laws: tangential and rolling springs, each with a slider.
 
 A law that uses them has the numbers tangential_stiffness, tangential_damping, static_friction,
-sliding_friction, rolling_stiffness and rolling_arm, and twisting_arm if it has twisting friction.
+sliding_friction, rolling_stiffness and rolling_arm.
 """
 
 import math
@@ -35,30 +35,6 @@ def _like(number, value):
     return lambda number, value: value
 
 
-def twisting_arm(law):
-    """Torque limit of twisting friction over normal force [m]; zero for a law without this number."""
-    return getattr(law, "twisting_arm", 0.0)
-
-
-@overload(twisting_arm, inline="always")
-def _twisting_arm(law):
-    if "twisting_arm" in law.fields:
-        return lambda law: law.twisting_arm
-    return lambda law: like(law.rolling_arm, 0.0)
-
-
-@law_kernel()
-def turned(roll, before, normal):
-    """`roll` of a contact whose normal turned from `before` to `normal` (unit vectors).
-
-    The twist, its part along the normal, keeps its size; the rest is projected on the new tangent plane.
-    """
-    twist = roll[0] * before[0] + roll[1] * before[1] + roll[2] * before[2]
-    rx, ry, rz = roll[0] - twist * before[0], roll[1] - twist * before[1], roll[2] - twist * before[2]
-    twist -= rx * normal[0] + ry * normal[1] + rz * normal[2]
-    return rx + twist * normal[0], ry + twist * normal[1], rz + twist * normal[2]
-
-
 @njit(cache=True, inline="always")
 def contact_with_springs(
     push, pressing, overlap_rate, normal, velocity, spin, shear, roll, step, law, features, grown, before
@@ -70,15 +46,12 @@ def contact_with_springs(
     stiffer keeps its force, one that becomes softer loses some, so no energy is created. The rest:
     dem.contact.
 
-    Returns force on i [N], torque of rolling and twisting friction on i [N m], shear, roll, and all sinks but
+    Returns force on i [N], torque of rolling friction on i [N m], shear, roll, and all sinks but
     the first.
 
     Tangential: spring and damper in parallel, in series with a slider (return mapping), so that both
     the damper and the slider only dissipate. The slider yields at static friction and then carries
     sliding friction.
-
-    Twisting: spin along the normal, resisted as rolling is (S. Luding, Granular Matter 10 (2008) 235-246),
-    with the stiffness of the rolling spring and a limit of its own; the part of `roll` along the normal.
 
     Choices are values, not branches, and all numbers have the type of `step`, so that a loop over pairs
     compiles to vector instructions.
@@ -120,23 +93,6 @@ def contact_with_springs(
             sliding_loss = held * slip * squared * step
             tangential_loss = c * (ex * ex + ey * ey + ez * ez) * step
 
-    twist, twisting_torque, twisting_loss = zero, zero, zero
-    if features.twisting.ndim == 2:
-        rx, ry, rz = roll
-        twist = rx * nx + ry * ny + rz * nz
-        roll = rx - twist * nx, ry - twist * ny, rz - twist * nz
-        if features.book.ndim == 2:
-            stored = half * law.rolling_stiffness * twist * twist
-            released += stored * (before - grown * held_fraction * held_fraction)
-        twist = held_fraction * twist + step * (spin[0] * nx + spin[1] * ny + spin[2] * nz)
-        stiffness = law.rolling_stiffness * grown
-        trial = abs(stiffness * twist)
-        held = min(twisting_arm(law) * pressing / max(trial, tiny), one)
-        if features.book.ndim == 2:
-            twisting_loss = held * (one - held) * trial * abs(twist)
-        twist = held * twist
-        twisting_torque = stiffness * twist
-
     mx, my, mz = zero, zero, zero
     rx, ry, rz = zero, zero, zero
     rolling_loss = zero
@@ -162,18 +118,13 @@ def contact_with_springs(
         rx, ry, rz = held * rx, held * ry, held * rz
         mx, my, mz = -stiffness * rx, -stiffness * ry, -stiffness * rz
 
-    if features.twisting.ndim == 2:
-        rx, ry, rz = rx + twist * nx, ry + twist * ny, rz + twist * nz
-        mx, my, mz = mx - twisting_torque * nx, my - twisting_torque * ny, mz - twisting_torque * nz
-        rolling_loss += twisting_loss
-
     lost = (tangential_loss, sliding_loss, rolling_loss, released)
     return (fx, fy, fz), (mx, my, mz), (sx, sy, sz), (rx, ry, rz), lost
 
 
 @law_kernel(fastmath=False)
 def energy_of_springs(grown, shear, roll, law):
-    """Energy in the tangential, rolling and twisting springs [J]; grown: as in contact_with_springs."""
+    """Energy in the tangential and rolling springs [J]; grown: as in contact_with_springs."""
     half = like(grown, 0.5)
     return half * grown * law.tangential_stiffness * (
         shear[0] * shear[0] + shear[1] * shear[1] + shear[2] * shear[2]

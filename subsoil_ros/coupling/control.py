@@ -7,7 +7,7 @@ from ..mbd.driving import Ramp
 from ..messages import DriverCommand, MechanismState
 from ..recording.checkpoint import Checkpoint
 from ..scene.controller import Controller as ControllerKeys
-from ..scene.controller import DraftLimit, External, HoldHeight
+from ..scene.controller import DraftLimit, External
 from .protocol import MECHANISM
 
 
@@ -38,13 +38,9 @@ class SpeedController:
 
     def _requested_speed(self, state: MechanismState) -> float:
         law = self._keys.law
-        if isinstance(law, DraftLimit):
-            acceleration = law.gain_per_kg * (law.draft_limit_newton - state.draft_newton)
-            return self._speed + acceleration * self._interval_s
-        if isinstance(law, HoldHeight):
-            body = next(body for body in state.bodies if body.name == law.body)
-            return law.gain_per_s * (law.height_m - body.z_m)
-        raise AssertionError(f"no law '{law.kind}' here")
+        assert isinstance(law, DraftLimit)
+        acceleration = law.gain_per_kg * (law.draft_limit_newton - state.draft_newton)
+        return self._speed + acceleration * self._interval_s
 
 
 def build_controller(resolved: ResolvedScene, resumed: Checkpoint | None = None) -> Controller | None:

@@ -30,10 +30,9 @@ def law_features(soil: Soil, *, book: bool = False, periodic: np.ndarray = NO) -
     return soil.law.features(
         tangential=given(any(v.tangential_stiffness + v.tangential_damping > 0.0 for v in values)),
         rolling=given(any(v.rolling_friction * v.tangential_stiffness > 0.0 for v in values)),
-        twisting=given(any(v.twisting_friction * v.tangential_stiffness > 0.0 for v in values)),
         book=given(book),
         sizes=given(soil.particles.sizes is not None),
-        materials=given(soil.of_materials),
+        materials=given(soil.layers is not None),
         periodic=periodic,
         **own,
     )
@@ -74,9 +73,8 @@ def contact(overlap, normal, velocity, spin, shear, roll, kept, step, law, featu
 
     overlap [m] is negative across a gap. normal: unit vector from body i to body j. velocity [m/s]: of i
     against j at the contact point. spin [rad/s]: of i against j. shear [m], roll [rad]: springs of this
-    contact, tangent vectors; with twisting friction, the twist is the part of roll along the normal. kept:
-    the law's own numbers of this contact (ContactLaw.kept).
-    Returns force on i [N], torque of rolling and twisting friction on i [N m], shear, roll, kept, sinks [J]
+    contact, tangent vectors. kept: the law's own numbers of this contact (ContactLaw.kept).
+    Returns force on i [N], torque of rolling friction on i [N m], shear, roll, kept, sinks [J]
     (in the order of ContactLaw.sinks).
     """
     return kernel_of(type(law), "contact")(
@@ -100,7 +98,7 @@ def _normal_potential(overlap, kept, law, features):
 
 
 def spring_energy(overlap, shear, roll, law):
-    """Energy in the tangential, rolling and twisting springs [J]; lost when a contact separates."""
+    """Energy in the tangential and rolling springs [J]; lost when a contact separates."""
     return kernel_of(type(law), "spring_energy")(overlap, shear, roll, law)
 
 

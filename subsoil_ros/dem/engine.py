@@ -141,10 +141,6 @@ class SoilEngine(SoilReadings):
             if radii is None and self._soil.particles.sizes is not None:
                 raise InputError("radii_m: is missing; a soil with particles.sizes needs one per particle")
             radius = np.full(p.count, self._radius) if radii is None else np.array(radii, np.float64)
-            if materials is None and self._soil.particles.coarse is not None:
-                raise InputError(
-                    "place: a graded bed (soil.particles.coarse) is prepared; leave 'coarse' out"
-                )
             if materials is None:
                 materials = material_at(self._soil, -position[:, 2])
             p.make_unequal(radius, np.array(materials, np.int64), self._density)

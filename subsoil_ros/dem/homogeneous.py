@@ -1,12 +1,9 @@
 """Strain and stress of homogeneous soil: an endless bed."""
 
-import math
-
 import numpy as np
 from numba import njit
 
 from ..contact_laws.base import SPRINGS
-from ..contact_laws.springs import turned
 from .blocks import BLOCK, history_place
 from .contact import components, kept_at, reach
 from .mixture import pair_of
@@ -16,7 +13,7 @@ from .periodic import nearest_images
 
 @njit(cache=True, error_model="numpy")
 def stretch_springs(row_start, neighbour, position, history, strain, radius, law, mixture, features):
-    """Updates the tangential and twisting springs of all contacts after a stretch of the bed by `strain` (3,)
+    """Updates the tangential springs of all contacts after a stretch of the bed by `strain` (3,)
     along x, y and z.
 
     In a pair a vector l apart, particle i moves by -strain l against j. Only the class of `law` is used.
@@ -40,13 +37,6 @@ def stretch_springs(row_start, neighbour, position, history, strain, radius, law
             history[h] -= ex - along * dx
             history[h + BLOCK] -= ey - along * dy
             history[h + 2 * BLOCK] -= ez - along * dz
-            if features.twisting.ndim == 2:
-                bx, by, bz = dx - ex, dy - ey, dz - ez
-                back, here = 1.0 / math.sqrt(bx * bx + by * by + bz * bz), 1.0 / math.sqrt(squared)
-                roll = (history[h + 3 * BLOCK], history[h + 4 * BLOCK], history[h + 5 * BLOCK])
-                history[h + 3 * BLOCK], history[h + 4 * BLOCK], history[h + 5 * BLOCK] = turned(
-                    roll, (bx * back, by * back, bz * back), (dx * here, dy * here, dz * here)
-                )
 
 
 @njit(cache=True, error_model="numpy")

@@ -13,7 +13,7 @@ from numba import njit, prange
 
 from ..contact_laws.base import SHARED_SINKS, SPRINGS
 from ..contact_laws.inverse_root import inverse_root
-from ..contact_laws.springs import like, turned
+from ..contact_laws.springs import like
 from .blocks import BLOCK, ROW, history_place, scratch_rows
 from .bonds.kernel import add_bonds, bond_rows, put_bonds
 from .compiled import inner_kernel
@@ -125,11 +125,6 @@ def contact_of_pair(
         relative[1] + cz * nx - cx * nz,
         relative[2] + cx * ny - cy * nx,
     )
-    if features.twisting.ndim == 2:
-        # the drift moved the centres by a step with these velocities
-        bx, by, bz = dx + step * relative[0], dy + step * relative[1], dz + step * relative[2]
-        back = inverse_root(bx * bx + by * by + bz * bz)
-        roll = turned(roll, (bx * back, by * back, bz * back), (nx, ny, nz))
     f, m, s, r, kept, sinks = contact(
         touch - distance, (nx, ny, nz), sliding, (wx - ox, wy - oy, wz - oz), shear, roll, kept, step, law,
         features,

@@ -19,8 +19,7 @@ from ..errors import InputError, PhysicsError
 from ..loading.loader import ResolvedScene
 from ..messages import SoilCloud, ToolMotion, ToolWrench
 from .bed import Bed
-from .beds.field import Field, Strips
-from .beds.ground import kept_ground
+from .beds.field import Field, Strips, kept_block
 from .blocks import history_places
 from .engine import SoilEngine
 from .monitors import Domain
@@ -40,7 +39,7 @@ class FieldEngine(SoilEngine):
     ) -> None:
         soil = resolved.scene.particle_soil
         assert soil is not None
-        self._field = Field(kept_ground(resolved, SoilEngine, threads), soil)
+        self._field = Field(kept_block(resolved, SoilEngine, threads), soil)
         rear, front = self._field.first_window
         self._first_box = self._field.box(rear, front)
         self._rear, self._front, self._first = rear, front, rear  # strips, and that of the start

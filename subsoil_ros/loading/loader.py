@@ -14,7 +14,6 @@ from pathlib import Path
 
 from ..errors import SceneError
 from ..limits.communication_steps import longest_exchange_ns
-from ..limits.core import core_m
 from ..limits.stable_steps import Timing, derive_timing
 from ..scene.beds import SavedBed
 from ..scene.material import Material
@@ -127,10 +126,6 @@ def _resolved(document: Document, path: Path, shown: str, changes: Sequence[Over
         material = None  # the soil is another one
     try:
         meshes = {tool: load_tool_mesh(path.parent, scene, tool) for tool in scene.tools}
-        if scene.particle_soil is not None and scene.particle_soil.particles.coarse is not None:
-            core = {"soil": {"particles": {"coarse": core_m(scene, meshes)}}}
-            document = merge(document, core, shown)
-            scene = validated(Scene, document, shown, changes)
         timing = derive_timing(scene)
         if material is not None and scene.coupling.communication_step_ns == "auto":
             interval = longest_exchange_ns(scene, meshes, timing)
@@ -304,8 +299,6 @@ def _scene_hash(scene: Scene) -> str:
     content = scene.model_dump(mode="json")
     wedge, particles = scene.wedge_soil, scene.particle_soil
     content["report"].pop("reference")
-    if particles is not None and particles.particles.coarse is None:
-        content["soil"]["particles"].pop("coarse")
     if scene.stop_when is None:
         content.pop("stop_when")  # scenes without it have the hash of versions without the key
     for name, tool in content["tools"].items():

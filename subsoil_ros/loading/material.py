@@ -123,7 +123,7 @@ def with_window(document: Document, material: Material | None, shown: str) -> Do
 
 def is_of(soil: Soil, material: Material) -> bool:
     """Whether a validated soil is still that of its material: the scene has changed no part of it."""
-    low, high = soil.particles.grades[0].bounds_m
+    low, high = soil.particles.bounds_m
     section = material.section(0.5 * (low + high)) | {"bin": soil.bin.model_dump(exclude={"sides"})}
     return _fixed_part(soil) == _fixed_part(Soil.model_validate(section))
 
@@ -132,7 +132,7 @@ def _fixed_part(soil: Soil) -> Document:
     """The part of a material's soil that a scene may not change; radii rounded to a nanometre."""
     content = soil.model_dump(
         include={"law", "bonds", "particles", "bed", "layers"},
-        exclude={"bed": {"seed", "tile_m", "floor"}, "particles": {"sizes": {"seed"}, "coarse": True}},
+        exclude={"bed": {"seed", "tile_m", "floor"}, "particles": {"sizes": {"seed"}}},
     )
     sizes = content["particles"]["sizes"] or {}
     sizes |= {key: round(value, 9) for key, value in sizes.items() if isinstance(value, float)}

@@ -168,7 +168,7 @@ def preset_changes(
         return min(max(round(wanted, 4), low), high)
 
     particles: Document = {"particles": {"radius_m": radius_of(name)}}
-    radius = 0.5 * sum(soil.particles.grades[0].bounds_m) if sized else radius_of(name)
+    radius = 0.5 * sum(soil.particles.bounds_m) if sized else radius_of(name)
     lower = round(2.0 * DIAMETERS_DEEPER * max(0.0, radius - radius_of("fine")), 4)
     if name not in LOWERED or lower == 0.0 or has_wheel(scene):  # the wheel would sink with the surface
         return {"soil": particles}

@@ -213,7 +213,7 @@ _PART_TO_MESSAGE: dict[type, Callable[[Any], Any]] = {
 def point_cloud(cloud: SoilCloud) -> Any:
     """sensor_msgs/PointCloud2 of the particles: x, y, z [m] and speed [m/s], float32, little-endian. With a
     window also their identity, uint32; with bonds, the part of the bonds that broke; with several sizes,
-    their radius [m]; with layers or a graded bed, their material, uint32."""
+    their radius [m]; with layers, their material, uint32."""
     positions = np.asarray(cloud.positions_m)
     more: dict[str, Any] = {name: getattr(cloud, key) for name, key in _MORE.items()}
     names = (*POINT_FIELDS, *(name for name, values in more.items() if values is not None))

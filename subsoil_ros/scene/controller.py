@@ -18,22 +18,13 @@ class DraftLimit(StrictModel):
     gain_per_kg: Positive = Field(description="m/s2 per newton.")
 
 
-class HoldHeight(StrictModel):
-    """Brings a body to a height, as a hitch does: speed = gain (height - z), within the limits."""
-
-    kind: Literal["hold_height"]
-    body: str
-    height_m: Finite = Field(description="of the centre of mass.")
-    gain_per_s: Positive = Field(description="m/s per metre.")
-
-
 class External(StrictModel):
     """A node of your own, named `controller`, sends a command for every control tick; the run waits."""
 
     kind: Literal["external"]
 
 
-ControlLaw = Annotated[DraftLimit | HoldHeight | External, Field(discriminator="kind")]
+ControlLaw = Annotated[DraftLimit | External, Field(discriminator="kind")]
 
 
 class Controller(StrictModel):

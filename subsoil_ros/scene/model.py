@@ -7,7 +7,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from ..strict_model import Finite, NonNegative, Positive, StrictModel, WithinReach
 from ..ticks import LONGEST_S, NANOSECONDS_PER_SECOND
 from .cloud import CloudRegion
-from .controller import Controller, DraftLimit, External, HoldHeight
+from .controller import Controller, DraftLimit, External
 from .mechanism import Driver, Mechanism, WheelContact
 from .soil import Auto, Soil
 from .stop_when import StopWhen
@@ -290,7 +290,3 @@ def _check_controller(controller: Controller, mechanism: Mechanism | None, serie
         )
     if isinstance(law, DraftLimit) and mechanism.draft_driver is None:
         raise ValueError("controller.law: 'draft_limit' needs mechanism.draft_driver")
-    if isinstance(law, HoldHeight) and law.body not in mechanism.bodies:
-        raise ValueError(
-            f"controller.law.body: no body '{law.body}'; bodies are {', '.join(mechanism.bodies)}"
-        )

@@ -17,13 +17,10 @@ def particle_mass_kg(soil: Soil) -> float:
 
 
 def layer_soils(soil: Soil) -> tuple[Soil, ...]:
-    """The soil of every layer as one without layers, from top to bottom; of a graded bed that of every size,
-    from the core outwards; of others the soil itself.
+    """The soil of every layer as one without layers, from top to bottom; without layers the soil itself.
 
     Values that a layer does not give are those of `soil.particles` and `soil.law`.
     """
-    if soil.particles.coarse is not None:
-        return tuple(soil.model_copy(update={"particles": grade}) for grade in soil.particles.grades)
     if soil.layers is None:
         return (soil,)
     found = []
@@ -61,14 +58,11 @@ def particle_values(first: Soil, second: Soil, radius_m: float, mass_kg: float) 
     """Law of two particles, one of each soil (without layers; the same one for a like pair).
 
     radius_m, mass_kg: reduced ones of the pair, r1 r2 / (r1 + r2) and m1 m2 / (m1 + m2). Values are scaled to
-    the mean radius of the particles where the scene asks for it; those of two sizes of a graded bed to their
-    harmonic mean, twice the reduced radius: half a contact of each, in series.
+    the mean radius of the particles where the scene asks for it.
     """
-    ratio, other = size_ratio(first), size_ratio(second)
+    ratio = size_ratio(first)
     if first is second:
         return first.law.pair(ratio, radius_m, mass_kg)
-    if ratio != other:
-        ratio = 2.0 * ratio * other / (ratio + other)
     return first.law.mixed_pair(second.law, ratio, radius_m, mass_kg)
 
 

@@ -130,18 +130,6 @@ class ListedSizes(StrictModel):
 Sizes = Annotated[UniformSizes | NormalSizes | ListedSizes, Field(discriminator="kind")]
 
 
-def times_as_large(
-    sizes: UniformSizes | NormalSizes | ListedSizes, factor: float
-) -> UniformSizes | NormalSizes | ListedSizes:
-    """The same distribution, every radius `factor` times as large."""
-    lengths = {key: value for key, value in sizes.model_dump().items() if key.endswith("_m")}
-    larger = {
-        key: tuple(factor * item for item in value) if isinstance(value, tuple) else factor * value
-        for key, value in lengths.items()
-    }
-    return sizes.model_copy(update=larger)
-
-
 def mean_power(sizes: UniformSizes | NormalSizes | ListedSizes, power: int, less_m: float = 0.0) -> float:
     """Mean of (radius - `less_m`)^power over the particles [m^power], to about 1 / 4096."""
     parts = (np.arange(_PARTS) + 0.5) / _PARTS

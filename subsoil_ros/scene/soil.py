@@ -10,15 +10,14 @@ from ..strict_model import Positive, StrictModel
 from .beds import Bed, DenseRandomBed, GridBed, SavedBed, SurfaceProfile, TiledBed
 from .bin import Bin
 from .bonds import Bonds
-from .coarse import Coarse
 from .layers import Layer
 from .monitors import Monitors
-from .sizes import Sizes, mean_power, refuse_wide, times_as_large
+from .sizes import Sizes, mean_power
 from .window import SoilWindow
 
 
 class Particles(StrictModel):
-    """Spheres: equal ones of `radius_m`, or of several `sizes`; `coarse` adds larger ones."""
+    """Spheres: equal ones of `radius_m`, or of several `sizes`."""
 
     radius_m: Positive | None = Field(None, description="of equal spheres; or give sizes.")
     sizes: Sizes | None = Field(None, description="in place of radius_m; not for a grid.")
@@ -27,7 +26,6 @@ class Particles(StrictModel):
         None,
         description="radius at which the law was found; it is scaled from there.",
     )
-    coarse: Coarse | None = Field(None, description="larger particles away from the tools; left out: none.")
 
     @model_validator(mode="after")
     def _one_form(self) -> "Particles":
@@ -36,41 +34,17 @@ class Particles(StrictModel):
             raise ValueError(f"radius_m: {given}; give 'radius_m' for equal spheres or 'sizes' for several")
         return self
 
-    @model_validator(mode="after")
-    def _coarse_of_sizes(self) -> "Particles":
-        if self.coarse is not None:
-            if self.sizes is None:
-                raise ValueError(
-                    "coarse: needs particles.sizes, as equal spheres would order themselves; give 'sizes' "
-                    "with a spread of some 15 %, or a soil.material"
-                )
-            refuse_wide(*self.bounds_m, "coarse.times")
-        return self
-
     @property
     def bounds_m(self) -> tuple[float, float]:
         """Smallest and largest radius."""
         if self.radius_m is not None:
             return self.radius_m, self.radius_m
         assert self.sizes is not None
-        smallest, largest = self.sizes.bounds_m
-        return smallest, largest * (1.0 if self.coarse is None else self.coarse.times)
-
-    @property
-    def grades(self) -> tuple["Particles", ...]:
-        """The particles of every size of a graded bed, from the core outwards; else these alone."""
-        if self.coarse is None:
-            return (self,)
-        assert self.sizes is not None
-        alike = {"coarse": None, "reference_radius_m": self.reference_radius_m or self.mean_volume_radius_m}
-        return tuple(
-            self.model_copy(update=alike | {"sizes": times_as_large(self.sizes, factor)})
-            for factor in self.coarse.factors
-        )
+        return self.sizes.bounds_m
 
     @property
     def mean_volume_radius_m(self) -> float:
-        """Radius of the sphere of mean volume, in the core; that of every sphere where they are equal."""
+        """Radius of the sphere of mean volume; that of every sphere where they are equal."""
         if self.radius_m is not None:
             return self.radius_m
         assert self.sizes is not None
@@ -153,31 +127,6 @@ class Soil(StrictModel):
                     f"at least {self.bin.depth_m:g} m, the rupture distance is longer still"
                 )
         return self
-
-    @model_validator(mode="after")
-    def _graded(self) -> "Soil":
-        """Check that a graded bed is tiled, has no layers, and reaches beyond its core."""
-        coarse = self.particles.coarse
-        if coarse is None:
-            return self
-        if not isinstance(self.bed, TiledBed):
-            raise ValueError(
-                f"particles.coarse: needs bed.kind 'tiled', '{self.bed.kind}' is given; change one"
-            )
-        if self.layers is not None:
-            raise ValueError("particles.coarse: is not for a soil with layers; leave one of them out")
-        beyond, below = coarse.beyond_m or 0.0, coarse.below_m or 0.0
-        if beyond >= 0.5 * self.bin.width_m and below >= self.bin.depth_m:
-            raise ValueError(
-                f"particles.coarse: the core, {2.0 * beyond:g} m wide and "
-                f"{below:g} m deep, fills the bin; make beyond_m or below_m smaller"
-            )
-        return self
-
-    @property
-    def of_materials(self) -> bool:
-        """Whether particles differ in law or density: layers, or the sizes of a graded bed."""
-        return self.layers is not None or self.particles.coarse is not None
 
     @model_validator(mode="after")
     def _bonds_within_lists(self) -> "Soil":

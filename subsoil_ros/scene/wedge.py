@@ -103,26 +103,6 @@ class WedgeValues(StrictModel):
         return self
 
 
-class ResistanceChange(StrictModel):
-    """What a layer has of its own."""
-
-    density_kg_per_m3: Positive | None = None
-    cohesion_pa: NonNegative | None = None
-    friction_angle_rad: FrictionAngle | None = None
-    adhesion_pa: NonNegative | None = None
-    tool_friction_angle_rad: FrictionAngle | None = None
-
-
-class WedgeLayer(StrictModel):
-    """A layer of depth. What it does not give comes from the soil's values."""
-
-    name: str = Field(min_length=1)
-    thickness_m: Positive | None = Field(
-        None, description="the last layer, and only that one, goes on downward."
-    )
-    values: ResistanceChange = ResistanceChange()
-
-
 class WedgeSoil(StrictModel):
     """Soil without particles (docs/wedge.md): `values`, or a `file` of `subsoil calibrate`."""
 
@@ -133,7 +113,6 @@ class WedgeSoil(StrictModel):
     fitted_to: str | None = Field(
         None, description="scene whose particles the soil file must have been fitted to."
     )
-    layers: tuple[WedgeLayer, ...] | None = Field(None, min_length=2, description="from top to bottom.")
     seed: int = Field(0, ge=0, description="of the variation from wedge to wedge.")
 
     @model_validator(mode="after")
@@ -143,17 +122,6 @@ class WedgeSoil(StrictModel):
             raise ValueError(f"values: {given}; give 'values', or 'file' written by `subsoil calibrate`")
         if self.file is None and self.fitted_to is not None:
             raise ValueError("fitted_to: only a 'file' was fitted to anything; leave it out")
-        return self
-
-    @model_validator(mode="after")
-    def _layers_go_down(self) -> "WedgeSoil":
-        layers = self.layers or ()
-        for k, layer in enumerate(layers):
-            last = k == len(layers) - 1
-            if last and layer.thickness_m is not None:
-                raise ValueError(f"layers.{k}.thickness_m: the last layer goes on downward; leave it out")
-            if not last and layer.thickness_m is None:
-                raise ValueError(f"layers.{k}.thickness_m: is missing; every layer but the last needs it")
         return self
 
 
@@ -170,18 +138,3 @@ class SoilRange(StrictModel):
     depth_m: tuple[Positive, Positive]
     speed_m_per_s: tuple[Positive, Positive]
     rake_rad: tuple[Positive, Positive]
-
-
-def layer_values(
-    values: WedgeValues, layers: tuple[WedgeLayer, ...] | None
-) -> tuple[tuple[float, WedgeValues], ...]:
-    """(depth of the lower edge [m], values) of each layer from the top; one, endless, without layers."""
-    if not layers:
-        return ((math.inf, values),)
-    found, bottom = [], 0.0
-    for layer in layers:
-        bottom = math.inf if layer.thickness_m is None else bottom + layer.thickness_m
-        own = layer.values.model_dump(exclude_none=True)
-        whole = WedgeValues.model_validate({**values.model_dump(), **own})
-        found.append((bottom, whole))
-    return tuple(found)

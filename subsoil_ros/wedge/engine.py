@@ -13,10 +13,10 @@ from ..loading.soil_file import RANGE_MARGIN, refuse_rake, soil_of
 from ..messages import SoilCloud, SoilState, SpatialMotion, ToolMotion, ToolWrench
 from ..scene.meshes import load_tool_mesh
 from ..scene.tool_faces import CuttingFace, WheelFace, cutting_faces, wheel_face
-from ..scene.wedge import WedgeValues, layer_values
+from ..scene.wedge import WedgeValues
 from .blocks import bearing, block_number, block_sizes
 from .forces import Felt, FeltInSpace, across_part, on_plate, slip_m
-from .layers import mean_strength
+from .strength import strength_of
 from .wedge import Failure, Plate, Strength, bearing_pressure, failure, parted
 from .wheel import SLOWEST_M_PER_S, grip_newton, rolling_resistance_newton, wheel_load_newton
 
@@ -83,12 +83,11 @@ class WedgeEngine:
         found = soil_of(soil)
         beyond = "beyond_fitted_range" in resolved.scene.allow
         self._values, self._range = found.values, None if beyond else found.fitted_range
-        self._layers = layer_values(self._values, soil.layers)
         self._gravity = resolved.scene.gravity_m_per_s2
         self._tools = tuple(self._tool(name) for name in resolved.scene.tools)
         self.memory = ResistanceState()
         # loads the kernel, which at the first cut would stop a run in real time for 0.2 s
-        failure(Plate(1.0, 1.0, 0.1, 0.1), mean_strength(self._layers, 0.1, 0.1, self._gravity), 0.0)
+        failure(Plate(1.0, 1.0, 0.1, 0.1), strength_of(self._values, self._gravity), 0.0)
 
     def _tool(self, name: str) -> _Tool:
         scene = self._resolved.scene
@@ -110,8 +109,7 @@ class WedgeEngine:
     def with_values(self, values: WedgeValues) -> "WedgeEngine":
         """The same engine at rest in a soil of other values; cheap, for fits."""
         other = copy.copy(self)
-        soil = self._resolved.scene.wedge_soil
-        other._values, other._layers = values, layer_values(values, soil.layers if soil else None)
+        other._values = values
         other.memory = ResistanceState()
         return other
 
@@ -209,7 +207,7 @@ class WedgeEngine:
         rake = face.rake_rad - turn
         tall = top[1] - tip[1]
         height = min(tall, depth)
-        strength = mean_strength(self._layers, depth, height, self._gravity)
+        strength = strength_of(self._values, self._gravity)
         if face.is_share:
             refuse_rake(
                 rake, strength.friction, strength.tool_friction, f"{where}: tools.{tool.name}", PhysicsError
@@ -363,7 +361,7 @@ class WedgeEngine:
         contact = math.sqrt(2.0 * wheel.radius_m * sinkage)
         slid = moved[0] + moved[2] * wheel.radius_m
         memory.shear_m = (memory.shear_m + slid) / (1.0 + abs(moved[0]) / contact)
-        top = self._layers[0][1]
+        top = self._values
         grip = math.copysign(
             grip_newton(wheel, top, upward, sinkage, abs(memory.shear_m) / contact), memory.shear_m
         )

@@ -30,7 +30,7 @@ CRITICAL_STEPS = 16
 
 
 class Strength(NamedTuple):
-    """Strength of the soil, as means over the depths where it is mobilised. SI units."""
+    """Strength of the soil. SI units."""
 
     unit_weight: float  # gamma [N/m3]
     density: float  # [kg/m3]

@@ -23,7 +23,6 @@ ROW = {
     "damping_newton_s_per_m": 10.0, "tangential_damping_newton_s_per_m": 5.0,
     "static_friction": 0.5, "sliding_friction": 0.4, "rolling_friction": 0.3,
 }  # fmt: skip
-TWISTED = {**ROW, "twisting_friction": 0.2}
 WET = {
     **ROW,
     "cohesive_stiffness_newton_per_m": 7e3,
@@ -34,7 +33,7 @@ HERTZ = {
     "youngs_modulus_pa": 2e6, "poisson_ratio": 0.3, "restitution": 0.5,
     "static_friction": 0.5, "sliding_friction": 0.4, "rolling_friction": 0.2,
 }  # fmt: skip
-LAWS = {"cohesive_linear": WET, "linear": TWISTED, "hertz_mindlin": HERTZ}
+LAWS = {"cohesive_linear": WET, "linear": ROW, "hertz_mindlin": HERTZ}
 TICKS, STEPS = 2, 4
 SPEED_M_PER_S = 5.0  # the tool leaves a list of 0.1 mm every second step
 SIZE_M = (0.08, 0.06, 0.06)

@@ -13,7 +13,7 @@ SCENE = Path(__file__).parents[2] / "config/scenes/mechanism_only.yaml"
 CONTROL = {
     "driver": "H10_drive", "interval_ticks": 20, "lowest_speed": 0.1, "highest_speed": 0.5,
     "max_acceleration": 1.0,
-    "law": {"kind": "hold_height", "body": "frame", "height_m": 0.5, "gain_per_s": 1.0},
+    "law": {"kind": "draft_limit", "draft_limit_newton": 500.0, "gain_per_kg": 0.01},
 }  # fmt: skip
 GIVEN = [f"controller={json.dumps(CONTROL)}"]
 
@@ -31,8 +31,8 @@ GIVEN = [f"controller={json.dumps(CONTROL)}"]
             "controller.highest_speed=0.4",
             "speed.value: given 0.5, outside of the controller's speeds",
         ),
-        ("mechanism.joints.H10_drive.coordinate=angle", "'hold_height' answers with a speed in m/s"),
-        ("controller.law.body=beam", "controller.law.body: no body 'beam'"),
+        ("mechanism.joints.H10_drive.coordinate=angle", "'draft_limit' answers with a speed in m/s"),
+        ("mechanism.draft_driver=null", "'draft_limit' needs mechanism.draft_driver"),
         (
             "mechanism.joints.H10_drive.speed={kind: ramp, end_value: 0.5, end_s: 1.0}",
             "given a law of kind 'ramp', .* it must be 'constant'",
@@ -40,7 +40,7 @@ GIVEN = [f"controller={json.dumps(CONTROL)}"]
     ],
 )
 def test_what_does_not_fit_is_refused(change: str, words: str) -> None:
-    """Another driver, a rate between states, speeds that exclude the start, an unknown body, a law."""
+    """Another driver, a rate between states, speeds that exclude the start, no draft, a law."""
     load_scene(SCENE, [*GIVEN, "record.series_ticks=10"])
     with pytest.raises(SceneError, match=words):
         load_scene(SCENE, [*GIVEN, "record.series_ticks=10", change])

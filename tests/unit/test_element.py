@@ -1,11 +1,14 @@
-"""What is computed of the curves of element tests, without running particles."""
+"""What is computed of the curves of element tests, and the verb `soil-test`, without running particles."""
 
 import math
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
-from subsoil_ros.experiments.soil_tests.element import PlaneStrain, fit_strength
+from subsoil_ros.cli.main import main
+from subsoil_ros.experiments.soil_tests import strength
+from subsoil_ros.experiments.soil_tests.element import PlaneStrain, Strength, fit_strength
 
 K_P = math.tan(math.radians(45.0 + 16.0)) ** 2
 
@@ -51,3 +54,30 @@ def test_a_test_that_is_shorter_than_what_is_averaged():
     assert len(least) == len(greatest) == 1
     assert_allclose(least, 2e3)
     assert short.peak_strain() == short.strain[-1]
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["mechanism_only"], "has no soil of particles"),
+        (["tine"], "soil.bed.kind: 'grid' given; the cell of a test is a tile"),
+    ],
+)
+def test_a_scene_without_a_cell_is_refused(words, complaint, capsys):
+    """One message and exit status 2."""
+    assert main(["soil-test", *words]) == 2
+    assert complaint in " ".join(capsys.readouterr().err.split())
+
+
+def test_results_are_printed(monkeypatch, capsys):
+    """Each with its unit; a column that stands has no angle."""
+    found = strength.SoilStrength(1450.0, (1e4, 32.0), (3e3, 29.5), 9600.0, 2.6e6, 90.0)
+    found = found._replace(peak=Strength(*found.peak), critical=Strength(*found.critical))
+    monkeypatch.setattr(strength, "measure_strength", lambda *_: found)
+    assert main(["soil-test", "field_tine"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    for words in (
+        "density 1450 kg/m3", "peak c = 10.00 kPa, phi = 32.0 deg", "critical state c = 3.00 kPa, phi = 29.5",
+        "tensile strength 9.6 kPa", "confined modulus 2.6 MPa", "angle of repose a column stands",
+    ):  # fmt: skip
+        assert words in shown

@@ -36,7 +36,7 @@ def test_direct_mode_and_bags_need_no_extra(tmp_path):
     assert (out / "summary.json").is_file()
     (bag,) = (out / "bag").glob("*.mcap")
     plain(verb, "bag", "info", bag)
-    modules = ("experiments.calibration.law", "cli.soil_test", "experiments.sweep.worker")
+    modules = ("experiments.calibration.wedge", "experiments.soil_tests.strength", "experiments.sweep.worker")
     plain(f"import {', '.join(f'subsoil_ros.{module}' for module in modules)}")
 
 
@@ -49,7 +49,6 @@ def test_direct_mode_and_bags_need_no_extra(tmp_path):
         (["compare", "RUN", "RUN", "--out", "OUT"], "report"),
         (["sweep", "tine", "--vary", "duration_s=1,2", "--out", "OUT"], "report,study"),
         (["study", "tine", "--out", "OUT"], "report,study"),
-        (["soil-test", "tine", "--out", "OUT"], "report"),
         (["run", "tine", "--live", "--mode", "direct", "--out", "OUT"], "live"),
         (["run", "tine", "--set", "soil.device=gpu", "--mode", "direct", "--out", "OUT"], "gpu"),
     ],

@@ -16,7 +16,7 @@ def radius_mm(resolved: ResolvedScene) -> float:
     """Mean radius of the particles."""
     soil = resolved.scene.particle_soil
     assert soil is not None
-    low, high = soil.particles.grades[0].bounds_m
+    low, high = soil.particles.bounds_m
     return 500.0 * (low + high)
 
 
@@ -70,9 +70,7 @@ def test_the_surface_follows_a_radius_that_is_set():
 
 
 def test_only_what_gives_a_size_counts_as_one():
-    """A graded bed keeps the size of the preset, and its surface; a size counts by whatever key it comes."""
-    graded = load_scene("field_tine", {"preset": "coarse", "soil.particles.coarse.times": 1.5})
-    assert graded.scene.particle_soil.surface.z_m == (-0.02,)
+    """A seed keeps the size of the preset, and its surface; a size counts by whatever key it comes."""
     other = load_scene("field_tine", {"preset": "coarse", "soil.particles.sizes.seed": 3})
     assert other.scene.particle_soil.surface.z_m == (-0.02,)
     found = load_scene("field_tine", {"preset": "coarse", "soil": {"particles": {"radius_m": 0.015}}})

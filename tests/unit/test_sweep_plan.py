@@ -84,7 +84,7 @@ def test_jobs_have_their_values_and_seeds() -> None:
         jobs_of(TINE, (), [Point({"soil.tool_stifness_factor": 1.0})])
 
 
-@pytest.mark.parametrize("name", ["tine", "subsoiler_1s300_wedge", "direct_shear"])
+@pytest.mark.parametrize("name", ["tine", "subsoiler_1s300_wedge", "three_shanks"])
 def test_a_parcel_needs_nothing_of_its_sender(name: str, tmp_path: Path) -> None:
     """Unpacked in an empty folder it is the same scene by hash, and no path of the sender is in it."""
     scene = load_scene(SCENES / f"{name}.yaml")

@@ -78,10 +78,6 @@ def soil_file(tmp_path: Path) -> Callable[..., str]:
         ({"values": VALUES | {"cohesion": 1.0}}, "did you mean 'cohesion_pa'?"),
         ({"values": VALUES, "particles": {}}, "soil.particles: unknown key 'particles'"),
         ({"values": VALUES, "fitted_to": "tine.yaml"}, "soil.fitted_to: only a 'file' was fitted"),
-        (
-            {"values": VALUES, "layers": [{"name": "a"}, {"name": "b"}]},
-            "soil.layers.0.thickness_m: is missing",
-        ),
         ({"file": "none.yaml"}, "none.yaml: No such file or directory; give the path of a soil file"),
     ],
 )

@@ -100,9 +100,7 @@ def test_loop_is_the_published_one(row, exponent):
 def test_every_branch_books_what_it_takes(exponent):
     """On every stretch the work of the motion is what is stored and what is booked, second order in the
     stretch; plastic work and adhesion only take."""
-    _, law = numbers_of(
-        law_of(STICKY | {"cohesion_energy_joule_per_m3": 3e4, "pull_off_newton": 0.1}, exponent)
-    )
+    _, law = numbers_of(law_of(STICKY | {"pull_off_newton": 0.1}, exponent))
     errors = []
     for finer in (1, 4):
         way = np.interp(np.linspace(0, len(WAY) - 1, finer * (len(WAY) - 1) + 1), np.arange(len(WAY)), WAY)
@@ -156,21 +154,17 @@ def test_without_plasticity_it_is_elastic():
         assert np.abs(booked).max() < 1e-18
 
 
-def test_friction_with_adhesion_and_without():
+def test_what_attracts_limits_friction_too():
     """At no normal force, where the spring pulls as much as it once was pressed, adhesion still presses."""
-    held = {}
-    for normal in ("adhesive", "repulsive"):
-        row = STICKY | {"static_friction": 0.5, "sliding_friction": 0.5}
-        _, law = numbers_of(law_of(row, friction_normal=normal))
-        _, _, kept = pressed(law, [4e-4])
-        overlap = kept[0]  # the spring is slack there
-        force, _, _, _, _, _ = contact(
-            overlap, (1.0, 0.0, 0.0), (0.0, 10.0, 0.0), NONE, NONE, NONE, kept, 1e-4, law, FEATURES
-        )
-        held[normal] = -force[1]
-        assert abs(force[0]) < 1e-9
-    assert held["repulsive"] == pytest.approx(0.0, abs=1e-9)
-    assert held["adhesive"] == pytest.approx(0.5 * kept[1] * law.unloading_stiffness * overlap, rel=1e-6)
+    row = STICKY | {"static_friction": 0.5, "sliding_friction": 0.5}
+    _, law = numbers_of(law_of(row))
+    _, _, kept = pressed(law, [4e-4])
+    overlap = kept[0]  # the spring is slack there
+    force, _, _, _, _, _ = contact(
+        overlap, (1.0, 0.0, 0.0), (0.0, 10.0, 0.0), NONE, NONE, NONE, kept, 1e-4, law, FEATURES
+    )
+    assert abs(force[0]) < 1e-9
+    assert -force[1] == pytest.approx(0.5 * kept[1] * law.unloading_stiffness * overlap, rel=1e-6)
 
 
 @pytest.mark.parametrize("exponent", [1.0, 1.5])
@@ -221,8 +215,7 @@ def test_a_slow_impact_sticks_by_adhesion_alone(soil, energy):
 def test_numbers_of_a_size_are_those_of_the_pair(exponent):
     """From a reduced radius of 1 m and mass of 1 kg the kernels find what the law says of a size."""
     row = STICKY | {
-        "restitution": 0.5, "cohesion_energy_joule_per_m3": 3e4, "pull_off_newton": 0.1,
-        "rolling_friction": 0.1, "twisting_friction": 0.05, "static_friction": 0.4,
+        "restitution": 0.5, "pull_off_newton": 0.1, "rolling_friction": 0.1, "static_friction": 0.4,
     }  # fmt: skip
     law = law_of(row, exponent)
     for ratio in (1.0, 1.5):

@@ -12,28 +12,16 @@ import math
 import numpy as np
 import pytest
 
+from subsoil_ros.experiments.soil_tests.repose import repose_rad, slope_rad
+from subsoil_ros.loading.loader import load_scene
+
 from ..soils import NEGLIGIBLE
 
 RADIUS = 0.01
-COLUMN = (8, 4, 14)
-"""Spheres along x, y, z."""
 
 
-def surface_angle_deg(positions_m):
-    """Slope of a heap that falls off along x [deg]: a line through the tops of slices one diameter wide, from
-    85 to 15 % of the heap's height, where neither the wall behind it nor the foot bends it."""
-    x, z = positions_m[:, 0], positions_m[:, 2] - positions_m[:, 2].min()
-    slices = np.floor(x / (2.0 * RADIUS)).astype(int)
-    tops = np.array([z[slices == s].max(initial=0.0) for s in range(slices.max() + 1)])
-    middle = (np.arange(len(tops)) + 0.5) * 2.0 * RADIUS
-    slope = (tops > 0.15 * tops.max()) & (tops < 0.85 * tops.max())
-    if slope.sum() < 3:  # it stands like a wall, or is a layer
-        return 90.0 if tops.max() > 8.0 * RADIUS else 0.0
-    return -math.degrees(math.atan(np.polyfit(middle[slope], tops[slope], 1)[0]))
-
-
-def heap_angle_deg(soil, friction, rolling, adhesion):
-    """Slope after one second [deg]; `adhesion` is the largest attraction of a pair over a sphere's weight."""
+def heap_angle_deg(friction, rolling, adhesion):
+    """Angle of repose [deg]; `adhesion` is the largest attraction of a pair over a sphere's weight."""
     weight = 1800.0 * 4.0 / 3.0 * math.pi * RADIUS**3 * 9.81
     row = {
         "stiffness_newton_per_m": 5e3, "tangential_stiffness_newton_per_m": 4e3,
@@ -43,41 +31,42 @@ def heap_angle_deg(soil, friction, rolling, adhesion):
         "rolling_friction": max(rolling, NEGLIGIBLE),
         "equilibrium_overlap_m": 5e-4, "cohesion_range_m": 5e-4,
     }  # fmt: skip
-    engine = soil.engine(
-        soil={
-            "bin": {"length_m": 0.8, "width_m": 0.09, "depth_m": 0.34},
-            "particles": {"radius_m": RADIUS, "density_kg_per_m3": 1800.0},
-            "bed": {"kind": "grid", "spacing_m": 0.02},
-            "law": {"kind": "cohesive_linear", "combining_rule": "none", "particle": row, "boundary": row},
-            "time_step_s": 1e-4,
-        }
-    )
-    cells = np.stack(np.meshgrid(*map(range, COLUMN), indexing="ij"), axis=-1).reshape(-1, 3)
-    corner = np.array((0.0, engine.bed.lower_m[1], engine.bed.lower_m[2])) + RADIUS
-    jitter = np.random.default_rng(4).uniform(0.0, 2e-3, cells.shape)
-    engine.place(corner + 0.0215 * cells + jitter)
-    engine.start(())
-    for tick in range(12_000):
-        engine.advance(tick, ())
-    return surface_angle_deg(engine.positions_m())
+    soil = {
+        "bin": {"length_m": 0.4, "width_m": 0.4, "depth_m": 0.2},
+        "particles": {"radius_m": RADIUS, "density_kg_per_m3": 1800.0},
+        "bed": {"kind": "grid", "spacing_m": "rest"},
+        "law": {"kind": "cohesive_linear", "combining_rule": "none", "particle": row, "boundary": row},
+    }
+    return math.degrees(repose_rad(load_scene({"name": "heap", "duration_s": 1.0, "soil": soil})))
+
+
+def test_slope_of_a_heap():
+    """Spheres under a line of 30 degrees against a wall; a layer; a wall."""
+    x, z = np.meshgrid(np.arange(RADIUS, 0.6, RADIUS / 2.0), np.arange(0.0, 0.3, RADIUS / 4.0))
+    under = z < 0.3 - math.tan(math.radians(30.0)) * x
+    heap = np.column_stack([x[under], 0.0 * x[under], z[under]])
+    assert slope_rad(heap, RADIUS) == pytest.approx(math.radians(30.0), abs=math.radians(1.5))
+    layer = np.column_stack([x[0], 0.0 * x[0], 0.0 * x[0]])
+    assert slope_rad(layer, RADIUS) == 0.0
+    assert slope_rad(layer[:, ::-1], RADIUS) == pytest.approx(0.5 * math.pi)
 
 
 @pytest.mark.slow
-def test_friction_makes_a_heap(soil):
+def test_friction_makes_a_heap():
     """Flat without it; about 20 degrees with."""
-    assert abs(heap_angle_deg(soil, 0.0, 0.0, 0.0)) < 6.0
-    assert 13.0 < heap_angle_deg(soil, 0.5, 0.0, 0.0) < 25.0
+    assert abs(heap_angle_deg(0.0, 0.0, 0.0)) < 6.0
+    assert 13.0 < heap_angle_deg(0.5, 0.0, 0.0) < 25.0
 
 
 @pytest.mark.full
-def test_friction_rolling_friction_and_adhesion_each_steepen_a_heap(soil):
+def test_friction_rolling_friction_and_adhesion_each_steepen_a_heap():
     """Flat; about 20 degrees; 10 more with rolling friction, 5 more with adhesion of one weight, and both
     together add up. Heaps that differ in their first places only differ by some 2 degrees."""
-    flat = heap_angle_deg(soil, 0.0, 0.0, 0.0)
-    sliding = heap_angle_deg(soil, 0.5, 0.0, 0.0)
-    rolling = heap_angle_deg(soil, 0.5, 0.2, 0.0)
-    adhesive = heap_angle_deg(soil, 0.5, 0.0, 1.0)
-    both = heap_angle_deg(soil, 0.5, 0.2, 0.2)
+    flat = heap_angle_deg(0.0, 0.0, 0.0)
+    sliding = heap_angle_deg(0.5, 0.0, 0.0)
+    rolling = heap_angle_deg(0.5, 0.2, 0.0)
+    adhesive = heap_angle_deg(0.5, 0.0, 1.0)
+    both = heap_angle_deg(0.5, 0.2, 0.2)
     assert abs(flat) < 6.0
     assert 13.0 < sliding < 25.0
     assert sliding + 5.0 < rolling < 40.0

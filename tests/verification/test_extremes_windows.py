@@ -1,13 +1,13 @@
-"""Windows and graded beds at the extremes: the quick cases of validation/extremes.md end as it says."""
+"""Windows at the extremes: the quick cases of validation/extremes.md end as it says."""
 
 from pathlib import Path
 
 import pytest
 
-from validation import graded_limits, windows
+from validation import windows
 from validation.cases import Case
 
-CASES = [case for part in (windows, graded_limits) for case in part.CASES if not case.long]
+CASES = [case for case in windows.CASES if not case.long]
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.key} {case.title}")

@@ -129,9 +129,3 @@ def test_the_draft_limit_slows_and_speeds_up() -> None:
     assert_allclose(command_of(law, 0.5, draft=500.0), 0.5 + 0.01 * 100.0 * 0.01)
     assert_allclose(command_of(law, 0.5, draft=1e5), 0.5 - 20.0 * 0.01)
     assert command_of(law, 0.99, draft=-1e5) == 1.0
-
-
-def test_the_hitch_goes_to_its_height() -> None:
-    """speed = gain (height - z), up where the body is too low."""
-    law = {"kind": "hold_height", "body": "bob", "height_m": -0.39, "gain_per_s": 5.0}
-    assert_allclose(command_of(law, 0.0), 5.0 * 0.01)

@@ -7,13 +7,9 @@ import pytest
 
 from subsoil_ros.scene.tool_faces import WheelFace
 from subsoil_ros.scene.wedge import (
-    ResistanceChange,
-    WedgeLayer,
     WedgeValues,
     WheelSoil,
-    layer_values,
 )
-from subsoil_ros.wedge.layers import mean_strength
 from subsoil_ros.wedge.wedge import (
     Plate,
     Strength,
@@ -187,32 +183,6 @@ def test_force_is_continuous_with_depth_and_zero_at_the_surface():
         assert forces[0] == 0.0
         assert np.all(np.diff(forces) > -SEARCHED * forces.max())
         assert np.diff(forces).max() < 2e-3 * forces.max()
-
-
-def test_equal_layers_are_one_soil_and_a_hardpan_counts_by_its_part():
-    """Means over the depth; weight by how wide the wedge is there."""
-    values = WedgeValues(
-        density_kg_per_m3=1500.0,
-        cohesion_pa=1e4,
-        friction_angle_rad=0.5,
-        adhesion_pa=1e3,
-        tool_friction_angle_rad=0.3,
-    )
-    names = [WedgeLayer(name="a", thickness_m=0.08), WedgeLayer(name="b", thickness_m=0.07)]
-    same = layer_values(values, (*names, WedgeLayer(name="c")))
-    one = mean_strength(layer_values(values, None), 0.2, 0.05, 9.81)
-    assert mean_strength(same, 0.2, 0.05, 9.81) == pytest.approx(one)
-    hard = WedgeLayer(
-        name="b",
-        thickness_m=0.07,
-        values=ResistanceChange(cohesion_pa=3e4, density_kg_per_m3=2000.0, adhesion_pa=5e3),
-    )
-    layered = layer_values(values, (names[0], hard, WedgeLayer(name="c")))
-    found = mean_strength(layered, 0.2, 0.1, 9.81)
-    assert found.cohesion == pytest.approx(1e4 + 2e4 * 0.07 / 0.2)
-    assert found.adhesion == pytest.approx(1e3 + 4e3 * 0.05 / 0.1)  # on the plate, 0.10 to 0.20 m deep
-    assert found.density == pytest.approx(1500.0 + 500.0 * 2.0 * 0.35 * (1.0 - 0.115 / 0.2))
-    assert mean_strength(layered, 0.07, 0.05, 9.81) == pytest.approx(mean_strength(same, 0.07, 0.05, 9.81))
 
 
 @pytest.mark.parametrize("n", [0.5, 1.0, 1.5])

@@ -58,9 +58,6 @@ def wedge_rows(resolved: ResolvedScene, soil: WedgeSoil) -> Iterable[tuple[str, 
         "failure",
         (f"drop {values.drop:.3g}, period {period}, variation {values.variation:.3g}, seed {soil.seed}"),
     )
-    for layer in soil.layers or ():
-        edge = "downward" if layer.thickness_m is None else f"{layer.thickness_m:g} m"
-        yield f"layer {layer.name}", edge
     for name, tool in resolved.scene.tools.items():
         mesh = load_tool_mesh(resolved.directory, resolved.scene, name)
         if not tool.is_tillage:
@@ -147,14 +144,8 @@ def _spheres(soil: Soil) -> str:
     sizes, (smallest, largest) = soil.particles.sizes, soil.particles.bounds_m
     if sizes is None:
         return f"of radius {largest * 1e3:g} mm"
-    mean_mm, coarse = mean_power(sizes, 1) * 1e3, soil.particles.coarse
-    told = f"of radius {smallest * 1e3:g} to {largest * 1e3:g} mm ({sizes.kind}, mean {mean_mm:.3g} mm"
-    if coarse is None or coarse.beyond_m is None:
-        return f"{told})"
-    return (
-        f"{told} in a core {2.0 * coarse.beyond_m:g} m wide and {coarse.below_m:g} m deep, "
-        f"{coarse.times * mean_mm:.3g} mm away from it)"
-    )
+    mean_mm = mean_power(sizes, 1) * 1e3
+    return f"of radius {smallest * 1e3:g} to {largest * 1e3:g} mm ({sizes.kind}, mean {mean_mm:.3g} mm)"
 
 
 def _layer_rows(soil: Soil) -> Iterable[tuple[str, str]]:

@@ -28,7 +28,6 @@ class CohesiveLinearNumbers(NamedTuple):
     sliding_friction: float
     rolling_stiffness: float  # K_Y R_eff^2 [N m/rad]
     rolling_arm: float  # mu_r R_eff [m]: torque limit over normal force
-    twisting_arm: float = 0.0  # mu_t R_eff [m]: likewise, about the normal
     of_restitution: float = 0.0  # 1: dampers go with the root of the reduced mass, 0: they do not
 
 
@@ -41,7 +40,6 @@ class CohesiveLinearFeatures(NamedTuple):
     sizes: np.ndarray = NO
     materials: np.ndarray = NO
     periodic: np.ndarray = NO
-    twisting: np.ndarray = NO
     cohesion: np.ndarray = NO
     damp_all_zones: np.ndarray = NO
     friction_repulsive: np.ndarray = NO  # neither of the two: friction is limited by F_n + F_peak
@@ -52,7 +50,7 @@ class CohesiveLinearValues(DampedValues):
     """One row of table 3 of the paper.
 
     `restitution` replaces both dampings. Frictions are coefficients: rolling_friction mu_r limits the rolling
-    torque to mu_r R_eff F_n, twisting_friction that about the normal likewise.
+    torque to mu_r R_eff F_n.
     """
 
     stiffness_newton_per_m: Positive = Field(description="K_X.")
@@ -63,7 +61,6 @@ class CohesiveLinearValues(DampedValues):
     static_friction: NonNegative
     sliding_friction: NonNegative
     rolling_friction: NonNegative
-    twisting_friction: NonNegative = 0.0
     equilibrium_overlap_m: Positive = Field(description="delta_c.")
     cohesion_range_m: Positive = Field(description="delta_B.")
 
@@ -131,7 +128,6 @@ class CohesiveLinearLaw(DampedLaw):
             sliding_friction=values.sliding_friction,
             rolling_stiffness=values.tangential_stiffness * radius_m**2,
             rolling_arm=values.rolling_friction * radius_m,
-            twisting_arm=values.twisting_friction * radius_m,
             of_restitution=float(values.damping_of_restitution),
         )
 
@@ -166,7 +162,6 @@ class CohesiveLinearLaw(DampedLaw):
             static_friction=second.static_friction,
             sliding_friction=second.sliding_friction,
             rolling_friction=second.rolling_friction,
-            twisting_friction=second.twisting_friction,
             adhesion=value("cohesive_stiffness_newton_per_m"),
             rest_overlap=second.equilibrium_overlap_m,
             reach=second.cohesion_range_m,

@@ -64,9 +64,8 @@ def contact(overlap, normal, velocity, spin, shear, roll, kept, step, law, featu
 
     before = _rooted(max(overlap - step * overlap_rate, zero), law)
     damped = max(law.damping * math.sqrt(grown) * overlap_rate, -max(spring, zero))  # it never pulls
-    attracting = law.pull_off + law.cohesion_stiffness * near
-    force_n = spring - attracting + damped
-    pressing = max(force_n + law.friction_with_adhesion * (pulled + attracting), zero)
+    force_n = spring - law.pull_off + damped
+    pressing = max(force_n + (pulled + law.pull_off), zero)
     push = -force_n * nx, -force_n * ny, -force_n * nz
     f, m, s, r, lost = contact_with_springs(
         push, pressing, overlap_rate, normal, velocity, spin, shear, roll, step, law, features, grown, before
@@ -88,8 +87,7 @@ def contact(overlap, normal, velocity, spin, shear, roll, kept, step, law, featu
 def normal_potential(overlap, kept, law, features):
     """See dem.contact.normal_potential."""
     near = max(overlap, 0.0)
-    attracted = near * (law.pull_off + 0.5 * law.cohesion_stiffness * near)
-    return _elastic(near, kept[0], law) - attracted if overlap > 0.0 else 0.0
+    return _elastic(near, kept[0], law) - near * law.pull_off if overlap > 0.0 else 0.0
 
 
 def spring_energy(overlap, shear, roll, law):
@@ -104,14 +102,13 @@ def reach(touch, law, features):
 
 def at_size(law, radius, mass):
     """See dem.contact.at_size: stiffnesses with R, or with its root for exponent 3/2, dashpots with the root
-    of stiffness times mass, adhesion with the root of R, linear cohesion with R."""
+    of stiffness times mass, adhesion with the root of R."""
     root = math.sqrt(radius)
     normal = root if law.hertzian > 0.0 else radius
     damper = math.sqrt(normal * mass)
     return ElastoPlasticAdhesiveNumbers(
         normal * law.unloading_stiffness, normal * law.tangential_stiffness, damper * law.damping,
         damper * law.tangential_damping, law.plastic_part, root * law.adhesion_root,
-        radius * law.cohesion_stiffness, law.pull_off, law.friction_with_adhesion, law.static_friction,
-        law.sliding_friction, normal * radius * radius * law.rolling_stiffness, radius * law.rolling_arm,
-        radius * law.twisting_arm, law.hertzian,
+        law.pull_off, law.static_friction, law.sliding_friction,
+        normal * radius * radius * law.rolling_stiffness, radius * law.rolling_arm, law.hertzian,
     )  # fmt: skip

@@ -33,14 +33,11 @@ class ElastoPlasticAdhesiveNumbers(NamedTuple):
     tangential_damping: float
     plastic_part: float  # lambda_p^(1 / n): plastic over largest overlap
     adhesion_root: float  # 3/2 pi dgamma sqrt(2 R) [N/m^0.5]: largest attraction over root of plastic overlap
-    cohesion_stiffness: float  # 2 pi R times the energy density [N/m]
     pull_off: float  # [N]
-    friction_with_adhesion: float  # 1: attraction adds to what limits friction, 0: it does not
     static_friction: float
     sliding_friction: float
     rolling_stiffness: float  # tangential one times R_eff^2
     rolling_arm: float  # mu_r R_eff [m]: torque limit over normal force
-    twisting_arm: float  # mu_t R_eff [m]: likewise, about the normal
     hertzian: float  # 1: exponent 3/2, 0: exponent 1
 
 
@@ -51,9 +48,7 @@ class ElastoPlasticAdhesivePair(PairValues):
     exponent: float = 1.0
     contact_plasticity: float = 0.0  # lambda_p = 1 - k1 / k2
     adhesion_root: float = 0.0
-    cohesion_stiffness: float = 0.0
     pull_off: float = 0.0
-    friction_with_adhesion: bool = True
 
     @property
     def unloading_stiffness(self) -> float:
@@ -63,12 +58,12 @@ class ElastoPlasticAdhesivePair(PairValues):
     @property
     def sticks(self) -> bool:
         """Whether anything attracts."""
-        return self.adhesion_root + self.cohesion_stiffness + self.pull_off > 0.0
+        return self.adhesion_root + self.pull_off > 0.0
 
     @property
     def max_stiffness(self) -> float:
-        """That of unloading and of linear cohesion; it limits the step. No attraction is steeper."""
-        return self.unloading_stiffness + self.cohesion_stiffness
+        """That of unloading; it limits the step. No attraction is steeper."""
+        return self.unloading_stiffness
 
     def loaded_m(self, force_newton: float) -> float:
         """Overlap at which a contact carries `force_newton` when it is first loaded [m]."""
@@ -107,9 +102,6 @@ class ElastoPlasticAdhesiveValues(StrictModel):
     surface_energy_joule_per_m2: NonNegative = Field(
         0.0, description="dgamma: attraction 3/2 pi dgamma a over the contact's plastic radius a."
     )
-    cohesion_energy_joule_per_m3: NonNegative = Field(
-        0.0, description="Attraction over contact area: linear cohesion."
-    )
     pull_off_newton: NonNegative = Field(0.0, description="-f0: attraction of any contact.")
     restitution: Fraction = Field(
         1.0, description="Of the dashpot alone, on the unloading spring; it never pulls."
@@ -117,7 +109,6 @@ class ElastoPlasticAdhesiveValues(StrictModel):
     static_friction: NonNegative
     sliding_friction: NonNegative
     rolling_friction: NonNegative = 0.0
-    twisting_friction: NonNegative = 0.0
 
     @model_validator(mode="after")
     def _something_sticks(self) -> "ElastoPlasticAdhesiveValues":
@@ -132,18 +123,13 @@ class ElastoPlasticAdhesiveValues(StrictModel):
 
 class ElastoPlasticAdhesiveLaw(ContactLaw):
     """Spheres that yield (load with k1, unload with k2 > k1) and stick (EEPA); the force goes with the
-    overlap to the power `exponent`, 1 or 1.5.
-
-    `friction_normal` says what limits friction: `adhesive`, the normal force and what attracts besides, or
-    `repulsive`, the normal force alone, under which cohesive soil has next to no unconfined strength (Thakur
-    et al., figure 22).
+    overlap to the power `exponent`, 1 or 1.5. The normal force and what attracts besides limit friction.
     """
 
     kind: Literal["elasto_plastic_adhesive"]
     exponent: float = 1.0
     particle: ElastoPlasticAdhesiveValues
     boundary: ElastoPlasticAdhesiveValues
-    friction_normal: Literal["adhesive", "repulsive"] = "adhesive"
 
     @field_validator("exponent")
     @classmethod
@@ -175,7 +161,6 @@ class ElastoPlasticAdhesiveLaw(ContactLaw):
                     key: min(getattr(one, key), getattr(two, key))
                     for key in (
                         "surface_energy_joule_per_m2",
-                        "cohesion_energy_joule_per_m3",
                         "pull_off_newton",
                         "restitution",
                     )
@@ -199,14 +184,11 @@ class ElastoPlasticAdhesiveLaw(ContactLaw):
             tangential_damping=values.tangential_damping,
             plastic_part=values.contact_plasticity ** (1.0 / values.exponent),
             adhesion_root=values.adhesion_root,
-            cohesion_stiffness=values.cohesion_stiffness,
             pull_off=values.pull_off,
-            friction_with_adhesion=float(values.friction_with_adhesion),
             static_friction=values.static_friction,
             sliding_friction=values.sliding_friction,
             rolling_stiffness=values.tangential_stiffness * radius_m**2,
             rolling_arm=values.rolling_friction * radius_m,
-            twisting_arm=values.twisting_friction * radius_m,
             hertzian=float(values.exponent > 1.0),
         )
 
@@ -254,13 +236,10 @@ class ElastoPlasticAdhesiveLaw(ContactLaw):
             static_friction=second.static_friction,
             sliding_friction=second.sliding_friction,
             rolling_friction=second.rolling_friction,
-            twisting_friction=second.twisting_friction,
             damping_of_restitution=True,
             exponent=self.exponent,
             contact_plasticity=second.contact_plasticity,
             adhesion_root=1.5 * math.pi * second.surface_energy_joule_per_m2 * math.sqrt(2.0 * radius_m),
-            cohesion_stiffness=2.0 * math.pi * radius_m * second.cohesion_energy_joule_per_m3,
             pull_off=second.pull_off_newton,
-            friction_with_adhesion=self.friction_normal == "adhesive",
         )
         return found.scaled(ratio)

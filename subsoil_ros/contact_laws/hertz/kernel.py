@@ -43,12 +43,11 @@ def reach(touch, law, features):
 
 def at_size(law, radius, mass):
     """See dem.contact.at_size: stiffnesses with R^(1/2), dashpots with the root of stiffness times mass,
-    R^(1/4) m^(1/2); K_Y R^2 and mu R of rolling and twisting."""
+    R^(1/4) m^(1/2); K_Y R^2 and mu R of rolling."""
     normal = math.sqrt(radius)
     damper = math.sqrt(normal * mass)
     return HertzNumbers(
         normal * law.stiffness, normal * law.tangential_stiffness, damper * law.damping,
         damper * law.tangential_damping, law.static_friction, law.sliding_friction,
         normal * radius * radius * law.rolling_stiffness, radius * law.rolling_arm,
-        radius * law.twisting_arm,
     )  # fmt: skip

@@ -23,7 +23,6 @@ class HertzNumbers(NamedTuple):
     sliding_friction: float
     rolling_stiffness: float  # S_t R_eff^2 [N m^0.5/rad]
     rolling_arm: float  # mu_r R_eff [m]: torque limit over normal force
-    twisting_arm: float = 0.0  # mu_t R_eff [m]: likewise, about the normal
 
 
 @dataclass(frozen=True)
@@ -53,7 +52,6 @@ class HertzValues(StrictModel):
     static_friction: NonNegative
     sliding_friction: NonNegative
     rolling_friction: NonNegative = 0.0
-    twisting_friction: NonNegative = 0.0
 
 
 class HertzMindlinLaw(ContactLaw):
@@ -93,7 +91,6 @@ class HertzMindlinLaw(ContactLaw):
             sliding_friction=values.sliding_friction,
             rolling_stiffness=values.tangential_stiffness * radius_m**2,
             rolling_arm=values.rolling_friction * radius_m,
-            twisting_arm=values.twisting_friction * radius_m,
         )
 
     def wave_limit(self, radius_m: float, density_kg_per_m3: float) -> tuple[str, float]:
@@ -123,7 +120,6 @@ def springs_at(values: PairValues, stiffness: float, root: float) -> PairValues:
         static_friction=values.static_friction,
         sliding_friction=values.sliding_friction,
         rolling_friction=values.rolling_friction,
-        twisting_friction=values.twisting_friction,
     )
 
 
@@ -160,5 +156,4 @@ def _values(
         static_friction=second.static_friction,
         sliding_friction=second.sliding_friction,
         rolling_friction=second.rolling_friction,
-        twisting_friction=second.twisting_friction,
     )

@@ -41,12 +41,11 @@ def reach(touch, law, features):
 
 
 def at_size(law, radius, mass):
-    """See dem.contact.at_size: K_t R^2 and mu R of rolling and twisting; dampers that follow from a
-    restitution with the root of the mass."""
+    """See dem.contact.at_size: K_t R^2 and mu R of rolling; dampers that follow from a restitution with
+    the root of the mass."""
     damper = math.sqrt(mass) if law.of_restitution > 0.0 else like(mass, 1.0)
     return LinearNumbers(
         law.stiffness, law.tangential_stiffness, damper * law.damping, damper * law.tangential_damping,
         law.static_friction, law.sliding_friction,
-        radius * radius * law.rolling_stiffness, radius * law.rolling_arm,
-        radius * law.twisting_arm, law.of_restitution,
+        radius * radius * law.rolling_stiffness, radius * law.rolling_arm, law.of_restitution,
     )  # fmt: skip

@@ -19,7 +19,6 @@ class LinearNumbers(NamedTuple):
     sliding_friction: float
     rolling_stiffness: float  # K_t R_eff^2 [N m/rad]
     rolling_arm: float  # mu_r R_eff [m]: torque limit over normal force
-    twisting_arm: float = 0.0  # mu_t R_eff [m]: likewise, about the normal
     of_restitution: float = 0.0  # 1: dampers go with the root of the reduced mass, 0: they do not
 
 
@@ -27,13 +26,12 @@ class LinearValues(DampedValues):
     """A spring and a dashpot, as they stand for the pair.
 
     `restitution` replaces both dampings. Frictions are coefficients: rolling_friction mu_r limits the rolling
-    torque to mu_r R_eff F_n, twisting_friction that about the normal likewise.
+    torque to mu_r R_eff F_n.
     """
 
     static_friction: NonNegative
     sliding_friction: NonNegative
     rolling_friction: NonNegative = 0.0
-    twisting_friction: NonNegative = 0.0
 
 
 class LinearLaw(DampedLaw):
@@ -80,7 +78,6 @@ class LinearLaw(DampedLaw):
             sliding_friction=values.sliding_friction,
             rolling_stiffness=values.tangential_stiffness * radius_m**2,
             rolling_arm=values.rolling_friction * radius_m,
-            twisting_arm=values.twisting_friction * radius_m,
             of_restitution=float(values.damping_of_restitution),
         )
 
@@ -94,5 +91,4 @@ def _values(row: LinearValues) -> PairValues:
         row.static_friction,
         row.sliding_friction,
         row.rolling_friction,
-        twisting_friction=row.twisting_friction,
     )

@@ -32,7 +32,7 @@ _ARRAYS = {
     "upper_m": (np.float64, 1),
     "kinetic_energy_joule": (np.float64, 0),
     "radii_m": (np.float64, 1),  # of length 0 where all are equal
-    "materials": (np.int64, 1),  # of length 0 without layers and other sizes
+    "materials": (np.int64, 1),  # of length 0 without layers
     "held": (np.bool_, 1),  # of length 0 where no particle is
 }
 
@@ -43,8 +43,6 @@ CONTACTS = ("contact_pair", "contact_history")
 def law_hash(soil: Soil) -> str:
     """sha256 hex of law, particles and layers, which a scene must share with its bed file."""
     content = soil.model_dump(mode="json", include={"law", "particles", "layers"})
-    if soil.particles.coarse is None:
-        del content["particles"]["coarse"]  # beds of versions without the key stay readable
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
@@ -108,7 +106,7 @@ def read_bed(path: Path, soil: Soil) -> Bed:
         (upper[0], upper[1]),
         float(content["kinetic_energy_joule"]),
         content["radii_m"] if soil.particles.sizes else None,
-        content["materials"] if soil.of_materials else None,
+        content["materials"] if soil.layers is not None else None,
         soil.bin.bed_sides,
         content["held"] if len(content["held"]) else None,
     )

@@ -37,13 +37,10 @@ def cached_bed_path(resolved: ResolvedScene) -> Path:
     soil = resolved.scene.particle_soil
     assert soil is not None
     described = soil.model_dump(mode="json", exclude=_OF_THE_RUN)
-    if described.pop("window") is not None:  # the block of its field, or a period of a graded one
+    if described.pop("window") is not None:  # the block of its field
         described["edge_m"] = tile_edge_m(soil)
-        if soil.particles.coarse is None:
-            described["bin"] = soil.bin.depth_m
-            del described["surface"]  # cut from the field
-        else:
-            del described["bin"]["length_m"]
+        described["bin"] = soil.bin.depth_m
+        del described["surface"]  # cut from the field
     content = {
         "soil": described,
         "gravity_m_per_s2": resolved.scene.gravity_m_per_s2,

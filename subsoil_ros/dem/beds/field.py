@@ -25,7 +25,7 @@ from ..periodic import HELD_LAYER
 from .cache import cached_bed_path, keep, load_cached, load_contacts
 from .dense import relaxed_rest
 from .in_reach import radii_of
-from .plot import plot_of, whole_period
+from .plot import plot_of
 from .settling import (
     EngineOf,
     OnProgress,
@@ -62,7 +62,7 @@ class Contacts(NamedTuple):
 
 
 class Block(NamedTuple):
-    """Soil at rest, periodic along x and y; of a graded bed a period of the field (ground)."""
+    """Soil at rest, periodic along x and y."""
 
     bed: Bed  # endless, particles sorted by x; its mean top is HEADROOM below z = 0
     contacts: Contacts
@@ -99,12 +99,12 @@ def kept_block(
 
 def _endless(soil: Soil, edge_m: float) -> Soil:
     """The soil of a scene, layers and all, in a box that repeats itself, its surface below the top."""
-    box = Bin(length_m=edge_m, width_m=edge_m, depth_m=soil.bin.depth_m + headroom_m(soil))
+    box = Bin(length_m=edge_m, width_m=edge_m, depth_m=soil.bin.depth_m + _headroom_m(soil))
     box = box.model_copy(update={"sides": "endless"})
     return soil.model_copy(update={"bin": box, "window": None, "surface": None} | of_the_preparation(soil))
 
 
-def headroom_m(soil: Soil) -> float:
+def _headroom_m(soil: Soil) -> float:
     """Free height over a block and below it [m]."""
     return HEADROOM * soil.particles.bounds_m[1]
 
@@ -127,13 +127,13 @@ def _prepared(
     bed = _level(bed_of(engine, bed), soil)
     refuse_unfinished(bed, endless, rest.speed_m_per_s)
     order = np.argsort(bed.positions_m[:, 0], kind="stable")
-    return Block(bed.only(order), contacts_of(engine, soil, order))
+    return Block(bed.only(order), _contacts_of(engine, soil, order))
 
 
 def _stacked(tile: Bed, soil: Soil) -> Bed:
     """Tiles on top of each other, from the held layer to a diameter above the surface."""
     edge, radii, largest = tile.periods_m[0], radii_of(tile, soil), soil.particles.bounds_m[1]
-    surface = -headroom_m(soil)
+    surface = -_headroom_m(soil)
     bottom, top = surface - soil.bin.depth_m - HELD_LAYER * largest, surface + 2.0 * largest
     inside = tile.positions_m - np.array((*tile.lower_m[:2], 0.0)) + (0.0, -0.5 * edge, top)
     below = np.arange(math.ceil((top - bottom) / edge))
@@ -141,7 +141,7 @@ def _stacked(tile: Bed, soil: Soil) -> Bed:
     kept = places[:, 2] >= bottom
     return Bed(
         places[kept],
-        (0.0, -0.5 * edge, bottom - headroom_m(soil)),
+        (0.0, -0.5 * edge, bottom - _headroom_m(soil)),
         (edge, 0.5 * edge),
         radii_m=None if soil.particles.sizes is None else np.tile(radii, len(below))[kept],
         sides="endless",
@@ -151,7 +151,7 @@ def _stacked(tile: Bed, soil: Soil) -> Bed:
 
 def _level(bed: Bed, soil: Soil) -> Bed:
     """The bed with its mean top where the surface is."""
-    rise = -headroom_m(soil) - mean_above_profile_m(bed, soil.particles.mean_volume_radius_m, None)
+    rise = -_headroom_m(soil) - mean_above_profile_m(bed, soil.particles.mean_volume_radius_m, None)
     risen = bed.positions_m + np.array((0.0, 0.0, rise))
     return dataclasses.replace(bed, positions_m=risen)
 
@@ -160,11 +160,11 @@ def _in_layers(bed: Bed, soil: Soil) -> Bed:
     """The bed whose particles have the material of the layer that they stand in."""
     if soil.layers is None:
         return bed
-    depth = -headroom_m(soil) - bed.positions_m[:, 2]
+    depth = -_headroom_m(soil) - bed.positions_m[:, 2]
     return dataclasses.replace(bed, materials=material_at(soil, depth))
 
 
-def contacts_of(engine: SettlingEngine, soil: Soil, order: np.ndarray) -> Contacts:
+def _contacts_of(engine: SettlingEngine, soil: Soil, order: np.ndarray) -> Contacts:
     """Contacts of the particles of an engine, numbered as after they are put in `order`."""
     pair, history = engine.contact_histories()
     touching = (history != 0.0).any(axis=1)
@@ -184,15 +184,14 @@ class Field:
     def __init__(self, block: Block, soil: Soil) -> None:
         self._block, self._soil = block, soil
         self._largest = soil.particles.bounds_m[1]
-        plotted = plot_of if soil.particles.coarse is None else whole_period
-        plot = plotted(block.bed, soil.bin.width_m, soil.bin.sides)
+        plot = plot_of(block.bed, soil.bin.width_m, soil.bin.sides)
         self._strips = round(STRIPS_PER_BLOCK * plot.blocks)
         self.period_m, self.strip_m = plot.period_m, plot.period_m / self._strips
         self.count = max(1, round(soil.bin.length_m / self.strip_m))
-        self._half_width, self._floor = plot.half_width_m, block.bed.lower_m[2] + headroom_m(soil)
+        self._half_width, self._floor = plot.half_width_m, block.bed.lower_m[2] + _headroom_m(soil)
         radius = radii_of(block.bed, soil)[plot.number]
         fits = np.abs(plot.place_m[:, 1]) + radius * (soil.bin.sides == "walls") <= self._half_width
-        self._place = plot.place_m[fits] + np.array((0.0, 0.0, headroom_m(soil)))
+        self._place = plot.place_m[fits] + np.array((0.0, 0.0, _headroom_m(soil)))
         self._number, self._radius = plot.number[fits], radius[fits]
         self._start = np.searchsorted(self._place[:, 0], self.strip_m * np.arange(self._strips + 1))
         self._start[-1] = len(self._place)
@@ -285,7 +284,7 @@ class Field:
             self.box(rear, front),
             positions_m=laid.position_m,
             radii_m=None if soil.particles.sizes is None else laid.radius_m,
-            materials=laid.material if soil.of_materials else None,
+            materials=laid.material if soil.layers is not None else None,
             held=self.held(laid.identity, laid.position_m[:, 0], rear, front),
         )
 

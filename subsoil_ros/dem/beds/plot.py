@@ -38,19 +38,6 @@ class Plot(NamedTuple):
         return found
 
 
-def blocks_of(sides: str) -> float:
-    """Lengths of a block in a period of the field."""
-    return math.hypot(*(ALONG if sides == "periodic" else ACROSS)[0])
-
-
-def whole_period(bed: Bed, width_m: float, sides: str) -> Plot:
-    """The plot of a bed that is a period of the field already, its particles sorted by x."""
-    period, across, _ = bed.periods_m
-    half_width = 0.5 * (across if sides == "periodic" else width_m)
-    numbers = np.arange(len(bed.positions_m))
-    return Plot(period, half_width, blocks_of(sides), bed.positions_m, numbers, np.eye(2))
-
-
 def plot_of(bed: Bed, width_m: float, sides: str) -> Plot:
     """The plot of a field of this width over a block, whose square has its corner at the bed's lower x and y.
 

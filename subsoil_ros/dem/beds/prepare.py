@@ -18,9 +18,7 @@ from ..periodic import HELD_LAYER, refuse_narrow_period, refuse_tool_at_held_sid
 from .bed_file import LARGEST_OVERLAP, read_bed
 from .cache import cached_bed_path, keep, load_cached
 from .dense import prepare_dense, rest_volume_m3
-from .field import Field
-from .graded import grade_parts
-from .ground import kept_ground
+from .field import Field, kept_block
 from .settling import EngineOf, OnProgress, ignore_progress
 from .surface import profile_m
 from .tile import tile_edge_m
@@ -49,7 +47,7 @@ def prepare_bed(
     if isinstance(soil.bed, SavedBed):
         return read_bed(Path(soil.bed.file), soil)
     if soil.window is not None:
-        field = Field(kept_ground(resolved, engine_of, threads, on_progress), soil)
+        field = Field(kept_block(resolved, engine_of, threads, on_progress), soil)
         return field.bed(*field.first_window)
     refuse_narrow_period(nominal_box(soil), soil)
     path = cached_bed_path(resolved)
@@ -141,12 +139,8 @@ def expected_dense_count(soil: Soil, tools_m: float = 0.0) -> int:
     depth = soil.bin.depth_m + float(profile_m(soil.surface, x).mean())
     volume = length * soil.bin.width_m * depth
     if isinstance(soil.bed, TiledBed):
-        spheres = [4.0 / 3.0 * math.pi * grade.mean_volume_radius_m**3 for grade in soil.particles.grades]
         held = HELD_LAYER * soil.particles.bounds_m[1] if soil.bed.floor == "held" else 0.0
         volume += length * soil.bin.width_m * held
-        parts = np.ones(1)
-        if soil.particles.coarse is not None:
-            half = 0.5 * soil.bin.width_m
-            parts = grade_parts(soil, (-half, half), (0.0, depth + held))
-        return round(soil.bed.solid_fraction * volume * float((parts / spheres).sum()))
+        sphere = 4.0 / 3.0 * math.pi * soil.particles.mean_volume_radius_m**3
+        return round(soil.bed.solid_fraction * volume / sphere)
     return round(DENSE_FRACTION * volume / rest_volume_m3(soil))

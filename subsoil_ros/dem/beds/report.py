@@ -12,7 +12,6 @@ from ...scene.pairs import layer_soils
 from ...scene.soil import Soil
 from ..bed import Bed
 from ..walls import WALLS, wall_planes
-from .graded import grade_parts, grades_at
 from .in_reach import pairs_in_reach, radii_of
 from .settling import EngineOf
 from .surface import top_surface_m
@@ -56,8 +55,7 @@ class RadiusReport:
 
 @dataclass(frozen=True)
 class LayerReport:
-    """Particles of one layer, or of one size of a graded bed; density is their mass over the volume between
-    the layer's depths, or that of all particles where the size belongs."""
+    """Particles of one layer; density is their mass over the volume between the layer's depths."""
 
     name: str
     particle_count: int
@@ -155,10 +153,7 @@ def _radii(radii: np.ndarray) -> RadiusReport:
 def _layers(
     bed: Bed, soil: Soil, masses: np.ndarray, top: np.ndarray, area_m2: float
 ) -> tuple[LayerReport, ...]:
-    """Report of each layer of the soil, the first ending at `top`, the last at the floor; of a graded bed, of
-    each size."""
-    if soil.particles.coarse is not None:
-        return _grades(bed, soil, masses, float(top.mean()))
+    """Report of each layer of the soil, the first ending at `top`, the last at the floor."""
     if soil.layers is None or bed.materials is None:
         return ()
     found, upper = [], np.inf
@@ -171,20 +166,6 @@ def _layers(
         density = float(masses[own].sum()) / volume if volume > 0.0 else 0.0
         found.append(LayerReport(f"layer {layer.name}", int(own.sum()), density))
         upper = lower
-    return tuple(found)
-
-
-def _grades(bed: Bed, soil: Soil, masses: np.ndarray, top_m: float) -> tuple[LayerReport, ...]:
-    """Report of each size of a graded bed; densities are over the volume where it belongs."""
-    (_, y_low, _), (x_high, y_high), low = bed.lower_m, bed.upper_m, bed.floor_m
-    volume = (x_high - bed.lower_m[0]) * (y_high - y_low) * (top_m - low)
-    parts = grade_parts(soil, (y_low, y_high), (-top_m, -low))
-    found = []
-    at = grades_at(soil, bed.positions_m[:, 1], -bed.positions_m[:, 2])
-    for k, (grade, part) in enumerate(zip(soil.particles.grades, parts, strict=True)):
-        density = float(masses[at == k].sum()) / (volume * part) if part > 0.0 else 0.0
-        name = f"size {1e3 * grade.mean_volume_radius_m:.3g} mm"
-        found.append(LayerReport(name, int(np.sum(bed.materials == k)), density))
     return tuple(found)
 
 

@@ -24,7 +24,7 @@ from ..bed import Bed
 
 _SLIDING = (
     "tangential_stiffness_newton_per_m", "tangential_damping_newton_s_per_m", "static_friction",
-    "sliding_friction", "rolling_friction", "twisting_friction",
+    "sliding_friction", "rolling_friction",
 )  # fmt: skip
 _ADHESION = "cohesive_stiffness_newton_per_m"
 _DAMPING = "damping_newton_s_per_m"

@@ -188,7 +188,7 @@ class Pressing:
         self._parted = parting.run(points, rest, PARTING_DAMPING * rate, "parting")
 
     def _settling(self, bed: Bed, mu: float) -> Settling:
-        springs = endless_soil(under_springs(self.soil, mu), *bed.periods_m)
+        springs = endless_soil(under_springs(self.soil, mu), bed.periods_m[0])
         return Settling(
             *self._of, soil=springs, step_s=SAFETY * step_limits(springs)[0].limit_s,
             gravity_m_per_s2=0.0, on_progress=self._on_progress,
@@ -238,11 +238,9 @@ def _springs(friction: float, radius_m: float) -> LinearLaw:
     return LinearLaw.model_validate({"kind": "linear", "particle": values, "boundary": values})
 
 
-def endless_soil(
-    soil: Soil, length_m: float, width_m: float | None = None, depth_m: float | None = None
-) -> Soil:
-    """The soil of a scene as a box that repeats itself, a cube unless width and depth are given."""
-    box = Bin(length_m=length_m, width_m=width_m or length_m, depth_m=depth_m or length_m)
+def endless_soil(soil: Soil, edge_m: float) -> Soil:
+    """The soil of a scene as a cube that repeats itself."""
+    box = Bin(length_m=edge_m, width_m=edge_m, depth_m=edge_m)
     box = box.model_copy(update={"sides": "endless"})
     changes = {"bin": box, "layers": None, "surface": None, "window": None} | of_the_preparation(soil)
     return soil.model_copy(update=changes)

@@ -26,18 +26,16 @@ from ..mixture import material_at
 from ..periodic import HELD_LAYER
 from .cache import cached_tile_path, keep, load_cached
 from .dense import relaxed_rest
-from .graded import boxed, pressed_graded
 from .in_reach import radii_of
 from .report import masses_kg
 from .settling import SETTLING_GRAVITY, EngineOf, OnProgress, Rest, Settling, of_the_preparation
 from .surface import cut_to_depth, mean_above_profile_m
 from .tile import at_pressure, endless_soil, kept_as, pressed_tile, solid_fraction, tile_edge_m
 
-RESTS, GRADED_RESTS = 3, 6
+RESTS = 3
 """Times that the bed comes to rest once it is cut, each time from places alone: when a run then starts
-without springs, its particles move by 0.2 % of their radius, a third of what they do after one. A graded
-bed, rougher at its surface, needs twice as many to be as calm. One that then moves too fast (MOVING), as when
-a loose particle falls, rests up to as many times again."""
+without springs, its particles move by 0.2 % of their radius, a third of what they do after one. One that
+then moves too fast (MOVING), as when a loose particle falls, rests up to as many times again."""
 
 FILLING_FALL, RELAXING_S = 10.0, 0.6
 """Fall in radii, besides three times the sinking of the top, that sets the longest time for the gaps at walls
@@ -64,7 +62,7 @@ def prepare_tiled(resolved: ResolvedScene, engine_of: EngineOf, threads: int, on
     def settling(of: Soil) -> Settling:
         return settling_under(resolved, engine_of, threads, of, gravity, on_progress)
 
-    bed = _tiles_laid_out(resolved, soil, engine_of, threads, on_progress)
+    bed = laid_out(tile_under_law(resolved, tile_edge_m(soil), engine_of, threads, on_progress), soil)
     last = settling(soil.model_copy(update=of_the_preparation(soil)))
     radius = soil.particles.mean_volume_radius_m
     speed = relaxed_rest(radius, last.contact_rate_per_s).speed_m_per_s
@@ -76,47 +74,13 @@ def prepare_tiled(resolved: ResolvedScene, engine_of: EngineOf, threads: int, on
     bed = _top_at_zero(cut_to_depth(bed, radius, soil.bin.depth_m + _below_depth_m(soil), soil.surface), soil)
     if soil.layers is not None:
         bed = dataclasses.replace(bed, materials=material_at(soil, -bed.positions_m[:, 2]))
-    rests = RESTS if soil.particles.coarse is None else GRADED_RESTS
-    for count in range(1, 2 * rests + 1):
+    for count in range(1, 2 * RESTS + 1):
         bed = last.run(bed, Rest(speed, RELAXING_S), damping, "relaxing")
-        if count >= rests and _rms_m_per_s(bed, soil) <= MOVING * speed:
+        if count >= RESTS and _rms_m_per_s(bed, soil) <= MOVING * speed:
             break
     bed = _top_at_zero(bed, soil)
     refuse_unfinished(bed, soil, speed)
     return bed
-
-
-def _tiles_laid_out(
-    resolved: ResolvedScene, soil: Soil, engine_of: EngineOf, threads: int, on_progress: OnProgress
-) -> Bed:
-    """The tile of a scene laid out to its bin; a graded bed is pressed in one piece."""
-    edge = tile_edge_m(soil)
-    if soil.particles.coarse is None:
-        return laid_out(tile_under_law(resolved, edge, engine_of, threads, on_progress), soil)
-    above = _above_m(soil)
-    size = soil.bin.length_m, soil.bin.width_m, above + soil.bin.depth_m + _below_depth_m(soil)
-    bed = graded_under_law(resolved, size, above, engine_of, threads, on_progress)
-    whole = dataclasses.replace(bed, positions_m=bed.positions_m + np.array((0.0, 0.0, above)))
-    return _cut_at_walls(whole, soil, bed.periods_m[1] if soil.bin.sides == "periodic" else soil.bin.width_m)
-
-
-def graded_under_law(
-    resolved: ResolvedScene,
-    size_m: tuple[float, float, float],
-    above_m: float,
-    engine_of: EngineOf,
-    threads: int,
-    on_progress: OnProgress,
-) -> Bed:
-    """A graded bed at least of this size along x, y and z, as pressed_graded, under the law of its scene.
-
-    Raises:
-        SceneError: this law changes its solid fraction.
-    """
-    soil = resolved.scene.particle_soil
-    assert soil is not None
-    bed = pressed_graded(resolved, size_m, above_m, engine_of, threads, on_progress)
-    return boxed(_under_law(resolved, soil, size_m, bed, engine_of, threads, on_progress))
 
 
 def settling_under(
@@ -145,30 +109,30 @@ def tile_under_law(
     """
     soil = resolved.scene.particle_soil
     assert soil is not None
-    tile, size = kept_tile(resolved, edge_m, engine_of, on_progress), (edge_m, edge_m, edge_m)
+    tile = kept_tile(resolved, edge_m, engine_of, on_progress)
     layers = dict.fromkeys((soil.model_copy(update={"layers": None}), *layer_soils(soil)))
-    found = [_under_law(resolved, layer, size, tile, engine_of, threads, on_progress) for layer in layers]
+    found = [_under_law(resolved, layer, edge_m, tile, engine_of, threads, on_progress) for layer in layers]
     return found[0]
 
 
 def _under_law(
     resolved: ResolvedScene,
     soil: Soil,
-    size_m: tuple[float, float, float],
-    bed: Bed,
+    edge_m: float,
+    tile: Bed,
     engine_of: EngineOf,
     threads: int,
     on_progress: OnProgress,
 ) -> Bed:
-    """An endless bed of about this size at rest under the law of a soil, at the pressure half way down."""
+    """The tile at rest under the law of a soil, at the pressure half way down."""
     whole = resolved.scene.particle_soil
     assert whole is not None
     assert isinstance(whole.bed, TiledBed)
     bulk = whole.bed.solid_fraction * whole.particles.density_kg_per_m3
     gravity = resolved.scene.gravity_m_per_s2 or SETTLING_GRAVITY
     pressure = 0.5 * bulk * gravity * whole.bin.depth_m
-    settling = settling_under(resolved, engine_of, threads, endless_soil(soil, *size_m), 0.0, on_progress)
-    found = at_pressure(settling, bed, pressure, on_progress)
+    settling = settling_under(resolved, engine_of, threads, endless_soil(soil, edge_m), 0.0, on_progress)
+    found = at_pressure(settling, tile, pressure, on_progress)
     _refuse_other_fraction(solid_fraction(found, soil), soil)
     return found
 
@@ -244,10 +208,12 @@ def _above_m(soil: Soil) -> float:
 
 
 def laid_out(tile: Bed, soil: Soil) -> Bed:
-    """The tile repeated over the bin, from the plane below to some particles above z = 0, cut at the walls.
+    """The tile repeated over the bin, from the plane below to some particles above z = 0, cut at the walls;
+    held below the depth.
 
     Periodic sides are a whole number of tiles apart.
     """
+    assert isinstance(soil.bed, TiledBed)
     edge, radii = tile.periods_m[0], radii_of(tile, soil)
     tiles, periodic = round(soil.bin.width_m / edge), soil.bin.sides == "periodic"
     width = edge * tiles if periodic else soil.bin.width_m
@@ -260,23 +226,17 @@ def laid_out(tile: Bed, soil: Soil) -> Bed:
     inside = tile.positions_m - np.array(tile.lower_m) - (0.0, 0.0, edge)  # z from -edge to 0
     shift = np.array([(i, j, -k) for i, j, k in itertools.product(*copies)]) * edge + corner
     places = (inside[None] + shift[:, None]).reshape(-1, 3)
-    whole = dataclasses.replace(tile, positions_m=places, radii_m=np.tile(radii, len(shift)))
-    return _cut_at_walls(whole, soil, width)
-
-
-def _cut_at_walls(bed: Bed, soil: Soil, width_m: float) -> Bed:
-    """The bed without the particles that reach through a wall or the plane below; held below the depth."""
-    assert isinstance(soil.bed, TiledBed)
-    places, radius, length = bed.positions_m, radii_of(bed, soil), soil.bin.length_m
+    radius, length = np.tile(radii, len(shift)), soil.bin.length_m
     floor = -soil.bin.depth_m - _below_depth_m(soil)
     kept = (places[:, 0] >= radius) & (places[:, 0] <= length - radius) & (places[:, 2] >= floor + radius)
-    if soil.bin.sides != "periodic":
-        kept &= np.abs(places[:, 1]) <= 0.5 * width_m - radius
+    if not periodic:
+        kept &= np.abs(places[:, 1]) <= 0.5 * width - radius
     return dataclasses.replace(
-        bed,
+        tile,
+        positions_m=places,
         radii_m=None if soil.particles.sizes is None else radius,
-        lower_m=(0.0, -0.5 * width_m, floor),
-        upper_m=(length, 0.5 * width_m),
+        lower_m=(0.0, -0.5 * width, floor),
+        upper_m=(length, 0.5 * width),
         sides=soil.bin.bed_sides,
         held=places[:, 2] < -soil.bin.depth_m if soil.bed.floor == "held" else None,
         kinetic_energy_joule=0.0,

@@ -147,7 +147,7 @@ def pair_kernel(features: Features) -> Any:
                 if held:
                     if features.tangential.ndim == 2:
                         shear = history[0, at], history[1, at], history[2, at]
-                    if features.rolling.ndim == 2 or features.twisting.ndim == 2:
+                    if features.rolling.ndim == 2:
                         roll = history[3, at], history[4, at], history[5, at]
                 if j < i:
                     apart = -apart[0], -apart[1], -apart[2]
@@ -159,7 +159,7 @@ def pair_kernel(features: Features) -> Any:
                 if acts > zero:
                     if features.tangential.ndim == 2:
                         history[0, at], history[1, at], history[2, at] = s
-                    if features.rolling.ndim == 2 or features.twisting.ndim == 2:
+                    if features.rolling.ndim == 2:
                         history[3, at], history[4, at], history[5, at] = r
                     if not held:
                         neighbour[at] = j

@@ -13,7 +13,6 @@ import numpy as np
 from numba import njit, prange
 
 from ...contact_laws.base import SHARED_SINKS
-from ...contact_laws.springs import turned
 from ..compiled import inner_kernel
 from ..contact import contact, kept_at, normal_potential, put_kept, reach, spring_energy
 from ..mixture import sphere_of
@@ -29,9 +28,9 @@ _CHUNKS = 32
 _DEEPEST = SHARED_SINKS + 1
 """Place of the largest overlap among the sums of a tool."""
 
-FOUND = 9
+FOUND = 6
 """Numbers of a contact that was found: unit normal towards the tool, distance [m] (negative: centre behind
-the face), group, history slot or -1, normal of that slot, set where twisting friction needs it."""
+the face), group, history slot or -1."""
 
 _SAME_NORMAL = 0.7
 """Least cosine between normals of a contact and the one it continues: its springs pass between facets that
@@ -125,10 +124,6 @@ def _candidate(
         for a in range(roll.shape[2]):
             old_roll[s, a] = roll[row, s, a] if active[row, s] else 0.0
         active[row, s] = False
-    if features.twisting.ndim == 2:
-        for k in range(found):
-            for a in range(3):
-                out[k, 6 + a] = normal[row, max(int(out[k, 5]), 0), a]
     for k in range(found):
         bx, by, bz = out[k, 0], out[k, 1], out[k, 2]
         distance, group, slot = out[k, 3], int(out[k, 4]), int(out[k, 5])
@@ -150,9 +145,6 @@ def _candidate(
         if slot >= 0:
             sx, sy, sz = old_shear[slot, 0], old_shear[slot, 1], old_shear[slot, 2]
             tx, ty, tz = old_roll[slot, 0], old_roll[slot, 1], old_roll[slot, 2]
-            if features.twisting.ndim == 2:
-                before = (out[k, 6], out[k, 7], out[k, 8])
-                tx, ty, tz = turned((tx, ty, tz), before, (bx, by, bz))
             for a in range(3):  # a slot continues in one contact only
                 old_shear[slot, a] = 0.0
             for a in range(roll.shape[2]):

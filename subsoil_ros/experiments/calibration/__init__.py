@@ -1,1 +1,1 @@
-"""Fits of soil to runs: the wedge model to runs with particles, laws of particles to soil tests."""
+"""Fits of soil: the wedge model to runs with particles, particles to a laboratory's values."""

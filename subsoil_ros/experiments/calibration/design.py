@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -13,7 +13,7 @@ from ...loading.soil_file import law_of
 from ...loading.validation_errors import validated
 from ...scene.bed_spacing import particle_spacing_m
 from ...scene.wedge import WheelSoil
-from ...strict_model import Finite, Fraction, NonNegative, Positive, StrictModel
+from ...strict_model import Finite, Positive, StrictModel
 from ...yaml_document import read_document
 
 GOLDEN = ((math.sqrt(5.0) - 1.0) / 2.0, 0.7548776662466927)
@@ -49,68 +49,9 @@ class WedgeDesign(StrictModel):
     wheels: WheelSoil | None = None  # copied into the soil file
 
 
-class Parameter(StrictModel):
-    """A number of the scene to fit, within bounds; the scene's own value is the start."""
-
-    key: str  # dotted path, as in --set
-    lowest: Finite
-    largest: Finite
-
-
-class StrengthTarget(StrictModel):
-    """Direct shear and tension of a specimen, as `subsoil soil-test` runs them."""
-
-    kind: Literal["soil_test"]
-    normal_pa: Annotated[tuple[Positive, ...], Field(min_length=3)]
-    size_m: tuple[Positive, Positive, Positive]
-    inertial_number: Positive = 0.003
-    cohesion_pa: NonNegative | None = None
-    friction_angle_rad: NonNegative | None = None
-    tensile_strength_pa: NonNegative | None = None
-    tolerance: Fraction = 0.05  # relative error that counts one
-
-
-class DraftTarget(StrictModel):
-    """Mean draft of the scene on its own path, over its metrics window and the beds of `seeds`."""
-
-    kind: Literal["draft"]
-    draft_newton: Positive
-    seeds: tuple[int, ...] = ()  # of a random or jittered bed; none: the bed as the scene has it
-    tolerance: Fraction = 0.05
-
-
-class ReposeTarget(StrictModel):
-    """Angle of the heap that is left after the wall of a column is removed."""
-
-    kind: Literal["angle_of_repose"]
-    angle_rad: Positive
-    column_m: tuple[Positive, Positive, Positive]  # length, width, height
-    tolerance: Fraction = 0.05
-
-
-Target = Annotated[StrengthTarget | DraftTarget | ReposeTarget, Field(discriminator="kind")]
-
-
-class LawDesign(StrictModel):
-    """Numbers of a law of particles, and the targets of the tests."""
-
-    model: Literal["dem"]
-    scene: str
-    overrides: tuple[str, ...] = ()
-    parameters: Annotated[tuple[Parameter, ...], Field(min_length=1)]
-    targets: Annotated[tuple[Target, ...], Field(min_length=1)]
-    difference: Fraction = 0.1  # step of the parameters, relative to their bounds: above the noise of a test
-    max_runs: Annotated[int, Field(ge=2)] = 30
-
-
-Design = WedgeDesign | LawDesign
-
-
-def read_design(path: Path) -> Design:
+def read_design(path: Path) -> WedgeDesign:
     """Read a design file. Raises InputError for a file that is missing or is no design."""
-    kind: Any = Annotated[Design, Field(discriminator="model")]
-    design: Design = validated(kind, read_document(path, str(path)), str(path))
-    return design
+    return validated(WedgeDesign, read_document(path, str(path)), str(path))
 
 
 def tip_of(scene: ResolvedScene) -> tuple[str, tuple[float, float]]:
@@ -148,6 +89,8 @@ def point_overrides(
         for group, part in scene.scene.tools[name].groups.items():
             px, py, pz = part.position_m
             changes.append(f"tools.{name}.groups.{group}.position_m=[{px!r}, {py + shift[1]!r}, {pz!r}]")
+    if scene.scene.stop_when is not None:
+        changes.append("stop_when=null")
     travel = design.window_m[1] - design.start_tip_x_m + 0.05
     path = f"tools.{name}.path"
     return (
@@ -163,7 +106,7 @@ def point_overrides(
     )
 
 
-def base_scene(design_path: Path, design: Design) -> ResolvedScene:
+def base_scene(design_path: Path, design: WedgeDesign) -> ResolvedScene:
     """The design's scene with its common overrides. Raises InputError for one without particles."""
     scene = load_scene(design_path.parent / design.scene, design.overrides)
     if scene.scene.particle_soil is None:

@@ -15,7 +15,7 @@ from ...scene.meshes import load_tool_mesh
 from ...scene.tool_faces import CuttingFace, cutting_faces
 from ...scene.wedge import SoilRange, WedgeValues
 from ...wedge.engine import WedgeEngine
-from ...wedge.layers import mean_strength
+from ...wedge.strength import strength_of
 from ...wedge.wedge import Failure, Plate, failure
 from .design import Point, WedgeDesign, fitted_law, tip_of
 from .fluctuation import Fluctuation, fit_wedges
@@ -267,7 +267,7 @@ def _failure(values: WedgeValues, item: Measured) -> Failure:
     face = _share(item)
     depth, rake = item.point.depth_m, face.rake_rad - item.point.tilt_rad
     height = min(depth, math.dist(face.tip_m, face.top_m) * math.sin(rake))
-    strength = mean_strength(((math.inf, values),), depth, height, item.scene.scene.gravity_m_per_s2)
+    strength = strength_of(values, item.scene.scene.gravity_m_per_s2)
     failed: Failure = failure(Plate(face.width_m, rake, depth, height), strength, item.point.speed_m_per_s)
     return failed
 

@@ -23,8 +23,6 @@ from ...limits.stable_steps import SAFETY, step_limits
 from ...loading.loader import ResolvedScene
 from ...scene.pairs import pair_values
 from ...scene.soil import Soil
-from .curves import RESIDUAL_PART
-from .runs import rumpf_pa
 
 CELL_DIAMETERS = 12.0
 """Edge of the cell over the largest diameter: two seeds then differ by 3 % in strength."""
@@ -42,6 +40,9 @@ peak that ends without one, or a volume that still changes at the end, shows tha
 PAST_PEAK, LOOKS_FOR_PEAK = 0.03, 100
 """Strain without a higher peak after which a test for the peak ends, and looks from check to check: a check
 only costs time."""
+
+RESIDUAL_PART = 0.15
+"""Last part of the strain, over which the stress of the critical state is averaged."""
 
 SMOOTHED_STRAIN = 0.005
 """Strain over which a stress is averaged; a longer mean would lower the peak."""
@@ -122,6 +123,15 @@ class Strength(NamedTuple):
 
     cohesion_pa: float
     friction_angle_deg: float
+
+
+def rumpf_pa(bonds: float, attraction_newton: float, distance_m: float) -> float:
+    """Tensile strength by Rumpf, sigma = solid fraction z F / (pi d^2); `bonds` is solid fraction z.
+
+    F is the largest attraction of a pair, d the distance of two particles, z the number of neighbours of one.
+    Source: H. Rumpf, Chem. Ing. Tech. 42 (1970) 538-540, before z is replaced by pi over the porosity.
+    """
+    return bonds * attraction_newton / (math.pi * distance_m**2)
 
 
 def fit_strength(least_pa: Sequence[float], greatest_pa: Sequence[float]) -> Strength:

@@ -38,7 +38,7 @@ UNTESTED = ("@", "import", "from", "print(", "_log", "raise", 'f"', '"', "'")
 """How a line begins that no test need tell apart: a word of a message, a decorator."""
 
 KERNEL_SHARE = 0.25
-SECONDS = 240.0
+SECONDS = 120.0
 """Time of the tests that a mutant may cost at most, as they took when they were measured."""
 
 LIMIT = 900.0

@@ -127,7 +127,7 @@ def environment(prefix: Path) -> None:
     """Make a virtual environment, with what a run and its report need."""
     attempt([sys.executable, "-m", "venv", "--clear", "--without-pip", prefix])
     attempt([prefix / "bin" / "python", "-m", "ensurepip", "--default-pip"])  # venv would hide its errors
-    (prefix / "home").mkdir()
+    (prefix / "home").mkdir(exist_ok=True)  # it is HOME where the user has none
     install(prefix / "bin" / "python", LISTS / "run.txt")
 
 

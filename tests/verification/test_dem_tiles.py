@@ -120,7 +120,7 @@ def test_an_endless_box_of_two_spheres_changes_size_as_its_energy_says(soil):
 def test_a_tiled_bed_fills_its_bin_at_its_density(soil):
     """Mean top at z = 0, density over depth that of the tile, walls not passed, a held floor.
 
-    In so small a bed the density of its inside scatters: six seeds are off by 0.0 % in the mean with a standard
+    The density inside so small a bed scatters: six seeds differ by 0.0 % in the mean, with a standard
     deviation of 1.7 %, of which two are allowed. Each processor rounds, and so packs, in its own way.
     """
     scene = tiled(soil, box=WIDE)

@@ -8,7 +8,7 @@ RUN apt-get update \
  && rm -rf /var/lib/apt/lists/*
 
 COPY . /opt/subsoil_ros
-RUN PIP_NO_CACHE_DIR=1 make -C /opt/subsoil_ros setup
+RUN UV_NO_CACHE=1 UV_COMPILE_BYTECODE=1 PIP_NO_CACHE_DIR=1 make -C /opt/subsoil_ros setup-extras
 
 # Home of whoever `--user` names: kernels and logs are kept there.
 RUN mkdir --mode=1777 /data

@@ -2,10 +2,15 @@
 # Needs Python 3.10 to 3.13 with its headers, a C++ compiler and the package registry; no ROS installation, no root.
 
 VENV ?= .venv
-SCENE ?= config/scenes/field_swing_brittle.yaml
+first_scene := config/scenes/field_swing_brittle.yaml
+# A first picture in little time: larger particles, ground laid from smaller blocks, and seconds enough for four cycles of
+# the shank. Another SCENE runs as it is written.
+first_flags := --preset coarse --set duration_s=2.5 --set soil.bed.tile_m=0.3
+SCENE ?= $(first_scene)
 OUT ?= runs/$(shell date +%Y%m%d-%H%M%S)
 # The soil takes as many threads as there are cores, four at most: the results are the same bits.
-RUN_FLAGS ?= --threads $(shell n=$$(nproc 2>/dev/null || echo 1); test $$n -le 4 || n=4; echo $$n)
+RUN_FLAGS ?= --threads $(shell n=$$(nproc 2>/dev/null || echo 1); test $$n -le 4 || n=4; echo $$n) \
+	$(if $(filter $(first_scene),$(SCENE)),$(first_flags))
 PYTEST_FLAGS ?=
 
 # A candidate counts when it runs: version managers leave stand-ins on the path that only print an error.
@@ -17,7 +22,8 @@ PYTHON ?= $(call first_python,python3.12 python3.11 python3.13 python3.10 python
 prefix := $(abspath $(VENV))
 bin := $(prefix)/bin
 out := $(OUT)
-set_up := $(prefix)/.set-up-packages $(prefix)/.set-up-messages $(prefix)/.set-up-subsoil $(prefix)/.set-up-kernels
+stamp := $(prefix)/.set-up-
+set_up := $(stamp)subsoil $(stamp)kernels
 
 # Another ROS or Python environment must not mix with this one: its folders would come first.
 ifneq (,$(AMENT_PREFIX_PATH)$(_ROS_WHEELS_BOOTSTRAP_COMPLETE))
@@ -42,57 +48,69 @@ pytest := $(bin)/python -m pytest -n $(shell n=$$(nproc 2>/dev/null || echo 2); 
 	test $$n -le 4 || n=4; echo $$n) --dist loadfile
 
 .DEFAULT_GOAL := setup
-.PHONY: setup run test test-quick test-full check format colcon wheels docs docs-version test-kilted bench clean help
+.PHONY: setup setup-extras setup-test setup-check setup-docs run test test-quick test-full check format colcon \
+	wheels docs docs-version test-kilted bench clean help
 
-setup:  ## make .venv: ROS 2 Jazzy, subsoil_msgs, subsoil_ros, first kernels (again only when their files change)
+setup:  ## make .venv for run and report: ROS 2 Jazzy, subsoil_msgs, subsoil_ros, first kernels
 	@$(MAKE) --no-print-directory $(jobs) $(set_up)
 
-run:  ## simulate SCENE (field_swing_brittle) into OUT (runs/<time>), then report; RUN_FLAGS go to subsoil run
-	@$(MAKE) --no-print-directory $(jobs) $(set_up) $(prefix)/.set-up-machine
-	$(bin)/subsoil run $(SCENE) --out $(out) $(RUN_FLAGS)
-	$(bin)/subsoil report $(out)
+setup-extras: setup  ## add what subsoil render, sweep, study and run --live need
+	@$(MAKE) --no-print-directory $(stamp)extras
 
-test: setup  ## all tests but long studies, files on 2 to 4 workers
+setup-test: setup  ## add what tests need
+	@$(MAKE) --no-print-directory $(stamp)test
+
+setup-check: setup  ## add what tests and checks need
+	@$(MAKE) --no-print-directory $(stamp)check
+
+setup-docs: setup  ## add what the documentation as a site needs
+	@$(MAKE) --no-print-directory $(stamp)docs
+
+run: setup  ## simulate SCENE (field_swing_brittle, 2.5 s) into OUT (runs/<time>), and write its report.html
+	$(bin)/subsoil run $(SCENE) --out $(out) $(RUN_FLAGS)
+	$(bin)/subsoil report $(out) --html
+
+test: setup-test  ## all tests but long studies, files on 2 to 4 workers
 	$(bin)/python -m dev.warm_kernels --tests
 	$(pytest) -m "not full" --costs build/test_costs.json $(PYTEST_FLAGS)
 
-test-quick: setup  ## tests/unit: no process, no kernel but the shared ones
+test-quick: setup-test  ## tests/unit: no process, no kernel but the shared ones
 	$(bin)/python -m dev.warm_kernels --tests
 	$(pytest) tests/unit -m "not full" $(PYTEST_FLAGS)
 
-test-full: setup  ## all tests, long studies among them
+test-full: setup-test  ## all tests, long studies among them
 	$(bin)/python -m dev.warm_kernels --tests
 	$(pytest) $(PYTEST_FLAGS)
 
-check: setup  ## style, types, layers
+check: setup-check  ## style, types, layers
 	$(bin)/ruff check .
 	$(bin)/ruff format --check .
 	$(bin)/python -m mypy
 	$(bin)/lint-imports
 	$(bin)/python -m tests.costs build/test_costs.json
 
-format: setup  ## put the sources in the style that check wants
+format: setup-check  ## put the sources in the style that check wants
 	$(bin)/ruff check --fix .
 	$(bin)/ruff format .
 
-colcon: setup  ## build both packages as a ROS 2 workspace into build/ and install/
+colcon: setup-test  ## build both packages as a ROS 2 workspace into build/ and install/
 	$(ros_prefix) $(bin)/colcon build --base-paths . msg_defs
 
-wheels: setup  ## wheels of both packages into build/wheels
+wheels: setup-test  ## wheels of both packages into build/wheels
 	rm -rf build/lib build/bdist.*  # setuptools would pack what an older build left there
 	$(ros_prefix) $(pip) wheel --quiet --no-build-isolation --no-deps --wheel-dir build/wheels . ./msg_defs
 
-docs: setup  ## documentation as a site into build/site, strictly
+docs: setup-docs  ## documentation as a site into build/site, strictly
 	NO_MKDOCS_2_WARNING=1 $(bin)/python -m mkdocs build --strict
 
-docs-version: setup  ## documentation of this version beside those of others, on the branch gh-pages
+docs-version: setup-docs  ## documentation of this version beside those of others, on the branch gh-pages
 	PYTHONPATH=. NO_MKDOCS_2_WARNING=1 $(bin)/mike deploy --update-aliases \
 		$$(sed -n 's/^__version__ = "\([0-9]*\.[0-9]*\).*/\1/p' subsoil_ros/_version.py) latest
 
 test-kilted: setup  ## the same run under ROS 2 Jazzy and Kilted: the same bits? 5 min the first time
-	$(bin)/python dev/two_distributions.py build/kilted
+	$(bin)/python -m dev.two_distributions build/kilted
 
-bench: setup  ## cost of engines and lockstep, beside the peers that are installed; tens of minutes
+bench: setup-test  ## cost of engines and lockstep, beside the peers that are installed; tens of minutes
 	$(bin)/python -m benchmarks.soil
 	$(bin)/python -m benchmarks.peers.compare
 	$(bin)/python -m benchmarks.peers.plate_drag
@@ -106,39 +124,49 @@ clean:  ## remove .venv and all that was built; runs/ stays
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-$(prefix)/.set-up-packages: $(wildcard requirements/*.txt)
+$(stamp)packages: requirements/run.txt requirements/lock.txt
 	@test -n "$(PYTHON)" || { echo "No Python 3.10 to 3.13 with venv found. Install one (Debian: python3-venv)," \
 		"or name it: make PYTHON=/path/to/python3" >&2; exit 2; }
 	@test "$(call python_fits,$(PYTHON))" = True || { echo "PYTHON=$(PYTHON) does not run, or is not Python 3.10 to" \
 		"3.13 with venv. Name another, or leave PYTHON out." >&2; exit 2; }
-	@command -v c++ g++ clang++ >/dev/null || { echo "No C++ compiler found; subsoil_msgs is compiled." \
-		"Install one (Debian: g++)." >&2; exit 2; }
+	@command -v c++ >/dev/null || command -v g++ >/dev/null || command -v clang++ >/dev/null || { echo "No C++" \
+		"compiler found; subsoil_msgs is compiled. Install one (Debian: g++)." >&2; exit 2; }
 	@test -f "$$($(PYTHON) -c 'import sysconfig; print(sysconfig.get_path("include"))')/Python.h" || { echo "$(PYTHON)" \
 		"has no Python.h; subsoil_msgs is compiled. Install its headers (Debian: python3-dev)." >&2; exit 2; }
-	$(PYTHON) -m venv --clear $(prefix)
-	mkdir -p $(prefix)/home
-	$(pip) install --quiet $(patsubst %,-r requirements/%.txt,run build dev) -c requirements/lock.txt
-	touch $@
+	$(PYTHON) -m dev.set_up environment $(prefix)
+	@touch $@
 
-$(prefix)/.set-up-messages: $(prefix)/.set-up-packages $(wildcard msg_defs/* msg_defs/msg/*.msg msg_defs/srv/*.srv msg_defs/action/*.action)
-	$(ros_prefix) $(pip) install --quiet --no-build-isolation --no-deps --force-reinstall ./msg_defs
-	touch $@
+$(stamp)messages: $(stamp)packages requirements/build.txt \
+		$(wildcard msg_defs/* msg_defs/msg/*.msg msg_defs/srv/*.srv msg_defs/action/*.action)
+	$(bin)/python -m dev.set_up messages
+	@touch $@
 
 # Editable: a change of Python sources needs no new set-up. Launch files, scenes and meshes are copied to share/.
-$(prefix)/.set-up-subsoil: $(prefix)/.set-up-messages setup.py setup.cfg package.xml \
+$(stamp)subsoil: $(stamp)messages setup.py setup.cfg package.xml \
 		$(wildcard resource/* scripts/* launch/*.launch.py config/*.json config/scenes/*.yaml config/templates/*.yaml \
 		config/meshes/*.stl config/soils/*.yaml config/calibration/*.yaml config/materials/*.yaml config/presets/*.yaml config/references/*.yaml config/studies/*.yaml config/foxglove/*.json)
-	$(pip) install --quiet --no-build-isolation --no-deps --force-reinstall --editable .
-	touch $@
+	$(bin)/python -m dev.set_up subsoil
+	@touch $@
 
 # Looks at the sources only when they change; what is in the user's cache already is not compiled again. Beside the
 # messages, but after them where older ones are installed: it records a run.
-$(prefix)/.set-up-kernels: $(prefix)/.set-up-packages $(wildcard $(prefix)/.set-up-messages) dev/warm_kernels.py \
-		$(shell find subsoil_ros/dem -name '*.py')
-	$(bin)/python -m dev.warm_kernels
-	touch $@
+$(stamp)kernels: $(stamp)packages $(wildcard $(stamp)messages) dev/warm_kernels.py \
+		$(shell find subsoil_ros/dem subsoil_ros/mbd -name '*.py')
+	$(bin)/python -m dev.set_up kernels
+	@touch $@
 
-$(prefix)/.set-up-machine: $(prefix)/.set-up-packages $(wildcard $(prefix)/.set-up-messages) dev/warm_kernels.py \
-		$(shell find subsoil_ros/mbd -name '*.py')
-	$(bin)/python -m dev.warm_kernels --part machine
-	touch $@
+$(stamp)extras: $(stamp)packages requirements/extras.txt
+	$(bin)/python -m dev.set_up packages extras
+	@touch $@
+
+$(stamp)test: $(stamp)packages $(patsubst %,requirements/%.txt,build extras test)
+	$(bin)/python -m dev.set_up packages build extras test
+	@touch $@
+
+$(stamp)check: $(stamp)test requirements/check.txt
+	$(bin)/python -m dev.set_up packages check
+	@touch $@
+
+$(stamp)docs: $(stamp)packages requirements/docs.txt
+	$(bin)/python -m dev.set_up packages docs
+	@touch $@

@@ -35,8 +35,10 @@ def wall_s(scene: Path, radius_mm: float, mode: str, threads: int, duration_s: f
         out = Path(folder) / "run"
         changes = {"duration_s": duration_s, "soil.particles.radius_m": 1e-3 * radius_mm}
         sets = [part for key, value in changes.items() for part in ("--set", f"{key}={value:g}")]
+        if load_scene(scene).scene.stop_when is not None:
+            sets += ["--set", "stop_when=null"]
         command = [sys.executable, "-m", "subsoil_ros.cli.main", "run", str(scene), "--out", str(out)]
-        command += ["--mode", mode, "--threads", str(threads), "--set", "stop_when=null", *sets]
+        command += ["--mode", mode, "--threads", str(threads), *sets]
         subprocess.run(command, check=True, capture_output=True)
         return float(json.loads((out / "summary.json").read_text())["run"]["wall_s"])
 

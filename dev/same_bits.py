@@ -64,17 +64,19 @@ from dataclasses import asdict
 from pathlib import Path
 import subsoil_ros
 from subsoil_ros.recording.types import message_folder
-from subsoil_ros.scene.coupling_bounds import coupling_bounds
-from subsoil_ros.scene.limits import step_limits
-from subsoil_ros.scene.loader import load_scene
+from subsoil_ros.limits.communication_steps import coupling_bounds
+from subsoil_ros.limits.stable_steps import step_limits
+from subsoil_ros.loading.loader import load_scene
+from subsoil_ros.loading.soil_file import soil_of
 from subsoil_ros.scene.meshes import load_tool_mesh
 resolved = load_scene(sys.argv[1], sys.argv[2:])
 scene, soil = resolved.scene, resolved.scene.particle_soil
 meshes = {name: load_tool_mesh(resolved.directory, scene, name) for name in scene.tools}
+modulus = scene.wedge_soil and soil_of(scene.wedge_soil).values.bed_modulus_newton_per_m3
 limits = {
     "timing": asdict(resolved.timing),
     "steps": [asdict(limit) for limit in step_limits(soil)] if soil else [],
-    "tools": [asdict(bound) for bound in coupling_bounds(scene, meshes)],
+    "tools": [asdict(bound) for bound in coupling_bounds(scene, meshes, modulus)],
 }
 messages = {path.name: path.read_text() for path in Path(message_folder()).glob("*.msg")}
 found = {"package": subsoil_ros.__file__, "messages": messages, "limits": limits}

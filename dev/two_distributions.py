@@ -1,6 +1,6 @@
 """Comparison of a run under ROS 2 Jazzy (this environment) and Kilted (one made in FOLDER), bit for bit.
 
-`python dev/two_distributions.py FOLDER [--duration-s 0.02]`. FOLDER gets a virtual environment with
+`python -m dev.two_distributions FOLDER [--duration-s 0.02]`. FOLDER gets a virtual environment with
 Kilted's wheels from the package registry and everything else at the versions of requirements/lock.txt, and
 subsoil_msgs compiled for it. The machine in a small bin then runs as four processes in both; the digests of
 the full state at the end and the recorded series are compared. Exit 0 if they are equal, 1 if not.
@@ -14,6 +14,8 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+
+from dev.set_up import LISTS, install
 
 ROOT = Path(__file__).parents[1]
 KILTED = {
@@ -83,12 +85,13 @@ def make_environment(prefix: Path) -> None:
     others = [line for line in lock if not re.match(r"(ros|rosidl|ament|rmw)-", line)]
     constraints = prefix / "constraints.txt"
     constraints.write_text("\n".join([*others, *(f"{name}=={number}" for name, number in KILTED.items())]))
-    lists = [word for name in ("run", "build") for word in ("-r", str(ROOT / f"requirements/{name}.txt"))]
-    pip = [prefix / "bin/python", "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-    environment = clean_environment(prefix)
-    subprocess.run([*pip, *lists, *KILTED, "-c", constraints], check=True, env=environment)
+    kilted = prefix / "kilted.txt"
+    kilted.write_text("\n".join(KILTED))
+    python = prefix / "bin/python"
+    install(python, LISTS / "run.txt", LISTS / "build.txt", kilted, lock=constraints)
+    pip = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
     messages = [*pip, "--no-build-isolation", "--no-deps", "--force-reinstall", str(ROOT / "msg_defs")]
-    subprocess.run(messages, check=True, env=environment)
+    subprocess.run(messages, check=True, env=clean_environment(prefix))
     (prefix / "ready").touch()
 
 

@@ -1,10 +1,9 @@
 """Compile the kernels that a first run needs, before that run.
 
 Run from the sources: python -m dev.warm_kernels. Of two processes, one runs the soil of `make run` in a small
-field, with its tool on a path: preparation of its block, and the run. The other starts the scene `tine`.
-`make run` also compiles its machine, on a wedge model (--part machine). With --tests, the machine and the
-soils of tests/soils.py follow. Compiled kernels stay in the user's cache under a digest of their sources, so
-a second call compiles nothing.
+field, with its tool on a path: preparation of its block, and the run. The other runs its machine, on a wedge
+model. With --tests, the first scene of the tutorial and the soils of tests/soils.py follow. Compiled kernels
+stay in the user's cache under a digest of their sources, so a second call compiles nothing.
 """
 
 import argparse
@@ -85,15 +84,15 @@ def side_by_side(*parts: str) -> int:
 def main() -> int:
     """Exit status."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--tests", action="store_true", help="also the machine and the soils of the tests")
+    parser.add_argument("--tests", action="store_true", help="also the tutorial and the soils of the tests")
     parser.add_argument("--part", choices=PARTS, help="only this part, in this process")
     given = parser.parse_args()
     if given.part:
         PARTS[given.part]()
         return 0
-    status = side_by_side("soil", "tine")
+    status = side_by_side("soil", "machine")
     if given.tests and status == 0:
-        status = side_by_side("machine", "tests-0", "tests-1")
+        status = side_by_side("tine", "tests-0", "tests-1")
     return abs(status)
 
 

@@ -9,16 +9,16 @@ EXTRA_OF = {
     "dask": "study",
     "distributed": "study",
     "foxglove": "live",
-    "imageio": "report",
-    "imageio_ffmpeg": "report",
+    "imageio": "render",
+    "imageio_ffmpeg": "render",
     "jinja2": "report",
     "matplotlib": "report",
     "mujoco": "mujoco",
     "numba_cuda": "gpu",
     "plotly": "report",
     "pyarrow": "study",
-    "pyvista": "report",
-    "vtkmodules": "report",
+    "pyvista": "render",
+    "vtkmodules": "render",
 }
 """Extra of setup.cfg by the module that it installs."""
 

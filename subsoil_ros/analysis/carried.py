@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..loading.loader import ResolvedScene
-from ..mbd.time_functions import function_value, tabulate
 from ..scene.mechanism import (
     GROUND,
     CoordinateSpring,
@@ -83,6 +82,8 @@ def _of_force(
     if isinstance(force, PointLoad):
         if force.force_z_newton is None:
             return None
+        from ..mbd.time_functions import function_value, tabulate  # imports numba
+
         functions, _ = tabulate([force.force_z_newton])
         # at a jump of a load the value before it, which is the one in the state at the end of a step
         times = [

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import stdtrit
 
 CONFIDENCE = 0.95
 
@@ -58,6 +57,8 @@ def mean_interval(values: Sequence[float], confidence: float = CONFIDENCE) -> In
 
 def t_quantile(freedoms: float, confidence: float = CONFIDENCE) -> float:
     """Half-width of a two-sided interval in standard errors; infinite without a degree of freedom."""
+    from scipy.special import stdtrit
+
     return float(stdtrit(freedoms, 0.5 + 0.5 * confidence)) if freedoms > 0.0 else math.inf
 
 

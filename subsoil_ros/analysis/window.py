@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from ..scene.model import Scene
 from .series import Series
@@ -70,6 +69,8 @@ def tip_path_m(series: Series, scene: Scene) -> tuple[NDArray[np.float64], NDArr
     else:
         return None
     if body is None and tool is not None and scene.tools[tool].is_spatial:
+        from scipy.spatial.transform import Rotation  # slow to import, and rarely used
+
         parts = [series[f"{prefix}.quaternion_{part}"] for part in "xyzw"]
         arm = Rotation.from_quat(np.stack(parts, axis=1)).apply((arm_x, 0.0, arm_z))
         return series[f"{prefix}.x_m"] + arm[:, 0], series[f"{prefix}.z_m"] + arm[:, 2]

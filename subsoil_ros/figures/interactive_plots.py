@@ -1,5 +1,6 @@
 """Interactive plots of a run for its page: one plotly figure for each quantity that a reader can pick."""
 
+import base64
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -28,6 +29,9 @@ NUMBER_BYTES = 4.0 * 4.0 / 3.0
 
 RESULTS, COLUMNS = "Results", "Columns of series.csv over time"
 
+Figure = dict[str, Any]
+"""A figure as plotly's JSON. Written directly: objects of plotly take seconds to check a hundred columns."""
+
 _CYCLE_BINS = 24
 _WINDOW = "#faf5e9"
 
@@ -53,10 +57,10 @@ def interactive_plots(run: RunData) -> list[dict[str, Any]]:
     compared = [name for name in compared_columns(run.resolved.scene) if name in run.series]
     figures = [(RESULTS, title, figure) for title, figure in _results(run, compared)]
     figures += [(COLUMNS, name, _over_time(run, name)) for name in run.summary["series"]]
-    return [{"group": group, "name": name, "figure": figure.to_dict()} for group, name, figure in figures]
+    return [{"group": group, "name": name, "figure": figure} for group, name, figure in figures]
 
 
-def _results(run: RunData, compared: Sequence[str]) -> Iterator[tuple[str, go.Figure]]:
+def _results(run: RunData, compared: Sequence[str]) -> Iterator[tuple[str, Figure]]:
     found = run.statistics
     for name in compared:
         yield f"{_words(run, name)} over time", _over_time(run, name, compared=True)
@@ -82,30 +86,43 @@ def _words(run: RunData, name: str) -> str:
     }.get(name, "Draft")
 
 
-def _figure(traces: Sequence[Any], title: str, x: str, y: str) -> go.Figure:
-    figure = go.Figure(traces, go.Layout(template="none", hovermode="x"))
-    figure.update_layout(
-        title={"text": escape(title), "x": 0.0, "xref": "paper", "font": {"size": 15}},
-        font={"size": 13},
-        margin={"l": 80, "r": 20, "t": 60, "b": 100},
-        legend={"orientation": "h", "y": -0.2},
-    )
-    figure.update_xaxes(title=escape(x))
-    return figure.update_yaxes(title=escape(y), exponentformat="power")
+def _figure(traces: Sequence[Any], title: str, x: str, y: str) -> Figure:
+    layout = {
+        "hovermode": "x",
+        "title": {"text": escape(title), "x": 0.0, "xref": "paper", "font": {"size": 15}},
+        "font": {"size": 13},
+        "margin": {"l": 80, "r": 20, "t": 60, "b": 100},
+        "legend": {"orientation": "h", "y": -0.2},
+        "xaxis": {"title": {"text": escape(x)}},
+        "yaxis": {"title": {"text": escape(y)}, "exponentformat": "power"},
+        "shapes": [],
+        "annotations": [],
+    }
+    return {"data": list(traces), "layout": layout}
 
 
-def _line(x: Any, y: Any, name: str, **style: Any) -> go.Scatter:
-    """A curve; arrays travel as float32, even times as start and step, without an uneven last one."""
+def _array(values: Any) -> dict[str, str]:
+    """Numbers (n,) as plotly.js reads them, in float32."""
+    return {"dtype": "f4", "bdata": base64.b64encode(np.asarray(values, "<f4").tobytes()).decode("ascii")}
+
+
+def _upright(x: float, **line: Any) -> dict[str, Any]:
+    """A line over the whole height of a figure."""
+    return {"type": "line", "x0": x, "x1": x, "y0": 0, "y1": 1, "xref": "x", "yref": "y domain", "line": line}
+
+
+def _line(x: Any, y: Any, name: str, **style: Any) -> dict[str, Any]:
+    """A curve; even times travel as start and step, without an uneven last one."""
     line = {"width": 1.5, "color": COLOURS["main"]} | style
-    places: dict[str, Any] = {"x": np.asarray(x, np.float32)}
+    places: dict[str, Any] = {"x": _array(x)}
     steps = np.diff(x)
     even = np.abs(steps - steps[:1]) < 1e-6 * steps[:1]
     if len(even) > 1 and even[:-1].all():
         places, y = {"x0": float(x[0]), "dx": float(steps[0])}, y[: len(y) - int(not even[-1])]
-    return go.Scatter(**places, y=np.asarray(y, np.float32), mode="lines", name=escape(name), line=line)
+    return {"type": "scatter", **places, "y": _array(y), "mode": "lines", "name": escape(name), "line": line}
 
 
-def _over_time(run: RunData, name: str, compared: bool = False) -> go.Figure:
+def _over_time(run: RunData, name: str, compared: bool = False) -> Figure:
     """A column over time with its mean; a compared one also smoothed, with its parts and its reference."""
     series, every, found = run.series, slice(None, None, run.every), run.summary["series"][name]
     times = series["time_s"][every]
@@ -123,24 +140,24 @@ def _over_time(run: RunData, name: str, compared: bool = False) -> go.Figure:
     figure = _figure(traces, f"{title} in the window", "simulated time [s]", name)
     window = metrics_window(series, run.resolved.scene)
     start, end = window_span_s(series, window)
-    figure.add_vrect(start, end, fillcolor=_WINDOW, line_width=0, layer="below")
-    if found["mean"] is not None:
-        figure.add_shape(
-            type="line",
-            x0=start,
-            x1=end,
-            y0=found["mean"],
-            y1=found["mean"],
-            line={"dash": "dash", "width": 1},
-        )
+    shapes, notes = figure["layout"]["shapes"], figure["layout"]["annotations"]
+    window_shape = {"type": "rect", "x0": start, "x1": end, "y0": 0, "y1": 1, "xref": "x", "yref": "y domain"}
+    shapes.append({**window_shape, "fillcolor": _WINDOW, "line": {"width": 0}, "layer": "below"})
+    if (mean := found["mean"]) is not None:
+        dashed = {"dash": "dash", "width": 1}
+        shapes.append({"type": "line", "x0": start, "x1": end, "y0": mean, "y1": mean, "line": dashed})
     if compared and run.resolved.reference is not None:
+        across = {"type": "line", "x0": 0, "x1": 1, "xref": "x domain", "yref": "y"}
+        label = {"text": escape(run.resolved.reference.name), "font": {"size": 10}, "showarrow": False}
+        label |= {"x": 1, "xref": "x domain", "yref": "y", "xanchor": "right", "yanchor": "bottom"}
         for level in reference_levels(run.resolved.reference, name, series[name]):
-            label = {"text": escape(run.resolved.reference.name), "font": {"size": 10}}
-            figure.add_hline(level, line={"dash": "dot", "color": COLOURS["reference"]}, annotation=label)
+            dotted = {"dash": "dot", "color": COLOURS["reference"]}
+            shapes.append({**across, "y0": level, "y1": level, "line": dotted})
+            notes.append({**label, "y": level})
     return figure
 
 
-def _over_travel(run: RunData, name: str) -> go.Figure:
+def _over_travel(run: RunData, name: str) -> Figure:
     """A column, smoothed, over the travel of the tip, with the failures of the soil."""
     series, scene = run.series, run.resolved.scene
     tip, values = tip_x_m(series, scene), moving_mean(series, name, SMOOTHED_S)
@@ -152,39 +169,44 @@ def _over_travel(run: RunData, name: str) -> go.Figure:
     if failures is not None:
         at = np.flatnonzero(window.rows)[failures.failures]
         marker = {"size": 9, "color": COLOURS["share"]}
+        places = {"x": _array(tip[at]), "y": _array(values[at])}
         traces.append(
-            go.Scatter(x=tip[at], y=values[at], mode="markers", name="failure of the soil", marker=marker)
+            {"type": "scatter", **places, "mode": "markers", "name": "failure of the soil", "marker": marker}
         )
     return _figure(traces, f"{name} over the travel of the tip", "travel of the tip, x [m]", name)
 
 
-def _spectrum(run: RunData, name: str) -> go.Figure:
+def _spectrum(run: RunData, name: str) -> Figure:
     found = run.statistics.spectra[name]
     x = found.frequency_hz[1:]
     traces = [
         _line(x, found.high[1:], "95 % (chi-square), high", width=0.5),
-        _line(x, found.low[1:], "95 % (chi-square), low", width=0.5).update(fill="tonexty"),
+        _line(x, found.low[1:], "95 % (chi-square), low", width=0.5) | {"fill": "tonexty"},
         _line(x, found.density[1:], "density (Welch)"),
         _line(x, found.level[1:], "red noise, 95 % anywhere", color=COLOURS["reference"], dash="dash"),
     ]
     title = f"Spectrum of {name}: strongest at {found.dominant_hz:.3g} Hz, {found.verdict}"
     figure = _figure(traces, title, "frequency [Hz]", "density [unit²/Hz]")
-    return figure.update_xaxes(type="log").update_yaxes(type="log")
+    figure["layout"]["xaxis"]["type"] = figure["layout"]["yaxis"]["type"] = "log"
+    return figure
 
 
-def _load_cycles(run: RunData) -> go.Figure:
+def _load_cycles(run: RunData) -> Figure:
     cycles = run.statistics.cycles
     assert cycles is not None
     edges = np.linspace(0.0, cycles.max_range_newton, _CYCLE_BINS + 1)
     counts, _ = np.histogram(cycles.range_newton, edges, weights=cycles.count)
-    bars = go.Bar(x=0.5 * (edges[1:] + edges[:-1]), y=counts, marker={"color": COLOURS["main"]})
+    places = {"x": _array(0.5 * (edges[1:] + edges[:-1])), "y": _array(counts)}
+    bars = {"type": "bar", **places, "marker": {"color": COLOURS["main"]}}
     equivalent = cycles.equivalent_range_newton()
     title = f"Load cycles of the spring (rainflow): as harmful as {equivalent:.0f} N once a second"
-    figure = _figure([bars], title, "range of the spring force [N]", "cycles").update_yaxes(type="log")
-    return figure.add_vline(equivalent, line={"color": COLOURS["share"]})
+    figure = _figure([bars], title, "range of the spring force [N]", "cycles")
+    figure["layout"]["yaxis"]["type"] = "log"
+    figure["layout"]["shapes"].append(_upright(equivalent, color=COLOURS["share"]))
+    return figure
 
 
-def _loosened(run: RunData) -> go.Figure:
+def _loosened(run: RunData) -> Figure:
     found = run.statistics.disturbance
     assert found is not None
     corner = {"x0": found.origin_m[0] + 0.5 * found.cell_m, "y0": found.origin_m[1] + 0.5 * found.cell_m}
@@ -195,11 +217,10 @@ def _loosened(run: RunData) -> go.Figure:
     title = (
         f"Loosened section: {1e4 * found.area_m2:.0f} cm², {1e3 * found.surface_width_m:.0f} mm wide on top"
     )
-    figure = _figure([image], title, "across travel, y [m]", "height before [m]")
-    return figure.update_yaxes(scaleanchor="x").update_layout(hovermode="closest")
+    return _map(image, title, "across travel, y [m]", "height before [m]")
 
 
-def _lift(run: RunData) -> go.Figure:
+def _lift(run: RunData) -> Figure:
     found = run.statistics.disturbance
     assert found is not None
     x, y = found.lift.centres_m()
@@ -207,5 +228,12 @@ def _lift(run: RunData) -> go.Figure:
     bar = {"title": "lift [mm]"}
     image = go.Heatmap(x=x, y=y, z=lift_mm, zmid=0, colorscale="RdBu", reversescale=True, colorbar=bar)
     title = f"Lift of the surface behind the tool: {1e3 * found.max_lift_m:.0f} mm at most"
-    figure = _figure([image], title, "along travel, x [m]", "across travel, y [m]")
-    return figure.update_yaxes(scaleanchor="x").update_layout(hovermode="closest")
+    return _map(image, title, "along travel, x [m]", "across travel, y [m]")
+
+
+def _map(image: go.Heatmap, title: str, x: str, y: str) -> Figure:
+    """A picture of two lengths to one scale."""
+    figure = _figure(go.Figure([image]).to_dict()["data"], title, x, y)
+    figure["layout"]["yaxis"]["scaleanchor"] = "x"
+    figure["layout"]["hovermode"] = "closest"
+    return figure

@@ -53,7 +53,8 @@ def _draw_spectra(spectra: dict[str, Spectrum], title: str, path: Path) -> Path:
         )
         axes.set_title(name, fontsize=9, loc="left")
         axes.set_ylabel("density [unit$^2$/Hz]")
-        axes.grid(alpha=0.3, which="both")
+        axes.minorticks_off()  # of 300 ticks most would have neither label nor room
+        axes.grid(alpha=0.3)
         axes.legend(fontsize=8)
     panels[-1].set_xlabel("frequency [Hz]")
     figure.suptitle(f"Spectra over the metrics window\n{title}", fontsize=11)

@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from ..contact_laws.dampers import restitution_at
 from ..rotations import placed_m, quaternion_of
@@ -184,6 +183,8 @@ def _speed_and_depth_in_space(path: Path, mesh: ToolMesh) -> tuple[float, float]
         return _largest(path.speed_x_m_per_s), -float(lowest)
     places = zip(poses.positions_m, map(quaternion_of, poses.rotations_rad), strict=True)
     lowest = min(placed_m(mesh.vertices_m, place, turn)[:, 2].min() for place, turn in places)
+    from scipy.interpolate import CubicSpline  # slow to import, and rarely used
+
     speeds = CubicSpline(poses.times_s, poses.positions_m)(poses.times_s, 1)
     return float(np.abs(speeds[:, 0]).max()), -float(lowest)
 

@@ -4,7 +4,6 @@ from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
-from scipy.special import ndtr, ndtri
 
 from ..strict_model import Positive, StrictModel
 from .beds import Seed
@@ -81,6 +80,8 @@ class NormalSizes(_Spread):
 
     def radii_at(self, part: np.ndarray) -> np.ndarray:
         """Radius [m] that this `part` (0 to 1) of all particles does not exceed."""
+        from scipy.special import ndtr, ndtri  # slow to import, and rarely used
+
         mean, deviation = self.mean_radius_m, self.standard_deviation_m
         low, high = (ndtr((bound - mean) / deviation) for bound in self.bounds_m)
         return np.clip(mean + deviation * ndtri(low + part * (high - low)), *self.bounds_m)

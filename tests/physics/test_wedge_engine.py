@@ -267,16 +267,6 @@ def test_speed_term_is_inertia(engine):
     assert fast > 1.05 * none
 
 
-def test_layers_reach_the_force(engine):
-    """A stronger layer above the share costs draft; equal layers cost nothing, to the bit."""
-    plain = drawn(engine(), forward(100))[-1].force_x_newton
-    layers = [{"name": "top", "thickness_m": 0.05}, {"name": "pan", "thickness_m": 0.05}, {"name": "sub"}]
-    same = drawn(engine(layers=layers), forward(100))[-1].force_x_newton
-    assert same == pytest.approx(plain, rel=1e-12)
-    layers[1]["values"] = {"cohesion_pa": 4e4}
-    assert drawn(engine(layers=layers), forward(100))[-1].force_x_newton < 1.2 * plain
-
-
 def wheel(radius=0.2, width=0.1):
     """A wheel about its centre, axle along y."""
     mesh = trimesh.creation.cylinder(radius, width, sections=64)

@@ -19,7 +19,6 @@ import dataclasses
 import math
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from ...loading.loader import ResolvedScene
 from ...scene.bed_spacing import rest_spacing_m
@@ -184,6 +183,8 @@ def _bonded(
 
 def _least_energy(bed: Bed, bonded: Settling) -> tuple[Bed, float]:
     """Bed and walls scaled about the origin to the size of least energy, and the scale."""
+    from scipy.optimize import minimize_scalar  # slow to import; a bed from the cache does without
+
     found = minimize_scalar(
         lambda scale: bonded.potential_joule(scaled(bed, scale)),
         bounds=SCALE_BOUNDS,

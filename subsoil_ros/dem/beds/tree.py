@@ -1,14 +1,20 @@
 """Neighbours of the particles of a bed by a k-d tree, also across the borders of a period."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ..bed import Bed
 from ..periodic import wrapped
 
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
-def bed_tree(bed: Bed) -> cKDTree:
+
+def bed_tree(bed: Bed) -> "cKDTree":
     """Tree of the bed's particles; query it for points `seen_from_corner`."""
+    from scipy.spatial import cKDTree  # slow to import; a bed from the cache needs no tree
+
     periods = np.array(bed.periods_m)
     boxsize = np.where(np.isfinite(periods), periods, 0.0)
     return cKDTree(seen_from_corner(bed, bed.positions_m), boxsize=boxsize)

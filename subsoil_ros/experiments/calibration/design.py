@@ -89,13 +89,14 @@ def point_overrides(
         for group, part in scene.scene.tools[name].groups.items():
             px, py, pz = part.position_m
             changes.append(f"tools.{name}.groups.{group}.position_m=[{px!r}, {py + shift[1]!r}, {pz!r}]")
+    if scene.scene.stop_when is not None:
+        changes.append("stop_when=null")
     travel = design.window_m[1] - design.start_tip_x_m + 0.05
     path = f"tools.{name}.path"
     return (
         *design.overrides,
         *changes,
         f"duration_s={round(travel / point.speed_m_per_s, 3)!r}",
-        "stop_when=null",
         f"{path}.start_x_m={design.start_tip_x_m - tip_x + shift[0]!r}",
         f"{path}.start_z_m={-point.depth_m - tip_z!r}",
         f"{path}.start_angle_rad={point.tilt_rad!r}",

@@ -4,8 +4,8 @@ import json
 import os
 import sys
 import threading
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from functools import partial
 from typing import Any, NoReturn
 
@@ -19,7 +19,6 @@ from ...coupling.exit_status import KEEP_S, SIGNAL_STATUS, ExitStatus, interrupt
 from ...coupling.protocol import COUPLER, RECORDER, nodes_from_outside
 from ...coupling.signals import caught_signals
 from ...errors import InputError, RunError
-from ...kernel_cache import CompilationListener
 from ...loading.loader import load_scene
 from ...messages import NodeState
 from ...ticks import INITIAL_TICK
@@ -90,9 +89,9 @@ def run_process(
     heartbeat = Heartbeat(node, name, run, watched_by(name, run))
     with (
         caught_signals(lambda number: heartbeat.request_stop(interrupted(number))),
-        CompilationListener(node.get_logger().info) as kernels,
+        _announced_kernels(name, node.get_logger().info) as compiled,
     ):
-        exit_status = _serve(name, partial(build, settings, run, heartbeat), settings, heartbeat, kernels)
+        exit_status = _serve(name, partial(build, settings, run, heartbeat), settings, heartbeat, compiled)
     _leave(exit_status)
 
 
@@ -101,14 +100,14 @@ def _serve(
     build: Callable[[], LockstepNode],
     settings: NodeSettings,
     heartbeat: Heartbeat,
-    kernels: CompilationListener,
+    compiled: Callable[[], None],
 ) -> int:
     if settings.supervised:
         threading.Thread(target=_obey, args=(heartbeat,), daemon=True).start()
     heartbeat.start()
     service = Service(name, build, heartbeat)
     service.start()
-    _wait(service, heartbeat, kernels)
+    _wait(service, heartbeat, compiled)
     status = service.status
     if settings.supervised and name == COUPLER:
         report_to_supervisor(exit_status=status.code, reason=status.reason)
@@ -156,11 +155,29 @@ def _obey(heartbeat: Heartbeat) -> None:
     heartbeat.request_stop(ExitStatus(RunError.exit_status, "the supervisor is gone"))
 
 
-def _wait(service: Service, heartbeat: Heartbeat, kernels: CompilationListener) -> None:
-    """Wait for the end of the run; end the process if the engine of a stopped service does not return."""
+@contextmanager
+def _announced_kernels(name: str, say: Callable[[str], None]) -> Iterator[Callable[[], None]]:
+    """Announce kernels that a node compiles; yields what to call once it has compiled them.
+
+    Coupler and recorder have none, and start sooner without numba.
+    """
+    if name in (COUPLER, RECORDER):
+        yield lambda: None
+        return
+    from ...kernel_cache import CompilationListener
+
+    with CompilationListener(say) as kernels:
+        yield kernels.done
+
+
+def _wait(service: Service, heartbeat: Heartbeat, compiled: Callable[[], None]) -> None:
+    """Wait for the end of the run; end the process if the engine of a stopped service does not return.
+
+    compiled: called once the node has started.
+    """
     while not service.ended.wait(0.2) and heartbeat.stop is None and not heartbeat.lost:
         if heartbeat.state is not NodeState.STARTING:
-            kernels.done()
+            compiled()
     interrupted_run = heartbeat.stop is not None and heartbeat.stop.code > SIGNAL_STATUS
     if not service.ended.wait(GRACE_S + LAST_WORD_S + (KEEP_S if interrupted_run else 0.0)):
         status = heartbeat.stop or ExitStatus(RunError.exit_status, heartbeat.lost)

@@ -45,7 +45,7 @@ def test_direct_mode_and_bags_need_no_extra(tmp_path):
     [
         (["report", "RUN"], "report"),
         (["report", "RUN", "--html"], "report"),
-        (["render", "RUN"], "report"),
+        (["render", "RUN"], "render,report"),
         (["compare", "RUN", "RUN", "--out", "OUT"], "report"),
         (["sweep", "tine", "--vary", "duration_s=1,2", "--out", "OUT"], "report,study"),
         (["study", "tine", "--out", "OUT"], "report,study"),

@@ -14,6 +14,7 @@ from subsoil_ros import messages
 from tests.units import field_lines, unit_of
 
 ROOT = Path(__file__).parents[3]
+LISTS = sorted(path for path in (ROOT / "requirements").glob("*.txt") if path.stem != "lock")
 MESSAGE_FILES = sorted((ROOT / "msg_defs" / "msg").glob("*.msg"))
 UNIT_IN_COMMENT = re.compile(r"\[[^\]]+\]")
 
@@ -87,7 +88,7 @@ def test_one_version_everywhere():
     assert set(found.values()) == {subsoil_ros.__version__}, found
 
 
-@pytest.mark.parametrize("name", ["run", "build", "dev"])
+@pytest.mark.parametrize("name", [path.stem for path in LISTS])
 def test_every_requirement_is_locked(name):
     """Set-up installs exact versions only, and lock.txt is the one place that names them."""
     lock = (ROOT / "requirements" / "lock.txt").read_text().lower()

@@ -44,20 +44,31 @@ LOCK = [
     for line in (ROOT / "requirements" / "lock.txt").read_text().splitlines()
     if line and not line.startswith("#")
 ]
-INSTALLED = PLAIN.keys() | EXTRAS["study"].keys() | EXTRAS["report"].keys() | EXTRAS["live"].keys()
-"""What `make` installs to run, beside ROS."""
+RUN = PLAIN.keys() | EXTRAS["report"].keys()
+"""What `make run` installs beside ROS."""
+
+INSTALLED = RUN | EXTRAS["live"].keys() | EXTRAS["render"].keys() | EXTRAS["study"].keys()
+"""What `make setup-extras` installs beside ROS."""
 
 MANIFEST = (ROOT / "package.xml").read_text()
 EXEC_DEPENDS = [str(node.text) for node in ElementTree.fromstring(MANIFEST).findall("exec_depend")]
 
 
 def test_lists_are_those_of_the_extras():
-    """`make` installs a plain installation with study, report and live, and what dev and docs name."""
+    """`make run` installs a plain installation with the extra report; each further list adds its extras."""
     python = {name for name in file_names("run") if not name.startswith("ros-")}
-    assert python == INSTALLED
-    wanted = EXTRAS["dev"] | EXTRAS["docs"]
-    listed = requirements((ROOT / "requirements/dev.txt").read_text())
-    assert {str(item) for item in listed.values()} == {str(item) for item in wanted.values()}
+    assert python == RUN | {"setuptools"}  # the editable install
+    assert file_names("extras") == INSTALLED - RUN
+    tools = {name for name in file_names("test") if not name.startswith("colcon-")}
+    assert tools | file_names("check") == EXTRAS["dev"].keys()
+    assert file_names("docs") == EXTRAS["docs"].keys()
+
+
+def test_lists_need_no_other_list_twice():
+    """A package stands in one list only."""
+    lists = ("run", "build", "extras", "test", "check", "docs")
+    names = [name for path in lists for name in file_names(path)]
+    assert sorted(names) == sorted(set(names))
 
 
 def test_locked_versions_are_allowed():

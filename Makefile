@@ -48,7 +48,7 @@ pytest := $(bin)/python -m pytest -n $(shell n=$$(nproc 2>/dev/null || echo 2); 
 	test $$n -le 4 || n=4; echo $$n) --dist loadfile
 
 .DEFAULT_GOAL := setup
-.PHONY: setup setup-extras setup-test setup-check setup-docs run test test-quick test-full check format colcon \
+.PHONY: setup setup-extras setup-test setup-check setup-docs run test test-quick test-full validate check format colcon \
 	wheels docs docs-version test-kilted bench clean help
 
 setup:  ## make .venv for run and report: ROS 2 Jazzy, subsoil_msgs, subsoil_ros, first kernels
@@ -70,7 +70,7 @@ run: setup  ## simulate SCENE (field_swing_brittle, 2.5 s) into OUT (runs/<time>
 	$(bin)/subsoil run $(SCENE) --out $(out) $(RUN_FLAGS)
 	$(bin)/subsoil report $(out) --html
 
-test: setup-test  ## all tests but long studies, files on 2 to 4 workers
+test: setup-test  ## the tests that tell most for their time, files on 2 to 4 workers
 	$(bin)/python -m dev.warm_kernels --tests
 	$(pytest) -m "not full" --costs build/test_costs.json $(PYTEST_FLAGS)
 
@@ -78,9 +78,14 @@ test-quick: setup-test  ## tests/unit: no process, no kernel but the shared ones
 	$(bin)/python -m dev.warm_kernels --tests
 	$(pytest) tests/unit -m "not full" $(PYTEST_FLAGS)
 
-test-full: setup-test  ## all tests, long studies among them
+test-full: setup-test  ## all tests
 	$(bin)/python -m dev.warm_kernels --tests
 	$(pytest) $(PYTEST_FLAGS)
+
+validate: setup-test  ## the tables of validation/ that check themselves: before a release; an hour and a half
+	$(bin)/python -m validation
+	$(bin)/python -m validation.flow_function
+	$(bin)/python -m validation.wide_blade
 
 check: setup-check  ## style, types, layers
 	$(bin)/ruff check .

@@ -50,7 +50,7 @@ COMPARISONS = {
 }  # fmt: skip
 OPERATIONS = {ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*", ast.FloorDiv: "*", ast.Mod: "*"}
 
-_V = "tests/verification/test_"
+_V = "tests/physics/test_"
 KERNEL_TESTS: dict[str, tuple[str, ...]] = {
     f"subsoil_ros/{place}": tuple(f"{_V}{name}.py" for name in names.split())
     for place, names in {
@@ -261,7 +261,7 @@ def first_failure(tree: Path, tests: Sequence[str]) -> str:
         *tests,
     ]
     process = subprocess.Popen(
-        [*command, *tests], cwd=tree, env=os.environ | {"PYTHONPATH": path}, stdout=subprocess.PIPE,
+        command, cwd=tree, env=os.environ | {"PYTHONPATH": path}, stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT, text=True, start_new_session=True,
     )  # fmt: skip
     try:

@@ -156,6 +156,7 @@ def test_stiff_contacts_settle_softly():
     assert pair_values(smooth_soil(paper, adhesive=False))[0].stiffness == pair_values(paper)[0].stiffness
 
 
+@pytest.mark.full
 def test_a_bed_of_stiff_contacts_stands_still():
     """Its relaxation ends before it is at rest without friction. With that of the run, which holds what is
     out of balance, no particle moves farther in 20 ms than a thousandth of the radius (rms)."""

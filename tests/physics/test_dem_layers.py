@@ -120,6 +120,7 @@ def both(soil):
     return scene, SoilEngine(scene).bed
 
 
+@pytest.mark.full
 def test_a_dense_bed_of_sizes_and_layers_stands_still(both):
     """Under the full law no particle moves farther than 1 % of a radius in a second would take it; all walls
     are touched; layers follow depth, but for what the relaxation moved; radii follow the distribution."""

@@ -59,6 +59,7 @@ def repeated(tile, times):
     )  # fmt: skip
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("wanted", [0.57, 0.60, 0.63])
 def test_a_tile_has_the_fraction_that_is_asked_for(soil, wanted):
     """Within 1 %: half of what bulk density may differ by; the more friction while pressing, the looser."""
@@ -117,6 +118,7 @@ def test_an_endless_box_of_two_spheres_changes_size_as_its_energy_says(soil):
     assert_allclose(engine.bed.periods_m, (0.202, 0.202, 0.202))
 
 
+@pytest.mark.full
 def test_a_tiled_bed_fills_its_bin_at_its_density(soil):
     """Mean top at z = 0, density over depth that of the tile, walls not passed, a held floor.
 
@@ -210,6 +212,7 @@ def test_what_is_held_bears_any_force(soil):
     assert_allclose(places[1, 2] - places[0, 2], 0.02 - mass * scene.scene.gravity_m_per_s2 / 1e5, atol=1e-8)
 
 
+@pytest.mark.full
 def test_periodic_sides_are_a_whole_number_of_tiles_apart(soil):
     """No seam: across the period neighbours are as near as elsewhere."""
     scene = tiled(soil, box={"width_m": 0.32, "sides": "periodic"})
@@ -238,6 +241,7 @@ def test_no_tile_lies_on_another(soil, tiles):
         assert (counts == counts[0]).all()
 
 
+@pytest.mark.full
 def test_a_tile_serves_every_bin_and_law(soil, monkeypatch, tmp_path):
     """The second bed presses no tile; another seed gives another bed."""
     phases = []
@@ -272,6 +276,7 @@ def test_a_tile_that_does_not_fit_is_refused(soil, changes, message):
         check_start(tiled(soil, **changes))
 
 
+@pytest.mark.full
 def test_a_law_that_changes_the_fraction_is_refused(soil):
     """The paper's soft, sticky spheres pull each other together by a fifth of the volume."""
     scene = tiled(soil)

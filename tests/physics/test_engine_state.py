@@ -72,6 +72,7 @@ def test_soil_goes_on(tmp_path: Path, kind: str) -> None:
     assert state_sha256(second.state_arrays()) == state_sha256(first.state_arrays())
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("kind", list(SOILS))
 def test_who_looks_at_a_soil_changes_nothing(tmp_path: Path, kind: str) -> None:
     """Between two ticks a half kick may be owed: it is made when the state is read, or with the next step.

@@ -224,6 +224,7 @@ UPPER = [
 ]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("side", [0.8, 1.2])
 @pytest.mark.parametrize(
     ("case", "limit"),

@@ -76,6 +76,7 @@ def above(x_m):
     return (ToolMotion("tool", x_m, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0),)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("sides", ["held", "periodic"])
 def test_a_field_stands_as_its_block_does(soil, sides):
     """Copies of one particle of the block feel the same to round-off, next to nothing: no contact and no
@@ -259,6 +260,7 @@ def test_the_plot_is_the_ground_turned(soil):
     assert_array_equal(np.diff(offsets), 1)  # rows of copies, 1/22 of the edge apart
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("before", [True, False], ids=["before a shift", "after it"])
 def test_a_restart_and_two_threads_give_the_same_bits(soil, before):
     """From a state just before and just after a shift."""
@@ -308,6 +310,7 @@ def test_a_field_may_have_walls_at_its_sides(soil):
     assert np.percentile(moved[middle & ~p.held], 95.0) < 0.1 * ALIKE["radius_m"]
 
 
+@pytest.mark.full
 def test_a_field_may_slope(soil):
     """Cut out of the level block: the surface is the profile's to a radius, all along. One particle in a
     hundred rolls farther than a radius until it rests, and nothing is lost."""
@@ -328,6 +331,7 @@ def test_a_field_may_slope(soil):
     assert (np.linalg.norm(engine.displacements_m(), axis=1) > ALIKE["radius_m"]).mean() < 0.01
 
 
+@pytest.mark.full
 def test_both_ends_of_a_field_are_walls(soil):
     """A tool comes in at one, as into a bin, and nothing is held there, nor at the other; nothing is lost."""
     scene = field(soil, bin={"length_m": 0.4, "width_m": 0.3, "depth_m": 0.1, "sides": "held"})
@@ -354,6 +358,7 @@ def test_both_ends_of_a_field_are_walls(soil):
     assert not free_at(engine.bed.lower_m[0]).any()
 
 
+@pytest.mark.full
 def test_a_tool_that_comes_back_is_refused(soil):
     """The soil behind the window is gone: the run stops instead of finding none."""
     engine, _ = driven(field(soil), ticks=2000)
@@ -427,6 +432,7 @@ def bonds_by_identity(engine):
     return dict(zip(map(tuple, ends[whole].tolist()), lengths[whole].tolist(), strict=True))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("sides", ["held", "periodic"])
 def test_bonds_of_a_window_are_those_of_the_whole_field(soil, sides):
     """Soil that was laid out strip by strip has the bonds that it has laid out at once, each once; those

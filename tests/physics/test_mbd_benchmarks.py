@@ -80,6 +80,7 @@ def _drift(engine, ticks, communication_step_ns):
     return worst, state
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("count", "communication_step_ns", "integrator"), [
     (1, 1_000_000, "adams_moulton"), (2, 1_000_000, "adams_moulton"), (10, 2_000_000, "adams_moulton"),
     (40, 5_000_000, "adams_moulton"), (1, 1_000_000, "runge_kutta_4"), (10, 500_000, "adams_moulton"),
@@ -106,6 +107,7 @@ def test_windows_turn_for_ten_seconds(mechanism_engine, count, communication_ste
     assert state.position_residual_m < 1e-10
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("count", [1, 10])
 def test_smaller_steps_keep_the_energy_of_the_windows_better(mechanism_engine, count):
     """Halving the step never adds to the drift, down to round-off."""

@@ -48,6 +48,7 @@ def test_the_outer_shanks_mirror_each_other(tmp_path: Path) -> None:
     assert_allclose(series["tool.shank.force_y_newton"], 0.0, atol=atol)
 
 
+@pytest.mark.full
 def test_each_shank_has_its_part_of_the_draft(tmp_path: Path) -> None:
     """On the wedge model: parts add up to the shares' draft, each shank works, the summary names them."""
     resolved = load_scene(SCENES / "three_shanks_wedge.yaml", ["duration_s=1.3"])

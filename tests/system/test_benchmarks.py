@@ -1,13 +1,19 @@
 """Each program of `make bench` measures its smallest case; no test looks at a time."""
 
 import json
+from pathlib import Path
 
 import pytest
 
 from benchmarks import mechanism, roofline, soil
+from benchmarks.run_cache import FailedRun, find_kept_run, kept_run
 from benchmarks.scene_phases import PHASES
 from benchmarks.soil_cases import GRID, cohesive_case
+from subsoil_ros.analysis.quantities import flattened
+from subsoil_ros.api.execution import execute
 from subsoil_ros.dem.tools.surface import ToolSurface
+from subsoil_ros.experiments.run_cache import find_run, keep_run
+from tests.unit.experiments.test_run_cache import FAST_PULL, SCENES, TOO_FAST, scene
 
 
 def small(folder, *, quick=True):
@@ -58,3 +64,25 @@ def test_lockstep(monkeypatch, capsys):
         assert result[key]["processes"] == len(names)
         assert result[key]["exchanges"] == 199
         assert set(result[key]["nodes"]) <= names  # a run too short to be sampled twice gives none
+
+
+def test_a_benchmark_keeps_its_runs_as_a_sweep_does(tmp_path: Path) -> None:
+    """Found by either of the two, with its bag where that is asked for; what fails is told and not kept."""
+    tine, cache = SCENES / "tine.yaml", tmp_path / "runs"
+    assert find_kept_run(tine, cache, FAST_PULL) is None
+    summary = kept_run(tine, cache, FAST_PULL)
+    made = find_run(cache, scene().scene_hash)
+    assert made is not None
+    assert summary == {**flattened(made.summary), "folder": str(made.folder)}
+    assert summary == find_kept_run(tine, cache, FAST_PULL)
+    assert (made.failure, made.facts["exit_status"]) == (None, 0)
+    assert [path.name for path in cache.iterdir()] == [made.folder.name]
+    assert not (made.folder / "bag").exists()
+    kept_run(tine, cache, FAST_PULL, keep_bag=True)
+    assert (made.folder / "bag").is_dir()
+    again = keep_run(tmp_path / "sweep", scene(), execute(scene()))
+    assert kept_run(tine, tmp_path / "sweep", FAST_PULL)["folder"] == str(again.folder)
+    assert (again.folder / "series.csv").read_bytes() == (made.folder / "series.csv").read_bytes()
+    with pytest.raises(FailedRun, match=r"(?s)exit 3: .* fast, the soil file"):
+        kept_run(tine, tmp_path / "failed", (*FAST_PULL, TOO_FAST))
+    assert not list((tmp_path / "failed").iterdir())

@@ -183,6 +183,7 @@ def test_a_controller_that_misbehaves_ends_the_run(
     assert recorded == list(range(EVERY, 5 * EVERY, EVERY))[: len(recorded)]
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_separate_processes_drive_as_one(tmp_path: Path) -> None:
     """The controller as a process of its own: the series of the direct run, byte for byte."""
@@ -197,6 +198,7 @@ def test_separate_processes_drive_as_one(tmp_path: Path) -> None:
     assert series[0] == series[1]
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_a_killed_controller_ends_the_run(tmp_path: Path) -> None:
     """kill -9 of the controller's process: exit 3, it is named, nothing is left running."""

@@ -405,6 +405,7 @@ def test_two_runs_share_a_domain_in_namespaces(
         assert contents(tmp_path / str(k)) == contents(tmp_path / "direct")
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_two_subsoil_runs_share_a_domain(tmp_path: Path) -> None:
     """The same as a user does it: processes, one ROS_DOMAIN_ID; the series of a direct run, to the byte."""

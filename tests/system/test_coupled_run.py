@@ -6,11 +6,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from tests.system.conftest import LIMIT_S
 
 SCENE = Path(__file__).parents[2] / "config" / "scenes" / "subsoiler_1s300_quick.yaml"
 
 
+@pytest.mark.full
 def test_the_machine_comes_through_its_bin(tmp_path):
     """The quick scene with particles of twice the radius and a law scaled to them, in a bin of 0.6 m.
 

@@ -211,7 +211,17 @@ RUN = {
 }
 
 
-@pytest.mark.parametrize("page", [page for page, found in RUN.items() if found], ids=lambda page: page.name)
+FIRST = ("README.md", "docs/tutorial_tool.md", "docs/api.md")
+"""Pages that a newcomer follows; the others run in `make test-full`."""
+
+
+def page_to_run(page: Path) -> object:
+    """The page as a parameter."""
+    name = page.relative_to(ROOT).as_posix()
+    return pytest.param(page, id=name, marks=[] if name in FIRST else [pytest.mark.full])
+
+
+@pytest.mark.parametrize("page", [page_to_run(page) for page, found in RUN.items() if found])
 def test_page_runs(page, tmp_path):
     """Every block of a page ends well, in the order of the page."""
     for folder in ("config", "examples"):

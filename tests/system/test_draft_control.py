@@ -86,6 +86,7 @@ def test_it_holds_still_before_the_share_meets_soil(controller: ModuleType) -> N
     assert (drive(controller, 0.01, 1300.0, 1.0)[:, 1] == 0.0).all()
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_the_example_runs(tmp_path: Path) -> None:
     """As its README says, in real time for 1.8 s: a command every 20 ms, the draft goes to its target."""

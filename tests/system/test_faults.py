@@ -41,7 +41,8 @@ def assert_readable(out: Path, cut: bool = False) -> int:
 
 
 @pytest.mark.parametrize(
-    "victim", ["soil", "recorder", "coupler", pytest.param("mechanism", marks=pytest.mark.full)]
+    "victim",
+    ["soil", *(pytest.param(name, marks=pytest.mark.full) for name in ("recorder", "coupler", "mechanism"))],
 )
 def test_a_node_that_dies_ends_the_run(start_run: Callable, victim: str) -> None:
     """kill -9 of a node: exit 3, one message that names it, no process left, bag readable."""
@@ -57,6 +58,7 @@ def test_a_node_that_dies_ends_the_run(start_run: Callable, victim: str) -> None
     assert victim in json.loads((run.out / "summary.json").read_text())["run"]["failure"]
 
 
+@pytest.mark.full
 def test_a_node_that_stands_still_ends_the_run(start_run: Callable) -> None:
     """SIGSTOP of a node: its silence is noticed and named, and it is ended too."""
     run, pids = start_run()
@@ -68,6 +70,7 @@ def test_a_node_that_stands_still_ends_the_run(start_run: Callable) -> None:
     assert_readable(run.out)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("mode", ["nodes", "direct"])
 def test_a_closed_terminal_fails_the_run_in_order(start_run: Callable, mode: str) -> None:
     """SIGHUP: the end was not asked for: exit 3 with the cause; the bag is finished, no process is left."""
@@ -86,8 +89,9 @@ def test_a_closed_terminal_fails_the_run_in_order(start_run: Callable, mode: str
 @pytest.mark.parametrize(
     ("number", "expected", "mode"),
     [
-        (signal.SIGINT, 130, "nodes"), (signal.SIGINT, 130, "composed"), (signal.SIGINT, 130, "direct"),
-        (signal.SIGTERM, 143, "nodes"),
+        (signal.SIGINT, 130, "nodes"), (signal.SIGINT, 130, "direct"),
+        pytest.param(signal.SIGINT, 130, "composed", marks=pytest.mark.full),
+        pytest.param(signal.SIGTERM, 143, "nodes", marks=pytest.mark.full),
     ],
 )  # fmt: skip
 def test_an_interrupted_run_leaves_a_finished_bag(
@@ -175,6 +179,7 @@ def test_a_full_disk_ends_the_run(start_run: Callable) -> None:
     assert_readable(copy)
 
 
+@pytest.mark.full
 def test_a_second_soil_ends_the_run(start_run: Callable) -> None:
     """Another soil node of the same run: named, both end, exit 3."""
     run, pids = start_run()

@@ -204,6 +204,7 @@ def wait_for(browser: webdriver.Chrome, expression: str) -> Any:
     return WebDriverWait(browser, PATIENCE_S).until(lambda page: page.execute_script(f"return {expression}"))
 
 
+@pytest.mark.full
 @pytest.mark.slow
 @pytest.mark.skipif(
     CHROMIUM is None or DRIVER is None,

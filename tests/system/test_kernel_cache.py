@@ -78,6 +78,7 @@ def test_a_comment_outdates_nothing(package, as_it_is):
     assert digests_after(package, "cli/run.py", lambda text: text + "\nCHANGED = 1\n") == as_it_is
 
 
+@pytest.mark.full
 def test_sources_are_read_again_only_when_they_changed(package, tmp_path):
     """By the next process; a change that keeps size and time of a file counts, and a damaged record is
     written anew."""
@@ -156,6 +157,7 @@ def cache_folder_seen_by(**environment):
     ).stdout.strip()
 
 
+@pytest.mark.full
 def test_kernels_are_kept_outside_the_package(tmp_path):
     """The engines point numba at the user's cache, and leave a folder given by the user alone."""
     plain = {"XDG_CACHE_HOME": str(tmp_path)}

@@ -33,6 +33,7 @@ def without_live(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return run.out
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("mode", ["direct", "composed", "nodes"])
 def test_a_client_sees_the_run(mode: str, tmp_path: Path, without_live: Path) -> None:
     """Every topic with its schema, messages that are the bag's, the last state; and the bag is the same."""
@@ -60,6 +61,7 @@ def test_a_client_sees_the_run(mode: str, tmp_path: Path, without_live: Path) ->
     assert (run.out / "series.csv").read_bytes() == (without_live / "series.csv").read_bytes()
 
 
+@pytest.mark.full
 def test_a_client_that_never_reads_changes_nothing(tmp_path: Path, without_live: Path) -> None:
     """It asks for everything and takes nothing; the run ends as ever, with the same bag."""
     port = free_port()

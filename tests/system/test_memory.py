@@ -4,6 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 CHUNK_INDEX_BYTES = (
     1500  # of a chunk in the bag's index, as Python objects: 8 topics, 70 bytes each, and more
 )
@@ -29,6 +31,7 @@ simulate(resolved, out, on_tick=look)
 """
 
 
+@pytest.mark.full
 def test_a_long_run_takes_no_more_memory_than_a_short_one(tmp_path: Path) -> None:
     """12,000 ticks: 200 bytes left behind in each would be 1.8 MB in the last three quarters."""
     scene = Path(__file__).parents[2] / "config/scenes/mechanism_only.yaml"

@@ -1,4 +1,4 @@
-"""The same scene run in every way, in fresh processes: the same bits."""
+"""The same scene run in every way: the same bits."""
 
 import json
 from pathlib import Path
@@ -6,11 +6,12 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
+from subsoil_ros.cli.main import main
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.mbd.engine import MechanismEngine
 from subsoil_ros.ticks import tick_end_ns
-from tests.system.conftest import Run, lockstep_ticks, messages
+from tests.system.conftest import lockstep_ticks, messages, run_arguments
 
 DURATION_S = 0.02
 WAYS = {
@@ -29,10 +30,8 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Result folders, by way."""
     folders = {}
     for name, (mode, threads) in WAYS.items():
-        run = Run(tmp_path_factory.mktemp(name) / "out", mode, DURATION_S, "--threads", threads)
-        status, _, err = run.finish()
-        assert status == 0, err
-        folders[name] = run.out
+        folders[name] = tmp_path_factory.mktemp(name) / "out"
+        assert main(run_arguments(folders[name], mode, DURATION_S, "--threads", threads)) == 0
     return folders
 
 

@@ -56,6 +56,7 @@ def look(domain: int, expected: set[str]) -> set[str]:
     return found
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("scene", "overrides", "nodes", "topics"),
     [
@@ -98,6 +99,7 @@ def test_processes_and_topics(
     assert set(run.node_pids()) == nodes | {"coupler"}
 
 
+@pytest.mark.full
 def test_without_a_bag_every_mode_gives_the_same_state(tmp_path: Path) -> None:
     """Nothing is recorded; the state at the end is that of a recorded run; a checkpoint is gone on from."""
     scene, digests = SCENES / "mechanism_only.yaml", []

@@ -109,6 +109,7 @@ def collided(folder: Path) -> dict:
     return json.loads(done.stdout.splitlines()[-1])
 
 
+@pytest.mark.full
 @pytest.mark.slow
 def test_the_law_of_the_page_has_the_restitution_of_its_closed_form(installed: Path) -> None:
     """sqrt(k1 / k2), whatever the speed; a second process compiles nothing, an edit compiles anew."""
@@ -143,6 +144,7 @@ def test_a_scene_may_name_an_installed_law(installed: Path) -> None:
     assert re.search(r"'contact_law hysteretic [0-9a-f]{16}'", said.stdout), said.stderr
 
 
+@pytest.mark.full
 @pytest.mark.ros
 @pytest.mark.slow
 def test_nodes_and_a_direct_run_have_the_same_bits(installed: Path, tmp_path: Path) -> None:

@@ -92,6 +92,7 @@ def started() -> Iterator[list[Served]]:
         served.end()
 
 
+@pytest.mark.full
 def test_the_bits_are_those_of_a_run_in_process(tmp_path: Path, started: list[Served]) -> None:
     """Machine and soil in three processes and in one: the same series and the same state at the end."""
     started.append(Served(tmp_path))
@@ -127,6 +128,7 @@ def test_an_interrupted_run_goes_on(tmp_path: Path, started: list[Served]) -> No
     assert ends[0] == ends[1]
 
 
+@pytest.mark.full
 def test_a_machine_that_dies_ends_the_run(tmp_path: Path, started: list[Served]) -> None:
     """SIGKILL of the serving program: status 3, named, the bag readable, the soil's program told."""
     started.append(Served(tmp_path, duration_s=60.0))
@@ -142,6 +144,7 @@ def test_a_machine_that_dies_ends_the_run(tmp_path: Path, started: list[Served])
     assert "mechanism has not been heard of" in str(run.failure)
 
 
+@pytest.mark.full
 def test_an_error_of_the_machine_ends_the_run(tmp_path: Path, started: list[Served]) -> None:
     """An exception in advance: status 3 for all, one message with the place."""
     before = """
@@ -161,6 +164,7 @@ Block = Tired"""
     assert 0.065 < last < 0.0701  # the record is cut where all have finished, some ticks before the error
 
 
+@pytest.mark.full
 def test_a_machine_elsewhere_is_refused_at_the_start(tmp_path: Path, started: list[Served]) -> None:
     """Not at the start pose of the scene: status 2, nothing left in the folder."""
     before = """
@@ -177,6 +181,7 @@ Block = Raised"""
     assert not started[0].out.exists()
 
 
+@pytest.mark.full
 def test_a_program_that_comes_late_hears_of_the_end(tmp_path: Path, started: list[Served]) -> None:
     """The machine has refused before the soil is there: it does not wait for a coupler that has ended."""
     before = """

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import shutil
 from pathlib import Path
 
 import imageio_ffmpeg
@@ -11,6 +12,7 @@ import pyvista
 from PIL import Image
 
 from subsoil_ros.cli import new, render, run
+from subsoil_ros.cli.main import main
 from subsoil_ros.errors import InputError
 from subsoil_ros.figures.renderer import Renderer, Style, default_limits
 from subsoil_ros.figures.snapshots import Frame, Snapshots
@@ -264,3 +266,13 @@ def test_no_run(tmp_path):
     """A folder without a run is bad input."""
     with pytest.raises(InputError, match="no folder of a run"):
         verb(render, tmp_path)
+
+
+def test_pictures_of_a_bag_folder_alone(machine_bag: Path, tmp_path: Path) -> None:
+    """Tools have their meshes; a folder that rosbag2 knows is left as it is."""
+    bag = tmp_path / "sent"
+    shutil.copytree(machine_bag, bag)
+    size = ["--size", "320", "180"]
+    assert main(["render", str(bag), "--view", "longitudinal", *size]) == 0
+    assert len(list((tmp_path / "sent_report/pictures").glob("*.png"))) == 1
+    assert {path.name for path in bag.iterdir()} == {path.name for path in machine_bag.iterdir()}

@@ -80,6 +80,7 @@ def assert_same(whole: Path, first: Path, second: Path) -> None:
     assert sorted(summary(whole)["state_sha256"]) == ["coupling", "mechanism", "soil"]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("mode", ["direct", "nodes"])
 def test_sigterm_keeps_a_checkpoint_and_the_run_goes_on(whole: Path, start: Callable, mode: str) -> None:
     """The checkpoint is of the last tick recorded, and named; then the other way of running goes on."""
@@ -188,6 +189,7 @@ def test_tools_on_paths_go_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert sorted(summary(first)["state_sha256"]) == ["coupling", "paths", "soil"]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("tick", [9, 129, 139])
 def test_a_controlled_run_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tick: int

@@ -69,6 +69,7 @@ def test_no_room_at_all_is_refused(
         assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.full
 def test_a_run_without_room_records_the_same(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -109,6 +110,7 @@ def test_a_node_is_refused_where_it_could_not_load_ros(in_small_memory: Callable
     assert done.stderr.count("\n") == 1
 
 
+@pytest.mark.full
 def test_nodes_started_by_hand_take_udp(in_small_memory: Callable, tmp_path: Path) -> None:
     """Where pages for three are free: each says so in one line, and the run reaches its end."""
     scene = tmp_path / "scene.yaml"

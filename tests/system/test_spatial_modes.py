@@ -34,6 +34,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return folders
 
 
+@pytest.mark.full
 def test_the_disc_turns_in_the_soil(results: dict[str, Path]) -> None:
     """The comparison is not one of zeros."""
     head, *_, last = (results["direct"] / "series.csv").read_text().splitlines()

@@ -77,6 +77,7 @@ def direct(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {name: run(tmp_path_factory.mktemp(name) / "direct", CASES[name], "direct") for name in CASES}
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("name", "mode"),
     [("tine", "nodes"), ("machine", "composed"), ("particles", "composed"), ("particles", "nodes")],
@@ -121,6 +122,7 @@ def test_a_resumed_run_ends_at_the_same_tick(direct: dict[str, Path], tmp_path: 
         assert (out / "series.csv").read_bytes() == (whole / "series.csv").read_bytes()
 
 
+@pytest.mark.full
 def test_threads_give_the_same_end(direct: dict[str, Path], tmp_path: Path) -> None:
     """Of the soil engine, two in place of one."""
     environment = os.environ.get("NUMBA_NUM_THREADS")

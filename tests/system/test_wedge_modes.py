@@ -31,6 +31,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return folders
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("mode", ["composed", "nodes"])
 def test_series_are_equal_byte_for_byte(results: dict[str, Path], mode: str) -> None:
     """series.csv does not depend on the way of running."""

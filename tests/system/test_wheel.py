@@ -73,6 +73,7 @@ def test_shipped_files(program):
         assert {path.name for path in share.glob(pattern)} == wanted
 
 
+@pytest.mark.full
 def test_it_runs_without_the_sources(program, tmp_path):
     """In an empty folder: a shipped scene by name, a new scene, its run, its report as a page."""
     shown = run([program, "check", "subsoiler_1s300_quick"], tmp_path)

@@ -6,7 +6,7 @@ too.
 import dataclasses
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -232,8 +232,8 @@ def resumed(engine_of: EngineOf, name: str, kept: dict[str, np.ndarray]) -> dict
         return run(engine, scenario, TICKS // 2, TICKS - TICKS // 2)
 
 
-def main(folder: Path) -> None:
-    """Everything that needs a GPU; FOLDER holds checkpoints of the CPU, by scenario."""
+def main(folder: Path, names: Sequence[str]) -> None:
+    """Everything that needs a GPU, of some scenarios; FOLDER holds checkpoints of the CPU."""
     from subsoil_ros.dem.gpu.device import SIMULATED
     from subsoil_ros.dem.gpu.engine import GpuSoilEngine
 
@@ -245,18 +245,17 @@ def main(folder: Path) -> None:
             return type(x)(1.0) / np.sqrt(x)
 
         subsoil_ros.contact_laws.springs.inverse_root = subsoil_ros.dem.pairs.inverse_root = inverse_root
-    for number, name in enumerate(SCENARIOS):
+    for name in names:
         whole, kept = results(GpuSoilEngine, name)
-        np.savez(folder / f"gpu_{number}.npz", **whole)
-        np.savez(folder / f"gpu_kept_{number}.npz", **kept)
-        of_cpu = folder / f"cpu_kept_{number}.npz"
+        np.savez(folder / f"gpu {name}.npz", **whole)
+        np.savez(folder / f"gpu kept {name}.npz", **kept)
         if name in RESUMED:
-            with np.load(of_cpu) as arrays:
+            with np.load(folder / f"cpu kept {name}.npz") as arrays:
                 taken = resumed(GpuSoilEngine, name, dict(arrays))
-            np.savez(folder / f"gpu_resumed_{number}.npz", **taken)
-    again, _ = results(GpuSoilEngine, "cohesive linear with a tool")
-    np.savez(folder / "gpu_again.npz", **again)
+            np.savez(folder / f"gpu resumed {name}.npz", **taken)
+    again, _ = results(GpuSoilEngine, names[0])
+    np.savez(folder / "gpu again.npz", **again)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]), sys.argv[2:])

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -16,25 +17,39 @@ from subsoil_ros.dem.engine import SoilEngine
 from tests.physics.gpu.scenarios import RESUMED, SCENARIOS, results, resumed
 
 HERE = Path(__file__).parent
-NAMES = list(SCENARIOS)
+FIRST = ("cohesive linear with a tool", "lost particle")
+"""Scenarios whose soils other tests compile too; the others run in `make test-full`."""
 
 
-@pytest.fixture(scope="module")
-def both(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with what both engines made of all scenarios."""
+class Both(NamedTuple):
+    """What both engines made of some scenarios."""
+
+    folder: Path
+    names: tuple[str, ...]
+
+
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param(FIRST, id="first"),
+        pytest.param(tuple(set(SCENARIOS) - set(FIRST)), id="others", marks=pytest.mark.full),
+    ],
+)
+def both(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Both:
+    """A folder with what both engines made of a group of scenarios."""
     folder = tmp_path_factory.mktemp("gpu")
-    for number, name in enumerate(NAMES):
+    for name in request.param:
         whole, kept = results(SoilEngine, name)
-        np.savez(folder / f"cpu_{number}.npz", **whole)
-        np.savez(folder / f"cpu_kept_{number}.npz", **kept)
+        np.savez(folder / f"cpu {name}.npz", **whole)
+        np.savez(folder / f"cpu kept {name}.npz", **kept)
     simulated = {} if cuda.is_available() else {"NUMBA_ENABLE_CUDASIM": "1", "NUMBA_DISABLE_JIT": "1"}
     subprocess.run(
-        [sys.executable, str(HERE / "scenarios.py"), str(folder)],
+        [sys.executable, str(HERE / "scenarios.py"), str(folder), *request.param],
         check=True,
-        cwd=HERE.parents[1],
-        env=os.environ | simulated | {"PYTHONPATH": str(HERE.parents[1])},
+        cwd=HERE.parents[2],
+        env=os.environ | simulated | {"PYTHONPATH": str(HERE.parents[2])},
     )
-    return folder
+    return Both(folder, request.param)
 
 
 def taken(folder: Path, stem: str) -> dict[str, np.ndarray]:
@@ -54,28 +69,29 @@ def assert_same(ours: dict[str, np.ndarray], theirs: dict[str, np.ndarray], *, m
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES)
-def test_the_gpu_computes_what_the_cpu_does(both, name):
-    number = NAMES.index(name)
-    ours, theirs = taken(both, f"gpu_{number}"), taken(both, f"cpu_{number}")
-    assert_same(ours, theirs, mixed="mixed" in name)
-    assert theirs["counts"][2] > 1, "lists were built but once"
-    assert bool(theirs["error"]) == (name == "lost particle")
+def test_the_gpu_computes_what_the_cpu_does(both: Both) -> None:
+    """To round-off; a particle that is lost, with the same words."""
+    for name in both.names:
+        ours, theirs = taken(both.folder, f"gpu {name}"), taken(both.folder, f"cpu {name}")
+        assert_same(ours, theirs, mixed="mixed" in name)
+        assert theirs["counts"][2] > 1, "lists were built but once"
+        assert bool(theirs["error"]) == (name == "lost particle")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", RESUMED)
-def test_a_run_goes_on_from_a_checkpoint_of_the_other_device(both, name):
-    number, mixed = NAMES.index(name), "mixed" in name
-    whole = taken(both, f"cpu_{number}")
-    assert_same(taken(both, f"gpu_resumed_{number}"), whole, mixed=mixed)
-    kept = taken(both, f"gpu_kept_{number}")
-    assert_same(resumed(SoilEngine, name, kept), whole, mixed=mixed)
+def test_a_run_goes_on_from_a_checkpoint_of_the_other_device(both: Both) -> None:
+    """From the CPU on the GPU, and back."""
+    for name in set(both.names) & set(RESUMED):
+        whole = taken(both.folder, f"cpu {name}")
+        assert_same(taken(both.folder, f"gpu resumed {name}"), whole, mixed=False)
+        kept = taken(both.folder, f"gpu kept {name}")
+        assert_same(resumed(SoilEngine, name, kept), whole, mixed=False)
 
 
 @pytest.mark.slow
-def test_two_runs_give_the_same_bits(both):
-    once, again = taken(both, f"gpu_{NAMES.index('cohesive linear with a tool')}"), taken(both, "gpu_again")
+def test_two_runs_give_the_same_bits(both: Both) -> None:
+    """The first scenario, run again."""
+    once, again = taken(both.folder, f"gpu {both.names[0]}"), taken(both.folder, "gpu again")
     for name, array in once.items():
         assert_array_equal(again[name], array)
 

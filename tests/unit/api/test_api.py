@@ -3,8 +3,6 @@
 import json
 import shutil
 import signal
-import subprocess
-import sys
 import tempfile
 import threading
 from pathlib import Path
@@ -39,18 +37,6 @@ def scene() -> ResolvedScene:
 def comparable(summary: dict[str, Any]) -> dict[str, Any]:
     """A summary without what differs from run to run."""
     return summary | {"run": {key: value for key, value in summary["run"].items() if key not in DIFFERS}}
-
-
-def test_importing_it_imports_nothing_else() -> None:
-    """The public names are listed, and no library is loaded before one of them is used."""
-    program = (
-        "import sys, subsoil_ros as s; heavy = {'numpy', 'yaml', 'pydantic', 'numba'} & set(sys.modules);"
-        "print(sorted(heavy), dir(s)); s.load_scene"
-    )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == f"[] {sorted(subsoil.__all__)}"
-    with pytest.raises(AttributeError, match="no attribute 'simulate'"):
-        subsoil.simulate  # noqa: B018
 
 
 def test_a_run_in_memory_is_that_of_the_command(scene: ResolvedScene, tmp_path: Path) -> None:

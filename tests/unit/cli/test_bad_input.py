@@ -1,14 +1,14 @@
 """Bad scenes on the command line: exit status 2, one clear message on stderr, no traceback."""
 
-import os
 import re
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 import trimesh
+
+from subsoil_ros.cli.main import main
 
 ROOT = Path(__file__).parents[3]
 SCENES = ROOT / "config" / "scenes"
@@ -28,18 +28,25 @@ mechanism:
     D: {kind: revolute, body_a: ground, body_b: rocker, point_m: [FAR, 0.0], point_b_m: [1.0, 0.0]}
 """
 
-Check = Callable[..., "subprocess.CompletedProcess[str]"]
+
+class Done(NamedTuple):
+    """How a command ended."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+Check = Callable[..., Done]
 
 
 @pytest.fixture
-def check() -> Check:
-    """Runs `subsoil check` in a process of its own."""
+def check(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Check:
+    """Runs `subsoil check` from the root of the repository."""
+    monkeypatch.chdir(ROOT)
 
-    def run(*arguments: object) -> "subprocess.CompletedProcess[str]":
-        command = [sys.executable, "-m", "subsoil_ros.cli.main", "check", *map(str, arguments)]
-        return subprocess.run(
-            command, cwd=ROOT, env=dict(os.environ), capture_output=True, text=True, timeout=120, check=False
-        )
+    def run(*arguments: object) -> Done:
+        return Done(main(["check", *map(str, arguments)]), *capsys.readouterr())
 
     return run
 

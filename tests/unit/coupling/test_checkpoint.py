@@ -1,9 +1,5 @@
 """Checkpoint files: whole or not there, two kept, checksums of everything."""
 
-import random
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -29,19 +25,6 @@ ARRAYS = {
     "nothing": np.empty((0, 3)),
     "number": np.array(7),
 }
-
-WRITER = """
-import sys
-from pathlib import Path
-import numpy as np
-from subsoil_ros.recording.checkpoint import commit, write_part
-print("ready", flush=True)
-for tick in range(int(sys.argv[2]), 10**6):
-    write_part(Path(sys.argv[1]), tick, "soil", {"array": np.full(30_000, float(tick))})
-    write_part(Path(sys.argv[1]), tick, "mechanism", {"tick": np.array(tick)})
-    commit(Path(sys.argv[1]), tick, ["soil", "mechanism"],
-           {"time_s": 0.0, "run_id": "", "scene_hash": "", "coupling": {}})
-"""
 
 
 def keep(directory: Path, tick: int, **arrays: np.ndarray) -> Path:
@@ -107,24 +90,3 @@ def test_every_bit_counts(tmp_path: Path) -> None:
                 read_checkpoint(folder)
         path.write_bytes(whole)
     read_checkpoint(folder)
-
-
-def test_killed_at_any_moment_there_is_a_whole_one(tmp_path: Path) -> None:
-    """kill -9 of a process that does nothing but write checkpoints: the newest valid one never goes back."""
-    chance, last = random.Random(1), -1
-    for _ in range(8):
-        process = subprocess.Popen(
-            [sys.executable, "-c", WRITER, str(tmp_path), str(last + 1)], stdout=subprocess.PIPE
-        )
-        assert process.stdout is not None
-        process.stdout.readline()
-        time.sleep(0.05 + 0.1 * chance.random())
-        process.kill()
-        process.communicate()
-        found, refusals = newest_valid(tmp_path)
-        assert refusals == []
-        assert found.tick > last
-        assert (found.read_part("soil")["array"] == found.tick).all()
-        assert found.read_part("mechanism")["tick"] == found.tick
-        last = found.tick
-    assert len(list(tmp_path.glob("*/manifest.json"))) <= KEPT + 1

@@ -62,6 +62,7 @@ class Drag:
         return [ToolWrench("foot", *force, 0.0, 0.0, 0.0, work, int(inside))]
 
 
+@pytest.mark.full
 def test_a_pendulum_plough_does_known_work() -> None:
     """Yawed, its weight halfway up, through soil of constant drag: it loses drag times arc."""
     sine, cosine = math.sin(START_RAD), math.cos(START_RAD)

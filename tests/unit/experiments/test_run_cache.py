@@ -6,8 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.run_cache import FailedRun, find_kept_run, kept_run
-from subsoil_ros.analysis.quantities import flattened
 from subsoil_ros.analysis.series import read_series, read_series_csv, read_table_csv
 from subsoil_ros.api.execution import execute
 from subsoil_ros.cli.main import main
@@ -88,28 +86,6 @@ def test_what_is_not_whole_is_not_found(tmp_path: Path) -> None:
     assert find_run(tmp_path, found.scene_hash) is None
     kept = keep_run(tmp_path, found, execute(found))
     assert find_run(tmp_path, found.scene_hash) == kept
-
-
-def test_a_benchmark_keeps_its_runs_as_a_sweep_does(tmp_path: Path) -> None:
-    """Found by either of the two, with its bag where that is asked for; what fails is told and not kept."""
-    tine, cache = SCENES / "tine.yaml", tmp_path / "runs"
-    assert find_kept_run(tine, cache, FAST_PULL) is None
-    summary = kept_run(tine, cache, FAST_PULL)
-    made = find_run(cache, scene().scene_hash)
-    assert made is not None
-    assert summary == {**flattened(made.summary), "folder": str(made.folder)}
-    assert summary == find_kept_run(tine, cache, FAST_PULL)
-    assert (made.failure, made.facts["exit_status"]) == (None, 0)
-    assert [path.name for path in cache.iterdir()] == [made.folder.name]
-    assert not (made.folder / "bag").exists()
-    kept_run(tine, cache, FAST_PULL, keep_bag=True)
-    assert (made.folder / "bag").is_dir()
-    again = keep_run(tmp_path / "sweep", scene(), execute(scene()))
-    assert kept_run(tine, tmp_path / "sweep", FAST_PULL)["folder"] == str(again.folder)
-    assert (again.folder / "series.csv").read_bytes() == (made.folder / "series.csv").read_bytes()
-    with pytest.raises(FailedRun, match=r"(?s)exit 3: .* fast, the soil file"):
-        kept_run(tine, tmp_path / "failed", (*FAST_PULL, TOO_FAST))
-    assert not list((tmp_path / "failed").iterdir())
 
 
 @pytest.mark.parametrize(

@@ -234,6 +234,7 @@ def test_table_names_failures_and_what_is_not_resolved() -> None:
     assert table.loc["step: large", "draft_mean_newton_error_high"] < 0.0
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("path", DESIGNS, ids=lambda path: path.stem)
 def test_shipped_designs_fit_their_scenes(path: Path) -> None:
     """Every preset is a scene that loads, and each factor changes something."""
@@ -261,6 +262,7 @@ PRESETS = {
 }
 
 
+@pytest.mark.full
 def test_presets_of_the_paper_are_runs_of_its_study() -> None:
     """What `check` quotes was measured of this very scene: the same hash, seed by seed."""
     scene = CONFIG / "scenes" / "subsoiler_1s300.yaml"
@@ -360,6 +362,7 @@ def test_a_wrong_knob_shows_before_anything_runs(tmp_path: Path, capsys: Capture
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.full
 def test_a_run_that_nobody_timed_runs_again_in_a_study(tmp_path: Path, capsys: Captured) -> None:
     """A benchmark's, say, has no CPU time; a sweep takes it as it is, a study times it."""
     soil = f"soil={{model: wedge, file: {CONFIG / 'soils' / 'paper_grid.yaml'}}}"

@@ -41,6 +41,7 @@ def test_names() -> None:
     assert {"subsoiler_1s300", "subsoiler_1s300_quick", "tine", "mechanism_only"} <= set(NAMES)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", NAMES)
 def test_round_trip(name: str, tmp_path: Path) -> None:
     """Written as a run writes it, a scene loads from another folder with the same hash."""

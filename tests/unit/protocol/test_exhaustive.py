@@ -133,6 +133,7 @@ def test_every_order_completes_where_no_acknowledgement_is_awaited(monkeypatch: 
     explore(Case(window=3), Plan(), complete)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     "user",
     [
@@ -181,6 +182,7 @@ def test_an_abort_at_any_moment_ends_the_run_for_all(case: Case, user: tuple[str
     explore(case, Plan(user=user), aborted)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("faults", [("lose",), ("repeat",)], ids=str)
 @pytest.mark.parametrize(
     "case",

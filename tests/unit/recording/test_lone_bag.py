@@ -54,18 +54,6 @@ def test_a_report_of_the_file_alone(
     assert {path.name for path in lone.parent.iterdir()} == {"field.mcap", "field_report"}
 
 
-@pytest.mark.slow
-def test_pictures_of_a_bag_folder_alone(machine_bag: Path, tmp_path: Path) -> None:
-    """Tools have their meshes; a folder that rosbag2 knows is left as it is."""
-    pytest.importorskip("pyvista", reason="pyvista is not installed")
-    bag = tmp_path / "sent"
-    shutil.copytree(machine_bag, bag)
-    size = ["--size", "320", "180"]
-    assert main(["render", str(bag), "--view", "longitudinal", *size]) == 0
-    assert len(list((tmp_path / "sent_report/pictures").glob("*.png"))) == 1
-    assert {path.name for path in bag.iterdir()} == {path.name for path in machine_bag.iterdir()}
-
-
 def test_the_bag_of_a_run_stands_for_the_run(machine_bag: Path) -> None:
     """Folder or file in it: results go to the folder of the run, as if that was named."""
     (path,) = machine_bag.glob("*.mcap")

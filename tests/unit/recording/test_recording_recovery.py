@@ -1,21 +1,13 @@
 """Bags whose writer was killed or whose file was cut: what is mended, and that others read it."""
 
 import os
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import yaml
 from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 from subsoil_ros.limits.stable_steps import Timing
-from subsoil_ros.messages import ToolWrenches
-from subsoil_ros.recording.bag_folder import CHUNK_BYTES
-from subsoil_ros.recording.bag_reader import BagReader
 from subsoil_ros.recording.bag_writer import BagWriter
 from subsoil_ros.recording.recovery import recover
 from tests.unit.recording.recording_samples import (
@@ -88,58 +80,6 @@ def test_a_damaged_description_is_replaced_and_kept(tmp_path):
     assert (bag / "metadata.yaml.damaged").read_text() == described
     with AnyReader([bag]) as reader:
         assert reader.message_count > 0
-
-
-WRITING = """
-import sys
-from pathlib import Path
-sys.path[:0] = {paths!r}
-from recording_samples import INTERVAL_NS, SCENE, write_long_bag
-from subsoil_ros.recording.bag_writer import BagWriter
-from subsoil_ros.limits.stable_steps import Timing
-write_long_bag(BagWriter(Path({bag!r}), SCENE, Timing(INTERVAL_NS, 10**9, 1, 1)), 10**9)
-"""
-
-
-def killed_writer(bag: Path, size_bytes: int) -> None:
-    """Kills a process that writes a bag without end, in the middle of it, once the file has some size."""
-    paths = [str(Path(__file__).parent), *(item for item in sys.path if item)]
-    source = WRITING.format(paths=paths, bag=str(bag))
-    process = subprocess.Popen([sys.executable, "-c", source])
-    try:
-        deadline = time.monotonic() + 120.0
-        while sum(path.stat().st_size for path in bag.glob("*.mcap")) < size_bytes:
-            assert process.poll() is None, "the writer ended"
-            assert time.monotonic() < deadline
-            time.sleep(0.01)
-    finally:
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-
-
-def test_a_writer_killed_while_it_writes_loses_at_most_the_last_chunk(tmp_path):
-    """After SIGKILL in mid-write every whole chunk comes back, tick by tick, for readers of two makers."""
-    bag = tmp_path / "bag"
-    killed_writer(bag, 500_000)
-    (path,) = bag.glob("*.mcap")
-    written = path.stat().st_size
-    result = recover(bag)
-    assert path.stat().st_size > written - CHUNK_BYTES
-    ticks = [record.tick for record in BagReader(bag).records(ToolWrenches)]
-    assert ticks == list(range(len(ticks)))
-    assert len(ticks) > 500
-    with AnyReader([bag]) as reader:
-        assert reader.message_count == result.message_count
-        read = sum(
-            reader.deserialize(data, connection.msgtype) is not None
-            for connection, _, data in reader.messages()
-        )
-    assert read == result.message_count
-    with path.open("rb") as stream:
-        decoded = make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages(
-            topics=["/subsoil/tool_wrenches"]
-        )
-        assert [item.decoded_message.tick for item in decoded] == ticks
 
 
 def test_the_bag_says_what_was_thinned(bag: Path) -> None:

@@ -13,6 +13,7 @@ from subsoil_ros.analysis.series import Series
 from subsoil_ros.loading.loader import load_scene
 
 
+@pytest.mark.full
 def test_cases_load(tmp_path):
     """Every sprung case has a scene of its own, and those with a seed another bed."""
     cases = [case for case in cycle_runs.cases() if not case.locked]
@@ -36,6 +37,7 @@ def test_ground_keeps_the_depth(tmp_path):
     assert force.stiffness_newton_per_m * sunk == pytest.approx(28000.0 * cycle_runs.SINKAGE_M)
 
 
+@pytest.mark.full
 def test_springs_are_as_long(tmp_path):
     """Under the mean force every spring has the length of the declared one, and its damping ratio."""
 

@@ -15,6 +15,7 @@ from subsoil_ros.errors import SceneError
 CASES = 100
 
 
+@pytest.mark.full
 def test_a_changed_scene_passes_or_is_refused(tmp_path: Path) -> None:
     """The same cases in every run; `python -m dev.fuzz_scenes` draws 10,000. Both ends are met often."""
     found: Counter[bool] = Counter()

@@ -47,6 +47,7 @@ def test_schema_is_current(tmp_path):
     jsonschema.Draft7Validator.check_schema(json.loads(SHIPPED.read_text()))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
 def test_shipped_scenes(path):
     """Every shipped scene names the schema in its first line, and it and the scene as run are valid by it."""

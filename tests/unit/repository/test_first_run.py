@@ -8,7 +8,7 @@ from dev import warm_kernels
 from subsoil_ros.cli.main import parse
 from subsoil_ros.loading.loader import load_scene
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
 
 

@@ -18,7 +18,7 @@ from subsoil_ros.dem.contact import contact, law_features
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.loading.loader import load_scene
 
-SCENES = Path(__file__).parents[3] / "config" / "scenes"
+SCENES = Path(__file__).parents[2] / "config" / "scenes"
 SMALL_TINE = ["duration_s=0.002", "soil.bin.length_m=0.1", "soil.bin.width_m=0.1", "soil.bin.depth_m=0.06"]
 NAMED = {
     "mechanism_only.yaml": ["duration_s=0.01"],
@@ -83,6 +83,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict]:
     return answers
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("scene", "named", "absent"),
     [
@@ -175,6 +176,7 @@ def instructions(features: CohesiveLinearFeatures) -> int:
     return len(code.splitlines())
 
 
+@pytest.mark.full
 def test_the_code_of_absent_features_is_not_there() -> None:
     """Every feature taken away leaves fewer instructions of a contact."""
     all_there = CohesiveLinearFeatures(YES, YES, YES, cohesion=YES)

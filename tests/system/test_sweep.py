@@ -32,7 +32,7 @@ from subsoil_ros.experiments.sweep.sweep import Sweep
 from subsoil_ros.loading.loader import load_scene
 
 Captured = pytest.CaptureFixture[str]
-SCENES = Path(__file__).parents[3] / "config" / "scenes"
+SCENES = Path(__file__).parents[2] / "config" / "scenes"
 TINE = str(SCENES / "tine.yaml")
 SOIL = f"soil={{model: wedge, file: {SCENES.parent / 'soils' / 'paper_grid.yaml'}}}"
 COMMON = [SOIL, "duration_s=0.3", "record.series_ticks=3", "report.window_inside_m=0.0"]
@@ -124,6 +124,7 @@ def test_what_is_kept_is_not_run_again(done: Path, tmp_path: Path, capsys: Captu
     assert len(changed) == 2
 
 
+@pytest.mark.full
 def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:
     """A sweep that is interrupted exits with 130, leaves whole runs only, and goes on from there."""
     out = tmp_path / "out"
@@ -197,6 +198,7 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, subprocess.Popen]]:
                 process.wait(LIMIT_S)
 
 
+@pytest.mark.full
 def test_a_cluster_by_its_address(cluster: tuple[str, subprocess.Popen], tmp_path: Path) -> None:
     """Runs on another program's worker; one whose worker is killed is a failed run, and the next goes on."""
     address, worker = cluster

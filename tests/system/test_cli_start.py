@@ -1,4 +1,4 @@
-"""The command line starts at once: no verb imports what it does not use."""
+"""Command line and package start at once: nothing imports what it does not use."""
 
 import json
 import os
@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 
+import subsoil_ros
 from subsoil_ros.cli.main import VERBS
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 HEAVY = {
     "dask", "imageio", "jinja2", "matplotlib", "numba", "numpy", "pandas", "pydantic", "pyvista", "rclpy",
     "rosbags", "scipy", "trimesh", "vtkmodules",
@@ -56,3 +57,15 @@ def test_help_names_every_verb():
     )
     assert "JSON Schema of scene files" in done.stdout
     assert set(re.findall(r"^    ([a-z-]+)", done.stdout, re.MULTILINE)) == set(VERBS)
+
+
+def test_importing_the_package_imports_nothing_else() -> None:
+    """The public names are listed, and no library is loaded before one of them is used."""
+    program = (
+        "import sys, subsoil_ros as s; heavy = {'numpy', 'yaml', 'pydantic', 'numba'} & set(sys.modules);"
+        "print(sorted(heavy), dir(s)); s.load_scene"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == f"[] {sorted(subsoil_ros.__all__)}"
+    with pytest.raises(AttributeError, match="no attribute 'simulate'"):
+        subsoil_ros.simulate  # noqa: B018

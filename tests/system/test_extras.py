@@ -11,7 +11,7 @@ from subsoil_ros.cli.main import main
 from subsoil_ros.errors import InputError
 from subsoil_ros.extras import EXTRA_OF
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 WITHOUT = f"""
 import sys
 sys.modules.update(dict.fromkeys({sorted(EXTRA_OF)}))  # None: cannot be imported
@@ -27,6 +27,7 @@ def plain(program: str, *arguments: object) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.full
 def test_direct_mode_and_bags_need_no_extra(tmp_path):
     """check, run, bag and the libraries of soil tests and calibration work in a plain installation."""
     verb = "from subsoil_ros.cli.main import main\nraise SystemExit(main(sys.argv[1:]))"

@@ -204,7 +204,7 @@ def test_a_stopped_run_leaves_a_readable_bag_and_exit_status_3(soil, tmp_path, c
     assert [state.tick for state in BagReader(out / "bag").records(SoilState)] == [-1, 19, 39, 59, 79, 99]
 
 
-@pytest.mark.parametrize("mode", ["direct", pytest.param("nodes", marks=pytest.mark.ros)])
+@pytest.mark.parametrize("mode", ["direct", "nodes"])
 def test_lost_particles_are_in_the_summary(soil, tmp_path, capsys, mode):
     """A soft floor lets the bottom layer through: one line for people, three keys for programs, whether the
     soil is in this process or in one of its own."""

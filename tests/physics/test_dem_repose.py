@@ -50,7 +50,6 @@ def test_slope_of_a_heap():
     assert slope_rad(layer[:, ::-1], RADIUS) == pytest.approx(0.5 * math.pi)
 
 
-@pytest.mark.slow
 def test_friction_makes_a_heap():
     """Flat without it; about 20 degrees with."""
     assert abs(heap_angle_deg(0.0, 0.0, 0.0)) < 6.0

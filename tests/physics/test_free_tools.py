@@ -57,7 +57,6 @@ def constant(value: float) -> dict[str, object]:
     return {"kind": "constant", "value": value}
 
 
-@pytest.mark.slow
 def test_a_spinning_ball_feels_the_same_whoever_turns_it(soil):
     """A path in the plane, a path in space, a mechanism with two drivers, and a machine from outside."""
     mesh = soil.folder / "ball.stl"

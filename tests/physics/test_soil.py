@@ -6,8 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from tests.physics.conftest import SoilMaker, one_tool
 from tests.soils import WET
 
@@ -24,7 +22,6 @@ def digests(scene: Path, *threads: int) -> dict[str, dict]:
     return json.loads(done.stdout)
 
 
-@pytest.mark.slow
 def test_4000_steps_are_the_same_bits_for_one_to_four_threads_and_in_another_process(tmp_path):
     """A bar is swept through a wet bed, so that pairs part, meet and change their places in the lists."""
     maker = SoilMaker(tmp_path)

@@ -54,7 +54,6 @@ def sphere(soil, radius_m: float) -> str:
     return str(path)
 
 
-@pytest.mark.slow
 def test_a_planar_path_given_in_space_has_the_planar_forces(soil, at, one):
     """A box swept and turned through a bed, four soil steps an exchange: all six loads, work and motion."""
     found = []
@@ -113,7 +112,6 @@ def test_a_turned_world_has_turned_forces(soil, at, one):
         assert_allclose(other, found[0], rtol=0.0, atol=1e-9 * scale)
 
 
-@pytest.mark.slow
 def test_plates_yawed_either_way_in_mirrored_beds_have_mirrored_forces(soil, one):
     """A tilted plate at yaw +a and -a, drawn through a bed and its mirror image: draft, lift, pitching moment
     are the same, side force and the other torques change sign."""

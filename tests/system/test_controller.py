@@ -38,8 +38,6 @@ from tests.system.test_nodes import (
     contents,
 )
 
-pytestmark = pytest.mark.ros
-
 TICKS, EVERY = 300, 20
 LATCHED_IN_BAG = {bag_topic(topic) for topic in LATCHED}  # each bag begins with them
 CONTROL = {
@@ -184,7 +182,6 @@ def test_a_controller_that_misbehaves_ends_the_run(
 
 
 @pytest.mark.full
-@pytest.mark.slow
 def test_separate_processes_drive_as_one(tmp_path: Path) -> None:
     """The controller as a process of its own: the series of the direct run, byte for byte."""
     series = []
@@ -199,7 +196,6 @@ def test_separate_processes_drive_as_one(tmp_path: Path) -> None:
 
 
 @pytest.mark.full
-@pytest.mark.slow
 def test_a_killed_controller_ends_the_run(tmp_path: Path) -> None:
     """kill -9 of the controller's process: exit 3, it is named, nothing is left running."""
     changes = [item for change in CHANGES[::2] + CHANGES[3:] for item in ("--set", change)]

@@ -49,8 +49,6 @@ from tests.system.test_nodes import (
     resolved,  # noqa: F401 (a fixture)
 )
 
-pytestmark = pytest.mark.ros
-
 DURABILITIES = {"volatile": DurabilityPolicy.VOLATILE, "kept": DurabilityPolicy.TRANSIENT_LOCAL}
 
 
@@ -406,7 +404,6 @@ def test_two_runs_share_a_domain_in_namespaces(
 
 
 @pytest.mark.full
-@pytest.mark.slow
 def test_two_subsoil_runs_share_a_domain(tmp_path: Path) -> None:
     """The same as a user does it: processes, one ROS_DOMAIN_ID; the series of a direct run, to the byte."""
     scene = str(SCENE.parent / "mechanism_only.yaml")

@@ -9,8 +9,6 @@ import pytest
 from subsoil_ros.ros.process.supervisor import start_node
 from tests.system.conftest import SCENE
 
-pytestmark = pytest.mark.ros
-
 VARIABLES = ("ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS", "ROS_DOMAIN_ID")
 
 

@@ -15,8 +15,6 @@ from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.messages import BodyState, DriverCommand, MechanismState
 from subsoil_ros.recording.bag_reader import BagReader
 
-pytestmark = pytest.mark.ros
-
 EXAMPLE = Path(__file__).parents[2] / "examples" / "draft_control"
 INTERVAL_S = 0.02
 SLOPE_NEWTON_PER_M = 5000.0
@@ -87,7 +85,6 @@ def test_it_holds_still_before_the_share_meets_soil(controller: ModuleType) -> N
 
 
 @pytest.mark.full
-@pytest.mark.slow
 def test_the_example_runs(tmp_path: Path) -> None:
     """As its README says, in real time for 1.8 s: a command every 20 ms, the draft goes to its target."""
     out = tmp_path / "out"

@@ -20,8 +20,6 @@ from subsoil_ros.recording.recovery import recover
 from tests.system.conftest import SCENE, is_alive, lockstep_ticks, run_arguments, wait_until_gone
 from validation.laboratory import box_mesh
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
-
 
 def assert_readable(out: Path, cut: bool = False) -> int:
     """The bag has every tick up to its end once, in order. Returns the number of ticks.

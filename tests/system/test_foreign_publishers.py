@@ -40,8 +40,6 @@ from tests.system.test_nodes import (  # noqa: F401  fixtures
 )
 from tests.system.test_pause import start
 
-pytestmark = pytest.mark.ros
-
 
 def wrong_tick(message: ToolWrenchesMessage) -> None:
     """A tick that was not granted."""

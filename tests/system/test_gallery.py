@@ -46,7 +46,6 @@ def test_scene_is_whole(name):
     assert subsoil.check(FOLDER / f"{name}.yaml", SHORT)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.full if name in LONG else ()) for name in scenes()]
 )

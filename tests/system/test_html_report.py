@@ -205,7 +205,6 @@ def wait_for(browser: webdriver.Chrome, expression: str) -> Any:
 
 
 @pytest.mark.full
-@pytest.mark.slow
 @pytest.mark.skipif(
     CHROMIUM is None or DRIVER is None,
     reason="no Chromium with its driver on PATH (Debian: apt install chromium chromium-driver)",

@@ -31,8 +31,6 @@ from subsoil_ros.ros.transport.shared_memory import LOADED_BYTES, TRANSPORTS
 from tests.system.conftest import SCENE
 from tests.system.test_nodes import contents
 
-pytestmark = pytest.mark.ros
-
 FILE = Path(__file__).parents[2] / "launch" / "subsoil.launch.py"
 MACHINE = SCENE.parent / "mechanism_only.yaml"
 SHORT = "duration_s=0.05"
@@ -148,7 +146,6 @@ def test_it_starts_what_subsoil_run_starts(
     assert all((lib / node.executable).is_file() for node in nodes)
 
 
-@pytest.mark.slow
 def test_what_it_starts_makes_the_run(
     start: Callable[..., list[Taken]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -316,7 +313,6 @@ def test_a_bad_argument_is_named(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(not HAS_LAUNCH, reason="launch_ros is not installed: no package registry has it")
 def test_launch_itself_runs_it(tmp_path: Path) -> None:
     """ros2 launch's own service, with the file as it is: the series of a direct run."""

@@ -14,8 +14,6 @@ pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
 
 DURATION_S = 0.02
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
-
 
 def free_port() -> int:
     """A port without a server."""

@@ -22,8 +22,6 @@ WAYS = {
     "nodes_two_threads": ("nodes", "2"),
 }
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
-
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:

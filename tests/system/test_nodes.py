@@ -41,8 +41,6 @@ from subsoil_ros.ros.transport.qos import LOCKSTEP_QOS
 from subsoil_ros.ticks import INITIAL_TICK
 from tests.system.conftest import SCENE, lockstep_ticks, messages
 
-pytestmark = pytest.mark.ros
-
 TICKS = 60
 LIMIT_S = 60.0
 

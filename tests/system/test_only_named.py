@@ -13,8 +13,6 @@ from rclpy.node import Node
 
 from tests.system.conftest import LIMIT_S, Run
 
-pytestmark = pytest.mark.ros
-
 SCENES = Path(__file__).parents[2] / "config" / "scenes"
 STEPS = {f"/simulate_steps/_action/{part}" for part in ("status", "feedback")}
 ALWAYS = {"/node_status", "/grant", "/tool_motions", "/coupling_report", "/clock", "/diagnostics", *STEPS}

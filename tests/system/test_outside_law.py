@@ -110,7 +110,6 @@ def collided(folder: Path) -> dict:
 
 
 @pytest.mark.full
-@pytest.mark.slow
 def test_the_law_of_the_page_has_the_restitution_of_its_closed_form(installed: Path) -> None:
     """sqrt(k1 / k2), whatever the speed; a second process compiles nothing, an edit compiles anew."""
     first = collided(installed)
@@ -145,8 +144,6 @@ def test_a_scene_may_name_an_installed_law(installed: Path) -> None:
 
 
 @pytest.mark.full
-@pytest.mark.ros
-@pytest.mark.slow
 def test_nodes_and_a_direct_run_have_the_same_bits(installed: Path, tmp_path: Path) -> None:
     """A tool in soil: the series and every message, to the byte; the node processes find the law too."""
     one, other = tmp_path / "direct", tmp_path / "nodes"

@@ -18,8 +18,6 @@ from tests.outside import Block, SpringField, document
 from tests.system.conftest import Run
 from tests.system.test_modes import without_wall_time
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
-
 ROOT = Path(__file__).parents[2]
 HITCH = ROOT / "examples" / "three_point_hitch"
 BOTH = {"machine": "machine=Block()", "soil": "soil=SpringField()"}

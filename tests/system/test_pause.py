@@ -37,8 +37,6 @@ from tests.system.test_nodes import (
     run_without_ros,
 )
 
-pytestmark = pytest.mark.ros
-
 
 class User:
     """Calls the coupler's services."""

@@ -49,7 +49,6 @@ def assert_shown(words: tuple[str, ...], *steps: str) -> None:
 
 
 @pytest.mark.full
-@pytest.mark.slow
 def test_bars_of_a_run_and_what_follows(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """Each step of run, report and compare in its turn; nothing of it in a pipe."""
     assert main(["new", str(tmp_path / "scene"), "--template", "wedge"]) == 0

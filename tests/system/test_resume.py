@@ -22,8 +22,6 @@ from tests.system.conftest import LIMIT_S, SCENE, Run, messages, run_arguments, 
 from tests.system.test_controller import CHANGES, CONTROL, LATCHED_IN_BAG
 from tests.system.test_modes import without_wall_time
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
-
 DURATION_S = 0.06
 EVERY = ("--set", "record.checkpoint_s=0.005")
 

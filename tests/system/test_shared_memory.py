@@ -19,8 +19,6 @@ from subsoil_ros.ros.transport.shared_memory import (
 )
 from tests.system.conftest import LIMIT_S, SCENE
 
-pytestmark = pytest.mark.ros
-
 PROGRAMS = Path(sys.prefix) / "lib" / "subsoil_ros"
 """Where `ros2 run` and launch_ros find the nodes."""
 

@@ -30,8 +30,6 @@ from tests.system.test_nodes import (
 )
 from tests.system.test_pause import start
 
-pytestmark = pytest.mark.ros
-
 STANDARD = dialect().standard
 
 

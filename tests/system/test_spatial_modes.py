@@ -18,8 +18,6 @@ CHANGES = (
     "coupling.force=tick_mean",
 )
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
-
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:

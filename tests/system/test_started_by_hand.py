@@ -24,8 +24,6 @@ from subsoil_ros.ros.services.simulation_services import dialect
 from subsoil_ros.ros.transport.domain import run_domain
 from tests.system.conftest import SCENE, lockstep_ticks
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
-
 LIMIT_S = 300.0
 NODES = (MECHANISM, SOIL, RECORDER, COUPLER)
 PROGRAMS: dict[str, tuple[str, ...]] = {

@@ -49,8 +49,6 @@ PARTICLES = {
 """A path and particles, whose clouds do not come at the tick with which it ends; ends by its travel."""
 CASES = {"tine": TINE, "machine": MACHINE, "particles": PARTICLES}
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
-
 
 def run(folder: Path, document: dict, mode: str, *more: str) -> Path:
     """A run as a user starts it; its folder."""

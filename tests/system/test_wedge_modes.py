@@ -14,8 +14,6 @@ DURATION_S = 0.5
 """The wheels come down in 0.3 s, then the machine is pulled; AT_WORK: share in the soil at once."""
 AT_WORK = "mechanism.initial.translate_x_m=0.4"
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
-
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:

@@ -68,7 +68,6 @@ def assert_same(ours: dict[str, np.ndarray], theirs: dict[str, np.ndarray], *, m
         assert_allclose(ours[name], array, rtol=0.0, atol=(3e-5 if mixed else 1e-10) * scale, err_msg=name)
 
 
-@pytest.mark.slow
 def test_the_gpu_computes_what_the_cpu_does(both: Both) -> None:
     """To round-off; a particle that is lost, with the same words."""
     for name in both.names:
@@ -78,7 +77,6 @@ def test_the_gpu_computes_what_the_cpu_does(both: Both) -> None:
         assert bool(theirs["error"]) == (name == "lost particle")
 
 
-@pytest.mark.slow
 def test_a_run_goes_on_from_a_checkpoint_of_the_other_device(both: Both) -> None:
     """From the CPU on the GPU, and back."""
     for name in set(both.names) & set(RESUMED):
@@ -88,7 +86,6 @@ def test_a_run_goes_on_from_a_checkpoint_of_the_other_device(both: Both) -> None
         assert_same(resumed(SoilEngine, name, kept), whole, mixed=False)
 
 
-@pytest.mark.slow
 def test_two_runs_give_the_same_bits(both: Both) -> None:
     """The first scenario, run again."""
     once, again = taken(both.folder, f"gpu {both.names[0]}"), taken(both.folder, "gpu again")

@@ -39,7 +39,6 @@ def test_the_scene_of_a_bag_is_that_of_the_run(machine_bag: Path, lone: Path, tm
     assert "0.stl" in text
 
 
-@pytest.mark.slow
 def test_a_report_of_the_file_alone(
     machine_bag: Path, lone: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
 ) -> None:

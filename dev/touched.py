@@ -1,4 +1,4 @@
-"""Which tests touch which lines: `python -m dev.touched FOLDER [pytest arguments]`.
+"""Which tests touch which lines: `python -m dev.touched FOLDER [arguments of pytest]`.
 
 Runs the tests under coverage, in their processes and in those they start, each line with the tests that
 execute it. FOLDER gets `coverage` (read it with coverage.py) and `seconds.json` (duration and outcome of each
@@ -7,6 +7,7 @@ were ordered. Compiled kernels are invisible to coverage, so their functions are
 import belong to no test.
 """
 
+import argparse
 import ast
 import json
 import os
@@ -101,7 +102,10 @@ def durations(folder: Path) -> dict[str, dict[str, Any]]:
 
 def main() -> int:
     """Exit status of pytest."""
-    folder = Path(sys.argv[1]).resolve()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("folder", type=Path, help="new folder for the results")
+    given, of_pytest = parser.parse_known_args()
+    folder = given.folder.resolve()
     (folder / "parts").mkdir(parents=True)
     settings = folder / "coverage.ini"
     settings.write_text(SETTINGS)
@@ -112,7 +116,7 @@ def main() -> int:
     environment = os.environ | {
         "TOUCHED_FOLDER": str(folder), "COVERAGE_PROCESS_START": str(settings), "PYTHONPATH": path,
     }  # fmt: skip
-    command = [sys.executable, "-m", "pytest", "-p", "dev.touched", *sys.argv[2:]]
+    command = [sys.executable, "-m", "pytest", "-p", "dev.touched", *of_pytest]
     status = subprocess.run(command, cwd=ROOT, env=environment).returncode
     together = coverage.Coverage(data_file=str(folder / "coverage"), config_file=False)
     together.combine([str(folder / "parts")], keep=True)

@@ -43,23 +43,11 @@ RUBBED = ("tangential", "rolling")
 SOILS: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
     "wet": (WETTED, {"law": WET}),
     "wet, booked": ((*WETTED, "book"), {"law": WET, **BOOKED}),
-    "wet, mixed precision": (
-        (*WETTED, "book", "mixed precision"), {"law": WET, "precision": "mixed", **BOOKED},
-    ),
-    "damped": (
-        (*WETTED, "damp_all_zones", "friction_repulsive"),
-        {"law": {**WET, "damped_zones": "all", "friction_normal": "repulsive"}},
-    ),
-    "layers": ((*WETTED, "materials"), {"law": WET, **LAYERS}),
     "periodic": ((*WETTED, "periodic"), {"law": WET, "bin.sides": "periodic"}),
     "sizes and layers": (
         (*WETTED, "book", "sizes", "materials"), {"law": WET, **BOOKED, **LAYERS, **UNEQUAL},
     ),
     "dry": (("linear", *RUBBED), {"law": LINEAR}),
-    "dry sizes": (
-        ("linear", *RUBBED, "book", "sizes"),
-        {"law": LINEAR, **BOOKED, **UNEQUAL, "bed": {"kind": "tiled", "seed": 0}},
-    ),
     "hertz": (("hertz", *RUBBED, "book"), {"law": HERTZ, **BOOKED}),
     "plastic": (("elasto_plastic_adhesive", "tangential", "book"), {"law": PLASTIC, **BOOKED}),
 }  # fmt: skip

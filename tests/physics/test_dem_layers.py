@@ -37,6 +37,7 @@ def run(engine, steps, motions=()):
         engine.advance(tick, motions)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("reading", ["series", "none"])
 def test_a_column_of_two_layers_stands_on_its_own_springs(soil, reading):
     """The overlap of every pair beyond rest is the weight above over K of that pair: half of each layer's own
@@ -78,6 +79,7 @@ def test_a_column_of_two_layers_stands_on_its_own_springs(soil, reading):
     )
 
 
+@pytest.mark.full
 def test_layers_that_say_nothing_of_their_own_change_nothing(soil):
     """A soil cut into two equal layers moves as the one without: pair numbers are the same to round-off."""
     same = [{"name": "upper", "thickness_m": 0.05}, {"name": "lower"}]
@@ -91,6 +93,7 @@ def test_layers_that_say_nothing_of_their_own_change_nothing(soil):
     assert_allclose(parts.positions_m(), whole.positions_m(), rtol=0.0, atol=1e-12)
 
 
+@pytest.mark.full
 def test_depth_counts_from_the_surface_before_it_is_trimmed(soil):
     """Under a profile that takes half of the topsoil away, the hardpan is where it was."""
     grid = {"kind": "grid", "spacing_m": "rest"}

@@ -8,6 +8,8 @@ EPSILON = float(np.finfo(np.float32).eps)
 
 SLIPPERY = {"static_friction": 0.05, "sliding_friction": 0.04, "rolling_friction": 0.02}
 
+pytestmark = pytest.mark.full  # two variants of the kernels
+
 
 def collided(soil, precision, law, steps=400):
     """Two particles that meet obliquely, spinning, without gravity; they slide, roll and stick."""

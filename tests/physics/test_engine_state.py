@@ -22,6 +22,8 @@ SOILS = {
     "periodic": {"bin": {"sides": "periodic"}},
     "mixed precision, booked": {"precision": "mixed", **BOOKED},
 }
+SHARED = ("monitored and booked", "periodic")
+"""Those whose kernels other tests need too."""
 
 
 def through_a_file(tmp_path: Path, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -52,7 +54,10 @@ def swept_bed(folder: Path, kind: str) -> ResolvedScene:
     return maker.scene(soil=soil, tools=one_tool(maker.box(0.03, 0.04, 0.08, subdivide=1)))
 
 
-@pytest.mark.parametrize("kind", list(SOILS))
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param(kind, marks=[pytest.mark.full] * (kind not in SHARED)) for kind in SOILS],
+)
 def test_soil_goes_on(tmp_path: Path, kind: str) -> None:
     """Through several new lists of neighbours: particles, histories, lists, books and monitors."""
     resolved = swept_bed(tmp_path, kind)

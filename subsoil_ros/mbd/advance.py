@@ -6,7 +6,7 @@ the instant of the first switch is located, the step ends there, and the rest be
 
 import numpy as np
 
-from .compiled import inner_kernel, kernel
+from .compiled import NO, YES, inner_kernel, kernel
 from .dynamics import complete
 from .energy_balance import keep_balance
 from .events import differs, locate_switch
@@ -92,9 +92,9 @@ def _refresh(model, state, work, time, select):
     copy(work.q, state.q)
     copy(work.v, state.v)
     if state.counters[NEAR_COUNT] > 0:
-        status = complete_near(model, state, work, time, select, False)
+        status = complete_near(model, state, work, time, select, NO)
     else:
-        status, _ = complete(model, state, work, time, select, False)
+        status, _ = complete(model, state, work, time, select, NO)
     if status == OK:
         _take_start(model, state, work, time, select)
     return status
@@ -133,9 +133,9 @@ def _try(model, state, work, start, span, select, method, near, strict):
             time = start + (0.5 * span if stage < 3 else span)
             guess_runge_kutta(state, work, span, stage)
         if near:
-            status, iterations = complete_near(model, state, work, time, select, True), 0
+            status, iterations = complete_near(model, state, work, time, select, YES), 0
         else:
-            status, iterations = complete(model, state, work, time, select, True)
+            status, iterations = complete(model, state, work, time, select, YES)
         if status == OK and strict and is_near(state, work):
             status = DOUBTFUL
         if status != OK:
@@ -190,7 +190,7 @@ def _change_modes(model, state, work, time, select):
     """Copy the modes in `work` to the state; energy left in a spring that lets go counts as dissipated."""
     evaluate_turns(state.q, work.turns)
     before = report_forces(model, state, time, select, state.q, work.turns, state.v, work.report)
-    move_anchors(model, state, state.q, work.turns, state.v, work.modes, False)
+    move_anchors(model, state, state.q, work.turns, state.v, work.modes, NO)
     copy(state.modes, work.modes)
     after = report_forces(model, state, time, select, state.q, work.turns, state.v, work.report)
     state.work[DISSIPATED] += before - after
@@ -222,20 +222,20 @@ def _reach(model, state, work, start, span, select, method):
     with constraints that yield (singular_poses.py).
     """
     if method == GENERALIZED_ALPHA:
-        status, iterations = _try(model, state, work, start, span, select, method, False, False)
+        status, iterations = _try(model, state, work, start, span, select, method, NO, NO)
         return status, iterations, False
     if state.counters[NEAR_COUNT] == 0:
-        status, iterations = _try(model, state, work, start, span, select, method, False, True)
+        status, iterations = _try(model, state, work, start, span, select, method, NO, YES)
         if status not in (DOUBTFUL, SINGULAR, NOT_CLOSED):
             return status, iterations, False
         if choose_partition(model, state, work, state.q) == OK:
-            again, iterations = _try(model, state, work, start, span, select, method, False, True)
+            again, iterations = _try(model, state, work, start, span, select, method, NO, YES)
             if again == OK:
                 return again, iterations, False
     elif state.counters[NEAR_COUNT] > MOST_NEAR:
         return SINGULAR, 0, True
     copy(state.multipliers, work.kept)
-    status, _ = _try(model, state, work, start, span, select, method, True, False)
+    status, _ = _try(model, state, work, start, span, select, method, YES, NO)
     return status, 0, True
 
 
@@ -269,7 +269,7 @@ def _take_part(model, state, work, start, span, select, locating, judged):
             span *= part
             method = _method(model, state, False)
             whole = False
-            status, more = _try(model, state, work, start, span, select, method, near, False)
+            status, more = _try(model, state, work, start, span, select, method, near, NO)
             iterations = max(iterations, more)
             if status != OK:
                 return status, span, iterations, False, 0.0
@@ -368,7 +368,7 @@ def advance_tick(model, state, work, start, steps):
     """
     if state.counters[PARTITION_COUNT] == 0:
         evaluate_turns(state.q, work.turns)
-        move_anchors(model, state, state.q, work.turns, state.v, state.modes, True)
+        move_anchors(model, state, state.q, work.turns, state.v, state.modes, YES)
         select = start + 0.5 * model.step
         evaluate_modes(model, state, start, select, state.q, work.turns, state.v, state.modes)
         status = choose_partition(model, state, work, state.q)

@@ -6,11 +6,11 @@ the instant of the first switch is located, the step ends there, and the rest be
 
 import numpy as np
 
-from .compiled import NO, YES, inner_kernel, kernel
+from .compiled import NO, YES, inner_kernel, kernel, part_of_kernel
 from .dynamics import complete
 from .energy_balance import keep_balance
 from .events import differs, locate_switch
-from .forces.evaluation import evaluate_forces, evaluate_modes, move_anchors, report_forces
+from .forces.evaluation import evaluate_forces, evaluate_modes, held_in, move_anchors, report_forces
 from .geometry import evaluate_turns
 from .integrators.adams_moulton import guess_multistep, multistep_power
 from .integrators.generalized_alpha import keep_auxiliary, step_generalized_alpha
@@ -78,7 +78,15 @@ def _take_start(model, state, work, time, select):
             state.past_powers[k, i] += work.powers[i] - state.powers[i]
         if changed and model.integrator == ADAMS_MOULTON:
             evaluate_forces(
-                model, state, time, select, work.q, work.turns, work.trial_v, work.force, work.power_sums
+                model,
+                held_in(state),
+                time,
+                select,
+                work.q,
+                work.turns,
+                work.trial_v,
+                work.force,
+                work.power_sums,
             )
             for i in (DISSIPATED, BY_LOADS):
                 state.past_powers[k, i] += work.power_sums[i] - work.powers[i]
@@ -189,10 +197,10 @@ def _restart(state):
 def _change_modes(model, state, work, time, select):
     """Copy the modes in `work` to the state; energy left in a spring that lets go counts as dissipated."""
     evaluate_turns(state.q, work.turns)
-    before = report_forces(model, state, time, select, state.q, work.turns, state.v, work.report)
-    move_anchors(model, state, state.q, work.turns, state.v, work.modes, NO)
+    before = report_forces(model, held_in(state), time, select, state.q, work.turns, state.v, work.report)
+    move_anchors(model, held_in(state), state.q, work.turns, state.v, work.modes, NO)
     copy(state.modes, work.modes)
-    after = report_forces(model, state, time, select, state.q, work.turns, state.v, work.report)
+    after = report_forces(model, held_in(state), time, select, state.q, work.turns, state.v, work.report)
     state.work[DISSIPATED] += before - after
 
 
@@ -239,7 +247,7 @@ def _reach(model, state, work, start, span, select, method):
     return status, 0, True
 
 
-@inner_kernel
+@part_of_kernel
 def _take_part(model, state, work, start, span, select, locating, judged):
     """One step of at most `span`, to the first switch of a force if there is one.
 
@@ -259,7 +267,7 @@ def _take_part(model, state, work, start, span, select, locating, judged):
         if not excess <= 1.0:
             copy(state.multipliers, work.kept)
             return INACCURATE, span, iterations, False, excess
-    evaluate_modes(model, state, start + span, select, work.q, work.turns, work.v, work.modes)
+    evaluate_modes(model, held_in(state), start + span, select, work.q, work.turns, work.v, work.modes)
     switched = differs(work.modes, state.modes)
     if switched and locating:
         part = locate_switch(model, state, work, start, span, select)
@@ -306,7 +314,7 @@ def _supervise(model, state, work, time, select, iterations):
     return OK
 
 
-@inner_kernel
+@part_of_kernel
 def _take_step(model, state, work, start, end, fresh):
     """Advance by one step, from `start` to `end`, part by part; return the status.
 
@@ -322,7 +330,7 @@ def _take_step(model, state, work, start, end, fresh):
         elif _breakpoint_at(model, time):
             _restart(state)
             evaluate_turns(state.q, work.turns)
-            evaluate_modes(model, state, time, select, state.q, work.turns, state.v, work.modes)
+            evaluate_modes(model, held_in(state), time, select, state.q, work.turns, state.v, work.modes)
             _change_modes(model, state, work, time, select)
         if fresh or (state.counters[PAST_COUNT] == 0 and not inside):
             status = _refresh(model, state, work, time, select)
@@ -368,9 +376,9 @@ def advance_tick(model, state, work, start, steps):
     """
     if state.counters[PARTITION_COUNT] == 0:
         evaluate_turns(state.q, work.turns)
-        move_anchors(model, state, state.q, work.turns, state.v, state.modes, YES)
+        move_anchors(model, held_in(state), state.q, work.turns, state.v, state.modes, YES)
         select = start + 0.5 * model.step
-        evaluate_modes(model, state, start, select, state.q, work.turns, state.v, state.modes)
+        evaluate_modes(model, held_in(state), start, select, state.q, work.turns, state.v, state.modes)
         status = choose_partition(model, state, work, state.q)
         if status == SINGULAR:
             return status

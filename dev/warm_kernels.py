@@ -1,9 +1,9 @@
 """Compile the kernels that a first run needs, before that run.
 
 Run from the sources: python -m dev.warm_kernels. Of two processes, one runs the soil of `make run` in a small
-field, with its tool on a path: preparation of its block, and the run. The other runs its machine, on a wedge
-model. With --tests, the first scene of the tutorial and the soils of tests/soils.py follow. Compiled kernels
-stay in the user's cache under a digest of their sources, so a second call compiles nothing.
+field, with its tool on a path: preparation of its block, and the run. The other takes a step of its machine,
+without soil. With --tests, the first scene of the tutorial and the soils of tests/soils.py follow. Compiled
+kernels stay in the user's cache under a digest of their sources, so a second call compiles nothing.
 """
 
 import argparse
@@ -15,10 +15,11 @@ from collections.abc import Callable, Mapping
 
 from subsoil_ros import run
 from subsoil_ros.cache_folders import kernel_cache_folder
+from subsoil_ros.coupling.engines import build_mechanism
+from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.loading.shipped import config_folder
 
-CONFIG = config_folder()
-SCENE = CONFIG / "scenes" / "field_swing_brittle.yaml"
+SCENE = config_folder() / "scenes" / "field_swing_brittle.yaml"
 SHORT = {"duration_s": 0.002, "record.series_ticks": 1}
 
 SOIL = {
@@ -30,11 +31,6 @@ SOIL = {
     "tools.shank.path": {"start_x_m": 0.1},
     "soil.bin": {"length_m": 0.3, "width_m": 0.3, "depth_m": 0.15, "sides": "held"},
     "soil.bed.tile_m": 0.15,
-}
-MACHINE = {
-    **SHORT,
-    "coupling.communication_step_ns": 200_000,
-    "soil": {"model": "wedge", "file": str(CONFIG / "soils" / "paper_grid.yaml")},
 }
 
 
@@ -49,8 +45,11 @@ def tine() -> None:
 
 
 def machine() -> None:
-    """Kernels of the mechanism and of the wedges."""
-    run(SCENE, overrides=MACHINE)
+    """Kernels of the mechanism."""
+    mechanism = build_mechanism(load_scene(SCENE))
+    assert mechanism is not None
+    mechanism.advance(0, ())
+    mechanism.state("", 0, 0)
 
 
 def soils_of_tests(part: int) -> Callable[[], None]:

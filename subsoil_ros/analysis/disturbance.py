@@ -23,7 +23,7 @@ from ..scene.meshes import load_tool_mesh
 from ..scene.soil import Soil
 from ..scene.window import SoilWindow
 from .poses import posed_vertices_m, reference_angle
-from .series import Series
+from .series import Series, write_table_csv
 from .stationarity import stationarity
 from .window import Window, tip_path_m, window_span_s
 
@@ -284,19 +284,14 @@ def _surface_width_m(
 
 def write_section_csv(found: Disturbance, path: Path) -> None:
     """Write one row for each slice of the slab: its x and its loosened cross-section."""
-    import pandas as pd
-
-    columns = {"x_m": found.slices_m, "area_m2": found.slice_m2}
-    pd.DataFrame(columns).to_csv(path, index=False, float_format="%.6g")
+    write_table_csv({"x_m": found.slices_m, "area_m2": found.slice_m2}, path, ".6g")
 
 
 def write_height_map_csv(lift: HeightGrid, path: Path) -> None:
     """Write one row for each cell: its centre and the rise of its surface; empty where there is no soil."""
-    import pandas as pd
-
     x, y = np.meshgrid(*lift.centres_m())
     columns = {"x_m": x.ravel(), "y_m": y.ravel(), "lift_m": lift.height_m.ravel()}
-    pd.DataFrame(columns).to_csv(path, index=False, float_format="%.6g")
+    write_table_csv(columns, path, ".6g")
 
 
 def _period_m(soil: Soil, first_m: Values) -> float | None:

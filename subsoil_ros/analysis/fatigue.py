@@ -14,6 +14,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from .series import write_table_csv
+
 EXPONENT = 5.0
 """m of steel that is not welded, normal stress (FKM guideline, Analytical Strength Assessment, 6th ed.
 2012)."""
@@ -55,7 +57,6 @@ def load_cycles(force_newton: NDArray[np.float64], duration_s: float) -> LoadCyc
 
 def write_cycles_csv(cycles: LoadCycles, path: Path) -> None:
     """One row for each cycle, the largest range first."""
-    import pandas as pd
-
-    table = pd.DataFrame(vars(cycles), columns=["range_newton", "mean_newton", "count"])
-    table.sort_values("range_newton", ascending=False, kind="stable").to_csv(path, index=False)
+    order = np.argsort(-cycles.range_newton, kind="stable")
+    names = ("range_newton", "mean_newton", "count")
+    write_table_csv({name: getattr(cycles, name)[order] for name in names}, path)

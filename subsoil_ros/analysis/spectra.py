@@ -13,12 +13,15 @@ drift would be taken for a peak. So the other has the integrated correlation tim
 r = (2 tau - 1) / (2 tau + 1). The larger of the two densities counts.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .series import write_table_csv
 from .stationarity import correlation_steps
 
 SEGMENTS = 4
@@ -145,9 +148,10 @@ def degrees_of_freedom(count: int, length: int) -> float:
 
 def write_spectra_csv(spectra: dict[str, Spectrum], path: Path) -> None:
     """One row for each frequency of each quantity; densities in the quantity's unit squared per hertz."""
-    import pandas as pd
-
-    columns = ["frequency_hz", "density", "low", "high", "noise", "level"]
-    tables = {name: pd.DataFrame(vars(found), columns=columns) for name, found in spectra.items()}
-    table = pd.concat(tables, names=["quantity"]).droplevel(1)
-    table.rename(columns={"noise": "red_noise"}).to_csv(path)
+    columns: dict[str, Iterable[Any]] = {
+        "quantity": [name for name, found in spectra.items() for _ in found.frequency_hz]
+    }
+    for kind in ("frequency_hz", "density", "low", "high", "noise", "level"):
+        name = "red_noise" if kind == "noise" else kind
+        columns[name] = np.concatenate([getattr(found, kind) for found in spectra.values()])
+    write_table_csv(columns, path)

@@ -6,11 +6,11 @@ the instant of the first switch is located, the step ends there, and the rest be
 
 import numpy as np
 
-from .compiled import inner_kernel, kernel
+from .compiled import NO, YES, inner_kernel, kernel, part_of_kernel
 from .dynamics import complete
 from .energy_balance import keep_balance
 from .events import differs, locate_switch
-from .forces.evaluation import evaluate_forces, evaluate_modes, move_anchors, report_forces
+from .forces.evaluation import evaluate_forces, evaluate_modes, held_in, move_anchors, report_forces
 from .geometry import evaluate_turns
 from .integrators.adams_moulton import guess_multistep, multistep_power
 from .integrators.generalized_alpha import keep_auxiliary, step_generalized_alpha
@@ -78,7 +78,15 @@ def _take_start(model, state, work, time, select):
             state.past_powers[k, i] += work.powers[i] - state.powers[i]
         if changed and model.integrator == ADAMS_MOULTON:
             evaluate_forces(
-                model, state, time, select, work.q, work.turns, work.trial_v, work.force, work.power_sums
+                model,
+                held_in(state),
+                time,
+                select,
+                work.q,
+                work.turns,
+                work.trial_v,
+                work.force,
+                work.power_sums,
             )
             for i in (DISSIPATED, BY_LOADS):
                 state.past_powers[k, i] += work.power_sums[i] - work.powers[i]
@@ -92,9 +100,9 @@ def _refresh(model, state, work, time, select):
     copy(work.q, state.q)
     copy(work.v, state.v)
     if state.counters[NEAR_COUNT] > 0:
-        status = complete_near(model, state, work, time, select, False)
+        status = complete_near(model, state, work, time, select, NO)
     else:
-        status, _ = complete(model, state, work, time, select, False)
+        status, _ = complete(model, state, work, time, select, NO)
     if status == OK:
         _take_start(model, state, work, time, select)
     return status
@@ -133,9 +141,9 @@ def _try(model, state, work, start, span, select, method, near, strict):
             time = start + (0.5 * span if stage < 3 else span)
             guess_runge_kutta(state, work, span, stage)
         if near:
-            status, iterations = complete_near(model, state, work, time, select, True), 0
+            status, iterations = complete_near(model, state, work, time, select, YES), 0
         else:
-            status, iterations = complete(model, state, work, time, select, True)
+            status, iterations = complete(model, state, work, time, select, YES)
         if status == OK and strict and is_near(state, work):
             status = DOUBTFUL
         if status != OK:
@@ -189,10 +197,10 @@ def _restart(state):
 def _change_modes(model, state, work, time, select):
     """Copy the modes in `work` to the state; energy left in a spring that lets go counts as dissipated."""
     evaluate_turns(state.q, work.turns)
-    before = report_forces(model, state, time, select, state.q, work.turns, state.v, work.report)
-    move_anchors(model, state, state.q, work.turns, state.v, work.modes, False)
+    before = report_forces(model, held_in(state), time, select, state.q, work.turns, state.v, work.report)
+    move_anchors(model, held_in(state), state.q, work.turns, state.v, work.modes, NO)
     copy(state.modes, work.modes)
-    after = report_forces(model, state, time, select, state.q, work.turns, state.v, work.report)
+    after = report_forces(model, held_in(state), time, select, state.q, work.turns, state.v, work.report)
     state.work[DISSIPATED] += before - after
 
 
@@ -222,24 +230,24 @@ def _reach(model, state, work, start, span, select, method):
     with constraints that yield (singular_poses.py).
     """
     if method == GENERALIZED_ALPHA:
-        status, iterations = _try(model, state, work, start, span, select, method, False, False)
+        status, iterations = _try(model, state, work, start, span, select, method, NO, NO)
         return status, iterations, False
     if state.counters[NEAR_COUNT] == 0:
-        status, iterations = _try(model, state, work, start, span, select, method, False, True)
+        status, iterations = _try(model, state, work, start, span, select, method, NO, YES)
         if status not in (DOUBTFUL, SINGULAR, NOT_CLOSED):
             return status, iterations, False
         if choose_partition(model, state, work, state.q) == OK:
-            again, iterations = _try(model, state, work, start, span, select, method, False, True)
+            again, iterations = _try(model, state, work, start, span, select, method, NO, YES)
             if again == OK:
                 return again, iterations, False
     elif state.counters[NEAR_COUNT] > MOST_NEAR:
         return SINGULAR, 0, True
     copy(state.multipliers, work.kept)
-    status, _ = _try(model, state, work, start, span, select, method, True, False)
+    status, _ = _try(model, state, work, start, span, select, method, YES, NO)
     return status, 0, True
 
 
-@inner_kernel
+@part_of_kernel
 def _take_part(model, state, work, start, span, select, locating, judged):
     """One step of at most `span`, to the first switch of a force if there is one.
 
@@ -259,7 +267,7 @@ def _take_part(model, state, work, start, span, select, locating, judged):
         if not excess <= 1.0:
             copy(state.multipliers, work.kept)
             return INACCURATE, span, iterations, False, excess
-    evaluate_modes(model, state, start + span, select, work.q, work.turns, work.v, work.modes)
+    evaluate_modes(model, held_in(state), start + span, select, work.q, work.turns, work.v, work.modes)
     switched = differs(work.modes, state.modes)
     if switched and locating:
         part = locate_switch(model, state, work, start, span, select)
@@ -269,7 +277,7 @@ def _take_part(model, state, work, start, span, select, locating, judged):
             span *= part
             method = _method(model, state, False)
             whole = False
-            status, more = _try(model, state, work, start, span, select, method, near, False)
+            status, more = _try(model, state, work, start, span, select, method, near, NO)
             iterations = max(iterations, more)
             if status != OK:
                 return status, span, iterations, False, 0.0
@@ -306,7 +314,7 @@ def _supervise(model, state, work, time, select, iterations):
     return OK
 
 
-@inner_kernel
+@part_of_kernel
 def _take_step(model, state, work, start, end, fresh):
     """Advance by one step, from `start` to `end`, part by part; return the status.
 
@@ -322,7 +330,7 @@ def _take_step(model, state, work, start, end, fresh):
         elif _breakpoint_at(model, time):
             _restart(state)
             evaluate_turns(state.q, work.turns)
-            evaluate_modes(model, state, time, select, state.q, work.turns, state.v, work.modes)
+            evaluate_modes(model, held_in(state), time, select, state.q, work.turns, state.v, work.modes)
             _change_modes(model, state, work, time, select)
         if fresh or (state.counters[PAST_COUNT] == 0 and not inside):
             status = _refresh(model, state, work, time, select)
@@ -368,9 +376,9 @@ def advance_tick(model, state, work, start, steps):
     """
     if state.counters[PARTITION_COUNT] == 0:
         evaluate_turns(state.q, work.turns)
-        move_anchors(model, state, state.q, work.turns, state.v, state.modes, True)
+        move_anchors(model, held_in(state), state.q, work.turns, state.v, state.modes, YES)
         select = start + 0.5 * model.step
-        evaluate_modes(model, state, start, select, state.q, work.turns, state.v, state.modes)
+        evaluate_modes(model, held_in(state), start, select, state.q, work.turns, state.v, state.modes)
         status = choose_partition(model, state, work, state.q)
         if status == SINGULAR:
             return status

@@ -5,6 +5,7 @@ state and workspace at every call, took two thirds of the time. So a kernel allo
 one with linear.copy.
 """
 
+import numpy as np
 from numba import njit
 
 kernel = njit(cache=True, error_model="numpy", _nrt=False)
@@ -16,5 +17,10 @@ it is part of its callers, which are."""
 part_of_kernel = njit(
     error_model="numpy", _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True, inline="always"
 )
-"""The same, written into its callers before they are compiled: for the short functions of one joint. Not for
-the layers of a step (advance.py): as one function they compile in less time, but run a fifth slower."""
+"""The same, written into its callers before they are compiled: for short functions, and for those of a step
+that are called in one place (advance.py). Not for all layers of a step: as one function they compile in less
+time, but run a fifth slower."""
+
+NO, YES = np.bool_(False), np.bool_(True)
+"""Flags that a kernel passes to another. False and True are of two types to numba, which would compile a
+variant of the other kernel for each."""

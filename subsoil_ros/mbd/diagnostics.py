@@ -4,7 +4,7 @@ import numpy as np
 
 from ..messages import BodyState, ForceState, JointReaction, MechanismState
 from .build import Machine
-from .forces.evaluation import evaluate_forces, report_forces
+from .forces.evaluation import Held, evaluate_forces, report_forces
 from .forces.table import LOCKED_SPRING, LOCKED_TORSION, POINT_LOAD
 from .geometry import turns_of
 from .joints import kind_of
@@ -33,7 +33,8 @@ def multipliers(machine: Machine, state: State, time: float, select: float) -> n
     turns = turns_of(state.q)
     evaluate_jacobian(model, state.q, turns, jacobian)
     total = np.zeros(count + 3)
-    evaluate_forces(model, state, time, select, state.q, turns, state.v, total, np.zeros(3))
+    held = Held(state.modes, state.multipliers, state.anchors)
+    evaluate_forces(model, held, time, select, state.q, turns, state.v, total, np.zeros(3))
     rest = total[:count] + state.wrench - model.mass * state.a[:count]
     scaled = np.linalg.lstsq(jacobian[:, :count].T, model.column_scale * rest, rcond=1e-9)[0]
     return model.row_scale * scaled
@@ -73,7 +74,8 @@ def mechanism_state(
     model = machine.model
     time = stamp[2] * 1e-9
     report = np.zeros((len(machine.forces), 3))
-    stored = report_forces(model, state, time, select, state.q, turns_of(state.q), state.v, report)
+    held = Held(state.modes, state.multipliers, state.anchors)
+    stored = report_forces(model, held, time, select, state.q, turns_of(state.q), state.v, report)
     row_multipliers = multipliers(machine, state, time, select)
     locked_forces(model, row_multipliers, report)
     reactions = reactions_at(machine, state.q, row_multipliers, redundant)

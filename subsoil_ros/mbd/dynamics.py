@@ -4,7 +4,7 @@ Coordinates, forces and masses are scaled here: y = q / s, mass s^2, force s, s 
 """
 
 from .compiled import inner_kernel
-from .forces.evaluation import evaluate_forces
+from .forces.evaluation import evaluate_forces, held_in
 from .forces.joint_friction import is_friction, joint_pressure
 from .geometry import evaluate_turns
 from .joints.constraints import evaluate_gamma
@@ -127,7 +127,9 @@ def accelerate(model, state, work, time, select, yielding):
     for turn in range(LAST_FRICTION):
         if model.pressed:
             copy(work.previous, state.multipliers)
-        evaluate_forces(model, state, time, select, work.q, work.turns, work.v, work.force, work.powers)
+        evaluate_forces(
+            model, held_in(state), time, select, work.q, work.turns, work.v, work.force, work.powers
+        )
         for i in range(state.wrench.shape[0]):
             work.force[i] += state.wrench[i]
         if whole:

@@ -1,7 +1,7 @@
 """Energy balance of the mechanism: stored and dissipated energy less the work done on it is constant."""
 
 from .compiled import inner_kernel
-from .forces.evaluation import report_forces
+from .forces.evaluation import held_in, report_forces
 from .geometry import evaluate_turns
 from .step_error import SLOWEST
 from .tables import (
@@ -27,7 +27,7 @@ def keep_balance(model, state, work, time, select):
     generalized_alpha damps fast modes, so energy may vanish with it.
     """
     evaluate_turns(state.q, work.turns)
-    stored = report_forces(model, state, time, select, state.q, work.turns, state.v, work.report)
+    stored = report_forces(model, held_in(state), time, select, state.q, work.turns, state.v, work.report)
     kinetic, gravity, slow = 0.0, 0.0, 0.0
     for i in range(model.mass.shape[0]):
         kinetic += 0.5 * model.mass[i] * state.v[i] ** 2

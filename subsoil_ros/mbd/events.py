@@ -1,7 +1,7 @@
 """Location of the instant inside a step at which a force leaves its mode (forces/evaluation.py)."""
 
 from .compiled import inner_kernel
-from .forces.evaluation import evaluate_modes
+from .forces.evaluation import evaluate_modes, held_in
 from .geometry import evaluate_turns
 
 NEAREST = 1e-12
@@ -50,7 +50,9 @@ def locate_switch(model, state, work, start, span, select):
         _interpolate(state, work, span, part)
         evaluate_turns(work.trial_q, work.turns)
         time = start + part * span
-        evaluate_modes(model, state, time, select, work.trial_q, work.turns, work.trial_v, work.modes)
+        evaluate_modes(
+            model, held_in(state), time, select, work.trial_q, work.turns, work.trial_v, work.modes
+        )
         if differs(work.modes, state.modes):
             after = part
         else:
@@ -58,5 +60,5 @@ def locate_switch(model, state, work, start, span, select):
     _interpolate(state, work, span, after)
     evaluate_turns(work.trial_q, work.turns)
     time = start + after * span
-    evaluate_modes(model, state, time, select, work.trial_q, work.turns, work.trial_v, work.modes)
+    evaluate_modes(model, held_in(state), time, select, work.trial_q, work.turns, work.trial_v, work.modes)
     return after

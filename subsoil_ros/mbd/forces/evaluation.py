@@ -2,15 +2,14 @@
 
 A mode is a smooth part of an element's law: slack or taut, a segment of a table, a stop touched or not, a
 wheel off or on the ground. It is held within a step, where the force is therefore smooth; where the state
-leaves the mode, the integrator locates the instant (events.py). `held` is a State or a Held: it has `modes`,
-`multipliers` and `anchors`.
+leaves the mode, the integrator locates the instant (events.py).
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from ..compiled import inner_kernel, kernel
+from ..compiled import inner_kernel, kernel, part_of_kernel
 from ..geometry import turns_of
 from ..tables import DISSIPATED, Model
 from . import coordinate_spring, joint_stops, point_load, spring_damper, torsion_spring, wheel_contact
@@ -36,6 +35,12 @@ class Held(NamedTuple):
     modes: np.ndarray  # (forces,) int64
     multipliers: np.ndarray  # (m,) float64 [N or N m]
     anchors: np.ndarray  # (forces,) float64 [m or rad]: see sticking.py
+
+
+@part_of_kernel
+def held_in(state):
+    """Return these quantities of a State. With the State itself the kernels here would have two variants."""
+    return Held(state.modes, state.multipliers, state.anchors)
 
 
 @inner_kernel

@@ -7,7 +7,7 @@ accelerations of the independent coordinates, so the equations are free of const
 
 import numpy as np
 
-from ..compiled import inner_kernel
+from ..compiled import YES, inner_kernel
 from ..dynamics import complete
 from ..linear import copy, lu_factor, lu_solve
 from ..tables import NOT_SOLVED, OK, PAST_COUNT, SINGULAR
@@ -56,7 +56,7 @@ def _defect(state, work, i):
 @inner_kernel
 def _evaluate(model, state, work, time, select, step):
     _guess(state, work, step)
-    return complete(model, state, work, time, select, True)
+    return complete(model, state, work, time, select, YES)
 
 
 @inner_kernel

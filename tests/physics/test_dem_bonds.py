@@ -152,6 +152,7 @@ def stood(soil, bonds, positions, *, held=None, gravity=0.0, step_s=1e-5, law=NO
     return SoilEngine(resolved, book=True, bed=bed)
 
 
+@pytest.mark.full
 def test_two_spheres_swing_as_their_spring(soil):
     """Undamped: sqrt(k / reduced mass), energy kept; with a damping ratio the swing decays as it says."""
     for ratio in (0.0, 0.1):

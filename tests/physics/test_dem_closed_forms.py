@@ -200,8 +200,7 @@ def test_pull_off_force_is_the_peak_of_the_wet_law(soil, at, one, load):
     adhesion = 7_000.0 * 3_000.0 / 10_000.0
     gravity = load * adhesion * 0.002 / MASS
     engine = soil.engine(
-        f"gravity_m_per_s2={gravity}", "soil.bin.depth_m=0.1", "soil.law.damped_zones=all",
-        "soil.law.friction_normal=repulsive",
+        f"gravity_m_per_s2={gravity}", "soil.bin.depth_m=0.1",
         tools=one(soil.box(0.08, 0.08, 0.02)),
     )  # fmt: skip
     overlap = max(0.002 - load * 0.002, 1e-6)

@@ -102,7 +102,10 @@ def build(soil, law, seed, threads=2):
     return engine, planes, state
 
 
-CASES = [("linear",), ("hertz",), ("wet",), ("wet", "repulsive", "all")]
+CASES = [
+    ("linear",), ("hertz",), ("wet",),
+    pytest.param(("wet", "repulsive", "all"), marks=pytest.mark.full),  # the only test of this variant
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("case", CASES, ids=" ".join)

@@ -136,6 +136,7 @@ def test_a_tiled_bed_fills_its_bin_at_its_density(soil):
     assert_allclose(check_start(scene), len(bed.positions_m), rtol=0.15)
 
 
+@pytest.mark.full
 def test_nothing_lines_up_at_the_floor(soil):
     """Centres over the held floor, in slices of a quarter of a diameter: none has half as many again as the
     mean (random packings settled on a plane have nearly twice as many in their first layers)."""

@@ -97,6 +97,7 @@ def test_a_field_stands_as_its_block_does(soil, sides):
     assert len(first) > 3 * p.count
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("sides", ["held", "periodic"])
 def test_report_is_of_the_soil_between_the_held_layers(soil, sides):
     """Density, floor and voids of a window are those of its soil; it has no walls to be away from."""
@@ -195,6 +196,7 @@ def test_a_tool_is_where_its_edges_cross_the_height_too(soil):
     assert high - low == pytest.approx(0.8 * np.cos(0.5) + 0.1 / np.tan(0.5), abs=0.03)
 
 
+@pytest.mark.full
 def test_soil_that_moves_at_the_held_front_is_told(soil, caplog):
     """A blade as wide as the field pushes soil up to where it is held: the draft would be that of a wall."""
     scene = field(soil, sides="periodic")

@@ -14,7 +14,6 @@ from examples.gallery.make_meshes import MESHES
 PAGE = (FOLDER / "README.md").read_text()
 SHORT = {"duration_s": 0.004, "soil.particles.radius_m": 0.02, "record.cloud_hz": None}
 
-LONG = ("disc_gang", "forced_vibration", "mouldboard", "swing", "three_shanks")
 """Whose beds take twenty seconds or more to prepare."""
 
 
@@ -46,9 +45,8 @@ def test_scene_is_whole(name):
     assert subsoil.check(FOLDER / f"{name}.yaml", SHORT)
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.full if name in LONG else ()) for name in scenes()]
-)
+@pytest.mark.full
+@pytest.mark.parametrize("name", scenes())
 def test_scene_runs(name):
     """With larger particles and for a short time, every scene runs to its end."""
     run = subsoil.run(FOLDER / f"{name}.yaml", overrides=SHORT)

@@ -211,9 +211,10 @@ def test_what_serve_needs(tmp_path: Path) -> None:
         subsoil.serve("tine", Block())
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("name", "duration_s"),
-    [("hitch.yaml", 0.3), pytest.param("hitch_particles.yaml", 0.1, marks=pytest.mark.full)],
+    [("hitch.yaml", 0.3), ("hitch_particles.yaml", 0.1)],
 )
 def test_the_hitch_over_dds_has_the_same_bits(name: str, duration_s: float, tmp_path: Path) -> None:
     """MuJoCo's three-point hitch in the plane and in space: in process, and as a node."""

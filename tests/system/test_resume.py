@@ -99,7 +99,8 @@ def test_sigterm_keeps_a_checkpoint_and_the_run_goes_on(whole: Path, start: Call
     assert_same(whole, run.out, second.out)
 
 
-@pytest.mark.parametrize("victim", [pytest.param("recorder", marks=pytest.mark.full), "subsoil"])
+@pytest.mark.full
+@pytest.mark.parametrize("victim", ["recorder", "subsoil"])
 def test_a_run_that_was_killed_goes_on(whole: Path, start: Callable, victim: str, tmp_path: Path) -> None:
     """kill -9 of a node or of `subsoil run`: the newest checkpoint is whole, and the record reaches it."""
     run = start("first", "nodes")

@@ -18,6 +18,8 @@ CHANGES = (
     "coupling.force=tick_mean",
 )
 
+pytestmark = pytest.mark.full  # make test has test_modes.py for the machine in particles
+
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
@@ -32,7 +34,6 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return folders
 
 
-@pytest.mark.full
 def test_the_disc_turns_in_the_soil(results: dict[str, Path]) -> None:
     """The comparison is not one of zeros."""
     head, *_, last = (results["direct"] / "series.csv").read_text().splitlines()

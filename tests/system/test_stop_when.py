@@ -104,6 +104,7 @@ def test_the_bag_ends_with_a_series_tick(direct: dict[str, Path], name: str) -> 
     assert any(topic.endswith("soil/points") for topic in at_end) == (name == "particles")
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("mode", ["direct", "nodes"])
 def test_a_resumed_run_ends_at_the_same_tick(direct: dict[str, Path], tmp_path: Path, mode: str) -> None:
     """From a checkpoint before the end, and from that of the check tick that ends the run."""

@@ -14,6 +14,8 @@ DURATION_S = 0.5
 """The wheels come down in 0.3 s, then the machine is pulled; AT_WORK: share in the soil at once."""
 AT_WORK = "mechanism.initial.translate_x_m=0.4"
 
+pytestmark = pytest.mark.full  # make test has test_modes.py for the machine in particles
+
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
@@ -29,7 +31,6 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return folders
 
 
-@pytest.mark.full
 @pytest.mark.parametrize("mode", ["composed", "nodes"])
 def test_series_are_equal_byte_for_byte(results: dict[str, Path], mode: str) -> None:
     """series.csv does not depend on the way of running."""

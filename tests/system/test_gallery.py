@@ -14,8 +14,6 @@ from examples.gallery.make_meshes import MESHES
 PAGE = (FOLDER / "README.md").read_text()
 SHORT = {"duration_s": 0.004, "soil.particles.radius_m": 0.02, "record.cloud_hz": None}
 
-"""Whose beds take twenty seconds or more to prepare."""
-
 
 def test_every_scene_is_on_the_page():
     """At least twenty examples; each scene has a picture or film of its own, and three sentences or so."""

@@ -1,53 +1,60 @@
-"""Wall and CPU time of each step from a clone to the first picture, cold caches; size of the environment.
+"""Wall and CPU time from a clone to the first picture, and of the tests; size of the environment.
 
-python benchmarks/first_picture.py FOLDER [--python PATH]
+python benchmarks/first_picture.py FOLDER [--revision REVISION] [--python PATH]
 
-FOLDER, which must not exist, gets a clone of this repository's last commit and caches of its own. The steps
-run one after another; `make run` alone compiles messages and kernels side by side.
+FOLDER, which must not exist, gets a clone of this repository and caches of its own, all cold. Kernels are cold
+again when the tests start.
 """
 
 import argparse
 import os
 import resource
+import shutil
 import subprocess
 import time
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-STEPS = {
-    "packages": [".venv/.set-up-packages"],
-    "messages": [".venv/.set-up-messages"],
-    "subsoil_ros": [".venv/.set-up-subsoil"],
-    "kernels": [".venv/.set-up-kernels"],
-    "run and report": ["run"],
-    "packages of tests and checks": [".venv/.set-up-check"],
-}
-"""Targets of make by what they do."""
+STEPS = ("run", "setup-test", "test", "setup-check", "setup-docs")
+"""Targets of make, in this order; those that a revision has not are left out."""
 
 
 def main() -> None:
     """Clone, time each step, print a table in Markdown."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("folder", type=Path)
+    parser.add_argument("--revision", default="HEAD")
     parser.add_argument("--python", default="", help="interpreter of the environment")
     given = parser.parse_args()
     folder = given.folder.resolve()
-    clone = folder / "clone"
+    clone, cache = folder / "clone", folder / "cache"
+    revision = subprocess.check_output(["git", "rev-parse", given.revision], cwd=ROOT, text=True).strip()
     subprocess.run(["git", "clone", "--quiet", ROOT, clone], check=True)
-    caches = {name: str(folder / "cache") for name in ("XDG_CACHE_HOME", "PIP_CACHE_DIR", "UV_CACHE_DIR")}
+    subprocess.run(["git", "checkout", "--quiet", "--detach", revision], cwd=clone, check=True)
+    caches = {name: str(cache) for name in ("XDG_CACHE_HOME", "PIP_CACHE_DIR", "UV_CACHE_DIR")}
     environment = os.environ | caches | {"HOME": str(folder)}
     environment.pop("NUMBA_CACHE_DIR", None)
-    print("| step | wall s | CPU s | environment GB |\n|---|---|---|---|")
-    for name, targets in STEPS.items():
+    python = [f"PYTHON={given.python}"] if given.python else []
+    makefile = (clone / "Makefile").read_text()
+    print("| make | wall | CPU | environment GB |\n|---|---|---|---|")
+    for target in STEPS:
+        if f"\n{target}:" not in makefile:
+            continue
+        if target == "test":
+            shutil.rmtree(cache / "subsoil_ros" / "kernels")
         wall, cpu = time.monotonic(), children_cpu_s()
-        absolute = [str(clone / target) if target.startswith(".") else target for target in targets]
-        python = [f"PYTHON={given.python}"] if given.python else []
-        subprocess.run(
-            ["make", "--silent", *absolute, *python],
-            cwd=clone, env=environment, check=True, stdout=subprocess.DEVNULL,
-        )  # fmt: skip
+        done = subprocess.run(
+            ["make", "--silent", target, *python], cwd=clone, env=environment, stdout=subprocess.DEVNULL
+        )
         wall, cpu = time.monotonic() - wall, children_cpu_s() - cpu
-        print(f"| {name} | {wall:.0f} | {cpu:.0f} | {size_gb(clone / '.venv'):.2f} |", flush=True)
+        failed = f" (exit {done.returncode})" * bool(done.returncode)
+        size = f"{size_gb(clone / '.venv'):.2f}"
+        print(f"| {target}{failed} | {minutes(wall)} | {minutes(cpu)} | {size} |", flush=True)
+
+
+def minutes(seconds: float) -> str:
+    """Minutes and seconds."""
+    return f"{round(seconds) // 60}:{round(seconds) % 60:02d}"
 
 
 def children_cpu_s() -> float:

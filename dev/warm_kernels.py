@@ -1,9 +1,9 @@
 """Compile the kernels that a first run needs, before that run.
 
-Run from the sources: python -m dev.warm_kernels. Of two processes, one runs the soil of `make run` in a small
-field, with its tool on a path: preparation of its block, and the run. The other takes a step of its machine,
-without soil. With --tests, the first scene of the tutorial and the soils of tests/soils.py follow. Compiled
-kernels stay in the user's cache under a digest of their sources, so a second call compiles nothing.
+Run from the sources: python -m dev.warm_kernels. One process runs the soil of `make run` in a small field,
+with its tool on a path: preparation of its block, and the run. Another takes a step of its machine, no soil.
+With --tests, the soils of tests/soils.py follow. Compiled kernels stay in the user's cache under a digest of
+their sources, so a second call compiles nothing.
 """
 
 import argparse
@@ -11,7 +11,8 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 from subsoil_ros import run
 from subsoil_ros.cache_folders import kernel_cache_folder
@@ -39,11 +40,6 @@ def soil() -> None:
     run(SCENE, overrides=SOIL)
 
 
-def tine() -> None:
-    """Kernels of the first scene of the tutorial."""
-    run("tine", overrides=SHORT)
-
-
 def machine() -> None:
     """Kernels of the mechanism."""
     mechanism = build_mechanism(load_scene(SCENE))
@@ -52,47 +48,45 @@ def machine() -> None:
     mechanism.state("", 0, 0)
 
 
-def soils_of_tests(part: int) -> Callable[[], None]:
-    """Kernels of every other soil of the tests, from the one numbered `part` on."""
-
-    def compile_them() -> None:
-        from tests.soils import SOILS, warming_scene
-
-        for name in list(SOILS)[part::2]:
-            run(warming_scene(name))
-
-    return compile_them
+PARTS: Mapping[str, Callable[[], None]] = {"soil": soil, "machine": machine}
 
 
-PARTS: Mapping[str, Callable[[], None]] = {
-    "soil": soil, "tine": tine, "machine": machine,
-    "tests-0": soils_of_tests(0), "tests-1": soils_of_tests(1),
-}  # fmt: skip
+def compile_part(name: str) -> None:
+    """Compile one of PARTS, or one of the soils of the tests."""
+    if name in PARTS:
+        PARTS[name]()
+        return
+    from tests.soils import warming_scene
+
+    run(warming_scene(name))
 
 
-def side_by_side(*parts: str) -> int:
-    """Each part in a process of its own; beds go to a folder that is removed. Exit status."""
+def compile_all(parts: Sequence[str]) -> int:
+    """Compile each part in a process, one for each core at a time; their beds are not kept. Exit status."""
     kernels = str(kernel_cache_folder())
     with tempfile.TemporaryDirectory(prefix="warm-kernels-") as folder:
         environment = os.environ | {"NUMBA_CACHE_DIR": kernels, "XDG_CACHE_HOME": folder}
         command = [sys.executable, "-m", "dev.warm_kernels", "--part"]
-        processes = [subprocess.Popen([*command, part], env=environment) for part in parts]
-        return max([process.wait() for process in processes], key=abs)
+        with ThreadPoolExecutor(max(2, os.cpu_count() or 1)) as pool:
+            ended = pool.map(lambda part: subprocess.call([*command, part], env=environment), parts)
+        return max(ended, key=abs)
 
 
 def main() -> int:
     """Exit status."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--tests", action="store_true", help="also the tutorial and the soils of the tests")
-    parser.add_argument("--part", choices=PARTS, help="only this part, in this process")
+    parser.add_argument("--tests", action="store_true", help="also the soils of the tests")
+    parser.add_argument("--part", help="only this part, in this process")
     given = parser.parse_args()
     if given.part:
-        PARTS[given.part]()
+        compile_part(given.part)
         return 0
-    status = side_by_side("soil", "machine")
-    if given.tests and status == 0:
-        status = side_by_side("tine", "tests-0", "tests-1")
-    return abs(status)
+    soils: list[str] = []
+    if given.tests:
+        from tests.soils import SOILS
+
+        soils = list(SOILS)
+    return abs(compile_all([*PARTS, *soils]))
 
 
 if __name__ == "__main__":

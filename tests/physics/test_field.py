@@ -110,6 +110,7 @@ def test_report_is_of_the_soil_between_the_held_layers(soil, sides):
     assert report.wall_gaps == {}
 
 
+@pytest.mark.full
 def test_a_strip_is_laid_out_without_a_jolt(soil):
     """With the tool away: what acts on particles that were free stays as it is, bit for bit; those laid out
     and freed feel what their copies in the block do, to 5 % of the weight (rms); no energy is made."""

@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
@@ -43,6 +44,7 @@ def test_the_mesh_is_that_of_the_generator_and_the_numbers_are_those_of_the_text
     assert_allclose(turn.free.inertia_kg_m2, 0.5 * mass * module.RADIUS_M**2, rtol=0.01)
 
 
+@pytest.mark.full
 def test_the_disc_rolls_and_is_pushed_aside(tmp_path: Path) -> None:
     """Travel turns it forward; draft is positive; the side force changes its sign with the disc angle."""
     sides = []

@@ -46,6 +46,7 @@ def test_mechanism(capsys):
     assert printed.split()[-4::2] == ["1", "2"]
 
 
+@pytest.mark.full
 def test_lockstep(monkeypatch, capsys):
     """Real processes over DDS: three, and four with the recorder; HELICS where it is installed."""
     from benchmarks import lockstep  # imports rclpy

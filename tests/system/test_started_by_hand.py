@@ -108,6 +108,7 @@ def node_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callab
             process.wait()
 
 
+@pytest.mark.full
 def test_a_node_of_another_scene_is_refused(node_set: Callable[[int], NodeSet], tmp_path: Path) -> None:
     """One node reads a scene with other content: named with both hashes, no node goes on, exit 3."""
     nodes = node_set(100_000)

@@ -3,7 +3,7 @@
 import numba
 import pytest
 
-from benchmarks.soil_cases import DENSE, GRID, cohesive_case, linear_case
+from benchmarks.soil_cases import DENSE, GRID, linear_case
 from subsoil_ros.api.beds import prepare_bed_first
 from subsoil_ros.cli._shared.bed_preparation import bed_progress
 from subsoil_ros.cli._shared.preparation import KernelAnnouncer, announce_kernels_of_nodes
@@ -59,7 +59,7 @@ def test_a_log_gets_two_lines_about_a_bed(tmp_path, monkeypatch, capsys: pytest.
     """A line before, a line after; none when the bed is in the cache, and none for a grid."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr("subsoil_ros.dem.beds.dense.PILOT_DIAMETERS", 5.0)  # quick
-    case = cohesive_case(DENSE, (0.06, 0.06, 0.06), 1, "small")
+    case = linear_case(DENSE, (0.06, 0.06, 0.06), 1, "small")
     prepare_bed_first(case.resolved, 1, bed_progress)
     before, after = capsys.readouterr().err.splitlines()
     assert before.startswith("preparing a dense random bed of about ")

@@ -2,8 +2,8 @@
 
 python benchmarks/first_picture.py FOLDER [--revision REVISION] [--python PATH]
 
-FOLDER, which must not exist, gets a clone of this repository and caches of its own, all cold. Kernels are cold
-again when the tests start.
+FOLDER, which must not exist, gets a clone of this repository and caches of its own, all cold. Kernels are
+cold again when the tests start.
 """
 
 import argparse

@@ -41,7 +41,7 @@ KERNEL_SHARE = 0.25
 SECONDS = 120.0
 """Time of the tests that a mutant may cost at most, as they took when they were measured."""
 
-LIMIT = 900.0
+LIMIT = 600.0
 """Wall time [s] after which a run counts as hung, and the mutant as killed."""
 
 COMPARISONS = {

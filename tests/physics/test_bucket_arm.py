@@ -41,7 +41,6 @@ def test_the_angles_reach_the_waypoints(bucket: ModuleType, time_s: float) -> No
     )
 
 
-@pytest.mark.full
 def test_the_bucket_goes_into_the_sand(bucket: ModuleType) -> None:
     """On its way within the compliance of the servos, pushed up by the sand, energy balanced."""
     scene = subsoil.load_scene(EXAMPLE / "bucket.yaml", {"duration_s": 0.5})

@@ -130,7 +130,6 @@ def test_scaled_soil_is_the_same_soil():
     assert_allclose(other.greatest_pa[:60], one.greatest_pa[:60], rtol=1e-5)
 
 
-@pytest.mark.full
 def test_cohesion_and_tension():
     """Attraction makes cohesion, and a tension below Rumpf's and below what the strength allows; dry soil has
     neither, and softens to its critical state."""

@@ -65,7 +65,6 @@ def test_lockstep(monkeypatch, capsys):
         assert set(result[key]["nodes"]) <= names  # a run too short to be sampled twice gives none
 
 
-@pytest.mark.full
 def test_a_benchmark_keeps_its_runs_as_a_sweep_does(tmp_path: Path) -> None:
     """Found by either of the two, with its bag where that is asked for; what fails is told and not kept."""
     tine, cache = SCENES / "tine.yaml", tmp_path / "runs"

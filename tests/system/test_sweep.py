@@ -198,7 +198,6 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, subprocess.Popen]]:
                 process.wait(LIMIT_S)
 
 
-@pytest.mark.full
 def test_a_cluster_by_its_address(cluster: tuple[str, subprocess.Popen], tmp_path: Path) -> None:
     """Runs on another program's worker; one whose worker is killed is a failed run, and the next goes on."""
     address, worker = cluster

@@ -74,7 +74,7 @@ run: setup  ## simulate SCENE (field_swing_brittle, 2.1 s) into OUT (runs/<time>
 
 test: setup-test  ## the tests that tell most for their time, files on 2 to 4 workers
 	$(bin)/python -m dev.warm_kernels --tests
-	$(pytest) -m "not full" --costs build/test_costs.json $(PYTEST_FLAGS)
+	$(pytest) -m "not full" --costs=build/test_costs.json $(PYTEST_FLAGS)
 
 test-quick: setup-test  ## tests/unit: no process, no kernel but the shared ones
 	$(bin)/python -m dev.warm_kernels --tests

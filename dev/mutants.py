@@ -323,7 +323,8 @@ def run(folder: Path, column: str, jobs: int) -> None:
             write_list(rows)
 
         with ThreadPoolExecutor(jobs) as pool:
-            list(pool.map(one, [row for row in rows if not row[column]]))
+            todo = [row for row in rows if not row[column]]
+            list(pool.map(one, sorted(todo, key=lambda row: row["kernel"])))  # kernels, which are dear, last
 
 
 def report() -> None:
@@ -336,7 +337,7 @@ def report() -> None:
             f"{column}: {killed} killed, {sum(row[column].startswith('survived') for row in rows)} survived"
         )
     first, last = columns[0], columns[-1]
-    before = [row for row in rows if row[first].startswith("killed") and row[last] != "gone"]
+    before = [row for row in rows if row[first].startswith("killed") and row[last] not in ("", "gone")]
     lost = [row for row in before if not row[last].startswith("killed")]
     for row in lost:
         print(f"lost: {row['file']}:{row['line']}: {row['old']} -> {row['new']}: {row[last]}")

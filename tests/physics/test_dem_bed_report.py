@@ -36,6 +36,25 @@ def test_grid_has_the_density_bonds_and_overlap_of_a_grid(grid):
     assert_allclose(report.density_kg_per_m3, nx * ny * nz * MASS / (area * height), rtol=1e-12)
 
 
+def test_layers_have_their_own_particles_and_densities(soil):
+    """Of five levels two are in the topsoil; the hardpan is heavier by the ratio of its particles' density."""
+    pan = {"name": "hardpan", "density_kg_per_m3": 2400.0}
+    layers = [{"name": "topsoil", "thickness_m": 0.036}, pan]
+    document = soil.scene().document["soil"]
+    scene = soil.scene("gravity_m_per_s2=0", soil={**document, "layers": layers})
+    bed = SoilEngine(scene).bed
+    top, pan = report_bed(bed, scene.scene.soil).layers
+    assert (top.name, pan.name) == ("layer topsoil", "layer hardpan")
+    assert (top.particle_count, pan.particle_count) == (60, 90)
+    lower = -bed.floor_m - 0.036
+    assert_allclose(pan.density_kg_per_m3, 90 * MASS * 2400.0 / 1800.0 / (area_m2(bed) * lower), rtol=1e-12)
+
+
+def area_m2(bed):
+    """Floor of a bed."""
+    return (bed.upper_m[0] - bed.lower_m[0]) * (bed.upper_m[1] - bed.lower_m[1])
+
+
 def test_top_of_a_grid_is_felt_by_a_sphere(grid):
     """On a particle the top is at its pole, over the middle of four a r (2 - sqrt(4 - (s/r)^2 / 2)) lower."""
     bed, soil = grid

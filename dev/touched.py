@@ -2,9 +2,8 @@
 
 Runs the tests under coverage, in their processes and in those they start, each line with the tests that
 execute it. FOLDER gets `coverage` (read it with coverage.py) and `seconds.json` (duration and outcome of each
-test). Prints the covered share of lines by folder of the package (tests/README.md).
-Compiled kernels are invisible to coverage, so their functions are left out. Lines executed at
-import belong to no test.
+test). Prints the covered share of lines by folder of the package (tests/README.md). Compiled kernels are
+invisible to coverage, so their functions are left out. Lines executed at import belong to no test.
 """
 
 import argparse

@@ -37,7 +37,7 @@ def test_grid_has_the_density_bonds_and_overlap_of_a_grid(grid):
 
 
 def test_layers_have_their_own_particles_and_densities(soil):
-    """Of five levels two are in the topsoil; the hardpan is heavier by the ratio of its particles' density."""
+    """Of five levels two are in the topsoil; the hardpan is heavier by the ratio of densities."""
     pan = {"name": "hardpan", "density_kg_per_m3": 2400.0}
     layers = [{"name": "topsoil", "thickness_m": 0.036}, pan]
     document = soil.scene().document["soil"]

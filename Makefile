@@ -76,8 +76,7 @@ test: setup-test  ## the tests that tell most for their time, files on 2 to 4 wo
 	$(bin)/python -m dev.warm_kernels --tests
 	$(pytest) -m "not full" --costs=build/test_costs.json $(PYTEST_FLAGS)
 
-test-quick: setup-test  ## tests/unit: no process, no kernel but the shared ones
-	$(bin)/python -m dev.warm_kernels --tests
+test-quick: setup-test  ## tests/unit: no process, few kernels
 	$(pytest) tests/unit -m "not full" $(PYTEST_FLAGS)
 
 test-full: setup-test  ## all tests

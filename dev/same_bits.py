@@ -43,7 +43,7 @@ SCENES: dict[str, dict[str, float]] = {
     "subsoiler_1s300_quick": {"duration_s": 0.1, "mechanism.initial.translate_x_m": -0.1},
     "depth_wheel": {"duration_s": 0.05},
     "mechanism_only": {"duration_s": 0.7},
-    "three_shanks_resistance": {"duration_s": 0.4},
+    "three_shanks_wedge": {"duration_s": 0.4},
     "subsoiler_1s300_draft_limit": {
         "duration_s": 0.05,
         "mechanism.initial.translate_x_m": -0.05,

@@ -83,12 +83,12 @@ test-full: setup-test  ## all tests
 	$(bin)/python -m dev.warm_kernels --tests
 	$(pytest) $(PYTEST_FLAGS)
 
-validate: setup-test  ## the tables of validation/ that check themselves: before a release; an hour and a half
+validate: setup-test  ## the tables of validation/ that check themselves, before a release; long
 	$(bin)/python -m validation
 	$(bin)/python -m validation.flow_function
 	$(bin)/python -m validation.wide_blade
 
-check: setup-check  ## style, types, layers
+check: setup-check  ## style, types, layers, and that no test file costs too much
 	$(bin)/ruff check .
 	$(bin)/ruff format --check .
 	$(bin)/python -m mypy

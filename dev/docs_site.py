@@ -28,7 +28,9 @@ from subsoil_ros.yaml_document import parse_yaml
 MESSAGES = Path(__file__).parents[1] / "msg_defs"
 SCENES = Path(__file__).parents[1] / "config" / "scenes"
 DOCS = "docs/"
-ADDED = ("benchmarks/", "examples/", "reproduction/", "validation/", "CHANGELOG.md", "CONTRIBUTING.md")
+ADDED = (
+    "benchmarks/", "examples/", "reproduction/", "tests/README.md", "validation/", "CHANGELOG.md", "CONTRIBUTING.md",
+)  # fmt: skip
 SUFFIXES = {".md", ".png", ".gif"}
 _TARGET = re.compile(r"(?<=\]\()([^)#:\s]+)")
 _GENERATED = re.compile(r"^<!-- generated: ([a-z_]+) -->$", re.MULTILINE)

@@ -29,7 +29,8 @@ MESSAGES = Path(__file__).parents[1] / "msg_defs"
 SCENES = Path(__file__).parents[1] / "config" / "scenes"
 DOCS = "docs/"
 ADDED = (
-    "benchmarks/", "examples/", "reproduction/", "tests/README.md", "validation/", "CHANGELOG.md", "CONTRIBUTING.md",
+    "benchmarks/", "examples/", "reproduction/", "tests/README.md", "validation/",
+    "CHANGELOG.md", "CONTRIBUTING.md",
 )  # fmt: skip
 SUFFIXES = {".md", ".png", ".gif"}
 _TARGET = re.compile(r"(?<=\]\()([^)#:\s]+)")

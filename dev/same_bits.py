@@ -24,7 +24,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
@@ -37,20 +37,51 @@ MODES = ("direct", "composed", "nodes")
 SHOWN = 4
 """Differences listed for each section of a run."""
 
-SCENES: dict[str, dict[str, float]] = {
-    "tine": {"duration_s": 0.06, "tools.tine.path.start_x_m": -0.08},
-    "tine_hardpan": {"duration_s": 0.03, "tools.tine.path.start_x_m": -0.08},
-    "subsoiler_1s300_quick": {"duration_s": 0.1, "mechanism.initial.translate_x_m": -0.1},
-    "depth_wheel": {"duration_s": 0.05},
-    "mechanism_only": {"duration_s": 0.7},
-    "three_shanks_wedge": {"duration_s": 0.4},
-    "subsoiler_1s300_draft_limit": {
-        "duration_s": 0.05,
-        "mechanism.initial.translate_x_m": -0.05,
-        "controller.law.draft_limit_newton": 50.0,
-    },
+
+class Scene(NamedTuple):
+    """A short run: what is changed in a scene, in BASE's names; the tool is in the soil before the end."""
+
+    changes: dict[str, Any]
+    file: str = ""  # of the checkout, without .yaml; config/scenes/NAME if empty
+    resumed: bool = False  # compared is the run from the first of two checkpoints
+
+
+FIELD = {"soil.particles.radius_m": 0.02, "tools.tine.path.start_x_m": 0.1}
+SWING = {"soil.particles.radius_m": 0.025, "mechanism.initial.translate_x_m": 0.2, "duration_s": 0.05}
+DOWN = "{kind: constant, value: -0.5}"
+SCENES: dict[str, Scene] = {
+    "tine": Scene({"duration_s": 0.06, "tools.tine.path.start_x_m": -0.08}),
+    "tine_hardpan": Scene({"duration_s": 0.03, "tools.tine.path.start_x_m": -0.08}),
+    "tine_elasto_plastic": Scene(
+        {"duration_s": 0.02, "soil.material": "loam_plastic", **FIELD}, "config/scenes/field_tine"
+    ),
+    "subsoiler_1s300_quick": Scene({"duration_s": 0.1, "mechanism.initial.translate_x_m": -0.1}),
+    "depth_wheel": Scene({"duration_s": 0.05}),
+    "mechanism_only": Scene({"duration_s": 0.7}),
+    "three_shanks_wedge": Scene({"duration_s": 0.4}),
+    "subsoiler_1s300_draft_limit": Scene(
+        {
+            "duration_s": 0.05,
+            "mechanism.initial.translate_x_m": -0.05,
+            "controller.law.draft_limit_newton": 50.0,
+        }
+    ),
+    "field_tine": Scene({"duration_s": 0.3, **FIELD}),
+    "field_tine_resumed": Scene({"duration_s": 0.3, **FIELD}, "config/scenes/field_tine", resumed=True),
+    "field_swing_brittle": Scene(SWING),
+    "field_three_shanks": Scene(SWING),
+    "bucket": Scene(
+        {
+            "duration_s": 0.1,
+            "tools.bucket.path.external": False,
+            "tools.bucket.path.start_z_m": 0.19,
+            "tools.bucket.path.speed_z_m_per_s": DOWN,
+            "tools.bucket.path.turn.axis": [0.0, 1.0, 0.0],
+            "tools.bucket.path.turn.speed_rad_per_s": "{kind: constant, value: 2.0}",
+        },
+        "examples/bucket_arm/bucket",
+    ),
 }
-"""Scenes with their overrides, in BASE's names: short, and with the tool in the soil before the end."""
 
 ROS_VARIABLES = ("AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
 """What an environment of ROS wheels tells the processes it starts."""
@@ -105,9 +136,11 @@ class Side:
 
     def scene(self, scene: str) -> list[str]:
         """Scene file and overrides."""
-        changes = SCENES[scene] | {"record.checkpoint_s": CHECKPOINT_AT * SCENES[scene]["duration_s"]}
+        changes, file, resumed = SCENES[scene]
+        kept_s = CHECKPOINT_AT * changes["duration_s"] / (2.0 if resumed else 1.0)
+        changes = changes | {"record.checkpoint_s": kept_s}
         texts = [renamed(f"{key}={value}", self.names_in["overrides"]) for key, value in changes.items()]
-        return [f"config/scenes/{renamed(scene, self.names_in['scene_names'])}.yaml", *texts]
+        return [renamed(file or f"config/scenes/{scene}", self.names_in["files"]) + ".yaml", *texts]
 
     def execute(self, *arguments: str) -> "subprocess.CompletedProcess[str]":
         """Runs Python on this checkout's package, with caches of its own: each side prepares its beds."""
@@ -141,15 +174,24 @@ class Side:
 
     def run(self, scene: str, mode: str) -> Path:
         """Folder of a finished run. Raises ValueError with its last words if it failed."""
-        path, *changes = self.scene(scene)
         out = self.work / f"{scene}_{mode}"
+        self._run(scene, mode, out)
+        if not SCENES[scene].resumed:
+            return out
+        first, second = checkpoints(out)
+        shutil.rmtree(second)
+        resumed = out.with_name(f"{out.name}_from_{first.name}")
+        self._run(scene, mode, resumed, "--resume", str(out))
+        return resumed
+
+    def _run(self, scene: str, mode: str, out: Path, *words: str) -> None:
+        path, *changes = self.scene(scene)
         shutil.rmtree(out, ignore_errors=True)
         options = [word for change in changes for word in ("--set", change)]
-        arguments = ["-m", "subsoil_ros.cli.main", "run", path, "--out", str(out), "--mode", mode]
+        arguments = ["-m", "subsoil_ros.cli.main", "run", path, "--out", str(out), "--mode", mode, *words]
         done = self.execute(*(renamed(word, self.names_in["code"]) for word in arguments), *options)
         if done.returncode:
             raise ValueError(f"the run on {self.title} failed: {done.stderr.strip()[-500:]}")
-        return out
 
 
 def give_up(reason: str) -> None:
@@ -228,9 +270,14 @@ def contrast(one: Any, other: Any) -> str:
     return "" if equal else f"{one!r}, here {other!r}"[:200]
 
 
+def checkpoints(out: Path) -> list[Path]:
+    """Folders of a run's checkpoints, from the first to the last."""
+    return sorted({path.parent for path in out.rglob("*.npz")}, key=lambda path: path.name)
+
+
 def read_state(out: Path) -> Values:
     """Arrays of the last checkpoint by PART.ARRAY, and what its manifest says of the coupling."""
-    folders = sorted((path.parent for path in out.rglob("*.npz")), key=lambda path: path.name)
+    folders = checkpoints(out)
     if not folders:
         raise ValueError(f"{out}: no checkpoint there")
     folder, values = folders[-1], Values()

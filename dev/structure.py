@@ -1,0 +1,183 @@
+"""Print the shape of the package: `python -m dev.structure [--circles] [--tick]`.
+
+Files and lines, functions with many parameters, files of one name, circles of imports (those inside functions
+and for types count too), and how often types are given up. --circles lists the circles. --tick runs a short
+scene with the nodes in one process and lists the files, engines apart, whose functions a tick calls.
+"""
+
+import argparse
+import ast
+import re
+import sys
+import tempfile
+import threading
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "subsoil_ros"
+SMALL, MANY, MOST = 60, 10, 12
+OFTEN = {"__init__.py", "law.py", "kernel.py"}
+"""Names that every folder of a kind may have."""
+
+ENGINES = ("contact_laws", "dem", "mbd", "wedge")
+SCENE = "config/scenes/subsoiler_1s300_quick.yaml"
+TICKS = 200
+
+Graph = dict[str, set[str]]
+
+
+def sources() -> dict[str, str]:
+    """Text of every file of the package, by its module's dotted name without the package."""
+    return {
+        ".".join(path.relative_to(PACKAGE).with_suffix("").parts): path.read_text()
+        for path in sorted(PACKAGE.rglob("*.py"))
+    }
+
+
+def imports(modules: Mapping[str, str]) -> Graph:
+    """Modules that each module imports. A package's own module is `FOLDER.__init__`."""
+    graph: Graph = {name: set() for name in modules}
+    for name, text in modules.items():
+        for node in ast.walk(ast.parse(text)):
+            for target in _targets(name, node):
+                graph[name] |= {known for known in (target, f"{target}.__init__") if known in modules} - {
+                    name
+                }
+    return graph
+
+
+def _targets(name: str, node: ast.AST) -> Iterator[str]:
+    if isinstance(node, ast.Import):
+        for alias in node.names:
+            if alias.name.startswith("subsoil_ros."):
+                yield alias.name.removeprefix("subsoil_ros.")
+    elif isinstance(node, ast.ImportFrom):
+        base = ".".join([*name.split(".")[: -node.level], *filter(None, [node.module])]) if node.level else ""
+        if not node.level and (node.module or "").startswith("subsoil_ros."):
+            base = (node.module or "").removeprefix("subsoil_ros.")
+        if base or node.level:
+            yield base
+            for alias in node.names:
+                yield f"{base}.{alias.name}".lstrip(".")
+
+
+def circles(graph: Graph) -> list[list[str]]:
+    """Groups of nodes that reach each other (Tarjan's strongly connected components of more than one)."""
+    index: dict[str, int] = {}
+    low: dict[str, int] = {}
+    stack: list[str] = []
+    found: list[list[str]] = []
+
+    def visit(node: str) -> None:
+        index[node] = low[node] = len(index)
+        stack.append(node)
+        for other in sorted(graph[node]):
+            if other not in index:
+                visit(other)
+                low[node] = min(low[node], low[other])
+            elif other in stack:
+                low[node] = min(low[node], index[other])
+        if low[node] == index[node]:
+            group = stack[stack.index(node) :]
+            del stack[stack.index(node) :]
+            if len(group) > 1:
+                found.append(sorted(group))
+
+    for node in graph:
+        if node not in index:
+            visit(node)
+    return found
+
+
+def folders(graph: Graph) -> Graph:
+    """Imports between the folders of the files; the package's front door is no folder of its own."""
+    merged: Graph = {}
+    for name, targets in graph.items():
+        home = name.rpartition(".")[0]
+        merged.setdefault(home, set()).update(one.rpartition(".")[0] for one in targets)
+    for home, targets in merged.items():
+        targets.discard(home)
+    return {home: {one for one in targets if one} for home, targets in merged.items() if home}
+
+
+def parameters(modules: Mapping[str, str]) -> dict[str, int]:
+    """Parameters of every function, by module and name; `self` counts."""
+    counts = {}
+    for name, text in modules.items():
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.FunctionDef):
+                a = node.args
+                counts[f"{name}.{node.name}:{node.lineno}"] = len([*a.posonlyargs, *a.args, *a.kwonlyargs])
+    return counts
+
+
+def tick_files() -> list[str]:
+    """Files of the package, engines apart, whose functions the nodes call in the second half of a run."""
+    from subsoil_ros.cli.main import main as subsoil
+    from subsoil_ros.coupling.signals import Interrupts  # noqa: F401  (its handlers are set before the profile)
+
+    called: Counter[str] = Counter()
+
+    def note(frame: FrameType, event: str, _: Any) -> None:
+        if event == "call" and frame.f_code.co_filename.startswith(str(PACKAGE)):
+            called[frame.f_code.co_filename] += 1
+
+    with tempfile.TemporaryDirectory() as folder:
+        words = ["run", str(ROOT / SCENE), "--out", f"{folder}/run", "--mode", "composed"]
+        threading.setprofile(note)
+        sys.setprofile(note)
+        try:
+            subsoil([*words, "--set", f"duration_s={TICKS * 1e-4}"])
+        finally:
+            sys.setprofile(None)
+            threading.setprofile(None)  # type: ignore[arg-type]
+    names = {Path(file).relative_to(PACKAGE): count for file, count in called.items()}
+    return sorted(str(n) for n, count in names.items() if count >= TICKS and n.parts[0] not in ENGINES)
+
+
+def main() -> None:
+    """Print the table, and what is asked besides."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--circles", action="store_true", help="list the circles")
+    parser.add_argument("--tick", action="store_true", help="list the files a tick passes; runs a scene")
+    args = parser.parse_args()
+    modules = sources()
+    lines = {name: text.count("\n") for name, text in modules.items()}
+    names = Counter(f"{name.rpartition('.')[2]}.py" for name in modules)
+    twice = sorted(name for name, count in names.items() if count > 1 and name not in OFTEN)
+    many = sorted(((n, name) for name, n in parameters(modules).items() if n >= MANY), reverse=True)
+    graph = imports(modules)
+    of_files, of_folders = circles(graph), circles(folders(graph))
+    text = "\n".join(modules.values())
+    rows = [
+        ("files", len(modules)),
+        ("lines", sum(lines.values())),
+        ("mean lines of a file", round(sum(lines.values()) / len(modules))),
+        (f"files under {SMALL} lines", sum(count < SMALL for count in lines.values())),
+        ("names that several files have", len(twice)),
+        (f"functions with {MANY} or more parameters", len(many)),
+        (f"functions with more than {MOST} parameters", sum(n > MOST for n, _ in many)),
+        ("most parameters of a function", many[0][0] if many else 0),
+        ("circles between files", len(of_files)),
+        ("files in a circle", sum(map(len, of_files))),
+        ("circles between folders", len(of_folders)),
+        ("`type: ignore`", len(re.findall(r"# type: ignore", text))),
+        ("`Any`", len(re.findall(r"\bAny\b", text))),
+    ]
+    for title, value in rows:
+        print(f"{title:45} {value:6}")
+    print("names that several files have:", ", ".join(twice))
+    print("most parameters:", *(f"{n} {name}" for n, name in many), sep="\n  ")
+    for group in (of_files + of_folders) * args.circles:
+        print("circle:", ", ".join(group))
+    if args.tick:
+        passed = tick_files()
+        print(f"{len(passed)} files of a tick outside the engines:", *passed, sep="\n  ")
+
+
+if __name__ == "__main__":
+    main()

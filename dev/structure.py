@@ -7,8 +7,9 @@ scene with the nodes in one process and lists the files, engines apart, whose fu
 
 import argparse
 import ast
+import contextlib
+import io
 import re
-import sys
 import tempfile
 import threading
 from collections import Counter
@@ -25,7 +26,7 @@ OFTEN = {"__init__.py", "law.py", "kernel.py"}
 
 ENGINES = ("contact_laws", "dem", "mbd", "wedge")
 SCENE = "config/scenes/subsoiler_1s300_quick.yaml"
-TICKS = 200
+TICKS, TICK_S = 200, 32e-6
 
 Graph = dict[str, set[str]]
 
@@ -116,27 +117,32 @@ def parameters(modules: Mapping[str, str]) -> dict[str, int]:
 
 
 def tick_files() -> list[str]:
-    """Files of the package, engines apart, whose functions the nodes call in the second half of a run."""
+    """Files, engines apart, whose functions the nodes' threads call for each further tick of a run."""
+    short, long = calls(TICKS), calls(2 * TICKS)
+    return sorted(
+        file for file, count in long.items() if count - short[file] >= TICKS and not file.startswith(ENGINES)
+    )
+
+
+def calls(ticks: int) -> Counter[str]:
+    """Calls of functions in each file of the package during a run with the nodes in one process."""
     from subsoil_ros.cli.main import main as subsoil
-    from subsoil_ros.coupling.signals import Interrupts  # noqa: F401  (its handlers are set before the profile)
 
     called: Counter[str] = Counter()
 
     def note(frame: FrameType, event: str, _: Any) -> None:
         if event == "call" and frame.f_code.co_filename.startswith(str(PACKAGE)):
-            called[frame.f_code.co_filename] += 1
+            called[frame.f_code.co_filename.removeprefix(f"{PACKAGE}/")] += 1
 
-    with tempfile.TemporaryDirectory() as folder:
-        words = ["run", str(ROOT / SCENE), "--out", f"{folder}/run", "--mode", "composed"]
-        threading.setprofile(note)
-        sys.setprofile(note)
-        try:
-            subsoil([*words, "--set", f"duration_s={TICKS * 1e-4}"])
-        finally:
-            sys.setprofile(None)
-            threading.setprofile(None)  # type: ignore[arg-type]
-    names = {Path(file).relative_to(PACKAGE): count for file, count in called.items()}
-    return sorted(str(n) for n, count in names.items() if count >= TICKS and n.parts[0] not in ENGINES)
+    threading.setprofile(note)
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            words = ["run", str(ROOT / SCENE), "--out", f"{folder}/run", "--mode", "composed"]
+            with contextlib.redirect_stdout(io.StringIO()):
+                subsoil([*words, "--set", f"duration_s={ticks * TICK_S}"])
+    finally:
+        threading.setprofile(None)  # type: ignore[arg-type]
+    return called
 
 
 def main() -> None:

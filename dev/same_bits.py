@@ -47,7 +47,7 @@ class Scene(NamedTuple):
 
 
 FIELD = {"soil.particles.radius_m": 0.02, "tools.tine.path.start_x_m": 0.1}
-SWING = {"soil.particles.radius_m": 0.025, "mechanism.initial.translate_x_m": 0.2, "duration_s": 0.05}
+SWING = {"soil.particles.radius_m": 0.02, "mechanism.initial.translate_x_m": 0.2, "duration_s": 0.05}
 DOWN = "{kind: constant, value: -0.5}"
 SCENES: dict[str, Scene] = {
     "tine": Scene({"duration_s": 0.06, "tools.tine.path.start_x_m": -0.08}),

@@ -103,7 +103,7 @@ def reader(kind: type, schema: str | None = None) -> Callable[[bytes], Any]:
 def from_message(kind: type, message: Any) -> Any:
     """The record of `kind` in a deserialized message of rclpy or rosbags.
 
-    A field that its definition lacks has the default of the record, or else 0, NaN or an empty text.
+    A field that its definition lacks has the default of the record, or else 0, NaN, or is empty.
     """
     values: dict[str, Any] = {}
     for field in _fields(kind):
@@ -175,7 +175,8 @@ def _default(kind: type, attribute: str) -> Any:
     for field in fields(kind):
         if field.name == attribute and field.default is not MISSING:
             return field.default
-    return {int: 0, float: math.nan, str: ""}[get_type_hints(kind)[attribute]]
+    hint = get_type_hints(kind)[attribute]
+    return math.nan if hint is float else hint()
 
 
 class _Members(dict[int, IntEnum]):
@@ -189,11 +190,14 @@ class _Members(dict[int, IntEnum]):
         return self._kind(value)  # raises the error
 
 
-_SCOPE = {
-    "tick_end_ns": tick_end_ns,
-    **{name: item for name, item in vars(messages).items() if callable(item)},
-    **{kind.__name__: _Members(kind) for kind in (messages.Command, messages.NodeState)},
-}
+_SCOPE = {"tick_end_ns": tick_end_ns, **vars(messages)}
+_SCOPE.update(
+    {
+        kind.__name__: _Members(kind)
+        for kind in IntEnum.__subclasses__()
+        if kind.__module__ == messages.__name__
+    }
+)
 """Names in the sources of a template: n, numbers; c, constants; r, record; step, communication step [ns]."""
 
 

@@ -1,7 +1,8 @@
 """Records that the parts of a run exchange: one frozen record per message of subsoil_msgs.
 
-The direct run passes these objects on; the nodes copy their fields into ROS messages and back
-(ros/transport/convert.py), so all modes exchange the same values. Floats are float64. World axes
+The direct run passes these objects on; nodes exchange the bytes of their messages
+(recording/message_codec.py), so all modes exchange the same values. A field here has the name and the place
+of the field of its .msg file. Floats are float64. World axes
 (x forward, y left, z up); planar angles (`angle_rad`) are counter-clockwise seen with x
 right and z up, rotations about -y. A wrench acts on the body, about its centre of mass.
 """
@@ -32,6 +33,15 @@ class NodeState(IntEnum):
     ENDED = 3
     FAULT = 4
     PAUSED = 5  # the coupler only
+
+
+@dataclass(frozen=True, slots=True)
+class Head:
+    """The start of most messages."""
+
+    run_id: str
+    tick: int
+    end_time_ns: int  # simulated time at the end of the tick
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,13 +139,31 @@ class SpatialMotion(ToolMotion):
         )
 
 
+def motion_of(
+    tool: str,
+    position_m: Vector,
+    quaternion: Quaternion,
+    velocity_m_per_s: Vector,
+    spin_rad_per_s: Vector,
+    angle_rad: float,
+) -> ToolMotion:
+    """Return the motion of these values; it is one in space if angle_rad is NaN.
+
+    Raises:
+        ProtocolError: it is one in space, and the quaternion is not of length 1.
+    """
+    if math.isnan(angle_rad):
+        return SpatialMotion.of(tool, position_m, quaternion, velocity_m_per_s, spin_rad_per_s)
+    x_m, y_m, z_m = position_m
+    return ToolMotion(
+        tool, x_m, y_m, z_m, angle_rad, velocity_m_per_s[0], velocity_m_per_s[2], -spin_rad_per_s[1]
+    )
+
+
 @dataclass(frozen=True, slots=True)
-class ToolMotions:
+class ToolMotions(Head):
     """All tools, in scene order, at the end of a tick (INITIAL_TICK: before the run)."""
 
-    run_id: str
-    tick: int
-    end_time_ns: int
     tools: tuple[ToolMotion, ...]
 
 
@@ -179,12 +207,9 @@ class ToolWrench:
 
 
 @dataclass(frozen=True, slots=True)
-class ToolWrenches:
+class ToolWrenches(Head):
     """The soil's answer to ToolMotions of the same tick."""
 
-    run_id: str
-    tick: int
-    end_time_ns: int
     tools: tuple[ToolWrench, ...]
 
 
@@ -200,12 +225,9 @@ class LostParticle:
 
 
 @dataclass(frozen=True, slots=True)
-class SoilState:
+class SoilState(Head):
     """Monitors of the soil at the end of a tick (every record.series_ticks ticks)."""
 
-    run_id: str
-    tick: int
-    end_time_ns: int
     particle_count: int
     contact_count: int
     lost_particle_count: int  # left the domain since the start
@@ -267,12 +289,9 @@ class ForceState:
 
 
 @dataclass(frozen=True, slots=True)
-class MechanismState:
+class MechanismState(Head):
     """The whole mechanism at the end of a tick."""
 
-    run_id: str
-    tick: int
-    end_time_ns: int
     draft_newton: float  # force of the draft driver along +x
     kinetic_energy_joule: float
     gravity_energy_joule: float  # zero at z = 0
@@ -290,12 +309,9 @@ class MechanismState:
 
 
 @dataclass(frozen=True, slots=True)
-class CouplingReport:
+class CouplingReport(Head):
     """Interface account of a tick, by the coupler."""
 
-    run_id: str
-    tick: int
-    end_time_ns: int
     mechanism_work_joule: float  # wrench the mechanism held x tool displacement, this tick
     soil_work_joule: float  # as the soil summed it, this tick
     residual_joule: float  # cumulative mechanism - soil

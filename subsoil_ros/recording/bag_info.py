@@ -13,9 +13,8 @@ from mcap.summary import Summary
 from ..messages import Command, Grant
 from .bag_folder import NOTES
 from .bag_reader import BROKEN, damaged, mcap_path
-from .conversion import from_message, message_type
+from .message_codec import reader
 from .topics import TOPIC_OF, bag_topic
-from .types import deserialize
 
 _RECORD = struct.Struct("<BQ")  # opcode, length
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time; the rest is data
@@ -139,7 +138,7 @@ def _topics(summary: Summary) -> dict[int, TopicFacts]:
 
 
 def _grant(data: bytes) -> Grant:
-    grant: Grant = from_message(Grant, deserialize(data, message_type(Grant)))
+    grant: Grant = reader(Grant)(data)
     return grant
 
 

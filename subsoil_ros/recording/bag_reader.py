@@ -17,9 +17,10 @@ from mcap.summary import Summary
 
 from ..errors import InputError, RecordingError
 from ..messages import SoilCloud
-from .conversion import cloud_from_message, from_message, message_type
+from .message_codec import reader
+from .point_cloud import cloud_from_message
 from .topics import RECORD_OF, TOPIC_OF, bag_topic
-from .types import deserialize, deserializer
+from .types import deserialize, message_type
 
 BROKEN = (McapError, struct.error, zstandard.ZstdError, ValueError)
 """Errors of the readers of MCAP, its strings and its chunks where a file is cut off or overwritten."""
@@ -90,10 +91,12 @@ class BagReader:
         Raises:
             RecordingError: the bag is damaged.
         """
+        readers: dict[tuple[str, str], Callable[[bytes], Any]] = {}
         for topic, time_ns, data, schema in self._raw([bag_topic(TOPIC_OF[kind]) for kind in kinds]):
             if at is None or at(time_ns):
-                kind = _KIND_OF_BAG_TOPIC[topic]
-                yield from_message(kind, deserializer(message_type(kind), schema)(data))
+                if (topic, schema) not in readers:
+                    readers[topic, schema] = reader(_KIND_OF_BAG_TOPIC[topic], schema)
+                yield readers[topic, schema](data)
 
     def clouds(
         self, communication_step_ns: int, at: Callable[[int], bool] | None = None

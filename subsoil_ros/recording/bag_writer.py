@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..errors import ProtocolError, SubsoilError
+from ..errors import ProtocolError, RecordingError, SubsoilError
 from ..limits.stable_steps import Timing
 from ..loading.loader import ResolvedScene
 from ..loading.scene_bundle import SceneBundle, pack
@@ -22,11 +22,12 @@ from ..scene.model import Scene
 from ..ticks import INITIAL_TICK, every_ticks, tick_end_ns
 from .bag_folder import BagFolder, TopicInfo
 from .bag_scene import scene_attachments, scene_notes
-from .conversion import cloud_from_message, from_message, message_type, to_message
 from .description import latched_messages
 from .height_map import height_map
 from .live import SERIES_DEPTH, LiveView
-from .standard import body_frame, clock, pose_stamped, transforms, wrench_stamped
+from .message_codec import reader, writer
+from .point_cloud import cloud_from_message
+from .standard import clock, tool_messages, transforms
 from .topics import (
     CLOCK,
     HEIGHT_MAP,
@@ -36,12 +37,10 @@ from .topics import (
     TRANSFORMS,
     bag_topic,
     derived_topics,
-    pose_topic,
     qos_profile,
     recorded_topics,
-    wrench_topic,
 )
-from .types import deserialize, schema_text, serialize, type_hash
+from .types import deserialize, message_type, schema_text, serialize, type_hash
 
 _RANK = {topic: rank for rank, topic in enumerate(RECORD_OF)}
 _NEEDED_FOR_VISUALIZATION = {TOPIC_OF[kind] for kind in (ToolMotions, ToolWrenches, MechanismState)}
@@ -94,6 +93,8 @@ class BagWriter:
         self._series_ticks = scene.record.series_ticks
         self._types = {topic: message_type(kind) for topic, kind in RECORD_OF.items()}
         self._types.update(derived_topics(scene) | LATCHED)
+        self._writers = {kind: writer(kind, timing.communication_step_ns) for kind in TOPIC_OF}
+        self._readers = {topic: reader(RECORD_OF[topic]) for topic in _NEEDED_FOR_VISUALIZATION}
         self._latched = dict(latched or {})  # not yet written
         self._tick = INITIAL_TICK
         self._held: list[_Held] = []  # of self._tick
@@ -116,10 +117,14 @@ class BagWriter:
             RecordingError: there is no message for it, or the disk cannot be written.
             ProtocolError: its tick is over.
         """
-        message = to_message(record, self._communication_step_ns)
-        topic = TOPIC_OF[type(record)]
+        kind = type(record)
+        if kind not in TOPIC_OF:
+            raise RecordingError(
+                f"no message carries a {kind.__name__}; give one of the records of messages.py"
+            )
+        topic, data = TOPIC_OF[kind], self._writers[kind](record)
         kept = record if topic in _NEEDED_FOR_VISUALIZATION or topic == _CLOUD else None
-        self._hold(record.tick, _Held(_RANK[topic], topic, serialize(message), kept))
+        self._hold(record.tick, _Held(_RANK[topic], topic, data, kept))
 
     def write_raw(self, topic: str, tick: int, cdr: bytes) -> None:
         """Write the CDR bytes of a message on one of the topics of records (topics.TOPIC_OF).
@@ -197,22 +202,17 @@ class BagWriter:
         records = {
             RECORD_OF[item.topic]: item.record
             if item.record is not None
-            else from_message(RECORD_OF[item.topic], deserialize(item.data, self._types[item.topic]))
+            else self._readers[item.topic](item.data)
             for item in held
             if item.topic in _NEEDED_FOR_VISUALIZATION
         }
-        motions: ToolMotions | None = records.get(ToolMotions)
-        wrenches: ToolWrenches | None = records.get(ToolWrenches)
+        motions, wrenches = (
+            records[kind].tools if kind in records else () for kind in (ToolMotions, ToolWrenches)
+        )
+        for topic, message in tool_messages(self._scene, motions, wrenches, time_ns):
+            self._emit_message(topic, time_ns, message)
         state: MechanismState | None = records.get(MechanismState)
-        motion_of = {motion.tool: motion for motion in motions.tools} if motions else {}
-        for tool, motion in motion_of.items():
-            self._emit_message(pose_topic(tool), time_ns, pose_stamped(motion, time_ns))
-        for wrench in wrenches.tools if wrenches else ():
-            if wrench.tool in motion_of:
-                frame = body_frame(self._scene, wrench.tool)
-                message = wrench_stamped(wrench, motion_of[wrench.tool], frame, time_ns)
-                self._emit_message(wrench_topic(wrench.tool), time_ns, message)
-        if state is not None or motion_of:
+        if state is not None or motions:
             message = transforms(self._scene, state, motions, time_ns)
             self._emit_message(TRANSFORMS, time_ns, message)
 

@@ -10,8 +10,7 @@ import numpy as np
 from ..loading.loader import ResolvedScene
 from ..scene.meshes import ToolMesh, load_tool_mesh
 from ..scene.urdf import in_body, robot_description
-from .conversion import header, vector
-from .standard import body_frame
+from .standard import body_frame, header, vector
 from .topics import ROBOT_DESCRIPTION, TOOL_MARKERS
 from .types import message_class
 
@@ -50,11 +49,10 @@ def _marker(resolved: ResolvedScene, name: str, mesh: ToolMesh, index: int, labe
     mechanism = resolved.scene.mechanism
     angle_rad = mechanism.bodies[tool.body].angle_rad if mechanism is not None and tool.body else 0.0
     corners = mesh.vertices_m[mesh.facets[mesh.facet_group == index].reshape(-1)]
-    point = message_class("geometry_msgs/msg/Point")
     points = []
     for x, y, z in corners.tolist():
         turned_x, turned_z = in_body(angle_rad, x, z)
-        points.append(point(x=turned_x, y=y - tool.lateral_m, z=turned_z))  # /tf has the lateral offset
+        points.append(vector((turned_x, y - tool.lateral_m, turned_z), "Point"))  # /tf has the lateral offset
     red, green, blue, alpha = _SHARE_COLOUR if tool.is_tillage else _WHEEL_COLOUR
     no_header, no_bytes = header(0, ""), np.empty(0, np.uint8)
     return message_class("visualization_msgs/msg/Marker")(
@@ -64,10 +62,10 @@ def _marker(resolved: ResolvedScene, name: str, mesh: ToolMesh, index: int, labe
         type=_TRIANGLE_LIST,
         action=0,
         pose=message_class("geometry_msgs/msg/Pose")(
-            position=point(x=0.0, y=0.0, z=0.0),
-            orientation=message_class("geometry_msgs/msg/Quaternion")(x=0.0, y=0.0, z=0.0, w=1.0),
+            position=vector((0.0, 0.0, 0.0), "Point"),
+            orientation=vector((0.0, 0.0, 0.0, 1.0), "Quaternion"),
         ),
-        scale=vector(1.0, 1.0, 1.0),
+        scale=vector((1.0, 1.0, 1.0)),
         color=message_class("std_msgs/msg/ColorRGBA")(r=red, g=green, b=blue, a=alpha),
         lifetime=message_class("builtin_interfaces/msg/Duration")(sec=0, nanosec=0),
         frame_locked=True,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..messages import SoilCloud
 from ..scene.soil import Soil
-from .conversion import points_message
+from .point_cloud import points_message
 
 CELL_DIAMETERS = 1.0
 """Size of a cell in particle diameters: every column of a settled bed then has particles. Smaller

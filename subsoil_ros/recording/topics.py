@@ -15,7 +15,7 @@ from ..messages import (
     ToolWrenches,
 )
 from ..scene.model import Scene
-from .conversion import message_type
+from .types import message_type
 
 BAG_NAMESPACE = "/subsoil"
 """Namespace of the topics in every bag, independent of that of the nodes."""
@@ -62,12 +62,18 @@ def wrench_topic(tool: str) -> str:
     return f"tool/{tool}/wrench"
 
 
-def derived_topics(scene: Scene) -> dict[str, str]:
-    """Topics that BagWriter derives: topic -> message type. Poses and wrenches are relative, others not."""
-    topics = {CLOCK: "rosgraph_msgs/msg/Clock", TRANSFORMS: "tf2_msgs/msg/TFMessage"}
+def tool_topics(scene: Scene) -> dict[str, str]:
+    """Relative topics of the poses and wrenches of the tools: topic -> message type."""
+    topics = {}
     for tool in scene.tools:
         topics[pose_topic(tool)] = "geometry_msgs/msg/PoseStamped"
         topics[wrench_topic(tool)] = "geometry_msgs/msg/WrenchStamped"
+    return topics
+
+
+def derived_topics(scene: Scene) -> dict[str, str]:
+    """Topics that BagWriter derives: topic -> message type. Poses and wrenches are relative, others not."""
+    topics = {CLOCK: "rosgraph_msgs/msg/Clock", TRANSFORMS: "tf2_msgs/msg/TFMessage", **tool_topics(scene)}
     if scene.particle_soil is not None and scene.record.cloud_hz > 0.0:
         topics[HEIGHT_MAP] = "sensor_msgs/msg/PointCloud2"
     return topics

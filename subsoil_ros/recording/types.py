@@ -3,6 +3,7 @@
 import os
 import sys
 from collections.abc import Callable
+from dataclasses import is_dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -10,13 +11,18 @@ from typing import Any
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from .. import messages
 from ..errors import RecordingError
+from ..messages import Head, SoilCloud, SpatialMotion
 
-_NAMES = (
-    "BodyState", "CouplingReport", "DriverCommand", "ForceState", "Grant", "FacetGroupForce", "JointReaction",
-    "LostParticle", "MechanismState", "NodeStatus", "SoilState", "TickAck", "ToolMotion", "ToolMotions",
-    "ToolWrench", "ToolWrenches",
-)  # fmt: skip
+_OTHER_TYPES = {SoilCloud: "sensor_msgs/msg/PointCloud2", Head: "subsoil_msgs/msg/TickAck"}
+"""Types of records without a message of their name."""
+
+_NAMES = sorted(
+    name
+    for name, item in vars(messages).items()
+    if is_dataclass(item) and item not in (*_OTHER_TYPES, SpatialMotion)
+)
 _OWN = "subsoil_msgs/msg/"
 _RULE = "=" * 80
 
@@ -49,6 +55,11 @@ def message_folder() -> Path:
 @cache
 def _texts() -> dict[str, str]:
     return {_OWN + name: (message_folder() / f"{name}.msg").read_text(encoding="utf-8") for name in _NAMES}
+
+
+def message_type(kind: type) -> str:
+    """Type name of the message of records of `kind`, "subsoil_msgs/msg/Grant"."""
+    return _OTHER_TYPES.get(kind, _OWN + kind.__name__)
 
 
 @cache
@@ -93,12 +104,9 @@ def serialize(message: Any) -> bytes:
     return bytes(typestore().serialize_cdr(message, message.__msgtype__))
 
 
-@cache
-def deserializer(name: str, schema: str) -> Callable[[bytes], Any]:
+def older_deserializer(name: str, schema: str) -> Callable[[bytes], Any]:
     """Return the function that reads messages of type `name` from CDR bytes, by the definition in a bag:
     `schema`, a ros2msg text, since other versions may have other fields."""
-    if schema == schema_text(name):
-        return lambda data: deserialize(data, name)
     store = get_typestore(Stores.ROS2_JAZZY)
     own = get_types_from_msg(schema, name)
     store.register({key: value for key, value in own.items() if key not in store.types})

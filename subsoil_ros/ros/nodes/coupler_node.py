@@ -48,7 +48,7 @@ from ..services.pause_services import PauseServices
 from ..services.run_clock import RunClock
 from ..services.run_control import RunControl
 from ..services.simulation_services import SimulationServices, StepsAction
-from ..transport.convert import rclpy_class
+from ..transport.message_classes import rclpy_class
 from ..transport.qos import VISUALIZATION_QOS
 from .lockstep_node import LockstepNode, one_line
 

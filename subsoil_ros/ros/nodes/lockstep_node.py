@@ -22,10 +22,11 @@ from ...coupling.exit_status import SIGNAL_STATUS, ExitStatus
 from ...coupling.protocol import COUPLER, RECORDER
 from ...errors import ProtocolError, RunError, SubsoilError
 from ...messages import Grant, NodeState, NodeStatus, ToolMotion, ToolWrench
+from ...recording.message_codec import reader, writer
 from ...recording.topics import TOPIC_OF
 from ..process.heartbeat import Heartbeat, NodeRun
 from ..services.diagnostics import Diagnostics, Health, Level
-from ..transport.convert import class_of, reader, writer
+from ..transport.message_classes import class_of
 from ..transport.publishers import foreign_publishers
 from ..transport.qos import qos_of
 from .message_loop import serve, serve_requests
@@ -139,7 +140,7 @@ class LockstepNode(Node):
     def listen(self, kind: type, handle: Callable[[Any], None], partners: tuple[str, ...]) -> None:
         """Subscribe to records of `kind` from the `partners`, and pass them to `handle`."""
 
-        read = reader(kind, self._communication_step_ns)
+        read = reader(kind)
         self.listen_raw(kind, lambda cdr: handle(read(cdr)), partners)
 
     def listen_raw(self, kind: type, handle: Callable[[bytes], None], partners: tuple[str, ...]) -> None:

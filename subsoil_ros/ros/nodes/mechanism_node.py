@@ -141,11 +141,9 @@ class MechanismNode(LockstepNode):
             self._engine_s += time.perf_counter() - begin
             if self._checkpoint_writer is not None and self._checkpoint_writer.due(tick):
                 self._keep(tick)  # before the motions, which imply that the part is written
-            moved = ToolMotions(self.run.run_id, tick, end_ns, motions)
-            self._motions.publish(self.bytes_of(moved))
+            self._motions.publish(self.bytes_of(ToolMotions(self.run.run_id, tick, end_ns, motions)))
             if self._schedule.series_due(tick):
-                state = self._publish_state(tick)
-                self._visualization.move(state, None if state is not None else moved, end_ns)
+                self._visualization.move(self._publish_state(tick), motions, end_ns)
             self._participant.finish(tick)
             if self._checkpoint_writer is not None and self._participant.finished:
                 self._checkpoint_writer.note_end(tick, MECHANISM, self._engine)

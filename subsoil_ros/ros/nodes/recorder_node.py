@@ -1,6 +1,5 @@
 """The recorder as a node: writes every message of every tick, and acknowledges ticks to the coupler."""
 
-import struct
 import time
 from collections.abc import Callable
 from functools import partial
@@ -17,6 +16,7 @@ from ...messages import (
     CouplingReport,
     DriverCommand,
     Grant,
+    Head,
     MechanismState,
     NodeState,
     NodeStatus,
@@ -27,14 +27,16 @@ from ...messages import (
     ToolWrenches,
 )
 from ...recording.bag_writer import BagWriter, open_bag
+from ...recording.message_codec import reader, writer
+from ...recording.standard import time_ns_of
 from ...recording.topics import TOPIC_OF
+from ...recording.types import deserialize, message_type
 from ...scene.model import Scene
-from ...ticks import INITIAL_TICK, NANOSECONDS_PER_SECOND
+from ...ticks import INITIAL_TICK
 from ..process.heartbeat import Heartbeat, NodeRun
 from ..process.node_process import run_process
 from ..process.parameters import NodeSettings
 from ..services.diagnostics import Health
-from ..transport.convert import reader, to_bytes
 from .lockstep_node import LockstepNode
 
 CUT_S = 2.0
@@ -77,23 +79,6 @@ def initial_topics(resolved: ResolvedScene) -> tuple[str, ...]:
     return exchanged + states
 
 
-def stamp_ns(cdr: bytes) -> int:
-    """The stamp of a serialized message that begins with a header [ns]."""
-    order = "<" if cdr[1] & 1 else ">"
-    seconds, nanoseconds = struct.unpack_from(f"{order}iI", cdr, 4)
-    return seconds * NANOSECONDS_PER_SECOND + nanoseconds
-
-
-def run_id_of(cdr: bytes) -> str:
-    """The run of a serialized message of subsoil_msgs: the string after its header."""
-    order = "<" if cdr[1] & 1 else ">"
-    start = 12  # encapsulation, stamp
-    (length,) = struct.unpack_from(f"{order}I", cdr, start)  # of frame_id
-    start += 4 + length + -length % 4
-    (length,) = struct.unpack_from(f"{order}I", cdr, start)
-    return bytes(cdr[start + 4 : start + 3 + length]).decode()
-
-
 class RecorderNode(LockstepNode):
     """The recorder in the lockstep: it acknowledges ticks once they are written."""
 
@@ -123,7 +108,7 @@ class RecorderNode(LockstepNode):
         self._cut_deadline = 0.0
         self._acks = self.publisher(TickAck, (COUPLER,))
         self.listen(NodeStatus, self._on_node_status, ())
-        self._read_grant = reader(Grant, self._communication_step_ns)
+        self._read_grant, self._read_head = reader(Grant), reader(Head)
         self.listen_raw(Grant, self._on_grant, (COUPLER,))
         sources: list[tuple[type, str]] = [(ToolMotions, self._motion_source), (CouplingReport, COUPLER)]
         if scene.mechanism is not None:
@@ -175,7 +160,7 @@ class RecorderNode(LockstepNode):
         if name == SOIL:
             records.append(ToolWrenches(run_id, INITIAL_TICK, 0, node_status.initial_wrenches))
         for record in records:
-            cdr = to_bytes(record, self._communication_step_ns)
+            cdr = writer(type(record), self._communication_step_ns)(record)
             self._barrier.add(TOPIC_OF[type(record)], INITIAL_TICK, cdr)
         self._record()
 
@@ -204,7 +189,11 @@ class RecorderNode(LockstepNode):
         self._on_message(Grant, cdr)
 
     def _on_message(self, kind: type, cdr: bytes) -> None:
-        end_ns = stamp_ns(cdr)
+        if kind is SoilCloud:
+            run_id, end_ns = "", time_ns_of(deserialize(cdr, message_type(kind)).header.stamp)
+        else:
+            head = self._read_head(cdr)
+            run_id, end_ns = head.run_id, head.end_time_ns
         tick, rest = divmod(end_ns, self._communication_step_ns)
         if rest:
             raise ProtocolError(
@@ -214,7 +203,7 @@ class RecorderNode(LockstepNode):
         if kind is MechanismState and self.run.resumed is not None and tick - 1 < self.run.first_tick:
             return  # of the earlier run, published for the controller
         if kind in _LOCKSTEP:
-            self._refuse_foreign(kind, run_id_of(cdr), tick - 1)
+            self._refuse_foreign(kind, run_id, tick - 1)
         self._barrier.add(TOPIC_OF[kind], tick - 1, cdr)
         if kind is Grant:
             self._barrier.note_grant(tick - 1)

@@ -23,15 +23,15 @@ from ...messages import (
     ToolWrench,
     ToolWrenches,
 )
-from ...recording.standard import body_frame, pose_stamped, wrench_stamped
-from ...recording.topics import pose_topic, wrench_topic
+from ...recording.standard import tool_messages
+from ...recording.topics import tool_topics
 from ...recording.types import serialize
 from ...ticks import INITIAL_TICK, tick_end_ns
 from ..process.heartbeat import Heartbeat, NodeRun
 from ..process.node_process import run_process
 from ..process.parameters import NodeSettings
 from ..services.diagnostics import Health, Level
-from ..transport.convert import rclpy_class
+from ..transport.message_classes import rclpy_class
 from ..transport.qos import VISUALIZATION_QOS
 from .lockstep_node import LockstepNode
 from .visualization_publisher import VisualizationPublisher
@@ -81,17 +81,10 @@ class SoilNode(LockstepNode):
         self._wrenches = self.publisher(ToolWrenches, listeners)
         self._states = self.publisher(SoilState, (RECORDER,))
         self._clouds = self.publisher(SoilCloud, (RECORDER,)) if self._schedule.cloud_ticks else None
-        self._poses = {
-            name: self.create_publisher(
-                rclpy_class("geometry_msgs/msg/PoseStamped"), pose_topic(name), VISUALIZATION_QOS
-            )
-            for name in scene.tools
-        }
-        self._body_wrenches = {
-            name: self.create_publisher(
-                rclpy_class("geometry_msgs/msg/WrenchStamped"), wrench_topic(name), VISUALIZATION_QOS
-            )
-            for name in scene.tools
+        self._tool_count = len(scene.tools)
+        self._tool_publishers = {
+            topic: self.create_publisher(rclpy_class(name), topic, VISUALIZATION_QOS)
+            for topic, name in tool_topics(scene).items()
         }
         self._visualization = (
             VisualizationPublisher(self, run.resolved) if motion_source is not None else None
@@ -139,7 +132,7 @@ class SoilNode(LockstepNode):
             and self._motion_source is None
             and node_status.run_id == self.run.run_id
         ):
-            if self._last_wrenches is None and len(node_status.initial_motions) == len(self._poses):
+            if self._last_wrenches is None and len(node_status.initial_motions) == self._tool_count:
                 self._start(node_status.initial_motions)
         else:
             self.follow_coupler_end(node_status)
@@ -213,15 +206,10 @@ class SoilNode(LockstepNode):
     def _publish_for_people(
         self, motions: tuple[ToolMotion, ...], wrenches: tuple[ToolWrench, ...], end_ns: int
     ) -> None:
-        scene = self.run.resolved.scene
         if self._visualization is not None:
-            moved = ToolMotions(self.run.run_id, end_ns // self._communication_step_ns - 1, end_ns, motions)
-            self._visualization.move(None, moved, end_ns)
-        for motion, wrench in zip(motions, wrenches, strict=True):
-            self._poses[motion.tool].publish(serialize(pose_stamped(motion, end_ns)))
-            frame = body_frame(scene, wrench.tool)
-            message = wrench_stamped(wrench, motion, frame, end_ns)
-            self._body_wrenches[wrench.tool].publish(serialize(message))
+            self._visualization.move(None, motions, end_ns)
+        for topic, message in tool_messages(self.run.resolved.scene, motions, wrenches, end_ns):
+            self._tool_publishers[topic].publish(serialize(message))
 
 
 def build(

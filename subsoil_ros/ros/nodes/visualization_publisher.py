@@ -7,12 +7,12 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy
 
 from ...loading.loader import ResolvedScene
-from ...messages import MechanismState, ToolMotions
+from ...messages import MechanismState, ToolMotion
 from ...recording.description import latched_messages
 from ...recording.standard import transforms
 from ...recording.topics import LATCHED, TRANSFORMS
 from ...recording.types import serialize
-from ..transport.convert import rclpy_class
+from ..transport.message_classes import rclpy_class
 from ..transport.qos import LATCHED_QOS, VISUALIZATION_QOS
 
 
@@ -64,7 +64,7 @@ class VisualizationPublisher:
                 latched.publisher.publish(latched.cdr)
             latched.volatile = volatile
 
-    def move(self, state: MechanismState | None, motions: ToolMotions | None, time_ns: int) -> None:
+    def move(self, state: MechanismState | None, motions: tuple[ToolMotion, ...], time_ns: int) -> None:
         """Publish the poses of the bodies or, in a scene without mechanism, of the tools."""
         if self._transforms is not None:
             message = transforms(self._scene, state, motions, time_ns)

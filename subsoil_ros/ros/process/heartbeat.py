@@ -24,11 +24,12 @@ from ...coupling.protocol import CAPABILITIES, COUPLER, RECORDER, participants
 from ...loading.loader import ResolvedScene
 from ...messages import NodeState, NodeStatus, ToolMotion, ToolWrench
 from ...recording.checkpoint import Checkpoint
+from ...recording.message_codec import reader, writer
 from ...recording.topics import TOPIC_OF
 from ...recording.types import own_type_hashes
 from ...ticks import INITIAL_TICK
 from ..services.parameter_services import ParameterServices
-from ..transport.convert import class_of, reader, to_bytes
+from ..transport.message_classes import class_of
 from ..transport.qos import NODE_STATUS_QOS
 
 HEARTBEAT_S = 0.4
@@ -119,7 +120,8 @@ class Heartbeat:
         self._subscription = node.create_subscription(
             node_status_class, TOPIC_OF[NodeStatus], self._on_node_status, NODE_STATUS_QOS, raw=True
         )
-        self._read = reader(NodeStatus, run.resolved.timing.communication_step_ns)
+        self._read = reader(NodeStatus)
+        self._write = writer(NodeStatus, run.resolved.timing.communication_step_ns)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(HEARTBEAT_S, self._on_timer, clock=steady)
         self._parameters = ParameterServices(node, name)
@@ -217,9 +219,7 @@ class Heartbeat:
     def _publish(self) -> None:
         with self._said:
             self._node_status = replace(self._node_status, tick=self.tick)
-            self._publisher.publish(
-                to_bytes(self._node_status, self.run.resolved.timing.communication_step_ns)
-            )
+            self._publisher.publish(self._write(self._node_status))
 
     def _on_node_status(self, cdr: bytes) -> None:
         node_status = self._read(cdr)

@@ -10,10 +10,10 @@ from enum import IntEnum
 
 from rclpy.node import Node
 
-from ...recording.conversion import stamp
+from ...recording.standard import stamp
 from ...recording.types import message_class, serialize
 from ...ticks import INITIAL_TICK, tick_end_s
-from ..transport.convert import rclpy_class
+from ..transport.message_classes import rclpy_class
 from ..transport.qos import VISUALIZATION_QOS
 
 PERIOD_S = 1.0

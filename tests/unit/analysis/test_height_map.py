@@ -8,8 +8,8 @@ from rosbags.highlevel import AnyReader
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.messages import SoilCloud
 from subsoil_ros.recording.bag_writer import BagWriter
-from subsoil_ros.recording.conversion import to_message
 from subsoil_ros.recording.height_map import height_grid
+from subsoil_ros.recording.point_cloud import point_cloud
 from subsoil_ros.recording.types import serialize
 
 SCENES = Path(__file__).parents[3] / "config/scenes"
@@ -54,7 +54,7 @@ def test_bytes_give_the_same_map(tmp_path):
     one.write(cloud)
     one.close()
     two = BagWriter(tmp_path / "two", RESOLVED.scene, RESOLVED.timing)
-    two.write_raw("soil/points", 0, serialize(to_message(cloud, END_NS)))
+    two.write_raw("soil/points", 0, serialize(point_cloud(cloud)))
     two.close()
     ((first,), (second,)) = maps(tmp_path / "one"), maps(tmp_path / "two")
     np.testing.assert_array_equal(first.data, second.data)

@@ -22,7 +22,8 @@ from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.mbd.path import PathEngine
 from subsoil_ros.messages import SpatialMotion, ToolMotion, ToolMotions, ToolWrench
 from subsoil_ros.recording.checkpoint import Checkpoint
-from subsoil_ros.recording.conversion import from_message, to_message
+from subsoil_ros.recording.message_codec import reader, writer
+from subsoil_ros.recording.types import deserialize, message_type
 from subsoil_ros.rotations import (
     matrix_of,
     placed_m,
@@ -95,9 +96,10 @@ def test_a_planar_motion_has_a_quaternion_and_the_vectors_of_its_twist() -> None
 def test_a_motion_in_space_comes_back_from_messages_and_documents() -> None:
     """All of it, exactly, and its planar angle is none."""
     assert math.isnan(MOTION.angle_rad)
-    record = ToolMotions("run", 3, 4_000, (MOTION, ToolMotion("b", *range(7))))
-    message = to_message(record, 1_000)
-    assert repr(from_message(ToolMotions, message)) == repr(record)
+    record = ToolMotions("run", 3, 4_000, (MOTION, ToolMotion("b", *map(float, range(7)))))
+    data = writer(ToolMotions, 1_000)(record)
+    assert repr(reader(ToolMotions)(data)) == repr(record)
+    message = deserialize(data, message_type(ToolMotions))
     pose, twist = message.tools[0].pose, message.tools[0].twist
     assert (pose.position.y, pose.orientation.w, twist.linear.y, twist.angular.y) == (-0.2, 0.7, 2.0, 5.0)
     document = json.loads(json.dumps(asdict(MOTION)))

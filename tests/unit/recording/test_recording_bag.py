@@ -27,8 +27,8 @@ from subsoil_ros.messages import (
 )
 from subsoil_ros.recording.bag_reader import BagReader
 from subsoil_ros.recording.bag_writer import BagWriter
-from subsoil_ros.recording.conversion import to_message
-from subsoil_ros.recording.types import message_folder, schema_text, serialize
+from subsoil_ros.recording.message_codec import writer as message_writer
+from subsoil_ros.recording.types import message_folder, schema_text
 from tests.unit.recording.recording_samples import (
     INTERVAL_NS,
     SCENE,
@@ -120,7 +120,7 @@ def test_raw_bytes_in_any_order_make_the_same_bag(bag, tmp_path):
         records = records_of(tick)
         for place in np.random.default_rng(tick).permutation(len(records)):
             record = records[place]
-            data = serialize(to_message(record, INTERVAL_NS))
+            data = message_writer(type(record), INTERVAL_NS)(record)
             writer.write_raw(names[type(record)], tick, data)
     writer.close()
     assert raw_messages(tmp_path / "raw") == raw_messages(bag)

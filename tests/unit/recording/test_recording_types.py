@@ -10,9 +10,9 @@ import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from subsoil_ros.messages import SoilState
-from subsoil_ros.recording.conversion import from_message
+from subsoil_ros.recording.message_codec import reader
 from subsoil_ros.recording.topics import LATCHED, recorded_topics
-from subsoil_ros.recording.types import deserializer, schema_text, type_hash, typestore
+from subsoil_ros.recording.types import schema_text, type_hash, typestore
 from tests.unit.recording.recording_samples import SCENE
 
 TF = "tf2_msgs/msg/TFMessage"
@@ -85,5 +85,5 @@ def test_a_bag_of_an_older_version_is_read_by_its_own_definition() -> None:
     header = store.types["std_msgs/msg/Header"](store.types["builtin_interfaces/msg/Time"](1, 5), "world")
     message = store.types[name](header, "run", 41, 1, 2, 3, 4, 0.1, 0.2, 0.3, 0.4, 0.5)
     data = bytes(store.serialize_cdr(message, name))
-    state = from_message(SoilState, deserializer(name, older)(data))
+    state = reader(SoilState, older)(data)
     assert state == SoilState("run", 41, 1_000_000_005, 1, 2, 3, 0, 4, 0.1, 0.2, 0.3, 0.4, 0.5)

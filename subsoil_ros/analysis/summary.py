@@ -18,6 +18,17 @@ from ..recording.bag_reader import BagReader
 from ..recording.joined import open_record
 from ..scene.model import Scene
 from ..ticks import tick_end_s
+from .columns import (
+    COUPLING,
+    DRAFT,
+    DRAFT_OF_SHARES,
+    DRAFT_OF_WHEELS,
+    SOIL,
+    TIME,
+    Body,
+    draft_of_tool,
+    spring_element,
+)
 from .quantities import finite
 from .reference_table import print_reference
 from .run_statistics import RunStatistics, run_statistics
@@ -57,7 +68,7 @@ def summarize(
     window = metrics_window(series, scene)
     statistics = statistics if statistics is not None else run_statistics(bag, resolved, series, window)
     start_s, end_s = window_span_s(series, window)
-    simulated_s = float(series["time_s"][-1])
+    simulated_s = float(series[TIME][-1])
     tick_count = round(simulated_s / timing.communication_step_s)
     wall_s = series.wall_time_s  # of the ticks alone: without start-up and compilation
     columns = statistics.column_metrics()
@@ -77,8 +88,8 @@ def summarize(
             },
             "particles": _particles(series, bag, timing.communication_step_ns),
             "energy": {
-                "residual_joule": float(series["coupling.residual_joule"][-1]),
-                "residual_ratio": float(series["coupling.residual_ratio"][-1]),
+                "residual_joule": float(series[COUPLING.residual_joule][-1]),
+                "residual_ratio": float(series[COUPLING.residual_ratio][-1]),
             },
             "window": {
                 "rule": window.rule,
@@ -90,7 +101,7 @@ def summarize(
             "series": {
                 name: _of_column(values, window.rows, columns.get(name, {}))
                 for name, values in series.columns.items()
-                if name != "time_s"
+                if name != TIME
             },
             **statistics.metrics(),
         }
@@ -195,17 +206,17 @@ def _bag_words(bag: Path) -> str:
 
 def _particles(series: Series, bag: Path, communication_step_ns: int) -> Summary:
     """Numbers of particles present and lost; the first row with a lost one, and their identities."""
-    if "soil.lost_particle_count" not in series:
+    if SOIL.lost_particle_count not in series:
         return {"count": 0, "lost_count": 0, "first_lost_s": None, "first_lost": []}
-    lost = series["soil.lost_particle_count"]
-    first = float(series["time_s"][np.argmax(lost > 0)]) if lost[-1] > 0 else None
+    lost = series[SOIL.lost_particle_count]
+    first = float(series[TIME][np.argmax(lost > 0)]) if lost[-1] > 0 else None
     named: tuple[LostParticle, ...] = ()
     if first is not None:
-        last_ns = round(1e9 * float(series["time_s"][-1]))
+        last_ns = round(1e9 * float(series[TIME][-1]))
         for state in open_record(bag).records(SoilState, at=lambda time_ns: time_ns == last_ns):
             named = state.lost_particles
     return {
-        "count": int(series["soil.particle_count"][-1]),
+        "count": int(series[SOIL.particle_count][-1]),
         "lost_count": int(lost[-1]),
         "first_lost_s": first,
         "first_lost": [
@@ -238,13 +249,13 @@ def _lines(scene: Scene, summary: Summary) -> list[tuple[str, str, float, int]]:
     """(label, column, scale, digits) of each row of the table whose column the run has."""
     shank, spring = scene.report.shank, scene.report.spring
     lines: list[tuple[str, str, float, int]] = [
-        ("draft [N]", "draft_newton", 1.0, 1),
-        ("  of it share [N]", "draft.share_newton", 1.0, 1),
-        *((f"    of it {tool} [N]", f"draft.tool.{tool}_newton", 1.0, 1) for tool in scene.tools),
-        ("  of it wheels [N]", "draft.wheels_newton", 1.0, 1),
-        ("spring force, compression + [N]", f"spring.{spring}.force_newton", 1.0, 1),
-        ("share angle [rad]", f"body.{shank}.angle_rad", 1.0, 4),
-        ("shank centre of mass, height [mm]", f"body.{shank}.z_m", 1e3, 2),
+        ("draft [N]", DRAFT, 1.0, 1),
+        ("  of it share [N]", DRAFT_OF_SHARES, 1.0, 1),
+        *((f"    of it {tool} [N]", draft_of_tool(tool), 1.0, 1) for tool in scene.tools),
+        ("  of it wheels [N]", DRAFT_OF_WHEELS, 1.0, 1),
+        ("spring force, compression + [N]", spring_element(spring).load, 1.0, 1),
+        ("share angle [rad]", Body(shank).angle_rad, 1.0, 4),
+        ("shank centre of mass, height [mm]", Body(shank).z_m, 1e3, 2),
     ]
     return [line for line in lines if line[1] in summary["series"]]
 

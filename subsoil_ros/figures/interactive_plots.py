@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects as go
 
+from ..analysis.columns import DRAFT, DRAFT_OF_SHARES, DRAFT_OF_WHEELS, TIME, Body, spring_element
 from ..analysis.failure_cycles import SMOOTHED_S
 from ..analysis.run_statistics import RunStatistics, compared_columns, failures_of
 from ..analysis.series import Series
@@ -80,9 +81,9 @@ def _words(run: RunData, name: str) -> str:
     """Readable name of a compared column."""
     report = run.resolved.scene.report
     return {
-        f"spring.{report.spring}.force_newton": "Spring force",
-        f"body.{report.shank}.angle_rad": "Share angle",
-        f"body.{report.shank}.z_m": "Shank height",
+        spring_element(report.spring).load: "Spring force",
+        Body(report.shank).angle_rad: "Share angle",
+        Body(report.shank).z_m: "Shank height",
     }.get(name, "Draft")
 
 
@@ -125,16 +126,19 @@ def _line(x: Any, y: Any, name: str, **style: Any) -> dict[str, Any]:
 def _over_time(run: RunData, name: str, compared: bool = False) -> Figure:
     """A column over time with its mean; a compared one also smoothed, with its parts and its reference."""
     series, every, found = run.series, slice(None, None, run.every), run.summary["series"][name]
-    times = series["time_s"][every]
+    times = series[TIME][every]
     colour = "#8fb0d3" if compared else COLOURS["main"]
     traces = [_line(times, series[name][every], "as recorded", color=colour)]
     title = f"{name}: " + ", ".join(
         f"{kind} {found[kind]:.6g}" for kind in ("mean", "min", "max") if found[kind] is not None
     )
     if compared:
-        kinds = ("draft.share_newton", "draft.wheels_newton") if name == "draft_newton" else ()
-        for part in (name, *(kind for kind in kinds if kind in series)):
-            colour = COLOURS.get(part.removeprefix("draft.").removesuffix("_newton"), COLOURS["main"])
+        colours = {name: COLOURS["main"]}
+        if name == DRAFT:
+            colours |= {DRAFT_OF_SHARES: COLOURS["share"], DRAFT_OF_WHEELS: COLOURS["wheels"]}
+        for part, colour in colours.items():
+            if part not in series:
+                continue
             words = f"{part}, mean over {SMOOTHED_S:g} s"
             traces.append(_line(times, moving_mean(series, part, SMOOTHED_S)[every], words, color=colour))
     figure = _figure(traces, f"{title} in the window", "simulated time [s]", name)

@@ -43,23 +43,18 @@ class RunStatistics:
     past_dead_centre_s: float | None  # when the shank passed that of its spring
 
     def column_metrics(self) -> dict[str, dict[str, Any]]:
-        """Groups of single columns, by column, as summary.json holds them beside their mean."""
+        """Groups of single columns, by column, beside their mean: values of the fields of summary.Column."""
         found: dict[str, dict[str, Any]] = {}
         for name, extremes in self.moving_extremes.items():
             found[name] = {MOVING: _span(extremes), "run": {MOVING: _span(self.run_extremes[name])}}
         for name, steady in self.stationarity.items():
-            found.setdefault(name, {})["stationarity"] = _stationarity(steady)
+            found.setdefault(name, {})["stationarity"] = steady
         for name, item in self.spectra.items():
-            found.setdefault(name, {})["spectrum"] = {
-                "dominant_hz": item.dominant_hz,
-                "resolution_hz": item.resolution_hz,
-                "degrees_of_freedom": item.degrees_of_freedom,
-                "significant": item.significant,
-            }
+            found.setdefault(name, {})["spectrum"] = item
         return found
 
     def metrics(self) -> dict[str, Any]:
-        """Groups of the whole run, as summary.json holds them; what the run does not have is absent."""
+        """Groups of the whole run: values of the fields of summary.Summary; what it does not have is absent."""
         loads = dict(self.loads)
         if self.past_dead_centre_s is not None:
             loads["past_dead_centre_s"] = self.past_dead_centre_s
@@ -141,22 +136,6 @@ def failures_of(series: Series, scene: Scene, window: Window) -> FailureCycles |
     rows = window.rows
     draft = moving_mean(series, DRAFT, SMOOTHED_S)
     return failure_cycles(series[TIME][rows], tip[rows], draft[rows])
-
-
-def _stationarity(steady: Stationarity) -> dict[str, Any]:
-    return {
-        "mean_half_width": steady.mean_half_width,
-        "correlation_s": steady.correlation_s,
-        "effective_count": steady.effective_count,
-        "slope_per_s": steady.slope_per_s,
-        "slope_half_width_per_s": steady.slope_half_width_per_s,
-        "drift": steady.drift,
-        "drift_half_width": steady.drift_half_width,
-        "deviation": steady.deviation,
-        "deviation_half_width": steady.deviation_half_width,
-        "verdict": steady.verdict,
-        "block_means": list(steady.block_means),
-    }
 
 
 def _span(extremes: tuple[float, float]) -> dict[str, float]:

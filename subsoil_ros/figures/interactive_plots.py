@@ -57,7 +57,7 @@ def interactive_plots(run: RunData) -> list[dict[str, Any]]:
     """Every plot of a run: `group` and `name` to pick it by, and `figure` as plotly's JSON."""
     compared = [name for name in compared_columns(run.resolved.scene) if name in run.series]
     figures = [(RESULTS, title, figure) for title, figure in _results(run, compared)]
-    figures += [(COLUMNS, name, _over_time(run, name)) for name in run.summary["series"]]
+    figures += [(COLUMNS, name, _over_time(run, name)) for name in run.summary.series]
     return [{"group": group, "name": name, "figure": figure} for group, name, figure in figures]
 
 
@@ -125,12 +125,13 @@ def _line(x: Any, y: Any, name: str, **style: Any) -> dict[str, Any]:
 
 def _over_time(run: RunData, name: str, compared: bool = False) -> Figure:
     """A column over time with its mean; a compared one also smoothed, with its parts and its reference."""
-    series, every, found = run.series, slice(None, None, run.every), run.summary["series"][name]
+    series, every, found = run.series, slice(None, None, run.every), run.summary.series[name]
     times = series[TIME][every]
     colour = "#8fb0d3" if compared else COLOURS["main"]
     traces = [_line(times, series[name][every], "as recorded", color=colour)]
+    statistics = {"mean": found.mean, "min": found.min, "max": found.max}
     title = f"{name}: " + ", ".join(
-        f"{kind} {found[kind]:.6g}" for kind in ("mean", "min", "max") if found[kind] is not None
+        f"{kind} {value:.6g}" for kind, value in statistics.items() if value is not None
     )
     if compared:
         colours = {name: COLOURS["main"]}
@@ -147,7 +148,7 @@ def _over_time(run: RunData, name: str, compared: bool = False) -> Figure:
     shapes, notes = figure["layout"]["shapes"], figure["layout"]["annotations"]
     window_shape = {"type": "rect", "x0": start, "x1": end, "y0": 0, "y1": 1, "xref": "x", "yref": "y domain"}
     shapes.append({**window_shape, "fillcolor": _WINDOW, "line": {"width": 0}, "layer": "below"})
-    if (mean := found["mean"]) is not None:
+    if (mean := found.mean) is not None:
         dashed = {"dash": "dash", "width": 1}
         shapes.append({"type": "line", "x0": start, "x1": end, "y0": mean, "y1": mean, "line": dashed})
     if compared and run.resolved.reference is not None:

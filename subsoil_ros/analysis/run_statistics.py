@@ -54,7 +54,7 @@ class RunStatistics:
         return found
 
     def metrics(self) -> dict[str, Any]:
-        """Groups of the whole run: values of the fields of summary.Summary; what it does not have is absent."""
+        """Groups of the whole run: values of fields of summary.Summary; what it does not have is absent."""
         loads = dict(self.loads)
         if self.past_dead_centre_s is not None:
             loads["past_dead_centre_s"] = self.past_dead_centre_s

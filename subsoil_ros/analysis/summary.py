@@ -201,7 +201,7 @@ class Column(RunColumn):
 
 
 class Vertical(StrictModel):
-    """What carries the machine, up positive: weight = share + wheels + hitch + tethers + loads + inertia + rest."""
+    """What carries the machine, up positive: the weight is the sum of the others."""
 
     share_newton: Statistics | None = Field(None, description="Soil on tillage tools.")
     wheels_newton: Statistics | None = None
@@ -214,7 +214,7 @@ class Vertical(StrictModel):
 
 
 class Specific(StrictModel):
-    """Draft per width of share and per loosened section; work of the draft per distance and loosened volume."""
+    """Draft per width of share and loosened section; work of the draft per distance and loosened volume."""
 
     share_width_m: Number = None
     draft_newton_per_m: Number = None

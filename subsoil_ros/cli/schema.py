@@ -1,4 +1,4 @@
-"""subsoil schema: the JSON Schema of scene files, with which editors complete and check keys, or of results."""
+"""subsoil schema: the JSON Schema of scene files, with which editors check keys, or of summary.json."""
 
 import argparse
 import json

@@ -1,6 +1,5 @@
 """The balance of energy of a machine, closed from its series.csv alone."""
 
-import json
 from pathlib import Path
 
 import pandas as pd

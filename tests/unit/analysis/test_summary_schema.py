@@ -35,7 +35,7 @@ def check(summary: Mapping[str, Any]) -> None:
 
 
 def test_schema_is_current(tmp_path: Path) -> None:
-    """The file is what `subsoil schema --summary` writes, valid itself, and of the version that summaries name."""
+    """The file is what `subsoil schema --summary` writes, valid, and of the version that summaries name."""
     parser = argparse.ArgumentParser()
     schema_verb.add_arguments(parser)
     schema_verb.run(parser.parse_args(["--summary", "--out", str(tmp_path / "schema.json")]))

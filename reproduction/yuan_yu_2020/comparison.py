@@ -21,6 +21,7 @@ from subsoil_ros.analysis.series import Series
 from subsoil_ros.analysis.smoothing import moving_mean
 from subsoil_ros.analysis.spectra import SEGMENTS, SLOWEST
 from subsoil_ros.analysis.window import Window
+from subsoil_ros.report.sentences import significance_words
 from subsoil_ros.scene.mechanism import Driver
 from subsoil_ros.scene.model import Scene
 from subsoil_ros.scene.time_functions import ConstantLaw
@@ -210,7 +211,9 @@ def _period_rows(scene: Scene, window: Window, series: Series, statistics: RunSt
         if found is None:
             continue
         half = 0.5 * found.resolution_hz
-        remark = f"largest density at {found.dominant_hz:.2f} +- {half:.2f} Hz, which {found.verdict}"
+        remark = (
+            f"largest density at {found.dominant_hz:.2f} +- {half:.2f} Hz, which {significance_words(found)}"
+        )
         period_s = 1.0 / found.dominant_hz if found.significant else None
         if length_s < RESOLVED_PERIODS * published:
             remark += f"; {length_s:.2f} s do not hold {RESOLVED_PERIODS:g} periods of {published:g} s"

@@ -18,6 +18,7 @@ from ..analysis.smoothing import moving_mean
 from ..analysis.summary import Summary
 from ..analysis.window import metrics_window, tip_x_m, window_span_s
 from ..loading.loader import ResolvedScene
+from ..report.sentences import significance_words
 from .over_time import reference_levels
 from .plotting import COLOURS
 
@@ -190,7 +191,7 @@ def _spectrum(run: RunData, name: str) -> Figure:
         _line(x, found.density[1:], "density (Welch)"),
         _line(x, found.level[1:], "red noise, 95 % anywhere", color=COLOURS["reference"], dash="dash"),
     ]
-    title = f"Spectrum of {name}: strongest at {found.dominant_hz:.3g} Hz, {found.verdict}"
+    title = f"Spectrum of {name}: strongest at {found.dominant_hz:.3g} Hz, {significance_words(found)}"
     figure = _figure(traces, title, "frequency [Hz]", "density [unit²/Hz]")
     figure["layout"]["xaxis"]["type"] = figure["layout"]["yaxis"]["type"] = "log"
     return figure

@@ -1,6 +1,7 @@
 """Sentences on the results of a run."""
 
 from ..analysis.columns import DRAFT, MECHANISM, spring_element
+from ..analysis.spectra import SLOWEST, Spectrum
 from ..analysis.summary import KnownMean, Number, Summary
 
 _CARRIERS = {
@@ -201,6 +202,15 @@ def _dominant_frequency(summary: Summary) -> str:
         f"draft is strongest at {_text(found.dominant_hz, '.2f')} Hz (resolved to "
         f"{_text(found.resolution_hz, '.2f')} Hz), which {stands} red noise (95 %)"
     )
+
+
+def significance_words(found: Spectrum) -> str:
+    """Significance of the dominant frequency of a spectrum."""
+    if found.significant:
+        return "stands out of red noise"
+    if found.dominant == SLOWEST:
+        return "is the slowest looked at: no dominant frequency seen"
+    return "does not stand out of red noise"
 
 
 def _failures(summary: Summary) -> str:

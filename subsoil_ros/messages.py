@@ -134,9 +134,14 @@ class SpatialMotion(ToolMotion):
         """Angular velocity, world axes."""
         return (
             self.angular_velocity_x_rad_per_s,
-            -self.angular_velocity_rad_per_s,
+            self.angular_velocity_y_rad_per_s,
             self.angular_velocity_z_rad_per_s,
         )
+
+    @property
+    def angular_velocity_y_rad_per_s(self) -> float:
+        """Angular velocity about y, world axes."""
+        return -self.angular_velocity_rad_per_s
 
 
 def motion_of(

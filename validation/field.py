@@ -30,6 +30,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 
+from subsoil_ros.analysis.columns import TIME, Wrench
 from subsoil_ros.analysis.disturbance import Places, disturbance_between, write_section_csv
 from subsoil_ros.analysis.smoothing import moving_mean
 from subsoil_ros.analysis.stationarity import stationarity
@@ -194,13 +195,13 @@ def of_run(directory: Path) -> dict[str, np.ndarray]:
     """The same of a folder of `subsoil run`, over the travel of the tip, without CPU time and memory."""
     run = read_run(directory)
     scene, series = run.scene.scene, {name: run.series[name].to_numpy() for name in run.series}
-    tip = np.maximum.accumulate(tip_x_m(series, scene)) + 1e-9 * np.arange(len(series["time_s"]))
+    tip = np.maximum.accumulate(tip_x_m(series, scene)) + 1e-9 * np.arange(len(series[TIME]))
     share = next(name for name, tool in scene.tools.items() if tool.is_tillage)
     rows = np.arange(ROW_M * math.ceil(tip[0] / ROW_M), tip[-1], ROW_M)
     found = {name: np.full(len(rows), math.nan) for name in COLUMNS} | {"tip_x_m": rows}
     for name, column in (
         ("draft_newton", "draft_newton"),
-        ("vertical_newton", f"tool.{share}.force_z_newton"),
+        ("vertical_newton", Wrench(share).force_z_newton),
     ):
         found[name] = np.interp(rows, tip, moving_mean(series, column, ROW_M / SPEED_M_PER_S))
     found["block_m"][:], found["period_m"][:] = repeats_m(run.scene)

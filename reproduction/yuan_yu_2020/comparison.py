@@ -14,12 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from subsoil_ros.analysis.columns import DRAFT, TIME, Body, spring_element
 from subsoil_ros.analysis.disturbance import ZONE_M, SpeedZones
 from subsoil_ros.analysis.run_statistics import MOVING_S, RunStatistics, compared_columns
 from subsoil_ros.analysis.series import Series
 from subsoil_ros.analysis.smoothing import moving_mean
 from subsoil_ros.analysis.spectra import SEGMENTS, SLOWEST
 from subsoil_ros.analysis.window import Window
+from subsoil_ros.report.sentences import significance_words
 from subsoil_ros.scene.mechanism import Driver
 from subsoil_ros.scene.model import Scene
 from subsoil_ros.scene.time_functions import ConstantLaw
@@ -166,7 +168,7 @@ class _Extremes:
 
 
 def _extreme_rows(scene: Scene, series: Series, window: Window) -> Iterator[Row]:
-    draft = _Extremes.of(series, "draft_newton", window)
+    draft = _Extremes.of(series, DRAFT, window)
     low, high = printed.DRAFT_CYCLE_NEWTON
     yield draft.row("draft, cycle", "N", "least", low, "low")
     yield draft.row("draft, cycle", "N", "largest", high, "high")
@@ -175,7 +177,7 @@ def _extreme_rows(scene: Scene, series: Series, window: Window) -> Iterator[Row]
     yield draft.row("draft, run", "N", "largest", printed.DRAFT_NEWTON[1], "high", "printed at 3.5 s")
     yield draft.row("draft, run", "N", "least", printed.DRAFT_NEWTON[0], "low", "negative: pushed forward")
     names = compared_columns(scene)
-    spring = f"spring.{scene.report.spring}.force_newton"
+    spring = spring_element(scene.report.spring).load
     if spring in names and spring in series:
         force = _Extremes.of(series, spring, window)
         tension, compression = printed.SPRING_NEWTON
@@ -183,33 +185,35 @@ def _extreme_rows(scene: Scene, series: Series, window: Window) -> Iterator[Row]
         yield force.row("spring force", "N", "largest tension", tension, "low", "tension is negative")
         yield force.span("spring force", "N", compression - tension)
     shank = scene.report.shank
-    if shank is not None and scene.mechanism is not None and f"body.{shank}.angle_rad" in series:
-        angle = _Extremes.of(series, f"body.{shank}.angle_rad", window)
+    if shank is not None and scene.mechanism is not None and Body(shank).angle_rad in series:
+        angle = _Extremes.of(series, Body(shank).angle_rad, window)
         turn = [value - scene.mechanism.bodies[shank].angle_rad for value in (angle.low[0], angle.high[0])]
         yield angle.span(
             "share entry angle", "rad", printed.ANGLE_RANGE_RAD,
             f"from the working pose, tip back negative: {turn[0]:.4f} to {turn[1]:.4f}; mirrored: "
             f"{-turn[1]:.4f} to {-turn[0]:.4f}",
         )  # fmt: skip
-        height = _Extremes.of(series, f"body.{shank}.z_m", window)
+        height = _Extremes.of(series, Body(shank).z_m, window)
         yield height.span("height of the shank's centre of mass", "m", printed.HEIGHT_RANGE_M)
 
 
 def _period_rows(scene: Scene, window: Window, series: Series, statistics: RunStatistics) -> Iterator[Row]:
-    times = series["time_s"][window.rows]
+    times = series[TIME][window.rows]
     length_s = float(times[-1] - times[0])
     spring, shank = scene.report.spring, scene.report.shank
     for label, name, published in (
         ("period of the draft", "draft_newton", printed.DRAFT_PERIOD_S),
-        ("period of the spring force", f"spring.{spring}.force_newton", printed.PERIOD_S),
-        ("period of the entry angle", f"body.{shank}.angle_rad", printed.PERIOD_S),
-        ("period of the height", f"body.{shank}.z_m", printed.PERIOD_S),
+        ("period of the spring force", spring_element(spring).load, printed.PERIOD_S),
+        ("period of the entry angle", Body(shank).angle_rad, printed.PERIOD_S),
+        ("period of the height", Body(shank).z_m, printed.PERIOD_S),
     ):
         found = statistics.spectra.get(name)
         if found is None:
             continue
         half = 0.5 * found.resolution_hz
-        remark = f"largest density at {found.dominant_hz:.2f} +- {half:.2f} Hz, which {found.verdict}"
+        remark = (
+            f"largest density at {found.dominant_hz:.2f} +- {half:.2f} Hz, which {significance_words(found)}"
+        )
         period_s = 1.0 / found.dominant_hz if found.significant else None
         if length_s < RESOLVED_PERIODS * published:
             remark += f"; {length_s:.2f} s do not hold {RESOLVED_PERIODS:g} periods of {published:g} s"
@@ -235,13 +239,13 @@ def phase(scene: Scene, series: Series, window: Window) -> float | None:
     The energy is that of a linear spring, F^2 / (2 k), F without its damper: k (free length - length).
     """
     levers = levers_of(scene)
-    name = f"spring.{scene.report.spring}.length_m"
+    name = spring_element(scene.report.spring).coordinate
     if levers is None or name not in series or window.rows.sum() < 16 or scene.mechanism is None:
         return None
     spring: Any = scene.mechanism.forces[str(scene.report.spring)]
     compression = spring.free_length_m - moving_mean(series, name, MOVING_S)[window.rows]
     energy = 0.5 * levers.stiffness_newton_per_m * compression**2 + spring.preload_newton * compression
-    draft = moving_mean(series, "draft_newton", MOVING_S)[window.rows]
+    draft = moving_mean(series, DRAFT, MOVING_S)[window.rows]
     one, two = np.diff(draft), np.diff(energy)
     if one.std() == 0.0 or two.std() == 0.0:
         return None

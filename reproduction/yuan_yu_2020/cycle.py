@@ -25,6 +25,7 @@ import numpy as np
 from scipy.signal import detrend
 
 from benchmarks.run_cache import write_rows
+from subsoil_ros.analysis.columns import DRAFT, Body, Wrench
 from subsoil_ros.analysis.failure_cycles import SMOOTHED_S
 from subsoil_ros.analysis.run_statistics import MOVING_S
 from subsoil_ros.analysis.smoothing import step_s
@@ -72,18 +73,18 @@ def unbalanced_newton(run: Run) -> float:
     mass times acceleration along x: the wheels' friction."""
     mechanism, series = run.scene.scene.mechanism, run.series
     assert mechanism is not None
-    left = series["draft_newton"] + series["tool.shank.force_x_newton"]
+    left = series[DRAFT] + series[Wrench("shank").force_x_newton]
     for name, body in mechanism.bodies.items():
-        left = left - body.mass_kg * series[f"body.{name}.acceleration_x_m_per_s2"]
+        left = left - body.mass_kg * series[Body(name).acceleration_x_m_per_s2]
     return float(np.sqrt((left[run.rows] ** 2).mean()))
 
 
 def case_row(run: Run) -> dict[str, Any]:
     """One row of cases.csv."""
-    draft = run.column("draft_newton", MOVING_S)
+    draft = run.column(DRAFT, MOVING_S)
     cycles = run.cycles(1.0)
-    over_time = spectrum(step_s(run.series), run.series["draft_newton"][run.rows])
-    metres, laid = run.over_travel(run.column("draft_newton", SMOOTHED_S))
+    over_time = spectrum(step_s(run.series), run.series[DRAFT][run.rows])
+    metres, laid = run.over_travel(run.column(DRAFT, SMOOTHED_S))
     over_travel = spectrum(metres, laid)
     assert over_time is not None
     assert over_travel is not None
@@ -93,11 +94,11 @@ def case_row(run: Run) -> dict[str, Any]:
         "seed": run.case.seed,
         "particles": run.summary["particles.count"],
         "travel_counted_m": float(np.ptp(run.tip_m[0][run.rows])),
-        **{f"draft_{key}": value for key, value in of_mean(run.column("draft_newton", SMOOTHED_S)).items()},
+        **{f"draft_{key}": value for key, value in of_mean(run.column(DRAFT, SMOOTHED_S)).items()},
         "draft_1_percent_newton": float(low),
         "draft_99_percent_newton": float(high),
         "draft_least_newton": float(draft.min()),
-        "soil_lifts_share_newton": float(run.series["tool.shank.force_z_newton"][run.rows].mean()),
+        "soil_lifts_share_newton": float(run.series[Wrench("shank").force_z_newton][run.rows].mean()),
         "unbalanced_newton": unbalanced_newton(run),
     }
     held = run.case.locked
@@ -114,7 +115,7 @@ def case_row(run: Run) -> dict[str, Any]:
     soil = run.scene.scene.particle_soil
     assert soil is not None
     overlap = run.series["soil.max_overlap_m"][run.rows] / soil.particles.mean_volume_radius_m
-    loads = np.diff(run.column("draft_newton", SMOOTHED_S)) / step_s(run.series)
+    loads = np.diff(run.column(DRAFT, SMOOTHED_S)) / step_s(run.series)
     return row | {
         "cycles": cycles.count if cycles else 0,
         "travel_m": cycles.travel.mean if cycles else None,
@@ -179,10 +180,10 @@ def case_text(row: dict[str, Any]) -> str:
 
 
 PHASED = {
-    "soil's force on the tool": "tool.shank.force_x_newton",
+    "soil's force on the tool": Wrench("shank").force_x_newton,
     "spring force": SPRING,
     "share angle": ANGLE,
-    "height of the shank": "body.shank.z_m",
+    "height of the shank": Body("shank").z_m,
 }
 """What is laid beside the draft: quantity, column."""
 
@@ -193,7 +194,7 @@ LONGEST_LAG_S = 0.25
 def phases(run: Run) -> list[dict[str, Any]]:
     """Correlation with the draft at no lag, and the largest in size with its lag: positive after it."""
     step = step_s(run.series)
-    draft = detrend(run.column("draft_newton", MOVING_S))
+    draft = detrend(run.column(DRAFT, MOVING_S))
     lags = np.arange(-round(LONGEST_LAG_S / step), round(LONGEST_LAG_S / step) + 1)
     found = []
     for name, column in PHASED.items():
@@ -233,11 +234,11 @@ def draw(runs: Sequence[Run], path: Path) -> None:
     """Draft over travel, its spectra over time and travel, and travel between failures, for each run."""
     figure, axes = plt.subplots(2, 2, figsize=(11, 7), constrained_layout=True)
     for run in runs:
-        smooth, label = run.column("draft_newton", SMOOTHED_S), run.case.name
+        smooth, label = run.column(DRAFT, SMOOTHED_S), run.case.name
         tip = run.tip_m[0][run.rows]
         shown = tip < tip[0] + 2.0
         axes[0, 0].plot(tip[shown], smooth[shown], lw=1, label=label)
-        over_time = spectrum(step_s(run.series), run.series["draft_newton"][run.rows])
+        over_time = spectrum(step_s(run.series), run.series[DRAFT][run.rows])
         over_travel = spectrum(*run.over_travel(smooth))
         cycles = run.cycles(1.0)
         assert over_time is not None

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.stats import f as f_distribution
 
+from subsoil_ros.analysis.columns import TIME, Wrench
 from subsoil_ros.analysis.failure_cycles import SMOOTHED_S
 from subsoil_ros.analysis.smoothing import running_mean, step_s
 from subsoil_ros.loading.loader import load_scene
@@ -45,9 +46,9 @@ def soil_moment_newton_m(run: Run, levers: Levers) -> Values:
     z = np.sin(turn) * arm[0] + np.cos(turn) * arm[1]
     # the planar moment is about -y, and the spring is pressed where the shank is turned back, clockwise
     return -np.asarray(
-        x * series["tool.shank.force_z_newton"]
-        - z * series["tool.shank.force_x_newton"]
-        - series["tool.shank.torque_y_newton_m"]
+        x * series[Wrench("shank").force_z_newton]
+        - z * series[Wrench("shank").force_x_newton]
+        - series[Wrench("shank").torque_y_newton_m]
     )
 
 
@@ -58,7 +59,7 @@ def through_the_shank(locked: Run, levers: Levers, damping_newton_s_per_m: float
     J a'' + C r^2 a' + k r^2 a = M(t) about the hinge, from rest under the first moment; force k r a + C r
     a'. The soil does not feel the shank give way: no feedback.
     """
-    times, lever = locked.series["time_s"], levers.spring_arm_m
+    times, lever = locked.series[TIME], levers.spring_arm_m
     moment = soil_moment_newton_m(locked, levers)
     stiffness, damping = levers.stiffness_newton_m_per_rad, damping_newton_s_per_m * lever**2
 
@@ -80,7 +81,7 @@ def over_the_travel(
     of the locked record at s; behind its farthest place the soil unloads, M(s_most) - h K (s_most - s) with
     K `soil_newton_per_m`, and never pulls. Semi-implicit Euler.
     """
-    times, place = locked.series["time_s"], np.maximum.accumulate(locked.tip_m[0])
+    times, place = locked.series[TIME], np.maximum.accumulate(locked.tip_m[0])
     moment, tip = soil_moment_newton_m(locked, levers), levers.tip_lever_m
     arm, inertia = levers.spring_arm_m, levers.inertia_kg_m2
     stiffness, damping = levers.stiffness_newton_m_per_rad, damping_newton_s_per_m * arm**2

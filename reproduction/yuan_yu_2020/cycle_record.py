@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.signal import periodogram
 
 from benchmarks.run_cache import Summary
+from subsoil_ros.analysis.columns import DRAFT, TIME, Body, spring_element
 from subsoil_ros.analysis.failure_cycles import SMOOTHED_S, FailureCycles, failure_cycles
 from subsoil_ros.analysis.series import Series, read_series_csv
 from subsoil_ros.analysis.smoothing import moving_mean, step_s
@@ -25,7 +26,7 @@ BEGIN_M, LEAST_M = 0.5, 1e-6
 """Travel of the trolley from which on a run counts, the same in all cases: the tip three depths inside the
 field; and travel of the tip from row to row, at least, where values are laid over it."""
 
-SPRING, ANGLE = "spring.H9_spring.force_newton", "body.shank.angle_rad"
+SPRING, ANGLE = spring_element("H9_spring").load, Body("shank").angle_rad
 
 
 class Run:
@@ -36,7 +37,7 @@ class Run:
         self.folder = Path(summary["folder"])
         self.series: Series = read_series_csv(self.folder / "series.csv")
         self.scene = load_scene(self.folder / "scene.yaml")
-        trolley = self.series["body.trolley.x_m"]
+        trolley = self.series[Body("trolley").x_m]
         travel = trolley - trolley[0]
         self.rows = (travel >= BEGIN_M) & (travel <= end_m)
         path = tip_path_m(self.series, self.scene.scene)
@@ -46,7 +47,7 @@ class Run:
     @property
     def draft_mean_newton(self) -> float:
         """Over the window."""
-        return float(self.series["draft_newton"][self.rows].mean())
+        return float(self.series[DRAFT][self.rows].mean())
 
     def column(self, name: str, mean_s: float) -> Values:
         """A column over the window, its moving mean."""
@@ -54,11 +55,11 @@ class Run:
 
     def cycles(self, threshold: float) -> FailureCycles | None:
         """Failure cycles of the draft."""
-        return self.cycles_of(self.column("draft_newton", SMOOTHED_S), threshold)
+        return self.cycles_of(self.column(DRAFT, SMOOTHED_S), threshold)
 
     def cycles_of(self, values: Values, threshold: float = 1.0) -> FailureCycles | None:
         """Of any load (n,) over the window."""
-        times, tip = self.series["time_s"][self.rows], self.tip_m[0][self.rows]
+        times, tip = self.series[TIME][self.rows], self.tip_m[0][self.rows]
         return failure_cycles(times, tip, values, threshold)
 
     def over_travel(self, values: Values) -> tuple[float, Values]:

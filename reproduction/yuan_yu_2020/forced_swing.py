@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.run_cache import Summary, kept_run, write_scene
+from subsoil_ros.analysis.columns import DRAFT, TIME, Body, PlanarTool, Wrench
 from subsoil_ros.analysis.dead_centre import shank_spring
 from subsoil_ros.analysis.series import Series, read_series_csv
 from subsoil_ros.analysis.stationarity import stationarity
@@ -65,11 +66,11 @@ def moment_of_soil(series: Series, scene: Scene, hinge: complex) -> Values:
     body = scene.mechanism.bodies[shank]
     arm = hinge - complex(*body.position_m)
     tool = next(name for name, item in scene.tools.items() if item.body == shank)
-    turned = arm * np.exp(1j * (series[f"body.{shank}.angle_rad"] - body.angle_rad))
-    x = series[f"tool.{tool}.x_m"] - (series[f"body.{shank}.x_m"] + turned.real)
-    z = series[f"tool.{tool}.z_m"] - (series[f"body.{shank}.z_m"] + turned.imag)
-    along, up = series[f"tool.{tool}.force_x_newton"], series[f"tool.{tool}.force_z_newton"]
-    return np.asarray(x * up - z * along - series[f"tool.{tool}.torque_y_newton_m"], np.float64)
+    turned = arm * np.exp(1j * (series[Body(shank).angle_rad] - body.angle_rad))
+    x = series[PlanarTool(tool).x_m] - (series[Body(shank).x_m] + turned.real)
+    z = series[PlanarTool(tool).z_m] - (series[Body(shank).z_m] + turned.imag)
+    along, up = series[Wrench(tool).force_x_newton], series[Wrench(tool).force_z_newton]
+    return np.asarray(x * up - z * along - series[Wrench(tool).torque_y_newton_m], np.float64)
 
 
 def soil_on_swing(
@@ -102,10 +103,10 @@ def read_swing(folder: Path, free: Scene) -> tuple[Values, Values, Values, Value
     first = int(np.argmax(path[0] >= BEGIN_M))
     (shank, frame), found = shank_and_frame(free), shank_spring(free)
     assert found is not None
-    columns = [series["time_s"]]
+    columns = [series[TIME]]
     for name in ("angle_rad", "angular_velocity_rad_per_s"):
         columns.append(series[f"body.{shank}.{name}"] - series[f"body.{frame}.{name}"])
-    columns += [moment_of_soil(series, scene, found.hinge), series["draft_newton"]]
+    columns += [moment_of_soil(series, scene, found.hinge), series[DRAFT]]
     times, angle, rate, moment, draft = (np.asarray(column, np.float64)[first:] for column in columns)
     return times, angle, rate, moment, draft
 

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.run_cache import FailedRun, Summary, kept_run, write_rows, write_scene
+from subsoil_ros.analysis.columns import DRAFT, TIME, Body, spring_element
 from subsoil_ros.analysis.dead_centre import past_dead_centre_s
 from subsoil_ros.analysis.run_statistics import MOVING
 from subsoil_ros.analysis.series import read_series_csv
@@ -54,7 +55,7 @@ records of red noise with correlation times of 0.01 to 0.2 s had up to 0.5)."""
 RANGE_PART = 0.5
 """Part of a printed range from which a swing counts as the paper's; a smaller one counts as quiet."""
 
-SPRING, ANGLE, HEIGHT = "spring.H9_spring.force_newton", "body.shank.angle_rad", "body.shank.z_m"
+SPRING, ANGLE, HEIGHT = spring_element("H9_spring").load, Body("shank").angle_rad, Body("shank").z_m
 
 
 class Case(NamedTuple):
@@ -121,9 +122,9 @@ def judge(case: Case, scene: Path, summary: Summary) -> dict[str, Any]:
         return float(summary[f"series.{name}{part}.{MOVING}.{measure}"])
 
     series = read_series_csv(Path(summary["folder"]) / "series.csv")
-    times = series["time_s"]
+    times = series[TIME]
     inside = (times >= summary["window.start_s"]) & (times <= summary["window.end_s"])
-    period_s, regularity = repeat_period(times[inside], series["draft_newton"][inside])
+    period_s, regularity = repeat_period(times[inside], series[DRAFT][inside])
     steady = "series.draft_newton.stationarity"
     row = {
         **case._asdict(),
@@ -131,10 +132,10 @@ def judge(case: Case, scene: Path, summary: Summary) -> dict[str, Any]:
         "draft_half_width_newton": summary.get(f"{steady}.mean_half_width"),
         "drift": summary.get(f"{steady}.verdict", ""),
         "drift_over_window": summary.get(f"{steady}.drift"),
-        "draft_min_newton": moving("draft_newton", "min"),
-        "draft_max_newton": moving("draft_newton", "max"),
-        "run_draft_min_newton": moving("draft_newton", "min", ".run"),
-        "run_draft_max_newton": moving("draft_newton", "max", ".run"),
+        "draft_min_newton": moving(DRAFT, "min"),
+        "draft_max_newton": moving(DRAFT, "max"),
+        "run_draft_min_newton": moving(DRAFT, "min", ".run"),
+        "run_draft_max_newton": moving(DRAFT, "max", ".run"),
         "period_s": period_s,
         "regularity": regularity,
         "spring_range_newton": moving(SPRING, "range"),

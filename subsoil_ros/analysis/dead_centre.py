@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..scene.mechanism import Revolute, SpringDamper
 from ..scene.model import Scene
+from .columns import TIME, Body
 
 
 class ShankSpring(NamedTuple):
@@ -62,9 +63,9 @@ def past_dead_centre_s(scene: Scene, columns: Mapping[str, NDArray[np.float64]])
         return None
     shank = str(scene.report.shank)
     frame = found.spring.body_b if found.spring.body_a == shank else found.spring.body_a
-    angle = np.zeros(len(columns["time_s"]))
+    angle = np.zeros(len(columns[TIME]))
     for body, sign in ((shank, 1.0), (frame, -1.0)):
         if body in scene.mechanism.bodies:  # the ground does not turn
-            angle += sign * (columns[f"body.{body}.angle_rad"] - scene.mechanism.bodies[body].angle_rad)
+            angle += sign * (columns[Body(body).angle_rad] - scene.mechanism.bodies[body].angle_rad)
     past = np.flatnonzero(angle <= cmath.phase(found.anchor / found.lug))
-    return float(columns["time_s"][past[0]]) if len(past) else None
+    return float(columns[TIME][past[0]]) if len(past) else None

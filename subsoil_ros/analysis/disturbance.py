@@ -22,6 +22,7 @@ from ..scene.beds import GridBed
 from ..scene.meshes import load_tool_mesh
 from ..scene.soil import Soil
 from ..scene.window import SoilWindow
+from .columns import TIME
 from .poses import posed_vertices_m, reference_angle
 from .series import Series, write_table_csv
 from .stationarity import stationarity
@@ -179,7 +180,7 @@ def _seen_in_time(times_ns: list[int], series: Series, resolved: ResolvedScene, 
     path = tip_path_m(series, resolved.scene)
     if path is None:
         return False
-    tip = np.interp(1e-9 * np.array(times_ns), series["time_s"], path[0])
+    tip = np.interp(1e-9 * np.array(times_ns), series[TIME], path[0])
     return bool(np.diff(tip).max() < SEEN_PART * min(window.ahead_m, window.behind_m))
 
 
@@ -321,7 +322,7 @@ def _speed_zones(clouds: list[SoilCloud], series: Series, resolved: ResolvedScen
     lateral = share.lateral_m if share is not None else 0.0
     sums = []
     for cloud in clouds:
-        tip_x, tip_z = (np.interp(1e-9 * cloud.end_time_ns, series["time_s"], places) for places in path)
+        tip_x, tip_z = (np.interp(1e-9 * cloud.end_time_ns, series[TIME], places) for places in path)
         sums.append(_zones_of(cloud, float(tip_x), float(tip_z), lateral))
     total = np.sum(sums, axis=0)  # (zones, 2): sum of speeds, particles
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -19,7 +19,7 @@ from ..recording.checkpoint import Checkpoint
 from ..rotations import turned
 from ..scene.model import Scene
 from ..ticks import NANOSECONDS_PER_SECOND, tick_end_s
-from .series import draft_of
+from .columns import draft_of
 from .stationarity import stationarity
 
 BIN_S = 0.01

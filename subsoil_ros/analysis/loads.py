@@ -16,6 +16,7 @@ from ..scene.meshes import load_tool_mesh
 from ..scene.model import Scene
 from ..scene.tool_faces import cutting_faces
 from .carried import vertical_parts
+from .columns import DRAFT, TIME, Body, PlanarTool, SpatialTool, Wrench
 from .series import Series
 from .window import Window, tip_path_m
 
@@ -50,7 +51,7 @@ def draft_work(series: Series, scene: Scene, rows: NDArray[np.bool_]) -> tuple[f
     speed = _driven_speed(series, scene)
     if speed is None or rows.sum() < 2:
         return None
-    times, draft = series["time_s"][rows], series["draft_newton"][rows]
+    times, draft = series[TIME][rows], series[DRAFT][rows]
     power = draft * speed[rows]
     step = np.diff(times)
     work = float(step @ (power[1:] + power[:-1])) / 2.0
@@ -73,48 +74,47 @@ def share_width_m(resolved: ResolvedScene) -> float | None:
 def _driven_speed(series: Series, scene: Scene) -> Values | None:
     """Forward speed (n,) of what the draft pulls."""
     mechanism = scene.mechanism
-    if "draft_newton" not in series:
+    if DRAFT not in series:
         return None
     if mechanism is None:
-        name = f"tool.{next(iter(scene.tools))}"
+        name, tool = next(iter(scene.tools.items()))
+        speed = (SpatialTool(name) if tool.is_spatial else PlanarTool(name)).velocity_x_m_per_s
     elif mechanism.draft_driver is not None:
         driver = mechanism.joints[mechanism.draft_driver]
         assert isinstance(driver, Driver)
-        name = f"body.{driver.body}"
+        speed = Body(driver.body).velocity_x_m_per_s
     else:
         return None
-    return np.asarray(series[f"{name}.velocity_x_m_per_s"], np.float64)
-
-
-_POWER = tuple(
-    (f"{load}_{axis}_{unit}", f"{rate}_{axis}_{per_s}")
-    for load, unit, rate, per_s in (
-        ("force", "newton", "velocity", "m_per_s"),
-        ("torque", "newton_m", "angular_velocity", "rad_per_s"),
-    )
-    for axis in "xyz"
-)
-"""Loads and rates whose products are the power of a tool in space."""
+    return np.asarray(series[speed], np.float64)
 
 
 def _power(series: Series, scene: Scene) -> dict[str, Values]:
     found: dict[str, Values] = {}
     speed = _driven_speed(series, scene)
     if speed is not None:
-        found["draft_watt"] = series["draft_newton"] * speed
-    for name in scene.tools:
-        tool = f"tool.{name}"
-        if f"{tool}.force_x_newton" not in series:
+        found["draft_watt"] = series[DRAFT] * speed
+    for name, tool in scene.tools.items():
+        load = Wrench(name)
+        if load.force_x_newton not in series:
             continue
-        if scene.tools[name].is_spatial:
-            products = [series[f"{tool}.{load}"] * series[f"{tool}.{rate}"] for load, rate in _POWER]
-            found[f"{name}_watt"] = -np.sum(products, axis=0)
+        if tool.is_spatial:
+            rate = SpatialTool(name)
+            products = (
+                (load.force_x_newton, rate.velocity_x_m_per_s),
+                (load.force_y_newton, rate.velocity_y_m_per_s),
+                (load.force_z_newton, rate.velocity_z_m_per_s),
+                (load.torque_x_newton_m, rate.angular_velocity_x_rad_per_s),
+                (load.torque_y_newton_m, rate.angular_velocity_y_rad_per_s),
+                (load.torque_z_newton_m, rate.angular_velocity_z_rad_per_s),
+            )
+            found[f"{name}_watt"] = -np.sum([series[one] * series[other] for one, other in products], axis=0)
             continue
+        motion = PlanarTool(name)
         # the planar moment is minus the torque about y, phi turns about -y
         found[f"{name}_watt"] = -(
-            series[f"{tool}.force_x_newton"] * series[f"{tool}.velocity_x_m_per_s"]
-            + series[f"{tool}.force_z_newton"] * series[f"{tool}.velocity_z_m_per_s"]
-            - series[f"{tool}.torque_y_newton_m"] * series[f"{tool}.angular_velocity_rad_per_s"]
+            series[load.force_x_newton] * series[motion.velocity_x_m_per_s]
+            + series[load.force_z_newton] * series[motion.velocity_z_m_per_s]
+            - series[load.torque_y_newton_m] * series[motion.angular_velocity_rad_per_s]
         )
     return found
 
@@ -122,9 +122,9 @@ def _power(series: Series, scene: Scene) -> dict[str, Values]:
 def _specific(series: Series, resolved: ResolvedScene, window: Window) -> dict[str, float]:
     found: dict[str, float] = {}
     width = share_width_m(resolved) if resolved.scene.soil is not None else None
-    if width is not None and "draft_newton" in series:
+    if width is not None and DRAFT in series:
         found["share_width_m"] = width
-        mean = float(np.mean(series["draft_newton"][window.rows]))
+        mean = float(np.mean(series[DRAFT][window.rows]))
         found["draft_newton_per_m"] = mean / width
     work = draft_work(series, resolved.scene, window.rows)
     if work is not None and work[1] > 0.0:

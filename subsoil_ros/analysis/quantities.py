@@ -1,6 +1,5 @@
 """Quantities of a summary by their dotted paths."""
 
-import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -22,14 +21,3 @@ def short_name(path: str) -> str:
     """Return the last word of a dotted path; where that is `value`, the one before."""
     words = path.split(".")
     return words[-2] if words[-1] == "value" and len(words) > 1 else words[-1]
-
-
-def finite(group: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a summary with None in place of every number that is not finite, which JSON cannot represent."""
-    return {key: _finite(value) for key, value in group.items()}
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return finite(value)
-    return None if isinstance(value, float) and not math.isfinite(value) else value

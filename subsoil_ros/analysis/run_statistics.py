@@ -8,6 +8,7 @@ import numpy as np
 
 from ..loading.loader import ResolvedScene
 from ..scene.model import Scene
+from .columns import DRAFT, TIME, Body, Wrench, spring_element
 from .dead_centre import past_dead_centre_s
 from .disturbance import Disturbance, read_disturbance
 from .failure_cycles import SMOOTHED_S, FailureCycles, failure_cycles
@@ -42,23 +43,18 @@ class RunStatistics:
     past_dead_centre_s: float | None  # when the shank passed that of its spring
 
     def column_metrics(self) -> dict[str, dict[str, Any]]:
-        """Groups of single columns, by column, as summary.json holds them beside their mean."""
+        """Groups of single columns, by column, beside their mean: values of the fields of summary.Column."""
         found: dict[str, dict[str, Any]] = {}
         for name, extremes in self.moving_extremes.items():
             found[name] = {MOVING: _span(extremes), "run": {MOVING: _span(self.run_extremes[name])}}
         for name, steady in self.stationarity.items():
-            found.setdefault(name, {})["stationarity"] = _stationarity(steady)
+            found.setdefault(name, {})["stationarity"] = steady
         for name, item in self.spectra.items():
-            found.setdefault(name, {})["spectrum"] = {
-                "dominant_hz": item.dominant_hz,
-                "resolution_hz": item.resolution_hz,
-                "degrees_of_freedom": item.degrees_of_freedom,
-                "significant": item.significant,
-            }
+            found.setdefault(name, {})["spectrum"] = item
         return found
 
     def metrics(self) -> dict[str, Any]:
-        """Groups of the whole run, as summary.json holds them; what the run does not have is absent."""
+        """Groups of the whole run: values of fields of summary.Summary; what it does not have is absent."""
         loads = dict(self.loads)
         if self.past_dead_centre_s is not None:
             loads["past_dead_centre_s"] = self.past_dead_centre_s
@@ -80,11 +76,11 @@ class RunStatistics:
 def compared_columns(scene: Scene) -> tuple[str, ...]:
     """Columns that are compared between runs: draft, spring force, angle and height."""
     report = scene.report
-    names = ["draft_newton"]
+    names = [DRAFT]
     if report.spring is not None:
-        names.append(f"spring.{report.spring}.force_newton")
+        names.append(spring_element(report.spring).load)
     if report.shank is not None:
-        names += [f"body.{report.shank}.angle_rad", f"body.{report.shank}.z_m"]
+        names += [Body(report.shank).angle_rad, Body(report.shank).z_m]
     return tuple(names)
 
 
@@ -97,7 +93,7 @@ def run_statistics(bag: Path, resolved: ResolvedScene, series: Series, window: W
     rows = window.rows
     names = [name for name in compared_columns(resolved.scene) if name in series]
     shares = [name for name, tool in resolved.scene.tools.items() if tool.is_tillage]
-    times, step = series["time_s"][rows], step_s(series)
+    times, step = series[TIME][rows], step_s(series)
     steady: dict[str, Stationarity] = {}
     spectra: dict[str, Spectrum] = {}
     inside: dict[str, tuple[float, float]] = {}
@@ -109,13 +105,13 @@ def run_statistics(bag: Path, resolved: ResolvedScene, series: Series, window: W
         waves = spectrum(step, np.asarray(series[name][rows], np.float64))
         if waves is not None:
             spectra[name] = waves
-    for name in (*names, *(f"tool.{share}.force_z_newton" for share in shares)):
+    for name in (*names, *(Wrench(share).force_z_newton for share in shares)):
         if name not in series:
             continue
         judged = stationarity(times, np.asarray(series[name][rows], np.float64))
         if judged is not None:
             steady[name] = judged
-    spring = f"spring.{resolved.scene.report.spring}.force_newton"
+    spring = spring_element(resolved.scene.report.spring).load
     cycles = None
     if spring in series and rows.sum() > 1:
         cycles = load_cycles(series[spring][rows], float(times[-1] - times[0]))
@@ -135,27 +131,11 @@ def run_statistics(bag: Path, resolved: ResolvedScene, series: Series, window: W
 def failures_of(series: Series, scene: Scene, window: Window) -> FailureCycles | None:
     """Failure cycles of the draft over a run's window; None without a tip in soil, or with too few."""
     tip = tip_x_m(series, scene)
-    if tip is None or scene.soil is None or "draft_newton" not in series:
+    if tip is None or scene.soil is None or DRAFT not in series:
         return None
     rows = window.rows
-    draft = moving_mean(series, "draft_newton", SMOOTHED_S)
-    return failure_cycles(series["time_s"][rows], tip[rows], draft[rows])
-
-
-def _stationarity(steady: Stationarity) -> dict[str, Any]:
-    return {
-        "mean_half_width": steady.mean_half_width,
-        "correlation_s": steady.correlation_s,
-        "effective_count": steady.effective_count,
-        "slope_per_s": steady.slope_per_s,
-        "slope_half_width_per_s": steady.slope_half_width_per_s,
-        "drift": steady.drift,
-        "drift_half_width": steady.drift_half_width,
-        "deviation": steady.deviation,
-        "deviation_half_width": steady.deviation_half_width,
-        "verdict": steady.verdict,
-        "block_means": list(steady.block_means),
-    }
+    draft = moving_mean(series, DRAFT, SMOOTHED_S)
+    return failure_cycles(series[TIME][rows], tip[rows], draft[rows])
 
 
 def _span(extremes: tuple[float, float]) -> dict[str, float]:

@@ -4,8 +4,8 @@ import csv
 import json
 import math
 from array import array
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sized
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterable, Mapping, Sized
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,55 +14,19 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, RecordingError
 from ..limits.stable_steps import derive_timing
-from ..messages import (
-    BodyState,
-    CouplingReport,
-    MechanismState,
-    SoilState,
-    SpatialMotion,
-    ToolMotions,
-    ToolWrench,
-    ToolWrenches,
-)
+from ..messages import CouplingReport, MechanismState, SoilState, ToolMotions, ToolWrenches
 from ..recording.joined import open_record
-from ..scene.mechanism import CoordinateSpring, Revolute, SpringDamper, TorsionSpring
 from ..scene.model import Scene
+from .columns import TIME, tick_cells
 
-Number = int | float
 _BLOCK_ROWS = 1000
-Cells = Iterator[tuple[str, Number]]
-
-_BODY_COLUMNS = tuple(item.name for item in fields(BodyState) if item.name != "name")
-_TOOL_MOTION_COLUMNS = tuple(name for name in _BODY_COLUMNS if "acceleration" not in name)
-_SPATIAL_MOTION_COLUMNS = tuple(
-    item.name
-    for item in fields(SpatialMotion)
-    if item.name not in ("tool", "angle_rad", "angular_velocity_rad_per_s")
-)
-_JOINT_COLUMNS = ("force_x_newton", "force_z_newton", "moment_newton_m")
-_GROUP_COLUMNS = ("force_x_newton", "force_y_newton", "force_z_newton")
-_WRENCH_COLUMNS = tuple(
-    item.name for item in fields(ToolWrench) if item.name not in ("tool", "work_joule", "groups")
-)
-_MECHANISM_COLUMNS = tuple(
-    item.name
-    for item in fields(MechanismState)
-    if item.name.endswith(("_joule", "_count")) or "residual" in item.name
-)
-_SOIL_COLUMNS = tuple(
-    item.name
-    for item in fields(SoilState)
-    if item.name not in ("run_id", "tick", "end_time_ns", "lost_particles")
-)
-# values of a single tick are of little use, and wall time differs between equal runs
-_COUPLING_COLUMNS = ("residual_joule", "absolute_work_joule", "residual_ratio")
 
 
 @dataclass(frozen=True)
 class Series:
     """One row per series tick of a run.
 
-    columns: by name, each (n,), float64 or (counts) int64; the unit is in the name. The first is time_s.
+    columns: by name, each (n,), float64 or (counts) int64; the unit is in the name. TIME is the first.
     wall_time_s: of the coupling up to the last row [s]; not a column, it differs between equal runs.
     """
 
@@ -77,7 +41,7 @@ class Series:
         return name in self.columns
 
     def __len__(self) -> int:
-        return len(self.columns["time_s"])
+        return len(self.columns[TIME])
 
 
 def read_series(bag: Path, scene: Scene, on_time: Callable[[int], None] = lambda time_ns: None) -> Series:
@@ -115,7 +79,7 @@ def read_series(bag: Path, scene: Scene, on_time: Callable[[int], None] = lambda
         records[type(record)] = record
         if len(records) == len(kinds):
             del by_tick[record.tick]
-            for name, value in _row(scene, records):
+            for name, value in tick_cells(scene, records):
                 if name not in columns:
                     columns[name] = array("q" if isinstance(value, int) else "d")
                 columns[name].append(value)
@@ -150,9 +114,9 @@ def read_series_csv(path: Path) -> Series:
         InputError: as read_table_csv, or it has no column time_s.
     """
     columns = read_table_csv(path)
-    if "time_s" not in columns:
-        raise InputError(f"{path}: has no column 'time_s'; it is no series of a run")
-    columns["time_s"] = columns["time_s"].astype(np.float64)
+    if TIME not in columns:
+        raise InputError(f"{path}: has no column '{TIME}'; it is no series of a run")
+    columns[TIME] = columns[TIME].astype(np.float64)
     try:
         run = json.loads((path.parent / "summary.json").read_text(encoding="utf-8"))["run"]
     except (OSError, ValueError, KeyError):
@@ -220,89 +184,8 @@ def _numbers(path: Path, name: str, cells: tuple[str, ...]) -> NDArray[Any]:
     return np.array(numbers)
 
 
-def _row(scene: Scene, records: dict[type, Any]) -> Cells:
-    report: CouplingReport = records[CouplingReport]
-    yield "time_s", report.end_time_ns * 1e-9
-    state: MechanismState | None = records.get(MechanismState)
-    wrenches: ToolWrenches | None = records.get(ToolWrenches)
-    yield from _draft(scene, state, wrenches)
-    if state is not None:
-        yield from _mechanism(scene, state)
-    yield from _tools(records[ToolMotions], wrenches)
-    soil: SoilState | None = records.get(SoilState)
-    if soil is not None and scene.particle_soil is not None:  # a wedge model has no such columns
-        yield from ((f"soil.{name}", getattr(soil, name)) for name in _SOIL_COLUMNS)
-    yield from ((f"coupling.{name}", getattr(report, name)) for name in _COUPLING_COLUMNS)
-
-
-def draft_of(tools: Iterable[ToolWrench]) -> float:
-    """Draft of tools [N]: the pull along +x, so minus the soil's force."""
-    return -sum(tool.force_x_newton for tool in tools)
-
-
-def _draft(scene: Scene, state: MechanismState | None, wrenches: ToolWrenches | None) -> Cells:
-    """Draft, and its parts by kind of tool, and by shank where there are several: the pull along +x, so minus
-    the soil's force.
-    """
-    tools = wrenches.tools if wrenches is not None else ()
-    if state is not None and scene.mechanism is not None and scene.mechanism.draft_driver is not None:
-        yield "draft_newton", state.draft_newton
-    elif tools:
-        yield "draft_newton", draft_of(tools)
-    for name, share in (("share", True), ("wheels", False)):
-        kind = [tool for tool in tools if scene.tools[tool.tool].is_tillage is share]
-        if kind:
-            yield f"draft.{name}_newton", draft_of(kind)
-        if share and len(kind) > 1:  # several shanks side by side
-            yield from ((f"draft.tool.{tool.tool}_newton", -tool.force_x_newton) for tool in kind)
-
-
-def _mechanism(scene: Scene, state: MechanismState) -> Cells:
-    for force in state.forces:
-        values = (force.load, force.coordinate, force.rate)
-        yield from zip(_force_columns(scene, force.name), values, strict=True)
-    for body in state.bodies:
-        yield from ((f"body.{body.name}.{name}", getattr(body, name)) for name in _BODY_COLUMNS)
-    for joint in state.joints:
-        yield from ((f"joint.{joint.name}.{name}", getattr(joint, name)) for name in _JOINT_COLUMNS)
-    yield from ((f"mechanism.{name}", getattr(state, name)) for name in _MECHANISM_COLUMNS)
-
-
-def _force_columns(scene: Scene, name: str) -> tuple[str, str, str]:
-    """Columns of a force element's load, coordinate and rate, each with the unit of its kind."""
-    assert scene.mechanism is not None
-    force = scene.mechanism.forces.get(name)
-    kind, coordinate = "joint", "distance_m"  # JOINT.friction, JOINT.stops
-    if force is None:
-        rotates = isinstance(scene.mechanism.joints[name.rpartition(".")[0]], Revolute)
-    else:
-        kind = "spring" if isinstance(force, SpringDamper) else force.kind
-        coordinate = {"spring": "length_m", "wheel_contact": "penetration_m"}.get(kind, "distance_m")
-        rotates = isinstance(force, TorsionSpring)
-        if isinstance(force, CoordinateSpring):
-            rotates, coordinate = force.coordinate == "angle", f"{force.coordinate}_m"
-    prefix = f"{kind}.{name}"
-    if rotates:
-        return f"{prefix}.moment_newton_m", f"{prefix}.angle_rad", f"{prefix}.rate_rad_per_s"
-    return f"{prefix}.force_newton", f"{prefix}.{coordinate}", f"{prefix}.rate_m_per_s"
-
-
-def _tools(motions: ToolMotions, wrenches: ToolWrenches | None) -> Cells:
-    answers = wrenches.tools if wrenches is not None else ()
-    for motion, wrench in zip(motions.tools, answers, strict=True):
-        prefix = f"tool.{motion.tool}"
-        spatial = isinstance(motion, SpatialMotion)
-        names = _SPATIAL_MOTION_COLUMNS if spatial else _TOOL_MOTION_COLUMNS
-        yield from ((f"{prefix}.{name}", getattr(motion, name)) for name in names)
-        if spatial:
-            yield f"{prefix}.angular_velocity_y_rad_per_s", motion.spin_rad_per_s[1]
-        yield from ((f"{prefix}.{name}", getattr(wrench, name)) for name in _WRENCH_COLUMNS)
-        for group in wrench.groups:
-            yield from ((f"{prefix}.{group.group}.{name}", getattr(group, name)) for name in _GROUP_COLUMNS)
-
-
 def _refuse_ragged(columns: Mapping[str, Sized], path: Path) -> None:
-    row_count = len(columns["time_s"])
+    row_count = len(columns[TIME])
     for name, values in columns.items():
         if len(values) != row_count:
             raise RecordingError(

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .columns import TIME
 from .series import Series
 
 Columns = Series | Mapping[str, NDArray[Any]]
@@ -30,5 +31,5 @@ def moving_mean(columns: Columns, name: str, seconds: float) -> NDArray[np.float
 
 def step_s(columns: Columns, otherwise_s: float = 1.0) -> float:
     """Time from row to row [s]; `otherwise_s` for a single row."""
-    times = columns["time_s"]
+    times = columns[TIME]
     return float(np.median(np.diff(times))) if len(times) > 1 else otherwise_s

@@ -67,15 +67,6 @@ class Spectrum:
         """Whether the dominant frequency stands out of red noise."""
         return bool(self.density[self.dominant] > self.level[self.dominant])
 
-    @property
-    def verdict(self) -> str:
-        """Significance of the dominant frequency, in words."""
-        if self.significant:
-            return "stands out of red noise"
-        if self.dominant == SLOWEST:
-            return "is the slowest looked at: no dominant frequency seen"
-        return "does not stand out of red noise"
-
 
 def spectrum(step_s: float, values: NDArray[np.float64]) -> Spectrum | None:
     """Estimate the spectrum of values (n,), `step_s` [s] apart; None for a short or constant record."""

@@ -1,333 +1,373 @@
-"""The metrics of a run: summary.json, and the printed table."""
+"""summary.json: the metrics of a run as a typed model, from which config/summary.schema.json is generated.
+
+A field that has a default is left out of the file where the run has no such quantity.
+"""
 
 import json
-import sys
-from collections.abc import Mapping
+import math
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
-import numpy as np
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
+from pydantic import BeforeValidator, Field, WithJsonSchema
+from pydantic_core import core_schema
 
-from ..loading.loader import ResolvedScene
-from ..loading.reference import Reference
-from ..messages import Command, Grant, LostParticle, SoilState
-from ..recording.bag_reader import BagReader
-from ..recording.joined import open_record
-from ..scene.model import Scene
-from ..ticks import tick_end_s
-from .quantities import finite
-from .reference_table import print_reference
-from .run_statistics import RunStatistics, run_statistics
-from .series import Series, read_series
-from .summary_words import load_lines
-from .window import metrics_window, window_span_s
-
-Summary = dict[str, Any]
+from ..loading.schema import SchemaWithUnits
+from ..strict_model import StrictModel
 
 SCHEMA_VERSION = 2
 """Version of config/summary.schema.json; raised when a quantity moves or changes its meaning."""
 
-RUN_FACTS = (
-    "mode", "threads", "whole_wall_s", "versions", "failure", "resumed_from", "checkpoint", "state_sha256",
-    "stop_when",
-)  # fmt: skip
-"""Keys of `run` that are not in a bag; a later report copies them from the earlier summary."""
+
+def _finite(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def summarize(
-    bag: Path,
-    resolved: ResolvedScene,
-    run_info: Mapping[str, Any],
-    series: Series | None = None,
-    statistics: RunStatistics | None = None,
-) -> Summary:
-    """Metrics of a finished run, as summary.json holds them (config/summary.schema.json).
+Number = Annotated[int | float | None, BeforeValidator(_finite), WithJsonSchema({"type": ["number", "null"]})]
+"""A number; None in place of one that is not finite, which JSON cannot represent."""
 
-    run_info: facts that are not in the bag, copied into `run`: keys of RUN_FACTS.
-    series, statistics: of the bag, if they are known already.
+Verdict = Literal["drifts", "no drift seen", "too short"]
+
+
+class Scene(StrictModel):
+    """What was simulated."""
+
+    name: str
+    hash: str = Field(description="sha256 of the resolved scene with its meshes.")
+    allow: list[str] = Field(description="Refusals that the scene overrides.")
+    note: str = Field(description="A warning of the scene's own.")
+
+
+class ResumedFrom(StrictModel):
+    """The checkpoint that the run went on from."""
+
+    checkpoint: str
+    tick: int
+    run_id: str
+
+
+class NewestCheckpoint(StrictModel):
+    """The newest checkpoint of the run."""
+
+    path: str
+    tick: int
+    time_s: Number
+    size_bytes: int
+    write_s: Number
+
+
+class KnownMean(StrictModel):
+    """Of a scene with stop_when: what the last check found."""
+
+    metric: str = Field(description="Column of series.csv.")
+    relative_interval: float = Field(description="Asked for.")
+    confidence: float = Field(description="Of the interval.")
+    at_most_m: Number = Field(description="Travel after which the run ends in any case.")
+    reached: bool = Field(description="Whether the mean is known as the scene asks.")
+    mean: Number = Field(description="Null: too few values.")
+    half_width: Number = Field(description="Of the interval of the mean.")
+    verdict: Verdict = Field(description="On the trend.")
+    travel_m: float = Field(description="Of the share tip up to the check.")
+
+
+class RunFacts(StrictModel):
+    """Facts of a run that no bag holds; a later report copies them from the earlier summary."""
+
+    mode: Literal["nodes", "composed", "direct"] | None = Field(
+        None, description="Processes over DDS, the same nodes in one process, or no nodes."
+    )
+    threads: int | None = Field(None, description="Of the soil engine.")
+    whole_wall_s: Number = Field(None, description="With start-up and compilation.")
+    stop_when: KnownMean | None = None
+    versions: dict[str, str] | None = None
+    resumed_from: ResumedFrom | None = None
+    checkpoint: NewestCheckpoint | None = None
+    state_sha256: dict[str, str] | None = Field(
+        None, description="Digests of the full state at the end, by part."
+    )
+    failure: str | None = Field(None, description="Why the run ended early.")
+
+
+class Run(RunFacts):
+    """How it was run, and how it ended."""
+
+    recorded: bool = Field(description="Whether there is a bag; without one only scene and run are here.")
+    complete: bool = Field(
+        description="Whether the last tick was reached, or that with which stop_when ended the run."
+    )
+
+
+class _Identified(StrictModel):
+    id: str
+
+
+class RecordedRun(Run, _Identified):
+    """How it was run, and how it ended."""
+
+    simulated_s: float
+    ticks: int
+    steps: int = Field(description="Of the soil, or of the mechanism without soil.")
+    wall_s: float = Field(description="Of the ticks alone.")
+    real_time_factor: float = Field(description="Simulated time over wall_s.")
+
+
+class LostParticle(StrictModel):
+    """A particle that left the domain."""
+
+    identity: int = Field(description="Number in the bed.")
+    position_m: list[float] = Field(description="Where it was first seen outside.")
+    time_s: float = Field(description="When it was first seen outside.")
+
+
+class Particles(StrictModel):
+    """The particles of the soil."""
+
+    count: int = Field(description="At the end; 0 without particles.")
+    lost_count: int = Field(description="Left the domain.")
+    first_lost_s: Number
+    first_lost: list[LostParticle] = Field(description="The first three of them.")
+
+
+class Energy(StrictModel):
+    """Account of the interface between mechanism and soil."""
+
+    residual_joule: Number = Field(description="Interface work, mechanism minus soil, at the end.")
+    residual_ratio: Number = Field(description="Its magnitude over the absolute work.")
+
+
+class MetricsWindow(StrictModel):
+    """The metrics window, rows of series.csv."""
+
+    rule: str
+    whole_run: bool = Field(description="No row follows the rule, so all count.")
+    start_s: Number
+    end_s: Number
+    rows: int
+
+
+class Statistics(StrictModel):
+    """Over the metrics window."""
+
+    mean: Number
+    min: Number
+    max: Number
+
+
+class Extremes(StrictModel):
+    """Extremes of the centred 10 ms moving mean."""
+
+    min: Number
+    max: Number
+    range: Number
+
+
+class RunColumn(Statistics):
+    """The same over the whole run."""
+
+    std: Number
+    moving_10ms: Extremes | None = None
+
+
+class StationarityMetrics(StrictModel):
+    """Mean and trend over the metrics window; half-widths are of 95 % intervals."""
+
+    mean_half_width: Number = Field(description="Of the mean of correlated samples.")
+    correlation_s: Number = Field(description="Integrated autocorrelation time.")
+    effective_count: Number = Field(description="Independent samples.")
+    slope_per_s: Number = Field(description="Of the trend; the unit of the column is a factor of it.")
+    slope_half_width_per_s: Number
+    drift: Number = Field(description="Trend over the window relative to the mean.")
+    drift_half_width: Number
+    deviation: Number = Field(description="Standard deviation about the trend.")
+    deviation_half_width: Number
+    verdict: Verdict
+    block_means: list[Number] = Field(description="Of four blocks.")
+
+
+class SpectrumMetrics(StrictModel):
+    """The strongest frequency over the metrics window."""
+
+    dominant_hz: Number
+    resolution_hz: Number
+    degrees_of_freedom: Number
+    significant: bool = Field(description="Stands out of red noise (95 % for all frequencies together).")
+
+
+class Column(RunColumn):
+    """Over the metrics window; draft, spring force, shank angle and height have the groups beside it."""
+
+    run: RunColumn
+    stationarity: StationarityMetrics | None = None
+    spectrum: SpectrumMetrics | None = None
+
+
+class Vertical(StrictModel):
+    """What carries the machine, up positive: the weight is the sum of the others."""
+
+    share_newton: Statistics | None = Field(None, description="Soil on tillage tools.")
+    wheels_newton: Statistics | None = None
+    hitch_newton: Statistics | None = Field(None, description="Joints and drivers to the ground.")
+    tethers_newton: Statistics | None = Field(None, description="Springs to the ground.")
+    loads_newton: Statistics | None = Field(None, description="Prescribed.")
+    inertia_newton: Statistics | None = Field(None, description="Minus mass times acceleration.")
+    weight_newton: Number = None
+    rest_newton: Number = Field(None, description="Change of the soil's force over a tick.")
+
+
+class Specific(StrictModel):
+    """Draft per width of share and loosened section; work of the draft per distance and loosened volume."""
+
+    share_width_m: Number = None
+    draft_newton_per_m: Number = None
+    energy_joule_per_m: Number = None
+    energy_joule_per_m3: Number = None
+    draft_pa: Number = None
+
+
+class LoadCycleMetrics(StrictModel):
+    """Load cycles of the spring (ASTM E1049)."""
+
+    cycle_count: Number
+    max_range_newton: Number
+    equivalent_range_newton: Number = Field(
+        description="Does the same damage once a second, Woehler exponent 5."
+    )
+
+
+class Loads(StrictModel):
+    """Over the window."""
+
+    vertical: Vertical
+    power: dict[Annotated[str, Field(pattern="_watt$")], Statistics] = Field(
+        description="draft_watt: draft times speed; TOOL_watt: what the soil takes of a tool.",
+        json_schema_extra={"additionalProperties": False},
+    )
+    tip_depth_m: Statistics | None = Field(None, description="Of the share's tip below z = 0.")
+    specific: Specific
+    past_dead_centre_s: Number = Field(
+        None, description="When the soil folded the shank past the dead centre of its spring."
+    )
+    rainflow: LoadCycleMetrics | None = None
+
+
+class CycleTravel(StrictModel):
+    """Travel of the tip [m]; half-width of a 95 % interval of the mean."""
+
+    mean: Number
+    half_width: Number
+    deviation: Number
+
+
+class CycleTime(StrictModel):
+    """Time [s]."""
+
+    mean: Number
+    deviation: Number
+
+
+class FailureCycleMetrics(StrictModel):
+    """From failure to failure of the soil: peaks of the draft (20 ms mean) that stand out by threshold_newton
+    or more."""
+
+    count: int
+    threshold_newton: Number
+    travel_m: CycleTravel
+    time_s: CycleTime
+    loading_fraction: Number
+    unloading_over_loading: Number
+
+
+class DisturbanceMetrics(StrictModel):
+    """What the tool did to the bed of particles."""
+
+    slab_start_m: Number
+    slab_end_m: Number
+    moved_fraction: Number
+    area_m2: Number
+    surface_width_m: Number
+    lift_max_m: Number
+    lifted_area_m2: Number
+    area_half_width_m2: Number = Field(
+        None, description="95 % interval of the loosened section, from its slices along the slab."
+    )
+    tip_speed_m_per_s: Number = None
+    blade_speed_m_per_s: Number = None
+    ahead_0_speed_m_per_s: Number = None
+    aside_0_speed_m_per_s: Number = None
+    ahead_1_speed_m_per_s: Number = None
+    aside_1_speed_m_per_s: Number = None
+    ahead_2_speed_m_per_s: Number = None
+    aside_2_speed_m_per_s: Number = None
+    ahead_3_speed_m_per_s: Number = None
+    aside_3_speed_m_per_s: Number = None
+
+
+class UnrecordedSummary(StrictModel):
+    """Summary of a run without a bag."""
+
+    schema_version: Literal[2] = Field(
+        description="Of this schema; raised when a quantity moves or changes its meaning."
+    )
+    scene: Scene
+    run: Run
+
+    def document(self) -> dict[str, Any]:
+        """Return the content of summary.json."""
+        return self.model_dump(exclude_unset=True)
+
+    def write(self, path: Path) -> None:
+        """Write summary.json; numbers with all their digits."""
+        text = json.dumps(self.document(), indent=1, allow_nan=False)
+        path.write_text(f"{text}\n", encoding="utf-8")
+
+
+class Summary(UnrecordedSummary):
+    """Summary of a recorded run."""
+
+    run: RecordedRun
+    particles: Particles
+    energy: Energy
+    window: MetricsWindow
+    series: dict[str, Column] = Field(description="Every column of series.csv but time_s, by its name.")
+    loads: Loads
+    failure_cycles: FailureCycleMetrics | None = None
+    disturbance: DisturbanceMetrics | None = None
+
+
+def run_facts(document: dict[str, Any]) -> dict[str, Any]:
+    """Return the part of a summary's `run` that no bag holds.
 
     Raises:
-        InputError, RecordingError: as read_series.
+        ValueError: it is no part of a summary.
     """
-    scene, timing = resolved.scene, resolved.timing
-    series = series if series is not None else read_series(bag, scene)
-    window = metrics_window(series, scene)
-    statistics = statistics if statistics is not None else run_statistics(bag, resolved, series, window)
-    start_s, end_s = window_span_s(series, window)
-    simulated_s = float(series["time_s"][-1])
-    tick_count = round(simulated_s / timing.communication_step_s)
-    wall_s = series.wall_time_s  # of the ticks alone: without start-up and compilation
-    columns = statistics.column_metrics()
-    return finite(
-        {
-            **_heading(resolved),
-            "run": {
-                "id": series.run_id,
-                **run_info,
-                "recorded": True,
-                "complete": tick_count == timing.tick_count or _ended_early(bag, scene),
-                "simulated_s": simulated_s,
-                "ticks": tick_count,
-                "steps": tick_count * (timing.soil_steps or timing.mechanism_steps),
-                "wall_s": wall_s,
-                "real_time_factor": simulated_s / wall_s if wall_s > 0.0 else 0.0,
-            },
-            "particles": _particles(series, bag, timing.communication_step_ns),
-            "energy": {
-                "residual_joule": float(series["coupling.residual_joule"][-1]),
-                "residual_ratio": float(series["coupling.residual_ratio"][-1]),
-            },
-            "window": {
-                "rule": window.rule,
-                "whole_run": window.whole_run,
-                "start_s": start_s,
-                "end_s": end_s,
-                "rows": int(window.rows.sum()),
-            },
-            "series": {
-                name: _of_column(values, window.rows, columns.get(name, {}))
-                for name, values in series.columns.items()
-                if name != "time_s"
-            },
-            **statistics.metrics(),
-        }
-    )
+    run = document.get("run", {})
+    facts = RunFacts.model_validate({key: run[key] for key in RunFacts.model_fields if key in run})
+    return facts.model_dump(exclude_unset=True)
 
 
-def _ended_early(bag: Path, scene: Scene) -> bool:
-    """Whether a run with stop_when has its END, which the last grant of the record carries."""
-    if scene.stop_when is None:
-        return False
-    end_ns = BagReader(bag).end_time_ns
-    grants = BagReader(bag).records(Grant, at=lambda time_ns: time_ns == end_ns)
-    return any(grant.command is Command.END for grant in grants)
+class _SummarySchema(SchemaWithUnits):
+    """Generator for fields that are left out, not null, where there is no value."""
+
+    def nullable_schema(self, schema: core_schema.NullableSchema) -> dict[str, Any]:
+        return self.generate_inner(schema["schema"])
+
+    def default_schema(self, schema: core_schema.WithDefaultSchema) -> dict[str, Any]:
+        return self.generate_inner(schema["schema"])
 
 
-def summarize_unrecorded(resolved: ResolvedScene, run_info: Mapping[str, Any]) -> Summary:
-    """Summary of a run without a bag: what is known without its record."""
-    run = {**run_info, "recorded": False, "complete": "failure" not in run_info}
-    return finite({**_heading(resolved), "run": run})
-
-
-def _heading(resolved: ResolvedScene) -> Summary:
-    scene = resolved.scene
+def summary_schema() -> dict[str, Any]:
+    """JSON Schema of summary.json, draft 2020-12."""
+    whole = Summary.model_json_schema(schema_generator=_SummarySchema)
+    other = UnrecordedSummary.model_json_schema(schema_generator=_SummarySchema)
+    definitions = whole.pop("$defs") | other.pop("$defs") | {"Summary": whole, "UnrecordedSummary": other}
+    recorded = {"required": ["recorded"], "properties": {"recorded": {"const": True}}}
     return {
-        "schema_version": SCHEMA_VERSION,
-        "scene": {
-            "name": scene.name,
-            "hash": resolved.scene_hash,
-            "allow": list(scene.allow),
-            "note": scene.report.note,
-        },
+        "$schema": SchemaWithUnits.schema_dialect,
+        "title": "summary.json",
+        "description": "Metrics of one run. The unit stands in a key, or in the name of the column above it; "
+        "null is a number that is not finite. A path through it, keys joined by dots, names a quantity in "
+        "reference files and in tables of sweeps.",
+        "if": {"required": ["run"], "properties": {"run": recorded}},
+        "then": {"$ref": "#/$defs/Summary"},
+        "else": {"$ref": "#/$defs/UnrecordedSummary"},
+        "$defs": dict(sorted(definitions.items())),
     }
-
-
-def run_facts(summary: Mapping[str, Any]) -> Summary:
-    """The part of a summary's `run` that no bag holds."""
-    run = summary.get("run", {})
-    return {key: run[key] for key in RUN_FACTS if key in run}
-
-
-def write_summary(summary: Summary, path: Path) -> None:
-    """Write summary.json; numbers with all their digits."""
-    path.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-
-
-def print_summary(
-    summary: Summary,
-    scene: Scene,
-    directory: Path,
-    console: Console | None = None,
-    bag: Path | None = None,
-    reference: Reference | None = None,
-) -> None:
-    """The printed tables: metrics, the values of a reference beside them, and where all is.
-
-    bag: folder or .mcap file (default: `bag` in `directory`).
-    """
-    console = console or Console(width=None if sys.stdout.isatty() else 140, highlight=False)
-    headings, rows = metrics_table(summary, scene)
-    table = Table(
-        title=f"{scene.name}: {summary['run']['simulated_s']:.4g} s simulated", title_justify="left"
-    )
-    for heading in headings:
-        words = heading == "quantity"
-        table.add_column(heading, justify="left" if words else "right", no_wrap=words)
-    for row in rows:
-        table.add_row(escape(row[0]), *row[1:])
-    if table.row_count:
-        console.print(table)
-    if reference is not None:
-        print_reference(reference, summary, console)
-    for line in summary_facts(summary):
-        console.print(line, soft_wrap=True, markup=False)
-    console.print(_bag_words(bag or directory / "bag"), soft_wrap=True, markup=False)
-    figures = directory / "figures"
-    if figures.is_dir():
-        console.print(f"figures: {figures}", soft_wrap=True, markup=False)
-    else:
-        console.print(
-            f"figures: none yet, `subsoil report {directory}` draws them", soft_wrap=True, markup=False
-        )
-
-
-def metrics_table(summary: Summary, scene: Scene) -> tuple[list[str], list[list[str]]]:
-    """Headings and rows of the metrics, as text."""
-    headings = ["quantity", "mean", "min", "max", "range", "run min", "run max"]
-    rows = []
-    for label, name, scale, digits in _lines(scene, summary):
-        found = summary["series"][name]
-        low, high = found["min"], found["max"]
-        spread = None if low is None or high is None else high - low
-        values = [found["mean"], low, high, spread, found["run"]["min"], found["run"]["max"]]
-        rows.append([label, *("" if value is None else f"{value * scale:.{digits}f}" for value in values)])
-    return headings, rows
-
-
-def _bag_words(bag: Path) -> str:
-    files = [bag] if bag.is_file() else bag.glob("*.mcap")
-    size_bytes = sum(path.stat().st_size for path in files)
-    return f"bag: {bag}, {size_bytes / 1e6:.3g} MB (`subsoil bag info {bag}` says what takes the room)"
-
-
-def _particles(series: Series, bag: Path, communication_step_ns: int) -> Summary:
-    """Numbers of particles present and lost; the first row with a lost one, and their identities."""
-    if "soil.lost_particle_count" not in series:
-        return {"count": 0, "lost_count": 0, "first_lost_s": None, "first_lost": []}
-    lost = series["soil.lost_particle_count"]
-    first = float(series["time_s"][np.argmax(lost > 0)]) if lost[-1] > 0 else None
-    named: tuple[LostParticle, ...] = ()
-    if first is not None:
-        last_ns = round(1e9 * float(series["time_s"][-1]))
-        for state in open_record(bag).records(SoilState, at=lambda time_ns: time_ns == last_ns):
-            named = state.lost_particles
-    return {
-        "count": int(series["soil.particle_count"][-1]),
-        "lost_count": int(lost[-1]),
-        "first_lost_s": first,
-        "first_lost": [
-            {
-                "identity": item.identity,
-                "position_m": [item.x_m, item.y_m, item.z_m],
-                "time_s": tick_end_s(item.tick, communication_step_ns),
-            }
-            for item in named
-        ],
-    }
-
-
-def _of_column(values: np.ndarray, rows: np.ndarray, more: Summary) -> Summary:
-    """Statistics of a column (n,) over the window, `rows`, and under `run` over all of it."""
-    run = {**_statistics(values), **more.get("run", {})}
-    return {**_statistics(values[rows]), **more, "run": run}
-
-
-def _statistics(values: np.ndarray) -> Summary:
-    return {
-        "mean": float(np.mean(values)),
-        "min": values.min().item(),
-        "max": values.max().item(),
-        "std": float(np.std(values)),
-    }
-
-
-def _lines(scene: Scene, summary: Summary) -> list[tuple[str, str, float, int]]:
-    """(label, column, scale, digits) of each row of the table whose column the run has."""
-    shank, spring = scene.report.shank, scene.report.spring
-    lines: list[tuple[str, str, float, int]] = [
-        ("draft [N]", "draft_newton", 1.0, 1),
-        ("  of it share [N]", "draft.share_newton", 1.0, 1),
-        *((f"    of it {tool} [N]", f"draft.tool.{tool}_newton", 1.0, 1) for tool in scene.tools),
-        ("  of it wheels [N]", "draft.wheels_newton", 1.0, 1),
-        ("spring force, compression + [N]", f"spring.{spring}.force_newton", 1.0, 1),
-        ("share angle [rad]", f"body.{shank}.angle_rad", 1.0, 4),
-        ("shank centre of mass, height [mm]", f"body.{shank}.z_m", 1e3, 2),
-    ]
-    return [line for line in lines if line[1] in summary["series"]]
-
-
-def mean_words(result: Mapping[str, Any]) -> str:
-    """What a check of stop_when found, in a few words."""
-    mean, half_width = result["mean"], result["half_width"]
-    if mean is None or half_width is None:
-        return f"{result['metric']}: {result['verdict']}"
-    interval = f"+- {100.0 * half_width / abs(mean):.3g} %" if mean else f"+- {half_width:.4g}"
-    return f"{result['metric']} {mean:.5g} {interval}, {result['verdict']}"
-
-
-def stop_words(result: Mapping[str, Any]) -> str:
-    """Whether a run with stop_when has reached it, as a line."""
-    wanted = f"{100.0 * result['relative_interval']:g} % at a confidence of {result['confidence']:g}"
-    word = "reached" if result["reached"] else "WARNING: not reached"
-    return (
-        f"stop_when: {word} after {result['travel_m']:.4g} m of travel: {mean_words(result)}; asked for are "
-        f"{wanted} and no drift seen"
-    )
-
-
-def _soil_words(summary: Summary) -> str:
-    count = summary["particles"]["count"]
-    return f"{count} particles" if count else "no particles"
-
-
-def _mechanism_lines(summary: Summary) -> list[str]:
-    """Residual of the machine's energy balance, and the number of parts of steps."""
-    series = summary["series"]
-    residual = series.get("mechanism.energy_residual_joule", {}).get("run", {})
-    if residual.get("min") is None:
-        return []
-    largest = max(abs(residual["min"]), abs(residual["max"]))
-    count = series["mechanism.part_count"]["run"]["max"]
-    parts = f"; {count} parts of steps, for mechanism.tolerance" if count else ""
-    return [f"mechanism: balance of energy open by {largest:.3g} J at most{parts}"]
-
-
-def summary_facts(summary: Summary) -> list[str]:
-    """Notes on a run, line by line; a warning begins with WARNING or NOTE."""
-    window, run, energy = summary["window"], summary["run"], summary["energy"]
-    if window["whole_run"]:
-        span = f"the whole run, because no row of it lies in the window ({window['rule']})"
-    else:
-        span = f"{window['start_s']:.4g} to {window['end_s']:.4g} s ({window['rule']})"
-    whole = f" ({run['whole_wall_s']:.1f} s with start-up)" if "whole_wall_s" in run else ""
-    lines = [
-        f"mean, min, max, range: {span}; run min, run max: everything recorded",
-        f"{_soil_words(summary)}, {run['steps']} steps, {run['wall_s']:.1f} s wall "
-        f"time{whole}, real-time factor {run['real_time_factor']:.3g}",
-        f"interface energy residual {energy['residual_joule']:.3g} J, "
-        f"{100.0 * energy['residual_ratio']:.3g} % of the work done there",
-    ]
-    lines += _mechanism_lines(summary)
-    lines += load_lines(summary)
-    particles = summary["particles"]
-    if particles["lost_count"]:
-        named = "; ".join(
-            f"particle {lost['identity']} at ({', '.join(f'{x:.3f}' for x in lost['position_m'])}) m, "
-            f"{lost['time_s']:.4g} s"
-            for lost in particles["first_lost"]
-        )
-        lines.append(
-            f"WARNING: {particles['lost_count']} particles left the domain, the first before "
-            f"{particles['first_lost_s']:.4g} s{f': {named}' if named else ''}"
-        )
-    if run.get("resumed_from"):
-        lines.append(f"went on from {run['resumed_from']['checkpoint']}, whose record is in these numbers")
-    if run.get("checkpoint"):
-        newest = run["checkpoint"]
-        lines.append(
-            f"newest checkpoint: {newest['path']}, at {newest['time_s']:.6g} s, "
-            f"{newest['size_bytes'] / 1e6:.3g} MB, written in {newest['write_s']:.2g} s"
-        )
-    if run.get("stop_when"):
-        lines.append(stop_words(run["stop_when"]))
-    if not run["complete"]:
-        lines.append("The run ended before its last tick.")
-    scene = summary["scene"]
-    if scene["allow"]:
-        lines.append(f"WARNING: the scene overrides refusals, allow: {', '.join(scene['allow'])}")
-    if scene["note"]:
-        lines.append(f"NOTE: {scene['note']}")
-    return lines

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.model import Scene
+from .columns import TIME, Body, PlanarTool, SpatialTool
 from .series import Series
 
 WHEEL_CLEARANCE_M = 0.25
@@ -25,10 +26,10 @@ def metrics_window(series: Series, scene: Scene) -> Window:
     """The window of a run; the whole run, with `whole_run` set, where the rule leaves no row."""
     report = scene.report
     rules = []
-    begun = series["time_s"] > 0.0  # the state before the first tick is no part of it
+    begun = series[TIME] > 0.0  # the state before the first tick is no part of it
     rows = begun.copy()
     if report.settle_s > 0.0:
-        rows &= series["time_s"] > report.settle_s
+        rows &= series[TIME] > report.settle_s
         rules.append(f"after {report.settle_s:g} s")
     tip = tip_x_m(series, scene)
     if scene.soil is not None and tip is not None:
@@ -38,7 +39,7 @@ def metrics_window(series: Series, scene: Scene) -> Window:
     if scene.soil is not None:
         wheels = [name for name, tool in scene.tools.items() if not tool.is_tillage]
         for name in wheels:
-            rows &= series[f"tool.{name}.x_m"] <= scene.soil.bin.length_m - WHEEL_CLEARANCE_M
+            rows &= series[PlanarTool(name).x_m] <= scene.soil.bin.length_m - WHEEL_CLEARANCE_M
         if wheels:
             rules.append(f"wheels {WHEEL_CLEARANCE_M:g} m or more before its end")
     rule = ", ".join(rules) or "the whole run"
@@ -62,27 +63,31 @@ def tip_path_m(series: Series, scene: Scene) -> tuple[NDArray[np.float64], NDArr
     body = scene.report.shank or (scene.tools[tool].body if tool is not None else None)
     if body is not None and scene.mechanism is not None:
         reference = scene.mechanism.bodies[body]
-        prefix, angle = f"body.{body}", reference.angle_rad
+        at: Body | PlanarTool | SpatialTool = Body(body)
+        angle = reference.angle_rad
         arm_x, arm_z = tip_x - reference.position_m[0], tip_z - reference.position_m[1]
     elif tool is not None:
-        prefix, angle, arm_x, arm_z = f"tool.{tool}", 0.0, tip_x, tip_z
+        at = SpatialTool(tool) if scene.tools[tool].is_spatial else PlanarTool(tool)
+        angle, arm_x, arm_z = 0.0, tip_x, tip_z
     else:
         return None
-    if body is None and tool is not None and scene.tools[tool].is_spatial:
+    if isinstance(at, SpatialTool):
         from scipy.spatial.transform import Rotation  # slow to import, and rarely used
 
-        parts = [series[f"{prefix}.quaternion_{part}"] for part in "xyzw"]
-        arm = Rotation.from_quat(np.stack(parts, axis=1)).apply((arm_x, 0.0, arm_z))
-        return series[f"{prefix}.x_m"] + arm[:, 0], series[f"{prefix}.z_m"] + arm[:, 2]
-    turn = series[f"{prefix}.angle_rad"] - angle
+        parts = (at.quaternion_x, at.quaternion_y, at.quaternion_z, at.quaternion_w)
+        arm = Rotation.from_quat(np.stack([series[part] for part in parts], axis=1)).apply(
+            (arm_x, 0.0, arm_z)
+        )
+        return series[at.x_m] + arm[:, 0], series[at.z_m] + arm[:, 2]
+    turn = series[at.angle_rad] - angle
     cosine, sine = np.cos(turn), np.sin(turn)
     return (
-        series[f"{prefix}.x_m"] + cosine * arm_x - sine * arm_z,
-        series[f"{prefix}.z_m"] + sine * arm_x + cosine * arm_z,
+        series[at.x_m] + cosine * arm_x - sine * arm_z,
+        series[at.z_m] + sine * arm_x + cosine * arm_z,
     )
 
 
 def window_span_s(series: Series, window: Window) -> tuple[float, float]:
     """First and last time of a window's rows [s]."""
-    times = series["time_s"][window.rows]
+    times = series[TIME][window.rows]
     return float(times[0]), float(times[-1])

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..analysis.series import Series, read_series, read_series_csv
-from ..analysis.summary import SCHEMA_VERSION, summarize
+from ..analysis.summarize import summarize
+from ..analysis.summary import SCHEMA_VERSION
 from ..errors import InputError
 from ..loading.loader import ResolvedScene
 from .checkpoints import checkpoint_facts
@@ -90,9 +91,8 @@ def read_run(folder: str | PathLike[str]) -> Run:
             return Run(recorded.resolved, summary, recorded.directory, None)
         series = _series(recorded)
         if summary is None:
-            summary = summarize(
-                recorded.bag, recorded.resolved, checkpoint_facts(recorded.directory, None), series
-            )
+            facts = checkpoint_facts(recorded.directory, None)
+            summary = summarize(recorded.bag, recorded.resolved, facts, series).document()
         place = recorded.directory if recorded.directory.is_dir() else None
         return Run(recorded.resolved, summary, place, series)
 

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from ..analysis.series import read_series, write_series_csv
-from ..analysis.summary import Summary, summarize, summarize_unrecorded, write_summary
+from ..analysis.summarize import summarize, summarize_unrecorded
+from ..analysis.summary import UnrecordedSummary
 from ..analysis.versions import versions
 from ..errors import RecordingError, SubsoilError
 from ..limits.stable_steps import Timing
@@ -31,13 +32,13 @@ def write_results(
     *,
     reading: Reading = lambda timing: nullcontext(lambda time_ns: None),
     working: Working = nullcontext,
-) -> Summary | None:
+) -> UnrecordedSummary | None:
     """Write series.csv and summary.json into the folder `out` of a run, from its bag.
 
-    run_info: facts that are not in the bag, see summary.RUN_FACTS.
+    run_info: facts that are not in the bag, fields of summary.RunFacts.
 
     Returns:
-        The summary; None if the run failed before anything was recorded.
+        The summary, of a recorded run a summary.Summary; None if the run failed before anything was recorded.
 
     Raises:
         RecordingError: the bag of a run that did not fail cannot be read, or the results not be written.
@@ -47,9 +48,9 @@ def write_results(
         run_info = run_info | {"failure": str(failure)}
     try:
         if not resolved.scene.record.bag and not bag.is_dir():
-            summary = summarize_unrecorded(resolved, run_info)
-            write_summary(summary, out / "summary.json")
-            return summary
+            unrecorded = summarize_unrecorded(resolved, run_info)
+            unrecorded.write(out / "summary.json")
+            return unrecorded
         if failure is not None:
             with working("looking after the bag"):
                 recover(bag)  # its writer may have been killed; a whole bag is left as it is
@@ -59,7 +60,7 @@ def write_results(
         write_series_csv(series, out / "series.csv")
         with working("reading the clouds"):
             summary = summarize(bag, resolved, run_info, series)
-        write_summary(summary, out / "summary.json")
+        summary.write(out / "summary.json")
         return summary
     except SubsoilError:
         if failure is None:
@@ -77,7 +78,7 @@ def conclude(
     *,
     reading: Reading = lambda timing: nullcontext(lambda time_ns: None),
     working: Working = nullcontext,
-) -> Summary | None:
+) -> UnrecordedSummary | None:
     """Write the results of an opened run as write_results does, with the checkpoints in its folder.
 
     facts: mode, threads, whole_wall_s.

@@ -46,13 +46,14 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _report(recorded: RecordedRun, html: bool) -> int:
-    from ..analysis.reference_table import reference_rows, write_reference_csv
     from ..analysis.run_statistics import run_statistics
     from ..analysis.series import read_series, write_series_csv
-    from ..analysis.summary import print_summary, summarize, write_summary
+    from ..analysis.summarize import summarize
     from ..analysis.window import metrics_window
     from ..figures.load_figures import draw_load_figures
     from ..figures.over_time import draw_figures
+    from ..report.metrics_table import print_summary
+    from ..report.reference_table import reference_rows, write_reference_csv
     from ._shared.progress import reading_bag, working
 
     directory, bag, resolved = recorded.directory, recorded.bag, recorded.resolved
@@ -65,10 +66,11 @@ def _report(recorded: RecordedRun, html: bool) -> int:
     recorded.make_directory()
     try:
         write_series_csv(series, directory / "series.csv")
-        write_summary(summary, directory / "summary.json")
+        summary.write(directory / "summary.json")
         _write_tables(statistics, directory)
         if resolved.reference is not None:
-            write_reference_csv(reference_rows(resolved.reference, summary), directory / "reference.csv")
+            rows = reference_rows(resolved.reference, summary.document())
+            write_reference_csv(rows, directory / "reference.csv")
         with working("drawing the figures"):
             figures = draw_figures(bag, resolved, directory / "figures", series)
             figures += draw_load_figures(statistics, resolved.scene.name, directory / "figures")

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import periodogram
 
+from ..analysis.columns import DRAFT, TIME, Wrench, spring_element
 from ..analysis.failure_cycles import SMOOTHED_S
 from ..analysis.smoothing import Columns, moving_mean
 from ..analysis.spectra import LEAST_ROWS, spectrum
@@ -66,18 +67,18 @@ def metrics_of(run: CachedRun) -> dict[str, float]:
     """
     summary, series = run.summary, run.series()
     window = summary["window"]
-    times = series["time_s"]
+    times = series[TIME]
     rows = (times >= window["start_s"]) & (times <= window["end_s"])
     found = {"energy_residual": abs(float(summary["energy"]["residual_ratio"]))}
-    if "draft_newton" in series:
-        draft = series["draft_newton"]
+    if DRAFT in series:
+        draft = series[DRAFT]
         found["draft_mean_newton"] = float(np.mean(draft[rows]))
-        found["draft_peak_newton"] = float(np.max(moving_mean(series, "draft_newton", MOVING_MEAN_S)[rows]))
-        found["draft_deviation_newton"] = deviation(series, "draft_newton", rows)
+        found["draft_peak_newton"] = float(np.max(moving_mean(series, DRAFT, MOVING_MEAN_S)[rows]))
+        found["draft_deviation_newton"] = deviation(series, DRAFT, rows)
         found["draft_frequency_hz"] = dominant_frequency_hz(times[rows], draft[rows])
         found["frequency_resolution_hz"] = 1.0 / float(np.ptp(times[rows]))
     spring = spring_of(run)
-    if spring is not None and (name := f"spring.{spring}.force_newton") in series:
+    if spring is not None and (name := spring_element(spring).load) in series:
         found["spring_range_newton"] = float(np.ptp(moving_mean(series, name, MOVING_MEAN_S)[rows]))
         found["spring_deviation_newton"] = deviation(series, name, rows)
         found["spring_detrended_std_newton"] = swing(times[rows], series[name][rows])
@@ -96,7 +97,7 @@ def half_widths_of(run: CachedRun, metrics: Mapping[str, float]) -> dict[str, fl
     vertical force has one where a single tool works the soil.
     """
     summary = run.summary
-    columns = {"draft": "draft_newton", "spring": f"spring.{spring_of(run)}.force_newton"}
+    columns = {"draft": DRAFT, "spring": spring_element(spring_of(run)).load}
     records = {key: summary["series"].get(name, {}).get("stationarity") for key, name in columns.items()}
     found = {}
     if records["draft"] is not None:
@@ -115,7 +116,7 @@ def half_widths_of(run: CachedRun, metrics: Mapping[str, float]) -> dict[str, fl
 
 def deviation(series: Columns, name: str, rows: NDArray[np.bool_]) -> float:
     """Standard deviation of a column's 20 ms mean about a straight line over rows (n,)."""
-    times, values = series["time_s"][rows], moving_mean(series, name, SMOOTHED_S)[rows]
+    times, values = series[TIME][rows], moving_mean(series, name, SMOOTHED_S)[rows]
     return float(np.std(values - np.polyval(np.polyfit(times - times[0], values, 1), times - times[0])))
 
 
@@ -123,7 +124,7 @@ def _upward_columns(run: CachedRun) -> list[str]:
     """Columns of the upward force of the soil on each tillage tool."""
     path = run.folder / "scene.yaml"
     tools: dict[str, dict[str, object]] = read_document(path, str(path)).get("tools") or {}
-    return [f"tool.{key}.force_z_newton" for key, tool in tools.items() if tool.get("role") != "wheel"]
+    return [Wrench(key).force_z_newton for key, tool in tools.items() if tool.get("role") != "wheel"]
 
 
 def spring_of(run: CachedRun) -> str | None:

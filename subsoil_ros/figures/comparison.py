@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..analysis.columns import DRAFT, TIME, Body, spring_element
 from ..analysis.series import read_table_csv
 from ..analysis.smoothing import moving_mean
 from ..analysis.stationarity import stationarity
@@ -53,11 +54,11 @@ class Source:
         """Times [s] of the rows in which a column has a value; none without the column."""
         if name not in self.columns:
             return np.array([])
-        return np.asarray(self.columns["time_s"][np.isfinite(self.columns[name])])
+        return np.asarray(self.columns[TIME][np.isfinite(self.columns[name])])
 
     def statistics(self, name: str) -> dict[str, float] | None:
         """Mean, least and largest of a column in the span; None without the column or a row there."""
-        times = self.columns["time_s"]
+        times = self.columns[TIME]
         if name not in self.columns:
             return None
         values = self.columns[name][(times >= self.span_s[0]) & (times <= self.span_s[1])]
@@ -116,14 +117,14 @@ def read_measured(path: Path, runs: Sequence[Source]) -> Source:
         InputError: no time_s, or no column that a run has.
     """
     columns = read_table_csv(path)
-    if "time_s" not in columns:
+    if TIME not in columns:
         raise InputError(f"{path}: has no column 'time_s' (seconds, from the start of the run)")
-    if not np.all(np.diff(columns["time_s"]) > 0.0) or not np.isfinite(columns["time_s"]).all():
+    if not np.all(np.diff(columns[TIME]) > 0.0) or not np.isfinite(columns[TIME]).all():
         raise InputError(f"{path}: time_s does not grow from row to row; sort it, and give each row one time")
-    known = list(dict.fromkeys(name for run in runs for name in run.columns if name != "time_s"))
+    known = list(dict.fromkeys(name for run in runs for name in run.columns if name != TIME))
     shared = [name for name in columns if name in known]
     if not shared:
-        given = next((name for name in columns if name != "time_s"), "nothing")
+        given = next((name for name in columns if name != TIME), "nothing")
         near = difflib.get_close_matches(given, known, n=3, cutoff=0.3)
         raise InputError(
             f"{path}: no column is one of the runs' (given {', '.join(columns)}); name them as series.csv "
@@ -145,14 +146,14 @@ def labels_of(folders: Sequence[Path]) -> list[str]:
 def usual_columns(folders: Sequence[Path], sources: Sequence[Source]) -> list[str]:
     """Draft, spring force, angle and height of the shank, then all that was measured and a run has."""
     report = read_document(folders[0] / "scene.yaml", str(folders[0] / "scene.yaml")).get("report") or {}
-    names = ["draft_newton"]
-    names += [f"spring.{report['spring']}.force_newton"] if report.get("spring") else []
+    names = [DRAFT]
+    names += [spring_element(report["spring"]).load] if report.get("spring") else []
     if report.get("shank"):
-        names += [f"body.{report['shank']}.angle_rad", f"body.{report['shank']}.z_m"]
+        names += [Body(report["shank"]).angle_rad, Body(report["shank"]).z_m]
     runs = [source for source in sources if not source.measured]
     names += [name for source in sources if source.measured for name in source.columns]
     return [
-        name for name in dict.fromkeys(names) if name != "time_s" and any(name in run.columns for run in runs)
+        name for name in dict.fromkeys(names) if name != TIME and any(name in run.columns for run in runs)
     ]
 
 
@@ -170,7 +171,7 @@ def differences(sources: Sequence[Source], columns: Sequence[str]) -> list[Diffe
     return found
 
 
-def shared_span_s(sources: Sequence[Source], name: str = "time_s") -> tuple[float, float]:
+def shared_span_s(sources: Sequence[Source], name: str = TIME) -> tuple[float, float]:
     """Times in the spans of all that have a column, between their rows with a value; where there are none,
     the second is not larger."""
     known = [(source.span_s, source.known_s(name)) for source in sources]
@@ -265,7 +266,7 @@ def draw_overlay(sources: Sequence[Source], columns: Sequence[str], path: Path) 
             if name not in source.columns:
                 continue
             colour = _MEASURED if source.measured else CYCLE[k % len(CYCLE)]
-            times, values = source.columns["time_s"], source.columns[name]
+            times, values = source.columns[TIME], source.columns[name]
             axes.plot(times, values, color=colour, lw=0.6, alpha=0.35)
             smooth = moving_mean(source.columns, name, SMOOTHED_S)
             axes.plot(times, smooth, color=colour, lw=1.5, label=source.label)

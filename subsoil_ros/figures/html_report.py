@@ -4,17 +4,17 @@ import base64
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from plotly.offline import get_plotlyjs
 
-from ..analysis.reference_table import HEADINGS, WORDS, reference_lines, reference_rows
-from ..analysis.summary import Summary, metrics_table, summary_facts
-from ..analysis.summary_words import design_rows, folded, load_lines
+from ..analysis.summary import Number, Summary
 from ..analysis.versions import versions
 from ..errors import RecordingError
 from ..loading.loader import ResolvedScene
+from ..report.metrics_table import metrics_table
+from ..report.reference_table import HEADINGS, WORDS, reference_lines, reference_rows
+from ..report.sentences import design_rows, folded, load_lines, summary_facts
 from .interactive_plots import RunData, interactive_plots
 from .replay import replay
 from .snapshots import Snapshots
@@ -43,7 +43,7 @@ def write_html(directory: Path, bag: Path, run: RunData, pictures: Sequence[Path
     resolved, summary = run.resolved, run.summary
     headings, rows = metrics_table(summary, resolved.scene)
     facts, design = summary_facts(summary), design_rows(summary, resolved.scene.report.spring)
-    reference = resolved.reference
+    reference, document = resolved.reference, summary.document()
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent),
         autoescape=True,
@@ -65,8 +65,8 @@ def write_html(directory: Path, bag: Path, run: RunData, pictures: Sequence[Path
         "reference_words": WORDS,
         "reference_rows": []
         if reference is None
-        else [r.cells() for r in reference_rows(reference, summary)],
-        "reference_lines": [] if reference is None else reference_lines(reference, summary),
+        else [r.cells() for r in reference_rows(reference, document)],
+        "reference_lines": [] if reference is None else reference_lines(reference, document),
         "warnings": _warnings(directory, resolved, summary, facts),
         "plotlyjs": get_plotlyjs(),
         "plots": interactive_plots(run),
@@ -75,14 +75,12 @@ def write_html(directory: Path, bag: Path, run: RunData, pictures: Sequence[Path
         "figures": figures,
         "left_out": left_out,
         "timings": _timings(summary),
-        "versions": summary["run"].get("versions") or versions(),
-        "versions_of": "the run"
-        if summary["run"].get("versions")
-        else "this report (the run did not record its own)",
+        "versions": summary.run.versions or versions(),
+        "versions_of": "the run" if summary.run.versions else "this report (the run did not record its own)",
         "quantities": _quantities(summary),
         "scene_text": resolved.path.read_text(encoding="utf-8"),
         "scene_hash": resolved.scene_hash,
-        "run_id": summary["run"]["id"],
+        "run_id": summary.run.id,
         "replay": None,
         "replay_words": "",
     }
@@ -119,10 +117,10 @@ def _warnings(directory: Path, resolved: ResolvedScene, summary: Summary, facts:
     found = [_WARNING.sub("", line, count=1) for line in facts if _WARNING.match(line)]
     found += [line for line in (folded(summary),) if line]
     found += [note.removeprefix("warning: ") for note in resolved.notes]
-    if not summary["run"]["complete"]:
+    if not summary.run.complete:
         found.append("The run ended before its last tick: all numbers are of the part that was simulated.")
-    if summary["run"].get("failure"):
-        found.append(f"The run failed: {summary['run']['failure']}")
+    if summary.run.failure:
+        found.append(f"The run failed: {summary.run.failure}")
     logged = [
         f"{path.stem}: {line.strip()}"
         for path in sorted((directory / "log").glob("*.log"))
@@ -136,33 +134,29 @@ def _warnings(directory: Path, resolved: ResolvedScene, summary: Summary, facts:
 
 
 def _timings(summary: Summary) -> list[tuple[str, str]]:
-    run = summary["run"]
+    run = summary.run
     rows = [
-        ("simulated", f"{run['simulated_s']:.6g} s"),
-        ("ticks", f"{run['ticks']:,}"),
-        ("steps", f"{run['steps']:,}"),
-        ("particles", f"{summary['particles']['count']:,}"),
-        ("wall time of the ticks", f"{run['wall_s']:.4g} s"),
-        ("real-time factor", f"{run['real_time_factor']:.4g}"),
+        ("simulated", f"{run.simulated_s:.6g} s"),
+        ("ticks", f"{run.ticks:,}"),
+        ("steps", f"{run.steps:,}"),
+        ("particles", f"{summary.particles.count:,}"),
+        ("wall time of the ticks", f"{run.wall_s:.4g} s"),
+        ("real-time factor", f"{run.real_time_factor:.4g}"),
     ]
-    for label, key, unit in (
-        ("wall time with start-up", "whole_wall_s", " s"),
-        ("mode", "mode", ""),
-        ("threads of the soil engine", "threads", ""),
-    ):
-        if key in run:
-            value = run[key]
-            rows.append((label, f"{value:.4g}{unit}" if isinstance(value, float) else f"{value}{unit}"))
+    if run.whole_wall_s is not None:
+        rows.append(("wall time with start-up", f"{run.whole_wall_s:.4g} s"))
+    rows += [("mode", run.mode)] if run.mode is not None else []
+    rows += [("threads of the soil engine", str(run.threads))] if run.threads is not None else []
     return rows
 
 
 def _quantities(summary: Summary) -> list[tuple[str, list[str]]]:
     """Every column of the series: mean, least and largest in the window, and of the whole run."""
     return [
-        (name, [_number(part[kind]) for part in (found, found["run"]) for kind in ("mean", "min", "max")])
-        for name, found in summary["series"].items()
+        (name, [_number(value) for part in (found, found.run) for value in (part.mean, part.min, part.max)])
+        for name, found in summary.series.items()
     ]
 
 
-def _number(value: Any) -> str:
+def _number(value: Number) -> str:
     return "" if value is None else f"{value:.6g}"

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects as go
 
+from ..analysis.columns import DRAFT, DRAFT_OF_SHARES, DRAFT_OF_WHEELS, TIME, Body, spring_element
 from ..analysis.failure_cycles import SMOOTHED_S
 from ..analysis.run_statistics import RunStatistics, compared_columns, failures_of
 from ..analysis.series import Series
@@ -17,6 +18,7 @@ from ..analysis.smoothing import moving_mean
 from ..analysis.summary import Summary
 from ..analysis.window import metrics_window, tip_x_m, window_span_s
 from ..loading.loader import ResolvedScene
+from ..report.sentences import significance_words
 from .over_time import reference_levels
 from .plotting import COLOURS
 
@@ -56,7 +58,7 @@ def interactive_plots(run: RunData) -> list[dict[str, Any]]:
     """Every plot of a run: `group` and `name` to pick it by, and `figure` as plotly's JSON."""
     compared = [name for name in compared_columns(run.resolved.scene) if name in run.series]
     figures = [(RESULTS, title, figure) for title, figure in _results(run, compared)]
-    figures += [(COLUMNS, name, _over_time(run, name)) for name in run.summary["series"]]
+    figures += [(COLUMNS, name, _over_time(run, name)) for name in run.summary.series]
     return [{"group": group, "name": name, "figure": figure} for group, name, figure in figures]
 
 
@@ -80,9 +82,9 @@ def _words(run: RunData, name: str) -> str:
     """Readable name of a compared column."""
     report = run.resolved.scene.report
     return {
-        f"spring.{report.spring}.force_newton": "Spring force",
-        f"body.{report.shank}.angle_rad": "Share angle",
-        f"body.{report.shank}.z_m": "Shank height",
+        spring_element(report.spring).load: "Spring force",
+        Body(report.shank).angle_rad: "Share angle",
+        Body(report.shank).z_m: "Shank height",
     }.get(name, "Draft")
 
 
@@ -124,17 +126,21 @@ def _line(x: Any, y: Any, name: str, **style: Any) -> dict[str, Any]:
 
 def _over_time(run: RunData, name: str, compared: bool = False) -> Figure:
     """A column over time with its mean; a compared one also smoothed, with its parts and its reference."""
-    series, every, found = run.series, slice(None, None, run.every), run.summary["series"][name]
-    times = series["time_s"][every]
+    series, every, found = run.series, slice(None, None, run.every), run.summary.series[name]
+    times = series[TIME][every]
     colour = "#8fb0d3" if compared else COLOURS["main"]
     traces = [_line(times, series[name][every], "as recorded", color=colour)]
+    statistics = {"mean": found.mean, "min": found.min, "max": found.max}
     title = f"{name}: " + ", ".join(
-        f"{kind} {found[kind]:.6g}" for kind in ("mean", "min", "max") if found[kind] is not None
+        f"{kind} {value:.6g}" for kind, value in statistics.items() if value is not None
     )
     if compared:
-        kinds = ("draft.share_newton", "draft.wheels_newton") if name == "draft_newton" else ()
-        for part in (name, *(kind for kind in kinds if kind in series)):
-            colour = COLOURS.get(part.removeprefix("draft.").removesuffix("_newton"), COLOURS["main"])
+        colours = {name: COLOURS["main"]}
+        if name == DRAFT:
+            colours |= {DRAFT_OF_SHARES: COLOURS["share"], DRAFT_OF_WHEELS: COLOURS["wheels"]}
+        for part, colour in colours.items():
+            if part not in series:
+                continue
             words = f"{part}, mean over {SMOOTHED_S:g} s"
             traces.append(_line(times, moving_mean(series, part, SMOOTHED_S)[every], words, color=colour))
     figure = _figure(traces, f"{title} in the window", "simulated time [s]", name)
@@ -143,7 +149,7 @@ def _over_time(run: RunData, name: str, compared: bool = False) -> Figure:
     shapes, notes = figure["layout"]["shapes"], figure["layout"]["annotations"]
     window_shape = {"type": "rect", "x0": start, "x1": end, "y0": 0, "y1": 1, "xref": "x", "yref": "y domain"}
     shapes.append({**window_shape, "fillcolor": _WINDOW, "line": {"width": 0}, "layer": "below"})
-    if (mean := found["mean"]) is not None:
+    if (mean := found.mean) is not None:
         dashed = {"dash": "dash", "width": 1}
         shapes.append({"type": "line", "x0": start, "x1": end, "y0": mean, "y1": mean, "line": dashed})
     if compared and run.resolved.reference is not None:
@@ -185,7 +191,7 @@ def _spectrum(run: RunData, name: str) -> Figure:
         _line(x, found.density[1:], "density (Welch)"),
         _line(x, found.level[1:], "red noise, 95 % anywhere", color=COLOURS["reference"], dash="dash"),
     ]
-    title = f"Spectrum of {name}: strongest at {found.dominant_hz:.3g} Hz, {found.verdict}"
+    title = f"Spectrum of {name}: strongest at {found.dominant_hz:.3g} Hz, {significance_words(found)}"
     figure = _figure(traces, title, "frequency [Hz]", "density [unit²/Hz]")
     figure["layout"]["xaxis"]["type"] = figure["layout"]["yaxis"]["type"] = "log"
     return figure

@@ -8,6 +8,7 @@ from ..analysis.disturbance import Disturbance
 from ..analysis.fatigue import LoadCycles
 from ..analysis.run_statistics import RunStatistics
 from ..analysis.spectra import Spectrum
+from ..report.sentences import significance_words
 from .plotting import COLOURS, new_figure, save_figure
 
 _CYCLE_BINS = 24
@@ -49,7 +50,7 @@ def _draw_spectra(spectra: dict[str, Spectrum], title: str, path: Path) -> Path:
             found.dominant_hz,
             color=COLOURS["share"],
             lw=1.0,
-            label=f"{found.dominant_hz:.2f} Hz, {found.verdict}",
+            label=f"{found.dominant_hz:.2f} Hz, {significance_words(found)}",
         )
         axes.set_title(name, fontsize=9, loc="left")
         axes.set_ylabel("density [unit$^2$/Hz]")

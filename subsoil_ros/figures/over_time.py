@@ -7,6 +7,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from ..analysis.columns import (
+    DRAFT,
+    DRAFT_OF_SHARES,
+    DRAFT_OF_WHEELS,
+    TIME,
+    Body,
+    draft_of_tool,
+    spring_element,
+)
 from ..analysis.failure_cycles import SMOOTHED_S
 from ..analysis.run_statistics import MOVING, failures_of
 from ..analysis.series import Series, read_series
@@ -51,7 +60,7 @@ def draw_figures(
         if not window.whole_run and scene.soil is not None:
             axes.axvspan(*span_s, color="#f2e6c9", zorder=0, label="metrics window (tip well inside the bin)")
         axes.set_xlabel("simulated time [s]")
-        axes.set_xlim(0.0, series["time_s"][-1])
+        axes.set_xlim(0.0, series[TIME][-1])
         axes.grid(alpha=0.3)
         # below the curves, so that it covers none
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, frameon=False, fontsize=9)
@@ -67,9 +76,9 @@ def _draw_over_travel(series: Series, scene: Scene, window: Window, path: Path) 
     soil."""
     tip = tip_x_m(series, scene)
     report = scene.report
-    columns = {"draft_newton": f"draft [N], mean over {1e3 * SMOOTHED_S:.0f} ms"}
-    columns[f"spring.{report.spring}.force_newton"] = "spring force [N], compression +"
-    columns[f"body.{report.shank}.angle_rad"] = "share angle [rad]"
+    columns = {DRAFT: f"draft [N], mean over {1e3 * SMOOTHED_S:.0f} ms"}
+    columns[spring_element(report.spring).load] = "spring force [N], compression +"
+    columns[Body(report.shank).angle_rad] = "share angle [rad]"
     columns = {name: label for name, label in columns.items() if name in series}
     if tip is None or scene.soil is None or not columns:
         return None
@@ -77,7 +86,7 @@ def _draw_over_travel(series: Series, scene: Scene, window: Window, path: Path) 
     panels = figure.subplots(len(columns), 1, sharex=True, squeeze=False)[:, 0]
     failures = failures_of(series, scene, window)
     for axes, (name, label) in zip(panels, columns.items(), strict=True):
-        smoothed = name == "draft_newton"
+        smoothed = name == DRAFT
         values = moving_mean(series, name, SMOOTHED_S) if smoothed else series[name]
         axes.plot(tip, values, color=COLOURS["main"], lw=1.2)
         axes.set_ylabel(label, fontsize=9)
@@ -102,26 +111,25 @@ def _title(axes: Axes, scene: Scene, text: str) -> None:
 
 def _paint_draft(axes: Axes, series: Series, resolved: ResolvedScene) -> bool:
     scene = resolved.scene
-    if "draft_newton" not in series:
+    if DRAFT not in series:
         return False
-    times = series["time_s"]
-    axes.plot(
-        times, series["draft_newton"], color=COLOURS["main"], lw=0.7, alpha=0.5, label="draft as recorded"
-    )
+    times = series[TIME]
+    axes.plot(times, series[DRAFT], color=COLOURS["main"], lw=0.7, alpha=0.5, label="draft as recorded")
     smoothed = f"mean over {_SMOOTHED_S:g} s"
-    axes.plot(
-        times, _smooth(series, "draft_newton"), color=COLOURS["main"], lw=1.8, label=f"draft, {smoothed}"
-    )
+    axes.plot(times, _smooth(series, DRAFT), color=COLOURS["main"], lw=1.8, label=f"draft, {smoothed}")
     if scene.mechanism is not None:  # without a mechanism the draft is that of the tools alone
-        for part, label in (("share", "soil on share and shank"), ("wheels", "soil on wheels")):
-            if (name := f"draft.{part}_newton") in series:
+        for name, part, label in (
+            (DRAFT_OF_SHARES, "share", "soil on share and shank"),
+            (DRAFT_OF_WHEELS, "wheels", "soil on wheels"),
+        ):
+            if name in series:
                 axes.plot(
                     times, _smooth(series, name), color=COLOURS[part], lw=1.2, label=f"{label}, {smoothed}"
                 )
     for tool in scene.tools:  # of several shanks each has its own
-        if (name := f"draft.tool.{tool}_newton") in series:
+        if (name := draft_of_tool(tool)) in series:
             axes.plot(times, _smooth(series, name), lw=0.8, ls=":", label=f"of it {tool}, {smoothed}")
-    _draw_reference(axes, resolved, "draft_newton", series["draft_newton"])
+    _draw_reference(axes, resolved, DRAFT, series[DRAFT])
     axes.set_ylabel("pull along travel [N]")
     _title(axes, scene, "Draft: forward pull that moves the tool, positive while soil resists")
     return True
@@ -129,11 +137,11 @@ def _paint_draft(axes: Axes, series: Series, resolved: ResolvedScene) -> bool:
 
 def _paint_spring_force(axes: Axes, series: Series, resolved: ResolvedScene) -> bool:
     scene = resolved.scene
-    name = f"spring.{scene.report.spring}.force_newton"
+    name = spring_element(scene.report.spring).load
     if name not in series:
         return False
     axes.plot(
-        series["time_s"], series[name], color=COLOURS["main"], lw=1.2, label=f"spring {scene.report.spring}"
+        series[TIME], series[name], color=COLOURS["main"], lw=1.2, label=f"spring {scene.report.spring}"
     )
     axes.axhline(0.0, color="black", lw=0.6)
     _draw_reference(axes, resolved, name, series[name])
@@ -147,9 +155,9 @@ def _paint_share_angle(axes: Axes, series: Series, resolved: ResolvedScene) -> b
     shank = scene.report.shank
     if shank is None or scene.mechanism is None:
         return False
-    name, zero = f"body.{shank}.angle_rad", scene.mechanism.bodies[shank].angle_rad
+    name, zero = Body(shank).angle_rad, scene.mechanism.bodies[shank].angle_rad
     turn = series[name] - zero
-    axes.plot(series["time_s"], turn, color=COLOURS["main"], lw=1.2, label="share, from its working pose")
+    axes.plot(series[TIME], turn, color=COLOURS["main"], lw=1.2, label="share, from its working pose")
     _draw_reference(axes, resolved, name, turn, zero=zero)
     axes.set_ylabel("entry angle [rad], negative: tip back")
     _title(axes, scene, "Entry angle of the share")
@@ -161,10 +169,10 @@ def _paint_shank_height(axes: Axes, series: Series, resolved: ResolvedScene) -> 
     shank = scene.report.shank
     if shank is None or scene.mechanism is None:
         return False
-    height_mm = 1e3 * series[f"body.{shank}.z_m"]
+    height_mm = 1e3 * series[Body(shank).z_m]
     travel = f"{height_mm.max() - height_mm.min():.1f} mm from lowest to highest"
-    axes.plot(series["time_s"], height_mm, color=COLOURS["main"], lw=1.2, label=f"centre of mass: {travel}")
-    _draw_reference(axes, resolved, f"body.{shank}.z_m", height_mm, scale=1e3)
+    axes.plot(series[TIME], height_mm, color=COLOURS["main"], lw=1.2, label=f"centre of mass: {travel}")
+    _draw_reference(axes, resolved, Body(shank).z_m, height_mm, scale=1e3)
     axes.set_ylabel("height over the bed's surface [mm]")
     _title(axes, scene, "Height of the shank's centre of mass")
     return True

@@ -27,6 +27,7 @@ UNITS = {
     "newton_s_per_m": "N s/m",
     "joule_per_m3": "J/m3",
     "joule_per_m2": "J/m2",
+    "joule_per_m": "J/m",
     "newton_per_m3": "N/m3",
     "newton_per_m": "N/m",
     "newton_m": "N m",
@@ -43,6 +44,7 @@ UNITS = {
     "rad": "rad",
     "deg": "degrees",
     "kg": "kg",
+    "m2": "m2",
     "hz": "Hz",
     "pa": "Pa",
     "ns": "ns",
@@ -61,7 +63,7 @@ _MATERIAL: Schema = {
 
 def scene_schema() -> Schema:
     """The schema of a scene file, draft 7."""
-    whole = Scene.model_json_schema(schema_generator=_SchemaWithUnits)
+    whole = Scene.model_json_schema(schema_generator=SchemaWithUnits)
     definitions = whole.pop("$defs")
     definitions["Scene"] = whole
     partial = {f"{PARTIAL}{name}": _partial(found) for name, found in definitions.items()}
@@ -121,7 +123,7 @@ def _loader_keys() -> Schema:
     return {key: known[key] for key in LOADER_KEYS}
 
 
-class _SchemaWithUnits(GenerateJsonSchema):
+class SchemaWithUnits(GenerateJsonSchema):
     """Generator that adds the unit to the description of a field, and omits titles that repeat the key."""
 
     def field_title_should_be_set(self, schema: Any) -> bool:

@@ -1,6 +1,5 @@
 """The balance of energy of a machine, closed from its series.csv alone."""
 
-import json
 from pathlib import Path
 
 import pandas as pd
@@ -10,7 +9,8 @@ from numpy.testing import assert_allclose
 from scipy.integrate import cumulative_trapezoid
 
 import subsoil_ros as subsoil
-from subsoil_ros.analysis.summary import summary_facts
+from subsoil_ros.analysis.summary import Summary
+from subsoil_ros.report.sentences import summary_facts
 
 DAMPING, LOAD, TURNING = 3.0, 40.0, 2.0
 
@@ -89,5 +89,5 @@ def test_a_run_says_how_many_parts_its_steps_took(tmp_path: Path) -> None:
     series = pd.read_csv(tmp_path / "out" / "series.csv")
     count = int(series["mechanism.part_count"].iloc[-1])
     assert count > 20
-    lines = summary_facts(json.loads((tmp_path / "out" / "summary.json").read_text()))
+    lines = summary_facts(Summary.model_validate_json((tmp_path / "out" / "summary.json").read_text()))
     assert any(f"; {count} parts of steps, for mechanism.tolerance" in line for line in lines)

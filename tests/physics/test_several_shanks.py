@@ -7,10 +7,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from subsoil_ros.analysis.series import Series, read_series
-from subsoil_ros.analysis.summary import print_summary, summarize
+from subsoil_ros.analysis.summarize import summarize
 from subsoil_ros.api.simulate import simulate
 from subsoil_ros.figures.over_time import draw_figures
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
+from subsoil_ros.report.metrics_table import print_summary
 
 SCENES = Path(__file__).parents[2] / "config" / "scenes"
 SHANKS = ("shank", "shank_left", "shank_right")
@@ -64,7 +65,7 @@ def test_each_shank_has_its_part_of_the_draft(tmp_path: Path) -> None:
     assert np.ptp([place[-1] for place in places]) < 0.02  # one frame pulls them
     summary = summarize(tmp_path / "bag", resolved, {}, series)
     for name, part in zip(SHANKS, parts, strict=True):
-        assert summary["series"][f"draft.tool.{name}_newton"]["run"]["max"] == part.max()
+        assert summary.series[f"draft.tool.{name}_newton"].run.max == part.max()
 
 
 def test_summary_and_figures_name_every_shank(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

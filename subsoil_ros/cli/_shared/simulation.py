@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ...analysis.summary import mean_words, print_summary
+from ...analysis.summary import KnownMean, Summary
 from ...api.checkpoints import name_checkpoint
 from ...api.opened_run import OpenedRun, open_run
 from ...api.results import conclude
@@ -20,6 +20,8 @@ from ...coupling.stopping import OnCheck
 from ...errors import InputError, SubsoilError
 from ...extras import require_ros
 from ...loading.loader import ResolvedScene, load_scene
+from ...report.metrics_table import print_summary
+from ...report.sentences import mean_words
 from ...ros.process.plan import RunPlan, checked_namespace
 from ...ros.process.supervisor import Supervisor, node_program, start_node
 from ...ros.transport.domain import run_domain
@@ -65,7 +67,7 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
 
             def on_check(result: Mapping[str, Any]) -> None:
                 found.update(result)
-                bar.note(mean_words(result))
+                bar.note(mean_words(KnownMean.model_validate(result)))
 
             if args.mode == "direct":
                 simulate_opened(opened, args.threads, progress, stop_signal, live, on_check)
@@ -85,7 +87,7 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
     if failure is not None:
         name_checkpoint(failure, out, opened.resumed)
     summary = conclude(opened, facts, failure, reading=reading_bag, working=working)
-    if summary is not None and resolved.scene.record.bag:
+    if isinstance(summary, Summary):
         print_summary(summary, resolved.scene, out, reference=resolved.reference)
     elif summary is not None:
         print(f"nothing is recorded (record.bag: false); {out / 'summary.json'} says how the run ended")

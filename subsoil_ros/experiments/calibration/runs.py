@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...analysis.columns import TIME, FacetGroup, PlanarTool
 from ...api.execution import execute
 from ...api.simulate import simulate
 from ...coupling.engines import Soil
@@ -102,12 +103,12 @@ def kept_pull(scene: ResolvedScene, folder: Path, name: str, threads: int, progr
     if kept.failure is not None:
         raise kept.error(name)
     tool, keys = next(iter(scene.scene.tools.items()))
-    series, prefix = kept.series(), f"tool.{tool}"
-    run = series["time_s"] > 0.0
+    series, groups = kept.series(), [FacetGroup(tool, group) for group in keys.groups]
+    run = series[TIME] > 0.0
     return Pull(
-        series[f"{prefix}.x_m"][run],
-        np.column_stack([series[f"{prefix}.{group}.force_x_newton"][run] for group in keys.groups]),
-        np.column_stack([series[f"{prefix}.{group}.force_z_newton"][run] for group in keys.groups]),
+        series[PlanarTool(tool).x_m][run],
+        np.column_stack([series[group.force_x_newton][run] for group in groups]),
+        np.column_stack([series[group.force_z_newton][run] for group in groups]),
         tuple(keys.groups),
     )
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import pandas as pd
 
+from ...analysis.columns import spring_element
 from ...analysis.intervals import Interval, difference_by_seed, error_by_seed, mean_interval
 from .plan import Point
 
@@ -73,7 +74,7 @@ def rank(
         if control:
             saving = _saving(drafts, _rows(runs, control_point(point, control)), confidence)
         load = {name: float(done[name].mean()) for name in _load_columns(done)}
-        name = f"series.spring.{spring}.force_newton"
+        name = f"series.{spring_element(spring).load}"
         if f"{name}.max" in done:
             load[f"{name}.range"] = float((done[f"{name}.max"] - done[f"{name}.min"]).mean())
         told = {name: mean_interval(done[name].dropna().tolist(), confidence) for name in shown}

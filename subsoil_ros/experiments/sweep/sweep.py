@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from ...analysis.columns import spring_element
 from ...analysis.intervals import CONFIDENCE
 from ...errors import InputError
 from ...figures.response import draw_response
@@ -141,8 +142,8 @@ def _usual_columns(table: pd.DataFrame, spring: str | None) -> list[str]:
     names = [
         DRAFT,
         "series.draft_newton.max",
-        f"series.spring.{spring}.force_newton.max",
-        f"series.spring.{spring}.force_newton.min",
+        f"series.{spring_element(spring).load}.max",
+        f"series.{spring_element(spring).load}.min",
     ]
     return [name for name in names if name in table]
 

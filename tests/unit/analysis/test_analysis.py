@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from subsoil_ros.analysis.series import read_series, write_series_csv
-from subsoil_ros.analysis.summary import summarize, write_summary
+from subsoil_ros.analysis.summarize import summarize
 from subsoil_ros.analysis.window import metrics_window, tip_x_m
 from subsoil_ros.errors import RecordingError
 from subsoil_ros.messages import (
@@ -98,7 +98,7 @@ def test_a_run_cut_short_has_its_complete_rows(tmp_path):
     series = read_series(directory / "bag", run.resolved.scene)
     np.testing.assert_array_equal(series["time_s"], [tick * INTERVAL_NS * 1e-9 for tick in (4, 8, 12)])
     summary = summarize(directory / "bag", run.resolved, {})
-    assert [summary["run"][key] for key in ("complete", "ticks", "steps")] == [False, 12, 12]
+    assert (summary.run.complete, summary.run.ticks, summary.run.steps) == (False, 12, 12)
 
 
 def test_a_bag_without_a_series_tick_is_an_error(tmp_path):
@@ -141,10 +141,10 @@ def test_empty_window_means_the_whole_run_and_says_so(machine):
     """A bin too short for the margin leaves no row; the summary then covers the run, and tells."""
     run, directory = machine
     summary = summarize(directory / "bag", run.resolved, {})
-    assert summary["window"]["whole_run"]
-    assert summary["window"]["rows"] == len(run.series_ticks())
-    draft = summary["series"]["draft_newton"]
-    assert draft["mean"] == draft["run"]["mean"]
+    assert summary.window.whole_run
+    assert summary.window.rows == len(run.series_ticks())
+    draft = summary.series["draft_newton"]
+    assert draft.mean == draft.run.mean
 
 
 def test_settling_is_left_out(tmp_path):
@@ -156,13 +156,13 @@ def test_settling_is_left_out(tmp_path):
     late = series["time_s"] > 0.0008
     assert 0 < late.sum() < len(series)
     draft = series["draft_newton"]
-    found = summary["series"]["draft_newton"]
-    for part, values in ((found, draft[late]), (found["run"], draft)):
-        assert (part["mean"], part["std"]) == (np.mean(values), np.std(values))
-        assert (part["min"], part["max"]) == (values.min(), values.max())
+    found = summary.series["draft_newton"]
+    for part, values in ((found, draft[late]), (found.run, draft)):
+        assert (part.mean, part.std) == (np.mean(values), np.std(values))
+        assert (part.min, part.max) == (values.min(), values.max())
     wall_s = 0.5 * (TICKS - 1)
-    facts = summary["run"]
-    assert (facts["mode"], facts["wall_s"], summary["particles"]["count"]) == ("direct", wall_s, 300)
-    assert facts["real_time_factor"] == pytest.approx(TICKS * INTERVAL_NS * 1e-9 / wall_s, rel=1e-12)
-    write_summary(summary, tmp_path / "summary.json")
-    assert json.loads((tmp_path / "summary.json").read_text()) == summary
+    facts = summary.run
+    assert (facts.mode, facts.wall_s, summary.particles.count) == ("direct", wall_s, 300)
+    assert facts.real_time_factor == pytest.approx(TICKS * INTERVAL_NS * 1e-9 / wall_s, rel=1e-12)
+    summary.write(tmp_path / "summary.json")
+    assert json.loads((tmp_path / "summary.json").read_text()) == summary.document()

@@ -1,5 +1,6 @@
 """summary.json: real runs against its JSON Schema."""
 
+import argparse
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -9,8 +10,9 @@ import jsonschema
 import pytest
 
 import subsoil_ros
-from subsoil_ros.analysis.quantities import finite, flattened
-from subsoil_ros.analysis.summary import SCHEMA_VERSION
+from subsoil_ros.analysis.quantities import flattened
+from subsoil_ros.analysis.summary import SCHEMA_VERSION, RunColumn
+from subsoil_ros.cli import schema as schema_verb
 from subsoil_ros.errors import RunError
 from tests.unit.analysis.made_up_runs import Run, full_machine, tine
 
@@ -32,10 +34,22 @@ def check(summary: Mapping[str, Any]) -> None:
     jsonschema.Draft202012Validator(SCHEMA).validate(summary)
 
 
-def test_schema_is_a_schema_of_this_version() -> None:
-    """The file is valid itself, and is of the version that summaries name."""
+def test_schema_is_current(tmp_path: Path) -> None:
+    """The file is what `subsoil schema --summary` writes, valid, and of the version that summaries name."""
+    parser = argparse.ArgumentParser()
+    schema_verb.add_arguments(parser)
+    schema_verb.run(parser.parse_args(["--summary", "--out", str(tmp_path / "schema.json")]))
+    assert json.loads((tmp_path / "schema.json").read_text()) == SCHEMA
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
-    assert SCHEMA["properties"]["schema_version"]["const"] == SCHEMA_VERSION
+    assert SCHEMA["$defs"]["Summary"]["properties"]["schema_version"]["const"] == SCHEMA_VERSION
+
+
+def test_numbers_that_are_not_finite_become_null() -> None:
+    """Whole numbers stay whole, and what the run does not have is left out."""
+    column = RunColumn(mean=float("nan"), min=-2, max=float("inf"), std=0.5)
+    assert json.dumps(column.model_dump(exclude_unset=True)) == (
+        '{"mean": null, "min": -2, "max": null, "std": 0.5}'
+    )
 
 
 def test_schema_describes_objects_that_are_closed() -> None:
@@ -91,8 +105,8 @@ def test_other_keys_are_refused() -> None:
 
 
 def test_paths_are_keys_joined_by_dots() -> None:
-    """A column's own dots stand in its path; what is not finite becomes None at any depth."""
-    summary = {"series": {"body.arm.x_m": {"mean": 1.0, "run": {"max": float("inf")}}}, "lists": [1, 2]}
-    assert flattened(finite(summary)) == {
+    """A column's own dots stand in its path."""
+    summary = {"series": {"body.arm.x_m": {"mean": 1.0, "run": {"max": None}}}, "lists": [1, 2]}
+    assert flattened(summary) == {
         "series.body.arm.x_m.mean": 1.0, "series.body.arm.x_m.run.max": None, "lists": [1, 2],
     }  # fmt: skip

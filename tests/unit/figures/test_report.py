@@ -13,13 +13,15 @@ from rich.console import Console
 from subsoil_ros.analysis.poses import posed_vertices_m
 from subsoil_ros.analysis.series import read_series
 from subsoil_ros.analysis.smoothing import running_mean
-from subsoil_ros.analysis.summary import print_summary, summarize
+from subsoil_ros.analysis.summarize import summarize
+from subsoil_ros.analysis.summary import Summary
 from subsoil_ros.cli import bag as bag_verb
 from subsoil_ros.cli import report as report_verb
 from subsoil_ros.errors import InputError
 from subsoil_ros.figures.over_time import draw_figures
 from subsoil_ros.figures.soil_cut import nearest_times_ns
 from subsoil_ros.messages import ToolMotion
+from subsoil_ros.report.metrics_table import print_summary
 from subsoil_ros.scene.meshes import ToolMesh
 from tests.unit.analysis.made_up_runs import TICKS, Run, full_machine, machine_alone, tine
 
@@ -31,7 +33,7 @@ def machine(tmp_path_factory) -> tuple[Run, Path]:
     return run, run.write(tmp_path_factory.mktemp("machine") / "run")
 
 
-def printed(summary: dict, run: Run, directory: Path) -> str:
+def printed(summary: Summary, run: Run, directory: Path) -> str:
     """What print_summary prints, on one line."""
     console = Console(width=200, record=True, file=(directory / "printed.txt").open("w"))
     print_summary(summary, run.resolved.scene, directory, console, reference=run.resolved.reference)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from subsoil_ros.analysis.summary import summarize_unrecorded
+from subsoil_ros.analysis.summarize import summarize_unrecorded
 from subsoil_ros.cli.main import main
 from subsoil_ros.errors import SceneError
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
@@ -177,7 +177,7 @@ def test_what_a_scene_allows_travels_with_it(
     folder = tmp_path / "worker"
     folder.mkdir()
     assert unpack(pack(scene), folder).scene.allow == ("other_contact_law",)
-    assert summarize_unrecorded(scene, {})["scene"]["allow"] == ["other_contact_law"]
+    assert summarize_unrecorded(scene, {}).scene.allow == ["other_contact_law"]
 
 
 def test_a_file_of_another_model(wedge: Callable[..., ResolvedScene], tmp_path: Path) -> None:

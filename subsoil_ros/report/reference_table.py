@@ -11,8 +11,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from ..analysis.quantities import flattened
 from ..loading.reference import Reference, ReferenceValue
-from .quantities import flattened
 
 HEADINGS = ("quantity", "unit", "ours", "reference", "band", "difference", "agrees", "source")
 WORDS = ("quantity", "unit", "agrees", "source")

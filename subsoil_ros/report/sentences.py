@@ -1,0 +1,255 @@
+"""Sentences on the results of a run."""
+
+from ..analysis.columns import DRAFT, MECHANISM, spring_element
+from ..analysis.spectra import SLOWEST, Spectrum
+from ..analysis.summary import KnownMean, Number, Summary
+
+_CARRIERS = {
+    "share": "soil on share", "wheels": "wheels", "hitch": "hitch", "tethers": "tethers", "loads": "loads",
+    "inertia": "inertia",
+}  # fmt: skip
+
+
+def _text(value: Number, digits: str, factor: float = 1.0) -> str:
+    """A number times `factor`, formatted; one that is not finite is unknown."""
+    return "unknown" if value is None else format(factor * value, digits)
+
+
+def summary_facts(summary: Summary) -> list[str]:
+    """Notes on a run, line by line; a warning begins with WARNING or NOTE."""
+    window, run, energy, particles = summary.window, summary.run, summary.energy, summary.particles
+    if window.whole_run:
+        span = f"the whole run, because no row of it lies in the window ({window.rule})"
+    else:
+        span = f"{window.start_s:.4g} to {window.end_s:.4g} s ({window.rule})"
+    whole = f" ({run.whole_wall_s:.1f} s with start-up)" if run.whole_wall_s is not None else ""
+    count = f"{particles.count} particles" if particles.count else "no particles"
+    lines = [
+        f"mean, min, max, range: {span}; run min, run max: everything recorded",
+        f"{count}, {run.steps} steps, {run.wall_s:.1f} s wall time{whole}, real-time factor "
+        f"{run.real_time_factor:.3g}",
+        f"interface energy residual {_text(energy.residual_joule, '.3g')} J, "
+        f"{_text(energy.residual_ratio, '.3g', 100.0)} % of the work done there",
+    ]
+    lines += _mechanism_lines(summary)
+    lines += load_lines(summary)
+    if particles.lost_count:
+        named = "; ".join(
+            f"particle {lost.identity} at ({', '.join(f'{x:.3f}' for x in lost.position_m)}) m, "
+            f"{lost.time_s:.4g} s"
+            for lost in particles.first_lost
+        )
+        lines.append(
+            f"WARNING: {particles.lost_count} particles left the domain, the first before "
+            f"{particles.first_lost_s:.4g} s{f': {named}' if named else ''}"
+        )
+    if run.resumed_from is not None:
+        lines.append(f"went on from {run.resumed_from.checkpoint}, whose record is in these numbers")
+    if run.checkpoint is not None:
+        newest = run.checkpoint
+        lines.append(
+            f"newest checkpoint: {newest.path}, at {newest.time_s:.6g} s, "
+            f"{newest.size_bytes / 1e6:.3g} MB, written in {newest.write_s:.2g} s"
+        )
+    if run.stop_when is not None:
+        lines.append(_stop_words(run.stop_when))
+    if not run.complete:
+        lines.append("The run ended before its last tick.")
+    if summary.scene.allow:
+        lines.append(f"WARNING: the scene overrides refusals, allow: {', '.join(summary.scene.allow)}")
+    if summary.scene.note:
+        lines.append(f"NOTE: {summary.scene.note}")
+    return lines
+
+
+def mean_words(found: KnownMean) -> str:
+    """What a check of stop_when found, in a few words."""
+    mean, half_width = found.mean, found.half_width
+    if mean is None or half_width is None:
+        return f"{found.metric}: {found.verdict}"
+    interval = f"+- {100.0 * half_width / abs(mean):.3g} %" if mean else f"+- {half_width:.4g}"
+    return f"{found.metric} {mean:.5g} {interval}, {found.verdict}"
+
+
+def _stop_words(found: KnownMean) -> str:
+    """Whether a run with stop_when has reached it, as a line."""
+    wanted = f"{100.0 * found.relative_interval:g} % at a confidence of {found.confidence:g}"
+    word = "reached" if found.reached else "WARNING: not reached"
+    return (
+        f"stop_when: {word} after {found.travel_m:.4g} m of travel: {mean_words(found)}; asked for are "
+        f"{wanted} and no drift seen"
+    )
+
+
+def _mechanism_lines(summary: Summary) -> list[str]:
+    """Residual of the machine's energy balance, and the number of parts of steps."""
+    residual = summary.series.get(MECHANISM.energy_residual_joule)
+    if residual is None or residual.run.min is None or residual.run.max is None:
+        return []
+    largest = max(abs(residual.run.min), abs(residual.run.max))
+    count = summary.series[MECHANISM.part_count].run.max
+    parts = f"; {count} parts of steps, for mechanism.tolerance" if count else ""
+    return [f"mechanism: balance of energy open by {largest:.3g} J at most{parts}"]
+
+
+def load_lines(summary: Summary) -> list[str]:
+    """Lines of the quantities that the run has."""
+    lines = [folded(summary), *load_words(summary).values()]
+    return [line for line in lines if line]
+
+
+def load_words(summary: Summary) -> dict[str, str]:
+    """The same under headings, without `folded`."""
+    words = {
+        "Draft": _stationarity(summary),
+        "Weight": _vertical(summary),
+        "Power": _power(summary),
+        "Frequency": _dominant_frequency(summary),
+        "Cycle": _failures(summary),
+        "Fatigue": _spring(summary),
+        "Loosened section": _disturbance(summary),
+    }
+    return {heading: line for heading, line in words.items() if line}
+
+
+def design_rows(summary: Summary, spring: str | None) -> list[tuple[str, str]]:
+    """Results for a designer, heading and words; what the run does not have is absent.
+
+    spring: name of the spring that the scene reports.
+    """
+    words = load_words(summary)
+    for heading, name, sign in (
+        ("Draft", DRAFT, ""),
+        ("Spring load", spring_element(spring).load, " (compression is positive)"),
+    ):
+        found = summary.series.get(name)
+        if found is not None and found.mean is not None:
+            spread = f"from {found.min:.0f} to {found.max:.0f} N{sign}"
+            mean = words.get(heading, f"mean {found.mean:.0f} N")
+            words[heading] = f"{mean}; {spread}"
+            if heading == "Draft" and found.stationarity is None:
+                words[heading] += "; the window is too short for an interval"
+    order = ("Draft", "Cycle", "Frequency", "Spring load", "Fatigue", "Loosened section", "Power", "Weight")
+    return [(heading, words[heading]) for heading in order if heading in words]
+
+
+def folded(summary: Summary) -> str:
+    """Line that the soil folded the shank back, with the time; empty where it did not."""
+    passed = summary.loads.past_dead_centre_s
+    if passed is None:
+        return ""
+    return (
+        f"the soil folded the shank back: at {passed:.3f} s it passed the dead centre of its spring, and "
+        "what follows is not the draft of a working tool"
+    )
+
+
+def _stationarity(summary: Summary) -> str:
+    draft = summary.series.get(DRAFT)
+    if draft is None or draft.stationarity is None:
+        return ""
+    steady = draft.stationarity
+    words = f"draft: {_text(draft.mean, '.0f')}"
+    if steady.mean_half_width is not None:
+        words += f" +- {steady.mean_half_width:.0f}"
+    words += f" N (95 %, {_text(steady.effective_count, '.0f')} independent samples)"
+    drift, half = steady.drift, steady.drift_half_width
+    if drift is not None and half is not None:
+        words += f", trend over the window {100.0 * drift:+.1f} +- {100.0 * half:.1f} %"
+    return f"{words}: {steady.verdict}"
+
+
+def _vertical(summary: Summary) -> str:
+    vertical, depth = summary.loads.vertical, summary.loads.tip_depth_m
+    if vertical.weight_newton is None:
+        return ""
+    carried = {label: getattr(vertical, f"{key}_newton") for key, label in _CARRIERS.items()}
+    parts = [f"{label} {_text(found.mean, '.0f')} N" for label, found in carried.items() if found is not None]
+    words = (
+        f"weight {vertical.weight_newton:.0f} N is carried by {', '.join(parts)}, rest "
+        f"{_text(vertical.rest_newton, '.0f')} N (up is positive)"
+    )
+    if vertical.wheels_newton is not None:
+        words += f"; least on the wheels {_text(vertical.wheels_newton.min, '.0f')} N"
+    if depth is not None:
+        words += f"; tip {_text(depth.mean, '.0f', 1e3)} mm deep"
+    return words
+
+
+def _power(summary: Summary) -> str:
+    draft, specific = summary.loads.power.get("draft_watt"), summary.loads.specific
+    if draft is None:
+        return ""
+    words = f"power {_text(draft.mean, '.0f')} W"
+    if specific.energy_joule_per_m is not None:
+        words += f", {specific.energy_joule_per_m:.0f} J/m"
+    if specific.energy_joule_per_m3 is not None:
+        words += f", {1e-3 * specific.energy_joule_per_m3:.1f} kJ per cubic metre loosened"
+    if specific.draft_newton_per_m is not None:
+        words += f"; draft {1e-3 * specific.draft_newton_per_m:.1f} kN per metre of share"
+    if specific.draft_pa is not None:
+        words += f", {1e-3 * specific.draft_pa:.1f} kPa of loosened section"
+    return words
+
+
+def _dominant_frequency(summary: Summary) -> str:
+    draft = summary.series.get(DRAFT)
+    if draft is None or draft.spectrum is None:
+        return ""
+    found = draft.spectrum
+    stands = "stands out of" if found.significant else "does not stand out of"
+    return (
+        f"draft is strongest at {_text(found.dominant_hz, '.2f')} Hz (resolved to "
+        f"{_text(found.resolution_hz, '.2f')} Hz), which {stands} red noise (95 %)"
+    )
+
+
+def significance_words(found: Spectrum) -> str:
+    """Significance of the dominant frequency of a spectrum."""
+    if found.significant:
+        return "stands out of red noise"
+    if found.dominant == SLOWEST:
+        return "is the slowest looked at: no dominant frequency seen"
+    return "does not stand out of red noise"
+
+
+def _failures(summary: Summary) -> str:
+    found = summary.failure_cycles
+    if found is None:
+        return ""
+    travel, time = found.travel_m, found.time_s
+    words = (
+        f"soil fails every {_text(travel.mean, '.0f', 1e3)} +- {_text(travel.half_width, '.0f', 1e3)} mm of "
+        f"travel (deviation {_text(travel.deviation, '.0f', 1e3)} mm), every {_text(time.mean, '.2f')} s "
+        f"(deviation {_text(time.deviation, '.2f')} s): {found.count} cycles between peaks of the draft that "
+        f"stand out by {_text(found.threshold_newton, '.0f')} N, one standard deviation; the draft rises in "
+        f"{_text(found.loading_fraction, '.2f')} of the time"
+    )
+    if found.unloading_over_loading is not None:
+        words += f" and falls {found.unloading_over_loading:.2f} times as fast as it rises"
+    return words
+
+
+def _spring(summary: Summary) -> str:
+    found = summary.loads.rainflow
+    if found is None:
+        return ""
+    return (
+        f"spring: {_text(found.cycle_count, 'g')} load cycles, the largest of "
+        f"{_text(found.max_range_newton, '.0f')} N; as harmful as "
+        f"{_text(found.equivalent_range_newton, '.0f')} N once a second"
+    )
+
+
+def _disturbance(summary: Summary) -> str:
+    found = summary.disturbance
+    if found is None:
+        return ""
+    half = found.area_half_width_m2
+    interval = "" if half is None else f" +- {1e4 * half:.0f}"
+    return (
+        f"soil: {_text(found.area_m2, '.0f', 1e4)}{interval} cm2 loosened "
+        f"({_text(found.moved_fraction, '.1f', 100.0)} % of the bed moved by more than a radius), "
+        f"{_text(found.surface_width_m, '.0f', 1e3)} mm wide at the surface, "
+        f"which rose by {_text(found.lift_max_m, '.0f', 1e3)} mm at most"
+    )

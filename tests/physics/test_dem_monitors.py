@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from subsoil_ros.cli.main import main
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.dem.monitors import MotionSums, half_step_sums, refuse_lost_numbers
-from subsoil_ros.dem.state import Particles
+from subsoil_ros.dem.particles import Particles
 from subsoil_ros.errors import InputError, PhysicsError, SceneError
 from subsoil_ros.messages import SoilState
 from subsoil_ros.recording.bag_reader import BagReader

@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.engine import SoilEngine
-from subsoil_ros.dem.monitors import Domain
-from subsoil_ros.dem.state import Particles
+from subsoil_ros.dem.domain import Domain
+from subsoil_ros.dem.particles import Particles
 from subsoil_ros.dem.walls import wall_planes
 
 SMALL, LARGE = 0.008, 0.014

@@ -11,9 +11,10 @@ from ...loading.loader import ResolvedScene
 from ...scene.pairs import layer_soils
 from ...scene.soil import Soil
 from ..bed import Bed
+from ..build import build_engine
+from ..engine import SoilEngine
 from ..walls import WALLS, wall_planes
 from .in_reach import pairs_in_reach, radii_of
-from .settling import EngineOf
 from .surface import top_surface_m
 from .tree import bed_tree, seen_from_corner
 
@@ -250,12 +251,12 @@ class FreeMotion:
     max_move_m: float
 
 
-def free_motion(
-    resolved: ResolvedScene, bed: Bed, engine_of: EngineOf, threads: int, duration_s: float
-) -> FreeMotion:
+def free_motion(resolved: ResolvedScene, bed: Bed, threads: int, duration_s: float) -> FreeMotion:
     """Runs the bed without tools for `duration_s` at the scene's step."""
     scene = resolved.scene.model_copy(update={"mechanism": None, "tools": {}})
-    engine = engine_of(dataclasses.replace(resolved, scene=scene), threads, bed=bed)
+    alone, soil = dataclasses.replace(resolved, scene=scene), scene.particle_soil
+    fixed = soil is None or soil.window is None
+    engine = SoilEngine(alone, bed, threads) if fixed else build_engine(alone, threads)
     engine.start(())
     before = engine.positions_m()
     ticks = max(1, round(duration_s / resolved.timing.communication_step_s))

@@ -195,8 +195,8 @@ class CpuSteps:
         return particle[free], wall[free]
 
     def stretch(self, scale: float | np.ndarray) -> None:
-        """Scale an endless bed, its box and its particles, by `scale` about the origin; if it is given as (3,)
-        along x, y and z, the ends of the springs of contacts too."""
+        """Scale an endless bed, its box and particles, by `scale` about the origin; by (3,) along x, y and z,
+        the ends of the springs of contacts too."""
         model, state, domain = self._model, self.state, self.state.domain
         scales = np.broadcast_to(np.asarray(scale, np.float64), 3)
         p, pairs, strain = self.particles(), state.pairs, scales - 1.0

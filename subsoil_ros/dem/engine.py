@@ -48,7 +48,7 @@ class SoilEngine(SoilReadings):
         window: Window | None = None,
     ) -> None:
         refuse_threads(threads)
-        self._resolved, self._threads, self._window = resolved, threads, window
+        self._resolved, self._threads, self.window = resolved, threads, window
         self._model = soil_model(resolved, bed, book=book)
         refuse_narrow_period(bed, self._model.soil)
         self._prepared = bed
@@ -74,7 +74,7 @@ class SoilEngine(SoilReadings):
 
     def _load(self, particles: Particles, origin: Origin, rebuild_count: int = 0) -> None:
         """Start from particles that touch nothing yet, in the box of the prepared bed."""
-        model, window = self._model, self._window
+        model, window = self._model, self.window
         domain = Domain(self._prepared, origin.places_m, model.radius_m)
         state = SoilState.of(model, particles, domain, origin)
         state.rebuild_count = rebuild_count
@@ -86,12 +86,12 @@ class SoilEngine(SoilReadings):
         self._rebuild(())
 
     def _rebuild(self, motions: tuple[ToolMotion, ...]) -> None:
-        if self._window is None:
+        if self.window is None:
             self._steps.rebuild(motions)
             return
         host = self._steps.to_host()
         host.rebuild(motions)
-        self._window.give_histories(self._model, host.state)
+        self.window.give_histories(self._model, host.state)
         self._steps.from_host()
 
     def _lay_out(self, window: Window, rear: int, front: int) -> None:
@@ -117,7 +117,7 @@ class SoilEngine(SoilReadings):
         Raises:
             InputError: no particle, one outside the bin, or rows that are missing or not finite.
         """
-        if self._window is not None:
+        if self.window is not None:
             raise InputError("place: a field is laid out from its block; leave soil.window out")
         position, state = np.array(position_m, dtype=np.float64).reshape(-1, 3), self._state
         refuse_outside(self.bed, state.domain.planes, position)
@@ -144,14 +144,14 @@ class SoilEngine(SoilReadings):
     def start(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
         """Wrenches of the initial state. Particles that the tools overlap are removed; no time advances.
 
-        A particle is removed if its centre is inside a tool or so near that the contact would press. In a field,
-        soil is laid out about the tools.
+        A particle is removed if its centre is inside a tool or so near that the contact would press. In a
+        field, soil is laid out about the tools.
 
         Raises:
             InputError: the tools overlap all particles, or begin beyond the field.
         """
         use_threads(self._threads)
-        window = self._window
+        window = self.window
         if window is not None:
             strips = window.strips_about(self._model, surfaces(self._resolved, self.bed, motions))
             if strips is not None:
@@ -192,8 +192,8 @@ class SoilEngine(SoilReadings):
         starts = tuple(tool.last for tool in tools)
         for start, end in zip(starts, motions, strict=True):
             refuse_other_kind(f"tick {tick}", start, end, duration_s)
-        if self._window is not None:
-            self._follow(self._window, tick, motions)
+        if self.window is not None:
+            self._follow(self.window, tick, motions)
         for tool in tools:
             tool.begin_tick()
         way = [
@@ -211,9 +211,9 @@ class SoilEngine(SoilReadings):
 
     def shift(self, rear: int, front: int) -> None:
         """Move the window of a field to strips rear <= m < front, none of them behind those there are."""
-        assert self._window is not None
+        assert self.window is not None
         before = self.energy().total_joule if self._model.booked else 0.0
-        self._window.shift(self._model, self._steps.to_host(), rear, front)
+        self.window.shift(self._model, self._steps.to_host(), rear, front)
         self._steps.from_host()
         if self._model.booked:
             self._state.carried_joule += self.energy().total_joule - before
@@ -227,10 +227,10 @@ class SoilEngine(SoilReadings):
 
         Engines on all devices can go on from them.
         """
-        state = self._steps.to_host().state
+        state = self.whole_state()
         arrays = state.arrays() | {"bed": state.origin.digest()}
-        if self._window is not None:
-            arrays |= self._window.arrays() | {"carried_joule": np.array(state.carried_joule)}
+        if self.window is not None:
+            arrays |= self.window.arrays() | {"carried_joule": np.array(state.carried_joule)}
         return arrays
 
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
@@ -242,9 +242,9 @@ class SoilEngine(SoilReadings):
         state = self._state
         if not np.array_equal(arrays["bed"], state.origin.digest()):
             raise ValueError("the bed prepared here is not the one that the state began with")
-        if self._window is not None:
-            self._window.restore(arrays)
-            self._window.enter(state)
+        if self.window is not None:
+            self.window.restore(arrays)
+            self.window.enter(state)
             state.carried_joule = float(arrays["carried_joule"])
         lasts = {name: below(f"tool.{name}", arrays)["last"] for name in self._resolved.scene.tools}
         motions = tuple(motion_from(name, last) for name, last in lasts.items())

@@ -20,8 +20,8 @@ from .walls import wall_scan
 
 
 class SoilReadings:
-    """The reading side of a soil engine. Arrays are (n, ...) float64, SI, world axes, in the order of the prepared
-    bed unless said."""
+    """The reading side of a soil engine. Unless said, arrays are float64, in world axes and the order of the
+    prepared bed."""
 
     _model: SoilModel
     _steps: Steps
@@ -59,6 +59,10 @@ class SoilReadings:
         """Particles in the order of the kernels, sorted by cell; not copied."""
         return self._steps.particles()
 
+    def whole_state(self) -> SoilState:
+        """Particles, lists and all else at the end of the last step; not copied."""
+        return self._steps.to_host().state
+
     def radii_m(self) -> np.ndarray:
         """(n,) radii."""
         p = self.particles()
@@ -92,7 +96,8 @@ class SoilReadings:
 
     def contact_histories(self) -> tuple[np.ndarray, np.ndarray]:
         """(p, 2) numbers in the prepared bed of the listed pairs, and (p, components) their histories."""
-        pairs, identity = self._steps.to_host().state.pairs, self.particles().identity
+        state = self.whole_state()
+        pairs, identity = state.pairs, state.particles.identity
         rows, neighbour = pairs.row_start, pairs.neighbour
         first = np.repeat(np.arange(len(rows) - 1), np.diff(rows))
         history = pairs.history[history_places(np.arange(len(neighbour)), len(self._model.parity))]
@@ -152,7 +157,7 @@ class SoilReadings:
 
     def bond_counts(self) -> tuple[int, int]:
         """Intact bonds, and those broken since the start."""
-        state = self._steps.to_host().state
+        state = self.whole_state()
         return state.bonds.count(state.pairs) if state.bonds is not None else (0, 0)
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> messages.SoilState:
@@ -201,7 +206,7 @@ class SoilReadings:
         booked = dict(zip(model.soil.law.sinks, sinks.tolist(), strict=True))
         in_bonds = 0.0
         if state.bonds is not None:
-            bonds = self._steps.to_host().state.bonds
+            bonds = self.whole_state().bonds
             assert bonds is not None
             bonds.flush()
             in_bonds = bonds.sums(state.pairs, p.position)[0]
@@ -222,7 +227,7 @@ class SoilReadings:
 
     def stress_pa(self) -> np.ndarray:
         """(3, 3) mean stress of an endless bed, compression positive, along x, y and z; without dampers."""
-        model, state = self._model, self._steps.to_host().state
+        model, state = self._model, self.whole_state()
         pairs, p = state.pairs, state.particles
         total = pair_stress(
             pairs.row_start, pairs.neighbour, p.position, pairs.history,
@@ -236,7 +241,7 @@ class SoilReadings:
         """Particles, float32; with identities where they come and go."""
         p, soil, broken = self.particles(), self._model.soil, None
         if self._state.bonds is not None:
-            state = self._steps.to_host().state
+            state = self.whole_state()
             assert state.bonds is not None
             broken = state.bonds.broken_part(state.pairs)[np.argsort(p.identity)]
         return SoilCloud(

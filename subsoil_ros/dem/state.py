@@ -19,8 +19,8 @@ from .walls import CHUNKS
 
 @dataclass
 class SoilState:
-    """The state of a soil between two soil steps. Lists of neighbours are part of it: their order is the order
-    of the sums of forces."""
+    """The state of a soil between two soil steps. Lists of neighbours are part of it, as their order
+    is that of the sums of forces."""
 
     particles: Particles
     domain: Domain

@@ -28,7 +28,7 @@ class StepChecks:
         return f"tick {tick}" if steps == 1 else f"tick {tick}, soil step {step} of {steps}"
 
     def begin(self, tick: int, step: int, motions: tuple[ToolMotion, ...]) -> None:
-        """Refuse motions of a step, see `refuse`; of the last one of a tick, clear the loads if it counts alone."""
+        """Refuse motions of a step, see `refuse`; clear the loads before one that counts alone."""
         if step == self._model.soil_steps:
             self.keep_last_step_only()
         self.refuse(tick, step, motions)
@@ -50,7 +50,7 @@ class StepChecks:
                     raise PhysicsError(f"{self.where(tick, step)}: {error}") from error
 
     def first_refused(self, tick: int, done: int, way: Sequence[tuple[ToolMotion, ...]]) -> int:
-        """The first soil step, counted from 0, whose motions are refused; refuses those of the one after `done`."""
+        """The first soil step, from 0, whose motions are refused; refuses those of step `done`."""
         self.refuse(tick, done + 1, way[done])
         for s in range(done + 1, len(way)):
             try:

@@ -28,7 +28,7 @@ _logger = logging.getLogger(__name__)
 
 
 class Window:
-    """The strips rear <= m < front of a field that exist; it changes the state of their soil between ticks."""
+    """The strips rear <= m < front of a field that exist; it changes the soil's state between ticks."""
 
     def __init__(self, field: Field) -> None:
         self.field = field

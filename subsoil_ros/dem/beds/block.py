@@ -1,7 +1,7 @@
 """The block that a field repeats: soil at rest between periodic sides along x and y.
 
-A tile of random spheres (dem.beds.tile) under the law of the scene, stacked as deep as the bed over held soil,
-comes to rest in its weight. It is cut at its surface and comes to rest once more. With the springs that its
+A tile of random spheres (dem.beds.tile) under the law of the scene, stacked as deep as the bed over held
+soil, comes to rest in its weight. Cut at its surface, it comes to rest once more. With the springs that its
 contacts then have, that is the block.
 """
 
@@ -22,7 +22,8 @@ from .cache import cached_bed_path, keep, load_cached, load_contacts
 from .dense import relaxed_rest
 from .field import HEADROOM, Block, Contacts, headroom_m
 from .in_reach import radii_of
-from .settling import OnProgress, Rest, bed_of, ignore_progress, of_the_preparation
+from .settling import Rest, bed_of, of_the_preparation
+from .settling_progress import OnProgress, ignore_progress
 from .surface import cut_to_depth, mean_above_profile_m
 from .tile_edge import tile_edge_m
 from .tiled import (

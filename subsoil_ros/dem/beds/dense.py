@@ -31,12 +31,12 @@ from ..bed import Bed, grid_shape, scaled
 from ..mixture import material_at
 from .settling import (
     SETTLING_GRAVITY,
-    OnProgress,
     Rest,
     Settling,
     settling_step_s,
     smooth_soil,
 )  # fmt: skip
+from .settling_progress import OnProgress
 from .start import rest_volume_m3
 from .surface import cut_to_depth, mean_above_profile_m
 
@@ -93,8 +93,13 @@ def relaxed_rest(radius_m: float, contact_rate_per_s: float) -> Rest:
     return Rest(0.01 * radius_m, RELAX_PERIODS * 2.0 * math.pi / contact_rate_per_s)
 
 
-def prepare_dense(resolved: ResolvedScene, seed: int, threads: int, on_progress: OnProgress) -> Bed:
-    """Dense random bed that fills the bin of the scene; z = 0 at its mean top."""
+def prepare_dense(
+    resolved: ResolvedScene, seed: int, threads: int, on_progress: OnProgress, device: str = "cpu"
+) -> Bed:
+    """Dense random bed that fills the bin of the scene; z = 0 at its mean top.
+
+    device: "cpu", or "gpu", on which it settles to another bed of the kind.
+    """
     soil = resolved.scene.particle_soil
     assert soil is not None
     grid_shape(soil)  # refuses a bin too small for a particle
@@ -103,6 +108,7 @@ def prepare_dense(resolved: ResolvedScene, seed: int, threads: int, on_progress:
     without_layers = common.particle_soil
     assert without_layers is not None
     smooth, sticky = smooth_soil(without_layers, adhesive=False), smooth_soil(soil, adhesive=True)
+    smooth, sticky = (one.model_copy(update={"device": device}) for one in (smooth, sticky))
     loose = Settling(
         dataclasses.replace(resolved, scene=common), threads, soil=smooth,
         step_s=settling_step_s(smooth), gravity_m_per_s2=SETTLING_GRAVITY, on_progress=on_progress,

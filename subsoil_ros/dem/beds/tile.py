@@ -28,12 +28,11 @@ from ..engine import SoilEngine
 from .in_reach import radii_of
 from .settling import (
     DAMPING_RATIO,
-    OnProgress,
     Rest,
     Settling,
-    SettlingProgress,
     of_the_preparation,
 )  # fmt: skip
+from .settling_progress import OnProgress, SettlingProgress
 
 START_BELOW = 0.06
 """Wanted solid fraction less that of the points that are parted: looser ones take longer to press, denser

@@ -28,7 +28,8 @@ from .cache import cached_tile_path, keep, load_cached
 from .dense import relaxed_rest
 from .in_reach import radii_of
 from .report import masses_kg
-from .settling import SETTLING_GRAVITY, OnProgress, Rest, Settling, of_the_preparation
+from .settling import SETTLING_GRAVITY, Rest, Settling, of_the_preparation
+from .settling_progress import OnProgress
 from .surface import cut_to_depth, mean_above_profile_m
 from .tile import at_pressure, endless_soil, kept_as, pressed_tile, solid_fraction
 from .tile_edge import tile_edge_m

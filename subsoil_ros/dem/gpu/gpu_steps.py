@@ -34,8 +34,8 @@ class GpuSteps:
     """Soil steps of one state whose particles, lists, histories and tools are on a GPU.
 
     Two runs on one device give the same bits. Those of the CPU differ by round-off: forces are added up in
-    another order. Arrays are copied to the host only when read. After a PhysicsError the state is of no further
-    use: its particles may have gone on for some steps.
+    another order. Arrays are copied to the host only when read. After a PhysicsError the state is of no
+    further use: its particles may have gone on for some steps.
 
     Raises:
         InputError: there is no GPU, or it does not compute the contact law.

@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 
+from subsoil_ros.dem.build import build_engine
+
 from .cases import REFUSED, RIGHT, STOPPED, Cases, Outcome, must, refused, right, stopped
 from .laboratory import MASS, RADIUS, Document, Laboratory, drag, linear, placed
 from .laws import ROOM_M, at_rest, head_on

@@ -9,7 +9,8 @@ from rich.console import Console
 
 from ...api.beds import prepare_bed_first
 from ...dem.beds.bed_file import write_bed
-from ...dem.beds.report import BedReport, FreeMotion, free_motion, report_bed
+from ...dem.beds.free_motion import FreeMotion, free_motion
+from ...dem.beds.report import BedReport, report_bed
 from ...dem.build import build_engine
 from ...errors import InputError
 from ...loading.loader import ResolvedScene

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 import trimesh
 
-from subsoil_ros.dem.beds.prepare import check_start
+from subsoil_ros.dem.beds.start import check_start
 from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.dem.periodic import HELD_LAYER

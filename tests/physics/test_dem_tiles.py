@@ -11,11 +11,13 @@ from scipy.spatial import cKDTree
 
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.beds import cache
-from subsoil_ros.dem.beds.prepare import check_start, prepare_bed
+from subsoil_ros.dem.beds.prepare import prepare_bed
 from subsoil_ros.dem.beds.report import report_bed
 from subsoil_ros.dem.beds.settling import PATIENCE, Rest, Settling
 from subsoil_ros.dem.beds.settling_progress import ignore_progress
-from subsoil_ros.dem.beds.tile import PRESSED_OVERLAP, solid_fraction, tile_edge_m
+from subsoil_ros.dem.beds.start import check_start
+from subsoil_ros.dem.beds.tile import PRESSED_OVERLAP, solid_fraction
+from subsoil_ros.dem.beds.tile_edge import tile_edge_m
 from subsoil_ros.dem.beds.tiled import kept_tile, laid_out
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.dem.periodic import HELD_LAYER

@@ -163,7 +163,7 @@ def test_the_window_covers_the_way_of_a_tool_through_a_long_tick(soil):
 
 def test_the_width_that_a_refusal_names_suffices(soil):
     """Rounded up to whole millimetres; where held sides leave nothing, the message says so."""
-    from subsoil_ros.dem.beds.prepare import check_start
+    from subsoil_ros.dem.beds.start import check_start
 
     def narrow(width_m):
         box = {"length_m": 0.6, "width_m": width_m, "depth_m": 0.1, "sides": "held"}
@@ -391,7 +391,7 @@ BOX = {"length_m": 1.2, "width_m": 0.3, "depth_m": 0.1}
 )
 def test_windows_that_cannot_be(soil, changes, told):
     """One message each, before anything runs."""
-    from subsoil_ros.dem.beds.prepare import check_start
+    from subsoil_ros.dem.beds.start import check_start
 
     with pytest.raises(SceneError, match=told):
         check_start(field(soil, **changes))
@@ -399,7 +399,7 @@ def test_windows_that_cannot_be(soil, changes, told):
 
 def test_a_tool_beyond_the_field_or_at_its_held_sides_is_refused(soil):
     """It would find no soil, or cut rock."""
-    from subsoil_ros.dem.beds.prepare import check_start
+    from subsoil_ros.dem.beds.start import check_start
 
     with pytest.raises(InputError, match=r"begin at x = 1.985 m, beyond the field, which ends at 1.214 m"):
         build_engine(field(soil)).start((ToolMotion("tool", 2.0, 0.0, -0.03, 0.0, 0.0, 0.0, 0.0),))

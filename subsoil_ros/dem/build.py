@@ -3,9 +3,9 @@
 from ..errors import InputError
 from ..loading.loader import ResolvedScene
 from .beds.block import kept_block
-from .beds.field import Field
 from .beds.prepare import prepare_bed
 from .engine import SoilEngine
+from .field import Field
 from .kernel_calls import refuse_threads
 from .window import Window
 

@@ -1,7 +1,7 @@
 """A window of soil that moves with the tools through a field (scene.window).
 
 At the beginning of a tick, the positions of the tools then and at its end determine which strips exist
-(dem.beds.field). Strips ahead are laid out as they settled, with the histories of their contacts; soil
+(dem.field). Strips ahead are laid out as they settled, with the histories of their contacts; soil
 behind the window is removed. The outermost layer at an open end is held: ahead where it was laid out, behind
 where it came to lie. Soil that is no longer at an end is freed. At both ends of the field walls replace the
 held layer.
@@ -16,9 +16,9 @@ import numpy as np
 
 from ..errors import InputError, PhysicsError
 from ..messages import ToolMotion
-from .beds.field import Field, Strips
 from .blocks import history_places
 from .cpu_steps import CpuSteps
+from .field import Field, Strips
 from .model import SoilModel
 from .particles import Particles
 from .state import SoilState

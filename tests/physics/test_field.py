@@ -8,13 +8,13 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from subsoil_ros.dem.bed import Bed
-from subsoil_ros.dem.beds.field import HELD_LAYER
-from subsoil_ros.dem.beds.plot import plot_of
 from subsoil_ros.dem.beds.report import report_bed
 from subsoil_ros.dem.beds.surface import top_surface_m
 from subsoil_ros.dem.blocks import history_place, history_places
 from subsoil_ros.dem.bonds.kernel import SHAPE, STATE
 from subsoil_ros.dem.build import build_engine
+from subsoil_ros.dem.field import HELD_LAYER
+from subsoil_ros.dem.plot import plot_of
 from subsoil_ros.errors import InputError, PhysicsError, SceneError
 from subsoil_ros.messages import ToolMotion
 from tests.physics.conftest import one_tool

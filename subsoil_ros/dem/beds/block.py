@@ -13,15 +13,14 @@ import numpy as np
 from ...loading.loader import ResolvedScene
 from ...scene.bin import Bin
 from ...scene.soil import Soil
-from ..bed import Bed
+from ..bed import Bed, radii_of
 from ..contact import history_parity
 from ..engine import SoilEngine
+from ..field import HEADROOM, Block, Contacts, headroom_m
 from ..mixture import material_at
 from ..periodic import HELD_LAYER
 from .cache import cached_bed_path, keep, load_cached, load_contacts
 from .dense import relaxed_rest
-from .field import HEADROOM, Block, Contacts, headroom_m
-from .in_reach import radii_of
 from .settling import Rest, bed_of, of_the_preparation
 from .settling_progress import OnProgress, ignore_progress
 from .surface import cut_to_depth, mean_above_profile_m

@@ -5,12 +5,12 @@ from pathlib import Path
 from ...loading.loader import ResolvedScene
 from ...scene.beds import GridBed, SavedBed, TiledBed
 from ..bed import Bed, prepare_grid
+from ..field import Field
 from ..periodic import refuse_narrow_period
 from .bed_file import read_bed
 from .block import kept_block
 from .cache import cached_bed_path, keep, load_cached
 from .dense import prepare_dense
-from .field import Field
 from .settling_progress import OnProgress, ignore_progress
 from .start import nominal_box, refuse_tight_grid
 from .tiled import prepare_tiled

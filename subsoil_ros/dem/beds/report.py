@@ -9,9 +9,9 @@ import numpy as np
 from ...limits.stable_steps import step_limits
 from ...scene.pairs import layer_soils
 from ...scene.soil import Soil
-from ..bed import Bed
+from ..bed import Bed, radii_of
 from ..walls import WALLS, wall_planes
-from .in_reach import pairs_in_reach, radii_of
+from .in_reach import pairs_in_reach
 from .surface import top_surface_m
 from .tree import bed_tree, seen_from_corner
 

@@ -14,10 +14,9 @@ from ...scene.meshes import load_tool_mesh
 from ...scene.pairs import pair_values
 from ...scene.sizes import mean_power
 from ...scene.soil import Soil
-from ..bed import Bed, grid_shape, prepare_grid, refuse_too_many
+from ..bed import Bed, grid_shape, prepare_grid, profile_m, refuse_too_many
 from ..periodic import HELD_LAYER, refuse_narrow_period, refuse_tool_at_held_side, refuse_tool_at_seam
 from .bed_file import LARGEST_OVERLAP, read_bed
-from .surface import profile_m
 from .tile_edge import tile_edge_m
 
 

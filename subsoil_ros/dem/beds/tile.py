@@ -23,9 +23,8 @@ from ...scene.beds import TiledBed
 from ...scene.bin import Bin
 from ...scene.sizes import sampled_radii_m
 from ...scene.soil import Soil
-from ..bed import Bed
+from ..bed import Bed, radii_of
 from ..engine import SoilEngine
-from .in_reach import radii_of
 from .settling import (
     DAMPING_RATIO,
     Rest,

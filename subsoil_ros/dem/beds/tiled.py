@@ -21,12 +21,11 @@ from ...loading.loader import ResolvedScene
 from ...scene.beds import TiledBed
 from ...scene.pairs import layer_soils
 from ...scene.soil import Soil
-from ..bed import Bed
+from ..bed import Bed, radii_of
 from ..mixture import material_at
 from ..periodic import HELD_LAYER
 from .cache import cached_tile_path, keep, load_cached
 from .dense import relaxed_rest
-from .in_reach import radii_of
 from .report import masses_kg
 from .settling import SETTLING_GRAVITY, Rest, Settling, of_the_preparation
 from .settling_progress import OnProgress

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...loading.loader import ResolvedScene
-from ..bed import Bed
-from ..build import build_engine
-from ..engine import SoilEngine
+from ..loading.loader import ResolvedScene
+from .bed import Bed
+from .build import build_engine
+from .engine import SoilEngine
 
 
 @dataclass(frozen=True)

@@ -11,15 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...errors import SceneError
-from ...scene.soil import Soil
-from ..bed import Bed
-from ..contact import history_parity
-from ..periodic import HELD_LAYER
-from ..snapshot import bed_digest
-from .in_reach import radii_of
+from ..errors import SceneError
+from ..scene.soil import Soil
+from .bed import Bed, profile_m, radii_of
+from .contact import history_parity
+from .periodic import HELD_LAYER
 from .plot import plot_of
-from .surface import profile_m
+from .snapshot import bed_digest
 
 STRIPS_PER_BLOCK = 4
 """Strips in the length of a block: on average the window is an eighth of a block longer than the scene's, and

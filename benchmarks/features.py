@@ -26,7 +26,7 @@ import trimesh
 import yaml
 
 from subsoil_ros.api.simulate import simulate
-from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.build import build_engine
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import ToolMotion
 from validation.laboratory import WET_BOUNDARY, WET_PARTICLE
@@ -110,7 +110,7 @@ def soil_turn(name: str, keys: dict[str, Any], folder: Path, tool: bool = True) 
     path = folder / f"{abs(hash(name))}.yaml"
     path.write_text(yaml.safe_dump(document, sort_keys=False))
     resolved = load_scene(path)
-    engine, step_s, done = SoilEngine(resolved), resolved.timing.soil_step_s, 0
+    engine, step_s, done = build_engine(resolved), resolved.timing.soil_step_s, 0
 
     def motions() -> tuple[ToolMotion, ...]:
         return (

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from subsoil_ros.coupling.engines import build_motion_source, build_soil
-from subsoil_ros.dem.window import FieldEngine
+from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.loading.loader import load_scene
 
 SCENES = Path(__file__).parents[1] / "config/scenes"
@@ -47,17 +47,17 @@ def shifts(scene: Path, radius_mm: float) -> dict[str, Any]:
     """CPU time of shifts and of all else."""
     resolved = load_scene(scene, {"soil.particles.radius_m": 1e-3 * radius_mm, "duration_s": SHIFTED_S})
     source, engine = build_motion_source(resolved), build_soil(resolved, 1)
-    if not isinstance(engine, FieldEngine):
+    if not isinstance(engine, SoilEngine) or engine.window is None:
         raise SystemExit(f"{scene}: has no soil.window; name a scene that has one")
     spent: list[float] = []
-    shift = engine._shift
+    shift = engine.shift
 
     def timed(rear: int, front: int) -> None:
         before = time.process_time()
         shift(rear, front)
         spent.append(time.process_time() - before)
 
-    engine._shift = timed  # type: ignore[method-assign]
+    engine.shift = timed  # type: ignore[method-assign]
     wrenches = engine.start(source.initial_motions())
     start, particles = time.process_time(), 0
     for tick in range(resolved.timing.tick_count):

@@ -36,7 +36,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.gpu_drive import STEPS_PER_TICK, Drive, gpu_engine, periodic, ticks_of
+from benchmarks.gpu_drive import STEPS_PER_TICK, Drive, on_gpu, periodic, ticks_of
 from benchmarks.peers.lammps_gpu import peer
 from benchmarks.run_cache import write_rows
 from benchmarks.soil_cases import DENSE, Case, cohesive_case
@@ -45,7 +45,7 @@ from subsoil_ros.api.execution import execute, machine_name
 from subsoil_ros.coupling.engines import build_mechanism
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.beds.dense import prepare_dense
-from subsoil_ros.dem.beds.settling import ignore_progress
+from subsoil_ros.dem.beds.settling_progress import ignore_progress
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.kernel_cache import set_up_numba
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
@@ -159,7 +159,7 @@ _cells: dict[tuple[float, ...], Bed] = {}
 
 def _cell(case: Case, size: tuple[float, ...]) -> Bed:
     if size not in _cells:
-        _cells[size] = prepare_dense(case.resolved, 0, gpu_engine(), 1, ignore_progress)
+        _cells[size] = prepare_dense(case.resolved, 0, 1, ignore_progress, device="gpu")
     return _cells[size]
 
 
@@ -182,7 +182,7 @@ def repeated(bed: Bed, times: int) -> Bed:
 
 def started(case: Case, bed: Bed) -> SoilEngine:
     """The engine of a case before its first step."""
-    engine = gpu_engine()(case.resolved, 1, bed=bed)
+    engine = SoilEngine(on_gpu(case.resolved), bed)
     engine.start(case.motions(0))
     return engine
 
@@ -231,7 +231,7 @@ def kernels(folder: Path, count: int) -> Iterable[dict[str, Any]]:
         engine: Any = started(case, bed)
         for tick in range(WARM_UP_TICKS):
             engine.advance(tick, case.motions(tick + 1))
-        device = engine._device
+        device = engine._steps._device
         device.run_steps(1)
         here, other = (device._sides[k].launches for k in (device._at, 1 - device._at))
         one_by_one = {launch[0].py_func.__name__: [launch] for launch in here["step"]._launches}
@@ -291,7 +291,7 @@ def field(radii: list[float], part: float) -> Iterable[dict[str, Any]]:
             start = time.perf_counter()
             bed = _field_bed(resolved, radius)
             prepared = time.perf_counter() - start
-            engine = gpu_engine()(resolved, 1, bed=bed)
+            engine = SoilEngine(on_gpu(resolved), bed)
             mechanism = build_mechanism(resolved)
             assert mechanism is not None
             mounted, step_s = mechanism.initial_motions(), resolved.timing.soil_step_s
@@ -339,7 +339,7 @@ def _field_bed(resolved: ResolvedScene, radius: float) -> Bed:
         narrow = soil.bin.model_copy(update={"width_m": soil.bin.width_m / times})
         scene = resolved.scene.model_copy(update={"soil": soil.model_copy(update={"bin": narrow})})
         slice_of_it = dataclasses.replace(resolved, scene=scene)
-        _field_beds[radius] = repeated(prepare_dense(slice_of_it, 0, gpu_engine(), 1, ignore_progress), times)
+        _field_beds[radius] = repeated(prepare_dense(slice_of_it, 0, 1, ignore_progress, device="gpu"), times)
     return _field_beds[radius]
 
 

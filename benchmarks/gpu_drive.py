@@ -6,15 +6,17 @@ import time
 from benchmarks.soil_cases import Case
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.limits.stable_steps import Timing
+from subsoil_ros.loading.loader import ResolvedScene
 
 STEPS_PER_TICK = 10
 
 
-def gpu_engine() -> type[SoilEngine]:
-    """The engine, imported when a GPU is asked for."""
-    from subsoil_ros.dem.gpu.engine import GpuSoilEngine
-
-    return GpuSoilEngine
+def on_gpu(resolved: ResolvedScene) -> ResolvedScene:
+    """A scene whose soil is computed on the GPU."""
+    soil = resolved.scene.particle_soil
+    assert soil is not None
+    there = soil.model_copy(update={"device": "gpu"})
+    return dataclasses.replace(resolved, scene=resolved.scene.model_copy(update={"soil": there}))
 
 
 def periodic(case: Case, width_m: float) -> Case:

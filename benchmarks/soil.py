@@ -26,7 +26,6 @@ from subsoil_ros.cli._shared.preparation import KernelAnnouncer, say
 from subsoil_ros.cli._shared.tables import table
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.beds.prepare import prepare_bed
-from subsoil_ros.dem.engine import SoilEngine
 
 SCALING_COUNTS, LARGEST_COUNT = (10_000, 100_000), 1_000_000
 
@@ -74,7 +73,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _bed(case: Case) -> Bed:
     prepare_bed_first(case.resolved, 1, bed_progress)
-    return prepare_bed(case.resolved, SoilEngine)
+    return prepare_bed(case.resolved)
 
 
 def _threads(case: Case, bed: Bed, one: Throughput, repeats: int) -> list[Throughput]:

@@ -18,6 +18,7 @@ import numpy as np
 
 from subsoil_ros.coupling.checkpoints import CouplingState
 from subsoil_ros.coupling.protocol import SOIL
+from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.limits.stable_steps import step_limits
 from subsoil_ros.loading.loader import load_scene
@@ -75,7 +76,7 @@ def main() -> None:
             "soil.monitors.max_velocity_reversal=1.0",
         ]
         resolved = load_scene(args.run / "scene.yaml", given)
-        soil = SoilEngine(resolved, args.threads)
+        soil = build_engine(resolved, args.threads)
         soil.restore({name: array.copy() for name, array in state.items()})
         interval_s = resolved.timing.communication_step_s
         found = looks(soil, motions, interval_s, int(args.simulated / interval_s))

@@ -47,7 +47,7 @@ def bed_hash(bed: Bed) -> str:
 
 def prepared_engine(case: Case, bed: Bed, threads: int) -> SoilEngine:
     """The engine of a case before its first step."""
-    engine = SoilEngine(case.resolved, threads, bed=bed)
+    engine = SoilEngine(case.resolved, bed, threads)
     if case.stirred:
         engine.place(bed.positions_m, stirred_velocities(len(bed.positions_m)))
     engine.start(case.motions(0))
@@ -62,7 +62,7 @@ def run_steps(engine: SoilEngine, case: Case, steps: int) -> None:
 
 def measure(case: Case, threads: int, repeats: int, bed: Bed | None = None) -> Throughput:
     """Run a case `repeats` times from its start, after a few steps that only compile."""
-    bed = bed or prepare_bed(case.resolved, SoilEngine, threads)
+    bed = bed or prepare_bed(case.resolved, threads)
     run_steps(prepared_engine(case, bed, threads), case, 3)
     cpu_s, wall_s = [], []
     for _ in range(repeats):

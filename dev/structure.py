@@ -44,26 +44,25 @@ def imports(modules: Mapping[str, str]) -> Graph:
     graph: Graph = {name: set() for name in modules}
     for name, text in modules.items():
         for node in ast.walk(ast.parse(text)):
-            for target in _targets(name, node):
-                graph[name] |= {known for known in (target, f"{target}.__init__") if known in modules} - {
-                    name
-                }
+            for targets in _targets(name, node):
+                known = [one for one in targets for one in (one, f"{one}.__init__") if one in modules]
+                graph[name] |= set(known[:1]) - {name}
     return graph
 
 
-def _targets(name: str, node: ast.AST) -> Iterator[str]:
+def _targets(name: str, node: ast.AST) -> Iterator[tuple[str, ...]]:
+    """Names of each thing that a node imports, as a module, or of the module that it is in."""
     if isinstance(node, ast.Import):
         for alias in node.names:
             if alias.name.startswith("subsoil_ros."):
-                yield alias.name.removeprefix("subsoil_ros.")
+                yield (alias.name.removeprefix("subsoil_ros."),)
     elif isinstance(node, ast.ImportFrom):
-        base = ".".join([*name.split(".")[: -node.level], *filter(None, [node.module])]) if node.level else ""
-        if not node.level and (node.module or "").startswith("subsoil_ros."):
-            base = (node.module or "").removeprefix("subsoil_ros.")
-        if base or node.level:
-            yield base
+        base = (node.module or "").removeprefix("subsoil_ros.")
+        if node.level:
+            base = ".".join([*name.split(".")[: -node.level], *filter(None, [node.module])])
+        if node.level or (node.module or "").startswith("subsoil_ros."):
             for alias in node.names:
-                yield f"{base}.{alias.name}".lstrip(".")
+                yield f"{base}.{alias.name}".lstrip("."), base
 
 
 def circles(graph: Graph) -> list[list[str]]:
@@ -94,15 +93,20 @@ def circles(graph: Graph) -> list[list[str]]:
     return found
 
 
-def folders(graph: Graph) -> Graph:
-    """Imports between the folders of the files; the package's front door is no folder of its own."""
-    merged: Graph = {}
+def rooms(graph: Graph) -> list[Graph]:
+    """For every folder, the imports between what it holds: its files, and its folders as a whole."""
+    found: dict[str, Graph] = {}
     for name, targets in graph.items():
-        home = name.rpartition(".")[0]
-        merged.setdefault(home, set()).update(one.rpartition(".")[0] for one in targets)
-    for home, targets in merged.items():
-        targets.discard(home)
-    return {home: {one for one in targets if one} for home, targets in merged.items() if home}
+        parts = name.split(".")
+        for depth in range(len(parts)):
+            folder, unit = ".".join(parts[:depth]), ".".join(parts[: depth + 1])
+            inside = {
+                ".".join(target.split(".")[: depth + 1])
+                for target in targets
+                if not folder or target.startswith(f"{folder}.")
+            }
+            found.setdefault(folder, {}).setdefault(unit, set()).update(inside - {unit})
+    return list(found.values())
 
 
 def parameters(modules: Mapping[str, str]) -> dict[str, int]:
@@ -157,7 +161,7 @@ def main() -> None:
     twice = sorted(name for name, count in names.items() if count > 1 and name not in OFTEN)
     many = sorted(((n, name) for name, n in parameters(modules).items() if n >= MANY), reverse=True)
     graph = imports(modules)
-    of_files, of_folders = circles(graph), circles(folders(graph))
+    of_files, of_rooms = circles(graph), [one for room in rooms(graph) for one in circles(room)]
     text = "\n".join(modules.values())
     rows = [
         ("files", len(modules)),
@@ -170,7 +174,7 @@ def main() -> None:
         ("most parameters of a function", many[0][0] if many else 0),
         ("circles between files", len(of_files)),
         ("files in a circle", sum(map(len, of_files))),
-        ("circles between folders", len(of_folders)),
+        ("circles within a folder", len(of_rooms)),
         ("`type: ignore`", len(re.findall(r"# type: ignore", text))),
         ("`Any`", len(re.findall(r"\bAny\b", text))),
     ]
@@ -178,7 +182,7 @@ def main() -> None:
         print(f"{title:45} {value:6}")
     print("names that several files have:", ", ".join(twice))
     print("most parameters:", *(f"{n} {name}" for n, name in many), sep="\n  ")
-    for group in (of_files + of_folders) * args.circles:
+    for group in (of_files + of_rooms) * args.circles:
         print("circle:", ", ".join(group))
     if args.tick:
         passed = tick_files()

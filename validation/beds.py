@@ -5,6 +5,7 @@ import resource
 import numpy as np
 
 from subsoil_ros.api.check import BYTES_OF_PROCESS, BYTES_PER_PARTICLE
+from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.engine import SoilEngine
 
 from .cases import REFUSED, RIGHT, Cases, Outcome, must, refused, right, stopped
@@ -21,7 +22,7 @@ CREEP_M = 1e-3 * RADIUS
 def one_particle(laboratory: Laboratory) -> Outcome:
     """One particle falls, and comes to rest."""
     resolved = laboratory.soil(wet(), ROOM_M)
-    floor = SoilEngine(resolved).bed.lower_m[2]
+    floor = build_engine(resolved).bed.lower_m[2]
     start = floor + 0.06
     engine = placed(resolved, [[0.05, 0.0, start]], [[0.0, 0.0, 0.0]])
     step, steps = resolved.timing.soil_step_s, 1500
@@ -40,11 +41,11 @@ def one_particle(laboratory: Laboratory) -> Outcome:
 @CASES.add("S13b", REFUSED)
 def no_particle(laboratory: Laboratory) -> Outcome:
     """No particle: bin smaller than one, none placed, a tool in the place of all."""
-    engine = SoilEngine(laboratory.soil())
+    engine = build_engine(laboratory.soil())
     refused(lambda: engine.place(np.empty((0, 3))), "given no particle")
-    away = SoilEngine(laboratory.soil(tool=laboratory.box(1.0, 1.0, 1.0)))
+    away = build_engine(laboratory.soil(tool=laboratory.box(1.0, 1.0, 1.0)))
     refused(lambda: away.start(tool_at(0.06, -0.05)), "overlap every particle")
-    return refused(lambda: SoilEngine(laboratory.soil(size_m=(0.015, 0.1, 0.1))), "holds no particle")
+    return refused(lambda: build_engine(laboratory.soil(size_m=(0.015, 0.1, 0.1))), "holds no particle")
 
 
 @CASES.add("S13c", RIGHT, long=True)
@@ -60,7 +61,7 @@ def a_million(laboratory: Laboratory) -> Outcome:
 
 def resting(laboratory: Laboratory, steps: int) -> str:
     """A dense random bed under the whole law; counted after 10,000 steps in which it settles."""
-    engine = SoilEngine(laboratory.soil(bed={"kind": "dense_random"}))
+    engine = build_engine(laboratory.soil(bed={"kind": "dense_random"}))
     engine.start(())
     advance(engine, 10_000)
     place, before = engine.positions_m(), engine.state("", 0, 0)
@@ -91,7 +92,7 @@ def resting_bed_for_long(laboratory: Laboratory) -> Outcome:
 def fired(laboratory: Laboratory, law: Document, speed: float = 100.0) -> SoilEngine:
     """A resting bed, and a particle over it that comes down at this speed [m/s]."""
     resolved = laboratory.soil(law, max_lost_particles=0)
-    bed = SoilEngine(resolved).bed.positions_m
+    bed = build_engine(resolved).bed.positions_m
     place = np.vstack([bed, [0.06, 0.0, 0.03]])
     velocity = np.zeros_like(place)
     velocity[-1, 2] = -speed

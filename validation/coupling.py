@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from subsoil_ros.api.simulate import simulate
-from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.build import build_engine
 from subsoil_ros.errors import RunError
 from subsoil_ros.limits.communication_steps import DAMPER_SHARE, force_age_ticks
 from subsoil_ros.loading.loader import ResolvedScene
@@ -62,7 +62,7 @@ class _PressedSoil:
     """The soil engine with one sphere; the block is set onto it, where a start would remove the sphere."""
 
     def __init__(self, resolved: ResolvedScene) -> None:
-        self._engine = SoilEngine(resolved)
+        self._engine = build_engine(resolved)
         self._engine.place([[0.25, 0.0, -0.25]])  # type: ignore[arg-type]
 
     def start(self, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:

@@ -36,7 +36,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from subsoil_ros.analysis.stationarity import stationarity
-from subsoil_ros.dem.engine import build_engine
+from subsoil_ros.dem.build import build_engine
 from subsoil_ros.loading.loader import ResolvedScene
 from subsoil_ros.mbd.path import PathEngine
 

@@ -36,10 +36,10 @@ from subsoil_ros.analysis.smoothing import moving_mean
 from subsoil_ros.analysis.stationarity import stationarity
 from subsoil_ros.analysis.window import tip_x_m
 from subsoil_ros.api.read import read_run
-from subsoil_ros.dem.beds.plot import ACROSS, ALONG
-from subsoil_ros.dem.beds.tile import tile_edge_m
-from subsoil_ros.dem.engine import build_engine
-from subsoil_ros.dem.window import FieldEngine
+from subsoil_ros.dem.beds.tile_edge import tile_edge_m
+from subsoil_ros.dem.build import build_engine
+from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.plot import ACROSS, ALONG
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import ToolMotion
 
@@ -134,7 +134,7 @@ def pull(args: argparse.Namespace) -> Places:
     return places
 
 
-def velocities(engine: FieldEngine, identity: np.ndarray) -> np.ndarray:
+def velocities(engine: SoilEngine, identity: np.ndarray) -> np.ndarray:
     """(n, 3) [m/s] of particles by identity."""
     p = engine.particles()
     row = np.empty(int(p.identity.max()) + 1, np.int64)

@@ -10,6 +10,7 @@ from typing import Any
 import trimesh
 import yaml
 
+from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.mbd.engine import MechanismEngine
@@ -145,7 +146,7 @@ def placed(
     velocity_m_per_s: Sequence[Sequence[float]],
 ) -> SoilEngine:
     """An engine with these particles in the place of the bed, and an energy book, started."""
-    engine = SoilEngine(resolved, book=True)
+    engine = build_engine(resolved, book=True)
     engine.place(position_m, velocity_m_per_s)  # type: ignore[arg-type]
     engine.start(())
     return engine

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.lib.scimath import sqrt as complex_root
 
-from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.build import build_engine
 from subsoil_ros.loading.loader import ResolvedScene
 
 from .cases import REFUSED, RIGHT, Cases, Outcome, must, refused, right
@@ -36,7 +36,7 @@ CARRIED = 1e-6
 
 def at_rest(resolved: ResolvedScene, steps: int = 300) -> str:
     """A bed that was prepared at rest stays there, and the floor carries it."""
-    engine = SoilEngine(resolved)
+    engine = build_engine(resolved)
     engine.start(())
     advance(engine, steps)
     state = engine.state("", steps - 1, 0)
@@ -104,7 +104,9 @@ def bed_stiffness(laboratory: Laboratory) -> Outcome:
 def bed_too_soft(laboratory: Laboratory) -> Outcome:
     """Bed of five layers at 1e2 N/m."""
     soft = wet(stiffness_newton_per_m=100.0)
-    return refused(lambda: SoilEngine(laboratory.soil(soft)), "too soft for a bed of 5 layers: their weight")
+    return refused(
+        lambda: build_engine(laboratory.soil(soft)), "too soft for a bed of 5 layers: their weight"
+    )
 
 
 @CASES.add("S2d", REFUSED)
@@ -223,7 +225,7 @@ def thrown_on_the_floor(laboratory: Laboratory, friction: float) -> tuple[float,
         rolling_friction=1e-20,
     )  # fmt: skip
     resolved = laboratory.soil(law, ROOM_M, time_step_s=2e-5)
-    floor = SoilEngine(resolved).bed.lower_m[2]
+    floor = build_engine(resolved).bed.lower_m[2]
     engine = placed(resolved, [[0.03, 0.0, floor + RADIUS - MASS * GRAVITY / 1e4]], [[0.5, 0.0, 0.0]])
     advance(engine, 5000)
     return float(engine.velocities_m_per_s()[0, 0]), RADIUS * float(
@@ -254,7 +256,7 @@ def dragged_twice(laboratory: Laboratory, law: Document, **soil: Any) -> str:
     whole = laboratory.soil(law, size_m, tool=box, **soil)
     half = laboratory.soil(law, size_m, tool=box, time_step_s=0.5 * whole.timing.soil_step_s, **soil)
     drags = [
-        drag(SoilEngine(resolved, book=True), resolved.timing.soil_step_s, 0.1, lambda t: 0.5)
+        drag(build_engine(resolved, book=True), resolved.timing.soil_step_s, 0.1, lambda t: 0.5)
         for resolved in (whole, half)
     ]
     forces, defect = [moved.mean_newton for moved in drags], max(moved.defect for moved in drags)

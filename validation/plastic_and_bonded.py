@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.build import build_engine
 
 from .cases import REFUSED, RIGHT, STOPPED, Cases, Outcome, must, refused, right, stopped
 from .laboratory import MASS, RADIUS, Document, Laboratory, drag, linear, placed
@@ -134,4 +134,4 @@ def soil_that_cannot_break(laboratory: Laboratory) -> Outcome:
     bonds = cement(youngs_modulus_pa=1e7, tensile_strength_pa=1e6, cohesion_pa=1e12)
     resolved = laboratory.soil(bonds=bonds, tool=laboratory.box(0.03, 0.04, 0.06))
     step = resolved.timing.soil_step_s
-    return stopped(lambda: drag(SoilEngine(resolved), step, 0.2, lambda time_s: 0.5), "overlap")
+    return stopped(lambda: drag(build_engine(resolved), step, 0.2, lambda time_s: 0.5), "overlap")

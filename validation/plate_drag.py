@@ -39,7 +39,7 @@ from scipy.signal import periodogram
 from subsoil_ros.analysis.failure_cycles import failure_cycles
 from subsoil_ros.analysis.spectra import spectrum
 from subsoil_ros.analysis.stationarity import stationarity
-from subsoil_ros.dem.engine import build_engine
+from subsoil_ros.dem.build import build_engine
 from subsoil_ros.loading.material import read_material
 from subsoil_ros.loading.shipped import shipped_material
 from subsoil_ros.messages import ToolMotion

@@ -41,12 +41,12 @@ def scene(
 
 def dense_bed(laboratory: Laboratory) -> Bed:
     """The dense random bed of `scene`, the same for every step."""
-    return prepare_bed(scene(laboratory, 0.8, "dense_random"), SoilEngine)
+    return prepare_bed(scene(laboratory, 0.8, "dense_random"))
 
 
 def dragged(resolved: ResolvedScene, bed: Bed | None = None, book: bool = True) -> Drag:
     """The tool at constant speed."""
-    engine = SoilEngine(resolved, book=book, bed=bed)
+    engine = SoilEngine(resolved, bed, book=book)
     return drag(engine, resolved.timing.soil_step_s, DURATION, lambda t: SPEED, book=book)
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.engine import SoilEngine
 
 from .cases import REFUSED, RIGHT, STOPPED, Cases, Outcome, must, refused, right, right_or_stopped, stopped
@@ -16,7 +17,7 @@ TOOL_M = (0.02, 0.04, 0.06)
 
 def bed_with_tool(laboratory: Laboratory, **soil: object) -> SoilEngine:
     """The paper's soil with a box in it, energy booked."""
-    return SoilEngine(laboratory.soil(size_m=BED_M, tool=laboratory.box(*TOOL_M), **soil), book=True)
+    return build_engine(laboratory.soil(size_m=BED_M, tool=laboratory.box(*TOOL_M), **soil), book=True)
 
 
 STEP_S = 3.2e-5
@@ -129,7 +130,7 @@ def starting_inside(laboratory: Laboratory) -> Outcome:
 @CASES.add("S11b", REFUSED)
 def larger_than_the_bed(laboratory: Laboratory) -> Outcome:
     """Tool larger than the bed."""
-    engine = SoilEngine(laboratory.soil(tool=laboratory.box(1.0, 1.0, 1.0)))
+    engine = build_engine(laboratory.soil(tool=laboratory.box(1.0, 1.0, 1.0)))
     return refused(lambda: engine.start(tool_at(0.05, -0.05)), "overlap every particle")
 
 
@@ -137,7 +138,7 @@ def pressed(laboratory: Laboratory, mesh: str, top_m: float) -> tuple[float, int
     """Force [N] and contacts of a sphere 0.1 mm into repulsion on a tool whose highest point is `top_m`."""
     law = wet(cohesive_stiffness_newton_per_m=NEGLIGIBLE, rolling_friction=NEGLIGIBLE)
     resolved = laboratory.soil(law, (0.2, 0.2, 0.2), gravity=0.0, tool=mesh)
-    engine = SoilEngine(resolved)
+    engine = build_engine(resolved)
     z = -0.1
     engine.place([[0.1, 0.0, z + top_m + RADIUS - 0.002 - 1e-4]])
     engine.start(tool_at(0.1, z - 0.5))  # from below in one step: a start removes what presses

@@ -25,7 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
-from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.build import build_engine
 from subsoil_ros.experiments.soil_tests.element import Strength
 from subsoil_ros.loading.material import read_material
 from subsoil_ros.loading.shipped import shipped_material
@@ -101,7 +101,7 @@ def drafts(
     scene = laboratory.resolve(
         {"name": material.soil.name, "duration_s": 1.0, "soil": section, "tools": blade}
     )
-    engine = SoilEngine(scene)
+    engine = build_engine(scene)
     step = SPEED_M_PER_S * scene.timing.communication_step_s
     start = 0.5 * THICKNESS_M
 

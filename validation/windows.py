@@ -8,10 +8,10 @@ from typing import Any, TypeVar
 import numpy as np
 import trimesh
 
-from subsoil_ros.dem.beds.prepare import check_start
+from subsoil_ros.dem.beds.start import check_start
+from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.dem.periodic import HELD_LAYER
-from subsoil_ros.dem.window import FieldEngine
 from subsoil_ros.errors import InputError
 from subsoil_ros.loading.loader import ResolvedScene
 from subsoil_ros.messages import ToolMotion
@@ -99,18 +99,18 @@ def field_scene(
     return scene(laboratory, size_m, sides=sides, window=window, bed=bed, **changes)
 
 
-def field(laboratory: Laboratory, **changes: Any) -> FieldEngine:
+def field(laboratory: Laboratory, **changes: Any) -> SoilEngine:
     """The engine of `field_scene`, energy booked."""
-    return FieldEngine(field_scene(laboratory, **changes), book=True)
+    return build_engine(field_scene(laboratory, **changes), book=True)
 
 
-def strips_of(engine: FieldEngine) -> tuple[int, int]:
+def strips_of(engine: SoilEngine) -> tuple[int, int]:
     """First strip of the window, and the one after its last."""
     rear, front = engine.state_arrays()["window"].tolist()[:2]
     return rear, front
 
 
-def strip_m(engine: FieldEngine) -> float:
+def strip_m(engine: SoilEngine) -> float:
     """Length of a strip [m]."""
     return (engine.bed.upper_m[0] - engine.bed.lower_m[0]) / np.diff(strips_of(engine)).item()
 
@@ -273,7 +273,7 @@ def edge(laboratory: Laboratory) -> str:
     return str(path)
 
 
-def at_the_end(laboratory: Laboratory, mesh: str | None, **soil: Any) -> FieldEngine:
+def at_the_end(laboratory: Laboratory, mesh: str | None, **soil: Any) -> SoilEngine:
     """An engine with a tool in a field of 0.5 m."""
     return started(field(laboratory, size_m=(0.5, 0.3, 0.1), mesh=mesh, **soil), 0.3, 1.0)
 
@@ -323,7 +323,7 @@ def least_width_m(laboratory: Laboratory) -> float:
     )
 
 
-def through(engine: FieldEngine) -> str:
+def through(engine: SoilEngine) -> str:
     """The tool over 75 mm at 0.25 m/s: the book closes."""
     moved = driven(started(engine, 0.1, 0.25), TICK_S, 0.3, 0.1, 0.25)
     must(moved.defect < DEFECT and lost(engine) <= 1, f"defect {moved.defect}, {lost(engine)} lost")
@@ -352,7 +352,7 @@ def narrow_and_held(laboratory: Laboratory) -> Outcome:
     wide = named(lambda: check_start(held(width)), r"make soil.bin.width_m at least ([\d.]+) m")
     resolved = held(wide)
     check_start(resolved)
-    return right(f"{wide:g} m wide: {through(FieldEngine(resolved, book=True))}")
+    return right(f"{wide:g} m wide: {through(build_engine(resolved, book=True))}")
 
 
 def thrown(laboratory: Laboratory, direction: float) -> str:

@@ -23,7 +23,6 @@ from subsoil_ros.api.beds import prepare_bed_first
 from subsoil_ros.cli._shared.bed_preparation import bed_progress
 from subsoil_ros.cli._shared.preparation import KernelAnnouncer
 from subsoil_ros.dem.beds.prepare import prepare_bed
-from subsoil_ros.dem.engine import SoilEngine
 
 from . import lammps_granular, liggghts, subsoil, yade_viscoelastic
 from .job import Job, Result, kinetic_joule
@@ -34,7 +33,7 @@ PEERS = (liggghts, lammps_granular, yade_viscoelastic)
 def job_of(case: Case) -> tuple[Job, str]:
     """A case as a job, and the hash of its bed."""
     prepare_bed_first(case.resolved, 1, bed_progress)
-    bed = prepare_bed(case.resolved, SoilEngine)
+    bed = prepare_bed(case.resolved)
     count = len(bed.positions_m)
     velocities = stirred_velocities(count)
     job = Job(bed.positions_m, velocities, np.zeros((count, 3)), bed.lower_m, bed.upper_m, case.steps)

@@ -8,8 +8,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from benchmarks.gpu_drive import STEPS_PER_TICK, Drive, gpu_engine, periodic, ticks_of
+from benchmarks.gpu_drive import STEPS_PER_TICK, Drive, on_gpu, periodic, ticks_of
 from benchmarks.soil_cases import RADIUS_M, linear_case, stirred_velocities
+from subsoil_ros.dem.build import build_engine
 
 DECK = Path(__file__).parent / "gran_hooke.in"
 
@@ -51,7 +52,7 @@ def _ours(side: int, steps: int) -> float:
     still = scene.model_copy(update={"soil": soil, "gravity_m_per_s2": 0.0})
     case = dataclasses.replace(case, resolved=dataclasses.replace(case.resolved, scene=still))
     case = ticks_of(periodic(case, edge), STEPS_PER_TICK)
-    engine = gpu_engine()(case.resolved)
+    engine = build_engine(on_gpu(case.resolved))
     assert engine.particle_count == side**3
     engine.place(engine.bed.positions_m, stirred_velocities(side**3))
     engine.start(())

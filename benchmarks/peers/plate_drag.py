@@ -24,7 +24,6 @@ from subsoil_ros.cli._shared.bed_preparation import bed_progress
 from subsoil_ros.cli._shared.preparation import KernelAnnouncer
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.beds.prepare import prepare_bed
-from subsoil_ros.dem.engine import SoilEngine
 
 from . import liggghts, subsoil
 from .job import Job, Law, Plate, Result
@@ -46,7 +45,7 @@ def bed_with_hole(seed: int) -> Bed:
     """A dense random bed without the particles that the plate would touch at its start."""
     case = linear_case({**DENSE, "seed": seed}, BIN_M, 1, "plate drag")
     prepare_bed_first(case.resolved, 1, bed_progress)
-    bed = prepare_bed(case.resolved, SoilEngine)
+    bed = prepare_bed(case.resolved)
     x = bed.positions_m
     beyond = np.abs(x - (START_X_M, 0.0, 0.5 * PLATE_M[2] - DEPTH_M)) - np.multiply(0.5, PLATE_M)
     gap = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)

@@ -84,7 +84,7 @@ def _row(law: Law) -> dict[str, float]:
 
 
 def _engine(job: Job, bed: Bed, resolved: ResolvedScene) -> SoilEngine:
-    engine = SoilEngine(resolved, 1, bed=bed)
+    engine = SoilEngine(resolved, bed, 1)
     engine.place(job.positions_m, job.velocities_m_per_s, job.spins_rad_per_s)
     engine.start(_motions(job, 0))
     return engine

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 
 from ..dem.beds.cache import cached_bed_path
-from ..dem.beds.prepare import expected_dense_count, prepare_bed
-from ..dem.beds.settling import OnProgress, ignore_progress
+from ..dem.beds.settling_progress import OnProgress, ignore_progress
+from ..dem.beds.start import expected_dense_count
 from ..loading.loader import ResolvedScene
 from ..scene.beds import DenseRandomBed, TiledBed
 
@@ -28,7 +28,7 @@ def prepare_bed_first(resolved: ResolvedScene, threads: int, progress: BedProgre
     what = f"{kind} bed of about {expected_dense_count(soil):,} particles"
     if soil.window is not None:
         what = "block that the field repeats"
-    from ..dem.engine import SoilEngine  # slow to import; a bed in the cache needs no engine
+    from ..dem.beds.prepare import prepare_bed  # slow to import
 
     with progress(what) if progress is not None else nullcontext(ignore_progress) as on_progress:
-        prepare_bed(resolved, SoilEngine, threads, on_progress)
+        prepare_bed(resolved, threads, on_progress)

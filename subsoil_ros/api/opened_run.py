@@ -97,7 +97,7 @@ def open_run(
 def _prepare_soil(resolved: ResolvedScene, threads: int, progress: "BedProgress | None") -> None:
     if resolved.scene.particle_soil is None:
         return  # without particles none of their code is imported
-    from ..dem.beds.prepare import check_start
+    from ..dem.beds.start import check_start
     from .beds import prepare_bed_first
 
     if resolved.scene.particle_soil.device == "gpu":

@@ -119,6 +119,6 @@ def build_soil(resolved: ResolvedScene, threads: int, soil: OutsideSoil | None =
         from ..wedge.engine import WedgeEngine
 
         return WedgeEngine(resolved)
-    from ..dem.engine import build_engine
+    from ..dem.build import build_engine
 
     return build_engine(resolved, threads)

@@ -9,7 +9,7 @@ import numpy as np
 from ..contact_laws.base import PairValues
 from ..errors import InputError, SceneError
 from ..scene.bed_spacing import particle_spacing_m
-from ..scene.beds import GridBed
+from ..scene.beds import GridBed, SurfaceProfile
 from ..scene.pairs import (
     boundary_values,
     layer_soils,
@@ -79,6 +79,18 @@ def scaled(bed: Bed, scale: float | np.ndarray) -> Bed:
         upper_m=(float(far), float(left)),
         kinetic_energy_joule=0.0,
     )
+
+
+def radii_of(bed: Bed, soil: Soil) -> np.ndarray:
+    """(n,) [m] radius of every particle."""
+    if bed.radii_m is not None:
+        return bed.radii_m
+    return np.full(len(bed.positions_m), soil.particles.mean_volume_radius_m)
+
+
+def profile_m(surface: SurfaceProfile | None, x_m: np.ndarray) -> np.ndarray:
+    """Height of a surface profile at `x_m`; zero without one [m]."""
+    return np.zeros_like(x_m) if surface is None else np.interp(x_m, surface.x_m, surface.z_m)
 
 
 def grid_shape(soil: Soil) -> tuple[int, int, int]:

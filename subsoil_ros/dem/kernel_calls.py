@@ -7,6 +7,8 @@ from typing import Any
 
 import numba
 
+from ..errors import InputError
+
 _of_thread = threading.local()
 
 
@@ -28,6 +30,15 @@ class KernelCalls:
             types = tuple(numba.typeof(argument) for argument in (*arguments, *varying))
             self._compiled[kernel] = kernel.compile(types)
         return partial(self._compiled[kernel], *arguments)
+
+
+def refuse_threads(count: int) -> None:
+    """Raise InputError unless this machine has `count` threads for kernels."""
+    if not 1 <= count <= numba.config.NUMBA_NUM_THREADS:
+        raise InputError(
+            f"threads: {count} given, this machine allows 1 to {numba.config.NUMBA_NUM_THREADS}; "
+            "give fewer, or set NUMBA_NUM_THREADS"
+        )
 
 
 def use_threads(count: int) -> None:

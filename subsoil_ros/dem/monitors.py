@@ -22,10 +22,10 @@ from numba import njit, prange
 from ..errors import PhysicsError
 from ..messages import LostParticle
 from ..scene.soil import Soil
-from .bed import Bed
+from .domain import Domain
 from .energy import EnergyBook
+from .particles import Particles
 from .per_particle import PARTS, added_up, of_particle
-from .state import Particles
 
 CONFIRMING_STEPS = 10
 """Steps in a row, after the first one above the bound, that must exceed it too before the run stops: a few
@@ -94,51 +94,15 @@ def half_step_sums(position, velocity, spin, force, torque, mass, inertia, step)
     return added_up(v2), added_up(a2), added_up(w2), added_up(t2), added_up(place)
 
 
-@njit(cache=True, parallel=True, nogil=True)
-def outside(position, planes, radius, ceiling):
-    """(n,) bool: centres more than a radius behind a plane, or above `ceiling` [m]; radius [m]: one, or (n,).
-
-    A kernel, because the threads of numpy's matrix products stay awake and take a core from the next steps.
-    """
-    found = np.empty(position.shape[0], np.bool_)
-    for i in prange(position.shape[0]):
-        x, y, z = position[i, 0], position[i, 1], position[i, 2]
-        out = z > ceiling
-        for k in range(planes.shape[0]):
-            gap = planes[k, 3] - planes[k, 0] * x - planes[k, 1] * y - planes[k, 2] * z
-            out = out or gap < -of_particle(radius, i)
-        found[i] = out
-    return found
-
-
-class Domain:
-    """Where particles belong: no centre a radius beyond a wall or the floor, none far above the bed."""
-
-    def __init__(self, planes: np.ndarray, bed: Bed, position_m: np.ndarray, radius_m: float) -> None:
-        self._planes, self._radius = planes, radius_m
-        sides = (bed.upper_m[0] - bed.lower_m[0], bed.upper_m[1] - bed.lower_m[1], -bed.lower_m[2])
-        self.ceiling_m = float(position_m[:, 2].max()) + max(sides)
-        """Above the top of the bed by its longest side: soil that a tool throws does not rise so high."""
-
-    def move_to(self, planes: np.ndarray) -> None:
-        """Replace the planes of the walls."""
-        self._planes = planes
-
-    def outside(self, particles: Particles) -> np.ndarray:
-        """(n,) bool: particles outside the domain."""
-        radius = particles.radius if particles.unequal else self._radius
-        return outside(particles.position, self._planes, radius, self.ceiling_m)
-
-
-class Seen(Protocol):
-    """Interface of a soil that is checked; each method computes its value when called."""
+class Observable(Protocol):
+    """A soil that is checked; each method computes its value when called."""
 
     @property
     def particle_count(self) -> int: ...
     def particles(self) -> Particles: ...
     def motion_sums(self) -> MotionSums: ...
     def max_overlap_m(self) -> float: ...
-    def anyone_outside(self) -> bool: ...
+    def any_outside(self) -> bool: ...
     def energy(self) -> EnergyBook: ...
 
 
@@ -218,7 +182,7 @@ class SoilMonitor:
             return 1
         return self._bounds.every_steps - self._steps % self._bounds.every_steps
 
-    def check(self, where: str, tick: int, soil: Seen) -> None:
+    def check(self, where: str, tick: int, soil: Observable) -> None:
         """Check the state at the end of a step; `where` names the step in messages.
 
         Raises:
@@ -231,7 +195,7 @@ class SoilMonitor:
         if self._suspicious > 1:
             return  # the rest was checked when the suspicion arose
         self._check_overlap(where, soil.max_overlap_m)
-        if soil.anyone_outside():
+        if soil.any_outside():
             self._check_lost(where, tick, soil.particles())
         if self.balances:
             self._check_balance(where, soil.energy())

@@ -1,131 +1,132 @@
-"""State of the soil: particles and the histories of their contacts."""
+"""What changes in a soil: its state holds all that later steps depend on, and nothing else."""
 
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from .neighbours import take_rows
-from .periodic import wrapped
+from ..messages import ToolMotion
+from .blocks import history_blocks
+from .bonds.bond_list import BondList
+from .domain import Domain, Origin
+from .model import SoilModel
+from .monitors import SoilMonitor
+from .particles import PairList, Particles, WallList
+from .snapshot import below, from_named, named
+from .tools.surface import ToolSurface
+from .walls import CHUNKS
 
 
 @dataclass
-class Particles:
-    """All spheres, sorted by cell. World axes, SI, shape (n, 3) unless said.
+class SoilState:
+    """The state of a soil between two soil steps. Lists of neighbours are part of it, as their order
+    is that of the sums of forces."""
 
-    Positions are float64. The rest is float32 in mixed precision: a float32 position would lose slow
-    motion, 0.1 um at 2 m, but a velocity or force loses only 1e-7 of itself.
-    """
-
-    position: np.ndarray  # [m]
-    velocity: np.ndarray  # [m/s]
-    spin: np.ndarray  # [rad/s]
-    force: np.ndarray  # [N]
-    torque: np.ndarray  # [N m]
-    built_position: np.ndarray  # [m] where the neighbour lists were built; float32 resolves half a skin
-    identity: np.ndarray  # (n,) int32: place in the bed as prepared
-    image: np.ndarray  # (n,) int32: periods by which it was moved back into the box, in y
-    held: np.ndarray  # (n,) bool: stays where it is, whatever acts on it
-    # Of length 0 where all particles are equal:
-    radius: np.ndarray  # (n,) [m]
-    mass: np.ndarray  # (n,) [kg]
-    inertia: np.ndarray  # (n,) [kg m2]
-    material: np.ndarray  # (n,) int64: number of the layer it came from
+    particles: Particles
+    domain: Domain
+    origin: Origin
+    monitor: SoilMonitor | None
+    pairs: PairList
+    walls: WallList
+    bonds: BondList | None
+    wall_force: np.ndarray  # (w, 3) [N] of every pair of particle and wall, in the last soil step
+    pair_book: np.ndarray  # (slabs, sinks) [J] since the lists were built
+    wall_book: np.ndarray  # (CHUNKS, sinks) [J]
+    sinks: np.ndarray  # (sinks,) [J] of pairs and walls, before the lists were built
+    tools: tuple[ToolSurface, ...] = ()
+    tool_work_joule: float = 0.0  # of the tools on the soil, since the start
+    carried_joule: float = 0.0  # of soil that a window added, less that of soil it removed
+    rebuild_count: int = 0
+    strain: float = 0.0  # of an endless bed since the lists were built
 
     @classmethod
-    def at_rest(
-        cls, position: np.ndarray, identity: np.ndarray, kind: type, held: np.ndarray | None = None
-    ) -> "Particles":
-        """Equal particles that do not move, at `position` (n, 3) [m]; `kind` is float64 or float32.
-
-        Particles of `held` (n,) bool never move; without it, all may.
-        """
-        zeros: np.ndarray = np.zeros(position.shape, kind)
-        none, of_none = np.empty(0), np.empty(0, np.int64)
+    def of(cls, model: SoilModel, particles: Particles, domain: Domain, origin: Origin) -> "SoilState":
+        """Particles without lists and tools."""
+        soil, sinks = model.soil, len(model.soil.law.sinks)
         return cls(
-            position, zeros, zeros.copy(), zeros.copy(), zeros.copy(), position.astype(np.float32), identity,
-            np.zeros(len(position), np.int32), np.zeros(len(position), np.bool_) if held is None else held,
-            none, none.copy(), none.copy(), of_none,
-        )  # fmt: skip
+            particles,
+            domain,
+            origin,
+            SoilMonitor(soil, domain, particles.count) if soil.monitors is not None else None,
+            *no_contacts(model, particles),
+            wall_force=np.zeros((0, 3)),
+            pair_book=np.zeros((0, sinks)),
+            wall_book=np.zeros((CHUNKS, sinks)),
+            sinks=np.zeros(sinks),
+        )
 
-    def make_unequal(self, radius: np.ndarray, material: np.ndarray, density: np.ndarray) -> None:
-        """Give every particle a radius [m], a material, and the mass of its material's density [kg/m3]."""
-        self.radius, self.material = radius, material
-        self.mass = density[material] * 4.0 / 3.0 * np.pi * radius**3
-        self.inertia = 0.4 * self.mass * radius**2
+    def forget_contacts(self, model: SoilModel) -> None:
+        """Empty all lists but those of tools: no contact has a history."""
+        self.pairs, self.walls, self.bonds = no_contacts(model, self.particles)
 
-    @property
-    def unequal(self) -> bool:
-        """Whether the particles have sizes or materials of their own."""
-        return len(self.mass) > 0
+    def flush_books(self) -> None:
+        """Add what was booked since the lists were built to `sinks`."""
+        self.sinks += self.pair_book.sum(axis=0) + self.wall_book.sum(axis=0)
+        self.pair_book[:] = 0.0
+        self.wall_book[:] = 0.0
 
-    def wrap(self, low_m: float, period_m: float) -> None:
-        """Put every particle into low <= y < low + period [m], and keep count."""
-        self.position[:, 1], turns = wrapped(self.position[:, 1], low_m, period_m)
-        self.image += turns.astype(np.int32)
+    def load_tool(
+        self, tool: ToolSurface, by_group: np.ndarray, moment: np.ndarray, sums: np.ndarray, at: ToolMotion
+    ) -> None:
+        """Add the load of one soil step, see tools.forces.tool_forces, to a tool, which is then `at`."""
+        work = tool.felt.work_joule
+        tool.feel(by_group, moment, sums, at)
+        self.tool_work_joule -= tool.felt.work_joule - work
 
-    def wrap_all(self, low_m: np.ndarray, periods_m: np.ndarray) -> None:
-        """Put all particles into the box of an endless bed: `low_m` (3,) corner, `periods_m` (3,) size."""
-        for a in range(3):
-            self.position[:, a] = wrapped(self.position[:, a], low_m[a], periods_m[a])[0]
-
-    def reorder(self, order: np.ndarray) -> None:
-        """Put particle order[k] in place k."""
-        for name in ("position", "velocity", "spin", "force", "torque"):
-            setattr(self, name, take_rows(getattr(self, name), order))
-        for name in ["identity", "image", "held"] + self.unequal * ["radius", "mass", "inertia", "material"]:
-            setattr(self, name, getattr(self, name)[order])
-        self.built_position = self.position.astype(np.float32)
-
-    def joined(self, others: "Particles") -> "Particles":
-        """These particles, followed by `others`."""
-        parts = {
-            item.name: np.concatenate((getattr(self, item.name), getattr(others, item.name)))
-            for item in fields(self)
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The state as arrays, by name; not copied."""
+        arrays = {
+            **named("particles", self.particles),
+            **named("pairs", self.pairs),
+            **named("walls", self.walls),
+            "wall_force": self.wall_force,
+            "pair_book": self.pair_book,
+            "wall_book": self.wall_book,
+            "sinks": self.sinks,
+            "tool_work": np.array(self.tool_work_joule),
+            "rebuilds": np.array(self.rebuild_count),
         }
-        return Particles(**parts)
+        parts = {f"tool.{tool.name}": tool.state_arrays() for tool in self.tools}
+        if self.bonds is not None:
+            parts["bonds"] = self.bonds.arrays()
+        if self.monitor is not None:
+            parts["watch"] = self.monitor.state_arrays()
+        for prefix, part in parts.items():
+            arrays.update((f"{prefix}.{name}", array) for name, array in part.items())
+        return arrays
 
-    @property
-    def count(self) -> int:
-        """Number of particles."""
-        return len(self.position)
+    def restore(self, model: SoilModel, arrays: Mapping[str, np.ndarray]) -> None:
+        """Continue from `arrays`, without copying them; the tools are there.
+
+        Raises:
+            KeyError: an array is missing.
+        """
+        for tool in self.tools:
+            tool.restore(below(f"tool.{tool.name}", arrays))
+        self.particles = from_named(Particles, "particles", arrays)
+        self.pairs = from_named(PairList, "pairs", arrays)
+        self.walls = from_named(WallList, "walls", arrays)
+        if model.soil.bonds is not None:
+            self.bonds = BondList(model.soil, self.particles, model.precision, model.features)
+            self.bonds.restore(below("bonds", arrays))
+        self.wall_force = arrays["wall_force"]
+        self.pair_book, self.wall_book = arrays["pair_book"], arrays["wall_book"]
+        self.sinks = arrays["sinks"]
+        self.tool_work_joule, self.rebuild_count = float(arrays["tool_work"]), int(arrays["rebuilds"])
+        if self.monitor is not None:
+            self.monitor.restore(below("watch", arrays))
 
 
-@dataclass
-class PairList:
-    """Half neighbour list in compressed rows: pairs (i, neighbour[k]), row_start[i] <= k < row_start[i+1].
-
-    `slab_start` cuts the particles into slabs wider than the reach: a slab's pairs touch only itself
-    and the next one, so even slabs can run side by side, then odd ones, in an order that does not
-    depend on the number of threads.
-    """
-
-    row_start: np.ndarray  # (n + 1,) int64
-    neighbour: np.ndarray  # (p,) int32
-    history: np.ndarray  # springs, and what the law keeps besides, in blocks (dem.blocks.history_blocks)
-    slab_start: np.ndarray  # (slabs + 1,) int64
-
-
-@dataclass
-class WallList:
-    """Pairs of a particle and a wall that it may touch, by particle, then by wall."""
-
-    particle: np.ndarray  # (w,) int64
-    wall: np.ndarray  # (w,) int64, row of dem.walls.wall_planes
-    history: np.ndarray  # the same, float64
-
-
-@dataclass
-class ToolList:
-    """Particles that may touch one tool, and which of its facets.
-
-    A contact is identified by its normal in the tool's frame. Shear and roll are kept in that frame too, so
-    they turn with the tool and pass from facet to facet.
-    """
-
-    particle: np.ndarray  # (c,) int64, increasing
-    facet_start: np.ndarray  # (c + 1,) int64
-    facet: np.ndarray  # (q,) int32
-    active: np.ndarray  # (c, CONTACTS) bool
-    normal: np.ndarray  # (c, CONTACTS, 3)
-    shear: np.ndarray  # (c, CONTACTS, 3) [m]
-    roll: np.ndarray  # (c, CONTACTS, 3 + kept) [rad], then what the law keeps besides
+def no_contacts(model: SoilModel, particles: Particles) -> tuple[PairList, WallList, BondList | None]:
+    """Lists of particles that touch nothing."""
+    pairs = PairList(
+        np.zeros(particles.count + 1, np.int64),
+        np.empty(0, np.int32),
+        history_blocks(0, model.precision, len(model.parity)),
+        np.zeros(1, np.int64),
+    )
+    none = np.empty(0, np.int64)
+    walls = WallList(none, none.copy(), history_blocks(0, np.float64, len(model.parity)))
+    soil = model.soil
+    bonds = BondList(soil, particles, model.precision, model.features) if soil.bonds is not None else None
+    return pairs, walls, bonds

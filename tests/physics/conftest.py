@@ -9,18 +9,16 @@ import numpy as np
 import pytest
 import yaml
 
-import subsoil_ros.dem.engine
-from validation.laboratory import box_mesh
-
-if os.environ.get("SUBSOIL_TEST_DEVICE") == "gpu":  # engines of these tests on a GPU: benchmarks/gpu.md
-    from subsoil_ros.dem.gpu.engine import GpuSoilEngine
-
-    subsoil_ros.dem.engine.SoilEngine = GpuSoilEngine  # type: ignore[misc]
 from subsoil_ros.dem.bed import Bed
+from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import ToolMotion
 from tests.soils import BOUNDARY, PARTICLE
+from validation.laboratory import box_mesh
+
+DEVICE = os.environ.get("SUBSOIL_TEST_DEVICE", "cpu")
+"""Of the soils of these tests: benchmarks/gpu.md."""
 
 
 class SoilMaker:
@@ -44,6 +42,7 @@ class SoilMaker:
                     "boundary": BOUNDARY | (law or {}),
                 },
                 "time_step_s": 5.0e-5,
+                "device": DEVICE,
             },
             **copy.deepcopy(changes),
         }
@@ -57,7 +56,7 @@ class SoilMaker:
 
     def engine(self, *overrides: str, threads: int = 1, book: bool = False, **kw: object) -> SoilEngine:
         """The soil engine of `scene` with the same arguments."""
-        return SoilEngine(self.scene(*overrides, **kw), threads, book=book)
+        return build_engine(self.scene(*overrides, **kw), threads, book=book)
 
     def box(self, x_m: float, y_m: float, z_m: float, *, subdivide: int = 0) -> str:
         """STL of a box about its centre, in the maker's folder."""
@@ -108,7 +107,7 @@ def one() -> object:
 def most_move_m(scene: ResolvedScene, bed: Bed, duration_s: float) -> float:
     """How far 9 in 10 free particles of a bed that is left alone move at most [m]; loose ones may roll."""
     alone = scene.scene.model_copy(update={"mechanism": None, "tools": {}})
-    engine = SoilEngine(dataclasses.replace(scene, scene=alone), bed=bed)
+    engine = SoilEngine(dataclasses.replace(scene, scene=alone), bed)
     engine.start(())
     for tick in range(round(duration_s / scene.timing.communication_step_s)):
         engine.advance(tick, ())

@@ -9,7 +9,7 @@ import json
 import math
 import sys
 
-from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.build import build_engine
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.messages import ToolMotion
 
@@ -24,7 +24,7 @@ def tool(time_s: float) -> tuple[ToolMotion, ...]:
 
 def digest(scene: str, threads: int) -> dict[str, object]:
     """Digest of the motion, rebuilds, and how far particles went [m]."""
-    engine = SoilEngine(load_scene(scene), threads)
+    engine = build_engine(load_scene(scene), threads)
     step_s, total = 4e-5, hashlib.sha256()
     wrenches = engine.start(tool(0.0))
     for tick in range(STEPS):

@@ -5,7 +5,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import trapezoid
 
 from subsoil_ros.coupling.energy_account import InterfaceAccount
-from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.build import build_engine
 from subsoil_ros.mbd.engine import MechanismEngine
 from validation.coupling import block_machine
 
@@ -19,7 +19,7 @@ def coupled(soil, step):
         **block_machine(soil.box(0.03, 0.05, 0.06)),
     )  # fmt: skip
     mechanism = MechanismEngine(resolved.scene, resolved.timing)
-    bed = SoilEngine(resolved, 1, book=True)
+    bed = build_engine(resolved, 1, book=True)
     motions = mechanism.initial_motions()
     wrenches = bed.start(motions)
     account = InterfaceAccount(motions, wrenches, None, 1.0)

@@ -10,6 +10,7 @@ from numpy.testing import assert_array_equal
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.beds.bed_file import read_bed, write_bed
 from subsoil_ros.dem.beds.cache import cached_bed_path
+from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.errors import SceneError
 
@@ -36,7 +37,7 @@ def saved(soil, tmp_path_factory):
     """A scene and the bed file of its own grid."""
     scene = soil.scene()
     path = tmp_path_factory.mktemp("beds") / "grid.npz"
-    write_bed(path, SoilEngine(scene).bed, scene.scene.soil)
+    write_bed(path, build_engine(scene).bed, scene.scene.soil)
     return scene.scene.soil, path
 
 
@@ -51,10 +52,10 @@ def changed(path, **arrays):
 def test_a_second_run_takes_the_same_bed_from_the_cache(soil, cache, monkeypatch):
     """Bit for bit, nothing is settled again, and one file stands in the cache."""
     scene = with_bed(soil, DENSE)
-    first = SoilEngine(scene).bed
+    first = build_engine(scene).bed
     assert [path.name for path in cache.iterdir()] == [cached_bed_path(scene).name]
     monkeypatch.setattr(SoilEngine, "damp", None)  # settling would call it
-    again = SoilEngine(with_bed(soil, DENSE)).bed
+    again = build_engine(with_bed(soil, DENSE)).bed
     assert_array_equal(again.positions_m, first.positions_m)
     assert (again.lower_m, again.upper_m) == (first.lower_m, first.upper_m)
 
@@ -78,11 +79,11 @@ def test_the_cache_key_follows_what_makes_the_bed_and_nothing_else(soil, cache):
 def test_a_damaged_file_in_the_cache_is_prepared_again(soil, cache):
     """Half a file, as an interrupted copy leaves it, is replaced by a whole one."""
     scene = with_bed(soil, DENSE)
-    first = SoilEngine(scene).bed
+    first = build_engine(scene).bed
     path = cached_bed_path(scene)
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) // 2])
-    assert_array_equal(SoilEngine(scene).bed.positions_m, first.positions_m)
+    assert_array_equal(build_engine(scene).bed.positions_m, first.positions_m)
     assert_array_equal(read_bed(path, scene.scene.soil).positions_m, first.positions_m)
 
 
@@ -90,7 +91,7 @@ def test_a_saved_bed_is_run_as_it_was(soil, saved):
     """Positions and walls of the file, wherever the scene stands; its bytes are in the scene's hash."""
     _, path = saved
     scene = with_bed(soil, {"kind": "saved", "file": str(path)})
-    assert_array_equal(SoilEngine(scene).bed.positions_m, SoilEngine(soil.scene()).bed.positions_m)
+    assert_array_equal(build_engine(scene).bed.positions_m, build_engine(soil.scene()).bed.positions_m)
     beside = shutil.copy(path, soil.folder / "beside.npz")
     relative = with_bed(soil, {"kind": "saved", "file": "beside.npz"})
     assert relative.document["soil"]["bed"]["file"] == str(beside)
@@ -166,12 +167,12 @@ def test_a_missing_bed_file_is_refused_with_its_path(soil):
 
 def test_a_grid_that_overlaps_too_far_is_refused(soil):
     """5 mm beyond rest is the bound for spheres of 10 mm."""
-    SoilEngine(soil.scene("soil.bed.spacing_m=0.0131", "soil.time_step_s=3e-5"))
+    build_engine(soil.scene("soil.bed.spacing_m=0.0131", "soil.time_step_s=3e-5"))
     with pytest.raises(SceneError, match=r"soil.bed.spacing_m: 0.0129 m .* at least 0.013 m"):
-        SoilEngine(soil.scene("soil.bed.spacing_m=0.0129"))
+        build_engine(soil.scene("soil.bed.spacing_m=0.0129"))
 
 
 def test_a_bed_denser_than_dense_needs_a_smaller_step(soil):
     """The limits of the scene assume 10.4 contacts; the coordination measured on the bed is looked at too."""
     with pytest.raises(SceneError, match=r"soil.time_step_s: 5e-05 s is above .* prepared bed .*14.1"):
-        SoilEngine(soil.scene("soil.bed.spacing_m=0.0131"))
+        build_engine(soil.scene("soil.bed.spacing_m=0.0131"))

@@ -9,8 +9,9 @@ from numpy.testing import assert_allclose
 
 from subsoil_ros.cli import check
 from subsoil_ros.dem.beds.bed_file import read_bed
-from subsoil_ros.dem.beds.report import free_motion, report_bed
-from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.beds.report import report_bed
+from subsoil_ros.dem.build import build_engine
+from subsoil_ros.dem.free_motion import free_motion
 
 RADIUS, SPACING, MASS = 0.01, 0.018, 1800.0 * 4.0 / 3.0 * np.pi * 0.01**3
 
@@ -19,7 +20,7 @@ RADIUS, SPACING, MASS = 0.01, 0.018, 1800.0 * 4.0 / 3.0 * np.pi * 0.01**3
 def grid(soil):
     """A grid bed without weight: every distance is the spacing. And its soil."""
     scene = soil.scene("gravity_m_per_s2=0")
-    return SoilEngine(scene).bed, scene.scene.soil
+    return build_engine(scene).bed, scene.scene.soil
 
 
 def test_grid_has_the_density_bonds_and_overlap_of_a_grid(grid):
@@ -42,7 +43,7 @@ def test_layers_have_their_own_particles_and_densities(soil):
     layers = [{"name": "topsoil", "thickness_m": 0.036}, pan]
     document = soil.scene().document["soil"]
     scene = soil.scene("gravity_m_per_s2=0", soil={**document, "layers": layers})
-    bed = SoilEngine(scene).bed
+    bed = build_engine(scene).bed
     top, pan = report_bed(bed, scene.scene.soil).layers
     assert (top.name, pan.name) == ("layer topsoil", "layer hardpan")
     assert (top.particle_count, pan.particle_count) == (60, 90)
@@ -93,10 +94,10 @@ def test_largest_void_is_that_of_the_cell_and_of_a_missing_particle(grid):
 def test_free_motion_tells_a_bed_at_rest_from_one_that_contracts(soil):
     """The grid at rest moves by round-off; spheres that just touch pull together by a tenth of a mm."""
     quiet, loose = soil.scene(), soil.scene("soil.bed.spacing_m=0.02")
-    still = free_motion(quiet, SoilEngine(quiet).bed, SoilEngine, 1, 0.005)
+    still = free_motion(quiet, build_engine(quiet).bed, 1, 0.005)
     assert still.max_move_m < 1e-12
     assert still.kinetic_energy_joule < 1e-18
-    pulled = free_motion(loose, SoilEngine(loose).bed, SoilEngine, 1, 0.005)
+    pulled = free_motion(loose, build_engine(loose).bed, 1, 0.005)
     assert pulled.max_move_m > 1e-4
     assert pulled.kinetic_energy_joule > 1e-4
 
@@ -111,5 +112,5 @@ def test_check_prints_the_report_and_writes_the_bed(soil, capsys):
     for word in ("density", "coordination", "largest void", "gap at far wall", "alone for 20 ms"):
         assert word in printed
     np.testing.assert_array_equal(
-        read_bed(out, scene.scene.soil).positions_m, SoilEngine(scene).bed.positions_m
+        read_bed(out, scene.scene.soil).positions_m, build_engine(scene).bed.positions_m
     )

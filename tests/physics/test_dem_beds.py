@@ -11,10 +11,13 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
 
 from subsoil_ros.dem.beds.dense import prepare_dense, scaled
-from subsoil_ros.dem.beds.report import free_motion, report_bed
-from subsoil_ros.dem.beds.settling import ignore_progress, settling_step_s, smooth_soil
+from subsoil_ros.dem.beds.report import report_bed
+from subsoil_ros.dem.beds.settling import settling_step_s, smooth_soil
+from subsoil_ros.dem.beds.settling_progress import ignore_progress
 from subsoil_ros.dem.beds.surface import top_surface_m
+from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.free_motion import free_motion
 from subsoil_ros.errors import SceneError
 from subsoil_ros.limits.stable_steps import step_limits, step_notes
 from subsoil_ros.loading.loader import load_scene
@@ -43,7 +46,7 @@ def dense(maker, seed=0, bed=None, **changes):
 @pytest.fixture
 def engine(soil):
     """Engine on the dense bed of seed 0."""
-    return SoilEngine(dense(soil))
+    return build_engine(dense(soil))
 
 
 def test_dense_bed_has_the_neighbours_of_random_close_packing(engine):
@@ -97,7 +100,7 @@ def test_dense_bed_is_neither_stretched_nor_pressed(soil, engine):
     )  # scaled about its floor, for weight to count
 
     def energy(scale):
-        return SoilEngine(scene, bed=scaled(standing, scale)).potential_joule()
+        return SoilEngine(scene, scaled(standing, scale)).potential_joule()
 
     smaller, here, larger = energy(1.0 - step), energy(1.0), energy(1.0 + step)
     assert here < min(smaller, larger)
@@ -108,8 +111,8 @@ def test_dense_bed_is_neither_stretched_nor_pressed(soil, engine):
 def test_dense_bed_is_the_same_for_any_number_of_threads(soil, engine):
     """Bit for bit; another seed gives another bed."""
     scene = dense(soil)
-    assert_array_equal(SoilEngine(scene, 2).bed.positions_m, engine.bed.positions_m)
-    other = SoilEngine(dense(soil, seed=1)).bed.positions_m
+    assert_array_equal(build_engine(scene, 2).bed.positions_m, engine.bed.positions_m)
+    other = build_engine(dense(soil, seed=1)).bed.positions_m
     assert other.shape != engine.bed.positions_m.shape or not np.allclose(other, engine.bed.positions_m)
 
 
@@ -162,16 +165,16 @@ def test_a_bed_of_stiff_contacts_stands_still():
     out of balance, no particle moves farther in 20 ms than a thousandth of the radius (rms)."""
     resolved = load_scene(DENSE_BED, ["soil.bin={length_m: 0.36, width_m: 0.36, depth_m: 0.24}"])
     soil = resolved.scene.particle_soil
-    bed = prepare_dense(resolved, 0, SoilEngine, 1, ignore_progress)
+    bed = prepare_dense(resolved, 0, 1, ignore_progress)
     assert 0.58 < len(bed.positions_m) * particle_mass_kg(soil) / 2310.0 / (0.36 * 0.36 * 0.24) < 0.64
-    moved = free_motion(resolved, bed, SoilEngine, 1, 0.02)
+    moved = free_motion(resolved, bed, 1, 0.02)
     assert moved.rms_move_m < 1e-3 * soil.particles.radius_m
 
 
 def test_rest_spacing_is_that_of_the_law(soil):
     """`spacing_m: rest` is 2 r - delta_c: the same grid, standing still."""
-    named = SoilEngine(dense(soil, bed={"kind": "grid", "spacing_m": "rest"}))
-    given = SoilEngine(dense(soil, bed={"kind": "grid", "spacing_m": 0.018}))
+    named = build_engine(dense(soil, bed={"kind": "grid", "spacing_m": "rest"}))
+    given = build_engine(dense(soil, bed={"kind": "grid", "spacing_m": 0.018}))
     assert_allclose(named.bed.positions_m, given.bed.positions_m, rtol=0.0, atol=1e-15)
 
 
@@ -188,8 +191,8 @@ def test_surface_profile_trims_a_grid(soil):
     """Without weight: no particle reaches above the profile, every one below it stays where it was."""
     grid = {"kind": "grid", "spacing_m": "rest"}
     part = dense(soil, bed=grid).document["soil"]
-    whole = SoilEngine(soil.scene("gravity_m_per_s2=0", soil=part)).bed
-    cut = SoilEngine(soil.scene("gravity_m_per_s2=0", soil={**part, "surface": RAMP})).bed
+    whole = build_engine(soil.scene("gravity_m_per_s2=0", soil=part)).bed
+    cut = build_engine(soil.scene("gravity_m_per_s2=0", soil={**part, "surface": RAMP})).bed
     x, _, z = whole.positions_m.T
     below = z + RADIUS <= np.interp(x, RAMP["x_m"], RAMP["z_m"]) + 1e-9
     assert 0.5 < below.mean() < 0.95
@@ -201,14 +204,14 @@ def test_a_trimmed_grid_carries_the_weight_that_is_left(soil):
     """Columns side by side differ by their weight only: none moves farther in 5 ms than what the weight
     of one layer presses one contact together, m g / K."""
     scene = dense(soil, bed={"kind": "grid", "spacing_m": "rest"}, surface=RAMP)
-    motion = free_motion(scene, SoilEngine(scene).bed, SoilEngine, 1, 0.005)
+    motion = free_motion(scene, build_engine(scene).bed, 1, 0.005)
     assert motion.max_move_m < MASS * 9.81 / 5000.0
 
 
 def test_surface_profile_trims_a_dense_bed_before_it_relaxes(soil):
     """The top follows the profile to a third of a radius in the mean and one radius everywhere; at rest."""
     scene = dense(soil, surface=RAMP)
-    engine = SoilEngine(scene)
+    engine = build_engine(scene)
     x, top = top_over_x(engine.bed)
     off = top - np.interp(x, RAMP["x_m"], RAMP["z_m"])
     assert_allclose(off.mean(), 0.0, atol=1e-12)

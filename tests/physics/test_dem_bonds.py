@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.blocks import BLOCK
 from subsoil_ros.dem.bonds.kernel import BondArrays, bond_of_pair
+from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.limits.stable_steps import step_limits
 from subsoil_ros.scene.bonds import Bonds
@@ -149,7 +150,7 @@ def stood(soil, bonds, positions, *, held=None, gravity=0.0, step_s=1e-5, law=NO
         "soil.bin.length_m=0.6", law=law, allow=["unstable_time_step"],
     )  # fmt: skip
     bed = Bed(np.array(positions), (0.0, -0.3, -0.4), (0.6, 0.3), held=held)
-    return SoilEngine(resolved, book=True, bed=bed)
+    return SoilEngine(resolved, bed, book=True)
 
 
 @pytest.mark.full
@@ -213,7 +214,7 @@ def settled_block(soil, bonds, *, precision="float64", threads=1, step_s=2e-5):
         soil, bonds, "soil.bin.length_m=0.2", "soil.bin.width_m=0.12", "soil.bin.depth_m=0.12",
         f"soil.time_step_s={step_s}", f"soil.precision={precision}", law={},
     )  # fmt: skip
-    return SoilEngine(resolved, threads, book=True)
+    return build_engine(resolved, threads, book=True)
 
 
 def shaken(engine, ticks=400, speed=0.6, first=0):
@@ -239,8 +240,8 @@ def test_books_close_while_a_block_breaks(soil, precision):
         assert state.broken_bond_count > 100
         assert state.rebuild_count > 5
         errors.append(abs(book.total_joule - before) / book.turned_over_joule)
-        whole, broken = engine._bonds.count(engine._pairs)
-        assert whole + broken == engine._bonds.made.sum() / 2
+        whole, broken = engine.bond_counts()
+        assert whole + broken == engine.whole_state().bonds.made.sum() / 2
     assert errors[0] < 0.02
     assert errors[1] < max(0.6 * errors[0], 2e-3)
 
@@ -272,12 +273,12 @@ def test_limits_of_strength_and_stiffness(soil):
     }
     engine = shaken(settled_block(soil, weak), 200)
     assert_array_equal(engine.positions_m(), plain)
-    assert engine._bonds.count(engine._pairs)[0] == 0
+    assert engine.bond_counts()[0] == 0
     soft = CEMENT | {"youngs_modulus_pa": 1e-20, "tensile_strength_pa": 1e-22, "cohesion_pa": 1e30}
     engine = shaken(settled_block(soil, soft), 200)
     assert_allclose(engine.positions_m(), plain, atol=1e-14)
     engine = shaken(settled_block(soil, UNBREAKABLE), 200, speed=0.01)
-    assert engine._bonds.count(engine._pairs)[1] == 0
+    assert engine.bond_counts()[1] == 0
 
 
 def test_unequal_spheres_keep_momenta(soil):
@@ -292,12 +293,10 @@ def test_unequal_spheres_keep_momenta(soil):
     }
     document["soil"]["bed"] = {"kind": "dense_random", "seed": 0}
     places, radii = np.array([(0.05, 0.0, -0.05), (0.068, 0.0, -0.05)]), np.array((0.008, 0.01))
-    engine = SoilEngine(
-        soil.resolve(document), bed=Bed(places, (0.0, -0.1, -0.1), (0.12, 0.1), radii_m=radii)
-    )
+    engine = SoilEngine(soil.resolve(document), Bed(places, (0.0, -0.1, -0.1), (0.12, 0.1), radii_m=radii))
     velocity, spin = [(0.0, 0.01, 0.0), (0.0, -0.01, 0.0)], [(0.3, 0.0, 0.5), (-0.1, 0.2, 0.0)]
     engine.place(places, velocity, spin, radii)
-    kept = engine._bonds.state[::BLOCK]
+    kept = engine.whole_state().bonds.state[::BLOCK]
     assert kept[[0, 7, 8]] == pytest.approx((0.018, 0.008, -0.001))
     engine.start(())
     mass = DENSITY * 4.0 / 3.0 * math.pi * radii**3

@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.beds.bed_file import read_bed, write_bed
 from subsoil_ros.dem.beds.report import masses_kg, report_bed
+from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.errors import SceneError
 
@@ -43,7 +44,7 @@ def test_a_column_of_two_layers_stands_on_its_own_springs(soil, reading):
     """The overlap of every pair beyond rest is the weight above over K of that pair: half of each layer's own
     between equal bodies, K1 K2 / (K1 + K2) between the layers (eq. 15), twice that for values of pairs."""
     scene = layered(soil, f"soil.law.combining_rule={reading}", "soil.time_step_s=2.5e-5")
-    engine = SoilEngine(scene)
+    engine = build_engine(scene)
     z = engine.bed.positions_m[:5, 2]  # one column, from below
     assert np.ptp(engine.bed.positions_m[:5, :2], axis=0).max() == 0.0
     weight = 9.81 * 4.0 / 3.0 * np.pi * RADIUS**3 * np.array([2400.0, 2400.0, 1800.0, 1800.0, 1800.0])
@@ -83,8 +84,8 @@ def test_a_column_of_two_layers_stands_on_its_own_springs(soil, reading):
 def test_layers_that_say_nothing_of_their_own_change_nothing(soil):
     """A soil cut into two equal layers moves as the one without: pair numbers are the same to round-off."""
     same = [{"name": "upper", "thickness_m": 0.05}, {"name": "lower"}]
-    whole = SoilEngine(soil.scene("soil.bed.jitter_m=0.0005"))
-    parts = SoilEngine(layered(soil, "soil.bed.jitter_m=0.0005", layers=same))
+    whole = build_engine(soil.scene("soil.bed.jitter_m=0.0005"))
+    parts = build_engine(layered(soil, "soil.bed.jitter_m=0.0005", layers=same))
     for engine in (whole, parts):
         engine.start(())
         run(engine, 200)
@@ -98,8 +99,8 @@ def test_depth_counts_from_the_surface_before_it_is_trimmed(soil):
     """Under a profile that takes half of the topsoil away, the hardpan is where it was."""
     grid = {"kind": "grid", "spacing_m": "rest"}
     cut = {"x_m": [0.0], "z_m": [-0.03]}
-    whole = SoilEngine(layered(soil, bed=grid)).bed
-    rest = SoilEngine(layered(soil, bed=grid, surface=cut)).bed
+    whole = build_engine(layered(soil, bed=grid)).bed
+    rest = build_engine(layered(soil, bed=grid, surface=cut)).bed
     assert (rest.materials == 1).sum() == (whole.materials == 1).sum()
     assert 0 < (rest.materials == 0).sum() < (whole.materials == 0).sum()
     assert_allclose(
@@ -120,7 +121,7 @@ def both(soil):
         particles={"sizes": SIZES, "density_kg_per_m3": 1800.0},
         time_step_s="auto",
     )  # fmt: skip
-    return scene, SoilEngine(scene).bed
+    return scene, build_engine(scene).bed
 
 
 @pytest.mark.full
@@ -143,7 +144,7 @@ def test_a_dense_bed_of_sizes_and_layers_stands_still(both):
     assert_allclose(report.density_kg_per_m3, masses_kg(bed, scene.scene.soil).sum() / whole, rtol=1e-9)
     first, second = (layer.density_kg_per_m3 for layer in report.layers)
     assert 1.2 < second / first < 1.5  # 4 / 3 by the particles; the free top is looser
-    engine = SoilEngine(scene, bed=bed, book=True)
+    engine = SoilEngine(scene, bed, book=True)
     engine.start(())
     before = engine.positions_m()
     ticks = round(0.01 / scene.timing.communication_step_s)
@@ -177,7 +178,7 @@ def test_sizes_and_layers_give_the_same_bits_for_any_number_of_threads(soil, bot
     scene = soil.scene(soil=scene.document["soil"], tools=tools)
     found = []
     for threads in (1, 2):
-        engine = SoilEngine(scene, threads, bed=bed, book=True)
+        engine = SoilEngine(scene, bed, threads, book=True)
         engine.start(at(x_m=0.05, z_m=-0.05))
         for tick in range(60):
             x_m = 0.05 + 0.5 * (tick + 1) * scene.timing.communication_step_s
@@ -195,10 +196,10 @@ def test_mixed_precision_knows_sizes_and_layers(soil):
     times that, and six such forces move a particle by no more than half their acceleration times t^2.
     (Dampers of zone 1 alone would switch a step earlier or later.)"""
     changes = ("soil.time_step_s=2.5e-5", "soil.law.damped_zones=all")
-    bed = SoilEngine(layered(soil, *changes)).bed
+    bed = build_engine(layered(soil, *changes)).bed
     moved = []
     for precision in ("float64", "mixed"):
-        engine = SoilEngine(layered(soil, *changes, f"soil.precision={precision}"), bed=bed)
+        engine = SoilEngine(layered(soil, *changes, f"soil.precision={precision}"), bed)
         engine.place(bed.positions_m, np.random.default_rng(2).normal(0.0, 0.05, bed.positions_m.shape))
         engine.start(())
         run(engine, 100)

@@ -8,9 +8,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from subsoil_ros.cli.main import main
-from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.monitors import MotionSums, half_step_sums, refuse_lost_numbers
-from subsoil_ros.dem.state import Particles
+from subsoil_ros.dem.particles import Particles
 from subsoil_ros.errors import InputError, PhysicsError, SceneError
 from subsoil_ros.messages import SoilState
 from subsoil_ros.recording.bag_reader import BagReader
@@ -34,7 +34,7 @@ def run(engine, ticks, motions=()):
 
 def shaken(scene):
     """An engine whose bed starts with random spins of 1 rad/s."""
-    engine = SoilEngine(scene)
+    engine = build_engine(scene)
     place = engine.bed.positions_m
     engine.place(place, None, np.random.default_rng(0).normal(0.0, 1.0, place.shape))
     return engine
@@ -87,7 +87,7 @@ def test_a_tool_in_a_bed_at_a_stable_step_stops_nothing(soil, one, at):
         soil=soil.scene().document["soil"] | {"monitors": {"every_steps": 1, "max_energy_defect": 0.05}},
         tools=one(soil.box(0.03, 0.04, 0.03)),
     )
-    engine = SoilEngine(scene)
+    engine = build_engine(scene)
     engine.start(at(0.03, -0.03))
     for tick in range(400):
         engine.advance(tick, at(0.03 + 5.0e-5 * (tick + 1), -0.03, vx=1.0))
@@ -102,7 +102,7 @@ def test_the_energy_book_alone_finds_the_step_too_large(soil):
 
 def test_a_deep_overlap_of_two_particles_is_stopped(soil):
     """Two particles at 40 m/s against each other: K_X would need more than their diameter to stop them."""
-    engine = SoilEngine(with_soil(soil, monitors={"every_steps": 1, "max_pair_overlap_radii": 1.5}))
+    engine = build_engine(with_soil(soil, monitors={"every_steps": 1, "max_pair_overlap_radii": 1.5}))
     engine.place([[0.04, 0.0, -0.05], [0.065, 0.0, -0.05]], [[40.0, 0.0, 0.0], [-40.0, 0.0, 0.0]])
     with pytest.raises(PhysicsError, match=r"two particles overlap by 1\.\d+ radii, allowed is .* 1.5"):
         run(engine, 100)
@@ -120,7 +120,7 @@ def test_what_is_no_number_is_named_by_its_particle(part):
 
 def test_numbers_lost_in_a_run_are_found_at_the_next_look(soil):
     """Spins too large for a square: no particle moves, so no list is rebuilt; the look finds them."""
-    engine = SoilEngine(with_soil(soil, gravity=0.0, monitors={"every_steps": 10}))
+    engine = build_engine(with_soil(soil, gravity=0.0, monitors={"every_steps": 10}))
     engine.place([[0.04, 0.0, -0.05], [0.0585, 0.0, -0.05]], None, [[0.0, 1e308, 0.0], [0.0, 1e308, 0.0]])
     with pytest.raises(PhysicsError, match=r"tick \d: particle [01] is no longer a number"):
         run(engine, 10)
@@ -128,7 +128,7 @@ def test_numbers_lost_in_a_run_are_found_at_the_next_look(soil):
 
 def lost_run(maker, velocity, **changes):
     """One particle of three leaves at `velocity`; 400 steps, a look every ten."""
-    engine = SoilEngine(with_soil(maker, monitors={"every_steps": 10}, **changes))
+    engine = build_engine(with_soil(maker, monitors={"every_steps": 10}, **changes))
     place = [[0.03, 0.02, -0.05], [0.06, 0.0, -0.05], [0.09, -0.02, -0.05]]
     engine.place(place, [[0.0, 0.0, 0.0], velocity, [0.0, 0.0, 0.0]])
     run(engine, 400)
@@ -168,12 +168,12 @@ def test_more_lost_particles_than_allowed_stop_the_run(soil):
 def test_particles_are_placed_inside_the_bin_only(soil, place, words):
     """Outside it, or nowhere: refused with the box."""
     with pytest.raises(InputError, match=words):
-        SoilEngine(soil.scene()).place(np.array(place).reshape(-1, 3))
+        build_engine(soil.scene()).place(np.array(place).reshape(-1, 3))
 
 
 def test_placed_velocities_are_finite_and_as_many_as_particles(soil):
     """One row each."""
-    engine = SoilEngine(soil.scene())
+    engine = build_engine(soil.scene())
     with pytest.raises(InputError, match="1 rows of velocity, 0 finite; they must be 1, all finite"):
         engine.place([[0.05, 0.0, -0.05]], [[np.inf, 0.0, 0.0]])
     with pytest.raises(InputError, match="2 rows of spin"):

@@ -8,7 +8,7 @@ from subsoil_ros.cli.main import main
 from subsoil_ros.dem.beds.bed_file import read_bed, write_bed
 from subsoil_ros.dem.beds.report import report_bed
 from subsoil_ros.dem.beds.tree import bed_tree, seen_from_corner
-from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.build import build_engine
 from subsoil_ros.errors import SceneError
 
 WIDTH = 0.108  # six spacings of 18 mm
@@ -42,7 +42,7 @@ def cluster(seed=1):
 
 def test_momentum_is_conserved_across_the_seam(soil):
     """Forces between images are opposite: the sum of momenta changes by rounding only."""
-    engine = SoilEngine(periodic(soil))
+    engine = build_engine(periodic(soil))
     place, velocity = cluster()
     engine.place(place, velocity)
     before = engine.momentum_kg_m_per_s
@@ -58,7 +58,7 @@ def test_a_shift_in_y_changes_nothing(soil):
     Rounding of a place is 1e-17 m; contacts amplify it less than ten-thousandfold within 40 steps. (A grid
     without jitter stands where the normal damper sets in, and rounding decides whether it does.)
     """
-    engine = SoilEngine(periodic(soil, gravity=9.81))
+    engine = build_engine(periodic(soil, gravity=9.81))
     x, row, z = np.stack(np.meshgrid(range(4), range(8), range(4), indexing="ij"), axis=-1).reshape(-1, 3).T
     staggered = 0.009 * (row % 2)  # bonds across the seam lean both ways, into other cells
     place = np.stack((0.03 + 0.018 * x + staggered, 0.0135 * row, 0.018 * z + staggered - 0.085), axis=1)
@@ -81,7 +81,7 @@ def test_a_pair_on_its_way_across_the_seam_keeps_its_contact(soil):
     spin = np.array([[3.0, -2.0, 1.0], [0.0, 5.0, -4.0]])
     found = []
     for start in (-0.045, 0.03):  # the second crosses after 0.4 to 24 mm
-        engine = SoilEngine(periodic(soil))
+        engine = build_engine(periodic(soil))
         engine.place(pair + np.array([0.0, start, 0.0]), velocity, spin)
         run(engine, 200)
         found.append((engine.displacements_m(), engine.angular_velocities_rad_per_s()))
@@ -92,7 +92,7 @@ def test_a_pair_on_its_way_across_the_seam_keeps_its_contact(soil):
 
 def test_a_sliding_block_goes_round_and_its_displacement_goes_on(soil):
     """A block that fills the period slides at 3 m/s for 60 mm: displacement is v t, and it stays whole."""
-    engine = SoilEngine(periodic(soil))
+    engine = build_engine(periodic(soil))
     grid = np.stack(np.meshgrid(range(3), range(6), range(3), indexing="ij"), axis=-1).reshape(-1, 3)
     place = np.array([0.04, -0.045, -0.06]) + 0.018 * grid
     engine.place(place, np.tile([0.0, 3.0, 0.0], (len(place), 1)))
@@ -108,7 +108,7 @@ def test_same_bits_for_one_and_two_threads(soil):
     """Also across the seam."""
     found = []
     for threads in (1, 2):
-        engine = SoilEngine(periodic(soil, gravity=9.81), threads)
+        engine = build_engine(periodic(soil, gravity=9.81), threads)
         place = engine.bed.positions_m
         engine.place(place, np.random.default_rng(3).normal(0.0, 0.5, place.shape))
         run(engine, 100)
@@ -120,7 +120,7 @@ def test_a_grid_is_a_whole_number_of_spacings_wide_and_stands_still(soil):
     """0.12 m hold six spacings of 18 mm; no side walls carry anything."""
     box = {"length_m": 0.12, "width_m": 0.12, "depth_m": 0.1, "sides": "periodic"}
     scene = periodic(soil, gravity=9.81, bin=box)
-    engine = SoilEngine(scene)
+    engine = build_engine(scene)
     assert engine.bed.period_m == pytest.approx(WIDTH, abs=1e-15)
     run(engine, 100)
     assert np.abs(engine.displacements_m()).max() < 1e-9
@@ -149,7 +149,7 @@ def test_a_dense_bed_is_as_dense_at_its_sides_as_inside(soil):
     for sides in ("periodic", "walls"):
         box = {"length_m": 0.15, "width_m": 0.12, "depth_m": 0.1, "sides": sides}
         scene = periodic(soil, bed=dense, gravity=9.81, bin=box, time_step_s=4.0e-5)
-        bed = SoilEngine(scene).bed
+        bed = build_engine(scene).bed
         count = bonds(bed, scene.scene.soil)
         outer = np.abs(bed.positions_m[:, 1]) > 0.25 * (bed.upper_m[1] - bed.lower_m[1])
         error = count.std() * np.sqrt(1.0 / outer.sum() + 1.0 / (~outer).sum())
@@ -162,7 +162,7 @@ def test_a_saved_bed_keeps_its_sides(soil, tmp_path):
     """A bed file says what its sides are; a scene with the others refuses it."""
     scene = periodic(soil)
     path = tmp_path / "bed.npz"
-    bed = SoilEngine(scene).bed
+    bed = build_engine(scene).bed
     write_bed(path, bed, scene.scene.soil)
     again = read_bed(path, scene.scene.soil)
     assert again.period_m == bed.period_m
@@ -175,7 +175,7 @@ def test_a_period_below_three_cells_is_refused(soil):
     """3 x (2 r + reach + skin) = 75 mm; 72 mm is said to be too narrow, with the smallest width."""
     box = {"length_m": 0.12, "width_m": 0.08, "depth_m": 0.1, "sides": "periodic"}
     with pytest.raises(SceneError, match=r"period of 0.072 m, sides: periodic needs at least 0.075 m"):
-        SoilEngine(periodic(soil, bin=box))
+        build_engine(periodic(soil, bin=box))
 
 
 @pytest.mark.parametrize(("width_m", "fits"), [(0.06, True), (0.08, False), (0.14, False), (0.145, True)])
@@ -184,7 +184,7 @@ def test_a_tool_keeps_off_the_seam(soil, one, at, capsys, tmp_path, width_m, fit
     through both. Check and run say so, too."""
     mesh = soil.box(0.03, width_m, 0.03)
     scene = soil.scene(soil=periodic(soil).document["soil"], tools=one(mesh))
-    engine = SoilEngine(scene)
+    engine = build_engine(scene)
     if fits:
         engine.start(at(0.06, -0.05))
         return
@@ -204,7 +204,7 @@ def test_a_prism_through_both_sides_meets_the_same_soil_wherever_the_seam_is(soi
     def wrench(shift, periods=1):
         box = {"length_m": 0.12, "width_m": periods * WIDTH, "depth_m": 0.1, "sides": "periodic"}
         scene = soil.scene(soil={**periodic(soil).document["soil"], "bin": box}, tools=one(mesh))
-        engine = SoilEngine(scene)
+        engine = build_engine(scene)
         place, velocity = cluster()
         place = np.concatenate([place + np.array((0.0, WIDTH * k, 0.0)) for k in range(periods)])
         low, period = engine.bed.lower_m[1], engine.bed.period_m

@@ -7,9 +7,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from subsoil_ros.dem.bed import Bed
+from subsoil_ros.dem.domain import Domain
 from subsoil_ros.dem.engine import SoilEngine
-from subsoil_ros.dem.monitors import Domain
-from subsoil_ros.dem.state import Particles
+from subsoil_ros.dem.particles import Particles
 from subsoil_ros.dem.walls import wall_planes
 
 SMALL, LARGE = 0.008, 0.014
@@ -50,7 +50,7 @@ def two_spheres(
             "time_step_s": step_ns * 1e-9,
         },
     )  # fmt: skip
-    engine = SoilEngine(scene, bed=Bed(np.array(x, np.float64), *BOX, radii_m=radii), book=True)
+    engine = SoilEngine(scene, Bed(np.array(x, np.float64), *BOX, radii_m=radii), book=True)
     engine.place(x, v, w, radii)
     if not tools:
         engine.start(())

@@ -11,10 +11,13 @@ from scipy.spatial import cKDTree
 
 from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.beds import cache
-from subsoil_ros.dem.beds.prepare import check_start, prepare_bed
+from subsoil_ros.dem.beds.prepare import prepare_bed
 from subsoil_ros.dem.beds.report import report_bed
-from subsoil_ros.dem.beds.settling import PATIENCE, Rest, Settling, ignore_progress
-from subsoil_ros.dem.beds.tile import PRESSED_OVERLAP, solid_fraction, tile_edge_m
+from subsoil_ros.dem.beds.settling import PATIENCE, Rest, Settling
+from subsoil_ros.dem.beds.settling_progress import ignore_progress
+from subsoil_ros.dem.beds.start import check_start
+from subsoil_ros.dem.beds.tile import PRESSED_OVERLAP, solid_fraction
+from subsoil_ros.dem.beds.tile_edge import tile_edge_m
 from subsoil_ros.dem.beds.tiled import kept_tile, laid_out
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.dem.periodic import HELD_LAYER
@@ -43,7 +46,7 @@ def tiled(maker, *, box=None, **bed):
 
 def tile_of(scene):
     """The pressed tile of a scene's bed, pressed once for all tests."""
-    return kept_tile(scene, tile_edge_m(scene.scene.particle_soil), SoilEngine, ignore_progress)
+    return kept_tile(scene, tile_edge_m(scene.scene.particle_soil), ignore_progress)
 
 
 def repeated(tile, times):
@@ -93,7 +96,7 @@ def test_forces_in_a_repeated_tile_are_those_of_the_tile(soil):
     """Eight tiles in a box of twice the edge: no force knows where a tile ends, to round-off."""
     scene = tiled(soil)
     bed = tile_of(scene)
-    alone, among = SoilEngine(scene, bed=bed), SoilEngine(scene, bed=repeated(bed, 2))
+    alone, among = SoilEngine(scene, bed), SoilEngine(scene, repeated(bed, 2))
     for engine in (alone, among):
         engine.start(())
     force = alone.forces_newton()
@@ -109,7 +112,7 @@ def test_an_endless_box_of_two_spheres_changes_size_as_its_energy_says(soil):
     size, radius = 0.2, 0.01
     places = np.array([[0.0045, 0.0, -0.1], [size - 0.0045, 0.0, -0.1]])
     bed = Bed(places, (0.0, -0.1, -size), (size, 0.1), radii_m=np.full(2, radius), sides="endless")
-    engine = SoilEngine(scene, bed=bed)
+    engine = SoilEngine(scene, bed)
     engine.start(())
     at_rest = engine.energy().stored_joule
     assert_allclose(at_rest, 0.5 * 1e5 * (2.0 * radius - 0.009) ** 2, rtol=1e-12)
@@ -127,7 +130,7 @@ def test_a_tiled_bed_fills_its_bin_at_its_density(soil):
     """
     scene = tiled(soil, box=WIDE)
     found = scene.scene.particle_soil
-    bed = prepare_bed(scene, SoilEngine, 2)
+    bed = prepare_bed(scene, 2)
     report = report_bed(bed, found)
     assert_allclose(report.top_mean_m, 0.0, atol=1e-12)
     assert_allclose(report.density_inside_kg_per_m3, 0.60 * DENSITY, rtol=0.035)
@@ -141,7 +144,7 @@ def test_nothing_lines_up_at_the_floor(soil):
     """Centres over the held floor, in slices of a quarter of a diameter: none has half as many again as the
     mean (random packings settled on a plane have nearly twice as many in their first layers)."""
     scene = tiled(soil, box=WIDE)
-    bed = prepare_bed(scene, SoilEngine, 2)
+    bed = prepare_bed(scene, 2)
     x, y, z = bed.positions_m[~bed.held].T
     inner = (np.abs(x - 0.25) < 0.19) & (np.abs(y) < 0.165)
     height = z[inner] - bed.floor_m
@@ -153,9 +156,9 @@ def test_nothing_lines_up_at_the_floor(soil):
 def test_a_tiled_bed_stands_still_and_holds_its_floor(soil):
     """Left alone, 9 in 10 move by less than half a per cent of a radius; the held do not move by a bit."""
     scene = tiled(soil)
-    bed = prepare_bed(scene, SoilEngine)
+    bed = prepare_bed(scene)
     assert most_move_m(scene, bed, 0.05) < 0.005 * 0.01
-    engine = SoilEngine(scene, bed=bed)
+    engine = SoilEngine(scene, bed)
     engine.start(())
     for tick in range(5):
         engine.advance(tick, ())
@@ -202,7 +205,7 @@ def test_what_is_held_bears_any_force(soil):
     scene = tiled(soil)
     low = np.array([[0.1, 0.0, -0.05], [0.1, 0.0, -0.029]])
     bed = Bed(low, (0.0, -0.1, -0.12), (0.3, 0.1), radii_m=np.full(2, 0.01), held=np.array([True, False]))
-    engine = SoilEngine(scene, bed=bed)
+    engine = SoilEngine(scene, bed)
     engine.start(())
     mass = DENSITY * 4.0 / 3.0 * np.pi * 0.01**3
     for tick in range(4000):
@@ -217,7 +220,7 @@ def test_what_is_held_bears_any_force(soil):
 def test_periodic_sides_are_a_whole_number_of_tiles_apart(soil):
     """No seam: across the period neighbours are as near as elsewhere."""
     scene = tiled(soil, box={"width_m": 0.32, "sides": "periodic"})
-    bed = prepare_bed(scene, SoilEngine)
+    bed = prepare_bed(scene)
     assert_allclose(bed.period_m, 0.32, rtol=0.02)
     near = np.abs(np.abs(bed.positions_m[:, 1]) - 0.5 * bed.period_m) < 0.02
     middle = np.abs(bed.positions_m[:, 1]) < 0.02
@@ -252,15 +255,15 @@ def test_a_tile_serves_every_bin_and_law(soil, monkeypatch, tmp_path):
 
     with monkeypatch.context() as patch:
         patch.setattr(cache, "user_cache_folder", lambda: tmp_path)
-        first = prepare_bed(tiled(soil, seed=7), SoilEngine, 1, note)
+        first = prepare_bed(tiled(soil, seed=7), 1, note)
         assert {"parting", "pressing", "filling", "relaxing"} == set(phases)
         longest = phases.count("pressing")
         phases.clear()
-        again = prepare_bed(tiled(soil, seed=7, box={"depth_m": 0.1}), SoilEngine, 2, note)
+        again = prepare_bed(tiled(soil, seed=7, box={"depth_m": 0.1}), 2, note)
     assert "parting" not in phases
     assert phases.count("pressing") < longest  # under its own law only
     assert len(again.positions_m) < len(first.positions_m)
-    other = prepare_bed(tiled(soil), SoilEngine)
+    other = prepare_bed(tiled(soil))
     assert other.positions_m.shape != first.positions_m.shape or not np.allclose(
         other.positions_m, first.positions_m
     )
@@ -285,7 +288,7 @@ def test_a_law_that_changes_the_fraction_is_refused(soil):
     with pytest.raises(
         SceneError, match=r"soil.bed.solid_fraction: 0.6 given; under soil.law the bed rests at"
     ):
-        prepare_bed(soil.scene(soil=document), SoilEngine)
+        prepare_bed(soil.scene(soil=document))
 
 
 def test_a_bed_file_keeps_what_is_held(soil, tmp_path):
@@ -293,7 +296,7 @@ def test_a_bed_file_keeps_what_is_held(soil, tmp_path):
     from subsoil_ros.dem.beds.bed_file import read_bed, write_bed
 
     scene = tiled(soil)
-    bed = prepare_bed(scene, SoilEngine)
+    bed = prepare_bed(scene)
     write_bed(tmp_path / "bed.npz", bed, scene.scene.particle_soil)
     read = read_bed(tmp_path / "bed.npz", scene.scene.particle_soil)
     for item in dataclasses.fields(bed):

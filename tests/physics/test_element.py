@@ -7,7 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from subsoil_ros.dem.bed import Bed, scaled
-from subsoil_ros.dem.beds.settling import Settling, ignore_progress
+from subsoil_ros.dem.beds.settling import Settling
+from subsoil_ros.dem.beds.settling_progress import ignore_progress
 from subsoil_ros.dem.beds.tile import at_pressure, endless_soil
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.experiments.soil_tests.element import (

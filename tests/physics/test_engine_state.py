@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.mbd.engine import MechanismEngine
@@ -61,11 +62,11 @@ def swept_bed(folder: Path, kind: str) -> ResolvedScene:
 def test_soil_goes_on(tmp_path: Path, kind: str) -> None:
     """Through several new lists of neighbours: particles, histories, lists, books and monitors."""
     resolved = swept_bed(tmp_path, kind)
-    first = SoilEngine(resolved)
+    first = build_engine(resolved)
     first.start(bar(-1))
     for tick in range(400):
         first.advance(tick, bar(tick))
-    second = SoilEngine(resolved, 2)
+    second = build_engine(resolved, 2)
     kept = through_a_file(tmp_path / "kept", first.state_arrays())
     second.restore(kept)
     assert state_sha256(second.state_arrays()) == state_sha256(first.state_arrays())
@@ -85,7 +86,7 @@ def test_who_looks_at_a_soil_changes_nothing(tmp_path: Path, kind: str) -> None:
     But for the books: a look adds them up, in an order of its own.
     """
     resolved = swept_bed(tmp_path, kind)
-    alone, watched = SoilEngine(resolved), SoilEngine(resolved)
+    alone, watched = build_engine(resolved), build_engine(resolved)
     looks = (
         watched.state_arrays,
         watched.energy,
@@ -149,7 +150,7 @@ def test_another_bed_is_refused(tmp_path: Path) -> None:
         "time_step_s": STEP_S,
     }
     resolved = maker.scene(soil=soil)
-    first, second = SoilEngine(resolved), SoilEngine(resolved)
+    first, second = build_engine(resolved), build_engine(resolved)
     second.place(np.array([[0.05, 0.0, -0.05]]))
     with pytest.raises(ValueError, match="bed"):
         second.restore(first.state_arrays())

@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from subsoil_ros.api.simulate import simulate
-from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.build import build_engine
 from subsoil_ros.limits.communication_steps import DAMPER_SHARE, force_age_ticks
 from subsoil_ros.mbd.engine import MechanismEngine
 from subsoil_ros.messages import ToolWrenches
@@ -151,7 +151,7 @@ class Pressed:
     """The soil engine with one sphere, on which the tool is laid before the run."""
 
     def __init__(self, resolved) -> None:
-        self._engine = SoilEngine(resolved)
+        self._engine = build_engine(resolved)
         self._engine.place([(0.25, 0.0, -0.25)])
 
     def start(self, motions):

@@ -8,13 +8,13 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from subsoil_ros.dem.bed import Bed
-from subsoil_ros.dem.beds.field import HELD_LAYER
-from subsoil_ros.dem.beds.plot import plot_of
 from subsoil_ros.dem.beds.report import report_bed
 from subsoil_ros.dem.beds.surface import top_surface_m
 from subsoil_ros.dem.blocks import history_place, history_places
-from subsoil_ros.dem.engine import build_engine
-from subsoil_ros.dem.window import FieldEngine
+from subsoil_ros.dem.bonds.kernel import SHAPE, STATE
+from subsoil_ros.dem.build import build_engine
+from subsoil_ros.dem.field import HELD_LAYER
+from subsoil_ros.dem.plot import plot_of
 from subsoil_ros.errors import InputError, PhysicsError, SceneError
 from subsoil_ros.messages import ToolMotion
 from tests.physics.conftest import one_tool
@@ -51,7 +51,7 @@ def bar(tick):
 
 def driven(scene, threads=1, *, ticks):
     """An engine after so many ticks, and the wrenches."""
-    engine = FieldEngine(scene, threads)
+    engine = build_engine(scene, threads)
     engine.start(bar(-1))
     return engine, [engine.advance(tick, bar(tick)) for tick in range(ticks)]
 
@@ -82,10 +82,10 @@ def test_a_field_stands_as_its_block_does(soil, sides):
     """Copies of one particle of the block feel the same to round-off, next to nothing: no contact and no
     spring is missing."""
     scene = field(soil, sides=sides, window={"ahead_m": 0.6, "behind_m": 0.1})
-    engine = FieldEngine(scene)
+    engine = build_engine(scene)
     engine.start(above(0.3))
     p, inside = engine.particles(), far_from_ends(engine)
-    number = engine._field._number[p.identity % len(engine._field._place)]
+    number = engine.window.field._number[p.identity % len(engine.window.field._place)]
     force, weight = engine.particles().force[inside], 9.81 * engine.mass_kg
     assert np.sqrt((force**2).sum(axis=1).mean()) < 0.05 * weight
     order = np.argsort(number[inside], kind="stable")
@@ -114,9 +114,9 @@ def test_report_is_of_the_soil_between_the_held_layers(soil, sides):
 def test_a_strip_is_laid_out_without_a_jolt(soil):
     """With the tool away: what acts on particles that were free stays as it is, bit for bit; those laid out
     and freed feel what their copies in the block do, to 5 % of the weight (rms); no energy is made."""
-    engine = FieldEngine(field(soil))
+    engine = build_engine(field(soil))
     engine.start(above(0.5))
-    field_of, p = engine._field, engine.particles()
+    field_of, p = engine.window.field, engine.particles()
     inside = far_from_ends(engine)
     number = field_of._number[p.identity % len(field_of._place)]
     resting = np.full((number.max() + 1, 3), np.nan)
@@ -127,7 +127,7 @@ def test_a_strip_is_laid_out_without_a_jolt(soil):
     before = dict(zip(p.identity.tolist(), p.force.copy(), strict=True))
     held = set(p.identity[p.held].tolist())
     book, (rear, front) = engine.energy(), window_of(engine)
-    engine._shift(rear, front + 4)
+    engine.shift(rear, front + 4)
     p = engine.particles()
     free_before = np.isin(p.identity, list(before.keys() - held))
     for k in np.flatnonzero(~p.held & free_before):
@@ -141,7 +141,7 @@ def test_a_strip_is_laid_out_without_a_jolt(soil):
     assert change.max() < 0.1 * weight
     for tick in range(100, 200):
         engine.advance(tick, above(0.5))
-    drafts_work = 100.0 * engine._field.strip_m  # of 100 N, a small tine's
+    drafts_work = 100.0 * engine.window.field.strip_m  # of 100 N, a small tine's
     assert engine.energy().kinetic_joule - book.kinetic_joule < 1e-4 * drafts_work
 
 
@@ -151,19 +151,19 @@ def test_the_window_covers_the_way_of_a_tool_through_a_long_tick(soil):
     scene = field(soil)
     tick_s = 0.05
     scene = soil.resolve(scene.document | {"coupling": {"communication_step_ns": 50_000_000}})
-    engine = FieldEngine(scene)
+    engine = build_engine(scene)
     engine.start((ToolMotion("tool", 0.3, 0.0, -0.03, 0.0, SPEED, 0.0, 0.0),))
     for tick in range(2):
         begin, end = (0.3 + SPEED * tick_s * (tick + k) for k in (0, 1))
         engine.advance(tick, (ToolMotion("tool", end, 0.0, -0.03, 0.0, SPEED, 0.0, 0.0),))
-        rear, front = (strip * engine._field.strip_m for strip in window_of(engine))
+        rear, front = (strip * engine.window.field.strip_m for strip in window_of(engine))
         assert front >= end + 0.5 * 0.03 + 0.12 - 1e-9
         assert rear <= begin - 0.5 * 0.03 - 0.1 + 1e-9
 
 
 def test_the_width_that_a_refusal_names_suffices(soil):
     """Rounded up to whole millimetres; where held sides leave nothing, the message says so."""
-    from subsoil_ros.dem.beds.prepare import check_start
+    from subsoil_ros.dem.beds.start import check_start
 
     def narrow(width_m):
         box = {"length_m": 0.6, "width_m": width_m, "depth_m": 0.1, "sides": "held"}
@@ -177,23 +177,23 @@ def test_the_width_that_a_refusal_names_suffices(soil):
 
 def test_a_window_that_jumps_lays_out_what_is_in_it(soil):
     """Tools that were lifted come down beyond the window: nothing is laid out behind it."""
-    engine = FieldEngine(field(soil))
+    engine = build_engine(field(soil))
     engine.start(above(0.2))
-    engine._shift(20, 28)
-    x, strip = engine.particles().position[:, 0], engine._field.strip_m
+    engine.shift(20, 28)
+    x, strip = engine.particles().position[:, 0], engine.window.field.strip_m
     assert x.min() >= 20 * strip - LARGEST
     assert x.max() <= 28 * strip + LARGEST
     assert engine.particles().held[x < 20 * strip + 2.0 * LARGEST].all()
-    assert not engine._domain.outside(engine.particles()).any()
+    assert not engine.whole_state().domain.outside(engine.particles()).any()
 
 
 def test_a_tool_is_where_its_edges_cross_the_height_too(soil):
     """A raked plate whose corners are at its tip and high above: its whole length counts that is below."""
     scene = field(soil)
     plate = soil.scene(soil=scene.document["soil"], tools=one_tool(soil.box(1.6, 0.04, 0.01)))
-    engine = FieldEngine(plate)
+    engine = build_engine(plate)
     engine.start((ToolMotion("tool", 0.6, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0),))
-    low, high = engine._tools[0].span_m(0.1)
+    low, high = engine.whole_state().tools[0].span_m(0.1)
     assert high - low == pytest.approx(0.8 * np.cos(0.5) + 0.1 / np.tan(0.5), abs=0.03)
 
 
@@ -205,7 +205,7 @@ def test_soil_that_moves_at_the_held_front_is_told(soil, caplog):
         soil=scene.document["soil"], tools=one_tool(soil.box(0.03, 0.5, 0.08)),
         coupling={"communication_step_ns": 200_000},
     )  # fmt: skip
-    engine = FieldEngine(wide)
+    engine = build_engine(wide)
     engine.start(bar(-1))
     for tick in range(700):
         engine.advance(tick, bar(tick))
@@ -236,7 +236,7 @@ def test_soil_comes_and_goes_with_the_tool(soil):
     book = engine.energy()
     assert abs(book.total_joule - start) < 0.02 * book.turned_over_joule
     x = engine.particles().position[:, 0]
-    strip = engine._field.strip_m
+    strip = engine.window.field.strip_m
     rear, front = window_of(engine)
     assert x.min() >= rear * strip
     assert x.max() <= front * strip
@@ -280,7 +280,7 @@ def test_a_restart_and_two_threads_give_the_same_bits(soil, before):
     at = tick - 1 if before else tick
     if not before:
         kept = {name: np.array(array) for name, array in first.state_arrays().items()}
-    second = FieldEngine(scene, 2)
+    second = build_engine(scene, 2)
     second.restore(kept)
     if before:
         second.advance(at, bar(at))
@@ -296,7 +296,7 @@ def test_a_restart_and_two_threads_give_the_same_bits(soil, before):
 def test_a_field_may_have_walls_at_its_sides(soil):
     """Nothing is held there, and nothing stands in them; soil a few diameters away does not notice: it moves
     by less than a tenth of a radius while that at the walls settles."""
-    engine = FieldEngine(field(soil, sides="walls"))
+    engine = build_engine(field(soil, sides="walls"))
     engine.start(above(0.3))
     p = engine.particles()
     assert np.abs(p.position[:, 1]).max() <= 0.15 - SIZES["min_radius_m"]
@@ -308,7 +308,7 @@ def test_a_field_may_have_walls_at_its_sides(soil):
         engine.advance(tick, above(0.3 + 2e-4 * tick))
     assert engine.lost_particles == ()
     p = engine.particles()
-    moved = np.linalg.norm(p.position - engine._field.laid_out_m(p.identity), axis=1)
+    moved = np.linalg.norm(p.position - engine.window.field.laid_out_m(p.identity), axis=1)
     middle = np.abs(p.position[:, 1]) < 0.05
     assert np.percentile(moved[middle & ~p.held], 95.0) < 0.1 * ALIKE["radius_m"]
 
@@ -318,8 +318,8 @@ def test_a_field_may_slope(soil):
     """Cut out of the level block: the surface is the profile's to a radius, all along. One particle in a
     hundred rolls farther than a radius until it rests, and nothing is lost."""
     profile = {"x_m": [0.1, 0.6, 1.1], "z_m": [0.0, -0.04, -0.01]}
-    engine = FieldEngine(field(soil, surface=profile))
-    level = FieldEngine(field(soil))
+    engine = build_engine(field(soil, surface=profile))
+    level = build_engine(field(soil))
     heights = {}
     for one in (engine, level):
         one.start(above(0.3))
@@ -348,7 +348,7 @@ def test_both_ends_of_a_field_are_walls(soil):
         here = np.abs(p.position[:, 0] - x_m) < 1.2 * LARGEST
         return (~p.held)[here & sides & (p.position[:, 2] > -0.09)]
 
-    engine = FieldEngine(scene)
+    engine = build_engine(scene)
     engine.start(through(-1))
     assert free_at(0.0).all()
     assert not free_at(engine.bed.upper_m[0]).all()
@@ -356,7 +356,7 @@ def test_both_ends_of_a_field_are_walls(soil):
     assert max(forces[:500]) == min(forces[:500]) == 0.0
     assert min(forces) < -1.0
     assert engine.lost_particles == ()
-    assert window_of(engine)[1] == engine._field.count
+    assert window_of(engine)[1] == engine.window.field.count
     assert free_at(engine.bed.upper_m[0]).all()
     assert not free_at(engine.bed.lower_m[0]).any()
 
@@ -391,7 +391,7 @@ BOX = {"length_m": 1.2, "width_m": 0.3, "depth_m": 0.1}
 )
 def test_windows_that_cannot_be(soil, changes, told):
     """One message each, before anything runs."""
-    from subsoil_ros.dem.beds.prepare import check_start
+    from subsoil_ros.dem.beds.start import check_start
 
     with pytest.raises(SceneError, match=told):
         check_start(field(soil, **changes))
@@ -399,10 +399,10 @@ def test_windows_that_cannot_be(soil, changes, told):
 
 def test_a_tool_beyond_the_field_or_at_its_held_sides_is_refused(soil):
     """It would find no soil, or cut rock."""
-    from subsoil_ros.dem.beds.prepare import check_start
+    from subsoil_ros.dem.beds.start import check_start
 
     with pytest.raises(InputError, match=r"begin at x = 1.985 m, beyond the field, which ends at 1.214 m"):
-        FieldEngine(field(soil)).start((ToolMotion("tool", 2.0, 0.0, -0.03, 0.0, 0.0, 0.0, 0.0),))
+        build_engine(field(soil)).start((ToolMotion("tool", 2.0, 0.0, -0.03, 0.0, 0.0, 0.0, 0.0),))
     wide = soil.scene(soil=field(soil).document["soil"], tools=one_tool(soil.box(0.03, 0.25, 0.08)))
     with pytest.raises(SceneError, match=r"tools.tool: reaches to y = 0.125 m; .*width_m at least"):
         check_start(wide)
@@ -410,8 +410,8 @@ def test_a_tool_beyond_the_field_or_at_its_held_sides_is_refused(soil):
 
 def test_scenes_with_a_window_get_its_engine(soil):
     """And those without the plain one."""
-    assert isinstance(build_engine(field(soil)), FieldEngine)
-    assert not isinstance(build_engine(soil.scene()), FieldEngine)
+    assert build_engine(field(soil)).window is not None
+    assert build_engine(soil.scene()).window is None
 
 
 def test_places_of_histories_are_those_of_the_kernels():
@@ -427,9 +427,10 @@ CEMENT = {"youngs_modulus_pa": 1e6, "tensile_strength_pa": 5e3, "cohesion_pa": 1
 
 def bonds_by_identity(engine):
     """Length without force of every whole bond, by the identities of its particles."""
-    pairs, p = engine._pairs, engine.particles()
+    state = engine.whole_state()
+    pairs, p = state.pairs, state.particles
     first = np.repeat(np.arange(p.count), np.diff(pairs.row_start))
-    lengths = engine._bonds.state[history_places(np.arange(len(first)), len(engine._bonds._parity))[:, 0]]
+    lengths = state.bonds.state[history_places(np.arange(len(first)), len(STATE + SHAPE))[:, 0]]
     ends = np.sort(np.stack((p.identity[first], p.identity[pairs.neighbour]), axis=1), axis=1)
     whole = lengths > 0.0
     return dict(zip(map(tuple, ends[whole].tolist()), lengths[whole].tolist(), strict=True))
@@ -441,13 +442,13 @@ def test_bonds_of_a_window_are_those_of_the_whole_field(soil, sides):
     """Soil that was laid out strip by strip has the bonds that it has laid out at once, each once; those
     behind the window are gone and not counted as broken."""
     scene = field(soil, sides=sides, bonds=CEMENT)
-    engine = FieldEngine(scene)
+    engine = build_engine(scene)
     engine.start(above(0.2))
     _, front = window_of(engine)
     for further in (2, 5):
-        engine._shift(further, front + further)
+        engine.shift(further, front + further)
     window = {"ahead_m": 0.15, "behind_m": 1.0}
-    at_once = FieldEngine(field(soil, sides=sides, bonds=CEMENT, window=window))
+    at_once = build_engine(field(soil, sides=sides, bonds=CEMENT, window=window))
     at_once.start(above(0.5))
     found, wanted = bonds_by_identity(engine), bonds_by_identity(at_once)
     within = {
@@ -467,7 +468,7 @@ def test_bonded_soil_has_the_same_bits_on_threads_and_after_a_restart(soil):
     assert wrenches == again
     half, _ = driven(scene, ticks=250)
     arrays = {name: np.array(array) for name, array in half.state_arrays().items()}
-    resumed = FieldEngine(scene)
+    resumed = build_engine(scene)
     resumed.restore(arrays)
     assert [resumed.advance(tick, bar(tick)) for tick in range(250, 500)] == wrenches[250:]
     for name, array in first.state_arrays().items():
@@ -486,7 +487,7 @@ def test_a_surface_is_cut_at_its_height(soil):
     """Mean top 20 mm lower than that of the level field, to a fifth of a radius."""
     tops = []
     for height in (0.0, -0.02):
-        engine = FieldEngine(field(soil, surface={"x_m": [0.0], "z_m": [height]}))
+        engine = build_engine(field(soil, surface={"x_m": [0.0], "z_m": [height]}))
         engine.start(above(0.5))
         p = engine.particles()
         bed = dataclasses.replace(engine.bed, positions_m=np.array(p.position), radii_m=np.array(p.radius))

@@ -8,7 +8,7 @@ import trimesh
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation, RotationSpline
 
-from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.tools.motion import motion_within
 from subsoil_ros.errors import PhysicsError, ProtocolError
 from subsoil_ros.mbd.path import PathEngine
@@ -234,7 +234,7 @@ def free_disc(soil, one, axis: Vector, start: Vector, inertia: float):
         },
     }  # fmt: skip
     scene = soil.scene(*WIDE, law=NO_ADHESION, tools=tools)
-    return SoilEngine(scene), PathEngine(scene.scene, scene.timing)
+    return build_engine(scene), PathEngine(scene.scene, scene.timing)
 
 
 def test_a_free_disc_struck_by_a_particle_closes_angular_momentum(soil, one):

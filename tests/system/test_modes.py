@@ -7,7 +7,7 @@ import pytest
 from mcap.reader import make_reader
 
 from subsoil_ros.cli.main import main
-from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.build import build_engine
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.mbd.engine import MechanismEngine
 from subsoil_ros.ticks import tick_end_ns
@@ -98,7 +98,7 @@ def test_the_series_is_what_the_engines_produced(results: dict[str, Path]) -> No
     resolved = load_scene(out / "scene.yaml")
     head, *rows = (out / "series.csv").read_text().splitlines()
     mechanism = MechanismEngine(resolved.scene, resolved.timing)
-    soil = SoilEngine(resolved, 1)
+    soil = build_engine(resolved, 1)
     wrenches = soil.start(mechanism.initial_motions())
     start = mechanism.initial_state("run", wrenches)
     row = dict(zip(head.split(","), rows[0].split(","), strict=True))

@@ -153,7 +153,8 @@ def test_what_is_no_part_of_the_law_is_named_too() -> None:
     def engine_of(*overrides: str) -> set[str]:
         soil = build_soil(load_scene(SCENES / "tine.yaml", [*WET, *overrides]), 1)
         assert isinstance(soil, SoilEngine)
-        return {name for name in soil._features._fields if getattr(soil._features, name).ndim == 2}
+        features = soil._model.features
+        return {name for name in features._fields if getattr(features, name).ndim == 2}
 
     assert engine_of() == features_of()
     assert engine_of("soil.monitors={max_energy_defect: 0.5}") - engine_of() == {"book"}

@@ -48,11 +48,11 @@ report: {tip_m: [0.12, -0.30]}
 PROGRAM = """
 import json, sys
 import numpy as np
-from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.step import drift_and_contacts
 from subsoil_ros.loading.loader import load_scene
 resolved = load_scene(sys.argv[1])
-engine = SoilEngine(resolved)
+engine = build_engine(resolved)
 found = {"restitution": []}
 for speed in (0.5, 2.0):
     # the second stands before the first in the list once they are sorted

@@ -13,7 +13,7 @@ from rich.progress import Progress, TextColumn, TimeElapsedColumn
 from .preparation import say
 
 if TYPE_CHECKING:
-    from ...dem.beds.settling import OnProgress, SettlingProgress
+    from ...dem.beds.settling_progress import OnProgress, SettlingProgress
 
 
 @contextmanager

@@ -9,9 +9,9 @@ from rich.console import Console
 
 from ...api.beds import prepare_bed_first
 from ...dem.beds.bed_file import write_bed
-from ...dem.beds.report import BedReport, FreeMotion, free_motion, report_bed
-from ...dem.engine import SoilEngine, build_engine
-from ...dem.window import FieldEngine
+from ...dem.beds.report import BedReport, report_bed
+from ...dem.build import build_engine
+from ...dem.free_motion import FreeMotion, free_motion
 from ...errors import InputError
 from ...loading.loader import ResolvedScene
 from .bed_preparation import bed_progress
@@ -41,8 +41,7 @@ def print_bed(console: Console, resolved: ResolvedScene, threads: int, out: Path
     with working("looking at the bed"):
         looked = report_bed(bed, soil)
     with working("leaving the bed alone"):
-        engine_of = SoilEngine if soil.window is None else FieldEngine
-        motion = free_motion(resolved, bed, engine_of, threads, LEFT_ALONE_S)
+        motion = free_motion(resolved, bed, threads, LEFT_ALONE_S)
     found = table("bed")
     found.add_row("prepared in", f"{seconds:.1f} s")
     if bed.period_m is not None:

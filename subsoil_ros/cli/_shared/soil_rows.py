@@ -131,7 +131,7 @@ def _random_bed(soil: Soil) -> str:
     surface = "" if not heights else f", surface at z = {' to '.join(f'{z:g}' for z in heights)} m"
     if not isinstance(soil.bed, TiledBed):
         return f"dense random{surface}"
-    from ...dem.beds.tile import tile_edge_m
+    from ...dem.beds.tile_edge import tile_edge_m
 
     density = soil.bed.solid_fraction * soil.particles.density_kg_per_m3
     return (

@@ -17,7 +17,7 @@ from ...scene.soil import Soil
 from ...source_digest import PACKAGE, law_digests, tree_digest
 from ..bed import Bed
 from .bed_file import CONTACTS, VERSION, read_bed, write_bed
-from .tile import tile_edge_m
+from .tile_edge import tile_edge_m
 
 SOURCES = (
     *(PACKAGE / "dem").glob("*.py"),

@@ -25,19 +25,19 @@ from ...scene.bed_spacing import rest_spacing_m
 from ...scene.beds import SurfaceProfile
 from ...scene.bin import Bin
 from ...scene.pairs import pair_values
-from ...scene.sizes import mean_power, sampled_radii_m
+from ...scene.sizes import sampled_radii_m
 from ...scene.soil import Soil
 from ..bed import Bed, grid_shape, scaled
 from ..mixture import material_at
 from .settling import (
     SETTLING_GRAVITY,
-    EngineOf,
-    OnProgress,
     Rest,
     Settling,
     settling_step_s,
     smooth_soil,
 )  # fmt: skip
+from .settling_progress import OnProgress
+from .start import rest_volume_m3
 from .surface import cut_to_depth, mean_above_profile_m
 
 CLOSE_PACKING = 0.64
@@ -94,9 +94,12 @@ def relaxed_rest(radius_m: float, contact_rate_per_s: float) -> Rest:
 
 
 def prepare_dense(
-    resolved: ResolvedScene, seed: int, engine_of: EngineOf, threads: int, on_progress: OnProgress
+    resolved: ResolvedScene, seed: int, threads: int, on_progress: OnProgress, device: str = "cpu"
 ) -> Bed:
-    """Dense random bed that fills the bin of the scene; z = 0 at its mean top."""
+    """Dense random bed that fills the bin of the scene; z = 0 at its mean top.
+
+    device: "cpu", or "gpu", on which it settles to another bed of the kind.
+    """
     soil = resolved.scene.particle_soil
     assert soil is not None
     grid_shape(soil)  # refuses a bin too small for a particle
@@ -105,12 +108,13 @@ def prepare_dense(
     without_layers = common.particle_soil
     assert without_layers is not None
     smooth, sticky = smooth_soil(without_layers, adhesive=False), smooth_soil(soil, adhesive=True)
+    smooth, sticky = (one.model_copy(update={"device": device}) for one in (smooth, sticky))
     loose = Settling(
-        dataclasses.replace(resolved, scene=common), engine_of, threads, soil=smooth,
+        dataclasses.replace(resolved, scene=common), threads, soil=smooth,
         step_s=settling_step_s(smooth), gravity_m_per_s2=SETTLING_GRAVITY, on_progress=on_progress,
     )  # fmt: skip
     bonded = Settling(
-        resolved, engine_of, threads, soil=sticky, step_s=settling_step_s(sticky), gravity_m_per_s2=gravity,
+        resolved, threads, soil=sticky, step_s=settling_step_s(sticky), gravity_m_per_s2=gravity,
         on_progress=on_progress,
     )  # fmt: skip
     edge = PILOT_DIAMETERS * rest_spacing_m(soil)
@@ -150,15 +154,6 @@ def _settled(soil: Soil, box: Bin, seed: int, loose: Settling) -> Bed:
         return bed
     depth = soil.bin.depth_m * (1.0 - bed.positions_m[:, 2] / box.depth_m)
     return dataclasses.replace(bed, materials=material_at(soil, depth))
-
-
-def rest_volume_m3(soil: Soil) -> float:
-    """Mean volume of spheres as thick as their rest distance, 2 r - delta_c."""
-    sizes, rest = soil.particles.sizes, rest_spacing_m(soil)
-    if sizes is None:
-        return math.pi / 6.0 * rest**3
-    half_overlap = soil.particles.mean_volume_radius_m - 0.5 * rest
-    return math.pi * 4.0 / 3.0 * mean_power(sizes, 3, less_m=half_overlap)
 
 
 def _bonded(

@@ -6,7 +6,7 @@ import numpy as np
 
 from ...scene.pairs import layer_soils, particle_values
 from ...scene.soil import Soil
-from ..bed import Bed
+from ..bed import Bed, radii_of
 from ..periodic import wrapped
 from .tree import bed_tree
 
@@ -17,13 +17,6 @@ class InReach(NamedTuple):
     pair: np.ndarray  # (p, 2) int64, numbers of the particles
     excess_m: np.ndarray  # (p,) overlap beyond rest; negative: stretched
     smaller_m: np.ndarray  # (p,) the smaller of the two radii
-
-
-def radii_of(bed: Bed, soil: Soil) -> np.ndarray:
-    """(n,) [m] radius of every particle."""
-    if bed.radii_m is not None:
-        return bed.radii_m
-    return np.full(len(bed.positions_m), soil.particles.mean_volume_radius_m)
 
 
 def pairs_in_reach(bed: Bed, soil: Soil) -> InReach:

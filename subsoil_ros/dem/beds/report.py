@@ -7,13 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...limits.stable_steps import step_limits
-from ...loading.loader import ResolvedScene
 from ...scene.pairs import layer_soils
 from ...scene.soil import Soil
-from ..bed import Bed
+from ..bed import Bed, radii_of
 from ..walls import WALLS, wall_planes
-from .in_reach import pairs_in_reach, radii_of
-from .settling import EngineOf
+from .in_reach import pairs_in_reach
 from .surface import top_surface_m
 from .tree import bed_tree, seen_from_corner
 
@@ -238,33 +236,3 @@ def _largest_void(
     k = int(np.argmax(size))
     x, y, z = points[k].tolist()
     return max(0.0, float(size[k])), (x, y, z)
-
-
-@dataclass(frozen=True)
-class FreeMotion:
-    """Motion of a bed that is left alone under the full law."""
-
-    duration_s: float
-    kinetic_energy_joule: float
-    rms_move_m: float
-    max_move_m: float
-
-
-def free_motion(
-    resolved: ResolvedScene, bed: Bed, engine_of: EngineOf, threads: int, duration_s: float
-) -> FreeMotion:
-    """Runs the bed without tools for `duration_s` at the scene's step."""
-    scene = resolved.scene.model_copy(update={"mechanism": None, "tools": {}})
-    engine = engine_of(dataclasses.replace(resolved, scene=scene), threads, bed=bed)
-    engine.start(())
-    before = engine.positions_m()
-    ticks = max(1, round(duration_s / resolved.timing.communication_step_s))
-    for tick in range(ticks):
-        engine.advance(tick, ())
-    moved = np.linalg.norm(engine.positions_m() - before, axis=1)
-    return FreeMotion(
-        duration_s=ticks * resolved.timing.communication_step_s,
-        kinetic_energy_joule=engine.state("", ticks - 1, 0).kinetic_energy_joule,
-        rms_move_m=float(np.sqrt((moved**2).mean())),
-        max_move_m=float(moved.max()),
-    )

@@ -7,20 +7,19 @@ lowered to allow a large step.
 
 import dataclasses
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
-
-import numpy as np
+from typing import Any, NamedTuple
 
 from ...contact_laws.base import ContactLaw
 from ...contact_laws.dampers import DampedValues, restitution_at
 from ...limits.stable_steps import Timing
 from ...loading.loader import ResolvedScene
-from ...messages import SoilState
 from ...scene.pairs import layer_soils, pair_values, particle_mass_kg, particle_values, sphere_mass_kg
 from ...scene.soil import Soil
 from ...strict_model import StrictModel
 from ..bed import Bed
+from ..engine import SoilEngine
+from .settling_progress import OnProgress, SettlingProgress, ignore_progress
+from .tile_edge import SKIN
 
 _SLIDING = (
     "tangential_stiffness_newton_per_m", "tangential_damping_newton_s_per_m", "static_friction",
@@ -59,10 +58,6 @@ PATIENCE = 3
 """Largest number of times that a bed which still moves too fast settles for `longest_s` again. In a bed of a
 few hundred particles one that falls raises the energy so far; it comes to rest in that time."""
 
-SKIN = 0.3
-"""Skin of the neighbour lists over the radius while settling; that of the scene may differ from run to run,
-and the bed must not."""
-
 
 class Rest(NamedTuple):
     """Speed that counts as rest, longest time to reach it, and energy above which that time is repeated."""
@@ -70,44 +65,6 @@ class Rest(NamedTuple):
     speed_m_per_s: float  # rms
     longest_s: float
     moving_joule: float = math.inf  # kinetic
-
-
-class SettlingProgress(NamedTuple):
-    """Progress of one phase of a preparation."""
-
-    phase: str
-    simulated_s: float
-    longest_s: float  # the phase ends then at the latest
-    rms_speed_m_per_s: float
-    rest_speed_m_per_s: float  # the phase ends below it
-
-
-OnProgress = Callable[[SettlingProgress], None]
-"""Called from time to time with the progress of a preparation."""
-
-
-def ignore_progress(progress: SettlingProgress) -> None:
-    """Show no progress."""
-
-
-class SettlingEngine(Protocol):
-    """Interface of the soil engine that the preparation of beds uses."""
-
-    bed: Bed
-
-    def start(self, motions: tuple[()]) -> object: ...
-    def advance(self, tick: int, motions: tuple[()]) -> object: ...
-    def damp(self, kept: float) -> None: ...
-    def resize(self, scale: float) -> None: ...
-    def positions_m(self) -> np.ndarray: ...
-    def forces_newton(self) -> np.ndarray: ...
-    def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState: ...
-    def potential_joule(self) -> float: ...
-    def contact_histories(self) -> tuple[np.ndarray, np.ndarray]: ...
-
-
-EngineOf = Callable[..., SettlingEngine]
-"""The class SoilEngine: called with a scene, threads and `bed`."""
 
 
 def smooth_soil(soil: Soil, *, adhesive: bool) -> Soil:
@@ -190,7 +147,6 @@ class Settling:
     def __init__(
         self,
         resolved: ResolvedScene,
-        engine_of: EngineOf,
         threads: int,
         *,
         soil: Soil,
@@ -212,11 +168,11 @@ class Settling:
         nanoseconds = max(STEPS_PER_DAMPING, round(self.interval_s * 1e9))
         timing = Timing(nanoseconds, tick_count=1, soil_steps=STEPS_PER_DAMPING, mechanism_steps=0)
         self._resolved = dataclasses.replace(resolved, scene=scene, timing=timing)
-        self._engine_of, self._threads, self._on_progress = engine_of, threads, on_progress
+        self._threads, self._on_progress = threads, on_progress
 
-    def engine(self, bed: Bed) -> SettlingEngine:
+    def engine(self, bed: Bed) -> SoilEngine:
         """An engine with this bed, not started."""
-        return self._engine_of(self._resolved, self._threads, bed=bed)
+        return SoilEngine(self._resolved, bed, self._threads)
 
     def potential_joule(self, bed: Bed) -> float:
         """Energy of position of a bed: contacts, walls and gravity."""
@@ -226,7 +182,7 @@ class Settling:
         """The bed at rest, or after the longest time it is given; its particles in the same order."""
         return bed_of(self.settled(bed, rest, damping_per_s, phase), bed)
 
-    def settled(self, bed: Bed, rest: Rest, damping_per_s: float, phase: str) -> SettlingEngine:
+    def settled(self, bed: Bed, rest: Rest, damping_per_s: float, phase: str) -> SoilEngine:
         """The engine with this bed at rest, or after the longest time it is given; a bed that then has more
         energy than `rest.moving_joule` goes on for as long again, PATIENCE times at most."""
         engine = self.engine(bed)
@@ -249,7 +205,7 @@ class Settling:
         return engine
 
 
-def bed_of(engine: SettlingEngine, bed: Bed) -> Bed:
+def bed_of(engine: SoilEngine, bed: Bed) -> Bed:
     """The bed that an engine was made with, as it is now."""
     kinetic = engine.state("", 0, 0).kinetic_energy_joule
     return dataclasses.replace(bed, positions_m=engine.positions_m(), kinetic_energy_joule=kinetic)

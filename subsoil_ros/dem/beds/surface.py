@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from ...scene.beds import SurfaceProfile
-from ..bed import Bed
+from ..bed import Bed, profile_m
 
 
 def top_surface_m(bed: Bed, radius_m: float) -> np.ndarray:
@@ -40,11 +40,6 @@ def top_surface_m(bed: Bed, radius_m: float) -> np.ndarray:
             height = bed.positions_m[hit, 2] + np.sqrt(below[hit]) - radius_m
             np.maximum.at(top, (node[hit, 0], node[hit, 1]), height)
     return top
-
-
-def profile_m(surface: SurfaceProfile | None, x_m: np.ndarray) -> np.ndarray:
-    """Height of a surface profile at `x_m`; zero without one [m]."""
-    return np.zeros_like(x_m) if surface is None else np.interp(x_m, surface.x_m, surface.z_m)
 
 
 def mean_above_profile_m(bed: Bed, radius_m: float, surface: SurfaceProfile | None) -> float:

@@ -21,26 +21,17 @@ from ...limits.stable_steps import SAFETY, step_limits
 from ...loading.loader import ResolvedScene
 from ...scene.beds import TiledBed
 from ...scene.bin import Bin
-from ...scene.pairs import layer_soils, pair_values
 from ...scene.sizes import sampled_radii_m
 from ...scene.soil import Soil
-from ..bed import Bed
-from ..periodic import SMALLEST_CELLS, up_to_mm
-from .in_reach import radii_of
+from ..bed import Bed, radii_of
+from ..engine import SoilEngine
 from .settling import (
     DAMPING_RATIO,
-    SKIN,
-    EngineOf,
-    OnProgress,
     Rest,
     Settling,
-    SettlingEngine,
-    SettlingProgress,
     of_the_preparation,
 )  # fmt: skip
-
-USUAL_EDGE = 40.0
-"""Edge of a tile over the mean radius if the scene gives none: some 9,000 particles. Small tiles scatter."""
+from .settling_progress import OnProgress, SettlingProgress
 
 START_BELOW = 0.06
 """Wanted solid fraction less that of the points that are parted: looser ones take longer to press, denser
@@ -75,9 +66,6 @@ PRESSURE_TOLERANCE = 0.05
 
 REST_SPEED = 1e-4
 """Rms speed of a tile at rest over r sqrt(K / m), a twentieth of that of swinging by PRESSED_OVERLAP."""
-
-MARGIN = 1.05
-"""Margin of the smallest edge: a tile shrinks while it is pressed and under the law of a scene."""
 
 TICKS_PER_LOOK = 10
 """Applications of the global damping between two looks at the pressure: a look computes three energies."""
@@ -118,40 +106,7 @@ def solid_fraction(bed: Bed, soil: Soil) -> float:
     return float((4.0 / 3.0 * np.pi * radii_of(bed, soil) ** 3).sum() / np.prod(bed.periods_m))
 
 
-def tile_edge_m(soil: Soil) -> float:
-    """Edge of the cubic tile of a scene's bed [m]; periodic sides take a whole number of tiles.
-
-    Raises:
-        SceneError: it is larger than the bin, or its particles would not have one nearest image.
-    """
-    assert isinstance(soil.bed, TiledBed)
-    length, width = soil.bin.length_m, soil.bin.width_m
-    reach = max(pair_values(layer)[0].reach for layer in layer_soils(soil))
-    radius = soil.particles.mean_volume_radius_m
-    smallest = MARGIN * SMALLEST_CELLS * (2.0 * soil.particles.bounds_m[1] + reach + SKIN * radius)
-    given, largest = soil.bed.tile_m, min(length, width)
-    if given is not None and not smallest <= given <= largest:
-        raise SceneError(
-            f"soil.bed.tile_m: {given:g} m given; allowed is at least {up_to_mm(smallest):g} m, "
-            f"{SMALLEST_CELLS} times the reach of a particle, and at most {largest:g} m, the smaller of "
-            "soil.bin.length_m and soil.bin.width_m"
-        )
-    if largest < smallest:
-        raise SceneError(
-            f"soil.bin: {length:g} x {width:g} m is narrower than the smallest tile, "
-            f"{up_to_mm(smallest):g} m, {SMALLEST_CELLS} times the reach of a particle; make the bin wider "
-            "or the particles smaller"
-        )
-    edge = given or max(smallest, min(USUAL_EDGE * radius, largest))
-    if soil.bin.sides != "periodic":
-        return edge
-    tiles = round(width / edge)
-    return width / (tiles if width / tiles >= smallest else tiles - 1)
-
-
-def pressed_tile(
-    resolved: ResolvedScene, edge_m: float, engine_of: EngineOf, on_progress: OnProgress
-) -> PressedTile:
+def pressed_tile(resolved: ResolvedScene, edge_m: float, on_progress: OnProgress) -> PressedTile:
     """A tile of about this edge [m] with the particles and the solid fraction of a scene's tiled bed."""
     soil = resolved.scene.particle_soil
     assert soil is not None
@@ -165,7 +120,7 @@ def pressed_tile(
     corner = np.array((0.0, -0.5 * edge, -edge))
     points = np.random.default_rng(soil.bed.seed).uniform(size=(count, 3)) * edge + corner
     bed = Bed(points, (0.0, -0.5 * edge, -edge), (edge, 0.5 * edge), radii_m=radii, sides="endless")
-    return pressed(Pressing(resolved, soil, bed, engine_of, 1, on_progress))
+    return pressed(Pressing(resolved, soil, bed, 1, on_progress))
 
 
 class Pressing:
@@ -176,12 +131,11 @@ class Pressing:
         resolved: ResolvedScene,
         soil: Soil,
         points: Bed,
-        engine_of: EngineOf,
         threads: int,
         on_progress: OnProgress,
     ) -> None:
         self.soil, self._on_progress = soil, on_progress
-        self._of = resolved, engine_of, threads
+        self._of = resolved, threads
         parting = self._settling(points, FRICTIONLESS)
         rate = parting.contact_rate_per_s
         rest = Rest(0.0, PARTING_S * 2.0 * math.pi / rate)
@@ -300,7 +254,7 @@ def at_pressure(settling: Settling, bed: Bed, pressure_pa: float, on_progress: O
     return dataclasses.replace(engine.bed, positions_m=engine.positions_m())
 
 
-def _pressure_pa(engine: SettlingEngine, strain: float = 1e-5) -> tuple[float, float]:
+def _pressure_pa(engine: SoilEngine, strain: float = 1e-5) -> tuple[float, float]:
     """Pressure of an endless bed and its bulk modulus without sliding, from its energy at three sizes [Pa].
 
     The springs along the contacts are not stretched by a change of size.

@@ -21,16 +21,17 @@ from ...loading.loader import ResolvedScene
 from ...scene.beds import TiledBed
 from ...scene.pairs import layer_soils
 from ...scene.soil import Soil
-from ..bed import Bed
+from ..bed import Bed, radii_of
 from ..mixture import material_at
 from ..periodic import HELD_LAYER
 from .cache import cached_tile_path, keep, load_cached
 from .dense import relaxed_rest
-from .in_reach import radii_of
 from .report import masses_kg
-from .settling import SETTLING_GRAVITY, EngineOf, OnProgress, Rest, Settling, of_the_preparation
+from .settling import SETTLING_GRAVITY, Rest, Settling, of_the_preparation
+from .settling_progress import OnProgress
 from .surface import cut_to_depth, mean_above_profile_m
-from .tile import at_pressure, endless_soil, kept_as, pressed_tile, solid_fraction, tile_edge_m
+from .tile import at_pressure, endless_soil, kept_as, pressed_tile, solid_fraction
+from .tile_edge import tile_edge_m
 
 RESTS = 3
 """Times that the bed comes to rest once it is cut, each time from places alone: when a run then starts
@@ -49,7 +50,7 @@ LARGEST_CHANGE = 0.02
 """Part of the solid fraction by which the law of a scene may change it: the density is met to as much."""
 
 
-def prepare_tiled(resolved: ResolvedScene, engine_of: EngineOf, threads: int, on_progress: OnProgress) -> Bed:
+def prepare_tiled(resolved: ResolvedScene, threads: int, on_progress: OnProgress) -> Bed:
     """Tiled bed that fills the bin of the scene; z = 0 at its mean top.
 
     Raises:
@@ -60,9 +61,9 @@ def prepare_tiled(resolved: ResolvedScene, engine_of: EngineOf, threads: int, on
     assert soil is not None
 
     def settling(of: Soil) -> Settling:
-        return settling_under(resolved, engine_of, threads, of, gravity, on_progress)
+        return settling_under(resolved, threads, of, gravity, on_progress)
 
-    bed = laid_out(tile_under_law(resolved, tile_edge_m(soil), engine_of, threads, on_progress), soil)
+    bed = laid_out(tile_under_law(resolved, tile_edge_m(soil), threads, on_progress), soil)
     last = settling(soil.model_copy(update=of_the_preparation(soil)))
     radius = soil.particles.mean_volume_radius_m
     speed = relaxed_rest(radius, last.contact_rate_per_s).speed_m_per_s
@@ -84,12 +85,12 @@ def prepare_tiled(resolved: ResolvedScene, engine_of: EngineOf, threads: int, on
 
 
 def settling_under(
-    resolved: ResolvedScene, engine_of: EngineOf, threads: int, soil: Soil, gravity_m_per_s2: float,
+    resolved: ResolvedScene, threads: int, soil: Soil, gravity_m_per_s2: float,
     on_progress: OnProgress,
 ) -> Settling:  # fmt: skip
     """Particles under the law of this soil, at its own step."""
     return Settling(
-        resolved, engine_of, threads, soil=soil, step_s=SAFETY * step_limits(soil)[0].limit_s,
+        resolved, threads, soil=soil, step_s=SAFETY * step_limits(soil)[0].limit_s,
         gravity_m_per_s2=gravity_m_per_s2, on_progress=on_progress,
     )  # fmt: skip
 
@@ -99,9 +100,7 @@ def damping_per_s(soil: Soil, gravity_m_per_s2: float) -> float:
     return math.sqrt((gravity_m_per_s2 or SETTLING_GRAVITY) / soil.particles.mean_volume_radius_m)
 
 
-def tile_under_law(
-    resolved: ResolvedScene, edge_m: float, engine_of: EngineOf, threads: int, on_progress: OnProgress
-) -> Bed:
+def tile_under_law(resolved: ResolvedScene, edge_m: float, threads: int, on_progress: OnProgress) -> Bed:
     """The tile of about this edge [m] at rest under the law of a scene, at the pressure half way down.
 
     Raises:
@@ -109,9 +108,9 @@ def tile_under_law(
     """
     soil = resolved.scene.particle_soil
     assert soil is not None
-    tile = kept_tile(resolved, edge_m, engine_of, on_progress)
+    tile = kept_tile(resolved, edge_m, on_progress)
     layers = dict.fromkeys((soil.model_copy(update={"layers": None}), *layer_soils(soil)))
-    found = [_under_law(resolved, layer, edge_m, tile, engine_of, threads, on_progress) for layer in layers]
+    found = [_under_law(resolved, layer, edge_m, tile, threads, on_progress) for layer in layers]
     return found[0]
 
 
@@ -120,7 +119,6 @@ def _under_law(
     soil: Soil,
     edge_m: float,
     tile: Bed,
-    engine_of: EngineOf,
     threads: int,
     on_progress: OnProgress,
 ) -> Bed:
@@ -131,20 +129,20 @@ def _under_law(
     bulk = whole.bed.solid_fraction * whole.particles.density_kg_per_m3
     gravity = resolved.scene.gravity_m_per_s2 or SETTLING_GRAVITY
     pressure = 0.5 * bulk * gravity * whole.bin.depth_m
-    settling = settling_under(resolved, engine_of, threads, endless_soil(soil, edge_m), 0.0, on_progress)
+    settling = settling_under(resolved, threads, endless_soil(soil, edge_m), 0.0, on_progress)
     found = at_pressure(settling, tile, pressure, on_progress)
     _refuse_other_fraction(solid_fraction(found, soil), soil)
     return found
 
 
-def kept_tile(resolved: ResolvedScene, edge_m: float, engine_of: EngineOf, on_progress: OnProgress) -> Bed:
+def kept_tile(resolved: ResolvedScene, edge_m: float, on_progress: OnProgress) -> Bed:
     """The pressed tile of about this edge [m] for a scene's tiled bed, from the cache if it is there."""
     soil = resolved.scene.particle_soil
     assert soil is not None
     path, as_kept = cached_tile_path(soil, edge_m), kept_as(soil, edge_m)
     tile = load_cached(path, as_kept)
     if tile is None:
-        tile = pressed_tile(resolved, edge_m, engine_of, on_progress).bed
+        tile = pressed_tile(resolved, edge_m, on_progress).bed
         keep(path, tile, as_kept)
     return tile
 

@@ -10,7 +10,7 @@ from ...scene.pairs import particle_mass_kg
 from ...scene.soil import Soil
 from ..blocks import history_blocks, history_places
 from ..neighbours import carry_pairs
-from ..state import PairList, Particles
+from ..particles import PairList, Particles
 from .kernel import PARITY, STATE, BondArrays, bond_sums, kept_count, stretch_bonds
 
 SINKS = ("bond_dashpot", "bond_breakage")

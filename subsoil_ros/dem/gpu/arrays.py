@@ -7,7 +7,7 @@ import numpy as np
 from numba import cuda
 
 from ...contact_laws.base import SPRINGS
-from ..state import ToolList
+from ..particles import ToolList
 from ..tools.facets import Facets
 from ..tools.forces import CONTACTS
 from ..walls import WALLS

@@ -4,7 +4,7 @@ import numpy as np
 
 from ...contact_laws.base import SPRINGS
 from ..blocks import BLOCK, history_blocks
-from ..state import PairList, WallList
+from ..particles import PairList, WallList
 from ..walls import WALLS
 from .device import WARP
 

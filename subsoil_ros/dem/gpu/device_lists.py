@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from ...contact_laws.base import Features
+from ..model import SoilModel
 from ..neighbours import CellGrid
-from ..state import PairList, Particles, ToolList, WallList
+from ..particles import PairList, Particles, ToolList, WallList
+from ..state import SoilState
 from ..tools.facets import Facets
 from .arrays import Rows, Tool, ToolRows, WallRows
 from .convert import full_rows, wall_rows
@@ -38,33 +39,6 @@ _PARTNERS = 20
 """Partners per particle that there is room for at first: equal spheres list some 14."""
 
 
-@dataclass(frozen=True)
-class Numbers:
-    """Values of a soil apart from its particles. SI."""
-
-    features: Features
-    precision: type  # float64 or float32, of all but positions and boundaries
-    step_s: float
-    gravity_m_per_s2: float
-    skin_m: float
-    radius_m: float  # of all, or the largest
-    mass_kg: float  # of all
-    inertia_kg_m2: float
-    pair_law: Any  # ContactLaw.numbers
-    wall_law: Any
-    tool_law: Any
-    pair_laws: np.ndarray
-    wall_laws: np.ndarray
-    tool_laws: np.ndarray
-    materials: int
-    planes: np.ndarray
-    ceiling_m: float
-    reach_m: float  # of the neighbour search, skin included
-    wall_reach_m: float
-    tool_reach_m: float
-    soil_steps: int  # per tick
-
-
 @dataclass
 class _Side:
     """One of the two states between which lists are built."""
@@ -80,13 +54,14 @@ class DeviceLists:
     """Particles, neighbour lists, and what is near walls and tools."""
 
     def __init__(
-        self, numbers: Numbers, particles: Particles, grid: CellGrid, tools: list[tuple[Facets, int]]
+        self, model: SoilModel, state: SoilState, grid: CellGrid, tools: list[tuple[Facets, int]]
     ) -> None:
-        self._numbers, self.grid = numbers, grid
+        self._model, self.grid = model, grid
+        particles = state.particles
         self.stream = cuda.stream()
         n = self.count = particles.count
         self._unequal = particles.unequal
-        kind = numbers.precision
+        kind = model.precision
         # as many as are near five sides of a cube; enlarged when needed, for walls and tools
         near = min(n, room_for(int(8 * n ** (2 / 3))))
         self._tools = [Tool(facets, groups, near) for facets, groups in tools]
@@ -109,7 +84,7 @@ class DeviceLists:
         self._near, self._facets_near = cuda.device_array(n, np.int32), cuda.device_array(n, np.int32)
         self._first_facet = cuda.device_array(n + 1, np.int64)
         self._sizes = cuda.to_device(np.zeros(2 + 2 * len(tools), np.int64))
-        self._planes = cuda.to_device(numbers.planes)
+        self._planes = cuda.to_device(state.domain.planes)
         self._poses = [Mirror((4,), self.stream) for _ in tools]
         self.put_particles(particles)
         self._forget()
@@ -153,13 +128,13 @@ class DeviceLists:
         self.stream.synchronize()
 
     def _masses(self, particles: OnDevice) -> tuple[Any, Any]:
-        numbers = self._numbers
+        model = self._model
         if self._unequal:
             return particles.mass, particles.inertia
-        return numbers.mass_kg, numbers.inertia_kg_m2
+        return model.mass_kg, model.inertia_kg_m2
 
     def _radius(self, particles: OnDevice) -> Any:
-        return particles.radius if self._unequal else self._numbers.radius_m
+        return particles.radius if self._unequal else self._model.radius_m
 
     def _run(self, name: str, fill: Callable[[Launches], None]) -> None:
         """Launch the kernels that `fill` adds: once for each name, until arrays are replaced."""
@@ -196,10 +171,10 @@ class DeviceLists:
         launches.add(reorder, blocks(n), self._order, p, new.particles, self._unequal)
 
     def _partners(self, old: _Side, new: _Side, *, fill: bool) -> tuple[Any, ...]:
-        numbers, p, rows, before = self._numbers, new.particles, new.rows, old.rows
+        model, p, rows, before = self._model, new.particles, new.rows, old.rows
         return (
-            list_partners, blocks(self.count), fill, p.position, self._radius(p), numbers.radius_m,
-            self.grid, self._cell_start, numbers.reach_m, rows.count, rows.slice_start, rows.neighbour,
+            list_partners, blocks(self.count), fill, p.position, self._radius(p), model.radius_m,
+            self.grid, self._cell_start, model.reach_m, rows.count, rows.slice_start, rows.neighbour,
             rows.history, self._order, before.count, before.slice_start, before.neighbour, before.history,
         )  # fmt: skip
 
@@ -213,10 +188,10 @@ class DeviceLists:
 
     def _add_filling(self, launches: Launches, old: _Side, new: _Side) -> None:
         """Add the kernels that fill lists as far as there is room, and note the room needed."""
-        n, p, numbers = self.count, new.particles, self._numbers
+        n, p, model = self.count, new.particles, self._model
         launches.add(*self._partners(old, new, fill=True))
         walls, before = new.walls, old.walls
-        launches.add(find_near_walls, blocks(n), p.position, self._planes, numbers.wall_reach_m, self._near)
+        launches.add(find_near_walls, blocks(n), p.position, self._planes, model.wall_reach_m, self._near)
         add_scan(launches, self._near, n, walls.row)
         launches.add(note_size, 1, self._sizes, 1, walls.row, threads=1)
         launches.add(
@@ -228,14 +203,14 @@ class DeviceLists:
             low, high, *surface = tool.near
             launches.add(
                 find_near_tool, blocks(n), p.position, self._poses[k].there, low, high, *surface,
-                numbers.tool_reach_m, self._near, self._facets_near,
+                model.tool_reach_m, self._near, self._facets_near,
             )  # fmt: skip
             add_scan(launches, self._near, n, near.row)
             add_scan(launches, self._facets_near, n, self._first_facet)
             launches.add(note_size, 1, self._sizes, 2 + 2 * k, near.row, threads=1)
             launches.add(note_size, 1, self._sizes, 3 + 2 * k, self._first_facet, threads=1)
             launches.add(
-                list_near_tool, blocks(n), p.position, self._poses[k].there, *surface, numbers.tool_reach_m,
+                list_near_tool, blocks(n), p.position, self._poses[k].there, *surface, model.tool_reach_m,
                 self._near, near.row, self._first_facet, self._order, near.particle, near.facet_start,
                 near.facet, near.active, near.normal, near.shear, near.roll,
                 was.row, was.active, was.normal, was.shear, was.roll,
@@ -253,7 +228,7 @@ class DeviceLists:
         n, grown = self.count, False
         if places > len(new.rows.neighbour):
             count, slice_start = new.rows.count, new.rows.slice_start
-            new.rows = Rows.empty(n, room_for(places), self._numbers.precision)
+            new.rows = Rows.empty(n, room_for(places), self._model.precision)
             new.rows.count, new.rows.slice_start, grown = count, slice_start, True
         if near_walls > len(new.walls.particle):
             new.walls, grown = WallRows.empty(n, min(n, room_for(near_walls))), True
@@ -287,7 +262,7 @@ class DeviceLists:
         self, pairs: PairList, walls: WallList, tools: list[ToolList], wall_force: np.ndarray
     ) -> None:
         """Lists in the form of the CPU's, in place of those that `rebuild` would make."""
-        side, n, kind = self._side, self.count, self._numbers.precision
+        side, n, kind = self._side, self.count, self._model.precision
         side.rows = Rows(**{name: on_device(array) for name, array in full_rows(pairs, kind).items()})
         near_walls = wall_rows(walls, wall_force, n)
         sizes = [len(side.rows.neighbour), len(near_walls["particle"])]

@@ -18,9 +18,9 @@ from ..bed import Bed
 from ..kernel_calls import KernelCalls
 from ..mixture import Mixture
 from ..neighbours import CellGrid, carry_rows
+from ..particles import Particles, ToolList
 from ..periodic import refuse_tool_at_held_side, refuse_tool_at_seam
 from ..snapshot import from_named, motion_array, motion_from, named
-from ..state import Particles, ToolList
 from .facets import Facets, facets_of, inside_or_near, near_facets
 from .forces import CONTACTS, chunk_buffers, tool_forces, tool_scan
 from .motion import Motion, kernel_motion

@@ -2,7 +2,6 @@
 
 from ...dem.beds.prepare import prepare_bed
 from ...dem.beds.report import report_bed
-from ...dem.engine import SoilEngine
 from ...loading.loader import ResolvedScene
 from ...scene.beds import TiledBed
 
@@ -14,4 +13,4 @@ def bed_density_kg_per_m3(scene: ResolvedScene, threads: int = 1) -> float:
     assert soil is not None
     if isinstance(soil.bed, TiledBed):
         return soil.bed.solid_fraction * soil.particles.density_kg_per_m3
-    return float(report_bed(prepare_bed(scene, SoilEngine, threads), soil).density_kg_per_m3)
+    return float(report_bed(prepare_bed(scene, threads), soil).density_kg_per_m3)

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...dem.bed import Bed
-from ...dem.beds.settling import Settling, ignore_progress
+from ...dem.beds.settling import Settling
+from ...dem.beds.settling_progress import ignore_progress
 from ...dem.beds.tile import at_pressure, endless_soil, solid_fraction
 from ...dem.beds.tiled import kept_tile
-from ...dem.engine import SoilEngine
 from ...errors import RunError
 from ...limits.soil_at_work import WORKING_STRESS_PA
 from ...limits.stable_steps import SAFETY, step_limits
@@ -146,7 +146,7 @@ def prepare_cell(resolved: ResolvedScene, threads: int = 1, edge_m: float | None
     soil = resolved.scene.particle_soil
     assert soil is not None
     edge = edge_m or CELL_DIAMETERS * 2.0 * soil.particles.bounds_m[1]
-    return Cell(resolved, kept_tile(resolved, edge, SoilEngine, ignore_progress), threads)
+    return Cell(resolved, kept_tile(resolved, edge, ignore_progress), threads)
 
 
 class _Strained:
@@ -161,16 +161,14 @@ class _Strained:
 
         def settling(of: Soil) -> Settling:
             return Settling(
-                cell.resolved, SoilEngine, cell.threads, soil=of, step_s=SAFETY * step_limits(of)[0].limit_s,
+                cell.resolved, cell.threads, soil=of, step_s=SAFETY * step_limits(of)[0].limit_s,
                 gravity_m_per_s2=0.0,
             )  # fmt: skip
 
         bed = at_pressure(settling(loose), cell.tile, pressure_pa, ignore_progress)
         strained = settling(soil)
         self.look_s = strained.interval_s
-        engine = strained.engine(bed)
-        assert isinstance(engine, SoilEngine)
-        self.engine = engine
+        self.engine = engine = strained.engine(bed)
         engine.start(())
         self._stress_pa = np.diagonal(engine.stress_pa())  # at the end of the last look
         self._tick = 0

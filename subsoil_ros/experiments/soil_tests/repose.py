@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...dem.beds.settling import SETTLING_GRAVITY
-from ...dem.engine import SoilEngine
+from ...dem.build import build_engine
 from ...loading.loader import ResolvedScene, load_scene
 from ...yaml_document import Document
 
@@ -55,7 +55,7 @@ def repose_rad(resolved: ResolvedScene, threads: int = 1) -> float:
         },
     }
     alone = load_scene(document)
-    engine = SoilEngine(alone, threads)
+    engine = build_engine(alone, threads)
     cells = np.stack(np.meshgrid(*map(range, COLUMN), indexing="ij"), axis=-1).reshape(-1, 3)
     shaken = np.random.default_rng(0).uniform(0.0, 0.1 * radius, cells.shape)
     engine.place(np.array(engine.bed.lower_m) + radius + step * cells + shaken)

@@ -6,7 +6,7 @@ too.
 import dataclasses
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,8 @@ import trimesh
 import yaml
 
 from subsoil_ros.dem.bed import Bed
+from subsoil_ros.dem.build import build_engine
+from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.errors import PhysicsError
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.messages import ToolMotion
@@ -54,8 +56,6 @@ SCENARIOS: dict[str, dict[str, Any]] = {
 
 RESUMED = ("cohesive linear with a tool", "sizes, layers, periodic sides")
 """Those that go on from the other engine's checkpoint: all kinds of lists are in them."""
-
-EngineOf = Callable[..., Any]
 
 
 def document(folder: Path, scenario: dict[str, Any]) -> dict[str, Any]:
@@ -143,14 +143,14 @@ def motions(scenario: dict[str, Any], tick: int) -> tuple[ToolMotion, ...]:
     return (ToolMotion("tool", x, 0.0, 0.0, 2.0 * t, SPEED_M_PER_S, 0.0, 2.0),)
 
 
-def build(engine_of: EngineOf, folder: Path, scenario: dict[str, Any]) -> Any:
+def build(device: str, folder: Path, scenario: dict[str, Any]) -> SoilEngine:
     """The engine before its start."""
     path = folder / "scene.yaml"
     path.write_text(yaml.safe_dump(document(folder, scenario), sort_keys=False))
     bed = given_bed() if scenario.get("unequal") else crossing_bed() if scenario.get("crossing") else None
-    resolved = load_scene(path)
+    resolved = load_scene(path, [f"soil.device={device}"])
     book = scenario["law"] != "cohesive_linear" or resolved.scene.particle_soil.precision == "mixed"
-    return engine_of(resolved, bed=bed, book=book)
+    return build_engine(resolved, book=book) if bed is None else SoilEngine(resolved, bed, book=book)
 
 
 def start(engine: Any, scenario: dict[str, Any]) -> None:
@@ -211,11 +211,11 @@ def run(engine: Any, scenario: dict[str, Any], first: int, ticks: int) -> dict[s
     }
 
 
-def results(engine_of: EngineOf, name: str) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+def results(device: str, name: str) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     """What a scenario gives after TICKS, and a checkpoint half way."""
     scenario = SCENARIOS[name]
     with tempfile.TemporaryDirectory() as folder:
-        engine = build(engine_of, Path(folder), scenario)
+        engine = build(device, Path(folder), scenario)
         start(engine, scenario)
         half = run(engine, scenario, 0, TICKS // 2)
         kept = {key: np.array(array) for key, array in engine.state_arrays().items()}
@@ -223,11 +223,11 @@ def results(engine_of: EngineOf, name: str) -> tuple[dict[str, np.ndarray], dict
         return whole, kept
 
 
-def resumed(engine_of: EngineOf, name: str, kept: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def resumed(device: str, name: str, kept: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """What the second half gives from a checkpoint."""
     scenario = SCENARIOS[name]
     with tempfile.TemporaryDirectory() as folder:
-        engine = build(engine_of, Path(folder), scenario)
+        engine = build(device, Path(folder), scenario)
         engine.restore(kept)
         return run(engine, scenario, TICKS // 2, TICKS - TICKS // 2)
 
@@ -235,7 +235,6 @@ def resumed(engine_of: EngineOf, name: str, kept: dict[str, np.ndarray]) -> dict
 def main(folder: Path, names: Sequence[str]) -> None:
     """Everything that needs a GPU, of some scenarios; FOLDER holds checkpoints of the CPU."""
     from subsoil_ros.dem.gpu.device import SIMULATED
-    from subsoil_ros.dem.gpu.engine import GpuSoilEngine
 
     if SIMULATED:  # numba's seed of the inverse root works on bits, which plain Python has not
         import subsoil_ros.contact_laws.springs
@@ -246,15 +245,15 @@ def main(folder: Path, names: Sequence[str]) -> None:
 
         subsoil_ros.contact_laws.springs.inverse_root = subsoil_ros.dem.pairs.inverse_root = inverse_root
     for name in names:
-        whole, kept = results(GpuSoilEngine, name)
+        whole, kept = results("gpu", name)
         np.savez(folder / f"gpu {name}.npz", **whole)
         np.savez(folder / f"gpu kept {name}.npz", **kept)
         if name in RESUMED:
             with np.load(folder / f"cpu kept {name}.npz") as arrays:
-                taken = resumed(GpuSoilEngine, name, dict(arrays))
+                taken = resumed("gpu", name, dict(arrays))
             np.savez(folder / f"gpu resumed {name}.npz", **taken)
     if not SIMULATED:
-        again, _ = results(GpuSoilEngine, names[0])
+        again, _ = results("gpu", names[0])
         np.savez(folder / "gpu again.npz", **again)
 
 

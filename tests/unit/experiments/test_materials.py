@@ -12,7 +12,7 @@ import yaml
 from numpy.testing import assert_allclose
 
 from subsoil_ros.cli.main import main
-from subsoil_ros.dem.beds.tile import tile_edge_m
+from subsoil_ros.dem.beds.tile_edge import tile_edge_m
 from subsoil_ros.errors import InputError, SceneError
 from subsoil_ros.experiments.calibration import material as calibration
 from subsoil_ros.experiments.calibration.particles import FORMS

@@ -6,11 +6,13 @@ import numpy as np
 from numba import cuda
 
 from ..mixture import Mixture
+from ..model import SoilModel
 from ..neighbours import CellGrid
-from ..state import Particles
+from ..particles import Particles
+from ..state import SoilState
 from ..tools.facets import Facets
 from .device import Launches, Mirror, blocks
-from .device_lists import DeviceLists, Numbers
+from .device_lists import DeviceLists
 from .forces import (
     FAR,
     HALTED,
@@ -39,18 +41,20 @@ class DeviceSoil(DeviceLists):
     """Particles, lists, histories and tools of one soil on the GPU."""
 
     def __init__(
-        self, numbers: Numbers, particles: Particles, grid: CellGrid, tools: list[tuple[Facets, int]]
+        self, model: SoilModel, state: SoilState, grid: CellGrid, tools: list[tuple[Facets, int]]
     ) -> None:
-        super().__init__(numbers, particles, grid, tools)
+        super().__init__(model, state, grid, tools)
+        self._ceiling_m = state.domain.ceiling_m
+        self._wall_law, self._tool_law = _of_floats(model.wall_law), _of_floats(model.tool_law)
         n = self.count
-        self._features = without_period(numbers.features)
-        tables = numbers.pair_laws, numbers.wall_laws, numbers.tool_laws
+        self._features = without_period(model.features)
+        tables = model.pair_laws, model.wall_laws, model.tool_laws
         self._laws = [cuda.to_device(laws) for laws in tables]
-        booked = n if numbers.features.book.ndim == 2 else 1
+        booked = n if model.booked else 1
         self._pair_book = cuda.to_device(np.zeros((booked, 5)))
         self._wall_book = cuda.to_device(np.zeros((booked, 5)))
         self._per_step = sum(tool.columns for tool in self._tools)
-        self._slots = numbers.soil_steps
+        self._slots = model.soil_steps
         self._report = Mirror((REPORT + self._slots * self._per_step,), self.stream)
         tool_count = max(1, len(tools))
         self._motions = Mirror((self._slots, tool_count, 8), self.stream)
@@ -74,7 +78,7 @@ class DeviceSoil(DeviceLists):
     # what kernels take
 
     def _mixture(self, particles: OnDevice, laws: Any) -> Mixture:
-        return Mixture(particles.radius, particles.mass, particles.material, laws, self._numbers.materials)  # type: ignore[arg-type]
+        return Mixture(particles.radius, particles.mass, particles.material, laws, self._model.layers)  # type: ignore[arg-type]
 
     @staticmethod
     def _motion(particles: OnDevice) -> tuple[Any, ...]:
@@ -84,26 +88,26 @@ class DeviceSoil(DeviceLists):
     # soil steps
 
     def _add_drift(self, launches: Launches) -> None:
-        numbers, p = self._numbers, self._side.particles
+        model, p = self._model, self._side.particles
         launches.add(
             drift, blocks(self.count), self._report.there, *self._motion(p), p.built_position, p.held,
-            *self._masses(p), numbers.step_s, (0.5 * numbers.skin_m) ** 2,
+            *self._masses(p), model.step_s, (0.5 * model.soil.skin_m) ** 2,
         )  # fmt: skip
 
     def _add_forces(self, launches: Launches, step_s: float) -> None:
-        side, numbers, kind = self._side, self._numbers, self._numbers.precision
+        side, model, kind = self._side, self._model, self._model.precision
         p, rows, walls, report = side.particles, side.rows, side.walls, self._report.there
         motion = self._motion(p)
         launches.add(
             pair_kernel(self._features), blocks(self.count), report,
             rows.count, rows.slice_start, rows.neighbour, rows.history, *motion,
-            self._masses(p)[0], numbers.gravity_m_per_s2, kind(numbers.radius_m), kind(step_s),
-            numbers.pair_law, self._mixture(p, self._laws[0]), self.grid.period, self._pair_book,
+            self._masses(p)[0], model.gravity_m_per_s2, kind(model.radius_m), kind(step_s),
+            model.pair_law, self._mixture(p, self._laws[0]), self.grid.period, self._pair_book,
         )  # fmt: skip
         launches.add(
             wall_kernel(self._features), blocks(len(walls.particle)), report, self._sizes, 1,
-            walls.particle, walls.held, walls.springs, self._planes, *motion, numbers.radius_m, step_s,
-            numbers.wall_law, self._mixture(p, self._laws[1]), walls.force, self._wall_book,
+            walls.particle, walls.held, walls.springs, self._planes, *motion, model.radius_m, step_s,
+            self._wall_law, self._mixture(p, self._laws[1]), walls.force, self._wall_book,
         )  # fmt: skip
         first = 0
         for k, (tool, near) in enumerate(zip(self._tools, side.tools, strict=True)):
@@ -111,8 +115,8 @@ class DeviceSoil(DeviceLists):
             launches.add(
                 tool_kernel(self._features), blocks(len(near.particle)), report, self._sizes,
                 2 + 2 * k, self._motions.there, k, near.particle, near.facet_start, near.facet, tool.facets,
-                *motion, near.active, near.normal, near.shear, near.roll, numbers.radius_m, step_s,
-                numbers.tool_law, self._mixture(p, self._laws[2]), *felt,
+                *motion, near.active, near.normal, near.shear, near.roll, model.radius_m, step_s,
+                self._tool_law, self._mixture(p, self._laws[2]), *felt,
             )  # fmt: skip
             launches.add(
                 add_up_tool, tool.columns, report, self._sizes, 2 + 2 * k, *felt, first,
@@ -121,7 +125,7 @@ class DeviceSoil(DeviceLists):
             first += tool.columns
 
     def _add_step_end(self, launches: Launches) -> None:
-        self._add_forces(launches, self._numbers.step_s)
+        self._add_forces(launches, self._model.step_s)
         launches.add(end_step, 1, self._report.there, threads=1)
 
     def _add_step(self, launches: Launches) -> None:
@@ -163,10 +167,10 @@ class DeviceSoil(DeviceLists):
         return told, here[REPORT:].reshape(self._slots, self._per_step)
 
     def _add_kick(self, launches: Launches) -> None:
-        p, numbers, report = self._side.particles, self._numbers, self._report.there
+        p, model, report = self._side.particles, self._model, self._report.there
         launches.add(
             kick_owed, blocks(self.count), report, p.velocity, p.spin, p.force, p.torque, p.held,
-            *self._masses(p), numbers.step_s,
+            *self._masses(p), model.step_s,
         )  # fmt: skip
         launches.add(kick_paid, 1, report, threads=1)
 
@@ -177,7 +181,7 @@ class DeviceSoil(DeviceLists):
     def damp(self, kept: float) -> None:
         """Every velocity and spin times `kept`, at the end of the last step."""
         self.finish_kick()
-        p, factor = self._side.particles, self._numbers.precision(kept)
+        p, factor = self._side.particles, self._model.precision(kept)
         self._run(
             f"damp {kept}",
             lambda launches: launches.add(damp, blocks(self.count), p.velocity, p.spin, factor),
@@ -192,10 +196,10 @@ class DeviceSoil(DeviceLists):
 
     def _add_look_at_particles(self, launches: Launches) -> None:
         self._add_kick(launches)
-        p, numbers = self._side.particles, self._numbers
+        p, model = self._side.particles, self._model
         launches.add(
-            look_at_particles, SUM_BLOCKS, *self._motion(p), *self._masses(p), numbers.step_s, self._planes,
-            self._radius(p), numbers.ceiling_m, self._of_particles.there,
+            look_at_particles, SUM_BLOCKS, *self._motion(p), *self._masses(p), model.step_s, self._planes,
+            self._radius(p), self._ceiling_m, self._of_particles.there,
         )  # fmt: skip
 
     def look_at_pairs(self) -> tuple[int, float, float]:
@@ -205,11 +209,11 @@ class DeviceSoil(DeviceLists):
         return int(found[:, 0].sum()), float(found[:, 1].max()), float(found[:, 2].sum())
 
     def _add_look_at_pairs(self, launches: Launches) -> None:
-        side, numbers = self._side, self._numbers
+        side, model = self._side, self._model
         p, rows = side.particles, side.rows
         launches.add(
             look_at_pairs_kernel(self._features), SUM_BLOCKS, rows.count, rows.slice_start, rows.neighbour,
-            rows.history, p.position, numbers.radius_m, numbers.wall_law, self._mixture(p, self._laws[0]),
+            rows.history, p.position, model.radius_m, self._wall_law, self._mixture(p, self._laws[0]),
             self.grid.period,
             self._of_pairs.there,
         )  # fmt: skip
@@ -225,3 +229,7 @@ class DeviceSoil(DeviceLists):
             total += self._take(partial).sum(axis=0)
             book.copy_to_device(np.zeros(book.shape), stream=self.stream)
         return total
+
+
+def _of_floats(law: Any) -> Any:
+    return type(law)(*(float(number) for number in law))

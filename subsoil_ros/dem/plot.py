@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...contact_laws.base import SPRINGS
-from ..bed import Bed
+from ..contact_laws.base import SPRINGS
+from .bed import Bed
 
 ALONG, ACROSS = ((1, 0), (0, 1)), ((21, 8), (13, 5))
 """Blocks along the ground's x and y from a copy to the next one in its row, and to one in the row beside.

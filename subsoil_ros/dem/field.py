@@ -1,10 +1,7 @@
-"""A field of any length: strips of one settled block that repeats itself along x.
+"""A field of any length: strips of one settled block (dem.beds.block) that repeats itself along x.
 
-1. A tile of random spheres (dem.beds.tile) under the law of the scene, stacked as deep as the bed over held
-   soil, comes to rest in its weight between periodic sides along x and y. It is cut at its surface and
-   comes to rest once more. With the springs that its contacts then have, that is the block.
-2. Copies of the block, cut to the width of the scene, make the plot, one period of the field (plot).
-3. Strips of the field are cut by the place of the particles along x. A particle's identity is the number of
+1. Copies of the block, cut to the width of the scene, make the plot, one period of the field (plot).
+2. Strips of the field are cut by the place of the particles along x. A particle's identity is the number of
    its period times the particles of the plot, plus its number in the plot; it gives the place of laying out.
 """
 
@@ -14,37 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...errors import SceneError
-from ...loading.loader import ResolvedScene
-from ...scene.bin import Bin
-from ...scene.soil import Soil
-from ..bed import Bed
-from ..contact import history_parity
-from ..mixture import material_at
-from ..periodic import HELD_LAYER
-from .cache import cached_bed_path, keep, load_cached, load_contacts
-from .dense import relaxed_rest
-from .in_reach import radii_of
+from ..errors import SceneError
+from ..scene.soil import Soil
+from .bed import Bed, profile_m, radii_of
+from .contact import history_parity
+from .periodic import HELD_LAYER
 from .plot import plot_of
-from .settling import (
-    EngineOf,
-    OnProgress,
-    Rest,
-    SettlingEngine,
-    bed_of,
-    ignore_progress,
-    of_the_preparation,
-)  # fmt: skip
-from .surface import cut_to_depth, mean_above_profile_m, profile_m
-from .tile import tile_edge_m
-from .tiled import (
-    RELAXING_S,
-    damping_per_s,
-    refuse_unfinished,
-    settling_under,
-    tile_under_law,
-    with_patience,
-)  # fmt: skip
+from .snapshot import bed_digest
 
 STRIPS_PER_BLOCK = 4
 """Strips in the length of a block: on average the window is an eighth of a block longer than the scene's, and
@@ -77,105 +50,9 @@ class Strips(NamedTuple):
     material: np.ndarray  # (n,) int64
 
 
-def kept_block(
-    resolved: ResolvedScene, engine_of: EngineOf, threads: int = 1, on_progress: OnProgress = ignore_progress
-) -> Block:
-    """The block of a scene's field, from the cache if it is there.
-
-    Raises:
-        SceneError: the tile does not fit, changes its solid fraction under the law, or does not come to rest.
-    """
-    soil = resolved.scene.particle_soil
-    assert soil is not None
-    edge = tile_edge_m(soil)
-    path, as_kept = cached_bed_path(resolved), _endless(soil, edge)
-    bed, contacts = load_cached(path, as_kept), load_contacts(path)
-    if bed is not None and contacts is not None:
-        return Block(bed, Contacts(*contacts))
-    block = _prepared(resolved, edge, engine_of, threads, on_progress)
-    keep(path, block.bed, as_kept, block.contacts)
-    return block
-
-
-def _endless(soil: Soil, edge_m: float) -> Soil:
-    """The soil of a scene, layers and all, in a box that repeats itself, its surface below the top."""
-    box = Bin(length_m=edge_m, width_m=edge_m, depth_m=soil.bin.depth_m + _headroom_m(soil))
-    box = box.model_copy(update={"sides": "endless"})
-    return soil.model_copy(update={"bin": box, "window": None, "surface": None} | of_the_preparation(soil))
-
-
-def _headroom_m(soil: Soil) -> float:
+def headroom_m(soil: Soil) -> float:
     """Free height over a block and below it [m]."""
     return HEADROOM * soil.particles.bounds_m[1]
-
-
-def _prepared(
-    resolved: ResolvedScene, edge_m: float, engine_of: EngineOf, threads: int, on_progress: OnProgress
-) -> Block:
-    soil, gravity = resolved.scene.particle_soil, resolved.scene.gravity_m_per_s2
-    assert soil is not None
-    tile = tile_under_law(resolved, edge_m, engine_of, threads, on_progress)
-    endless = _endless(soil, edge_m)
-    settling = settling_under(resolved, engine_of, 1, endless, gravity, on_progress)
-    radius = soil.particles.mean_volume_radius_m
-    rest = Rest(relaxed_rest(radius, settling.contact_rate_per_s).speed_m_per_s, RELAXING_S)
-    damping = damping_per_s(soil, gravity)
-    over_lower = soil.bin.depth_m + (HELD_LAYER + HEADROOM) * soil.particles.bounds_m[1]
-    bed = settling.run(_in_layers(_stacked(tile, soil), soil), rest, damping, "relaxing")
-    bed = _in_layers(_level(cut_to_depth(bed, radius, over_lower), soil), soil)
-    engine = settling.settled(bed, with_patience(rest, bed, endless), damping, "relaxing")
-    bed = _level(bed_of(engine, bed), soil)
-    refuse_unfinished(bed, endless, rest.speed_m_per_s)
-    order = np.argsort(bed.positions_m[:, 0], kind="stable")
-    return Block(bed.only(order), _contacts_of(engine, soil, order))
-
-
-def _stacked(tile: Bed, soil: Soil) -> Bed:
-    """Tiles on top of each other, from the held layer to a diameter above the surface."""
-    edge, radii, largest = tile.periods_m[0], radii_of(tile, soil), soil.particles.bounds_m[1]
-    surface = -_headroom_m(soil)
-    bottom, top = surface - soil.bin.depth_m - HELD_LAYER * largest, surface + 2.0 * largest
-    inside = tile.positions_m - np.array((*tile.lower_m[:2], 0.0)) + (0.0, -0.5 * edge, top)
-    below = np.arange(math.ceil((top - bottom) / edge))
-    places = (inside[None] - edge * below[:, None, None] * (0.0, 0.0, 1.0)).reshape(-1, 3)
-    kept = places[:, 2] >= bottom
-    return Bed(
-        places[kept],
-        (0.0, -0.5 * edge, bottom - _headroom_m(soil)),
-        (edge, 0.5 * edge),
-        radii_m=None if soil.particles.sizes is None else np.tile(radii, len(below))[kept],
-        sides="endless",
-        held=places[kept, 2] < surface - soil.bin.depth_m,
-    )
-
-
-def _level(bed: Bed, soil: Soil) -> Bed:
-    """The bed with its mean top where the surface is."""
-    rise = -_headroom_m(soil) - mean_above_profile_m(bed, soil.particles.mean_volume_radius_m, None)
-    risen = bed.positions_m + np.array((0.0, 0.0, rise))
-    return dataclasses.replace(bed, positions_m=risen)
-
-
-def _in_layers(bed: Bed, soil: Soil) -> Bed:
-    """The bed whose particles have the material of the layer that they stand in."""
-    if soil.layers is None:
-        return bed
-    depth = -_headroom_m(soil) - bed.positions_m[:, 2]
-    return dataclasses.replace(bed, materials=material_at(soil, depth))
-
-
-def _contacts_of(engine: SettlingEngine, soil: Soil, order: np.ndarray) -> Contacts:
-    """Contacts of the particles of an engine, numbered as after they are put in `order`."""
-    pair, history = engine.contact_histories()
-    touching = (history != 0.0).any(axis=1)
-    place = np.empty(len(order), np.int64)
-    place[order] = np.arange(len(order))
-    pair, history = place[pair[touching]], history[touching]
-    turned = pair[:, 0] > pair[:, 1]
-    history = np.where(turned[:, None], history * history_parity(soil.law), history)
-    pair = np.sort(pair, axis=1)
-    rows = np.lexsort((pair[:, 1], pair[:, 0]))
-    return Contacts(pair[rows], history[rows])
 
 
 class Field:
@@ -188,10 +65,10 @@ class Field:
         self._strips = round(STRIPS_PER_BLOCK * plot.blocks)
         self.period_m, self.strip_m = plot.period_m, plot.period_m / self._strips
         self.count = max(1, round(soil.bin.length_m / self.strip_m))
-        self._half_width, self._floor = plot.half_width_m, block.bed.lower_m[2] + _headroom_m(soil)
+        self._half_width, self._floor = plot.half_width_m, block.bed.lower_m[2] + headroom_m(soil)
         radius = radii_of(block.bed, soil)[plot.number]
         fits = np.abs(plot.place_m[:, 1]) + radius * (soil.bin.sides == "walls") <= self._half_width
-        self._place = plot.place_m[fits] + np.array((0.0, 0.0, _headroom_m(soil)))
+        self._place = plot.place_m[fits] + np.array((0.0, 0.0, headroom_m(soil)))
         self._number, self._radius = plot.number[fits], radius[fits]
         self._start = np.searchsorted(self._place[:, 0], self.strip_m * np.arange(self._strips + 1))
         self._start[-1] = len(self._place)
@@ -296,6 +173,16 @@ class Field:
         return 0, min(self.count, math.ceil((window.ahead_m + window.behind_m) / self.strip_m) + 1)
 
     @property
-    def arrays(self) -> tuple[np.ndarray, ...]:
-        """Arrays from which all strips follow: places in a period [m], radii [m], histories."""
-        return self._place, self._radius, self._history
+    def ends_m(self) -> tuple[float, float]:
+        """x of both ends [m]."""
+        return 0.0, self.count * self.strip_m
+
+    @property
+    def places_m(self) -> np.ndarray:
+        """(n, 3) places of one period [m]."""
+        return self._place
+
+    def digest(self) -> np.ndarray:
+        """(32,) uint8 of the first window and of all from which strips follow."""
+        parts = (self._place, self._radius, self._history)
+        return bed_digest(self.box(*self.first_window), np.concatenate([part.ravel() for part in parts]))

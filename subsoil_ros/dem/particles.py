@@ -1,0 +1,131 @@
+"""State of the soil: particles and the histories of their contacts."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from .neighbours import take_rows
+from .periodic import wrapped
+
+
+@dataclass
+class Particles:
+    """All spheres, sorted by cell. World axes, SI, shape (n, 3) unless said.
+
+    Positions are float64. The rest is float32 in mixed precision: a float32 position would lose slow
+    motion, 0.1 um at 2 m, but a velocity or force loses only 1e-7 of itself.
+    """
+
+    position: np.ndarray  # [m]
+    velocity: np.ndarray  # [m/s]
+    spin: np.ndarray  # [rad/s]
+    force: np.ndarray  # [N]
+    torque: np.ndarray  # [N m]
+    built_position: np.ndarray  # [m] where the neighbour lists were built; float32 resolves half a skin
+    identity: np.ndarray  # (n,) int32: place in the bed as prepared
+    image: np.ndarray  # (n,) int32: periods by which it was moved back into the box, in y
+    held: np.ndarray  # (n,) bool: stays where it is, whatever acts on it
+    # Of length 0 where all particles are equal:
+    radius: np.ndarray  # (n,) [m]
+    mass: np.ndarray  # (n,) [kg]
+    inertia: np.ndarray  # (n,) [kg m2]
+    material: np.ndarray  # (n,) int64: number of the layer it came from
+
+    @classmethod
+    def at_rest(
+        cls, position: np.ndarray, identity: np.ndarray, kind: type, held: np.ndarray | None = None
+    ) -> "Particles":
+        """Equal particles that do not move, at `position` (n, 3) [m]; `kind` is float64 or float32.
+
+        Particles of `held` (n,) bool never move; without it, all may.
+        """
+        zeros: np.ndarray = np.zeros(position.shape, kind)
+        none, of_none = np.empty(0), np.empty(0, np.int64)
+        return cls(
+            position, zeros, zeros.copy(), zeros.copy(), zeros.copy(), position.astype(np.float32), identity,
+            np.zeros(len(position), np.int32), np.zeros(len(position), np.bool_) if held is None else held,
+            none, none.copy(), none.copy(), of_none,
+        )  # fmt: skip
+
+    def make_unequal(self, radius: np.ndarray, material: np.ndarray, density: np.ndarray) -> None:
+        """Give every particle a radius [m], a material, and the mass of its material's density [kg/m3]."""
+        self.radius, self.material = radius, material
+        self.mass = density[material] * 4.0 / 3.0 * np.pi * radius**3
+        self.inertia = 0.4 * self.mass * radius**2
+
+    @property
+    def unequal(self) -> bool:
+        """Whether the particles have sizes or materials of their own."""
+        return len(self.mass) > 0
+
+    def wrap(self, low_m: float, period_m: float) -> None:
+        """Put every particle into low <= y < low + period [m], and keep count."""
+        self.position[:, 1], turns = wrapped(self.position[:, 1], low_m, period_m)
+        self.image += turns.astype(np.int32)
+
+    def wrap_all(self, low_m: np.ndarray, periods_m: np.ndarray) -> None:
+        """Put all particles into the box of an endless bed: `low_m` (3,) corner, `periods_m` (3,) size."""
+        for a in range(3):
+            self.position[:, a] = wrapped(self.position[:, a], low_m[a], periods_m[a])[0]
+
+    def reorder(self, order: np.ndarray) -> None:
+        """Put particle order[k] in place k."""
+        for name in ("position", "velocity", "spin", "force", "torque"):
+            setattr(self, name, take_rows(getattr(self, name), order))
+        for name in ["identity", "image", "held"] + self.unequal * ["radius", "mass", "inertia", "material"]:
+            setattr(self, name, getattr(self, name)[order])
+        self.built_position = self.position.astype(np.float32)
+
+    def joined(self, others: "Particles") -> "Particles":
+        """These particles, followed by `others`."""
+        parts = {
+            item.name: np.concatenate((getattr(self, item.name), getattr(others, item.name)))
+            for item in fields(self)
+        }
+        return Particles(**parts)
+
+    @property
+    def count(self) -> int:
+        """Number of particles."""
+        return len(self.position)
+
+
+@dataclass
+class PairList:
+    """Half neighbour list in compressed rows: pairs (i, neighbour[k]), row_start[i] <= k < row_start[i+1].
+
+    `slab_start` cuts the particles into slabs wider than the reach: a slab's pairs touch only itself
+    and the next one, so even slabs can run side by side, then odd ones, in an order that does not
+    depend on the number of threads.
+    """
+
+    row_start: np.ndarray  # (n + 1,) int64
+    neighbour: np.ndarray  # (p,) int32
+    history: np.ndarray  # springs, and what the law keeps besides, in blocks (dem.blocks.history_blocks)
+    slab_start: np.ndarray  # (slabs + 1,) int64
+
+
+@dataclass
+class WallList:
+    """Pairs of a particle and a wall that it may touch, by particle, then by wall."""
+
+    particle: np.ndarray  # (w,) int64
+    wall: np.ndarray  # (w,) int64, row of dem.walls.wall_planes
+    history: np.ndarray  # the same, float64
+
+
+@dataclass
+class ToolList:
+    """Particles that may touch one tool, and which of its facets.
+
+    A contact is identified by its normal in the tool's frame. Shear and roll are kept in that frame too, so
+    they turn with the tool and pass from facet to facet.
+    """
+
+    particle: np.ndarray  # (c,) int64, increasing
+    facet_start: np.ndarray  # (c + 1,) int64
+    facet: np.ndarray  # (q,) int32
+    active: np.ndarray  # (c, CONTACTS) bool
+    normal: np.ndarray  # (c, CONTACTS, 3)
+    shear: np.ndarray  # (c, CONTACTS, 3) [m]
+    roll: np.ndarray  # (c, CONTACTS, 3 + kept) [rad], then what the law keeps besides

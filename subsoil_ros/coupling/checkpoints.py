@@ -27,7 +27,6 @@ from ..ticks import INITIAL_TICK, tick_end_s
 from .energy_account import InterfaceWork
 from .engines import Resumable
 from .protocol import MECHANISM, SOIL
-from .schedule import schedule_of
 from .stopping import StopState
 
 PATHS = "paths"
@@ -121,16 +120,7 @@ class CheckpointWriter:
         self.directory = directory
         self.last_tick = INITIAL_TICK  # of the newest checkpoint that is valid
         self._resolved, self._run_id, self._sync_record = resolved, run_id, sync_record
-        self._schedule = schedule_of(resolved.scene, resolved.timing)
         self._names = part_names(resolved.scene)
-
-    def ends_with(self, tick: int) -> None:
-        """Make `tick` the last one of the run: no checkpoint is due there."""
-        self._schedule = self._schedule.ends_with(tick)
-
-    def due(self, tick: int) -> bool:
-        """Whether the scene has a checkpoint at the end of `tick`."""
-        return self._schedule.checkpoint_due(tick)
 
     def keep(self, tick: int, part: str, engine: Resumable) -> None:
         """Write the part of an engine that has finished `tick`.

@@ -16,7 +16,6 @@ from .energy_account import InterfaceWork, account_of
 from .engines import Mechanism, MotionSource, Soil
 from .exit_status import interrupted
 from .protocol import SOIL
-from .schedule import schedule_of
 from .stopping import OnCheck, StopRule
 
 
@@ -61,7 +60,7 @@ def run_direct(
         RunError: an engine or the interface account failed. Every finished tick is written.
     """
     communication_step_ns = resolved.timing.communication_step_ns
-    schedule = schedule_of(resolved.scene, resolved.timing)
+    schedule = resolved.schedule
     mechanism: Mechanism | None = motion_source if resolved.scene.mechanism is not None else None  # type: ignore[assignment]
     part = mover_part(resolved.scene)
     state = _first_state(motion_source, soil, part, resumed)
@@ -90,8 +89,6 @@ def run_direct(
         """Make `tick`, the next one, the last."""
         nonlocal schedule
         schedule = schedule.ends_with(tick)
-        if checkpoint_writer is not None:
-            checkpoint_writer.ends_with(tick)
         if soil is not None:
             soil.ends_with(tick)
 
@@ -139,7 +136,7 @@ def run_direct(
                 on_check(stop_rule.result())
         stopping = stop_rule.state if stop_rule is not None else None
         state = CouplingState(tick, motions, wrenches, work, wall_time_s, stopping)
-        if checkpoint_writer is not None and checkpoint_writer.due(tick):
+        if schedule.checkpoint_due(tick):
             keep()
         if tick == schedule.last_tick:
             break

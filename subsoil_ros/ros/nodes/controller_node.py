@@ -20,17 +20,10 @@ class ControllerNode(LockstepNode):
     ) -> None:
         """Create the node. Raises SceneError if the scene has no controller."""
         super().__init__(CONTROLLER, run, heartbeat, context)
-        scene, timing = run.resolved.scene, run.resolved.timing
-        if scene.controller is None:
+        if run.resolved.scene.controller is None:
             raise SceneError(f"{run.resolved.path}: has no 'controller'; no controller node is needed for it")
         self._controller = controller
-        self._commander = Commander(
-            run.run_id,
-            timing.tick_count,
-            scene.record.series_ticks,
-            scene.controller.interval_ticks,
-            run.first_tick,
-        )
+        self._commander = Commander(run.run_id, run.schedule)
         self._commands = self.publisher(DriverCommand, (MECHANISM, COUPLER, RECORDER))
         self.listen(MechanismState, self._on_state, (MECHANISM,))
         self.listen(Grant, self._on_grant, (COUPLER,))

@@ -23,7 +23,6 @@ from ...coupling.protocol import (
     FinishedTick,
     needed_capabilities,
 )
-from ...coupling.schedule import schedule_of
 from ...coupling.stopping import OnCheck
 from ...errors import RunError
 from ...messages import (
@@ -85,21 +84,16 @@ class CouplerNode(LockstepNode):
         on_check: OnCheck = lambda result: None,
     ) -> None:
         super().__init__(COUPLER, run, heartbeat, context)
-        scene, timing = run.resolved.scene, run.resolved.timing
+        scene = run.resolved.scene
         names = run.participants
-        self._schedule = schedule_of(scene, timing)
         self._coupler = Coupler(
             run.node_status(COUPLER),
             names,
             tuple(scene.tools),
-            timing.tick_count,
+            run.schedule,
             scene.coupling.grant_window,
-            soil=scene.soil is not None,
-            first_tick=run.first_tick,
-            control_ticks=self._schedule.control_ticks,
             needed=needed_capabilities(scene),
             paused=paused,
-            check_ticks=self._schedule.check_ticks,
         )
         self._stop_rule = build_stop_rule(run.resolved, run.resumed)
         self._on_check = on_check
@@ -167,7 +161,7 @@ class CouplerNode(LockstepNode):
     def _log_progress(self, now: float) -> None:
         if now - self._progress_s >= PROGRESS_S:
             self._progress_s = now
-            tick, last = self._coupler.done_tick, self._schedule.last_tick
+            tick, last = self._coupler.done_tick, self._coupler.last_tick
             self.get_logger().info(f"tick {tick} of {last}, {100.0 * tick / max(last, 1):.0f} %")
 
     def health(self) -> Health:
@@ -238,7 +232,7 @@ class CouplerNode(LockstepNode):
         return self._coupler.done_tick
 
     def _allowed_s(self) -> float:
-        if self._coupler.done_tick < self.run.first_tick:
+        if self._coupler.done_tick < self._first_tick:
             return STARTUP_S
         usual_s = statistics.median(self.tick_times_s) if self.tick_times_s else 0.0
         return max(DEADLINE_S, DEADLINE_MEDIANS * usual_s)
@@ -255,7 +249,7 @@ class CouplerNode(LockstepNode):
         )
         self._last_advance = now
         self._wall.start(before.wall_time_s if before is not None else 0.0)
-        if self._schedule.check_due(coupler.done_tick):  # the run is resumed at a check tick
+        if coupler.schedule.check_due(coupler.done_tick):  # the run is resumed at a check tick
             self._decide(coupler.done_tick)
         if resumed is None:
             self._report(INITIAL_TICK, self._account.work, 0.0)
@@ -273,10 +267,6 @@ class CouplerNode(LockstepNode):
         assert rule is not None  # of a scene with check ticks
         self._on_check(rule.result())
         self._coupler.decide(tick, ends=rule.state.stops)
-        if rule.state.stops:
-            self._schedule = self._schedule.ends_with(tick + 1)
-            if self._checkpoint_writer is not None:
-                self._checkpoint_writer.ends_with(tick + 1)
 
     def _on_pacing(self) -> None:
         """Handle a request for a pause, its end, or steps."""
@@ -334,10 +324,10 @@ class CouplerNode(LockstepNode):
 
     def _account_for(self, finished: FinishedTick) -> None:
         assert self._account is not None  # no tick is granted before
-        tick = finished.tick
+        tick, schedule = finished.tick, self._coupler.schedule
         self._last_advance = time.monotonic()
         work = self._account.add(finished.motions, finished.wrenches)
-        if self._schedule.series_due(tick):
+        if schedule.series_due(tick):
             self._report(tick, work, self._wall.elapsed_s)
         self._clock_publisher.publish(serialize(clock(tick_end_ns(tick, self._communication_step_ns))))
         self.heartbeat.tick = tick
@@ -345,18 +335,19 @@ class CouplerNode(LockstepNode):
         stopping = None
         if self._stop_rule is not None:
             self._stop_rule.add(tick, finished.motions, finished.wrenches)
-            if self._schedule.check_due(tick):
+            if schedule.check_due(tick):
                 self._stop_rule.check()
                 self._decide(tick)
-            elif tick == self._schedule.last_tick and not self._stop_rule.state.stops:
+            elif tick == schedule.last_tick and not self._stop_rule.state.stops:
                 self._on_check(self._stop_rule.result())
             stopping = self._stop_rule.state
+        schedule = self._coupler.schedule  # which the check may have shortened
         elapsed_s = self._wall.elapsed_s
         self._last = CouplingState(tick, finished.motions, finished.wrenches, work, elapsed_s, stopping)
-        if self._checkpoint_writer is not None and self._checkpoint_writer.due(tick):
+        if self._checkpoint_writer is not None and schedule.checkpoint_due(tick):
             self._to_commit.append(self._last)
             self._commit_recorded()
-        if self._checkpoint_writer is not None and tick == self._schedule.last_tick:
+        if self._checkpoint_writer is not None and tick == schedule.last_tick:
             self._checkpoint_writer.note_coupling_end(self._last)
 
     def _commit_recorded(self) -> None:

@@ -100,13 +100,14 @@ class LockstepNode(Node):
         self.heartbeat = heartbeat
         self.ended = threading.Event()
         self.status = ExitStatus()
+        self._first_tick = run.schedule.first_tick
         self._communication_step_ns = run.resolved.timing.communication_step_ns
         self._writers: dict[type, Callable[[Any], bytes]] = {}
         self._partners: list[tuple[Publisher | Subscription, tuple[str, ...]]] = []
         self._diagnostics = Diagnostics(self, run.run_id, self._communication_step_ns)
         self._waited_for = ""  # logged last
         self._next_waiting = time.monotonic() + WAITING_S
-        self._woken = run.first_tick, time.monotonic()  # the last tick at the last wake-up, and when
+        self._woken = self._first_tick, time.monotonic()  # the last tick at the last wake-up, and when
         self.tick_times_s: deque[float] = deque(maxlen=_MEASURED)
         """Mean times of a tick between two wake-ups, of the last _MEASURED wake-ups."""
 
@@ -248,7 +249,7 @@ class LockstepNode(Node):
     def note_tick(self, tick: int, last: bool) -> None:
         """Update tick and state that the heartbeat publishes."""
         self.heartbeat.tick = tick
-        if tick == self.run.first_tick and not last:
+        if tick == self._first_tick and not last:
             self.heartbeat.say(NodeState.RUNNING)
         elif last:
             self.heartbeat.say(NodeState.ENDED)

@@ -7,7 +7,6 @@ from rclpy.context import Context
 from ...coupling.checkpoints import CouplingState, restore_engine
 from ...coupling.engines import Mechanism, MotionSource, build_mechanism
 from ...coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL, Needs, Participant
-from ...coupling.schedule import schedule_of
 from ...errors import SceneError
 from ...messages import (
     Command,
@@ -39,21 +38,12 @@ class MechanismNode(LockstepNode):
         self, engine: MotionSource, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
     ) -> None:
         super().__init__(MECHANISM, run, heartbeat, context)
-        scene, timing = run.resolved.scene, run.resolved.timing
+        scene = run.resolved.scene
         self._engine = engine
         self._mechanism: Mechanism | None = engine if scene.mechanism is not None else None  # type: ignore[assignment]
-        self._schedule = schedule_of(scene, timing)
         self._with_soil = scene.soil is not None
         needs = Needs.WRENCHES if self._with_soil else Needs.NOTHING
-        self._participant = Participant(
-            run.run_id,
-            timing.tick_count,
-            needs,
-            tuple(scene.tools),
-            control_ticks=self._schedule.control_ticks,
-            first_tick=run.first_tick,
-            check_ticks=self._schedule.check_ticks,
-        )
+        self._participant = Participant(run.run_id, run.schedule, needs, tuple(scene.tools), commanded=True)
         self._checkpoint_writer = run.checkpoint_writer()
         self._state: MechanismState | None = None  # the last one published
         self._engine_s = 0.0  # spent in the engine
@@ -114,11 +104,10 @@ class MechanismNode(LockstepNode):
         if grant.command is Command.ABORT:
             self.finish_aborted(grant)
             return
-        if grant.command is Command.END and grant.tick < self._schedule.last_tick:
-            self._end_with(grant.tick)
+        schedule = self._participant.schedule
         if grant.tick == 0 and self._mechanism is not None:
             self._publish(self._mechanism.initial_state(self.run.run_id, self._initial_wrenches))
-        elif grant.tick == self.run.first_tick and self._schedule.control_due(grant.tick):
+        elif grant.tick == schedule.first_tick and schedule.control_due(grant.tick):
             self._publish_state(grant.tick - 1)  # a resumed run, whose controller has not received it
         self._work()
 
@@ -139,11 +128,12 @@ class MechanismNode(LockstepNode):
             begin = time.perf_counter()
             motions = self._engine.advance(tick, work.wrenches)
             self._engine_s += time.perf_counter() - begin
-            if self._checkpoint_writer is not None and self._checkpoint_writer.due(tick):
+            schedule = self._participant.schedule
+            if schedule.checkpoint_due(tick):
                 self._keep(tick)  # before the motions, which imply that the part is written
             moved = ToolMotions(self.run.run_id, tick, end_ns, motions)
             self._motions.publish(self.bytes_of(moved))
-            if self._schedule.series_due(tick):
+            if schedule.series_due(tick):
                 state = self._publish_state(tick)
                 self._visualization.move(state, None if state is not None else moved, end_ns)
             self._participant.finish(tick)
@@ -161,12 +151,6 @@ class MechanismNode(LockstepNode):
         self._states.publish(self.bytes_of(state))
         self._state = state
         return state
-
-    def _end_with(self, tick: int) -> None:
-        """End early: messages due at the last tick are due at `tick`."""
-        self._schedule = self._schedule.ends_with(tick)
-        if self._checkpoint_writer is not None:
-            self._checkpoint_writer.ends_with(tick)
 
     def _keep(self, tick: int) -> None:
         if self._checkpoint_writer is not None:

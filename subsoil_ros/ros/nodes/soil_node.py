@@ -9,7 +9,6 @@ from ...coupling.checkpoints import PATHS, CouplingState, restore_engine
 from ...coupling.cloud import recorded_cloud
 from ...coupling.engines import MotionSource, Resumable, Soil, build_paths, build_soil
 from ...coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL, Needs, Participant
-from ...coupling.schedule import schedule_of
 from ...errors import SceneError
 from ...messages import (
     Command,
@@ -59,19 +58,11 @@ class SoilNode(LockstepNode):
         context: Context | None = None,
     ) -> None:
         super().__init__(SOIL, run, heartbeat, context)
-        scene, timing = run.resolved.scene, run.resolved.timing
+        scene = run.resolved.scene
         self._engine = engine
         self._motion_source = motion_source
-        self._schedule = schedule_of(scene, timing)
         needs = Needs.MOTIONS if motion_source is None else Needs.NOTHING
-        self._participant = Participant(
-            run.run_id,
-            timing.tick_count,
-            needs,
-            tuple(scene.tools),
-            first_tick=run.first_tick,
-            check_ticks=self._schedule.check_ticks,
-        )
+        self._participant = Participant(run.run_id, run.schedule, needs, tuple(scene.tools))
         self._checkpoint_writer = run.checkpoint_writer()
         self._state: SoilState | None = None  # the last one published
         self._engine_s = 0.0  # spent in the engine
@@ -80,7 +71,7 @@ class SoilNode(LockstepNode):
         listeners = (COUPLER, RECORDER) if motion_source is not None else (MECHANISM, COUPLER, RECORDER)
         self._wrenches = self.publisher(ToolWrenches, listeners)
         self._states = self.publisher(SoilState, (RECORDER,))
-        self._clouds = self.publisher(SoilCloud, (RECORDER,)) if self._schedule.cloud_ticks else None
+        self._clouds = self.publisher(SoilCloud, (RECORDER,)) if run.schedule.cloud_ticks else None
         self._poses = {
             name: self.create_publisher(
                 rclpy_class("geometry_msgs/msg/PoseStamped"), pose_topic(name), VISUALIZATION_QOS
@@ -149,12 +140,13 @@ class SoilNode(LockstepNode):
             self._participant.accept_keep(grant)
             self._keep(grant.tick)
             return
+        last_tick = self._participant.last_tick
         self._participant.accept_grant(grant)
         if grant.command is Command.ABORT:
             self.finish_aborted(grant)
             return
-        if grant.command is Command.END and grant.tick < self._schedule.last_tick:
-            self._end_with(grant.tick)
+        if grant.command is Command.END and grant.tick < last_tick:
+            self._engine.ends_with(grant.tick)
         if grant.tick == 0:
             self._publish_state(INITIAL_TICK)
         self._work()
@@ -173,13 +165,14 @@ class SoilNode(LockstepNode):
             begin = time.perf_counter()
             wrenches = self._last_wrenches = self._engine.advance(tick, motions)
             self._engine_s += time.perf_counter() - begin
-            if self._checkpoint_writer is not None and self._checkpoint_writer.due(tick):
+            schedule = self._participant.schedule
+            if schedule.checkpoint_due(tick):
                 self._keep(tick)  # before the wrenches, which imply that the part is written
             self._wrenches.publish(self.bytes_of(ToolWrenches(self.run.run_id, tick, end_ns, wrenches)))
-            if self._schedule.series_due(tick):
+            if schedule.series_due(tick):
                 self._publish_state(tick)
                 self._publish_for_people(motions, wrenches, end_ns)
-            if self._clouds is not None and self._schedule.cloud_due(tick):
+            if self._clouds is not None and schedule.cloud_due(tick):
                 cloud = recorded_cloud(self._engine.cloud(tick, end_ns), self.run.resolved.scene.record)
                 self._clouds.publish(self.bytes_of(cloud))
             self._participant.finish(tick)
@@ -197,13 +190,6 @@ class SoilNode(LockstepNode):
         """Parts of a checkpoint that this node writes, with their engines."""
         paths = [] if self._motion_source is None else [(PATHS, self._motion_source)]
         return [(SOIL, self._engine), *paths]
-
-    def _end_with(self, tick: int) -> None:
-        """End early: messages due at the last tick are due at `tick`."""
-        self._schedule = self._schedule.ends_with(tick)
-        if self._checkpoint_writer is not None:
-            self._checkpoint_writer.ends_with(tick)
-        self._engine.ends_with(tick)
 
     def _keep(self, tick: int) -> None:
         if self._checkpoint_writer is not None:

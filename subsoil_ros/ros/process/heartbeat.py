@@ -26,6 +26,7 @@ from ...messages import NodeState, NodeStatus, ToolMotion, ToolWrench
 from ...recording.checkpoint import Checkpoint
 from ...recording.topics import TOPIC_OF
 from ...recording.types import own_type_hashes
+from ...schedule import Schedule
 from ...ticks import INITIAL_TICK
 from ..services.parameter_services import ParameterServices
 from ..transport.convert import class_of, reader, to_bytes
@@ -65,9 +66,10 @@ class NodeRun:
         return names if self.recorded else tuple(name for name in names if name != RECORDER)
 
     @property
-    def first_tick(self) -> int:
-        """The first tick of this run."""
-        return self.resumed.tick + 1 if self.resumed is not None else 0
+    def schedule(self) -> Schedule:
+        """What is due at each tick, from the first one of this run."""
+        first_tick = self.resumed.tick + 1 if self.resumed is not None else 0
+        return self.resolved.schedule.begins_with(first_tick)
 
     def checkpoint_writer(self) -> CheckpointWriter | None:
         """Create the writer of a node's part of the checkpoints; None: there are none."""

@@ -11,6 +11,7 @@ import numpy as np
 from rclpy.context import Context
 
 from subsoil_ros.coupling.protocol import MECHANISM, SOIL
+from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.loading.loader import ResolvedScene
 from subsoil_ros.messages import (
     BodyState,
@@ -24,9 +25,8 @@ from subsoil_ros.messages import (
 )
 from subsoil_ros.ros.nodes.mechanism_node import MechanismNode
 from subsoil_ros.ros.nodes.soil_node import SoilNode
-from subsoil_ros.ros.process.heartbeat import Heartbeat, NodeRun
+from subsoil_ros.ros.process.heartbeat import Heartbeat
 from subsoil_ros.ros.process.node_process import run_process
-from subsoil_ros.ros.process.parameters import NodeSettings
 from subsoil_ros.ticks import INITIAL_TICK
 
 STAMPS_FILE = "stamps_ns.bin"
@@ -117,16 +117,12 @@ class IdleSoil(_Stateless):
         )
 
 
-def _mechanism(
-    settings: NodeSettings, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
-) -> MechanismNode:
-    engine = IdleMechanism(run.resolved, Path(settings.scene).parent / STAMPS_FILE)
+def _mechanism(run: RunSettings, heartbeat: Heartbeat, context: Context | None = None) -> MechanismNode:
+    engine = IdleMechanism(run.resolved, run.resolved.path.parent / STAMPS_FILE)
     return MechanismNode(engine, run, heartbeat, context)
 
 
-def _soil(
-    settings: NodeSettings, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
-) -> SoilNode:
+def _soil(run: RunSettings, heartbeat: Heartbeat, context: Context | None = None) -> SoilNode:
     return SoilNode(IdleSoil(), None, run, heartbeat, context)
 
 

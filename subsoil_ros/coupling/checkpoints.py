@@ -25,19 +25,11 @@ from ..recording.checkpoint import (
 from ..scene.model import Scene
 from ..ticks import INITIAL_TICK, tick_end_s
 from .energy_account import InterfaceWork
-from .engines import Resumable
-from .protocol import MECHANISM, SOIL
+from .engines import Resumable, mover_part
+from .protocol import SOIL
 from .stopping import StopState
 
-PATHS = "paths"
-"""Name of the part of the tools' paths in a scene without mechanism."""
-
 COUPLING = "coupling"
-
-
-def mover_part(scene: Scene) -> str:
-    """Name of the part of the motion source."""
-    return MECHANISM if scene.moved_by_participant else PATHS
 
 
 def part_names(scene: Scene) -> tuple[str, ...]:

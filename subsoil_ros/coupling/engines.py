@@ -1,13 +1,22 @@
 """The engines of a scene: the motion source, which moves the tools, and the soil."""
 
 from collections.abc import Mapping
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from numpy.typing import NDArray
 
 from ..loading.loader import ResolvedScene
 from ..messages import DriverCommand, MechanismState, SoilCloud, SoilState, ToolMotion, ToolWrench
+from ..scene.model import Scene
 from .outside import Machine, OutsideMachine, OutsideSoil, OutsideSoilEngine
+from .protocol import MECHANISM, SOIL
+
+if TYPE_CHECKING:
+    from .control import Controller
+
+PATHS = "paths"
+"""Name of the motion source of a scene whose tools follow paths; another one is named MECHANISM."""
 
 
 class Resumable(Protocol):
@@ -76,6 +85,37 @@ class Soil(Resumable, Protocol):
     def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:
         """Particles at the end of `tick`."""
         ...
+
+
+def mover_part(scene: Scene) -> str:
+    """Name of the motion source, as of its part of a checkpoint."""
+    return MECHANISM if scene.moved_by_participant else PATHS
+
+
+@dataclass(frozen=True)
+class Engines:
+    """The engines of a run in one process, and its controller; None: the scene has none."""
+
+    scene: Scene
+    motion_source: MotionSource
+    soil: Soil | None = None
+    controller: "Controller | None" = None
+
+    @property
+    def mechanism(self) -> Mechanism | None:
+        """The motion source of a scene with a mechanism."""
+        return cast(Mechanism, self.motion_source) if self.scene.mechanism is not None else None
+
+    @property
+    def parts(self) -> dict[str, Resumable]:
+        """The engines by the names of their parts of a checkpoint."""
+        soil: dict[str, Resumable] = {SOIL: self.soil} if self.soil is not None else {}
+        return {mover_part(self.scene): self.motion_source, **soil}
+
+    @property
+    def keeps_state(self) -> bool:
+        """Whether all engines can be resumed, so that checkpoints can be written."""
+        return all(getattr(engine, "keeps_state", True) for engine in self.parts.values())
 
 
 def build_mechanism(resolved: ResolvedScene) -> Mechanism | None:

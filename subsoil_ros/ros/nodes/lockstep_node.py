@@ -20,10 +20,11 @@ from rclpy.subscription import Subscription
 
 from ...coupling.exit_status import SIGNAL_STATUS, ExitStatus
 from ...coupling.protocol import COUPLER, RECORDER
+from ...coupling.run_settings import RunSettings
 from ...errors import ProtocolError, RunError, SubsoilError
 from ...messages import Grant, NodeState, NodeStatus, ToolMotion, ToolWrench
 from ...recording.topics import TOPIC_OF
-from ..process.heartbeat import Heartbeat, NodeRun
+from ..process.heartbeat import Heartbeat
 from ..services.diagnostics import Diagnostics, Health, Level
 from ..transport.convert import class_of, reader, writer
 from ..transport.publishers import foreign_publishers
@@ -89,7 +90,9 @@ class LockstepNode(Node):
     """Pause after every wake-up, the longer of both, of nodes that no other waits for. Each wake-up has cold
     caches and interrupts a computing thread; messages that share one cost two thirds less."""
 
-    def __init__(self, name: str, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None) -> None:
+    def __init__(
+        self, name: str, run: RunSettings, heartbeat: Heartbeat, context: Context | None = None
+    ) -> None:
         super().__init__(
             name,
             context=context,

@@ -7,6 +7,7 @@ from rclpy.context import Context
 from ...coupling.checkpoints import CouplingState, restore_engine
 from ...coupling.engines import Mechanism, MotionSource, build_mechanism
 from ...coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL, Needs, Participant
+from ...coupling.run_settings import RunSettings
 from ...errors import SceneError
 from ...messages import (
     Command,
@@ -20,9 +21,8 @@ from ...messages import (
     ToolWrenches,
 )
 from ...ticks import tick_end_ns
-from ..process.heartbeat import Heartbeat, NodeRun
+from ..process.heartbeat import Heartbeat
 from ..process.node_process import run_process
-from ..process.parameters import NodeSettings
 from ..services.diagnostics import Health
 from .lockstep_node import LockstepNode
 from .visualization_publisher import VisualizationPublisher
@@ -35,7 +35,7 @@ class MechanismNode(LockstepNode):
     """
 
     def __init__(
-        self, engine: MotionSource, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
+        self, engine: MotionSource, run: RunSettings, heartbeat: Heartbeat, context: Context | None = None
     ) -> None:
         super().__init__(MECHANISM, run, heartbeat, context)
         scene = run.resolved.scene
@@ -157,9 +157,7 @@ class MechanismNode(LockstepNode):
             self._checkpoint_writer.keep(tick, MECHANISM, self._engine)
 
 
-def build(
-    settings: NodeSettings, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
-) -> MechanismNode:
+def build(run: RunSettings, heartbeat: Heartbeat, context: Context | None = None) -> MechanismNode:
     """The node with its engine.
 
     Raises:

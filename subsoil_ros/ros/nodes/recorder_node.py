@@ -4,11 +4,11 @@ import struct
 import time
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 
 from rclpy.context import Context
 
 from ...coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL, RecordBarrier
+from ...coupling.run_settings import RunSettings
 from ...errors import InputError, ProtocolError, RunError
 from ...loading.loader import ResolvedScene
 from ...messages import (
@@ -29,9 +29,8 @@ from ...recording.bag_writer import BagWriter, open_bag
 from ...recording.topics import TOPIC_OF
 from ...scene.model import Scene
 from ...ticks import INITIAL_TICK, NANOSECONDS_PER_SECOND
-from ..process.heartbeat import Heartbeat, NodeRun
+from ..process.heartbeat import Heartbeat
 from ..process.node_process import run_process
-from ..process.parameters import NodeSettings
 from ..services.diagnostics import Health
 from ..transport.convert import reader, to_bytes
 from .lockstep_node import LockstepNode
@@ -100,7 +99,7 @@ class RecorderNode(LockstepNode):
     rest_ticks = 4
 
     def __init__(
-        self, writer: BagWriter, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
+        self, writer: BagWriter, run: RunSettings, heartbeat: Heartbeat, context: Context | None = None
     ) -> None:
         super().__init__(RECORDER, run, heartbeat, context)
         scene = run.resolved.scene
@@ -257,17 +256,15 @@ class RecorderNode(LockstepNode):
         self.finish_aborted(grant)
 
 
-def build(
-    settings: NodeSettings, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
-) -> RecorderNode:
+def build(run: RunSettings, heartbeat: Heartbeat, context: Context | None = None) -> RecorderNode:
     """The node with its bag.
 
     Raises:
         InputError: no folder is named, or it exists, or cannot be created, or the live view cannot serve.
     """
-    if not settings.bag:
+    if run.bag is None:
         raise InputError("recorder: parameter 'bag' is empty; name the folder for the bag, -p bag:=FOLDER")
-    writer = open_bag(Path(settings.bag), run.resolved, settings.live)
+    writer = open_bag(run.bag, run.resolved, run.live_port)
     return RecorderNode(writer, run, heartbeat, context)
 
 

@@ -5,10 +5,11 @@ from dataclasses import fields
 
 from rclpy.context import Context
 
-from ...coupling.checkpoints import PATHS, CouplingState, restore_engine
+from ...coupling.checkpoints import CouplingState, restore_engine
 from ...coupling.cloud import recorded_cloud
-from ...coupling.engines import MotionSource, Resumable, Soil, build_paths, build_soil
+from ...coupling.engines import PATHS, MotionSource, Resumable, Soil, build_paths, build_soil
 from ...coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL, Needs, Participant
+from ...coupling.run_settings import RunSettings
 from ...errors import SceneError
 from ...messages import (
     Command,
@@ -26,9 +27,8 @@ from ...recording.standard import body_frame, pose_stamped, wrench_stamped
 from ...recording.topics import pose_topic, wrench_topic
 from ...recording.types import serialize
 from ...ticks import INITIAL_TICK, tick_end_ns
-from ..process.heartbeat import Heartbeat, NodeRun
+from ..process.heartbeat import Heartbeat
 from ..process.node_process import run_process
-from ..process.parameters import NodeSettings
 from ..services.diagnostics import Health, Level
 from ..transport.convert import rclpy_class
 from ..transport.qos import VISUALIZATION_QOS
@@ -53,7 +53,7 @@ class SoilNode(LockstepNode):
         self,
         engine: Soil,
         motion_source: MotionSource | None,
-        run: NodeRun,
+        run: RunSettings,
         heartbeat: Heartbeat,
         context: Context | None = None,
     ) -> None:
@@ -210,16 +210,14 @@ class SoilNode(LockstepNode):
             self._body_wrenches[wrench.tool].publish(serialize(message))
 
 
-def build(
-    settings: NodeSettings, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
-) -> SoilNode:
+def build(run: RunSettings, heartbeat: Heartbeat, context: Context | None = None) -> SoilNode:
     """The node with its engine.
 
     Raises:
         SceneError: the scene has no soil.
         InputError: the checkpoint to continue from does not fit.
     """
-    engine = build_soil(run.resolved, settings.threads)
+    engine = build_soil(run.resolved, run.threads)
     if engine is None:
         raise SceneError(f"{run.resolved.path}: has no 'soil'; no soil node is needed for it")
     motion_source = None if run.resolved.scene.moved_by_participant else build_paths(run.resolved)

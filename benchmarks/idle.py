@@ -38,6 +38,8 @@ _STEP_M = 1e-5
 class _Stateless:
     """An engine without state."""
 
+    keeps_state = True
+
     def state_arrays(self) -> dict[str, np.ndarray]:
         """Return no arrays."""
         return {}
@@ -103,7 +105,7 @@ class IdleSoil(_Stateless):
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
         """A state of zeros."""
-        return SoilState(run_id, tick, end_time_ns, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        return SoilState(run_id, tick, end_time_ns)
 
     def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:
         """A cloud without particles."""

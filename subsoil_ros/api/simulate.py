@@ -60,7 +60,7 @@ def simulate(
             controller,
         )
         checkpoint_writer = None
-        if engines.keeps_state:
+        if settings.checkpoints is not None and engines.keeps_state:
             checkpoint_writer = settings.checkpoint_writer(*(() if writer is None else (writer.sync,)))
         run_direct(
             settings,

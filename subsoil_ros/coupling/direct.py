@@ -9,7 +9,7 @@ from ..ticks import INITIAL_TICK, tick_end_ns
 from .checkpoints import CheckpointWriter, CouplingState, restore_engine
 from .cloud import recorded_cloud
 from .energy_account import InterfaceWork
-from .engines import Engines
+from .engines import Engines, soil_state
 from .exit_status import interrupted
 from .observer import RunObserver
 from .run_settings import RunSettings
@@ -52,6 +52,7 @@ def run_direct(
     step_ns = resolved.timing.communication_step_ns
     source, soil, controller = engines.motion_source, engines.soil, engines.controller
     mechanism = engines.mechanism
+    particles = engines.particles
     before = _state_before(settings, engines)
     start = time.monotonic() - before.wall_time_s
     rules = TickRules(settings, before, observer, stop_rule, checkpoint_writer)
@@ -70,8 +71,8 @@ def run_direct(
                 checkpoint_writer.commit(state)
             raise interrupted(signal_number).error()
         schedule, end_ns = rules.schedule, tick_end_ns(tick, step_ns)
-        if soil is not None and tick == schedule.last_tick < settings.schedule.last_tick:
-            soil.ends_with(tick)
+        if particles is not None and tick == schedule.last_tick < settings.schedule.last_tick:
+            particles.ends_with(tick)
         command = None
         if controller is not None and mechanism is not None and machine and schedule.control_due(tick):
             command = controller.command(tick, machine)
@@ -91,10 +92,10 @@ def run_direct(
                 machine = mechanism.state(run_id, tick, end_ns)
                 write(machine)
             if soil is not None and sink is not None:
-                write(soil.state(run_id, tick, end_ns))
+                write(soil_state(soil, run_id, tick, end_ns))
             write(report)
-        if soil is not None and sink is not None and schedule.cloud_due(tick):
-            write(recorded_cloud(soil.cloud(tick, end_ns), resolved.scene.record))
+        if particles is not None and sink is not None and schedule.cloud_due(tick):
+            write(recorded_cloud(particles.cloud(tick, end_ns), resolved.scene.record))
         observer.on_tick(tick)
         rules.check()
         if checkpoint_writer is not None and rules.schedule.checkpoint_due(tick):
@@ -124,7 +125,7 @@ def _initial_records(run_id: str, rules: TickRules, engines: Engines) -> Iterato
     if mechanism is not None:
         yield mechanism.initial_state(run_id, state.wrenches)
     if soil is not None:
-        yield soil.state(run_id, INITIAL_TICK, 0)
+        yield soil_state(soil, run_id, INITIAL_TICK, 0)
     yield rules.initial_report()
 
 

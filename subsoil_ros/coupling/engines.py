@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, Protocol, cast, runtime_checkable
 
 from numpy.typing import NDArray
 
@@ -20,7 +20,12 @@ PATHS = "paths"
 
 
 class Resumable(Protocol):
-    """An engine whose state can be read between two ticks, and restored."""
+    """An engine whose state can be read between two ticks, and restored, if it keeps one."""
+
+    @property
+    def keeps_state(self) -> bool:
+        """Whether it does; without, a run has no checkpoints."""
+        ...
 
     def state_arrays(self) -> dict[str, NDArray[Any]]:
         """All that later ticks depend on, by name; not copied, so to be used before the next tick."""
@@ -74,6 +79,11 @@ class Soil(Resumable, Protocol):
         """Wrenches of `tick`, the tools moving to `motions` within it."""
         ...
 
+
+@runtime_checkable
+class ParticleReadings(Protocol):
+    """What a soil of particles has beside the methods of every soil."""
+
     def ends_with(self, tick: int) -> None:
         """Make `tick`, the next one, the last of a run that ends early."""
         ...
@@ -85,6 +95,13 @@ class Soil(Resumable, Protocol):
     def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:
         """Particles at the end of `tick`."""
         ...
+
+
+def soil_state(soil: Soil, run_id: str, tick: int, end_time_ns: int) -> SoilState:
+    """Monitors at the end of `tick`; zeros for a soil that has none."""
+    if isinstance(soil, ParticleReadings):
+        return soil.state(run_id, tick, end_time_ns)
+    return SoilState(run_id, tick, end_time_ns)
 
 
 def mover_part(scene: Scene) -> str:
@@ -107,6 +124,11 @@ class Engines:
         return cast(Mechanism, self.motion_source) if self.scene.mechanism is not None else None
 
     @property
+    def particles(self) -> ParticleReadings | None:
+        """The soil, if it has particles."""
+        return self.soil if isinstance(self.soil, ParticleReadings) else None
+
+    @property
     def parts(self) -> dict[str, Resumable]:
         """The engines by the names of their parts of a checkpoint."""
         soil: dict[str, Resumable] = {SOIL: self.soil} if self.soil is not None else {}
@@ -115,7 +137,7 @@ class Engines:
     @property
     def keeps_state(self) -> bool:
         """Whether all engines can be resumed, so that checkpoints can be written."""
-        return all(getattr(engine, "keeps_state", True) for engine in self.parts.values())
+        return all(engine.keeps_state for engine in self.parts.values())
 
 
 def build_mechanism(resolved: ResolvedScene) -> Mechanism | None:

@@ -59,6 +59,8 @@ class SoilEngine(SoilReadings):
     _moving: Particles  # as the kernels have them; read them as _particles
     _owes_kick: bool  # the second half kick of the last step waits for the next one
 
+    keeps_state = True
+
     def __init__(
         self, resolved: ResolvedScene, threads: int = 1, *, book: bool = False, bed: Bed | None = None
     ) -> None:

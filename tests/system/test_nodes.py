@@ -87,6 +87,9 @@ class SpringSoil:
             raise PhysicsError(f"tick {tick}: overlap too deep")
         return self._answer(motions)
 
+    def ends_with(self, tick: int) -> None:
+        pass
+
     def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
         return SoilState(run_id, tick, end_time_ns, 1, 0, 0, 0, 0, *[0.0] * 5)
 

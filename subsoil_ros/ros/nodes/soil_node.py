@@ -7,7 +7,16 @@ from rclpy.context import Context
 
 from ...coupling.checkpoints import CouplingState, restore_engine
 from ...coupling.cloud import recorded_cloud
-from ...coupling.engines import PATHS, MotionSource, Resumable, Soil, build_paths, build_soil
+from ...coupling.engines import (
+    PATHS,
+    MotionSource,
+    ParticleReadings,
+    Resumable,
+    Soil,
+    build_paths,
+    build_soil,
+    soil_state,
+)
 from ...coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL, Needs, Participant
 from ...coupling.run_settings import RunSettings
 from ...errors import SceneError
@@ -60,6 +69,7 @@ class SoilNode(LockstepNode):
         super().__init__(SOIL, run, heartbeat, context)
         scene = run.resolved.scene
         self._engine = engine
+        self._particles = engine if isinstance(engine, ParticleReadings) else None
         self._motion_source = motion_source
         needs = Needs.MOTIONS if motion_source is None else Needs.NOTHING
         self._participant = Participant(run.run_id, run.schedule, needs, tuple(scene.tools))
@@ -145,8 +155,9 @@ class SoilNode(LockstepNode):
         if grant.command is Command.ABORT:
             self.finish_aborted(grant)
             return
-        if grant.command is Command.END and grant.tick < last_tick:
-            self._engine.ends_with(grant.tick)
+        early = grant.command is Command.END and grant.tick < last_tick
+        if early and self._particles is not None:
+            self._particles.ends_with(grant.tick)
         if grant.tick == 0:
             self._publish_state(INITIAL_TICK)
         self._work()
@@ -172,8 +183,8 @@ class SoilNode(LockstepNode):
             if schedule.series_due(tick):
                 self._publish_state(tick)
                 self._publish_for_people(motions, wrenches, end_ns)
-            if self._clouds is not None and schedule.cloud_due(tick):
-                cloud = recorded_cloud(self._engine.cloud(tick, end_ns), self.run.resolved.scene.record)
+            if self._clouds is not None and self._particles is not None and schedule.cloud_due(tick):
+                cloud = recorded_cloud(self._particles.cloud(tick, end_ns), self.run.resolved.scene.record)
                 self._clouds.publish(self.bytes_of(cloud))
             self._participant.finish(tick)
             if self._checkpoint_writer is not None and self._participant.finished:
@@ -183,7 +194,7 @@ class SoilNode(LockstepNode):
 
     def _publish_state(self, tick: int) -> None:
         end_ns = tick_end_ns(tick, self._communication_step_ns)
-        self._state = self._engine.state(self.run.run_id, tick, end_ns)
+        self._state = soil_state(self._engine, self.run.run_id, tick, end_ns)
         self._states.publish(self.bytes_of(self._state))
 
     def _parts(self) -> list[tuple[str, Resumable]]:

@@ -291,7 +291,7 @@ def test_it_says_at_once_that_it_compiles(
         said_before.append(capsys.readouterr().err)
         return build_motion_source(resolved, machine)
 
-    monkeypatch.setattr("subsoil_ros.api.opened_run.build_motion_source", prepare)
+    monkeypatch.setattr("subsoil_ros.api.run_frame.build_motion_source", prepare)
     start(scene=str(MACHINE), out=str(tmp_path / "out"))
     assert said_before[0].startswith("compiling kernels, once: kept in ")
 

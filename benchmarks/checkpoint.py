@@ -16,7 +16,7 @@ from typing import Any
 
 from subsoil_ros.coupling.checkpoints import CheckpointWriter, CouplingState, restore_engine
 from subsoil_ros.coupling.energy_account import InterfaceWork
-from subsoil_ros.coupling.engines import build_motion_source, build_soil
+from subsoil_ros.coupling.engines import build_motion_source, build_soil, soil_state
 from subsoil_ros.coupling.protocol import MECHANISM, SOIL
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.recording.checkpoint import newest_valid
@@ -67,7 +67,7 @@ def measure(name: str, overrides: tuple[str, ...], place: Path, repeats: int) ->
             reads.append(time.monotonic() - start)
     return {
         "case": name,
-        "particle_count": soil.state("", 0, 0).particle_count,
+        "particle_count": soil_state(soil, "", 0, 0).particle_count,
         "listed_pair_count": len(soil.state_arrays()["pairs.neighbour"]),
         "size_bytes": found.size_bytes,
         "write_s": statistics.median(writes),

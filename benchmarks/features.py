@@ -26,6 +26,8 @@ import trimesh
 import yaml
 
 from subsoil_ros.api.simulate import simulate
+from subsoil_ros.coupling.observer import RunWatch
+from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.dem.build import build_engine
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import ToolMotion
@@ -196,7 +198,7 @@ def run_turn(resolved: ResolvedScene, folder: Path) -> Turn:
 
         bag = folder if resolved.scene.record.bag else None
         try:
-            simulate(resolved, bag, on_tick=on_tick)
+            simulate(RunSettings(resolved, bag=bag), observer=RunWatch(on_tick))
             return (time.process_time() - started) / (resolved.timing.tick_count - WARM_UP_TICKS)
         finally:
             shutil.rmtree(folder, ignore_errors=True)

@@ -11,6 +11,7 @@ import numpy as np
 from rclpy.context import Context
 
 from subsoil_ros.coupling.protocol import MECHANISM, SOIL
+from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.loading.loader import ResolvedScene
 from subsoil_ros.messages import (
     BodyState,
@@ -24,9 +25,8 @@ from subsoil_ros.messages import (
 )
 from subsoil_ros.ros.nodes.mechanism_node import MechanismNode
 from subsoil_ros.ros.nodes.soil_node import SoilNode
-from subsoil_ros.ros.process.heartbeat import Heartbeat, NodeRun
+from subsoil_ros.ros.process.heartbeat import Heartbeat
 from subsoil_ros.ros.process.node_process import run_process
-from subsoil_ros.ros.process.parameters import NodeSettings
 from subsoil_ros.ticks import INITIAL_TICK
 
 STAMPS_FILE = "stamps_ns.bin"
@@ -37,6 +37,8 @@ _STEP_M = 1e-5
 
 class _Stateless:
     """An engine without state."""
+
+    keeps_state = True
 
     def state_arrays(self) -> dict[str, np.ndarray]:
         """Return no arrays."""
@@ -103,7 +105,7 @@ class IdleSoil(_Stateless):
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
         """A state of zeros."""
-        return SoilState(run_id, tick, end_time_ns, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        return SoilState(run_id, tick, end_time_ns)
 
     def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:
         """A cloud without particles."""
@@ -117,16 +119,12 @@ class IdleSoil(_Stateless):
         )
 
 
-def _mechanism(
-    settings: NodeSettings, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
-) -> MechanismNode:
-    engine = IdleMechanism(run.resolved, Path(settings.scene).parent / STAMPS_FILE)
+def _mechanism(run: RunSettings, heartbeat: Heartbeat, context: Context | None = None) -> MechanismNode:
+    engine = IdleMechanism(run.resolved, run.resolved.path.parent / STAMPS_FILE)
     return MechanismNode(engine, run, heartbeat, context)
 
 
-def _soil(
-    settings: NodeSettings, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
-) -> SoilNode:
+def _soil(run: RunSettings, heartbeat: Heartbeat, context: Context | None = None) -> SoilNode:
     return SoilNode(IdleSoil(), None, run, heartbeat, context)
 
 

@@ -24,6 +24,7 @@ from benchmarks.peers.helics_exchange import helics_cost
 from benchmarks.soil_cases import DENSITY_KG_PER_M3, LINEAR, RADIUS_M
 from subsoil_ros.cli._shared.preparation import say
 from subsoil_ros.cli._shared.tables import table
+from subsoil_ros.coupling.observer import RunWatch
 from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.ros.process.plan import Parameters
@@ -111,7 +112,7 @@ def exchange_cost(ticks: int, *, recorded: bool) -> ExchangeCost:
             for name in names
         ]
         meter = _Meter(processes)
-        status = Supervisor(processes, meter.note).follow(lambda: 0)
+        status = Supervisor(processes, RunWatch(meter.note)).follow()
         if status.code:
             raise status.error()
         stamps_ns = array("q", (folder / STAMPS_FILE).read_bytes())[WARM_UP_TICKS:]

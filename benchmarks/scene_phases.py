@@ -16,8 +16,8 @@ from typing import Any
 from subsoil_ros.api.beds import prepare_bed_first
 from subsoil_ros.cli._shared.bed_preparation import bed_progress
 from subsoil_ros.cli._shared.preparation import KernelAnnouncer
-from subsoil_ros.coupling.engines import build_motion_source, build_soil
-from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.coupling.engines import build_motion_source, build_soil, soil_state
+from subsoil_ros.dem.cpu_steps import CpuSteps
 from subsoil_ros.dem.integration import kick_drift
 from subsoil_ros.dem.kernel_calls import KernelCalls
 from subsoil_ros.dem.pairs import pair_forces
@@ -33,7 +33,7 @@ _KERNELS = {
     "kick": "integration",
 }
 _METHODS: dict[str, tuple[Any, str]] = {
-    "search": (SoilEngine, "_rebuild"),
+    "search": (CpuSteps, "rebuild"),
     "tool": (ToolSurface, "forces"),
 }
 _BIND = (KernelCalls, "bind")
@@ -118,7 +118,7 @@ def main() -> None:
             wrenches = soil.advance(tick, motions)
         wall_s, cpu_s = time.perf_counter() - start, time.process_time() - cpu
     end = resolved.timing.tick_count - 1
-    state = soil.state("", end, (end + 1) * resolved.timing.communication_step_ns)
+    state = soil_state(soil, "", end, (end + 1) * resolved.timing.communication_step_ns)
     steps = resolved.timing.tick_count * resolved.timing.soil_steps
     parts = {phase: seconds / wall_s for phase, seconds in spent.items()}
     parts["mechanism"] = mechanism_s / wall_s

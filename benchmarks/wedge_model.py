@@ -21,6 +21,8 @@ from pathlib import Path
 import numpy as np
 
 from subsoil_ros.api.simulate import simulate
+from subsoil_ros.coupling.observer import RunWatch
+from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import CouplingReport
 from subsoil_ros.recording.bag_reader import BagReader
@@ -33,7 +35,8 @@ def cpu_s_per_simulated_s(resolved: ResolvedScene) -> float:
     """Of a direct run with its bag; the first tick, which compiles and prepares, is left out."""
     marks: list[float] = []
     with tempfile.TemporaryDirectory() as folder:
-        simulate(resolved, Path(folder) / "bag", on_tick=lambda tick: marks.append(time.process_time()))
+        watch = RunWatch(lambda tick: marks.append(time.process_time()))
+        simulate(RunSettings(resolved, bag=Path(folder) / "bag"), observer=watch)
         marks[-1] = time.process_time()
     return (marks[-1] - marks[0]) / ((len(marks) - 1) * resolved.timing.communication_step_s)
 

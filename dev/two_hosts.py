@@ -19,6 +19,7 @@ from pathlib import Path
 from mcap.reader import make_reader
 
 from subsoil_ros.api.simulate import simulate
+from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.loading.loader import load_scene
 
 SCENE = Path(__file__).parents[1] / "config/scenes/subsoiler_1s300_quick.yaml"
@@ -150,7 +151,7 @@ def main() -> int:
         folder = Path(name)
         resolved = load_scene(SCENE, CHANGES)
         resolved.write(folder / "scene.yaml")
-        simulate(resolved, folder / "direct", run_id=RUN_ID)
+        simulate(RunSettings(resolved, RUN_ID, bag=folder / "direct"))
         expected = messages(folder / "direct")
         for way, discovery in (("subnet", dict.fromkeys(ADDRESSES, subnet)), ("peers", peers)):
             place = folder / way

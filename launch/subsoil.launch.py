@@ -18,13 +18,14 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node, SetParameter
 from launch_ros.parameter_descriptions import ParameterValue
 
-from subsoil_ros.api.opened_run import open_run
+from subsoil_ros.api.run_frame import open_run
 from subsoil_ros.cli._shared.bed_preparation import bed_progress
 from subsoil_ros.cli._shared.live import live_port, say_where
 from subsoil_ros.cli._shared.preparation import KernelAnnouncer, say_opened
+from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.errors import InputError, RunError
 from subsoil_ros.loading.loader import load_scene
-from subsoil_ros.ros.process.plan import RunPlan, checked_namespace, remappings
+from subsoil_ros.ros.process.plan import checked_namespace, nodes_of, remappings
 from subsoil_ros.ros.transport.shared_memory import avoid_full_memory
 
 PATIENCE_S = 15.0
@@ -88,13 +89,15 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     notice = avoid_full_memory()  # for the nodes too: they inherit the environment
     live = live_port(given["live"] or None)
     resume = Path(given["resume"]) if given["resume"] else None
-    resolved = load_scene(scene, overrides)
+    settings = RunSettings(
+        load_scene(scene, overrides), recorded=recording, threads=threads, paused=paused, live_port=live
+    )
     with KernelAnnouncer():
-        opened = open_run(resolved, out, threads, resume, shown=scene, bed_progress=bed_progress)
-    say_opened(opened)
-    plan = RunPlan.of(opened, threads, paused, recorded=recording, live=live)
+        frame = open_run(settings, out, resume, shown=scene, bed_progress=bed_progress)
+    say_opened(frame)
+    started = nodes_of(frame.settings, frame.scene)
     say_where(live)
-    ending = Ending(len(plan.nodes()))
+    ending = Ending(len(started))
     nodes = [
         Node(
             package="subsoil_ros",
@@ -109,9 +112,9 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
             output="screen",
             on_exit=ending,
         )
-        for node in plan.nodes()
+        for node in started
     ]
-    words = f"run '{plan.run_id}' in {out}; `subsoil report {out}` makes series and figures of it"
+    words = f"run '{frame.settings.run_id}' in {out}; `subsoil report {out}` makes series and figures of it"
     return [*([LogInfo(msg=notice)] if notice else []), LogInfo(msg=words), *nodes]
 
 

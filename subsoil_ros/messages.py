@@ -231,18 +231,18 @@ class LostParticle:
 
 @dataclass(frozen=True, slots=True)
 class SoilState(Head):
-    """Monitors of the soil at the end of a tick (every record.series_ticks ticks)."""
+    """Monitors of the soil at the end of a tick (every record.series_ticks ticks); 0 without particles."""
 
-    particle_count: int
-    contact_count: int
-    lost_particle_count: int  # left the domain since the start
-    broken_bond_count: int  # since the start
-    rebuild_count: int  # neighbour lists built since the start
-    kinetic_energy_joule: float  # translation and rotation
-    rms_speed_m_per_s: float
-    rms_angular_velocity_rad_per_s: float
-    max_overlap_m: float
-    max_tool_overlap_m: float
+    particle_count: int = 0
+    contact_count: int = 0
+    lost_particle_count: int = 0  # left the domain since the start
+    broken_bond_count: int = 0  # since the start
+    rebuild_count: int = 0  # neighbour lists built since the start
+    kinetic_energy_joule: float = 0.0  # translation and rotation
+    rms_speed_m_per_s: float = 0.0
+    rms_angular_velocity_rad_per_s: float = 0.0
+    max_overlap_m: float = 0.0
+    max_tool_overlap_m: float = 0.0
     lost_particles: tuple[LostParticle, ...] = ()  # the first three
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from subsoil_ros.api.simulate import simulate
+from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.dem.build import build_engine
 from subsoil_ros.errors import RunError
 from subsoil_ros.limits.communication_steps import DAMPER_SHARE, force_age_ticks
@@ -127,7 +128,7 @@ def pressed(laboratory: Laboratory, case: Press, ticks: int) -> tuple[float, flo
         }
     )  # fmt: skip
     kept = _Kept(ToolMotions, CouplingReport)
-    simulate(resolved, soil=_PressedSoil(resolved), sink=kept)
+    simulate(RunSettings(resolved), soil=_PressedSoil(resolved), sink=kept)
     last = [next(record for record in reversed(kept) if isinstance(record, kind))
             for kind in (ToolMotions, CouplingReport)]  # fmt: skip
     return abs(last[0].tools[0].z_m - REST_M), last[1].residual_ratio
@@ -302,7 +303,7 @@ def dragged(laboratory: Laboratory, steps: int, force: str) -> tuple[float, floa
     document["soil"]["time_step_s"] = 4e-5
     resolved = laboratory.resolve(document)
     kept = _Kept(MechanismState, CouplingReport)
-    simulate(resolved, sink=kept)
+    simulate(RunSettings(resolved), sink=kept)
     drafts = [record.draft_newton for record in kept if isinstance(record, MechanismState)]
     residual = [record for record in kept if isinstance(record, CouplingReport)][-1].residual_ratio
     return sum(drafts[len(drafts) // 2 :]) / (len(drafts) - len(drafts) // 2), residual

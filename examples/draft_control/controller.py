@@ -13,11 +13,12 @@ from dataclasses import dataclass
 from rclpy.context import Context
 
 from subsoil_ros.coupling.protocol import CONTROLLER
+from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.messages import DriverCommand, MechanismState
 from subsoil_ros.ros.nodes.controller_node import ControllerNode
-from subsoil_ros.ros.process.heartbeat import Heartbeat, NodeRun
+from subsoil_ros.ros.process.heartbeat import Heartbeat
 from subsoil_ros.ros.process.node_process import run_process
-from subsoil_ros.ros.process.parameters import NodeSettings, ParameterKey
+from subsoil_ros.ros.process.parameters import ParameterKey
 from subsoil_ros.scene.controller import Controller as ControllerKeys
 
 RANGE = (0.0, 1e5)  # of each of the three parameters
@@ -99,7 +100,7 @@ class DraftControlNode(ControllerNode):
     """Says at the end how well the run kept up with the clock."""
 
     def __init__(
-        self, real_time: RealTime | None, controller: DraftControl, run: NodeRun, heartbeat: Heartbeat,
+        self, real_time: RealTime | None, controller: DraftControl, run: RunSettings, heartbeat: Heartbeat,
         context: Context | None = None,
     ) -> None:  # fmt: skip
         super().__init__(real_time or controller, run, heartbeat, context)
@@ -112,9 +113,7 @@ class DraftControlNode(ControllerNode):
             print(f"real time: the run was at most {1e3 * self._real_time.worst_s:.1f} ms late", flush=True)
 
 
-def build(
-    settings: NodeSettings, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
-) -> DraftControlNode:
+def build(run: RunSettings, heartbeat: Heartbeat, context: Context | None = None) -> DraftControlNode:
     """The node, its targets from its parameters."""
     keys = run.resolved.scene.controller
     assert keys is not None  # subsoil_ros names the scene's mistake before

@@ -17,6 +17,7 @@ from ..limits.stable_steps import derive_timing
 from ..messages import CouplingReport, MechanismState, SoilState, ToolMotions, ToolWrenches
 from ..recording.joined import open_record
 from ..scene.model import Scene
+from ..schedule import Schedule
 from .columns import TIME, tick_cells
 
 _BLOCK_ROWS = 1000
@@ -56,8 +57,7 @@ def read_series(bag: Path, scene: Scene, on_time: Callable[[int], None] = lambda
         RecordingError: it is damaged, or holds not one complete series tick.
     """
     timing = derive_timing(scene)
-    last_ns = timing.tick_count * timing.communication_step_ns
-    step_ns = scene.record.series_ticks * timing.communication_step_ns
+    schedule = Schedule.of(scene, timing)
     kinds: list[type] = [ToolMotions]
     if scene.mechanism is not None:
         kinds.append(MechanismState)
@@ -72,7 +72,8 @@ def read_series(bag: Path, scene: Scene, on_time: Callable[[int], None] = lambda
 
     def wanted(time_ns: int) -> bool:
         on_time(time_ns)
-        return time_ns % step_ns == 0 or time_ns == last_ns
+        tick, rest = divmod(time_ns, timing.communication_step_ns)
+        return not rest and schedule.series_due(tick - 1)
 
     for record in reader.records(*kinds, at=wanted):
         records = by_tick.setdefault(record.tick, {})

@@ -3,17 +3,20 @@
 import os
 import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from .._version import __version__
 from ..analysis.versions import processor_name
+from ..coupling.observer import RunWatch
+from ..coupling.run_settings import RunSettings
 from ..errors import SubsoilError
 from ..loading.loader import ResolvedScene
 from ..source_digest import result_digest
 from .results import write_results
-from .simulate import OnTick, simulate
+from .simulate import simulate
 
 WARM_UP_TICKS = 3
 """Ticks that load or compile the kernels before a run is timed."""
@@ -31,20 +34,20 @@ class RunResult:
     facts: dict[str, Any]
 
 
-class _Stopwatch:
+class _Stopwatch(RunWatch):
     """Wall and CPU time [s] of a run's ticks; the first one, which loads kernels, does not count."""
 
-    def __init__(self, on_tick: OnTick) -> None:
-        self._on_tick = on_tick
+    def __init__(self, show: Callable[[int], None]) -> None:
+        super().__init__(show)
         self._first = self._last = (0.0, 0.0)
         self._count = 0
 
-    def __call__(self, tick: int) -> None:
+    def on_tick(self, tick: int) -> None:
         self._last = time.perf_counter(), time.process_time()
         if self._count == 0:
             self._first = self._last
         self._count += 1
-        self._on_tick(tick)
+        super().on_tick(tick)
 
     def times(self) -> tuple[float | None, float | None]:
         """(wall, CPU) of all ticks, from the mean of those after the first; None with fewer than two."""
@@ -58,7 +61,7 @@ class _Stopwatch:
 def execute(
     resolved: ResolvedScene,
     threads: int = 1,
-    on_tick: OnTick = lambda tick: None,
+    on_tick: Callable[[int], None] = lambda tick: None,
     *,
     at_once: int = 1,
     warm_up: bool = False,
@@ -71,22 +74,15 @@ def execute(
     stopwatch = _Stopwatch(on_tick)
     start = time.perf_counter()
     failure: SubsoilError | None = None
-    found: dict[str, Any] = {}  # of the mean of stop_when
     with tempfile.TemporaryDirectory(prefix="subsoil-run-") as name:
         folder = Path(name)
         try:
             if warm_up:
                 ticks = min(WARM_UP_TICKS, resolved.timing.tick_count)
                 short = replace(resolved, timing=replace(resolved.timing, tick_count=ticks))
-                simulate(short, threads=threads)
-            simulate(
-                resolved,
-                folder / "bag",
-                run_id="kept",
-                threads=threads,
-                on_tick=stopwatch,
-                on_check=found.update,
-            )
+                simulate(RunSettings(short, threads=threads))
+            settings = RunSettings(resolved, "kept", bag=folder / "bag", threads=threads)
+            simulate(settings, observer=stopwatch)
         except SubsoilError as error:
             failure = error
         wall_s, cpu_s = stopwatch.times()
@@ -103,7 +99,7 @@ def execute(
             "code": code_digest(),
         }
         run_info = {"mode": "direct", "threads": threads, "whole_wall_s": facts["whole_wall_s"]}
-        run_info |= {"stop_when": found} if found else {}
+        run_info |= {"stop_when": stopwatch.stop_when} if stopwatch.stop_when else {}
         write_results(resolved, folder, run_info, failure)
         paths = {name: folder / name for name in ("series.csv", "summary.json")}
         return RunResult({name: path.read_bytes() for name, path in paths.items() if path.is_file()}, facts)

@@ -8,14 +8,11 @@ from typing import Any
 from ..analysis.series import read_series, write_series_csv
 from ..analysis.summarize import summarize, summarize_unrecorded
 from ..analysis.summary import UnrecordedSummary
-from ..analysis.versions import versions
 from ..errors import RecordingError, SubsoilError
 from ..limits.stable_steps import Timing
 from ..loading.loader import ResolvedScene
 from ..recording.joined import mend_earlier
 from ..recording.recovery import recover
-from .checkpoints import checkpoint_facts
-from .opened_run import OpenedRun
 
 Reading = Callable[[Timing], AbstractContextManager[Callable[[int], None]]]
 """Shows that a bag is being read; yields a callback that takes the time [ns] of each message."""
@@ -69,19 +66,3 @@ def write_results(
         if failure is None:
             raise RecordingError(f"{out}: the results cannot be written ({error.strerror})") from error
     return None
-
-
-def conclude(
-    opened: OpenedRun,
-    facts: dict[str, Any],
-    failure: SubsoilError | None,
-    *,
-    reading: Reading = lambda timing: nullcontext(lambda time_ns: None),
-    working: Working = nullcontext,
-) -> UnrecordedSummary | None:
-    """Write the results of an opened run as write_results does, with the checkpoints in its folder.
-
-    facts: mode, threads, whole_wall_s.
-    """
-    run_info = facts | {"versions": versions()} | checkpoint_facts(opened.out, opened.resumed)
-    return write_results(opened.resolved, opened.out, run_info, failure, reading=reading, working=working)

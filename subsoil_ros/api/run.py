@@ -1,26 +1,23 @@
 """Run a scene in this process and read the result."""
 
-import shutil
 import signal
 import tempfile
 import threading
-import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
+from ..coupling.observer import RunWatch
 from ..coupling.outside import Machine, OutsideSoil, refuse_unlike
-from ..errors import InputError, SubsoilError
+from ..coupling.run_settings import RunSettings
+from ..errors import InputError
 from ..loading.loader import ResolvedScene
-from .checkpoints import name_checkpoint
 from .load import SceneLike, resolved_scene
-from .opened_run import OpenedRun, open_run
 from .read import Run, read_run
-from .results import conclude
-from .simulate import needed_controller, simulate_opened
+from .run_frame import RunFrame, open_run
+from .simulate import needed_controller
 
 Progress = Callable[[int, int], None]
 """Called with (ticks done, ticks of the run) after every tick."""
@@ -67,58 +64,36 @@ def run(
     needed_controller(resolved)
     refuse_unlike(resolved, machine, soil)
     earlier = Path(resume) if resume is not None else None
+    settings = RunSettings(resolved, threads=threads)
     if out is not None:
-        opened = open_run(resolved, Path(out), threads, earlier, machine=machine, soil=soil)
-        _run(opened, threads, progress)
-        return replace(read_run(opened.out), scene=resolved)
+        frame = open_run(settings, Path(out), earlier, machine=machine, soil=soil)
+        _complete(frame, progress)
+        return replace(read_run(frame.out), scene=resolved)
     with tempfile.TemporaryDirectory(prefix="subsoil-run-") as folder:
-        place = Path(folder) / "run"
-        opened = open_run(resolved, place, threads, earlier, machine=machine, soil=soil)
-        _run(opened, threads, progress, lasting=False)
-        found = read_run(opened.out)
+        frame = open_run(settings, Path(folder) / "run", earlier, machine=machine, soil=soil)
+        _complete(frame, progress, lasting=False)
+        found = read_run(frame.out)
         found.summary["run"].pop("checkpoint", None)  # removed with the folder
         return replace(found, scene=resolved, folder=None)
 
 
-def _run(opened: OpenedRun, threads: int, progress: Progress | None, *, lasting: bool = True) -> None:
-    """Run into the folder and write the results. Raises what the run raises.
+def _complete(frame: RunFrame, progress: Progress | None, *, lasting: bool = True) -> None:
+    """Run into the folder and write the results. Raises what the run raises."""
+    watch, tick_count = RunWatch(), frame.settings.resolved.timing.tick_count
 
-    lasting: the folder is kept, so the message of a failure names its newest checkpoint.
-    """
-    failure: SubsoilError | None = None
-    stopped: list[int] = []  # signals
-    tick_count = opened.resolved.timing.tick_count
-    started = False
-    found: dict[str, Any] = {}  # of the mean of stop_when
-
-    def on_tick(tick: int) -> None:
-        nonlocal started
-        started = True
+    def show(tick: int) -> None:
         if progress is not None:
             try:
                 progress(tick + 1, tick_count)
             except KeyboardInterrupt:
-                stopped.append(signal.SIGINT)
+                watch.signals.append(signal.SIGINT)
 
-    start = time.monotonic()
-    with _interrupts(stopped):
-        try:
-            simulate_opened(
-                opened, threads, on_tick, lambda: stopped[0] if stopped else 0, on_check=found.update
-            )
-        except SubsoilError as error:
-            failure = error
-            if lasting:
-                name_checkpoint(failure, opened.out, opened.resumed)
-        if isinstance(failure, InputError) and not started:
-            shutil.rmtree(opened.out)  # bad input that showed only when the engines were built
-        else:
-            facts = {"mode": "direct", "threads": threads, "whole_wall_s": time.monotonic() - start}
-            facts |= {"stop_when": found} if found else {}
-            conclude(opened, facts, failure)
+    watch.show = show
+    with _interrupts(watch.signals):
+        _, failure = frame.complete("direct", lambda: frame.simulate(watch), watch, lasting=lasting)
     if failure is not None:
         raise failure
-    if stopped:
+    if watch.signals:
         raise KeyboardInterrupt  # it came when the last tick was done; the results are whole
 
 

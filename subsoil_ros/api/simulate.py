@@ -1,21 +1,15 @@
 """The one wiring of engines, controller, bag and loop for a run without ROS."""
 
-from collections.abc import Callable
-from pathlib import Path
-
 from ..analysis.known_mean import build_stop_rule
-from ..coupling.checkpoints import CheckpointWriter
 from ..coupling.control import Controller, build_controller
 from ..coupling.direct import RecordSink, run_direct
-from ..coupling.engines import MotionSource, Soil, build_motion_source, build_soil
-from ..coupling.stopping import OnCheck
+from ..coupling.engines import Engines, MotionSource, Soil, build_motion_source, build_soil
+from ..coupling.observer import RunObserver
+from ..coupling.run_settings import RunSettings
 from ..errors import InputError
 from ..loading.loader import ResolvedScene
 from ..recording.bag_writer import open_bag
 from ..recording.checkpoint import Checkpoint
-from .opened_run import OpenedRun
-
-OnTick = Callable[[int], None]
 
 
 def needed_controller(resolved: ResolvedScene, resumed: Checkpoint | None = None) -> Controller | None:
@@ -34,90 +28,48 @@ def needed_controller(resolved: ResolvedScene, resumed: Checkpoint | None = None
 
 
 def simulate(
-    resolved: ResolvedScene,
-    bag: Path | None = None,
+    settings: RunSettings,
     *,
-    run_id: str = "run",
-    threads: int = 1,
-    on_tick: OnTick = lambda tick: None,
-    stop_signal: Callable[[], int] = lambda: 0,
-    checkpoints: Path | None = None,
-    resumed: Checkpoint | None = None,
-    live_port: int = 0,
     motion_source: MotionSource | None = None,
     soil: Soil | None = None,
-    sink: RecordSink | None = None,
     controller: Controller | None = None,
-    on_check: OnCheck = lambda result: None,
+    sink: RecordSink | None = None,
+    observer: RunObserver | None = None,
 ) -> None:
     """Run a scene in this process, from tick 0 or a checkpoint to its last tick.
 
     Args:
-        bag: folder of the bag, which must not exist; it is closed whatever happens. None: no bag.
-        threads: of the soil engine; the results do not depend on it.
-        on_tick: called with each tick that is done.
-        stop_signal: called before each tick; if it returns the number of a signal, the run ends there.
-        checkpoints: folder of the checkpoints; None: none are written.
-        resumed: the checkpoint to resume from.
-        live_port: port of the live view of the bag while it is written; 0: none.
+        settings: the bag is closed whatever happens.
         motion_source, soil, controller: replace those of the scene.
         sink: takes the records where there is no bag.
-        on_check: called with the current mean of stop_when, at each check and at the end.
+        observer: receives each tick and each check, and may end the run.
 
     Raises:
         InputError: as open_bag, or the scene needs an external controller.
-        InterruptedRunError: stop_signal ended the run.
+        InterruptedRunError: the observer ended the run.
         RunError: an engine or the interface account failed. Every finished tick is recorded.
     """
+    resolved, resumed = settings.resolved, settings.resumed
     controller = controller or needed_controller(resolved, resumed)
-    writer = open_bag(bag, resolved, live_port) if bag is not None else None
+    writer = open_bag(settings.bag, resolved, settings.live_port) if settings.bag is not None else None
     try:
-        motion_source = motion_source or build_motion_source(resolved)
-        soil = soil or build_soil(resolved, threads)
-        checkpoint_writer = None
-        keeps = all(getattr(engine, "keeps_state", True) for engine in (motion_source, soil))
-        if checkpoints is not None and keeps:
-            sync = (writer.sync,) if writer is not None else ()
-            checkpoint_writer = CheckpointWriter(checkpoints, resolved, run_id, *sync)
-        run_direct(
-            resolved,
-            run_id,
-            motion_source,
-            soil,
-            writer or sink,
-            on_tick,
-            stop_signal,
-            checkpoint_writer,
-            resumed,
+        engines = Engines(
+            resolved.scene,
+            motion_source or build_motion_source(resolved),
+            soil or build_soil(resolved, settings.threads),
             controller,
-            build_stop_rule(resolved, resumed),
-            on_check,
+        )
+        checkpoint_writer = None
+        if settings.checkpoints is not None and engines.keeps_state:
+            checkpoint_writer = settings.checkpoint_writer(*(() if writer is None else (writer.sync,)))
+        run_direct(
+            settings,
+            engines,
+            writer or sink,
+            observer,
+            stop_rule=build_stop_rule(resolved, resumed),
+            checkpoint_writer=checkpoint_writer,
         )
     finally:
         if writer is not None:
             writer.close()
-
-
-def simulate_opened(
-    opened: OpenedRun,
-    threads: int,
-    on_tick: OnTick,
-    stop_signal: Callable[[], int],
-    live_port: int = 0,
-    on_check: OnCheck = lambda result: None,
-) -> None:
-    """Run an opened run into its folder, as `simulate`."""
-    simulate(
-        opened.resolved,
-        opened.bag if opened.resolved.scene.record.bag else None,
-        run_id=opened.run_id,
-        threads=threads,
-        on_tick=on_tick,
-        stop_signal=stop_signal,
-        checkpoints=opened.checkpoints,
-        resumed=opened.resumed,
-        live_port=live_port,
-        motion_source=opened.motion_source,
-        soil=opened.soil,
-        on_check=on_check,
-    )

@@ -25,20 +25,11 @@ from ..recording.checkpoint import (
 from ..scene.model import Scene
 from ..ticks import INITIAL_TICK, tick_end_s
 from .energy_account import InterfaceWork
-from .engines import Resumable
-from .protocol import MECHANISM, SOIL
-from .schedule import schedule_of
+from .engines import Resumable, mover_part
+from .protocol import SOIL
 from .stopping import StopState
 
-PATHS = "paths"
-"""Name of the part of the tools' paths in a scene without mechanism."""
-
 COUPLING = "coupling"
-
-
-def mover_part(scene: Scene) -> str:
-    """Name of the part of the motion source."""
-    return MECHANISM if scene.moved_by_participant else PATHS
 
 
 def part_names(scene: Scene) -> tuple[str, ...]:
@@ -121,16 +112,7 @@ class CheckpointWriter:
         self.directory = directory
         self.last_tick = INITIAL_TICK  # of the newest checkpoint that is valid
         self._resolved, self._run_id, self._sync_record = resolved, run_id, sync_record
-        self._schedule = schedule_of(resolved.scene, resolved.timing)
         self._names = part_names(resolved.scene)
-
-    def ends_with(self, tick: int) -> None:
-        """Make `tick` the last one of the run: no checkpoint is due there."""
-        self._schedule = self._schedule.ends_with(tick)
-
-    def due(self, tick: int) -> bool:
-        """Whether the scene has a checkpoint at the end of `tick`."""
-        return self._schedule.checkpoint_due(tick)
 
     def keep(self, tick: int, part: str, engine: Resumable) -> None:
         """Write the part of an engine that has finished `tick`.

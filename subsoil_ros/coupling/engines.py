@@ -1,17 +1,31 @@
 """The engines of a scene: the motion source, which moves the tools, and the soil."""
 
 from collections.abc import Mapping
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol, cast, runtime_checkable
 
 from numpy.typing import NDArray
 
 from ..loading.loader import ResolvedScene
 from ..messages import DriverCommand, MechanismState, SoilCloud, SoilState, ToolMotion, ToolWrench
+from ..scene.model import Scene
 from .outside import Machine, OutsideMachine, OutsideSoil, OutsideSoilEngine
+from .protocol import MECHANISM, SOIL
+
+if TYPE_CHECKING:
+    from .control import Controller
+
+PATHS = "paths"
+"""Name of the motion source of a scene whose tools follow paths; another one is named MECHANISM."""
 
 
 class Resumable(Protocol):
-    """An engine whose state can be read between two ticks, and restored."""
+    """An engine whose state can be read between two ticks, and restored, if it keeps one."""
+
+    @property
+    def keeps_state(self) -> bool:
+        """Whether it does; without, a run has no checkpoints."""
+        ...
 
     def state_arrays(self) -> dict[str, NDArray[Any]]:
         """All that later ticks depend on, by name; not copied, so to be used before the next tick."""
@@ -65,6 +79,11 @@ class Soil(Resumable, Protocol):
         """Wrenches of `tick`, the tools moving to `motions` within it."""
         ...
 
+
+@runtime_checkable
+class ParticleReadings(Protocol):
+    """What a soil of particles has beside the methods of every soil."""
+
     def ends_with(self, tick: int) -> None:
         """Make `tick`, the next one, the last of a run that ends early."""
         ...
@@ -76,6 +95,49 @@ class Soil(Resumable, Protocol):
     def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:
         """Particles at the end of `tick`."""
         ...
+
+
+def soil_state(soil: Soil, run_id: str, tick: int, end_time_ns: int) -> SoilState:
+    """Monitors at the end of `tick`; zeros for a soil that has none."""
+    if isinstance(soil, ParticleReadings):
+        return soil.state(run_id, tick, end_time_ns)
+    return SoilState(run_id, tick, end_time_ns)
+
+
+def mover_part(scene: Scene) -> str:
+    """Name of the motion source, as of its part of a checkpoint."""
+    return MECHANISM if scene.moved_by_participant else PATHS
+
+
+@dataclass(frozen=True)
+class Engines:
+    """The engines of a run in one process, and its controller; None: the scene has none."""
+
+    scene: Scene
+    motion_source: MotionSource
+    soil: Soil | None = None
+    controller: "Controller | None" = None
+
+    @property
+    def mechanism(self) -> Mechanism | None:
+        """The motion source of a scene with a mechanism."""
+        return cast(Mechanism, self.motion_source) if self.scene.mechanism is not None else None
+
+    @property
+    def particles(self) -> ParticleReadings | None:
+        """The soil, if it has particles."""
+        return self.soil if isinstance(self.soil, ParticleReadings) else None
+
+    @property
+    def parts(self) -> dict[str, Resumable]:
+        """The engines by the names of their parts of a checkpoint."""
+        soil: dict[str, Resumable] = {SOIL: self.soil} if self.soil is not None else {}
+        return {mover_part(self.scene): self.motion_source, **soil}
+
+    @property
+    def keeps_state(self) -> bool:
+        """Whether all engines can be resumed, so that checkpoints can be written."""
+        return all(engine.keeps_state for engine in self.parts.values())
 
 
 def build_mechanism(resolved: ResolvedScene) -> Mechanism | None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, RunError
 from ..loading.loader import ResolvedScene
-from ..messages import FacetGroupForce, SoilCloud, SoilState, SpatialMotion, ToolMotion, ToolWrench
+from ..messages import FacetGroupForce, SpatialMotion, ToolMotion, ToolWrench
 from ..rotations import rotation_between
 from ..scene.tools import Tool
 
@@ -200,21 +200,6 @@ class OutsideSoilEngine(_Outside):
     def advance(self, tick: int, motions: tuple[ToolMotion, ...]) -> tuple[ToolWrench, ...]:
         """Wrenches of `tick`. Raises RunError if the soil raised an error, or gave anything else."""
         return self._answers("advance", RunError, _wrench_kind, tick, motions)
-
-    def ends_with(self, tick: int) -> None:
-        """Do nothing: an external soil does not depend on where the run ends."""
-
-    def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
-        """Zeros: an external soil has no monitors."""
-        return SoilState(run_id, tick, end_time_ns, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-    def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:
-        """Not called: the schedule of a scene without particles has no clouds.
-
-        Raises:
-            InputError: always.
-        """
-        raise InputError("soil.model: 'external' has no particles, so there is no cloud of them")
 
 
 def refuse_unlike(

@@ -1,13 +1,10 @@
 """Interface of the rule that decides at check ticks whether a run ends early."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 from ..messages import ToolMotion, ToolWrench
-
-OnCheck = Callable[[Mapping[str, Any]], None]
-"""Called with the result of a check, in the form of `run.stop_when` of summary.json."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -38,6 +38,8 @@ class SoilEngine(SoilReadings):
         InputError: too many threads, no soil, or not the device that the scene asks for.
     """
 
+    keeps_state = True
+
     def __init__(
         self,
         resolved: ResolvedScene,

@@ -19,6 +19,7 @@ from ..scene.beds import SavedBed
 from ..scene.material import Material
 from ..scene.meshes import load_tool_mesh
 from ..scene.model import Scene
+from ..schedule import Schedule
 from ..yaml_document import Document, dump_yaml, merge, plain_value, read_document
 from .files import with_absolute_files
 from .keys import suggestion
@@ -55,6 +56,11 @@ class ResolvedScene:
     reference: Reference | None = None  # what report.reference names
     material: Material | None = None  # what soil.material named; `document` has its particles instead
     material_file: str | None = None  # the file it was read from
+
+    @property
+    def schedule(self) -> Schedule:
+        """What is due at each tick of a run of the scene."""
+        return Schedule.of(self.scene, self.timing)
 
     def write(self, path: Path) -> None:
         """Write `document` as a scene file."""

@@ -58,6 +58,8 @@ failed step. Only the kind and the words of the error depend on it."""
 class MechanismEngine:
     """Advances the machine of a scene. One tick is one call; the state is in one place."""
 
+    keeps_state = True
+
     def __init__(self, scene: Scene, timing: "Timing") -> None:
         """Assemble the machine and bring it to its initial state.
 

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 class PathEngine:
     """Moves tools along given paths. Forces do not change a path; they only turn tools that roll freely."""
 
+    keeps_state = True
+
     def __init__(self, scene: Scene, timing: "Timing") -> None:
         self._interval_ns = timing.communication_step_ns
         self._tick = INITIAL_TICK

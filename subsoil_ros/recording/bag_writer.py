@@ -19,7 +19,8 @@ from ..messages import (
 )
 from ..scene.cloud import SPEED_BITS, position_step_m
 from ..scene.model import Scene
-from ..ticks import INITIAL_TICK, every_ticks, tick_end_ns
+from ..schedule import Schedule
+from ..ticks import INITIAL_TICK, tick_end_ns
 from .bag_folder import BagFolder, TopicInfo
 from .bag_scene import scene_attachments, scene_notes
 from .description import latched_messages
@@ -89,8 +90,7 @@ class BagWriter:
         """
         self._scene = scene
         self._communication_step_ns = timing.communication_step_ns
-        self._last_tick = timing.tick_count - 1
-        self._series_ticks = scene.record.series_ticks
+        self._schedule = Schedule.of(scene, timing)
         self._types = {topic: message_type(kind) for topic, kind in RECORD_OF.items()}
         self._types.update(derived_topics(scene) | LATCHED)
         self._writers = {kind: writer(kind, timing.communication_step_ns) for kind in TOPIC_OF}
@@ -185,7 +185,7 @@ class BagWriter:
         if tick == INITIAL_TICK:
             return
         self._write_height_map(time_ns, held)
-        if (tick + 1) % self._series_ticks == 0 or tick == self._last_tick:
+        if self._schedule.series_due(tick):
             self._write_for_people(time_ns, held)
         self._emit_message(CLOCK, time_ns, clock(time_ns))
 
@@ -242,9 +242,7 @@ class BagWriter:
 def _notes(scene: Scene, timing: Timing) -> dict[str, str]:
     """Notes on what the messages do not show: records of every tick, and thinned records."""
     record = scene.record
-    cloud_ticks = 0
-    if scene.particle_soil is not None:
-        cloud_ticks = every_ticks(record.cloud_hz, timing.communication_step_ns)
+    cloud_ticks = Schedule.of(scene, timing).cloud_ticks
     notes = {
         "communication_step_ns": str(timing.communication_step_ns),
         "lockstep_messages": "every tick",

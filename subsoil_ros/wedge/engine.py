@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import InputError, PhysicsError
 from ..loading.loader import ResolvedScene
 from ..loading.soil_file import RANGE_MARGIN, refuse_rake, soil_of
-from ..messages import SoilCloud, SoilState, SpatialMotion, ToolMotion, ToolWrench
+from ..messages import SpatialMotion, ToolMotion, ToolWrench
 from ..scene.meshes import load_tool_mesh
 from ..scene.tool_faces import CuttingFace, WheelFace, cutting_faces, wheel_face
 from ..scene.wedge import WedgeValues
@@ -73,6 +73,8 @@ class _Tool:
 class WedgeEngine:
     """Wedges, sides and wheels; one step per tick. docs/wedge.md has the equations and their sources."""
 
+    keeps_state = True
+
     def __init__(self, resolved: ResolvedScene) -> None:
         soil = resolved.scene.wedge_soil
         if soil is None:
@@ -133,9 +135,6 @@ class WedgeEngine:
             PhysicsError: a share left the rakes of the theory, or the range its soil was fitted in.
         """
         return self._answer(f"tick {tick}", motions)
-
-    def ends_with(self, tick: int) -> None:
-        """Do nothing: the soil does not depend on where the run ends."""
 
     def state_arrays(self) -> dict[str, np.ndarray]:
         """All that later ticks depend on, by name: the memory of each tool."""
@@ -385,18 +384,6 @@ class WedgeEngine:
                     f"{largest:.3g} {unit} and is taken up to {RANGE_MARGIN:g} times that; fit it further, "
                     "or add allow: [beyond_fitted_range]"
                 )
-
-    def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
-        """Zeros: there are no particles to monitor."""
-        return SoilState(run_id, tick, end_time_ns, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-    def cloud(self, tick: int, end_time_ns: int) -> SoilCloud:
-        """Not called: the schedule of a scene without particles has no clouds.
-
-        Raises:
-            InputError: always.
-        """
-        raise InputError("soil.model: 'wedge' has no particles, so there is no cloud of them")
 
 
 def _memory(tool: _Tool, motion: ToolMotion) -> ToolMemory:

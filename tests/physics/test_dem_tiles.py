@@ -176,9 +176,6 @@ def test_a_bed_that_still_moves_settles_on(soil, moving_joule, rests):
     class Falling:
         """Only the energy counts."""
 
-        def __init__(self, *_, **__) -> None:
-            pass
-
         def start(self, motions) -> None:
             pass
 
@@ -193,8 +190,12 @@ def test_a_bed_that_still_moves_settles_on(soil, moving_joule, rests):
             energy = 4.0 - ticks * settling.interval_s / longest_s
             return SimpleNamespace(kinetic_energy_joule=energy, rms_speed_m_per_s=1.0)
 
+    class OfFalling(Settling):
+        def engine(self, bed):
+            return Falling()
+
     scene = tiled(soil)
-    settling = Settling(scene, Falling, 1, soil=scene.scene.particle_soil, step_s=1e-5, gravity_m_per_s2=9.81)
+    settling = OfFalling(scene, 1, soil=scene.scene.particle_soil, step_s=1e-5, gravity_m_per_s2=9.81)
     longest_s = 40 * settling.interval_s
     settling.settled(None, Rest(1e-3, longest_s, moving_joule), 1.0, "relaxing")
     assert ticks == 40 * rests

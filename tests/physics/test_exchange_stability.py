@@ -8,6 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from subsoil_ros.api.simulate import simulate
+from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.dem.build import build_engine
 from subsoil_ros.limits.communication_steps import DAMPER_SHARE, force_age_ticks
 from subsoil_ros.mbd.engine import MechanismEngine
@@ -194,7 +195,7 @@ def run_engines(soil, case: Exchange, ticks: int) -> tuple[np.ndarray, np.ndarra
     """Place and speed of the block (ticks, 2) as the engines and as the map give them, from tick 5 on."""
     resolved = scene_of(soil, case, ticks)
     block, forces = Watched(resolved), Forces()
-    simulate(resolved, motion_source=block, soil=Pressed(resolved), sink=forces)
+    simulate(RunSettings(resolved), motion_source=block, soil=Pressed(resolved), sink=forces)
     first = 5  # Adams-Moulton has its history
     held = forces[first] - case.stiffness * PRESSED
     state = np.array([*block.states[first][: 3 + case.past_count], held])

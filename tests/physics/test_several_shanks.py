@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 from subsoil_ros.analysis.series import Series, read_series
 from subsoil_ros.analysis.summarize import summarize
 from subsoil_ros.api.simulate import simulate
+from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.figures.over_time import draw_figures
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.report.metrics_table import print_summary
@@ -19,7 +20,7 @@ SHANKS = ("shank", "shank_left", "shank_right")
 
 def run(resolved: ResolvedScene, bag: Path) -> Series:
     """A direct run of a scene."""
-    simulate(resolved, bag)
+    simulate(RunSettings(resolved, bag=bag))
     return read_series(bag, resolved.scene)
 
 

@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from subsoil_ros.api.simulate import simulate
+from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.experiments.calibration.fluctuation import (
     SAMPLE_M,
     Fluctuation,
@@ -151,6 +152,6 @@ def test_the_shipped_wedge_of_loam_draws_what_particles_do():
             if isinstance(record, ToolWrenches) and record.tick >= 0:
                 drafts.append(-record.tools[0].force_x_newton)
 
-    simulate(scene, sink=Sink())
+    simulate(RunSettings(scene), sink=Sink())
     found = np.mean(drafts[len(drafts) // 4 :])
     assert found == pytest.approx(point["draft_newton"][0], rel=0.1)  # 3 m: its own scatter is 3 %

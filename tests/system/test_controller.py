@@ -22,7 +22,9 @@ from rclpy.parameter import Parameter
 from subsoil_ros.api.simulate import simulate
 from subsoil_ros.coupling.control import Controller, build_controller
 from subsoil_ros.coupling.exit_status import ExitStatus
+from subsoil_ros.coupling.observer import RunWatch
 from subsoil_ros.coupling.protocol import CONTROLLER
+from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.errors import InterruptedRunError, RunError
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import DriverCommand, MechanismState
@@ -30,7 +32,6 @@ from subsoil_ros.recording.checkpoint import newest_valid
 from subsoil_ros.recording.topics import LATCHED, bag_topic
 from subsoil_ros.ros.nodes.controller_node import ControllerNode
 from subsoil_ros.ros.process.composed import run_composed, scene_builds
-from subsoil_ros.ros.process.heartbeat import NodeRun
 from tests.system.conftest import SCENE, Run, is_alive, messages
 from tests.system.test_nodes import (
     LIMIT_S,
@@ -61,18 +62,18 @@ def run_nodes(
     scene: ResolvedScene, bag: Path, controller: Callable[[], Controller] | None = None
 ) -> ExitStatus:
     """All nodes in this process; `controller` makes another one than the scene's."""
-    run = NodeRun("test", scene)
-    builds = scene_builds(run, bag, 1, lambda tick: None)
+    run = RunSettings(scene, "test", bag=bag)
+    builds = scene_builds(run)
     if controller is not None:
         builds[CONTROLLER] = lambda run, heartbeat, context: ControllerNode(
             controller(), run, heartbeat, context
         )
-    return run_composed(run, builds, lambda: 0)
+    return run_composed(run, builds)
 
 
 def run_without_ros(scene: ResolvedScene, bag: Path, controller: Controller | None) -> None:
     """The same by the direct run."""
-    simulate(scene, bag, run_id="test", controller=controller)
+    simulate(RunSettings(scene, "test", bag=bag), controller=controller)
 
 
 def command_ticks(bag: Path, communication_step_ns: int) -> list[int]:
@@ -108,22 +109,16 @@ def test_nodes_and_direct_run_drive_alike(scene: ResolvedScene, tmp_path: Path, 
 def test_a_resumed_run_is_driven_on_alike(scene: ResolvedScene, tmp_path: Path, stopped: int) -> None:
     """From a checkpoint, in both ways: the messages of a run that was never stopped."""
     run_without_ros(scene, tmp_path / "whole", build_controller(scene))
-    seen: list[int] = []
+    watch = RunWatch(lambda tick: watch.signals.append(signal.SIGTERM) if tick == stopped else None)
     with pytest.raises(InterruptedRunError):
-        simulate(
-            scene,
-            run_id="test",
-            on_tick=seen.append,
-            stop_signal=lambda: signal.SIGTERM if seen[-1:] == [stopped] else 0,
-            checkpoints=tmp_path / "checkpoints",
-        )
+        simulate(RunSettings(scene, "test", checkpoints=tmp_path / "checkpoints"), observer=watch)
     resumed, _ = newest_valid(tmp_path / "checkpoints")
     assert resumed is not None
     assert resumed.tick == stopped
-    run = NodeRun("test", scene, None, resumed)
-    status = run_composed(run, scene_builds(run, tmp_path / "nodes", 1, lambda tick: None), lambda: 0)
+    run = RunSettings(scene, "test", bag=tmp_path / "nodes", resumed=resumed)
+    status = run_composed(run, scene_builds(run))
     assert status == ExitStatus()
-    simulate(scene, tmp_path / "direct", run_id="test", resumed=resumed)
+    simulate(RunSettings(scene, "test", bag=tmp_path / "direct", resumed=resumed))
     expected = [item for item in contents(tmp_path / "whole") if item[1] > (stopped + 1) * 500_000]
     direct, nodes = contents(tmp_path / "direct"), contents(tmp_path / "nodes")
     assert nodes == direct

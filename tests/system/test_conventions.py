@@ -28,12 +28,12 @@ from visualization_msgs.msg import Marker, MarkerArray
 from subsoil_ros.api.simulate import simulate
 from subsoil_ros.coupling.exit_status import ExitStatus
 from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
+from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.errors import InputError
 from subsoil_ros.loading.loader import ResolvedScene
 from subsoil_ros.recording.bag_writer import open_bag
 from subsoil_ros.ros.nodes.recorder_node import RecorderNode
 from subsoil_ros.ros.process.composed import Build, run_composed
-from subsoil_ros.ros.process.heartbeat import NodeRun
 from subsoil_ros.ros.process.parameters import PARAMETERS, read_settings
 from subsoil_ros.ros.transport.qos import LATCHED_QOS
 from tests.system.conftest import SCENE, messages
@@ -163,9 +163,9 @@ class Run:
 
     def __init__(self, scene: ResolvedScene, nodes: dict[str, Build], namespace: str = "") -> None:
         self._statuses: list[ExitStatus] = []
-        run = NodeRun("test", scene)
+        run = RunSettings(scene, "test")
         self._thread = threading.Thread(
-            target=lambda: self._statuses.append(run_composed(run, nodes, lambda: 0, namespace))
+            target=lambda: self._statuses.append(run_composed(run, nodes, namespace=namespace))
         )
         self._thread.start()
 
@@ -398,7 +398,11 @@ def test_two_runs_share_a_domain_in_namespaces(
     gate.set()
     assert [run.status() for run in runs] == [ExitStatus(), ExitStatus()]
     (tool,) = resolved.scene.tools
-    simulate(resolved, tmp_path / "direct", run_id="test", motion_source=SpringMover(tool), soil=SpringSoil())
+    simulate(
+        RunSettings(resolved, "test", bag=tmp_path / "direct"),
+        motion_source=SpringMover(tool),
+        soil=SpringSoil(),
+    )
     for k in range(2):
         assert contents(tmp_path / str(k)) == contents(tmp_path / "direct")
 

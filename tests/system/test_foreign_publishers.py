@@ -15,13 +15,13 @@ from subsoil_msgs.msg import ToolWrenches as ToolWrenchesMessage
 
 from subsoil_ros.coupling.exit_status import ExitStatus
 from subsoil_ros.coupling.protocol import ACK_LAG_TICKS, COUPLER, RECORDER
+from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import Grant, NodeStatus, ToolMotion, ToolWrench
 from subsoil_ros.recording.bag_writer import BagWriter
 from subsoil_ros.ros.nodes.recorder_node import RecorderNode
 from subsoil_ros.ros.process import heartbeat as lifeline_module
 from subsoil_ros.ros.process.composed import run_composed
-from subsoil_ros.ros.process.heartbeat import NodeRun
 from subsoil_ros.ros.transport.qos import LOCKSTEP_QOS, NODE_STATUS_QOS, qos_of
 from tests.system.conftest import SCENE, lockstep_ticks
 from tests.system.test_conventions import spin
@@ -188,7 +188,7 @@ def test_a_slow_disk_holds_the_run_and_loses_nothing(tmp_path: Path) -> None:
     nodes = builds(slow, tmp_path / "bag", partial(SpringMover, tool), CountingSoil)
     writer = SlowWriter(tmp_path / "bag", slow.scene, slow.timing)
     nodes[RECORDER] = lambda run, heartbeat, context: RecorderNode(writer, run, heartbeat, context)
-    assert run_composed(NodeRun("test", slow), nodes, lambda: 0) == ExitStatus()
+    assert run_composed(RunSettings(slow, "test"), nodes) == ExitStatus()
     assert ACK_LAG_TICKS // 2 < max(leads) <= ACK_LAG_TICKS
     recorded = lockstep_ticks(tmp_path / "bag", slow.timing.communication_step_ns)
     assert recorded == {name: list(range(ticks)) for name in recorded}

@@ -19,12 +19,13 @@ import numba
 import pytest
 
 from subsoil_ros.api.read import read_run
+from subsoil_ros.api.run_frame import RunFrame
 from subsoil_ros.cli.main import main
 from subsoil_ros.coupling.engines import MotionSource, build_motion_source
 from subsoil_ros.coupling.outside import Machine
 from subsoil_ros.errors import InputError, RunError
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
-from subsoil_ros.ros.process.plan import RunPlan
+from subsoil_ros.ros.process.plan import nodes_of
 from subsoil_ros.ros.transport import shared_memory
 from subsoil_ros.ros.transport.domain import run_domain
 from subsoil_ros.ros.transport.shared_memory import LOADED_BYTES, TRANSPORTS
@@ -126,21 +127,24 @@ def test_it_starts_what_subsoil_run_starts(
     start: Callable[..., list[Taken]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The same executables with the same parameters as `subsoil run`, but for who holds standard input."""
-    plans: list[RunPlan] = []
-    monkeypatch.setattr("subsoil_ros.cli._shared.simulation._run_nodes", lambda plan, *_: plans.append(plan))
+    frames: list[RunFrame] = []
+    monkeypatch.setattr("subsoil_ros.cli._shared.simulation._run_nodes", lambda run, *_: frames.append(run))
     scene = SCENE.parent / "subsoiler_1s300_wedge.yaml"
     assert main(["run", str(scene), "--out", str(tmp_path / "run"), "--threads", "2", "--paused"]) != 0
-    (plan,) = plans  # nothing was recorded
-    assert plan.supervised
+    settings = frames[0].settings  # nothing was recorded
+    assert settings.supervised
     words, *nodes = start(out=str(tmp_path / "launched"), threads="2", paused="true", recording="true")
     launched = [(node.package, node.executable, parameters(node)) for node in nodes]
     run_id = launched[0][2]["run_id"]
     assert run_id in words.msg
     expected = replace(
-        plan, run_id=run_id, supervised=False, scene=tmp_path / "launched/scene.yaml",
-        bag=tmp_path / "launched/bag", checkpoints=tmp_path / "launched/checkpoints",
+        settings, run_id=run_id, supervised=False, bag=tmp_path / "launched/bag",
+        checkpoints=tmp_path / "launched/checkpoints",
     )  # fmt: skip
-    assert launched == [("subsoil_ros", node.executable, dict(node.parameters)) for node in expected.nodes()]
+    assert launched == [
+        ("subsoil_ros", node.executable, dict(node.parameters))
+        for node in nodes_of(expected, tmp_path / "launched/scene.yaml")
+    ]
     assert (tmp_path / "launched/scene.yaml").read_text() == (tmp_path / "run/scene.yaml").read_text()
     lib = FILE.parents[1] / "scripts"
     assert all((lib / node.executable).is_file() for node in nodes)
@@ -287,7 +291,7 @@ def test_it_says_at_once_that_it_compiles(
         said_before.append(capsys.readouterr().err)
         return build_motion_source(resolved, machine)
 
-    monkeypatch.setattr("subsoil_ros.api.opened_run.build_motion_source", prepare)
+    monkeypatch.setattr("subsoil_ros.api.run_frame.build_motion_source", prepare)
     start(scene=str(MACHINE), out=str(tmp_path / "out"))
     assert said_before[0].startswith("compiling kernels, once: kept in ")
 

@@ -16,6 +16,8 @@ import sys
 from pathlib import Path
 import psutil
 from subsoil_ros.api.simulate import simulate
+from subsoil_ros.coupling.observer import RunWatch
+from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.loading.loader import load_scene
 
 def resident():
@@ -27,7 +29,7 @@ def look(tick):
 
 scene, out, ticks = sys.argv[1], Path(sys.argv[2]), int(sys.argv[3])
 resolved = load_scene(scene, [f"duration_s={ticks * 1e-4}", "coupling.communication_step_ns=100000"])
-simulate(resolved, out, on_tick=look)
+simulate(RunSettings(resolved, bag=out), observer=RunWatch(look))
 """
 
 

@@ -18,7 +18,9 @@ from subsoil_msgs.msg import ToolMotions as ToolMotionsMessage
 
 from subsoil_ros.api.simulate import simulate
 from subsoil_ros.coupling.exit_status import ExitStatus
+from subsoil_ros.coupling.observer import RunObserver
 from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL
+from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.errors import InputError, PhysicsError, RunError
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import (
@@ -35,7 +37,6 @@ from subsoil_ros.ros.nodes.mechanism_node import MechanismNode
 from subsoil_ros.ros.nodes.recorder_node import RecorderNode
 from subsoil_ros.ros.nodes.soil_node import SoilNode
 from subsoil_ros.ros.process.composed import Build, run_composed
-from subsoil_ros.ros.process.heartbeat import NodeRun
 from subsoil_ros.ros.transport.domain import run_domain
 from subsoil_ros.ros.transport.qos import LOCKSTEP_QOS
 from subsoil_ros.ticks import INITIAL_TICK
@@ -85,6 +86,9 @@ class SpringSoil:
         if tick == self._fail_tick:
             raise PhysicsError(f"tick {tick}: overlap too deep")
         return self._answer(motions)
+
+    def ends_with(self, tick: int) -> None:
+        pass
 
     def state(self, run_id: str, tick: int, end_time_ns: int) -> SoilState:
         return SoilState(run_id, tick, end_time_ns, 1, 0, 0, 0, 0, *[0.0] * 5)
@@ -138,18 +142,18 @@ def builds(
 
 
 def run_nodes(
-    resolved: ResolvedScene, bag: Path, soil: Callable[[], SpringSoil], stop: Callable[[], int] = lambda: 0
+    resolved: ResolvedScene, bag: Path, soil: Callable[[], SpringSoil], observer: RunObserver | None = None
 ) -> ExitStatus:
     """A composed run around the small engines."""
     (tool,) = resolved.scene.tools
     nodes = builds(resolved, bag, partial(SpringMover, tool), soil)
-    return run_composed(NodeRun("test", resolved), nodes, stop)
+    return run_composed(RunSettings(resolved, "test"), nodes, observer)
 
 
 def run_without_ros(resolved: ResolvedScene, bag: Path, soil: SpringSoil) -> None:
     """The same by the direct run."""
     (tool,) = resolved.scene.tools
-    simulate(resolved, bag, run_id="test", motion_source=SpringMover(tool), soil=soil)
+    simulate(RunSettings(resolved, "test", bag=bag), motion_source=SpringMover(tool), soil=soil)
 
 
 def contents(bag: Path) -> list[tuple[str, int, bytes]]:
@@ -240,7 +244,7 @@ def test_paths_are_hosted_by_the_soil(tmp_path: Path) -> None:
         RECORDER: lambda run, heartbeat, context: RecorderNode(writer, run, heartbeat, context),
         COUPLER: CouplerNode,
     }
-    assert run_composed(NodeRun("test", scene), nodes, lambda: 0) == ExitStatus()
+    assert run_composed(RunSettings(scene, "test"), nodes) == ExitStatus()
     run_without_ros(scene, tmp_path / "direct", SpringSoil())
     assert contents(tmp_path / "bag") == contents(tmp_path / "direct")
 

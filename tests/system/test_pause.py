@@ -17,11 +17,10 @@ from subsoil_msgs.srv import Step
 
 from subsoil_ros.coupling.exit_status import ExitStatus
 from subsoil_ros.coupling.protocol import COUPLER
+from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.loading.loader import ResolvedScene
 from subsoil_ros.ros.nodes import coupler_node
-from subsoil_ros.ros.nodes.coupler_node import CouplerNode
 from subsoil_ros.ros.process.composed import run_composed
-from subsoil_ros.ros.process.heartbeat import NodeRun
 from tests.system.conftest import messages
 from tests.system.test_nodes import (
     LIMIT_S,
@@ -79,12 +78,10 @@ def start(
 ) -> tuple[threading.Thread, list[ExitStatus]]:
     """A composed run that is paused before its first tick, in a thread of its own."""
     (tool,) = resolved.scene.tools
-    nodes = builds(resolved, bag, partial(SpringMover, tool), soil) | {
-        COUPLER: partial(CouplerNode, paused=True)
-    }
+    nodes = builds(resolved, bag, partial(SpringMover, tool), soil)
     statuses: list[ExitStatus] = []
     thread = threading.Thread(
-        target=lambda: statuses.append(run_composed(NodeRun("test", resolved), nodes, lambda: 0))
+        target=lambda: statuses.append(run_composed(RunSettings(resolved, "test", paused=True), nodes))
     )
     thread.start()
     return thread, statuses

@@ -14,6 +14,7 @@ import pytest
 
 from subsoil_ros.api.simulate import simulate
 from subsoil_ros.cli.main import main
+from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.recording import checkpoint
 from subsoil_ros.recording.checkpoint import end_digests, read_checkpoint
@@ -158,7 +159,7 @@ def test_from_every_checkpoint_and_without_a_recorder(
     def run(name: str, resumed: Path | None, *overrides: str) -> None:
         resolved = load_scene(whole / "scene.yaml", overrides)
         kept = read_checkpoint(resumed) if resumed is not None else None
-        simulate(resolved, run_id=name, checkpoints=tmp_path / name, resumed=kept)
+        simulate(RunSettings(resolved, name, checkpoints=tmp_path / name, resumed=kept))
         assert end_digests(tmp_path / name) == end
 
     run("bare", None, "record.cloud_hz=0", "record.checkpoint_s=0", "record.series_ticks=7")

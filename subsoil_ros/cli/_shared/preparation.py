@@ -12,7 +12,7 @@ from ...cache_folders import kernel_cache_folder
 from ...kernel_cache import CompilationListener, soil_kernels_are_kept
 
 if TYPE_CHECKING:
-    from ...api.opened_run import OpenedRun
+    from ...api.run_frame import RunFrame
 
 
 def say(line: str) -> None:
@@ -20,11 +20,11 @@ def say(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
 
 
-def say_opened(opened: "OpenedRun") -> None:
+def say_opened(frame: "RunFrame") -> None:
     """Print warnings on standard error and notes on standard output before a run begins."""
-    for warning in opened.warnings:
+    for warning in frame.warnings:
         say(f"warning: {warning}")
-    for note in opened.notes:
+    for note in frame.notes:
         print(note, flush=True)
 
 

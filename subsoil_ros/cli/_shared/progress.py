@@ -56,8 +56,6 @@ class RunProgress:
             speed_estimate_period=30.0,
         )
         self._task = self._progress.add_task(name, total=duration_s)
-        self.started = False
-        """Whether a tick has been done."""
 
     def __enter__(self) -> RunProgress:
         self._progress.start()
@@ -71,7 +69,6 @@ class RunProgress:
         self._progress.update(self._task, description=f"{self._name} ({words})")
 
     def __call__(self, tick: int) -> None:
-        self.started = True
         self._progress.update(self._task, completed=tick_end_s(tick, self._communication_step_ns))
 
 

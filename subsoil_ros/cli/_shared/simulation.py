@@ -2,27 +2,24 @@
 
 import argparse
 import os
-import shutil
-import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from ...analysis.summary import KnownMean, Summary
-from ...api.checkpoints import name_checkpoint
-from ...api.opened_run import OpenedRun, open_run
-from ...api.results import conclude
-from ...api.simulate import needed_controller, simulate_opened
+from ...api.run_frame import RunFrame, open_run
+from ...api.simulate import needed_controller
+from ...coupling.observer import RunObserver, RunWatch
 from ...coupling.outside import refuse_unlike
 from ...coupling.protocol import COUPLER, nodes_from_outside
+from ...coupling.run_settings import RunSettings
 from ...coupling.signals import caught_signals
-from ...coupling.stopping import OnCheck
-from ...errors import InputError, SubsoilError
+from ...errors import InputError
 from ...extras import require_ros
 from ...loading.loader import ResolvedScene, load_scene
 from ...report.metrics_table import print_summary
 from ...report.sentences import mean_words
-from ...ros.process.plan import RunPlan, checked_namespace
+from ...ros.process.plan import checked_namespace, nodes_of
 from ...ros.process.supervisor import Supervisor, node_program, start_node
 from ...ros.transport.domain import run_domain
 from ...ros.transport.shared_memory import avoid_full_memory
@@ -49,51 +46,48 @@ def _run(args: argparse.Namespace, kernels: KernelAnnouncer) -> int:
     live = live_port(args.live)
     if live and not resolved.scene.record.bag:
         raise InputError("--live: shows what is recorded, and record.bag is false; add --set record.bag=true")
-    out = Path(args.out)
-    opened = open_run(resolved, out, args.threads, args.resume, shown=args.scene, bed_progress=bed_progress)
-    say_opened(opened)
+    settings = RunSettings(
+        resolved,
+        threads=args.threads,
+        paused=args.paused,
+        live_port=live,
+        supervised=args.mode == "nodes",
+    )
+    frame = open_run(settings, Path(args.out), args.resume, shown=args.scene, bed_progress=bed_progress)
+    say_opened(frame)
     say_where(live)
-    failure: SubsoilError | None = None
-    signals: list[int] = []
-    found: dict[str, Any] = {}  # of the mean of stop_when
+    bar = RunProgress(resolved.scene.name, resolved.timing)
+    watch = _ShownRun(bar, kernels.before(bar))
 
-    def stop_signal() -> int:
-        return signals[0] if signals else 0
-
-    start = time.monotonic()
-    try:
-        with caught_signals(signals.append), RunProgress(resolved.scene.name, resolved.timing) as bar:
-            progress = kernels.before(bar)
-
-            def on_check(result: Mapping[str, Any]) -> None:
-                found.update(result)
-                bar.note(mean_words(KnownMean.model_validate(result)))
-
+    def work() -> None:
+        with caught_signals(watch.signals.append), bar:
             if args.mode == "direct":
-                simulate_opened(opened, args.threads, progress, stop_signal, live, on_check)
+                frame.simulate(watch)
+            elif args.mode == "composed":
+                _run_composed(frame, namespace, watch)
             else:
-                plan = RunPlan.of(opened, args.threads, args.paused, supervised=True, live=live)
-                if args.mode == "composed":
-                    _run_composed(opened, plan, namespace, progress, on_check, stop_signal)
-                else:
-                    _run_nodes(plan, namespace, out / "log", progress, on_check, stop_signal)
-    except SubsoilError as error:
-        failure = error
-    if failure is not None and failure.exit_status == InputError.exit_status and not bar.started:
-        shutil.rmtree(out)  # bad input detected only with the prepared bed: nothing ran
-        raise failure
-    facts = {"mode": args.mode, "threads": args.threads, "whole_wall_s": time.monotonic() - start}
-    facts |= {"stop_when": found} if found else {}
-    if failure is not None:
-        name_checkpoint(failure, out, opened.resumed)
-    summary = conclude(opened, facts, failure, reading=reading_bag, working=working)
+                _run_nodes(frame, namespace, watch)
+
+    summary, failure = frame.complete(args.mode, work, watch, reading=reading_bag, working=working)
     if isinstance(summary, Summary):
-        print_summary(summary, resolved.scene, out, reference=resolved.reference)
+        print_summary(summary, resolved.scene, frame.out, reference=resolved.reference)
     elif summary is not None:
-        print(f"nothing is recorded (record.bag: false); {out / 'summary.json'} says how the run ended")
+        print(f"nothing is recorded (record.bag: false); {frame.out / 'summary.json'} says how the run ended")
     if failure is not None:
         raise failure
     return 0
+
+
+class _ShownRun(RunWatch):
+    """Shows the ticks of a run and the mean of stop_when in its bar."""
+
+    def __init__(self, bar: RunProgress, show: Callable[[int], None]) -> None:
+        super().__init__(show)
+        self._bar = bar
+
+    def on_check(self, result: Mapping[str, Any]) -> None:
+        super().on_check(result)
+        self._bar.note(mean_words(KnownMean.model_validate(result)))
 
 
 def _refuse_direct(args: argparse.Namespace, resolved: ResolvedScene) -> None:
@@ -106,16 +100,16 @@ def _refuse_direct(args: argparse.Namespace, resolved: ResolvedScene) -> None:
     refuse_unlike(resolved, None, None)
 
 
-def _say_where_nodes_are(plan: RunPlan, domain: int, namespace: str) -> None:
+def _say_where_nodes_are(run: RunSettings, domain: int, namespace: str) -> None:
     """Print where other programs find the nodes, and which nodes must be started by the user."""
     place = f", namespace {namespace}" if namespace else ""
     say(f"nodes in ROS_DOMAIN_ID={domain}{place}")
-    for node, key in nodes_from_outside(plan.resolved.scene).items():
+    for node, key in nodes_from_outside(run.resolved.scene).items():
         print(
-            f"waiting for a node '{node}' of run '{plan.run_id}' in ROS_DOMAIN_ID={domain}{place} ({key})",
+            f"waiting for a node '{node}' of run '{run.run_id}' in ROS_DOMAIN_ID={domain}{place} ({key})",
             flush=True,
         )
-    if plan.paused:
+    if run.paused:
         print(
             f"paused before the first tick; ROS_DOMAIN_ID={domain} ros2 service call "
             f"{namespace}/{COUPLER}/resume std_srvs/srv/Trigger lets it go",
@@ -130,42 +124,28 @@ def _avoid_full_memory(process_count: int) -> None:
         say(words)
 
 
-def _run_composed(
-    opened: OpenedRun,
-    plan: RunPlan,
-    namespace: str,
-    progress: Callable[[int], None],
-    on_check: OnCheck,
-    stop_signal: Callable[[], int],
-) -> None:
+def _run_composed(frame: RunFrame, namespace: str, observer: RunObserver) -> None:
     with run_domain() as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         _avoid_full_memory(1)
         from ...ros.process.composed import run_composed, scene_builds  # not for other modes: needs ROS
-        from ...ros.process.heartbeat import NodeRun
 
-        node_run = NodeRun(opened.run_id, opened.resolved, opened.checkpoints, opened.resumed)
-        builds = scene_builds(node_run, plan.bag, plan.threads, progress, plan.paused, plan.live, on_check)
-        _say_where_nodes_are(plan, domain, namespace)
-        status = run_composed(node_run, builds, stop_signal, namespace)
+        _say_where_nodes_are(frame.settings, domain, namespace)
+        builds = scene_builds(frame.settings, observer)
+        status = run_composed(frame.settings, builds, observer, namespace)
     if status.code:
         raise status.error()
 
 
-def _run_nodes(
-    plan: RunPlan,
-    namespace: str,
-    logs: Path,
-    progress: Callable[[int], None],
-    on_check: OnCheck,
-    stop_signal: Callable[[], int],
-) -> None:
-    progress = announce_kernels_of_nodes(progress)
+def _run_nodes(frame: RunFrame, namespace: str, watch: RunWatch) -> None:
+    watch.show = announce_kernels_of_nodes(watch.show)
+    logs = frame.out / "log"
     logs.mkdir()
+    nodes = nodes_of(frame.settings, frame.scene)
     with run_domain() as domain:
-        _avoid_full_memory(len(plan.nodes()))
-        _say_where_nodes_are(plan, domain, namespace)
+        _avoid_full_memory(len(nodes))
+        _say_where_nodes_are(frame.settings, domain, namespace)
         processes = [
             start_node(
                 node.name,
@@ -175,8 +155,8 @@ def _run_nodes(
                 domain,
                 namespace,
             )
-            for node in plan.nodes()
+            for node in nodes
         ]
-        status = Supervisor(processes, progress, on_check).follow(stop_signal)
+        status = Supervisor(processes, watch).follow()
     if status.code:
         raise status.error()

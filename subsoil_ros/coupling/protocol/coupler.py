@@ -16,7 +16,8 @@ from ...messages import (
     ToolWrench,
     ToolWrenches,
 )
-from ...ticks import INITIAL_TICK, is_control_tick
+from ...schedule import Schedule
+from ...ticks import INITIAL_TICK
 from .checking import Checks
 from .handshake import check_node_status
 from .names import ACK_LAG_TICKS, CONTROLLER, RECORDER, SOIL
@@ -37,14 +38,12 @@ class Coupler:
     """Grants ticks, tracks their completion, ends the run.
 
     Args:
-        names: names of the participants that must be ready before tick 0.
-        soil: whether wrenches are part of a tick.
-        first_tick: later than 0 in a resumed run.
-        control_ticks: interval of the ticks that have a controller's command; 0: none has.
+        names: names of the participants that must be ready before the first tick; with a soil, wrenches are
+            part of a tick.
+        schedule: that of the run; the attribute ends with an earlier tick once that is decided. No tick
+            beyond a check tick is granted before `decide`.
         needed: capabilities that each node must have (handshake.needed_capabilities).
         paused: no tick is granted before `resume` or `step`.
-        check_ticks: interval of the ticks with which the run may end early (checking.Checks); 0: none. No
-            tick beyond a check tick is granted before `decide`.
     """
 
     def __init__(
@@ -52,40 +51,42 @@ class Coupler:
         node_status: NodeStatus,
         names: tuple[str, ...],
         tools: tuple[str, ...],
-        tick_count: int,
+        schedule: Schedule,
         grant_window: int,
-        soil: bool,
-        first_tick: int = 0,
-        control_ticks: int = 0,
+        *,
         needed: Mapping[str, Mapping[str, str]] | None = None,
         paused: bool = False,
-        check_ticks: int = 0,
     ) -> None:
-        self.last_tick = tick_count - 1
-        self.done_tick = first_tick - 1
-        self.acknowledged_tick = first_tick - 1 if RECORDER in names else self.last_tick
+        before = schedule.first_tick - 1
+        self.schedule = schedule
+        self.done_tick = before
+        self.acknowledged_tick = before if RECORDER in names else schedule.last_tick
         self.abort_grant: Grant | None = None
         self.initial_motions: tuple[ToolMotion, ...] = ()
         self.initial_wrenches: tuple[ToolWrench, ...] = ()
         self._own = node_status
         self._tools = tools
         self._window = grant_window
-        self._soil = soil
-        self._granted = first_tick - 1
+        self._soil = SOIL in names
+        self._granted = before
         self._holding = False
         self._waiting = set(names)
         self._names = names
         self._process_ids: dict[str, int] = {}
         self._needed = needed or {}
-        self._pacing = Pacing(first_tick - 1 if paused else None)
-        self._checks = Checks(check_ticks, first_tick)
-        self._control_ticks = control_ticks
+        self._pacing = Pacing(before if paused else None)
+        self._checks = Checks(schedule)
         run_id = node_status.run_id
-        self._acks = Stream("tick_ack", run_id, tick_count)
-        self._statuses = Stream("node_status", run_id, tick_count)
-        self._motions = AnswerStream[ToolMotions]("tool_motions", run_id, tick_count, tools, first_tick)
-        self._wrenches = AnswerStream[ToolWrenches]("tool_wrenches", run_id, tick_count, tools, first_tick)
-        self._commands = CommandStream(run_id, tick_count, control_ticks, first_tick)
+        self._acks = Stream("tick_ack", run_id, schedule, first=0)
+        self._statuses = Stream("node_status", run_id, schedule, first=0)
+        self._motions = AnswerStream[ToolMotions]("tool_motions", run_id, schedule, tools)
+        self._wrenches = AnswerStream[ToolWrenches]("tool_wrenches", run_id, schedule, tools)
+        self._commands = CommandStream(run_id, schedule)
+
+    @property
+    def last_tick(self) -> int:
+        """The tick the run ends with, as far as is decided."""
+        return self.schedule.last_tick
 
     @property
     def ready(self) -> bool:
@@ -150,7 +151,7 @@ class Coupler:
             raise ProtocolError(f"check of tick {tick}: done is tick {self.done_tick}")
         self._checks.decide(tick)
         if ends:
-            self.last_tick = tick + 1
+            self.schedule = self.schedule.ends_with(tick + 1)
 
     @property
     def paused(self) -> bool:
@@ -206,7 +207,7 @@ class Coupler:
         """The next tick that all have finished, once, in order; None while a message is missing."""
         if not self._motions or (self._soil and not self._wrenches):
             return None
-        if is_control_tick(self.done_tick + 1, self._control_ticks):
+        if self.schedule.control_due(self.done_tick + 1):
             if not self._commands.has(self.done_tick + 1):
                 return None
             self._commands.take()
@@ -242,7 +243,7 @@ class Coupler:
         if self._waiting:
             return f"ready from {', '.join(sorted(self._waiting))}"
         tick = self.done_tick + 1
-        controlled = tick <= self._granted and is_control_tick(tick, self._control_ticks)
+        controlled = tick <= self._granted and self.schedule.control_due(tick)
         if controlled and not self._commands.has(tick):
             return f"driver_command of tick {tick} from {CONTROLLER}"
         if not self._motions and self.done_tick < self._granted:

@@ -5,8 +5,7 @@ from enum import Enum
 
 from ...errors import ProtocolError
 from ...messages import Command, DriverCommand, Grant, ToolMotion, ToolMotions, ToolWrench, ToolWrenches
-from ...ticks import is_control_tick
-from .checking import is_end
+from ...schedule import Schedule
 from .streams import AnswerStream, CommandStream, Stream
 
 
@@ -32,37 +31,36 @@ class Participant:
     """Motion or soil: accepts messages in any interleaving, and returns each tick once, in order.
 
     Args:
-        control_ticks: interval of the ticks that need a command; 0: none does.
-        first_tick: later than 0 in a resumed run.
-        check_ticks: interval of the ticks with which END may come early (ticks.is_early_end); 0: with the
-            last tick only.
+        schedule: that of the run; the attribute ends with an earlier tick once END has come with it.
+        commanded: whether control ticks need the controller's command.
     """
 
     def __init__(
         self,
         run_id: str,
-        tick_count: int,
+        schedule: Schedule,
         needs: Needs,
         tools: tuple[str, ...],
         *,
-        control_ticks: int = 0,
-        first_tick: int = 0,
-        check_ticks: int = 0,
+        commanded: bool = False,
     ) -> None:
-        self.last_tick = tick_count - 1  # an earlier one once END has come with it
-        self.done_tick = first_tick - 1  # last tick handed out and finished
+        self.schedule = schedule
+        self.done_tick = schedule.first_tick - 1  # last tick handed out and finished
         self.abort: Grant | None = None
         self._needs = needs
-        self._first_tick = first_tick
-        self._grants = Stream("grant", run_id, tick_count, first_tick)
-        self._motions = AnswerStream[ToolMotions]("tool_motions", run_id, tick_count, tools, first_tick)
-        self._wrenches = AnswerStream[ToolWrenches]("tool_wrenches", run_id, tick_count, tools, first_tick)
-        self._commands = CommandStream(run_id, tick_count, control_ticks, first_tick)
-        self._control_ticks = control_ticks
+        self._commanded = commanded
+        self._grants = Stream("grant", run_id, schedule)
+        self._motions = AnswerStream[ToolMotions]("tool_motions", run_id, schedule, tools)
+        self._wrenches = AnswerStream[ToolWrenches]("tool_wrenches", run_id, schedule, tools)
+        self._commands = CommandStream(run_id, schedule)
         self._initial_wrenches: tuple[ToolWrench, ...] | None = None
         self._at_work = False
-        self._check_ticks = check_ticks
         self._ended = False
+
+    @property
+    def last_tick(self) -> int:
+        """The tick the run ends with, as far as is known."""
+        return self.schedule.last_tick
 
     def start(self, wrenches: tuple[ToolWrench, ...]) -> None:
         """Accept the wrenches before the first tick; only Needs.WRENCHES uses them."""
@@ -79,18 +77,16 @@ class Participant:
                 f"grant: tick {grant.tick} came, but the run ends with tick {self.last_tick}, by its END"
             )
         self._grants.accept(grant.run_id, grant.tick)
-        end = grant.command is Command.END
-        allowed = (
-            is_end(grant.tick, self.last_tick, self._check_ticks) if end else grant.tick < self.last_tick
-        )
+        end, schedule = grant.command is Command.END, self.schedule
+        allowed = schedule.may_end(grant.tick) if end else grant.tick < schedule.last_tick
         if not allowed:
-            every = f"; END may come every {self._check_ticks} ticks" if self._check_ticks else ""
+            every = f"; END may come every {schedule.check_ticks} ticks" if schedule.check_ticks else ""
             raise ProtocolError(
                 f"grant: {grant.command.name} came with tick {grant.tick}, the last tick is "
                 f"{self.last_tick}{every}"
             )
         if end:
-            self.last_tick, self._ended = grant.tick, True
+            self.schedule, self._ended = schedule.ends_with(grant.tick), True
 
     def accept_keep(self, grant: Grant) -> None:
         """Handle CHECKPOINT: verify that this participant has finished exactly that tick.
@@ -125,8 +121,8 @@ class Participant:
         tick = self.done_tick + 1
         if self._at_work or self.abort or tick >= self._grants.next_tick or tick > self.last_tick:
             return None
-        first = tick == self._first_tick
-        controlled = is_control_tick(tick, self._control_ticks)
+        first = tick == self.schedule.first_tick
+        controlled = self._commanded and self.schedule.control_due(tick)
         if controlled and not self._commands.has(tick):
             return None
         motions: tuple[ToolMotion, ...] | None = ()

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 from ...errors import ProtocolError
+from ...schedule import Schedule
 from ...ticks import INITIAL_TICK
-from .checking import is_end
 from .names import ACK_EVERY_TICKS
 
 Payload = TypeVar("Payload")
@@ -18,26 +18,24 @@ class RecordBarrier(Generic[Payload]):
     returned only when no abort can name an earlier one any more.
 
     Args:
+        schedule: that of the run; the attribute ends with an earlier tick once END has come with it.
         due: names of the messages due at a tick, in the order in which they are recorded.
         grant_window: a grant of tick k means that the coupler has finished tick k - grant_window.
-        first_tick: later than 0 in a resumed run.
-        check_ticks: interval of the ticks with which the run may end early (ticks.is_early_end); 0: none.
         due_at_end: as `due`, if the run ends with the tick; default: `due`. The grant is among them.
         initial: names of the messages of INITIAL_TICK, the state before tick 0; empty in a resumed run.
     """
 
     def __init__(
         self,
-        tick_count: int,
+        schedule: Schedule,
         due: Callable[[int], tuple[str, ...]],
         grant_window: int,
-        first_tick: int = 0,
         *,
-        check_ticks: int = 0,
         due_at_end: Callable[[int], tuple[str, ...]] | None = None,
         initial: tuple[str, ...] = (),
     ) -> None:
-        self.last_tick = tick_count - 1
+        first_tick = schedule.first_tick
+        self.schedule = schedule
         self.done_tick = INITIAL_TICK - 1 if initial else first_tick - 1
         self._window = grant_window
         self._certain = first_tick - 1  # no abort names an earlier tick
@@ -45,10 +43,14 @@ class RecordBarrier(Generic[Payload]):
         self._acknowledged = first_tick - 1
         self._due_before_end = due
         self._due_at_end = due_at_end or due
-        self._check_ticks = check_ticks
         self._initial = initial
         self._granted = False
         self._kept: dict[int, dict[str, Payload]] = {}
+
+    @property
+    def last_tick(self) -> int:
+        """The tick the run ends with, as far as is known."""
+        return self.schedule.last_tick
 
     def add(self, name: str, tick: int, payload: Payload) -> None:
         """Keep a message.
@@ -57,7 +59,7 @@ class RecordBarrier(Generic[Payload]):
             ProtocolError: it is repeated, or not due at its tick.
         """
         allowed = self._due(tick)
-        if is_end(tick, self.last_tick, self._check_ticks):
+        if self.schedule.may_end(tick):
             allowed = self._due_at_end(tick)  # its grant may be on the way
         if name not in allowed or tick > self.last_tick:
             raise ProtocolError(f"{name}: tick {tick} came, nothing of it is due then")
@@ -74,9 +76,9 @@ class RecordBarrier(Generic[Payload]):
         Raises:
             ProtocolError: the run may not end there.
         """
-        if not is_end(tick, self.last_tick, self._check_ticks):
+        if not self.schedule.may_end(tick):
             raise ProtocolError(f"grant: END came with tick {tick}, the last tick is {self.last_tick}")
-        self.last_tick = tick
+        self.schedule = self.schedule.ends_with(tick)
         self.cut_tick = min(self.cut_tick, tick)
 
     def note_grant(self, tick: int) -> None:

@@ -5,6 +5,7 @@ from typing import Generic, TypeVar
 
 from ...errors import ProtocolError
 from ...messages import DriverCommand, ToolMotions, ToolWrenches
+from ...schedule import Schedule
 
 Answer = TypeVar("Answer", ToolMotions, ToolWrenches)
 
@@ -12,15 +13,17 @@ Answer = TypeVar("Answer", ToolMotions, ToolWrenches)
 class Stream:
     """The ticks of one kind of message: all of one run, each exactly once, in order.
 
-    Ticks are `first`, `first` + `every`, and so on.
+    Ticks are `first`, by default the first one of the run, `first` + `every`, and so on.
     """
 
-    def __init__(self, name: str, run_id: str, tick_count: int, first: int = 0, every: int = 1) -> None:
-        self.next_tick = first
+    def __init__(
+        self, name: str, run_id: str, schedule: Schedule, first: int | None = None, every: int = 1
+    ) -> None:
+        self.next_tick = schedule.first_tick if first is None else first
         self._every = every
         self._name = name
         self._run_id = run_id
-        self._tick_count = tick_count
+        self._last_tick = schedule.last_tick
 
     def accept(self, run_id: str, tick: int) -> None:
         """Accept the next message.
@@ -36,9 +39,9 @@ class Stream:
             if (tick - self.next_tick) % self._every:
                 what = f"one is due every {self._every} ticks"
             raise ProtocolError(f"{self._name}: tick {tick} came where tick {self.next_tick} is due ({what})")
-        if tick >= self._tick_count:
+        if tick > self._last_tick:
             raise ProtocolError(
-                f"{self._name}: tick {tick} came, but the run ends with tick {self._tick_count - 1}"
+                f"{self._name}: tick {tick} came, but the run ends with tick {self._last_tick}"
             )
         self.next_tick += self._every
 
@@ -59,10 +62,8 @@ def refuse_other_tools(name: str, tick: int, given: tuple[str, ...], tools: tupl
 class AnswerStream(Stream, Generic[Answer]):
     """Motions or wrenches, kept until `take` returns them in order."""
 
-    def __init__(
-        self, name: str, run_id: str, tick_count: int, tools: tuple[str, ...], first: int = 0
-    ) -> None:
-        super().__init__(name, run_id, tick_count, first)
+    def __init__(self, name: str, run_id: str, schedule: Schedule, tools: tuple[str, ...]) -> None:
+        super().__init__(name, run_id, schedule)
         self._tools = tools
         self._kept: deque[Answer] = deque()
 
@@ -81,13 +82,12 @@ class AnswerStream(Stream, Generic[Answer]):
 
 
 class CommandStream(Stream):
-    """Commands of a controller: at the multiples of `every` from first_tick on; none if `every` is 0."""
+    """Commands of a controller, at the control ticks of the run."""
 
-    def __init__(self, run_id: str, tick_count: int, every: int, first_tick: int = 0) -> None:
-        step = every or 1
-        first = -(-max(first_tick, 1) // step) * step
-        super().__init__("driver_command", run_id, tick_count, first, step)
-        self._controlled = every > 0
+    def __init__(self, run_id: str, schedule: Schedule) -> None:
+        first = schedule.next_control(schedule.first_tick)
+        super().__init__("driver_command", run_id, schedule, first, schedule.control_ticks)
+        self._controlled = schedule.control_ticks > 0
         self._kept: deque[DriverCommand] = deque()
 
     def add(self, command: DriverCommand) -> None:

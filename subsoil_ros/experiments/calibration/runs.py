@@ -13,6 +13,8 @@ from ...analysis.columns import TIME, FacetGroup, PlanarTool
 from ...api.execution import execute
 from ...api.simulate import simulate
 from ...coupling.engines import Soil
+from ...coupling.observer import RunWatch
+from ...coupling.run_settings import RunSettings
 from ...errors import RunError
 from ...limits.stable_steps import Timing
 from ...loading.loader import ResolvedScene
@@ -82,7 +84,7 @@ def pull(
 ) -> Pull:
     """Run a scene with one tool on a path; soil: replaces that of the scene."""
     sink = _Sink()
-    simulate(scene, threads=threads, soil=soil, sink=sink, on_tick=on_tick)
+    simulate(RunSettings(scene, threads=threads), soil=soil, sink=sink, observer=RunWatch(on_tick))
     forces = np.array(sink.forces)
     return Pull(np.array(sink.x_m), forces[:, :, 0], forces[:, :, 1], sink.groups)
 

@@ -4,11 +4,11 @@ from rclpy.context import Context
 
 from ...coupling.control import Controller, build_controller
 from ...coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, Commander
+from ...coupling.run_settings import RunSettings
 from ...errors import SceneError
 from ...messages import DriverCommand, Grant, MechanismState, NodeState, NodeStatus
-from ..process.heartbeat import Heartbeat, NodeRun
+from ..process.heartbeat import Heartbeat
 from ..process.node_process import run_process
-from ..process.parameters import NodeSettings
 from .lockstep_node import LockstepNode
 
 
@@ -16,21 +16,14 @@ class ControllerNode(LockstepNode):
     """The controller in the lockstep: the run waits for each of its commands, and for nothing else of it."""
 
     def __init__(
-        self, controller: Controller, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
+        self, controller: Controller, run: RunSettings, heartbeat: Heartbeat, context: Context | None = None
     ) -> None:
         """Create the node. Raises SceneError if the scene has no controller."""
         super().__init__(CONTROLLER, run, heartbeat, context)
-        scene, timing = run.resolved.scene, run.resolved.timing
-        if scene.controller is None:
+        if run.resolved.scene.controller is None:
             raise SceneError(f"{run.resolved.path}: has no 'controller'; no controller node is needed for it")
         self._controller = controller
-        self._commander = Commander(
-            run.run_id,
-            timing.tick_count,
-            scene.record.series_ticks,
-            scene.controller.interval_ticks,
-            run.first_tick,
-        )
+        self._commander = Commander(run.run_id, run.schedule)
         self._commands = self.publisher(DriverCommand, (MECHANISM, COUPLER, RECORDER))
         self.listen(MechanismState, self._on_state, (MECHANISM,))
         self.listen(Grant, self._on_grant, (COUPLER,))
@@ -54,9 +47,7 @@ class ControllerNode(LockstepNode):
         self.note_tick(tick, self._commander.is_last(tick))
 
 
-def build(
-    settings: NodeSettings, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
-) -> ControllerNode:
+def build(run: RunSettings, heartbeat: Heartbeat, context: Context | None = None) -> ControllerNode:
     """The node with the scene's control law.
 
     Raises:

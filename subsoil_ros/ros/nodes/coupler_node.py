@@ -2,16 +2,17 @@
 
 import statistics
 import time
-from collections import deque
-from collections.abc import Callable
+from collections.abc import Mapping
 from functools import partial
+from typing import Any
 
 from rclpy.context import Context
 
 from ...analysis.known_mean import build_stop_rule
 from ...coupling.checkpoints import CouplingState
-from ...coupling.energy_account import InterfaceAccount, InterfaceWork, account_of
+from ...coupling.energy_account import InterfaceWork
 from ...coupling.exit_status import KEEP_S, SIGNAL_STATUS, ExitStatus
+from ...coupling.observer import RunObserver
 from ...coupling.protocol import (
     ACK_LAG_TICKS,
     CONTROLLER,
@@ -23,8 +24,8 @@ from ...coupling.protocol import (
     FinishedTick,
     needed_capabilities,
 )
-from ...coupling.schedule import schedule_of
-from ...coupling.stopping import OnCheck
+from ...coupling.run_settings import RunSettings
+from ...coupling.tick_rules import TickRules
 from ...errors import RunError
 from ...messages import (
     CouplingReport,
@@ -40,9 +41,8 @@ from ...recording.standard import clock
 from ...recording.topics import CLOCK
 from ...recording.types import serialize
 from ...ticks import INITIAL_TICK, tick_end_ns
-from ..process.heartbeat import STARTUP_S, Heartbeat, NodeRun
+from ..process.heartbeat import STARTUP_S, Heartbeat, first_status
 from ..process.node_process import report_to_supervisor, run_process
-from ..process.parameters import NodeSettings
 from ..services.diagnostics import Health, Level
 from ..services.pause_services import PauseServices
 from ..services.run_clock import RunClock
@@ -77,40 +77,30 @@ class CouplerNode(LockstepNode):
 
     def __init__(
         self,
-        run: NodeRun,
+        run: RunSettings,
         heartbeat: Heartbeat,
         context: Context | None = None,
-        on_progress: Callable[[int], None] = lambda tick: None,
-        paused: bool = False,
-        on_check: OnCheck = lambda result: None,
+        observer: RunObserver | None = None,
     ) -> None:
+        """observer: receives the last tick several times a second, and each check."""
         super().__init__(COUPLER, run, heartbeat, context)
-        scene, timing = run.resolved.scene, run.resolved.timing
+        scene = run.resolved.scene
         names = run.participants
-        self._schedule = schedule_of(scene, timing)
         self._coupler = Coupler(
-            run.node_status(COUPLER),
+            first_status(run, COUPLER),
             names,
             tuple(scene.tools),
-            timing.tick_count,
+            run.schedule,
             scene.coupling.grant_window,
-            soil=scene.soil is not None,
-            first_tick=run.first_tick,
-            control_ticks=self._schedule.control_ticks,
             needed=needed_capabilities(scene),
-            paused=paused,
-            check_ticks=self._schedule.check_ticks,
+            paused=run.paused,
         )
-        self._stop_rule = build_stop_rule(run.resolved, run.resumed)
-        self._on_check = on_check
+        self._observer = observer or RunObserver()
         self._checkpoint_writer = run.checkpoint_writer()
-        self._to_commit: deque[CouplingState] = deque()  # checkpoints whose record is not yet on the disk
-        self._last: CouplingState | None = None  # the exchange at the end of the last finished tick
         self._keep_said = False
         self._keep_deadline: float | None = None  # of the checkpoint before a requested end
         self.rest_s = REST_S if scene.coupling.grant_window >= REST_WINDOW else 0.0
-        self._on_progress = on_progress
-        self._account: InterfaceAccount | None = None  # from the initial exchange
+        self._rules: TickRules | None = None  # from the initial exchange
         self._progress_tick = INITIAL_TICK
         self._last_advance = self._progress_s = time.monotonic()
         self._wall = RunClock()
@@ -142,12 +132,12 @@ class CouplerNode(LockstepNode):
         """
         self._steps.poll()
         now = time.monotonic()
-        if self._account is None:
+        if self._rules is None:
             if self._coupler.ready and self.matched:
                 self._begin(now)
         elif self._coupler.done_tick != self._progress_tick:
             self._progress_tick = self._coupler.done_tick
-            self._on_progress(self._progress_tick)
+            self._observer.on_tick(self._progress_tick)
             self._log_progress(now)
         if self._coupler.standing:
             self._last_advance = now  # no deadline while the run is paused
@@ -167,14 +157,15 @@ class CouplerNode(LockstepNode):
     def _log_progress(self, now: float) -> None:
         if now - self._progress_s >= PROGRESS_S:
             self._progress_s = now
-            tick, last = self._coupler.done_tick, self._schedule.last_tick
+            tick, last = self._coupler.done_tick, self._coupler.last_tick
             self.get_logger().info(f"tick {tick} of {last}, {100.0 * tick / max(last, 1):.0f} %")
 
     def health(self) -> Health:
         """The interface account, the time that a tick takes, the lag of the recorder."""
-        coupler, account = self._coupler, self._account
-        if account is None:
+        coupler, rules = self._coupler, self._rules
+        if rules is None:
             return Health(message=f"waits for {coupler.missing()}")
+        account = rules.account
         coupling = self.run.resolved.scene.coupling
         lag = coupler.done_tick - coupler.acknowledged_tick if RECORDER in self.run.participants else 0
         values: dict[str, str | float | int] = {
@@ -203,10 +194,11 @@ class CouplerNode(LockstepNode):
 
     def _is_kept_before(self, stop: ExitStatus) -> bool:
         """Take the next step towards a checkpoint; return whether nothing is left to wait for."""
-        checkpoint_writer, now = self._checkpoint_writer, time.monotonic()
+        checkpoint_writer, rules, now = self._checkpoint_writer, self._rules, time.monotonic()
         if (
             checkpoint_writer is None
-            or self._last is None
+            or rules is None
+            or rules.state.tick < self._first_tick
             or stop.code <= SIGNAL_STATUS
             or self.heartbeat.lost
         ):
@@ -224,7 +216,7 @@ class CouplerNode(LockstepNode):
             self._grants.publish(self.bytes_of(grant))
         if self._coupler.acknowledged_tick < grant.tick or not checkpoint_writer.all_kept(grant.tick):
             return False
-        checkpoint_writer.commit(self._last)
+        checkpoint_writer.commit(rules.state)
         return True
 
     def on_fault(self, error: BaseException) -> None:
@@ -238,7 +230,7 @@ class CouplerNode(LockstepNode):
         return self._coupler.done_tick
 
     def _allowed_s(self) -> float:
-        if self._coupler.done_tick < self.run.first_tick:
+        if self._coupler.done_tick < self._first_tick:
             return STARTUP_S
         usual_s = statistics.median(self.tick_times_s) if self.tick_times_s else 0.0
         return max(DEADLINE_S, DEADLINE_MEDIANS * usual_s)
@@ -246,43 +238,40 @@ class CouplerNode(LockstepNode):
     def _begin(self, now: float) -> None:
         coupler = self._coupler
         resumed = self.run.resumed
-        before = CouplingState.of(resumed) if resumed is not None else None
-        self._account = account_of(
-            self.run.resolved.scene,
-            coupler.initial_motions,
-            coupler.initial_wrenches,
-            before.work if before is not None else None,
+        before = (
+            CouplingState.of(resumed)
+            if resumed is not None
+            else CouplingState(
+                INITIAL_TICK, coupler.initial_motions, coupler.initial_wrenches, InterfaceWork()
+            )
+        )
+        self._rules = TickRules(
+            self.run,
+            before,
+            self._observer,
+            build_stop_rule(self.run.resolved, resumed),
+            self._checkpoint_writer,
         )
         self._last_advance = now
-        self._wall.start(before.wall_time_s if before is not None else 0.0)
-        if self._schedule.check_due(coupler.done_tick):  # the run is resumed at a check tick
-            self._decide(coupler.done_tick)
+        self._wall.start(before.wall_time_s)
+        self._decide(self._rules)  # the run may be resumed at a check tick
         if resumed is None:
-            self._report(INITIAL_TICK, self._account.work, 0.0)
+            self._reports.publish(self.bytes_of(self._rules.initial_report()))
         self._say_pacing()
         self._wall.stand(self._coupler.standing)
         self._grant()
 
-    def _report(self, tick: int, work: InterfaceWork, wall_time_s: float) -> None:
-        report = work.report(self.run.run_id, tick, self._communication_step_ns, wall_time_s)
-        self._reports.publish(self.bytes_of(report))
-
-    def _decide(self, tick: int) -> None:
-        """Continue after a check tick, or end the run with the next tick."""
-        rule = self._stop_rule
-        assert rule is not None  # of a scene with check ticks
-        self._on_check(rule.result())
-        self._coupler.decide(tick, ends=rule.state.stops)
-        if rule.state.stops:
-            self._schedule = self._schedule.ends_with(tick + 1)
-            if self._checkpoint_writer is not None:
-                self._checkpoint_writer.ends_with(tick + 1)
+    def _decide(self, rules: TickRules) -> None:
+        """After a check tick, continue or end the run with the next tick, as the rules have decided."""
+        tick = rules.state.tick
+        if rules.schedule.check_due(tick):
+            self._coupler.decide(tick, ends=rules.schedule.last_tick == tick + 1)
 
     def _on_pacing(self) -> None:
         """Handle a request for a pause, its end, or steps."""
         self._last_advance = time.monotonic()
         self.discount_wait()
-        if self._account is not None:
+        if self._rules is not None:
             self._say_pacing()
             self._wall.stand(self._coupler.standing)
         self._grant()
@@ -298,7 +287,7 @@ class CouplerNode(LockstepNode):
             self.get_logger().info(words + advice)
 
     def _grant(self) -> None:
-        if self._account is None:
+        if self._rules is None:
             return
         for grant in self._coupler.next_grants():
             self._grants.publish(self.bytes_of(grant))
@@ -318,55 +307,36 @@ class CouplerNode(LockstepNode):
     def _on_ack(self, ack: TickAck) -> None:
         self._coupler.accept_ack(ack)
         self._last_advance = time.monotonic()
-        self._commit_recorded()
+        if self._rules is not None:
+            self._rules.commit(ack.tick)
         self._grant()
         if self._coupler.finished:
             self._end()
 
     def _follow(self) -> None:
         while (finished := self._coupler.take_finished()) is not None:
-            self._account_for(finished)
+            self._apply_rules(finished)
         self._control.note_done()
         self._wall.stand(self._coupler.standing)
         self._grant()
         if self._coupler.finished:
             self._end()
 
-    def _account_for(self, finished: FinishedTick) -> None:
-        assert self._account is not None  # no tick is granted before
-        tick = finished.tick
+    def _apply_rules(self, finished: FinishedTick) -> None:
+        rules, tick = self._rules, finished.tick
+        assert rules is not None  # no tick is granted before
         self._last_advance = time.monotonic()
-        work = self._account.add(finished.motions, finished.wrenches)
-        if self._schedule.series_due(tick):
-            self._report(tick, work, self._wall.elapsed_s)
+        report = rules.add(tick, finished.motions, finished.wrenches, self._wall.elapsed_s)
+        if report is not None:
+            self._reports.publish(self.bytes_of(report))
         self._clock_publisher.publish(serialize(clock(tick_end_ns(tick, self._communication_step_ns))))
         self.heartbeat.tick = tick
-        self._account.check(tick)
-        stopping = None
-        if self._stop_rule is not None:
-            self._stop_rule.add(tick, finished.motions, finished.wrenches)
-            if self._schedule.check_due(tick):
-                self._stop_rule.check()
-                self._decide(tick)
-            elif tick == self._schedule.last_tick and not self._stop_rule.state.stops:
-                self._on_check(self._stop_rule.result())
-            stopping = self._stop_rule.state
-        elapsed_s = self._wall.elapsed_s
-        self._last = CouplingState(tick, finished.motions, finished.wrenches, work, elapsed_s, stopping)
-        if self._checkpoint_writer is not None and self._checkpoint_writer.due(tick):
-            self._to_commit.append(self._last)
-            self._commit_recorded()
-        if self._checkpoint_writer is not None and tick == self._schedule.last_tick:
-            self._checkpoint_writer.note_coupling_end(self._last)
-
-    def _commit_recorded(self) -> None:
-        """Commit checkpoints whose record is on the disk; without a recorder, at once."""
-        recorded = self._coupler.acknowledged_tick
-        while self._checkpoint_writer is not None and self._to_commit and self._to_commit[0].tick <= recorded:
-            self._checkpoint_writer.commit(self._to_commit.popleft())
+        rules.check()
+        self._decide(rules)
+        rules.commit(self._coupler.acknowledged_tick)
 
     def _end(self) -> None:
-        self._on_progress(self._coupler.done_tick)
+        self._observer.on_tick(self._coupler.done_tick)
         self._control.refuse_waiting("the run has ended")
         self.heartbeat.say(NodeState.ENDED)
         self.heartbeat.flush(END_WORD_S)
@@ -374,20 +344,19 @@ class CouplerNode(LockstepNode):
         self.finish(0)
 
 
-def build(
-    settings: NodeSettings, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
-) -> CouplerNode:
+class _ReportingObserver(RunObserver):
+    """Reports to the supervisor."""
+
+    def on_tick(self, tick: int) -> None:
+        report_to_supervisor(tick=tick)
+
+    def on_check(self, result: Mapping[str, Any]) -> None:
+        report_to_supervisor(check=result)
+
+
+def build(run: RunSettings, heartbeat: Heartbeat, context: Context | None = None) -> CouplerNode:
     """Build the node; under a supervisor it reports its progress to it."""
-    if not settings.supervised:
-        return CouplerNode(run, heartbeat, context, paused=settings.paused)
-    return CouplerNode(
-        run,
-        heartbeat,
-        context,
-        on_progress=lambda tick: report_to_supervisor(tick=tick),
-        paused=settings.paused,
-        on_check=lambda result: report_to_supervisor(check=result),
-    )
+    return CouplerNode(run, heartbeat, context, _ReportingObserver() if run.supervised else None)
 
 
 def main() -> int:

@@ -20,11 +20,12 @@ from rclpy.subscription import Subscription
 
 from ...coupling.exit_status import SIGNAL_STATUS, ExitStatus
 from ...coupling.protocol import COUPLER, RECORDER
+from ...coupling.run_settings import RunSettings
 from ...errors import ProtocolError, RunError, SubsoilError
 from ...messages import Grant, NodeState, NodeStatus, ToolMotion, ToolWrench
 from ...recording.message_codec import reader, writer
 from ...recording.topics import TOPIC_OF
-from ..process.heartbeat import Heartbeat, NodeRun
+from ..process.heartbeat import Heartbeat
 from ..services.diagnostics import Diagnostics, Health, Level
 from ..transport.message_classes import class_of
 from ..transport.publishers import foreign_publishers
@@ -90,7 +91,9 @@ class LockstepNode(Node):
     """Pause after every wake-up, the longer of both, of nodes that no other waits for. Each wake-up has cold
     caches and interrupts a computing thread; messages that share one cost two thirds less."""
 
-    def __init__(self, name: str, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None) -> None:
+    def __init__(
+        self, name: str, run: RunSettings, heartbeat: Heartbeat, context: Context | None = None
+    ) -> None:
         super().__init__(
             name,
             context=context,
@@ -101,13 +104,14 @@ class LockstepNode(Node):
         self.heartbeat = heartbeat
         self.ended = threading.Event()
         self.status = ExitStatus()
+        self._first_tick = run.schedule.first_tick
         self._communication_step_ns = run.resolved.timing.communication_step_ns
         self._writers: dict[type, Callable[[Any], bytes]] = {}
         self._partners: list[tuple[Publisher | Subscription, tuple[str, ...]]] = []
         self._diagnostics = Diagnostics(self, run.run_id, self._communication_step_ns)
         self._waited_for = ""  # logged last
         self._next_waiting = time.monotonic() + WAITING_S
-        self._woken = run.first_tick, time.monotonic()  # the last tick at the last wake-up, and when
+        self._woken = self._first_tick, time.monotonic()  # the last tick at the last wake-up, and when
         self.tick_times_s: deque[float] = deque(maxlen=_MEASURED)
         """Mean times of a tick between two wake-ups, of the last _MEASURED wake-ups."""
 
@@ -249,7 +253,7 @@ class LockstepNode(Node):
     def note_tick(self, tick: int, last: bool) -> None:
         """Update tick and state that the heartbeat publishes."""
         self.heartbeat.tick = tick
-        if tick == self.run.first_tick and not last:
+        if tick == self._first_tick and not last:
             self.heartbeat.say(NodeState.RUNNING)
         elif last:
             self.heartbeat.say(NodeState.ENDED)

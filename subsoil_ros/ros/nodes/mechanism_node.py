@@ -7,7 +7,7 @@ from rclpy.context import Context
 from ...coupling.checkpoints import CouplingState, restore_engine
 from ...coupling.engines import Mechanism, MotionSource, build_mechanism
 from ...coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL, Needs, Participant
-from ...coupling.schedule import schedule_of
+from ...coupling.run_settings import RunSettings
 from ...errors import SceneError
 from ...messages import (
     Command,
@@ -21,9 +21,8 @@ from ...messages import (
     ToolWrenches,
 )
 from ...ticks import tick_end_ns
-from ..process.heartbeat import Heartbeat, NodeRun
+from ..process.heartbeat import Heartbeat
 from ..process.node_process import run_process
-from ..process.parameters import NodeSettings
 from ..services.diagnostics import Health
 from .lockstep_node import LockstepNode
 from .visualization_publisher import VisualizationPublisher
@@ -36,24 +35,15 @@ class MechanismNode(LockstepNode):
     """
 
     def __init__(
-        self, engine: MotionSource, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
+        self, engine: MotionSource, run: RunSettings, heartbeat: Heartbeat, context: Context | None = None
     ) -> None:
         super().__init__(MECHANISM, run, heartbeat, context)
-        scene, timing = run.resolved.scene, run.resolved.timing
+        scene = run.resolved.scene
         self._engine = engine
         self._mechanism: Mechanism | None = engine if scene.mechanism is not None else None  # type: ignore[assignment]
-        self._schedule = schedule_of(scene, timing)
         self._with_soil = scene.soil is not None
         needs = Needs.WRENCHES if self._with_soil else Needs.NOTHING
-        self._participant = Participant(
-            run.run_id,
-            timing.tick_count,
-            needs,
-            tuple(scene.tools),
-            control_ticks=self._schedule.control_ticks,
-            first_tick=run.first_tick,
-            check_ticks=self._schedule.check_ticks,
-        )
+        self._participant = Participant(run.run_id, run.schedule, needs, tuple(scene.tools), commanded=True)
         self._checkpoint_writer = run.checkpoint_writer()
         self._state: MechanismState | None = None  # the last one published
         self._engine_s = 0.0  # spent in the engine
@@ -114,11 +104,10 @@ class MechanismNode(LockstepNode):
         if grant.command is Command.ABORT:
             self.finish_aborted(grant)
             return
-        if grant.command is Command.END and grant.tick < self._schedule.last_tick:
-            self._end_with(grant.tick)
+        schedule = self._participant.schedule
         if grant.tick == 0 and self._mechanism is not None:
             self._publish(self._mechanism.initial_state(self.run.run_id, self._initial_wrenches))
-        elif grant.tick == self.run.first_tick and self._schedule.control_due(grant.tick):
+        elif grant.tick == schedule.first_tick and schedule.control_due(grant.tick):
             self._publish_state(grant.tick - 1)  # a resumed run, whose controller has not received it
         self._work()
 
@@ -139,10 +128,11 @@ class MechanismNode(LockstepNode):
             begin = time.perf_counter()
             motions = self._engine.advance(tick, work.wrenches)
             self._engine_s += time.perf_counter() - begin
-            if self._checkpoint_writer is not None and self._checkpoint_writer.due(tick):
+            schedule = self._participant.schedule
+            if schedule.checkpoint_due(tick):
                 self._keep(tick)  # before the motions, which imply that the part is written
             self._motions.publish(self.bytes_of(ToolMotions(self.run.run_id, tick, end_ns, motions)))
-            if self._schedule.series_due(tick):
+            if schedule.series_due(tick):
                 self._visualization.move(self._publish_state(tick), motions, end_ns)
             self._participant.finish(tick)
             if self._checkpoint_writer is not None and self._participant.finished:
@@ -160,20 +150,12 @@ class MechanismNode(LockstepNode):
         self._state = state
         return state
 
-    def _end_with(self, tick: int) -> None:
-        """End early: messages due at the last tick are due at `tick`."""
-        self._schedule = self._schedule.ends_with(tick)
-        if self._checkpoint_writer is not None:
-            self._checkpoint_writer.ends_with(tick)
-
     def _keep(self, tick: int) -> None:
         if self._checkpoint_writer is not None:
             self._checkpoint_writer.keep(tick, MECHANISM, self._engine)
 
 
-def build(
-    settings: NodeSettings, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
-) -> MechanismNode:
+def build(run: RunSettings, heartbeat: Heartbeat, context: Context | None = None) -> MechanismNode:
     """The node with its engine.
 
     Raises:

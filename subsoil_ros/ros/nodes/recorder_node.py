@@ -3,12 +3,11 @@
 import time
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 
 from rclpy.context import Context
 
 from ...coupling.protocol import CONTROLLER, COUPLER, MECHANISM, RECORDER, SOIL, RecordBarrier
-from ...coupling.schedule import schedule_of
+from ...coupling.run_settings import RunSettings
 from ...errors import InputError, ProtocolError, RunError
 from ...loading.loader import ResolvedScene
 from ...messages import (
@@ -33,9 +32,8 @@ from ...recording.topics import TOPIC_OF
 from ...recording.types import deserialize, message_type
 from ...scene.model import Scene
 from ...ticks import INITIAL_TICK
-from ..process.heartbeat import Heartbeat, NodeRun
+from ..process.heartbeat import Heartbeat
 from ..process.node_process import run_process
-from ..process.parameters import NodeSettings
 from ..services.diagnostics import Health
 from .lockstep_node import LockstepNode
 
@@ -58,7 +56,7 @@ def due_topics(resolved: ResolvedScene, *, at_end: bool = False) -> Callable[[in
 
     at_end: if the run ends with that tick.
     """
-    schedule = schedule_of(resolved.scene, resolved.timing)
+    schedule = resolved.schedule
     exchanged, series = _topics(resolved.scene)
     every = (TOPIC_OF[Grant], *exchanged)
     command = (TOPIC_OF[DriverCommand],)
@@ -86,18 +84,15 @@ class RecorderNode(LockstepNode):
     rest_ticks = 4
 
     def __init__(
-        self, writer: BagWriter, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
+        self, writer: BagWriter, run: RunSettings, heartbeat: Heartbeat, context: Context | None = None
     ) -> None:
         super().__init__(RECORDER, run, heartbeat, context)
-        scene, timing = run.resolved.scene, run.resolved.timing
+        scene = run.resolved.scene
         self._writer = writer
-        self._schedule = schedule_of(scene, timing)
         self._barrier: RecordBarrier[bytes] = RecordBarrier(
-            timing.tick_count,
+            run.schedule,
             due_topics(run.resolved),
             scene.coupling.grant_window,
-            run.first_tick,
-            check_ticks=self._schedule.check_ticks,
             due_at_end=due_topics(run.resolved, at_end=True),
             initial=initial_topics(run.resolved) if run.resumed is None else (),
         )
@@ -115,7 +110,7 @@ class RecorderNode(LockstepNode):
             sources.append((MechanismState, MECHANISM))
         if scene.soil is not None:
             sources += [(ToolWrenches, SOIL), (SoilState, SOIL)]
-        if self._schedule.cloud_ticks:
+        if run.schedule.cloud_ticks:
             sources.append((SoilCloud, SOIL))
         if scene.controller is not None:
             sources.append((DriverCommand, CONTROLLER))
@@ -185,7 +180,6 @@ class RecorderNode(LockstepNode):
         if grant.command is Command.END:
             self._refuse_foreign(Grant, grant.run_id, grant.tick)
             self._barrier.end(grant.tick)
-            self._schedule = self._schedule.ends_with(grant.tick)
         self._on_message(Grant, cdr)
 
     def _on_message(self, kind: type, cdr: bytes) -> None:
@@ -200,7 +194,7 @@ class RecorderNode(LockstepNode):
                 f"{TOPIC_OF[kind]}: stamp {end_ns} ns is no whole number of ticks of "
                 f"{self._communication_step_ns} ns"
             )
-        if kind is MechanismState and self.run.resumed is not None and tick - 1 < self.run.first_tick:
+        if kind is MechanismState and self.run.resumed is not None and tick - 1 < self._first_tick:
             return  # of the earlier run, published for the controller
         if kind in _LOCKSTEP:
             self._refuse_foreign(kind, run_id, tick - 1)
@@ -230,7 +224,7 @@ class RecorderNode(LockstepNode):
             self.note_tick(tick, last)
             if tick == INITIAL_TICK:
                 continue
-            if self._schedule.checkpoint_due(tick) or tick == self._keep_tick:
+            if barrier.schedule.checkpoint_due(tick) or tick == self._keep_tick:
                 self._sync_and_acknowledge()
             else:
                 self._acknowledge(barrier.next_ack())
@@ -251,17 +245,15 @@ class RecorderNode(LockstepNode):
         self.finish_aborted(grant)
 
 
-def build(
-    settings: NodeSettings, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
-) -> RecorderNode:
+def build(run: RunSettings, heartbeat: Heartbeat, context: Context | None = None) -> RecorderNode:
     """The node with its bag.
 
     Raises:
         InputError: no folder is named, or it exists, or cannot be created, or the live view cannot serve.
     """
-    if not settings.bag:
+    if run.bag is None:
         raise InputError("recorder: parameter 'bag' is empty; name the folder for the bag, -p bag:=FOLDER")
-    writer = open_bag(Path(settings.bag), run.resolved, settings.live)
+    writer = open_bag(run.bag, run.resolved, run.live_port)
     return RecorderNode(writer, run, heartbeat, context)
 
 

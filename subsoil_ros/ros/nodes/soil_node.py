@@ -5,11 +5,20 @@ from dataclasses import fields
 
 from rclpy.context import Context
 
-from ...coupling.checkpoints import PATHS, CouplingState, restore_engine
+from ...coupling.checkpoints import CouplingState, restore_engine
 from ...coupling.cloud import recorded_cloud
-from ...coupling.engines import MotionSource, Resumable, Soil, build_paths, build_soil
+from ...coupling.engines import (
+    PATHS,
+    MotionSource,
+    ParticleReadings,
+    Resumable,
+    Soil,
+    build_paths,
+    build_soil,
+    soil_state,
+)
 from ...coupling.protocol import COUPLER, MECHANISM, RECORDER, SOIL, Needs, Participant
-from ...coupling.schedule import schedule_of
+from ...coupling.run_settings import RunSettings
 from ...errors import SceneError
 from ...messages import (
     Command,
@@ -27,9 +36,8 @@ from ...recording.standard import tool_messages
 from ...recording.topics import tool_topics
 from ...recording.types import serialize
 from ...ticks import INITIAL_TICK, tick_end_ns
-from ..process.heartbeat import Heartbeat, NodeRun
+from ..process.heartbeat import Heartbeat
 from ..process.node_process import run_process
-from ..process.parameters import NodeSettings
 from ..services.diagnostics import Health, Level
 from ..transport.message_classes import rclpy_class
 from ..transport.qos import VISUALIZATION_QOS
@@ -54,24 +62,17 @@ class SoilNode(LockstepNode):
         self,
         engine: Soil,
         motion_source: MotionSource | None,
-        run: NodeRun,
+        run: RunSettings,
         heartbeat: Heartbeat,
         context: Context | None = None,
     ) -> None:
         super().__init__(SOIL, run, heartbeat, context)
-        scene, timing = run.resolved.scene, run.resolved.timing
+        scene = run.resolved.scene
         self._engine = engine
+        self._particles = engine if isinstance(engine, ParticleReadings) else None
         self._motion_source = motion_source
-        self._schedule = schedule_of(scene, timing)
         needs = Needs.MOTIONS if motion_source is None else Needs.NOTHING
-        self._participant = Participant(
-            run.run_id,
-            timing.tick_count,
-            needs,
-            tuple(scene.tools),
-            first_tick=run.first_tick,
-            check_ticks=self._schedule.check_ticks,
-        )
+        self._participant = Participant(run.run_id, run.schedule, needs, tuple(scene.tools))
         self._checkpoint_writer = run.checkpoint_writer()
         self._state: SoilState | None = None  # the last one published
         self._engine_s = 0.0  # spent in the engine
@@ -80,7 +81,7 @@ class SoilNode(LockstepNode):
         listeners = (COUPLER, RECORDER) if motion_source is not None else (MECHANISM, COUPLER, RECORDER)
         self._wrenches = self.publisher(ToolWrenches, listeners)
         self._states = self.publisher(SoilState, (RECORDER,))
-        self._clouds = self.publisher(SoilCloud, (RECORDER,)) if self._schedule.cloud_ticks else None
+        self._clouds = self.publisher(SoilCloud, (RECORDER,)) if run.schedule.cloud_ticks else None
         self._tool_count = len(scene.tools)
         self._tool_publishers = {
             topic: self.create_publisher(rclpy_class(name), topic, VISUALIZATION_QOS)
@@ -142,12 +143,14 @@ class SoilNode(LockstepNode):
             self._participant.accept_keep(grant)
             self._keep(grant.tick)
             return
+        last_tick = self._participant.last_tick
         self._participant.accept_grant(grant)
         if grant.command is Command.ABORT:
             self.finish_aborted(grant)
             return
-        if grant.command is Command.END and grant.tick < self._schedule.last_tick:
-            self._end_with(grant.tick)
+        early = grant.command is Command.END and grant.tick < last_tick
+        if early and self._particles is not None:
+            self._particles.ends_with(grant.tick)
         if grant.tick == 0:
             self._publish_state(INITIAL_TICK)
         self._work()
@@ -166,14 +169,15 @@ class SoilNode(LockstepNode):
             begin = time.perf_counter()
             wrenches = self._last_wrenches = self._engine.advance(tick, motions)
             self._engine_s += time.perf_counter() - begin
-            if self._checkpoint_writer is not None and self._checkpoint_writer.due(tick):
+            schedule = self._participant.schedule
+            if schedule.checkpoint_due(tick):
                 self._keep(tick)  # before the wrenches, which imply that the part is written
             self._wrenches.publish(self.bytes_of(ToolWrenches(self.run.run_id, tick, end_ns, wrenches)))
-            if self._schedule.series_due(tick):
+            if schedule.series_due(tick):
                 self._publish_state(tick)
                 self._publish_for_people(motions, wrenches, end_ns)
-            if self._clouds is not None and self._schedule.cloud_due(tick):
-                cloud = recorded_cloud(self._engine.cloud(tick, end_ns), self.run.resolved.scene.record)
+            if self._clouds is not None and self._particles is not None and schedule.cloud_due(tick):
+                cloud = recorded_cloud(self._particles.cloud(tick, end_ns), self.run.resolved.scene.record)
                 self._clouds.publish(self.bytes_of(cloud))
             self._participant.finish(tick)
             if self._checkpoint_writer is not None and self._participant.finished:
@@ -183,20 +187,13 @@ class SoilNode(LockstepNode):
 
     def _publish_state(self, tick: int) -> None:
         end_ns = tick_end_ns(tick, self._communication_step_ns)
-        self._state = self._engine.state(self.run.run_id, tick, end_ns)
+        self._state = soil_state(self._engine, self.run.run_id, tick, end_ns)
         self._states.publish(self.bytes_of(self._state))
 
     def _parts(self) -> list[tuple[str, Resumable]]:
         """Parts of a checkpoint that this node writes, with their engines."""
         paths = [] if self._motion_source is None else [(PATHS, self._motion_source)]
         return [(SOIL, self._engine), *paths]
-
-    def _end_with(self, tick: int) -> None:
-        """End early: messages due at the last tick are due at `tick`."""
-        self._schedule = self._schedule.ends_with(tick)
-        if self._checkpoint_writer is not None:
-            self._checkpoint_writer.ends_with(tick)
-        self._engine.ends_with(tick)
 
     def _keep(self, tick: int) -> None:
         if self._checkpoint_writer is not None:
@@ -212,16 +209,14 @@ class SoilNode(LockstepNode):
             self._tool_publishers[topic].publish(serialize(message))
 
 
-def build(
-    settings: NodeSettings, run: NodeRun, heartbeat: Heartbeat, context: Context | None = None
-) -> SoilNode:
+def build(run: RunSettings, heartbeat: Heartbeat, context: Context | None = None) -> SoilNode:
     """The node with its engine.
 
     Raises:
         SceneError: the scene has no soil.
         InputError: the checkpoint to continue from does not fit.
     """
-    engine = build_soil(run.resolved, settings.threads)
+    engine = build_soil(run.resolved, run.threads)
     if engine is None:
         raise SceneError(f"{run.resolved.path}: has no 'soil'; no soil node is needed for it")
     motion_source = None if run.resolved.scene.moved_by_participant else build_paths(run.resolved)

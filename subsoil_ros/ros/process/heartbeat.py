@@ -7,8 +7,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Collection
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 
 import psutil
 from rclpy.clock import Clock
@@ -18,12 +17,10 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from ..._version import __version__
-from ...coupling.checkpoints import CheckpointWriter
 from ...coupling.exit_status import ExitStatus
-from ...coupling.protocol import CAPABILITIES, COUPLER, RECORDER, participants
-from ...loading.loader import ResolvedScene
+from ...coupling.protocol import CAPABILITIES, COUPLER
+from ...coupling.run_settings import RunSettings
 from ...messages import NodeState, NodeStatus, ToolMotion, ToolWrench
-from ...recording.checkpoint import Checkpoint
 from ...recording.message_codec import reader, writer
 from ...recording.topics import TOPIC_OF
 from ...recording.types import own_type_hashes
@@ -49,46 +46,19 @@ starts later waits for STARTUP_S; a longer time would delay the end of the coupl
 supervisor waits less."""
 
 
-@dataclass(frozen=True)
-class NodeRun:
-    """Properties common to all nodes of a run."""
-
-    run_id: str
-    resolved: ResolvedScene
-    checkpoints: Path | None = None  # folder for them; None: none are written
-    resumed: Checkpoint | None = None  # to continue from; None: start at tick 0
-    recorded: bool = True  # whether there is a recorder
-
-    @property
-    def participants(self) -> tuple[str, ...]:
-        """The nodes of the run beside the coupler."""
-        names = participants(self.resolved.scene)
-        return names if self.recorded else tuple(name for name in names if name != RECORDER)
-
-    @property
-    def first_tick(self) -> int:
-        """The first tick of this run."""
-        return self.resumed.tick + 1 if self.resumed is not None else 0
-
-    def checkpoint_writer(self) -> CheckpointWriter | None:
-        """Create the writer of a node's part of the checkpoints; None: there are none."""
-        if self.checkpoints is None:
-            return None
-        return CheckpointWriter(self.checkpoints, self.resolved, self.run_id)
-
-    def node_status(self, node: str) -> NodeStatus:
-        """The first status of a node."""
-        return NodeStatus(
-            self.run_id,
-            node,
-            NodeState.STARTING,
-            self.resolved.scene_hash,
-            __version__,
-            own_type_hashes(),
-            CAPABILITIES.get(node, ()),
-            os.getpid(),
-            INITIAL_TICK,
-        )
+def first_status(run: RunSettings, node: str) -> NodeStatus:
+    """The status of a node as it starts."""
+    return NodeStatus(
+        run.run_id,
+        node,
+        NodeState.STARTING,
+        run.resolved.scene_hash,
+        __version__,
+        own_type_hashes(),
+        CAPABILITIES.get(node, ()),
+        os.getpid(),
+        INITIAL_TICK,
+    )
 
 
 class Heartbeat:
@@ -100,12 +70,12 @@ class Heartbeat:
         watched: names of the nodes whose status is received.
     """
 
-    def __init__(self, node: Node, name: str, run: NodeRun, watched: tuple[str, ...]) -> None:
+    def __init__(self, node: Node, name: str, run: RunSettings, watched: tuple[str, ...]) -> None:
         self.tick = INITIAL_TICK  # last tick the node has finished, for the next heartbeat
         self.stop: ExitStatus | None = None  # a stop request
         self._node = node
         self.run = run
-        self._node_status = run.node_status(name)
+        self._node_status = first_status(run, name)
         self._watched = watched
         now = time.monotonic()
         self._started = self._checked = now

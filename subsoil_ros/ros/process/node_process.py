@@ -17,16 +17,16 @@ from rclpy.utilities import remove_ros_args
 
 from ...coupling.exit_status import KEEP_S, SIGNAL_STATUS, ExitStatus, interrupted
 from ...coupling.protocol import COUPLER, RECORDER, nodes_from_outside
+from ...coupling.run_settings import RunSettings
 from ...coupling.signals import caught_signals
 from ...errors import InputError, RunError
-from ...loading.loader import load_scene
 from ...messages import NodeState
 from ...ticks import INITIAL_TICK
 from ..nodes.lockstep_node import LAST_WORD_S, OWN_TIME, LockstepNode, log_end, one_line, say
 from ..transport.shared_memory import avoid_full_memory
-from .heartbeat import LATE_S, Heartbeat, NodeRun
+from .heartbeat import LATE_S, Heartbeat
 from .node_thread import Service
-from .parameters import NodeSettings, ParameterKey, help_text, read_settings
+from .parameters import ParameterKey, help_text, read_settings
 from .supervisor import STARTUP_GRACE_S
 
 GRACE_S = 2.0
@@ -36,7 +36,7 @@ CLOSE_S = 5.0
 """Time to destroy the endpoints of a node: it takes tens of milliseconds. A supervisor waits longer."""
 
 
-def watched_by(name: str, run: NodeRun) -> tuple[str, ...]:
+def watched_by(name: str, run: RunSettings) -> tuple[str, ...]:
     """Names of the nodes whose silence ends a node."""
     return run.participants if name == COUPLER else (COUPLER,)
 
@@ -53,7 +53,7 @@ def run_process(
     """Run one node until the run ends. Returns the exit status.
 
     Args:
-        build: builds the node from its NodeSettings, NodeRun and Heartbeat.
+        build: builds the node from its RunSettings and Heartbeat.
         parameters: of this node, beside those of every node; `build` reads them on `heartbeat.node`.
     """
     if name in (COUPLER, RECORDER) and hasattr(os, "SCHED_BATCH"):
@@ -81,8 +81,7 @@ def run_process(
         bad_input = isinstance(error, _rclpy.RCLInvalidROSArgsError | _rclpy.UnknownROSArgsError)
         return InputError.exit_status if bad_input else RunError.exit_status
     try:
-        settings = read_settings(node, name, parameters)
-        run = settings.node_run(load_scene(settings.scene))
+        run = read_settings(node, name, parameters)
     except InputError as error:
         node.get_logger().error(one_line(error))
         return error.exit_status
@@ -91,28 +90,28 @@ def run_process(
         caught_signals(lambda number: heartbeat.request_stop(interrupted(number))),
         _announced_kernels(name, node.get_logger().info) as compiled,
     ):
-        exit_status = _serve(name, partial(build, settings, run, heartbeat), settings, heartbeat, compiled)
+        exit_status = _serve(name, partial(build, run, heartbeat), heartbeat, compiled)
     _leave(exit_status)
 
 
 def _serve(
     name: str,
     build: Callable[[], LockstepNode],
-    settings: NodeSettings,
     heartbeat: Heartbeat,
     compiled: Callable[[], None],
 ) -> int:
-    if settings.supervised:
+    supervised = heartbeat.run.supervised
+    if supervised:
         threading.Thread(target=_obey, args=(heartbeat,), daemon=True).start()
     heartbeat.start()
     service = Service(name, build, heartbeat)
     service.start()
     _wait(service, heartbeat, compiled)
     status = service.status
-    if settings.supervised and name == COUPLER:
+    if supervised and name == COUPLER:
         report_to_supervisor(exit_status=status.code, reason=status.reason)
     if name == COUPLER and status.code:  # a node that starts later would wait for this one
-        if not settings.supervised:
+        if not supervised:
             heartbeat.outlast(LATE_S)
         elif heartbeat.tick == INITIAL_TICK:  # the supervisor stops the nodes that it started, no others
             heartbeat.outlast(STARTUP_GRACE_S - CLOSE_S, nodes_from_outside(heartbeat.run.resolved.scene))

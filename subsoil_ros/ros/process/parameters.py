@@ -10,43 +10,13 @@ from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from ...coupling.run_settings import RunSettings
 from ...errors import InputError
-from ...loading.loader import ResolvedScene
+from ...loading.loader import load_scene
 from ...recording.checkpoint import read_checkpoint
-from .heartbeat import NodeRun
 
 OF_ROS = ("use_sim_time", "start_type_description_service")
 """Parameters that every ROS node takes."""
-
-
-@dataclass(frozen=True)
-class NodeSettings:
-    """Parameters of a node's process, all read-only."""
-
-    scene: str
-    run_id: str
-    threads: int
-    bag: str
-    recorded: bool
-    supervised: bool
-    paused: bool = False
-    checkpoints: str = ""
-    resume: str = ""
-    live: int = 0
-
-    def node_run(self, resolved: ResolvedScene) -> NodeRun:
-        """Properties common to all nodes of the run.
-
-        Raises:
-            InputError: the checkpoint to continue from cannot be used.
-        """
-        return NodeRun(
-            self.run_id,
-            resolved,
-            Path(self.checkpoints) if self.checkpoints else None,
-            read_checkpoint(Path(self.resume), resolved.scene_hash) if self.resume else None,
-            self.recorded,
-        )
 
 
 @dataclass(frozen=True)
@@ -101,14 +71,15 @@ PARAMETERS: Mapping[str, ParameterKey] = {
 """Parameters of every node's process."""
 
 
-def read_settings(node: Node, name: str, more: Mapping[str, ParameterKey] | None = None) -> NodeSettings:
-    """Declare the parameters on `node`, the process of the protocol's node `name`, and read them.
+def read_settings(node: Node, name: str, more: Mapping[str, ParameterKey] | None = None) -> RunSettings:
+    """Declare the parameters, all read-only, on `node`, the process of the protocol's node `name`; read them.
 
     Args:
         more: parameters of this node beside PARAMETERS.
 
     Raises:
-        InputError: no scene is given, a parameter is unknown or not allowed, or the node was renamed.
+        InputError: no scene is given, a parameter is unknown or not allowed, the scene or the checkpoint to
+            continue from cannot be used, or the node was renamed.
     """
     if node.get_name() != f"{name}_process":
         raise InputError(
@@ -124,7 +95,19 @@ def read_settings(node: Node, name: str, more: Mapping[str, ParameterKey] | None
     values = {key: _declare(node, key, found) for key, found in keys.items()}
     if not values["scene"]:
         raise InputError("parameter 'scene' is empty; name a scene, -p scene:=FILE")
-    return NodeSettings(**{key: values[key] for key in PARAMETERS})
+    resolved = load_scene(values["scene"])
+    return RunSettings(
+        resolved,
+        values["run_id"],
+        bag=Path(values["bag"]) if values["bag"] else None,
+        checkpoints=Path(values["checkpoints"]) if values["checkpoints"] else None,
+        resumed=read_checkpoint(Path(values["resume"]), resolved.scene_hash) if values["resume"] else None,
+        recorded=values["recorded"],
+        threads=values["threads"],
+        paused=values["paused"],
+        live_port=values["live"],
+        supervised=values["supervised"],
+    )
 
 
 def _declare(node: Node, name: str, key: ParameterKey) -> Any:

@@ -8,14 +8,10 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from ...coupling.protocol import COUPLER, RECORDER, SOIL, nodes_from_outside, participants
+from ...coupling.protocol import COUPLER, RECORDER, SOIL, nodes_from_outside
+from ...coupling.run_settings import RunSettings
 from ...errors import InputError
-from ...loading.loader import ResolvedScene
-
-if TYPE_CHECKING:
-    from ...api.opened_run import OpenedRun
 
 Parameters = Mapping[str, str | int | bool]
 """Parameters of a node by name."""
@@ -39,69 +35,32 @@ class NodeStart:
         return f"{self.name}_node"
 
 
-@dataclass(frozen=True)
-class RunPlan:
-    """Settings of the nodes of a run.
+def nodes_of(run: RunSettings, scene: Path) -> tuple[NodeStart, ...]:
+    """The nodes of a run to start, the coupler last; other programs provide the rest (nodes_from_outside).
 
-    scene: the scene file as run; bag, checkpoints: folders to create; resume: a checkpoint, or none.
-    supervised: whether a supervisor holds the standard input of every node (ros/process/supervisor.py).
+    scene: the scene file as run.
     """
+    common: Parameters = {
+        "scene": str(scene.resolve()),
+        "run_id": run.run_id,
+        "recorded": run.recorded,
+        "supervised": run.supervised,
+        "checkpoints": _resolved(run.checkpoints),
+        "resume": _resolved(run.resumed.path if run.resumed is not None else None),
+    }
+    own: dict[str, Parameters] = {
+        SOIL: {"threads": run.threads},
+        RECORDER: {"bag": _resolved(run.bag), "live": run.live_port},
+        COUPLER: {"paused": run.paused},
+    }
+    left_out = nodes_from_outside(run.resolved.scene)
+    names = [name for name in run.participants if name not in left_out]
+    return tuple(NodeStart(name, {**common, **own.get(name, {})}) for name in (*names, COUPLER))
 
-    resolved: ResolvedScene
-    scene: Path
-    run_id: str
-    bag: Path
-    checkpoints: Path | None = None
-    resume: Path | None = None
-    threads: int = 1
-    paused: bool = False
-    live: int = 0  # port of a live view; 0: there is none
-    recorded: bool = True
-    supervised: bool = False
 
-    @classmethod
-    def of(
-        cls,
-        opened: "OpenedRun",
-        threads: int,
-        paused: bool = False,
-        supervised: bool = False,
-        recorded: bool = True,
-        live: int = 0,
-    ) -> "RunPlan":
-        """The plan of a run whose folder is made."""
-        return cls(
-            opened.resolved,
-            scene=opened.out / "scene.yaml",
-            run_id=opened.run_id,
-            bag=opened.bag,
-            checkpoints=opened.checkpoints,
-            resume=opened.resumed.path if opened.resumed is not None else None,
-            threads=threads,
-            paused=paused,
-            live=live,
-            recorded=recorded,
-            supervised=supervised,
-        )
-
-    def nodes(self) -> tuple[NodeStart, ...]:
-        """The nodes to start, the coupler last; other programs provide the rest (nodes_from_outside)."""
-        common: Parameters = {
-            "scene": str(self.scene.resolve()),
-            "run_id": self.run_id,
-            "recorded": self.recorded,
-            "supervised": self.supervised,
-            "checkpoints": str(self.checkpoints.resolve()) if self.checkpoints is not None else "",
-            "resume": str(self.resume.resolve()) if self.resume is not None else "",
-        }
-        own: dict[str, Parameters] = {
-            SOIL: {"threads": self.threads},
-            RECORDER: {"bag": str(self.bag.resolve()), "live": self.live},
-            COUPLER: {"paused": self.paused},
-        }
-        left_out = {*nodes_from_outside(self.resolved.scene), *(() if self.recorded else (RECORDER,))}
-        names = [name for name in participants(self.resolved.scene) if name not in left_out]
-        return tuple(NodeStart(name, {**common, **own.get(name, {})}) for name in (*names, COUPLER))
+def _resolved(path: Path | None) -> str:
+    """A path as a parameter: absolute; empty if there is none."""
+    return str(path.resolve()) if path is not None else ""
 
 
 def remappings(namespace: str) -> tuple[tuple[str, str], ...]:

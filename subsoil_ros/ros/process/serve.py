@@ -14,12 +14,13 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from ...api.load import SceneLike, resolved_scene
-from ...api.opened_run import RUN_ID_DIGITS
-from ...coupling.checkpoints import PATHS, restore_engine
-from ...coupling.engines import build_paths
+from ...api.run_frame import run_id_of
+from ...coupling.checkpoints import restore_engine
+from ...coupling.engines import PATHS, build_paths
 from ...coupling.exit_status import KEEP_S, ExitStatus, interrupted
 from ...coupling.outside import Machine, OutsideMachine, OutsideSoil, OutsideSoilEngine, refuse_unlike
 from ...coupling.protocol import MECHANISM, SOIL
+from ...coupling.run_settings import RunSettings
 from ...coupling.signals import caught_signals
 from ...errors import InputError, RunError
 from ...loading.loader import ResolvedScene
@@ -28,7 +29,7 @@ from ..nodes.lockstep_node import LAST_WORD_S, OWN_TIME, LockstepNode, say
 from ..nodes.mechanism_node import MechanismNode
 from ..nodes.soil_node import SoilNode
 from ..transport.shared_memory import avoid_full_memory
-from .heartbeat import LATE_S, Heartbeat, NodeRun
+from .heartbeat import LATE_S, Heartbeat
 from .node_process import GRACE_S, watched_by
 from .node_thread import Service
 from .plan import checked_namespace, ros_arguments
@@ -74,11 +75,11 @@ def serve(
             f"serve: the scene writes checkpoints every {resolved.scene.record.checkpoint_s:g} s; give "
             "checkpoints=FOLDER, 'checkpoints' in the folder of the run, or set record.checkpoint_s: 0"
         )
-    run = NodeRun(
-        run_id or resolved.scene_hash[:RUN_ID_DIGITS],
+    run = RunSettings(
         resolved,
-        Path(checkpoints) if checkpoints is not None and engine.keeps_state else None,
-        read_checkpoint(Path(resume), resolved.scene_hash) if resume is not None else None,
+        run_id or run_id_of(resolved),
+        checkpoints=Path(checkpoints) if checkpoints is not None and engine.keeps_state else None,
+        resumed=read_checkpoint(Path(resume), resolved.scene_hash) if resume is not None else None,
     )
     status = _serve(run, engine, checked_namespace(namespace))
     if status.code == InputError.exit_status:
@@ -87,7 +88,7 @@ def serve(
         raise status.error()
 
 
-def _serve(run: NodeRun, engine: OutsideMachine | OutsideSoilEngine, namespace: str) -> ExitStatus:
+def _serve(run: RunSettings, engine: OutsideMachine | OutsideSoilEngine, namespace: str) -> ExitStatus:
     name = MECHANISM if isinstance(engine, OutsideMachine) else SOIL
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     notice = avoid_full_memory()
@@ -119,7 +120,7 @@ def _serve(run: NodeRun, engine: OutsideMachine | OutsideSoilEngine, namespace: 
 
 
 def _node(
-    engine: OutsideMachine | OutsideSoilEngine, run: NodeRun, heartbeat: Heartbeat, context: Context
+    engine: OutsideMachine | OutsideSoilEngine, run: RunSettings, heartbeat: Heartbeat, context: Context
 ) -> LockstepNode:
     """Build the node, with its engine in the state of the checkpoint to continue from."""
     name = MECHANISM if isinstance(engine, OutsideMachine) else SOIL

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,8 +17,8 @@ from pathlib import Path
 import psutil
 
 from ...coupling.exit_status import KEEP_S, SIGNAL_STATUS, ExitStatus, interrupted
+from ...coupling.observer import RunObserver
 from ...coupling.protocol import COUPLER, RECORDER
-from ...coupling.stopping import OnCheck
 from ...errors import RunError
 from ..transport.shared_memory import sweep_shared_memory
 from .plan import Parameters, ros_arguments
@@ -117,12 +117,11 @@ class Supervisor:
     def __init__(
         self,
         processes: list[NodeProcess],
-        on_progress: Callable[[int], None],
-        on_check: OnCheck = lambda result: None,
+        observer: RunObserver,
     ) -> None:
+        """observer: receives ticks and checks, and is asked many times a second for a signal."""
         self._processes = processes
-        self._on_progress = on_progress
-        self._on_check = on_check
+        self._observer = observer
         self._coupler = next(process for process in processes if process.name == COUPLER)
         self._events: queue.Queue[dict] = queue.Queue()
         self._verdict: ExitStatus | None = None
@@ -134,19 +133,15 @@ class Supervisor:
         self._reader = threading.Thread(target=self._read_events, daemon=True)
         self._reader.start()
 
-    def follow(self, stop_signal: Callable[[], int]) -> ExitStatus:
-        """Wait for the end of the run. On return no process is left.
-
-        Args:
-            stop_signal: called many times a second; a signal's number other than 0 ends the run.
-        """
+    def follow(self) -> ExitStatus:
+        """Wait for the end of the run. On return no process is left."""
         status: ExitStatus | None = None
         requested: ExitStatus | None = None
         try:
             while any(process.exit_status is None for process in self._processes):
                 self._take_events()
-                if requested is None and stop_signal():
-                    requested = interrupted(stop_signal())
+                if requested is None and (number := self._observer.stop_signal()):
+                    requested = interrupted(number)
                     if status is None:
                         self._end_coupler(requested)
                     else:
@@ -188,9 +183,9 @@ class Supervisor:
             timeout_s = 0.0
             if "tick" in event:
                 self._progressed = True
-                self._on_progress(event["tick"])
+                self._observer.on_tick(event["tick"])
             elif "check" in event:
-                self._on_check(event["check"])
+                self._observer.on_check(event["check"])
             else:
                 self._verdict = ExitStatus(event["exit_status"], event["reason"])
 

@@ -23,7 +23,6 @@ from subsoil_ros.coupling.protocol import (
     Participant,
     RecordBarrier,
 )
-from subsoil_ros.coupling.schedule import Schedule
 from subsoil_ros.errors import ProtocolError
 from subsoil_ros.messages import (
     Command,
@@ -38,7 +37,7 @@ from subsoil_ros.messages import (
     ToolWrench,
     ToolWrenches,
 )
-from subsoil_ros.ticks import is_control_tick
+from subsoil_ros.schedule import Schedule
 
 RUN, TOOLS = "run", ("share",)
 
@@ -57,6 +56,14 @@ class Case:
     check_ticks: int = 0  # the run may end early every so many ticks; then without controller
     stop_tick: int = -1  # the check tick that ends the run
     prompt: bool = True  # what is sent to the recorder is there at once; its acknowledgements may be late
+
+    @property
+    def schedule(self) -> Schedule:
+        """What is due at each tick, were it not for a check that ends the run."""
+        return Schedule(
+            self.ticks, self.series_ticks, control_ticks=self.control_ticks, check_ticks=self.check_ticks,
+            first_tick=self.first_tick,
+        )  # fmt: skip
 
     @property
     def last_tick(self) -> int:
@@ -93,7 +100,7 @@ class Due:
     def __call__(self, tick: int) -> tuple[str, ...]:
         case = self.case
         names = ["grant"]
-        names += ["driver_command"] if is_control_tick(tick, case.control_ticks) else []
+        names += ["driver_command"] if case.schedule.control_due(tick) else []
         names += ["tool_motions"] + (["tool_wrenches"] if case.soil else [])
         series = (tick + 1) % case.series_ticks == 0 or tick == case.ticks - 1 or self.at_end
         return (*names, *(("mechanism_state", "coupling_report") if series else ()))
@@ -124,37 +131,22 @@ class System:
         self.done = {
             name: 0 if name == CONTROLLER else case.first_tick - 1 for name in (*self.listeners, COUPLER)
         }
-        self.schedule = Schedule(case.ticks, case.series_ticks, 0, check_ticks=case.check_ticks)
+        self.schedule = case.schedule
         self.coupler = Coupler(
-            node_status(COUPLER), self.listeners, TOOLS, case.ticks, case.window, soil=case.soil,
-            control_ticks=case.control_ticks, paused=case.paused, first_tick=case.first_tick,
-            check_ticks=case.check_ticks,
-        )  # fmt: skip
+            node_status(COUPLER), self.listeners, TOOLS, case.schedule, case.window, paused=case.paused
+        )
         first = case.first_tick
         needs = Needs.WRENCHES if case.soil else Needs.NOTHING
-        self.nodes = {
-            MECHANISM: Participant(
-                RUN,
-                case.ticks,
-                needs,
-                TOOLS,
-                control_ticks=case.control_ticks,
-                first_tick=first,
-                check_ticks=case.check_ticks,
-            )
-        }
+        self.nodes = {MECHANISM: Participant(RUN, case.schedule, needs, TOOLS, commanded=True)}
         self.nodes[MECHANISM].start(wrench(first - 1))
         if case.soil:
-            self.nodes[SOIL] = Participant(
-                RUN, case.ticks, Needs.MOTIONS, TOOLS, first_tick=first, check_ticks=case.check_ticks
-            )
+            self.nodes[SOIL] = Participant(RUN, case.schedule, Needs.MOTIONS, TOOLS)
         self.commander = None
         if case.control_ticks:
-            self.commander = Commander(RUN, case.ticks, case.series_ticks, case.control_ticks, first)
+            self.commander = Commander(RUN, case.schedule)
         self.barrier: RecordBarrier[Any] = RecordBarrier(
-            case.ticks, Due(case), case.window, first, check_ticks=case.check_ticks,
-            due_at_end=Due(case, at_end=True),
-        )  # fmt: skip
+            case.schedule, Due(case), case.window, due_at_end=Due(case, at_end=True)
+        )
         for name in self.listeners:
             initial = {"initial_motions": motion(-1)} if name == MECHANISM else {}
             initial = {"initial_wrenches": wrench(-1)} if name == SOIL else initial
@@ -273,7 +265,7 @@ class System:
             self._note(name, tick)
             if name == MECHANISM:
                 assert work.wrenches == (wrench(tick - 1) if case.soil else ())
-                controlled = is_control_tick(tick, case.control_ticks)
+                controlled = self.schedule.control_due(tick)
                 assert (work.command.tick == tick) if controlled else work.command is None
                 others = [SOIL] if case.soil else []
                 self._send(ToolMotions(RUN, tick, 0, motion(tick)), *others, COUPLER, RECORDER)

@@ -3,9 +3,9 @@
 import pytest
 
 from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, Coupler, Needs, Participant, RecordBarrier
-from subsoil_ros.coupling.schedule import Schedule
 from subsoil_ros.errors import ProtocolError
 from subsoil_ros.messages import Command, Grant, ToolMotions
+from subsoil_ros.schedule import Schedule
 from tests.unit.protocol.system import RUN, TOOLS, motion, node_status
 
 TICKS, CHECK_TICKS = 20, 5
@@ -15,9 +15,8 @@ ENDS = [4, 9, 14, 19]
 
 def coupler(first_tick: int = 0, window: int = 64) -> Coupler:
     """One that may grant; the mechanism is all there is."""
-    found = Coupler(
-        node_status(COUPLER), (MECHANISM,), TOOLS, TICKS, window, False, first_tick, check_ticks=CHECK_TICKS
-    )
+    schedule = Schedule(TICKS, check_ticks=CHECK_TICKS, first_tick=first_tick)
+    found = Coupler(node_status(COUPLER), (MECHANISM,), TOOLS, schedule, window)
     found.accept_node_status(node_status(MECHANISM, initial_motions=motion(-1)))
     return found
 
@@ -36,7 +35,8 @@ def granted(found: Coupler) -> list[tuple[int, Command]]:
 
 def participant(first_tick: int = 0) -> Participant:
     """One that needs nothing."""
-    return Participant(RUN, TICKS, Needs.NOTHING, TOOLS, first_tick=first_tick, check_ticks=CHECK_TICKS)
+    schedule = Schedule(TICKS, check_ticks=CHECK_TICKS, first_tick=first_tick)
+    return Participant(RUN, schedule, Needs.NOTHING, TOOLS)
 
 
 def test_schedule_has_a_check_before_every_early_end() -> None:
@@ -102,7 +102,7 @@ def test_decisions_that_are_not_due_are_refused(tick: int, message: str) -> None
 
 def test_a_run_without_checks_has_no_decisions() -> None:
     """And is granted as far as its window."""
-    found = Coupler(node_status(COUPLER), (), TOOLS, TICKS, 8, soil=False)
+    found = Coupler(node_status(COUPLER), (), TOOLS, Schedule(TICKS), 8)
     assert len(granted(found)) == 8
     with pytest.raises(ProtocolError, match="no tick is to be decided"):
         found.decide(-1, ends=True)
@@ -143,9 +143,11 @@ def test_the_last_tick_of_the_scene_has_to_be_end() -> None:
 def barrier() -> RecordBarrier[int]:
     """One that takes a cloud at the end alone."""
     return RecordBarrier(
-        TICKS, lambda tick: ("grant",), 4, 4, check_ticks=CHECK_TICKS,
+        Schedule(TICKS, check_ticks=CHECK_TICKS, first_tick=4),
+        lambda tick: ("grant",),
+        4,
         due_at_end=lambda tick: ("grant", "cloud"),
-    )  # fmt: skip
+    )
 
 
 def test_the_recorder_takes_what_is_due_at_an_early_end_before_its_grant() -> None:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from subsoil_ros.coupling.energy_account import InterfaceAccount, held_work_joule
-from subsoil_ros.coupling.schedule import Schedule
 from subsoil_ros.errors import PhysicsError
 from subsoil_ros.messages import ToolMotion, ToolWrench
+from subsoil_ros.schedule import Schedule
 
 
 def motion(x: float, z: float = 0.0, phi: float = 0.0) -> ToolMotion:

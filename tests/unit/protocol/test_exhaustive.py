@@ -209,7 +209,7 @@ def test_the_recorder_takes_every_order_of_its_messages() -> None:
     seen, waiting = {tuple(0 for _ in streams)}, [tuple(0 for _ in streams)]
     while waiting:
         heard = waiting.pop()
-        barrier: RecordBarrier[int] = RecordBarrier(case.ticks, due, case.window)
+        barrier: RecordBarrier[int] = RecordBarrier(case.schedule, due, case.window)
         taken = []
         for (name, ticks), count in zip(streams.items(), heard, strict=True):
             for tick in ticks[:count]:

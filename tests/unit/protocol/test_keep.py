@@ -5,6 +5,7 @@ import pytest
 from subsoil_ros.coupling.protocol import COUPLER, MECHANISM, SOIL, Coupler, Needs, Participant, RecordBarrier
 from subsoil_ros.errors import ProtocolError
 from subsoil_ros.messages import Command, Grant
+from subsoil_ros.schedule import Schedule
 from tests.unit.protocol.test_lockstep import RUN, TOOLS, Execution, due, motion, node_status, wrench
 
 FIRST = 17
@@ -16,10 +17,11 @@ class Resumed(Execution):
     def __post_init__(self) -> None:
         super().__post_init__()
         names = (MECHANISM, SOIL, "recorder")
-        self.coupler = Coupler(node_status(COUPLER), names, TOOLS, self.ticks, self.window, True, FIRST)
-        self.mechanism = Participant(RUN, self.ticks, Needs.WRENCHES, TOOLS, first_tick=FIRST)
-        self.soil = Participant(RUN, self.ticks, Needs.MOTIONS, TOOLS, first_tick=FIRST)
-        self.barrier = RecordBarrier(self.ticks, due, self.window, FIRST)
+        schedule = Schedule(self.ticks, first_tick=FIRST)
+        self.coupler = Coupler(node_status(COUPLER), names, TOOLS, schedule, self.window)
+        self.mechanism = Participant(RUN, schedule, Needs.WRENCHES, TOOLS)
+        self.soil = Participant(RUN, schedule, Needs.MOTIONS, TOOLS)
+        self.barrier = RecordBarrier(schedule, due, self.window)
         start = self.mechanism.start
         self.mechanism.start = lambda wrenches: start(wrenches=wrench(FIRST - 1))  # type: ignore[method-assign]
 
@@ -85,7 +87,7 @@ def test_the_word_to_keep_waits_for_what_was_granted() -> None:
 @pytest.mark.parametrize(("run_id", "tick"), [(RUN, 0), (RUN, 3), ("other", -1)])
 def test_a_state_of_another_tick_or_run_is_not_kept(run_id: str, tick: int) -> None:
     """Who does not stand at the tick named has nothing to keep of it."""
-    participant = Participant(RUN, 10, Needs.NOTHING, TOOLS)
+    participant = Participant(RUN, Schedule(10), Needs.NOTHING, TOOLS)
     participant.accept_grant(Grant(RUN, 0))
     with pytest.raises(ProtocolError, match=r"CHECKPOINT came|is of run"):
         participant.accept_keep(Grant(run_id, tick, Command.CHECKPOINT))

@@ -30,6 +30,7 @@ from subsoil_ros.messages import (
     ToolWrench,
     ToolWrenches,
 )
+from subsoil_ros.schedule import Schedule
 
 RUN = "run"
 TOOLS = ("share",)
@@ -76,12 +77,12 @@ class Execution:
 
     def __post_init__(self) -> None:
         self.random = random.Random(self.seed)
-        self.coupler = Coupler(
-            node_status(COUPLER), (MECHANISM, SOIL, RECORDER), TOOLS, self.ticks, self.window, soil=True
-        )
-        self.mechanism = Participant(RUN, self.ticks, Needs.WRENCHES, TOOLS)
-        self.soil = Participant(RUN, self.ticks, Needs.MOTIONS, TOOLS)
-        self.barrier: RecordBarrier[object] = RecordBarrier(self.ticks, due, self.window)
+        schedule = Schedule(self.ticks)
+        names = (MECHANISM, SOIL, RECORDER)
+        self.coupler = Coupler(node_status(COUPLER), names, TOOLS, schedule, self.window)
+        self.mechanism = Participant(RUN, schedule, Needs.WRENCHES, TOOLS)
+        self.soil = Participant(RUN, schedule, Needs.MOTIONS, TOOLS)
+        self.barrier: RecordBarrier[object] = RecordBarrier(schedule, due, self.window)
         self.recorded: list[tuple[int, list[str]]] = []
         self.queues: dict[tuple[str, str], deque] = {}
 
@@ -260,14 +261,14 @@ def test_a_lost_message_never_passes(kind: type, receiver: str, seed: int) -> No
 
 def test_foreign_run_is_refused() -> None:
     """A message of another run is refused with both runs and ticks."""
-    node = Participant(RUN, 10, Needs.MOTIONS, TOOLS)
+    node = Participant(RUN, Schedule(10), Needs.MOTIONS, TOOLS)
     with pytest.raises(ProtocolError, match="tick 4 is of run 'other', this is run 'run', at tick 0"):
         node.accept_motions(ToolMotions("other", 4, 0, motion(4)))
 
 
 def test_other_tools_are_refused() -> None:
     """A message about other tools than the scene's is refused."""
-    node = Participant(RUN, 10, Needs.MOTIONS, ("share", "wheel"))
+    node = Participant(RUN, Schedule(10), Needs.MOTIONS, ("share", "wheel"))
     with pytest.raises(ProtocolError, match=r"tools \['share'\], the scene has \['share', 'wheel'\]"):
         node.accept_motions(ToolMotions(RUN, 0, 0, motion(0)))
 
@@ -328,7 +329,7 @@ def test_abort_stops_the_work_and_names_the_last_tick() -> None:
 def test_handshake_refuses_what_does_not_fit(word: NodeStatus, message: str) -> None:
     """A node of another scene, version, message or run, or unable, is refused by name before tick 0."""
     needed = {SOIL: {"tick_mean": "coupling.force: tick_mean"}}
-    coupler = Coupler(node_status(COUPLER), (SOIL, RECORDER), TOOLS, 9, 1, soil=True, needed=needed)
+    coupler = Coupler(node_status(COUPLER), (SOIL, RECORDER), TOOLS, Schedule(9), 1, needed=needed)
     coupler.accept_node_status(
         node_status(SOIL, NodeState.STARTING, capabilities=("tick_mean", "driver_command"))
     )
@@ -342,7 +343,7 @@ def test_handshake_refuses_what_does_not_fit(word: NodeStatus, message: str) -> 
 def test_handshake_refuses_another_contact_law(there: tuple[str, ...], found: str) -> None:
     """A soil node without the scene's outside law, or with it from other sources, is refused by name."""
     needed = {SOIL: {"contact_law hysteretic 1111": "soil.law.kind: hysteretic"}}
-    coupler = Coupler(node_status(COUPLER), (SOIL,), TOOLS, 9, 1, soil=True, needed=needed)
+    coupler = Coupler(node_status(COUPLER), (SOIL,), TOOLS, Schedule(9), 1, needed=needed)
     with pytest.raises(ProtocolError, match=f"soil {found} contact law 'hysteretic', .*soil.law.kind"):
         coupler.accept_node_status(node_status(SOIL, NodeState.STARTING, capabilities=there))
     coupler.accept_node_status(
@@ -384,14 +385,14 @@ def test_nothing_is_granted_before_all_are_ready() -> None:
 
 def test_message_that_is_not_due_is_refused_by_the_recorder() -> None:
     """The recorder refuses what the schedule does not know: nothing invented gets into a bag."""
-    barrier: RecordBarrier[bytes] = RecordBarrier(10, due, 4)
+    barrier: RecordBarrier[bytes] = RecordBarrier(Schedule(10), due, 4)
     with pytest.raises(ProtocolError, match="soil_state: tick 3 came"):
         barrier.add("soil_state", 3, b"")
 
 
 def test_a_tick_is_recorded_when_no_abort_can_name_an_earlier_one() -> None:
     """Whole ticks beyond what the coupler has surely finished wait, and are dropped by an abort."""
-    barrier: RecordBarrier[bytes] = RecordBarrier(40, due, grant_window=3)
+    barrier: RecordBarrier[bytes] = RecordBarrier(Schedule(40), due, grant_window=3)
     for tick in range(4):
         for name in due(tick):
             barrier.add(name, tick, b"")
@@ -406,7 +407,7 @@ def test_a_tick_is_recorded_when_no_abort_can_name_an_earlier_one() -> None:
 
 def test_the_record_begins_with_the_initial_state() -> None:
     """What is due before tick 0 is handed out first, in recording order, once, as soon as it is certain."""
-    barrier: RecordBarrier[bytes] = RecordBarrier(40, due, 3, initial=("motions", "report"))
+    barrier: RecordBarrier[bytes] = RecordBarrier(Schedule(40), due, 3, initial=("motions", "report"))
     assert barrier.missing() == "tick -1: motions, report"
     for name in due(0):
         barrier.add(name, 0, b"")
@@ -425,10 +426,10 @@ def test_the_record_begins_with_the_initial_state() -> None:
 
 def test_an_abort_before_the_first_grant_waits_for_nothing() -> None:
     """The initial state of a run that cannot begin is not waited for; once a tick was granted, it is."""
-    unborn: RecordBarrier[bytes] = RecordBarrier(40, due, 3, initial=("motions",))
+    unborn: RecordBarrier[bytes] = RecordBarrier(Schedule(40), due, 3, initial=("motions",))
     unborn.cut(-1)
     assert unborn.finished
-    begun: RecordBarrier[bytes] = RecordBarrier(40, due, 3, initial=("motions",))
+    begun: RecordBarrier[bytes] = RecordBarrier(Schedule(40), due, 3, initial=("motions",))
     begun.note_grant(0)
     begun.cut(-1)
     assert not begun.finished

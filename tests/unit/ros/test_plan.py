@@ -4,25 +4,22 @@ from pathlib import Path
 
 import pytest
 
+from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.errors import InputError
 from subsoil_ros.loading.loader import load_scene
-from subsoil_ros.ros.process.plan import RunPlan, checked_namespace, remappings, ros_arguments
+from subsoil_ros.ros.process.plan import NodeStart, checked_namespace, nodes_of, remappings, ros_arguments
 
 SCENES = Path(__file__).parents[3] / "config" / "scenes"
 EXTERNAL = "controller.law={kind: external}"
 
 
-def plan(name: str, tmp_path: Path, *overrides: str, recorded: bool = True) -> RunPlan:
-    """The plan of a shipped scene."""
-    return RunPlan(
-        load_scene(SCENES / f"{name}.yaml", overrides),
-        scene=tmp_path / "scene.yaml",
-        run_id="7",
-        bag=tmp_path / "bag",
-        threads=3,
-        paused=True,
-        recorded=recorded,
-    )
+def nodes_to_start(
+    name: str, tmp_path: Path, *overrides: str, recorded: bool = True
+) -> tuple[NodeStart, ...]:
+    """The nodes of a shipped scene."""
+    resolved = load_scene(SCENES / f"{name}.yaml", overrides)
+    settings = RunSettings(resolved, "7", bag=tmp_path / "bag", threads=3, paused=True, recorded=recorded)
+    return nodes_of(settings, tmp_path / "scene.yaml")
 
 
 @pytest.mark.parametrize(
@@ -39,12 +36,12 @@ def test_only_what_a_scene_names_is_started(
     tmp_path: Path, name: str, overrides: tuple[str, ...], expected: list[str]
 ) -> None:
     """No process for a part that is absent, none for a controller from outside."""
-    assert [node.name for node in plan(name, tmp_path, *overrides).nodes()] == expected
+    assert [node.name for node in nodes_to_start(name, tmp_path, *overrides)] == expected
 
 
 def test_every_node_is_told_the_same_of_the_run(tmp_path: Path) -> None:
     """Scene, run and record are common; threads, bag and pause go to who needs them."""
-    nodes = {node.name: node.parameters for node in plan("subsoiler_1s300_quick", tmp_path).nodes()}
+    nodes = {node.name: node.parameters for node in nodes_to_start("subsoiler_1s300_quick", tmp_path)}
     for key in ("scene", "run_id", "recorded", "supervised", "checkpoints", "resume"):
         assert len({repr(parameters[key]) for parameters in nodes.values()}) == 1
     assert {name for name, parameters in nodes.items() if "threads" in parameters} == {"soil"}
@@ -54,7 +51,7 @@ def test_every_node_is_told_the_same_of_the_run(tmp_path: Path) -> None:
 
 def test_a_run_may_do_without_a_recorder(tmp_path: Path) -> None:
     """Then no node records, and every node is told so."""
-    nodes = plan("mechanism_only", tmp_path, recorded=False).nodes()
+    nodes = nodes_to_start("mechanism_only", tmp_path, recorded=False)
     assert [node.name for node in nodes] == ["mechanism", "coupler"]
     assert all(node.parameters["recorded"] is False for node in nodes)
 

@@ -26,6 +26,7 @@ SOURCES = [
     "setup.py",
     "subsoil_ros",
     "tests",
+    "validation",
 ]
 PROGRAMS = ["controller_node", "coupler_node", "mechanism_node", "recorder_node", "soil_node", "subsoil"]
 

@@ -53,7 +53,7 @@ SCENES: dict[str, Scene] = {
     "tine": Scene({"duration_s": 0.06, "tools.tine.path.start_x_m": -0.08}),
     "tine_hardpan": Scene({"duration_s": 0.03, "tools.tine.path.start_x_m": -0.08}),
     "tine_elasto_plastic": Scene(
-        {"duration_s": 0.02, "soil.material": "loam_plastic", **FIELD}, "config/scenes/field_tine"
+        {"duration_s": 0.1, "soil.material": "loam_plastic", **FIELD}, "config/scenes/field_tine"
     ),
     "subsoiler_1s300_quick": Scene({"duration_s": 0.1, "mechanism.initial.translate_x_m": -0.1}),
     "depth_wheel": Scene({"duration_s": 0.05}),

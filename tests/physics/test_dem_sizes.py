@@ -10,7 +10,6 @@ from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.domain import Domain
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.dem.particles import Particles
-from subsoil_ros.dem.walls import wall_planes
 
 SMALL, LARGE = 0.008, 0.014
 DENSITY = 1800.0
@@ -233,5 +232,5 @@ def test_lost_particles_are_counted_by_their_own_radius():
     bed = Bed(np.array([(-0.01, 0.0, -0.1), (-0.01, 0.0, -0.2)]), lower, upper)
     particles = Particles.at_rest(bed.positions_m, np.arange(2), np.float64)
     particles.make_unequal(np.array([0.008, 0.014]), np.zeros(2, np.int64), np.array([1800.0]))
-    domain = Domain(wall_planes(lower, upper, "walls"), bed, bed.positions_m, 0.014)
+    domain = Domain(bed, bed.positions_m, 0.014)
     assert domain.outside(particles).tolist() == [True, False]

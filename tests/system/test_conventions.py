@@ -73,7 +73,7 @@ def test_parameters_describe_themselves(process_node: Callable[..., Node]) -> No
     """Each has a description and what is allowed, is read-only, and counts have a range."""
     node = process_node("soil_process", "-p", f"scene:={SCENE}", "-p", "threads:=2")
     settings = read_settings(node, "soil")
-    assert (settings.scene, settings.threads, settings.recorded) == (str(SCENE), 2, True)
+    assert (settings.resolved.path, settings.threads, settings.recorded) == (SCENE, 2, True)
     for name in PARAMETERS:
         described = node.describe_parameter(name)
         assert described.description

@@ -285,7 +285,7 @@ def test_a_restart_and_two_threads_give_the_same_bits(soil, before):
     if before:
         second.advance(at, bar(at))
     assert window_of(second) == window_of(first) != window
-    assert second._monitor.count == first._monitor.count
+    assert second.whole_state().monitor.count == first.whole_state().monitor.count
     for later in range(tick, tick + 400):
         assert first.advance(later, bar(later)) == second.advance(later, bar(later))
     assert window_of(first) != window

@@ -75,9 +75,12 @@ class CpuSteps:
     def first_forces(self, motions: tuple[ToolMotion, ...]) -> None:
         """Compute the forces of the initial state."""
         use_threads(self._threads)
+        state = self.state
         self._forces_without_time()
         self._load_tools(motions)
         self._calls = None
+        for book in (state.pair_book, state.wall_book, *(tool.sinks_joule for tool in state.tools)):
+            book[:] = 0.0  # contacts that begin pressed have yielded before
 
     def forces_on(self, fresh: np.ndarray) -> None:
         """Compute the forces on the particles of `fresh` (n,) bool in their present state; all other forces,

@@ -16,6 +16,7 @@ from subsoil_ros.dem.contact import at_size, contact, normal_potential
 from subsoil_ros.limits.stable_steps import step_limits
 from subsoil_ros.loading.loader import load_scene
 from tests.physics.impacts import laboratory
+from tests.soils import BOOKED, PLASTIC
 
 RADIUS, MASS = 0.01, 1800.0 * 4.0 / 3.0 * math.pi * 0.01**3
 ROW = {
@@ -277,3 +278,18 @@ def test_other_exponents_are_refused():
     """Only 1 and 1.5 are computed."""
     with pytest.raises(ValidationError, match=r"exponent: given 2, allowed are 1 and 1\.5"):
         law_of(ROW, 2.0)
+
+
+def test_contacts_that_begin_pressed_have_yielded_before(soil):
+    """No energy is lost before the first step, however far spheres overlap where they are laid out."""
+    document = {
+        "bin": {"length_m": 0.12, "width_m": 0.1, "depth_m": 0.1},
+        "particles": {"radius_m": 0.01, "density_kg_per_m3": 1800.0},
+        "bed": {"kind": "grid", "spacing_m": 0.0195},
+        "law": PLASTIC,
+        **BOOKED,
+    }
+    engine = soil.engine(soil=document)
+    engine.start(())
+    assert engine.max_overlap_m() > 4e-4
+    assert not any(engine.energy().sinks_joule.values())

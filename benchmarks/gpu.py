@@ -43,10 +43,9 @@ from benchmarks.soil_cases import DENSE, Case, cohesive_case
 from subsoil_ros.analysis.intervals import mean_interval
 from subsoil_ros.api.execution import execute, machine_name
 from subsoil_ros.coupling.engines import build_mechanism
-from subsoil_ros.dem.bed import Bed
-from subsoil_ros.dem.beds.dense import prepare_dense
-from subsoil_ros.dem.beds.settling_progress import ignore_progress
+from subsoil_ros.dem.bed import Bed, ignore_progress
 from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.packing.dense_random import prepare_dense
 from subsoil_ros.kernel_cache import set_up_numba
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import ToolMotion

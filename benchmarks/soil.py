@@ -25,7 +25,7 @@ from subsoil_ros.cli._shared.bed_preparation import bed_progress
 from subsoil_ros.cli._shared.preparation import KernelAnnouncer, say
 from subsoil_ros.cli._shared.tables import table
 from subsoil_ros.dem.bed import Bed
-from subsoil_ros.dem.beds.prepare import prepare_bed
+from subsoil_ros.dem.build import prepare_bed
 
 SCALING_COUNTS, LARGEST_COUNT = (10_000, 100_000), 1_000_000
 

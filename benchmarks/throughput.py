@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.scene_phases import clocked
 from benchmarks.soil_cases import Case, stirred_velocities
 from subsoil_ros.dem.bed import Bed
-from subsoil_ros.dem.beds.prepare import prepare_bed
+from subsoil_ros.dem.build import prepare_bed
 from subsoil_ros.dem.engine import SoilEngine
 
 

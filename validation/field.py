@@ -36,10 +36,10 @@ from subsoil_ros.analysis.smoothing import moving_mean
 from subsoil_ros.analysis.stationarity import stationarity
 from subsoil_ros.analysis.window import tip_x_m
 from subsoil_ros.api.read import read_run
-from subsoil_ros.dem.beds.tile_edge import tile_edge_m
 from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.engine import SoilEngine
-from subsoil_ros.dem.plot import ACROSS, ALONG
+from subsoil_ros.dem.field import ACROSS, ALONG
+from subsoil_ros.dem.packing.bed_geometry import sample_edge_m
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import ToolMotion
 
@@ -187,7 +187,7 @@ def repeats_m(scene: ResolvedScene) -> tuple[float, float]:
     if soil.window is None:
         return math.nan, math.nan
     ahead, aside = (ALONG if soil.bin.sides == "periodic" else ACROSS)[0]
-    edge, blocks = tile_edge_m(soil), math.hypot(ahead, aside)
+    edge, blocks = sample_edge_m(soil), math.hypot(ahead, aside)
     return edge * ahead / blocks, edge * blocks
 
 

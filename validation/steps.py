@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from subsoil_ros.dem.bed import Bed
-from subsoil_ros.dem.beds.prepare import prepare_bed
+from subsoil_ros.dem.build import prepare_bed
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.errors import PhysicsError
 from subsoil_ros.limits.stable_steps import step_limits

@@ -8,9 +8,9 @@ from typing import Any, TypeVar
 import numpy as np
 import trimesh
 
-from subsoil_ros.dem.beds.start import check_start
 from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.packing.start import check_start
 from subsoil_ros.dem.periodic import HELD_LAYER
 from subsoil_ros.errors import InputError
 from subsoil_ros.loading.loader import ResolvedScene

@@ -22,7 +22,7 @@ from benchmarks.throughput import bed_hash
 from subsoil_ros.api.beds import prepare_bed_first
 from subsoil_ros.cli._shared.bed_preparation import bed_progress
 from subsoil_ros.cli._shared.preparation import KernelAnnouncer
-from subsoil_ros.dem.beds.prepare import prepare_bed
+from subsoil_ros.dem.build import prepare_bed
 
 from . import lammps_granular, liggghts, subsoil, yade_viscoelastic
 from .job import Job, Result, kinetic_joule

@@ -23,7 +23,7 @@ from subsoil_ros.api.beds import prepare_bed_first
 from subsoil_ros.cli._shared.bed_preparation import bed_progress
 from subsoil_ros.cli._shared.preparation import KernelAnnouncer
 from subsoil_ros.dem.bed import Bed
-from subsoil_ros.dem.beds.prepare import prepare_bed
+from subsoil_ros.dem.build import prepare_bed
 
 from . import liggghts, subsoil
 from .job import Job, Law, Plate, Result

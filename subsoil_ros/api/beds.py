@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 
-from ..dem.beds.cache import cached_bed_path
-from ..dem.beds.settling_progress import OnProgress, ignore_progress
-from ..dem.beds.start import expected_dense_count
+from ..dem.bed import OnProgress, ignore_progress
+from ..dem.packing.bed_file import bed_path
+from ..dem.packing.start import expected_dense_count
 from ..loading.loader import ResolvedScene
 from ..scene.beds import DenseRandomBed, TiledBed
 
@@ -22,13 +22,13 @@ def prepare_bed_first(resolved: ResolvedScene, threads: int, progress: BedProgre
     soil = resolved.scene.particle_soil
     if soil is None or not isinstance(soil.bed, (DenseRandomBed, TiledBed)):
         return
-    if cached_bed_path(resolved).is_file():
+    if bed_path(resolved).is_file():
         return
     kind = "tiled" if isinstance(soil.bed, TiledBed) else "dense random"
     what = f"{kind} bed of about {expected_dense_count(soil):,} particles"
     if soil.window is not None:
         what = "block that the field repeats"
-    from ..dem.beds.prepare import prepare_bed  # slow to import
+    from ..dem.build import prepare_bed  # slow to import
 
     with progress(what) if progress is not None else nullcontext(ignore_progress) as on_progress:
         prepare_bed(resolved, threads, on_progress)

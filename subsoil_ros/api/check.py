@@ -153,7 +153,7 @@ def start_count(resolved: ResolvedScene) -> int:
     """Particles before tools remove any; 0 in other soils. Raises SceneError as check_start does."""
     if resolved.scene.particle_soil is None:
         return 0
-    from ..dem.beds.start import check_start
+    from ..dem.packing.start import check_start
 
     return check_start(resolved)
 

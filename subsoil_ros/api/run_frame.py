@@ -152,7 +152,7 @@ def run_id_of(resolved: ResolvedScene) -> str:
 def _prepare_soil(resolved: ResolvedScene, threads: int, progress: "BedProgress | None") -> None:
     if resolved.scene.particle_soil is None:
         return  # without particles none of their code is imported
-    from ..dem.beds.start import check_start
+    from ..dem.packing.start import check_start
     from .beds import prepare_bed_first
 
     if resolved.scene.particle_soil.device == "gpu":

@@ -8,10 +8,9 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from subsoil_ros.dem.bed import Bed
-from subsoil_ros.dem.beds.bed_file import read_bed, write_bed
-from subsoil_ros.dem.beds.cache import cached_bed_path
 from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.packing.bed_file import bed_path, read_bed, write_bed
 from subsoil_ros.errors import SceneError
 
 
@@ -53,7 +52,7 @@ def test_a_second_run_takes_the_same_bed_from_the_cache(soil, cache, monkeypatch
     """Bit for bit, nothing is settled again, and one file stands in the cache."""
     scene = with_bed(soil, DENSE)
     first = build_engine(scene).bed
-    assert [path.name for path in cache.iterdir()] == [cached_bed_path(scene).name]
+    assert [path.name for path in cache.iterdir()] == [bed_path(scene).name]
     monkeypatch.setattr(SoilEngine, "damp", None)  # settling would call it
     again = build_engine(with_bed(soil, DENSE)).bed
     assert_array_equal(again.positions_m, first.positions_m)
@@ -62,8 +61,8 @@ def test_a_second_run_takes_the_same_bed_from_the_cache(soil, cache, monkeypatch
 
 def test_the_cache_key_follows_what_makes_the_bed_and_nothing_else(soil, cache):
     """Seed, law, bin and gravity make a bed; step, skin and alarm bound do not."""
-    path = cached_bed_path(with_bed(soil, DENSE))
-    assert cached_bed_path(with_bed(soil, DENSE, skin_m=0.002, time_step_s=2e-5)) == path
+    path = bed_path(with_bed(soil, DENSE))
+    assert bed_path(with_bed(soil, DENSE, skin_m=0.002, time_step_s=2e-5)) == path
     others = [
         with_bed(soil, {**DENSE, "seed": 4}),
         with_bed(soil, DENSE, bin={"length_m": 0.12, "width_m": 0.1, "depth_m": 0.11}),
@@ -73,14 +72,14 @@ def test_the_cache_key_follows_what_makes_the_bed_and_nothing_else(soil, cache):
         ),
         soil.scene("gravity_m_per_s2=9.8", soil=with_bed(soil, DENSE).document["soil"]),
     ]
-    assert len({path, *(cached_bed_path(scene) for scene in others)}) == 5
+    assert len({path, *(bed_path(scene) for scene in others)}) == 5
 
 
 def test_a_damaged_file_in_the_cache_is_prepared_again(soil, cache):
     """Half a file, as an interrupted copy leaves it, is replaced by a whole one."""
     scene = with_bed(soil, DENSE)
     first = build_engine(scene).bed
-    path = cached_bed_path(scene)
+    path = bed_path(scene)
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) // 2])
     assert_array_equal(build_engine(scene).bed.positions_m, first.positions_m)

@@ -8,10 +8,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from subsoil_ros.cli import check
-from subsoil_ros.dem.beds.bed_file import read_bed
-from subsoil_ros.dem.beds.report import report_bed
 from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.free_motion import free_motion
+from subsoil_ros.dem.packing.bed_file import read_bed
+from subsoil_ros.dem.packing.bed_report import report_bed
 
 RADIUS, SPACING, MASS = 0.01, 0.018, 1800.0 * 4.0 / 3.0 * np.pi * 0.01**3
 

@@ -10,14 +10,14 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
 
-from subsoil_ros.dem.beds.dense import prepare_dense, scaled
-from subsoil_ros.dem.beds.report import report_bed
-from subsoil_ros.dem.beds.settling import settling_step_s, smooth_soil
-from subsoil_ros.dem.beds.settling_progress import ignore_progress
-from subsoil_ros.dem.beds.surface import top_surface_m
+from subsoil_ros.dem.bed import ignore_progress
 from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.dem.free_motion import free_motion
+from subsoil_ros.dem.packing.bed_geometry import top_surface_m
+from subsoil_ros.dem.packing.bed_report import report_bed
+from subsoil_ros.dem.packing.dense_random import prepare_dense, scaled
+from subsoil_ros.dem.packing.relaxation import settling_step_s, smooth_soil
 from subsoil_ros.errors import SceneError
 from subsoil_ros.limits.stable_steps import step_limits, step_notes
 from subsoil_ros.loading.loader import load_scene

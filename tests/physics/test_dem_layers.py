@@ -7,10 +7,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from subsoil_ros.dem.bed import Bed
-from subsoil_ros.dem.beds.bed_file import read_bed, write_bed
-from subsoil_ros.dem.beds.report import masses_kg, report_bed
 from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.packing.bed_file import read_bed, write_bed
+from subsoil_ros.dem.packing.bed_report import masses_kg, report_bed
 from subsoil_ros.errors import SceneError
 
 RADIUS = 0.01

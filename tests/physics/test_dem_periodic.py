@@ -5,10 +5,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from subsoil_ros.cli.main import main
-from subsoil_ros.dem.beds.bed_file import read_bed, write_bed
-from subsoil_ros.dem.beds.report import report_bed
-from subsoil_ros.dem.beds.tree import bed_tree, seen_from_corner
 from subsoil_ros.dem.build import build_engine
+from subsoil_ros.dem.packing.bed_file import read_bed, write_bed
+from subsoil_ros.dem.packing.bed_geometry import bed_tree, seen_from_corner
+from subsoil_ros.dem.packing.bed_report import report_bed
 from subsoil_ros.errors import SceneError
 
 WIDTH = 0.108  # six spacings of 18 mm

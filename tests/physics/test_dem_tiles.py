@@ -1,4 +1,4 @@
-"""Tiled beds: a tile that repeats itself, pressed to a solid fraction, laid out and brought to rest."""
+"""Tiled beds: a sample that repeats itself, pressed to a solid fraction, laid out and brought to rest."""
 
 import dataclasses
 import math
@@ -9,17 +9,16 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
 
-from subsoil_ros.dem.bed import Bed
-from subsoil_ros.dem.beds import cache
-from subsoil_ros.dem.beds.prepare import prepare_bed
-from subsoil_ros.dem.beds.report import report_bed
-from subsoil_ros.dem.beds.settling import PATIENCE, Rest, Settling
-from subsoil_ros.dem.beds.settling_progress import ignore_progress
-from subsoil_ros.dem.beds.start import check_start
-from subsoil_ros.dem.beds.tile import PRESSED_OVERLAP, solid_fraction
-from subsoil_ros.dem.beds.tile_edge import tile_edge_m
-from subsoil_ros.dem.beds.tiled import kept_tile, laid_out
+from subsoil_ros.dem.bed import Bed, ignore_progress
+from subsoil_ros.dem.build import prepare_bed
 from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.packing import cache
+from subsoil_ros.dem.packing.bed_geometry import sample_edge_m
+from subsoil_ros.dem.packing.bed_report import report_bed
+from subsoil_ros.dem.packing.periodic_sample import PRESSED_OVERLAP, solid_fraction
+from subsoil_ros.dem.packing.relaxation import PATIENCE, Rest, Settling
+from subsoil_ros.dem.packing.replicate import cached_sample, replicated
+from subsoil_ros.dem.packing.start import check_start
 from subsoil_ros.dem.periodic import HELD_LAYER
 from subsoil_ros.errors import SceneError
 from tests.physics.conftest import most_move_m
@@ -34,7 +33,7 @@ WIDE = {"length_m": 0.5, "width_m": 0.45, "depth_m": 0.16}
 
 
 def tiled(maker, *, box=None, **bed):
-    """A scene with a tiled bed of about 1,000 particles, from a tile of some 500."""
+    """A scene with a tiled bed of about 1,000 particles, from a sample of some 500."""
     soil = {
         "bin": BIN | (box or {}),
         "particles": {"sizes": SIZES, "density_kg_per_m3": DENSITY},
@@ -45,20 +44,20 @@ def tiled(maker, *, box=None, **bed):
 
 
 def tile_of(scene):
-    """The pressed tile of a scene's bed, pressed once for all tests."""
-    return kept_tile(scene, tile_edge_m(scene.scene.particle_soil), ignore_progress)
+    """The pressed sample of a scene's bed, pressed once for all tests."""
+    return cached_sample(scene, sample_edge_m(scene.scene.particle_soil), ignore_progress)
 
 
-def repeated(tile, times):
+def repeated(sample, times):
     """An endless bed of `times` tiles along each axis: the same soil in a larger box."""
-    edge = tile.periods_m[0]
+    edge = sample.periods_m[0]
     shift = np.stack(np.meshgrid(*[edge * np.arange(times)] * 3, indexing="ij"), -1).reshape(-1, 3)
-    inside = tile.positions_m - np.array(tile.lower_m)
+    inside = sample.positions_m - np.array(sample.lower_m)
     size = times * edge
     corner = (0.0, -0.5 * size, -size)
     return Bed(
         (inside[None] + shift[:, None]).reshape(-1, 3) + corner, corner, (size, 0.5 * size),
-        radii_m=np.tile(tile.radii_m, times**3), sides="endless",
+        radii_m=np.tile(sample.radii_m, times**3), sides="endless",
     )  # fmt: skip
 
 
@@ -67,9 +66,9 @@ def repeated(tile, times):
 def test_a_tile_has_the_fraction_that_is_asked_for(soil, wanted):
     """Within 1 %: half of what bulk density may differ by; the more friction while pressing, the looser."""
     scene = tiled(soil, solid_fraction=wanted)
-    tile = tile_of(scene)
-    assert_allclose(solid_fraction(tile, scene.scene.particle_soil), wanted, rtol=0.01)
-    assert tile.sides == "endless"
+    sample = tile_of(scene)
+    assert_allclose(solid_fraction(sample, scene.scene.particle_soil), wanted, rtol=0.01)
+    assert sample.sides == "endless"
 
 
 def test_a_tile_carries_its_pressure_on_all_faces(soil):
@@ -93,7 +92,7 @@ def test_a_tile_carries_its_pressure_on_all_faces(soil):
 
 
 def test_forces_in_a_repeated_tile_are_those_of_the_tile(soil):
-    """Eight tiles in a box of twice the edge: no force knows where a tile ends, to round-off."""
+    """Eight tiles in a box of twice the edge: no force knows where a sample ends, to round-off."""
     scene = tiled(soil)
     bed = tile_of(scene)
     alone, among = SoilEngine(scene, bed), SoilEngine(scene, repeated(bed, 2))
@@ -123,7 +122,7 @@ def test_an_endless_box_of_two_spheres_changes_size_as_its_energy_says(soil):
 
 @pytest.mark.full
 def test_a_tiled_bed_fills_its_bin_at_its_density(soil):
-    """Mean top at z = 0, density over depth that of the tile, walls not passed, a held floor.
+    """Mean top at z = 0, density over depth that of the sample, walls not passed, a held floor.
 
     The density inside so small a bed scatters: six seeds differ by 0.0 % in the mean, with a standard
     deviation of 1.7 %, of which two are allowed. Each processor rounds, and so packs, in its own way.
@@ -237,10 +236,10 @@ def test_no_tile_lies_on_another(soil, tiles):
     found = scene.scene.particle_soil
     for edge in 0.1 * random.uniform(0.99, 1.01, 50):
         places = np.array([[0.5, 0.0, -0.5]]) * edge
-        tile = Bed(
+        sample = Bed(
             places, (0.0, -0.5 * edge, -edge), (edge, 0.5 * edge), radii_m=np.array([0.01]), sides="endless"
         )
-        bed = laid_out(tile, found)
+        bed = replicated(sample, found)
         _, counts = np.unique(np.round(bed.positions_m[:, 0], 6), return_counts=True)
         assert len(np.unique(np.round(bed.positions_m[:, 1], 6))) == tiles
         assert (counts == counts[0]).all()
@@ -248,7 +247,7 @@ def test_no_tile_lies_on_another(soil, tiles):
 
 @pytest.mark.full
 def test_a_tile_serves_every_bin_and_law(soil, monkeypatch, tmp_path):
-    """The second bed presses no tile; another seed gives another bed."""
+    """The second bed presses no sample; another seed gives another bed."""
     phases = []
 
     def note(progress):
@@ -294,7 +293,7 @@ def test_a_law_that_changes_the_fraction_is_refused(soil):
 
 def test_a_bed_file_keeps_what_is_held(soil, tmp_path):
     """Written and read again, bit for bit."""
-    from subsoil_ros.dem.beds.bed_file import read_bed, write_bed
+    from subsoil_ros.dem.packing.bed_file import read_bed, write_bed
 
     scene = tiled(soil)
     bed = prepare_bed(scene)

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from subsoil_ros.dem.bed import Bed, scaled
-from subsoil_ros.dem.beds.settling import Settling
-from subsoil_ros.dem.beds.settling_progress import ignore_progress
-from subsoil_ros.dem.beds.tile import at_pressure, endless_soil
+from subsoil_ros.dem.bed import Bed, ignore_progress, scaled
 from subsoil_ros.dem.engine import SoilEngine
+from subsoil_ros.dem.packing.periodic_sample import at_pressure, endless_soil
+from subsoil_ros.dem.packing.relaxation import Settling
 from subsoil_ros.experiments.soil_tests.element import (
     Cell,
     confined_modulus_pa,
@@ -72,7 +71,7 @@ def at_rest(resolved: ResolvedScene, pressure_pa: float) -> SoilEngine:
         resolved, 1, soil=endless, step_s=SAFETY * step_limits(endless)[0].limit_s,
         gravity_m_per_s2=0.0,
     )  # fmt: skip
-    engine = settling.engine(at_pressure(settling, cell.tile, pressure_pa, ignore_progress))
+    engine = settling.engine(at_pressure(settling, cell.sample, pressure_pa, ignore_progress))
     engine.start(())
     return engine
 
@@ -121,7 +120,7 @@ def test_strain_does_the_work_that_is_stored():
 def test_scaled_soil_is_the_same_soil():
     """Spheres 1.5 times as large, the law scaled: the same stresses at the same strains, to round-off."""
     cell = prepare_cell(scene(attraction=2.0), edge_m=18.0 * RADIUS)
-    larger = scaled(cell.tile, np.full(3, 1.5))
+    larger = scaled(cell.sample, np.full(3, 1.5))
     larger = replace(larger, radii_m=1.5 * larger.radii_m)
     one = plane_strain(cell, 5e3, 2e-3)
     other = plane_strain(Cell(scene(1.5, attraction=2.0), larger, 1), 5e3, 2e-3)

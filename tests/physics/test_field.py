@@ -8,13 +8,12 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from subsoil_ros.dem.bed import Bed
-from subsoil_ros.dem.beds.report import report_bed
-from subsoil_ros.dem.beds.surface import top_surface_m
 from subsoil_ros.dem.blocks import history_place, history_places
 from subsoil_ros.dem.bonds.kernel import SHAPE, STATE
 from subsoil_ros.dem.build import build_engine
-from subsoil_ros.dem.field import HELD_LAYER
-from subsoil_ros.dem.plot import plot_of
+from subsoil_ros.dem.field import HELD_LAYER, field_period
+from subsoil_ros.dem.packing.bed_geometry import top_surface_m
+from subsoil_ros.dem.packing.bed_report import report_bed
 from subsoil_ros.errors import InputError, PhysicsError, SceneError
 from subsoil_ros.messages import ToolMotion
 from tests.physics.conftest import one_tool
@@ -163,7 +162,7 @@ def test_the_window_covers_the_way_of_a_tool_through_a_long_tick(soil):
 
 def test_the_width_that_a_refusal_names_suffices(soil):
     """Rounded up to whole millimetres; where held sides leave nothing, the message says so."""
-    from subsoil_ros.dem.beds.start import check_start
+    from subsoil_ros.dem.packing.start import check_start
 
     def narrow(width_m):
         box = {"length_m": 0.6, "width_m": width_m, "depth_m": 0.1, "sides": "held"}
@@ -249,7 +248,7 @@ def test_the_plot_is_the_ground_turned(soil):
     edge, width = 0.6, 0.5
     points = rng.uniform((0.0, -0.3, -0.1), (edge, 0.3, 0.0), (400, 3))
     bed = Bed(points, (0.0, -0.3, -0.1), (edge, 0.3), sides="endless")
-    plot = plot_of(bed, width, "held")
+    plot = field_period(bed, width, "held")
     assert plot.period_m == pytest.approx(edge * np.hypot(21, 8), rel=1e-12)
     ground = (plot.place_m[:, :2] + (0.0, 0.5 * width)) @ plot.turn  # back by the transposed
     away = (ground - (points[:, :2] + (0.0, 0.3))[plot.number]) / edge
@@ -391,7 +390,7 @@ BOX = {"length_m": 1.2, "width_m": 0.3, "depth_m": 0.1}
 )
 def test_windows_that_cannot_be(soil, changes, told):
     """One message each, before anything runs."""
-    from subsoil_ros.dem.beds.start import check_start
+    from subsoil_ros.dem.packing.start import check_start
 
     with pytest.raises(SceneError, match=told):
         check_start(field(soil, **changes))
@@ -399,7 +398,7 @@ def test_windows_that_cannot_be(soil, changes, told):
 
 def test_a_tool_beyond_the_field_or_at_its_held_sides_is_refused(soil):
     """It would find no soil, or cut rock."""
-    from subsoil_ros.dem.beds.start import check_start
+    from subsoil_ros.dem.packing.start import check_start
 
     with pytest.raises(InputError, match=r"begin at x = 1.985 m, beyond the field, which ends at 1.214 m"):
         build_engine(field(soil)).start((ToolMotion("tool", 2.0, 0.0, -0.03, 0.0, 0.0, 0.0, 0.0),))

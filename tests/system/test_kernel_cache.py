@@ -55,7 +55,7 @@ def as_it_is(package):
         ("contact_laws/hertz/law.py", "soil"),
         ("mbd/time_functions.py", "mechanism"),
         ("mbd/engine.py", "none"),
-        ("dem/beds/dense.py", "none"),
+        ("dem/packing/dense.py", "none"),
         ("scene/pairs.py", "none"),
         ("scene/layers.py", "none"),
         ("coupling/direct.py", "none"),

@@ -13,7 +13,7 @@ from rich.progress import Progress, TextColumn, TimeElapsedColumn
 from .preparation import say
 
 if TYPE_CHECKING:
-    from ...dem.beds.settling_progress import OnProgress, SettlingProgress
+    from ...dem.bed import OnProgress, RestProgress
 
 
 @contextmanager
@@ -32,7 +32,7 @@ def bed_progress(what: str) -> Iterator[OnProgress]:
     say(f"prepared a {what} in {time.monotonic() - start:.0f} s")
 
 
-def _text(look: SettlingProgress) -> str:
+def _text(look: RestProgress) -> str:
     return (
         f"{look.phase}, {look.simulated_s:.3f} s of at most {look.longest_s:.3f}, "
         f"rms speed {1e3 * look.rms_speed_m_per_s:.1f} mm/s (rest: {1e3 * look.rest_speed_m_per_s:.1f})"

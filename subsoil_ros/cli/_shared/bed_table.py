@@ -8,10 +8,10 @@ from pathlib import Path
 from rich.console import Console
 
 from ...api.beds import prepare_bed_first
-from ...dem.beds.bed_file import write_bed
-from ...dem.beds.report import BedReport, report_bed
 from ...dem.build import build_engine
 from ...dem.free_motion import FreeMotion, free_motion
+from ...dem.packing.bed_file import write_bed
+from ...dem.packing.bed_report import BedReport, report_bed
 from ...errors import InputError
 from ...loading.loader import ResolvedScene
 from .bed_preparation import bed_progress

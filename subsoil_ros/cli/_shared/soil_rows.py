@@ -74,8 +74,8 @@ def wedge_rows(resolved: ResolvedScene, soil: WedgeSoil) -> Iterable[tuple[str, 
 
 def particle_rows(resolved: ResolvedScene, soil: Soil, count: int) -> Iterable[tuple[str, str]]:
     """Particles, layers, bed and bin of a soil of particles."""
-    from ...dem.bed import grid_shape, prepare_grid
-    from ...dem.beds.cache import cached_bed_path
+    from ...dem.packing.bed_file import bed_path
+    from ...dem.packing.grid import grid_shape, prepare_grid
 
     spheres = _spheres(soil)
     if not isinstance(soil.bed, GridBed):
@@ -85,7 +85,7 @@ def particle_rows(resolved: ResolvedScene, soil: Soil, count: int) -> Iterable[t
         if isinstance(soil.bed, SavedBed):
             yield "bed", f"from {soil.bed.file}"
         else:
-            kept = cached_bed_path(resolved)
+            kept = bed_path(resolved)
             when = f"kept in {kept}" if kept.is_file() else "prepared when it is first used"
             yield "bed", f"{_random_bed(soil)}, seed {soil.bed.seed}; {when}"
         size = soil.bin
@@ -131,12 +131,12 @@ def _random_bed(soil: Soil) -> str:
     surface = "" if not heights else f", surface at z = {' to '.join(f'{z:g}' for z in heights)} m"
     if not isinstance(soil.bed, TiledBed):
         return f"dense random{surface}"
-    from ...dem.beds.tile_edge import tile_edge_m
+    from ...dem.packing.bed_geometry import sample_edge_m
 
     density = soil.bed.solid_fraction * soil.particles.density_kg_per_m3
     return (
         f"tiled, solid fraction {soil.bed.solid_fraction:g} ({density:.0f} kg/m3), "
-        f"tiles of {tile_edge_m(soil):.3g} m{surface}"
+        f"tiles of {sample_edge_m(soil):.3g} m{surface}"
     )
 
 

@@ -1,7 +1,7 @@
 """Density of the bed that the particles of a scene make."""
 
-from ...dem.beds.prepare import prepare_bed
-from ...dem.beds.report import report_bed
+from ...dem.build import prepare_bed
+from ...dem.packing.bed_report import report_bed
 from ...loading.loader import ResolvedScene
 from ...scene.beds import TiledBed
 

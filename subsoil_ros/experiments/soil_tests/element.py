@@ -1,8 +1,8 @@
 """Element tests: strength and stiffness of a soil in a cell that repeats itself along x, y and z.
 
-The cell is an endless bed (dem.beds.tile). It has no walls, no lid and no cut, so stress and strain are
-uniform, and results are properties of the soil alone. It is strained along its axes; a servo holds the stress
-of axes that have a given one. There is no gravity.
+The cell is an endless bed (dem.packing.periodic_sample). It has no walls, no lid and no cut, so stress and
+strain are uniform, and results are properties of the soil alone. It is strained along its axes; a servo holds
+the stress of axes that have a given one. There is no gravity.
 """
 
 import math
@@ -12,11 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...dem.bed import Bed
-from ...dem.beds.settling import Settling
-from ...dem.beds.settling_progress import ignore_progress
-from ...dem.beds.tile import at_pressure, endless_soil, solid_fraction
-from ...dem.beds.tiled import kept_tile
+from ...dem.bed import Bed, ignore_progress
+from ...dem.packing.periodic_sample import at_pressure, endless_soil, solid_fraction
+from ...dem.packing.relaxation import Settling
+from ...dem.packing.replicate import cached_sample
 from ...errors import RunError
 from ...limits.soil_at_work import WORKING_STRESS_PA
 from ...limits.stable_steps import SAFETY, step_limits
@@ -72,7 +71,7 @@ class Cell(NamedTuple):
     """Soil to be tested."""
 
     resolved: ResolvedScene
-    tile: Bed  # pressed, under springs of its own
+    sample: Bed  # pressed, under springs of its own
     threads: int
 
 
@@ -146,7 +145,7 @@ def prepare_cell(resolved: ResolvedScene, threads: int = 1, edge_m: float | None
     soil = resolved.scene.particle_soil
     assert soil is not None
     edge = edge_m or CELL_DIAMETERS * 2.0 * soil.particles.bounds_m[1]
-    return Cell(resolved, kept_tile(resolved, edge, ignore_progress), threads)
+    return Cell(resolved, cached_sample(resolved, edge, ignore_progress), threads)
 
 
 class _Strained:
@@ -155,7 +154,7 @@ class _Strained:
     def __init__(self, cell: Cell, pressure_pa: float) -> None:
         whole = cell.resolved.scene.particle_soil
         assert whole is not None
-        loose = endless_soil(whole, cell.tile.periods_m[0])
+        loose = endless_soil(whole, cell.sample.periods_m[0])
         wider = {"bonds": whole.bonds, "skin_m": max(loose.skin_m, whole.skin_m)} if whole.bonds else {}
         self.soil = soil = loose.model_copy(update=wider)  # bonds are made under pressure
 
@@ -165,7 +164,7 @@ class _Strained:
                 gravity_m_per_s2=0.0,
             )  # fmt: skip
 
-        bed = at_pressure(settling(loose), cell.tile, pressure_pa, ignore_progress)
+        bed = at_pressure(settling(loose), cell.sample, pressure_pa, ignore_progress)
         strained = settling(soil)
         self.look_s = strained.interval_s
         self.engine = engine = strained.engine(bed)

@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ...dem.beds.settling import SETTLING_GRAVITY
 from ...dem.build import build_engine
+from ...dem.packing.relaxation import SETTLING_GRAVITY
 from ...loading.loader import ResolvedScene, load_scene
 from ...yaml_document import Document
 

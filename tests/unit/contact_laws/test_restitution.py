@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from subsoil_ros.contact_laws.dampers import TANGENTIAL_DAMPING, restitution_at
-from subsoil_ros.dem.beds.settling import smooth_soil
+from subsoil_ros.dem.packing.relaxation import smooth_soil
 from subsoil_ros.errors import SceneError
 from subsoil_ros.limits.soil_at_work import damping_ratio
 from subsoil_ros.loading.loader import load_scene

@@ -58,7 +58,7 @@ def test_nodes_announce_only_a_cold_cache(tmp_path, monkeypatch, capsys: pytest.
 def test_a_log_gets_two_lines_about_a_bed(tmp_path, monkeypatch, capsys: pytest.CaptureFixture[str]) -> None:
     """A line before, a line after; none when the bed is in the cache, and none for a grid."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr("subsoil_ros.dem.beds.dense.PILOT_DIAMETERS", 5.0)  # quick
+    monkeypatch.setattr("subsoil_ros.dem.packing.dense_random.PILOT_DIAMETERS", 5.0)  # quick
     case = linear_case(DENSE, (0.06, 0.06, 0.06), 1, "small")
     prepare_bed_first(case.resolved, 1, bed_progress)
     before, after = capsys.readouterr().err.splitlines()

@@ -12,7 +12,7 @@ import yaml
 from numpy.testing import assert_allclose
 
 from subsoil_ros.cli.main import main
-from subsoil_ros.dem.beds.tile_edge import tile_edge_m
+from subsoil_ros.dem.packing.bed_geometry import sample_edge_m
 from subsoil_ros.errors import InputError, SceneError
 from subsoil_ros.experiments.calibration import material as calibration
 from subsoil_ros.experiments.calibration.particles import FORMS
@@ -134,7 +134,7 @@ def test_a_folder_of_the_name_and_no_material(tmp_path, monkeypatch):
 def test_bad_materials_in_scenes(change, words):
     """One message each."""
     with pytest.raises(SceneError, match=words):
-        tile_edge_m(scene(**change).scene.particle_soil)
+        sample_edge_m(scene(**change).scene.particle_soil)
 
 
 def test_a_material_of_another_version(tmp_path):

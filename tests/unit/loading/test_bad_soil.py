@@ -8,8 +8,8 @@ import pytest
 import trimesh
 
 from subsoil_ros.cli.main import main
-from subsoil_ros.dem.bed import prepare_grid
-from subsoil_ros.dem.beds.bed_file import write_bed
+from subsoil_ros.dem.packing.bed_file import write_bed
+from subsoil_ros.dem.packing.grid import prepare_grid
 from subsoil_ros.loading.loader import load_scene
 
 TINE = Path(__file__).parents[3] / "config" / "scenes" / "tine.yaml"

@@ -5,19 +5,18 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import SceneError
 from ...loading.loader import ResolvedScene
 from ...rotations import placed_m
-from ...scene.bed_spacing import particle_spacing_m, rest_spacing_m
+from ...scene.bed_spacing import rest_spacing_m
 from ...scene.beds import GridBed, SavedBed, TiledBed
 from ...scene.meshes import load_tool_mesh
-from ...scene.pairs import pair_values
 from ...scene.sizes import mean_power
 from ...scene.soil import Soil
-from ..bed import Bed, grid_shape, prepare_grid, profile_m, refuse_too_many
+from ..bed import Bed, profile_m
 from ..periodic import HELD_LAYER, refuse_narrow_period, refuse_tool_at_held_side, refuse_tool_at_seam
-from .bed_file import LARGEST_OVERLAP, read_bed
-from .tile_edge import tile_edge_m
+from .bed_file import read_bed
+from .bed_geometry import sample_edge_m
+from .grid import grid_shape, prepare_grid, refuse_tight_grid, refuse_too_many
 
 
 def nominal_box(soil: Soil) -> Bed:
@@ -25,24 +24,6 @@ def nominal_box(soil: Soil) -> Bed:
     half_width = 0.5 * soil.bin.width_m
     lower = (0.0, -half_width, -soil.bin.depth_m)
     return Bed(np.empty((0, 3)), lower, (soil.bin.length_m, half_width), sides=soil.bin.bed_sides)
-
-
-def refuse_tight_grid(soil: Soil) -> None:
-    smallest = rest_spacing_m(soil) - LARGEST_OVERLAP * soil.particles.mean_volume_radius_m
-    given = particle_spacing_m(soil)
-    if given < smallest:
-        raise SceneError(
-            f"soil.bed.spacing_m: {given:g} m makes neighbours overlap so far that they would be shot apart; "
-            f"allowed is at least {smallest:.4g} m; with 'rest' the bed stands still"
-        )
-    assert isinstance(soil.bed, GridBed)
-    to_wall = soil.particles.mean_volume_radius_m - pair_values(soil)[1].rest_overlap
-    largest = min(0.5 * (given - smallest), to_wall)
-    if soil.bed.jitter_m > largest:
-        raise SceneError(
-            f"soil.bed.jitter_m: {soil.bed.jitter_m:g} m may press neighbours into each other so far that "
-            f"they would be shot apart, or a centre into a wall; allowed is at most {largest:.4g} m here"
-        )
 
 
 DENSE_FRACTION = 0.69
@@ -70,7 +51,7 @@ def check_start(resolved: ResolvedScene) -> int:
         grid_shape(soil)  # refuses a bin too small for a particle
         box = nominal_box(soil)
     if isinstance(soil.bed, TiledBed):
-        tile_edge_m(soil)
+        sample_edge_m(soil)
     refuse_narrow_period(box, soil)
     ends = []
     for name, tool in resolved.scene.tools.items():

@@ -1,8 +1,8 @@
-"""The block that a field repeats: soil at rest between periodic sides along x and y.
+"""The sample that a field repeats: soil at rest in its weight between periodic sides along x and y.
 
-A tile of random spheres (dem.beds.tile) under the law of the scene, stacked as deep as the bed over held
-soil, comes to rest in its weight. Cut at its surface, it comes to rest once more. With the springs that its
-contacts then have, that is the block.
+Periodic samples under the law of the scene, stacked as deep as the bed over held soil, come to rest in their
+weight. Cut at the surface, they come to rest once more. With the springs that its contacts then have, that is
+the sample of the field.
 """
 
 import dataclasses
@@ -13,44 +13,43 @@ import numpy as np
 from ...loading.loader import ResolvedScene
 from ...scene.bin import Bin
 from ...scene.soil import Soil
-from ..bed import Bed, radii_of
+from ..bed import Bed, OnProgress, ignore_progress, radii_of
 from ..contact import history_parity
 from ..engine import SoilEngine
-from ..field import HEADROOM, Block, Contacts, headroom_m
+from ..field import HEADROOM, Contacts, FieldSample, headroom_m
 from ..mixture import material_at
 from ..periodic import HELD_LAYER
-from .cache import cached_bed_path, keep, load_cached, load_contacts
-from .dense import relaxed_rest
-from .settling import Rest, bed_of, of_the_preparation
-from .settling_progress import OnProgress, ignore_progress
-from .surface import cut_to_depth, mean_above_profile_m
-from .tile_edge import tile_edge_m
-from .tiled import (
+from .bed_file import bed_path, load_bed, load_contacts, store_bed
+from .bed_geometry import cut_to_depth, mean_above_profile_m, sample_edge_m
+from .relaxation import Rest, bed_of, of_the_preparation, relaxed_rest
+from .replicate import (
     RELAXING_S,
     damping_per_s,
     refuse_unfinished,
+    sample_under_law,
     settling_under,
-    tile_under_law,
     with_patience,
 )  # fmt: skip
 
 
-def kept_block(resolved: ResolvedScene, threads: int = 1, on_progress: OnProgress = ignore_progress) -> Block:
-    """The block of a scene's field, from the cache if it is there.
+def cached_field_sample(
+    resolved: ResolvedScene, threads: int = 1, on_progress: OnProgress = ignore_progress
+) -> FieldSample:
+    """The sample of a scene's field, from the cache if it is there.
 
     Raises:
-        SceneError: the tile does not fit, changes its solid fraction under the law, or does not come to rest.
+        SceneError: the sample does not fit, has another solid fraction under the law, or comes to no rest.
     """
     soil = resolved.scene.particle_soil
     assert soil is not None
-    edge = tile_edge_m(soil)
-    path, as_kept = cached_bed_path(resolved), _endless(soil, edge)
-    bed, contacts = load_cached(path, as_kept), load_contacts(path)
+    edge = sample_edge_m(soil)
+    path, as_kept = bed_path(resolved), _endless(soil, edge)
+    bed, contacts = load_bed(path, as_kept), load_contacts(path)
     if bed is not None and contacts is not None:
-        return Block(bed, Contacts(*contacts))
-    block = _prepared(resolved, edge, threads, on_progress)
-    keep(path, block.bed, as_kept, block.contacts)
-    return block
+        return FieldSample(bed, Contacts(*contacts))
+    sample = _prepared(resolved, edge, threads, on_progress)
+    store_bed(path, sample.bed, as_kept, sample.contacts)
+    return sample
 
 
 def _endless(soil: Soil, edge_m: float) -> Soil:
@@ -60,31 +59,31 @@ def _endless(soil: Soil, edge_m: float) -> Soil:
     return soil.model_copy(update={"bin": box, "window": None, "surface": None} | of_the_preparation(soil))
 
 
-def _prepared(resolved: ResolvedScene, edge_m: float, threads: int, on_progress: OnProgress) -> Block:
+def _prepared(resolved: ResolvedScene, edge_m: float, threads: int, on_progress: OnProgress) -> FieldSample:
     soil, gravity = resolved.scene.particle_soil, resolved.scene.gravity_m_per_s2
     assert soil is not None
-    tile = tile_under_law(resolved, edge_m, threads, on_progress)
+    sample = sample_under_law(resolved, edge_m, threads, on_progress)
     endless = _endless(soil, edge_m)
     settling = settling_under(resolved, 1, endless, gravity, on_progress)
     radius = soil.particles.mean_volume_radius_m
     rest = Rest(relaxed_rest(radius, settling.contact_rate_per_s).speed_m_per_s, RELAXING_S)
     damping = damping_per_s(soil, gravity)
     over_lower = soil.bin.depth_m + (HELD_LAYER + HEADROOM) * soil.particles.bounds_m[1]
-    bed = settling.run(_in_layers(_stacked(tile, soil), soil), rest, damping, "relaxing")
+    bed = settling.run(_in_layers(_stacked(sample, soil), soil), rest, damping, "relaxing")
     bed = _in_layers(_level(cut_to_depth(bed, radius, over_lower), soil), soil)
     engine = settling.settled(bed, with_patience(rest, bed, endless), damping, "relaxing")
     bed = _level(bed_of(engine, bed), soil)
     refuse_unfinished(bed, endless, rest.speed_m_per_s)
     order = np.argsort(bed.positions_m[:, 0], kind="stable")
-    return Block(bed.only(order), _contacts_of(engine, soil, order))
+    return FieldSample(bed.only(order), _contacts_of(engine, soil, order))
 
 
-def _stacked(tile: Bed, soil: Soil) -> Bed:
+def _stacked(sample: Bed, soil: Soil) -> Bed:
     """Tiles on top of each other, from the held layer to a diameter above the surface."""
-    edge, radii, largest = tile.periods_m[0], radii_of(tile, soil), soil.particles.bounds_m[1]
+    edge, radii, largest = sample.periods_m[0], radii_of(sample, soil), soil.particles.bounds_m[1]
     surface = -headroom_m(soil)
     bottom, top = surface - soil.bin.depth_m - HELD_LAYER * largest, surface + 2.0 * largest
-    inside = tile.positions_m - np.array((*tile.lower_m[:2], 0.0)) + (0.0, -0.5 * edge, top)
+    inside = sample.positions_m - np.array((*sample.lower_m[:2], 0.0)) + (0.0, -0.5 * edge, top)
     below = np.arange(math.ceil((top - bottom) / edge))
     places = (inside[None] - edge * below[:, None, None] * (0.0, 0.0, 1.0)).reshape(-1, 3)
     kept = places[:, 2] >= bottom

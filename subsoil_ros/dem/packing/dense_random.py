@@ -27,18 +27,19 @@ from ...scene.bin import Bin
 from ...scene.pairs import pair_values
 from ...scene.sizes import sampled_radii_m
 from ...scene.soil import Soil
-from ..bed import Bed, grid_shape, scaled
+from ..bed import Bed, OnProgress, scaled
 from ..mixture import material_at
-from .settling import (
+from .bed_geometry import cut_to_depth, mean_above_profile_m
+from .grid import grid_shape
+from .relaxation import (
     SETTLING_GRAVITY,
     Rest,
     Settling,
+    relaxed_rest,
     settling_step_s,
     smooth_soil,
 )  # fmt: skip
-from .settling_progress import OnProgress
 from .start import rest_volume_m3
-from .surface import cut_to_depth, mean_above_profile_m
 
 CLOSE_PACKING = 0.64
 """Solid fraction of random close packing, spheres of the rest distance 2 r - delta_c. Walls loosen it, so
@@ -79,18 +80,6 @@ not meet SCALE_TOLERANCE by then keeps its size."""
 def settled_rest(radius_m: float) -> Rest:
     """Rest after settling: 5 % of the speed of a fall by one diameter; then only rattlers move."""
     return Rest(0.05 * math.sqrt(4.0 * SETTLING_GRAVITY * radius_m), 1.5)
-
-
-RELAX_PERIODS = 260.0
-"""Longest relaxation in periods of a contact, 2 pi sqrt(m / K). A bed of stiff contacts with little adhesion
-never comes to full rest without friction: its particles keep creeping, held back by the global damping alone.
-After so many periods a tenth of their weight is out of balance, which friction in the run holds. It is
-2 s under the paper's law, whose beds come to rest long before."""
-
-
-def relaxed_rest(radius_m: float, contact_rate_per_s: float) -> Rest:
-    """Rest after relaxation: 1 % of the radius in a second; a faster bed would settle in the run."""
-    return Rest(0.01 * radius_m, RELAX_PERIODS * 2.0 * math.pi / contact_rate_per_s)
 
 
 def prepare_dense(

@@ -1,7 +1,7 @@
-"""Tiled bed: a tile of random spheres (dem.beds.tile), laid out to the bin of a scene and brought to rest.
+"""Tiled bed: a periodic sample replicated over the bin of a scene and brought to rest.
 
-1. The tile is brought to rest under the law of the scene, adhesion and all, at the pressure half way down.
-2. The tile is repeated over the bin and cut at the walls; the soil then settles into the gaps at the walls.
+1. The sample is brought to rest under the law of the scene, adhesion and all, at the pressure half way down.
+2. The sample is repeated over the bin and cut at the walls; the soil then settles into the gaps at the walls.
    Particles with centres up to one largest diameter below the bin's depth are fixed: a rough floor, with no
    plane along which particles could order.
 3. Cut at its surface, it comes to rest in its weight, with the friction of the scene, under global damping.
@@ -21,17 +21,14 @@ from ...loading.loader import ResolvedScene
 from ...scene.beds import TiledBed
 from ...scene.pairs import layer_soils
 from ...scene.soil import Soil
-from ..bed import Bed, radii_of
+from ..bed import Bed, OnProgress, radii_of
 from ..mixture import material_at
 from ..periodic import HELD_LAYER
-from .cache import cached_tile_path, keep, load_cached
-from .dense import relaxed_rest
-from .report import masses_kg
-from .settling import SETTLING_GRAVITY, Rest, Settling, of_the_preparation
-from .settling_progress import OnProgress
-from .surface import cut_to_depth, mean_above_profile_m
-from .tile import at_pressure, endless_soil, kept_as, pressed_tile, solid_fraction
-from .tile_edge import tile_edge_m
+from .bed_file import load_bed, sample_path, store_bed
+from .bed_geometry import cut_to_depth, mean_above_profile_m, sample_edge_m
+from .bed_report import masses_kg
+from .periodic_sample import at_pressure, endless_soil, pressed_sample, sample_soil, solid_fraction
+from .relaxation import SETTLING_GRAVITY, Rest, Settling, of_the_preparation, relaxed_rest
 
 RESTS = 3
 """Times that the bed comes to rest once it is cut, each time from places alone: when a run then starts
@@ -54,8 +51,8 @@ def prepare_tiled(resolved: ResolvedScene, threads: int, on_progress: OnProgress
     """Tiled bed that fills the bin of the scene; z = 0 at its mean top.
 
     Raises:
-        SceneError: the tile does not fit the bin, or changes its solid fraction under the scene's law or that
-            of a layer; the bed does not come to rest.
+        SceneError: the sample does not fit the bin, or changes its solid fraction under the scene's law or
+            that of a layer; the bed does not come to rest.
     """
     soil, gravity = resolved.scene.particle_soil, resolved.scene.gravity_m_per_s2
     assert soil is not None
@@ -63,7 +60,7 @@ def prepare_tiled(resolved: ResolvedScene, threads: int, on_progress: OnProgress
     def settling(of: Soil) -> Settling:
         return settling_under(resolved, threads, of, gravity, on_progress)
 
-    bed = laid_out(tile_under_law(resolved, tile_edge_m(soil), threads, on_progress), soil)
+    bed = replicated(sample_under_law(resolved, sample_edge_m(soil), threads, on_progress), soil)
     last = settling(soil.model_copy(update=of_the_preparation(soil)))
     radius = soil.particles.mean_volume_radius_m
     speed = relaxed_rest(radius, last.contact_rate_per_s).speed_m_per_s
@@ -100,29 +97,29 @@ def damping_per_s(soil: Soil, gravity_m_per_s2: float) -> float:
     return math.sqrt((gravity_m_per_s2 or SETTLING_GRAVITY) / soil.particles.mean_volume_radius_m)
 
 
-def tile_under_law(resolved: ResolvedScene, edge_m: float, threads: int, on_progress: OnProgress) -> Bed:
-    """The tile of about this edge [m] at rest under the law of a scene, at the pressure half way down.
+def sample_under_law(resolved: ResolvedScene, edge_m: float, threads: int, on_progress: OnProgress) -> Bed:
+    """The sample of about this edge [m] at rest under the law of a scene, at the pressure half way down.
 
     Raises:
         SceneError: this law, or that of a layer, changes its solid fraction.
     """
     soil = resolved.scene.particle_soil
     assert soil is not None
-    tile = kept_tile(resolved, edge_m, on_progress)
+    sample = cached_sample(resolved, edge_m, on_progress)
     layers = dict.fromkeys((soil.model_copy(update={"layers": None}), *layer_soils(soil)))
-    found = [_under_law(resolved, layer, edge_m, tile, threads, on_progress) for layer in layers]
+    found = [_sample_under(resolved, layer, edge_m, sample, threads, on_progress) for layer in layers]
     return found[0]
 
 
-def _under_law(
+def _sample_under(
     resolved: ResolvedScene,
     soil: Soil,
     edge_m: float,
-    tile: Bed,
+    sample: Bed,
     threads: int,
     on_progress: OnProgress,
 ) -> Bed:
-    """The tile at rest under the law of a soil, at the pressure half way down."""
+    """The sample at rest under the law of a soil, at the pressure half way down."""
     whole = resolved.scene.particle_soil
     assert whole is not None
     assert isinstance(whole.bed, TiledBed)
@@ -130,21 +127,21 @@ def _under_law(
     gravity = resolved.scene.gravity_m_per_s2 or SETTLING_GRAVITY
     pressure = 0.5 * bulk * gravity * whole.bin.depth_m
     settling = settling_under(resolved, threads, endless_soil(soil, edge_m), 0.0, on_progress)
-    found = at_pressure(settling, tile, pressure, on_progress)
+    found = at_pressure(settling, sample, pressure, on_progress)
     _refuse_other_fraction(solid_fraction(found, soil), soil)
     return found
 
 
-def kept_tile(resolved: ResolvedScene, edge_m: float, on_progress: OnProgress) -> Bed:
-    """The pressed tile of about this edge [m] for a scene's tiled bed, from the cache if it is there."""
+def cached_sample(resolved: ResolvedScene, edge_m: float, on_progress: OnProgress) -> Bed:
+    """The pressed sample of about this edge [m] for a scene's tiled bed, from the cache if it is there."""
     soil = resolved.scene.particle_soil
     assert soil is not None
-    path, as_kept = cached_tile_path(soil, edge_m), kept_as(soil, edge_m)
-    tile = load_cached(path, as_kept)
-    if tile is None:
-        tile = pressed_tile(resolved, edge_m, on_progress).bed
-        keep(path, tile, as_kept)
-    return tile
+    path, as_kept = sample_path(soil, edge_m), sample_soil(soil, edge_m)
+    sample = load_bed(path, as_kept)
+    if sample is None:
+        sample = pressed_sample(resolved, edge_m, on_progress).bed
+        store_bed(path, sample, as_kept)
+    return sample
 
 
 def _top_at_zero(bed: Bed, soil: Soil) -> Bed:
@@ -205,14 +202,14 @@ def _above_m(soil: Soil) -> float:
     return 2.0 * soil.particles.bounds_m[1] + _sinking_m(soil)
 
 
-def laid_out(tile: Bed, soil: Soil) -> Bed:
-    """The tile repeated over the bin, from the plane below to some particles above z = 0, cut at the walls;
+def replicated(sample: Bed, soil: Soil) -> Bed:
+    """The sample repeated over the bin, from the plane below to some particles above z = 0, cut at the walls;
     held below the depth.
 
     Periodic sides are a whole number of tiles apart.
     """
     assert isinstance(soil.bed, TiledBed)
-    edge, radii = tile.periods_m[0], radii_of(tile, soil)
+    edge, radii = sample.periods_m[0], radii_of(sample, soil)
     tiles, periodic = round(soil.bin.width_m / edge), soil.bin.sides == "periodic"
     width = edge * tiles if periodic else soil.bin.width_m
     above = _above_m(soil)
@@ -221,7 +218,7 @@ def laid_out(tile: Bed, soil: Soil) -> Bed:
     copies = [np.arange(math.ceil(along / edge)) for along in size]
     if periodic:
         copies[1] = np.arange(tiles)  # one more would come to lie on the first
-    inside = tile.positions_m - np.array(tile.lower_m) - (0.0, 0.0, edge)  # z from -edge to 0
+    inside = sample.positions_m - np.array(sample.lower_m) - (0.0, 0.0, edge)  # z from -edge to 0
     shift = np.array([(i, j, -k) for i, j, k in itertools.product(*copies)]) * edge + corner
     places = (inside[None] + shift[:, None]).reshape(-1, 3)
     radius, length = np.tile(radii, len(shift)), soil.bin.length_m
@@ -230,7 +227,7 @@ def laid_out(tile: Bed, soil: Soil) -> Bed:
     if not periodic:
         kept &= np.abs(places[:, 1]) <= 0.5 * width - radius
     return dataclasses.replace(
-        tile,
+        sample,
         positions_m=places,
         radii_m=None if soil.particles.sizes is None else radius,
         lower_m=(0.0, -0.5 * width, floor),

@@ -11,9 +11,7 @@ from ...scene.pairs import layer_soils
 from ...scene.soil import Soil
 from ..bed import Bed, radii_of
 from ..walls import WALLS, wall_planes
-from .in_reach import pairs_in_reach
-from .surface import top_surface_m
-from .tree import bed_tree, seen_from_corner
+from .bed_geometry import bed_tree, pairs_in_reach, seen_from_corner, top_surface_m
 
 INSIDE_DIAMETERS = 2.0
 """Distance from walls, floor and top beyond which a bed counts as inside: layers at walls fade by then."""

@@ -1,11 +1,11 @@
-"""A tile of soil that repeats itself along x, y and z: random spheres pressed together to a solid fraction.
+"""A sample of soil that is periodic along x, y and z: random spheres pressed to a solid fraction.
 
 1. Random points, at a solid fraction 0.06 below the given one, are pushed apart without friction.
 2. Box and positions shrink together, slowly, until the contacts carry a pressure. Frictionless spheres jam
    at random close packing, spheres with friction at a lower fraction (Silbert, Soft Matter 6 (2010) 2918). So
    the friction of this step is adjusted until the given solid fraction is met.
 
-The springs of the contacts are linear and belong to no soil, so one tile serves every law. `at_pressure`
+The springs of the contacts are linear and belong to no soil, so one sample serves every law. `at_pressure`
 brings it to rest under the law of a scene at a given pressure.
 """
 
@@ -23,22 +23,21 @@ from ...scene.beds import TiledBed
 from ...scene.bin import Bin
 from ...scene.sizes import sampled_radii_m
 from ...scene.soil import Soil
-from ..bed import Bed, radii_of
+from ..bed import Bed, OnProgress, RestProgress, radii_of
 from ..engine import SoilEngine
-from .settling import (
+from .relaxation import (
     DAMPING_RATIO,
     Rest,
     Settling,
     of_the_preparation,
 )  # fmt: skip
-from .settling_progress import OnProgress, SettlingProgress
 
 START_BELOW = 0.06
 """Wanted solid fraction less that of the points that are parted: looser ones take longer to press, denser
 ones touch before their friction counts."""
 
 PRESSED_OVERLAP = 0.002
-"""Overlap over the mean radius of contacts that carry the pressure of a tile, p (2 r)^2 / (K r): it changes
+"""Overlap over the mean radius of contacts that carry the pressure of a sample, p (2 r)^2 / (K r): it changes
 the solid fraction by 0.3 %."""
 
 _STIFFNESS, _DENSITY = 1e5, 2500.0
@@ -54,24 +53,24 @@ PARTING_S, PARTING_DAMPING = 30.0, 10.0
 particle flies."""
 
 PRESSING_DAMPING = 0.02
-"""Global damping while pressing over sqrt(K / m): at five times that the frictionless tile carries a fifth of
-its pressure before it jams."""
+"""Global damping while pressing over sqrt(K / m): at five times that the frictionless sample carries a fifth
+of its pressure before it jams."""
 
 PRESSURE_GAIN = 2.0
 """Part of the missing pressure that the box would make up for between two looks if no contact slid. As
 contacts do slide, it reaches the pressure without swinging."""
 
 PRESSURE_TOLERANCE = 0.05
-"""A tile counts as pressed if its pressure is met to this part, and its overlaps nearly so."""
+"""A sample counts as pressed if its pressure is met to this part, and its overlaps nearly so."""
 
 REST_SPEED = 1e-4
-"""Rms speed of a tile at rest over r sqrt(K / m), a twentieth of that of swinging by PRESSED_OVERLAP."""
+"""Rms speed of a sample at rest over r sqrt(K / m), a twentieth of that of swinging by PRESSED_OVERLAP."""
 
 TICKS_PER_LOOK = 10
 """Applications of the global damping between two looks at the pressure: a look computes three energies."""
 
 LONGEST_LOOKS = 3000
-"""A tile that is not at rest after so many looks is given up: five times what the slowest took."""
+"""A sample that is not at rest after so many looks is given up: five times what the slowest took."""
 
 FRICTIONLESS = 1e-9
 """Friction without effect; not zero, so that the compiled code is that of other frictions."""
@@ -87,13 +86,13 @@ JAMMED_AT = (
 within 15 %, 2,000 to 9,000 particles)."""
 
 FRACTION_TOLERANCE = 0.005
-"""Part of the wanted solid fraction by which a tile may miss it: a quarter of tiled.LARGEST_CHANGE."""
+"""Part of the wanted solid fraction by which a sample may miss it: a quarter of replicate.LARGEST_CHANGE."""
 
 LONGEST_SEARCH = 6
 """Tiles that are pressed at most to find the friction; two or three usually suffice."""
 
 
-class PressedTile(NamedTuple):
+class PressedSample(NamedTuple):
     """An endless bed, and how it was made."""
 
     bed: Bed
@@ -106,8 +105,8 @@ def solid_fraction(bed: Bed, soil: Soil) -> float:
     return float((4.0 / 3.0 * np.pi * radii_of(bed, soil) ** 3).sum() / np.prod(bed.periods_m))
 
 
-def pressed_tile(resolved: ResolvedScene, edge_m: float, on_progress: OnProgress) -> PressedTile:
-    """A tile of about this edge [m] with the particles and the solid fraction of a scene's tiled bed."""
+def pressed_sample(resolved: ResolvedScene, edge_m: float, on_progress: OnProgress) -> PressedSample:
+    """A sample of about this edge [m] with the particles and the solid fraction of a scene's tiled bed."""
     soil = resolved.scene.particle_soil
     assert soil is not None
     assert isinstance(soil.bed, TiledBed)
@@ -148,15 +147,15 @@ class Pressing:
             gravity_m_per_s2=0.0, on_progress=self._on_progress,
         )  # fmt: skip
 
-    def at(self, friction: float) -> PressedTile:
+    def at(self, friction: float) -> PressedSample:
         """The box pressed together with this friction."""
         pressure_pa = PRESSED_OVERLAP * _STIFFNESS / (4.0 * self.soil.particles.mean_volume_radius_m)
         settling = self._settling(self._parted, friction)
         bed = at_pressure(settling, self._parted, pressure_pa, self._on_progress)
-        return PressedTile(bed, solid_fraction(bed, self.soil), friction)
+        return PressedSample(bed, solid_fraction(bed, self.soil), friction)
 
 
-def pressed(pressing: Pressing) -> PressedTile:
+def pressed(pressing: Pressing) -> PressedSample:
     """The box pressed with the friction that gives the solid fraction of its tiled bed.
 
     The fraction of small boxes scatters; if LONGEST_SEARCH of them miss it, the nearest is returned.
@@ -164,20 +163,20 @@ def pressed(pressing: Pressing) -> PressedTile:
     assert isinstance(pressing.soil.bed, TiledBed)
     fractions, frictions = np.array(JAMMED_AT).T
     wanted = aim = pressing.soil.bed.solid_fraction
-    tried: dict[float, PressedTile] = {}  # by the fraction looked up in the table
+    tried: dict[float, PressedSample] = {}  # by the fraction looked up in the table
     while len(tried) < LONGEST_SEARCH and aim not in tried:
-        tried[aim] = tile = pressing.at(float(np.interp(aim, fractions, frictions)))
-        if abs(tile.solid_fraction - wanted) <= FRACTION_TOLERANCE * wanted:
-            return tile
+        tried[aim] = sample = pressing.at(float(np.interp(aim, fractions, frictions)))
+        if abs(sample.solid_fraction - wanted) <= FRACTION_TOLERANCE * wanted:
+            return sample
         found = {at: one.solid_fraction for at, one in tried.items()}
         looser = max((at for at in found if found[at] < wanted), default=None)
         denser = min((at for at in found if found[at] > wanted), default=None)
         if looser is None or denser is None:
-            aim = float(np.clip(aim + wanted - tile.solid_fraction, fractions[0], fractions[-1]))
+            aim = float(np.clip(aim + wanted - sample.solid_fraction, fractions[0], fractions[-1]))
         else:
             part = (wanted - found[looser]) / (found[denser] - found[looser])
             aim = looser + part * (denser - looser)
-    return min(tried.values(), key=lambda tile: abs(tile.solid_fraction - wanted))
+    return min(tried.values(), key=lambda sample: abs(sample.solid_fraction - wanted))
 
 
 def _springs(friction: float, radius_m: float) -> LinearLaw:
@@ -210,8 +209,8 @@ def under_springs(soil: Soil, friction: float) -> Soil:
     return soil.model_copy(update=changes | of_the_preparation(soil))
 
 
-def kept_as(soil: Soil, edge_m: float) -> Soil:
-    """The soil that a tile is kept in the cache for: any with these particles."""
+def sample_soil(soil: Soil, edge_m: float) -> Soil:
+    """The soil that a sample is kept in the cache for: any with these particles."""
     return endless_soil(under_springs(soil, 0.0), edge_m)
 
 
@@ -242,7 +241,7 @@ def at_pressure(settling: Settling, bed: Bed, pressure_pa: float, on_progress: O
         strain_rate = min(max(wanted_rate, -fastest), fastest)
         speed = engine.state("", 0, 0).rms_speed_m_per_s
         longest_s = LONGEST_LOOKS * look_s
-        on_progress(SettlingProgress("pressing", tick * settling.interval_s, longest_s, speed, rest))
+        on_progress(RestProgress("pressing", tick * settling.interval_s, longest_s, speed, rest))
         if abs(missing) < PRESSURE_TOLERANCE * pressure_pa and speed < rest:
             break
     else:

@@ -16,10 +16,9 @@ from ...loading.loader import ResolvedScene
 from ...scene.pairs import layer_soils, pair_values, particle_mass_kg, particle_values, sphere_mass_kg
 from ...scene.soil import Soil
 from ...strict_model import StrictModel
-from ..bed import Bed
+from ..bed import Bed, OnProgress, RestProgress, ignore_progress
 from ..engine import SoilEngine
-from .settling_progress import OnProgress, SettlingProgress, ignore_progress
-from .tile_edge import SKIN
+from .bed_geometry import SKIN
 
 _SLIDING = (
     "tangential_stiffness_newton_per_m", "tangential_damping_newton_s_per_m", "static_friction",
@@ -58,6 +57,12 @@ PATIENCE = 3
 """Largest number of times that a bed which still moves too fast settles for `longest_s` again. In a bed of a
 few hundred particles one that falls raises the energy so far; it comes to rest in that time."""
 
+RELAX_PERIODS = 260.0
+"""Longest relaxation in periods of a contact, 2 pi sqrt(m / K). A bed of stiff contacts with little adhesion
+never comes to full rest without friction: its particles keep creeping, held back by the global damping alone.
+After so many periods a tenth of their weight is out of balance, which friction in the run holds. It is
+2 s under the paper's law, whose beds come to rest long before."""
+
 
 class Rest(NamedTuple):
     """Speed that counts as rest, longest time to reach it, and energy above which that time is repeated."""
@@ -65,6 +70,11 @@ class Rest(NamedTuple):
     speed_m_per_s: float  # rms
     longest_s: float
     moving_joule: float = math.inf  # kinetic
+
+
+def relaxed_rest(radius_m: float, contact_rate_per_s: float) -> Rest:
+    """Rest after relaxation: 1 % of the radius in a second; a faster bed would settle in the run."""
+    return Rest(0.01 * radius_m, RELAX_PERIODS * 2.0 * math.pi / contact_rate_per_s)
 
 
 def smooth_soil(soil: Soil, *, adhesive: bool) -> Soil:
@@ -198,7 +208,7 @@ class Settling:
             if tick % TICKS_PER_LOOK == TICKS_PER_LOOK - 1:
                 speed, limit_s = engine.state("", 0, 0).rms_speed_m_per_s, (1 + again) * rest.longest_s
                 self._on_progress(
-                    SettlingProgress(phase, tick * self.interval_s, limit_s, speed, rest.speed_m_per_s)
+                    RestProgress(phase, tick * self.interval_s, limit_s, speed, rest.speed_m_per_s)
                 )
                 if speed < rest.speed_m_per_s:
                     break

@@ -1,1 +1,0 @@
-"""Beds: how the soil is put into the bin before a run."""

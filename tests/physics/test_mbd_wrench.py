@@ -5,8 +5,10 @@ import math
 import numpy as np
 import pytest
 
+import subsoil_ros as subsoil
 from subsoil_ros.mbd.tables import LARGEST, RESIDUAL
 from subsoil_ros.messages import ToolWrench
+from tests.outside import GRAVITY, MASS_KG, STIFFNESS, SpringField, depth_m, document
 
 TICKS, INTERVAL_NS = 400, 50_000
 MASS, INERTIA = 3.0, 0.2
@@ -177,3 +179,23 @@ def test_the_balance_of_energy_closes_under_wrenches_that_jump(mechanism_engine,
             engine.advance(tick, (_wrench(fx, fz, torque),))
             balance = engine.arrays.balance
             assert abs(balance[RESIDUAL]) < rounding + part * balance[LARGEST]
+
+
+def test_a_mechanism_stands_on_a_soil_from_outside() -> None:
+    """The block as a body of our own mechanism: the same closed form."""
+    scene = document(
+        mechanism={
+            "bodies": {"block": {"mass_kg": MASS_KG, "inertia_kg_m2": 1.0, "position_m": [0.0, 0.0]}},
+            "joints": {
+                "rail": {
+                    "kind": "prismatic", "body_a": "ground", "body_b": "block",
+                    "point_m": [0.0, 0.0], "axis": [0.0, 1.0],
+                }
+            },
+        },
+        tools={"foot": {"body": "block", "groups": document()["tools"]["foot"]["groups"]}},
+    )  # fmt: skip
+    run = subsoil.run(scene, soil=SpringField())
+    error = np.abs(-run.series["tool.foot.z_m"] - depth_m(run.series["time_s"]))
+    assert error.max() < 0.01 * MASS_KG * GRAVITY / STIFFNESS
+    assert "mechanism.kinetic_energy_joule" in run.series

@@ -9,6 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.soil_cases import DENSE, GRID, linear_case
+from subsoil_ros.api.beds import prepare_bed_first
+from subsoil_ros.cli._shared.bed_preparation import bed_progress
 from subsoil_ros.cli.main import main
 
 ROOT = Path(__file__).parents[2]
@@ -68,3 +71,17 @@ def test_bars_of_a_run_and_what_follows(tmp_path: Path, capfd: pytest.CaptureFix
     capfd.readouterr()
     assert main(["report", str(out), "--html"]) == 0
     assert capfd.readouterr().err == ""
+
+
+def test_a_log_gets_two_lines_about_a_bed(tmp_path, monkeypatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """A line before, a line after; none when the bed is in the cache, and none for a grid."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr("subsoil_ros.dem.packing.dense_random.PILOT_DIAMETERS", 5.0)  # quick
+    case = linear_case(DENSE, (0.06, 0.06, 0.06), 1, "small")
+    prepare_bed_first(case.resolved, 1, bed_progress)
+    before, after = capsys.readouterr().err.splitlines()
+    assert before.startswith("preparing a dense random bed of about ")
+    assert after.startswith("prepared a dense random bed of about ")
+    prepare_bed_first(case.resolved, 1, bed_progress)
+    prepare_bed_first(linear_case(GRID, (0.1, 0.1, 0.1), 1, "grid").resolved, 1, bed_progress)
+    assert capsys.readouterr().err == ""

@@ -33,26 +33,6 @@ def test_a_block_falls_on_springs_by_the_closed_form() -> None:
     assert coarse / fine == pytest.approx(2.0, rel=0.1)
 
 
-def test_a_mechanism_stands_on_a_soil_from_outside() -> None:
-    """The block as a body of our own mechanism: the same closed form."""
-    scene = document(
-        mechanism={
-            "bodies": {"block": {"mass_kg": MASS_KG, "inertia_kg_m2": 1.0, "position_m": [0.0, 0.0]}},
-            "joints": {
-                "rail": {
-                    "kind": "prismatic", "body_a": "ground", "body_b": "block",
-                    "point_m": [0.0, 0.0], "axis": [0.0, 1.0],
-                }
-            },
-        },
-        tools={"foot": {"body": "block", "groups": document()["tools"]["foot"]["groups"]}},
-    )  # fmt: skip
-    run = subsoil.run(scene, soil=SpringField())
-    error = np.abs(-run.series["tool.foot.z_m"] - depth_m(run.series["time_s"]))
-    assert error.max() < 0.01 * MASS_KG * GRAVITY / STIFFNESS
-    assert "mechanism.kinetic_energy_joule" in run.series
-
-
 def test_a_resumed_run_has_the_same_bits(tmp_path: Path) -> None:
     """Interrupted at two thirds, resumed from its checkpoint by new objects."""
 

@@ -3,9 +3,6 @@
 import numba
 import pytest
 
-from benchmarks.soil_cases import DENSE, GRID, linear_case
-from subsoil_ros.api.beds import prepare_bed_first
-from subsoil_ros.cli._shared.bed_preparation import bed_progress
 from subsoil_ros.cli._shared.preparation import KernelAnnouncer, announce_kernels_of_nodes
 from subsoil_ros.source_digest import PACKAGE, kernel_digest
 
@@ -52,18 +49,4 @@ def test_nodes_announce_only_a_cold_cache(tmp_path, monkeypatch, capsys: pytest.
     digest = kernel_digest(PACKAGE / "dem" / "step.py")[:16]
     (tmp_path / "dem" / f"step.drift_and_contacts-{digest}.py311.1.nbc").touch()
     assert announce_kernels_of_nodes(print) is print
-    assert capsys.readouterr().err == ""
-
-
-def test_a_log_gets_two_lines_about_a_bed(tmp_path, monkeypatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """A line before, a line after; none when the bed is in the cache, and none for a grid."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr("subsoil_ros.dem.packing.dense_random.PILOT_DIAMETERS", 5.0)  # quick
-    case = linear_case(DENSE, (0.06, 0.06, 0.06), 1, "small")
-    prepare_bed_first(case.resolved, 1, bed_progress)
-    before, after = capsys.readouterr().err.splitlines()
-    assert before.startswith("preparing a dense random bed of about ")
-    assert after.startswith("prepared a dense random bed of about ")
-    prepare_bed_first(case.resolved, 1, bed_progress)
-    prepare_bed_first(linear_case(GRID, (0.1, 0.1, 0.1), 1, "grid").resolved, 1, bed_progress)
     assert capsys.readouterr().err == ""

@@ -23,8 +23,8 @@ from subsoil_ros.analysis.spectra import SEGMENTS, SLOWEST
 from subsoil_ros.analysis.window import Window
 from subsoil_ros.report.sentences import significance_words
 from subsoil_ros.scene.mechanism import Driver
-from subsoil_ros.scene.model import Scene
-from subsoil_ros.scene.time_functions import ConstantLaw
+from subsoil_ros.scene.scene import Scene
+from subsoil_ros.scene.time_laws import ConstantLaw
 
 from . import printed
 from .consistency import Statement, statements

@@ -17,8 +17,8 @@ from typing import Any
 from benchmarks.run_cache import kept_run, write_rows
 from subsoil_ros.figures.plotting import COLOURS, new_figure, save_figure
 from subsoil_ros.loading.loader import load_scene
-from subsoil_ros.scene.meshes import load_tool_mesh
 from subsoil_ros.scene.tool_faces import cutting_faces
+from subsoil_ros.scene.tool_mesh import load_tool_mesh
 from validation.blades import ASABE_RANGE, TEXTURES, asabe_newton
 
 from . import SCENES

@@ -35,7 +35,7 @@ from subsoil_ros.analysis.stationarity import stationarity
 from subsoil_ros.analysis.window import tip_path_m
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.loading.seeds import seed_key
-from subsoil_ros.scene.model import Scene
+from subsoil_ros.scene.scene import Scene
 
 from . import SCENES
 from .draft_saving import mean_angle_rad

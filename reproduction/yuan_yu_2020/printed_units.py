@@ -13,8 +13,7 @@ from pathlib import Path
 
 from benchmarks.run_cache import Summary, kept_run
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
-from subsoil_ros.scene.bed_spacing import rest_spacing_m
-from subsoil_ros.scene.pairs import pair_values
+from subsoil_ros.scene.pair_laws import pair_values, rest_spacing_m
 
 from . import SCENES
 

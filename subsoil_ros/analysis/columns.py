@@ -18,7 +18,7 @@ from ..messages import (
     ToolWrenches,
 )
 from ..scene.mechanism import CoordinateSpring, Mechanism, Revolute, SpringDamper, TorsionSpring
-from ..scene.model import Scene
+from ..scene.scene import Scene
 
 Cells = Iterator[tuple[str, int | float]]
 """Columns and their values in one row."""

@@ -17,11 +17,10 @@ from ..loading.loader import ResolvedScene
 from ..messages import SoilCloud, ToolMotions
 from ..recording.height_map import CELL_DIAMETERS, HeightGrid, height_grid
 from ..recording.joined import open_record
-from ..scene.bed_spacing import particle_spacing_m
-from ..scene.beds import GridBed
-from ..scene.meshes import load_tool_mesh
-from ..scene.soil import Soil
-from ..scene.window import SoilWindow
+from ..scene.bed_kinds import GridBed
+from ..scene.pair_laws import particle_spacing_m
+from ..scene.soil import Soil, SoilWindow
+from ..scene.tool_mesh import load_tool_mesh
 from .columns import TIME
 from .poses import posed_vertices_m, reference_angle
 from .series import Series, write_table_csv

@@ -17,7 +17,7 @@ from ..loading.loader import ResolvedScene
 from ..messages import SpatialMotion, ToolMotion, ToolWrench
 from ..recording.checkpoint import Checkpoint
 from ..rotations import turned
-from ..scene.model import Scene
+from ..scene.scene import Scene
 from ..ticks import NANOSECONDS_PER_SECOND, tick_end_s
 from .columns import draft_of
 from .stationarity import stationarity

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from ..errors import SceneError
 from ..loading.loader import ResolvedScene
 from ..scene.mechanism import Driver
-from ..scene.meshes import load_tool_mesh
-from ..scene.model import Scene
+from ..scene.scene import Scene
 from ..scene.tool_faces import cutting_faces
+from ..scene.tool_mesh import load_tool_mesh
 from .carried import vertical_parts
 from .columns import DRAFT, TIME, Body, PlanarTool, SpatialTool, Wrench
 from .series import Series

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from ..loading.loader import ResolvedScene
 from ..messages import SpatialMotion, ToolMotion
 from ..rotations import placed_m
-from ..scene.meshes import ToolMesh
+from ..scene.tool_mesh import ToolMesh
 
 
 def reference_angle(resolved: ResolvedScene, tool: str) -> float:

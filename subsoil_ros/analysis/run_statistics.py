@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..loading.loader import ResolvedScene
-from ..scene.model import Scene
+from ..scene.scene import Scene
 from .columns import DRAFT, TIME, Body, Wrench, spring_element
 from .dead_centre import past_dead_centre_s
 from .disturbance import Disturbance, read_disturbance

@@ -16,7 +16,7 @@ from ..errors import InputError, RecordingError
 from ..limits.stable_steps import derive_timing
 from ..messages import CouplingReport, MechanismState, SoilState, ToolMotions, ToolWrenches
 from ..recording.joined import open_record
-from ..scene.model import Scene
+from ..scene.scene import Scene
 from ..schedule import Schedule
 from .columns import TIME, tick_cells
 

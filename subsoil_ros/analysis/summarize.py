@@ -10,7 +10,7 @@ from ..loading.loader import ResolvedScene
 from ..messages import Command, Grant, LostParticle, SoilState
 from ..recording.bag_reader import BagReader
 from ..recording.joined import open_record
-from ..scene.model import Scene
+from ..scene.scene import Scene
 from ..ticks import tick_end_s
 from .columns import COUPLING, SOIL, TIME
 from .run_statistics import RunStatistics, run_statistics

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.model import Scene
+from ..scene.scene import Scene
 from .columns import TIME, Body, PlanarTool, SpatialTool
 from .series import Series
 

@@ -7,7 +7,7 @@ from ..dem.beds.cache import cached_bed_path
 from ..dem.beds.settling_progress import OnProgress, ignore_progress
 from ..dem.beds.start import expected_dense_count
 from ..loading.loader import ResolvedScene
-from ..scene.beds import DenseRandomBed, TiledBed
+from ..scene.bed_kinds import DenseRandomBed, TiledBed
 
 BedProgress = Callable[[str], AbstractContextManager[OnProgress]]
 """Shows that a bed of this description is being prepared; yields the callback of its progress."""

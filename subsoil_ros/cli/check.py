@@ -94,8 +94,7 @@ def _facts(title: str, rows: Iterable[tuple[str, str]]) -> Table:
 
 
 def _general(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
-    from ..scene.meshes import load_tool_mesh
-    from ..scene.tool_mass import tool_mass
+    from ..scene.tool_mesh import load_tool_mesh, tool_mass
 
     scene, timing = resolved.scene, resolved.timing
     yield "file", str(resolved.path)

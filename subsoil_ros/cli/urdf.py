@@ -20,7 +20,7 @@ def run(args: argparse.Namespace) -> int:
         InputError: the scene cannot be used, or the file cannot be written.
     """
     from ..loading.loader import load_scene
-    from ..scene.urdf import robot_description
+    from ..recording.robot_description import robot_description
 
     write_out(robot_description(load_scene(args.scene, args.overrides).scene), args.out)
     return 0

@@ -8,12 +8,12 @@ import numpy as np
 
 from ..contact_laws.base import PairValues
 from ..errors import InputError, SceneError
-from ..scene.bed_spacing import particle_spacing_m
-from ..scene.beds import GridBed, SurfaceProfile
-from ..scene.pairs import (
+from ..scene.bed_kinds import GridBed, SurfaceProfile
+from ..scene.pair_laws import (
     boundary_values,
     layer_soils,
     pair_values,
+    particle_spacing_m,
     particle_values,
     sphere_mass_kg,
 )

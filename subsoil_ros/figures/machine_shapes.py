@@ -10,7 +10,7 @@ from ..analysis.poses import posed_vertices_m, reference_angle
 from ..loading.loader import ResolvedScene
 from ..messages import BodyState
 from ..scene.mechanism import GROUND, Driver, Mechanism, SpringDamper, WheelContact
-from ..scene.meshes import ToolMesh, load_tool_mesh
+from ..scene.tool_mesh import ToolMesh, load_tool_mesh
 from .snapshots import Frame
 
 RIM_CORNERS = 48

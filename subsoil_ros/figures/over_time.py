@@ -23,7 +23,7 @@ from ..analysis.smoothing import moving_mean
 from ..analysis.window import Window, metrics_window, tip_x_m, window_span_s
 from ..loading.loader import ResolvedScene
 from ..loading.reference import Reference
-from ..scene.model import Scene
+from ..scene.scene import Scene
 from .plotting import COLOURS, new_figure, save_figure
 from .soil_cut import draw_soil_cut
 

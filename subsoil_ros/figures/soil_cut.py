@@ -17,8 +17,8 @@ from ..loading.loader import ResolvedScene
 from ..messages import SoilCloud, ToolMotion, ToolMotions
 from ..recording.height_map import soil_span_m
 from ..recording.joined import open_record
-from ..scene.meshes import ToolMesh, load_tool_mesh
 from ..scene.soil import Soil
+from ..scene.tool_mesh import ToolMesh, load_tool_mesh
 from .plotting import new_figure, save_figure
 
 PANELS = 3

@@ -15,10 +15,10 @@ from pathlib import Path
 from ..errors import SceneError
 from ..limits.communication_steps import longest_exchange_ns
 from ..limits.stable_steps import Timing, derive_timing
-from ..scene.beds import SavedBed
+from ..scene.bed_kinds import SavedBed
 from ..scene.material import Material
-from ..scene.meshes import load_tool_mesh
-from ..scene.model import Scene
+from ..scene.scene import Scene
+from ..scene.tool_mesh import load_tool_mesh
 from ..schedule import Schedule
 from ..yaml_document import Document, dump_yaml, merge, plain_value, read_document
 from .files import with_absolute_files

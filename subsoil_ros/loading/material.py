@@ -6,8 +6,7 @@ from pathlib import Path
 
 from ..errors import SceneError
 from ..scene.material import VERSION, LaboratorySoil, Material
-from ..scene.soil import Soil
-from ..scene.window import rupture_distance_m
+from ..scene.soil import Soil, rupture_distance_m
 from ..strict_model import LARGEST
 from ..yaml_document import Document, dump_yaml, merge, read_document
 from .keys import suggestion, value_at

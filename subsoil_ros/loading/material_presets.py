@@ -8,8 +8,8 @@ import numpy as np
 from ..errors import SceneError
 from ..limits.soil_at_work import lowest_m, speed_and_depth
 from ..scene.material import Material
-from ..scene.meshes import ToolMesh
-from ..scene.model import Scene
+from ..scene.scene import Scene
+from ..scene.tool_mesh import ToolMesh
 from ..yaml_document import Document, read_document
 from .overrides import Override
 from .presets import Preset, read_preset

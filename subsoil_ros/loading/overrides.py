@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ..errors import SceneError
-from ..scene.model import Scene
+from ..scene.scene import Scene
 from ..yaml_document import Document, merge, parse_yaml, plain_value
 from .keys import is_model, item_annotation, known_keys, members, model_at, suggestion
 

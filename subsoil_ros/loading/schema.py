@@ -10,7 +10,7 @@ from typing import Any
 from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import core_schema
 
-from ..scene.model import Scene
+from ..scene.scene import Scene
 from .overrides import LOADER_KEYS
 
 Schema = dict[str, Any]

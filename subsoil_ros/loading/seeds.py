@@ -1,9 +1,9 @@
 """The key of a scene that changes its random bed."""
 
 from ..errors import InputError
-from ..scene.beds import Bed, DenseRandomBed, GridBed, TiledBed
+from ..scene.bed_kinds import Bed, DenseRandomBed, GridBed, TiledBed
 from ..scene.soil import Soil
-from ..scene.wedge import WedgeSoil
+from ..scene.wedge_soil import WedgeSoil
 from .loader import ResolvedScene
 
 

@@ -10,12 +10,12 @@ from pydantic import Field, ValidationError
 from ..contact_laws.registry import contact_laws
 from ..errors import SceneError, SubsoilError
 from ..rotations import Vector, level_axes
-from ..scene.meshes import load_tool_mesh
-from ..scene.model import Scene
+from ..scene.scene import Scene
 from ..scene.soil import Soil
 from ..scene.tool_faces import CuttingFace, cutting_faces, wheel_face
+from ..scene.tool_mesh import load_tool_mesh
 from ..scene.tools import Path as ToolPath
-from ..scene.wedge import SoilRange, WedgeSoil, WedgeValues
+from ..scene.wedge_soil import SoilRange, WedgeSoil, WedgeValues
 from ..strict_model import StrictModel
 from ..yaml_document import dump_yaml, read_document
 from .validation_errors import validated

@@ -10,7 +10,7 @@ from pydantic_core import ErrorDetails
 
 from ..contact_laws.registry import unusable_laws
 from ..errors import SceneError
-from ..scene.model import Scene
+from ..scene.scene import Scene
 from ..yaml_document import Document
 from .keys import annotation_at, kinds, known_keys, suggestion, value_at
 from .overrides import LOADER_KEYS, Override

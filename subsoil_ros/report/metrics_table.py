@@ -17,7 +17,7 @@ from ..analysis.columns import (
 )
 from ..analysis.summary import Summary
 from ..loading.reference import Reference
-from ..scene.model import Scene
+from ..scene.scene import Scene
 from .reference_table import print_reference
 from .sentences import summary_facts
 

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from ..rotations import Quaternion, planar_quaternion, quaternion_of, rotation_between, turned
 from ..strict_model import Finite, Positive, StrictModel
-from .time_functions import Law
+from .time_laws import Law
 
 
 class MeshPart(StrictModel):

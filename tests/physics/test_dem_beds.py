@@ -21,7 +21,7 @@ from subsoil_ros.dem.free_motion import free_motion
 from subsoil_ros.errors import SceneError
 from subsoil_ros.limits.stable_steps import step_limits, step_notes
 from subsoil_ros.loading.loader import load_scene
-from subsoil_ros.scene.pairs import pair_values, particle_mass_kg
+from subsoil_ros.scene.pair_laws import pair_values, particle_mass_kg
 
 SCENES = Path(__file__).parents[2] / "config" / "scenes"
 DENSE_BED = Path(__file__).parents[2] / "benchmarks" / "dense_bed.yaml"

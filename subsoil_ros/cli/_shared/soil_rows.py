@@ -5,16 +5,14 @@ from collections.abc import Iterable
 
 from ...loading.loader import ResolvedScene
 from ...loading.soil_file import soil_of
-from ...scene.bed_spacing import particle_spacing_m
-from ...scene.beds import GridBed, SavedBed, TiledBed
+from ...scene.bed_kinds import GridBed, SavedBed, TiledBed
 from ...scene.material import Material
-from ...scene.meshes import load_tool_mesh
-from ...scene.pairs import layer_soils
+from ...scene.pair_laws import layer_soils, particle_spacing_m
 from ...scene.sizes import mean_power
-from ...scene.soil import Soil
+from ...scene.soil import Soil, SoilWindow, rupture_distance_m
 from ...scene.tool_faces import cutting_faces, wheel_face
-from ...scene.wedge import WedgeSoil
-from ...scene.window import SoilWindow, rupture_distance_m
+from ...scene.tool_mesh import load_tool_mesh
+from ...scene.wedge_soil import WedgeSoil
 
 
 def material_rows(material: Material) -> Iterable[tuple[str, str]]:

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import SceneError
-from ...scene.bed_spacing import rest_spacing_m
-from ...scene.pairs import layer_soils
+from ...scene.pair_laws import layer_soils, rest_spacing_m
 from ...scene.soil import Soil
 from ..bed import Bed
 from ..periodic import refuse_narrow_period

@@ -12,7 +12,7 @@ import numpy as np
 from ...cache_folders import user_cache_folder
 from ...errors import SceneError
 from ...loading.loader import ResolvedScene
-from ...scene.beds import TiledBed
+from ...scene.bed_kinds import TiledBed
 from ...scene.soil import Soil
 from ...source_digest import PACKAGE, law_digests, tree_digest
 from ..bed import Bed

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...scene.pairs import layer_soils, particle_values
+from ...scene.pair_laws import layer_soils, particle_values
 from ...scene.soil import Soil
 from ..bed import Bed, radii_of
 from ..periodic import wrapped

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from ...loading.loader import ResolvedScene
-from ...scene.beds import GridBed, SavedBed, TiledBed
+from ...scene.bed_kinds import GridBed, SavedBed, TiledBed
 from ..bed import Bed, prepare_grid
 from ..field import Field
 from ..periodic import refuse_narrow_period

@@ -8,12 +8,11 @@ import numpy as np
 from ...errors import SceneError
 from ...loading.loader import ResolvedScene
 from ...rotations import placed_m
-from ...scene.bed_spacing import particle_spacing_m, rest_spacing_m
-from ...scene.beds import GridBed, SavedBed, TiledBed
-from ...scene.meshes import load_tool_mesh
-from ...scene.pairs import pair_values
+from ...scene.bed_kinds import GridBed, SavedBed, TiledBed
+from ...scene.pair_laws import pair_values, particle_spacing_m, rest_spacing_m
 from ...scene.sizes import mean_power
 from ...scene.soil import Soil
+from ...scene.tool_mesh import load_tool_mesh
 from ..bed import Bed, grid_shape, prepare_grid, profile_m, refuse_too_many
 from ..periodic import HELD_LAYER, refuse_narrow_period, refuse_tool_at_held_side, refuse_tool_at_seam
 from .bed_file import LARGEST_OVERLAP, read_bed

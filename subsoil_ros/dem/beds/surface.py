@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from ...scene.beds import SurfaceProfile
+from ...scene.bed_kinds import SurfaceProfile
 from ..bed import Bed, profile_m
 
 

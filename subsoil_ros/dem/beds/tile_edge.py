@@ -1,8 +1,8 @@
 """Edge of the tile of a tiled bed (dem.beds.tile)."""
 
 from ...errors import SceneError
-from ...scene.beds import TiledBed
-from ...scene.pairs import layer_soils, pair_values
+from ...scene.bed_kinds import TiledBed
+from ...scene.pair_laws import layer_soils, pair_values
 from ...scene.soil import Soil
 from ..periodic import SMALLEST_CELLS, up_to_mm
 

@@ -3,7 +3,7 @@
 from ...dem.beds.prepare import prepare_bed
 from ...dem.beds.report import report_bed
 from ...loading.loader import ResolvedScene
-from ...scene.beds import TiledBed
+from ...scene.bed_kinds import TiledBed
 
 
 def bed_density_kg_per_m3(scene: ResolvedScene, threads: int = 1) -> float:

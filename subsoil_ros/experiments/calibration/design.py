@@ -11,8 +11,8 @@ from ...loading.loader import ResolvedScene, load_scene
 from ...loading.seeds import is_random
 from ...loading.soil_file import law_of
 from ...loading.validation_errors import validated
-from ...scene.bed_spacing import particle_spacing_m
-from ...scene.wedge import WheelSoil
+from ...scene.pair_laws import particle_spacing_m
+from ...scene.wedge_soil import WheelSoil
 from ...strict_model import Finite, Positive, StrictModel
 from ...yaml_document import read_document
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import RunError
 from ...loading.loader import ResolvedScene, load_scene
-from ...scene.wedge import WedgeValues
+from ...scene.wedge_soil import WedgeValues
 from .design import Point, WedgeDesign, point_overrides, tip_of
 from .runs import PullNumbers, RunProgress, kept_pull, numbers
 

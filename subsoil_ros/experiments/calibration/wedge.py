@@ -11,9 +11,9 @@ from scipy.optimize import least_squares
 from ...loading.loader import ResolvedScene
 from ...loading.soil_file import SoilFile
 from ...messages import ToolMotion
-from ...scene.meshes import load_tool_mesh
 from ...scene.tool_faces import CuttingFace, cutting_faces
-from ...scene.wedge import SoilRange, WedgeValues
+from ...scene.tool_mesh import load_tool_mesh
+from ...scene.wedge_soil import SoilRange, WedgeValues
 from ...wedge.engine import WedgeEngine
 from ...wedge.strength import strength_of
 from ...wedge.wedge import Failure, Plate, failure

@@ -21,7 +21,7 @@ from ...errors import RunError
 from ...limits.soil_at_work import WORKING_STRESS_PA
 from ...limits.stable_steps import SAFETY, step_limits
 from ...loading.loader import ResolvedScene
-from ...scene.pairs import pair_values
+from ...scene.pair_laws import pair_values
 from ...scene.soil import Soil
 
 CELL_DIAMETERS = 12.0

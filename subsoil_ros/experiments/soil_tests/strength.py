@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...loading.loader import ResolvedScene
-from ...scene.beds import TiledBed
+from ...scene.bed_kinds import TiledBed
 from .element import (
     CRITICAL_STRAIN,
     LEAST_PA,

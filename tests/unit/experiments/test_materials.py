@@ -20,7 +20,7 @@ from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.loading.material import is_of, read_laboratory_soil, read_material, write_material
 from subsoil_ros.loading.shipped import config_folder, material_names
 from subsoil_ros.scene.material import LaboratorySoil
-from subsoil_ros.scene.pairs import pair_values
+from subsoil_ros.scene.pair_laws import pair_values
 
 LABORATORY = {
     "model": "laboratory", "name": "test soil", "source": "made up", "cohesion_pa": 8e3,

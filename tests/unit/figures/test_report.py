@@ -22,7 +22,7 @@ from subsoil_ros.figures.over_time import draw_figures
 from subsoil_ros.figures.soil_cut import nearest_times_ns
 from subsoil_ros.messages import ToolMotion
 from subsoil_ros.report.metrics_table import print_summary
-from subsoil_ros.scene.meshes import ToolMesh
+from subsoil_ros.scene.tool_mesh import ToolMesh
 from tests.unit.analysis.made_up_runs import TICKS, Run, full_machine, machine_alone, tine
 
 

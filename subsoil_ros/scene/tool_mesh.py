@@ -1,4 +1,4 @@
-"""Tool meshes: STL files, checked, and placed in the frame of the body that carries them."""
+"""Tool meshes: STL files, checked, placed in the frame of the body that carries them; their mass."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,7 +8,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from ..errors import SceneError
-from .model import Scene
+from .scene import Scene
 from .tools import MeshPart
 
 LARGEST_SIZE_M = 20.0
@@ -122,3 +122,26 @@ def _volumes(mesh: trimesh.Trimesh) -> NDArray[np.float64]:
     corners = mesh.triangles - mesh.vertices.mean(axis=0)
     sixfold = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
     return np.bincount(piece, weights=sixfold) / 6.0
+
+
+@dataclass(frozen=True)
+class ToolMass:
+    """Mass of the solid inside the meshes, in the frame of the tool's body; overlaps count twice."""
+
+    mass_kg: float
+    centre_m: tuple[float, float, float]  # from the body's typed centre of mass
+    inertia_kg_m2: float  # about the y axis through the computed centre
+
+
+def tool_mass(mesh: ToolMesh, density_kg_per_m3: float) -> ToolMass:
+    """Integrals over the closed meshes of a tool (divergence theorem, by trimesh)."""
+    mass, moment, about_origin = 0.0, np.zeros(3), 0.0
+    for group in range(len(mesh.groups)):
+        part = trimesh.Trimesh(mesh.vertices_m, mesh.facets[mesh.facet_group == group], process=False)
+        found = trimesh.triangles.mass_properties(part.triangles, density=density_kg_per_m3)
+        centre = np.asarray(found["center_mass"])
+        mass += float(found["mass"])
+        moment += found["mass"] * centre
+        about_origin += float(found["inertia"][1, 1] + found["mass"] * (centre[0] ** 2 + centre[2] ** 2))
+    x, y, z = (moment / mass).tolist()
+    return ToolMass(mass, (x, y, z), about_origin - mass * (x**2 + z**2))

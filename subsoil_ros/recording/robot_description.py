@@ -9,9 +9,9 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from .mechanism import Body, Driver, Joint, Mechanism, SpringDamper, WheelContact
-from .model import Scene
-from .tools import Tool
+from ..scene.mechanism import Body, Driver, Joint, Mechanism, SpringDamper, WheelContact
+from ..scene.scene import Scene
+from ..scene.tools import Tool
 
 WORLD = "world"
 

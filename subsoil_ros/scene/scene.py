@@ -6,14 +6,13 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from ..strict_model import Finite, NonNegative, Positive, StrictModel, WithinReach
 from ..ticks import LONGEST_S, NANOSECONDS_PER_SECOND
-from .cloud import CloudRegion
 from .controller import Controller, DraftLimit, External
 from .mechanism import Driver, Mechanism, WheelContact
+from .record import Record
 from .soil import Auto, Soil
-from .stop_when import StopWhen
-from .time_functions import ConstantLaw
+from .time_laws import ConstantLaw
 from .tools import Tool
-from .wedge import ExternalSoil, WedgeSoil
+from .wedge_soil import ExternalSoil, WedgeSoil
 
 
 def _soil_model(soil: Any) -> Any:
@@ -54,23 +53,6 @@ class Coupling(StrictModel):
     )
 
 
-class Record(StrictModel):
-    """What goes into the bag, and how often. The bag always has all lockstep messages."""
-
-    bag: bool = Field(True, description="false: no recorder, bag or series; summary and checkpoints remain.")
-    series_ticks: int = Field(20, ge=1, description="series, poses, wrenches, /tf every so many ticks.")
-    cloud_hz: NonNegative = Field(10.0, description="soil clouds per simulated second; 0: none.")
-    cloud_region: CloudRegion | None = Field(
-        None, description="particles with their centre outside of it are left out."
-    )
-    cloud_resolution_m: Annotated[float, Field(ge=0.0, le=0.1)] = Field(
-        0.0, description="positions are rounded to it; 0: not."
-    )
-    checkpoint_s: NonNegative = Field(
-        0.5, description="simulated seconds between checkpoints; 0: none but on SIGTERM or SIGINT."
-    )
-
-
 class Report(StrictModel):
     """Parts of the machine that summary and figures refer to, and where metrics are taken."""
 
@@ -88,6 +70,26 @@ class Report(StrictModel):
         description="reference file, or name of a shipped one, whose values a report shows too.",
     )
     note: str = Field("", description="a warning that is copied into the summary.")
+
+
+StopMetric = Literal["draft_newton", "draft.share_newton"]
+"""Columns of series.csv that follow from the forces on the tools alone."""
+
+
+class StopWhen(StrictModel):
+    """The run ends when the interval of the mean of `metric` is narrow enough, or after `at_most_m`."""
+
+    metric: StopMetric = Field(
+        "draft_newton",
+        description="column of series.csv; with mechanism.draft_driver draft.share_newton.",
+    )
+    relative_interval: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
+        description="half-width of the interval, relative to the mean."
+    )
+    confidence: Annotated[float, Field(gt=0.5, lt=1.0)] = Field(0.95, description="of the interval.")
+    at_most_m: Positive | None = Field(
+        None, description="travel of the tool after which the run ends in any case."
+    )
 
 
 Allowance = Literal["unstable_time_step", "other_contact_law", "beyond_fitted_range"]

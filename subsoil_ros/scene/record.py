@@ -1,10 +1,11 @@
-"""Region and resolution of the recorded clouds."""
+"""What is recorded: `record` in a scene."""
 
 import math
+from typing import Annotated
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
-from ..strict_model import Finite, StrictModel
+from ..strict_model import Finite, NonNegative, StrictModel
 
 SPEED_BITS = 8
 """Significant bits of the speeds of a rounded cloud: to 0.2 %, finer than the colours of a picture show."""
@@ -34,6 +35,23 @@ class CloudRegion(StrictModel):
                     f"{axis}_m: given [{span[0]:g}, {span[1]:g}]; it must be [from, to], from < to"
                 )
         return self
+
+
+class Record(StrictModel):
+    """What goes into the bag, and how often. The bag always has all lockstep messages."""
+
+    bag: bool = Field(True, description="false: no recorder, bag or series; summary and checkpoints remain.")
+    series_ticks: int = Field(20, ge=1, description="series, poses, wrenches, /tf every so many ticks.")
+    cloud_hz: NonNegative = Field(10.0, description="soil clouds per simulated second; 0: none.")
+    cloud_region: CloudRegion | None = Field(
+        None, description="particles with their centre outside of it are left out."
+    )
+    cloud_resolution_m: Annotated[float, Field(ge=0.0, le=0.1)] = Field(
+        0.0, description="positions are rounded to it; 0: not."
+    )
+    checkpoint_s: NonNegative = Field(
+        0.5, description="simulated seconds between checkpoints; 0: none but on SIGTERM or SIGINT."
+    )
 
 
 def position_step_m(resolution_m: float) -> float:

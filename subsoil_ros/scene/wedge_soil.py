@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from ..strict_model import NonNegative, Positive, StrictModel, WithinReach
-from .bin import Bin
+from .soil import Bin
 
 LARGEST_FRICTION_ANGLE_RAD = math.radians(55.0)
 """Largest friction angle: no soil has more, and beyond it the wedge of a raked blade has no solution."""

@@ -1,8 +1,9 @@
-"""Pair laws of a scene: the forces between two bodies in contact."""
+"""Pair laws of a scene: forces and distance of two bodies in contact."""
 
 import math
 
 from ..contact_laws.base import PairValues
+from .bed_kinds import GridBed
 from .soil import Soil
 
 
@@ -74,3 +75,19 @@ def boundary_values(soil: Soil, radius_m: float, mass_kg: float) -> PairValues:
 def tool_values(soil: Soil) -> PairValues:
     """Law of particle and tool: that of the boundary with its normal stiffness times the tool's factor."""
     return pair_values(soil)[1].stiffened(soil.tool_stiffness_factor)
+
+
+def rest_spacing_m(soil: Soil) -> float:
+    """Centre to centre of a pair without load: 2 r - rest overlap [m].
+
+    Spheres of several sizes: of two of mean volume. Layers that differ: the widest.
+    """
+    overlap = min(pair_values(layer)[0].rest_overlap for layer in layer_soils(soil))
+    return 2.0 * soil.particles.mean_volume_radius_m - overlap
+
+
+def particle_spacing_m(soil: Soil) -> float:
+    """Spacing of a grid as given; without one (`rest`, and beds that are no grid) that without load [m]."""
+    if isinstance(soil.bed, GridBed) and soil.bed.spacing_m != "rest":
+        return soil.bed.spacing_m
+    return rest_spacing_m(soil)

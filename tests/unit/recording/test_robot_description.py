@@ -14,9 +14,9 @@ from subsoil_ros.cli.main import main
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.mbd.engine import MechanismEngine
 from subsoil_ros.recording.description import tool_markers
+from subsoil_ros.recording.robot_description import WORLD, mesh_uri, robot_description
 from subsoil_ros.recording.standard import WORLD_FRAME, transforms
-from subsoil_ros.scene.meshes import load_tool_mesh
-from subsoil_ros.scene.urdf import WORLD, mesh_uri, robot_description
+from subsoil_ros.scene.tool_mesh import load_tool_mesh
 
 ROOT = Path(__file__).parents[3]
 SCENES = ROOT / "config" / "scenes"

@@ -4,8 +4,7 @@ import numpy as np
 import trimesh
 from numpy.testing import assert_allclose
 
-from subsoil_ros.scene.meshes import ToolMesh
-from subsoil_ros.scene.tool_mass import tool_mass
+from subsoil_ros.scene.tool_mesh import ToolMesh, tool_mass
 
 
 def box(size, centre):

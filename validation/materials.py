@@ -32,9 +32,9 @@ from subsoil_ros.experiments.soil_tests.element import (
     plane_strain,
     prepare_cell,
 )
+from subsoil_ros.loading.files import material_names, shipped_material
 from subsoil_ros.loading.loader import load_scene
-from subsoil_ros.loading.material import read_material
-from subsoil_ros.loading.shipped import material_names, shipped_material
+from subsoil_ros.loading.material_file import read_material
 from subsoil_ros.scene.material import RADIUS_SPREAD
 from subsoil_ros.yaml_document import Document
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, WithJsonSchema
 from pydantic_core import core_schema
 
-from ..loading.schema import SchemaWithUnits
+from ..loading.scene_schema import SchemaWithUnits
 from ..strict_model import StrictModel
 
 SCHEMA_VERSION = 2

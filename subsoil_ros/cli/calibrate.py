@@ -85,7 +85,7 @@ def run(args: argparse.Namespace) -> int:
     from ..experiments.calibration.design import base_scene, read_design
     from ..experiments.calibration.measured import measure
     from ..experiments.calibration.wedge import FITTED, fit_wedge
-    from ..loading.shipped import shipped_soil
+    from ..loading.files import shipped_soil
     from ..loading.soil_file import write_soil_file
     from ..yaml_document import read_document
     from ._shared.preparation import KernelAnnouncer, say
@@ -124,7 +124,7 @@ def run(args: argparse.Namespace) -> int:
 def _material(args: argparse.Namespace) -> int:
     require("a calibration to a laboratory's soil", "dask", "distributed")
     from ..experiments.calibration.material import calibrate
-    from ..loading.material import read_laboratory_soil, write_material
+    from ..loading.material_file import read_laboratory_soil, write_material
     from ._shared.preparation import say
 
     soil = read_laboratory_soil(args.design)

@@ -89,7 +89,7 @@ def _refuse_unknown(columns: Sequence[str], sources: "Sequence[Source]") -> None
     known = list(dict.fromkeys(name for source in sources for name in source.columns))
     for name in columns:
         if name not in known:
-            from ..loading.keys import suggestion
+            from ..loading.validation import suggestion
 
             raise InputError(f"--show {name}: no such column in any of them; {suggestion(name, known)}")
     if not columns:

@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     from ..experiments.study.design import design_of, read_design
     from ..experiments.study.study import run_study
     from ..experiments.sweep.engine import ExecutionOptions
-    from ..loading.shipped import shipped_scene
+    from ..loading.files import shipped_scene
     from ._shared.sweep_progress import SweepProgress
 
     design = read_design(args.design or design_of(shipped_scene(Path(args.scene))))

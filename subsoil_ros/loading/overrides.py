@@ -7,13 +7,7 @@ from typing import Any
 from ..errors import SceneError
 from ..scene.scene import Scene
 from ..yaml_document import Document, merge, parse_yaml, plain_value
-from .keys import is_model, item_annotation, known_keys, members, model_at, suggestion
-
-CHOICES = {"initial_condition": "initial_conditions", "preset": "presets"}
-"""Keys that name a fragment, and where the fragments stand."""
-
-LOADER_KEYS = ("base", *CHOICES, *CHOICES.values())
-"""Keys of a scene file that the loader itself reads; the scene model never sees them."""
+from .validation import LOADER_KEYS, is_model, item_annotation, known_keys, members, model_at, suggestion
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from pydantic import Field, ValidationError, model_validator
 from ..errors import SceneError
 from ..strict_model import Finite, Positive, StrictModel
 from ..yaml_document import read_document
-from .keys import suggestion
-from .schema import unit_of
+from .scene_schema import unit_of
+from .validation import suggestion
 
 LIKE_THEIR_COLUMN = ("mean", "min", "max", "range", "std")
 """Statistics of a column of the series that have its unit, which is in its name."""

@@ -18,7 +18,7 @@ from ..scene.tools import Path as ToolPath
 from ..scene.wedge_soil import SoilRange, WedgeSoil, WedgeValues
 from ..strict_model import StrictModel
 from ..yaml_document import dump_yaml, read_document
-from .validation_errors import validated
+from .validation import validated
 
 RANGE_MARGIN = 1.2
 """Factor beyond its range up to which a soil file is accepted, with a warning: forces change slowly there."""

@@ -73,3 +73,8 @@ class SurfaceProfile(StrictModel):
 
 
 Bed = Annotated[GridBed | DenseRandomBed | TiledBed | SavedBed, Field(discriminator="kind")]
+
+
+def is_random(bed: Bed) -> bool:
+    """Whether the bed depends on a seed."""
+    return isinstance(bed, (DenseRandomBed, TiledBed)) or (isinstance(bed, GridBed) and bed.jitter_m > 0.0)

@@ -8,9 +8,9 @@ from pydantic import Field
 
 from ...errors import InputError
 from ...loading.loader import ResolvedScene, load_scene
-from ...loading.seeds import is_random
 from ...loading.soil_file import law_of
-from ...loading.validation_errors import validated
+from ...loading.validation import validated
+from ...scene.bed_kinds import is_random
 from ...scene.pair_laws import particle_spacing_m
 from ...scene.wedge_soil import WheelSoil
 from ...strict_model import Finite, Positive, StrictModel

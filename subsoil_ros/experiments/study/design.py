@@ -7,8 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from ...errors import InputError
-from ...loading.keys import suggestion
-from ...loading.validation_errors import validated
+from ...loading.validation import suggestion, validated
 from ...strict_model import Fraction, StrictModel
 from ...yaml_document import read_document
 from ..run_metrics import METRICS

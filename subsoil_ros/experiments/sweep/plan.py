@@ -9,7 +9,9 @@ from typing import Any
 from ...analysis.quantities import short_name
 from ...errors import InputError
 from ...loading.loader import ResolvedScene, load_scene
-from ...loading.seeds import seed_key
+from ...scene.bed_kinds import is_random
+from ...scene.soil import Soil
+from ...scene.wedge_soil import WedgeSoil
 from ...yaml_document import parse_yaml
 
 LARGEST_COUNT = 100_000
@@ -130,3 +132,24 @@ def jobs_of(
             seeded = Point(point.values, seed, point.name, point.overrides)
             jobs.append(Job(seeded, load_scene(path, [*changes, f"{key}={seed}"])))
     return tuple(jobs)
+
+
+def seed_key(scene: ResolvedScene) -> str:
+    """Return the key of the seed of the bed.
+
+    Raises:
+        InputError: nothing in the scene's soil is random, so that seeds would change nothing.
+    """
+    soil = scene.scene.soil
+    if isinstance(soil, WedgeSoil):
+        return "soil.seed"
+    bed = soil.bed if isinstance(soil, Soil) else None
+    if bed is not None and is_random(bed):
+        return "soil.bed.seed"
+    what = "there is no soil" if bed is None else f"soil.bed is of kind '{bed.kind}' without jitter"
+    if bed is not None and bed.kind == "saved":
+        what = "soil.bed is a saved one"
+    raise InputError(
+        f"{scene.path}: seeds would change nothing: {what}. Use a tiled or a dense_random bed, or a grid "
+        "with soil.bed.jitter_m, for instance a hundredth of a radius"
+    )

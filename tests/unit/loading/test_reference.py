@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from subsoil_ros.errors import SceneError
+from subsoil_ros.loading.files import config_folder
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.loading.reference import Reference, read_reference
 from subsoil_ros.loading.scene_bundle import pack, unpack
-from subsoil_ros.loading.shipped import config_folder
 from subsoil_ros.report.reference_table import (
     reference_lines,
     reference_rows,

@@ -11,7 +11,7 @@ from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import core_schema
 
 from ..scene.scene import Scene
-from .overrides import LOADER_KEYS
+from .validation import LOADER_KEYS
 
 Schema = dict[str, Any]
 

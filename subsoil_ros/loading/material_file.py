@@ -9,10 +9,9 @@ from ..scene.material import VERSION, LaboratorySoil, Material
 from ..scene.soil import Soil, rupture_distance_m
 from ..strict_model import LARGEST
 from ..yaml_document import Document, dump_yaml, merge, read_document
-from .keys import suggestion, value_at
+from .files import material_names
 from .overrides import Override
-from .shipped import material_names
-from .validation_errors import validated
+from .validation import suggestion, validated, value_at
 
 _BROUGHT = ("law", "bonds", "particles.sizes", "particles.density_kg_per_m3", "particles.reference_radius_m")
 """Keys of `soil` that the material gives; a scene with a material must not have them."""

@@ -17,8 +17,8 @@ from ..scene.tool_faces import cutting_faces
 from ..scene.tool_mesh import load_tool_mesh
 from .carried import vertical_parts
 from .columns import DRAFT, TIME, Body, PlanarTool, SpatialTool, Wrench
+from .metrics_window import Window, tip_path_m
 from .series import Series
-from .window import Window, tip_path_m
 
 Values = NDArray[np.float64]
 

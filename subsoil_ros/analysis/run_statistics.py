@@ -14,11 +14,10 @@ from .disturbance import Disturbance, read_disturbance
 from .failure_cycles import SMOOTHED_S, FailureCycles, failure_cycles
 from .fatigue import LoadCycles, load_cycles
 from .loads import loads_of
-from .series import Series
-from .smoothing import moving_mean, step_s
+from .metrics_window import Window, tip_x_m
+from .series import Series, moving_mean, step_s
 from .spectra import Spectrum, spectrum
 from .stationarity import Stationarity, stationarity
-from .window import Window, tip_x_m
 
 MOVING = "moving_10ms"
 """Key of the extremes of the moving mean over MOVING_S."""

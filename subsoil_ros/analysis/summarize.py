@@ -13,10 +13,10 @@ from ..recording.joined import open_record
 from ..scene.scene import Scene
 from ..ticks import tick_end_s
 from .columns import COUPLING, SOIL, TIME
+from .metrics_window import metrics_window, window_span_s
 from .run_statistics import RunStatistics, run_statistics
 from .series import Series, read_series
 from .summary import SCHEMA_VERSION, Summary, UnrecordedSummary
-from .window import metrics_window, window_span_s
 
 
 def summarize(

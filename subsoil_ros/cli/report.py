@@ -46,14 +46,12 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _report(recorded: RecordedRun, html: bool) -> int:
+    from ..analysis.metrics_window import metrics_window
     from ..analysis.run_statistics import run_statistics
     from ..analysis.series import read_series, write_series_csv
     from ..analysis.summarize import summarize
-    from ..analysis.window import metrics_window
-    from ..figures.load_figures import draw_load_figures
-    from ..figures.over_time import draw_figures
-    from ..report.metrics_table import print_summary
-    from ..report.reference_table import reference_rows, write_reference_csv
+    from ..figures.run_figures import draw_figures, draw_load_figures
+    from ..report.result_tables import print_summary, reference_rows, write_reference_csv
     from ._shared.progress import reading_bag, working
 
     directory, bag, resolved = recorded.directory, recorded.bag, recorded.resolved

@@ -4,7 +4,7 @@ import argparse
 import json
 from pathlib import Path
 
-from ._shared.arguments import write_out
+from ._shared.output import write_out
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -3,7 +3,8 @@
 import argparse
 from pathlib import Path
 
-from ._shared.arguments import add_overrides, write_out
+from ._shared.arguments import add_overrides
+from ._shared.output import write_out
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

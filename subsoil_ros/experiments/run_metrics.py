@@ -10,7 +10,7 @@ from scipy.signal import periodogram
 
 from ..analysis.columns import DRAFT, TIME, Wrench, spring_element
 from ..analysis.failure_cycles import SMOOTHED_S
-from ..analysis.smoothing import Columns, moving_mean
+from ..analysis.series import Columns, moving_mean
 from ..analysis.spectra import LEAST_ROWS, spectrum
 from ..yaml_document import read_document
 from .run_cache import CachedRun

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..analysis.columns import DRAFT, TIME, Body, spring_element
-from ..analysis.series import read_table_csv
-from ..analysis.smoothing import moving_mean
+from ..analysis.series import moving_mean, read_table_csv
 from ..analysis.stationarity import stationarity
 from ..errors import InputError
 from ..yaml_document import read_document

@@ -12,15 +12,14 @@ import plotly.graph_objects as go
 
 from ..analysis.columns import DRAFT, DRAFT_OF_SHARES, DRAFT_OF_WHEELS, TIME, Body, spring_element
 from ..analysis.failure_cycles import SMOOTHED_S
+from ..analysis.metrics_window import metrics_window, tip_x_m, window_span_s
 from ..analysis.run_statistics import RunStatistics, compared_columns, failures_of
-from ..analysis.series import Series
-from ..analysis.smoothing import moving_mean
+from ..analysis.series import Series, moving_mean
 from ..analysis.summary import Summary
-from ..analysis.window import metrics_window, tip_x_m, window_span_s
 from ..loading.loader import ResolvedScene
 from ..report.sentences import significance_words
-from .over_time import reference_levels
 from .plotting import COLOURS
+from .run_figures import reference_levels
 
 LARGEST_SERIES_BYTES = 5e6
 """Size of all columns in the page. With plotly.js (4.8 MB) and pictures (5 MB), 9 of 24 MB are left for the

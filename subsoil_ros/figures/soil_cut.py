@@ -12,13 +12,12 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from ..analysis.poses import posed_vertices_m, reference_angle
 from ..loading.loader import ResolvedScene
 from ..messages import SoilCloud, ToolMotion, ToolMotions
 from ..recording.height_map import soil_span_m
 from ..recording.joined import open_record
 from ..scene.soil import Soil
-from ..scene.tool_mesh import ToolMesh, load_tool_mesh
+from ..scene.tool_mesh import ToolMesh, load_tool_mesh, posed_vertices_m, reference_angle
 from .plotting import new_figure, save_figure
 
 PANELS = 3
@@ -90,7 +89,9 @@ def _draw(
         spheres = _draw_particles(axes, cloud, radii)
         record = motions.get(cloud.end_time_ns)
         for motion in record.tools if record is not None else ():
-            drawn.add(_draw_tool(axes, meshes[motion.tool], motion, reference_angle(resolved, motion.tool)))
+            drawn.add(
+                _draw_tool(axes, meshes[motion.tool], motion, reference_angle(resolved.scene, motion.tool))
+            )
         rim = _HEADROOM_M / 5
         axes.plot([low, low, high, high], [rim, floor, floor, rim], color=_BIN, lw=1.5)
         axes.set_aspect("equal")

@@ -212,7 +212,7 @@ def _meshes(scene: Scene, directory: Path) -> dict[str, ToolMesh]:
     return {tool: load_tool_mesh(directory, scene, tool) for tool in scene.tools}
 
 
-def _with_timing(draft: _Draft, scene: Scene, meshes: Mapping[str, ToolMesh]) -> tuple[Scene, Timing]:
+def _with_timing(draft: _Draft, scene: Scene, meshes: dict[str, ToolMesh]) -> tuple[Scene, Timing]:
     """The scene with its communication step, where that follows from a material, and its steps."""
     timing = derive_timing(scene)
     if draft.material is None or scene.coupling.communication_step_ns != "auto":

@@ -8,6 +8,8 @@ import trimesh
 from numpy.typing import NDArray
 
 from ..errors import SceneError
+from ..messages import SpatialMotion, ToolMotion
+from ..rotations import placed_m
 from .scene import Scene
 from .tools import MeshPart
 
@@ -92,7 +94,7 @@ def _checked(directory: Path, part: MeshPart, place: str) -> trimesh.Trimesh:
         open_count = len(trimesh.grouping.group_rows(mesh.edges_sorted, require_count=1))
         raise SceneError(
             f"{where}: is not watertight ({open_count} open edges of {len(mesh.edges_unique)}); "
-            "a tool needs a closed surface: mend the mesh, each edge shared by exactly two facets"
+            "a tool needs a closed surface: repair the mesh, each edge shared by exactly two facets"
         )
     inward = not mesh.is_winding_consistent or (_volumes(mesh) <= 0.0).any()
     if inward:
@@ -145,3 +147,19 @@ def tool_mass(mesh: ToolMesh, density_kg_per_m3: float) -> ToolMass:
         about_origin += float(found["inertia"][1, 1] + found["mass"] * (centre[0] ** 2 + centre[2] ** 2))
     x, y, z = (moment / mass).tolist()
     return ToolMass(mass, (x, y, z), about_origin - mass * (x**2 + z**2))
+
+
+def reference_angle(scene: Scene, tool: str) -> float:
+    """Angle of a tool's body in the reference pose [rad]; 0 along a path."""
+    body, mechanism = scene.tools[tool].body, scene.mechanism
+    return mechanism.bodies[body].angle_rad if body is not None and mechanism is not None else 0.0
+
+
+def posed_vertices_m(mesh: ToolMesh, motion: ToolMotion, reference_angle_rad: float) -> NDArray[np.float64]:
+    """Vertices (n, 3) of a tool in world axes at a motion's pose."""
+    if isinstance(motion, SpatialMotion):
+        return placed_m(mesh.about_body().vertices_m, motion.position_m, motion.quaternion)
+    turn = motion.angle_rad - reference_angle_rad
+    cosine, sine = np.cos(turn), np.sin(turn)
+    x, y, z = mesh.vertices_m.T
+    return np.column_stack([motion.x_m + cosine * x - sine * z, y, motion.z_m + sine * x + cosine * z])

@@ -11,7 +11,7 @@ from subsoil_ros.dem.beds.settling import Settling
 from subsoil_ros.dem.beds.settling_progress import ignore_progress
 from subsoil_ros.dem.beds.tile import at_pressure, endless_soil
 from subsoil_ros.dem.engine import SoilEngine
-from subsoil_ros.experiments.soil_tests.element import (
+from subsoil_ros.experiments.element_tests import (
     Cell,
     confined_modulus_pa,
     fit_strength,

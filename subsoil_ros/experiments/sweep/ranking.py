@@ -9,7 +9,7 @@ import pandas as pd
 
 from ...analysis.columns import spring_element
 from ...analysis.intervals import Interval, difference_by_seed, error_by_seed, mean_interval
-from .plan import Point
+from .points import Point
 
 DRAFT = "series.draft_newton.mean"
 """Path of the quantity by which points are ranked."""

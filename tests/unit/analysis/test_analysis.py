@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from subsoil_ros.analysis.metrics_window import metrics_window, tip_x_m
 from subsoil_ros.analysis.series import read_series, write_series_csv
 from subsoil_ros.analysis.summarize import summarize
-from subsoil_ros.analysis.window import metrics_window, tip_x_m
 from subsoil_ros.errors import RecordingError
 from subsoil_ros.messages import (
     CouplingReport,

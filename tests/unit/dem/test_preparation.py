@@ -5,8 +5,7 @@ import pytest
 
 from benchmarks.soil_cases import DENSE, GRID, linear_case
 from subsoil_ros.api.beds import prepare_bed_first
-from subsoil_ros.cli._shared.bed_preparation import bed_progress
-from subsoil_ros.cli._shared.preparation import KernelAnnouncer, announce_kernels_of_nodes
+from subsoil_ros.cli._shared.progress import KernelAnnouncer, announce_kernels_of_nodes, bed_progress
 from subsoil_ros.source_digest import PACKAGE, kernel_digest
 
 

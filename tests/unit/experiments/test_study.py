@@ -10,17 +10,17 @@ import pytest
 import yaml
 
 from subsoil_ros.api.execution import RunResult, execute
-from subsoil_ros.cli._shared.sweep_progress import SweepProgress
+from subsoil_ros.cli._shared.progress import SweepProgress
 from subsoil_ros.cli.main import main
 from subsoil_ros.errors import InputError
 from subsoil_ros.experiments.run_cache import keep_run
 from subsoil_ros.experiments.run_metrics import METRICS
-from subsoil_ros.experiments.study.design import StudyDesign, design_of, read_design
 from subsoil_ros.experiments.study.measurement import Measurement, judge
-from subsoil_ros.experiments.study.report import expected_presets, markdown, wide_table
-from subsoil_ros.experiments.study.study import study_jobs
-from subsoil_ros.experiments.sweep.engine import ExecutionOptions, run_jobs
-from subsoil_ros.experiments.sweep.plan import Point, jobs_of
+from subsoil_ros.experiments.study.run_study import study_jobs
+from subsoil_ros.experiments.study.study_design import StudyDesign, design_of, read_design
+from subsoil_ros.experiments.study.study_tables import expected_presets, markdown, wide_table
+from subsoil_ros.experiments.sweep.points import Point, jobs_of
+from subsoil_ros.experiments.sweep.run_jobs import ExecutionOptions, run_jobs
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.loading.presets import read_preset
 

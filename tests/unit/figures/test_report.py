@@ -10,19 +10,17 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from subsoil_ros.analysis.poses import posed_vertices_m
-from subsoil_ros.analysis.series import read_series
-from subsoil_ros.analysis.smoothing import running_mean
+from subsoil_ros.analysis.series import read_series, running_mean
 from subsoil_ros.analysis.summarize import summarize
 from subsoil_ros.analysis.summary import Summary
 from subsoil_ros.cli import bag as bag_verb
 from subsoil_ros.cli import report as report_verb
 from subsoil_ros.errors import InputError
-from subsoil_ros.figures.over_time import draw_figures
+from subsoil_ros.figures.run_figures import draw_figures
 from subsoil_ros.figures.soil_cut import nearest_times_ns
 from subsoil_ros.messages import ToolMotion
-from subsoil_ros.report.metrics_table import print_summary
-from subsoil_ros.scene.tool_mesh import ToolMesh
+from subsoil_ros.report.result_tables import print_summary
+from subsoil_ros.scene.tool_mesh import ToolMesh, posed_vertices_m
 from tests.unit.analysis.made_up_runs import TICKS, Run, full_machine, machine_alone, tine
 
 
@@ -169,12 +167,12 @@ def test_bag_verbs(tmp_path, capsys):
     row = next(line for line in capsys.readouterr().out.splitlines() if "/subsoil/tool_wrenches" in line)
     assert str(TICKS) in row
     assert verb(bag_verb, "recover", str(directory)) == 0
-    assert "is whole" in capsys.readouterr().out
+    assert "is complete" in capsys.readouterr().out
     (directory / "bag/metadata.yaml").unlink()
     path = next((directory / "bag").glob("*.mcap"))
     path.write_bytes(path.read_bytes()[:-40])
     assert verb(bag_verb, "recover", str(directory)) == 0
-    assert "mended" in capsys.readouterr().out
+    assert "recovered" in capsys.readouterr().out
     assert verb(bag_verb, "info", str(directory)) == 0
 
 

@@ -10,11 +10,7 @@ from subsoil_ros.loading.files import config_folder
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.loading.reference import Reference, read_reference
 from subsoil_ros.loading.scene_bundle import pack, unpack
-from subsoil_ros.report.reference_table import (
-    reference_lines,
-    reference_rows,
-    write_reference_csv,
-)
+from subsoil_ros.report.result_tables import reference_lines, reference_rows, write_reference_csv
 
 SCENES = Path(__file__).parents[3] / "config/scenes"
 FIELD = """\

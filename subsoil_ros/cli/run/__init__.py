@@ -3,8 +3,10 @@
 import argparse
 from pathlib import Path
 
-from ._shared.arguments import add_overrides
-from ._shared.live import add_live
+from .._shared.arguments import add_overrides
+
+DEFAULT_PORT = 8765
+"""Default port of Foxglove's dialog for a connection."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,7 +34,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="RUN",
         help="go on from the newest checkpoint in the folder of an earlier run of the same scene",
     )
-    add_live(parser)
+    parser.add_argument(
+        "--live",
+        nargs="?",
+        const=str(DEFAULT_PORT),
+        metavar="PORT",
+        help="show the run in Foxglove while it goes on, over a WebSocket on this machine "
+        f"(default port: {DEFAULT_PORT}; 0: any that is free)",
+    )
     parser.add_argument(
         "--paused",
         action="store_true",
@@ -61,6 +70,6 @@ def run(args: argparse.Namespace) -> int:
         InputError: the scene or the folder cannot be used; nothing was written.
         RunError: the run failed; what was recorded before is in the folder.
     """
-    from ._shared.simulation import simulate
+    from .simulation import simulate
 
     return simulate(args)

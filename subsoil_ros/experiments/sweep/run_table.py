@@ -7,10 +7,10 @@ from typing import Any
 
 import pandas as pd
 
-from ...analysis.quantities import flattened
+from ...analysis.summary import flattened
 from ..run_cache import CachedRun
 from ..run_metrics import metrics_of
-from .plan import Job, as_text
+from .points import Job, as_text
 
 RUN_COLUMNS = ("run", "name", "seed", "failure", "wall_s", "cpu_s", "threads", "at_once", "machine", "code")
 """Columns beside the varied keys and the numbers of the summary. wall_s and cpu_s are of the ticks alone."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from ...analysis.quantities import short_name
+from ...analysis.summary import short_name
 from ...errors import InputError
 from ...loading.loader import ResolvedScene, load_scene
 from ...scene.bed_kinds import is_random

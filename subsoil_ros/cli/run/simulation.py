@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import socket
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -15,18 +16,23 @@ from ...coupling.protocol import COUPLER, nodes_from_outside
 from ...coupling.run_settings import RunSettings
 from ...coupling.signals import caught_signals
 from ...errors import InputError
-from ...extras import require_ros
+from ...extras import require, require_ros
 from ...loading.loader import ResolvedScene, load_scene
-from ...report.metrics_table import print_summary
+from ...report.result_tables import print_summary
 from ...report.sentences import mean_words
 from ...ros.process.plan import checked_namespace, nodes_of
 from ...ros.process.supervisor import Supervisor, node_program, start_node
 from ...ros.transport.domain import run_domain
 from ...ros.transport.shared_memory import avoid_full_memory
-from .bed_preparation import bed_progress
-from .live import live_port, say_where
-from .preparation import KernelAnnouncer, announce_kernels_of_nodes, say, say_opened
-from .progress import RunProgress, reading_bag, working
+from .._shared.output import say
+from .._shared.progress import (
+    KernelAnnouncer,
+    RunProgress,
+    announce_kernels_of_nodes,
+    bed_progress,
+    reading_bag,
+    working,
+)
 
 
 def simulate(args: argparse.Namespace) -> int:
@@ -129,7 +135,7 @@ def _run_composed(frame: RunFrame, namespace: str, observer: RunObserver) -> Non
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         _avoid_full_memory(1)
-        from ...ros.process.composed import run_composed, scene_builds  # not for other modes: needs ROS
+        from ...ros.process.composed import run_composed, scene_builds
 
         _say_where_nodes_are(frame.settings, domain, namespace)
         builds = scene_builds(frame.settings, observer)
@@ -160,3 +166,44 @@ def _run_nodes(frame: RunFrame, namespace: str, watch: RunWatch) -> None:
         status = Supervisor(processes, watch).follow()
     if status.code:
         raise status.error()
+
+
+def live_port(wanted: str | None) -> int:
+    """Return a port that is free now; 0 without a live view.
+
+    Raises:
+        InputError: the value is no port, the port is in use, or foxglove-sdk is not installed.
+    """
+    if wanted is None:
+        return 0
+    require("--live", "foxglove")
+    from ...recording.live import HOST
+
+    if not wanted.isdecimal() or int(wanted) > 65535:
+        raise InputError(f"live view: given '{wanted}'; it must be a port from 1024 to 65535, or 0 for any")
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((HOST, int(wanted)))
+        except OSError as error:
+            raise InputError(
+                f"live view: port {wanted} cannot be used ({error.strerror}); name another, or 0 for any "
+                "that is free"
+            ) from error
+        return int(probe.getsockname()[1])
+
+
+def say_where(port: int) -> None:
+    """Print the address of the live view, if there is one."""
+    if port:
+        from ...recording.live import HOST
+
+        print(f"live view: ws://{HOST}:{port} (Foxglove: Open connection, Foxglove WebSocket)", flush=True)
+
+
+def say_opened(frame: RunFrame) -> None:
+    """Print warnings on standard error and notes on standard output before a run begins."""
+    for warning in frame.warnings:
+        say(f"warning: {warning}")
+    for note in frame.notes:
+        print(note, flush=True)

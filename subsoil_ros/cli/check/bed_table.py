@@ -14,10 +14,8 @@ from ...dem.build import build_engine
 from ...dem.free_motion import FreeMotion, free_motion
 from ...errors import InputError
 from ...loading.loader import ResolvedScene
-from .bed_preparation import bed_progress
-from .preparation import KernelAnnouncer
-from .progress import working
-from .tables import table
+from .._shared.output import table
+from .._shared.progress import KernelAnnouncer, bed_progress, working
 
 LEFT_ALONE_S = 0.02
 """Time that the bed runs without tools: long enough for waves to cross some 0.3 m of it."""

@@ -17,10 +17,9 @@ from ...scene.wedge_soil import SoilRange, WedgeValues
 from ...wedge.engine import WedgeEngine
 from ...wedge.strength import strength_of
 from ...wedge.wedge import Failure, Plate, failure
-from .design import Point, WedgeDesign, fitted_law, tip_of
 from .fluctuation import Fluctuation, fit_wedges
-from .measured import START, Measured, shortest_wave_m
-from .runs import PullNumbers, numbers, pull
+from .pulls import START, Measured, PullNumbers, numbers, pull, shortest_wave_m
+from .wedge_design import Point, WedgeDesign, fitted_law, tip_of
 
 Bounds = dict[str, tuple[float, float, float]]
 

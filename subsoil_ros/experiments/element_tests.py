@@ -12,17 +12,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...dem.bed import Bed
-from ...dem.beds.settling import Settling
-from ...dem.beds.settling_progress import ignore_progress
-from ...dem.beds.tile import at_pressure, endless_soil, solid_fraction
-from ...dem.beds.tiled import kept_tile
-from ...errors import RunError
-from ...limits.soil_at_work import WORKING_STRESS_PA
-from ...limits.stable_steps import SAFETY, step_limits
-from ...loading.loader import ResolvedScene
-from ...scene.pair_laws import pair_values
-from ...scene.soil import Soil
+from ..dem.bed import Bed
+from ..dem.beds.settling import Settling
+from ..dem.beds.settling_progress import ignore_progress
+from ..dem.beds.tile import at_pressure, endless_soil, solid_fraction
+from ..dem.beds.tiled import kept_tile
+from ..errors import RunError
+from ..limits.soil_at_work import WORKING_STRESS_PA
+from ..limits.stable_steps import SAFETY, step_limits
+from ..loading.loader import ResolvedScene
+from ..scene.pair_laws import pair_values
+from ..scene.soil import Soil
 
 CELL_DIAMETERS = 12.0
 """Edge of the cell over the largest diameter: two seeds then differ by 3 % in strength."""

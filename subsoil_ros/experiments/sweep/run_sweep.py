@@ -9,13 +9,13 @@ import pandas as pd
 from ...analysis.columns import spring_element
 from ...analysis.intervals import CONFIDENCE
 from ...errors import InputError
-from ...figures.response import draw_response
+from ...figures.sweep_figures import draw_response
 from ...yaml_document import dump_yaml
 from ..run_cache import CachedRun
-from .engine import ExecutionOptions, Watcher, run_jobs
-from .plan import Job, Point, Variation, combinations, jobs_of
+from .points import Job, Point, Variation, combinations, jobs_of
 from .ranking import DRAFT, Ranked, control_point, point_key, rank, ranking_table, recommended
-from .table import table_of, write_table, write_whole
+from .run_jobs import ExecutionOptions, Watcher, run_jobs
+from .run_table import table_of, write_table, write_whole
 
 REQUEST = "sweep.yaml"
 RUNS = "runs"

@@ -7,10 +7,10 @@ from typing import Any
 
 from ..._version import __version__
 from ...analysis.intervals import Interval
-from ...figures.study_figure import Dot, Panel, draw_study
+from ...figures.sweep_figures import Dot, Panel, draw_study
 from ..run_metrics import METRICS, Metric
-from .design import REFERENCE, StudyDesign
 from .measurement import Measurement, PresetResult
+from .study_design import REFERENCE, StudyDesign
 
 _SPEED_UP = ("speed_up", "speed_up_low", "speed_up_high")
 

@@ -11,7 +11,7 @@ from ...loading.validation import suggestion, validated
 from ...strict_model import Fraction, StrictModel
 from ...yaml_document import read_document
 from ..run_metrics import METRICS
-from ..sweep.plan import Point
+from ..sweep.points import Point
 
 REFERENCE = "reference"
 

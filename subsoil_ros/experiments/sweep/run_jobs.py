@@ -11,9 +11,8 @@ from ...api.execution import RunResult, code_digest, machine_name
 from ...errors import RunError
 from ...loading.scene_bundle import pack
 from ..run_cache import CachedRun, find_run, keep_run
-from .cluster import connected, local_worker_count
-from .plan import Job
-from .worker import PROGRESS, run_bundle
+from .cluster import PROGRESS, connected, local_worker_count, run_bundle
+from .points import Job
 
 
 class Watcher(Protocol):

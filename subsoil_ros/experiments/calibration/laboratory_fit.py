@@ -17,16 +17,9 @@ from ...analysis.intervals import t_quantile
 from ...errors import InputError
 from ...limits.soil_at_work import MAX_OVERLAP, WORKING_STRESS_PA
 from ...loading.loader import load_scene
-from ...scene.material import (
-    VERSION,
-    Interval,
-    LaboratorySoil,
-    Material,
-    mean_volume_radius_m,
-    sizes_about,
-)
+from ...scene.material import VERSION, Interval, LaboratorySoil, Material, mean_volume_radius_m, sizes_about
 from ...yaml_document import Document
-from ..soil_tests.element import (
+from ..element_tests import (
     CELL_DIAMETERS,
     CRITICAL_STRAIN,
     LEAST_PA,
@@ -39,7 +32,7 @@ from ..soil_tests.element import (
     tensile_strength_pa,
 )
 from ..sweep.cluster import connected
-from .particles import FORMS, REST_OVERLAP, Wanted
+from .particle_forms import FORMS, REST_OVERLAP, Wanted
 
 SEEDS = (101, 102, 103, 104)
 """Seeds of the cells of the fit; scenes have other seeds unless they set these."""

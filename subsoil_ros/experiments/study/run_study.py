@@ -10,13 +10,13 @@ from ...errors import RunError
 from ...yaml_document import dump_yaml
 from ..run_cache import CachedRun
 from ..run_metrics import half_widths_of, metrics_of
-from ..sweep.engine import ExecutionOptions, Watcher, run_jobs
-from ..sweep.plan import Job, Point, jobs_of
-from ..sweep.sweep import RUNS, open_folder
-from ..sweep.table import table_of, write_table, write_whole
-from .design import REFERENCE, StudyDesign
+from ..sweep.points import Job, Point, jobs_of
+from ..sweep.run_jobs import ExecutionOptions, Watcher, run_jobs
+from ..sweep.run_sweep import RUNS, open_folder
+from ..sweep.run_table import table_of, write_table, write_whole
 from .measurement import Measurement, judge
-from .report import draw, expected_presets, markdown, wide_table
+from .study_design import REFERENCE, StudyDesign
+from .study_tables import draw, expected_presets, markdown, wide_table
 
 REQUEST = "study.yaml"
 

@@ -15,7 +15,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
+
 from ..analysis.series import Series, read_series_csv
+from ..analysis.summary import Summary
 from ..api.execution import RunResult
 from ..errors import InputError, RunError, SubsoilError
 from ..loading.loader import ResolvedScene
@@ -40,6 +43,17 @@ class CachedRun:
         """summary.json; empty if a run failed before its first series tick."""
         path = self.folder / "summary.json"
         return _read_json(path) if path.is_file() else {}
+
+    @cached_property
+    def metrics(self) -> Summary:
+        """summary.json of a recorded run. Raises InputError for one that another version has written."""
+        try:
+            return Summary.model_validate(self.summary)
+        except ValidationError as error:
+            raise InputError(
+                f"{self.folder / 'summary.json'}: is no summary of a run with this version; remove the "
+                "folder, and the run is repeated"
+            ) from error
 
     @property
     def failure(self) -> str | None:

@@ -18,7 +18,7 @@ from ..yaml_document import Document, dump_yaml, merge
 from .files import shipped_scene, with_absolute_files
 from .fragments import with_base, with_initial_condition, with_preset
 from .material_file import is_of, material_first, with_material, with_window
-from .overrides import Override, apply_override, overrides_of, parse_overrides
+from .overrides import Override, apply_override, origin, overrides_of, parse_overrides
 from .presets import (
     OF_MATERIALS,
     Preset,
@@ -112,7 +112,7 @@ def _resolved(draft: _Draft) -> ResolvedScene:
         _fill_window,
     ):
         complete(draft)
-    scene = validated(Scene, draft.document, draft.shown, draft.changes)
+    scene = validated(Scene, draft.document, draft.shown, lambda path: origin(path, draft.changes))
     if draft.material and (scene.particle_soil is None or not is_of(scene.particle_soil, draft.material)):
         draft.material = draft.material_file = None  # the soil is another one
     try:

@@ -94,3 +94,12 @@ def _split(document: Document, override: Override) -> list[str]:
         keys.append(key)
         rest = [] if named_numbers else rest[1:]
     return keys
+
+
+def origin(path: str, overrides: Sequence[Override]) -> str:
+    """' (given by --set ...)' for a path that an override has changed, for errors."""
+    for override in reversed(overrides):
+        within = f"{path}.".startswith(f"{override.path}.")
+        if within or f"{override.path}.".startswith(f"{path}."):
+            return f" (given by {override.source})"
+    return ""

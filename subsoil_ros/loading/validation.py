@@ -4,8 +4,8 @@ import difflib
 import json
 import re
 import types
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar, Union, get_args, get_origin
+from collections.abc import Callable, Iterable, Sequence
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
@@ -14,9 +14,6 @@ from ..contact_laws.registry import unusable_laws
 from ..errors import SceneError
 from ..scene.scene import Scene
 from ..yaml_document import Document
-
-if TYPE_CHECKING:
-    from .overrides import Override
 
 CHOICES = {"initial_condition": "initial_conditions", "preset": "presets"}
 """Keys that name a fragment, and where the fragments stand."""
@@ -55,22 +52,22 @@ _SUBPATH = re.compile(r"^([A-Za-z_][\w.\[\]]*): ")
 
 
 def validated(
-    annotation: type[Model], document: Document, shown: str, overrides: "Sequence[Override]" = ()
+    annotation: type[Model], document: Document, shown: str, origin: Callable[[str], str] = lambda path: ""
 ) -> Model:
     """Return the document as an instance of `annotation`, a model or a union of models.
 
     Raises:
-        SceneError: one line per wrong place. `shown` names the document there, `overrides` are in it already.
+        SceneError: one line per wrong place. `shown` names the document there, `origin` who gave a value.
     """
     try:
         # Strict JSON: lists may stand for tuples, but neither text nor booleans for numbers.
         return TypeAdapter(annotation).validate_json(json.dumps(document), strict=True)
     except ValidationError as error:
-        raise SceneError(_described(error, annotation, document, shown, overrides)) from error
+        raise SceneError(_described(error, annotation, document, shown, origin)) from error
 
 
 def _described(
-    error: ValidationError, annotation: Any, document: Document, shown: str, overrides: "Sequence[Override]"
+    error: ValidationError, annotation: Any, document: Document, shown: str, origin: Callable[[str], str]
 ) -> str:
     places: dict[tuple[str, ...], list[ErrorDetails]] = {}
     for details in error.errors(include_url=False):
@@ -79,7 +76,7 @@ def _described(
     for place, found in places.items():
         path, message = _message(place, found, annotation, document)
         where = f"{shown}: {path}" if path else shown
-        lines.append(f"{where}: {message}{_origin(path, overrides)}")
+        lines.append(f"{where}: {message}{origin(path)}")
     hidden_count = len(lines) - SHOWN_COUNT
     if hidden_count > 0:
         lines = [*lines[:SHOWN_COUNT], f"{shown}: and {hidden_count} more errors; correct these first"]
@@ -101,14 +98,6 @@ def _place(location: tuple[int | str, ...], document: Document) -> tuple[str, ..
             break  # the members of a union of scalars
         place.append(str(element))
     return tuple(place)
-
-
-def _origin(path: str, overrides: "Sequence[Override]") -> str:
-    for override in reversed(overrides):
-        within = f"{path}.".startswith(f"{override.path}.")
-        if within or f"{override.path}.".startswith(f"{path}."):
-            return f" (given by {override.source})"
-    return ""
 
 
 def _message(

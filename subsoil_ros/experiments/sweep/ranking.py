@@ -7,11 +7,11 @@ from typing import Any
 
 import pandas as pd
 
-from ...analysis.columns import spring_element
+from ...analysis.columns import DRAFT, spring_element
 from ...analysis.intervals import Interval, difference_by_seed, error_by_seed, mean_interval
 from .points import Point
 
-DRAFT = "series.draft_newton.mean"
+MEAN_DRAFT = f"series.{DRAFT}.mean"
 """Path of the quantity by which points are ranked."""
 
 FATIGUE_WORDS = ("equivalent_range", "fatigue", "rainflow")
@@ -67,9 +67,9 @@ def rank(
     for point in points:
         rows = _rows(runs, point)
         done = rows[rows["failure"] == ""]
-        if DRAFT not in done or done.empty:
+        if MEAN_DRAFT not in done or done.empty:
             continue
-        drafts = _by_seed(done, DRAFT)
+        drafts = _by_seed(done, MEAN_DRAFT)
         saving = None
         if control:
             saving = _saving(drafts, _rows(runs, control_point(point, control)), confidence)
@@ -116,8 +116,8 @@ def ranking_table(ranked: Sequence[Ranked], best: Ranked | None) -> pd.DataFrame
             **item.values,
             "seeds": item.draft_newton.count,
             "failures": item.failures,
-            DRAFT: item.draft_newton.mean,
-            f"{DRAFT}_half_width": item.draft_newton.half_width,
+            MEAN_DRAFT: item.draft_newton.mean,
+            f"{MEAN_DRAFT}_half_width": item.draft_newton.half_width,
         }
         if item.saving is not None:
             row |= {"saving": item.saving.mean, "saving_half_width": item.saving.half_width}
@@ -147,7 +147,7 @@ def _saving(drafts: dict[int, float], control: pd.DataFrame, confidence: float) 
     done = control[control["failure"] == ""]
     if done.empty:
         return None
-    return error_by_seed(drafts, _by_seed(done, DRAFT), confidence).scaled(-1.0)
+    return error_by_seed(drafts, _by_seed(done, MEAN_DRAFT), confidence).scaled(-1.0)
 
 
 def _load_columns(rows: pd.DataFrame) -> list[str]:

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pandas as pd
 
-from ...analysis.columns import spring_element
+from ...analysis.columns import DRAFT, spring_element
 from ...analysis.intervals import CONFIDENCE
 from ...errors import InputError
 from ...figures.sweep_figures import draw_response
 from ...yaml_document import dump_yaml
 from ..run_cache import CachedRun
 from .points import Job, Point, Variation, combinations, jobs_of
-from .ranking import DRAFT, Ranked, control_point, point_key, rank, ranking_table, recommended
+from .ranking import MEAN_DRAFT, Ranked, control_point, point_key, rank, ranking_table, recommended
 from .run_jobs import ExecutionOptions, Watcher, run_jobs
 from .run_table import table_of, write_table, write_whole
 
@@ -135,13 +135,13 @@ def run_sweep(
 
 
 def _window_is_empty(run: CachedRun) -> bool:
-    return run.failure is None and run.summary.get("window", {}).get("whole_run") is True
+    return run.failure is None and run.metrics.window.whole_run
 
 
 def _usual_columns(table: pd.DataFrame, spring: str | None) -> list[str]:
     names = [
-        DRAFT,
-        "series.draft_newton.max",
+        MEAN_DRAFT,
+        f"series.{DRAFT}.max",
         f"series.{spring_element(spring).load}.max",
         f"series.{spring_element(spring).load}.min",
     ]

@@ -201,7 +201,7 @@ def _period_rows(scene: Scene, window: Window, series: Series, statistics: RunSt
     length_s = float(times[-1] - times[0])
     spring, shank = scene.report.spring, scene.report.shank
     for label, name, published in (
-        ("period of the draft", "draft_newton", printed.DRAFT_PERIOD_S),
+        ("period of the draft", DRAFT, printed.DRAFT_PERIOD_S),
         ("period of the spring force", spring_element(spring).load, printed.PERIOD_S),
         ("period of the entry angle", Body(shank).angle_rad, printed.PERIOD_S),
         ("period of the height", Body(shank).z_m, printed.PERIOD_S),

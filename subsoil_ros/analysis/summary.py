@@ -14,6 +14,7 @@ from pydantic_core import core_schema
 
 from ..loading.scene_schema import SchemaWithUnits
 from ..strict_model import StrictModel
+from .columns import DRAFT
 
 SCHEMA_VERSION = 2
 """Version of config/summary.schema.json; raised when a quantity moves or changes its meaning."""
@@ -385,6 +386,14 @@ def _leaves(group: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
             yield from _leaves(value, f"{prefix}{key}.")
         else:
             yield f"{prefix}{key}", value
+
+
+def path_of(column: str, *statistic: str) -> str:
+    """Path of a statistic of a column of the series: path_of(DRAFT, "run", "max")."""
+    return ".".join(("series", column, *statistic))
+
+
+MEAN_DRAFT = path_of(DRAFT, "mean")
 
 
 def short_name(path: str) -> str:

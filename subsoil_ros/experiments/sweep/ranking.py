@@ -7,12 +7,10 @@ from typing import Any
 
 import pandas as pd
 
-from ...analysis.columns import DRAFT, spring_element
+from ...analysis.columns import spring_element
 from ...analysis.intervals import Interval, difference_by_seed, error_by_seed, mean_interval
+from ...analysis.summary import MEAN_DRAFT
 from .points import Point
-
-MEAN_DRAFT = f"series.{DRAFT}.mean"
-"""Path of the quantity by which points are ranked."""
 
 FATIGUE_WORDS = ("equivalent_range", "fatigue", "rainflow")
 """Words in the names of columns about a spring's load cycles; the first column found is used."""

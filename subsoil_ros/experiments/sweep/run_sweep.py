@@ -8,12 +8,13 @@ import pandas as pd
 
 from ...analysis.columns import DRAFT, spring_element
 from ...analysis.intervals import CONFIDENCE
+from ...analysis.summary import MEAN_DRAFT, path_of
 from ...errors import InputError
 from ...figures.sweep_figures import draw_response
 from ...yaml_document import dump_yaml
 from ..run_cache import CachedRun
 from .points import Job, Point, Variation, combinations, jobs_of
-from .ranking import MEAN_DRAFT, Ranked, control_point, point_key, rank, ranking_table, recommended
+from .ranking import Ranked, control_point, point_key, rank, ranking_table, recommended
 from .run_jobs import ExecutionOptions, Watcher, run_jobs
 from .run_table import table_of, write_table, write_whole
 
@@ -141,9 +142,9 @@ def _window_is_empty(run: CachedRun) -> bool:
 def _usual_columns(table: pd.DataFrame, spring: str | None) -> list[str]:
     names = [
         MEAN_DRAFT,
-        f"series.{DRAFT}.max",
-        f"series.{spring_element(spring).load}.max",
-        f"series.{spring_element(spring).load}.min",
+        path_of(DRAFT, "max"),
+        path_of(spring_element(spring).load, "max"),
+        path_of(spring_element(spring).load, "min"),
     ]
     return [name for name in names if name in table]
 

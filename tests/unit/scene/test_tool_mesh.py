@@ -1,10 +1,13 @@
-"""Mass properties of tools against closed forms."""
+"""Mass properties and poses of tools against closed forms."""
+
+import math
 
 import numpy as np
 import trimesh
 from numpy.testing import assert_allclose
 
-from subsoil_ros.scene.tool_mesh import ToolMesh, tool_mass
+from subsoil_ros.messages import ToolMotion
+from subsoil_ros.scene.tool_mesh import ToolMesh, posed_vertices_m, tool_mass
 
 
 def box(size, centre):
@@ -31,3 +34,13 @@ def test_two_boxes_have_the_mass_centre_and_inertia_of_a_dumbbell():
     assert_allclose(found.mass_kg, masses.sum(), rtol=1e-12)
     assert_allclose(found.centre_m, common, rtol=1e-12)
     assert_allclose(found.inertia_kg_m2, (own + masses * distance2).sum(), rtol=1e-12)
+
+
+def test_outline_is_turned_with_the_tool():
+    """A quarter turn by phi takes the body's x axis up, and the turn is counted from the reference pose."""
+    corner = np.array([[0.3, 0.1, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    facets = np.array([[0, 1, 2]], dtype=np.int32)
+    mesh = ToolMesh(corner, facets, np.zeros(1, dtype=np.int32), ("share",))
+    motion = ToolMotion("shank", 2.0, 0.35, 5.0, 0.2 + math.pi / 2, 0.0, 0.0, 0.0)
+    world = posed_vertices_m(mesh, motion, 0.2)
+    np.testing.assert_allclose(world, [[2.0, 0.1, 5.3], [2.0, 0.0, 5.0], [1.0, 0.0, 5.0]], atol=1e-15)

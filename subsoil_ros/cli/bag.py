@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
@@ -18,6 +18,7 @@ from ._shared.output import print_line, stdout_console, table
 
 if TYPE_CHECKING:
     from ..recording.bag_info import BagFacts
+    from ..yaml_document import Document
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -102,7 +103,7 @@ def _lines(facts: BagFacts) -> Iterator[str]:
         yield f"attached: {', '.join(facts.attachments)} ({size_bytes / 1e3:.1f} kB)"
 
 
-def _document(facts: BagFacts) -> dict[str, Any]:
+def _document(facts: BagFacts) -> Document:
     document = asdict(facts) | {"path": str(facts.path), "message_count": facts.message_count}
     for topic, entry in zip(facts.topics, document["topics"], strict=True):
         entry["rate_hz"] = topic.rate_hz

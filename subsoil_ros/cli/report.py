@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from ..extras import require
@@ -14,6 +14,7 @@ from ._shared.arguments import RECORD_HELP
 if TYPE_CHECKING:
     from ..analysis.run_statistics import RunStatistics
     from ..api.recorded_run import RecordedRun
+    from ..yaml_document import Document
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -102,7 +103,7 @@ def _write_tables(statistics: RunStatistics, directory: Path) -> None:
         write_section_csv(statistics.disturbance, directory / "loosened_section.csv")
 
 
-def _known_facts(directory: Path) -> dict[str, Any]:
+def _known_facts(directory: Path) -> Document:
     """Facts that are not in the bag: from the run's summary, or, under ros2 launch, from its folder."""
     from ..analysis.summary import run_facts
     from ..api.checkpoints import checkpoint_facts

@@ -9,11 +9,9 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 from pydantic import ValidationError
 
@@ -22,6 +20,7 @@ from ..analysis.summary import Summary
 from ..api.execution import RunResult
 from ..errors import InputError, RunError, SubsoilError
 from ..loading.loader import ResolvedScene
+from ..yaml_document import Document
 
 NAME_DIGITS = 32
 """Digits of the hash in the name of a folder."""
@@ -34,12 +33,12 @@ class CachedRun:
     folder: Path
 
     @cached_property
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Document:
         """Content of run.json, see RunResult."""
         return _read_json(self.folder / "run.json")
 
     @cached_property
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> Document:
         """summary.json; empty if a run failed before its first series tick."""
         path = self.folder / "summary.json"
         return _read_json(path) if path.is_file() else {}
@@ -71,7 +70,7 @@ class CachedRun:
         return read_series_csv(self.folder / "series.csv")
 
 
-def _read_json(path: Path) -> dict[str, Any]:
+def _read_json(path: Path) -> Document:
     return dict(json.loads(path.read_text(encoding="utf-8")))
 
 
@@ -100,7 +99,7 @@ def keep_run(cache: Path, scene: ResolvedScene, executed: RunResult) -> CachedRu
         shutil.rmtree(part, ignore_errors=True)
 
 
-def keep_folder(cache: Path, scene_hash: str, made: Path, facts: Mapping[str, Any]) -> CachedRun:
+def keep_folder(cache: Path, scene_hash: str, made: Path, facts: Document) -> CachedRun:
     """Keep a folder that `subsoil run` made on the disk of the cache, as keep_run does; it is moved.
 
     facts: as RunResult has them.

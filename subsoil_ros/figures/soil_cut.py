@@ -1,7 +1,6 @@
 """A cut through the soil along the mid-plane of the bin at three times (paper, figure 7)."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import trimesh
@@ -117,7 +116,7 @@ def _draw(
     save_figure(figure, path)
 
 
-def _draw_particles(axes: Axes, cloud: SoilCloud, radii_m: NDArray[Any]) -> EllipseCollection:
+def _draw_particles(axes: Axes, cloud: SoilCloud, radii_m: NDArray[np.floating]) -> EllipseCollection:
     """Circles of true size of the particles (n,) whose centres lie within their radius of y = 0."""
     positions, speeds = np.asarray(cloud.positions_m), np.asarray(cloud.speeds_m_per_s)
     aside = np.abs(positions[:, 1])

@@ -3,7 +3,6 @@
 import copy
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from ..errors import InputError
 from ..yaml_document import Document
@@ -26,7 +25,7 @@ def map_files(document: Document, change: Callable[[str], str]) -> Document:
     return copied
 
 
-def _change(holder: Any, key: str, change: Callable[[str], str]) -> None:
+def _change(holder: object, key: str, change: Callable[[str], str]) -> None:
     if isinstance(holder, dict) and isinstance(holder.get(key), str):
         holder[key] = change(holder[key])
 

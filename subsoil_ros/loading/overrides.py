@@ -67,7 +67,7 @@ def _split(document: Document, override: Override) -> list[str]:
             f"{'preset' if rest[0] == 'presets' else 'initial_condition'}=NAME"
         )
     keys: list[str] = []
-    annotation: Any = Scene
+    annotation: object = Scene
     value: object = document
     while rest:
         here = ".".join(keys)

@@ -5,7 +5,6 @@ Every scene whose soil is a material has some: rules for the size of its particl
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -45,7 +44,7 @@ class Expected(StrictModel):
 class Preset(StrictModel):
     """One preset: a fragment that is laid over the scene, as a start is."""
 
-    changes: dict[str, Any] = {}
+    changes: Document = {}
     expected: Expected | None = None  # None: the study has not been run
 
 

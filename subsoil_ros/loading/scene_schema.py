@@ -11,9 +11,10 @@ from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import core_schema
 
 from ..scene.scene import Scene
+from ..yaml_document import Document
 from .validation import LOADER_KEYS
 
-Schema = dict[str, Any]
+Schema = Document
 
 DIALECT = "http://json-schema.org/draft-07/schema#"
 """The newest dialect that the YAML servers of all editors support."""

@@ -5,7 +5,7 @@ import json
 import re
 import types
 from collections.abc import Callable, Iterable, Sequence
-from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
+from typing import Annotated, TypeGuard, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
@@ -67,7 +67,7 @@ def validated(
 
 
 def _described(
-    error: ValidationError, annotation: Any, document: Document, shown: str, origin: Callable[[str], str]
+    error: ValidationError, annotation: object, document: Document, shown: str, origin: Callable[[str], str]
 ) -> str:
     places: dict[tuple[str, ...], list[ErrorDetails]] = {}
     for details in error.errors(include_url=False):
@@ -101,7 +101,7 @@ def _place(location: tuple[int | str, ...], document: Document) -> tuple[str, ..
 
 
 def _message(
-    place: tuple[str, ...], found: list[ErrorDetails], root: Any, document: Document
+    place: tuple[str, ...], found: list[ErrorDetails], root: object, document: Document
 ) -> tuple[str, str]:
     """Place of an error, and its message."""
     path = ".".join(place)
@@ -179,7 +179,7 @@ def _given(value: object) -> str:
     return str(value)[:60]
 
 
-def members(annotation: Any) -> list[Any]:
+def members(annotation: object) -> list[object]:
     """The alternatives of an annotation, without Annotated, Union and None."""
     origin = get_origin(annotation)
     if origin is Annotated:
@@ -189,12 +189,12 @@ def members(annotation: Any) -> list[Any]:
     return [annotation]
 
 
-def is_model(annotation: Any) -> bool:
+def is_model(annotation: object) -> TypeGuard[type[BaseModel]]:
     """Whether the annotation is a part of the scene (and not a number, text or mapping)."""
     return isinstance(annotation, type) and issubclass(annotation, BaseModel)
 
 
-def kinds(annotation: Any, key: str = "kind") -> list[str]:
+def kinds(annotation: object, key: str = "kind") -> list[str]:
     """The values `kind` (or `model`) may have at a place of this annotation; empty if there is no choice."""
     found: list[str] = []
     for member in members(annotation):
@@ -203,7 +203,7 @@ def kinds(annotation: Any, key: str = "kind") -> list[str]:
     return found
 
 
-def model_at(annotation: Any, value: object) -> type[BaseModel] | None:
+def model_at(annotation: object, value: object) -> type[BaseModel] | None:
     """The model that reads a value of this annotation; None if it is not a model, or unknown."""
     models = [m for m in members(annotation) if is_model(m)]
     if len(models) == 1:
@@ -217,7 +217,7 @@ def model_at(annotation: Any, value: object) -> type[BaseModel] | None:
     return None
 
 
-def item_annotation(annotation: Any) -> Any:
+def item_annotation(annotation: object) -> object:
     """The annotation of the items of dict[str, Body] or tuple[Layer, ...]; None if it is neither."""
     for member in members(annotation):
         if get_origin(member) is dict:
@@ -227,9 +227,9 @@ def item_annotation(annotation: Any) -> Any:
     return None
 
 
-def annotation_at(root: Any, document: object, path: Iterable[object]) -> Any:
+def annotation_at(root: object, document: object, path: Iterable[object]) -> object:
     """The annotation at a path of the document; None where the path leaves the model."""
-    annotation: Any = root
+    annotation: object = root
     value = document
     for key in path:
         if annotation is None:
@@ -258,7 +258,7 @@ def value_at(value: object, path: Iterable[object]) -> object:
     return value
 
 
-def known_keys(annotation: Any, value: object) -> list[str]:
+def known_keys(annotation: object, value: object) -> list[str]:
     """The keys that may stand at a place: fields of its model, or the names given in the scene."""
     model = model_at(annotation, value)
     if model is not None:

@@ -3,10 +3,8 @@
 import csv
 import difflib
 import sys
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -16,6 +14,7 @@ from ..analysis.columns import DRAFT, DRAFT_OF_SHARES, DRAFT_OF_WHEELS, Body, dr
 from ..analysis.summary import Summary, flattened
 from ..loading.reference import Reference, ReferenceValue
 from ..scene.scene import Scene
+from ..yaml_document import Document
 from .sentences import summary_facts
 
 
@@ -127,7 +126,7 @@ class ReferenceRow:
         ]  # fmt: skip
 
 
-def reference_rows(reference: Reference, summary: Mapping[str, Any]) -> list[ReferenceRow]:
+def reference_rows(reference: Reference, summary: Document) -> list[ReferenceRow]:
     """A row for each value of the reference; summary: as summary.json holds it."""
 
     found = flattened(summary)
@@ -139,7 +138,7 @@ def reference_rows(reference: Reference, summary: Mapping[str, Any]) -> list[Ref
     return [ReferenceRow(quantity, ours(quantity), given) for quantity, given in reference.values.items()]
 
 
-def reference_lines(reference: Reference, summary: Mapping[str, Any]) -> list[str]:
+def reference_lines(reference: Reference, summary: Document) -> list[str]:
     """The notes of a reference, and which of its quantities the run lacks."""
     lines = list(reference.notes)
     for row in reference_rows(reference, summary):
@@ -164,7 +163,7 @@ def write_reference_csv(rows: list[ReferenceRow], path: Path) -> None:
             )  # fmt: skip
 
 
-def print_reference(reference: Reference, summary: Mapping[str, Any], console: Console) -> None:
+def print_reference(reference: Reference, summary: Document, console: Console) -> None:
     """The printed table, and the lines below it."""
     table = Table(title=f"beside {escape(reference.name)}", title_justify="left")
     for heading in HEADINGS:

@@ -1,7 +1,7 @@
 """How the bed is made."""
 
 import itertools
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeGuard
 
 from pydantic import Field, model_validator
 
@@ -75,6 +75,6 @@ class SurfaceProfile(StrictModel):
 Bed = Annotated[GridBed | DenseRandomBed | TiledBed | SavedBed, Field(discriminator="kind")]
 
 
-def is_random(bed: Bed) -> bool:
+def is_random(bed: Bed) -> TypeGuard[GridBed | DenseRandomBed | TiledBed]:
     """Whether the bed depends on a seed."""
     return isinstance(bed, (DenseRandomBed, TiledBed)) or (isinstance(bed, GridBed) and bed.jitter_m > 0.0)

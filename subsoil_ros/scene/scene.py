@@ -1,6 +1,6 @@
 """The scene: one frozen tree of everything a run needs."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -15,7 +15,7 @@ from .tools import Tool
 from .wedge_soil import ExternalSoil, WedgeSoil
 
 
-def _soil_model(soil: Any) -> Any:
+def _soil_model(soil: object) -> object:
     """Name of the soil model of a description; `dem` if it has no `model`."""
     return soil.get("model", "dem") if isinstance(soil, dict) else getattr(soil, "model", "dem")
 

@@ -1,7 +1,7 @@
 """Soil of particles: bin, bed and contact law; layers, bonds, a window, monitors."""
 
 import math
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -40,8 +40,8 @@ if TYPE_CHECKING:
         """What a layer changes of the law."""
 
         kind: str
-        particle: Any
-        boundary: Any
+        particle: StrictModel | None
+        boundary: StrictModel | None
 else:
     LayerLaw = one_of_kinds(map(layer_law, contact_laws().values()))
 

@@ -5,7 +5,6 @@ import os
 import socket
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
 from ...analysis.summary import KnownMean, Summary
 from ...api.run_frame import RunFrame, open_run
@@ -91,7 +90,7 @@ class _ShownRun(RunWatch):
         super().__init__(show)
         self._bar = bar
 
-    def on_check(self, result: Mapping[str, Any]) -> None:
+    def on_check(self, result: Mapping[str, object]) -> None:
         super().on_check(result)
         self._bar.note(mean_words(KnownMean.model_validate(result)))
 

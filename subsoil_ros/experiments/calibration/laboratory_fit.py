@@ -1,14 +1,14 @@
 """Particles fitted to a laboratory's soil, by element tests.
 
 Two numbers are sought: friction of the particles, for the friction angle, and one for the cohesion, which
-depends on the law (particles.py). Everything else follows from a rule: stiffness from the overlap at work or
-from the confined modulus, dampers from a restitution, density from the bulk density, the friction on metal
-from that of the laboratory.
+depends on the law (particle_forms.py). Everything else follows from a rule: stiffness from the overlap at
+work or from the confined modulus, dampers from a restitution, density from the bulk density, the friction on
+metal from that of the laboratory.
 """
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,9 @@ from ..element_tests import (
 )
 from ..sweep.cluster import connected
 from .particle_forms import FORMS, REST_OVERLAP, Wanted
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 SEEDS = (101, 102, 103, 104)
 """Seeds of the cells of the fit; scenes have other seeds unless they set these."""
@@ -94,7 +97,7 @@ def calibrate(
 
 
 class _Fit:
-    def __init__(self, soil: LaboratorySoil, radius_m: float, client: Any, say: Say, law: str) -> None:
+    def __init__(self, soil: LaboratorySoil, radius_m: float, client: "Client", say: Say, law: str) -> None:
         self._soil, self._radius, self._client, self._say = soil, radius_m, client, say
         self._form = FORMS[law]
         self._mean_radius = mean_volume_radius_m(radius_m)

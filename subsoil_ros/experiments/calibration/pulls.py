@@ -71,12 +71,12 @@ class _Sink:
         self.forces: list[list[tuple[float, float]]] = []
         self.groups: tuple[str, ...] = ()
 
-    def write(self, record: Any) -> None:
-        if record.tick == INITIAL_TICK:
+    def write(self, record: object) -> None:
+        if not isinstance(record, ToolMotions | ToolWrenches) or record.tick == INITIAL_TICK:
             return
         if isinstance(record, ToolMotions):
             self.x_m.append(record.tools[0].x_m)
-        elif isinstance(record, ToolWrenches):
+        else:
             found = record.tools[0].groups
             self.groups = tuple(group.group for group in found)
             self.forces.append([(group.force_x_newton, group.force_z_newton) for group in found])

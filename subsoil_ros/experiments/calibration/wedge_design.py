@@ -82,7 +82,7 @@ def point_overrides(
     changes = []
     bed = soil.bed
     if replicate and is_random(bed):
-        changes.append(f"soil.bed.seed={bed.seed + replicate}")  # type: ignore[union-attr]  # random: it has one
+        changes.append(f"soil.bed.seed={bed.seed + replicate}")
     elif replicate:
         spacing = particle_spacing_m(soil)
         shift = [round((part * replicate) % 1.0 * spacing, 6) for part in GOLDEN]

@@ -2,11 +2,10 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 
 from ...loading.loader import ResolvedScene
 from ...loading.soil_file import SoilFile
@@ -17,6 +16,7 @@ from ...scene.wedge_soil import SoilRange, WedgeValues
 from ...wedge.engine import WedgeEngine
 from ...wedge.strength import strength_of
 from ...wedge.wedge import Failure, Plate, failure
+from ...yaml_document import Document
 from .fluctuation import Fluctuation, fit_wedges
 from .pulls import START, Measured, PullNumbers, numbers, pull, shortest_wave_m
 from .wedge_design import Point, WedgeDesign, fitted_law, tip_of
@@ -134,7 +134,7 @@ def searched_by(theory: str) -> Bounds:
     return FITTED
 
 
-def _at_bound(end: Any, searched: Bounds) -> list[bool]:
+def _at_bound(end: OptimizeResult, searched: Bounds) -> list[bool]:
     """Which values are at a bound, to 1e-3 of their scale."""
     return [
         value - low < 1e-3 * start or high - value < 1e-3 * start
@@ -151,8 +151,8 @@ def _with(values: WedgeValues, found: NDArray[np.float64]) -> WedgeValues:
 
 
 def _fit_means(
-    values: WedgeValues, used: list[Measured], engines: dict[int, WedgeEngine], before: Any
-) -> Any:
+    values: WedgeValues, used: list[Measured], engines: dict[int, WedgeEngine], before: OptimizeResult | None
+) -> OptimizeResult:
     """Least squares over the mean forces; from several starts the first time."""
     scale, lower, upper = np.array(list(searched_by(values.theory).values())).T
 
@@ -182,7 +182,9 @@ def steady(engine: WedgeEngine, item: Measured) -> tuple[NDArray[np.float64], ND
     """Mean forces (groups,) along x and z of a steady pull: springs full, blocks held at their mean."""
     tool, path = next((name, tool.path) for name, tool in item.scene.scene.tools.items() if tool.path)
     step = item.point.speed_m_per_s * item.scene.timing.communication_step_s
-    start = 0.5 * item.scene.scene.soil.bin.length_m - item.tip_x_m  # type: ignore[union-attr]
+    soil = item.scene.scene.soil
+    assert soil is not None
+    start = 0.5 * soil.bin.length_m - item.tip_x_m
 
     def at(x: float) -> tuple[ToolMotion, ...]:
         return (ToolMotion(tool, x, 0.0, path.start_z_m, path.start_angle_rad, 0.0, 0.0, 0.0),)
@@ -287,21 +289,21 @@ def _compare(
 ) -> Compared:
     got = _wedge_numbers(values, item, engine, design, shortest_wave_m)
 
-    def both(name: str) -> tuple[Any, Any]:
-        return item.mean(name), np.mean([getattr(one, name) for one in got], axis=0)
+    def of_wedge(name: str) -> NDArray[np.float64]:
+        return np.mean([getattr(one, name) for one in got], axis=0)
+
+    def both(name: str) -> tuple[float, float]:
+        return float(np.sum(item.mean(name))), float(np.sum(of_wedge(name)))
 
     def ratio(name: str) -> tuple[float, ...]:
-        particles, wedge = both(name)
-        return tuple((wedge / np.maximum(particles, 1e-9)).tolist())
+        return tuple((of_wedge(name) / np.maximum(item.mean(name), 1e-9)).tolist())
 
-    draft, deviation = (tuple(map(float, both(name))) for name in ("draft_newton", "deviation_newton"))
-    upward = tuple(float(np.sum(part)) for part in both("mean_z_newton"))
     return Compared(
         point=item.point,
         used=item.used,
-        draft_newton=draft,  # type: ignore[arg-type]  # two each
-        upward_newton=upward,  # type: ignore[arg-type]
-        deviation_newton=deviation,  # type: ignore[arg-type]
+        draft_newton=both("draft_newton"),
+        upward_newton=both("mean_z_newton"),
+        deviation_newton=both("deviation_newton"),
         variance_ratio=ratio("variance_of_means"),
         power_ratio=ratio("octave_power"),
         ends_ratio=ratio("ends_over_deviation"),
@@ -310,7 +312,7 @@ def _compare(
     )
 
 
-def _row(item: Compared) -> dict[str, Any]:
+def _row(item: Compared) -> Document:
     return {
         "depth_m": item.point.depth_m,
         "speed_m_per_s": item.point.speed_m_per_s,

@@ -3,11 +3,11 @@
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from ..._version import __version__
 from ...analysis.intervals import Interval
 from ...figures.sweep_figures import Dot, Panel, draw_study
+from ...yaml_document import Document
 from ..run_metrics import METRICS, Metric
 from .measurement import Measurement, PresetResult
 from .study_design import REFERENCE, StudyDesign
@@ -15,14 +15,14 @@ from .study_design import REFERENCE, StudyDesign
 _SPEED_UP = ("speed_up", "speed_up_low", "speed_up_high")
 
 
-def wide_table(judged: Sequence[PresetResult], design: StudyDesign) -> list[dict[str, Any]]:
+def wide_table(judged: Sequence[PresetResult], design: StudyDesign) -> list[Document]:
     """A row per preset. METRIC_error is relative to the reference (energy_residual: a difference), _low and
     _high are of its interval, _verdict is in words; METRIC_error_vs_NAME is against a reference. _runs: how
     many of its runs have the metric, where not all need have it.
     """
     rows = []
     for item in judged:
-        row: dict[str, Any] = {
+        row: Document = {
             "preset": item.name,
             **{f"factor.{factor}": item.factors.get(factor, "") for factor in design.factors},
             "seeds": item.seeds,
@@ -153,16 +153,16 @@ def _true_runs(design: StudyDesign, measured: Sequence[Measurement]) -> list[str
 def expected_presets(
     judged: Sequence[PresetResult],
     design: StudyDesign,
-    facts: Mapping[str, Any],
+    facts: Document,
     duration_s: float,
     scene: str,
-) -> dict[str, Any]:
+) -> Document:
     """`expected:` of the reference and each preset, as a scene's presets take it; only measured intervals.
 
     The reference's own error is the scatter of its mean over the seeds.
     """
     seeds = f"{len(design.seeds)} bed seeds"
-    found: dict[str, Any] = {}
+    found: Document = {}
     for item in judged:
         if item.wall_s is None or item.name not in (REFERENCE, *design.presets):
             continue

@@ -9,12 +9,15 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 from ...api.execution import RunResult, code_digest, execute
 from ...errors import InputError
 from ...loading.scene_bundle import SceneBundle, unpack
+
+if TYPE_CHECKING:
+    from distributed import Client, LocalCluster
 
 PATIENCE_S = 20.0
 """Longest wall time to wait for an answer of the scheduler and for its first worker; a wrong address is
@@ -27,7 +30,7 @@ def local_worker_count(threads: int) -> int:
 
 
 @contextmanager
-def connected(scheduler: str | None, workers: int) -> Iterator[tuple[Any, int]]:
+def connected(scheduler: str | None, workers: int) -> Iterator["tuple[Client, int]"]:
     """A Dask client, and how many runs go at once on a machine.
 
     scheduler: its address; None: a cluster of `workers` processes on this machine, gone at the end.
@@ -62,7 +65,7 @@ def connected(scheduler: str | None, workers: int) -> Iterator[tuple[Any, int]]:
 
 
 @contextmanager
-def _local_cluster(workers: int) -> Iterator[Any]:
+def _local_cluster(workers: int) -> Iterator["LocalCluster"]:
     from distributed import LocalCluster
 
     with (
@@ -81,7 +84,7 @@ def _local_cluster(workers: int) -> Iterator[Any]:
         yield cluster
 
 
-def _look_over(client: Any, scheduler: str) -> None:
+def _look_over(client: "Client", scheduler: str) -> None:
     """Raise InputError if the cluster has no worker, or one with other engines."""
     try:
         client.wait_for_workers(1, timeout=PATIENCE_S)

@@ -4,7 +4,6 @@ import itertools
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 from ...analysis.summary import short_name
 from ...errors import InputError
@@ -23,14 +22,14 @@ class Variation:
     """A key of the scene and the values it takes."""
 
     key: str  # dotted path, as in --set
-    values: tuple[Any, ...]
+    values: tuple[object, ...]
 
 
 @dataclass(frozen=True)
 class Point:
     """One combination of values; with a seed, one run."""
 
-    values: dict[str, Any]  # by key, in the order they were asked for
+    values: dict[str, object]  # by key, in the order they were asked for
     seed: int | None = None  # None: the scene's own
     name: str = ""
     overrides: tuple[str, ...] = field(default=(), compare=False)
@@ -44,7 +43,7 @@ class Point:
         return ", ".join(words) or "as written"
 
 
-def as_text(value: Any) -> str:
+def as_text(value: object) -> str:
     """Text of a value, as on the command line and in tables."""
     return value if isinstance(value, str) else json.dumps(value)
 

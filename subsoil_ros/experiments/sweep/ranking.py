@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import pandas as pd
 
@@ -23,7 +22,7 @@ CONTROL = "control"
 class Ranked:
     """A point of a sweep over its seeds."""
 
-    values: dict[str, Any]
+    values: dict[str, object]
     draft_newton: Interval
     saving: Interval | None  # part of the control's draft; None without one
     behind_best: Interval  # draft above that of the best, same seeds

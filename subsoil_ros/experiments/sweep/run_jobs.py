@@ -5,14 +5,18 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from ...api.execution import RunResult, code_digest, machine_name
 from ...errors import RunError
 from ...loading.scene_bundle import pack
+from ...yaml_document import Document
 from ..run_cache import CachedRun, find_run, keep_run
 from .cluster import PROGRESS, connected, local_worker_count, run_bundle
 from .points import Job
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
 
 
 class Watcher(Protocol):
@@ -84,7 +88,7 @@ def _run_missing(missing: dict[str, Job], cache: Path, manner: ExecutionOptions,
         names = _names(missing)
         waiting = list(reversed(missing))
         running = as_completed()
-        hashes: dict[str, str] = {}  # by key of the future
+        hashes: dict[object, str] = {}  # by key of the future
 
         def submit() -> None:
             while waiting and len(hashes) < max(1, sum(client.nthreads().values())):
@@ -109,7 +113,7 @@ def _names(missing: dict[str, Job]) -> dict[str, str]:
     return {scene_hash: f"{job.point.label} ({scene_hash[:6]})" for scene_hash, job in missing.items()}
 
 
-def _executed(future: Any, manner: ExecutionOptions, at_once: int) -> RunResult:
+def _executed(future: "Future", manner: ExecutionOptions, at_once: int) -> RunResult:
     """Result of a future; an error outside of the run, such as a killed worker, becomes a failed run."""
     if future.cancelled():
         raise RunError("the Dask scheduler has gone; what was finished is kept, the same call goes on")
@@ -122,7 +126,7 @@ def _executed(future: Any, manner: ExecutionOptions, at_once: int) -> RunResult:
     words = f"{type(error).__name__}: {' '.join(str(error).split())}"
     if isinstance(error, KilledWorker):
         words = f"the worker process that ran it died, {error.last_worker.address}: out of memory, or killed"
-    facts: dict[str, Any] = {
+    facts: Document = {
         "failure": words,
         "exit_status": getattr(error, "exit_status", 3),
         "wall_s": None,
@@ -137,7 +141,7 @@ def _executed(future: Any, manner: ExecutionOptions, at_once: int) -> RunResult:
 
 
 @contextmanager
-def _told(client: Any, went_on: Callable[[str, float], None]) -> Iterator[None]:
+def _told(client: "Client", went_on: Callable[[str, float], None]) -> Iterator[None]:
     """Context in which `went_on` is called with the progress that the workers report."""
     client.subscribe_topic(PROGRESS, lambda event: went_on(event[1]["name"], event[1]["part"]))
     try:

@@ -3,7 +3,6 @@
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
@@ -67,7 +66,7 @@ def write_table(table: pd.DataFrame, stem: Path) -> tuple[Path, Path]:
     return paths
 
 
-def write_whole(path: Path, write: Callable[[Path], Any]) -> None:
+def write_whole(path: Path, write: Callable[[Path], object]) -> None:
     """Write a file beside `path`, then move it to `path`."""
     part = path.with_name(f".{path.name}.part")
     write(part)

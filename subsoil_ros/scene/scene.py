@@ -196,7 +196,7 @@ def _check_allow(scene: Scene) -> None:
 
 
 def _check_external(scene: Scene) -> None:
-    """Raises ValueError where only some of the tools have a machine from outside."""
+    """Raises ValueError where only some of the tools have an external machine."""
     own = [name for name, tool in scene.tools.items() if tool.path is None or not tool.path.external]
     if scene.external_machine and own:
         raise ValueError(

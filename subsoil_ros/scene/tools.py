@@ -156,7 +156,7 @@ class Path(StrictModel):
             moved.append("turn.axis")
         if self.external and moved:
             raise ValueError(
-                f"external: given with {', '.join(moved)}; the machine from outside moves the tool: give the "
+                f"external: given with {', '.join(moved)}; an external machine moves the tool: give the "
                 f"start pose alone, by {', '.join(_START)} or turn.start_rotation_rad"
             )
         if self.poses is not None and given != {"poses"}:

@@ -111,10 +111,8 @@ def _general(resolved: ResolvedScene) -> Iterable[tuple[str, str]]:
         ticks = scene.controller.interval_ticks
         yield (
             "controller",
-            (
-                f"{scene.controller.law.kind}, commands {scene.controller.driver} every {ticks} ticks, "
-                f"{ticks * timing.communication_step_s * 1e3:g} ms"
-            ),
+            f"{scene.controller.law.kind}, commands {scene.controller.driver} every {ticks} ticks, "
+            f"{ticks * timing.communication_step_s * 1e3:g} ms",
         )
     for name, tool in scene.tools.items():
         mesh = load_tool_mesh(resolved.directory, scene, name)

@@ -57,10 +57,8 @@ def _rows(report: BedReport, motion: FreeMotion) -> Iterable[tuple[str, str]]:
         radii = report.radii
         yield (
             "radii",
-            (
-                f"{_mm(radii.min_m)} to {_mm(radii.max_m)}, mean {_mm(radii.mean_m)}, "
-                f"standard deviation {_mm(radii.deviation_m)}"
-            ),
+            f"{_mm(radii.min_m)} to {_mm(radii.max_m)}, mean {_mm(radii.mean_m)}, "
+            f"standard deviation {_mm(radii.deviation_m)}",
         )
     for layer in report.layers:
         yield (
@@ -86,10 +84,8 @@ def _rows(report: BedReport, motion: FreeMotion) -> Iterable[tuple[str, str]]:
     yield "kinetic energy", f"{report.kinetic_energy_joule:.2g} J left when its preparation ended"
     yield (
         f"alone for {motion.duration_s * 1e3:.3g} ms",
-        (
-            f"kinetic energy {motion.kinetic_energy_joule:.2g} J, moves {motion.rms_move_m * 1e6:.3g} um, "
-            f"{motion.max_move_m * 1e6:.3g} um at most (rms, largest)"
-        ),
+        f"kinetic energy {motion.kinetic_energy_joule:.2g} J, moves {motion.rms_move_m * 1e6:.3g} um, "
+        f"{motion.max_move_m * 1e6:.3g} um at most (rms, largest)",
     )
 
 

@@ -36,17 +36,13 @@ def wedge_rows(resolved: ResolvedScene, soil: WedgeSoil) -> Iterable[tuple[str, 
         low, high = (math.degrees(rake) for rake in fitted.rake_rad)
         yield (
             "fitted for",
-            (
-                f"depth {fitted.depth_m[0]:g} to {fitted.depth_m[1]:g} m, rake {low:.0f} to {high:.0f} deg, "
-                f"speed {fitted.speed_m_per_s[0]:g} to {fitted.speed_m_per_s[1]:g} m/s"
-            ),
+            f"depth {fitted.depth_m[0]:g} to {fitted.depth_m[1]:g} m, rake {low:.0f} to {high:.0f} deg, "
+            f"speed {fitted.speed_m_per_s[0]:g} to {fitted.speed_m_per_s[1]:g} m/s",
         )
     yield (
         "strength",
-        (
-            f"c = {values.cohesion_pa:.4g} Pa, phi = {phi:.3g} deg; tools: c_a = {values.adhesion_pa:.4g} Pa,"
-            f" delta = {delta:.3g} deg"
-        ),
+        f"c = {values.cohesion_pa:.4g} Pa, phi = {phi:.3g} deg; tools: c_a = {values.adhesion_pa:.4g} Pa,"
+        f" delta = {delta:.3g} deg",
     )
     period = f"{values.period_factor:.3g} wedge lengths"
     if values.period_m is not None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from subsoil_ros import __version__
-from subsoil_ros.analysis.quantities import flattened
+from subsoil_ros.analysis.summary import flattened
 from subsoil_ros.api.execution import code_digest, machine_name
 from subsoil_ros.experiments.run_cache import CachedRun, find_run, keep_folder
 from subsoil_ros.loading.loader import ResolvedScene, load_scene

@@ -16,7 +16,7 @@ import trimesh
 from subsoil_ros.limits.stable_steps import Timing
 from subsoil_ros.loading.loader import ResolvedScene
 from subsoil_ros.messages import ToolMotion
-from subsoil_ros.scene.model import Scene
+from subsoil_ros.scene.scene import Scene
 from validation.laboratory import WET_BOUNDARY, WET_PARTICLE
 
 RADIUS_M, DENSITY_KG_PER_M3 = 0.010, 1800.0

@@ -24,7 +24,6 @@ def first_step(scene: str, started: float) -> None:
     def lap(stage: str) -> None:
         stages.append((stage, time.process_time(), time.monotonic() - started))
 
-    from subsoil_ros.cli._shared import simulation  # noqa: F401 (part of the start)
     from subsoil_ros.coupling.engines import build_motion_source, build_soil
     from subsoil_ros.loading.loader import load_scene
 

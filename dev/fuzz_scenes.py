@@ -21,8 +21,7 @@ from hypothesis import strategies as st
 
 from subsoil_ros import check, load_scene
 from subsoil_ros.errors import InputError
-from subsoil_ros.loading.files import with_absolute_files
-from subsoil_ros.loading.shipped import config_folder
+from subsoil_ros.loading.files import config_folder, with_absolute_files
 from subsoil_ros.yaml_document import read_document
 
 SCENES = tuple(sorted(path.stem for path in (config_folder() / "scenes").glob("*.yaml")))

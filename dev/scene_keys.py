@@ -3,7 +3,7 @@
     python -m dev.scene_keys
 
 One section for each part of a scene, with a table: key, value, default, unit, description. The schema takes
-defaults, limits and descriptions from the typed model (subsoil_ros/loading/schema.py).
+defaults, limits and descriptions from the typed model (subsoil_ros/loading/scene_schema.py).
 """
 
 import argparse
@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from subsoil_ros.loading.schema import scene_schema, unit_of
+from subsoil_ros.loading.scene_schema import scene_schema, unit_of
 
 Schema = dict[str, Any]
 

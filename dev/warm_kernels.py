@@ -17,8 +17,8 @@ from concurrent.futures import ThreadPoolExecutor
 from subsoil_ros import run
 from subsoil_ros.cache_folders import kernel_cache_folder
 from subsoil_ros.coupling.engines import build_mechanism
+from subsoil_ros.loading.files import config_folder
 from subsoil_ros.loading.loader import load_scene
-from subsoil_ros.loading.shipped import config_folder
 
 SCENE = config_folder() / "scenes" / "field_swing_brittle.yaml"
 SHORT = {"duration_s": 0.002, "record.series_ticks": 1}

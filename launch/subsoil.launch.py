@@ -19,9 +19,8 @@ from launch_ros.actions import Node, SetParameter
 from launch_ros.parameter_descriptions import ParameterValue
 
 from subsoil_ros.api.run_frame import open_run
-from subsoil_ros.cli._shared.bed_preparation import bed_progress
-from subsoil_ros.cli._shared.live import live_port, say_where
-from subsoil_ros.cli._shared.preparation import KernelAnnouncer, say_opened
+from subsoil_ros.cli._shared.progress import KernelAnnouncer, bed_progress
+from subsoil_ros.cli.run.simulation import live_port, say_opened, say_where
 from subsoil_ros.coupling.run_settings import RunSettings
 from subsoil_ros.errors import InputError, RunError
 from subsoil_ros.loading.loader import load_scene

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 from .limits.stable_steps import Timing
-from .scene.model import Scene
+from .scene.scene import Scene
 from .ticks import NANOSECONDS_PER_SECOND
 
 CHECK_S = 0.1

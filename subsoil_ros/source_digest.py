@@ -159,7 +159,7 @@ def _read(file: Path, stamp: list[int]) -> Source:
                 imported |= {str(module.with_suffix(".py")), str(module / "__init__.py")}
         body = getattr(node, "body", None)
         if isinstance(body, list):
-            node.body = [statement for statement in body if not _is_docstring(statement)]  # type: ignore[attr-defined]
+            body[:] = [statement for statement in body if not _is_docstring(statement)]
     digest = hashlib.sha256(ast.dump(tree).encode()).hexdigest()
     return Source(stamp, digest, classes, sorted(imported))
 

@@ -12,7 +12,7 @@ import pytest
 
 from subsoil_ros.limits.stable_steps import Timing
 from subsoil_ros.mbd.engine import MechanismEngine
-from subsoil_ros.scene.model import Scene
+from subsoil_ros.scene.scene import Scene
 from validation.machines import SEVEN_BODIES
 
 os.environ["GOMP_SPINCOUNT"] = "0"  # workers share the cores: what spins while it waits takes another's

@@ -12,7 +12,7 @@ from subsoil_ros.errors import RunError
 from subsoil_ros.limits.communication_steps import DAMPER_SHARE, force_age_ticks
 from subsoil_ros.loading.loader import ResolvedScene
 from subsoil_ros.messages import CouplingReport, MechanismState, ToolMotion, ToolMotions, ToolWrench
-from subsoil_ros.scene.model import Coupling
+from subsoil_ros.scene.scene import Coupling
 
 from .cases import RIGHT, STOPPED, Cases, Outcome, WrongEndError, must, right
 from .laboratory import Document, Laboratory

@@ -32,9 +32,9 @@ import psutil
 
 from subsoil_ros.analysis.columns import TIME, Wrench
 from subsoil_ros.analysis.disturbance import Places, disturbance_between, write_section_csv
-from subsoil_ros.analysis.smoothing import moving_mean
+from subsoil_ros.analysis.metrics_window import tip_x_m
+from subsoil_ros.analysis.series import moving_mean
 from subsoil_ros.analysis.stationarity import stationarity
-from subsoil_ros.analysis.window import tip_x_m
 from subsoil_ros.api.read import read_run
 from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.engine import SoilEngine

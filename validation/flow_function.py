@@ -16,7 +16,7 @@ from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 
-from subsoil_ros.experiments.soil_tests.element import CELL_DIAMETERS, prepare_cell, unconfined_strength_pa
+from subsoil_ros.experiments.element_tests import CELL_DIAMETERS, prepare_cell, unconfined_strength_pa
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.scene.material import RADIUS_SPREAD
 

@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from subsoil_ros.experiments.soil_tests.element import (
+from subsoil_ros.experiments.element_tests import (
     CELL_DIAMETERS,
     CRITICAL_STRAIN,
     LEAST_PA,
@@ -32,14 +32,14 @@ from subsoil_ros.experiments.soil_tests.element import (
     plane_strain,
     prepare_cell,
 )
+from subsoil_ros.loading.files import material_names, shipped_material
 from subsoil_ros.loading.loader import load_scene
-from subsoil_ros.loading.material import read_material
-from subsoil_ros.loading.shipped import material_names, shipped_material
+from subsoil_ros.loading.material_file import read_material
 from subsoil_ros.scene.material import RADIUS_SPREAD
 from subsoil_ros.yaml_document import Document
 
 SEEDS = (1, 2, 3)
-"""Other than experiments.calibration.material.SEEDS."""
+"""Other than experiments.calibration.laboratory_fit.SEEDS."""
 
 COHESION_PA, COHESION_PART, ANGLE_DEG, DENSITY_PART = 1e3, 0.1, 2.0, 0.03
 """Accepted."""

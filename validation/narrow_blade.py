@@ -38,8 +38,8 @@ from numpy.typing import NDArray
 from subsoil_ros.analysis.disturbance import Places
 from subsoil_ros.analysis.stationarity import stationarity
 from subsoil_ros.dem.build import build_engine
-from subsoil_ros.loading.material import read_material
-from subsoil_ros.loading.shipped import shipped_material
+from subsoil_ros.loading.files import shipped_material
+from subsoil_ros.loading.material_file import read_material
 from subsoil_ros.messages import ToolMotion
 from subsoil_ros.scene.material import Material
 

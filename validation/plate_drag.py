@@ -40,8 +40,8 @@ from subsoil_ros.analysis.failure_cycles import failure_cycles
 from subsoil_ros.analysis.spectra import spectrum
 from subsoil_ros.analysis.stationarity import stationarity
 from subsoil_ros.dem.build import build_engine
-from subsoil_ros.loading.material import read_material
-from subsoil_ros.loading.shipped import shipped_material
+from subsoil_ros.loading.files import shipped_material
+from subsoil_ros.loading.material_file import read_material
 from subsoil_ros.messages import ToolMotion
 
 from .blades import GRAVITY_M_PER_S2

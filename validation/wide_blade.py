@@ -26,9 +26,9 @@ from pathlib import Path
 import numpy as np
 
 from subsoil_ros.dem.build import build_engine
-from subsoil_ros.experiments.soil_tests.element import Strength
-from subsoil_ros.loading.material import read_material
-from subsoil_ros.loading.shipped import shipped_material
+from subsoil_ros.experiments.element_tests import Strength
+from subsoil_ros.loading.files import shipped_material
+from subsoil_ros.loading.material_file import read_material
 from subsoil_ros.messages import ToolMotion
 from subsoil_ros.scene.material import Material
 

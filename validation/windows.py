@@ -15,7 +15,7 @@ from subsoil_ros.dem.periodic import HELD_LAYER
 from subsoil_ros.errors import InputError
 from subsoil_ros.loading.loader import ResolvedScene
 from subsoil_ros.messages import ToolMotion
-from subsoil_ros.scene.window import rupture_distance_m
+from subsoil_ros.scene.soil import rupture_distance_m
 
 from .cases import RIGHT, STOPPED, Cases, Outcome, must, right, right_or_stopped, stopped
 from .laboratory import GRAVITY, Document, Drag, Laboratory, linear, tool_at

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from subsoil_ros.analysis.columns import DRAFT, TIME, Body
 from subsoil_ros.analysis.series import read_series
 from subsoil_ros.figures.plotting import COLOURS, new_figure, save_figure
 from subsoil_ros.loading.loader import load_scene
@@ -78,17 +79,17 @@ def draw(out: Path, targets: tuple[float, float, float]) -> Path:
     tip = resolved.scene.report.tip_m
     assert mechanism is not None
     assert tip is not None
-    times = series["time_s"]
-    turn, centre = series["body.shank.angle_rad"], mechanism.bodies["shank"].position_m
+    times = series[TIME]
+    turn, centre = series[Body("shank").angle_rad], mechanism.bodies["shank"].position_m
     tip_z = (
-        series["body.shank.z_m"] + np.sin(turn) * (tip[0] - centre[0]) + np.cos(turn) * (tip[1] - centre[1])
+        series[Body("shank").z_m] + np.sin(turn) * (tip[0] - centre[0]) + np.cos(turn) * (tip[1] - centre[1])
     )
     commands = list(BagReader(out / "bag").records(DriverCommand))
     commanded_s = [command.tick * resolved.timing.communication_step_s for command in commands]
     target, later, step_s = targets
     figure = new_figure(9.0, 7.5)
     top, middle, bottom = figure.subplots(3, 1, sharex=True)
-    top.plot(times, series["draft_newton"], color=COLOURS["main"], lw=0.8, label="draft")
+    top.plot(times, series[DRAFT], color=COLOURS["main"], lw=0.8, label="draft")
     top.plot(times, np.where(times < step_s, target, later), color="black", ls="--", lw=1.0, label="target")
     top.set_ylabel("draft [N]")
     top.legend(loc="lower right", frameon=False)

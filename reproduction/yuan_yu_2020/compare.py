@@ -17,9 +17,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from subsoil_ros.analysis.metrics_window import metrics_window
 from subsoil_ros.analysis.run_statistics import run_statistics
 from subsoil_ros.analysis.series import read_series
-from subsoil_ros.analysis.window import metrics_window
 from subsoil_ros.api.recorded_run import recorded_run
 from subsoil_ros.figures.plotting import COLOURS, new_figure, save_figure
 

@@ -16,15 +16,14 @@ from numpy.typing import NDArray
 
 from subsoil_ros.analysis.columns import DRAFT, TIME, Body, spring_element
 from subsoil_ros.analysis.disturbance import ZONE_M, SpeedZones
+from subsoil_ros.analysis.metrics_window import Window
 from subsoil_ros.analysis.run_statistics import MOVING_S, RunStatistics, compared_columns
-from subsoil_ros.analysis.series import Series
-from subsoil_ros.analysis.smoothing import moving_mean
+from subsoil_ros.analysis.series import Series, moving_mean
 from subsoil_ros.analysis.spectra import SEGMENTS, SLOWEST
-from subsoil_ros.analysis.window import Window
 from subsoil_ros.report.sentences import significance_words
 from subsoil_ros.scene.mechanism import Driver
-from subsoil_ros.scene.model import Scene
-from subsoil_ros.scene.time_functions import ConstantLaw
+from subsoil_ros.scene.scene import Scene
+from subsoil_ros.scene.time_laws import ConstantLaw
 
 from . import printed
 from .consistency import Statement, statements
@@ -202,7 +201,7 @@ def _period_rows(scene: Scene, window: Window, series: Series, statistics: RunSt
     length_s = float(times[-1] - times[0])
     spring, shank = scene.report.spring, scene.report.shank
     for label, name, published in (
-        ("period of the draft", "draft_newton", printed.DRAFT_PERIOD_S),
+        ("period of the draft", DRAFT, printed.DRAFT_PERIOD_S),
         ("period of the spring force", spring_element(spring).load, printed.PERIOD_S),
         ("period of the entry angle", Body(shank).angle_rad, printed.PERIOD_S),
         ("period of the height", Body(shank).z_m, printed.PERIOD_S),

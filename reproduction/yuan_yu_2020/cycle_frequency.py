@@ -14,7 +14,7 @@ from scipy.stats import f as f_distribution
 
 from subsoil_ros.analysis.columns import TIME, Wrench
 from subsoil_ros.analysis.failure_cycles import SMOOTHED_S
-from subsoil_ros.analysis.smoothing import running_mean, step_s
+from subsoil_ros.analysis.series import running_mean, step_s
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.scene.mechanism import SpringDamper
 

@@ -10,9 +10,8 @@ from scipy.signal import periodogram
 from benchmarks.run_cache import Summary
 from subsoil_ros.analysis.columns import DRAFT, TIME, Body, spring_element
 from subsoil_ros.analysis.failure_cycles import SMOOTHED_S, FailureCycles, failure_cycles
-from subsoil_ros.analysis.series import Series, read_series_csv
-from subsoil_ros.analysis.smoothing import moving_mean, step_s
-from subsoil_ros.analysis.window import tip_path_m
+from subsoil_ros.analysis.metrics_window import tip_path_m
+from subsoil_ros.analysis.series import Series, moving_mean, read_series_csv, step_s
 from subsoil_ros.loading.loader import load_scene
 
 from .cycle_runs import Case

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmarks.run_cache import FailedRun, Summary, find_kept_run, kept_run, write_scene
+from subsoil_ros.analysis.summary import MEAN_DRAFT
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.yaml_document import Document
 
@@ -291,8 +292,7 @@ def main() -> None:
             print(f"{case.key}: {error}", file=sys.stderr, flush=True)
             return False
         print(
-            f"{case.key}: {found['series.draft_newton.mean']:.0f} N, {found['run.wall_s']:.0f} s, "
-            f"{found['folder']}",
+            f"{case.key}: {found[MEAN_DRAFT]:.0f} N, {found['run.wall_s']:.0f} s, {found['folder']}",
             flush=True,
         )
         return True

@@ -33,6 +33,7 @@ import numpy as np
 
 from benchmarks.run_cache import FailedRun, Summary, kept_run, read_rows, write_rows, write_scene
 from subsoil_ros.analysis.intervals import Interval, mean_interval
+from subsoil_ros.analysis.summary import MEAN_DRAFT
 from subsoil_ros.figures.plotting import COLOURS, new_figure, save_figure
 from subsoil_ros.loading.loader import load_scene
 
@@ -142,7 +143,7 @@ def angles(args: argparse.Namespace) -> None:
                 {
                     "angle_rad": angle,
                     "seed": seed,
-                    "draft_newton": found["series.draft_newton.mean"],
+                    "draft_newton": found[MEAN_DRAFT],
                     "tip_depth_m": found["loads.tip_depth_m.mean"],
                 }
             )
@@ -169,7 +170,7 @@ def exchange(args: argparse.Namespace) -> None:
                 sprung = kept_run(SCENE, args.out / "runs", given)
                 angle = mean_angle_rad(sprung, load_scene(SCENE, given))
                 locked = locked_at(angle, seed, args.out, (*timing, *more))
-                return sprung["series.draft_newton.mean"], locked["series.draft_newton.mean"]
+                return sprung[MEAN_DRAFT], locked[MEAN_DRAFT]
 
             rows += judged({"spring": name, "interval_s": 1e-9 * communication_step_ns}, pair, seeds)
     write_rows(args.out / "exchange.csv", rows)
@@ -188,7 +189,7 @@ def particles(args: argparse.Namespace) -> None:
 
         def pair(seed: int, more: tuple[str, ...], changes: Changes = changes) -> Pair:
             found = run_seed(path, [*changes, *more], seed, args.out / "particles", threads=1)
-            drafts = {name: one["series.draft_newton.mean"] for name, one in found.items()}
+            drafts = {name: one[MEAN_DRAFT] for name, one in found.items()}
             return drafts["sprung"], drafts["locked, mean angle"]
 
         rows += judged({"exchange": name}, pair, seeds)
@@ -250,7 +251,7 @@ def at_own_angle(out: Path) -> list[dict[str, Any]]:
         spring = tuple(float(row[key]) for key in row if key.startswith(SPRING))
         angle = mean_angle_rad(row, resolved)
         at, drafts = np.array(sorted(locked[int(row["seed"])])).T
-        draft = float(row["series.draft_newton.mean"])
+        draft = float(row[MEAN_DRAFT])
         found[spring].append((angle, draft, float(np.interp(angle, at, drafts, math.nan, math.nan))))
     rows = []
     for spring, runs in found.items():

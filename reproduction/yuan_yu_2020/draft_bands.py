@@ -15,10 +15,12 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.run_cache import kept_run, write_rows
+from subsoil_ros.analysis.columns import DRAFT
+from subsoil_ros.analysis.summary import MEAN_DRAFT, path_of
 from subsoil_ros.figures.plotting import COLOURS, new_figure, save_figure
 from subsoil_ros.loading.loader import load_scene
-from subsoil_ros.scene.meshes import load_tool_mesh
 from subsoil_ros.scene.tool_faces import cutting_faces
+from subsoil_ros.scene.tool_mesh import load_tool_mesh
 from validation.blades import ASABE_RANGE, TEXTURES, asabe_newton
 
 from . import SCENES
@@ -70,9 +72,9 @@ def run_cases(out: Path, radius_m: float, overrides: list[str], threads: int) ->
             {
                 "depth_m": depth,
                 "speed_m_per_s": speed,
-                "draft_newton": found["series.draft_newton.mean"],
-                "half_width_newton": found.get("series.draft_newton.stationarity.mean_half_width"),
-                "drift": found.get("series.draft_newton.stationarity.verdict"),
+                "draft_newton": found[MEAN_DRAFT],
+                "half_width_newton": found.get(path_of(DRAFT, "stationarity", "mean_half_width")),
+                "drift": found.get(path_of(DRAFT, "stationarity", "verdict")),
                 **formulas(depth, speed),
                 "scene_hash": found["scene.hash"],
             }

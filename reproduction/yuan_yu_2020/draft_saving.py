@@ -24,6 +24,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.run_cache import Summary, kept_run, write_scene
+from subsoil_ros.analysis.columns import DRAFT, Body
+from subsoil_ros.analysis.summary import MEAN_DRAFT, path_of
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 
 from . import SCENES
@@ -41,9 +43,9 @@ LEAST_SEEDS = 3
 """An interval of two pairs is 13 standard errors wide."""
 
 COMPARED = {
-    "series.draft_newton.mean": "mean draft [N]",
-    "series.draft_newton.moving_10ms.min": "least draft, 10 ms mean [N]",
-    "series.draft_newton.moving_10ms.max": "largest draft, 10 ms mean [N]",
+    MEAN_DRAFT: "mean draft [N]",
+    path_of(DRAFT, "moving_10ms", "min"): "least draft, 10 ms mean [N]",
+    path_of(DRAFT, "moving_10ms", "max"): "largest draft, 10 ms mean [N]",
     "loads.specific.energy_joule_per_m": "energy [J/m]",
     "loads.specific.energy_joule_per_m3": "energy per loosened volume [J/m3]",
     "loads.tip_depth_m.mean": "mean depth of the tip [m]",
@@ -70,7 +72,7 @@ def mean_angle_rad(summary: Mapping[str, Any], resolved: ResolvedScene) -> float
     shank, frame = shank_and_frame(resolved.scene)
     assert resolved.scene.mechanism is not None
     bodies = resolved.scene.mechanism.bodies
-    means = {name: float(summary[f"series.body.{name}.angle_rad.mean"]) for name in (shank, frame)}
+    means = {name: float(summary[path_of(Body(name).angle_rad, "mean")]) for name in (shank, frame)}
     return (means[shank] - bodies[shank].angle_rad) - (means[frame] - bodies[frame].angle_rad)
 
 
@@ -122,7 +124,7 @@ def markdown(scene: str, scene_hash: str, table: dict[str, dict[str, PairedDiffe
                 f"| {found.difference:+.4g} "
                 f"+- {half} | {found.pair_count} |"
             )
-        draft = rows["series.draft_newton.mean"]
+        draft = rows[MEAN_DRAFT]
         resolved = "resolved" if draft.resolved(BOUND) else f"not resolved to {100.0 * BOUND:g} %"
         lines += ["", f"Saving of mean draft {100.0 * draft.saving:+.1f} "
                   f"+- {100.0 * draft.saving_half_width:.1f} %: "
@@ -146,7 +148,7 @@ def main() -> None:
     for seed in range(args.most_seeds):
         seeds.append(run_seed(args.scene, args.overrides, seed, args.out, args.threads))
         table = compare(seeds)
-        drafts = [rows["series.draft_newton.mean"] for rows in table.values()]
+        drafts = [rows[MEAN_DRAFT] for rows in table.values()]
         shown = ", ".join(f"{100.0 * d.saving:+.1f} +- {100.0 * d.saving_half_width:.1f} %" for d in drafts)
         print(f"seed {seed}: saving {shown}", flush=True)
         if len(seeds) >= LEAST_SEEDS and all(found.resolved(BOUND) for found in drafts):

@@ -30,12 +30,12 @@ from numpy.typing import NDArray
 from benchmarks.run_cache import Summary, kept_run, write_scene
 from subsoil_ros.analysis.columns import DRAFT, TIME, Body, PlanarTool, Wrench
 from subsoil_ros.analysis.dead_centre import shank_spring
+from subsoil_ros.analysis.metrics_window import tip_path_m
 from subsoil_ros.analysis.series import Series, read_series_csv
 from subsoil_ros.analysis.stationarity import stationarity
-from subsoil_ros.analysis.window import tip_path_m
+from subsoil_ros.experiments.sweep.points import seed_key
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
-from subsoil_ros.loading.seeds import seed_key
-from subsoil_ros.scene.model import Scene
+from subsoil_ros.scene.scene import Scene
 
 from . import SCENES
 from .draft_saving import mean_angle_rad

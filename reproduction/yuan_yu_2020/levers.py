@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from subsoil_ros.analysis.dead_centre import shank_spring
-from subsoil_ros.scene.model import Scene
+from subsoil_ros.scene.scene import Scene
 
 SHARE_DEPTH_PART = 0.73
 """Where the share's load acts, part of the tip's depth (derived: 0.22 of 0.30 m, the centroid of share and

@@ -13,7 +13,7 @@ from subsoil_ros.coupling.engines import build_mechanism
 from subsoil_ros.errors import SceneError
 from subsoil_ros.loading.loader import ResolvedScene
 from subsoil_ros.scene.mechanism import WheelContact
-from subsoil_ros.scene.model import Scene
+from subsoil_ros.scene.scene import Scene
 from subsoil_ros.yaml_document import Document
 
 from .levers import rest_angle_rad

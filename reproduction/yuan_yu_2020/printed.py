@@ -1,5 +1,8 @@
 """Printed results of Yuan & Yu (2020), section 4: the values of config/references/yuan_yu_2020.yaml."""
 
+from subsoil_ros.analysis.columns import DRAFT, Body, spring_element
+from subsoil_ros.analysis.run_statistics import MOVING
+from subsoil_ros.analysis.summary import path_of
 from subsoil_ros.loading.reference import read_reference
 
 from . import CONFIG
@@ -15,15 +18,15 @@ def value(quantity: str) -> float:
 
 
 DRAFT_CYCLE_NEWTON = (
-    value("series.draft_newton.moving_10ms.min"),
-    value("series.draft_newton.moving_10ms.max"),
+    value(path_of(DRAFT, MOVING, "min")),
+    value(path_of(DRAFT, MOVING, "max")),
 )
-_DRAFT = "series.draft_newton.run.moving_10ms"
+_DRAFT = path_of(DRAFT, "run", MOVING)
 DRAFT_NEWTON = (value(f"{_DRAFT}.min"), value(f"{_DRAFT}.max"))
 DRAFT_PERIOD_S = value("failure_cycles.time_s.mean")
 PERIOD_S = 1.0  # of spring, angle and height
 SPEED_M_PER_S = 0.5
-_SPRING = "series.spring.H9_spring.force_newton.run.moving_10ms"
+_SPRING = path_of(spring_element("H9_spring").load, "run", MOVING)
 SPRING_NEWTON = (value(f"{_SPRING}.min"), value(f"{_SPRING}.max"))
-ANGLE_RANGE_RAD = value("series.body.shank.angle_rad.run.moving_10ms.range")
-HEIGHT_RANGE_M = value("series.body.shank.z_m.run.moving_10ms.range")
+ANGLE_RANGE_RAD = value(path_of(Body("shank").angle_rad, "run", MOVING, "range"))
+HEIGHT_RANGE_M = value(path_of(Body("shank").z_m, "run", MOVING, "range"))

@@ -12,9 +12,10 @@ import json
 from pathlib import Path
 
 from benchmarks.run_cache import Summary, kept_run
+from subsoil_ros.analysis.columns import DRAFT
+from subsoil_ros.analysis.summary import path_of
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
-from subsoil_ros.scene.bed_spacing import rest_spacing_m
-from subsoil_ros.scene.pairs import pair_values
+from subsoil_ros.scene.pair_laws import pair_values, rest_spacing_m
 
 from . import SCENES
 
@@ -42,8 +43,8 @@ def figures(resolved: ResolvedScene, summary: Summary) -> dict[str, float]:
     pair, _ = pair_values(soil)
     spacing = rest_spacing_m(soil)
     return {
-        "draft mean [N]": summary["series.draft_newton.run.mean"],
-        "draft largest [N]": summary["series.draft_newton.run.max"],
+        "draft mean [N]": summary[path_of(DRAFT, "run", "mean")],
+        "draft largest [N]": summary[path_of(DRAFT, "run", "max")],
         "soil step [s]": resolved.timing.soil_step_s,
         "steps of the full scene": FULL_S / resolved.timing.soil_step_s,
         "pull of a pair [N]": pair.peak_attraction,

@@ -24,6 +24,7 @@ from subsoil_ros.analysis.columns import DRAFT, TIME, Body, spring_element
 from subsoil_ros.analysis.dead_centre import past_dead_centre_s
 from subsoil_ros.analysis.run_statistics import MOVING
 from subsoil_ros.analysis.series import read_series_csv
+from subsoil_ros.analysis.summary import MEAN_DRAFT, path_of
 from subsoil_ros.errors import SubsoilError
 from subsoil_ros.loading.loader import load_scene
 
@@ -125,10 +126,10 @@ def judge(case: Case, scene: Path, summary: Summary) -> dict[str, Any]:
     times = series[TIME]
     inside = (times >= summary["window.start_s"]) & (times <= summary["window.end_s"])
     period_s, regularity = repeat_period(times[inside], series[DRAFT][inside])
-    steady = "series.draft_newton.stationarity"
+    steady = path_of(DRAFT, "stationarity")
     row = {
         **case._asdict(),
-        "draft_mean_newton": summary["series.draft_newton.mean"],
+        "draft_mean_newton": summary[MEAN_DRAFT],
         "draft_half_width_newton": summary.get(f"{steady}.mean_half_width"),
         "drift": summary.get(f"{steady}.verdict", ""),
         "drift_over_window": summary.get(f"{steady}.drift"),

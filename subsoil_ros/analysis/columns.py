@@ -18,7 +18,7 @@ from ..messages import (
     ToolWrenches,
 )
 from ..scene.mechanism import CoordinateSpring, Mechanism, Revolute, SpringDamper, TorsionSpring
-from ..scene.model import Scene
+from ..scene.scene import Scene
 
 Cells = Iterator[tuple[str, int | float]]
 """Columns and their values in one row."""
@@ -41,16 +41,18 @@ def draft_of_tool(name: str) -> str:
 
 
 class _Part:
-    """Names of the columns PREFIX.FIELD, one for each field that a subclass and its bases declare."""
+    """Names of the columns KIND.NAME.FIELD, a field for each that a subclass and its bases declare."""
 
+    _kind: ClassVar[str]
     _fields: ClassVar[tuple[str, ...]] = ()
 
-    def __init_subclass__(cls) -> None:
+    def __init_subclass__(cls, kind: str = "") -> None:
+        cls._kind = kind
         cls._fields += tuple(get_annotations(cls))
 
-    def __init__(self, prefix: str) -> None:
+    def __init__(self, *names: str | None) -> None:
         for field in self._fields:
-            setattr(self, field, f"{prefix}.{field}")
+            setattr(self, field, ".".join(map(str, (self._kind, *names, field))))
 
     def cells(self, record: object) -> Cells:
         """Columns with their values in a record."""
@@ -68,25 +70,19 @@ class _PlanarMotion(_Part):
     angular_velocity_rad_per_s: str
 
 
-class Body(_PlanarMotion):
+class Body(_PlanarMotion, kind="body"):
     """A body of the mechanism."""
 
     acceleration_x_m_per_s2: str
     acceleration_z_m_per_s2: str
     angular_acceleration_rad_per_s2: str
 
-    def __init__(self, name: str | None) -> None:
-        super().__init__(f"body.{name}")
 
-
-class PlanarTool(_PlanarMotion):
+class PlanarTool(_PlanarMotion, kind="tool"):
     """Motion of a tool in the plane."""
 
-    def __init__(self, name: str) -> None:
-        super().__init__(f"tool.{name}")
 
-
-class SpatialTool(_Part):
+class SpatialTool(_Part, kind="tool"):
     """Motion of a tool in six degrees of freedom."""
 
     x_m: str
@@ -103,48 +99,33 @@ class SpatialTool(_Part):
     angular_velocity_z_rad_per_s: str
     angular_velocity_y_rad_per_s: str
 
-    def __init__(self, name: str) -> None:
-        super().__init__(f"tool.{name}")
 
-
-class FacetGroup(_Part):
-    """Force of the soil on one facet group of a tool."""
+class FacetGroup(_Part, kind="tool"):
+    """Force of the soil on one facet group of a tool: FacetGroup(TOOL, GROUP)."""
 
     force_x_newton: str
     force_y_newton: str
     force_z_newton: str
 
-    def __init__(self, tool: str, group: str) -> None:
-        super().__init__(f"tool.{tool}.{group}")
 
-
-class Wrench(_Part):
+class Wrench(FacetGroup, kind="tool"):
     """Soil on a tool, about its centre of mass."""
 
-    force_x_newton: str
-    force_y_newton: str
-    force_z_newton: str
     torque_x_newton_m: str
     torque_y_newton_m: str
     torque_z_newton_m: str
     contact_count: str
 
-    def __init__(self, tool: str) -> None:
-        super().__init__(f"tool.{tool}")
 
-
-class Joint(_Part):
+class Joint(_Part, kind="joint"):
     """Reaction of a joint on its second body; of a driver, on the driven body."""
 
     force_x_newton: str
     force_z_newton: str
     moment_newton_m: str
 
-    def __init__(self, name: str) -> None:
-        super().__init__(f"joint.{name}")
 
-
-class _Mechanism(_Part):
+class _Mechanism(_Part, kind="mechanism"):
     """The whole mechanism; work and dissipation since the start."""
 
     kinetic_energy_joule: str
@@ -159,7 +140,7 @@ class _Mechanism(_Part):
     part_count: str
 
 
-class _Soil(_Part):
+class _Soil(_Part, kind="soil"):
     """Soil of particles; lost, broken and rebuild counts since the start."""
 
     particle_count: str
@@ -174,7 +155,7 @@ class _Soil(_Part):
     max_tool_overlap_m: str
 
 
-class _Coupling(_Part):
+class _Coupling(_Part, kind="coupling"):
     """Interface account since the start. Wall time is no column: it differs between equal runs."""
 
     residual_joule: str
@@ -182,7 +163,7 @@ class _Coupling(_Part):
     residual_ratio: str
 
 
-MECHANISM, SOIL, COUPLING = _Mechanism("mechanism"), _Soil("soil"), _Coupling("coupling")
+MECHANISM, SOIL, COUPLING = _Mechanism(), _Soil(), _Coupling()
 
 
 class ForceElement(NamedTuple):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.mechanism import Revolute, SpringDamper
-from ..scene.model import Scene
+from ..scene.scene import Scene
 from .columns import TIME, Body
 
 

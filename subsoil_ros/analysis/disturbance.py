@@ -17,16 +17,14 @@ from ..loading.loader import ResolvedScene
 from ..messages import SoilCloud, ToolMotions
 from ..recording.height_map import CELL_DIAMETERS, HeightGrid, height_grid
 from ..recording.joined import open_record
-from ..scene.bed_spacing import particle_spacing_m
-from ..scene.beds import GridBed
-from ..scene.meshes import load_tool_mesh
-from ..scene.soil import Soil
-from ..scene.window import SoilWindow
+from ..scene.bed_kinds import GridBed
+from ..scene.pair_laws import particle_spacing_m
+from ..scene.soil import Soil, SoilWindow
+from ..scene.tool_mesh import load_tool_mesh, posed_vertices_m, reference_angle
 from .columns import TIME
-from .poses import posed_vertices_m, reference_angle
+from .metrics_window import Window, tip_path_m, window_span_s
 from .series import Series, write_table_csv
 from .stationarity import stationarity
-from .window import Window, tip_path_m, window_span_s
 
 Values = NDArray[np.float64]
 
@@ -309,7 +307,7 @@ def _rear_m(resolved: ResolvedScene, motions: ToolMotions) -> float:
     for motion in motions.tools:
         if resolved.scene.tools[motion.tool].is_tillage:
             mesh = load_tool_mesh(resolved.directory, resolved.scene, motion.tool)
-            vertices = posed_vertices_m(mesh, motion, reference_angle(resolved, motion.tool))
+            vertices = posed_vertices_m(mesh, motion, reference_angle(resolved.scene, motion.tool))
             ends.append(float(vertices[vertices[:, 2] < 0.0, 0].min(initial=np.inf)))
     return min(ends, default=np.inf)
 

@@ -10,11 +10,11 @@ the result.
 import itertools
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..yaml_document import Document
 from .intervals import Interval, mean_interval
 
 SMOOTHED_S = 0.020
@@ -50,7 +50,7 @@ class FailureCycles:
         """Mean travel between failures with its 95 % interval [m]."""
         return mean_interval(self.travel_m.tolist())
 
-    def metrics(self) -> dict[str, Any]:
+    def metrics(self) -> Document:
         """Return the metrics for summary.json, units in the names."""
         return {
             "count": self.count,

@@ -7,7 +7,6 @@ interval somewhat too narrow, because the run ends at the first check that passe
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -17,8 +16,9 @@ from ..loading.loader import ResolvedScene
 from ..messages import SpatialMotion, ToolMotion, ToolWrench
 from ..recording.checkpoint import Checkpoint
 from ..rotations import turned
-from ..scene.model import Scene
+from ..scene.scene import Scene
 from ..ticks import NANOSECONDS_PER_SECOND, tick_end_s
+from ..yaml_document import Document
 from .columns import draft_of
 from .stationarity import stationarity
 
@@ -80,7 +80,7 @@ class KnownMean:
         self.state = replace(self.state, stops=over or self.result()["reached"])
         return self.state.stops
 
-    def result(self) -> dict[str, Any]:
+    def result(self) -> Document:
         """Mean and half-width of the bins, None where there are too few, and whether they meet the scene."""
         wanted, state = self._stop_when, self.state
         bin_s = self._bin_ticks * self._communication_step_ns * 1e-9

@@ -4,30 +4,29 @@ All values follow from the columns of the series. Power is what each tool delive
 and what the driver of the draft delivers.
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SceneError
 from ..loading.loader import ResolvedScene
 from ..scene.mechanism import Driver
-from ..scene.meshes import load_tool_mesh
-from ..scene.model import Scene
+from ..scene.scene import Scene
 from ..scene.tool_faces import cutting_faces
+from ..scene.tool_mesh import load_tool_mesh
+from ..yaml_document import Document
 from .carried import vertical_parts
 from .columns import DRAFT, TIME, Body, PlanarTool, SpatialTool, Wrench
+from .metrics_window import Window, tip_path_m
 from .series import Series
-from .window import Window, tip_path_m
 
 Values = NDArray[np.float64]
 
 
-def loads_of(series: Series, resolved: ResolvedScene, window: Window) -> dict[str, Any]:
+def loads_of(series: Series, resolved: ResolvedScene, window: Window) -> Document:
     """Loads over the metrics window, as in summary.json, units in the names; those the scene has."""
     scene, rows = resolved.scene, window.rows
     groups = {"vertical": vertical_parts(series, resolved), "power": _power(series, scene)}
-    metrics: dict[str, Any] = {
+    metrics: Document = {
         group: {name: _statistics(values[rows]) for name, values in found.items()}
         for group, found in groups.items()
     }

@@ -2,23 +2,22 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ..loading.loader import ResolvedScene
-from ..scene.model import Scene
+from ..scene.scene import Scene
+from ..yaml_document import Document
 from .columns import DRAFT, TIME, Body, Wrench, spring_element
 from .dead_centre import past_dead_centre_s
 from .disturbance import Disturbance, read_disturbance
 from .failure_cycles import SMOOTHED_S, FailureCycles, failure_cycles
 from .fatigue import LoadCycles, load_cycles
 from .loads import loads_of
-from .series import Series
-from .smoothing import moving_mean, step_s
+from .metrics_window import Window, tip_x_m
+from .series import Series, moving_mean, step_s
 from .spectra import Spectrum, spectrum
 from .stationarity import Stationarity, stationarity
-from .window import Window, tip_x_m
 
 MOVING = "moving_10ms"
 """Key of the extremes of the moving mean over MOVING_S."""
@@ -32,7 +31,7 @@ the prototypes, whose first results also state 10 ms peaks)."""
 class RunStatistics:
     """Statistics of the metrics window of one run; quantities by the names of their columns."""
 
-    loads: dict[str, Any]
+    loads: Document
     stationarity: dict[str, Stationarity]
     spectra: dict[str, Spectrum]
     cycles: LoadCycles | None
@@ -42,9 +41,9 @@ class RunStatistics:
     run_extremes: dict[str, tuple[float, float]]
     past_dead_centre_s: float | None  # when the shank passed that of its spring
 
-    def column_metrics(self) -> dict[str, dict[str, Any]]:
+    def column_metrics(self) -> dict[str, Document]:
         """Groups of single columns, by column, beside their mean: values of the fields of summary.Column."""
-        found: dict[str, dict[str, Any]] = {}
+        found: dict[str, Document] = {}
         for name, extremes in self.moving_extremes.items():
             found[name] = {MOVING: _span(extremes), "run": {MOVING: _span(self.run_extremes[name])}}
         for name, steady in self.stationarity.items():
@@ -53,7 +52,7 @@ class RunStatistics:
             found.setdefault(name, {})["spectrum"] = item
         return found
 
-    def metrics(self) -> dict[str, Any]:
+    def metrics(self) -> Document:
         """Groups of the whole run: values of fields of summary.Summary; what it does not have is absent."""
         loads = dict(self.loads)
         if self.past_dead_centre_s is not None:
@@ -64,7 +63,7 @@ class RunStatistics:
                 "max_range_newton": self.cycles.max_range_newton,
                 "equivalent_range_newton": self.cycles.equivalent_range_newton(),
             }
-        found: dict[str, Any] = {"loads": loads}
+        found: Document = {"loads": loads}
         if self.failures is not None:
             found["failure_cycles"] = self.failures.metrics()
         if self.disturbance is not None:
@@ -143,7 +142,7 @@ def _span(extremes: tuple[float, float]) -> dict[str, float]:
     return {"min": low, "max": high, "range": high - low}
 
 
-def _per_area(found: dict[str, Any], area_m2: float) -> dict[str, float]:
+def _per_area(found: Document, area_m2: float) -> dict[str, float]:
     """Draft and energy divided by the loosened section."""
     if area_m2 <= 0.0:
         return {}

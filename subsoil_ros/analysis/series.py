@@ -16,11 +16,15 @@ from ..errors import InputError, RecordingError
 from ..limits.stable_steps import derive_timing
 from ..messages import CouplingReport, MechanismState, SoilState, ToolMotions, ToolWrenches
 from ..recording.joined import open_record
-from ..scene.model import Scene
+from ..scene.scene import Scene
 from ..schedule import Schedule
 from .columns import TIME, tick_cells
 
 _BLOCK_ROWS = 1000
+
+
+Column = NDArray[Any]
+"""float64 or int64, (n,)."""
 
 
 @dataclass(frozen=True)
@@ -31,11 +35,11 @@ class Series:
     wall_time_s: of the coupling up to the last row [s]; not a column, it differs between equal runs.
     """
 
-    columns: dict[str, NDArray[Any]]
+    columns: dict[str, Column]
     run_id: str
     wall_time_s: float
 
-    def __getitem__(self, name: str) -> NDArray[Any]:
+    def __getitem__(self, name: str) -> Column:
         return self.columns[name]
 
     def __contains__(self, name: str) -> bool:
@@ -125,7 +129,7 @@ def read_series_csv(path: Path) -> Series:
     return Series(columns, str(run.get("id", "")), float(run.get("wall_s") or 0.0))
 
 
-def write_table_csv(columns: Mapping[str, Iterable[Any]], path: Path, digits: str = "") -> None:
+def write_table_csv(columns: Mapping[str, Iterable[object]], path: Path, digits: str = "") -> None:
     """Write columns (n,) as CSV, without pandas, which takes a second to import. NaN becomes an empty cell.
 
     digits: how floats are formatted, ".6g"; the shortest that read back to the same bits, if empty.
@@ -137,13 +141,13 @@ def write_table_csv(columns: Mapping[str, Iterable[Any]], path: Path, digits: st
             writer.writerow([_cell(value, digits) for value in row])
 
 
-def _cell(value: Any, digits: str) -> str:
+def _cell(value: object, digits: str) -> str:
     if not isinstance(value, float):
         return str(value)
     return "" if math.isnan(value) else format(float(value), digits)
 
 
-def read_table_csv(path: Path) -> dict[str, NDArray[Any]]:
+def read_table_csv(path: Path) -> dict[str, Column]:
     """Columns (n,) of a CSV file of numbers, by name: float64, or int64 where all of a column is whole.
 
     Raises:
@@ -168,7 +172,7 @@ def read_table_csv(path: Path) -> dict[str, NDArray[Any]]:
     return {name: _numbers(path, name, cells) for name, cells in zip(names, columns, strict=True)}
 
 
-def _numbers(path: Path, name: str, cells: tuple[str, ...]) -> NDArray[Any]:
+def _numbers(path: Path, name: str, cells: tuple[str, ...]) -> Column:
     try:
         return np.array([int(cell) for cell in cells], dtype=np.int64)
     except (ValueError, OverflowError):
@@ -193,3 +197,29 @@ def _refuse_ragged(columns: Mapping[str, Sized], path: Path) -> None:
                 f"{path}: column {name} has {len(values)} values for {row_count} series ticks; "
                 "the bag was not recorded from one scene"
             )
+
+
+Columns = Series | Mapping[str, Column]
+"""Columns by name, each (n,), with time_s among them."""
+
+
+def running_mean(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Centred mean over `count` (made odd) values, over fewer at the ends, nan left out; (n,) -> (n,)."""
+    half = min(count // 2, (len(values) - 1) // 2)
+    if half < 1:
+        return values
+    known, window = ~np.isnan(values), np.ones(2 * half + 1)
+    total = np.convolve(np.where(known, values, 0.0), window, "same")
+    number = np.convolve(known, window, "same")
+    return np.divide(total, number, out=np.full(len(values), np.nan), where=number > 0.0)
+
+
+def moving_mean(columns: Columns, name: str, seconds: float) -> NDArray[np.float64]:
+    """Centred mean of a column (n,) over `seconds`; the column itself where rows are farther apart."""
+    return running_mean(columns[name], max(1, round(seconds / step_s(columns, seconds))))
+
+
+def step_s(columns: Columns, otherwise_s: float = 1.0) -> float:
+    """Time from row to row [s]; `otherwise_s` for a single row."""
+    times = columns[TIME]
+    return float(np.median(np.diff(times))) if len(times) > 1 else otherwise_s

@@ -16,7 +16,6 @@ r = (2 tau - 1) / (2 tau + 1). The larger of the two densities counts.
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,7 +138,7 @@ def degrees_of_freedom(count: int, length: int) -> float:
 
 def write_spectra_csv(spectra: dict[str, Spectrum], path: Path) -> None:
     """One row for each frequency of each quantity; densities in the quantity's unit squared per hertz."""
-    columns: dict[str, Iterable[Any]] = {
+    columns: dict[str, Iterable[object]] = {
         "quantity": [name for name, found in spectra.items() for _ in found.frequency_hz]
     }
     for kind in ("frequency_hz", "density", "low", "high", "noise", "level"):

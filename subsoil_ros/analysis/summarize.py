@@ -1,8 +1,6 @@
 """Metrics of a finished run, from its bag."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -10,19 +8,20 @@ from ..loading.loader import ResolvedScene
 from ..messages import Command, Grant, LostParticle, SoilState
 from ..recording.bag_reader import BagReader
 from ..recording.joined import open_record
-from ..scene.model import Scene
+from ..scene.scene import Scene
 from ..ticks import tick_end_s
+from ..yaml_document import Document
 from .columns import COUPLING, SOIL, TIME
+from .metrics_window import metrics_window, window_span_s
 from .run_statistics import RunStatistics, run_statistics
 from .series import Series, read_series
 from .summary import SCHEMA_VERSION, Summary, UnrecordedSummary
-from .window import metrics_window, window_span_s
 
 
 def summarize(
     bag: Path,
     resolved: ResolvedScene,
-    run_info: Mapping[str, Any],
+    run_info: Document,
     series: Series | None = None,
     statistics: RunStatistics | None = None,
 ) -> Summary:
@@ -89,13 +88,13 @@ def _ended_early(bag: Path, scene: Scene) -> bool:
     return any(grant.command is Command.END for grant in grants)
 
 
-def summarize_unrecorded(resolved: ResolvedScene, run_info: Mapping[str, Any]) -> UnrecordedSummary:
+def summarize_unrecorded(resolved: ResolvedScene, run_info: Document) -> UnrecordedSummary:
     """Summary of a run without a bag: what is known without its record."""
     run = {**run_info, "recorded": False, "complete": "failure" not in run_info}
     return UnrecordedSummary.model_validate({**_heading(resolved), "run": run})
 
 
-def _heading(resolved: ResolvedScene) -> dict[str, Any]:
+def _heading(resolved: ResolvedScene) -> Document:
     scene = resolved.scene
     return {
         "schema_version": SCHEMA_VERSION,
@@ -108,7 +107,7 @@ def _heading(resolved: ResolvedScene) -> dict[str, Any]:
     }
 
 
-def _particles(series: Series, bag: Path, communication_step_ns: int) -> dict[str, Any]:
+def _particles(series: Series, bag: Path, communication_step_ns: int) -> Document:
     """Numbers of particles present and lost; the first row with a lost one, and their identities."""
     if SOIL.lost_particle_count not in series:
         return {"count": 0, "lost_count": 0, "first_lost_s": None, "first_lost": []}
@@ -134,13 +133,13 @@ def _particles(series: Series, bag: Path, communication_step_ns: int) -> dict[st
     }
 
 
-def _of_column(values: np.ndarray, rows: np.ndarray, more: dict[str, Any]) -> dict[str, Any]:
+def _of_column(values: np.ndarray, rows: np.ndarray, more: Document) -> Document:
     """Statistics of a column (n,) over the window, `rows`, and under `run` over all of it."""
     run = {**_statistics(values), **more.get("run", {})}
     return {**_statistics(values[rows]), **more, "run": run}
 
 
-def _statistics(values: np.ndarray) -> dict[str, Any]:
+def _statistics(values: np.ndarray) -> Document:
     return {
         "mean": float(np.mean(values)),
         "min": values.min().item(),

@@ -5,20 +5,23 @@ A field that has a default is left out of the file where the run has no such qua
 
 import json
 import math
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, WithJsonSchema
 from pydantic_core import core_schema
 
-from ..loading.schema import SchemaWithUnits
+from ..loading.scene_schema import SchemaWithUnits
 from ..strict_model import StrictModel
+from ..yaml_document import Document
+from .columns import DRAFT
 
 SCHEMA_VERSION = 2
 """Version of config/summary.schema.json; raised when a quantity moves or changes its meaning."""
 
 
-def _finite(value: Any) -> Any:
+def _finite(value: object) -> object:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
@@ -310,7 +313,7 @@ class UnrecordedSummary(StrictModel):
     scene: Scene
     run: Run
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         """Return the content of summary.json."""
         return self.model_dump(exclude_unset=True)
 
@@ -333,7 +336,7 @@ class Summary(UnrecordedSummary):
     disturbance: DisturbanceMetrics | None = None
 
 
-def run_facts(document: dict[str, Any]) -> dict[str, Any]:
+def run_facts(document: Document) -> Document:
     """Return the part of a summary's `run` that no bag holds.
 
     Raises:
@@ -347,14 +350,14 @@ def run_facts(document: dict[str, Any]) -> dict[str, Any]:
 class _SummarySchema(SchemaWithUnits):
     """Generator for fields that are left out, not null, where there is no value."""
 
-    def nullable_schema(self, schema: core_schema.NullableSchema) -> dict[str, Any]:
+    def nullable_schema(self, schema: core_schema.NullableSchema) -> Document:
         return self.generate_inner(schema["schema"])
 
-    def default_schema(self, schema: core_schema.WithDefaultSchema) -> dict[str, Any]:
+    def default_schema(self, schema: core_schema.WithDefaultSchema) -> Document:
         return self.generate_inner(schema["schema"])
 
 
-def summary_schema() -> dict[str, Any]:
+def summary_schema() -> Document:
     """JSON Schema of summary.json, draft 2020-12."""
     whole = Summary.model_json_schema(schema_generator=_SummarySchema)
     other = UnrecordedSummary.model_json_schema(schema_generator=_SummarySchema)
@@ -371,3 +374,30 @@ def summary_schema() -> dict[str, Any]:
         "else": {"$ref": "#/$defs/UnrecordedSummary"},
         "$defs": dict(sorted(definitions.items())),
     }
+
+
+def flattened(summary: Document) -> Document:
+    """Return every value of a summary by its path, keys joined by dots: `series.draft_newton.run.max`."""
+    return dict(_leaves(summary, ""))
+
+
+def _leaves(group: Document, prefix: str) -> Iterator[tuple[str, object]]:
+    for key, value in group.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
+
+
+def path_of(column: str, *statistic: str) -> str:
+    """Path of a statistic of a column of the series: path_of(DRAFT, "run", "max")."""
+    return ".".join(("series", column, *statistic))
+
+
+MEAN_DRAFT = path_of(DRAFT, "mean")
+
+
+def short_name(path: str) -> str:
+    """Return the last word of a dotted path; where that is `value`, the one before."""
+    words = path.split(".")
+    return words[-2] if words[-1] == "value" and len(words) > 1 else words[-1]

@@ -7,7 +7,7 @@ from ..dem.bed import OnProgress, ignore_progress
 from ..dem.packing.bed_file import bed_path
 from ..dem.packing.start import expected_dense_count
 from ..loading.loader import ResolvedScene
-from ..scene.beds import DenseRandomBed, TiledBed
+from ..scene.bed_kinds import DenseRandomBed, TiledBed
 
 BedProgress = Callable[[str], AbstractContextManager[OnProgress]]
 """Shows that a bed of this description is being prepared; yields the callback of its progress."""

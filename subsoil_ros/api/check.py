@@ -13,8 +13,8 @@ from ..limits.soil_at_work import Finding, soil_at_work
 from ..limits.stable_steps import StepLimit, step_limits, step_notes
 from ..loading.loader import ResolvedScene
 from ..loading.soil_file import soil_of
-from ..scene.meshes import ToolMesh, load_tool_mesh
-from ..scene.model import Scene
+from ..scene.scene import Scene
+from ..scene.tool_mesh import ToolMesh, load_tool_mesh
 from .load import SceneLike, resolved_scene
 
 if TYPE_CHECKING:

@@ -1,22 +1,24 @@
-"""subsoil bag info|recover FILE: describes a bag, or mends one whose writer was killed."""
+"""subsoil bag info|recover FILE: describes a bag, or recovers one whose writer was killed."""
 
 from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from ._shared.output import print_line, stdout_console, table
+
 if TYPE_CHECKING:
     from ..recording.bag_info import BagFacts
+    from ..yaml_document import Document
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     for name, text in (
         ("info", "print topics with counts, rates and sizes, types, compression, and what is thinned"),
-        ("recover", "mend a bag in its place; the damaged file is kept as FILE.damaged"),
+        ("recover", "recover a bag in its place; the damaged file is kept as FILE.damaged"),
     ):
         action = actions.add_parser(name, help=text, description=text)
         action.add_argument("file", type=Path, help="bag folder, its .mcap file, or the folder of a run")
@@ -33,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Describe or mend the bag."""
+    """Describe or recover the bag."""
     return _info(args.file, args.json) if args.action == "info" else _recover(args.file)
 
 
@@ -45,11 +47,11 @@ def _info(path: Path, as_json: bool) -> int:
     if as_json:
         print(json.dumps(_document(facts), indent=1))
         return 0
-    console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
+    console = stdout_console()
     console.print(_topic_table(facts))
     console.print(_type_table(facts))
     for line in _lines(facts):
-        console.print(line, soft_wrap=True, markup=False)
+        print_line(console, line)
     return 0
 
 
@@ -66,26 +68,20 @@ def _bar(path: Path, text: str) -> Iterator[Callable[[int], None]]:
 
 
 def _topic_table(facts: BagFacts) -> Table:
-    table = Table(title=str(facts.path), title_justify="left")
-    table.add_column("topic", overflow="fold")
-    table.add_column("type", overflow="fold")
-    for heading in ("messages", "per s", "MB", "bytes each"):
-        table.add_column(heading, justify="right", no_wrap=True)
+    topics = table(str(facts.path), ("topic", "type", "messages", "per s", "MB", "bytes each"), words=2)
     for topic in facts.topics:
         each = f"{topic.size_bytes / topic.message_count:.0f}" if topic.message_count else ""
         rate = f"{topic.rate_hz:.5g}" if topic.rate_hz else ""
         size = f"{topic.size_bytes / 1e6:.3f}"
-        table.add_row(topic.name, topic.message_type, str(topic.message_count), rate, size, each)
-    return table
+        topics.add_row(topic.name, topic.message_type, str(topic.message_count), rate, size, each)
+    return topics
 
 
 def _type_table(facts: BagFacts) -> Table:
-    table = Table()
-    table.add_column("type")
-    table.add_column("hash", no_wrap=True)
+    types = table("", ("type", "hash"), words=2)
     for name, type_hash in sorted({topic.message_type: topic.type_hash for topic in facts.topics}.items()):
-        table.add_row(name, type_hash)
-    return table
+        types.add_row(name, type_hash)
+    return types
 
 
 def _lines(facts: BagFacts) -> Iterator[str]:
@@ -107,7 +103,7 @@ def _lines(facts: BagFacts) -> Iterator[str]:
         yield f"attached: {', '.join(facts.attachments)} ({size_bytes / 1e3:.1f} kB)"
 
 
-def _document(facts: BagFacts) -> dict[str, Any]:
+def _document(facts: BagFacts) -> Document:
     document = asdict(facts) | {"path": str(facts.path), "message_count": facts.message_count}
     for topic, entry in zip(facts.topics, document["topics"], strict=True):
         entry["rate_hz"] = topic.rate_hz
@@ -117,13 +113,13 @@ def _document(facts: BagFacts) -> dict[str, Any]:
 def _recover(path: Path) -> int:
     from ..recording.recovery import recover
 
-    with _bar(path, "mending") as on_progress:
+    with _bar(path, "recovering") as on_progress:
         result = recover(path, on_progress)
     if result.damaged_path is None:
-        print(f"{result.path}: is whole, {result.message_count} messages; nothing was changed")
+        print(f"{result.path}: is complete, {result.message_count} messages; nothing was changed")
     else:
         print(
-            f"{result.path}: mended, {result.message_count} messages up to {result.end_time_ns * 1e-9:.9g} s "
-            f"of simulated time; the damaged file is {result.damaged_path}"
+            f"{result.path}: recovered, {result.message_count} messages up to "
+            f"{result.end_time_ns * 1e-9:.9g} s of simulated time; the damaged file is {result.damaged_path}"
         )
     return 0

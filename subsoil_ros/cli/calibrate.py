@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.console import Console
-
 from ..errors import InputError
 from ..extras import require
-from ._shared.tables import table
+from ._shared.output import stdout_console, table
 
 if TYPE_CHECKING:
-    from ..experiments.calibration.wedge import WedgeFit
+    from ..experiments.calibration.wedge_fit import WedgeFit
     from ..limits.stable_steps import Timing
 
 LARGEST_RADIUS_M = 0.1
@@ -81,15 +78,14 @@ def run(args: argparse.Namespace) -> int:
         RunError: a run failed; finished runs are kept.
     """
     from ..cache_folders import user_cache_folder
-    from ..experiments.calibration.density import bed_density_kg_per_m3
-    from ..experiments.calibration.design import base_scene, read_design
-    from ..experiments.calibration.measured import measure
-    from ..experiments.calibration.wedge import FITTED, fit_wedge
-    from ..loading.shipped import shipped_soil
+    from ..experiments.calibration.pulls import bed_density_kg_per_m3, measure
+    from ..experiments.calibration.wedge_design import base_scene, read_design
+    from ..experiments.calibration.wedge_fit import FITTED, fit_wedge
+    from ..loading.files import shipped_soil
     from ..loading.soil_file import write_soil_file
     from ..yaml_document import read_document
-    from ._shared.preparation import KernelAnnouncer, say
-    from ._shared.progress import working
+    from ._shared.output import say
+    from ._shared.progress import KernelAnnouncer, working
 
     args.design = shipped_soil(args.design)
     of_laboratory = read_document(args.design, str(args.design)).get("model") == "laboratory"
@@ -123,9 +119,9 @@ def run(args: argparse.Namespace) -> int:
 
 def _material(args: argparse.Namespace) -> int:
     require("a calibration to a laboratory's soil", "dask", "distributed")
-    from ..experiments.calibration.material import calibrate
-    from ..loading.material import read_laboratory_soil, write_material
-    from ._shared.preparation import say
+    from ..experiments.calibration.laboratory_fit import calibrate
+    from ..loading.material_file import read_laboratory_soil, write_material
+    from ._shared.output import say
 
     soil = read_laboratory_soil(args.design)
     if not 0.0 < args.radius <= LARGEST_RADIUS_M:
@@ -137,7 +133,7 @@ def _material(args: argparse.Namespace) -> int:
         raise InputError(f"--threads: given {args.threads}; it must be 1 or more")
     material = calibrate(soil, args.radius, args.threads, say, args.law or "cohesive_linear")
     write_material(args.out, material)
-    console = Console(width=None if sys.stdout.isatty() else 140)
+    console = stdout_console(highlight=True)
     wanted = soil.model_dump()
     title = f"{soil.name}, r = {args.radius * 1e3:g} mm"
     found = table(title, ("", "wanted", "found", "95 % confidence"))
@@ -157,7 +153,7 @@ def _material(args: argparse.Namespace) -> int:
 
 @contextmanager
 def _progress(name: str, timing: Timing) -> Iterator[Callable[[int], None]]:
-    from ._shared.preparation import say
+    from ._shared.output import say
     from ._shared.progress import RunProgress
 
     say(f"running {name}")
@@ -166,9 +162,9 @@ def _progress(name: str, timing: Timing) -> Iterator[Callable[[int], None]]:
 
 
 def _print(fit: WedgeFit, out: Path) -> None:
-    from ..experiments.calibration.wedge import searched_by
+    from ..experiments.calibration.wedge_fit import searched_by
 
-    console = Console(width=None if sys.stdout.isatty() else 140)
+    console = stdout_console(highlight=True)
     fitted = table("fitted values", ("value", "", "95 % confidence"), words=3)
     values = fit.soil.values
     shown = values.model_dump()

@@ -2,16 +2,13 @@
 
 import argparse
 import math
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.table import Table
-
 from ..errors import InputError
 from ..extras import require
+from ._shared.output import print_line, stdout_console, table
 
 if TYPE_CHECKING:
     from ..figures.comparison import Difference, Source
@@ -89,7 +86,7 @@ def _refuse_unknown(columns: Sequence[str], sources: "Sequence[Source]") -> None
     known = list(dict.fromkeys(name for source in sources for name in source.columns))
     for name in columns:
         if name not in known:
-            from ..loading.keys import suggestion
+            from ..loading.validation import suggestion
 
             raise InputError(f"--show {name}: no such column in any of them; {suggestion(name, known)}")
     if not columns:
@@ -99,20 +96,15 @@ def _refuse_unknown(columns: Sequence[str], sources: "Sequence[Source]") -> None
 def _print(found: "list[Difference]", sources: "list[Source]", out: Path) -> None:
     from ..figures.comparison import APART, SHARED, shared_span_s
 
-    console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
+    console = stdout_console()
     low, high = sources[0].span_s
     title = f"runs over their metrics windows; {sources[0].label}: {low:.4g} to {high:.4g} s"
     shared = {item.column: _span(shared_span_s(sources, item.column)) for item in found}
     alike = len(set(shared.values())) == 1
     title += f"; {next(iter(shared.values()))}" if alike else "; shared times by column: below"
-    table = Table(title=title)
-    table.title_justify, table.box = "left", None
-    table.add_column("quantity", overflow="fold")
-    table.add_column("")
-    for source in sources:
-        table.add_column(source.label, justify="right", overflow="fold")
-    for source in sources[1:]:
-        table.add_column(f"{source.label} - first", justify="right", overflow="fold")
+    labels = [source.label for source in sources]
+    headings = ("quantity", "", *labels, *(f"{label} - first" for label in labels[1:]))
+    rows = table(title, headings, words=2)
     for item in found:
         rms = item.statistic == APART
         cells = ["" if rms and not k else _number(value) for k, value in enumerate(item.values)]
@@ -124,21 +116,20 @@ def _print(found: "list[Difference]", sources: "list[Source]", out: Path) -> Non
                 change = f"{_number(difference)} +- {width:.4g} ({_percent(part, of_part)})"
             cells.append("" if rms else change)
         name = item.column if item.statistic == "mean" else ""
-        table.add_row(name, SHARED.get(item.statistic, "rms apart" if rms else item.statistic), *cells)
-    console.print(table)
+        rows.add_row(name, SHARED.get(item.statistic, "rms apart" if rms else item.statistic), *cells)
+    console.print(rows)
     if not alike:
         for name, words in shared.items():
-            console.print(f"{name}: {words}", soft_wrap=True, markup=False)
+            print_line(console, f"{name}: {words}")
     for source in sources:
         if source.window_empty:
-            console.print(
+            print_line(
+                console,
                 f"WARNING: {source.label}: no row lies in its metrics window, so its mean, min and max are "
                 "of the whole run (the rule of the window: its summary.json)",
-                soft_wrap=True,
-                markup=False,
             )
     for path in ("comparison.csv", "comparison.png"):
-        console.print(f"written: {out / path}", soft_wrap=True, markup=False)
+        print_line(console, f"written: {out / path}")
 
 
 def _span(span_s: tuple[float, float]) -> str:

@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 
 from ..errors import InputError
-from ..loading.shipped import config_folder, template_names
+from ..loading.files import config_folder, template_names
 
 SCHEMA = "scene.schema.json"
 _MESH = re.compile(r"\bmeshes/([\w.-]+\.stl)")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from ..extras import require
-from ..figures.views import VIEWS
+from ..figures import VIEWS
 from ._shared.arguments import RECORD_HELP
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from ..extras import require
@@ -14,6 +14,7 @@ from ._shared.arguments import RECORD_HELP
 if TYPE_CHECKING:
     from ..analysis.run_statistics import RunStatistics
     from ..api.recorded_run import RecordedRun
+    from ..yaml_document import Document
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,14 +47,12 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _report(recorded: RecordedRun, html: bool) -> int:
+    from ..analysis.metrics_window import metrics_window
     from ..analysis.run_statistics import run_statistics
     from ..analysis.series import read_series, write_series_csv
     from ..analysis.summarize import summarize
-    from ..analysis.window import metrics_window
-    from ..figures.load_figures import draw_load_figures
-    from ..figures.over_time import draw_figures
-    from ..report.metrics_table import print_summary
-    from ..report.reference_table import reference_rows, write_reference_csv
+    from ..figures.run_figures import draw_figures, draw_load_figures
+    from ..report.result_tables import print_summary, reference_rows, write_reference_csv
     from ._shared.progress import reading_bag, working
 
     directory, bag, resolved = recorded.directory, recorded.bag, recorded.resolved
@@ -104,7 +103,7 @@ def _write_tables(statistics: RunStatistics, directory: Path) -> None:
         write_section_csv(statistics.disturbance, directory / "loosened_section.csv")
 
 
-def _known_facts(directory: Path) -> dict[str, Any]:
+def _known_facts(directory: Path) -> Document:
     """Facts that are not in the bag: from the run's summary, or, under ros2 launch, from its folder."""
     from ..analysis.summary import run_facts
     from ..api.checkpoints import checkpoint_facts

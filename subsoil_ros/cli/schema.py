@@ -4,7 +4,7 @@ import argparse
 import json
 from pathlib import Path
 
-from ._shared.arguments import write_out
+from ._shared.output import write_out
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write the schema."""
     from ..analysis.summary import summary_schema
-    from ..loading.schema import scene_schema
+    from ..loading.scene_schema import scene_schema
 
     schema = summary_schema() if args.summary else scene_schema()
     write_out(json.dumps(schema, indent=1) + "\n", args.out)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ._shared.arguments import add_overrides, positive_count
 
 if TYPE_CHECKING:
-    from ..experiments.soil_tests.element import Strength
+    from ..experiments.element_tests import Strength
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,11 +29,10 @@ def run(args: argparse.Namespace) -> int:
     """
     from rich.console import Console
 
-    from ..experiments.soil_tests.strength import measure_strength
+    from ..experiments.strength_tests import measure_strength
     from ..loading.loader import load_scene
-    from ._shared.preparation import KernelAnnouncer
-    from ._shared.progress import working
-    from ._shared.tables import table
+    from ._shared.output import table
+    from ._shared.progress import KernelAnnouncer, working
 
     resolved = load_scene(args.scene, args.overrides)
     with KernelAnnouncer():

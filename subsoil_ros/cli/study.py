@@ -1,7 +1,6 @@
 """subsoil study SCENE: errors and times of a scene's presets, measured over several beds."""
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,10 +8,11 @@ from rich.console import Console
 
 from ..extras import require
 from ._shared.arguments import add_overrides
+from ._shared.output import print_line, stdout_console
 from .sweep import add_manner
 
 if TYPE_CHECKING:
-    from ..experiments.study.design import StudyDesign
+    from ..experiments.study.study_design import StudyDesign
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,14 +41,14 @@ def run(args: argparse.Namespace) -> int:
     """
     require("a study", "dask", "distributed", "matplotlib", "pyarrow")
     from ..errors import InputError
-    from ..experiments.study.design import design_of, read_design
-    from ..experiments.study.study import run_study
-    from ..experiments.sweep.engine import ExecutionOptions
-    from ..loading.shipped import shipped_scene
-    from ._shared.sweep_progress import SweepProgress
+    from ..experiments.study.run_study import run_study
+    from ..experiments.study.study_design import design_of, read_design
+    from ..experiments.sweep.run_jobs import ExecutionOptions
+    from ..loading.files import shipped_scene
+    from ._shared.progress import SweepProgress
 
     design = read_design(args.design or design_of(shipped_scene(Path(args.scene))))
-    console = Console(width=None if sys.stdout.isatty() else 200, highlight=False)
+    console = stdout_console(200)
     if args.list:
         _list(args, design, console)
         return 0
@@ -57,19 +57,19 @@ def run(args: argparse.Namespace) -> int:
     manner = ExecutionOptions(args.scheduler, args.workers, args.threads, args.retry_failed, timed=True)
     with SweepProgress("study") as progress:
         outcome = run_study(args.scene, args.overrides, design, args.out, manner, progress)
-    console.print(outcome.text, soft_wrap=True, markup=False)
+    print_line(console, outcome.text)
     for label, message in outcome.failed:
-        console.print(f"failed: {label}: {message}", soft_wrap=True, markup=False)
+        print_line(console, f"failed: {label}: {message}")
     for path in outcome.paths:
-        console.print(f"written: {path}", soft_wrap=True, markup=False)
+        print_line(console, f"written: {path}")
     return 0
 
 
 def _list(args: argparse.Namespace, design: "StudyDesign", console: Console) -> None:
     """Every preset with its particles and steps."""
     from ..api.check import start_count
-    from ..experiments.study.study import study_jobs
-    from ._shared.tables import table
+    from ..experiments.study.run_study import study_jobs
+    from ._shared.output import table
 
     headings = ("preset", "particles", "soil steps", "particle-steps")
     sizes = table(f"{len(design.seeds)} seeds each", headings)

@@ -1,21 +1,19 @@
 """subsoil sweep SCENE --vary KEY=A,B,C: many runs of one scene, one table."""
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.console import Console
 from rich.table import Table
 
-from ..analysis.quantities import short_name
 from ..errors import InputError, RunError
 from ..extras import require
 from ._shared.arguments import add_overrides, positive_count
+from ._shared.output import print_line, stdout_console, table
 
 if TYPE_CHECKING:
     from ..experiments.sweep.ranking import Ranked
-    from ..experiments.sweep.sweep import Outcome
+    from ..experiments.sweep.run_sweep import Outcome
 
 SHOWN_ROWS = 12
 
@@ -93,10 +91,10 @@ def run(args: argparse.Namespace) -> int:
         RunError: every run failed.
     """
     require("a sweep", "dask", "distributed", "matplotlib", "pyarrow")
-    from ..experiments.sweep.engine import ExecutionOptions
-    from ..experiments.sweep.plan import parse_variations
-    from ..experiments.sweep.sweep import Sweep, run_sweep
-    from ._shared.sweep_progress import SweepProgress
+    from ..experiments.sweep.points import parse_variations
+    from ..experiments.sweep.run_jobs import ExecutionOptions
+    from ..experiments.sweep.run_sweep import Sweep, run_sweep
+    from ._shared.progress import SweepProgress
 
     if not args.vary and not args.pair:
         raise InputError("--vary: is missing; name a key and its values, or use `subsoil run` for one run")
@@ -128,12 +126,12 @@ def parse_seeds(text: str | None) -> tuple[int, ...]:
 
 
 def _print(outcome: "Outcome", keys: list[str]) -> None:
-    console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
+    console = stdout_console()
     if outcome.ranked:
         console.print(_ranking(outcome.ranked, outcome.best, keys))
         console.print(_advice(outcome))
     for label, message in outcome.failed:
-        console.print(f"failed: {label}: {message}", soft_wrap=True, markup=False)
+        print_line(console, f"failed: {label}: {message}")
     if outcome.failed:
         console.print(
             f"{len(outcome.failed)} of {len(outcome.table)} runs failed; --retry-failed runs them again"
@@ -150,21 +148,17 @@ def _print(outcome: "Outcome", keys: list[str]) -> None:
             "the older ones from runs/ to have one"
         )
     for path in outcome.paths:
-        console.print(f"written: {path}", soft_wrap=True, markup=False)
+        print_line(console, f"written: {path}")
 
 
 def _ranking(ranked: "list[Ranked]", best: "Ranked | None", keys: list[str]) -> Table:
-    table = Table(title="least mean draft first", title_justify="left", title_style="bold", box=None)
-    for key in keys:
-        table.add_column(short_name(key), overflow="fold")
-    table.add_column("mean draft N", justify="right")
+    from ..analysis.summary import short_name
+
     savings = any(item.saving is not None for item in ranked)
-    if savings:
-        table.add_column("saving %", justify="right")
     loads = list(dict.fromkeys(name for item in ranked for name in item.load))
-    for name in loads:
-        table.add_column(name, justify="right", overflow="fold")
-    table.add_column("")
+    numbers = ("mean draft N", *(("saving %",) if savings else ()), *loads)
+    rows = table("least mean draft first", (*map(short_name, keys), *numbers), words=len(keys))
+    rows.add_column("")
     for item in ranked[:SHOWN_ROWS]:
         cells = [str(item.values.get(key, "")) for key in keys]
         cells.append(_with_half(item.draft_newton.mean, item.draft_newton.half_width, ".1f"))
@@ -175,10 +169,10 @@ def _ranking(ranked: "list[Ranked]", best: "Ranked | None", keys: list[str]) -> 
             )
         cells += [f"{item.load[name]:.5g}" if name in item.load else "" for name in loads]
         word = "recommended" if item is best else "as good, within the seeds" if item.level_with_best else ""
-        table.add_row(*cells, word if item.draft_newton.count > 1 else "")
+        rows.add_row(*cells, word if item.draft_newton.count > 1 else "")
     if len(ranked) > SHOWN_ROWS:
-        table.caption = f"{len(ranked) - SHOWN_ROWS} more in ranking.csv"
-    return table
+        rows.caption = f"{len(ranked) - SHOWN_ROWS} more in ranking.csv"
+    return rows
 
 
 def _with_half(mean: float, half: float, digits: str) -> str:

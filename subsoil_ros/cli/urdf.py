@@ -3,7 +3,8 @@
 import argparse
 from pathlib import Path
 
-from ._shared.arguments import add_overrides, write_out
+from ._shared.arguments import add_overrides
+from ._shared.output import write_out
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,7 +21,7 @@ def run(args: argparse.Namespace) -> int:
         InputError: the scene cannot be used, or the file cannot be written.
     """
     from ..loading.loader import load_scene
-    from ..scene.urdf import robot_description
+    from ..recording.robot_description import robot_description
 
     write_out(robot_description(load_scene(args.scene, args.overrides).scene), args.out)
     return 0

@@ -22,7 +22,7 @@ from ..recording.checkpoint import (
     state_sha256,
     write_part,
 )
-from ..scene.model import Scene
+from ..scene.scene import Scene
 from ..ticks import INITIAL_TICK, tick_end_s
 from .energy_account import InterfaceWork
 from .engines import Resumable, mover_part

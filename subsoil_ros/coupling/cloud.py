@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..messages import SoilCloud
-from ..scene.cloud import SPEED_BITS, position_step_m
-from ..scene.model import Record
+from ..scene.record import SPEED_BITS, Record, position_step_m
 
 MORE = ("identities", "broken_parts", "radii_m", "materials")
 """Optional fields of a cloud, beside position and speed of each particle."""

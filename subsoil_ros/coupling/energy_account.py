@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from ..errors import PhysicsError
 from ..messages import CouplingReport, ToolMotion, ToolWrench, work_joule
-from ..scene.model import Scene
+from ..scene.scene import Scene
 from ..ticks import tick_end_ns
 
 

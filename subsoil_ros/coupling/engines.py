@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ..loading.loader import ResolvedScene
 from ..messages import DriverCommand, MechanismState, SoilCloud, SoilState, ToolMotion, ToolWrench
-from ..scene.model import Scene
+from ..scene.scene import Scene
 from .outside import Machine, OutsideMachine, OutsideSoil, OutsideSoilEngine
 from .protocol import MECHANISM, SOIL
 

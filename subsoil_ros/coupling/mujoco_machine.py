@@ -12,7 +12,7 @@ from ..errors import InputError, PhysicsError
 from ..extras import require
 from ..loading.loader import ResolvedScene
 from ..messages import SpatialMotion, ToolMotion, ToolWrench
-from ..scene.meshes import load_tool_mesh
+from ..scene.tool_mesh import load_tool_mesh
 from ..ticks import NANOSECONDS_PER_SECOND, tick_end_s
 
 Control = Callable[[Any, Any, float], None]

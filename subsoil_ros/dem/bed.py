@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ..errors import InputError
-from ..scene.beds import SurfaceProfile
+from ..scene.bed_kinds import SurfaceProfile
 from ..scene.soil import Soil
 
 

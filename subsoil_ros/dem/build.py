@@ -4,7 +4,7 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..loading.loader import ResolvedScene
-from ..scene.beds import GridBed, SavedBed, TiledBed
+from ..scene.bed_kinds import GridBed, SavedBed, TiledBed
 from .bed import Bed, OnProgress, ignore_progress
 from .engine import SoilEngine
 from .field import Field

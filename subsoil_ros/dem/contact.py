@@ -15,7 +15,7 @@ from numba.extending import overload
 from ..contact_laws.base import NO, SPRINGS, YES, ContactLaw
 from ..contact_laws.registry import contact_laws
 from ..contact_laws.springs import like
-from ..scene.pairs import layer_soils, pair_values
+from ..scene.pair_laws import layer_soils, pair_values
 from ..scene.soil import Soil
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from ..contact_laws.base import Features
-from ..scene.pairs import boundary_values, layer_soils, pair_values, particle_values, sphere_mass_kg
+from ..scene.pair_laws import boundary_values, layer_soils, pair_values, particle_values, sphere_mass_kg
 from ..scene.soil import Soil
 from .contact import at_size, numbers_at
 

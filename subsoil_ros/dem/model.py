@@ -8,7 +8,7 @@ import numpy as np
 from ..contact_laws.base import Features
 from ..errors import InputError
 from ..loading.loader import ResolvedScene
-from ..scene.pairs import layer_soils, pair_values, particle_mass_kg
+from ..scene.pair_laws import layer_soils, pair_values, particle_mass_kg
 from ..scene.soil import Soil
 from .bed import Bed
 from .contact import history_parity, law_features, soil_laws

@@ -11,7 +11,7 @@ from numba import njit
 
 from ..contact_laws.base import NO
 from ..errors import SceneError
-from ..scene.pairs import layer_soils, pair_values
+from ..scene.pair_laws import layer_soils, pair_values
 from ..scene.soil import Soil
 from .bed import Bed
 

@@ -9,16 +9,18 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+
+from pydantic import ValidationError
 
 from ..analysis.series import Series, read_series_csv
+from ..analysis.summary import Summary
 from ..api.execution import RunResult
 from ..errors import InputError, RunError, SubsoilError
 from ..loading.loader import ResolvedScene
+from ..yaml_document import Document
 
 NAME_DIGITS = 32
 """Digits of the hash in the name of a folder."""
@@ -31,15 +33,26 @@ class CachedRun:
     folder: Path
 
     @cached_property
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Document:
         """Content of run.json, see RunResult."""
         return _read_json(self.folder / "run.json")
 
     @cached_property
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> Document:
         """summary.json; empty if a run failed before its first series tick."""
         path = self.folder / "summary.json"
         return _read_json(path) if path.is_file() else {}
+
+    @cached_property
+    def metrics(self) -> Summary:
+        """summary.json of a recorded run. Raises InputError for one that another version has written."""
+        try:
+            return Summary.model_validate(self.summary)
+        except ValidationError as error:
+            raise InputError(
+                f"{self.folder / 'summary.json'}: is no summary of a run with this version; remove the "
+                "folder, and the run is repeated"
+            ) from error
 
     @property
     def failure(self) -> str | None:
@@ -57,7 +70,7 @@ class CachedRun:
         return read_series_csv(self.folder / "series.csv")
 
 
-def _read_json(path: Path) -> dict[str, Any]:
+def _read_json(path: Path) -> Document:
     return dict(json.loads(path.read_text(encoding="utf-8")))
 
 
@@ -86,7 +99,7 @@ def keep_run(cache: Path, scene: ResolvedScene, executed: RunResult) -> CachedRu
         shutil.rmtree(part, ignore_errors=True)
 
 
-def keep_folder(cache: Path, scene_hash: str, made: Path, facts: Mapping[str, Any]) -> CachedRun:
+def keep_folder(cache: Path, scene_hash: str, made: Path, facts: Document) -> CachedRun:
     """Keep a folder that `subsoil run` made on the disk of the cache, as keep_run does; it is moved.
 
     facts: as RunResult has them.

@@ -10,8 +10,9 @@ from scipy.signal import periodogram
 
 from ..analysis.columns import DRAFT, TIME, Wrench, spring_element
 from ..analysis.failure_cycles import SMOOTHED_S
-from ..analysis.smoothing import Columns, moving_mean
+from ..analysis.series import Columns, moving_mean
 from ..analysis.spectra import LEAST_ROWS, spectrum
+from ..analysis.summary import Number, StationarityMetrics, Summary
 from ..yaml_document import read_document
 from .run_cache import CachedRun
 
@@ -65,11 +66,10 @@ def metrics_of(run: CachedRun) -> dict[str, float]:
     once, so there is the swing. There is a dominant frequency only where a peak of the draft's spectrum
     stands out of red noise.
     """
-    summary, series = run.summary, run.series()
-    window = summary["window"]
+    summary, series = run.metrics, run.series()
     times = series[TIME]
-    rows = (times >= window["start_s"]) & (times <= window["end_s"])
-    found = {"energy_residual": abs(float(summary["energy"]["residual_ratio"]))}
+    rows = (times >= _known(summary.window.start_s)) & (times <= _known(summary.window.end_s))
+    found = {"energy_residual": abs(_known(summary.energy.residual_ratio))}
     if DRAFT in series:
         draft = series[DRAFT]
         found["draft_mean_newton"] = float(np.mean(draft[rows]))
@@ -85,8 +85,8 @@ def metrics_of(run: CachedRun) -> dict[str, float]:
     upward = [series[name][rows] for name in _upward_columns(run) if name in series]
     if upward:
         found["vertical_mean_newton"] = float(np.mean(np.sum(upward, axis=0)))
-    if "disturbance" in summary:
-        found["disturbed_area_m2"] = float(summary["disturbance"]["area_m2"])
+    if summary.disturbance is not None:
+        found["disturbed_area_m2"] = _known(summary.disturbance.area_m2)
     return {name: value for name, value in found.items() if math.isfinite(value)}
 
 
@@ -96,22 +96,33 @@ def half_widths_of(run: CachedRun, metrics: Mapping[str, float]) -> dict[str, fl
     Of means and deviations those of analysis/stationarity.py; a deviation's is scaled to the 20 ms mean. The
     vertical force has one where a single tool works the soil.
     """
-    summary = run.summary
-    columns = {"draft": DRAFT, "spring": spring_element(spring_of(run)).load}
-    records = {key: summary["series"].get(name, {}).get("stationarity") for key, name in columns.items()}
-    found = {}
-    if records["draft"] is not None:
-        found["draft_mean_newton"] = records["draft"]["mean_half_width"]
-    for key, record in records.items():
-        if record is not None and record["deviation"] and (name := f"{key}_deviation_newton") in metrics:
-            found[name] = record["deviation_half_width"] * metrics[name] / record["deviation"]
+    summary = run.metrics
+    found: dict[str, Number] = {}
+    draft = _stationarity(summary, DRAFT)
+    if draft is not None:
+        found["draft_mean_newton"] = draft.mean_half_width
+    for key, record in (
+        ("draft_deviation_newton", draft),
+        ("spring_deviation_newton", _stationarity(summary, spring_element(spring_of(run)).load)),
+    ):
+        if record is not None and record.deviation and key in metrics:
+            found[key] = _known(record.deviation_half_width) * metrics[key] / record.deviation
     upward = _upward_columns(run)
-    vertical = summary["series"].get(upward[0], {}).get("stationarity") if len(upward) == 1 else None
+    vertical = _stationarity(summary, upward[0]) if len(upward) == 1 else None
     if vertical is not None:
-        found["vertical_mean_newton"] = vertical["mean_half_width"]
-    if "disturbance" in summary:
-        found["disturbed_area_m2"] = summary["disturbance"].get("area_half_width_m2")
+        found["vertical_mean_newton"] = vertical.mean_half_width
+    if summary.disturbance is not None:
+        found["disturbed_area_m2"] = summary.disturbance.area_half_width_m2
     return {name: float(value) for name, value in found.items() if value is not None and math.isfinite(value)}
+
+
+def _stationarity(summary: Summary, name: str) -> StationarityMetrics | None:
+    column = summary.series.get(name)
+    return None if column is None else column.stationarity
+
+
+def _known(number: Number) -> float:
+    return math.nan if number is None else float(number)
 
 
 def deviation(series: Columns, name: str, rows: NDArray[np.bool_]) -> float:

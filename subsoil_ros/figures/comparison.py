@@ -9,11 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..analysis.columns import DRAFT, TIME, Body, spring_element
-from ..analysis.series import read_table_csv
-from ..analysis.smoothing import moving_mean
+from ..analysis.series import Column, moving_mean, read_table_csv
 from ..analysis.stationarity import stationarity
 from ..errors import InputError
 from ..yaml_document import read_document
@@ -36,12 +34,12 @@ class Source:
     """A run, or a measurement: its columns over time, and the span its metrics are taken over."""
 
     label: str
-    columns: dict[str, NDArray[Any]]
+    columns: dict[str, Column]
     span_s: tuple[float, float]
     measured: bool = False
     window_empty: bool = False  # a run without a row in its metrics window: the span is the whole run
 
-    def at(self, name: str, times_s: NDArray[Any]) -> NDArray[Any]:
+    def at(self, name: str, times_s: Column) -> Column:
         """A column at times (n,) [s], linear between rows with a value; nan before the first and after the
         last of them, and without the column."""
         known = self.known_s(name)
@@ -50,7 +48,7 @@ class Source:
         values = self.columns[name]
         return np.interp(times_s, known, values[np.isfinite(values)], left=math.nan, right=math.nan)
 
-    def known_s(self, name: str) -> NDArray[Any]:
+    def known_s(self, name: str) -> Column:
         """Times [s] of the rows in which a column has a value; none without the column."""
         if name not in self.columns:
             return np.array([])
@@ -213,7 +211,7 @@ def _at_shared_times(sources: Sequence[Source], name: str) -> list[Difference]:
     return found
 
 
-def _steady(times_s: NDArray[Any], values: NDArray[Any]) -> tuple[float, float, float, float]:
+def _steady(times_s: Column, values: Column) -> tuple[float, float, float, float]:
     """Mean, deviation about the trend, each with the half-width of its 95 % interval (stationarity.py)."""
     found = stationarity(times_s, values) if np.isfinite(values).all() else None
     if found is None:

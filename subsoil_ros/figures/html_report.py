@@ -12,8 +12,7 @@ from ..analysis.summary import Number, Summary
 from ..analysis.versions import versions
 from ..errors import RecordingError
 from ..loading.loader import ResolvedScene
-from ..report.metrics_table import metrics_table
-from ..report.reference_table import HEADINGS, WORDS, reference_lines, reference_rows
+from ..report.result_tables import HEADINGS, WORDS, metrics_table, reference_lines, reference_rows
 from ..report.sentences import design_rows, folded, load_lines, summary_facts
 from .interactive_plots import RunData, interactive_plots
 from .replay import replay

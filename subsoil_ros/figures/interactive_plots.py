@@ -12,15 +12,15 @@ import plotly.graph_objects as go
 
 from ..analysis.columns import DRAFT, DRAFT_OF_SHARES, DRAFT_OF_WHEELS, TIME, Body, spring_element
 from ..analysis.failure_cycles import SMOOTHED_S
+from ..analysis.metrics_window import metrics_window, tip_x_m, window_span_s
 from ..analysis.run_statistics import RunStatistics, compared_columns, failures_of
-from ..analysis.series import Series
-from ..analysis.smoothing import moving_mean
+from ..analysis.series import Series, moving_mean
 from ..analysis.summary import Summary
-from ..analysis.window import metrics_window, tip_x_m, window_span_s
 from ..loading.loader import ResolvedScene
 from ..report.sentences import significance_words
-from .over_time import reference_levels
+from ..yaml_document import Document
 from .plotting import COLOURS
+from .run_figures import reference_levels
 
 LARGEST_SERIES_BYTES = 5e6
 """Size of all columns in the page. With plotly.js (4.8 MB) and pictures (5 MB), 9 of 24 MB are left for the
@@ -31,7 +31,7 @@ NUMBER_BYTES = 4.0 * 4.0 / 3.0
 
 RESULTS, COLUMNS = "Results", "Columns of series.csv over time"
 
-Figure = dict[str, Any]
+Figure = Document
 """A figure as plotly's JSON. Written directly: objects of plotly take seconds to check a hundred columns."""
 
 _CYCLE_BINS = 24
@@ -54,7 +54,7 @@ class RunData:
         return math.ceil(numbers * NUMBER_BYTES / LARGEST_SERIES_BYTES)
 
 
-def interactive_plots(run: RunData) -> list[dict[str, Any]]:
+def interactive_plots(run: RunData) -> list[Document]:
     """Every plot of a run: `group` and `name` to pick it by, and `figure` as plotly's JSON."""
     compared = [name for name in compared_columns(run.resolved.scene) if name in run.series]
     figures = [(RESULTS, title, figure) for title, figure in _results(run, compared)]
@@ -108,15 +108,15 @@ def _array(values: Any) -> dict[str, str]:
     return {"dtype": "f4", "bdata": base64.b64encode(np.asarray(values, "<f4").tobytes()).decode("ascii")}
 
 
-def _upright(x: float, **line: Any) -> dict[str, Any]:
+def _upright(x: float, **line: Any) -> Document:
     """A line over the whole height of a figure."""
     return {"type": "line", "x0": x, "x1": x, "y0": 0, "y1": 1, "xref": "x", "yref": "y domain", "line": line}
 
 
-def _line(x: Any, y: Any, name: str, **style: Any) -> dict[str, Any]:
+def _line(x: Any, y: Any, name: str, **style: Any) -> Document:
     """A curve; even times travel as start and step, without an uneven last one."""
     line = {"width": 1.5, "color": COLOURS["main"]} | style
-    places: dict[str, Any] = {"x": _array(x)}
+    places: Document = {"x": _array(x)}
     steps = np.diff(x)
     even = np.abs(steps - steps[:1]) < 1e-6 * steps[:1]
     if len(even) > 1 and even[:-1].all():

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..analysis.poses import posed_vertices_m, reference_angle
 from ..loading.loader import ResolvedScene
 from ..messages import BodyState
 from ..scene.mechanism import GROUND, Driver, Mechanism, SpringDamper, WheelContact
-from ..scene.meshes import ToolMesh, load_tool_mesh
+from ..scene.tool_mesh import ToolMesh, load_tool_mesh, posed_vertices_m, reference_angle
 from .snapshots import Frame
 
 RIM_CORNERS = 48
@@ -43,7 +42,7 @@ class Shapes:
         """Every tool at its pose."""
         found = []
         for motion in frame.tools:
-            mesh, reference = self._meshes[motion.tool], reference_angle(self._resolved, motion.tool)
+            mesh, reference = self._meshes[motion.tool], reference_angle(self._resolved.scene, motion.tool)
             found.append(Surface(motion.tool, posed_vertices_m(mesh, motion, reference), mesh.facets))
         return found
 

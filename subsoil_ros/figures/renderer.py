@@ -66,7 +66,7 @@ class Renderer:
         finally:
             plotter.close()
 
-    def _fill(self, plotter: Any, frame: Frame, view: str) -> None:
+    def _fill(self, plotter: pyvista.Plotter, frame: Frame, view: str) -> None:
         plotter.set_background("white")
         surfaces = self._shapes.surfaces(frame)
         keep, hidden = self._cut(frame, surfaces, view)
@@ -87,7 +87,7 @@ class Renderer:
         )  # fmt: skip
         self._aim(plotter, view, bounds)
 
-    def _add_particles(self, plotter: Any, frame: Frame, keep: NDArray[np.bool_]) -> None:
+    def _add_particles(self, plotter: pyvista.Plotter, frame: Frame, keep: NDArray[np.bool_]) -> None:
         cloud = pyvista.PolyData(frame.positions_m[keep])
         title, named = {
             "speed": ("speed\n[m/s]", frame.speeds_m_per_s),
@@ -156,7 +156,7 @@ class Renderer:
         (low_x, low_z), (high_x, high_z) = places.min(axis=0) - 0.5, places.max(axis=0) + 0.5
         return low_x, high_x, -0.5, 0.5, min(low_z, 0.0), high_z
 
-    def _aim(self, plotter: Any, view: str, bounds: tuple[float, ...]) -> None:
+    def _aim(self, plotter: pyvista.Plotter, view: str, bounds: tuple[float, ...]) -> None:
         x0, x1, y0, y1, z0, z1 = bounds
         top = z1 + (_HEADROOM_M if self._resolved.scene.soil is not None else 0.0)
         middle = np.array([0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (z0 + top)])
@@ -182,7 +182,7 @@ class Renderer:
         plotter.renderer.ResetCameraClippingRange()
 
 
-def _add_lines(plotter: Any, ends_m: Segments, kind: str, radius_m: float) -> None:
+def _add_lines(plotter: pyvista.Plotter, ends_m: Segments, kind: str, radius_m: float) -> None:
     if len(ends_m):
         tubes = pyvista.line_segments_from_points(ends_m).tube(radius=radius_m)
         plotter.add_mesh(tubes, color=_COLOURS[kind])

@@ -3,15 +3,16 @@
 import math
 from collections.abc import Iterator, Sequence
 from html import escape
-from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
+from plotly.basedatatypes import BaseTraceType
 
 from ..errors import RecordingError
 from ..loading.loader import ResolvedScene
 from ..recording.height_map import soil_span_m
+from ..yaml_document import Document
 from .interactive_plots import NUMBER_BYTES
 from .machine_shapes import Segments, Shapes
 from .snapshots import Frame, Snapshots
@@ -84,12 +85,12 @@ def _follows(resolved: ResolvedScene) -> bool:
     return soil is not None and soil.window is not None
 
 
-def _traces(frame: Frame, resolved: ResolvedScene, shapes: Shapes, part: float) -> list[Any]:
+def _traces(frame: Frame, resolved: ResolvedScene, shapes: Shapes, part: float) -> list[BaseTraceType]:
     """One moment: a part of the particles behind the mid-plane, tools, lines of machine and bed."""
     scene, soil = resolved.scene, resolved.scene.particle_soil
     low, high = (0.0, 0.0) if soil is None else soil_span_m(frame.positions_m, soil)
     zero = frame.tools[0].x_m if _follows(resolved) else 0.0
-    traces: list[Any] = []
+    traces: list[BaseTraceType] = []
     if part > 0.0 and soil is not None:
         chosen = frame.identities * _SCATTER % 2**32 < part * 2**32
         traces.append(_particles(frame, chosen & (frame.positions_m[:, 1] >= 0.0), zero))
@@ -108,7 +109,7 @@ def _traces(frame: Frame, resolved: ResolvedScene, shapes: Shapes, part: float) 
     return traces
 
 
-def _places(points_m: NDArray[Any], zero_m: float) -> dict[str, NDArray[np.float32]]:
+def _places(points_m: NDArray[np.floating], zero_m: float) -> dict[str, NDArray[np.float32]]:
     """Coordinates (n,) of points (n, 3), x from `zero_m`."""
     moved = np.asarray(points_m - np.array((zero_m, 0.0, 0.0)), np.float32)
     return {axis: np.ascontiguousarray(moved[:, column]) for column, axis in enumerate("xyz")}
@@ -148,7 +149,7 @@ def _box(span_m: tuple[float, float], width_m: float, depth_m: float) -> Segment
     return corners[np.array(pairs).ravel()]
 
 
-def _animated(moments: Sequence[tuple[float, list[Any]]], step_s: float) -> go.Figure:
+def _animated(moments: Sequence[tuple[float, list[BaseTraceType]]], step_s: float) -> go.Figure:
     """The moments with play, pause and a slider; sides in proportion, the same for all moments."""
     every_trace = [trace for _, traces in moments for trace in traces]
     reach = [np.concatenate([trace[axis] for trace in every_trace]) for axis in "xyz"]
@@ -193,7 +194,7 @@ def _animated(moments: Sequence[tuple[float, list[Any]]], step_s: float) -> go.F
     return go.Figure(moments[0][1], layout, frames)
 
 
-def _moving(trace: Any) -> dict[str, Any]:
+def _moving(trace: BaseTraceType) -> Document:
     """The part of a trace that changes from moment to moment."""
     found = {"type": trace.type, "x": trace.x, "y": trace.y, "z": trace.z}
     if _is_soil(trace):
@@ -201,5 +202,5 @@ def _moving(trace: Any) -> dict[str, Any]:
     return found
 
 
-def _is_soil(trace: Any) -> bool:
+def _is_soil(trace: BaseTraceType) -> bool:
     return trace.type == "scatter3d" and trace.mode == "markers"

@@ -1,7 +1,6 @@
 """A cut through the soil along the mid-plane of the bin at three times (paper, figure 7)."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import trimesh
@@ -12,13 +11,12 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from ..analysis.poses import posed_vertices_m, reference_angle
 from ..loading.loader import ResolvedScene
 from ..messages import SoilCloud, ToolMotion, ToolMotions
 from ..recording.height_map import soil_span_m
 from ..recording.joined import open_record
-from ..scene.meshes import ToolMesh, load_tool_mesh
 from ..scene.soil import Soil
+from ..scene.tool_mesh import ToolMesh, load_tool_mesh, posed_vertices_m, reference_angle
 from .plotting import new_figure, save_figure
 
 PANELS = 3
@@ -90,7 +88,9 @@ def _draw(
         spheres = _draw_particles(axes, cloud, radii)
         record = motions.get(cloud.end_time_ns)
         for motion in record.tools if record is not None else ():
-            drawn.add(_draw_tool(axes, meshes[motion.tool], motion, reference_angle(resolved, motion.tool)))
+            drawn.add(
+                _draw_tool(axes, meshes[motion.tool], motion, reference_angle(resolved.scene, motion.tool))
+            )
         rim = _HEADROOM_M / 5
         axes.plot([low, low, high, high], [rim, floor, floor, rim], color=_BIN, lw=1.5)
         axes.set_aspect("equal")
@@ -116,7 +116,7 @@ def _draw(
     save_figure(figure, path)
 
 
-def _draw_particles(axes: Axes, cloud: SoilCloud, radii_m: NDArray[Any]) -> EllipseCollection:
+def _draw_particles(axes: Axes, cloud: SoilCloud, radii_m: NDArray[np.floating]) -> EllipseCollection:
     """Circles of true size of the particles (n,) whose centres lie within their radius of y = 0."""
     positions, speeds = np.asarray(cloud.positions_m), np.asarray(cloud.speeds_m_per_s)
     aside = np.abs(positions[:, 1])

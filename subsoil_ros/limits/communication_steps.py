@@ -12,13 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..scene.bed_spacing import particle_spacing_m
 from ..scene.mechanism import Body
-from ..scene.meshes import ToolMesh
-from ..scene.model import Coupling, Scene
-from ..scene.pairs import layer_soils, tool_values
+from ..scene.pair_laws import layer_soils, particle_spacing_m, tool_values
+from ..scene.scene import Coupling, Scene
 from ..scene.soil import Soil
 from ..scene.tool_faces import cutting_faces
+from ..scene.tool_mesh import ToolMesh
 from .stable_steps import Timing, derive_timing
 
 PRESSED_PART = 0.5

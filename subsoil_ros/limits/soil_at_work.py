@@ -8,11 +8,11 @@ import numpy as np
 
 from ..contact_laws.dampers import restitution_at
 from ..rotations import placed_m, quaternion_of
-from ..scene.meshes import ToolMesh
-from ..scene.model import Scene
-from ..scene.pairs import layer_soils, pair_values, particle_mass_kg
+from ..scene.pair_laws import layer_soils, pair_values, particle_mass_kg
+from ..scene.scene import Scene
 from ..scene.soil import Soil
-from ..scene.time_functions import ConstantLaw, Law, RampLaw, TableLaw
+from ..scene.time_laws import ConstantLaw, Law, RampLaw, TableLaw
+from ..scene.tool_mesh import ToolMesh
 from ..scene.tools import Path
 from .stable_steps import step_limits
 

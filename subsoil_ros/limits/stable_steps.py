@@ -5,8 +5,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from ..errors import SceneError
-from ..scene.model import Scene
-from ..scene.pairs import boundary_values, layer_soils, particle_values, sphere_mass_kg
+from ..scene.pair_laws import boundary_values, layer_soils, particle_values, sphere_mass_kg
+from ..scene.scene import Scene
 from ..scene.soil import Soil
 from ..ticks import NANOSECONDS_PER_SECOND, tick_count
 

@@ -1,12 +1,11 @@
-"""File names in a scene document: meshes, a saved bed, a soil or material file, a reference file."""
+"""File names in a scene document, and the files that come with the package."""
 
 import copy
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
+from ..errors import InputError
 from ..yaml_document import Document
-from .shipped import shipped_material, shipped_reference
 
 
 def map_files(document: Document, change: Callable[[str], str]) -> Document:
@@ -26,7 +25,7 @@ def map_files(document: Document, change: Callable[[str], str]) -> Document:
     return copied
 
 
-def _change(holder: Any, key: str, change: Callable[[str], str]) -> None:
+def _change(holder: object, key: str, change: Callable[[str], str]) -> None:
     if isinstance(holder, dict) and isinstance(holder.get(key), str):
         holder[key] = change(holder[key])
 
@@ -43,3 +42,64 @@ def with_absolute_files(document: Document, directory: Path) -> Document:
         return str((path if path.is_file() else directory / shipped).resolve())
 
     return map_files(document, absolute)
+
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def config_folder() -> Path:
+    """The folder `config` of the source tree, or that of the installation, in share/subsoil_ros.
+
+    Raises:
+        InputError: the package was copied without its data files.
+    """
+    if (_PACKAGE.parent / "package.xml").is_file():
+        return _PACKAGE.parent / "config"
+    for prefix in _PACKAGE.parents:  # an installed package stands some folders below its prefix
+        found = prefix / "share" / "subsoil_ros" / "config"
+        if found.is_dir():
+            return found
+    raise InputError(
+        f"{_PACKAGE}: the files that come with it (share/subsoil_ros) are not there; install the package "
+        "with pip or colcon instead of copying it"
+    )
+
+
+def shipped_scene(path: Path) -> Path:
+    """Return `path`, or the shipped scene of that name if `path` is a bare name without a file."""
+    return _shipped(path, "scenes")
+
+
+def shipped_reference(path: Path) -> Path:
+    """As shipped_scene, for reference files."""
+    return _shipped(path, "references")
+
+
+def shipped_material(path: Path) -> Path:
+    """As shipped_scene, for material files."""
+    return _shipped(path, "materials")
+
+
+def shipped_soil(path: Path) -> Path:
+    """As shipped_scene, for soils of laboratories."""
+    return _shipped(path, "soils")
+
+
+def material_names() -> list[str]:
+    """Names of the shipped materials."""
+    return sorted(path.stem for path in (config_folder() / "materials").glob("*.yaml"))
+
+
+def _shipped(path: Path, kind: str) -> Path:
+    if path.is_file() or path.suffix or path.parent != Path():
+        return path
+    try:
+        found = config_folder() / kind / f"{path}.yaml"
+    except InputError:
+        return path
+    return found if found.is_file() else path
+
+
+def template_names() -> list[str]:
+    """Names of the scenes that `subsoil new` writes."""
+    return sorted(path.stem for path in (config_folder() / "templates").glob("*.yaml"))

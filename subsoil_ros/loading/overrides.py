@@ -5,15 +5,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ..errors import SceneError
-from ..scene.model import Scene
+from ..scene.scene import Scene
 from ..yaml_document import Document, merge, parse_yaml, plain_value
-from .keys import is_model, item_annotation, known_keys, members, model_at, suggestion
-
-CHOICES = {"initial_condition": "initial_conditions", "preset": "presets"}
-"""Keys that name a fragment, and where the fragments stand."""
-
-LOADER_KEYS = ("base", *CHOICES, *CHOICES.values())
-"""Keys of a scene file that the loader itself reads; the scene model never sees them."""
+from .validation import LOADER_KEYS, is_model, item_annotation, known_keys, members, model_at, suggestion
 
 
 @dataclass(frozen=True)
@@ -73,7 +67,7 @@ def _split(document: Document, override: Override) -> list[str]:
             f"{'preset' if rest[0] == 'presets' else 'initial_condition'}=NAME"
         )
     keys: list[str] = []
-    annotation: Any = Scene
+    annotation: object = Scene
     value: object = document
     while rest:
         here = ".".join(keys)
@@ -100,3 +94,12 @@ def _split(document: Document, override: Override) -> list[str]:
         keys.append(key)
         rest = [] if named_numbers else rest[1:]
     return keys
+
+
+def origin(path: str, overrides: Sequence[Override]) -> str:
+    """' (given by --set ...)' for a path that an override has changed, for errors."""
+    for override in reversed(overrides):
+        within = f"{path}.".startswith(f"{override.path}.")
+        if within or f"{override.path}.".startswith(f"{path}."):
+            return f" (given by {override.source})"
+    return ""

@@ -1,15 +1,13 @@
 """Reference files: values of a paper or a field record that a report prints beside those of a run."""
 
-import json
 from pathlib import Path
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
-from ..errors import SceneError
 from ..strict_model import Finite, Positive, StrictModel
 from ..yaml_document import read_document
-from .keys import suggestion
-from .schema import unit_of
+from .scene_schema import unit_of
+from .validation import validated
 
 LIKE_THEIR_COLUMN = ("mean", "min", "max", "range", "std")
 """Statistics of a column of the series that have its unit, which is in its name."""
@@ -77,24 +75,5 @@ def read_reference(path: Path, place: str = "report.reference") -> Reference:
     Raises:
         SceneError: it is missing, no YAML, or no reference; the line says which value is wrong, and how.
     """
-    document = read_document(path, f"{place}: {path}")
-    try:
-        return Reference.model_validate_json(json.dumps(document), strict=True)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        words = [".".join(map(str, first["loc"])), _words(first["type"], first)]
-        raise SceneError(f"{place}: {path}: {': '.join(filter(None, words))}") from error
-
-
-def _words(kind: str, details: object) -> str:
-    """What is wrong at a place, and what is allowed there."""
-    assert isinstance(details, dict)
-    if kind == "extra_forbidden":
-        model = ReferenceValue if details["loc"][0] == "values" else Reference
-        key = details["loc"][-1]
-        return f"unknown key '{key}'; {suggestion(key, model.model_fields)}"
-    if kind == "missing":
-        return "is missing"
-    if kind == "value_error":
-        return str(details["ctx"]["error"])
-    return f"{details['msg'].lower()} (given {str(details['input'])[:60]})"
+    shown = f"{place}: {path}"
+    return validated(Reference, read_document(path, shown), shown)

@@ -3,22 +3,22 @@
 import hashlib
 import math
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from pydantic import Field, ValidationError
 
 from ..contact_laws.registry import contact_laws
 from ..errors import SceneError, SubsoilError
 from ..rotations import Vector, level_axes
-from ..scene.meshes import load_tool_mesh
-from ..scene.model import Scene
+from ..scene.scene import Scene
 from ..scene.soil import Soil
 from ..scene.tool_faces import CuttingFace, cutting_faces, wheel_face
+from ..scene.tool_mesh import load_tool_mesh
 from ..scene.tools import Path as ToolPath
-from ..scene.wedge import SoilRange, WedgeSoil, WedgeValues
+from ..scene.wedge_soil import SoilRange, WedgeSoil, WedgeValues
 from ..strict_model import StrictModel
-from ..yaml_document import dump_yaml, read_document
-from .validation_errors import validated
+from ..yaml_document import Document, dump_yaml, read_document
+from .validation import validated
 
 RANGE_MARGIN = 1.2
 """Factor beyond its range up to which a soil file is accepted, with a warning: forces change slowly there."""
@@ -52,11 +52,11 @@ class SoilFile(StrictModel):
     """Content of a soil file: `subsoil calibrate` writes it and `soil.file` names it."""
 
     model: Literal["wedge"]
-    fitted_law: dict[str, Any]  # particles, bed and law that the runs had, as law_of gives it
+    fitted_law: Document  # particles, bed and law that the runs had, as law_of gives it
     fitted_range: SoilRange
     values: WedgeValues
     errors: dict[str, float] = {}  # standard error of each fitted value
-    report: dict[str, Any] = Field(default={})  # residuals, runs; printed, not used
+    report: Document = Field(default={})  # residuals, runs; printed, not used
 
 
 class FoundSoil(StrictModel):
@@ -92,7 +92,7 @@ def soil_of(soil: WedgeSoil) -> FoundSoil:
     return FoundSoil(values=found.values, fitted_range=found.fitted_range)
 
 
-def law_of(soil: Soil) -> dict[str, Any]:
+def law_of(soil: Soil) -> Document:
     """The properties that identify a particle soil: spheres, packing and law; not bin, steps or seed."""
     content = soil.model_dump(mode="json", include={"particles", "bed", "law", "layers"}, exclude_none=True)
     content["bed"].pop("seed", None)
@@ -101,7 +101,7 @@ def law_of(soil: Soil) -> dict[str, Any]:
     return dict(content)
 
 
-def _with_defaults(fitted: dict[str, Any]) -> dict[str, Any]:
+def _with_defaults(fitted: Document) -> Document:
     """`fitted_law` with defaults for keys added to its law since; unchanged if the law refuses it."""
     try:
         law = contact_laws()[fitted["law"]["kind"]].model_validate(fitted["law"])
@@ -110,7 +110,7 @@ def _with_defaults(fitted: dict[str, Any]) -> dict[str, Any]:
     return {**fitted, "law": law.model_dump(mode="json", exclude_none=True)}
 
 
-def _differences(one: Any, two: Any, path: str = "") -> list[str]:
+def _differences(one: object, two: object, path: str = "") -> list[str]:
     """Paths at which two plain documents differ."""
     if isinstance(one, dict) and isinstance(two, dict):
         return [

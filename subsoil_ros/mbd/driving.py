@@ -10,7 +10,7 @@ from ..errors import PhysicsError, ProtocolError, SceneError
 from ..messages import DriverCommand
 from ..scene.controller import Controller
 from ..scene.mechanism import Driver, Mechanism
-from ..scene.time_functions import HalfSineLaw, Law, PolynomialLaw, RampLaw, SineLaw, SumLaw, TableLaw
+from ..scene.time_laws import HalfSineLaw, Law, PolynomialLaw, RampLaw, SineLaw, SumLaw, TableLaw
 from .time_functions import FunctionTable
 
 ROUND_OFF = 1e-9

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import PhysicsError, ProtocolError, RunError, SceneError, SingularMechanismError
 from ..messages import DriverCommand, MechanismState, ToolMotion, ToolWrench
-from ..scene.model import Scene
+from ..scene.scene import Scene
 from ..ticks import INITIAL_TICK, tick_end_s
 from .advance import advance_tick
 from .advice import USUAL_TOLERANCE, copied, in_parts, passes

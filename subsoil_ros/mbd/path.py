@@ -7,7 +7,7 @@ import numpy as np
 
 from ..errors import ProtocolError
 from ..messages import ToolMotion, ToolWrench
-from ..scene.model import Scene
+from ..scene.scene import Scene
 from ..scene.tools import Path
 from ..ticks import INITIAL_TICK, tick_end_s
 from .spatial_path import FreePath, PosedPath, Speeds, TurnedPath

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation, RotationSpline
 from ..errors import PhysicsError
 from ..messages import SpatialMotion, ToolWrench
 from ..rotations import Vector, product, quaternion_of
-from ..scene.time_functions import Law
+from ..scene.time_laws import Law
 from ..scene.tools import Path, Poses
 from .time_functions import NO_FUNCTION, function_integral, function_value, tabulate
 

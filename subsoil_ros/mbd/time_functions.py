@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..scene.time_functions import (
+from ..scene.time_laws import (
     LARGEST_DEGREE,
     ConstantLaw,
     HalfSineLaw,

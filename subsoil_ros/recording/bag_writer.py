@@ -17,8 +17,8 @@ from ..messages import (
     ToolMotions,
     ToolWrenches,
 )
-from ..scene.cloud import SPEED_BITS, position_step_m
-from ..scene.model import Scene
+from ..scene.record import SPEED_BITS, position_step_m
+from ..scene.scene import Scene
 from ..schedule import Schedule
 from ..ticks import INITIAL_TICK, tick_end_ns
 from .bag_folder import BagFolder, TopicInfo

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..loading.loader import ResolvedScene
-from ..scene.meshes import ToolMesh, load_tool_mesh
-from ..scene.urdf import in_body, robot_description
+from ..scene.tool_mesh import ToolMesh, load_tool_mesh
+from .robot_description import in_body, robot_description
 from .standard import body_frame, header, vector
 from .topics import ROBOT_DESCRIPTION, TOOL_MARKERS
 from .types import message_class

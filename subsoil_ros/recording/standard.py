@@ -5,9 +5,9 @@ from typing import Any
 
 from ..messages import MechanismState, SpatialMotion, ToolMotion, ToolWrench
 from ..rotations import Quaternion, Vector, planar_quaternion, turned
-from ..scene.model import Scene
-from ..scene.urdf import in_body
+from ..scene.scene import Scene
 from ..ticks import NANOSECONDS_PER_SECOND
+from .robot_description import in_body
 from .topics import pose_topic, wrench_topic
 from .types import message_class
 

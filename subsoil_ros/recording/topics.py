@@ -14,7 +14,7 @@ from ..messages import (
     ToolMotions,
     ToolWrenches,
 )
-from ..scene.model import Scene
+from ..scene.scene import Scene
 from .types import message_type
 
 BAG_NAMESPACE = "/subsoil"

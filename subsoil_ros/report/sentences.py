@@ -15,6 +15,10 @@ def _text(value: Number, digits: str, factor: float = 1.0) -> str:
     return "unknown" if value is None else format(factor * value, digits)
 
 
+def _mm(value_m: Number) -> str:
+    return _text(value_m, ".0f", 1e3)
+
+
 def summary_facts(summary: Summary) -> list[str]:
     """Notes on a run, line by line; a warning begins with WARNING or NOTE."""
     window, run, energy, particles = summary.window, summary.run, summary.energy, summary.particles
@@ -172,7 +176,7 @@ def _vertical(summary: Summary) -> str:
     if vertical.wheels_newton is not None:
         words += f"; least on the wheels {_text(vertical.wheels_newton.min, '.0f')} N"
     if depth is not None:
-        words += f"; tip {_text(depth.mean, '.0f', 1e3)} mm deep"
+        words += f"; tip {_mm(depth.mean)} mm deep"
     return words
 
 
@@ -219,8 +223,8 @@ def _failures(summary: Summary) -> str:
         return ""
     travel, time = found.travel_m, found.time_s
     words = (
-        f"soil fails every {_text(travel.mean, '.0f', 1e3)} +- {_text(travel.half_width, '.0f', 1e3)} mm of "
-        f"travel (deviation {_text(travel.deviation, '.0f', 1e3)} mm), every {_text(time.mean, '.2f')} s "
+        f"soil fails every {_mm(travel.mean)} +- {_mm(travel.half_width)} mm of "
+        f"travel (deviation {_mm(travel.deviation)} mm), every {_text(time.mean, '.2f')} s "
         f"(deviation {_text(time.deviation, '.2f')} s): {found.count} cycles between peaks of the draft that "
         f"stand out by {_text(found.threshold_newton, '.0f')} N, one standard deviation; the draft rises in "
         f"{_text(found.loading_fraction, '.2f')} of the time"
@@ -250,6 +254,6 @@ def _disturbance(summary: Summary) -> str:
     return (
         f"soil: {_text(found.area_m2, '.0f', 1e4)}{interval} cm2 loosened "
         f"({_text(found.moved_fraction, '.1f', 100.0)} % of the bed moved by more than a radius), "
-        f"{_text(found.surface_width_m, '.0f', 1e3)} mm wide at the surface, "
-        f"which rose by {_text(found.lift_max_m, '.0f', 1e3)} mm at most"
+        f"{_mm(found.surface_width_m)} mm wide at the surface, "
+        f"which rose by {_mm(found.lift_max_m)} mm at most"
     )

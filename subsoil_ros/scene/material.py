@@ -1,11 +1,12 @@
 """A soil as a laboratory describes it, and the particles that were calibrated to it."""
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from ..strict_model import NonNegative, Positive, StrictModel
+from ..yaml_document import Document
 from .sizes import UniformSizes, mean_power
 
 VERSION = 1
@@ -61,8 +62,8 @@ class Material(StrictModel):
     soil: LaboratorySoil
     radius_m: Positive  # mean radius that the law was calibrated at
     density_kg_per_m3: Positive  # of a particle
-    law: dict[str, Any]
-    bonds: dict[str, Any] | None = None
+    law: Document
+    bonds: Document | None = None
     fitted: dict[str, Interval]  # by key of the law's rows
     measured: dict[str, Interval]  # what the particles make, by key of `soil`
 
@@ -71,7 +72,7 @@ class Material(StrictModel):
         """Least and largest mean radius at which the material is accepted."""
         return self.radius_m / SIMILAR, self.radius_m * SIMILAR
 
-    def section(self, radius_m: float) -> dict[str, Any]:
+    def section(self, radius_m: float) -> Document:
         """Keys of a scene's soil, without its bin, for particles of this mean radius."""
         bonds = {} if self.bonds is None else {"bonds": self.bonds}
         return bonds | {
@@ -85,7 +86,7 @@ class Material(StrictModel):
         }
 
 
-def sizes_about(radius_m: float) -> dict[str, Any]:
+def sizes_about(radius_m: float) -> Document:
     """Radii within RADIUS_SPREAD of a mean."""
     return {
         "kind": "uniform",

@@ -1,4 +1,4 @@
-"""Spheres of several radii: how the radii of a bed are distributed, by number of particles."""
+"""Particles: equal spheres, or several radii and how they are distributed, by number of particles."""
 
 from typing import Annotated, Literal
 
@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ..strict_model import Positive, StrictModel
-from .beds import Seed
+from .bed_kinds import Seed
 
 LARGEST_RATIO = 4.0
 """Limit of the largest radius over the smallest. Cells are sized by the largest: at 4, a cell can hold some
@@ -139,3 +139,38 @@ def mean_power(sizes: UniformSizes | NormalSizes | ListedSizes, power: int, less
 def sampled_radii_m(sizes: UniformSizes | NormalSizes | ListedSizes, count: int) -> np.ndarray:
     """(count,) [m] radii drawn with the seed of `sizes`."""
     return sizes.radii_at(np.random.default_rng(sizes.seed).uniform(size=count))
+
+
+class Particles(StrictModel):
+    """Spheres: equal ones of `radius_m`, or of several `sizes`."""
+
+    radius_m: Positive | None = Field(None, description="of equal spheres; or give sizes.")
+    sizes: Sizes | None = Field(None, description="in place of radius_m; not for a grid.")
+    density_kg_per_m3: Positive = Field(description="of a particle.")
+    reference_radius_m: Positive | None = Field(
+        None,
+        description="radius at which the law was found; it is scaled from there.",
+    )
+
+    @model_validator(mode="after")
+    def _one_form(self) -> "Particles":
+        if (self.radius_m is None) == (self.sizes is None):
+            given = "neither is given" if self.sizes is None else "both are given"
+            raise ValueError(f"radius_m: {given}; give 'radius_m' for equal spheres or 'sizes' for several")
+        return self
+
+    @property
+    def bounds_m(self) -> tuple[float, float]:
+        """Smallest and largest radius."""
+        if self.radius_m is not None:
+            return self.radius_m, self.radius_m
+        assert self.sizes is not None
+        return self.sizes.bounds_m
+
+    @property
+    def mean_volume_radius_m(self) -> float:
+        """Radius of the sphere of mean volume; that of every sphere where they are equal."""
+        if self.radius_m is not None:
+            return self.radius_m
+        assert self.sizes is not None
+        return float(mean_power(self.sizes, 3) ** (1.0 / 3.0))

@@ -1,54 +1,133 @@
-"""Soil: bin, particles, bed and contact law."""
+"""Soil of particles: bin, bed and contact law; layers, bonds, a window, monitors."""
 
+import math
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from ..contact_laws.base import ContactLaw, one_of_kinds
+from ..contact_laws.base import ContactLaw, layer_law, one_of_kinds
 from ..contact_laws.registry import contact_laws
-from ..strict_model import Positive, StrictModel
-from .beds import Bed, DenseRandomBed, GridBed, SavedBed, SurfaceProfile, TiledBed
-from .bin import Bin
-from .bonds import Bonds
-from .layers import Layer
-from .monitors import Monitors
-from .sizes import Sizes, mean_power
-from .window import SoilWindow
+from ..strict_model import Fraction, NonNegative, Positive, StrictModel
+from .bed_kinds import Bed, DenseRandomBed, GridBed, SavedBed, SurfaceProfile, TiledBed
+from .sizes import Particles
 
 
-class Particles(StrictModel):
-    """Spheres: equal ones of `radius_m`, or of several `sizes`."""
+class Bin(StrictModel):
+    """Open box: x in [0, length], y in [-width/2, width/2]; particles only, tools may cross it.
 
-    radius_m: Positive | None = Field(None, description="of equal spheres; or give sizes.")
-    sizes: Sizes | None = Field(None, description="in place of radius_m; not for a grid.")
-    density_kg_per_m3: Positive = Field(description="of a particle.")
-    reference_radius_m: Positive | None = Field(
-        None,
-        description="radius at which the law was found; it is scaled from there.",
+    z = 0 is the mean top of the prepared bed; the floor follows from the bed. Periodic sides: what leaves at
+    y = width/2 comes in at -width/2, as if the bin were a slice of an endless one; tools keep off them, or go
+    through both. Held: the outermost soil stays where it is, a diameter of the largest particles thick.
+    With soil.window, the bin is the whole field, of which soil exists near the tools only.
+    """
+
+    length_m: Positive = Field(description="along x, the direction of travel.")
+    width_m: Positive = Field(description="along y.")
+    depth_m: Positive = Field(description="of the bed.")
+    sides: Literal["walls", "periodic", "held"] = Field(
+        "walls", description="at y = +-width/2; held: only with soil.window."
+    )
+
+    @property
+    def bed_sides(self) -> Literal["walls", "periodic"]:
+        """Of the bed: held soil stands before walls."""
+        return "walls" if self.sides == "held" else self.sides
+
+
+if TYPE_CHECKING:
+
+    class LayerLaw(StrictModel):
+        """What a layer changes of the law."""
+
+        kind: str
+        particle: StrictModel | None
+        boundary: StrictModel | None
+else:
+    LayerLaw = one_of_kinds(map(layer_law, contact_laws().values()))
+
+
+class Layer(StrictModel):
+    """A layer of the bed. What it does not give comes from `soil.particles` and `soil.law`."""
+
+    name: str = Field(min_length=1, description="different in every layer.")
+    thickness_m: Positive | None = Field(
+        None, description="the last layer, and only that one, goes on to the floor."
+    )
+    density_kg_per_m3: Positive | None = Field(None, description="of its particles.")
+    law: LayerLaw | None = Field(None, description="values that differ from soil.law; the kind is the same.")
+
+
+class Bonds(StrictModel):
+    """Elastic beams between neighbours, made once where soil is laid out; one that breaks is gone for good.
+
+    They act beside the contact law (D.O. Potyondy, P.A. Cundall, Int. J. Rock Mech. Min. Sci. 41 (2004)
+    1329-1364). Moduli and strengths are those of the cement, so they hold for particles of every size.
+    """
+
+    youngs_modulus_pa: Positive = Field(
+        description="normal stiffness of a bond: modulus over its length, times its section."
+    )
+    stiffness_ratio: Positive = Field(2.5, description="normal over shear stiffness.")
+    tensile_strength_pa: Positive = Field(description="normal stress at which a bond breaks.")
+    cohesion_pa: Positive = Field(description="shear strength without normal stress.")
+    friction_angle_deg: Annotated[float, Field(ge=0.0, lt=90.0)] = Field(
+        0.0, description="growth of the shear strength with pressure."
+    )
+    radius_over_particle: Fraction = Field(1.0, description="of a bond, over that of the smaller particle.")
+    gap_over_radius: NonNegative = Field(
+        0.05, description="neighbours farther apart, over the smaller radius, are not bonded."
+    )
+    damping_ratio: Annotated[float, Field(ge=0.0, lt=1.0)] = Field(
+        0.1,
+        description="part of critical damping of two equal particles; of turns, times radius_over_particle.",
     )
 
     @model_validator(mode="after")
-    def _one_form(self) -> "Particles":
-        if (self.radius_m is None) == (self.sizes is None):
-            given = "neither is given" if self.sizes is None else "both are given"
-            raise ValueError(f"radius_m: {given}; give 'radius_m' for equal spheres or 'sizes' for several")
+    def _tension_within_the_line_of_coulomb(self) -> "Bonds":
+        slope = math.tan(math.radians(self.friction_angle_deg))
+        if self.tensile_strength_pa * slope > self.cohesion_pa:
+            raise ValueError(
+                f"tensile_strength_pa: given {self.tensile_strength_pa:g} Pa, allowed is up to cohesion_pa / "
+                f"tan(friction_angle_deg) = {self.cohesion_pa / slope:.4g} Pa, where the shear strength ends"
+            )
         return self
 
     @property
-    def bounds_m(self) -> tuple[float, float]:
-        """Smallest and largest radius."""
-        if self.radius_m is not None:
-            return self.radius_m, self.radius_m
-        assert self.sizes is not None
-        return self.sizes.bounds_m
+    def longest(self) -> float:
+        """Distance of two bonded particles at most, over the radius of equal ones."""
+        return (2.0 + self.gap_over_radius) * (1.0 + self.tensile_strength_pa / self.youngs_modulus_pa)
 
-    @property
-    def mean_volume_radius_m(self) -> float:
-        """Radius of the sphere of mean volume; that of every sphere where they are equal."""
-        if self.radius_m is not None:
-            return self.radius_m
-        assert self.sizes is not None
-        return float(mean_power(self.sizes, 3) ** (1.0 / 3.0))
+
+class SoilWindow(StrictModel):
+    """Soil exists from `behind_m` behind the rearmost to `ahead_m` ahead of the foremost point of all tools.
+
+    It is laid out and taken away in strips while the tools drive. A soil.material gives both: the rupture
+    distance of a cut as deep as the bed.
+    """
+
+    ahead_m: Positive = Field(description="at least the depth of the bed.")
+    behind_m: Positive = Field(description="at least the depth of the bed.")
+
+
+def rupture_distance_m(depth_m: float, friction_angle_deg: float) -> float:
+    """How far ahead of an upright cut the soil fails at the surface: Rankine's passive wedge."""
+    return depth_m * math.tan(math.radians(45.0 + 0.5 * friction_angle_deg))
+
+
+class Monitors(StrictModel):
+    """Bounds that the soil is checked against every so many steps; null switches a bound off."""
+
+    every_steps: Annotated[int, Field(ge=1)] = Field(100, description="soil steps between two checks.")
+    max_velocity_reversal: Fraction | None = Field(
+        0.2, description="1: every velocity reverses sign from one step to the next; the step is too large."
+    )
+    max_pair_overlap_radii: Positive | None = Field(
+        1.9, description="of two particles; at tools: soil.max_tool_overlap_m."
+    )
+    max_energy_defect: Positive | None = Field(
+        None,
+        description="of the energy book, over the energy exchanged; left out: no book.",
+    )
 
 
 if TYPE_CHECKING:

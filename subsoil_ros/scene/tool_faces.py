@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import SceneError
-from .meshes import ToolMesh
+from .tool_mesh import ToolMesh
 
 FORWARD = 1e-3
 """A facet cuts if the x part of its normal is above this, the round-off of an STL file."""

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from ..rotations import Quaternion, planar_quaternion, quaternion_of, rotation_between, turned
 from ..strict_model import Finite, Positive, StrictModel
-from .time_functions import Law
+from .time_laws import Law
 
 
 class MeshPart(StrictModel):
@@ -156,7 +156,7 @@ class Path(StrictModel):
             moved.append("turn.axis")
         if self.external and moved:
             raise ValueError(
-                f"external: given with {', '.join(moved)}; the machine from outside moves the tool: give the "
+                f"external: given with {', '.join(moved)}; an external machine moves the tool: give the "
                 f"start pose alone, by {', '.join(_START)} or turn.start_rotation_rad"
             )
         if self.poses is not None and given != {"poses"}:

@@ -11,9 +11,9 @@ from ..errors import InputError, PhysicsError
 from ..loading.loader import ResolvedScene
 from ..loading.soil_file import RANGE_MARGIN, refuse_rake, soil_of
 from ..messages import SpatialMotion, ToolMotion, ToolWrench
-from ..scene.meshes import load_tool_mesh
 from ..scene.tool_faces import CuttingFace, WheelFace, cutting_faces, wheel_face
-from ..scene.wedge import WedgeValues
+from ..scene.tool_mesh import load_tool_mesh
+from ..scene.wedge_soil import WedgeValues
 from .blocks import bearing, block_number, block_sizes
 from .forces import Felt, FeltInSpace, across_part, on_plate, slip_m
 from .strength import strength_of

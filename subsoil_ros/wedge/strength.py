@@ -1,6 +1,6 @@
 """Strength of the soil of a wedge model, as its kernels take it."""
 
-from ..scene.wedge import WedgeValues
+from ..scene.wedge_soil import WedgeValues
 from .wedge import Strength
 
 

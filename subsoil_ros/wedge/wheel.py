@@ -7,7 +7,7 @@ Sources: M.G. Bekker, Introduction to Terrain-Vehicle Systems (1969); J.Y. Wong,
 import math
 
 from ..scene.tool_faces import WheelFace
-from ..scene.wedge import WedgeValues, WheelSoil
+from ..scene.wedge_soil import WedgeValues, WheelSoil
 
 SLOWEST_M_PER_S = 1e-3
 """Speed below which resistance and slip go to zero with it, so that no force pushes a standing wheel."""

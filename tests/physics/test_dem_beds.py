@@ -10,18 +10,18 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
 
-from subsoil_ros.dem.bed import ignore_progress
+from subsoil_ros.dem.bed import ignore_progress, scaled
 from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.dem.free_motion import free_motion
 from subsoil_ros.dem.packing.bed_geometry import top_surface_m
 from subsoil_ros.dem.packing.bed_report import report_bed
-from subsoil_ros.dem.packing.dense_random import prepare_dense, scaled
+from subsoil_ros.dem.packing.dense_random import prepare_dense
 from subsoil_ros.dem.packing.relaxation import settling_step_s, smooth_soil
 from subsoil_ros.errors import SceneError
 from subsoil_ros.limits.stable_steps import step_limits, step_notes
 from subsoil_ros.loading.loader import load_scene
-from subsoil_ros.scene.pairs import pair_values, particle_mass_kg
+from subsoil_ros.scene.pair_laws import pair_values, particle_mass_kg
 
 SCENES = Path(__file__).parents[2] / "config" / "scenes"
 DENSE_BED = Path(__file__).parents[2] / "benchmarks" / "dense_bed.yaml"

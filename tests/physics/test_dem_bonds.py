@@ -14,7 +14,7 @@ from subsoil_ros.dem.bonds.kernel import BondArrays, bond_of_pair
 from subsoil_ros.dem.build import build_engine
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.limits.stable_steps import step_limits
-from subsoil_ros.scene.bonds import Bonds
+from subsoil_ros.scene.soil import Bonds
 from tests.soils import LINEAR, NEGLIGIBLE
 
 RADIUS, DENSITY = 0.01, 1800.0

@@ -12,7 +12,7 @@ import math
 import numpy as np
 import pytest
 
-from subsoil_ros.experiments.soil_tests.repose import repose_rad, slope_rad
+from subsoil_ros.experiments.strength_tests import repose_rad, slope_rad
 from subsoil_ros.loading.loader import load_scene
 from tests.soils import NEGLIGIBLE
 

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from subsoil_ros.dem.bed import Bed, ignore_progress
 from subsoil_ros.dem.build import prepare_bed
 from subsoil_ros.dem.engine import SoilEngine
-from subsoil_ros.dem.packing import cache
+from subsoil_ros.dem.packing import bed_file
 from subsoil_ros.dem.packing.bed_geometry import sample_edge_m
 from subsoil_ros.dem.packing.bed_report import report_bed
 from subsoil_ros.dem.packing.periodic_sample import PRESSED_OVERLAP, solid_fraction
@@ -254,7 +254,7 @@ def test_a_tile_serves_every_bin_and_law(soil, monkeypatch, tmp_path):
         phases.append(progress.phase)
 
     with monkeypatch.context() as patch:
-        patch.setattr(cache, "user_cache_folder", lambda: tmp_path)
+        patch.setattr(bed_file, "user_cache_folder", lambda: tmp_path)
         first = prepare_bed(tiled(soil, seed=7), 1, note)
         assert {"parting", "pressing", "filling", "relaxing"} == set(phases)
         longest = phases.count("pressing")

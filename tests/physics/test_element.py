@@ -10,7 +10,7 @@ from subsoil_ros.dem.bed import Bed, ignore_progress, scaled
 from subsoil_ros.dem.engine import SoilEngine
 from subsoil_ros.dem.packing.periodic_sample import at_pressure, endless_soil
 from subsoil_ros.dem.packing.relaxation import Settling
-from subsoil_ros.experiments.soil_tests.element import (
+from subsoil_ros.experiments.element_tests import (
     Cell,
     confined_modulus_pa,
     fit_strength,

@@ -13,7 +13,7 @@ from subsoil_ros.dem.build import build_engine
 from subsoil_ros.limits.communication_steps import DAMPER_SHARE, force_age_ticks
 from subsoil_ros.mbd.engine import MechanismEngine
 from subsoil_ros.messages import ToolWrenches
-from subsoil_ros.scene.model import Coupling
+from subsoil_ros.scene.scene import Coupling
 from tests.physics.tick_map import Exchange
 from tests.soils import NEGLIGIBLE
 

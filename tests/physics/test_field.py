@@ -11,9 +11,10 @@ from subsoil_ros.dem.bed import Bed
 from subsoil_ros.dem.blocks import history_place, history_places
 from subsoil_ros.dem.bonds.kernel import SHAPE, STATE
 from subsoil_ros.dem.build import build_engine
-from subsoil_ros.dem.field import HELD_LAYER, field_period
+from subsoil_ros.dem.field import field_period
 from subsoil_ros.dem.packing.bed_geometry import top_surface_m
 from subsoil_ros.dem.packing.bed_report import report_bed
+from subsoil_ros.dem.periodic import HELD_LAYER
 from subsoil_ros.errors import InputError, PhysicsError, SceneError
 from subsoil_ros.messages import ToolMotion
 from tests.physics.conftest import one_tool

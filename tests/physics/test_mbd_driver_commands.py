@@ -13,7 +13,7 @@ from subsoil_ros.limits.stable_steps import Timing
 from subsoil_ros.mbd.engine import MechanismEngine
 from subsoil_ros.messages import DriverCommand, MechanismState
 from subsoil_ros.scene.controller import Controller
-from subsoil_ros.scene.model import Scene
+from subsoil_ros.scene.scene import Scene
 
 INTERVAL_NS, EVERY, MASS = 1_000_000, 10, 40.0
 KEYS = {

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 import subsoil_ros as subsoil
-from subsoil_ros.scene.meshes import load_tool_mesh
+from subsoil_ros.scene.tool_mesh import load_tool_mesh
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "tilted_disc"
 SHORT = {

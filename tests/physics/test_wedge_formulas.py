@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 
 from subsoil_ros.scene.tool_faces import WheelFace
-from subsoil_ros.scene.wedge import (
-    WedgeValues,
-    WheelSoil,
-)
+from subsoil_ros.scene.wedge_soil import WedgeValues, WheelSoil
 from subsoil_ros.wedge.wedge import (
     Plate,
     Strength,

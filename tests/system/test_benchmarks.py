@@ -9,7 +9,7 @@ from benchmarks import mechanism, roofline, soil
 from benchmarks.run_cache import FailedRun, find_kept_run, kept_run
 from benchmarks.scene_phases import PHASES
 from benchmarks.soil_cases import GRID, cohesive_case
-from subsoil_ros.analysis.quantities import flattened
+from subsoil_ros.analysis.summary import flattened
 from subsoil_ros.api.execution import execute
 from subsoil_ros.dem.tools.surface import ToolSurface
 from subsoil_ros.experiments.run_cache import find_run, keep_run

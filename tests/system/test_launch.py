@@ -128,7 +128,7 @@ def test_it_starts_what_subsoil_run_starts(
 ) -> None:
     """The same executables with the same parameters as `subsoil run`, but for who holds standard input."""
     frames: list[RunFrame] = []
-    monkeypatch.setattr("subsoil_ros.cli._shared.simulation._run_nodes", lambda run, *_: frames.append(run))
+    monkeypatch.setattr("subsoil_ros.cli.run.simulation._run_nodes", lambda run, *_: frames.append(run))
     scene = SCENE.parent / "subsoiler_1s300_wedge.yaml"
     assert main(["run", str(scene), "--out", str(tmp_path / "run"), "--threads", "2", "--paused"]) != 0
     settings = frames[0].settings  # nothing was recorded

@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks.soil_cases import DENSE, GRID, linear_case
 from subsoil_ros.api.beds import prepare_bed_first
-from subsoil_ros.cli._shared.bed_preparation import bed_progress
+from subsoil_ros.cli._shared.progress import bed_progress
 from subsoil_ros.cli.main import main
 
 ROOT = Path(__file__).parents[2]

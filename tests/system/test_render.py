@@ -14,9 +14,9 @@ from PIL import Image
 from subsoil_ros.cli import new, render, run
 from subsoil_ros.cli.main import main
 from subsoil_ros.errors import InputError
+from subsoil_ros.figures import VIEWS
 from subsoil_ros.figures.renderer import Renderer, Style, default_limits
 from subsoil_ros.figures.snapshots import Frame, Snapshots
-from subsoil_ros.figures.views import VIEWS
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.messages import ToolMotions
 from subsoil_ros.recording.bag_reader import BagReader

@@ -19,7 +19,7 @@ import pytest
 from subsoil_ros.analysis.intervals import Interval
 from subsoil_ros.api.execution import execute
 from subsoil_ros.cli.main import main
-from subsoil_ros.experiments.sweep.plan import Point, Variation
+from subsoil_ros.experiments.sweep.points import Point, Variation
 from subsoil_ros.experiments.sweep.ranking import (
     Ranked,
     control_point,
@@ -28,7 +28,7 @@ from subsoil_ros.experiments.sweep.ranking import (
     ranking_table,
     recommended,
 )
-from subsoil_ros.experiments.sweep.sweep import Sweep
+from subsoil_ros.experiments.sweep.run_sweep import Sweep
 from subsoil_ros.loading.loader import load_scene
 
 Captured = pytest.CaptureFixture[str]

@@ -1,12 +1,17 @@
-"""Progress on standard error: of a run (simulated time, speed, time left), and of other work of seconds."""
+"""Progress on standard error: of a run, of many, of a bed, of kernels that compile, of other work of seconds.
+
+On a terminal one changing line or bar, in a log one line before and one after.
+"""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -14,6 +19,7 @@ from rich.progress import (
     ProgressColumn,
     SpinnerColumn,
     Task,
+    TaskID,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
@@ -21,10 +27,21 @@ from rich.progress import (
 from rich.table import Column
 from rich.text import Text
 
+from ...cache_folders import kernel_cache_folder
+from ...kernel_cache import CompilationListener, soil_kernels_are_kept
 from ...ticks import tick_end_s
+from .output import say
 
 if TYPE_CHECKING:
+    from ...dem.bed import OnProgress, RestProgress
     from ...limits.stable_steps import Timing
+
+
+_SHOWN_PARTS = 200
+"""Most updates of the bar while a bag is read: there may be millions of messages."""
+
+_REFRESHES_PER_S = 4
+"""Refreshes of a bar per second: few, because drawing takes CPU time from the work."""
 
 
 class _SpeedColumn(ProgressColumn):
@@ -72,13 +89,6 @@ class RunProgress:
         self._progress.update(self._task, completed=tick_end_s(tick, self._communication_step_ns))
 
 
-_SHOWN_PARTS = 200
-"""Most updates of the bar while a bag is read: there may be millions of messages."""
-
-_REFRESHES_PER_S = 4
-"""Refreshes of a bar per second: few, because drawing takes CPU time from the work."""
-
-
 def _bar(*columns: ProgressColumn) -> Progress:
     """Return a bar that is removed when its work is done, and not drawn without a terminal."""
     console = Console(stderr=True)
@@ -123,3 +133,122 @@ def reading_bag(timing: Timing) -> Iterator[Callable[[int], None]]:
                 progress.update(task, completed=time_ns)
 
         yield show
+
+
+@contextmanager
+def bed_progress(what: str) -> Iterator[OnProgress]:
+    """Show the preparation of a bed; yields the callback of its progress."""
+    console = Console(stderr=True)
+    start = time.monotonic()
+    if console.is_terminal:
+        columns = (TextColumn("{task.description}"), TimeElapsedColumn())
+        with Progress(*columns, console=console, refresh_per_second=2, transient=True) as progress:
+            task = progress.add_task(f"{what}: starting")
+            yield lambda look: progress.update(task, description=f"{what}: {_text(look)}")
+    else:
+        say(f"preparing a {what}")
+        yield lambda look: None
+    say(f"prepared a {what} in {time.monotonic() - start:.0f} s")
+
+
+def _text(look: RestProgress) -> str:
+    return (
+        f"{look.phase}, {look.simulated_s:.3f} s of at most {look.longest_s:.3f}, "
+        f"rms speed {1e3 * look.rms_speed_m_per_s:.1f} mm/s (rest: {1e3 * look.rest_speed_m_per_s:.1f})"
+    )
+
+
+class SweepProgress:
+    """Bars on standard error in a terminal, a line per run elsewhere. Use as context manager."""
+
+    def __init__(self, title: str) -> None:
+        console = Console(stderr=True)
+        self._bars: Progress | None = None
+        if console.is_terminal:
+            self._bars = Progress(
+                TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
+                console=console, refresh_per_second=_REFRESHES_PER_S,
+            )  # fmt: skip
+        self._title = title
+        self._all: TaskID | None = None
+        self._tasks: dict[str, TaskID] = {}
+        self._ended: set[str] = set()  # progress of a run may arrive after its end
+        self._done = self._count = 0
+
+    def begin(self, kept: int, count: int) -> None:
+        """Start: `kept` of `count` runs are in the cache already."""
+        self._done, self._count = kept, count
+        self._say(f"{self._title}: {count} runs, {kept} of them kept from before")
+        if self._bars is not None:
+            self._all = self._bars.add_task(self._title, total=count, completed=kept)
+
+    def went_on(self, name: str, part: float) -> None:
+        """Update: a run has done this part of its ticks."""
+        if self._bars is None or name in self._ended:
+            return
+        if name not in self._tasks:
+            self._tasks[name] = self._bars.add_task(escape(name), total=100)
+        self._bars.update(self._tasks[name], completed=round(100.0 * part))
+
+    def ended(self, name: str, failure: str | None) -> None:
+        """End of a run: its result is kept."""
+        self._done += 1
+        self._ended.add(name)
+        if self._bars is not None and self._all is not None:
+            self._bars.update(self._all, completed=self._done)
+            if name in self._tasks:
+                self._bars.remove_task(self._tasks.pop(name))
+        if failure is not None:
+            self._say(f"failed: {name}: {failure}")
+        elif self._bars is None:
+            self._say(f"done: {name}; {self._done} of {self._count}")
+
+    def _say(self, line: str) -> None:
+        """Print a line above the bars."""
+        if self._bars is not None:
+            self._bars.console.print(line, markup=False, highlight=False, soft_wrap=True)
+        else:
+            say(line)
+
+    def __enter__(self) -> SweepProgress:
+        if self._bars is not None:
+            self._bars.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if self._bars is not None:
+            self._bars.stop()
+
+
+class KernelAnnouncer(CompilationListener):
+    """Announces compilation on standard error. Use as context manager."""
+
+    def __init__(self) -> None:
+        super().__init__(say)
+
+    def before(self, on_tick: Callable[[int], None]) -> Callable[[int], None]:
+        """Return `on_tick`, preceded at the first tick by the report of the compilation."""
+
+        def told(tick: int) -> None:
+            self.done()
+            on_tick(tick)
+
+        return told
+
+
+def announce_kernels_of_nodes(on_tick: Callable[[int], None]) -> Callable[[int], None]:
+    """Announce that the nodes compile their kernels, if the kernels are not in the cache yet.
+
+    Returns `on_tick`, which then reports at the first tick how long that took.
+    """
+    if soil_kernels_are_kept():
+        return on_tick
+    say(f"the nodes compile their kernels, once: kept in {kernel_cache_folder()}")
+    waiting = [time.monotonic()]
+
+    def told(tick: int) -> None:
+        while waiting:
+            say(f"first tick of the nodes after {time.monotonic() - waiting.pop():.0f} s")
+        on_tick(tick)
+
+    return told

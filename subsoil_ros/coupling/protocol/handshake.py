@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from ...contact_laws.registry import contact_laws
 from ...errors import ProtocolError
 from ...messages import NodeStatus
-from ...scene.model import Scene
+from ...scene.scene import Scene
 from ...source_digest import law_digests
 from .names import MECHANISM, RECORDER, SOIL
 

@@ -1,7 +1,7 @@
 """Names of the nodes of a run, and the largest lag of the recorder."""
 
 from ...scene.controller import External
-from ...scene.model import Scene
+from ...scene.scene import Scene
 
 COUPLER = "coupler"
 MECHANISM = "mechanism"

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...contact_laws.base import Features
-from ...scene.pairs import particle_mass_kg
+from ...scene.pair_laws import particle_mass_kg
 from ...scene.soil import Soil
 from ..blocks import history_blocks, history_places
 from ..neighbours import carry_pairs

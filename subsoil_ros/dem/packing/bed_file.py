@@ -16,9 +16,8 @@ import numpy as np
 from ...cache_folders import user_cache_folder
 from ...errors import SceneError
 from ...loading.loader import ResolvedScene
-from ...scene.bed_spacing import rest_spacing_m
-from ...scene.beds import TiledBed
-from ...scene.pairs import layer_soils
+from ...scene.bed_kinds import TiledBed
+from ...scene.pair_laws import layer_soils, rest_spacing_m
 from ...scene.soil import Soil
 from ...source_digest import PACKAGE, law_digests, tree_digest
 from ..bed import Bed

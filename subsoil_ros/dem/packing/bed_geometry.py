@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ...errors import SceneError
-from ...scene.beds import SurfaceProfile, TiledBed
-from ...scene.pairs import layer_soils, pair_values, particle_values
+from ...scene.bed_kinds import SurfaceProfile, TiledBed
+from ...scene.pair_laws import layer_soils, pair_values, particle_values
 from ...scene.soil import Soil
 from ..bed import Bed, profile_m, radii_of
 from ..periodic import SMALLEST_CELLS, up_to_mm, wrapped

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...limits.stable_steps import step_limits
-from ...scene.pairs import layer_soils
+from ...scene.pair_laws import layer_soils
 from ...scene.soil import Soil
 from ..bed import Bed, radii_of
 from ..walls import WALLS, wall_planes

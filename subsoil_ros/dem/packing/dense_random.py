@@ -21,12 +21,10 @@ import math
 import numpy as np
 
 from ...loading.loader import ResolvedScene
-from ...scene.bed_spacing import rest_spacing_m
-from ...scene.beds import SurfaceProfile
-from ...scene.bin import Bin
-from ...scene.pairs import pair_values
+from ...scene.bed_kinds import SurfaceProfile
+from ...scene.pair_laws import pair_values, rest_spacing_m
 from ...scene.sizes import sampled_radii_m
-from ...scene.soil import Soil
+from ...scene.soil import Bin, Soil
 from ..bed import Bed, OnProgress, scaled
 from ..mixture import material_at
 from .bed_geometry import cut_to_depth, mean_above_profile_m

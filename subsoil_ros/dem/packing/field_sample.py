@@ -11,8 +11,7 @@ import math
 import numpy as np
 
 from ...loading.loader import ResolvedScene
-from ...scene.bin import Bin
-from ...scene.soil import Soil
+from ...scene.soil import Bin, Soil
 from ..bed import Bed, OnProgress, ignore_progress, radii_of
 from ..contact import history_parity
 from ..engine import SoilEngine

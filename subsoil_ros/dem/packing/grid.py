@@ -4,9 +4,16 @@ import numpy as np
 
 from ...contact_laws.base import PairValues
 from ...errors import SceneError
-from ...scene.bed_spacing import particle_spacing_m, rest_spacing_m
-from ...scene.beds import GridBed
-from ...scene.pairs import boundary_values, layer_soils, pair_values, particle_values, sphere_mass_kg
+from ...scene.bed_kinds import GridBed
+from ...scene.pair_laws import (
+    boundary_values,
+    layer_soils,
+    pair_values,
+    particle_spacing_m,
+    particle_values,
+    rest_spacing_m,
+    sphere_mass_kg,
+)
 from ...scene.soil import Soil
 from ..bed import Bed
 from ..mixture import material_at

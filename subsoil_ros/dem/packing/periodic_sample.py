@@ -19,10 +19,9 @@ from ...contact_laws.linear.law import LinearLaw
 from ...errors import SceneError
 from ...limits.stable_steps import SAFETY, step_limits
 from ...loading.loader import ResolvedScene
-from ...scene.beds import TiledBed
-from ...scene.bin import Bin
+from ...scene.bed_kinds import TiledBed
 from ...scene.sizes import sampled_radii_m
-from ...scene.soil import Soil
+from ...scene.soil import Bin, Soil
 from ..bed import Bed, OnProgress, RestProgress, radii_of
 from ..engine import SoilEngine
 from .relaxation import (

@@ -13,7 +13,7 @@ from ...contact_laws.base import ContactLaw
 from ...contact_laws.dampers import DampedValues, restitution_at
 from ...limits.stable_steps import Timing
 from ...loading.loader import ResolvedScene
-from ...scene.pairs import layer_soils, pair_values, particle_mass_kg, particle_values, sphere_mass_kg
+from ...scene.pair_laws import layer_soils, pair_values, particle_mass_kg, particle_values, sphere_mass_kg
 from ...scene.soil import Soil
 from ...strict_model import StrictModel
 from ..bed import Bed, OnProgress, RestProgress, ignore_progress

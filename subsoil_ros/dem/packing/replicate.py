@@ -18,8 +18,8 @@ import numpy as np
 from ...errors import SceneError
 from ...limits.stable_steps import SAFETY, step_limits
 from ...loading.loader import ResolvedScene
-from ...scene.beds import TiledBed
-from ...scene.pairs import layer_soils
+from ...scene.bed_kinds import TiledBed
+from ...scene.pair_laws import layer_soils
 from ...scene.soil import Soil
 from ..bed import Bed, OnProgress, radii_of
 from ..mixture import material_at

@@ -7,11 +7,11 @@ import numpy as np
 
 from ...loading.loader import ResolvedScene
 from ...rotations import placed_m
-from ...scene.bed_spacing import rest_spacing_m
-from ...scene.beds import GridBed, SavedBed, TiledBed
-from ...scene.meshes import load_tool_mesh
+from ...scene.bed_kinds import GridBed, SavedBed, TiledBed
+from ...scene.pair_laws import rest_spacing_m
 from ...scene.sizes import mean_power
 from ...scene.soil import Soil
+from ...scene.tool_mesh import load_tool_mesh
 from ..bed import Bed, profile_m
 from ..periodic import HELD_LAYER, refuse_narrow_period, refuse_tool_at_held_side, refuse_tool_at_seam
 from .bed_file import read_bed

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from ...scene.meshes import ToolMesh
+from ...scene.tool_mesh import ToolMesh
 from .motion import into_body, out_of_body
 
 

@@ -12,8 +12,8 @@ from ...errors import PhysicsError
 from ...loading.loader import ResolvedScene
 from ...messages import FacetGroupForce, SpatialMotion, ToolMotion, ToolWrench, work_joule
 from ...rotations import placed_m, rotation_between
-from ...scene.meshes import ToolMesh, load_tool_mesh
 from ...scene.soil import Soil
+from ...scene.tool_mesh import ToolMesh, load_tool_mesh
 from ..bed import Bed
 from ..kernel_calls import KernelCalls
 from ..mixture import Mixture

@@ -4,7 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -162,7 +162,7 @@ def bearing_power(wedges: Wedges, shortest_m: float, window_m: float) -> Values:
         back = (even - turned * length) / (1j * frequency * length)
     pulse = (1.0 - wedges.drop) * even + wedges.drop * back
 
-    def mean(values: NDArray[Any]) -> NDArray[Any]:
+    def mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.asarray((values * weight).sum(axis=1))  # far faster than a matrix product on busy cores
 
     alone = mean(np.abs(pulse) ** 2).real

@@ -14,7 +14,7 @@ from ...analysis.intervals import (
     mean_interval,
 )
 from ..run_metrics import METRICS, Metric
-from .design import REFERENCE, StudyDesign
+from .study_design import REFERENCE, StudyDesign
 
 
 @dataclass(frozen=True)

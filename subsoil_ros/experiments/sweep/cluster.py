@@ -2,16 +2,22 @@
 
 import logging
 import os
+import signal
 import tempfile
+import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-from ...api.execution import code_digest
+from ...api.execution import RunResult, code_digest, execute
 from ...errors import InputError
-from .worker import ignore_interrupts
+from ...loading.scene_bundle import SceneBundle, unpack
+
+if TYPE_CHECKING:
+    from distributed import Client, LocalCluster
 
 PATIENCE_S = 20.0
 """Longest wall time to wait for an answer of the scheduler and for its first worker; a wrong address is
@@ -24,7 +30,7 @@ def local_worker_count(threads: int) -> int:
 
 
 @contextmanager
-def connected(scheduler: str | None, workers: int) -> Iterator[tuple[Any, int]]:
+def connected(scheduler: str | None, workers: int) -> Iterator["tuple[Client, int]"]:
     """A Dask client, and how many runs go at once on a machine.
 
     scheduler: its address; None: a cluster of `workers` processes on this machine, gone at the end.
@@ -59,7 +65,7 @@ def connected(scheduler: str | None, workers: int) -> Iterator[tuple[Any, int]]:
 
 
 @contextmanager
-def _local_cluster(workers: int) -> Iterator[Any]:
+def _local_cluster(workers: int) -> Iterator["LocalCluster"]:
     from distributed import LocalCluster
 
     with (
@@ -78,7 +84,7 @@ def _local_cluster(workers: int) -> Iterator[Any]:
         yield cluster
 
 
-def _look_over(client: Any, scheduler: str) -> None:
+def _look_over(client: "Client", scheduler: str) -> None:
     """Raise InputError if the cluster has no worker, or one with other engines."""
     try:
         client.wait_for_workers(1, timeout=PATIENCE_S)
@@ -94,3 +100,35 @@ def _look_over(client: Any, scheduler: str) -> None:
                 f"--scheduler {scheduler}: worker {worker} {what}, this machine {code_digest()}; runs of "
                 "different engines are not one sweep: install the same subsoil_ros there"
             )
+
+
+PROGRESS = "subsoil-progress"
+"""Dask's topic for (name of the run, part of it that is done)."""
+
+TELL_EVERY_S = 0.5
+"""Wall time between two messages of progress: frequent enough for a bar, with little traffic."""
+
+
+def run_bundle(name: str, bundle: SceneBundle, threads: int, at_once: int, warm_up: bool) -> RunResult:
+    """Run a scene received as a bundle. Raises SceneError if its hash is not that of the scene sent."""
+    from distributed import get_worker
+
+    worker = get_worker()
+    told = 0.0
+    with tempfile.TemporaryDirectory(prefix="subsoil-bundle-") as folder:
+        scene = unpack(bundle, Path(folder))
+        count = scene.timing.tick_count
+
+        def on_tick(tick: int) -> None:
+            nonlocal told
+            now = time.monotonic()
+            if now - told > TELL_EVERY_S or tick == count - 1:
+                told = now
+                worker.log_event(PROGRESS, {"name": name, "part": (tick + 1) / count})
+
+        return execute(scene, threads, on_tick, at_once=at_once, warm_up=warm_up)
+
+
+def ignore_interrupts() -> None:
+    """Ignore Ctrl-C, which a terminal sends to all processes; the process of the sweep ends its workers."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

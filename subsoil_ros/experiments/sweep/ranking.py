@@ -3,16 +3,13 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import pandas as pd
 
 from ...analysis.columns import spring_element
 from ...analysis.intervals import Interval, difference_by_seed, error_by_seed, mean_interval
-from .plan import Point
-
-DRAFT = "series.draft_newton.mean"
-"""Path of the quantity by which points are ranked."""
+from ...analysis.summary import MEAN_DRAFT
+from .points import Point
 
 FATIGUE_WORDS = ("equivalent_range", "fatigue", "rainflow")
 """Words in the names of columns about a spring's load cycles; the first column found is used."""
@@ -25,7 +22,7 @@ CONTROL = "control"
 class Ranked:
     """A point of a sweep over its seeds."""
 
-    values: dict[str, Any]
+    values: dict[str, object]
     draft_newton: Interval
     saving: Interval | None  # part of the control's draft; None without one
     behind_best: Interval  # draft above that of the best, same seeds
@@ -67,9 +64,9 @@ def rank(
     for point in points:
         rows = _rows(runs, point)
         done = rows[rows["failure"] == ""]
-        if DRAFT not in done or done.empty:
+        if MEAN_DRAFT not in done or done.empty:
             continue
-        drafts = _by_seed(done, DRAFT)
+        drafts = _by_seed(done, MEAN_DRAFT)
         saving = None
         if control:
             saving = _saving(drafts, _rows(runs, control_point(point, control)), confidence)
@@ -116,8 +113,8 @@ def ranking_table(ranked: Sequence[Ranked], best: Ranked | None) -> pd.DataFrame
             **item.values,
             "seeds": item.draft_newton.count,
             "failures": item.failures,
-            DRAFT: item.draft_newton.mean,
-            f"{DRAFT}_half_width": item.draft_newton.half_width,
+            MEAN_DRAFT: item.draft_newton.mean,
+            f"{MEAN_DRAFT}_half_width": item.draft_newton.half_width,
         }
         if item.saving is not None:
             row |= {"saving": item.saving.mean, "saving_half_width": item.saving.half_width}
@@ -147,7 +144,7 @@ def _saving(drafts: dict[int, float], control: pd.DataFrame, confidence: float) 
     done = control[control["failure"] == ""]
     if done.empty:
         return None
-    return error_by_seed(drafts, _by_seed(done, DRAFT), confidence).scaled(-1.0)
+    return error_by_seed(drafts, _by_seed(done, MEAN_DRAFT), confidence).scaled(-1.0)
 
 
 def _load_columns(rows: pd.DataFrame) -> list[str]:

@@ -6,8 +6,7 @@ stick stiffness: sticking.py.
 
 import math
 
-from ...scene.friction import RotationFriction
-from ...scene.mechanism import PointOnLine, Prismatic, Revolute
+from ...scene.mechanism import PointOnLine, Prismatic, Revolute, RotationFriction
 from ..compiled import inner_kernel
 from .builder import Builder
 from .sticking import stick_push

@@ -30,7 +30,7 @@ from ...recording.message_codec import reader, writer
 from ...recording.standard import time_ns_of
 from ...recording.topics import TOPIC_OF
 from ...recording.types import deserialize, message_type
-from ...scene.model import Scene
+from ...scene.scene import Scene
 from ...ticks import INITIAL_TICK
 from ..process.heartbeat import Heartbeat
 from ..process.node_process import run_process

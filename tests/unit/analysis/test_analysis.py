@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from subsoil_ros.analysis.series import read_series, write_series_csv
+from subsoil_ros.analysis.metrics_window import metrics_window, tip_x_m
+from subsoil_ros.analysis.series import read_series, running_mean, write_series_csv
 from subsoil_ros.analysis.summarize import summarize
-from subsoil_ros.analysis.window import metrics_window, tip_x_m
 from subsoil_ros.errors import RecordingError
 from subsoil_ros.messages import (
     CouplingReport,
@@ -166,3 +166,22 @@ def test_settling_is_left_out(tmp_path):
     assert facts.real_time_factor == pytest.approx(TICKS * INTERVAL_NS * 1e-9 / wall_s, rel=1e-12)
     summary.write(tmp_path / "summary.json")
     assert json.loads((tmp_path / "summary.json").read_text()) == summary.document()
+
+
+def test_running_mean_keeps_straight_lines():
+    """Centred means leave the inside of a straight line where it is, and a constant everywhere."""
+    line = np.arange(20.0)
+    np.testing.assert_allclose(running_mean(line, 5)[2:-2], line[2:-2], rtol=1e-13)
+    np.testing.assert_allclose(running_mean(np.full(20, 7.0), 6), 7.0, rtol=1e-13)
+    assert running_mean(np.array([3.0]), 9) == [3.0]
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 6, 11, 40, 41, 90])
+def test_running_mean_by_hand(count):
+    """Of the values within half of `count`, those that are there at the ends; never wider than the series."""
+    values = 1e4 + np.random.default_rng(2).normal(size=40)
+    half = min(count // 2, 19)
+    by_hand = [values[max(0, k - half) : k + half + 1].mean() for k in range(40)]
+    np.testing.assert_allclose(running_mean(values, count), by_hand, rtol=1e-14)
+    gap = np.where(np.arange(40) == 20, np.nan, values)
+    np.testing.assert_array_equal(np.isnan(running_mean(gap, count)), np.isnan(gap) & (count < 2))

@@ -10,8 +10,7 @@ import jsonschema
 import pytest
 
 import subsoil_ros
-from subsoil_ros.analysis.quantities import flattened
-from subsoil_ros.analysis.summary import SCHEMA_VERSION, RunColumn
+from subsoil_ros.analysis.summary import SCHEMA_VERSION, RunColumn, flattened
 from subsoil_ros.cli import schema as schema_verb
 from subsoil_ros.errors import RunError
 from tests.unit.analysis.made_up_runs import Run, full_machine, tine

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from subsoil_ros.cli.main import main
+from subsoil_ros.loading.files import config_folder, template_names
 from subsoil_ros.loading.loader import load_scene
-from subsoil_ros.loading.shipped import config_folder, template_names
 
 
 @pytest.fixture

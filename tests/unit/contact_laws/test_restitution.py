@@ -12,7 +12,13 @@ from subsoil_ros.dem.packing.relaxation import smooth_soil
 from subsoil_ros.errors import SceneError
 from subsoil_ros.limits.soil_at_work import damping_ratio
 from subsoil_ros.loading.loader import load_scene
-from subsoil_ros.scene.pairs import layer_soils, pair_values, particle_mass_kg, particle_values, tool_values
+from subsoil_ros.scene.pair_laws import (
+    layer_soils,
+    pair_values,
+    particle_mass_kg,
+    particle_values,
+    tool_values,
+)
 from subsoil_ros.scene.soil import Soil
 from tests.soils import BOUNDARY, DRY, PARTICLE
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+import subsoil_ros.experiments.strength_tests as strength
 from subsoil_ros.cli.main import main
-from subsoil_ros.experiments.soil_tests import strength
-from subsoil_ros.experiments.soil_tests.element import PlaneStrain, Strength, fit_strength
+from subsoil_ros.experiments.element_tests import PlaneStrain, Strength, fit_strength
 
 K_P = math.tan(math.radians(45.0 + 16.0)) ** 2
 

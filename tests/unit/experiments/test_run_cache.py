@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from subsoil_ros.analysis.series import read_series, read_series_csv, read_table_csv
+from subsoil_ros.analysis.summary import SCHEMA_VERSION
 from subsoil_ros.api.execution import execute
 from subsoil_ros.cli.main import main
 from subsoil_ros.errors import InputError, RunError
@@ -173,14 +174,31 @@ def test_swing_needs_rows() -> None:
     assert np.isnan(swing(short, np.sin(short)))
 
 
+def write_summary(folder: Path, start_s: float, end_s: float) -> None:
+    """A summary that has nothing but its window."""
+    found = {
+        "schema_version": SCHEMA_VERSION,
+        "scene": {"name": "", "hash": "", "allow": [], "note": ""},
+        "run": {
+            "id": "", "recorded": True, "complete": True, "simulated_s": end_s, "ticks": 1, "steps": 1,
+            "wall_s": 1.0, "real_time_factor": 1.0,
+        },
+        "particles": {"count": 0, "lost_count": 0, "first_lost_s": None, "first_lost": []},
+        "energy": {"residual_joule": 0.0, "residual_ratio": 0.0},
+        "window": {"rule": "", "whole_run": False, "start_s": start_s, "end_s": end_s, "rows": 2},
+        "series": {},
+        "loads": {"vertical": {}, "power": {}, "specific": {}},
+    }  # fmt: skip
+    (folder / "summary.json").write_text(json.dumps(found))
+
+
 def test_deviation_and_vertical_force_of_a_kept_run(tmp_path: Path) -> None:
     """A slow sine on a trend: its amplitude over sqrt(2); the forces on tillage tools add, a wheel's not."""
     times = np.arange(0.0, 4.0, 1e-3)
     wave = 1000.0 + 300.0 * times + 100.0 * np.sqrt(2.0) * np.sin(4.0 * np.pi * times)
     scene = "tools: {left: {}, right: {role: tillage}, wheel: {role: wheel}}\n"
     (tmp_path / "scene.yaml").write_text(scene)
-    summary = {"window": {"start_s": 1.0, "end_s": 3.0}, "energy": {"residual_ratio": 0.0}}
-    (tmp_path / "summary.json").write_text(json.dumps(summary))
+    write_summary(tmp_path, 1.0, 3.0)
     names = ["draft_newton", *(f"tool.{tool}.force_z_newton" for tool in ("left", "right", "wheel"))]
     rows = "\n".join(f"{t:.6f},{f:.9f},{t:.6f},{-3 * t:.6f},50" for t, f in zip(times, wave, strict=True))
     (tmp_path / "series.csv").write_text(f"time_s,{','.join(names)}\n{rows}\n")
@@ -211,8 +229,7 @@ def test_range_and_swing_of_a_kept_run(tmp_path: Path) -> None:
     times = np.arange(0.0, 3.0, 1e-3)
     force = np.where(times < 0.9, 9000.0, 5000.0) + 100.0 * np.sqrt(2.0) * np.sin(14.0 * np.pi * times)
     (tmp_path / "scene.yaml").write_text("report: {spring: S}\n")
-    window = {"start_s": 1.0, "end_s": 2.5}
-    (tmp_path / "summary.json").write_text(json.dumps({"window": window, "energy": {"residual_ratio": 0.0}}))
+    write_summary(tmp_path, 1.0, 2.5)
     rows = "\n".join(f"{t:.6f},{f:.9f}" for t, f in zip(times, force, strict=True))
     (tmp_path / "series.csv").write_text(f"time_s,spring.S.force_newton\n{rows}\n")
     metrics = metrics_of(CachedRun(tmp_path))

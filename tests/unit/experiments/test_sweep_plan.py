@@ -5,10 +5,9 @@ from pathlib import Path
 import pytest
 
 from subsoil_ros.errors import InputError, SceneError
-from subsoil_ros.experiments.sweep.plan import Point, combinations, jobs_of, parse_variations
+from subsoil_ros.experiments.sweep.points import Point, combinations, jobs_of, parse_variations, seed_key
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.loading.scene_bundle import pack, unpack
-from subsoil_ros.loading.seeds import seed_key
 
 SCENES = Path(__file__).parents[3] / "config" / "scenes"
 TINE = str(SCENES / "tine.yaml")

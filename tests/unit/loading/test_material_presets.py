@@ -7,9 +7,9 @@ import pytest
 import yaml
 
 from subsoil_ros.errors import SceneError
+from subsoil_ros.loading.files import shipped_material
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
-from subsoil_ros.loading.material_presets import NAMES
-from subsoil_ros.loading.shipped import shipped_material
+from subsoil_ros.loading.presets import OF_MATERIALS
 
 
 def radius_mm(resolved: ResolvedScene) -> float:
@@ -204,7 +204,7 @@ def test_a_written_scene_is_the_same_scene(tmp_path):
 
 def test_presets_are_listed_without_a_choice():
     """The scene as written has them all to choose from; a soil that is no material has none."""
-    assert tuple(load_scene("field_tine").presets) == NAMES
+    assert tuple(load_scene("field_tine").presets) == OF_MATERIALS
     assert load_scene("tine").presets == {}
     with pytest.raises(SceneError, match=r"'standard' is for a soil\.material .*, and this scene has none"):
         load_scene("tine", {"preset": "standard"})

@@ -1,20 +1,14 @@
 """`report.reference`: values of a paper or a field record beside those of a run."""
 
-import csv
 from pathlib import Path
 
 import pytest
 
 from subsoil_ros.errors import SceneError
+from subsoil_ros.loading.files import config_folder
 from subsoil_ros.loading.loader import load_scene
 from subsoil_ros.loading.reference import Reference, read_reference
 from subsoil_ros.loading.scene_bundle import pack, unpack
-from subsoil_ros.loading.shipped import config_folder
-from subsoil_ros.report.reference_table import (
-    reference_lines,
-    reference_rows,
-    write_reference_csv,
-)
 
 SCENES = Path(__file__).parents[3] / "config/scenes"
 FIELD = """\
@@ -103,28 +97,3 @@ def test_file_beside_the_scene_travels_with_it(tmp_path):
     assert resolved.scene_hash == load_scene(SCENES / "mechanism_only.yaml").scene_hash
     (tmp_path / "there").mkdir()
     assert unpack(pack(resolved), tmp_path / "there").reference == resolved.reference
-
-
-def test_rows_stand_beside_those_of_the_run(tmp_path):
-    """Difference over the value, verdict by the band; what the run lacks is named with the nearest name."""
-    found = reference(FIELD, tmp_path)
-    summary = {
-        "series": {"draft_newton": {"mean": 2220.0, "max": -195.0}},
-        "loads": {"tip_depth_m": {"mean": 0.19}, "power": {"draft_watt": {"mean": 450.0}}},
-    }
-    rows = {row.quantity: row for row in reference_rows(found, summary)}
-    assert rows["series.draft_newton.mean"].difference == pytest.approx(0.2)
-    verdicts = [row.agrees for row in rows.values()]
-    assert verdicts == ["above", "yes", "below", "", ""]
-    assert rows["series.draft_newton.max"].given.band == pytest.approx((-220.0, -180.0))
-    assert rows["loads.tip_depth_m.mean"].difference is None
-    assert rows["loads.power.draft_watt.mean"].difference == pytest.approx(-0.5)
-    assert rows["series.draft_newton.mean"].cells()[3:7] == ["1850", "1700 to 2000", "+20 %", "above"]
-    assert reference_lines(found, summary) == [
-        "Wet.", "this run has no series.draft_newton.meen; the nearest is series.draft_newton.mean",
-    ]  # fmt: skip
-    write_reference_csv(list(rows.values()), tmp_path / "reference.csv")
-    with (tmp_path / "reference.csv").open() as stream:
-        lines = list(csv.DictReader(stream))
-    assert lines[0]["ours"] == "2220.0"
-    assert [line["agrees"] for line in lines] == verdicts

@@ -10,7 +10,7 @@ from subsoil_ros.contact_laws.base import PairValues
 from subsoil_ros.contact_laws.elasto_plastic_adhesive.law import ElastoPlasticAdhesivePair
 from subsoil_ros.limits.stable_steps import step_limits
 from subsoil_ros.loading.loader import load_scene
-from subsoil_ros.scene.pairs import pair_values, particle_mass_kg
+from subsoil_ros.scene.pair_laws import pair_values, particle_mass_kg
 from subsoil_ros.scene.soil import Soil
 
 SCENES = Path(__file__).parents[3] / "config" / "scenes"

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from subsoil_ros.errors import SceneError
 from subsoil_ros.loading.loader import load_scene
-from subsoil_ros.scene.meshes import ToolMesh, load_tool_mesh
+from subsoil_ros.scene.tool_mesh import ToolMesh, load_tool_mesh
 
 ROOT = Path(__file__).parents[3]
 MESHES = ROOT / "config" / "meshes"

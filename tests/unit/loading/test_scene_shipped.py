@@ -11,7 +11,7 @@ from subsoil_ros.limits.communication_steps import coupling_bounds
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.mbd.engine import MechanismEngine
 from subsoil_ros.messages import BodyState
-from subsoil_ros.scene.meshes import load_tool_mesh
+from subsoil_ros.scene.tool_mesh import load_tool_mesh
 
 SCENES = Path(__file__).parents[3] / "config" / "scenes"
 NAMES = sorted(path.stem for path in SCENES.glob("*.yaml"))

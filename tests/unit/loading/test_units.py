@@ -9,7 +9,7 @@ import pytest
 import subsoil_ros
 from subsoil_ros.api.read import Run
 from subsoil_ros.errors import SceneError
-from subsoil_ros.scene.model import Scene
+from subsoil_ros.scene.scene import Scene
 from tests.units import field_lines, unit_of
 
 

@@ -33,7 +33,7 @@ from subsoil_ros.rotations import (
     rotation_between,
     turned,
 )
-from subsoil_ros.scene.meshes import load_tool_mesh
+from subsoil_ros.scene.tool_mesh import load_tool_mesh
 from tests.soils import BOUNDARY, PARTICLE
 
 MOTION = SpatialMotion.of("tool", (0.1, -0.2, 0.3), (0.5, -0.5, 0.1, 0.7), (1.0, 2.0, 3.0), (-4.0, 5.0, 6.0))

@@ -16,8 +16,8 @@ from subsoil_ros.mbd.time_functions import (
     function_value,
     tabulate,
 )
-from subsoil_ros.scene.model import Scene
-from subsoil_ros.scene.time_functions import ConstantLaw, RampLaw, SineLaw, TableLaw
+from subsoil_ros.scene.scene import Scene
+from subsoil_ros.scene.time_laws import ConstantLaw, RampLaw, SineLaw, TableLaw
 
 LAWS = {
     "constant": (ConstantLaw(kind="constant", value=1.7), lambda t: 1.7),

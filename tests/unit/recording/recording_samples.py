@@ -24,7 +24,7 @@ from subsoil_ros.messages import (
     ToolWrenches,
 )
 from subsoil_ros.recording.bag_writer import BagWriter
-from subsoil_ros.scene.model import Scene
+from subsoil_ros.scene.scene import Scene
 
 MESHES = Path(__file__).parents[3] / "config/meshes"
 INTERVAL_NS = 48_000

@@ -10,7 +10,7 @@ from subsoil_ros.messages import SoilCloud
 from subsoil_ros.recording.bag_reader import BagReader
 from subsoil_ros.recording.bag_writer import BagWriter
 from subsoil_ros.recording.point_cloud import cloud_from_message, point_cloud
-from subsoil_ros.scene.model import Record
+from subsoil_ros.scene.record import Record
 from tests.unit.recording.recording_samples import INTERVAL_NS, SCENE, TICKS, TIMING, end_ns
 
 RNG = np.random.default_rng(7)

@@ -14,7 +14,7 @@ from subsoil_ros.mbd.modes import Mode
 from subsoil_ros.mbd.stability import RESOLVED, stable_step
 from subsoil_ros.mbd.tables import ADAMS_MOULTON, RUNGE_KUTTA_4
 from subsoil_ros.scene import mechanism
-from subsoil_ros.scene import time_functions as laws
+from subsoil_ros.scene import time_laws as laws
 
 TEXT = (Path(__file__).parents[3] / "docs/mechanism.md").read_text(encoding="utf-8")
 WEIGHTS = {

@@ -11,9 +11,9 @@ from reproduction.yuan_yu_2020 import compare
 from reproduction.yuan_yu_2020.compare import COLUMNS, cells, markdown, write_reproduction
 from reproduction.yuan_yu_2020.comparison import falls, most_at_tip, phase, reproduction
 from subsoil_ros.analysis.disturbance import SpeedZones
+from subsoil_ros.analysis.metrics_window import Window
 from subsoil_ros.analysis.series import Series
 from subsoil_ros.analysis.spectra import spectrum
-from subsoil_ros.analysis.window import Window
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from tests.unit.analysis.made_up_runs import Run, full_machine
 from tests.unit.analysis.made_up_series import STEP_S, made_up, statistics_of, whole

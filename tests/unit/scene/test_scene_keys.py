@@ -3,11 +3,11 @@
 import re
 
 from dev.scene_keys import scene_keys
-from subsoil_ros.scene.friction import RotationFriction
-from subsoil_ros.scene.model import Coupling, Report, Scene
+from subsoil_ros.scene.mechanism import RotationFriction
+from subsoil_ros.scene.scene import Coupling, Report, Scene
 from subsoil_ros.scene.soil import Soil
 from subsoil_ros.scene.tools import Poses
-from subsoil_ros.scene.wedge import WedgeValues
+from subsoil_ros.scene.wedge_soil import WedgeValues
 
 TEXT = scene_keys()
 ANCHORS = re.findall(r"^### .* \{#(\S+)\}$", TEXT, re.MULTILINE)

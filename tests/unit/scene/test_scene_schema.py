@@ -10,9 +10,9 @@ import pytest
 
 from subsoil_ros.cli import schema as schema_verb
 from subsoil_ros.loading.loader import load_scene
-from subsoil_ros.loading.overrides import LOADER_KEYS
-from subsoil_ros.loading.schema import scene_schema, unit_of
-from subsoil_ros.scene.model import Scene
+from subsoil_ros.loading.scene_schema import scene_schema, unit_of
+from subsoil_ros.loading.validation import LOADER_KEYS
+from subsoil_ros.scene.scene import Scene
 from subsoil_ros.strict_model import StrictModel
 from subsoil_ros.yaml_document import read_document
 

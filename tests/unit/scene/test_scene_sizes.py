@@ -19,7 +19,7 @@ from subsoil_ros.contact_laws.registry import contact_laws
 from subsoil_ros.errors import SceneError
 from subsoil_ros.limits.stable_steps import step_limits
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
-from subsoil_ros.scene.pairs import layer_soils, pair_values, particle_values
+from subsoil_ros.scene.pair_laws import layer_soils, pair_values, particle_values
 from subsoil_ros.scene.sizes import ListedSizes, NormalSizes, UniformSizes, mean_power, sampled_radii_m
 from subsoil_ros.scene.soil import Soil
 

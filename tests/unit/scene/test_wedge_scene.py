@@ -14,7 +14,7 @@ from subsoil_ros.errors import SceneError
 from subsoil_ros.loading.loader import ResolvedScene, load_scene
 from subsoil_ros.loading.scene_bundle import pack, unpack
 from subsoil_ros.loading.soil_file import SoilFile, law_of, read_soil_file, write_soil_file
-from subsoil_ros.scene.wedge import SoilRange, WedgeValues
+from subsoil_ros.scene.wedge_soil import SoilRange, WedgeValues
 
 SCENES = Path(__file__).parents[3] / "config" / "scenes"
 VALUES = {

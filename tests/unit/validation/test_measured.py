@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from subsoil_ros.errors import InputError
-from subsoil_ros.loading.material import read_material
-from subsoil_ros.loading.shipped import config_folder
+from subsoil_ros.loading.files import config_folder
+from subsoil_ros.loading.material_file import read_material
 from validation.narrow_blade import Pull
 
 measured = import_module("validation.measured.__main__")

@@ -6,8 +6,8 @@ import math
 import numpy as np
 import trimesh
 
-from subsoil_ros.loading.material import read_material
-from subsoil_ros.loading.shipped import shipped_material
+from subsoil_ros.loading.files import shipped_material
+from subsoil_ros.loading.material_file import read_material
 from validation import narrow_blade as narrow
 from validation.blades import Blade, Force, godwin_odogherty, perumpral
 

@@ -5,7 +5,7 @@ import math
 import pytest
 from numpy.testing import assert_allclose
 
-from subsoil_ros.experiments.soil_tests.element import Strength
+from subsoil_ros.experiments.element_tests import Strength
 from validation import wide_blade
 
 DENSITY = 1560.0

@@ -1,1 +1,0 @@
-"""Virtual soil tests of a soil of particles: strength and stiffness of a cell, and the slope of a heap."""

@@ -1,0 +1,168 @@
+"""A sweep: combinations of values of a scene, run, tabled, drawn and ranked."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from ...analysis.columns import DRAFT, spring_element
+from ...analysis.intervals import CONFIDENCE
+from ...analysis.summary import MEAN_DRAFT, path_of
+from ...errors import InputError
+from ...figures.sweep_figures import draw_response
+from ...yaml_document import dump_yaml
+from ..run_cache import CachedRun
+from .points import Job, Point, Variation, combinations, jobs_of
+from .ranking import Ranked, control_point, point_key, rank, ranking_table, recommended
+from .run_jobs import ExecutionOptions, Watcher, run_jobs
+from .run_table import table_of, write_table, write_whole
+
+REQUEST = "sweep.yaml"
+RUNS = "runs"
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Definition of a sweep."""
+
+    scene: str
+    overrides: tuple[str, ...]  # in every run
+    varied: tuple[Variation, ...]
+    paired: tuple[Variation, ...] = ()
+    seeds: tuple[int, ...] = ()
+    control: tuple[str, ...] = ()  # KEY=VALUE of the runs that savings are counted from
+
+    @property
+    def keys(self) -> list[str]:
+        """Varied keys, in the order they were given."""
+        return [item.key for item in (*self.varied, *self.paired)]
+
+    @property
+    def axes(self) -> list[str]:
+        """Keys of the figure's x axes: the varied ones and the first of the paired ones."""
+        return [item.key for item in (*self.varied, *self.paired[:1])]
+
+    def points(self) -> tuple[Point, ...]:
+        """Combinations of values, without seeds and controls."""
+        return combinations(self.varied, self.paired)
+
+    def jobs(self) -> tuple[Job, ...]:
+        """Every run, controls last, each once. Raises as jobs_of and combinations."""
+        points = self.points()
+        controls = [control_point(point, self.control) for point in points] if self.control else []
+        unique = {point_key(point): point for point in (*points, *controls)}
+        return jobs_of(self.scene, self.overrides, tuple(unique.values()), self.seeds)
+
+    def document(self) -> dict[str, object]:
+        """The request as a document, for the folder."""
+        return {
+            "scene": str(Path(self.scene).resolve()),
+            "set": list(self.overrides),
+            "vary": {item.key: list(item.values) for item in self.varied},
+            "pair": {item.key: list(item.values) for item in self.paired},
+            "seeds": list(self.seeds),
+            "control": list(self.control),
+        }
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Results of a sweep in its folder."""
+
+    table: pd.DataFrame
+    ranked: list[Ranked]
+    best: Ranked | None
+    failed: list[tuple[str, str]]  # label and message
+    paths: list[Path]
+    engines: int  # number of versions of the engines that made the cached runs
+    empty_windows: int  # runs without a row in their metrics window: their means are of the whole run
+
+
+def open_folder(out: Path, request: str) -> None:
+    """Make or open the folder of a sweep or a study: new, empty, or begun before.
+
+    Raises:
+        InputError: it holds something else, or cannot be made.
+    """
+    if out.is_dir() and any(out.iterdir()) and not (out / request).is_file():
+        raise InputError(
+            f"--out {out}: exists, and has no {request} of an earlier call to go on from; name another folder"
+        )
+    try:
+        (out / RUNS).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"--out {out}: cannot be created ({error.strerror}); name a folder that can"
+        ) from error
+
+
+def run_sweep(
+    sweep: Sweep, out: Path, manner: ExecutionOptions, watcher: Watcher, shown: Sequence[str] = ()
+) -> Outcome:
+    """Run the missing runs, then write sweep.csv, sweep.parquet, ranking.csv and response.png.
+
+    shown: columns to draw and to add to the ranking; by default draft and spring force are drawn.
+
+    Raises:
+        InputError: a wrong key, value or folder (nothing was run), no cluster, or a column in `shown` that no
+            run has (sweep.csv is written).
+    """
+    jobs = sweep.jobs()
+    open_folder(out, REQUEST)
+    write_whole(out / REQUEST, lambda part: part.write_text(dump_yaml(sweep.document()), encoding="utf-8"))
+    runs = run_jobs(jobs, out / RUNS, manner, watcher)
+    table = table_of(jobs, runs)
+    table.insert(1, "point", [point_key(job.point) for job in jobs])
+    spring = jobs[0].scene.scene.report.spring
+    empty = sum(_window_is_empty(run) for run in runs)
+    paths = [*write_table(table.drop(columns="point"), out / "sweep")]
+    if any(run.failure is None for run in runs):
+        _refuse_unknown(shown, table)
+    ranked = rank(sweep.points(), table, sweep.control, spring, CONFIDENCE, shown)
+    proven = not sweep.control or (bool(ranked) and ranked[0].saving is not None)
+    best = recommended(ranked) if len(ranked) > 1 and proven and not empty else None
+    table = table.drop(columns="point")
+    if ranked:
+        paths.append(out / "ranking.csv")
+        write_whole(paths[-1], lambda part: ranking_table(ranked, best).to_csv(part, index=False))
+    columns = list(shown) or _usual_columns(table, spring)
+    done = table[(table["failure"] == "") & (table["name"] == "")]
+    figure = draw_response(done, sweep.axes, columns, out / "response.png")
+    return Outcome(
+        table, ranked, best, _failed(jobs, runs), [*paths, *([figure] if figure else [])],
+        len({run.facts["code"] for run in runs}), empty,
+    )  # fmt: skip
+
+
+def _window_is_empty(run: CachedRun) -> bool:
+    return run.failure is None and run.metrics.window.whole_run
+
+
+def _usual_columns(table: pd.DataFrame, spring: str | None) -> list[str]:
+    names = [
+        MEAN_DRAFT,
+        path_of(DRAFT, "max"),
+        path_of(spring_element(spring).load, "max"),
+        path_of(spring_element(spring).load, "min"),
+    ]
+    return [name for name in names if name in table]
+
+
+def _refuse_unknown(columns: Sequence[str], table: pd.DataFrame) -> None:
+    unknown = [name for name in columns if name not in table]
+    if unknown:
+        import difflib
+
+        near = difflib.get_close_matches(unknown[0], [str(name) for name in table.columns], n=3)
+        hint = f"; near it are {', '.join(near)}" if near else ""
+        raise InputError(
+            f"--show {unknown[0]}: no such column{hint}. All runs are kept and sweep.csv, which names the "
+            "columns, is written; the same command with another --show ranks them"
+        )
+
+
+def _failed(jobs: Sequence[Job], runs: Sequence[CachedRun]) -> list[tuple[str, str]]:
+    return [
+        (job.point.label, run.failure) for job, run in zip(jobs, runs, strict=True) if run.failure is not None
+    ]

@@ -1,0 +1,320 @@
+"""Figures of a run as PNG: over time, spectra, load cycles, disturbance."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from ..analysis.columns import (
+    DRAFT,
+    DRAFT_OF_SHARES,
+    DRAFT_OF_WHEELS,
+    TIME,
+    Body,
+    draft_of_tool,
+    spring_element,
+)
+from ..analysis.disturbance import Disturbance
+from ..analysis.failure_cycles import SMOOTHED_S
+from ..analysis.fatigue import LoadCycles
+from ..analysis.metrics_window import Window, metrics_window, tip_x_m, window_span_s
+from ..analysis.run_statistics import MOVING, RunStatistics, failures_of
+from ..analysis.series import Series, moving_mean, read_series
+from ..analysis.spectra import Spectrum
+from ..loading.loader import ResolvedScene
+from ..loading.reference import Reference
+from ..report.sentences import significance_words
+from ..scene.scene import Scene
+from .plotting import COLOURS, new_figure, save_figure
+from .soil_cut import draw_soil_cut
+
+_SMOOTHED_S = 0.05  # over the noise of single contacts and well below a cycle
+
+
+def draw_figures(
+    bag: Path, resolved: ResolvedScene, directory: Path, series: Series | None = None
+) -> list[Path]:
+    """Draw the figures that the run has data for into `directory`; return their paths.
+
+    series: of the bag, if it has been read already.
+
+    Raises:
+        InputError, RecordingError: as read_series.
+    """
+    scene = resolved.scene
+    series = series if series is not None else read_series(bag, scene)
+    window = metrics_window(series, scene)
+    span_s = window_span_s(series, window)
+    directory.mkdir(parents=True, exist_ok=True)
+    painters: dict[str, Callable[[Axes, Series, ResolvedScene], bool]] = {
+        "draft.png": _paint_draft,
+        "spring_force.png": _paint_spring_force,
+        "share_angle.png": _paint_share_angle,
+        "shank_height.png": _paint_shank_height,
+    }
+    paths = []
+    for name, paint in painters.items():
+        figure = new_figure(9.0, 4.2)
+        axes = figure.add_subplot()
+        if not paint(axes, series, resolved):
+            continue
+        if not window.whole_run and scene.soil is not None:
+            axes.axvspan(*span_s, color="#f2e6c9", zorder=0, label="metrics window (tip well inside the bin)")
+        axes.set_xlabel("simulated time [s]")
+        axes.set_xlim(0.0, series[TIME][-1])
+        axes.grid(alpha=0.3)
+        # below the curves, so that it covers none
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, frameon=False, fontsize=9)
+        paths.append(save_figure(figure, directory / name))
+    over_travel = _draw_over_travel(series, scene, window, directory / "over_travel.png")
+    paths += [] if over_travel is None else [over_travel]
+    cut = draw_soil_cut(bag, resolved, directory / "soil_cut.png", span_s)
+    return paths if cut is None else [*paths, cut]
+
+
+def _draw_over_travel(series: Series, scene: Scene, window: Window, path: Path) -> Path | None:
+    """Draft, spring force and share angle over the travel of the tip, failures marked; None without a tip in
+    soil."""
+    tip = tip_x_m(series, scene)
+    report = scene.report
+    columns = {DRAFT: f"draft [N], mean over {1e3 * SMOOTHED_S:.0f} ms"}
+    columns[spring_element(report.spring).load] = "spring force [N], compression +"
+    columns[Body(report.shank).angle_rad] = "share angle [rad]"
+    columns = {name: label for name, label in columns.items() if name in series}
+    if tip is None or scene.soil is None or not columns:
+        return None
+    figure = new_figure(9.0, 2.2 * len(columns) + 1.2)
+    panels = figure.subplots(len(columns), 1, sharex=True, squeeze=False)[:, 0]
+    failures = failures_of(series, scene, window)
+    for axes, (name, label) in zip(panels, columns.items(), strict=True):
+        smoothed = name == DRAFT
+        values = moving_mean(series, name, SMOOTHED_S) if smoothed else series[name]
+        axes.plot(tip, values, color=COLOURS["main"], lw=1.2)
+        axes.set_ylabel(label, fontsize=9)
+        axes.grid(alpha=0.3)
+        if failures is not None:
+            at = np.flatnonzero(window.rows)[failures.failures]
+            axes.plot(tip[at], values[at], "o", color=COLOURS["share"], ms=4, label="failure of the soil")
+    if failures is not None:
+        panels[0].legend(loc="upper left", fontsize=8)
+    panels[-1].set_xlabel("travel of the tip, x [m]")
+    figure.suptitle(f"Load cycles over travel\n{scene.name}", fontsize=11)
+    return save_figure(figure, path)
+
+
+def _smooth(series: Series, name: str) -> NDArray[np.float64]:
+    return moving_mean(series, name, _SMOOTHED_S)
+
+
+def _title(axes: Axes, scene: Scene, text: str) -> None:
+    axes.set_title(f"{text}\n{scene.name}", fontsize=11)
+
+
+def _paint_draft(axes: Axes, series: Series, resolved: ResolvedScene) -> bool:
+    scene = resolved.scene
+    if DRAFT not in series:
+        return False
+    times = series[TIME]
+    axes.plot(times, series[DRAFT], color=COLOURS["main"], lw=0.7, alpha=0.5, label="draft as recorded")
+    smoothed = f"mean over {_SMOOTHED_S:g} s"
+    axes.plot(times, _smooth(series, DRAFT), color=COLOURS["main"], lw=1.8, label=f"draft, {smoothed}")
+    if scene.mechanism is not None:  # without a mechanism the draft is that of the tools alone
+        for name, part, label in (
+            (DRAFT_OF_SHARES, "share", "soil on share and shank"),
+            (DRAFT_OF_WHEELS, "wheels", "soil on wheels"),
+        ):
+            if name in series:
+                axes.plot(
+                    times, _smooth(series, name), color=COLOURS[part], lw=1.2, label=f"{label}, {smoothed}"
+                )
+    for tool in scene.tools:  # of several shanks each has its own
+        if (name := draft_of_tool(tool)) in series:
+            axes.plot(times, _smooth(series, name), lw=0.8, ls=":", label=f"of it {tool}, {smoothed}")
+    _draw_reference(axes, resolved, DRAFT, series[DRAFT])
+    axes.set_ylabel("pull along travel [N]")
+    _title(axes, scene, "Draft: forward pull that moves the tool, positive while soil resists")
+    return True
+
+
+def _paint_spring_force(axes: Axes, series: Series, resolved: ResolvedScene) -> bool:
+    scene = resolved.scene
+    name = spring_element(scene.report.spring).load
+    if name not in series:
+        return False
+    axes.plot(
+        series[TIME], series[name], color=COLOURS["main"], lw=1.2, label=f"spring {scene.report.spring}"
+    )
+    axes.axhline(0.0, color="black", lw=0.6)
+    _draw_reference(axes, resolved, name, series[name])
+    axes.set_ylabel("force [N], compression positive")
+    _title(axes, scene, "Force of the spring between frame and shank")
+    return True
+
+
+def _paint_share_angle(axes: Axes, series: Series, resolved: ResolvedScene) -> bool:
+    scene = resolved.scene
+    shank = scene.report.shank
+    if shank is None or scene.mechanism is None:
+        return False
+    name, zero = Body(shank).angle_rad, scene.mechanism.bodies[shank].angle_rad
+    turn = series[name] - zero
+    axes.plot(series[TIME], turn, color=COLOURS["main"], lw=1.2, label="share, from its working pose")
+    _draw_reference(axes, resolved, name, turn, zero=zero)
+    axes.set_ylabel("entry angle [rad], negative: tip back")
+    _title(axes, scene, "Entry angle of the share")
+    return True
+
+
+def _paint_shank_height(axes: Axes, series: Series, resolved: ResolvedScene) -> bool:
+    scene = resolved.scene
+    shank = scene.report.shank
+    if shank is None or scene.mechanism is None:
+        return False
+    height_mm = 1e3 * series[Body(shank).z_m]
+    travel = f"{height_mm.max() - height_mm.min():.1f} mm from lowest to highest"
+    axes.plot(series[TIME], height_mm, color=COLOURS["main"], lw=1.2, label=f"centre of mass: {travel}")
+    _draw_reference(axes, resolved, Body(shank).z_m, height_mm, scale=1e3)
+    axes.set_ylabel("height over the bed's surface [mm]")
+    _title(axes, scene, "Height of the shank's centre of mass")
+    return True
+
+
+def _draw_reference(
+    axes: Axes,
+    resolved: ResolvedScene,
+    column: str,
+    shown: NDArray[np.float64],
+    scale: float = 1.0,
+    zero: float = 0.0,
+) -> None:
+    """Draw the reference's levels of a column. shown: the curve (n,), scale * (column - zero)."""
+    if resolved.reference is None:
+        return
+    for place, level in enumerate(reference_levels(resolved.reference, column, shown, scale, zero)):
+        label = resolved.reference.name if place == 0 else None
+        axes.axhline(level, color=COLOURS["reference"], lw=1.0, ls="--", label=label)
+
+
+def reference_levels(
+    reference: Reference, column: str, shown: NDArray[np.float64], scale: float = 1.0, zero: float = 0.0
+) -> list[float]:
+    """Least, mean and largest value of a column in a reference; a range is placed about the middle of ours.
+
+    shown: the curve (n,), scale * (column - zero).
+    """
+    levels = []
+    for quantity, given in reference.values.items():
+        of, _, measure = quantity.rpartition(".")
+        if of.removesuffix(f".{MOVING}").removesuffix(".run") != f"series.{column}" or given.value is None:
+            continue
+        if measure == "range":
+            middle, half = 0.5 * float(shown.max() + shown.min()), 0.5 * scale * given.value
+            levels += [middle - half, middle + half]
+        elif measure in ("mean", "min", "max"):
+            levels.append(scale * (given.value - zero))
+    return levels
+
+
+_CYCLE_BINS = 24
+
+
+def draw_load_figures(statistics: RunStatistics, title: str, directory: Path) -> list[Path]:
+    """Draw the figures of the statistics that the run has into `directory`; return the paths."""
+    directory.mkdir(parents=True, exist_ok=True)
+    paths = []
+    if statistics.spectra:
+        paths.append(_draw_spectra(statistics.spectra, title, directory / "spectra.png"))
+    if statistics.cycles is not None and len(statistics.cycles.range_newton):
+        paths.append(_draw_cycles(statistics.cycles, title, directory / "load_cycles.png"))
+    if statistics.disturbance is not None:
+        paths.append(_draw_disturbance(statistics.disturbance, title, directory / "disturbance.png"))
+    return paths
+
+
+def _draw_spectra(spectra: dict[str, Spectrum], title: str, path: Path) -> Path:
+    figure = new_figure(9.0, 2.6 * len(spectra) + 0.8)
+    panels = figure.subplots(len(spectra), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (name, found) in zip(panels, spectra.items(), strict=True):
+        rows = slice(1, None)
+        frequency = found.frequency_hz[rows]
+        axes.fill_between(
+            frequency, found.low[rows], found.high[rows], color=COLOURS["main"], alpha=0.25, lw=0.0,
+            label="95 % (chi-square)",
+        )  # fmt: skip
+        axes.loglog(frequency, found.density[rows], color=COLOURS["main"], lw=1.2, label="Welch")
+        axes.loglog(
+            frequency,
+            found.level[rows],
+            color=COLOURS["reference"],
+            lw=1.0,
+            ls="--",
+            label="red noise, 95 % anywhere",
+        )
+        axes.axvline(
+            found.dominant_hz,
+            color=COLOURS["share"],
+            lw=1.0,
+            label=f"{found.dominant_hz:.2f} Hz, {significance_words(found)}",
+        )
+        axes.set_title(name, fontsize=9, loc="left")
+        axes.set_ylabel("density [unit$^2$/Hz]")
+        axes.minorticks_off()  # of 300 ticks most would have neither label nor room
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize=8)
+    panels[-1].set_xlabel("frequency [Hz]")
+    figure.suptitle(f"Spectra over the metrics window\n{title}", fontsize=11)
+    return save_figure(figure, path)
+
+
+def _draw_cycles(cycles: LoadCycles, title: str, path: Path) -> Path:
+    figure = new_figure(9.0, 4.2)
+    axes = figure.add_subplot()
+    edges = np.linspace(0.0, cycles.max_range_newton, _CYCLE_BINS + 1)
+    axes.hist(cycles.range_newton, bins=edges.tolist(), weights=cycles.count, color=COLOURS["main"])
+    equivalent = cycles.equivalent_range_newton()
+    axes.axvline(equivalent, color=COLOURS["share"], label=f"same damage as {equivalent:.0f} N once a second")
+    axes.set_yscale("log")
+    axes.set_xlabel("range of the spring force [N]")
+    axes.set_ylabel("cycles")
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=9)
+    axes.set_title(f"Load cycles of the spring (rainflow, ASTM E1049)\n{title}", fontsize=11)
+    return save_figure(figure, path)
+
+
+def _draw_disturbance(found: Disturbance, title: str, path: Path) -> Path:
+    figure = new_figure(10.0, 9.5)
+    section, surface, along = figure.subplots(3, 1)
+    rows, columns = found.moved_map.shape
+    y_low, z_low = found.origin_m
+    extent = (y_low, y_low + columns * found.cell_m, z_low, 0.0)
+    image = section.imshow(
+        found.moved_map, origin="lower", extent=extent, cmap="viridis", vmin=0.0, vmax=1.0, aspect="equal"
+    )
+    figure.colorbar(image, ax=section, label="part moved by more than a radius")
+    section.set_xlabel("across travel, y [m]")
+    section.set_ylabel("height before [m]")
+    section.set_title(
+        f"loosened {1e4 * found.area_m2:.0f} cm$^2$, surface {1e3 * found.surface_width_m:.0f} mm wide",
+        fontsize=10, loc="left",
+    )  # fmt: skip
+    lift = found.lift
+    (x, y), (rows, columns) = lift.origin_m, lift.height_m.shape
+    largest = max(1e-3, float(np.nanmax(np.abs(lift.height_m))))
+    image = surface.imshow(
+        1e3 * lift.height_m, origin="lower", cmap="RdBu_r", vmin=-1e3 * largest, vmax=1e3 * largest,
+        extent=(x, x + columns * lift.cell_m, y, y + rows * lift.cell_m), aspect="equal",
+    )  # fmt: skip
+    figure.colorbar(image, ax=surface, label="lift [mm]")
+    surface.set_xlabel("along travel, x [m]")
+    surface.set_ylabel("across travel, y [m]")
+    surface.set_title("height of the surface, after less before", fontsize=10, loc="left")
+    along.plot(found.slices_m, 1e4 * found.slice_m2, drawstyle="steps-mid")
+    along.set_xlabel("along travel, x [m]")
+    along.set_ylabel("loosened section [cm$^2$]")
+    along.set_ylim(bottom=0.0)
+    along.grid(alpha=0.3)
+    figure.suptitle(f"Disturbance of the soil behind the tool\n{title}", fontsize=11)
+    return save_figure(figure, path)

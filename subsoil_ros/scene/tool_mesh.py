@@ -1,0 +1,165 @@
+"""Tool meshes: STL files, checked, placed in the frame of the body that carries them; their mass."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from ..errors import SceneError
+from ..messages import SpatialMotion, ToolMotion
+from ..rotations import placed_m
+from .scene import Scene
+from .tools import MeshPart
+
+LARGEST_SIZE_M = 20.0
+"""Largest size of a mesh: no tool for a soil bin is larger, so such a file is probably in millimetres."""
+
+SMALLEST_HEIGHT = 1e-6
+"""Height of a facet over the mesh's size below which it is degenerate: ten times the round-off of the float32
+of an STL file."""
+
+
+@dataclass(frozen=True)
+class ToolMesh:
+    """Surface of one tool, all its groups, closed group by group.
+
+    In the frame of its body: origin at the body's centre of mass in the reference pose, axes parallel to
+    the world's in that pose, y including the tool's lateral offset. A tool on a path: in the path's frame.
+    World position of a vertex: (x, 0, z) + R vertex, with R a rotation by phi - phi of the reference pose
+    about -y (x' = c x - s z, z' = s x + c z).
+    """
+
+    vertices_m: NDArray[np.float64]  # (n, 3)
+    facets: NDArray[np.int32]  # (m, 3), counter-clockwise seen from outside: normals point outward
+    facet_group: NDArray[np.int32]  # (m,), index into groups
+    groups: tuple[str, ...]
+    lateral_m: float = 0.0  # y of the body
+
+    def about_body(self) -> "ToolMesh":
+        """The mesh with y measured from the body, as needed for a tool that moves in space."""
+        return replace(self, vertices_m=self.vertices_m - (0.0, self.lateral_m, 0.0), lateral_m=0.0)
+
+
+def load_tool_mesh(directory: Path, scene: Scene, tool_name: str) -> ToolMesh:
+    """Load, check and place the meshes of a tool; relative paths are seen from `directory`.
+
+    Raises:
+        SceneError: a mesh is missing, unreadable, open, degenerate, inside out or far too large.
+    """
+    tool = scene.tools[tool_name]
+    origin = np.array([0.0, -tool.lateral_m, 0.0])
+    if tool.body is not None and scene.mechanism is not None:
+        x_m, z_m = scene.mechanism.bodies[tool.body].position_m
+        origin += (x_m, 0.0, z_m)
+    vertices, facets, facet_group = [], [], []
+    vertex_count = 0
+    for index, (group, part) in enumerate(tool.groups.items()):
+        mesh = _checked(directory, part, f"tools.{tool_name}.groups.{group}")
+        vertices.append(np.asarray(mesh.vertices) * part.scale + part.position_m - origin)
+        facets.append(np.asarray(mesh.faces) + vertex_count)
+        facet_group.append(np.full(len(mesh.faces), index))
+        vertex_count += len(mesh.vertices)
+    return ToolMesh(
+        vertices_m=np.ascontiguousarray(np.concatenate(vertices), dtype=np.float64),
+        facets=np.ascontiguousarray(np.concatenate(facets), dtype=np.int32),
+        facet_group=np.concatenate(facet_group).astype(np.int32),
+        groups=tuple(tool.groups),
+        lateral_m=tool.lateral_m,
+    )
+
+
+def _checked(directory: Path, part: MeshPart, place: str) -> trimesh.Trimesh:
+    """The mesh of one group, equal vertices merged, in file units."""
+    path = directory / part.mesh
+    where = f"{place}.mesh: {path}"
+    mesh = _read(path, where)
+    if not np.isfinite(mesh.vertices).all():
+        raise SceneError(f"{where}: has coordinates that are not finite; export it again")
+    size = float(np.max(np.ptp(mesh.vertices, axis=0)))
+    if size * part.scale > LARGEST_SIZE_M:
+        raise SceneError(
+            f"{where}: is {size * part.scale:.4g} m large, allowed are {LARGEST_SIZE_M:g} m; a file in "
+            f"millimetres needs 'scale: 0.001' (given {part.scale:g})"
+        )
+    edges = np.linalg.norm(mesh.triangles - np.roll(mesh.triangles, 1, axis=1), axis=2)
+    flat = 2.0 * mesh.area_faces <= SMALLEST_HEIGHT * size * edges.max(axis=1)
+    if flat.any():
+        raise SceneError(
+            f"{where}: facet {int(np.argmax(flat))} and {int(flat.sum()) - 1} others have no area; "
+            "remove degenerate facets before exporting"
+        )
+    if not mesh.is_watertight:
+        open_count = len(trimesh.grouping.group_rows(mesh.edges_sorted, require_count=1))
+        raise SceneError(
+            f"{where}: is not watertight ({open_count} open edges of {len(mesh.edges_unique)}); "
+            "a tool needs a closed surface: repair the mesh, each edge shared by exactly two facets"
+        )
+    inward = not mesh.is_winding_consistent or (_volumes(mesh) <= 0.0).any()
+    if inward:
+        raise SceneError(
+            f"{where}: facets point inward (volume {mesh.volume * part.scale**3:.3g} m3); normals must "
+            "point outward: turn the winding of the facets round, for example by trimesh's fix_normals()"
+        )
+    return mesh
+
+
+def _read(path: Path, where: str) -> trimesh.Trimesh:
+    if path.suffix.lower() != ".stl":
+        raise SceneError(f"{where}: given a '{path.suffix}' file, allowed are .stl files")
+    try:
+        with path.open("rb") as stream:
+            mesh = trimesh.load_mesh(stream, file_type="stl", process=True)
+    except Exception as error:  # trimesh raises whatever its parsers meet
+        raise SceneError(f"{where}: cannot be read as STL: {' '.join(str(error).split())}") from error
+    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
+        raise SceneError(f"{where}: holds no facets; it is empty or no STL file")
+    return mesh
+
+
+def _volumes(mesh: trimesh.Trimesh) -> NDArray[np.float64]:
+    """Signed volume of each connected piece [file units^3], (pieces,)."""
+    piece = trimesh.graph.connected_component_labels(mesh.face_adjacency, node_count=len(mesh.faces))
+    corners = mesh.triangles - mesh.vertices.mean(axis=0)
+    sixfold = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
+    return np.bincount(piece, weights=sixfold) / 6.0
+
+
+@dataclass(frozen=True)
+class ToolMass:
+    """Mass of the solid inside the meshes, in the frame of the tool's body; overlaps count twice."""
+
+    mass_kg: float
+    centre_m: tuple[float, float, float]  # from the body's typed centre of mass
+    inertia_kg_m2: float  # about the y axis through the computed centre
+
+
+def tool_mass(mesh: ToolMesh, density_kg_per_m3: float) -> ToolMass:
+    """Integrals over the closed meshes of a tool (divergence theorem, by trimesh)."""
+    mass, moment, about_origin = 0.0, np.zeros(3), 0.0
+    for group in range(len(mesh.groups)):
+        part = trimesh.Trimesh(mesh.vertices_m, mesh.facets[mesh.facet_group == group], process=False)
+        found = trimesh.triangles.mass_properties(part.triangles, density=density_kg_per_m3)
+        centre = np.asarray(found["center_mass"])
+        mass += float(found["mass"])
+        moment += found["mass"] * centre
+        about_origin += float(found["inertia"][1, 1] + found["mass"] * (centre[0] ** 2 + centre[2] ** 2))
+    x, y, z = (moment / mass).tolist()
+    return ToolMass(mass, (x, y, z), about_origin - mass * (x**2 + z**2))
+
+
+def reference_angle(scene: Scene, tool: str) -> float:
+    """Angle of a tool's body in the reference pose [rad]; 0 along a path."""
+    body, mechanism = scene.tools[tool].body, scene.mechanism
+    return mechanism.bodies[body].angle_rad if body is not None and mechanism is not None else 0.0
+
+
+def posed_vertices_m(mesh: ToolMesh, motion: ToolMotion, reference_angle_rad: float) -> NDArray[np.float64]:
+    """Vertices (n, 3) of a tool in world axes at a motion's pose."""
+    if isinstance(motion, SpatialMotion):
+        return placed_m(mesh.about_body().vertices_m, motion.position_m, motion.quaternion)
+    turn = motion.angle_rad - reference_angle_rad
+    cosine, sine = np.cos(turn), np.sin(turn)
+    x, y, z = mesh.vertices_m.T
+    return np.column_stack([motion.x_m + cosine * x - sine * z, y, motion.z_m + sine * x + cosine * z])

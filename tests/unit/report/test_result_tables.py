@@ -1,0 +1,86 @@
+"""What is printed of a run, and the values of a reference beside it."""
+
+import csv
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from subsoil_ros.analysis.summarize import summarize
+from subsoil_ros.analysis.summary import Summary
+from subsoil_ros.report.result_tables import (
+    print_summary,
+    reference_lines,
+    reference_rows,
+    write_reference_csv,
+)
+from tests.unit.analysis.made_up_runs import TICKS, Run, full_machine, tine
+from tests.unit.loading.test_reference import FIELD, reference
+
+
+@pytest.fixture(scope="module")
+def machine(tmp_path_factory) -> tuple[Run, Path]:
+    """The full machine, recorded."""
+    run = Run(full_machine())
+    return run, run.write(tmp_path_factory.mktemp("machine") / "run")
+
+
+def printed(summary: Summary, run: Run, directory: Path) -> str:
+    """What print_summary prints, on one line."""
+    console = Console(width=200, record=True, file=(directory / "printed.txt").open("w"))
+    print_summary(summary, run.resolved.scene, directory, console, reference=run.resolved.reference)
+    return " ".join(console.export_text().split())
+
+
+def test_printed_summary_names_everything_asked_for(machine):
+    """Metrics, counts, times, residual, the values of the reference beside, and where the files are."""
+    run, directory = machine
+    summary = summarize(directory / "bag", run.resolved, {"whole_wall_s": 99.0})
+    text = printed(summary, run, directory)
+    for piece in (
+        "draft [N]", "of it share [N]", "of it wheels [N]", "spring force", "share angle [rad]",
+        "height [mm]", "300 particles", f"{TICKS} steps", "20.5 s wall time (99.0 s with start-up)",
+        "real-time factor", "residual",
+        "beside Yuan & Yu (2020)", "series.draft_newton.moving_10ms.min", "272.2 to 453.8",
+        "contradicts itself",
+        "no row of it lies in the window", str(directory / "bag"),
+        "figures",
+    ):  # fmt: skip
+        assert piece in text, piece
+
+
+def test_note_of_the_scene_is_printed(tmp_path):
+    """A scene's warning cannot be overlooked."""
+    run = Run(
+        tine("report.note=not the paper [at all]", "soil.time_step_s=3e-5", "allow=[unstable_time_step]")
+    )
+    directory = run.write(tmp_path / "run")
+    text = printed(summarize(directory / "bag", run.resolved, {}), run, directory)
+    assert "NOTE: not the paper [at all]" in text
+    assert "WARNING: the scene overrides refusals, allow: unstable_time_step" in text
+    assert "contradicts" not in text
+
+
+def test_rows_stand_beside_those_of_the_run(tmp_path):
+    """Difference over the value, verdict by the band; what the run lacks is named with the nearest name."""
+    found = reference(FIELD, tmp_path)
+    summary = {
+        "series": {"draft_newton": {"mean": 2220.0, "max": -195.0}},
+        "loads": {"tip_depth_m": {"mean": 0.19}, "power": {"draft_watt": {"mean": 450.0}}},
+    }
+    rows = {row.quantity: row for row in reference_rows(found, summary)}
+    assert rows["series.draft_newton.mean"].difference == pytest.approx(0.2)
+    verdicts = [row.agrees for row in rows.values()]
+    assert verdicts == ["above", "yes", "below", "", ""]
+    assert rows["series.draft_newton.max"].given.band == pytest.approx((-220.0, -180.0))
+    assert rows["loads.tip_depth_m.mean"].difference is None
+    assert rows["loads.power.draft_watt.mean"].difference == pytest.approx(-0.5)
+    assert rows["series.draft_newton.mean"].cells()[3:7] == ["1850", "1700 to 2000", "+20 %", "above"]
+    assert reference_lines(found, summary) == [
+        "Wet.", "this run has no series.draft_newton.meen; the nearest is series.draft_newton.mean",
+    ]  # fmt: skip
+    write_reference_csv(list(rows.values()), tmp_path / "reference.csv")
+    with (tmp_path / "reference.csv").open() as stream:
+        lines = list(csv.DictReader(stream))
+    assert lines[0]["ours"] == "2220.0"
+    assert [line["agrees"] for line in lines] == verdicts
